@@ -1,0 +1,2 @@
+//! Frames from the board, republished as ROS-Neuro NeuroFrames.
+#![forbid(unsafe_code)]

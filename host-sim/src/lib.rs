@@ -1,0 +1,2 @@
+//! The board without a board: sources, virtual board, ports.
+#![forbid(unsafe_code)]

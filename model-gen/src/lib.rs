@@ -1,0 +1,2 @@
+//! Turns a trained artifact into Rust integers: filter design, quantisation, range proofs, code.
+#![forbid(unsafe_code)]

@@ -1,0 +1,3 @@
+//! What training decided, as constants: filters, montage, scales and the int8 encoder.
+#![no_std]
+#![forbid(unsafe_code)]

@@ -1,0 +1,2 @@
+//! A small, sturdy ROS 1 node and master.
+#![forbid(unsafe_code)]

@@ -1,0 +1,2 @@
+//! What the whole promises, end to end.
+#![forbid(unsafe_code)]

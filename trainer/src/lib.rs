@@ -1,0 +1,2 @@
+//! Trains the convolutional autoencoder and writes the artifact.
+#![forbid(unsafe_code)]
