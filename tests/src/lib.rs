@@ -1,2 +1,4 @@
-//! What the whole promises, end to end.
+//! What the whole promises, end to end: processes as a user starts them, judged from outside.
 #![forbid(unsafe_code)]
+
+pub mod workspace;

@@ -1,0 +1,87 @@
+//! Everything we link has a licence on deny.toml's list.
+#![forbid(unsafe_code)]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+
+use acceptance::workspace;
+use spdx::{Expression, LicenseReq, ParseMode};
+
+/// Old manifests write `/` for `OR`; every other deviation from SPDX is an error.
+const MODE: ParseMode = ParseMode { allow_slash_as_or_operator: true, ..ParseMode::STRICT };
+
+#[test]
+fn every_dependency_has_an_allowed_licence() {
+    let allowed = allowed();
+    let refused: Vec<String> = dependencies()
+        .into_iter()
+        .filter(|(_, licence)| !accepts(&allowed, licence))
+        .map(|(package, licence)| format!("{package}: {licence:?}"))
+        .collect();
+    assert!(
+        refused.is_empty(),
+        "not on deny.toml's list; choose another crate or argue for the licence there:\n{}",
+        refused.join("\n")
+    );
+}
+
+#[test]
+fn every_allowed_licence_is_needed() {
+    let allowed = allowed();
+    let dependencies = dependencies();
+    for name in &allowed {
+        let without = allowed.iter().filter(|other| *other != name).cloned().collect();
+        assert!(
+            dependencies.values().any(|licence| !accepts(&without, licence)),
+            "deny.toml allows {name}, and nothing needs it: take it off the list"
+        );
+    }
+}
+
+#[test]
+fn a_copyleft_licence_and_a_missing_one_are_refused() {
+    let allowed = allowed();
+    assert!(accepts(&allowed, "MIT/Apache-2.0"));
+    assert!(accepts(&allowed, "GPL-3.0-only OR MIT"));
+    assert!(!accepts(&allowed, "GPL-3.0-only AND MIT"));
+    assert!(!accepts(&allowed, "GPL-3.0-only"));
+    assert!(!accepts(&allowed, "no such licence"));
+    assert!(!accepts(&allowed, ""));
+}
+
+/// The list under `[licenses] allow`.
+fn allowed() -> BTreeSet<String> {
+    let text = fs::read_to_string(workspace::root().join("deny.toml")).expect("deny.toml");
+    let table: toml::Table = text.parse().expect("deny.toml is TOML");
+    let list = table["licenses"]["allow"].as_array().expect("a list");
+    list.iter().map(|name| name.as_str().expect("a licence").to_owned()).collect()
+}
+
+/// Licence expression of every package that any target, build script or test of ours links.
+///
+/// `cargo tree` and not `cargo metadata`: the latter also lists what no enabled feature reaches.
+fn dependencies() -> BTreeMap<String, String> {
+    let tree = workspace::cargo(&[
+        "tree",
+        "--workspace",
+        "--target=all",
+        "--edges=normal,build,dev",
+        "--prefix=none",
+        "--no-dedupe",
+        "--format={p}|{l}",
+    ])
+    .expect("cargo tree");
+    let packages: BTreeMap<String, String> = tree
+        .lines()
+        .filter_map(|line| line.split_once('|'))
+        .map(|(package, licence)| (package.to_owned(), licence.to_owned()))
+        .collect();
+    assert!(packages.len() > 50, "cargo tree listed only {} packages", packages.len());
+    packages
+}
+
+/// Whether this licence expression can be met by the allowed licences alone.
+fn accepts(allowed: &BTreeSet<String>, licence: &str) -> bool {
+    let on_list = |required: &LicenseReq| allowed.contains(&required.to_string());
+    Expression::parse_mode(licence, MODE).is_ok_and(|expression| expression.evaluate(on_list))
+}
