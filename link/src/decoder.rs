@@ -1,0 +1,242 @@
+//! From any byte stream to frames.
+
+use core::fmt;
+
+use crate::encoder::{CRC, CRC_BYTES};
+use crate::{Header, MAX_FRAME, Message, VERSION};
+
+/// One whole frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame<M> {
+    /// Version, number and time.
+    pub header: Header,
+    /// What it says.
+    pub message: M,
+}
+
+/// Why the bytes between two zeros are not a frame that can be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameError {
+    /// More bytes without a zero than a frame can have.
+    Oversize,
+    /// Not COBS: a byte was changed, lost or added.
+    Cobs,
+    /// The CRC does not fit: a byte was changed, lost or added.
+    Crc,
+    /// A sound frame of another version of frame and header.
+    Version(u8),
+    /// A sound frame with a message that is newer than this receiver.
+    Unknown {
+        /// Its header.
+        header: Header,
+        /// The message's number in its enum.
+        kind: u32,
+    },
+    /// A sound frame whose content does not fit the message it names: the sender breaks the
+    /// format, or it is a frame of the other direction (an echo).
+    Malformed,
+}
+
+impl fmt::Display for FrameError {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            FrameError::Oversize => write!(formatter, "more than a frame's bytes without a zero"),
+            FrameError::Cobs => write!(formatter, "bytes damaged (COBS)"),
+            FrameError::Crc => write!(formatter, "bytes damaged (CRC)"),
+            FrameError::Version(other) => write!(
+                formatter,
+                "wire version {other}, but this side speaks {VERSION}; bring firmware and bridge \
+                 to the same release"
+            ),
+            FrameError::Unknown { kind, .. } => {
+                write!(
+                    formatter,
+                    "message {kind} is newer than this side; it is left out"
+                )
+            }
+            FrameError::Malformed => write!(formatter, "content does not fit its message"),
+        }
+    }
+}
+
+impl core::error::Error for FrameError {}
+
+/// What a [`Decoder`] has seen; every counter wraps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Bytes fed.
+    pub bytes: u64,
+    /// Frames handed out as messages.
+    pub frames: u32,
+    /// [`FrameError::Crc`].
+    pub crc: u32,
+    /// [`FrameError::Cobs`].
+    pub cobs: u32,
+    /// [`FrameError::Oversize`].
+    pub oversize: u32,
+    /// [`FrameError::Version`].
+    pub version: u32,
+    /// [`FrameError::Unknown`].
+    pub unknown: u32,
+    /// [`FrameError::Malformed`].
+    pub malformed: u32,
+    /// Damaged stretches: bad frames in a row count once.
+    pub resyncs: u32,
+}
+
+/// Finds frames in any byte stream; begins anew at every zero.
+///
+/// `N` bytes of buffer; [`MAX_FRAME`] is right for both directions unless RAM is short and only
+/// commands come in. Bounded work per byte, no allocation.
+///
+/// ```
+/// use link::{Decoder, Encoder, ToDevice, MAX_FRAME};
+/// let mut buffer = [0; MAX_FRAME];
+/// let mut input: &[u8] = Encoder::default().encode(0, &ToDevice::Ping, &mut buffer)?;
+/// let mut decoder = Decoder::<MAX_FRAME>::new();
+/// while let Some(outcome) = decoder.next::<ToDevice>(&mut input) {
+///     assert_eq!(outcome.map(|frame| frame.message), Ok(ToDevice::Ping));
+/// }
+/// # Ok::<(), link::EncodeError>(())
+/// ```
+#[derive(Debug)]
+pub struct Decoder<const N: usize = MAX_FRAME> {
+    buffer: [u8; N],
+    filled: usize,
+    /// The frame was handed out: its bytes are garbage now and go before the next byte comes.
+    handed_out: bool,
+    overflowed: bool,
+    damaged: bool,
+    counters: Counters,
+}
+
+impl<const N: usize> Default for Decoder<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const N: usize> Decoder<N> {
+    /// An empty decoder.
+    pub const fn new() -> Self {
+        Self {
+            buffer: [0; N],
+            filled: 0,
+            handed_out: false,
+            overflowed: false,
+            damaged: false,
+            counters: Counters {
+                bytes: 0,
+                frames: 0,
+                crc: 0,
+                cobs: 0,
+                oversize: 0,
+                version: 0,
+                unknown: 0,
+                malformed: 0,
+                resyncs: 0,
+            },
+        }
+    }
+
+    /// What was seen so far.
+    pub const fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Forget a frame that was begun; for a port that was closed and opened again.
+    pub fn reset(&mut self) {
+        self.filled = 0;
+        self.handed_out = false;
+        self.overflowed = false;
+    }
+
+    /// Take bytes from `input` until a frame ends, and say what it is; `None` when the input is
+    /// used up. Everything that is not a usable frame is counted.
+    ///
+    /// # Errors
+    ///
+    /// The inner result: why the bytes between two zeros cannot be used.
+    pub fn next<'d, M: Message<'d>>(
+        &'d mut self,
+        input: &mut &[u8],
+    ) -> Option<Result<Frame<M>, FrameError>> {
+        while let Some((&byte, rest)) = input.split_first() {
+            *input = rest;
+            self.counters.bytes = self.counters.bytes.wrapping_add(1);
+            if self.handed_out {
+                self.handed_out = false;
+                self.filled = 0;
+            }
+            if byte != 0 {
+                match self.buffer.get_mut(self.filled) {
+                    Some(place) => {
+                        *place = byte;
+                        self.filled += 1;
+                    }
+                    None => self.overflowed = true,
+                }
+            } else if self.filled > 0 {
+                self.handed_out = true;
+                return Some(self.finish());
+            }
+        }
+        None
+    }
+
+    /// Judge the bytes that lie between two zeros.
+    fn finish<'d, M: Message<'d>>(&'d mut self) -> Result<Frame<M>, FrameError> {
+        let outcome = if core::mem::take(&mut self.overflowed) {
+            Err(FrameError::Oversize)
+        } else {
+            open(&mut self.buffer[..self.filled])
+        };
+        let counters = &mut self.counters;
+        let counter = match &outcome {
+            Ok(_) => &mut counters.frames,
+            Err(FrameError::Oversize) => &mut counters.oversize,
+            Err(FrameError::Cobs) => &mut counters.cobs,
+            Err(FrameError::Crc) => &mut counters.crc,
+            Err(FrameError::Version(_)) => &mut counters.version,
+            Err(FrameError::Unknown { .. }) => &mut counters.unknown,
+            Err(FrameError::Malformed) => &mut counters.malformed,
+        };
+        *counter = counter.wrapping_add(1);
+        let damaged = matches!(
+            outcome,
+            Err(FrameError::Oversize | FrameError::Cobs | FrameError::Crc)
+        );
+        if damaged && !self.damaged {
+            counters.resyncs = counters.resyncs.wrapping_add(1);
+        }
+        self.damaged = damaged;
+        outcome
+    }
+}
+
+/// Undo COBS in place, check the CRC, read header and message.
+fn open<'d, M: Message<'d>>(bytes: &'d mut [u8]) -> Result<Frame<M>, FrameError> {
+    let length = cobs::decode_in_place(bytes).map_err(|_| FrameError::Cobs)?;
+    let bytes: &'d [u8] = bytes;
+    let (body, crc) = bytes[..length]
+        .split_last_chunk::<CRC_BYTES>()
+        .ok_or(FrameError::Crc)?;
+    if CRC.checksum(body) != u32::from_le_bytes(*crc) {
+        return Err(FrameError::Crc);
+    }
+    match body.first() {
+        Some(&VERSION) => {}
+        Some(&other) => return Err(FrameError::Version(other)),
+        None => return Err(FrameError::Malformed),
+    }
+    let (header, message) =
+        postcard::take_from_bytes::<Header>(body).map_err(|_| FrameError::Malformed)?;
+    let (kind, _) = postcard::take_from_bytes::<u32>(message).map_err(|_| FrameError::Malformed)?;
+    if kind >= M::KINDS {
+        return Err(FrameError::Unknown { header, kind });
+    }
+    match postcard::take_from_bytes::<M>(message) {
+        Ok((message, [])) => Ok(Frame { header, message }),
+        _ => Err(FrameError::Malformed),
+    }
+}

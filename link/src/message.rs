@@ -1,0 +1,53 @@
+//! The messages of each direction.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Ack, Capabilities, Code, Hello, Start, Stats};
+
+/// A message that can be framed: one enum per direction.
+pub trait Message<'a>: Serialize + Deserialize<'a> {
+    /// Messages that this version knows; a larger number on the wire is a newer message.
+    const KINDS: u32;
+}
+
+/// From device to host. Grows only at its end; the number of a message is its place here.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "no heap in no_std; a decoder holds one message at a time, about 1 KB"
+)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ToHost<'a> {
+    /// 0: who the device is.
+    #[serde(borrow)]
+    Hello(Hello<'a>),
+    /// 1: what it measures and how its codes are to be read.
+    #[serde(borrow)]
+    Capabilities(Capabilities<'a>),
+    /// 2: one code.
+    Code(Code),
+    /// 3: what it has counted.
+    Stats(Stats),
+    /// 4: the answer to a command.
+    Ack(Ack),
+}
+
+impl<'a> Message<'a> for ToHost<'a> {
+    const KINDS: u32 = 5;
+}
+
+/// From host to device. Grows only at its end; the number of a message is its place here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ToDevice {
+    /// 0: begin streaming.
+    Start(Start),
+    /// 1: end streaming.
+    Stop,
+    /// 2: answer with `Hello` and `Capabilities`.
+    Identify,
+    /// 3: answer with the `Ack` alone; tells a live link from a dead one.
+    Ping,
+}
+
+impl Message<'_> for ToDevice {
+    const KINDS: u32 = 4;
+}

@@ -1,0 +1,32 @@
+//! What the device has counted.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Streams;
+
+/// What the device has counted since boot; sent every second while streaming, and after `Stop`.
+///
+/// Every counter wraps; a host takes differences modulo its width.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stats {
+    /// Streams that are running.
+    pub streams: Streams,
+    /// Window index that the next code will have: codes made since `Start`.
+    pub next_window: u32,
+    /// Codes made since boot.
+    pub codes_made: u32,
+    /// Frames that were made, numbered and then dropped because the host did not take them.
+    pub frames_dropped: u32,
+    /// ADC samples taken.
+    pub samples: u64,
+    /// ADC samples that were not read in time.
+    pub overruns: u32,
+    /// ADC samples with a wrong status word.
+    pub adc_status_bad: u32,
+    /// Values clipped on their way into int8.
+    pub clipped: u32,
+    /// Commands received whole.
+    pub commands: u32,
+    /// Frames from the host that could not be used: CRC, COBS, length, version, unknown.
+    pub input_bad: u32,
+}
