@@ -15,7 +15,7 @@ pub(crate) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 pub(crate) const CRC_BYTES: usize = 4;
 
 /// Longest body (header, message and CRC before COBS), bytes. The largest `Capabilities` takes
-/// 1457 (test `the_largest_frame_fits`); the rest is room for a raw window beside its code.
+/// 1456 (test `the_largest_frame_fits`); the rest is room for a raw window beside its code.
 pub const MAX_BODY: usize = 2048;
 
 /// Longest frame with both zeros, bytes.

@@ -1,0 +1,118 @@
+//! Old meets new: versions, newer messages, echoes.
+#![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
+
+use link::{
+    Ack, AckResult, Decoder, Encoder, FrameError, Header, MAX_FRAME, Message, ResetCause, ToDevice,
+    ToHost, VERSION, encode,
+};
+use serde::{Deserialize, Serialize};
+
+/// The enum of some later release: one message more.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+enum LaterToDevice {
+    Start(u8),
+    Stop,
+    Identify,
+    Ping,
+    SelfTest { pattern: u8, value: u32 },
+}
+
+impl Message<'_> for LaterToDevice {
+    const KINDS: u32 = 5;
+}
+
+fn first(
+    decoder: &mut Decoder,
+    mut bytes: &[u8],
+) -> Option<Result<link::Frame<ToDevice>, FrameError>> {
+    decoder.next::<ToDevice>(&mut bytes)
+}
+
+#[test]
+fn a_newer_message_is_a_sound_frame_that_is_left_out() {
+    let mut buffer = [0; MAX_FRAME];
+    let mut encoder = Encoder::starting_at(7);
+    let later = LaterToDevice::SelfTest {
+        pattern: 3,
+        value: 70_000,
+    };
+    let bytes = encoder.encode(5, &later, &mut buffer).unwrap();
+    let mut decoder = Decoder::new();
+    let header = Header {
+        version: VERSION,
+        seq: 7,
+        device_time_us: 5,
+    };
+    assert_eq!(
+        first(&mut decoder, bytes),
+        Some(Err(FrameError::Unknown { header, kind: 4 }))
+    );
+    let bytes = encoder
+        .encode(6, &LaterToDevice::Ping, &mut buffer)
+        .unwrap();
+    assert_eq!(
+        first(&mut decoder, bytes).unwrap().unwrap().message,
+        ToDevice::Ping
+    );
+    let counters = *decoder.counters();
+    assert_eq!(
+        (
+            counters.unknown,
+            counters.frames,
+            counters.crc,
+            counters.resyncs
+        ),
+        (1, 1, 0, 0)
+    );
+}
+
+#[test]
+fn another_version_is_refused_with_its_number() {
+    let mut buffer = [0; MAX_FRAME];
+    let header = Header {
+        version: 2,
+        seq: 0,
+        device_time_us: 0,
+    };
+    let bytes = encode(&header, &ToDevice::Ping, &mut buffer).unwrap();
+    let mut decoder = Decoder::new();
+    let error = first(&mut decoder, bytes).unwrap().unwrap_err();
+    assert_eq!(error, FrameError::Version(2));
+    assert!(error.to_string().contains("same release"), "{error}");
+    assert_eq!(decoder.counters().version, 1);
+}
+
+#[test]
+fn an_echoed_frame_of_the_other_direction_is_not_taken_for_a_command() {
+    let mut buffer = [0; MAX_FRAME];
+    let mut encoder = Encoder::default();
+    let ack = ToHost::Ack(Ack {
+        of: 3,
+        result: AckResult::Done,
+    });
+    let bytes = encoder.encode(1, &ack, &mut buffer).unwrap();
+    let mut decoder = Decoder::new();
+    assert!(matches!(
+        first(&mut decoder, bytes),
+        Some(Err(FrameError::Unknown { kind: 4, .. }))
+    ));
+    let code = ToHost::Code(link::Code {
+        model_id: [1; 8],
+        window: 1,
+        first_sample: 32,
+        flags: link::Flags::empty(),
+        clipped: 0,
+        values: [0; link::CODE_LEN],
+    });
+    let bytes = encoder.encode(1, &code, &mut buffer).unwrap();
+    assert_eq!(first(&mut decoder, bytes), Some(Err(FrameError::Malformed)));
+}
+
+#[test]
+fn reasons_that_this_side_does_not_know_are_kept() {
+    for byte in 0..=u8::MAX {
+        assert_eq!(u8::from(AckResult::from(byte)), byte);
+        assert_eq!(u8::from(ResetCause::from(byte)), byte);
+    }
+    assert_eq!(AckResult::from(200), AckResult::Newer(200));
+}

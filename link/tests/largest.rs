@@ -1,0 +1,135 @@
+//! The buffer sizes are sufficient.
+#![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
+
+use link::{
+    Ack, AckResult, CODE_LEN, Capabilities, Code, Decoder, Encoder, Flags, Hello, MAX_BODY,
+    MAX_FRAME, MAX_LABELS_BYTES, MAX_TEXT_BYTES, Message, ResetCause, Start, Stats, Streams,
+    ToDevice, ToHost,
+};
+
+/// Bytes of the body, from the frame's length: COBS adds 1 + 1 per 254, the zeros 2.
+fn body_bytes<'m, M: Message<'m>>(message: &M) -> usize {
+    let mut buffer = [0; MAX_FRAME];
+    let mut encoder = Encoder::starting_at(u32::MAX);
+    let frame = encoder.encode(u64::MAX, message, &mut buffer).unwrap();
+    let mut body = frame[1..frame.len() - 1].to_vec();
+    cobs::decode_in_place(&mut body).unwrap()
+}
+
+fn capabilities<'a>(labels: &'a str, filters: &'a str) -> ToHost<'a> {
+    ToHost::Capabilities(Capabilities {
+        adc_rate_hz: u16::MAX,
+        step_rate_hz: u16::MAX,
+        window_steps: u8::MAX,
+        hop_steps: u8::MAX,
+        channels: u8::MAX,
+        lsb_nv: f32::MAX,
+        mains_hz: u8::MAX,
+        group_delay_us: u32::MAX,
+        labels,
+        filters,
+        code_scale: heapless::Vec::from_array([f32::MAX; CODE_LEN]),
+        code_zero_point: heapless::Vec::from_array([-1; CODE_LEN]),
+    })
+}
+
+#[test]
+fn the_largest_frame_fits() {
+    let labels = "x".repeat(MAX_LABELS_BYTES);
+    let text = "x".repeat(MAX_TEXT_BYTES);
+    let largest = body_bytes(&capabilities(&labels, &text));
+    // 16 header (1 + 5 + 10), 1 kind, 3 + 3 rates, 3 bytes, 4 LSB, 1 mains, 5 delay, 2 + 512
+    // labels, 2 + 256 filters, 2 + 512 scales, 2 + 128 zero points, 4 CRC.
+    assert_eq!(largest, 1456);
+    assert!(largest <= MAX_BODY);
+
+    let hello = ToHost::Hello(Hello {
+        firmware: &text,
+        board: &text,
+        chip_uid: [255; 12],
+        model_id: [255; 8],
+        session_id: u32::MAX,
+        reset_cause: ResetCause::Newer(255),
+        fault: &text,
+    });
+    let code = ToHost::Code(Code {
+        model_id: [255; 8],
+        window: u32::MAX,
+        first_sample: u64::MAX,
+        flags: Flags::from_bits(u16::MAX),
+        clipped: u16::MAX,
+        values: [-1; CODE_LEN],
+    });
+    let stats = ToHost::Stats(Stats {
+        streams: Streams::from_bits(u16::MAX),
+        next_window: u32::MAX,
+        codes_made: u32::MAX,
+        frames_dropped: u32::MAX,
+        samples: u64::MAX,
+        overruns: u32::MAX,
+        adc_status_bad: u32::MAX,
+        clipped: u32::MAX,
+        commands: u32::MAX,
+        input_bad: u32::MAX,
+    });
+    let ack = ToHost::Ack(Ack {
+        of: u32::MAX,
+        result: AckResult::Newer(255),
+    });
+    for other in [hello, code, stats, ack] {
+        assert!(body_bytes(&other) < largest, "{other:?}");
+    }
+    let start = Start {
+        streams: Streams::from_bits(u16::MAX),
+        mains_hz: 255,
+    };
+    assert!(body_bytes(&ToDevice::Start(start)) < 32);
+}
+
+#[test]
+fn a_body_of_the_limit_needs_no_more_than_the_longest_frame() {
+    // COBS is longest without zeros; this Hello has none outside its header.
+    let text = "x".repeat(MAX_BODY);
+    let mut frame = [0; MAX_FRAME];
+    let mut longest = 0;
+    for length in 0..MAX_BODY {
+        let hello = ToHost::Hello(Hello {
+            firmware: &text[..length],
+            board: "b",
+            chip_uid: [255; 12],
+            model_id: [255; 8],
+            session_id: u32::MAX,
+            reset_cause: ResetCause::PowerOn,
+            fault: "f",
+        });
+        match Encoder::starting_at(u32::MAX).encode(u64::MAX, &hello, &mut frame) {
+            Ok(frame) => longest = frame.len(),
+            Err(error) => {
+                assert!(error.to_string().contains("2048"));
+                assert!(longest > MAX_BODY && longest <= MAX_FRAME, "{longest}");
+                return;
+            }
+        }
+    }
+    panic!("a body beyond the limit was accepted");
+}
+
+#[test]
+fn a_short_buffer_is_refused_and_the_number_is_used_up() {
+    let mut encoder = Encoder::default();
+    for length in 0..8 {
+        assert!(
+            encoder
+                .encode(0, &ToDevice::Ping, &mut vec![0; length])
+                .is_err(),
+            "{length}"
+        );
+    }
+    encoder.skip();
+    assert_eq!(encoder.next_seq(), 9);
+    let mut buffer = [0; MAX_FRAME];
+    let mut input = encoder.encode(0, &ToDevice::Ping, &mut buffer).unwrap();
+    let mut decoder = Decoder::<64>::new();
+    let frame = decoder.next::<ToDevice>(&mut input).unwrap().unwrap();
+    assert_eq!(frame.header.seq, 9);
+}

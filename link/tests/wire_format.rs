@@ -1,0 +1,172 @@
+//! The hex dumps of docs/wire-format.md are what the encoder makes, byte for byte.
+#![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
+
+use link::{
+    Ack, AckResult, CODE_LEN, Capabilities, Code, Decoder, Encoder, Flags, Hello, MAX_FRAME,
+    Message, ResetCause, Start, Stats, Streams, ToDevice, ToHost,
+};
+
+const DOCUMENT: &str = include_str!("../../docs/wire-format.md");
+
+/// The fenced blocks that open with ```` ```hex NAME ````: name and bytes.
+fn dumps() -> Vec<(&'static str, Vec<u8>)> {
+    let mut dumps = Vec::new();
+    let mut lines = DOCUMENT.lines();
+    while let Some(line) = lines.next() {
+        let Some(name) = line.strip_prefix("```hex ") else {
+            continue;
+        };
+        let bytes = lines
+            .by_ref()
+            .take_while(|line| *line != "```")
+            .flat_map(str::split_whitespace)
+            .map(|byte| u8::from_str_radix(byte, 16).unwrap())
+            .collect();
+        dumps.push((name, bytes));
+    }
+    dumps
+}
+
+fn frame<'m, M: Message<'m>>(seq: u32, device_time_us: u64, message: &M) -> Vec<u8> {
+    let mut buffer = [0; MAX_FRAME];
+    Encoder::starting_at(seq)
+        .encode(device_time_us, message, &mut buffer)
+        .unwrap()
+        .to_vec()
+}
+
+fn hello() -> ToHost<'static> {
+    ToHost::Hello(Hello {
+        firmware: "0.1.0",
+        board: "host-sim",
+        chip_uid: *b"0123456789ab",
+        model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
+        session_id: 0xC0DE_0001,
+        reset_cause: ResetCause::PowerOn,
+        fault: "",
+    })
+}
+
+/// A board of two electrodes and two code values, to keep the dump short.
+fn capabilities() -> ToHost<'static> {
+    ToHost::Capabilities(Capabilities {
+        adc_rate_hz: 512,
+        step_rate_hz: 128,
+        window_steps: 16,
+        hop_steps: 8,
+        channels: 64,
+        lsb_nv: 22.351_742,
+        mains_hz: 50,
+        group_delay_us: 16_000,
+        labels: "F3 F1",
+        filters: "notch 50 Hz",
+        code_scale: [0.5, 0.25].into_iter().collect(),
+        code_zero_point: [0, -3].into_iter().collect(),
+    })
+}
+
+fn code() -> ToHost<'static> {
+    ToHost::Code(Code {
+        model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
+        window: 300,
+        first_sample: 9600,
+        flags: Flags::SETTLING | Flags::CLIPPED,
+        clipped: 2,
+        values: core::array::from_fn(|index| i8::try_from(index).unwrap() - 64),
+    })
+}
+
+fn stats() -> ToHost<'static> {
+    ToHost::Stats(Stats {
+        streams: Streams::CODES,
+        next_window: 301,
+        codes_made: 301,
+        frames_dropped: 0,
+        samples: 9661,
+        overruns: 0,
+        adc_status_bad: 0,
+        clipped: 2,
+        commands: 2,
+        input_bad: 0,
+    })
+}
+
+fn check<'d, M: Message<'d> + PartialEq + core::fmt::Debug>(
+    name: &str,
+    decoder: &'d mut Decoder,
+    (seq, device_time_us): (u32, u64),
+    message: &M,
+) {
+    let made = frame(seq, device_time_us, message);
+    let hex: Vec<String> = made.iter().map(|byte| format!("{byte:02x}")).collect();
+    let hex: Vec<String> = hex.chunks(16).map(|row| row.join(" ")).collect();
+    let hex = hex.join("\n");
+    let documented = dumps()
+        .into_iter()
+        .find(|(documented, _)| *documented == name);
+    let documented = documented.map(|(_, bytes)| bytes).unwrap_or_default();
+    assert!(
+        documented == made,
+        "docs/wire-format.md should have\n```hex {name}\n{hex}\n```"
+    );
+    let decoded = decoder
+        .next::<M>(&mut documented.as_slice())
+        .unwrap()
+        .unwrap();
+    assert_eq!(
+        (decoded.header.seq, decoded.header.device_time_us),
+        (seq, device_time_us)
+    );
+    assert_eq!(&decoded.message, message);
+}
+
+#[test]
+fn every_dump_is_what_the_encoder_makes() {
+    let start = ToDevice::Start(Start {
+        streams: Streams::CODES,
+        mains_hz: 50,
+    });
+    let ack = ToHost::Ack(Ack {
+        of: 1,
+        result: AckResult::Done,
+    });
+    check("identify", &mut Decoder::new(), (0, 0), &ToDevice::Identify);
+    check("hello", &mut Decoder::new(), (0, 1_000_000), &hello());
+    check(
+        "capabilities",
+        &mut Decoder::new(),
+        (1, 1_000_100),
+        &capabilities(),
+    );
+    check("start", &mut Decoder::new(), (1, 0), &start);
+    check("ack", &mut Decoder::new(), (3, 1_002_000), &ack);
+    check("code", &mut Decoder::new(), (304, 19_871_093), &code());
+    check("stats", &mut Decoder::new(), (305, 19_900_000), &stats());
+    check("stop", &mut Decoder::new(), (2, 0), &ToDevice::Stop);
+    check("ping", &mut Decoder::new(), (3, 0), &ToDevice::Ping);
+    assert_eq!(dumps().len(), 9, "a dump that no test compares");
+}
+
+#[test]
+fn a_code_frame_takes_the_bytes_that_the_document_says() {
+    let ToHost::Code(code) = code() else { panic!() };
+    let day = Code {
+        window: 16 * 86_400,
+        first_sample: 512 * 86_400,
+        ..code
+    };
+    let length = frame(16 * 86_400, 86_400_000_000, &ToHost::Code(day)).len();
+    assert!(
+        DOCUMENT.contains(&format!("{length} bytes after a day")),
+        "{length}"
+    );
+    assert_eq!(core::mem::size_of_val(&code.values), CODE_LEN);
+}
+
+#[test]
+fn every_flag_is_in_the_document() {
+    for (flag, name) in Flags::NAMES {
+        let row = format!("| {} | {name} |", flag.bits().trailing_zeros());
+        assert!(DOCUMENT.contains(&row), "{row}");
+    }
+}
