@@ -1,0 +1,326 @@
+//! Three-dimensional convolution, ReLU and batch norm in plain loops.
+
+use crate::error::ArtifactError;
+use crate::shapes::{KERNEL, NORM_EPSILON};
+use crate::tensors::Tensors;
+
+/// A stack of volumes: channel, step, row, column, the last fastest.
+#[derive(Clone, Debug)]
+pub(crate) struct Volume {
+    pub(crate) channels: usize,
+    /// Steps, rows, columns.
+    pub(crate) size: [usize; 3],
+    pub(crate) values: Vec<f32>,
+}
+
+impl Volume {
+    /// Every channel filled with its bias.
+    fn filled(size: [usize; 3], bias: &[f32]) -> Self {
+        let [steps, rows, columns] = size;
+        let per_channel = steps * rows * columns;
+        let values = bias
+            .iter()
+            .flat_map(|b| std::iter::repeat_n(*b, per_channel))
+            .collect();
+        Self {
+            channels: bias.len(),
+            size,
+            values,
+        }
+    }
+
+    fn row(&self, channel: usize, step: usize, row: usize) -> &[f32] {
+        let start = self.row_start(channel, step, row);
+        &self.values[start..start + self.size[2]]
+    }
+
+    fn row_mut(&mut self, channel: usize, step: usize, row: usize) -> &mut [f32] {
+        let start = self.row_start(channel, step, row);
+        &mut self.values[start..start + self.size[2]]
+    }
+
+    fn row_start(&self, channel: usize, step: usize, row: usize) -> usize {
+        let [steps, rows, columns] = self.size;
+        ((channel * steps + step) * rows + row) * columns
+    }
+
+    pub(crate) fn relu(&mut self) {
+        for value in &mut self.values {
+            *value = value.max(0.0);
+        }
+    }
+
+    /// The values of one channel.
+    pub(crate) fn channel(&self, channel: usize) -> &[f32] {
+        let length = self.values.len() / self.channels;
+        &self.values[channel * length..(channel + 1) * length]
+    }
+}
+
+/// A convolution with a 3x3x3 kernel, without padding.
+///
+/// Weights `[out][in][step][row][column]`; or, for the transposed convolution of the decoder,
+/// `[in][out][step][row][column]` as PyTorch has them.
+#[derive(Clone, Debug)]
+pub(crate) struct Convolution {
+    inputs: usize,
+    weight: Vec<f32>,
+    bias: Vec<f32>,
+}
+
+impl Convolution {
+    /// Reads `{name}.weight` of the given shape and `{name}.bias` of one number per output.
+    pub(crate) fn read(
+        weights: &Tensors,
+        name: &str,
+        shape: [usize; 2],
+        outputs: usize,
+    ) -> Result<Self, ArtifactError> {
+        let [first, second] = shape;
+        let kernel = [first, second, KERNEL, KERNEL, KERNEL];
+        let weight = weights.tensor(&format!("{name}.weight"), &kernel)?.to_vec();
+        let bias = weights
+            .tensor(&format!("{name}.bias"), &[outputs])?
+            .to_vec();
+        Ok(Self {
+            inputs: first * second / outputs,
+            weight,
+            bias,
+        })
+    }
+
+    /// y[o][t][r][c] = bias[o] + sum over i, kt, kr, kc of w[o][i][kt][kr][kc] x[i][t+kt][r+kr][c+kc].
+    pub(crate) fn forward(&self, x: &Volume) -> Volume {
+        let size = x.size.map(|length| length - (KERNEL - 1));
+        let mut y = Volume::filled(size, &self.bias);
+        let mut taps = self.weight.iter();
+        for output in 0..y.channels {
+            for input in 0..self.inputs {
+                for tap in 0..KERNEL.pow(3) {
+                    let [kt, kr, kc] = offsets(tap);
+                    let weight = *taps.next().expect("one weight per output, input and tap");
+                    for step in 0..size[0] {
+                        for row in 0..size[1] {
+                            let from = &x.row(input, step + kt, row + kr)[kc..];
+                            add_scaled(y.row_mut(output, step, row), weight, from);
+                        }
+                    }
+                }
+            }
+        }
+        y
+    }
+
+    /// y[o][t+kt][r+kr][c+kc] = bias[o] + sum over i, kt, kr, kc of w[i][o][kt][kr][kc] x[i][t][r][c].
+    pub(crate) fn forward_transposed(&self, x: &Volume) -> Volume {
+        let size = x.size.map(|length| length + (KERNEL - 1));
+        let mut y = Volume::filled(size, &self.bias);
+        let mut taps = self.weight.iter();
+        for input in 0..self.inputs {
+            for output in 0..y.channels {
+                for tap in 0..KERNEL.pow(3) {
+                    let [kt, kr, kc] = offsets(tap);
+                    let weight = *taps.next().expect("one weight per input, output and tap");
+                    for step in 0..x.size[0] {
+                        for row in 0..x.size[1] {
+                            let to = &mut y.row_mut(output, step + kt, row + kr)[kc..];
+                            add_scaled(to, weight, x.row(input, step, row));
+                        }
+                    }
+                }
+            }
+        }
+        y
+    }
+}
+
+/// Step, row and column of a tap of the kernel.
+fn offsets(tap: usize) -> [usize; 3] {
+    [tap / (KERNEL * KERNEL), tap / KERNEL % KERNEL, tap % KERNEL]
+}
+
+/// y += weight * x, over the shorter of both.
+fn add_scaled(y: &mut [f32], weight: f32, x: &[f32]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += weight * x;
+    }
+}
+
+/// Batch norm with the statistics of training: y = gain * x + offset per channel.
+#[derive(Clone, Debug)]
+pub(crate) struct Norm {
+    /// weight / sqrt(running variance + 1e-5).
+    gain: Vec<f32>,
+    /// bias - gain * running mean.
+    offset: Vec<f32>,
+}
+
+impl Norm {
+    /// Reads `{name}.weight`, `.bias`, `.running_mean` and `.running_var`.
+    pub(crate) fn read(
+        weights: &Tensors,
+        name: &str,
+        channels: usize,
+    ) -> Result<Self, ArtifactError> {
+        let of = |part: &str| weights.tensor(&format!("{name}.{part}"), &[channels]);
+        let (weight, bias) = (of("weight")?, of("bias")?);
+        let (mean, variance) = (of("running_mean")?, of("running_var")?);
+        let gain: Vec<f32> = weight
+            .iter()
+            .zip(variance)
+            .map(|(w, v)| w / (v + NORM_EPSILON).sqrt())
+            .collect();
+        let offset = bias
+            .iter()
+            .zip(&gain)
+            .zip(mean)
+            .map(|((b, g), mean)| b - g * mean)
+            .collect();
+        Ok(Self { gain, offset })
+    }
+
+    pub(crate) fn apply(&self, x: &mut Volume) {
+        let length = x.values.len() / x.channels;
+        for ((values, gain), offset) in x
+            .values
+            .chunks_exact_mut(length)
+            .zip(&self.gain)
+            .zip(&self.offset)
+        {
+            for value in values {
+                *value = gain * *value + offset;
+            }
+        }
+    }
+
+    /// Largest |gain| * x over channels and positions of what [`Norm::apply`] is about to get.
+    pub(crate) fn largest_scaled(&self, x: &Volume) -> f32 {
+        let channels = self.gain.iter().enumerate().map(|(channel, gain)| {
+            let largest = x.channel(channel).iter().fold(0.0, |a: f32, b| a.max(*b));
+            gain.abs() * largest
+        });
+        channels.fold(0.0, f32::max)
+    }
+}
+
+/// y = W x, with W stored row after row.
+pub(crate) fn add_product(y: &mut [f32], matrix: &[f32], x: &[f32]) {
+    for (y, row) in y.iter_mut().zip(matrix.chunks_exact(x.len())) {
+        *y += dot(row, x);
+    }
+}
+
+/// Sum of products in eight partial sums, so that the compiler may use vector instructions.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0; 8];
+    let (a8, a_rest) = a.as_chunks::<8>();
+    let (b8, b_rest) = b.as_chunks::<8>();
+    for (a, b) in a8.iter().zip(b8) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
+        }
+    }
+    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f32>() + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp(channels: usize, size: [usize; 3]) -> Volume {
+        let count = channels * size.iter().product::<usize>();
+        let values = (0..count).map(|index| (index % 13) as f32 - 6.0).collect();
+        Volume {
+            channels,
+            size,
+            values,
+        }
+    }
+
+    /// Weights that are 0 but for one tap.
+    fn one_tap(inputs: usize, outputs: usize, index: usize) -> Convolution {
+        let mut weight = vec![0.0; inputs * outputs * 27];
+        weight[index] = 2.0;
+        Convolution {
+            inputs,
+            weight,
+            bias: vec![0.5; outputs],
+        }
+    }
+
+    #[test]
+    fn a_single_tap_shifts_and_scales() {
+        // Output 1, input 0, tap (1, 0, 2) of two inputs and two outputs.
+        let convolution = one_tap(2, 2, 2 * 27 + 9 + 2);
+        let x = ramp(2, [4, 5, 6]);
+        let y = convolution.forward(&x);
+        assert_eq!((y.channels, y.size), (2, [2, 3, 4]));
+        assert!(y.channel(0).iter().all(|value| *value == 0.5));
+        for step in 0..2 {
+            for row in 0..3 {
+                let expected: Vec<f32> = x.row(0, step + 1, row)[2..]
+                    .iter()
+                    .map(|x| 2.0 * x + 0.5)
+                    .collect();
+                assert_eq!(y.row(1, step, row), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn the_transposed_convolution_is_the_adjoint() {
+        // <conv x, y> = <x, transposed conv y> for equal weights and no bias.
+        let weight: Vec<f32> = (0..3 * 2 * 27)
+            .map(|index| (index % 7) as f32 - 3.0)
+            .collect();
+        let forward = Convolution {
+            inputs: 2,
+            weight: weight.clone(),
+            bias: vec![0.0; 3],
+        };
+        let transposed = Convolution {
+            inputs: 3,
+            weight,
+            bias: vec![0.0; 2],
+        };
+        let x = ramp(2, [5, 4, 6]);
+        let y = ramp(3, [3, 2, 4]);
+        let inner = |a: &Volume, b: &Volume| -> f32 {
+            a.values.iter().zip(&b.values).map(|(a, b)| a * b).sum()
+        };
+        // Small integers: every product and sum is exact in f32.
+        assert_eq!(
+            inner(&forward.forward(&x), &y),
+            inner(&x, &transposed.forward_transposed(&y))
+        );
+    }
+
+    #[test]
+    fn norm_is_gain_and_offset() {
+        let mut tensors = Tensors::for_weights();
+        tensors.insert("n.weight", &[2], vec![3.0, -1.0]);
+        tensors.insert("n.bias", &[2], vec![1.0, 0.0]);
+        tensors.insert("n.running_mean", &[2], vec![2.0, 0.0]);
+        tensors.insert("n.running_var", &[2], vec![4.0 - 1e-5, 1.0 - 1e-5]);
+        let norm = Norm::read(&tensors, "n", 2).unwrap();
+        let mut x = Volume {
+            channels: 2,
+            size: [1, 1, 2],
+            values: vec![2.0, 4.0, 5.0, 1.0],
+        };
+        assert!((norm.largest_scaled(&x) - 6.0).abs() < 1e-5);
+        norm.apply(&mut x);
+        for (value, expected) in x.values.iter().zip([1.0, 4.0, -5.0, -1.0]) {
+            assert!((value - expected).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_product_covers_lengths_that_eight_does_not_divide() {
+        let matrix: Vec<f32> = (0..22).map(|index| index as f32).collect();
+        let mut y = [1.0, 0.0];
+        add_product(&mut y, &matrix, &[1.0; 11]);
+        assert_eq!(y, [56.0, 176.0]);
+    }
+}

@@ -1,0 +1,192 @@
+use crate::convolution::{Convolution, Norm, Volume, add_product};
+use crate::description::Mode;
+use crate::error::ArtifactError;
+use crate::folder::Artifact;
+use crate::scalp_grid::ScalpGrid;
+use crate::shapes::{
+    CHANNELS1, CHANNELS2, CODE, FEATURE_MAP, FLAT, POOLED, WINDOW_CELLS, WINDOW_ELECTRODES,
+};
+
+/// The decoder in f32: fully connected; nearest-neighbour unpooling; transposed conv, ReLU, norm;
+/// transposed conv; plus the linear shortcut. Needs the code alone.
+#[derive(Clone, Debug)]
+pub struct FloatDecoder {
+    grid: ScalpGrid,
+    convolutions: Option<Convolutions>,
+    /// `[976][128]`; feature = step * 61 + electrode.
+    shortcut: Option<Vec<f32>>,
+}
+
+#[derive(Clone, Debug)]
+struct Convolutions {
+    /// `[1152][128]`.
+    fc_weight: Vec<f32>,
+    fc_bias: Vec<f32>,
+    conv1: Convolution,
+    norm1: Norm,
+    conv2: Convolution,
+}
+
+impl FloatDecoder {
+    /// The decoder of an artifact.
+    ///
+    /// # Errors
+    /// When the mode is `paper`, whose codes do not decode by themselves; or when the artifact's
+    /// tensors do not fit its mode, which cannot be after [`Artifact::read`].
+    pub fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
+        let (mode, weights) = (artifact.description.mode, &artifact.weights);
+        if mode == Mode::Paper {
+            return Err(ArtifactError::NotDecodable);
+        }
+        let convolutions = mode
+            .has_convolutions()
+            .then(|| {
+                Ok::<_, ArtifactError>(Convolutions {
+                    fc_weight: weights.tensor("decoder.fc.weight", &[FLAT, CODE])?.to_vec(),
+                    fc_bias: weights.tensor("decoder.fc.bias", &[FLAT])?.to_vec(),
+                    conv1: Convolution::read(
+                        weights,
+                        "decoder.conv1",
+                        [CHANNELS2, CHANNELS1],
+                        CHANNELS1,
+                    )?,
+                    norm1: Norm::read(weights, "decoder.norm1", CHANNELS1)?,
+                    conv2: Convolution::read(weights, "decoder.conv2", [CHANNELS1, 1], 1)?,
+                })
+            })
+            .transpose()?;
+        let shortcut = mode
+            .has_shortcut()
+            .then(|| weights.tensor("decoder.shortcut.weight", &[WINDOW_ELECTRODES, CODE]))
+            .transpose()?
+            .map(<[f32]>::to_vec);
+        Ok(Self {
+            grid: ScalpGrid::new(&artifact.description),
+            convolutions,
+            shortcut,
+        })
+    }
+
+    /// The window of a code: 16 steps of 61 electrodes, electrode fastest; times `input.sd_uv` it
+    /// is uV.
+    pub fn decode(&self, code: &[f32; CODE]) -> Vec<f32> {
+        let mut window = match &self.convolutions {
+            Some(convolutions) => self.grid.gather(&convolutions.decode(code)).to_vec(),
+            None => vec![0.0; WINDOW_ELECTRODES],
+        };
+        if let Some(shortcut) = &self.shortcut {
+            add_product(&mut window, shortcut, code);
+        }
+        window
+    }
+}
+
+impl Convolutions {
+    fn decode(&self, code: &[f32; CODE]) -> Box<[f32; WINDOW_CELLS]> {
+        let mut flat = self.fc_bias.clone();
+        add_product(&mut flat, &self.fc_weight, code);
+        let mut x = self.conv1.forward_transposed(&unpool(&flat));
+        x.relu();
+        self.norm1.apply(&mut x);
+        let x = self.conv2.forward_transposed(&x);
+        let mut cells = Box::new([0.0; WINDOW_CELLS]);
+        cells.copy_from_slice(&x.values);
+        cells
+    }
+}
+
+/// Nearest-neighbour unpooling: position p of n takes pooled position floor(p * pooled / n), as
+/// PyTorch's `interpolate` does; of five columns the first three take pooled column 0.
+fn unpool(flat: &[f32]) -> Volume {
+    let [steps, rows, columns] = FEATURE_MAP;
+    let from = |position: usize, axis: usize| position * POOLED[axis] / FEATURE_MAP[axis];
+    let mut values = Vec::with_capacity(CHANNELS2 * steps * rows * columns);
+    for channel in 0..CHANNELS2 {
+        for step in 0..steps {
+            for row in 0..rows {
+                for column in 0..columns {
+                    let pooled_row =
+                        (channel * POOLED[0] + from(step, 0)) * POOLED[1] + from(row, 1);
+                    values.push(flat[pooled_row * POOLED[2] + from(column, 2)]);
+                }
+            }
+        }
+    }
+    Volume {
+        channels: CHANNELS2,
+        size: FEATURE_MAP,
+        values,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::float_encoder::FloatEncoder;
+    use crate::shapes::ELECTRODES;
+    use crate::testing;
+
+    #[test]
+    fn unpooling_repeats_the_nearest() {
+        let flat: Vec<f32> = (0..FLAT).map(|index| index as f32).collect();
+        let x = unpool(&flat);
+        // Channel 1, step 3, row 5: pooled step 1, pooled row 2.
+        let row = ((12 + 3) * 6 + 5) * 5;
+        let first = ((6 + 1) * 3 + 2) * 2;
+        let expected = [first, first, first, first + 1, first + 1].map(|index| index as f32);
+        assert_eq!(x.values[row..row + 5], expected);
+    }
+
+    #[test]
+    fn pca_decoding_inverts_encoding_inside_the_components() {
+        let artifact = testing::pca();
+        let decoder = FloatDecoder::new(&artifact).unwrap();
+        let code = core::array::from_fn(|index| index as f32 + 1.0);
+        let window = decoder.decode(&code);
+        assert_eq!(window[..CODE], code);
+        assert!(window[CODE..].iter().all(|value| *value == 0.0));
+        let electrodes: [f32; WINDOW_ELECTRODES] = window.try_into().unwrap();
+        let grid = ScalpGrid::new(&artifact.description);
+        let encoder = FloatEncoder::new(&artifact).unwrap();
+        assert_eq!(encoder.encode(&grid.scatter(&electrodes)), code);
+    }
+
+    #[test]
+    fn a_code_gives_the_window_worked_out_by_hand() {
+        // testing::shortcut: decoder.fc 0 = code 0; conv1 tap (0,0,0) of channel 0 -> 0 is 1; norm
+        // gain 2, offset 0.25; conv2 tap (2,2,2) of channel 0 is 1, bias -0.5; no shortcut part.
+        let artifact = testing::shortcut();
+        let decoder = FloatDecoder::new(&artifact).unwrap();
+        let mut code = [0.0; CODE];
+        code[0] = 3.0;
+        let window = decoder.decode(&code);
+        // Pooled position 0 covers steps 0..2, rows 0..2, columns 0..3, shifted by conv2's tap.
+        let grid = ScalpGrid::new(&artifact.description);
+        for (index, value) in window.iter().enumerate() {
+            let cell = grid.cell_of_electrode()[index % ELECTRODES];
+            let (step, row, column) = (index / ELECTRODES, cell / 9, cell % 9);
+            let inside =
+                (2..4).contains(&step) && (2..4).contains(&row) && (2..5).contains(&column);
+            let reached = step >= 2 && row >= 2 && column >= 2;
+            let expected = match (inside, reached) {
+                (true, _) => 2.0 * 3.0 + 0.25 - 0.5,
+                (false, true) => 0.25 - 0.5,
+                (false, false) => -0.5,
+            };
+            assert!(
+                (value - expected).abs() < 1e-4,
+                "{index}: {value} is not {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn index_unpooling_is_not_called_decodable() {
+        let mut artifact = testing::shortcut();
+        artifact.description.mode = Mode::Paper;
+        assert!(matches!(
+            FloatDecoder::new(&artifact),
+            Err(ArtifactError::NotDecodable)
+        ));
+    }
+}

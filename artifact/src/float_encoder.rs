@@ -1,0 +1,201 @@
+use crate::convolution::{Convolution, Norm, Volume, add_product};
+use crate::error::ArtifactError;
+use crate::folder::Artifact;
+use crate::scalp_grid::ScalpGrid;
+use crate::shapes::{
+    CHANNELS1, CHANNELS2, CODE, COLUMNS, FLAT, POOLED, ROWS, STEPS, WINDOW_CELLS, WINDOW_ELECTRODES,
+};
+
+/// The encoder in f32: conv, ReLU, norm, twice; 2x2x2 max-pool; fully connected; plus the linear
+/// shortcut. The oracle of the integer encoder.
+#[derive(Clone, Debug)]
+pub struct FloatEncoder {
+    grid: ScalpGrid,
+    convolutions: Option<Convolutions>,
+    /// `[128][976]`; feature = step * 61 + electrode.
+    shortcut: Option<Vec<f32>>,
+}
+
+#[derive(Clone, Debug)]
+struct Convolutions {
+    conv1: Convolution,
+    norm1: Norm,
+    conv2: Convolution,
+    norm2: Norm,
+    /// `[128][1152]`.
+    fc_weight: Vec<f32>,
+    fc_bias: Vec<f32>,
+}
+
+/// A code and how large the activations on the way to it were.
+#[derive(Clone, Copy, Debug)]
+pub struct Traced {
+    /// The code.
+    pub code: [f32; CODE],
+    /// Largest |g| * relu(conv1) with g = norm1.weight / sqrt(variance + 1e-5); 0 in mode `pca`.
+    pub activation1_max: f32,
+    /// The same after conv2.
+    pub activation2_max: f32,
+}
+
+impl FloatEncoder {
+    /// The encoder of an artifact.
+    ///
+    /// # Errors
+    /// When the artifact's tensors do not fit its mode; not after [`Artifact::read`].
+    pub fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
+        let (mode, weights) = (artifact.description.mode, &artifact.weights);
+        let convolutions = mode
+            .has_convolutions()
+            .then(|| {
+                Ok::<_, ArtifactError>(Convolutions {
+                    conv1: Convolution::read(weights, "encoder.conv1", [CHANNELS1, 1], CHANNELS1)?,
+                    norm1: Norm::read(weights, "encoder.norm1", CHANNELS1)?,
+                    conv2: Convolution::read(
+                        weights,
+                        "encoder.conv2",
+                        [CHANNELS2, CHANNELS1],
+                        CHANNELS2,
+                    )?,
+                    norm2: Norm::read(weights, "encoder.norm2", CHANNELS2)?,
+                    fc_weight: weights.tensor("encoder.fc.weight", &[CODE, FLAT])?.to_vec(),
+                    fc_bias: weights.tensor("encoder.fc.bias", &[CODE])?.to_vec(),
+                })
+            })
+            .transpose()?;
+        let shortcut = mode
+            .has_shortcut()
+            .then(|| weights.tensor("encoder.shortcut.weight", &[CODE, WINDOW_ELECTRODES]))
+            .transpose()?
+            .map(<[f32]>::to_vec);
+        Ok(Self {
+            grid: ScalpGrid::new(&artifact.description),
+            convolutions,
+            shortcut,
+        })
+    }
+
+    /// The code of a window: step, row, column; uV divided by `input.sd_uv`.
+    pub fn encode(&self, window: &[f32; WINDOW_CELLS]) -> [f32; CODE] {
+        self.encode_traced(window).code
+    }
+
+    /// As [`FloatEncoder::encode`], with the sizes of the activations: what calibration measures.
+    pub fn encode_traced(&self, window: &[f32; WINDOW_CELLS]) -> Traced {
+        let mut traced = Traced {
+            code: [0.0; CODE],
+            activation1_max: 0.0,
+            activation2_max: 0.0,
+        };
+        if let Some(convolutions) = &self.convolutions {
+            convolutions.encode(window, &mut traced);
+        }
+        if let Some(shortcut) = &self.shortcut {
+            add_product(
+                &mut traced.code,
+                shortcut,
+                self.grid.gather(window).as_slice(),
+            );
+        }
+        traced
+    }
+}
+
+impl Convolutions {
+    fn encode(&self, window: &[f32; WINDOW_CELLS], traced: &mut Traced) {
+        let x = Volume {
+            channels: 1,
+            size: [STEPS, ROWS, COLUMNS],
+            values: window.to_vec(),
+        };
+        let mut x = self.conv1.forward(&x);
+        x.relu();
+        traced.activation1_max = self.norm1.largest_scaled(&x);
+        self.norm1.apply(&mut x);
+        let mut x = self.conv2.forward(&x);
+        x.relu();
+        traced.activation2_max = self.norm2.largest_scaled(&x);
+        self.norm2.apply(&mut x);
+        traced.code.copy_from_slice(&self.fc_bias);
+        add_product(&mut traced.code, &self.fc_weight, &max_pool(&x));
+    }
+}
+
+/// The largest of each 2x2x2 block; what does not fill a block is dropped.
+fn max_pool(x: &Volume) -> Vec<f32> {
+    let [_, rows, columns] = x.size;
+    let mut pooled = Vec::with_capacity(FLAT);
+    for channel in 0..x.channels {
+        let values = x.channel(channel);
+        for step in 0..POOLED[0] {
+            for row in 0..POOLED[1] {
+                for column in 0..POOLED[2] {
+                    let block = (0..8).map(|i| {
+                        let [t, r, c] = [2 * step + i / 4, 2 * row + i / 2 % 2, 2 * column + i % 2];
+                        values[(t * rows + r) * columns + c]
+                    });
+                    pooled.push(block.fold(f32::NEG_INFINITY, f32::max));
+                }
+            }
+        }
+    }
+    pooled
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shapes::FEATURE_MAP;
+    use crate::testing;
+
+    #[test]
+    fn the_pool_keeps_the_largest_of_each_block_and_drops_the_last_column() {
+        let [steps, rows, columns] = FEATURE_MAP;
+        let mut values = vec![-1.0; CHANNELS2 * steps * rows * columns];
+        let at = |channel, t, r, c| ((channel * steps + t) * rows + r) * columns + c;
+        values[at(3, 5, 2, 3)] = 7.0;
+        values[at(3, 5, 2, 4)] = 9.0;
+        let pooled = max_pool(&Volume {
+            channels: CHANNELS2,
+            size: FEATURE_MAP,
+            values,
+        });
+        assert_eq!(pooled.len(), FLAT);
+        let [_, pooled_rows, pooled_columns] = POOLED;
+        let index = ((3 * POOLED[0] + 2) * pooled_rows + 1) * pooled_columns + 1;
+        assert_eq!(pooled[index], 7.0);
+        assert_eq!(
+            pooled.iter().filter(|value| **value == -1.0).count(),
+            FLAT - 1
+        );
+    }
+
+    #[test]
+    fn pca_codes_are_inner_products_with_the_components() {
+        let artifact = testing::pca();
+        let encoder = FloatEncoder::new(&artifact).unwrap();
+        // Component k of the test model is feature k alone.
+        let electrodes = core::array::from_fn(|feature| feature as f32);
+        let code = encoder.encode(&ScalpGrid::new(&artifact.description).scatter(&electrodes));
+        assert_eq!(code, core::array::from_fn(|index| index as f32));
+    }
+
+    #[test]
+    fn a_constant_window_gives_the_code_worked_out_by_hand() {
+        // testing::shortcut: conv1 channel 0 = 0.5 + sum of 27 cells; norm gains 2 and offsets 0.25;
+        // conv2 channel 0 = 0.1 * centre tap of channel 0; fc 0 = pooled value 0; no shortcut part.
+        let artifact = testing::shortcut();
+        let encoder = FloatEncoder::new(&artifact).unwrap();
+        let window = [1.0; WINDOW_CELLS];
+        let traced = encoder.encode_traced(&window);
+        let after1 = 2.0 * 27.5 + 0.25;
+        let after2 = 2.0 * (0.1 * after1) + 0.25;
+        assert!(
+            (traced.code[0] - (after2 + 1.0)).abs() < 1e-4,
+            "{}",
+            traced.code[0]
+        );
+        assert!((traced.activation1_max - 55.0).abs() < 1e-4);
+        assert!((traced.activation2_max - 0.2 * after1).abs() < 1e-4);
+    }
+}

@@ -1,0 +1,122 @@
+//! Small hand-made models for the tests of this crate.
+
+use crate::description::{
+    Adc, Decimation, Description, Filters, Grid, Input, Mode, Montage, Window,
+};
+use crate::folder::Artifact;
+use crate::shapes::{self, CODE, WINDOW_ELECTRODES};
+use crate::tensors::Tensors;
+use crate::training_card::TrainingCard;
+
+pub(crate) fn description() -> Description {
+    Description {
+        format: 1,
+        mode: Mode::Pca,
+        window: Window {
+            steps: 16,
+            hop: 8,
+            rate_hz: 128,
+        },
+        grid: Grid::paper(),
+        montage: Montage {
+            electrodes: Grid::paper().electrodes(),
+        },
+        adc: Adc {
+            rate_hz: 512,
+            vref_v: 4.5,
+            gain: 24,
+            channels: 64,
+        },
+        filters: Filters {
+            mains_hz: vec![50, 60],
+            notch_q: 30.0,
+            band_hz: [0.5, 60.0],
+            order: 5,
+            decimation: Decimation::Literal,
+        },
+        input: Input { sd_uv: 47.3 },
+        training: TrainingCard {
+            dataset: "none".to_owned(),
+            citation: "none".to_owned(),
+            real_electrodes: 60,
+            interpolated_electrodes: 1,
+            interpolated: vec!["FTT7".to_owned()],
+            note: "made by hand".to_owned(),
+            train_files: vec![],
+            test_files: vec![],
+            validation: "none".to_owned(),
+            mains_hz: 50,
+            seed: 0,
+            epochs: 0,
+            best_epoch: 0,
+            windows: 0,
+            optimiser: "none".to_owned(),
+            mse: None,
+            prd_percent: None,
+        },
+    }
+}
+
+fn calibration(mode: Mode) -> Tensors {
+    let mut calibration = Tensors::for_calibration();
+    for (name, shape) in shapes::calibration(mode) {
+        let value = if name == "code.min" { -1.0 } else { 1.0 };
+        calibration.insert(name, shape, vec![value; shape.iter().product()]);
+    }
+    calibration
+}
+
+/// Mode `pca`; component k is feature k alone.
+pub(crate) fn pca() -> Artifact {
+    let mut weights = Tensors::for_weights();
+    let mut encoder = vec![0.0; CODE * WINDOW_ELECTRODES];
+    let mut decoder = encoder.clone();
+    for component in 0..CODE {
+        encoder[component * WINDOW_ELECTRODES + component] = 1.0;
+        decoder[component * CODE + component] = 1.0;
+    }
+    weights.insert(
+        "encoder.shortcut.weight",
+        &[CODE, WINDOW_ELECTRODES],
+        encoder,
+    );
+    weights.insert(
+        "decoder.shortcut.weight",
+        &[WINDOW_ELECTRODES, CODE],
+        decoder,
+    );
+    Artifact::new(description(), weights, calibration(Mode::Pca)).unwrap()
+}
+
+/// Mode `shortcut`; a handful of numbers that are not 0, so that results follow by hand.
+pub(crate) fn shortcut() -> Artifact {
+    let mut weights = Tensors::for_weights();
+    for (name, shape) in shapes::weights(Mode::Shortcut) {
+        let value = match name.rsplit_once('.') {
+            Some((_, "running_var")) => 1.0 - shapes::NORM_EPSILON,
+            Some((norm, "weight")) if norm.contains("norm") => 2.0,
+            Some((norm, "bias")) if norm.contains("norm") => 0.25,
+            _ => 0.0,
+        };
+        weights.insert(name, shape, vec![value; shape.iter().product()]);
+    }
+    let mut set = |name: &str, range: core::ops::Range<usize>, value: f32| {
+        let shapes = shapes::weights(Mode::Shortcut);
+        let (_, shape) = shapes.iter().find(|(known, _)| *known == name).unwrap();
+        let mut values = weights.tensor(name, shape).unwrap().to_vec();
+        values[range].fill(value);
+        weights.insert(name, shape, values);
+    };
+    set("encoder.conv1.weight", 0..27, 1.0);
+    set("encoder.conv1.bias", 0..1, 0.5);
+    set("encoder.conv2.weight", 13..14, 0.1);
+    set("encoder.fc.weight", 0..1, 1.0);
+    set("encoder.fc.bias", 0..1, 1.0);
+    set("decoder.fc.weight", 0..1, 1.0);
+    set("decoder.conv1.weight", 0..1, 1.0);
+    set("decoder.conv2.weight", 26..27, 1.0);
+    set("decoder.conv2.bias", 0..1, -0.5);
+    let mut description = description();
+    description.mode = Mode::Shortcut;
+    Artifact::new(description, weights, calibration(Mode::Shortcut)).unwrap()
+}
