@@ -1,2 +1,47 @@
-//! Command line.
-fn main() {}
+//! Verbs that need a condition, an environment variable or two commands: `cargo xtask --help`.
+#![forbid(unsafe_code)]
+
+mod command;
+mod debian;
+mod failure;
+mod picture;
+mod spread;
+mod verify;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// What `cargo xtask` understands.
+#[derive(Debug, Parser)]
+#[command(name = "cargo xtask", about = "Corticode's own cargo verbs")]
+struct Arguments {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Run everything that CI runs; install what is missing, or say how.
+    Test {
+        /// Leave out ROS and the trainer.
+        #[arg(long)]
+        fast: bool,
+    },
+    /// Check licences, advisories and sources with cargo-deny, where it is installed.
+    Deny,
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().verb {
+        Verb::Test { fast } => verify::verify(fast),
+        Verb::Deny => verify::deny(),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("\nerror: {failure}");
+            failure.exit_code()
+        }
+    }
+}

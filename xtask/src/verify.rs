@@ -1,0 +1,186 @@
+//! `cargo xtask test`: everything that CI checks, in the order in which it fails fastest.
+
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use crate::command::{cargo_with, run, succeeds};
+use crate::debian;
+use crate::failure::Failure;
+
+/// The microcontroller's target: Cortex-M4F and M7 with single-precision FPU.
+const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
+
+/// Crates that run on the microcontroller.
+const BOARD_CRATES: [&str; 5] = ["fixed-dsp", "int8-nn", "model", "pipeline", "link"];
+
+/// A step: its name, and what does it.
+type Step = (&'static str, fn() -> Result<(), Failure>);
+
+/// Runs every step and stops at the first that fails. `fast` leaves out ROS and the trainer.
+///
+/// # Errors
+/// The failure of the first step that did not pass.
+pub(crate) fn verify(fast: bool) -> Result<(), Failure> {
+    let mut steps: Vec<Step> = vec![
+        ("the microcontroller's target", board_target),
+        ("format", format),
+        ("lints", lints),
+        ("licences, advisories, sources", deny),
+        ("no_std crates for the microcontroller", board_build),
+        ("host tests", host_tests),
+    ];
+    if fast {
+        eprintln!("SKIPPED: the trainer and the acceptance against ROS (--fast)");
+        steps.push(("acceptance without ROS", acceptance));
+    } else {
+        steps.insert(0, ("Debian's ROS packages", debian::ensure));
+        steps.push(("trainer", trainer_tests));
+        steps.push(("acceptance with ROS", acceptance_with_ros));
+    }
+
+    let begin = Instant::now();
+    let total = steps.len();
+    for (index, (name, step)) in steps.into_iter().enumerate() {
+        eprintln!("\n[{}/{total}] {name}", index + 1);
+        let step_begin = Instant::now();
+        step()?;
+        eprintln!(
+            "[{}/{total}] {name}: passed in {}",
+            index + 1,
+            spoken(step_begin.elapsed())
+        );
+    }
+    eprintln!(
+        "\nxtask test: all {total} steps passed in {}",
+        spoken(begin.elapsed())
+    );
+    Ok(())
+}
+
+/// cargo-deny over deny.toml, where it is installed; says loudly where it is not.
+///
+/// # Errors
+/// cargo-deny refused something.
+pub(crate) fn deny() -> Result<(), Failure> {
+    if !succeeds(&mut cargo_with(&["deny", "--version"])) {
+        eprintln!(
+            "SKIPPED: cargo-deny is not installed, so advisories and sources are not checked \
+             (licences are, by the host tests).\n  next: cargo install --locked cargo-deny"
+        );
+        return Ok(());
+    }
+    run(
+        &mut cargo_with(&["deny", "check"]),
+        "read its report above, then deny.toml",
+    )
+}
+
+fn board_target() -> Result<(), Failure> {
+    let list = Command::new("rustup")
+        .args(["target", "list", "--installed"])
+        .output();
+    if list.is_ok_and(|list| String::from_utf8_lossy(&list.stdout).contains(BOARD_TARGET)) {
+        return Ok(());
+    }
+    // Without rustup the target may still be there, from a distribution's own toolchain.
+    let add = run(
+        Command::new("rustup").args(["target", "add", BOARD_TARGET]),
+        "",
+    );
+    add.map_err(|failure| Failure::Missing {
+        what: format!("the standard library for {BOARD_TARGET}"),
+        why: failure.to_string(),
+        next: format!("`rustup target add {BOARD_TARGET}`"),
+    })
+}
+
+fn format() -> Result<(), Failure> {
+    run(
+        &mut cargo_with(&["fmt", "--all", "--check"]),
+        "`cargo fmt --all`",
+    )
+}
+
+fn lints() -> Result<(), Failure> {
+    run(
+        &mut cargo_with(&[
+            "clippy",
+            "--workspace",
+            "--all-targets",
+            "--",
+            "-D",
+            "warnings",
+        ]),
+        "mend what clippy names above; a lint that is wrong gets `#[expect(.., reason = \"..\")]`",
+    )
+}
+
+fn board_build() -> Result<(), Failure> {
+    let mut build = cargo_with(&["build", "--release", "--target", BOARD_TARGET]);
+    for name in BOARD_CRATES {
+        build.args(["--package", name]);
+    }
+    run(
+        &mut build,
+        "a std-only item or feature got into one of these crates",
+    )
+}
+
+fn host_tests() -> Result<(), Failure> {
+    run(
+        &mut cargo_with(&[
+            "test",
+            "--workspace",
+            "--exclude",
+            "trainer",
+            "--exclude",
+            "acceptance",
+        ]),
+        "run the failed test alone: `cargo test --package CRATE TEST_NAME`",
+    )
+}
+
+fn trainer_tests() -> Result<(), Failure> {
+    run(
+        &mut cargo_with(&["test", "--package", "trainer"]),
+        "run the failed test alone: `cargo test --package trainer TEST_NAME`",
+    )
+}
+
+fn acceptance() -> Result<(), Failure> {
+    run(
+        &mut cargo_with(&["test", "--package", "acceptance"]),
+        "run the failed promise alone: `cargo test --package acceptance --test PROMISE`",
+    )
+}
+
+fn acceptance_with_ros() -> Result<(), Failure> {
+    run(
+        cargo_with(&["test", "--package", "acceptance"]).env("CORTICODE_REQUIRE_ROS", "1"),
+        "run the failed promise alone: `cargo test --package acceptance --test PROMISE`",
+    )
+}
+
+/// A duration as a person says it: "850 ms", "12.3 s", "3 min 20 s".
+fn spoken(time: Duration) -> String {
+    let seconds = time.as_secs();
+    if seconds == 0 {
+        format!("{} ms", time.as_millis())
+    } else if seconds < 60 {
+        format!("{:.1} s", time.as_secs_f64())
+    } else {
+        format!("{} min {} s", seconds / 60, seconds % 60)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_spoken_in_the_unit_a_person_would_use() {
+        assert_eq!(spoken(Duration::from_millis(850)), "850 ms");
+        assert_eq!(spoken(Duration::from_millis(12_340)), "12.3 s");
+        assert_eq!(spoken(Duration::from_secs(200)), "3 min 20 s");
+    }
+}
