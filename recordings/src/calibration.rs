@@ -1,0 +1,36 @@
+//! From digital to physical values.
+
+/// The straight line through (digital min, physical min) and (digital max, physical max).
+///
+/// `physical = (d - digital_min) * gain + physical_min`,
+/// `gain = (physical_max - physical_min) / (digital_max - digital_min)`. Digital values are in
+/// the sample type's own steps; GDF applies the line to float samples too.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Calibration {
+    /// Smallest digital value the header announces, steps.
+    pub digital_min: f64,
+    /// Largest digital value the header announces, steps.
+    pub digital_max: f64,
+    /// Physical value of `digital_min`, in the signal's unit.
+    pub physical_min: f64,
+    /// Physical value of `digital_max`, in the signal's unit.
+    pub physical_max: f64,
+}
+
+impl Calibration {
+    /// Whether all four numbers are finite and the digital range is not empty.
+    pub(crate) fn is_usable(&self) -> bool {
+        let range = self.digital_max - self.digital_min;
+        range.is_finite() && range != 0.0 && (self.physical_max - self.physical_min).is_finite()
+    }
+
+    /// Physical units per digital step.
+    pub fn gain(&self) -> f64 {
+        (self.physical_max - self.physical_min) / (self.digital_max - self.digital_min)
+    }
+
+    /// The physical value of a digital one; values outside the announced range are kept.
+    pub fn physical(&self, digital: f64) -> f64 {
+        (digital - self.digital_min) * self.gain() + self.physical_min
+    }
+}

@@ -1,0 +1,163 @@
+//! Headers of EDF, EDF+, BDF and BDF+: fixed-width ASCII.
+//!
+//! Source: Kemp et al. 1992 (EDF), Kemp and Olivan 2003 (EDF+), BioSemi's description of BDF.
+
+use std::str::FromStr;
+
+use crate::{
+    Calibration, Format, Ratio, RecordingError, SampleType, Signal, SignalKind, Unit, Warning,
+    header::{HEADER_BLOCK, Header, SignalFields, text},
+};
+
+/// Labels that mark a signal as annotations.
+const ANNOTATIONS: [&str; 2] = ["EDF Annotations", "BDF Annotations"];
+
+/// The number of signals in the fixed part of a header, 1..=9999.
+///
+/// # Errors
+/// [`RecordingError::HeaderField`] when it is no such number.
+pub(crate) fn signal_count(fixed: &[u8; HEADER_BLOCK]) -> Result<usize, RecordingError> {
+    let count: usize = number(&fixed[252..256], "number of signals", "the file")?;
+    if count == 0 {
+        return Err(field_error(
+            "number of signals",
+            "the file",
+            &fixed[252..256],
+            "it is 0",
+        ));
+    }
+    Ok(count)
+}
+
+/// Reads a whole header of [`HEADER_BLOCK`] * (1 + signals) bytes.
+///
+/// # Errors
+/// [`RecordingError::HeaderField`] for a field that is no number of its kind,
+/// [`RecordingError::Range`] for a signal that cannot be scaled.
+pub(crate) fn parse(
+    family: Format,
+    bytes: &[u8],
+    signals: usize,
+) -> Result<Header, RecordingError> {
+    let sample_type = match family {
+        Format::Bdf => SampleType::Signed(3),
+        _ => SampleType::Signed(2),
+    };
+    let mut warnings = Vec::new();
+    let stated = text(&bytes[184..192]);
+    if stated.parse() != Ok(bytes.len()) {
+        warnings.push(Warning::HeaderLength {
+            stated,
+            used: bytes.len() as u64,
+        });
+    }
+    let format = variant(family, &text(&bytes[192..236]));
+    let records = match number::<i64>(&bytes[236..244], "number of records", "the file")? {
+        -1 => None,
+        count => Some(u64::try_from(count).map_err(|_| {
+            field_error(
+                "number of records",
+                "the file",
+                &bytes[236..244],
+                "it is negative",
+            )
+        })?),
+    };
+    let seconds: f64 = number(&bytes[244..252], "duration of a record", "the file")?;
+    let record_duration = Ratio::from_f64(seconds);
+    if record_duration.is_none() && seconds != 0.0 {
+        let reason = "it has to be 0 or between 1e-9 and 1e9 s";
+        return Err(field_error(
+            "duration of a record",
+            "the file",
+            &bytes[244..252],
+            reason,
+        ));
+    }
+
+    let mut fields = SignalFields::new(bytes, signals);
+    let labels = fields.next(16);
+    let _transducers = fields.next(80);
+    let units = fields.next(8);
+    let physical_min = fields.next(8);
+    let physical_max = fields.next(8);
+    let digital_min = fields.next(8);
+    let digital_max = fields.next(8);
+    let _prefilters = fields.next(80);
+    let samples = fields.next(8);
+
+    let mut list = Vec::with_capacity(signals);
+    for i in 0..signals {
+        let label = text(labels[i]);
+        let place = format!("signal {} ({label})", i + 1);
+        let samples_per_record: u32 = number(samples[i], "samples per record", &place)?;
+        let kind = if ANNOTATIONS.contains(&label.as_str()) {
+            SignalKind::Annotations
+        } else {
+            SignalKind::Samples
+        };
+        list.push(Signal {
+            kind,
+            unit: Unit::from_text(&text(units[i])),
+            calibration: Calibration {
+                physical_min: number(physical_min[i], "physical minimum", &place)?,
+                physical_max: number(physical_max[i], "physical maximum", &place)?,
+                digital_min: number(digital_min[i], "digital minimum", &place)?,
+                digital_max: number(digital_max[i], "digital maximum", &place)?,
+            },
+            sample_type,
+            samples_per_record,
+            rate: rate(samples_per_record, record_duration),
+            label,
+        });
+    }
+    let data_start = bytes.len() as u64;
+    Header {
+        format,
+        signals: list,
+        data_start,
+        records,
+        record_duration,
+        warnings,
+    }
+    .checked()
+}
+
+/// Samples per second of a signal; `None` when it has no samples or no time passes.
+pub(crate) fn rate(samples_per_record: u32, duration: Option<Ratio>) -> Option<Ratio> {
+    let duration = duration?;
+    Ratio::new(
+        u64::from(samples_per_record) * duration.denominator(),
+        duration.numerator(),
+    )
+}
+
+fn variant(family: Format, reserved: &str) -> Format {
+    match (family, reserved.get(..5)) {
+        (Format::Edf, Some("EDF+C")) => Format::EdfPlusContinuous,
+        (Format::Edf, Some("EDF+D")) => Format::EdfPlusDiscontinuous,
+        (Format::Bdf, Some("BDF+C")) => Format::BdfPlusContinuous,
+        (Format::Bdf, Some("BDF+D")) => Format::BdfPlusDiscontinuous,
+        _ => family,
+    }
+}
+
+fn number<T: FromStr>(bytes: &[u8], field: &'static str, place: &str) -> Result<T, RecordingError> {
+    text(bytes)
+        .parse()
+        .map_err(|_| field_error(field, place, bytes, "a plain number is needed"))
+}
+
+fn field_error(
+    field: &'static str,
+    place: &str,
+    bytes: &[u8],
+    reason: &'static str,
+) -> RecordingError {
+    RecordingError::HeaderField {
+        field,
+        place: place.to_owned(),
+        found: bytes.trim_ascii().escape_ascii().to_string(),
+        reason,
+    }
+}

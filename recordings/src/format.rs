@@ -1,0 +1,79 @@
+//! File formats, recognised by their first bytes.
+
+use std::fmt;
+
+use crate::RecordingError;
+
+/// The format of a recording.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Format {
+    /// European Data Format: 16-bit samples.
+    Edf,
+    /// EDF+ with gapless records (EDF+C).
+    EdfPlusContinuous,
+    /// EDF+ whose records may lie apart in time (EDF+D).
+    EdfPlusDiscontinuous,
+    /// BioSemi's 24-bit twin of EDF.
+    Bdf,
+    /// BDF+ with gapless records.
+    BdfPlusContinuous,
+    /// BDF+ whose records may lie apart in time.
+    BdfPlusDiscontinuous,
+    /// General Data Format below 1.90; the number is the version, e.g. 1.25.
+    Gdf1(f64),
+    /// General Data Format from 1.90; the number is the version, e.g. 2.10.
+    Gdf2(f64),
+}
+
+impl Format {
+    /// Recognises a format by the first eight bytes; the `+` variants are told apart later, by
+    /// the header's reserved field.
+    ///
+    /// # Errors
+    /// [`RecordingError::UnknownFormat`] when the bytes belong to none of them.
+    pub(crate) fn detect(magic: [u8; 8]) -> Result<Self, RecordingError> {
+        let unknown = || RecordingError::UnknownFormat {
+            found: magic.escape_ascii().to_string(),
+        };
+        if magic[0] == b'0' && magic[1..].iter().all(|&b| b == b' ' || b == 0) {
+            return Ok(Self::Edf);
+        }
+        if magic == *b"\xffBIOSEMI" {
+            return Ok(Self::Bdf);
+        }
+        let version = magic
+            .strip_prefix(b"GDF ")
+            .and_then(|rest| std::str::from_utf8(rest).ok())
+            .and_then(|rest| rest.trim_matches(['\0', ' ']).parse::<f64>().ok())
+            .ok_or_else(unknown)?;
+        if (1.0..1.9).contains(&version) {
+            Ok(Self::Gdf1(version))
+        } else if (1.9..3.0).contains(&version) {
+            Ok(Self::Gdf2(version))
+        } else {
+            Err(unknown())
+        }
+    }
+
+    /// Whether the records may lie apart in time.
+    pub fn is_discontinuous(self) -> bool {
+        matches!(
+            self,
+            Self::EdfPlusDiscontinuous | Self::BdfPlusDiscontinuous
+        )
+    }
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Edf => f.write_str("EDF"),
+            Self::EdfPlusContinuous => f.write_str("EDF+C"),
+            Self::EdfPlusDiscontinuous => f.write_str("EDF+D"),
+            Self::Bdf => f.write_str("BDF"),
+            Self::BdfPlusContinuous => f.write_str("BDF+C"),
+            Self::BdfPlusDiscontinuous => f.write_str("BDF+D"),
+            Self::Gdf1(version) | Self::Gdf2(version) => write!(f, "GDF {version:.2}"),
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! Headers of GDF 1.x and 2.x: binary, little-endian.
+//!
+//! Source: A. Schlögl, "GDF - A general dataformat for biosignals", arXiv cs/0608052 and later
+//! versions of the specification; both layouts spend 256 bytes per signal.
+
+use crate::{
+    Calibration, Format, Ratio, RecordingError, SampleType, Signal, SignalKind, Unit,
+    edf::rate,
+    header::{HEADER_BLOCK, Header, SignalFields, array_at, text},
+};
+
+/// The first version whose record length is a float64 instead of two u32 (GDF 2.21).
+const FLOAT_DURATION: f64 = 2.205;
+
+/// The number of signals in the fixed part of a header, 1..=65535.
+///
+/// # Errors
+/// [`RecordingError::HeaderField`] when it is 0.
+pub(crate) fn signal_count(
+    format: Format,
+    fixed: &[u8; HEADER_BLOCK],
+) -> Result<usize, RecordingError> {
+    let count = match format {
+        Format::Gdf1(_) => u32::from_le_bytes(array_at(fixed, 252)),
+        _ => u32::from(u16::from_le_bytes(array_at(fixed, 252))),
+    };
+    // GDF 1 spends 32 bits on the number; more than 16 are never meant.
+    match u16::try_from(count) {
+        Ok(count @ 1..) => Ok(usize::from(count)),
+        _ => Err(field_error(
+            "number of signals",
+            &count.to_string(),
+            "1..=65535 is possible",
+        )),
+    }
+}
+
+/// Reads the part of a header that describes signals, [`HEADER_BLOCK`] * (1 + signals) bytes.
+///
+/// # Errors
+/// [`RecordingError::HeaderField`], [`RecordingError::SampleType`], [`RecordingError::Range`].
+pub(crate) fn parse(
+    format: Format,
+    bytes: &[u8],
+    signals: usize,
+) -> Result<Header, RecordingError> {
+    let data_start = match format {
+        Format::Gdf1(_) => u64::from_le_bytes(array_at(bytes, 184)),
+        _ => u64::from(u16::from_le_bytes(array_at(bytes, 184))) * HEADER_BLOCK as u64,
+    };
+    if data_start < bytes.len() as u64 {
+        let reason = "it is shorter than its signals need";
+        return Err(field_error(
+            "length of the header",
+            &data_start.to_string(),
+            reason,
+        ));
+    }
+    let records =
+        match i64::from_le_bytes(array_at(bytes, 236)) {
+            -1 => None,
+            count => Some(u64::try_from(count).map_err(|_| {
+                field_error("number of records", &count.to_string(), "it is negative")
+            })?),
+        };
+    let record_duration = duration(format, bytes)?;
+    let list = match format {
+        Format::Gdf1(_) => signals_of_version_1(bytes, signals, record_duration)?,
+        _ => signals_of_version_2(bytes, signals, record_duration)?,
+    };
+    let warnings = Vec::new();
+    Header {
+        format,
+        signals: list,
+        data_start,
+        records,
+        record_duration,
+        warnings,
+    }
+    .checked()
+}
+
+fn duration(format: Format, bytes: &[u8]) -> Result<Option<Ratio>, RecordingError> {
+    if let Format::Gdf2(version) = format
+        && version >= FLOAT_DURATION
+    {
+        let seconds = f64::from_le_bytes(array_at(bytes, 244));
+        let ratio = Ratio::from_f64(seconds);
+        return if ratio.is_none() && seconds != 0.0 {
+            let reason = "it has to be 0 or between 1e-9 and 1e9 s";
+            Err(field_error(
+                "duration of a record",
+                &seconds.to_string(),
+                reason,
+            ))
+        } else {
+            Ok(ratio)
+        };
+    }
+    let numerator = u32::from_le_bytes(array_at(bytes, 244));
+    let denominator = u32::from_le_bytes(array_at(bytes, 248));
+    if denominator == 0 {
+        let found = format!("{numerator}/0");
+        return Err(field_error(
+            "duration of a record",
+            &found,
+            "its denominator is 0",
+        ));
+    }
+    Ok(Ratio::new(numerator.into(), denominator.into()))
+}
+
+fn signals_of_version_1(
+    bytes: &[u8],
+    signals: usize,
+    duration: Option<Ratio>,
+) -> Result<Vec<Signal>, RecordingError> {
+    let mut fields = SignalFields::new(bytes, signals);
+    let labels = fields.next(16);
+    let _transducers = fields.next(80);
+    let units = fields.next(8);
+    let physical_min = fields.next(8);
+    let physical_max = fields.next(8);
+    let digital_min = fields.next(8);
+    let digital_max = fields.next(8);
+    let _prefilters = fields.next(80);
+    let samples = fields.next(4);
+    let types = fields.next(4);
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "digital limits beyond 2^53 are rounded"
+    )]
+    let integer = |raw: &[u8]| i64::from_le_bytes(array_at(raw, 0)) as f64;
+    (0..signals)
+        .map(|i| {
+            let calibration = Calibration {
+                physical_min: f64::from_le_bytes(array_at(physical_min[i], 0)),
+                physical_max: f64::from_le_bytes(array_at(physical_max[i], 0)),
+                digital_min: integer(digital_min[i]),
+                digital_max: integer(digital_max[i]),
+            };
+            let unit = Unit::from_text(&text(units[i]));
+            signal(labels[i], unit, calibration, samples[i], types[i], duration)
+        })
+        .collect()
+}
+
+fn signals_of_version_2(
+    bytes: &[u8],
+    signals: usize,
+    duration: Option<Ratio>,
+) -> Result<Vec<Signal>, RecordingError> {
+    let mut fields = SignalFields::new(bytes, signals);
+    let labels = fields.next(16);
+    let _transducers = fields.next(80);
+    let units = fields.next(6);
+    let unit_codes = fields.next(2);
+    let physical_min = fields.next(8);
+    let physical_max = fields.next(8);
+    let digital_min = fields.next(8);
+    let digital_max = fields.next(8);
+    let _reserved_and_time_offset = fields.next(64 + 4);
+    let _low_pass_high_pass_notch = fields.next(12);
+    let samples = fields.next(4);
+    let types = fields.next(4);
+    (0..signals)
+        .map(|i| {
+            let calibration = Calibration {
+                physical_min: f64::from_le_bytes(array_at(physical_min[i], 0)),
+                physical_max: f64::from_le_bytes(array_at(physical_max[i], 0)),
+                digital_min: f64::from_le_bytes(array_at(digital_min[i], 0)),
+                digital_max: f64::from_le_bytes(array_at(digital_max[i], 0)),
+            };
+            let code = u16::from_le_bytes(array_at(unit_codes[i], 0));
+            let unit = Unit::from_gdf_code(code, &text(units[i]));
+            signal(labels[i], unit, calibration, samples[i], types[i], duration)
+        })
+        .collect()
+}
+
+fn signal(
+    label: &[u8],
+    unit: Unit,
+    calibration: Calibration,
+    samples: &[u8],
+    sample_type: &[u8],
+    duration: Option<Ratio>,
+) -> Result<Signal, RecordingError> {
+    let label = text(label);
+    let number = u32::from_le_bytes(array_at(sample_type, 0));
+    let samples_per_record = u32::from_le_bytes(array_at(samples, 0));
+    let Some(sample_type) = SampleType::from_gdf(number) else {
+        return Err(RecordingError::SampleType { label, number });
+    };
+    Ok(Signal {
+        kind: SignalKind::Samples,
+        unit,
+        calibration,
+        sample_type,
+        samples_per_record,
+        rate: rate(samples_per_record, duration),
+        label,
+    })
+}
+
+fn field_error(field: &'static str, found: &str, reason: &'static str) -> RecordingError {
+    RecordingError::HeaderField {
+        field,
+        place: "the file".to_owned(),
+        found: found.to_owned(),
+        reason,
+    }
+}

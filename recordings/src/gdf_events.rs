@@ -1,0 +1,130 @@
+//! The event table behind the records of a GDF file.
+
+use crate::{Event, EventLabel, Format, header::array_at};
+
+/// Bytes before the columns of the table.
+pub(crate) const PREFIX: usize = 8;
+
+/// The first version whose prefix is mode, u24 count, f32 rate (before: mode, u24 rate, u32
+/// count), as biosig and MNE tell them apart.
+const NEW_PREFIX: f64 = 1.94;
+
+/// The first eight bytes of the table.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct TablePrefix {
+    /// 1: positions and types; 3: channels and durations too.
+    mode: u8,
+    /// Rows.
+    pub(crate) count: u32,
+    /// Positions per second, Hz; <= 0 when the file leaves it out.
+    rate_hz: f64,
+}
+
+impl TablePrefix {
+    pub(crate) fn parse(format: Format, bytes: [u8; PREFIX]) -> Self {
+        let [mode, a, b, c, rest @ ..] = bytes;
+        let middle = u32::from_le_bytes([a, b, c, 0]);
+        match format {
+            Format::Gdf1(version) | Format::Gdf2(version) if version < NEW_PREFIX => Self {
+                mode,
+                count: u32::from_le_bytes(rest),
+                rate_hz: f64::from(middle),
+            },
+            _ => Self {
+                mode,
+                count: middle,
+                rate_hz: f32::from_le_bytes(rest).into(),
+            },
+        }
+    }
+
+    /// Bytes of the columns; `None` for a mode that is not read.
+    pub(crate) fn column_bytes(&self) -> Option<u64> {
+        match self.mode {
+            1 => Some(u64::from(self.count) * 6),
+            3 => Some(u64::from(self.count) * 12),
+            _ => None,
+        }
+    }
+
+    /// The rows, in file order; `columns` has [`Self::column_bytes`] bytes and `fallback_hz`
+    /// stands in for a missing rate. Positions count from 1.
+    pub(crate) fn events(&self, columns: &[u8], fallback_hz: f64) -> Vec<Event> {
+        let count = self.count as usize;
+        let rate_hz = if self.rate_hz.is_finite() && self.rate_hz > 0.0 {
+            self.rate_hz
+        } else {
+            fallback_hz
+        };
+        let word = |at: usize| u32::from_le_bytes(array_at(columns, at));
+        let half = |at: usize| u16::from_le_bytes(array_at(columns, at));
+        (0..count)
+            .map(|i| {
+                let position = word(4 * i);
+                let (signal, duration_s) = if self.mode == 3 {
+                    let channel = half(6 * count + 2 * i);
+                    let duration = word(8 * count + 4 * i);
+                    (channel.checked_sub(1), Some(f64::from(duration) / rate_hz))
+                } else {
+                    (None, None)
+                };
+                Event {
+                    onset_s: (f64::from(position) - 1.0) / rate_hz,
+                    duration_s,
+                    signal,
+                    label: EventLabel::Type(half(4 * count + 2 * i)),
+                }
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mode_3_gives_channel_and_duration() {
+        let prefix = TablePrefix::parse(Format::Gdf2(2.1), [3, 2, 0, 0, 0, 0, 0x80, 0x43]);
+        assert_eq!((prefix.count, prefix.rate_hz), (2, 256.0));
+        let mut columns = Vec::new();
+        for position in [1_u32, 257] {
+            columns.extend(position.to_le_bytes());
+        }
+        for half in [0x0300_u16, 0x8300, 0, 5] {
+            columns.extend(half.to_le_bytes());
+        }
+        for duration in [128_u32, 256] {
+            columns.extend(duration.to_le_bytes());
+        }
+        assert_eq!(prefix.column_bytes(), Some(columns.len() as u64));
+        let events = prefix.events(&columns, 1.0);
+        let expected = |onset_s, duration, signal, label| Event {
+            onset_s,
+            duration_s: Some(duration),
+            signal,
+            label: EventLabel::Type(label),
+        };
+        assert_eq!(
+            events,
+            [
+                expected(0.0, 0.5, None, 0x0300),
+                expected(1.0, 1.0, Some(4), 0x8300)
+            ]
+        );
+    }
+
+    #[test]
+    fn version_1_has_its_rate_before_its_count() {
+        let prefix = TablePrefix::parse(Format::Gdf1(1.25), [1, 250, 0, 0, 7, 0, 0, 0]);
+        assert_eq!(
+            prefix,
+            TablePrefix {
+                mode: 1,
+                count: 7,
+                rate_hz: 250.0
+            }
+        );
+        assert_eq!(TablePrefix { mode: 2, ..prefix }.column_bytes(), None);
+    }
+}

@@ -1,0 +1,132 @@
+//! Exact fractions for rates and durations.
+
+use std::fmt;
+
+/// An exact fraction: a rate in Hz or a duration in s, numerator and denominator > 0, reduced.
+///
+/// Files state a rate as samples per record and a record's length as a decimal or as two
+/// integers; keeping the fraction exact lets the virtual ADC place sample k at k / rate over days.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Ratio {
+    numerator: u64,
+    denominator: u64,
+}
+
+/// Largest denominator that [`Ratio::from_f64`] looks for; enough for any 8-character decimal
+/// (EDF's field width) and for 1/rate of every rate up to 1 MHz.
+const DENOMINATOR_MAX: u64 = 10_000_000;
+
+impl Ratio {
+    /// `numerator / denominator` in lowest terms; `None` when either is zero.
+    pub fn new(numerator: u64, denominator: u64) -> Option<Self> {
+        if numerator == 0 || denominator == 0 {
+            return None;
+        }
+        let divisor = greatest_common_divisor(numerator, denominator);
+        Some(Self {
+            numerator: numerator / divisor,
+            denominator: denominator / divisor,
+        })
+    }
+
+    /// The simplest fraction within 1e-11 (relative) of a number in (1e-9, 1e9), by continued
+    /// fractions: 0.00390625 gives 1/256.
+    pub fn from_f64(value: f64) -> Option<Self> {
+        if !value.is_finite() || value <= 1e-9 || value >= 1e9 {
+            return None;
+        }
+        let (mut before, mut now) = ((0_u64, 1_u64), (1_u64, 0_u64));
+        let mut rest = value;
+        for _ in 0..40 {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "0 <= rest <= 1e15: the loop ends before a smaller remainder is inverted"
+            )]
+            let whole = rest.floor() as u64;
+            let numerator = whole.checked_mul(now.0)?.checked_add(before.0)?;
+            let denominator = whole.checked_mul(now.1)?.checked_add(before.1)?;
+            if denominator > DENOMINATOR_MAX {
+                break;
+            }
+            (before, now) = (now, (numerator, denominator));
+            let found = quotient(now.0, now.1);
+            let remainder = rest - rest.floor();
+            if (found - value).abs() <= 1e-11 * value || remainder < 1e-15 {
+                break;
+            }
+            rest = 1.0 / remainder;
+        }
+        Self::new(now.0, now.1)
+    }
+
+    /// The upper number of the reduced fraction.
+    pub fn numerator(self) -> u64 {
+        self.numerator
+    }
+
+    /// The lower number of the reduced fraction.
+    pub fn denominator(self) -> u64 {
+        self.denominator
+    }
+
+    /// The nearest f64.
+    pub fn value(self) -> f64 {
+        quotient(self.numerator, self.denominator)
+    }
+}
+
+impl fmt::Display for Ratio {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.value())
+    }
+}
+
+/// `a / b` as the nearest f64.
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "rates and durations stay far below 2^53"
+)]
+fn quotient(a: u64, b: u64) -> f64 {
+    a as f64 / b as f64
+}
+
+/// Euclid's algorithm; both arguments > 0.
+pub(crate) fn greatest_common_divisor(a: u64, b: u64) -> u64 {
+    let (mut a, mut b) = (a, b);
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decimals_become_their_simplest_fraction() {
+        for (value, numerator, denominator) in [
+            (1.0, 1, 1),
+            (0.1, 1, 10),
+            (0.003_906_25, 1, 256),
+            (1.0 / 300.0, 1, 300),
+            (2.5, 5, 2),
+        ] {
+            let ratio = Ratio::from_f64(value).expect("in range");
+            assert_eq!(
+                (ratio.numerator(), ratio.denominator()),
+                (numerator, denominator)
+            );
+        }
+    }
+
+    #[test]
+    fn numbers_that_are_no_rate_are_refused() {
+        for value in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-12, 1e12] {
+            assert_eq!(Ratio::from_f64(value), None, "{value}");
+        }
+        assert_eq!(Ratio::new(1, 0), None);
+        assert_eq!(Ratio::new(0, 1), None);
+    }
+}

@@ -1,0 +1,380 @@
+//! The streaming reader, the same for all formats.
+
+use std::{
+    fs::File,
+    io::{Read, Seek, SeekFrom},
+    path::Path,
+};
+
+use crate::{
+    Event, Format, Ratio, RecordingError, Signal, SignalKind, Warning, edf, gdf,
+    gdf_events::{PREFIX, TablePrefix},
+    header::{HEADER_BLOCK, Header},
+    tal,
+};
+
+/// A place that recordings are read from.
+pub trait Source: Read + Seek + Send {}
+impl<T: Read + Seek + Send> Source for T {}
+
+/// Records are read in blocks of about this many bytes; a longer record is a block of its own.
+const BLOCK_BYTES: u64 = 64 * 1024;
+
+/// An opened recording: its header and a position among its records.
+///
+/// Memory: the header (256 bytes per signal), one block of at least one record, nothing that a
+/// header could inflate beyond the size of its file.
+pub struct Recording {
+    source: Box<dyn Source>,
+    header: Header,
+    record_bytes: u64,
+    records: u64,
+    truncated: bool,
+    file_bytes: u64,
+    next_record: u64,
+    raw: Vec<u8>,
+}
+
+/// Whole records of a recording, in physical units.
+#[derive(Debug, Default, Clone, PartialEq)]
+pub struct Block {
+    /// Index of the first record.
+    pub first_record: u64,
+    /// Number of records.
+    pub records: u64,
+    /// Samples per signal, each in its signal's own unit; empty for annotations.
+    pub samples: Vec<Vec<f64>>,
+}
+
+impl Recording {
+    /// Opens a file and reads its header.
+    ///
+    /// # Errors
+    /// [`RecordingError::Open`] and everything that [`Recording::from_source`] gives.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, RecordingError> {
+        let path = path.as_ref();
+        let file = File::open(path).map_err(|source| RecordingError::Open {
+            path: path.to_owned(),
+            source,
+        })?;
+        Self::from_source(file)
+    }
+
+    /// Reads the header of anything that can be read and sought.
+    ///
+    /// # Errors
+    /// [`RecordingError::UnknownFormat`] by the first bytes; [`RecordingError::HeaderCut`],
+    /// [`RecordingError::HeaderField`], [`RecordingError::Range`], [`RecordingError::SampleType`]
+    /// for a header that cannot be used; [`RecordingError::NoData`] without one whole record;
+    /// [`RecordingError::Read`].
+    pub fn from_source(source: impl Source + 'static) -> Result<Self, RecordingError> {
+        let mut source: Box<dyn Source> = Box::new(source);
+        let file_bytes = source
+            .seek(SeekFrom::End(0))
+            .map_err(|source| RecordingError::Read {
+                at: 0,
+                bytes: 0,
+                source,
+            })?;
+        let enough = |needed: u64| {
+            if file_bytes < needed {
+                Err(RecordingError::HeaderCut {
+                    needed,
+                    found: file_bytes,
+                })
+            } else {
+                Ok(())
+            }
+        };
+        let mut magic = [0; 8];
+        let magic_bytes = magic
+            .len()
+            .min(usize::try_from(file_bytes).unwrap_or(usize::MAX));
+        read_at(&mut *source, 0, &mut magic[..magic_bytes])?;
+        let format = Format::detect(magic)?;
+
+        let mut fixed = [0; HEADER_BLOCK];
+        enough(HEADER_BLOCK as u64)?;
+        read_at(&mut *source, 0, &mut fixed)?;
+        let is_gdf = matches!(format, Format::Gdf1(_) | Format::Gdf2(_));
+        let signals = if is_gdf {
+            gdf::signal_count(format, &fixed)?
+        } else {
+            edf::signal_count(&fixed)?
+        };
+        // At most 65536 blocks, and no more than the file has.
+        let header_bytes = HEADER_BLOCK * (1 + signals);
+        enough(header_bytes as u64)?;
+        let mut bytes = vec![0; header_bytes];
+        read_at(&mut *source, 0, &mut bytes)?;
+        let header = if is_gdf {
+            gdf::parse(format, &bytes, signals)?
+        } else {
+            edf::parse(format, &bytes, signals)?
+        };
+        enough(header.data_start)?;
+        Self::with_header(source, header, file_bytes)
+    }
+
+    fn with_header(
+        source: Box<dyn Source>,
+        mut header: Header,
+        file_bytes: u64,
+    ) -> Result<Self, RecordingError> {
+        let record_bytes = header.record_bytes();
+        let data_bytes = file_bytes - header.data_start;
+        let whole = data_bytes.checked_div(record_bytes).unwrap_or(0);
+        let left_over = data_bytes - whole * record_bytes;
+        let promised = header.records.unwrap_or(whole);
+        let truncated = promised > whole || (header.records.is_none() && left_over > 0);
+        if header.records.is_none() {
+            header
+                .warnings
+                .push(Warning::RecordsUnknown { derived: whole });
+        }
+        if truncated {
+            header.warnings.push(Warning::Truncated {
+                promised,
+                whole,
+                left_over,
+            });
+        }
+        let records = promised.min(whole);
+        if records == 0 {
+            return Err(RecordingError::NoData {
+                record_bytes,
+                data_bytes,
+            });
+        }
+        let is_gdf = matches!(header.format, Format::Gdf1(_) | Format::Gdf2(_));
+        let surplus = data_bytes - records * record_bytes;
+        // What lies behind the records of a GDF file is its event table.
+        if !is_gdf && !truncated && surplus > 0 {
+            header.warnings.push(Warning::Surplus { bytes: surplus });
+        }
+        let raw = Vec::new();
+        let mut recording = Self {
+            source,
+            header,
+            record_bytes,
+            records,
+            truncated,
+            file_bytes,
+            next_record: 0,
+            raw,
+        };
+        if recording.header.format.is_discontinuous() {
+            recording.note_gaps()?;
+        }
+        Ok(recording)
+    }
+
+    /// The file's format.
+    pub fn format(&self) -> Format {
+        self.header.format
+    }
+
+    /// All signals, annotations included, in file order.
+    pub fn signals(&self) -> &[Signal] {
+        &self.header.signals
+    }
+
+    /// The signals' labels as the file spells them, in file order.
+    pub fn labels(&self) -> Vec<&str> {
+        self.header
+            .signals
+            .iter()
+            .map(|signal| signal.label.as_str())
+            .collect()
+    }
+
+    /// What is wrong with the file but does not keep it from being read.
+    pub fn warnings(&self) -> &[Warning] {
+        &self.header.warnings
+    }
+
+    /// Whole records that are served, > 0.
+    pub fn records(&self) -> u64 {
+        self.records
+    }
+
+    /// Length of one record, s; `None` for files of annotations alone.
+    pub fn record_duration(&self) -> Option<Ratio> {
+        self.header.record_duration
+    }
+
+    /// Length of what is served, s.
+    #[expect(clippy::cast_precision_loss, reason = "records stay below 2^53")]
+    pub fn duration_s(&self) -> f64 {
+        self.record_duration()
+            .map_or(0.0, |length| length.value() * self.records as f64)
+    }
+
+    /// Goes back to the first record.
+    pub fn rewind(&mut self) {
+        self.next_record = 0;
+    }
+
+    /// Reads the next records into `block`, whose memory is used again; `false` at the end.
+    ///
+    /// # Errors
+    /// [`RecordingError::Read`] when the file cannot be read or has shrunk since it was opened.
+    pub fn read_block(&mut self, block: &mut Block) -> Result<bool, RecordingError> {
+        block.first_record = self.next_record;
+        block
+            .samples
+            .resize_with(self.header.signals.len(), Vec::new);
+        block.samples.iter_mut().for_each(Vec::clear);
+        block.records = (BLOCK_BYTES / self.record_bytes)
+            .max(1)
+            .min(self.records - self.next_record);
+        if block.records == 0 {
+            return Ok(false);
+        }
+        let at = self.header.data_start + self.next_record * self.record_bytes;
+        self.raw
+            .resize(in_memory(block.records * self.record_bytes), 0);
+        read_at(&mut *self.source, at, &mut self.raw)?;
+        for record in self.raw.chunks_exact(in_memory(self.record_bytes)) {
+            let mut rest = record;
+            for (signal, out) in self.header.signals.iter().zip(&mut block.samples) {
+                let (own, others) = rest.split_at(in_memory(signal.record_bytes()));
+                rest = others;
+                if signal.kind == SignalKind::Samples {
+                    let line = signal.calibration;
+                    signal
+                        .sample_type
+                        .decode(own, |digital| line.physical(digital), out);
+                }
+            }
+        }
+        self.next_record += block.records;
+        Ok(true)
+    }
+
+    /// All events of the file, in file order: the annotations of EDF+ and BDF+ (which takes a
+    /// pass through the file) or GDF's event table. A damaged list adds a [`Warning`].
+    ///
+    /// # Errors
+    /// [`RecordingError::Read`].
+    pub fn events(&mut self) -> Result<Vec<Event>, RecordingError> {
+        match self.header.format {
+            Format::Gdf1(_) | Format::Gdf2(_) => self.gdf_events(),
+            _ => {
+                let mut events = Vec::new();
+                self.for_each_annotated_record(|annotations| {
+                    events.extend(annotations.events);
+                })?;
+                Ok(events)
+            }
+        }
+    }
+
+    fn gdf_events(&mut self) -> Result<Vec<Event>, RecordingError> {
+        let at = self.header.data_start + self.records * self.record_bytes;
+        let bytes = self.file_bytes.saturating_sub(at);
+        // A cut file has lost its table, which lies at the end; a file without events may have none.
+        if self.truncated || bytes == 0 {
+            return Ok(Vec::new());
+        }
+        let mut announced = 0;
+        if bytes >= PREFIX as u64 {
+            let mut prefix = [0; PREFIX];
+            read_at(&mut *self.source, at, &mut prefix)?;
+            let table = TablePrefix::parse(self.header.format, prefix);
+            announced = table.count;
+            if let Some(needed) = table.column_bytes()
+                && needed <= bytes - PREFIX as u64
+            {
+                let mut columns = vec![0; in_memory(needed)];
+                read_at(&mut *self.source, at + PREFIX as u64, &mut columns)?;
+                return Ok(table.events(&columns, self.fastest_rate_hz()));
+            }
+        }
+        self.warn_once(Warning::EventTable { announced, bytes });
+        Ok(Vec::new())
+    }
+
+    fn fastest_rate_hz(&self) -> f64 {
+        let rates = self.header.signals.iter().filter_map(|signal| signal.rate);
+        rates.map(Ratio::value).fold(1.0, f64::max)
+    }
+
+    fn note_gaps(&mut self) -> Result<(), RecordingError> {
+        let length = self.record_duration().map_or(0.0, Ratio::value);
+        let (mut count, mut seconds, mut expected) = (0_u64, 0.0, None::<f64>);
+        self.for_each_annotated_record(|annotations| {
+            if let Some(start) = annotations.record_start_s {
+                // Starts are decimals: 1e-6 s is far above their rounding, far below a sample.
+                if let Some(gap) = expected.map(|end| start - end)
+                    && gap.abs() > 1e-6
+                {
+                    count += 1;
+                    seconds += gap;
+                }
+                expected = Some(start + length);
+            }
+        })?;
+        if count > 0 {
+            self.warn_once(Warning::Gaps { count, seconds });
+        }
+        Ok(())
+    }
+
+    fn for_each_annotated_record(
+        &mut self,
+        mut visit: impl FnMut(tal::RecordAnnotations),
+    ) -> Result<(), RecordingError> {
+        let mut places = Vec::new();
+        let mut offset = 0;
+        for signal in &self.header.signals {
+            if signal.kind == SignalKind::Annotations && signal.samples_per_record > 0 {
+                places.push((offset, signal.record_bytes()));
+            }
+            offset += signal.record_bytes();
+        }
+        let mut damaged = 0;
+        let mut bytes = Vec::new();
+        // Without annotation signals there is nothing to visit.
+        for record in (0..self.records).take_while(|_| !places.is_empty()) {
+            let mut intact = true;
+            for &(offset, length) in &places {
+                bytes.resize(in_memory(length), 0);
+                let at = self.header.data_start + record * self.record_bytes + offset;
+                read_at(&mut *self.source, at, &mut bytes)?;
+                let annotations = tal::parse(&bytes);
+                intact &= annotations.intact;
+                visit(annotations);
+            }
+            damaged += u64::from(!intact);
+        }
+        if damaged > 0 {
+            self.warn_once(Warning::Annotations { records: damaged });
+        }
+        Ok(())
+    }
+
+    fn warn_once(&mut self, warning: Warning) {
+        if !self.header.warnings.contains(&warning) {
+            self.header.warnings.push(warning);
+        }
+    }
+}
+
+fn read_at(source: &mut dyn Source, at: u64, bytes: &mut [u8]) -> Result<(), RecordingError> {
+    let length = bytes.len() as u64;
+    source
+        .seek(SeekFrom::Start(at))
+        .and_then(|_| source.read_exact(bytes))
+        .map_err(|source| RecordingError::Read {
+            at,
+            bytes: length,
+            source,
+        })
+}
+
+/// A number of bytes that was checked against the size of the file; on a 32-bit machine a
+/// larger one than memory can hold becomes an allocation that fails.
+fn in_memory(bytes: u64) -> usize {
+    usize::try_from(bytes).unwrap_or(usize::MAX)
+}
