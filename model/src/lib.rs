@@ -1,3 +1,72 @@
 //! What training decided, as constants: filters, montage, scales and the int8 encoder.
+//!
+//! Everything below [`MainsFilter`] is generated at build time from the files in `artifact/` by
+//! model-gen, which proves its ranges; `manifest.txt` shows the numbers that a person wants to see.
 #![no_std]
 #![forbid(unsafe_code)]
+
+#[cfg(test)]
+extern crate std;
+
+use fixed_dsp::{Cascade, Coefficient, Section, Shape};
+use int8_nn::{Conv3d, Linear, PlaneShape};
+
+/// Electrodes of the montage; electrode `e` is wired to ADC channel `e`.
+pub const ELECTRODES: usize = 61;
+/// Rows of the scalp grid.
+pub const ROWS: usize = 10;
+/// Columns of the scalp grid.
+pub const COLUMNS: usize = 9;
+/// Cells of the scalp grid, row-major; a cell without an electrode is always 0.
+pub const CELLS: usize = ROWS * COLUMNS;
+/// Time steps of a window.
+pub const STEPS: usize = 16;
+/// Numbers in a code.
+pub const CODE: usize = 128;
+
+/// The filters in front of the decimator for one mains frequency.
+#[derive(Clone, Copy, Debug)]
+pub struct MainsFilter {
+    /// Mains frequency that is notched out, Hz.
+    pub mains_hz: u8,
+    /// The sections; samples are counts in Q28.4.
+    pub cascade: Cascade<SECTIONS>,
+    /// Group delay at 10 Hz, microseconds.
+    pub group_delay_us: u32,
+    /// ADC samples until a step has decayed to 1e-4 of its height.
+    pub settling_samples: u32,
+    /// The chain in words.
+    pub description: &'static str,
+}
+
+/// Weights on a word boundary, so that four can be loaded at once.
+#[repr(C, align(4))]
+struct Aligned<const N: usize>([i8; N]);
+
+include!(concat!(env!("OUT_DIR"), "/generated.rs"));
+
+const _: () = {
+    assert!(CONV1.is_consistent() && CONV2.is_consistent());
+    assert!(CHANNELS >= ELECTRODES);
+    assert!(HOP == 8 || HOP == STEPS);
+};
+
+#[cfg(test)]
+mod tests {
+    use std::{fs, path::Path};
+
+    #[test]
+    fn the_checked_in_manifest_is_that_of_the_artifact() {
+        let generated = include_str!(concat!(env!("OUT_DIR"), "/manifest.txt"));
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("manifest.txt");
+        if std::env::var_os("UPDATE_MANIFEST").is_some() {
+            fs::write(&path, generated).expect("model/manifest.txt is writable");
+        }
+        let checked_in = fs::read_to_string(&path).unwrap_or_default();
+        assert!(
+            checked_in == generated,
+            "model/manifest.txt is not that of model/artifact; look at the new numbers with \
+             `UPDATE_MANIFEST=1 cargo test --package model` and `git diff model/manifest.txt`"
+        );
+    }
+}

@@ -1,3 +1,42 @@
 //! EEG from sample to code: filters, decimation, scalp grid, quantisation, encoder.
+//!
+//! ```text
+//! Sample --FrontEnd--> 61 electrodes at 128 Hz --Quantiser--> Plane --Encoder--> Code
+//! 512 Hz   filters,     counts, Q28.4                int8, 10 x 9         128 x int8, 16 Hz
+//!          decimator
+//! ```
+//!
+//! Pure and synchronous, integers only: the same samples give the same codes on every machine. The
+//! path does not allocate, wait, log or branch on the signal; what it clips, it counts.
+//!
+//! ```
+//! use pipeline::{Mains, Pipeline, Sample};
+//!
+//! let mut pipeline = Pipeline::new(Mains::Hz50);
+//! let codes = (0..1_024).filter_map(|_| pipeline.push(&Sample::default())).count();
+//! // The first window takes 16 steps of 4 samples, every further one 8 steps.
+//! assert_eq!(codes, 1 + (1_024 / 4 - 16) / 8);
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
+
+#[cfg(test)]
+extern crate std;
+
+mod code;
+mod encoder;
+mod front_end;
+mod mains;
+mod plane;
+mod sample;
+mod stream;
+mod window;
+
+pub use code::Code;
+pub use encoder::{Encoder, EncoderOutput};
+pub use front_end::{Electrodes, FrontEnd};
+pub use mains::Mains;
+pub use model::{CELLS, CHANNELS, ELECTRODES};
+pub use plane::{Plane, Quantiser};
+pub use sample::Sample;
+pub use stream::Pipeline;

@@ -1,0 +1,47 @@
+//! The last planes of a stream.
+
+/// A ring of the `DEPTH` most recent planes of `LEN` elements.
+#[derive(Clone, Copy, Debug)]
+pub struct PlaneRing<T, const LEN: usize, const DEPTH: usize> {
+    planes: [[T; LEN]; DEPTH],
+    /// Where the next plane goes.
+    next: usize,
+}
+
+impl<T: Copy, const LEN: usize, const DEPTH: usize> PlaneRing<T, LEN, DEPTH> {
+    /// A ring full of `value`.
+    pub const fn filled(value: T) -> Self {
+        Self {
+            planes: [[value; LEN]; DEPTH],
+            next: 0,
+        }
+    }
+
+    /// The oldest plane, to be overwritten: afterwards it is the newest.
+    #[inline]
+    pub fn advance(&mut self) -> &mut [T; LEN] {
+        let slot = self.next;
+        self.next = (slot + 1) % DEPTH;
+        &mut self.planes[slot]
+    }
+
+    /// All planes, oldest first.
+    #[inline]
+    pub fn oldest_first(&self) -> [&[T]; DEPTH] {
+        core::array::from_fn(|age| &self.planes[(self.next + age) % DEPTH][..])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planes_come_back_oldest_first() {
+        let mut ring = PlaneRing::<u8, 1, 3>::filled(0);
+        for value in 1..=5 {
+            *ring.advance() = [value];
+        }
+        assert_eq!(ring.oldest_first(), [[3], [4], [5]]);
+    }
+}

@@ -1,0 +1,200 @@
+//! Everything that the `model` crate holds, before it becomes text.
+
+use artifact::{Artifact, Decimation, Description, Filters, ModelId};
+use fixed_dsp::Section;
+
+use crate::{
+    FilterSpec, ModelGenError, cascade,
+    headroom::{self, GUARD_BITS, NodeGain},
+    integer_model::IntegerModel,
+    quantise::quantise,
+    response,
+    rounding::to_i32,
+};
+
+/// The mains frequencies for which filters are generated, Hz; the one that runs is chosen at start.
+pub const MAINS_HZ: [u32; 2] = [50, 60];
+
+/// The frequency at which the group delay is stated: the middle of the alpha band.
+const DELAY_AT_HZ: f64 = 10.0;
+
+/// The filters count as settled when a step has decayed to this part of its height: 1 uV of a
+/// 10 mV electrode offset.
+const SETTLED: f64 = 1e-4;
+
+/// A step is followed for at most this long when the settling time is computed, in seconds.
+const SETTLING_LIMIT_S: u32 = 60;
+
+/// The filters for one mains frequency.
+#[derive(Clone, Debug)]
+pub struct MainsFilter {
+    /// Mains frequency, Hz.
+    pub mains_hz: u32,
+    /// Quantised cascade.
+    pub sections: Vec<Section>,
+    /// Worst-case gain of every node.
+    pub gains: Vec<NodeGain>,
+    /// Group delay at 10 Hz, microseconds.
+    pub group_delay_us: u32,
+    /// ADC samples until a step has decayed to 1e-4 of its height.
+    pub settling_samples: u32,
+    /// The chain in words, for `prefiltering` fields.
+    pub description: String,
+}
+
+/// What the device runs: an artifact turned into integers.
+#[derive(Clone, Debug)]
+pub struct DeviceModel {
+    /// Hash of the artifact.
+    pub id: ModelId,
+    /// Its description.
+    pub description: Description,
+    /// One for each of [`MAINS_HZ`].
+    pub filters: Vec<MainsFilter>,
+    /// From a filtered sample (counts, Q28.4) to a step of the int8 input, Q0.32.
+    pub input_multiplier: i32,
+    /// The encoder.
+    pub integers: IntegerModel,
+}
+
+impl DeviceModel {
+    /// Turns an artifact into integers, with every range proven.
+    ///
+    /// # Errors
+    /// When the filters cannot be realised, a range does not fit or this version does not build
+    /// what the artifact describes.
+    pub fn new(artifact: &Artifact) -> Result<Self, ModelGenError> {
+        let description = artifact.description.clone();
+        refuse_unsupported(&description)?;
+        let integers = quantise(artifact)?;
+        let filters = MAINS_HZ
+            .into_iter()
+            .map(|mains_hz| {
+                mains_filter(&description, mains_hz).map_err(|source| ModelGenError::Filter {
+                    mains_hz: mains_hz.into(),
+                    source,
+                })
+            })
+            .collect::<Result<_, _>>()?;
+        let step_uv = description.adc.lsb_uv() / f64::from(1_u32 << GUARD_BITS);
+        let factor = step_uv / f64::from(integers.input_scale_uv);
+        let input_multiplier =
+            to_i32(factor * 4_294_967_296.0).ok_or_else(|| ModelGenError::Multiplier {
+                what: "the quantisation of the input".to_owned(),
+                factor,
+            })?;
+        Ok(Self {
+            id: artifact.id,
+            description,
+            filters,
+            input_multiplier,
+            integers,
+        })
+    }
+
+    /// Nanovolt per ADC count.
+    #[expect(clippy::cast_possible_truncation, reason = "published as f32")]
+    pub fn lsb_nv(&self) -> f32 {
+        (self.description.adc.lsb_uv() * 1_000.0) as f32
+    }
+
+    /// ADC samples per time step of the encoder.
+    pub fn decimation(&self) -> u32 {
+        self.description.adc.rate_hz / self.description.window.rate_hz
+    }
+}
+
+fn refuse_unsupported(description: &Description) -> Result<(), ModelGenError> {
+    let unsupported = |what, found: String, expected| {
+        Err(ModelGenError::Unsupported {
+            what,
+            found,
+            expected,
+        })
+    };
+    let (rate, step_rate) = (description.adc.rate_hz, description.window.rate_hz);
+    if !rate.is_multiple_of(step_rate) || rate / step_rate > u32::from(u8::MAX) {
+        return unsupported(
+            "[adc] rate_hz",
+            format!("{rate} Hz"),
+            "a multiple of [window] rate_hz, such as 512 Hz",
+        );
+    }
+    if description.filters.decimation != Decimation::Literal {
+        let found = format!("{:?}", description.filters.decimation);
+        return unsupported("[filters] decimation", found, "\"literal\"");
+    }
+    if MAINS_HZ
+        .iter()
+        .any(|hz| !description.filters.mains_hz.contains(hz))
+    {
+        let found = format!("{:?}", description.filters.mains_hz);
+        return unsupported("[filters] mains_hz", found, "[50, 60]");
+    }
+    if description.adc.channels > usize::from(u8::MAX) {
+        let found = description.adc.channels.to_string();
+        return unsupported("[adc] channels", found, "at most 255");
+    }
+    Ok(())
+}
+
+/// The cascade for one mains frequency of an artifact's filters at the ADC's rate.
+///
+/// # Errors
+/// As [`cascade()`].
+pub fn filter_cascade(
+    filters: &Filters,
+    rate_hz: u32,
+    mains_hz: u32,
+) -> Result<Vec<Section>, crate::FilterError> {
+    cascade(&FilterSpec {
+        rate_hz: rate_hz.into(),
+        mains_hz: mains_hz.into(),
+        notch_q: filters.notch_q,
+        band_hz: filters.band_hz,
+        order: usize::try_from(filters.order).unwrap_or(usize::MAX),
+    })
+}
+
+fn mains_filter(
+    description: &Description,
+    mains_hz: u32,
+) -> Result<MainsFilter, crate::FilterError> {
+    let (filters, rate_hz) = (&description.filters, description.adc.rate_hz);
+    let sections = filter_cascade(filters, rate_hz, mains_hz)?;
+    let gains = headroom::prove(&sections)?;
+    let delay_s = response::group_delay_s(&sections, DELAY_AT_HZ, rate_hz.into());
+    let limit = usize::try_from(rate_hz * SETTLING_LIMIT_S).expect("rates are below 1 MHz");
+    let settling = response::settling_samples(&sections, SETTLED, limit);
+    let [low, high] = filters.band_hz;
+    let description = format!(
+        "notch {mains_hz} Hz Q {}, Butterworth {low}-{high} Hz order {}, every {} of {rate_hz} Hz",
+        filters.notch_q,
+        filters.order,
+        ordinal(rate_hz / description.window.rate_hz),
+    );
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a group delay is positive and far below an hour"
+    )]
+    let group_delay_us = (delay_s * 1e6).round() as u32;
+    Ok(MainsFilter {
+        mains_hz,
+        sections,
+        gains,
+        group_delay_us,
+        settling_samples: u32::try_from(settling).expect("at most a minute of samples"),
+        description,
+    })
+}
+
+fn ordinal(number: u32) -> String {
+    let suffix = match number {
+        1 => "st",
+        2 => "nd",
+        3 => "rd",
+        _ => "th",
+    };
+    format!("{number}{suffix}")
+}

@@ -1,0 +1,392 @@
+//! Rust text for the `model` crate: integers with their meaning, for people to read.
+
+use std::fmt::{Display, Write as _};
+
+use fixed_dsp::{Coefficient, Section, Shape};
+
+use crate::{
+    device_model::{DeviceModel, MainsFilter},
+    integer_model::{CODE, CONV1, CONV2, ELECTRODES, FLAT, POOLED, STEPS},
+};
+
+/// The generated part of the `model` crate.
+pub fn rust(model: &DeviceModel) -> String {
+    let mut out = Source::default();
+    out.constants(model);
+    out.montage(model);
+    for filter in &model.filters {
+        out.mains_filter(filter);
+    }
+    out.convolution(
+        "CONV1",
+        "First convolution, on the int8 scalp grid.",
+        model,
+        0,
+    );
+    out.convolution("CONV2", "Second convolution, on u8 activations.", model, 1);
+    out.linear(model);
+    out.codes(model);
+    out.text
+}
+
+#[derive(Default)]
+struct Source {
+    text: String,
+}
+
+impl Source {
+    fn line(&mut self, line: impl Display) {
+        // Writing to a String cannot fail.
+        let _ = writeln!(self.text, "{line}");
+    }
+
+    fn item(&mut self, doc: &str, line: impl Display) {
+        for doc in doc.lines() {
+            self.line(format_args!("/// {doc}"));
+        }
+        self.line(line);
+        self.line("");
+    }
+
+    fn constants(&mut self, model: &DeviceModel) {
+        let description = &model.description;
+        self.item(
+            "First 8 bytes of the SHA-256 over the artifact.",
+            format_args!("pub const MODEL_ID: [u8; 8] = {:?};", model.id.0),
+        );
+        self.item(
+            "Sampling rate of the ADC, Hz.",
+            format_args!("pub const ADC_RATE_HZ: u16 = {};", description.adc.rate_hz),
+        );
+        self.item(
+            "Channels of the ADC chain; a sample has as many counts.",
+            format_args!("pub const CHANNELS: usize = {};", description.adc.channels),
+        );
+        self.item(
+            "Nanovolt per ADC count: 2 * reference / gain / 2^24.",
+            format_args!("pub const LSB_NV: f32 = {};", float(model.lsb_nv())),
+        );
+        self.item(
+            "Rate of the encoder's time steps, Hz.",
+            format_args!(
+                "pub const STEP_RATE_HZ: u16 = {};",
+                description.window.rate_hz
+            ),
+        );
+        self.item(
+            "ADC samples per time step.",
+            format_args!("pub const DECIMATION: u8 = {};", model.decimation()),
+        );
+        self.item(
+            "Time steps from one window to the next.",
+            format_args!("pub const HOP: usize = {};", description.window.hop),
+        );
+        self.item(
+            "From a filtered sample (counts, Q28.4) to a step of the int8 input, Q0.32.",
+            format_args!(
+                "pub const INPUT_MULTIPLIER: i32 = {};",
+                separated(model.input_multiplier)
+            ),
+        );
+        self.item(
+            "Microvolt per step of the int8 input.",
+            format_args!(
+                "pub const INPUT_SCALE_UV: f32 = {};",
+                float(model.integers.input_scale_uv)
+            ),
+        );
+        self.item(
+            "Sections of each filter cascade.",
+            format_args!(
+                "pub const SECTIONS: usize = {};",
+                model.filters[0].sections.len()
+            ),
+        );
+    }
+
+    fn montage(&mut self, model: &DeviceModel) {
+        let labels = &model.description.montage.electrodes;
+        self.item(
+            "Electrode labels, blank-separated; the index is the ADC channel.",
+            format_args!("pub const LABELS: &str = \"{}\";", labels.join(" ")),
+        );
+        self.array(
+            "Cell of the scalp grid (row * 9 + column) of each electrode.",
+            "pub static GRID_CELL: [u8; ELECTRODES]",
+            &model.integers.cells,
+        );
+    }
+
+    fn mains_filter(&mut self, filter: &MainsFilter) {
+        let hz = filter.mains_hz;
+        for doc in [
+            format!("Filters for {hz} Hz mains."),
+            String::new(),
+            "Worst-case gains (L1 norms) of every node, to stay below 16:".to_owned(),
+        ] {
+            self.line(format_args!("/// {doc}").to_string().trim_end());
+        }
+        for node in &filter.gains {
+            self.line(format_args!("/// * {}: {:.3}", node.node, node.gain));
+        }
+        self.line(format_args!(
+            "pub static MAINS_{hz}: MainsFilter = MainsFilter {{"
+        ));
+        self.line(format_args!("    mains_hz: {hz},"));
+        self.line("    cascade: Cascade {");
+        self.line("        sections: [");
+        for section in &filter.sections {
+            self.section(section);
+        }
+        self.line("        ],");
+        self.line("    },");
+        self.line(format_args!(
+            "    group_delay_us: {},",
+            separated(filter.group_delay_us)
+        ));
+        self.line(format_args!(
+            "    settling_samples: {},",
+            separated(filter.settling_samples)
+        ));
+        self.line(format_args!("    description: \"{}\",", filter.description));
+        self.line("};");
+        self.line("");
+    }
+
+    fn section(&mut self, section: &Section) {
+        let shape = match section.shape {
+            Shape::Notch => "Notch",
+            Shape::HighPass => "HighPass",
+            Shape::BandPass => "BandPass",
+            Shape::LowPass => "LowPass",
+        };
+        let coefficient = |c: Coefficient| {
+            format!(
+                "Coefficient {{ integer: {}, remainder: {} }}",
+                c.integer,
+                separated(c.remainder)
+            )
+        };
+        self.line("            Section {");
+        self.line(format_args!("                shape: Shape::{shape},"));
+        self.line(format_args!(
+            "                gain: {},",
+            coefficient(section.gain)
+        ));
+        self.line(format_args!(
+            "                first: {},",
+            coefficient(section.first)
+        ));
+        self.line(format_args!(
+            "                second: {},",
+            coefficient(section.second)
+        ));
+        self.line("            },");
+    }
+
+    fn convolution(&mut self, name: &str, doc: &str, model: &DeviceModel, layer: usize) {
+        let (conv, inputs, outputs, shape) = match layer {
+            0 => (
+                &model.integers.conv1,
+                1,
+                CONV1,
+                "PlaneShape { rows: 10, columns: 9, channels: 1 }",
+            ),
+            _ => (
+                &model.integers.conv2,
+                CONV1,
+                CONV2,
+                "PlaneShape { rows: 8, columns: 7, channels: CONV1.output_channels }",
+            ),
+        };
+        let weights: Vec<i8> = (0..27 * inputs * outputs)
+            .map(|index| {
+                // [tap][in][out] from PyTorch's [out][in][tap].
+                let (tap, rest) = (index / (inputs * outputs), index % (inputs * outputs));
+                let (input, output) = (rest / outputs, rest % outputs);
+                conv.weights[(output * inputs + input) * 27 + tap]
+            })
+            .collect();
+        self.weights(
+            &format!("Weights of {name}, `[time][row][column][input][output]`."),
+            &format!("{name}_WEIGHTS"),
+            &weights,
+        );
+        self.item(
+            doc,
+            format_args!(
+                "pub static {name}: Conv3d<'static> = Conv3d {{\n    input: {shape},\n    \
+                 output_channels: {outputs},\n    weights: &{name}_WEIGHTS.0,\n    \
+                 bias: &{name}_BIAS,\n}};"
+            ),
+        );
+        self.array(
+            &format!("Bias of {name}, accumulator steps."),
+            &format!("static {name}_BIAS: [i32; {outputs}]"),
+            &conv.bias,
+        );
+        self.array(
+            &format!("Requantisation factors behind {name}, Q0.32."),
+            &format!("pub static {name}_MULTIPLIERS: [i32; {outputs}]"),
+            &conv.multipliers,
+        );
+    }
+
+    fn linear(&mut self, model: &DeviceModel) {
+        let [steps, rows, columns] = POOLED;
+        let positions = rows * columns;
+        let fc: Vec<i8> = (0..FLAT * CODE)
+            .map(|index| {
+                // [plane][position][channel][out] from [out][channel][plane][position].
+                let (input, output) = (index / CODE, index % CODE);
+                let (plane, rest) = (input / (positions * CONV2), input % (positions * CONV2));
+                let (position, channel) = (rest / CONV2, rest % CONV2);
+                let source = (channel * steps + plane) * positions + position;
+                model.integers.fc.weights[output * FLAT + source]
+            })
+            .collect();
+        self.planes("FC", "fully connected layer", "pooled plane", steps, &fc);
+        let inputs = STEPS * ELECTRODES;
+        let shortcut: Vec<i8> = (0..inputs * CODE)
+            .map(|index| model.integers.shortcut.weights[index % CODE * inputs + index / CODE])
+            .collect();
+        self.planes(
+            "SHORTCUT",
+            "linear shortcut",
+            "time step of a window",
+            STEPS,
+            &shortcut,
+        );
+        for (name, linear) in [
+            ("FC", &model.integers.fc),
+            ("SHORTCUT", &model.integers.shortcut),
+        ] {
+            self.array(
+                &format!("Requantisation factors of {name} into the code, Q0.32."),
+                &format!("pub static {name}_MULTIPLIERS: [i32; CODE]"),
+                &linear.multipliers,
+            );
+        }
+        self.array(
+            "Bias of the fully connected layer, accumulator steps.",
+            "pub static FC_BIAS: [i32; CODE]",
+            &model.integers.fc_bias,
+        );
+    }
+
+    fn planes(&mut self, name: &str, what: &str, plane: &str, planes: usize, weights: &[i8]) {
+        let each = weights.len() / planes;
+        for (index, weights) in weights.chunks_exact(each).enumerate() {
+            self.weights(
+                &format!("Weights of the {what} for {plane} {index}, `[input][output]`."),
+                &format!("{name}_{index}_WEIGHTS"),
+                weights,
+            );
+        }
+        let mut list = String::new();
+        for index in 0..planes {
+            let _ = writeln!(
+                list,
+                "    Linear {{ outputs: CODE, weights: &{name}_{index}_WEIGHTS.0 }},"
+            );
+        }
+        self.item(
+            &format!("The {what}, one matrix for each {plane}."),
+            format_args!("pub static {name}: [Linear<'static>; {planes}] = [\n{list}];"),
+        );
+    }
+
+    fn codes(&mut self, model: &DeviceModel) {
+        self.array(
+            "The int8 code of a float zero: `z = (q - zero point) * scale`.",
+            "pub static CODE_ZERO_POINT: [i8; CODE]",
+            &model.integers.code_zero_point,
+        );
+        let scales: Vec<String> = model
+            .integers
+            .code_scale
+            .iter()
+            .map(|&s| float(s))
+            .collect();
+        self.list(
+            "Float code per step of each int8 code.",
+            "pub static CODE_SCALE: [f32; CODE]",
+            &scales,
+        );
+    }
+
+    fn weights(&mut self, doc: &str, name: &str, weights: &[i8]) {
+        let values: Vec<String> = weights.iter().map(ToString::to_string).collect();
+        let length = separated(weights.len());
+        self.line(format_args!("/// {doc}"));
+        self.line(format_args!("static {name}: Aligned<{length}> = Aligned(["));
+        self.wrapped(&values);
+        self.line("]);");
+        self.line("");
+    }
+
+    fn array<T: Display>(&mut self, doc: &str, declaration: &str, values: &[T]) {
+        let values: Vec<String> = values.iter().map(separated).collect();
+        self.list(doc, declaration, &values);
+    }
+
+    fn list(&mut self, doc: &str, declaration: &str, values: &[String]) {
+        self.line(format_args!("/// {doc}"));
+        self.line(format_args!("{declaration} = ["));
+        self.wrapped(values);
+        self.line("];");
+        self.line("");
+    }
+
+    fn wrapped(&mut self, values: &[String]) {
+        let mut row = String::from("   ");
+        for value in values {
+            if row.len() + value.len() + 2 > 100 {
+                self.line(&row);
+                row.truncate(3);
+            }
+            let _ = write!(row, " {value},");
+        }
+        self.line(&row);
+    }
+}
+
+/// An integer with a separator every three digits.
+fn separated(value: impl Display) -> String {
+    let text = value.to_string();
+    let (sign, digits) = text
+        .strip_prefix('-')
+        .map_or(("", text.as_str()), |rest| ("-", rest));
+    let mut out = String::from(sign);
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            out.push('_');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// A float literal that reads back to the same bits.
+fn float(value: f32) -> String {
+    format!("{value:e}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_are_grouped_by_three() {
+        assert_eq!(separated(1_234_567), "1_234_567");
+        assert_eq!(separated(-123), "-123");
+        assert_eq!(separated(-1_000), "-1_000");
+    }
+
+    #[test]
+    fn a_float_literal_reads_back_to_the_same_bits() {
+        for value in [22.351_742_f32, 1.0, 3.4e-7] {
+            assert_eq!(float(value).parse(), Ok(value));
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! What can be wrong with a specification or an artifact.
+
+use fixed_dsp::Section;
+
+/// A filter specification that cannot be realised.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FilterError {
+    /// A frequency at or beyond half the sampling rate, or not positive.
+    #[error(
+        "the {name} of {hz} Hz cannot exist: it must lie between 0 and {nyquist_hz} Hz, half of \
+         the sampling rate; change it in [filters] of model.toml, or raise [adc] rate_hz"
+    )]
+    OutsideNyquist {
+        /// Which number.
+        name: &'static str,
+        /// Its value in Hz.
+        hz: f64,
+        /// Half of the sampling rate in Hz.
+        nyquist_hz: f64,
+    },
+    /// Lower edge not below the upper one.
+    #[error(
+        "the band from {low_hz} to {high_hz} Hz is empty: write [filters] band_hz of model.toml \
+         as [lower edge, upper edge]"
+    )]
+    EmptyBand {
+        /// Lower edge in Hz.
+        low_hz: f64,
+        /// Upper edge in Hz.
+        high_hz: f64,
+    },
+    /// An order that has no sensible cascade.
+    #[error(
+        "a band-pass of order {order} is out of range: [filters] order of model.toml must be \
+         between 1 and {highest}"
+    )]
+    Order {
+        /// Asked for.
+        order: usize,
+        /// Largest that is realised.
+        highest: usize,
+    },
+    /// A notch quality that is not a positive number.
+    #[error(
+        "a notch quality of {q} makes no sense: [filters] notch_q of model.toml must be positive"
+    )]
+    NotchQuality {
+        /// Asked for.
+        q: f64,
+    },
+    /// Rounding moved a pole out of the unit circle.
+    #[error(
+        "section {index} is unstable after quantisation ({section:?}): its pole lies closer to \
+         the unit circle than 2^-33; raise the lower band edge or lower notch_q in model.toml"
+    )]
+    Unstable {
+        /// Position in the cascade, from 0.
+        index: usize,
+        /// The quantised section.
+        section: Section,
+    },
+    /// A node of the cascade could leave 32 bits.
+    #[error(
+        "{node} can reach {gain:.2} times the input: full-scale ADC counts with 4 guard bits \
+         allow less than {limit}; widen the band or lower notch_q in model.toml"
+    )]
+    Overflow {
+        /// Which signal of the cascade.
+        node: String,
+        /// Its worst-case gain (L1 norm).
+        gain: f64,
+        /// The largest that fits.
+        limit: f64,
+    },
+}
+
+/// An artifact that cannot become integers.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelGenError {
+    /// The artifact itself is unreadable or incomplete.
+    #[error(transparent)]
+    Artifact(#[from] artifact::ArtifactError),
+    /// The filters cannot be realised.
+    #[error("the filters for {mains_hz} Hz mains cannot be realised")]
+    Filter {
+        /// Mains frequency of the cascade.
+        mains_hz: f64,
+        /// Why.
+        #[source]
+        source: FilterError,
+    },
+    /// A requantisation factor that leaves Q0.32.
+    #[error(
+        "{what} needs a factor of {factor}, outside of [-0.5, 0.5): the calibrated range is far \
+         smaller than the weights can produce; calibrate again on data like the training set"
+    )]
+    Multiplier {
+        /// Which one.
+        what: String,
+        /// Its value.
+        factor: f64,
+    },
+    /// A sum that could leave 32 bits.
+    #[error(
+        "an accumulator of {layer} (output {output}) can reach {worst}, beyond 2^31: the bias is \
+         far larger than the weights; train with weight decay or drop the dead channel"
+    )]
+    Accumulator {
+        /// Layer.
+        layer: &'static str,
+        /// Output channel.
+        output: usize,
+        /// Largest possible magnitude.
+        worst: f64,
+    },
+    /// A range of the calibration that is not a positive number.
+    #[error("the calibrated range of {what} is {value}: run the calibration again")]
+    Calibration {
+        /// Which one.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A shape that this encoder does not have.
+    #[error("{what} is {found}, but this version only builds {expected}")]
+    Unsupported {
+        /// Which number of the description.
+        what: &'static str,
+        /// Its value.
+        found: String,
+        /// What is possible.
+        expected: &'static str,
+    },
+    /// The generated files could not be written.
+    #[error("cannot write {path}")]
+    Write {
+        /// Where.
+        path: std::path::PathBuf,
+        /// Why.
+        #[source]
+        source: std::io::Error,
+    },
+}

@@ -1,0 +1,144 @@
+//! A model in numbers that a person can check: the text of `model/manifest.txt`.
+
+use std::fmt::Write as _;
+
+use crate::{
+    device_model::DeviceModel,
+    integer_model::{CODE, CONV1, CONV2, ELECTRODES, FLAT, IntegerConv, STEPS},
+};
+
+/// The manifest of a device model: ids, shapes, scales, ranges and byte counts.
+pub fn manifest(model: &DeviceModel) -> String {
+    let mut out = String::new();
+    // Writing to a String cannot fail.
+    let _ = describe(&mut out, model);
+    out
+}
+
+fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
+    let description = &model.description;
+    writeln!(out, "model id              {}", model.id)?;
+    writeln!(out, "mode                  {:?}", description.mode)?;
+    writeln!(
+        out,
+        "window                {} steps at {} Hz, hop {}",
+        description.window.steps, description.window.rate_hz, description.window.hop
+    )?;
+    writeln!(
+        out,
+        "adc                   {} channels at {} Hz, {:.6} nV per count",
+        description.adc.channels,
+        description.adc.rate_hz,
+        model.lsb_nv()
+    )?;
+    writeln!(
+        out,
+        "input                 {:.6} uV per step, int8, multiplier {} / 2^32",
+        model.integers.input_scale_uv, model.input_multiplier
+    )?;
+    for filter in &model.filters {
+        writeln!(out, "\nfilters for {} Hz mains", filter.mains_hz)?;
+        writeln!(out, "  chain               {}", filter.description)?;
+        writeln!(
+            out,
+            "  group delay         {} us at 10 Hz",
+            filter.group_delay_us
+        )?;
+        writeln!(
+            out,
+            "  settling            {} samples to 1e-4",
+            filter.settling_samples
+        )?;
+        writeln!(out, "  worst-case gains (below 16 for full scale in Q28.4)")?;
+        for node in &filter.gains {
+            writeln!(out, "    {:<24}{:>8.4}", node.node, node.gain)?;
+        }
+    }
+    writeln!(
+        out,
+        "\nlayers                weights      worst accumulator"
+    )?;
+    let integers = &model.integers;
+    layer(out, "conv1   1x3x3x3 -> 16", &integers.conv1, CONV1, 128)?;
+    layer(out, "conv2  16x3x3x3 -> 32", &integers.conv2, CONV2, 255)?;
+    linear(
+        out,
+        "fc         1152 -> 128",
+        &integers.fc.weights,
+        &integers.fc_bias,
+        255,
+    )?;
+    linear(
+        out,
+        "shortcut    976 -> 128",
+        &integers.shortcut.weights,
+        &[0; CODE],
+        128,
+    )?;
+    let (smallest, largest) = integers
+        .code_scale
+        .iter()
+        .fold((f32::INFINITY, 0.0_f32), |(low, high), &s| {
+            (low.min(s), high.max(s))
+        });
+    writeln!(
+        out,
+        "\ncode                  {CODE} x int8, scales {smallest:.6} .. {largest:.6}"
+    )?;
+    writeln!(out, "flash for weights     {} bytes", weight_bytes(model))
+}
+
+fn layer(
+    out: &mut String,
+    name: &str,
+    conv: &IntegerConv,
+    outputs: usize,
+    largest_input: i64,
+) -> std::fmt::Result {
+    linear_rows(out, name, &conv.weights, &conv.bias, outputs, largest_input)
+}
+
+fn linear(
+    out: &mut String,
+    name: &str,
+    weights: &[i8],
+    bias: &[i32],
+    largest_input: i64,
+) -> std::fmt::Result {
+    linear_rows(out, name, weights, bias, CODE, largest_input)
+}
+
+fn linear_rows(
+    out: &mut String,
+    name: &str,
+    weights: &[i8],
+    bias: &[i32],
+    outputs: usize,
+    largest_input: i64,
+) -> std::fmt::Result {
+    let worst = weights
+        .chunks_exact(weights.len() / outputs)
+        .zip(bias)
+        .map(|(weights, &bias)| {
+            let sum: i64 = weights.iter().map(|&w| i64::from(w).abs()).sum();
+            sum * largest_input + i64::from(bias).abs()
+        })
+        .max()
+        .unwrap_or(0);
+    writeln!(
+        out,
+        "  {name:<22}{:>7} B  {worst:>12}  of 2147483647",
+        weights.len()
+    )
+}
+
+/// Weights, biases and factors in flash.
+fn weight_bytes(model: &DeviceModel) -> usize {
+    let integers = &model.integers;
+    let weights = integers.conv1.weights.len()
+        + integers.conv2.weights.len()
+        + CODE * FLAT
+        + CODE * STEPS * ELECTRODES;
+    let words = 2 * (CONV1 + CONV2) + 4 * CODE;
+    weights + 4 * words + CODE + ELECTRODES
+}

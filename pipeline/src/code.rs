@@ -1,0 +1,20 @@
+//! What the encoder makes of a window.
+
+use model::CODE;
+
+/// One code with where it comes from and what went wrong inside its window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Code {
+    /// Index of the window since the start; wraps.
+    pub window: u32,
+    /// Index of the ADC sample of the window's first time step, since the start.
+    pub first_sample: u64,
+    /// Electrode values of the window that the int8 input clipped (0..=976).
+    pub clipped: u16,
+    /// Electrode values of the window's samples that stood at the ADC's rail; saturates.
+    pub saturated: u16,
+    /// True while the filters have not settled since the start: the values are not to be trusted.
+    pub settling: bool,
+    /// int8 codes: `z = (q - model::CODE_ZERO_POINT) * model::CODE_SCALE`.
+    pub values: [i8; CODE],
+}

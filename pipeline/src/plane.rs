@@ -1,0 +1,65 @@
+//! Quantisation to int8 and the scalp grid.
+
+use int8_nn::{requantise, saturate_i8};
+use model::{CELLS, GRID_CELL, INPUT_MULTIPLIER};
+
+use crate::Electrodes;
+
+/// One time step of the scalp grid: 10 rows of 9 cells, row-major, int8; a step is
+/// `model::INPUT_SCALE_UV` microvolt, a cell without an electrode is 0.
+pub type Plane = [i8; CELLS];
+
+/// Lays filtered electrodes on the scalp grid: `q = round(x * scale)`, half up, saturating.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Quantiser;
+
+impl Quantiser {
+    /// The plane of one time step, and how many electrodes were clipped (0..=61).
+    #[inline]
+    pub fn plane(electrodes: &Electrodes) -> (Plane, u16) {
+        let mut plane = [0; CELLS];
+        let mut clipped = 0;
+        for (&x, &cell) in electrodes.iter().zip(&GRID_CELL) {
+            let step = requantise(x, INPUT_MULTIPLIER);
+            let q = saturate_i8(step);
+            clipped += u16::from(i32::from(q) != step);
+            plane[usize::from(cell)] = q;
+        }
+        (plane, clipped)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model::{ELECTRODES, INPUT_SCALE_UV, LSB_NV};
+
+    #[test]
+    fn a_plane_holds_microvolts_over_the_input_scale() {
+        let uv = 100.0;
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "100 uV are 71,582 Q28.4 steps"
+        )]
+        let x = (uv * 1_000.0 / LSB_NV * 16.0).round() as i32;
+        let (plane, clipped) = Quantiser::plane(&[x; ELECTRODES]);
+        let q = f32::from(plane[usize::from(GRID_CELL[0])]);
+        assert!((q - uv / INPUT_SCALE_UV).abs() <= 0.51, "{q}");
+        assert_eq!(clipped, 0);
+        assert_eq!(
+            plane.iter().filter(|&&q| q == 0).count(),
+            CELLS - ELECTRODES
+        );
+    }
+
+    #[test]
+    fn what_exceeds_the_range_is_clipped_and_counted() {
+        let mut electrodes = [0; ELECTRODES];
+        electrodes[3] = i32::MAX;
+        electrodes[7] = i32::MIN;
+        let (plane, clipped) = Quantiser::plane(&electrodes);
+        assert_eq!(clipped, 2);
+        assert_eq!(plane[usize::from(GRID_CELL[3])], 127);
+        assert_eq!(plane[usize::from(GRID_CELL[7])], -128);
+    }
+}
