@@ -1,0 +1,121 @@
+//! The first line and the fields of a request or an answer.
+
+use std::io;
+
+use tokio::io::{AsyncBufRead, AsyncBufReadExt as _, AsyncReadExt as _};
+
+/// Longest head, bytes. Python and C++ peers send less than 300.
+const MAX_HEAD: usize = 32 * 1024;
+
+/// Why a stream is not HTTP that we read.
+#[derive(Debug, thiserror::Error)]
+pub enum HttpError {
+    /// The connection failed.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    /// The connection ended inside a message.
+    #[error("the connection ended inside the HTTP message")]
+    Truncated,
+    /// The head is longer than any real one.
+    #[error("the HTTP head is longer than {MAX_HEAD} bytes")]
+    HeadTooLong,
+    /// The body is longer than we take.
+    #[error("the HTTP body is longer than {0} bytes")]
+    BodyTooLong(usize),
+    /// A length or a line that cannot be read.
+    #[error("the HTTP line {0:?} cannot be read")]
+    Malformed(String),
+}
+
+/// What the head says.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Head {
+    /// `POST / HTTP/1.1` or `HTTP/1.1 200 OK`.
+    pub(crate) first_line: String,
+    /// Bytes of the body, when told.
+    pub(crate) content_length: Option<usize>,
+    /// The body comes in chunks.
+    pub(crate) chunked: bool,
+    /// The connection ends after this message.
+    pub(crate) close: bool,
+    /// The client waits for `100 Continue` before it sends the body.
+    pub(crate) expects_continue: bool,
+}
+
+/// Reads a head; `None` when the connection ended before its first byte.
+pub(crate) async fn read_head<S: AsyncBufRead + Unpin>(
+    stream: &mut S,
+) -> Result<Option<Head>, HttpError> {
+    let mut left = MAX_HEAD;
+    let first_line = loop {
+        match read_line(stream, &mut left).await? {
+            None => return Ok(None),
+            // A stray line end before the request, RFC 9112 section 2.2.
+            Some(line) if line.is_empty() => {}
+            Some(line) => break line,
+        }
+    };
+    let mut head = Head {
+        close: first_line.contains("HTTP/1.0"),
+        first_line,
+        content_length: None,
+        chunked: false,
+        expects_continue: false,
+    };
+    loop {
+        let line = read_line(stream, &mut left)
+            .await?
+            .ok_or(HttpError::Truncated)?;
+        if line.is_empty() {
+            return Ok(Some(head));
+        }
+        let Some((name, value)) = line.split_once(':') else {
+            return Err(HttpError::Malformed(line));
+        };
+        let value = value.trim();
+        match name.to_ascii_lowercase().as_str() {
+            "content-length" => match value.parse() {
+                Ok(length) => head.content_length = Some(length),
+                Err(_) => return Err(HttpError::Malformed(line)),
+            },
+            "transfer-encoding" => head.chunked = value.to_ascii_lowercase().contains("chunked"),
+            "connection" if value.eq_ignore_ascii_case("close") => head.close = true,
+            "connection" if value.eq_ignore_ascii_case("keep-alive") => head.close = false,
+            "expect" => head.expects_continue = value.eq_ignore_ascii_case("100-continue"),
+            _ => {}
+        }
+    }
+}
+
+/// One line without its end; `None` at the end of the stream. `left` shrinks by what was read.
+pub(super) async fn read_line<S: AsyncBufRead + Unpin>(
+    stream: &mut S,
+    left: &mut usize,
+) -> Result<Option<String>, HttpError> {
+    let mut line = Vec::new();
+    let limit = u64::try_from(*left).unwrap_or(u64::MAX);
+    let count = (&mut *stream)
+        .take(limit)
+        .read_until(b'\n', &mut line)
+        .await?;
+    if count == 0 {
+        return if *left == 0 {
+            Err(HttpError::HeadTooLong)
+        } else {
+            Ok(None)
+        };
+    }
+    *left -= count;
+    if line.last() != Some(&b'\n') {
+        return Err(if *left == 0 {
+            HttpError::HeadTooLong
+        } else {
+            HttpError::Truncated
+        });
+    }
+    line.pop();
+    if line.last() == Some(&b'\r') {
+        line.pop();
+    }
+    Ok(Some(String::from_utf8_lossy(&line).into_owned()))
+}

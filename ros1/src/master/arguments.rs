@@ -1,0 +1,107 @@
+//! The checks that rosmaster makes on a call's arguments, in its words.
+
+use crate::{names::resolve, xmlrpc::Value};
+
+/// How one argument is checked and made canonical.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Check {
+    /// A topic or a service: a name, made global.
+    Name(&'static str),
+    /// As `Name`, and not the root.
+    NotRoot(&'static str),
+    /// A URI of a node or a service.
+    Uri(&'static str),
+    /// `package/Type`, or `*`.
+    Type(&'static str),
+    /// A string that is not empty, left as it is.
+    Text(&'static str),
+    /// Empty, or a name, made global.
+    Subgraph(&'static str),
+    /// Anything but nil.
+    Value(&'static str),
+    /// Anything.
+    Any,
+}
+
+/// What `caller` gave, checked; or rosmaster's words.
+pub(super) fn check(check: Check, value: &Value, caller: &str) -> Result<Value, String> {
+    match check {
+        Check::Any => Ok(value.clone()),
+        Check::Value(name) => match value {
+            Value::Nil => Err(must_be_specified_for_value(name)),
+            value => Ok(value.clone()),
+        },
+        Check::Text(name) => match value {
+            Value::String(text) if !text.is_empty() => Ok(value.clone()),
+            value if is_falsy(value) => Err(must_be_specified(name)),
+            _ => Err(format!("ERROR: parameter [{name}] must be a string")),
+        },
+        Check::Subgraph(name) => match value {
+            Value::String(text) if text.is_empty() => Ok(value.clone()),
+            Value::String(text) => Ok(Value::String(resolve(text, caller))),
+            _ => Err(format!("ERROR: parameter [{name}] must be a string")),
+        },
+        Check::Type(name) => match value {
+            Value::String(text) if text == "*" || text.split('/').count() == 2 => Ok(value.clone()),
+            Value::String(text) if !text.is_empty() => Err(format!(
+                "ERROR: parameter [{name}] is not a valid package resource name"
+            )),
+            _ => Err(must_be_non_empty(name)),
+        },
+        Check::Uri(name) => match value {
+            Value::String(text) if text.starts_with("http://") || text.starts_with("rosrpc://") => {
+                Ok(value.clone())
+            }
+            Value::String(text) if !text.is_empty() => {
+                Err(format!("ERROR: parameter [{name}] is not an RPC URI"))
+            }
+            _ => Err(format!("ERROR: parameter [{name}] is not an XMLRPC URI")),
+        },
+        Check::Name(name) => global_name(name, value, caller),
+        Check::NotRoot(name) => {
+            let full = global_name(name, value, caller)?;
+            if value.as_str() == Some("/") {
+                return Err(format!(
+                    "ERROR: parameter [{name}] cannot be the global namespace"
+                ));
+            }
+            Ok(full)
+        }
+    }
+}
+
+fn global_name(name: &str, value: &Value, caller: &str) -> Result<Value, String> {
+    match value {
+        Value::String(text) if text.contains([':', ' ']) => {
+            Err(format!("ERROR: parameter [{name}] contains illegal chars"))
+        }
+        Value::String(text) if !text.is_empty() => Ok(Value::String(resolve(text, caller))),
+        _ => Err(must_be_non_empty(name)),
+    }
+}
+
+fn must_be_specified(name: &str) -> String {
+    format!("ERROR: parameter [{name}] must be specified and non-empty")
+}
+
+fn must_be_specified_for_value(name: &str) -> String {
+    format!("ERROR: parameter [{name}] must be specified")
+}
+
+fn must_be_non_empty(name: &str) -> String {
+    format!("ERROR: parameter [{name}] must be a non-empty string")
+}
+
+/// What Python takes as false: the checks of rosmaster ask so.
+fn is_falsy(value: &Value) -> bool {
+    match value {
+        Value::Int(number) => *number == 0,
+        Value::Bool(flag) => !flag,
+        Value::Double(number) => *number == 0.0,
+        Value::String(text) => text.is_empty(),
+        Value::Array(items) => items.is_empty(),
+        Value::Struct(members) => members.is_empty(),
+        Value::Nil => true,
+        Value::Base64(_) | Value::DateTime(_) => false,
+    }
+}

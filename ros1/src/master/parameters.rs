@@ -1,0 +1,120 @@
+//! The parameter tree: structs are its branches, everything else its leaves.
+
+use crate::{names::canonical, xmlrpc::Value};
+
+/// All parameters.
+#[derive(Debug)]
+pub(super) struct Parameters {
+    /// Always a struct.
+    root: Value,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            root: Value::Struct(Vec::new()),
+        }
+    }
+}
+
+impl Parameters {
+    /// The value or the branch at `key`, a full name.
+    pub(super) fn get(&self, key: &str) -> Option<&Value> {
+        parts(key).try_fold(&self.root, |branch, part| branch.member(part))
+    }
+
+    /// Sets a value, or a whole branch in place of the one that was there; a leaf on the way
+    /// becomes a branch. False: the root can only be a struct.
+    pub(super) fn set(&mut self, key: &str, value: Value) -> bool {
+        if key == "/" {
+            let branch = matches!(value, Value::Struct(_));
+            if branch {
+                self.root = value;
+            }
+            return branch;
+        }
+        let mut place = &mut self.root;
+        for part in parts(key) {
+            if !matches!(place, Value::Struct(_)) {
+                *place = Value::Struct(Vec::new());
+            }
+            let Value::Struct(members) = place else {
+                return false;
+            };
+            let at = match members.iter().position(|(name, _)| name == part) {
+                Some(at) => at,
+                None => {
+                    members.push((part.to_owned(), Value::Struct(Vec::new())));
+                    members.len() - 1
+                }
+            };
+            place = &mut members[at].1;
+        }
+        *place = value;
+        true
+    }
+
+    /// Removes a value or a branch; false when it is not there. The root stays.
+    pub(super) fn delete(&mut self, key: &str) -> bool {
+        let full = canonical(key);
+        let Some((branch, leaf)) = full.rsplit_once('/').filter(|(_, leaf)| !leaf.is_empty())
+        else {
+            return false;
+        };
+        let branch = parts(branch).try_fold(&mut self.root, |place, part| match place {
+            Value::Struct(members) => members
+                .iter_mut()
+                .find(|(name, _)| name == part)
+                .map(|(_, value)| value),
+            _ => None,
+        });
+        let Some(Value::Struct(members)) = branch else {
+            return false;
+        };
+        let before = members.len();
+        members.retain(|(name, _)| name != leaf);
+        members.len() < before
+    }
+
+    /// The full names of all leaves, branch by branch.
+    pub(super) fn names(&self) -> Vec<String> {
+        let mut names = Vec::new();
+        push_names(&mut names, "/", &self.root);
+        names
+    }
+
+    /// The first full name, going up from `namespace`, whose first part is set: rosmaster's
+    /// search, in which the rest of `key` need not exist.
+    pub(super) fn search(&self, namespace: &str, key: &str) -> Option<String> {
+        if key.starts_with('/') {
+            return self.get(key).map(|_| key.to_owned());
+        }
+        let first = parts(key).next()?;
+        let spaces: Vec<&str> = parts(namespace).collect();
+        (0..=spaces.len()).rev().find_map(|depth| {
+            let space: String = spaces[..depth]
+                .iter()
+                .flat_map(|part| ["/", part])
+                .collect();
+            self.get(&format!("{space}/{first}"))
+                .map(|_| format!("{space}/{key}"))
+        })
+    }
+}
+
+fn push_names(names: &mut Vec<String>, branch: &str, value: &Value) {
+    let Value::Struct(members) = value else {
+        return;
+    };
+    for (name, member) in members {
+        if matches!(member, Value::Struct(_)) {
+            push_names(names, &format!("{branch}{name}/"), member);
+        } else {
+            names.push(format!("{branch}{name}"));
+        }
+    }
+}
+
+fn parts(key: &str) -> impl Iterator<Item = &str> {
+    key.split('/').filter(|part| !part.is_empty())
+}

@@ -1,0 +1,236 @@
+//! Who publishes, subscribes, serves, and watches parameters. Kept in the order of arrival, as
+//! rosmaster answers.
+
+use std::collections::HashMap;
+
+/// What is registered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum Kind {
+    Publisher,
+    Subscriber,
+    Service,
+    ParameterSubscriber,
+}
+
+/// A node and its XML-RPC URI.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Registrant {
+    pub(super) node: String,
+    pub(super) api: String,
+}
+
+/// One kind's registrations: (name, its registrants).
+type Register = Vec<(String, Vec<Registrant>)>;
+
+/// What is known of one node; without `keys` it is forgotten.
+#[derive(Debug)]
+struct NodeEntry {
+    api: String,
+    keys: Vec<(Kind, String)>,
+}
+
+/// Everything that is registered.
+#[derive(Debug, Default)]
+pub(super) struct Registrations {
+    nodes: HashMap<String, NodeEntry>,
+    publishers: Register,
+    subscribers: Register,
+    services: Register,
+    parameter_subscribers: Register,
+    /// Service -> (node, service URI).
+    service_uris: HashMap<String, (String, String)>,
+    /// A service has been registered at some time; rosmaster's words depend on it.
+    has_served: bool,
+}
+
+impl Registrations {
+    /// Registers; returns the URI of a namesake that was displaced and must be told.
+    pub(super) fn register(
+        &mut self,
+        kind: Kind,
+        key: &str,
+        node: &str,
+        api: &str,
+    ) -> Option<String> {
+        let displaced = match self.nodes.get(node) {
+            Some(entry) if entry.api != api => Some(entry.api.clone()),
+            _ => None,
+        };
+        if displaced.is_some() {
+            self.nodes.remove(node);
+            self.forget_node(node);
+        }
+        let entry = self
+            .nodes
+            .entry(node.to_owned())
+            .or_insert_with(|| NodeEntry {
+                api: api.to_owned(),
+                keys: Vec::new(),
+            });
+        if !entry.keys.iter().any(|(k, name)| *k == kind && name == key) {
+            entry.keys.push((kind, key.to_owned()));
+        }
+        let registrant = Registrant {
+            node: node.to_owned(),
+            api: api.to_owned(),
+        };
+        let register = self.register_mut(kind);
+        match register.iter_mut().find(|(name, _)| name == key) {
+            // A service has one provider: the last to come.
+            Some((_, registrants)) if kind == Kind::Service => *registrants = vec![registrant],
+            Some((_, registrants)) if registrants.contains(&registrant) => {}
+            Some((_, registrants)) => registrants.push(registrant),
+            None => register.push((key.to_owned(), vec![registrant])),
+        }
+        displaced
+    }
+
+    /// Registers a service at `uri`; as [`Registrations::register`].
+    pub(super) fn register_service(
+        &mut self,
+        service: &str,
+        node: &str,
+        api: &str,
+        uri: &str,
+    ) -> Option<String> {
+        let displaced = self.register(Kind::Service, service, node, api);
+        self.has_served = true;
+        self.service_uris
+            .insert(service.to_owned(), (node.to_owned(), uri.to_owned()));
+        displaced
+    }
+
+    /// Unregisters (node, api), nobody else; returns rosmaster's words and whether it was there.
+    pub(super) fn unregister(
+        &mut self,
+        kind: Kind,
+        key: &str,
+        node: &str,
+        api: &str,
+    ) -> (String, bool) {
+        if !self.nodes.contains_key(node) {
+            return (format!("[{node}] is not a registered node"), false);
+        }
+        let register = self.register_mut(kind);
+        let mut found = false;
+        if let Some((_, registrants)) = register.iter_mut().find(|(name, _)| name == key) {
+            let before = registrants.len();
+            registrants.retain(|registrant| registrant.node != node || registrant.api != api);
+            found = registrants.len() < before;
+        }
+        register.retain(|(_, registrants)| !registrants.is_empty());
+        self.forget_key(node, kind, key, found);
+        if found {
+            (
+                format!("Unregistered [{node}] as provider of [{key}]"),
+                true,
+            )
+        } else {
+            (
+                format!("[{node}] is not a known provider of [{key}]"),
+                false,
+            )
+        }
+    }
+
+    /// Unregisters a service when `uri` is its present address; as
+    /// [`Registrations::unregister`].
+    pub(super) fn unregister_service(
+        &mut self,
+        service: &str,
+        node: &str,
+        uri: &str,
+    ) -> (String, bool) {
+        if !self.nodes.contains_key(node) {
+            return (format!("[{node}] is not a registered node"), false);
+        }
+        let current = self.service_uris.get(service);
+        let found = current.is_some_and(|(owner, known)| owner == node && known == uri);
+        if found {
+            self.service_uris.remove(service);
+            self.services.retain(|(name, _)| name != service);
+        }
+        self.forget_key(node, Kind::Service, service, found);
+        if found {
+            (
+                format!("Unregistered [{node}] as provider of [{service}]"),
+                true,
+            )
+        } else if !self.has_served {
+            (format!("[{node}] is not a provider of [{service}]"), false)
+        } else {
+            (
+                format!("[{uri}] is no longer the current service api handle for [{service}]"),
+                false,
+            )
+        }
+    }
+
+    /// The URI of a node that has anything registered.
+    pub(super) fn node_api(&self, node: &str) -> Option<&str> {
+        self.nodes.get(node).map(|entry| entry.api.as_str())
+    }
+
+    /// Where a service is served.
+    pub(super) fn service_uri(&self, service: &str) -> Option<&str> {
+        self.service_uris.get(service).map(|(_, uri)| uri.as_str())
+    }
+
+    /// The URIs registered for `key`.
+    pub(super) fn apis(&self, kind: Kind, key: &str) -> Vec<String> {
+        let found = self.register_of(kind).iter().find(|(name, _)| name == key);
+        found.map_or_else(Vec::new, |(_, registrants)| {
+            registrants
+                .iter()
+                .map(|registrant| registrant.api.clone())
+                .collect()
+        })
+    }
+
+    /// All names of one kind, with their registrants.
+    pub(super) fn register_of(&self, kind: Kind) -> &[(String, Vec<Registrant>)] {
+        match kind {
+            Kind::Publisher => &self.publishers,
+            Kind::Subscriber => &self.subscribers,
+            Kind::Service => &self.services,
+            Kind::ParameterSubscriber => &self.parameter_subscribers,
+        }
+    }
+
+    fn register_mut(&mut self, kind: Kind) -> &mut Register {
+        match kind {
+            Kind::Publisher => &mut self.publishers,
+            Kind::Subscriber => &mut self.subscribers,
+            Kind::Service => &mut self.services,
+            Kind::ParameterSubscriber => &mut self.parameter_subscribers,
+        }
+    }
+
+    fn forget_node(&mut self, node: &str) {
+        for kind in [
+            Kind::Publisher,
+            Kind::Subscriber,
+            Kind::Service,
+            Kind::ParameterSubscriber,
+        ] {
+            let register = self.register_mut(kind);
+            for (_, registrants) in &mut *register {
+                registrants.retain(|registrant| registrant.node != node);
+            }
+            register.retain(|(_, registrants)| !registrants.is_empty());
+        }
+        self.service_uris.retain(|_, (owner, _)| owner != node);
+    }
+
+    fn forget_key(&mut self, node: &str, kind: Kind, key: &str, found: bool) {
+        let Some(entry) = self.nodes.get_mut(node) else {
+            return;
+        };
+        if found {
+            entry.keys.retain(|(k, name)| *k != kind || name != key);
+        }
+        if entry.keys.is_empty() {
+            self.nodes.remove(node);
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! How a node is started: its name, its master, its address.
+
+use std::path::PathBuf;
+
+use crate::names::{NameError, Names};
+
+/// Where a master listens when nobody says otherwise.
+pub const DEFAULT_MASTER_URI: &str = "http://localhost:11311/";
+
+/// Everything a node must know before it starts.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NodeOptions {
+    /// The node's name without its namespace, `bridge`; or global, `/lab/bridge`.
+    pub name: String,
+    /// The namespace: `/` or `/lab`.
+    pub namespace: String,
+    /// The master, `http://HOST:PORT/`.
+    pub master_uri: String,
+    /// The host name or address under which other nodes reach this one. `None`: the address of
+    /// the interface that leads to the master.
+    pub host: Option<String>,
+    /// Listen on IPv6 too when `host` is a name. An IPv6 address in `host` needs no such word.
+    pub ipv6: bool,
+    /// Names given another name at start, (from, to).
+    pub remaps: Vec<(String, String)>,
+    /// The log file that `roslaunch` asks for with `__log:=`.
+    pub log: Option<PathBuf>,
+}
+
+impl NodeOptions {
+    /// A node called `name` with the master at `master_uri`; the rest as by default.
+    pub fn new(name: &str, master_uri: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            namespace: "/".to_owned(),
+            master_uri: master_uri.to_owned(),
+            host: None,
+            ipv6: false,
+            remaps: Vec::new(),
+            log: None,
+        }
+    }
+
+    /// What the process's environment and arguments say, see [`NodeOptions::parse`]; and the
+    /// arguments that are not for ROS, the program's own name first.
+    pub fn from_env_and_args(default_name: &str) -> (Self, Vec<String>) {
+        let arguments = std::env::args_os().map(|text| text.to_string_lossy().into_owned());
+        Self::parse(default_name, |name| std::env::var(name).ok(), arguments)
+    }
+
+    /// Reads the variables `ROS_MASTER_URI`, `ROS_IP`, `ROS_HOSTNAME` (which wins over
+    /// `ROS_IP`), `ROS_NAMESPACE`, `ROS_IPV6` and, stronger, the arguments `__name:=`, `__ns:=`,
+    /// `__ip:=`, `__hostname:=`, `__master:=`, `__log:=` and `from:=to`. Returns the other
+    /// arguments too; `_parameter:=value` is among them, because private parameters are the
+    /// program's own business.
+    pub fn parse(
+        default_name: &str,
+        variable: impl Fn(&str) -> Option<String>,
+        arguments: impl IntoIterator<Item = String>,
+    ) -> (Self, Vec<String>) {
+        let variable = |name: &str| variable(name).filter(|value| !value.is_empty());
+        let master_uri = variable("ROS_MASTER_URI");
+        let mut options = Self::new(
+            default_name,
+            master_uri.as_deref().unwrap_or(DEFAULT_MASTER_URI),
+        );
+        options.host = variable("ROS_HOSTNAME").or_else(|| variable("ROS_IP"));
+        options.ipv6 = variable("ROS_IPV6").is_some_and(|value| value == "on");
+        if let Some(namespace) = variable("ROS_NAMESPACE") {
+            options.namespace = namespace;
+        }
+        let mut others = Vec::new();
+        for argument in arguments {
+            let pair = argument
+                .split_once(":=")
+                .filter(|(from, to)| !from.is_empty() && !to.is_empty());
+            let Some((from, to)) = pair else {
+                others.push(argument);
+                continue;
+            };
+            let to = to.trim().to_owned();
+            match from {
+                "__name" => options.name = to,
+                "__ns" => options.namespace = to,
+                "__ip" | "__hostname" => options.host = Some(to),
+                "__master" => options.master_uri = to,
+                "__log" => options.log = Some(PathBuf::from(to)),
+                _ if from.starts_with('_') || from.starts_with('-') => others.push(argument),
+                _ => options.remaps.push((from.trim().to_owned(), to)),
+            }
+        }
+        (options, others)
+    }
+
+    /// The node's full name and its remaps.
+    pub(crate) fn names(&self) -> Result<Names, NameError> {
+        Names::new(&self.namespace, &self.name, &self.remaps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(variables: &[(&str, &str)], arguments: &[&str]) -> (NodeOptions, Vec<String>) {
+        let variable = |wanted: &str| {
+            variables
+                .iter()
+                .find(|(name, _)| *name == wanted)
+                .map(|(_, v)| (*v).to_owned())
+        };
+        NodeOptions::parse(
+            "bridge",
+            variable,
+            arguments.iter().map(|a| (*a).to_owned()),
+        )
+    }
+
+    #[test]
+    fn without_a_word_the_master_is_local_and_the_name_is_the_programs() {
+        let (options, others) = parse(&[("ROS_MASTER_URI", "")], &["prog", "--port", "x"]);
+        assert_eq!(options, NodeOptions::new("bridge", DEFAULT_MASTER_URI));
+        assert_eq!(others, ["prog", "--port", "x"]);
+    }
+
+    #[test]
+    fn arguments_win_over_variables_and_hostname_over_ip() {
+        let variables = [
+            ("ROS_MASTER_URI", "http://master:1/"),
+            ("ROS_IP", "10.0.0.1"),
+            ("ROS_HOSTNAME", "robot"),
+            ("ROS_NAMESPACE", "/lab"),
+        ];
+        let (options, _) = parse(&variables, &[]);
+        assert_eq!(options.host.as_deref(), Some("robot"));
+        assert_eq!(options.master_uri, "http://master:1/");
+        assert_eq!(options.names().unwrap().node(), "/lab/bridge");
+        let (options, others) = parse(
+            &variables,
+            &[
+                "__name:=amp",
+                "__ns:=/x",
+                "__ip:=10.0.0.2",
+                "__log:=/l.log",
+                "a:=b",
+                "_p:=1",
+            ],
+        );
+        assert_eq!(options.host.as_deref(), Some("10.0.0.2"));
+        assert_eq!(options.log, Some(PathBuf::from("/l.log")));
+        assert_eq!(others, ["_p:=1"]);
+        let names = options.names().unwrap();
+        assert_eq!(names.node(), "/x/amp");
+        assert_eq!(names.resolve("a").unwrap(), "/x/b");
+    }
+}
