@@ -86,8 +86,7 @@ fn loss_follows_the_bit_error_rate_and_no_wrong_frame_is_accepted() {
         let lost = count - received;
         let mean_bits = bits as f64 / count as f64;
         let expected = count as f64 * (1.0 - (1.0 - ber).powf(mean_bits));
-        // A frame whose trailing zero alone is hit comes out later, glued to nothing: it is lost
-        // too; its neighbour is not. So losses are hits, give or take hits of a doubled zero.
+        // Every frame hit is lost; its neighbour only if both zeros between them are hit.
         assert!(
             lost <= 2 * hits,
             "more than one extra frame lost per hit: {lost} of {hits}"

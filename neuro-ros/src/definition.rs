@@ -1,0 +1,77 @@
+//! Names, MD5 sums and full definitions: what makes recordings readable without our packages.
+
+use ros1::MessageType;
+
+use crate::{DiagnosticArray, NeuroEvent, NeuroFrame, Wire};
+
+/// A value that can be a topic's message.
+pub trait RosMessage: Wire {
+    /// Its type.
+    const TYPE: &'static MessageType;
+}
+
+impl RosMessage for NeuroFrame {
+    const TYPE: &'static MessageType = &NEURO_FRAME;
+}
+
+impl RosMessage for NeuroEvent {
+    const TYPE: &'static MessageType = &NEURO_EVENT;
+}
+
+impl RosMessage for DiagnosticArray {
+    const TYPE: &'static MessageType = &DIAGNOSTIC_ARRAY;
+}
+
+/// One part of a full definition as `gendeps --cat` separates them: 80 equals signs, the name,
+/// the text.
+macro_rules! part {
+    ($name:literal, $path:literal) => {
+        concat!(
+            "\n================================================================================\n",
+            "MSG: ",
+            $name,
+            "\n",
+            include_str!($path)
+        )
+    };
+}
+
+static NEURO_FRAME: MessageType = MessageType {
+    name: "rosneuro_msgs/NeuroFrame",
+    md5: "797997e5036eb017437ce855856d3bad",
+    definition: concat!(
+        include_str!("../msg/NeuroFrame.msg"),
+        part!("std_msgs/Header", "../foreign/std_msgs/Header.msg"),
+        part!("rosneuro_msgs/NeuroHeader", "../msg/NeuroHeader.msg"),
+        part!("rosneuro_msgs/NeuroDataFloat", "../msg/NeuroDataFloat.msg"),
+        part!("rosneuro_msgs/NeuroDataInfo", "../msg/NeuroDataInfo.msg"),
+        part!("rosneuro_msgs/NeuroDataInt32", "../msg/NeuroDataInt32.msg"),
+    ),
+};
+
+static NEURO_EVENT: MessageType = MessageType {
+    name: "rosneuro_msgs/NeuroEvent",
+    md5: "bf2c8b385ba6522f6af8df2da3585c4c",
+    definition: concat!(
+        include_str!("../msg/NeuroEvent.msg"),
+        part!("std_msgs/Header", "../foreign/std_msgs/Header.msg"),
+        part!("rosneuro_msgs/NeuroHeader", "../msg/NeuroHeader.msg"),
+    ),
+};
+
+static DIAGNOSTIC_ARRAY: MessageType = MessageType {
+    name: "diagnostic_msgs/DiagnosticArray",
+    md5: "60810da900de1dd6ddd437c3503511da",
+    definition: concat!(
+        include_str!("../foreign/diagnostic_msgs/DiagnosticArray.msg"),
+        part!("std_msgs/Header", "../foreign/std_msgs/Header.msg"),
+        part!(
+            "diagnostic_msgs/DiagnosticStatus",
+            "../foreign/diagnostic_msgs/DiagnosticStatus.msg"
+        ),
+        part!(
+            "diagnostic_msgs/KeyValue",
+            "../foreign/diagnostic_msgs/KeyValue.msg"
+        ),
+    ),
+};

@@ -1,0 +1,55 @@
+//! A point in time as ROS 1 carries it.
+
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use serde::Serialize;
+
+use crate::wire::fields;
+
+/// Nanoseconds in a second.
+const SECOND_NS: u64 = 1_000_000_000;
+
+/// A point in time as ROS 1 carries it: seconds and nanoseconds since 1970 (UTC).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+pub struct Stamp {
+    /// Whole seconds since 1970; ends in 2106.
+    pub secs: u32,
+    /// Nanoseconds, 0 to 999,999,999.
+    pub nsecs: u32,
+}
+
+fields!(Stamp {
+    secs: u32,
+    nsecs: u32
+});
+
+impl Stamp {
+    /// The stamp of a time in nanoseconds since 1970; saturates at both ends.
+    pub fn from_nanoseconds(nanoseconds: i64) -> Stamp {
+        let nanoseconds = u64::try_from(nanoseconds).unwrap_or(0);
+        match u32::try_from(nanoseconds / SECOND_NS) {
+            Ok(secs) => {
+                let nsecs = (nanoseconds % SECOND_NS) as u32;
+                Stamp { secs, nsecs }
+            }
+            Err(_) => Stamp {
+                secs: u32::MAX,
+                nsecs: 999_999_999,
+            },
+        }
+    }
+
+    /// The host's wall clock.
+    pub fn now() -> Stamp {
+        let since = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .unwrap_or(Duration::ZERO);
+        Stamp::from_nanoseconds(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
+    }
+
+    /// Nanoseconds since 1970.
+    pub fn nanoseconds(self) -> i64 {
+        // At most 4,294,967,295.999,999,999 s = 4.3e18 ns, below 2^63 = 9.2e18.
+        i64::from(self.secs) * 1_000_000_000 + i64::from(self.nsecs)
+    }
+}
