@@ -80,8 +80,8 @@ impl VirtualAdc {
         map: &MontageMap,
         spec: AdcSpec,
     ) -> Result<Self, RecordingError> {
-        if !(1..=100_000).contains(&spec.rate_hz) || !(spec.lsb_uv.is_finite() && spec.lsb_uv > 0.0)
-        {
+        let scale_is_usable = spec.lsb_uv.is_finite() && spec.lsb_uv > 0.0;
+        if !scale_is_usable || !(1..=100_000).contains(&spec.rate_hz) {
             let AdcSpec { rate_hz, lsb_uv } = spec;
             return Err(RecordingError::AdcSpec { rate_hz, lsb_uv });
         }

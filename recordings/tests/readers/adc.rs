@@ -1,0 +1,210 @@
+//! The virtual ADC on files written here.
+
+use std::f64::consts::TAU;
+
+use recordings::{
+    AdcSpec, Missing, MontageMap, RecordingError, VirtualAdc, virtual_adc::AdcCounters,
+};
+
+use crate::{
+    edf_writer::{EdfFile, EdfSignal},
+    gdf_writer::{GdfFile, GdfSignal},
+    open,
+};
+
+const ADS1299: AdcSpec = AdcSpec::ads1299(512);
+
+#[expect(clippy::cast_precision_loss, reason = "small numbers")]
+fn seconds(sample: usize, rate: f64) -> f64 {
+    sample as f64 / rate
+}
+
+/// 100 uV of a sine at `hz` on an offset of 20 mV, `records` s long.
+fn sine_file(hz: f64, rate: u32, records: usize) -> Vec<u8> {
+    let samples = (0..records * rate as usize)
+        .map(|k| 20_000.0 + 100.0 * (TAU * hz * seconds(k, rate.into())).sin());
+    let data = samples.flat_map(f64::to_le_bytes).collect();
+    let signal = GdfSignal::of_type(17, rate, data);
+    GdfFile::version_2(i64::try_from(records).expect("small"), vec![signal]).bytes()
+}
+
+fn play(bytes: Vec<u8>, electrodes: &[&str], missing: Missing) -> (Vec<[i32; 64]>, AdcCounters) {
+    let recording = open(bytes).expect("a sound file");
+    let map = MontageMap::new(&recording.labels(), electrodes, missing).expect("fits");
+    let mut adc = VirtualAdc::new(recording, &map, ADS1299).expect("usable rates");
+    let counts: Vec<_> = (&mut adc).collect::<Result<_, _>>().expect("readable");
+    assert_eq!(counts.len() as u64, adc.samples());
+    (counts, adc.counters())
+}
+
+/// Largest error against the analytic sine, uV, `edge` s away from the ends.
+fn worst_error_uv(counts: &[[i32; 64]], hz: f64, edge: f64) -> f64 {
+    let end = seconds(counts.len(), 512.0) - edge;
+    let inside = counts
+        .iter()
+        .enumerate()
+        .map(|(k, c)| (seconds(k, 512.0), c[0]));
+    inside
+        .filter(|(t, _)| (edge..end).contains(t))
+        .map(|(t, count)| {
+            let analytic = 20_000.0 + 100.0 * (TAU * hz * t).sin();
+            (f64::from(count) * ADS1299.lsb_uv - analytic).abs()
+        })
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn a_resampled_sine_is_the_analytic_sine_at_k_over_rate() {
+    // 40 s at 160 Hz are six transforms: their seams lie inside. The rounding to counts alone
+    // may be 0.0112 uV off. Near the ends the resampler has to guess what lies beyond.
+    for hz in [1.0, 10.0, 60.0] {
+        let (counts, counters) = play(sine_file(hz, 160, 40), &["Cz"], Missing::Refuse);
+        assert_eq!(counts.len(), 40 * 512);
+        let error = worst_error_uv(&counts, hz, 3.3);
+        assert!(error < 0.0125, "{hz} Hz: {error} uV");
+        assert_eq!(counters, AdcCounters::default());
+    }
+}
+
+#[test]
+fn downsampling_and_odd_ratios_keep_time_too() {
+    for rate in [128, 250, 1000, 2048] {
+        let (counts, _) = play(sine_file(10.0, rate, 24), &["Cz"], Missing::Refuse);
+        let edge = 600.0 / f64::from(rate.min(512)) + 0.1;
+        let error = worst_error_uv(&counts, 10.0, edge);
+        assert!(error < 0.0125, "{rate} Hz: {error} uV");
+    }
+}
+
+#[test]
+fn an_offset_does_not_ring_at_the_ends() {
+    let (counts, _) = play(sine_file(0.0, 160, 10), &["Cz"], Missing::Refuse);
+    let error = worst_error_uv(&counts, 0.0, 0.0);
+    assert!(error < 0.0125, "{error} uV of 20 mV");
+}
+
+#[test]
+fn what_lies_beyond_the_slower_nyquist_does_not_fold() {
+    let (counts, _) = play(sine_file(300.0, 2048, 8), &["Cz"], Missing::Refuse);
+    let inside = &counts[512..counts.len() - 512];
+    let most = inside
+        .iter()
+        .map(|c| (f64::from(c[0]) * ADS1299.lsb_uv - 20_000.0).abs());
+    let most = most.fold(0.0, f64::max);
+    assert!(most < 0.0125, "300 Hz at 100 uV leaves {most} uV");
+}
+
+#[test]
+fn the_same_rate_passes_exactly_and_rounds_to_nearest() {
+    let samples: Vec<f32> = (0_u16..1024).map(|k| f32::from(k) * 0.37 - 190.0).collect();
+    let file = GdfFile::version_2(2, vec![GdfSignal::float32("Cz", 512, &samples)]);
+    let (counts, _) = play(file.bytes(), &["Cz"], Missing::Refuse);
+    for (count, sample) in counts.iter().zip(&samples) {
+        let steps = f64::from(*sample) / ADS1299.lsb_uv;
+        assert!((f64::from(count[0]) - steps).abs() <= 0.5 + 1e-9);
+        assert!(count[1..].iter().all(|&spare| spare == 0));
+    }
+}
+
+#[test]
+fn rails_and_holes_are_counted() {
+    let samples = [
+        f32::NAN,
+        1e6,
+        -1e6,
+        f32::INFINITY,
+        5.0,
+        f32::NAN,
+        187_500.0,
+        -187_500.0,
+    ];
+    let mut file = GdfFile::version_2(1, vec![GdfSignal::float32("Cz", 8, &samples)]);
+    file.duration = (8, 512);
+    let (counts, counters) = play(file.bytes(), &["Cz"], Missing::Refuse);
+    let played: Vec<i32> = counts.iter().map(|c| c[0]).collect();
+    // 2^23 * 22.35 nV are 187.5 mV: the positive rail is one step short of it.
+    let (top, bottom) = (8_388_607, -8_388_608);
+    assert_eq!(played, [0, top, bottom, bottom, 224, 224, top, bottom]);
+    assert_eq!(
+        counters,
+        AdcCounters {
+            saturated: 4,
+            not_finite: 3
+        }
+    );
+}
+
+#[test]
+fn units_become_microvolts() {
+    for (code, unit, value) in [
+        (4256, "V", 1e-3),
+        (4274, "mV", 1.0),
+        (0, "uV", 1000.0),
+        (4276, "", 1e6),
+    ] {
+        let mut signal = GdfSignal::float32("Cz", 512, &[value; 512]);
+        (signal.unit_code, signal.unit) = (code, unit);
+        let (counts, _) = play(
+            GdfFile::version_2(1, vec![signal]).bytes(),
+            &["Cz"],
+            Missing::Refuse,
+        );
+        // 1 mV / 22.351741790771484 nV = 44739.24.
+        assert_eq!(counts[7][0], 44_739, "{unit} {code}");
+    }
+}
+
+#[test]
+fn electrodes_mix_signals_of_different_rates() {
+    let signals = vec![
+        EdfSignal::steps("C3", 512, &[100; 512 * 8]),
+        EdfSignal::steps("EEG C4", 256, &[200; 256 * 8]),
+        EdfSignal::steps("Status", 1, &[7; 8]),
+    ];
+    let bytes = EdfFile::edf("8", signals).bytes();
+    let (counts, _) = play(
+        bytes.clone(),
+        &["Cz", "C3", "C4", "Pz"],
+        Missing::Interpolate,
+    );
+    assert_eq!(counts.len(), 8 * 512);
+    for sample in &counts {
+        let uv = sample.map(|count| f64::from(count) * ADS1299.lsb_uv);
+        // Cz and Pz lie midway between C3 and C4.
+        for (found, expected) in uv.iter().zip([150.0, 100.0, 200.0, 150.0, 0.0]) {
+            assert!(
+                (found - expected).abs() < 0.0125,
+                "{found} uV, expected {expected}"
+            );
+        }
+    }
+    let (counts, _) = play(bytes, &["Cz", "C3"], Missing::Zero);
+    assert!(
+        counts
+            .iter()
+            .all(|sample| sample[0] == 0 && sample[1] == 4474)
+    );
+}
+
+#[test]
+fn rates_that_make_no_sense_are_refused() {
+    let mut file = EdfFile::edf("1", vec![EdfSignal::steps("Cz", 1, &[1])]);
+    file.duration = "0.999983";
+    let recording = open(file.bytes()).expect("usable");
+    let map = MontageMap::new(&recording.labels(), &["Cz"], Missing::Zero).expect("fits");
+    let error = VirtualAdc::new(recording, &map, ADS1299)
+        .err()
+        .expect("refused")
+        .to_string();
+    assert!(error.contains("signal Cz at 1.00001"), "{error}");
+
+    for (rate_hz, lsb_uv) in [(0, 1.0), (200_000, 1.0), (512, 0.0), (512, f64::NAN)] {
+        let recording = open(sine_file(1.0, 4, 1)).expect("usable");
+        let map = MontageMap::new(&recording.labels(), &["Cz"], Missing::Zero).expect("fits");
+        let refused = VirtualAdc::new(recording, &map, AdcSpec { rate_hz, lsb_uv });
+        assert!(matches!(
+            refused.err(),
+            Some(RecordingError::AdcSpec { .. })
+        ));
+    }
+}

@@ -1,0 +1,159 @@
+//! Mutated files: any error is fine, a panic, a hang or memory beyond the file's own size is not.
+
+use proptest::{collection::vec, prelude::*};
+
+use crate::{
+    edf_writer::{EdfFile, EdfSignal},
+    gdf_writer::{GdfFile, GdfSignal},
+    open, read_all,
+};
+use recordings::{AdcSpec, Missing, MontageMap, VirtualAdc};
+
+fn edf() -> Vec<u8> {
+    let signals = vec![
+        EdfSignal::steps("Cz", 4, &[1, 2, 3, 4, 5, 6, 7, 8]),
+        EdfSignal::annotations(&[b"+0\x14\x14\0+0.5\x14a\x14\0", b"+1\x14\x14\0"]),
+    ];
+    EdfFile {
+        reserved: "EDF+D",
+        ..EdfFile::edf("2", signals)
+    }
+    .bytes()
+}
+
+fn bdf() -> Vec<u8> {
+    let signal = EdfSignal {
+        data: vec![7; 24],
+        ..EdfSignal::steps("Cz", 4, &[])
+    };
+    EdfFile {
+        magic: *b"\xffBIOSEMI",
+        sample_bytes: 3,
+        ..EdfFile::edf("2", vec![signal])
+    }
+    .bytes()
+}
+
+fn gdf(version_1: bool) -> Vec<u8> {
+    let signal = GdfSignal::float32("Cz", 2, &[1.0, 2.0, 3.0, 4.0]);
+    let mut file = GdfFile {
+        version_1,
+        ..GdfFile::version_2(2, vec![signal])
+    };
+    file.events = vec![1, 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 0, 3];
+    file.bytes()
+}
+
+/// Reads whatever can be read and checks that it is no more than the file could hold.
+fn survive(bytes: Vec<u8>) -> Result<(), TestCaseError> {
+    let size = bytes.len();
+    let Ok(mut recording) = open(bytes.clone()) else {
+        return Ok(());
+    };
+    let samples: usize = read_all(&mut recording).iter().map(Vec::len).sum();
+    prop_assert!(samples <= size, "{samples} samples from {size} bytes");
+    if let Ok(events) = recording.events() {
+        prop_assert!(events.len() <= size);
+    }
+    for warning in recording.warnings() {
+        prop_assert!(!warning.to_string().is_empty());
+    }
+    let Ok(recording) = open(bytes) else {
+        return Ok(());
+    };
+    if let Ok(map) = MontageMap::new(&recording.labels(), &["Cz"], Missing::Zero)
+        && let Ok(adc) = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512))
+    {
+        // A record may claim to last for years; its first samples tell enough.
+        for counts in adc.take(2000) {
+            let counts = counts.map_err(|error| TestCaseError::fail(error.to_string()))?;
+            prop_assert!((-8_388_608..=8_388_607).contains(&counts[0]));
+        }
+    }
+    Ok(())
+}
+
+/// Bytes that are hard on number parsers and on binary sizes alike.
+fn nasty() -> impl Strategy<Value = u8> {
+    prop_oneof![
+        any::<u8>(),
+        prop::sample::select(&b"0189-+.eE ,\0\xffnai"[..])
+    ]
+}
+
+fn mutated(sound: Vec<u8>) -> impl Strategy<Value = Vec<u8>> {
+    let size = sound.len();
+    let changes = vec((0..size, vec(nasty(), 1..9)), 0..6);
+    (
+        changes,
+        prop_oneof![Just(size), 0..=size],
+        vec(any::<u8>(), 0..40),
+    )
+        .prop_map(move |(changes, length, tail)| {
+            let mut bytes = sound.clone();
+            for (at, new) in changes {
+                let end = (at + new.len()).min(size);
+                bytes[at..end].copy_from_slice(&new[..end - at]);
+            }
+            bytes.truncate(length);
+            bytes.extend(tail);
+            bytes
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(300) })]
+
+    #[test]
+    fn a_mutated_edf_is_read_or_refused(bytes in mutated(edf())) {
+        survive(bytes)?;
+    }
+
+    #[test]
+    fn a_mutated_bdf_is_read_or_refused(bytes in mutated(bdf())) {
+        survive(bytes)?;
+    }
+
+    #[test]
+    fn a_mutated_gdf_2_is_read_or_refused(bytes in mutated(gdf(false))) {
+        survive(bytes)?;
+    }
+
+    #[test]
+    fn a_mutated_gdf_1_is_read_or_refused(bytes in mutated(gdf(true))) {
+        survive(bytes)?;
+    }
+
+    #[test]
+    fn any_bytes_behind_a_magic_are_read_or_refused(
+        magic in prop::sample::select(vec![*b"0       ", *b"\xffBIOSEMI", *b"GDF 1.25", *b"GDF 2.20", *b"GDF 2.51"]),
+        rest in vec(any::<u8>(), 0..2000),
+    ) {
+        let mut bytes = magic.to_vec();
+        bytes.extend(rest);
+        survive(bytes)?;
+    }
+}
+
+#[test]
+fn absurd_sizes_are_refused_before_anything_is_allocated() {
+    // 99,999,999 samples per record in a file of some hundred bytes.
+    let mut file = EdfFile::edf("99999999", vec![EdfSignal::steps("Cz", 99_999_999, &[])]);
+    file.signals[0].data = Vec::new();
+    let mut bytes = file.bytes();
+    bytes.extend([0; 100]);
+    let error = open(bytes).err().expect("refused").to_string();
+    assert!(
+        error.contains("a record takes 199999998 bytes and the file holds 100"),
+        "{error}"
+    );
+
+    let mut signal = GdfSignal::float32("Cz", u32::MAX, &[]);
+    signal.type_number = 17;
+    let bytes = GdfFile::version_2(i64::MAX, vec![signal]).bytes();
+    let error = open(bytes).err().expect("refused").to_string();
+    assert!(
+        error.contains("a record takes 34359738360 bytes"),
+        "{error}"
+    );
+}

@@ -1,0 +1,225 @@
+//! EDF, EDF+ and BDF files written here.
+
+use recordings::{Event, EventLabel, Format, Ratio, RecordingError, Warning};
+
+use crate::{
+    edf_writer::{EdfFile, EdfSignal},
+    open, read_all,
+};
+
+#[test]
+fn signals_of_different_rates_keep_their_samples_and_units() {
+    let slow = EdfSignal {
+        unit: "mV",
+        ranges: ["-1", "1", "-100", "100"].map(str::to_owned),
+        ..EdfSignal::steps("EEG Cz", 2, &[-100, 0, 50, 100])
+    };
+    let fast = EdfSignal::steps("EOG", 4, &[1, 2, 3, 4, 5, 6, 7, 8]);
+    let file = EdfFile {
+        duration: "0.5",
+        ..EdfFile::edf("2", vec![slow, fast])
+    };
+    let mut recording = open(file.bytes()).expect("a sound file");
+    assert_eq!(recording.format(), Format::Edf);
+    assert_eq!(recording.warnings(), []);
+    assert_eq!(recording.duration_s(), 1.0);
+    let rates: Vec<f64> = recording
+        .signals()
+        .iter()
+        .filter_map(|signal| signal.rate)
+        .map(Ratio::value)
+        .collect();
+    assert_eq!(rates, [4.0, 8.0]);
+    assert_eq!(recording.signals()[0].unit.microvolts(), Some(1000.0));
+    let samples = read_all(&mut recording);
+    assert_eq!(samples[0], [-1.0, 0.0, 0.5, 1.0]);
+    assert_eq!(samples[1], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
+    recording.rewind();
+    assert_eq!(
+        read_all(&mut recording),
+        samples,
+        "a second pass reads the same"
+    );
+}
+
+#[test]
+fn bdf_has_24_bit_samples() {
+    let signal = EdfSignal {
+        ranges: ["-8388608", "8388607", "-8388608", "8388607"].map(str::to_owned),
+        data: vec![0, 0, 0x80, 0xff, 0xff, 0x7f, 0xfe, 0xff, 0xff, 1, 2, 0],
+        ..EdfSignal::steps("Cz", 4, &[])
+    };
+    let file = EdfFile {
+        magic: *b"\xffBIOSEMI",
+        sample_bytes: 3,
+        ..EdfFile::edf("1", vec![signal])
+    };
+    let mut recording = open(file.bytes()).expect("a sound file");
+    assert_eq!(recording.format(), Format::Bdf);
+    assert_eq!(
+        read_all(&mut recording)[0],
+        [-8_388_608.0, 8_388_607.0, -2.0, 513.0]
+    );
+}
+
+#[test]
+fn unknown_and_wrong_numbers_of_records_are_served_with_a_warning() {
+    let signal = || vec![EdfSignal::steps("Cz", 2, &[1, 2, 3, 4, 5, 6])];
+    let derived = open(EdfFile::edf("-1", signal()).bytes()).expect("usable");
+    assert_eq!(derived.warnings(), [Warning::RecordsUnknown { derived: 3 }]);
+
+    let mut bytes = EdfFile::edf("5", signal()).bytes();
+    bytes.extend([9, 9, 9]);
+    let mut cut = open(bytes).expect("usable");
+    assert_eq!(
+        cut.warnings(),
+        [Warning::Truncated {
+            promised: 5,
+            whole: 3,
+            left_over: 3
+        }]
+    );
+    assert_eq!(read_all(&mut cut)[0], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+
+    let mut longer = open(EdfFile::edf("2", signal()).bytes()).expect("usable");
+    assert_eq!(longer.warnings(), [Warning::Surplus { bytes: 4 }]);
+    assert_eq!(read_all(&mut longer)[0].len(), 4);
+}
+
+#[test]
+fn annotations_are_events_and_not_samples() {
+    let lists: [&[u8]; 2] = [
+        b"+0\x14\x14\0+0.5\x150.25\x14left hand\x14\0",
+        b"+1\x14\x14\0+1.5\x14T2\x14\0",
+    ];
+    let signals = vec![
+        EdfSignal::steps("Cz", 2, &[1, 2, 3, 4]),
+        EdfSignal::annotations(&lists),
+    ];
+    let file = EdfFile {
+        reserved: "EDF+C",
+        ..EdfFile::edf("2", signals)
+    };
+    let mut recording = open(file.bytes()).expect("a sound file");
+    assert_eq!(recording.format(), Format::EdfPlusContinuous);
+    let event = |onset_s, duration_s, text: &str| Event {
+        onset_s,
+        duration_s,
+        signal: None,
+        label: EventLabel::Text(text.to_owned()),
+    };
+    assert_eq!(
+        recording.events().expect("readable"),
+        [event(0.5, Some(0.25), "left hand"), event(1.5, None, "T2")]
+    );
+    let samples = read_all(&mut recording);
+    assert_eq!((samples[0].len(), samples[1].len()), (4, 0));
+    assert_eq!(recording.warnings(), []);
+}
+
+#[test]
+fn gaps_and_damaged_annotations_are_told() {
+    let lists: [&[u8]; 3] = [b"+0\x14\x14\0", b"+1\x14\x14\0", b"+7.5\x14\x14\0"];
+    let signals = |lists: &[&[u8]]| {
+        vec![
+            EdfSignal::steps("Cz", 1, &[1, 2, 3]),
+            EdfSignal::annotations(lists),
+        ]
+    };
+    let file = EdfFile {
+        reserved: "EDF+D",
+        ..EdfFile::edf("3", signals(&lists))
+    };
+    let recording = open(file.bytes()).expect("usable");
+    assert_eq!(
+        recording.warnings(),
+        [Warning::Gaps {
+            count: 1,
+            seconds: 5.5
+        }]
+    );
+
+    let damaged: [&[u8]; 3] = [b"+0\x14\x14\0", b"rubbish", b"+2\x14\x14\0+2\x14x\x14\0"];
+    let file = EdfFile {
+        reserved: "EDF+C",
+        ..EdfFile::edf("3", signals(&damaged))
+    };
+    let mut recording = open(file.bytes()).expect("usable");
+    assert_eq!(recording.events().expect("readable").len(), 1);
+    assert_eq!(recording.events().expect("readable").len(), 1);
+    assert_eq!(
+        recording.warnings(),
+        [Warning::Annotations { records: 1 }],
+        "told once"
+    );
+}
+
+#[test]
+fn headers_that_cannot_be_used_are_refused_with_the_field() {
+    let sound = || EdfFile::edf("1", vec![EdfSignal::steps("Cz", 2, &[1, 2])]);
+    let message = |file: EdfFile| open(file.bytes()).err().expect("refused").to_string();
+
+    let mut flat = sound();
+    flat.signals[0].ranges[3] = "-32768".to_owned();
+    assert!(message(flat).contains("signal Cz cannot be scaled: digital -32768..-32768"));
+
+    let still = EdfFile {
+        duration: "0",
+        ..sound()
+    };
+    assert!(message(still).contains("duration of a record"));
+    let minus = EdfFile {
+        records: "-7",
+        ..sound()
+    };
+    assert!(message(minus).contains("number of records"));
+    let words = EdfFile {
+        duration: "1 s",
+        ..sound()
+    };
+    assert!(message(words).contains("holds \"1 s\", which is not usable: a plain number"));
+
+    let empty = EdfFile::edf("0", Vec::new());
+    assert!(message(empty).contains("number of signals"));
+    let mut infinite = sound();
+    infinite.signals[0].ranges[1] = "inf".to_owned();
+    assert!(message(infinite).contains("cannot be scaled"));
+
+    let bytes = sound().bytes();
+    let cut = open(bytes[..300].to_vec());
+    assert!(matches!(
+        cut,
+        Err(RecordingError::HeaderCut {
+            needed: 512,
+            found: 300
+        })
+    ));
+    let bare = open(bytes[..512].to_vec());
+    assert!(matches!(
+        bare,
+        Err(RecordingError::NoData {
+            record_bytes: 4,
+            data_bytes: 0
+        })
+    ));
+    for other in [&b""[..], b"GDF", b"%PDF-1.7 something else"] {
+        assert!(matches!(
+            open(other.to_vec()),
+            Err(RecordingError::UnknownFormat { .. })
+        ));
+    }
+}
+
+#[test]
+fn an_empty_physical_range_serves_digital_values() {
+    let mut file = EdfFile::edf("1", vec![EdfSignal::steps("Trigger", 2, &[1, 2])]);
+    file.signals[0].ranges[0] = "0".to_owned();
+    file.signals[0].ranges[1] = "0".to_owned();
+    let mut recording = open(file.bytes()).expect("usable");
+    let label = "Trigger".to_owned();
+    assert_eq!(
+        recording.warnings(),
+        [Warning::PhysicalRangeEmpty { label }]
+    );
+    assert_eq!(read_all(&mut recording)[0], [1.0, 2.0]);
+}
