@@ -315,10 +315,9 @@ fn listen_address(host: &str, ipv6: bool) -> IpAddr {
     match host.parse::<IpAddr>() {
         Ok(address) if address.is_loopback() => address,
         Ok(IpAddr::V6(_)) => Ipv6Addr::UNSPECIFIED.into(),
-        Ok(IpAddr::V4(_)) => Ipv4Addr::UNSPECIFIED.into(),
         Err(_) if host == "localhost" => Ipv4Addr::LOCALHOST.into(),
         Err(_) if ipv6 => Ipv6Addr::UNSPECIFIED.into(),
-        Err(_) => Ipv4Addr::UNSPECIFIED.into(),
+        Ok(IpAddr::V4(_)) | Err(_) => Ipv4Addr::UNSPECIFIED.into(),
     }
 }
 

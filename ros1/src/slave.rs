@@ -60,7 +60,6 @@ impl Slave {
             // This node keeps no copies of parameters.
             "paramUpdate" => success(0),
             "requestTopic" => self.request_topic(&node, arguments),
-            "system.multicall" => return self.multicall(arguments),
             _ => {
                 return Err(Fault {
                     code: 1,
@@ -71,9 +70,8 @@ impl Slave {
     }
 
     fn request_topic(&self, node: &Registrar, arguments: &[Value]) -> Value {
-        let (topic, protocols) = match arguments {
-            [_, Value::String(topic), Value::Array(protocols)] => (topic, protocols),
-            _ => return error("requestTopic takes (caller, topic, protocols)"),
+        let [_, Value::String(topic), Value::Array(protocols)] = arguments else {
+            return error("requestTopic takes (caller, topic, protocols)");
         };
         if !lock(&node.graph).publishers.contains_key(topic) {
             return failure(&format!("not a publisher of [{topic}]"));
@@ -94,38 +92,6 @@ impl Slave {
             self.host.as_str().into(),
             port,
         ]))
-    }
-
-    fn multicall(&self, arguments: &[Value]) -> Result<Value, Fault> {
-        let calls = arguments
-            .first()
-            .and_then(Value::as_array)
-            .unwrap_or_default();
-        let mut answers = Vec::with_capacity(calls.len());
-        for call in calls {
-            let method = call
-                .member("methodName")
-                .and_then(Value::as_str)
-                .unwrap_or_default();
-            let parameters = call
-                .member("params")
-                .and_then(Value::as_array)
-                .unwrap_or_default();
-            if method == "system.multicall" {
-                return Err(Fault {
-                    code: 1,
-                    message: "a multicall may not nest".to_owned(),
-                });
-            }
-            answers.push(match self.answer(method, parameters) {
-                Ok(value) => Value::Array(vec![value]),
-                Err(fault) => Value::Struct(vec![
-                    ("faultCode".to_owned(), fault.code.into()),
-                    ("faultString".to_owned(), fault.message.into()),
-                ]),
-            });
-        }
-        Ok(Value::Array(answers))
     }
 }
 

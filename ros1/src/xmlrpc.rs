@@ -3,6 +3,7 @@
 mod call;
 mod decode;
 mod encode;
+mod multicall;
 mod server;
 mod value;
 

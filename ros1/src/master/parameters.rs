@@ -41,13 +41,11 @@ impl Parameters {
             let Value::Struct(members) = place else {
                 return false;
             };
-            let at = match members.iter().position(|(name, _)| name == part) {
-                Some(at) => at,
-                None => {
-                    members.push((part.to_owned(), Value::Struct(Vec::new())));
-                    members.len() - 1
-                }
-            };
+            let known = members.iter().position(|(name, _)| name == part);
+            let at = known.unwrap_or_else(|| {
+                members.push((part.to_owned(), Value::Struct(Vec::new())));
+                members.len() - 1
+            });
             place = &mut members[at].1;
         }
         *place = value;

@@ -33,16 +33,7 @@ pub fn encode_response(response: &Result<Value, Fault>) -> String {
         }
         Err(fault) => {
             xml.push_str("<fault>");
-            push_value(
-                &mut xml,
-                &Value::Struct(vec![
-                    ("faultCode".to_owned(), Value::Int(fault.code)),
-                    (
-                        "faultString".to_owned(),
-                        Value::from(fault.message.as_str()),
-                    ),
-                ]),
-            );
+            push_value(&mut xml, &Value::from(fault.clone()));
             xml.push_str("</fault>");
         }
     }

@@ -13,12 +13,13 @@ use tokio::{
 use super::{
     decode::decode_call,
     encode::encode_response,
+    multicall::{MULTICALL, multicall},
     value::{Fault, Value},
 };
 use crate::http::{HttpError, read_body, read_head};
 
 /// A kept-alive connection may be silent for this long.
-const IDLE_LIMIT: Duration = Duration::from_secs(120);
+const IDLE_LIMIT: Duration = Duration::from_mins(2);
 /// From a request's first byte to its last, and the same for the answer.
 const TRANSFER_LIMIT: Duration = Duration::from_secs(10);
 /// Connections served at once; further ones wait in the system's queue.
@@ -159,6 +160,7 @@ where
     F: Fn(&str, &[Value]) -> Result<Value, Fault>,
 {
     let response = match decode_call(body) {
+        Ok(call) if call.method == MULTICALL => multicall(&call.arguments, answer),
         Ok(call) => answer(&call.method, &call.arguments),
         Err(error) => Err(Fault {
             code: 1,

@@ -69,6 +69,16 @@ impl Value {
     }
 }
 
+impl From<Fault> for Value {
+    /// The struct in which a fault travels.
+    fn from(fault: Fault) -> Self {
+        Self::Struct(vec![
+            ("faultCode".to_owned(), Self::Int(fault.code)),
+            ("faultString".to_owned(), Self::String(fault.message)),
+        ])
+    }
+}
+
 impl From<i32> for Value {
     fn from(number: i32) -> Self {
         Self::Int(number)
