@@ -53,7 +53,10 @@ pub fn root() -> PathBuf {
 /// Cargo is missing or fails.
 pub fn cargo(arguments: &[&str]) -> Result<String, WorkspaceError> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let output = Command::new(cargo).args(arguments).current_dir(root()).output()?;
+    let output = Command::new(cargo)
+        .args(arguments)
+        .current_dir(root())
+        .output()?;
     if !output.status.success() {
         return Err(WorkspaceError::Failed {
             arguments: arguments.join(" "),
@@ -71,7 +74,9 @@ pub fn folders() -> Result<BTreeMap<String, PathBuf>, WorkspaceError> {
     let mut folders = BTreeMap::new();
     for package in packages()? {
         let manifest = text(&package, "manifest_path")?;
-        let folder = Path::new(manifest).parent().ok_or(WorkspaceError::Field("manifest_path"))?;
+        let folder = Path::new(manifest)
+            .parent()
+            .ok_or(WorkspaceError::Field("manifest_path"))?;
         folders.insert(text(&package, "name")?.to_owned(), folder.to_path_buf());
     }
     Ok(folders)

@@ -18,9 +18,16 @@ fn arrows_are_those_of_architecture_md() {
     let written = written_arrows();
     let real = workspace::arrows().expect("cargo metadata");
     let names = |all: &BTreeMap<String, Arrows>| all.keys().cloned().collect::<Names>();
-    assert_eq!(names(&written), names(&real), "left: ARCHITECTURE.md, right: the workspace");
+    assert_eq!(
+        names(&written),
+        names(&real),
+        "left: ARCHITECTURE.md, right: the workspace"
+    );
     for (name, arrows) in &real {
-        assert_eq!(&written[name], arrows, "`{name}`: left is ARCHITECTURE.md, right is cargo");
+        assert_eq!(
+            &written[name], arrows,
+            "`{name}`: left is ARCHITECTURE.md, right is cargo"
+        );
     }
 }
 
@@ -28,7 +35,10 @@ fn arrows_are_those_of_architecture_md() {
 fn nobody_depends_on_the_acceptance() {
     for (name, arrows) in workspace::arrows().expect("cargo metadata") {
         for kind in [&arrows.normal, &arrows.build, &arrows.tests] {
-            assert!(!kind.contains("acceptance"), "`{name}` depends on `acceptance`");
+            assert!(
+                !kind.contains("acceptance"),
+                "`{name}` depends on `acceptance`"
+            );
         }
     }
 }
@@ -38,7 +48,9 @@ fn every_crate_root_forbids_unsafe_code() {
     let mut roots = 0;
     for (name, folder) in workspace::folders().expect("cargo metadata") {
         for root in ["src/lib.rs", "src/main.rs"] {
-            let Ok(text) = fs::read_to_string(folder.join(root)) else { continue };
+            let Ok(text) = fs::read_to_string(folder.join(root)) else {
+                continue;
+            };
             roots += 1;
             assert!(
                 text.contains("#![forbid(unsafe_code)]"),
@@ -58,11 +70,21 @@ fn a_source_file_is_short_and_named_after_something() {
     assert!(files.len() > 20, "found only {} source files", files.len());
     let mut faults = Vec::new();
     for file in files {
-        let lines = fs::read_to_string(&file).expect("a source file").lines().count();
+        let lines = fs::read_to_string(&file)
+            .expect("a source file")
+            .lines()
+            .count();
         if lines > LONGEST_FILE {
-            faults.push(format!("{}: {lines} lines, {LONGEST_FILE} allowed", file.display()));
+            faults.push(format!(
+                "{}: {lines} lines, {LONGEST_FILE} allowed",
+                file.display()
+            ));
         }
-        let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let stem = file
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
         if EMPTY_NAMES.contains(&stem.as_str()) {
             faults.push(format!("{}: name the noun that it holds", file.display()));
         }
@@ -73,7 +95,9 @@ fn a_source_file_is_short_and_named_after_something() {
 /// The table "Crates and arrows" of ARCHITECTURE.md.
 fn written_arrows() -> BTreeMap<String, Arrows> {
     let text = fs::read_to_string(workspace::root().join("ARCHITECTURE.md")).expect("the document");
-    let (_, section) = text.split_once("\n## Crates and arrows\n").expect("the section");
+    let (_, section) = text
+        .split_once("\n## Crates and arrows\n")
+        .expect("the section");
     let section = section.split("\n## ").next().unwrap_or(section);
     let mut table = BTreeMap::new();
     for line in section.lines().filter(|line| line.starts_with("| `")) {
@@ -87,19 +111,29 @@ fn written_arrows() -> BTreeMap<String, Arrows> {
             tests: names_in(tests),
         };
         let name = names_in(name).pop_first().expect("the crate's name");
-        assert!(table.insert(name.clone(), arrows).is_none(), "`{name}` has two rows");
+        assert!(
+            table.insert(name.clone(), arrows).is_none(),
+            "`{name}` has two rows"
+        );
     }
     table
 }
 
 /// What stands between backticks.
 fn names_in(cell: &str) -> Names {
-    cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+    cell.split('`')
+        .skip(1)
+        .step_by(2)
+        .map(str::to_owned)
+        .collect()
 }
 
 /// Every `.rs` file of a member that a person wrote.
 fn collect_sources(folder: &Path, files: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry")) {
+    for entry in fs::read_dir(folder)
+        .expect("a folder")
+        .map(|entry| entry.expect("an entry"))
+    {
         let path = entry.path();
         if path.is_dir() && path.file_name().is_none_or(|name| name != "target") {
             collect_sources(&path, files);

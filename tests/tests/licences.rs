@@ -8,7 +8,10 @@ use acceptance::workspace;
 use spdx::{Expression, LicenseReq, ParseMode};
 
 /// Old manifests write `/` for `OR`; every other deviation from SPDX is an error.
-const MODE: ParseMode = ParseMode { allow_slash_as_or_operator: true, ..ParseMode::STRICT };
+const MODE: ParseMode = ParseMode {
+    allow_slash_as_or_operator: true,
+    ..ParseMode::STRICT
+};
 
 #[test]
 fn every_dependency_has_an_allowed_licence() {
@@ -30,9 +33,15 @@ fn every_allowed_licence_is_needed() {
     let allowed = allowed();
     let dependencies = dependencies();
     for name in &allowed {
-        let without = allowed.iter().filter(|other| *other != name).cloned().collect();
+        let without = allowed
+            .iter()
+            .filter(|other| *other != name)
+            .cloned()
+            .collect();
         assert!(
-            dependencies.values().any(|licence| !accepts(&without, licence)),
+            dependencies
+                .values()
+                .any(|licence| !accepts(&without, licence)),
             "deny.toml allows {name}, and nothing needs it: take it off the list"
         );
     }
@@ -54,7 +63,9 @@ fn allowed() -> BTreeSet<String> {
     let text = fs::read_to_string(workspace::root().join("deny.toml")).expect("deny.toml");
     let table: toml::Table = text.parse().expect("deny.toml is TOML");
     let list = table["licenses"]["allow"].as_array().expect("a list");
-    list.iter().map(|name| name.as_str().expect("a licence").to_owned()).collect()
+    list.iter()
+        .map(|name| name.as_str().expect("a licence").to_owned())
+        .collect()
 }
 
 /// Licence expression of every package that any target, build script or test of ours links.
@@ -76,7 +87,11 @@ fn dependencies() -> BTreeMap<String, String> {
         .filter_map(|line| line.split_once('|'))
         .map(|(package, licence)| (package.to_owned(), licence.to_owned()))
         .collect();
-    assert!(packages.len() > 50, "cargo tree listed only {} packages", packages.len());
+    assert!(
+        packages.len() > 50,
+        "cargo tree listed only {} packages",
+        packages.len()
+    );
     packages
 }
 

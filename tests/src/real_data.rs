@@ -1,0 +1,66 @@
+//! Real EEG, in a folder outside the project that `CORTICODE_DATA` names.
+
+use std::path::PathBuf;
+
+use pipeline::Sample;
+use recordings::{AdcSpec, Missing, MontageMap, Recording, RecordingError, VirtualAdc};
+
+use crate::skip::skipped;
+
+/// 61 electrodes at 512 Hz, int16, 30 s.
+pub const GDF_I16: &str = "derived/s001r04_61ch_512hz_i16.gdf";
+/// The same as float32, unrounded.
+pub const GDF_F32: &str = "derived/s001r04_61ch_512hz_f32.gdf";
+/// The float32 file after scipy's filters, as windows, with scipy's coefficients.
+pub const SCIPY_WINDOWS: &str = "derived/ref_windows_128hz.npz";
+/// 64 electrodes at 160 Hz, 125 s; held out of the training.
+pub const EDF_R11: &str = "eegmmidb_S001/S001R11.edf";
+/// As R11.
+pub const EDF_R12: &str = "eegmmidb_S001/S001R12.edf";
+
+/// A recording cannot become samples.
+#[derive(Debug, thiserror::Error)]
+pub enum SamplesError {
+    /// The file.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// Its electrodes.
+    #[error(transparent)]
+    Montage(#[from] recordings::MontageMapError),
+}
+
+/// Path of a file under `CORTICODE_DATA`; says loudly that `test` is skipped when that is unset.
+///
+/// # Panics
+/// When the variable is set and the file is not there: a wrong path must not look like a skip.
+pub fn path(test: &str, file: &str) -> Option<PathBuf> {
+    let Some(folder) = std::env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty())
+    else {
+        skipped(
+            test,
+            &format!("CORTICODE_DATA is not set; it names the folder that has {file}"),
+        );
+        return None;
+    };
+    let path = PathBuf::from(folder).join(file);
+    assert!(
+        path.exists(),
+        "CORTICODE_DATA is set, and {} is not there",
+        path.display()
+    );
+    Some(path)
+}
+
+/// The file as the virtual ADC delivers it, in the order of `electrodes`, at 512 Hz.
+///
+/// # Errors
+/// The file cannot be read, or lacks electrodes that cannot be interpolated.
+pub fn samples(
+    path: &std::path::Path,
+    electrodes: &[&str],
+) -> Result<impl Iterator<Item = Result<Sample, RecordingError>>, SamplesError> {
+    let recording = Recording::open(path)?;
+    let map = MontageMap::new(&recording.labels(), electrodes, Missing::Interpolate)?;
+    let adc = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512))?;
+    Ok(adc.map(|counts| counts.map(|counts| Sample { counts })))
+}

@@ -1,0 +1,70 @@
+//! The streaming encoder gives the codes of the batch reference, on every window of held-out EEG.
+#![forbid(unsafe_code)]
+
+use acceptance::{real_data, workspace};
+use artifact::Artifact;
+use model_gen::IntegerModel;
+use pipeline::{Code, FrontEnd, Mains, Pipeline, Plane, Quantiser, Sample};
+
+const STEPS: usize = model::STEPS;
+
+#[test]
+fn every_window_of_r11_streams_as_it_batches() {
+    compare(real_data::EDF_R11);
+}
+
+#[test]
+fn every_window_of_r12_streams_as_it_batches() {
+    compare(real_data::EDF_R12);
+}
+
+/// Codes of the pipeline against model-gen's plain loops over the same quantised planes.
+fn compare(file: &str) {
+    let test = format!("streaming equals batch on {file}");
+    let Some(path) = real_data::path(&test, file) else {
+        return;
+    };
+    let artifact = Artifact::read(&workspace::root().join("model/artifact")).expect("the artifact");
+    let batch = model_gen::quantise(&artifact).expect("an integer model");
+    let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
+    let samples = real_data::samples(&path, &electrodes).expect("samples");
+
+    // Recorded where the mains have 60 Hz.
+    let mut pipeline = Pipeline::new(Mains::Hz60);
+    let mut front_end = FrontEnd::new(Mains::Hz60.filter().cascade, model::DECIMATION);
+    let mut planes: Vec<Plane> = Vec::new();
+    let mut codes: Vec<Code> = Vec::new();
+    for sample in samples {
+        let sample: Sample = sample.expect("a whole recording");
+        codes.extend(pipeline.push(&sample));
+        planes.extend(
+            front_end
+                .push(&sample)
+                .map(|electrodes| Quantiser::plane(&electrodes).0),
+        );
+    }
+    assert_eq!(codes.len(), 1 + (planes.len() - STEPS) / model::HOP);
+    let different = different(&batch, &planes, &codes);
+    println!("{file}: {} windows, {different} different", codes.len());
+    assert_eq!(different, 0);
+    // 125 s of EEG: neither constant nor clipped away.
+    assert!(codes.len() > 1900);
+    assert!(
+        codes
+            .windows(2)
+            .filter(|pair| pair[0].values != pair[1].values)
+            .count()
+            > 1800
+    );
+}
+
+fn different(batch: &IntegerModel, planes: &[Plane], codes: &[Code]) -> usize {
+    let windows = planes.windows(STEPS).step_by(model::HOP);
+    windows
+        .zip(codes)
+        .filter(|(window, code)| {
+            let window: &[Plane; STEPS] = (*window).try_into().expect("16 planes");
+            batch.encode_window(window) != code.values
+        })
+        .count()
+}

@@ -1,0 +1,97 @@
+//! The fixed-point filters give what scipy's floating-point filters give, on real EEG.
+#![forbid(unsafe_code)]
+
+use acceptance::npz::{Array, Npz};
+use acceptance::real_data;
+use pipeline::{FrontEnd, Mains};
+
+/// Half a step of the ADC: what rounding to counts may change, uV.
+const HALF_COUNT_UV: f64 = 0.5 * model::LSB_NV as f64 / 1000.0;
+
+/// Steps at 128 Hz after which the filters' start is over: 2 s, four periods of their corner.
+const SETTLED: usize = 256;
+
+/// scipy: `butter(5, [0.5, 60], 'bandpass', fs=512, output='sos')` after `iirnotch(50, 30, 512)`,
+/// `sosfilt` from rest, every fourth sample, float32; the archive holds the coefficients too.
+#[test]
+fn filtered_eeg_equals_scipys_up_to_the_adcs_rounding() {
+    let test = "filters against scipy";
+    let Some(recording) = real_data::path(test, real_data::GDF_F32) else {
+        return;
+    };
+    let Some(reference) = real_data::path(test, real_data::SCIPY_WINDOWS) else {
+        return;
+    };
+    let mut reference = Npz::open(&reference).expect("scipy's results");
+    let windows = reference.array("windows").expect("windows");
+    assert_eq!(windows.shape, [240, 16, 10, 9]);
+    let worst_gain = l1_norm(&sections(&mut reference));
+
+    let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
+    let samples = real_data::samples(&recording, &electrodes).expect("samples");
+    let mut front_end = FrontEnd::new(Mains::Hz50.filter().cascade, model::DECIMATION);
+    let filtered: Vec<_> = samples
+        .filter_map(|sample| front_end.push(&sample.expect("a whole recording")))
+        .collect();
+    assert_eq!(filtered.len(), 240 * 16);
+
+    let uv_per_step = f64::from(model::LSB_NV) / 1000.0 / 16.0;
+    let [mut worst, mut worst_settled, mut largest, mut squares] = [0.0_f64; 4];
+    for (step, (plane, electrodes)) in windows.values.chunks_exact(90).zip(&filtered).enumerate() {
+        for (value, cell) in electrodes.iter().zip(model::GRID_CELL) {
+            let expected = plane[usize::from(cell)];
+            let error = (f64::from(*value) * uv_per_step - expected).abs();
+            worst = worst.max(error);
+            if step >= SETTLED {
+                worst_settled = worst_settled.max(error);
+            }
+            largest = largest.max(expected.abs());
+            squares += error * error;
+        }
+    }
+    let rms = (squares / (240.0 * 16.0 * 61.0)).sqrt();
+    // Rounding to counts, at worst in step with the impulse response, and float32 of the reference.
+    let rounding = worst_gain * HALF_COUNT_UV + largest * f64::from(f32::EPSILON);
+    // The filters' own rounding, steps of Q28.4: measured 45 in the first second and 10 later.
+    let bound = rounding + 64.0 * uv_per_step;
+    let bound_settled = rounding + 16.0 * uv_per_step;
+    println!(
+        "filters against scipy: max error {worst:.4} uV (bound {bound:.4}), after 2 s \
+         {worst_settled:.4} uV (bound {bound_settled:.4}), rms {rms:.4} uV, of at most \
+         {largest:.1} uV; worst-case gain {worst_gain:.3}"
+    );
+    assert!(worst <= bound && worst_settled <= bound_settled);
+    // A test that compares zeros with zeros would pass as well.
+    assert!(largest > 50.0);
+}
+
+/// scipy's sections, the notch first: b0, b1, b2, a0 = 1, a1, a2 each.
+fn sections(reference: &mut Npz) -> Vec<[f64; 6]> {
+    let band_pass: Array = reference.array("sos").expect("sos");
+    let notch = reference.array("notch").expect("notch");
+    assert_eq!(
+        (&band_pass.shape[..], &notch.shape[..]),
+        (&[5, 6][..], &[2, 3][..])
+    );
+    let values = [notch.values, band_pass.values].concat();
+    values.as_chunks().0.to_vec()
+}
+
+/// Sum of the magnitudes of the impulse response: the gain for the worst input there is.
+fn l1_norm(sections: &[[f64; 6]]) -> f64 {
+    let mut states = vec![[0.0; 2]; sections.len()];
+    // 20 s: the slowest pole, at 0.5 Hz, has decayed by e^-40.
+    let impulse = std::iter::once(1.0).chain(std::iter::repeat_n(0.0, 20 * 512));
+    impulse
+        .map(|input| {
+            let cascade = sections.iter().zip(&mut states);
+            cascade.fold(input, |x: f64, ([b0, b1, b2, _, a1, a2], [s1, s2])| {
+                let y = b0 * x + *s1;
+                *s1 = b1 * x - a1 * y + *s2;
+                *s2 = b2 * x - a2 * y;
+                y
+            })
+        })
+        .map(f64::abs)
+        .sum()
+}
