@@ -1,0 +1,432 @@
+//! Peers that misbehave: whatever they do, everyone else is served.
+
+#[path = "peers/local.rs"]
+mod local;
+#[path = "peers/types.rs"]
+mod types;
+
+use std::time::{Duration, Instant};
+
+use local::{PATIENCE, master, node, tcpros, until};
+use ros1::{
+    MessageType, PublisherOptions,
+    tcpros::Header,
+    xmlrpc::{Value, call_ros},
+};
+use tokio::{
+    io::{AsyncReadExt as _, AsyncWriteExt as _},
+    net::TcpStream,
+    time::{sleep, timeout},
+};
+use types::{SET_BOOL, STRING, string};
+
+const QUEUE: PublisherOptions = PublisherOptions {
+    queue: 16,
+    latch: false,
+};
+const LATCH: PublisherOptions = PublisherOptions {
+    queue: 16,
+    latch: true,
+};
+
+fn subscription(topic: &str, md5: &str) -> Header {
+    Header::new()
+        .with("callerid", "/abuser")
+        .with("md5sum", md5)
+        .with("topic", topic)
+        .with("type", "std_msgs/String")
+}
+
+async fn read_header(stream: &mut TcpStream) -> Header {
+    let length = stream.read_u32_le().await.unwrap();
+    let mut bytes = vec![0; length as usize];
+    stream.read_exact(&mut bytes).await.unwrap();
+    Header::decode(&bytes).unwrap()
+}
+
+/// The peer closes without a word, within the time limit of a handshake and some.
+async fn is_closed(stream: &mut TcpStream) -> bool {
+    let mut rest = Vec::new();
+    timeout(Duration::from_secs(15), stream.read_to_end(&mut rest))
+        .await
+        .is_ok()
+}
+
+#[tokio::test]
+async fn silent_clients_block_nobody_and_are_closed() {
+    let master = master().await;
+    let talker = node("talker", &master).await;
+    let publisher = talker.advertise("/chat", &STRING, LATCH).await.unwrap();
+    publisher.publish(&string("hello"));
+    let address = tcpros(&talker, "/chat").await;
+    let mut silent = Vec::new();
+    for _ in 0..40 {
+        silent.push(TcpStream::connect(&address).await.unwrap());
+    }
+    let listener = node("listener", &master).await;
+    let mut subscriber = listener.subscribe("/chat", &STRING, 4).await.unwrap();
+    let message = timeout(Duration::from_secs(3), subscriber.recv())
+        .await
+        .unwrap();
+    assert_eq!(message, Some(string("hello")));
+    assert!(is_closed(&mut silent[0]).await);
+}
+
+#[tokio::test]
+async fn clients_that_reset_after_their_header_leave_the_topic_alive() {
+    let master = master().await;
+    let talker = node("talker", &master).await;
+    let publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
+    let listener = node("listener", &master).await;
+    let mut subscriber = listener.subscribe("/chat", &STRING, 64).await.unwrap();
+    until("the subscriber", async || publisher.subscribers() == 1).await;
+    let address = tcpros(&talker, "/chat").await;
+    for round in 0..20 {
+        let mut abuser = TcpStream::connect(&address).await.unwrap();
+        let header = subscription("/chat", STRING.md5).encode().unwrap();
+        abuser.write_all(&header).await.unwrap();
+        abuser.set_zero_linger().unwrap();
+        drop(abuser);
+        publisher.publish(&string(&format!("{round}")));
+        let message = timeout(PATIENCE, subscriber.recv()).await.unwrap();
+        assert_eq!(message, Some(string(&format!("{round}"))));
+    }
+    until("the abusers' end", async || publisher.subscribers() == 1).await;
+    assert_eq!((publisher.dropped(), subscriber.dropped()), (0, 0));
+}
+
+#[tokio::test]
+async fn a_wrong_md5_is_refused_with_words_and_a_star_is_taken() {
+    let master = master().await;
+    let talker = node("talker", &master).await;
+    let publisher = talker.advertise("/chat", &STRING, LATCH).await.unwrap();
+    publisher.publish(&string("hello"));
+    let address = tcpros(&talker, "/chat").await;
+    let wrong = "0123456789abcdef0123456789abcdef";
+    for (header, word) in [
+        (subscription("/chat", wrong), wrong),
+        (subscription("/none", STRING.md5), "/none"),
+        (Header::new().with("topic", "/chat"), "md5sum"),
+        (Header::new().with("callerid", "/abuser"), "neither"),
+        (
+            Header::new().with("service", "/none").with("md5sum", "*"),
+            "/none",
+        ),
+    ] {
+        let mut stream = TcpStream::connect(&address).await.unwrap();
+        stream.write_all(&header.encode().unwrap()).await.unwrap();
+        let answer = read_header(&mut stream).await;
+        let error = answer.get("error").unwrap();
+        assert!(error.contains(word), "{error}");
+        assert!(is_closed(&mut stream).await);
+    }
+    let mut stream = TcpStream::connect(&address).await.unwrap();
+    stream
+        .write_all(&subscription("/chat", "*").encode().unwrap())
+        .await
+        .unwrap();
+    let answer = read_header(&mut stream).await;
+    assert_eq!(answer.get("md5sum"), Some(STRING.md5));
+    assert_eq!(answer.get("latching"), Some("1"));
+    assert_eq!(answer.get("message_definition"), Some(STRING.definition));
+    assert_eq!(publisher.subscribers(), 1);
+}
+
+#[tokio::test]
+async fn our_subscriber_of_another_type_gets_nothing_and_one_of_any_type_all() {
+    static OTHER: MessageType = MessageType {
+        name: "other/Type",
+        md5: "0123456789abcdef0123456789abcdef",
+        definition: "",
+    };
+    static ANY: MessageType = MessageType {
+        name: "*",
+        md5: "*",
+        definition: "",
+    };
+    let master = master().await;
+    let talker = node("talker", &master).await;
+    let publisher = talker.advertise("/chat", &STRING, LATCH).await.unwrap();
+    publisher.publish(&string("hello"));
+    let wrong = node("wrong", &master).await;
+    let mut nothing = wrong.subscribe("/chat", &OTHER, 4).await.unwrap();
+    let right = node("right", &master).await;
+    let mut all = right.subscribe("/chat", &ANY, 4).await.unwrap();
+    assert_eq!(
+        timeout(PATIENCE, all.recv()).await.unwrap(),
+        Some(string("hello"))
+    );
+    assert!(
+        timeout(Duration::from_millis(300), nothing.recv())
+            .await
+            .is_err()
+    );
+    assert_eq!((nothing.publishers(), all.publishers()), (0, 1));
+}
+
+#[tokio::test]
+async fn a_header_of_4_gib_is_refused_at_once() {
+    let master = master().await;
+    let talker = node("talker", &master).await;
+    let _publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
+    let address = tcpros(&talker, "/chat").await;
+    let mut stream = TcpStream::connect(&address).await.unwrap();
+    let started = Instant::now();
+    stream.write_all(&[0xff; 4]).await.unwrap();
+    assert!(is_closed(&mut stream).await);
+    assert!(started.elapsed() < Duration::from_secs(3));
+    // A length that is allowed takes no memory until bytes come, and the time limit holds.
+    let mut stream = TcpStream::connect(&address).await.unwrap();
+    stream
+        .write_all(&1_000_000_u32.to_le_bytes())
+        .await
+        .unwrap();
+    assert!(is_closed(&mut stream).await);
+}
+
+#[tokio::test]
+async fn a_subscriber_that_never_reads_loses_its_own_oldest_messages_only() {
+    const MESSAGES: u32 = 2000;
+    let master = master().await;
+    let talker = node("talker", &master).await;
+    let publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
+    let listener = node("listener", &master).await;
+    let mut subscriber = listener.subscribe("/chat", &STRING, 64).await.unwrap();
+    let address = tcpros(&talker, "/chat").await;
+    let mut lazy = TcpStream::connect(&address).await.unwrap();
+    lazy.write_all(&subscription("/chat", STRING.md5).encode().unwrap())
+        .await
+        .unwrap();
+    until("both subscribers", async || publisher.subscribers() == 2).await;
+    let body = |number: u32| string(&format!("{number:>20000}"));
+    let mut slowest = Duration::ZERO;
+    for number in 0..MESSAGES {
+        let message = body(number);
+        let started = Instant::now();
+        assert_eq!(publisher.publish(&message), 2);
+        slowest = slowest.max(started.elapsed());
+        assert_eq!(
+            timeout(PATIENCE, subscriber.recv()).await.unwrap(),
+            Some(message)
+        );
+    }
+    println!("slowest publish: {slowest:?}");
+    assert_eq!(subscriber.dropped(), 0);
+    let dropped = publisher.dropped();
+    assert!(dropped > 0);
+    // Now it reads: what it gets is whole, in order, ends with the newest; the rest was counted.
+    read_header(&mut lazy).await;
+    let (mut received, mut last) = (0, None);
+    while last != Some(MESSAGES - 1) {
+        let length = timeout(PATIENCE, lazy.read_u32_le())
+            .await
+            .unwrap()
+            .unwrap();
+        let mut message = vec![0; length as usize];
+        lazy.read_exact(&mut message).await.unwrap();
+        let number = String::from_utf8_lossy(&message[4..])
+            .trim()
+            .parse()
+            .unwrap();
+        assert!(last < Some(number), "{number} after {last:?}");
+        assert_eq!(message, body(number));
+        last = Some(number);
+        received += 1;
+    }
+    assert_eq!(received + dropped, u64::from(MESSAGES));
+}
+
+#[tokio::test]
+async fn a_publisher_that_resets_and_lies_is_tried_again() {
+    let master = master().await;
+    let talker = node("talker", &master).await;
+    let listener = node("listener", &master).await;
+    let mut subscriber = listener.subscribe("/chat", &STRING, 8).await.unwrap();
+    // A fake publisher: first it resets, then sends 4 GiB lengths, a cut message, then a real one.
+    let fake = local::FakePublisher::start("/chat", &master).await;
+    let first = fake.accept().await;
+    first.set_zero_linger().unwrap();
+    drop(first);
+    let mut second = fake.accept().await;
+    second.write_all(&[0xff; 8]).await.unwrap();
+    let mut third = fake.accept_and_greet(&STRING).await;
+    third.write_all(&[0xff, 0xff, 0xff, 0xff, 1]).await.unwrap();
+    let mut fourth = fake.accept_and_greet(&STRING).await;
+    fourth.write_all(&[9, 0, 0, 0, 1]).await.unwrap();
+    drop(fourth);
+    let mut last = fake.accept_and_greet(&STRING).await;
+    last.write_all(&[&[9, 0, 0, 0][..], &string("hello")].concat())
+        .await
+        .unwrap();
+    assert_eq!(
+        timeout(PATIENCE, subscriber.recv()).await.unwrap(),
+        Some(string("hello"))
+    );
+    drop(talker);
+}
+
+#[tokio::test]
+async fn invalid_xml_slow_http_and_endless_heads_block_nobody() {
+    let master = master().await;
+    let talker = node("talker", &master).await;
+    let _publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
+    for uri in [master.uri(), talker.uri()] {
+        let address = uri.trim_start_matches("http://").trim_end_matches('/');
+        let mut slow = TcpStream::connect(address).await.unwrap();
+        slow.write_all(b"POST / HTTP/1.1\r\nContent-")
+            .await
+            .unwrap();
+        let mut answers = Vec::new();
+        for body in [
+            "<methodCall>",
+            "no xml",
+            "<a></b>",
+            "\u{0}",
+            "<methodCall><methodName>\u{e9}",
+        ] {
+            let mut stream = TcpStream::connect(address).await.unwrap();
+            let head = format!("POST / HTTP/1.0\r\nContent-Length: {}\r\n\r\n", body.len());
+            stream.write_all((head + body).as_bytes()).await.unwrap();
+            let mut answer = String::new();
+            timeout(PATIENCE, stream.read_to_string(&mut answer))
+                .await
+                .unwrap()
+                .unwrap();
+            answers.push(answer);
+        }
+        assert!(
+            answers.iter().all(|answer| answer.contains("<fault>")),
+            "{answers:?}"
+        );
+        let mut stream = TcpStream::connect(address).await.unwrap();
+        stream
+            .write_all(b"POST / HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n")
+            .await
+            .unwrap();
+        assert!(is_closed(&mut stream).await);
+        let mut stream = TcpStream::connect(address).await.unwrap();
+        let _ = stream.write_all(&[b'a'; 100_000]).await;
+        assert!(is_closed(&mut stream).await);
+        assert!(call_ros(uri, "getPid", &["/test".into()]).await.is_ok());
+        assert!(
+            is_closed(&mut slow).await,
+            "a request must not take for ever"
+        );
+    }
+}
+
+#[tokio::test]
+async fn chunks_and_kept_connections_are_understood() {
+    let master = master().await;
+    let address = master
+        .uri()
+        .trim_start_matches("http://")
+        .trim_end_matches('/');
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    let body = ros1::xmlrpc::encode_call("getUri", &["/t".into()]);
+    let (a, b) = body.split_at(30);
+    let chunked = format!(
+        "POST /RPC2 HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n{:x}\r\n{a}\r\n{:X};x=1\r\n{b}\r\n0\r\n\r\n",
+        a.len(),
+        b.len()
+    );
+    for _ in 0..3 {
+        stream.write_all(chunked.as_bytes()).await.unwrap();
+        let mut answer = String::new();
+        while !answer.contains("</methodResponse>") {
+            let mut part = [0; 512];
+            let count = timeout(PATIENCE, stream.read(&mut part))
+                .await
+                .unwrap()
+                .unwrap();
+            assert!(count > 0, "closed after {answer}");
+            answer.push_str(&String::from_utf8_lossy(&part[..count]));
+        }
+        assert!(answer.contains(master.uri()), "{answer}");
+    }
+}
+
+#[tokio::test]
+async fn strings_that_are_not_utf8_reach_whom_they_concern() {
+    let master = master().await;
+    let talker = node("talker", &master).await;
+    let publisher = talker.advertise("/chat", &STRING, LATCH).await.unwrap();
+    let body = [&[4, 0, 0, 0][..], b"\xff\xfe\xe9\x00"].concat();
+    publisher.publish(&body);
+    let listener = node("listener", &master).await;
+    let mut subscriber = listener.subscribe("/chat", &STRING, 4).await.unwrap();
+    assert_eq!(
+        timeout(PATIENCE, subscriber.recv()).await.unwrap(),
+        Some(body)
+    );
+    // A caller's name in Latin-1, in a TCPROS header.
+    let mut header = subscription("/chat", "*").encode().unwrap();
+    let at = header
+        .windows(7)
+        .position(|part| part == b"/abuser")
+        .unwrap();
+    header[at + 1] = 0xe9;
+    let address = tcpros(&talker, "/chat").await;
+    let mut stream = TcpStream::connect(&address).await.unwrap();
+    stream.write_all(&header).await.unwrap();
+    assert_eq!(read_header(&mut stream).await.get("error"), None);
+    let info = call_ros(talker.uri(), "getBusInfo", &["/test".into()])
+        .await
+        .unwrap();
+    assert!(format!("{info:?}").contains("/\u{fffd}buser"), "{info:?}");
+}
+
+#[tokio::test]
+async fn a_service_that_fails_panics_or_is_asked_nonsense_goes_on_serving() {
+    let master = master().await;
+    let server = node("server", &master).await;
+    let _service = server
+        .serve("/negate", &SET_BOOL, |request| match request {
+            [0] => Ok(vec![1, 0, 0, 0, 0]),
+            [1] => Err("not this".to_owned()),
+            _ => panic!("a handler's bug"),
+        })
+        .await
+        .unwrap();
+    let client = node("client", &master).await;
+    let mut lasting = client.connect("/negate", &SET_BOOL).await.unwrap();
+    for _ in 0..3 {
+        assert_eq!(lasting.call(&[0]).await.unwrap(), [1, 0, 0, 0, 0]);
+        assert!(
+            lasting
+                .call(&[1])
+                .await
+                .unwrap_err()
+                .to_string()
+                .contains("not this")
+        );
+        assert!(
+            lasting
+                .call(&[7, 7])
+                .await
+                .unwrap_err()
+                .to_string()
+                .contains("handler failed")
+        );
+    }
+    let address = tcpros_service(&master).await;
+    let mut stream = TcpStream::connect(&address).await.unwrap();
+    let header = Header::new().with("service", "/negate").with("md5sum", "*");
+    stream.write_all(&header.encode().unwrap()).await.unwrap();
+    read_header(&mut stream).await;
+    stream.write_all(&[0xff; 4]).await.unwrap();
+    assert!(is_closed(&mut stream).await);
+    assert!(client.call("/negate", &SET_BOOL, &[0]).await.is_ok());
+    sleep(Duration::from_millis(10)).await;
+}
+
+async fn tcpros_service(master: &ros1::Master) -> String {
+    let arguments = [Value::from("/test"), "/negate".into()];
+    let uri = call_ros(master.uri(), "lookupService", &arguments)
+        .await
+        .unwrap();
+    uri.as_str()
+        .unwrap()
+        .trim_start_matches("rosrpc://")
+        .to_owned()
+}
