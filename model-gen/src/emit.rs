@@ -367,9 +367,22 @@ fn separated(value: impl Display) -> String {
     out
 }
 
-/// A float literal that reads back to the same bits.
+/// A float literal that reads back to the same bits, its digits grouped by three.
 fn float(value: f32) -> String {
-    format!("{value:e}")
+    let text = format!("{value:?}");
+    let (number, exponent) = text
+        .split_once('e')
+        .map_or((text.as_str(), None), |(n, e)| (n, Some(e)));
+    let (whole, fraction) = number.split_once('.').unwrap_or((number, "0"));
+    let fraction: Vec<&str> = (0..fraction.len())
+        .step_by(3)
+        .map(|at| &fraction[at..fraction.len().min(at + 3)])
+        .collect();
+    let mut literal = format!("{}.{}", separated(whole), fraction.join("_"));
+    if let Some(exponent) = exponent {
+        let _ = write!(literal, "e{exponent}");
+    }
+    literal
 }
 
 #[cfg(test)]
@@ -385,8 +398,9 @@ mod tests {
 
     #[test]
     fn a_float_literal_reads_back_to_the_same_bits() {
-        for value in [22.351_742_f32, 1.0, 3.4e-7] {
-            assert_eq!(float(value).parse(), Ok(value));
+        for value in [22.351_742_f32, 1.0, 3.4e-7, 1e-7, 1_234.567_9, -0.25] {
+            assert_eq!(float(value).replace('_', "").parse(), Ok(value));
         }
+        assert_eq!(float(22.351_742), "22.351_742");
     }
 }

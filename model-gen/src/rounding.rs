@@ -33,11 +33,13 @@ mod tests {
 
     #[test]
     fn the_largest_weight_becomes_127() {
-        assert_eq!(
-            weights_i8(&[0.5, -1.0, 0.25]),
-            (vec![64, -127, 32], 1.0 / 127.0)
-        );
-        assert_eq!(weights_i8(&[0.0]), (vec![0], 1.0));
+        let (weights, scale) = weights_i8(&[0.5, -1.0, 0.25], 1e-6);
+        assert_eq!((weights, scale), (vec![64, -127, 32], 1.0 / 127.0));
+    }
+
+    #[test]
+    fn weights_far_below_the_smallest_scale_become_zero() {
+        assert_eq!(weights_i8(&[0.0, 1e-9], 1e-3), (vec![0, 0], 1e-3));
     }
 
     #[test]

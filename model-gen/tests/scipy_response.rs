@@ -1,0 +1,79 @@
+//! The quantised cascades against scipy's transfer functions; `scipy_response.py` beside this file
+//! printed the golden numbers.
+
+use model_gen::{FilterSpec, cascade, headroom, response::frequency_response};
+use num_complex::Complex64;
+
+const GOLDEN: &str = include_str!("scipy_response.csv");
+
+/// Rate, mains, frequency and complex gain of each line.
+fn golden() -> impl Iterator<Item = (f64, f64, f64, Complex64)> {
+    GOLDEN
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .map(|line| {
+            let numbers: Vec<f64> = line
+                .split(',')
+                .map(|n| n.parse().expect("the golden file holds numbers"))
+                .collect();
+            let [rate, mains, hz, re, im] = numbers[..] else {
+                panic!("five columns in {line}")
+            };
+            (rate, mains, hz, Complex64::new(re, im))
+        })
+}
+
+fn spec(rate_hz: f64, mains_hz: f64) -> FilterSpec {
+    FilterSpec {
+        rate_hz,
+        mains_hz,
+        notch_q: 30.0,
+        band_hz: [0.5, 60.0],
+        order: 5,
+    }
+}
+
+#[test]
+fn every_rate_and_mains_has_scipy_s_response() {
+    let mut worst = 0.0_f64;
+    let mut lines = 0;
+    for (rate, mains, hz, expected) in golden() {
+        let sections = cascade(&spec(rate, mains)).expect("the specification is realisable");
+        let error = (frequency_response(&sections, hz, rate) - expected).norm();
+        worst = worst.max(error);
+        lines += 1;
+    }
+    assert_eq!(lines, 6 * 2 * 16);
+    // Coefficients carry 32 fractional bits (1.2e-10); the poles of the 0.5 Hz high-pass amplify
+    // that by 1 / (1 - r)^2 close to the band edge. Measured 2.1e-5, at 1000 Hz and 0.5 Hz.
+    assert!(worst < 5e-5, "largest deviation {worst:e}");
+}
+
+#[test]
+fn no_rate_can_overflow_with_full_scale_input() {
+    for rate in [250.0, 256.0, 500.0, 512.0, 1000.0, 1024.0] {
+        for mains in [50.0, 60.0] {
+            let sections = cascade(&spec(rate, mains)).expect("the specification is realisable");
+            let gains = headroom::prove(&sections);
+            assert!(gains.is_ok(), "{rate} Hz, mains {mains} Hz: {gains:?}");
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_realised_is_refused_with_the_number_and_the_reason() {
+    let refused = |change: fn(&mut FilterSpec)| {
+        let mut spec = spec(512.0, 50.0);
+        change(&mut spec);
+        cascade(&spec)
+            .expect_err("this specification makes no sense")
+            .to_string()
+    };
+    assert!(refused(|s| s.band_hz[1] = 300.0).contains("upper band edge of 300 Hz"));
+    assert!(refused(|s| s.rate_hz = 100.0).contains("mains frequency of 50 Hz"));
+    assert!(refused(|s| s.band_hz = [60.0, 0.5]).contains("from 60 to 0.5 Hz is empty"));
+    assert!(refused(|s| s.order = 0).contains("order 0"));
+    assert!(refused(|s| s.notch_q = -1.0).contains("quality of -1"));
+    assert!(refused(|s| s.band_hz[0] = f64::NAN).contains("lower band edge of NaN"));
+    assert!(refused(|s| s.band_hz[0] = 1e-6).contains("unstable"));
+}
