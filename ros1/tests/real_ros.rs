@@ -1,4 +1,5 @@
 //! Our node among the programs of Debian's ROS 1.
+#![expect(clippy::unwrap_used, reason = "a helper of a test fails by panicking")]
 
 #[path = "peers/debian_ros.rs"]
 mod debian_ros;

@@ -1,6 +1,10 @@
 //! XML to values. Bounded: nesting is limited here, length by the HTTP reader.
 
-use std::{borrow::Cow, num::ParseFloatError, num::ParseIntError};
+use std::{
+    borrow::Cow,
+    collections::HashMap,
+    num::{ParseFloatError, ParseIntError},
+};
 
 use quick_xml::{
     Reader,
@@ -297,15 +301,19 @@ impl<'a> Document<'a> {
 
     fn structure(&mut self, depth: u32) -> Result<Value, DecodeError> {
         let mut members: Vec<(String, Value)> = Vec::new();
+        // A body has room for a million members: to look each up in turn would take minutes.
+        let mut places: HashMap<String, usize> = HashMap::new();
         while self.open_or_close("member")? {
             self.open("name")?;
             let name = self.text_until_close()?;
             self.open("value")?;
             let value = self.value(depth + 1)?;
             self.close()?;
-            match members.iter_mut().find(|(key, _)| *key == name) {
-                Some(member) => member.1 = value,
-                None => members.push((name, value)),
+            if let Some(&place) = places.get(&name) {
+                members[place].1 = value;
+            } else {
+                places.insert(name.clone(), members.len());
+                members.push((name, value));
             }
         }
         Ok(Value::Struct(members))

@@ -20,7 +20,8 @@ use crate::http::{HttpError, read_body, read_head};
 
 /// A kept-alive connection may be silent for this long.
 const IDLE_LIMIT: Duration = Duration::from_mins(2);
-/// From a request's first byte to its last, and the same for the answer.
+/// From the connection to a request's first byte, from there to its last, and as much again for
+/// the answer.
 const TRANSFER_LIMIT: Duration = Duration::from_secs(10);
 /// Connections served at once; further ones wait in the system's queue.
 const MAX_CONNECTIONS: usize = 256;
@@ -98,12 +99,15 @@ where
 {
     stream.set_nodelay(true)?;
     let mut stream = BufReader::new(stream);
+    // Who has called once may keep the connection; who never has may not.
+    let mut silence = TRANSFER_LIMIT;
     loop {
-        match timeout(IDLE_LIMIT, stream.fill_buf()).await {
+        match timeout(silence, stream.fill_buf()).await {
             Ok(Ok([])) | Err(_) => return Ok(()),
             Ok(Ok(_)) => {}
             Ok(Err(error)) => return Err(error.into()),
         }
+        silence = IDLE_LIMIT;
         let request = timeout(TRANSFER_LIMIT, read_request(&mut stream)).await;
         let Some((body, method, close)) = request.map_err(|_| timed_out())?? else {
             return Ok(());

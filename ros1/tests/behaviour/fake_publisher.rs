@@ -1,56 +1,17 @@
-//! A master and nodes of ours on this machine, and a publisher that misbehaves on command.
-
-use std::{
-    net::SocketAddr,
-    time::{Duration, Instant},
-};
+//! A publisher that misbehaves on command.
 
 use ros1::{
-    Master, MessageType, Node, NodeOptions,
+    Master, MessageType,
     tcpros::Header,
     xmlrpc::{Value, call_ros, encode_response},
 };
 use tokio::{
     io::{AsyncReadExt as _, AsyncWriteExt as _},
     net::{TcpListener, TcpStream},
-    time::{sleep, timeout},
+    time::timeout,
 };
 
-/// Longer than anything takes on a busy machine.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
-
-pub(crate) async fn master() -> Master {
-    Master::start(SocketAddr::from(([127, 0, 0, 1], 0)))
-        .await
-        .unwrap()
-}
-
-pub(crate) async fn node(name: &str, master: &Master) -> Node {
-    Node::start(NodeOptions::new(name, master.uri()))
-        .await
-        .unwrap()
-}
-
-pub(crate) async fn until(what: &str, mut done: impl AsyncFnMut() -> bool) {
-    let started = Instant::now();
-    while !done().await {
-        assert!(started.elapsed() < PATIENCE, "{what} did not come");
-        sleep(Duration::from_millis(10)).await;
-    }
-}
-
-/// Where `node` serves `topic`.
-pub(crate) async fn tcpros(node: &Node, topic: &str) -> String {
-    let protocols = Value::from([Value::from(["TCPROS"])]);
-    let arguments = [Value::from("/test"), topic.into(), protocols];
-    let offer = call_ros(node.uri(), "requestTopic", &arguments)
-        .await
-        .unwrap();
-    let [_, host, port] = offer.as_array().unwrap() else {
-        panic!("{offer:?}")
-    };
-    format!("{}:{}", host.as_str().unwrap(), port.as_int().unwrap())
-}
+use crate::local::PATIENCE;
 
 /// Answers requestTopic with its own port, where the test does as it likes.
 pub(crate) struct FakePublisher {

@@ -1,24 +1,19 @@
 //! Peers that misbehave: whatever they do, everyone else is served.
 
-#[path = "peers/local.rs"]
-mod local;
-#[path = "peers/types.rs"]
-mod types;
-
 use std::time::{Duration, Instant};
 
-use local::{PATIENCE, master, node, tcpros, until};
-use ros1::{
-    MessageType, PublisherOptions,
-    tcpros::Header,
-    xmlrpc::{Value, call_ros},
-};
+use ros1::{MessageType, PublisherOptions, tcpros::Header, xmlrpc::call_ros};
 use tokio::{
     io::{AsyncReadExt as _, AsyncWriteExt as _},
     net::TcpStream,
-    time::{sleep, timeout},
+    time::timeout,
 };
-use types::{SET_BOOL, STRING, string};
+
+use crate::{
+    fake_publisher::FakePublisher,
+    local::{PATIENCE, is_closed, master, node, read_header, tcpros, until},
+    types::{STRING, string},
+};
 
 const QUEUE: PublisherOptions = PublisherOptions {
     queue: 16,
@@ -35,21 +30,6 @@ fn subscription(topic: &str, md5: &str) -> Header {
         .with("md5sum", md5)
         .with("topic", topic)
         .with("type", "std_msgs/String")
-}
-
-async fn read_header(stream: &mut TcpStream) -> Header {
-    let length = stream.read_u32_le().await.unwrap();
-    let mut bytes = vec![0; length as usize];
-    stream.read_exact(&mut bytes).await.unwrap();
-    Header::decode(&bytes).unwrap()
-}
-
-/// The peer closes without a word, within the time limit of a handshake and some.
-async fn is_closed(stream: &mut TcpStream) -> bool {
-    let mut rest = Vec::new();
-    timeout(Duration::from_secs(15), stream.read_to_end(&mut rest))
-        .await
-        .is_ok()
 }
 
 #[tokio::test]
@@ -243,7 +223,7 @@ async fn a_publisher_that_resets_and_lies_is_tried_again() {
     let listener = node("listener", &master).await;
     let mut subscriber = listener.subscribe("/chat", &STRING, 8).await.unwrap();
     // A fake publisher: first it resets, then sends 4 GiB lengths, a cut message, then a real one.
-    let fake = local::FakePublisher::start("/chat", &master).await;
+    let fake = FakePublisher::start("/chat", &master).await;
     let first = fake.accept().await;
     first.set_zero_linger().unwrap();
     drop(first);
@@ -263,87 +243,6 @@ async fn a_publisher_that_resets_and_lies_is_tried_again() {
         Some(string("hello"))
     );
     drop(talker);
-}
-
-#[tokio::test]
-async fn invalid_xml_slow_http_and_endless_heads_block_nobody() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
-    let _publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
-    for uri in [master.uri(), talker.uri()] {
-        let address = uri.trim_start_matches("http://").trim_end_matches('/');
-        let mut slow = TcpStream::connect(address).await.unwrap();
-        slow.write_all(b"POST / HTTP/1.1\r\nContent-")
-            .await
-            .unwrap();
-        let mut answers = Vec::new();
-        for body in [
-            "<methodCall>",
-            "no xml",
-            "<a></b>",
-            "\u{0}",
-            "<methodCall><methodName>\u{e9}",
-        ] {
-            let mut stream = TcpStream::connect(address).await.unwrap();
-            let head = format!("POST / HTTP/1.0\r\nContent-Length: {}\r\n\r\n", body.len());
-            stream.write_all((head + body).as_bytes()).await.unwrap();
-            let mut answer = String::new();
-            timeout(PATIENCE, stream.read_to_string(&mut answer))
-                .await
-                .unwrap()
-                .unwrap();
-            answers.push(answer);
-        }
-        assert!(
-            answers.iter().all(|answer| answer.contains("<fault>")),
-            "{answers:?}"
-        );
-        let mut stream = TcpStream::connect(address).await.unwrap();
-        stream
-            .write_all(b"POST / HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n")
-            .await
-            .unwrap();
-        assert!(is_closed(&mut stream).await);
-        let mut stream = TcpStream::connect(address).await.unwrap();
-        let _ = stream.write_all(&[b'a'; 100_000]).await;
-        assert!(is_closed(&mut stream).await);
-        assert!(call_ros(uri, "getPid", &["/test".into()]).await.is_ok());
-        assert!(
-            is_closed(&mut slow).await,
-            "a request must not take for ever"
-        );
-    }
-}
-
-#[tokio::test]
-async fn chunks_and_kept_connections_are_understood() {
-    let master = master().await;
-    let address = master
-        .uri()
-        .trim_start_matches("http://")
-        .trim_end_matches('/');
-    let mut stream = TcpStream::connect(address).await.unwrap();
-    let body = ros1::xmlrpc::encode_call("getUri", &["/t".into()]);
-    let (a, b) = body.split_at(30);
-    let chunked = format!(
-        "POST /RPC2 HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n{:x}\r\n{a}\r\n{:X};x=1\r\n{b}\r\n0\r\n\r\n",
-        a.len(),
-        b.len()
-    );
-    for _ in 0..3 {
-        stream.write_all(chunked.as_bytes()).await.unwrap();
-        let mut answer = String::new();
-        while !answer.contains("</methodResponse>") {
-            let mut part = [0; 512];
-            let count = timeout(PATIENCE, stream.read(&mut part))
-                .await
-                .unwrap()
-                .unwrap();
-            assert!(count > 0, "closed after {answer}");
-            answer.push_str(&String::from_utf8_lossy(&part[..count]));
-        }
-        assert!(answer.contains(master.uri()), "{answer}");
-    }
 }
 
 #[tokio::test]
@@ -374,59 +273,4 @@ async fn strings_that_are_not_utf8_reach_whom_they_concern() {
         .await
         .unwrap();
     assert!(format!("{info:?}").contains("/\u{fffd}buser"), "{info:?}");
-}
-
-#[tokio::test]
-async fn a_service_that_fails_panics_or_is_asked_nonsense_goes_on_serving() {
-    let master = master().await;
-    let server = node("server", &master).await;
-    let _service = server
-        .serve("/negate", &SET_BOOL, |request| match request {
-            [0] => Ok(vec![1, 0, 0, 0, 0]),
-            [1] => Err("not this".to_owned()),
-            _ => panic!("a handler's bug"),
-        })
-        .await
-        .unwrap();
-    let client = node("client", &master).await;
-    let mut lasting = client.connect("/negate", &SET_BOOL).await.unwrap();
-    for _ in 0..3 {
-        assert_eq!(lasting.call(&[0]).await.unwrap(), [1, 0, 0, 0, 0]);
-        assert!(
-            lasting
-                .call(&[1])
-                .await
-                .unwrap_err()
-                .to_string()
-                .contains("not this")
-        );
-        assert!(
-            lasting
-                .call(&[7, 7])
-                .await
-                .unwrap_err()
-                .to_string()
-                .contains("handler failed")
-        );
-    }
-    let address = tcpros_service(&master).await;
-    let mut stream = TcpStream::connect(&address).await.unwrap();
-    let header = Header::new().with("service", "/negate").with("md5sum", "*");
-    stream.write_all(&header.encode().unwrap()).await.unwrap();
-    read_header(&mut stream).await;
-    stream.write_all(&[0xff; 4]).await.unwrap();
-    assert!(is_closed(&mut stream).await);
-    assert!(client.call("/negate", &SET_BOOL, &[0]).await.is_ok());
-    sleep(Duration::from_millis(10)).await;
-}
-
-async fn tcpros_service(master: &ros1::Master) -> String {
-    let arguments = [Value::from("/test"), "/negate".into()];
-    let uri = call_ros(master.uri(), "lookupService", &arguments)
-        .await
-        .unwrap();
-    uri.as_str()
-        .unwrap()
-        .trim_start_matches("rosrpc://")
-        .to_owned()
 }

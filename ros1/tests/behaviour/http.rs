@@ -1,0 +1,99 @@
+//! XML-RPC callers that are slow, wrong, or unusual.
+
+use ros1::{PublisherOptions, xmlrpc::call_ros};
+use tokio::{
+    io::{AsyncReadExt as _, AsyncWriteExt as _},
+    net::TcpStream,
+    time::timeout,
+};
+
+use crate::{
+    local::{PATIENCE, is_closed, master, node},
+    types::STRING,
+};
+
+const QUEUE: PublisherOptions = PublisherOptions {
+    queue: 4096,
+    latch: false,
+};
+
+#[tokio::test]
+async fn invalid_xml_slow_http_and_endless_heads_block_nobody() {
+    let master = master().await;
+    let talker = node("talker", &master).await;
+    let _publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
+    for uri in [master.uri(), talker.uri()] {
+        let address = uri.trim_start_matches("http://").trim_end_matches('/');
+        let mut slow = TcpStream::connect(address).await.unwrap();
+        slow.write_all(b"POST / HTTP/1.1\r\nContent-")
+            .await
+            .unwrap();
+        let mut answers = Vec::new();
+        for body in [
+            "<methodCall>",
+            "no xml",
+            "<a></b>",
+            "\u{0}",
+            "<methodCall><methodName>\u{e9}",
+        ] {
+            let mut stream = TcpStream::connect(address).await.unwrap();
+            let head = format!("POST / HTTP/1.0\r\nContent-Length: {}\r\n\r\n", body.len());
+            stream.write_all((head + body).as_bytes()).await.unwrap();
+            let mut answer = String::new();
+            timeout(PATIENCE, stream.read_to_string(&mut answer))
+                .await
+                .unwrap()
+                .unwrap();
+            answers.push(answer);
+        }
+        assert!(
+            answers.iter().all(|answer| answer.contains("<fault>")),
+            "{answers:?}"
+        );
+        let mut stream = TcpStream::connect(address).await.unwrap();
+        stream
+            .write_all(b"POST / HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n")
+            .await
+            .unwrap();
+        assert!(is_closed(&mut stream).await);
+        let mut stream = TcpStream::connect(address).await.unwrap();
+        let _ = stream.write_all(&vec![b'a'; 100_000]).await;
+        assert!(is_closed(&mut stream).await);
+        assert!(call_ros(uri, "getPid", &["/test".into()]).await.is_ok());
+        assert!(
+            is_closed(&mut slow).await,
+            "a request must not take for ever"
+        );
+    }
+}
+
+#[tokio::test]
+async fn chunks_and_kept_connections_are_understood() {
+    let master = master().await;
+    let address = master
+        .uri()
+        .trim_start_matches("http://")
+        .trim_end_matches('/');
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    let body = ros1::xmlrpc::encode_call("getUri", &["/t".into()]);
+    let (a, b) = body.split_at(30);
+    let chunked = format!(
+        "POST /RPC2 HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n{:x}\r\n{a}\r\n{:X};x=1\r\n{b}\r\n0\r\n\r\n",
+        a.len(),
+        b.len()
+    );
+    for _ in 0..3 {
+        stream.write_all(chunked.as_bytes()).await.unwrap();
+        let mut answer = String::new();
+        while !answer.contains("</methodResponse>") {
+            let mut part = [0; 512];
+            let count = timeout(PATIENCE, stream.read(&mut part))
+                .await
+                .unwrap()
+                .unwrap();
+            assert!(count > 0, "closed after {answer}");
+            answer.push_str(&String::from_utf8_lossy(&part[..count]));
+        }
+        assert!(answer.contains(master.uri()), "{answer}");
+    }
+}

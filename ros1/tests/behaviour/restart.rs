@@ -1,0 +1,149 @@
+//! Masters that are late, die, and come back.
+
+use std::{
+    net::SocketAddr,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering::Relaxed},
+    },
+    time::{Duration, Instant},
+};
+
+use ros1::{
+    Master, Node, NodeOptions, PublisherOptions, ServiceError,
+    xmlrpc::{Value, call_ros},
+};
+use tokio::time::timeout;
+
+use crate::{
+    local::{PATIENCE, address, free_port, knows, master, node, until},
+    types::{SET_BOOL, STRING, string},
+};
+
+const QUEUE: PublisherOptions = PublisherOptions {
+    queue: 4096,
+    latch: false,
+};
+const LATCH: PublisherOptions = PublisherOptions {
+    queue: 4,
+    latch: true,
+};
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_master_restarted_under_load_is_told_again_and_no_message_is_lost() {
+    let first = master().await;
+    let address = address(&first);
+    let talker = node("talker", &first).await;
+    let listener = node("listener", &first).await;
+    let publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
+    let _service = talker
+        .serve("/serve", &SET_BOOL, |_| Ok(vec![1, 0, 0, 0, 0]))
+        .await
+        .unwrap();
+    let mut subscriber = listener.subscribe("/chat", &STRING, 4096).await.unwrap();
+    until("the subscriber", async || publisher.subscribers() == 1).await;
+
+    let ended = Arc::new(AtomicBool::new(false));
+    let load = std::thread::spawn({
+        let (publisher, ended) = (publisher.clone(), Arc::clone(&ended));
+        move || {
+            let mut number = 0_u32;
+            while !ended.load(Relaxed) {
+                publisher.publish(&string(&number.to_string()));
+                number += 1;
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            number
+        }
+    });
+    let received = tokio::spawn(async move {
+        let mut expected = 0_u32;
+        while let Some(message) = subscriber.recv().await {
+            assert_eq!(message, string(&expected.to_string()));
+            expected += 1;
+        }
+        (expected, subscriber.dropped())
+    });
+    let mut online = talker.master_online();
+    for _ in 0..2 {
+        timeout(PATIENCE, online.wait_for(|online| *online))
+            .await
+            .unwrap()
+            .unwrap();
+        first.shutdown().await;
+        timeout(PATIENCE, online.wait_for(|online| !online))
+            .await
+            .unwrap()
+            .unwrap();
+        let again = Master::start(address).await.unwrap();
+        let back = Instant::now();
+        until("both nodes", async || {
+            knows(&again, &talker).await && knows(&again, &listener).await
+        })
+        .await;
+        // 2 s are promised; the rest is for a machine busy with other work.
+        assert!(
+            back.elapsed() < Duration::from_secs(4),
+            "{:?}",
+            back.elapsed()
+        );
+        println!("registered again after {:?}", back.elapsed());
+        until("the service", async || {
+            listener.call("/serve", &SET_BOOL, &[1]).await.is_ok()
+        })
+        .await;
+        again.shutdown().await;
+    }
+    ended.store(true, Relaxed);
+    let made = load.join().unwrap();
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    assert_eq!((publisher.subscribers(), publisher.dropped()), (1, 0));
+    listener.shutdown().await;
+    assert_eq!(received.await.unwrap(), (made, 0));
+}
+
+#[tokio::test]
+async fn a_node_starts_without_a_master_and_registers_when_there_is_one() {
+    let port = free_port();
+    let uri = format!("http://127.0.0.1:{port}/");
+    let talker = Node::start(NodeOptions::new("talker", &uri)).await.unwrap();
+    let publisher = talker.advertise("/chat", &STRING, LATCH).await.unwrap();
+    publisher.publish(&string("hello"));
+    let listener = Node::start(NodeOptions::new("listener", &uri))
+        .await
+        .unwrap();
+    let mut subscriber = listener.subscribe("/chat", &STRING, 4).await.unwrap();
+    assert!(!*talker.master_online().borrow());
+    let error = listener.call("/serve", &SET_BOOL, &[]).await.unwrap_err();
+    assert!(matches!(error, ServiceError::Lookup { .. }), "{error}");
+    let master = Master::start(SocketAddr::from(([127, 0, 0, 1], port)))
+        .await
+        .unwrap();
+    let message = timeout(PATIENCE, subscriber.recv()).await.unwrap();
+    assert_eq!(message, Some(string("hello")));
+    timeout(PATIENCE, talker.master_online().wait_for(|online| *online))
+        .await
+        .unwrap()
+        .unwrap();
+    drop(master);
+}
+
+#[tokio::test]
+async fn a_publisher_that_is_no_longer_named_keeps_its_living_link() {
+    let master = master().await;
+    let talker = node("talker", &master).await;
+    let listener = node("listener", &master).await;
+    let publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
+    let mut subscriber = listener.subscribe("/chat", &STRING, 4).await.unwrap();
+    until("the subscriber", async || publisher.subscribers() == 1).await;
+    // As after a restart: the master names only those who have registered again.
+    let update = [Value::from("/master"), "/chat".into(), Value::Array(vec![])];
+    call_ros(listener.uri(), "publisherUpdate", &update)
+        .await
+        .unwrap();
+    publisher.publish(&string("still here"));
+    let message = timeout(PATIENCE, subscriber.recv()).await.unwrap();
+    assert_eq!(message, Some(string("still here")));
+    drop(publisher);
+    until("the end of the link", async || subscriber.publishers() == 0).await;
+}
