@@ -1,0 +1,84 @@
+//! Alpha: 10 Hz over the back of the head, waxing and waning, in bursts.
+
+use recordings::Position;
+
+use super::{
+    noise::{Noise, pole},
+    rotor::Rotor,
+    scalp::Scalp,
+};
+
+/// Frequency of the rhythm, Hz.
+pub(super) const ALPHA_HZ: f64 = 10.0;
+/// Half its width, Hz: it waxes and wanes within about a second by itself.
+const HALF_WIDTH: f64 = 0.5;
+/// Where it comes from, and how far it reaches, radii of the head.
+const SITES: [&str; 3] = ["PO3", "POz", "PO4"];
+const REACH: f64 = 0.7;
+/// What is left of it between bursts.
+const REST: f64 = 0.15;
+/// How fast bursts come and go: corner of the envelope, Hz.
+const ENVELOPE: f64 = 0.6;
+
+#[derive(Debug, Clone)]
+pub(super) struct Alpha {
+    noise: Noise,
+    rate: f64,
+    damping: f64,
+    drive: f64,
+    rotors: Vec<Rotor>,
+    /// uV RMS per electrode and source, one row of sources per electrode.
+    mixing: Vec<Vec<f64>>,
+    in_burst: bool,
+    samples_left: u32,
+    envelope: f64,
+    envelope_pole: f64,
+}
+
+impl Alpha {
+    pub(super) fn new(noise: Noise, scalp: &Scalp, rate: f64, rms_uv: f64) -> Self {
+        let sites = SITES.iter().filter_map(|label| Position::of_label(label));
+        let seen: Vec<Vec<f64>> = sites.map(|site| scalp.weights(site, REACH)).collect();
+        // Independent sources add up by their squares; the middle one sees all three.
+        let scale = rms_uv / f64::from(3_u8).sqrt();
+        let mixing = (0..scalp.electrodes())
+            .map(|electrode| seen.iter().map(|row| row[electrode] * scale).collect())
+            .collect();
+        let damping = pole(HALF_WIDTH, rate);
+        Self {
+            noise,
+            rate,
+            damping,
+            drive: (1.0 - damping * damping).sqrt(),
+            rotors: vec![Rotor::new(ALPHA_HZ, rate); SITES.len()],
+            mixing,
+            in_burst: false,
+            samples_left: 1,
+            envelope: REST,
+            envelope_pole: pole(ENVELOPE, rate),
+        }
+    }
+
+    pub(super) fn add(&mut self, microvolts: &mut [f64]) {
+        self.samples_left -= 1;
+        if self.samples_left == 0 {
+            self.in_burst = !self.in_burst;
+            self.samples_left = self.noise.samples(1.0, 4.0, self.rate);
+        }
+        let aim = if self.in_burst { 1.0 } else { REST };
+        self.envelope = aim + self.envelope_pole * (self.envelope - aim);
+        for rotor in &mut self.rotors {
+            rotor.turn_by(self.damping);
+            rotor.point.0 += self.drive * self.noise.normal();
+            rotor.point.1 += self.drive * self.noise.normal();
+        }
+        for (uv, row) in microvolts.iter_mut().zip(&self.mixing) {
+            let mixed: f64 = row
+                .iter()
+                .zip(&self.rotors)
+                .map(|(w, rotor)| w * rotor.point.0)
+                .sum();
+            *uv += mixed * self.envelope;
+        }
+    }
+}

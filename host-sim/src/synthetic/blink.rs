@@ -1,0 +1,61 @@
+//! Blinks: large, frontal, a third of a second long.
+
+use recordings::Position;
+
+use super::{noise::Noise, scalp::Scalp};
+
+/// Where they are largest, and how far they reach, radii of the head.
+const SITE: &str = "Fpz";
+const REACH: f64 = 0.8;
+/// Rise and fall of a blink, s.
+const RISE_S: f64 = 0.1;
+const FALL_S: f64 = 0.2;
+
+#[derive(Debug, Clone)]
+pub(super) struct Blinks {
+    noise: Noise,
+    rate: f64,
+    weights: Vec<f64>,
+    /// Samples until the lids begin to fall; counts down.
+    wait: u32,
+    /// Time within the blink, s, and its height at the site, uV.
+    now: Option<(f64, f64)>,
+}
+
+impl Blinks {
+    pub(super) fn new(mut noise: Noise, scalp: &Scalp, rate: f64) -> Self {
+        let site = Position::of_label(SITE);
+        let weights = site.map_or_else(Vec::new, |site| scalp.weights(site, REACH));
+        let wait = noise.samples(2.0, 7.0, rate);
+        Self {
+            noise,
+            rate,
+            weights,
+            wait,
+            now: None,
+        }
+    }
+
+    pub(super) fn add(&mut self, microvolts: &mut [f64]) {
+        let Some((time, height)) = self.now else {
+            self.wait -= 1;
+            if self.wait == 0 {
+                self.now = Some((0.0, self.noise.uniform(150.0, 300.0)));
+                self.wait = self.noise.samples(2.0, 7.0, self.rate);
+            }
+            return;
+        };
+        let shape = smooth_step(time / RISE_S) * smooth_step((RISE_S + FALL_S - time) / FALL_S);
+        for (uv, weight) in microvolts.iter_mut().zip(&self.weights) {
+            *uv += weight * height * shape;
+        }
+        let time = time + 1.0 / self.rate;
+        self.now = (time < RISE_S + FALL_S).then_some((time, height));
+    }
+}
+
+/// 0 below 0, 1 above 1, `x^2 (3 - 2x)` between.
+fn smooth_step(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}

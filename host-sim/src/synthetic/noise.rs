@@ -1,0 +1,89 @@
+//! Random numbers and the filtered noises made of them.
+
+use rand_chacha::{
+    ChaCha8Rng,
+    rand_core::{Rng, SeedableRng},
+};
+
+/// A seeded stream of random numbers.
+#[derive(Debug, Clone)]
+pub(super) struct Noise {
+    random: ChaCha8Rng,
+}
+
+impl Noise {
+    /// Streams of one seed are independent of each other.
+    pub(super) fn new(seed: u64, stream: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        random.set_stream(stream);
+        Self { random }
+    }
+
+    /// Mean 0, variance 1, |x| <= 3.47: the sum of four uniform 16-bit numbers. Sums of dozens of
+    /// these, as everywhere here, are normal for all purposes, and no logarithm is needed.
+    pub(super) fn normal(&mut self) -> f64 {
+        let bits = self.random.next_u64();
+        let [a, b, c, d, e, f, g, h] = bits.to_le_bytes();
+        let parts = [[a, b], [c, d], [e, f], [g, h]];
+        let sum: u32 = parts
+            .iter()
+            .map(|part| u32::from(u16::from_le_bytes(*part)))
+            .sum();
+        // Mean 4 * 65535 / 2; variance 4 * (65536^2 - 1) / 12.
+        (f64::from(sum) - 131_070.0) / 37_837.227_2
+    }
+
+    /// Uniform within low..high.
+    pub(super) fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (f64::from(self.random.next_u32()) / 4_294_967_296.0)
+    }
+
+    /// A number of samples that lasts `low` to `high` s, at least 1.
+    pub(super) fn samples(&mut self, low: f64, high: f64, rate: f64) -> u32 {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "at most 20 s at 16 kHz"
+        )]
+        let samples = (self.uniform(low, high) * rate) as u32;
+        samples.max(1)
+    }
+
+    /// One of `count` indices, `count` > 0.
+    pub(super) fn index(&mut self, count: usize) -> usize {
+        let scaled = (u128::from(self.random.next_u64()) * count as u128) >> 64;
+        usize::try_from(scaled).unwrap_or(0)
+    }
+}
+
+/// First-order low-pass noise of variance 1: `x <- pole * x + drive * normal`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Wander {
+    pole: f64,
+    drive: f64,
+    value: f64,
+}
+
+impl Wander {
+    /// Corner frequency and rate in Hz; begins somewhere, not at 0.
+    pub(super) fn new(corner: f64, rate: f64, noise: &mut Noise) -> Self {
+        let pole = pole(corner, rate);
+        Self {
+            pole,
+            drive: (1.0 - pole * pole).sqrt(),
+            value: noise.normal(),
+        }
+    }
+
+    pub(super) fn step(&mut self, noise: &mut Noise) -> f64 {
+        self.value = self.pole * self.value + self.drive * noise.normal();
+        self.value
+    }
+}
+
+/// The pole of a first-order low-pass by the bilinear transform,
+/// `(1 - pi f / rate) / (1 + pi f / rate)`; rational, so the same everywhere.
+pub(super) fn pole(corner: f64, rate: f64) -> f64 {
+    let angle = std::f64::consts::PI * corner / rate;
+    (1.0 - angle) / (1.0 + angle)
+}
