@@ -1,2 +1,26 @@
 //! The board without a board: sources, virtual board, ports.
+//!
+//! The same pipeline and link as on a microcontroller, bit for bit, behind a pseudo-terminal, a TCP
+//! port or a file:
+//!
+//! ```text
+//! Source ------> VirtualBoard ------> Outbox ------> Port
+//! recording or   pipeline + link,     whole frames,  pty, tcp
+//! synthetic EEG  answers commands     drops oldest   or file
+//! ```
 #![forbid(unsafe_code)]
+
+mod device_clock;
+mod outbox;
+mod port;
+mod session;
+mod source;
+pub mod synthetic;
+mod virtual_board;
+
+pub use device_clock::{DeviceClock, Pace};
+pub use outbox::{Outbox, WhenFull};
+pub use port::{Output, Port, PortError};
+pub use session::{Report, Session, SessionError};
+pub use source::Source;
+pub use virtual_board::{Identity, VirtualBoard};

@@ -92,7 +92,7 @@ impl Pipeline {
 fn at_rail(counts: &[i32; CHANNELS]) -> u16 {
     counts[..ELECTRODES]
         .iter()
-        .map(|&count| u16::from(count >= Sample::MAX || count < -Sample::MAX))
+        .map(|&count| u16::from(!(-Sample::MAX..Sample::MAX).contains(&count)))
         .sum()
 }
 

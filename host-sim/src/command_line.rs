@@ -1,0 +1,134 @@
+//! What can be asked for on the command line.
+
+use std::{convert::Infallible, path::PathBuf, str::FromStr};
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use host_sim::Output;
+use recordings::Missing;
+
+/// The board without a board: plays EEG through the pipeline of the firmware, bit for bit.
+#[derive(Debug, Parser)]
+#[command(version)]
+pub(crate) struct CommandLine {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Run the virtual board on a recording or on synthetic EEG.
+    Run(RunOptions),
+    /// Show what a recording holds and how it fits the model's montage.
+    Inspect(InspectOptions),
+}
+
+/// Where the EEG comes from.
+#[derive(Clone, Debug)]
+pub(crate) enum Input {
+    /// A generator.
+    Synthetic,
+    /// An EDF, BDF or GDF file.
+    Recording(PathBuf),
+}
+
+impl FromStr for Input {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        Ok(if text == "synthetic" {
+            Self::Synthetic
+        } else {
+            Self::Recording(text.into())
+        })
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum MissingElectrodes {
+    /// Mix them from the four nearest ones by position.
+    Interpolate,
+    /// Leave them at 0.
+    Zero,
+    /// Refuse the recording.
+    Refuse,
+}
+
+impl From<MissingElectrodes> for Missing {
+    fn from(choice: MissingElectrodes) -> Self {
+        match choice {
+            MissingElectrodes::Interpolate => Self::Interpolate,
+            MissingElectrodes::Zero => Self::Zero,
+            MissingElectrodes::Refuse => Self::Refuse,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MainsHz {
+    /// 50 Hz: Europe, most of Africa, Asia and Australia.
+    #[value(name = "50")]
+    Fifty,
+    /// 60 Hz: the Americas and parts of Asia.
+    #[value(name = "60")]
+    Sixty,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RunOptions {
+    /// EDF, BDF or GDF file, or the word `synthetic`.
+    #[arg(long, value_name = "FILE|synthetic")]
+    pub(crate) input: Input,
+    /// Where the frames go: pty:PATH, tcp:HOST:PORT (listens) or file:PATH.
+    #[arg(long, value_name = "OUTPUT")]
+    pub(crate) output: Output,
+    /// Samples are taken when they are due, as on a board (default for pty and tcp).
+    #[arg(long, conflicts_with = "fast")]
+    pub(crate) realtime: bool,
+    /// Samples are taken as fast as the host takes the frames (default for file).
+    #[arg(long)]
+    pub(crate) fast: bool,
+    /// Mains frequency for the notch until a host asks for another, Hz.
+    #[arg(long, value_enum, default_value = "50")]
+    pub(crate) mains: MainsHz,
+    /// Stop after so many seconds of signal.
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    pub(crate) duration: Option<f64>,
+    /// What to do about electrodes of the montage that the recording lacks.
+    #[arg(long, value_enum, default_value = "interpolate")]
+    pub(crate) missing: MissingElectrodes,
+    /// Seed of the synthetic EEG.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// Let an electrode of the synthetic EEG hit the rail now and then.
+    #[arg(long)]
+    pub(crate) rails: bool,
+    /// Session id that the board reports; drawn from the clock in real time, 1 otherwise.
+    #[arg(long, value_name = "NUMBER")]
+    pub(crate) session_id: Option<u32>,
+    /// No progress bar and no report.
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct InspectOptions {
+    /// EDF, BDF or GDF file.
+    pub(crate) file: PathBuf,
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if f64::is_finite(seconds) && seconds > 0.0 => Ok(seconds),
+        _ => Err("write a positive number of seconds, such as 15 or 0.5".to_owned()),
+    }
+}
+
+impl MainsHz {
+    /// The frequency, Hz.
+    pub(crate) fn hz(self) -> u8 {
+        match self {
+            Self::Fifty => 50,
+            Self::Sixty => 60,
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! The virtual board's time.
+
+use std::{
+    thread,
+    time::{Duration, Instant},
+};
+
+/// Whether the board's time is that of the wall.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// Samples are taken when they are due.
+    Realtime,
+    /// Samples are taken as fast as they can be processed; time is counted in samples.
+    Fast,
+}
+
+/// Counts samples and says when each is due.
+#[derive(Clone, Debug)]
+pub struct DeviceClock {
+    pace: Pace,
+    rate_hz: u32,
+    boot: Instant,
+    /// Device time of sample 0.
+    start_us: u64,
+    samples: u64,
+}
+
+impl DeviceClock {
+    /// A clock at 0 whose samples are `1 / rate_hz` apart.
+    pub fn new(pace: Pace, rate_hz: u32) -> Self {
+        Self {
+            pace,
+            rate_hz,
+            boot: Instant::now(),
+            start_us: 0,
+            samples: 0,
+        }
+    }
+
+    /// Microseconds since boot, now.
+    pub fn now_us(&self) -> u64 {
+        match self.pace {
+            Pace::Realtime => micros(self.boot.elapsed()),
+            Pace::Fast => self.due_us(self.samples),
+        }
+    }
+
+    /// Lets the next sample be due now: sampling begins.
+    pub fn begin(&mut self) {
+        self.start_us = self.now_us();
+        self.samples = 0;
+    }
+
+    /// The DRDY time of the next sample, which then counts as taken. Exact: the n-th sample is due
+    /// at n / rate after the first, whenever the thread woke up.
+    pub fn next_drdy_us(&mut self) -> u64 {
+        let due = self.due_us(self.samples);
+        self.samples += 1;
+        due
+    }
+
+    /// Sleeps until the next sample is due. An absolute deadline: lateness does not add up.
+    pub fn wait_for_next(&self) {
+        if self.pace == Pace::Fast {
+            return;
+        }
+        let due = self.boot + Duration::from_micros(self.due_us(self.samples));
+        thread::sleep(due.saturating_duration_since(Instant::now()));
+    }
+
+    fn due_us(&self, sample: u64) -> u64 {
+        self.start_us + sample * 1_000_000 / u64::from(self.rate_hz)
+    }
+}
+
+fn micros(duration: Duration) -> u64 {
+    u64::try_from(duration.as_micros()).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_due_exactly_one_period_apart() {
+        let mut clock = DeviceClock::new(Pace::Fast, 512);
+        let due: Vec<u64> = (0..513).map(|_| clock.next_drdy_us()).collect();
+        assert_eq!(
+            (due[0], due[1], due[32], due[512]),
+            (0, 1_953, 62_500, 1_000_000)
+        );
+        assert_eq!(clock.now_us(), 1_001_953);
+    }
+}

@@ -1,0 +1,32 @@
+//! `host-sim inspect`.
+
+use std::error::Error;
+
+use recordings::{Missing, MontageMap, Recording};
+
+use crate::command_line::InspectOptions;
+
+pub(crate) fn inspect(options: &InspectOptions) -> Result<(), Box<dyn Error>> {
+    let mut recording = Recording::open(&options.file)?;
+    println!("{}: {:?}", options.file.display(), recording.format());
+    println!(
+        "{:.3} s in {} records",
+        recording.duration_s(),
+        recording.records()
+    );
+    println!("\n{:<18} {:>10}  unit", "signal", "rate");
+    for signal in recording.signals() {
+        let rate = signal
+            .rate
+            .map_or_else(|| "-".to_owned(), |r| format!("{:.2} Hz", r.value()));
+        println!("{:<18} {rate:>10}  {}", signal.label, signal.unit);
+    }
+    println!("\n{} events", recording.events()?.len());
+    for warning in recording.warnings() {
+        println!("warning: {warning}");
+    }
+    let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
+    let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate)?;
+    println!("\n{map}");
+    Ok(())
+}

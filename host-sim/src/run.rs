@@ -1,0 +1,162 @@
+//! `host-sim run`.
+
+use std::{
+    error::Error,
+    path::Path,
+    sync::{Arc, atomic::AtomicBool},
+    time::{SystemTime, UNIX_EPOCH},
+};
+
+use host_sim::{
+    Identity, Output, Pace, Report, Session, Source,
+    synthetic::{Generator, SyntheticSpec},
+};
+use indicatif::{ProgressBar, ProgressStyle};
+use pipeline::Mains;
+use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
+use signal_hook::consts::{SIGINT, SIGTERM};
+
+use crate::command_line::{Input, MainsHz, RunOptions};
+
+pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        signal_hook::flag::register(signal, stop.clone())?;
+    }
+    let mut source = open(options)?;
+    let session = session(options);
+    let total = match (source.samples(), session.limit) {
+        (Some(samples), Some(limit)) => Some(samples.min(limit)),
+        (samples, limit) => samples.or(limit),
+    };
+    if !options.quiet {
+        eprintln!("virtual board on {}", session.output);
+    }
+    let progress = progress_bar(total.map(|samples| samples / rate()), options.quiet);
+    let report = session.run(&mut source, &stop, |stats| {
+        progress.inc(1);
+        progress.set_message(format!(
+            "{} codes, {} frames dropped",
+            stats.codes_made, stats.frames_dropped
+        ));
+    })?;
+    progress.finish_and_clear();
+    if !options.quiet {
+        eprintln!("{}", summary(&report, &source));
+    }
+    Ok(())
+}
+
+fn rate() -> u64 {
+    model::ADC_RATE_HZ.into()
+}
+
+fn session(options: &RunOptions) -> Session {
+    let pace = match (options.fast, options.realtime, &options.output) {
+        (true, _, _) | (false, false, Output::File(_)) => Pace::Fast,
+        _ => Pace::Realtime,
+    };
+    let drawn = || match pace {
+        // A run in virtual time is the same every time, to the last byte.
+        Pace::Fast => 1,
+        Pace::Realtime => SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(1, |now| {
+                now.subsec_nanos() ^ std::process::id().rotate_left(16)
+            }),
+    };
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "the duration is positive; beyond 2^64 samples it saturates"
+    )]
+    let limit = options
+        .duration
+        .map(|s| (s * f64::from(model::ADC_RATE_HZ)).round() as u64);
+    Session {
+        output: options.output.clone(),
+        pace,
+        mains: match options.mains {
+            MainsHz::Fifty => Mains::Hz50,
+            MainsHz::Sixty => Mains::Hz60,
+        },
+        identity: Identity {
+            session_id: options.session_id.unwrap_or_else(drawn),
+            chip_uid: *b"\0host-sim\0\0\0",
+        },
+        limit,
+    }
+}
+
+fn open(options: &RunOptions) -> Result<Source, Box<dyn Error>> {
+    Ok(match &options.input {
+        Input::Synthetic => {
+            let mut spec = SyntheticSpec::new(options.seed, model::LABELS.split(' '));
+            spec.mains_hz = options.mains.hz().into();
+            spec.rails = options.rails;
+            Source::Synthetic(Box::new(Generator::new(&spec)?))
+        }
+        Input::Recording(path) => {
+            let adc = play(path, options.missing.into())?;
+            if !options.quiet {
+                for warning in adc.recording().warnings() {
+                    eprintln!("warning: {warning}");
+                }
+            }
+            Source::Recording(Box::new(adc))
+        }
+    })
+}
+
+/// A recording through the virtual ADC, laid on the model's montage.
+fn play(path: &Path, missing: Missing) -> Result<VirtualAdc, Box<dyn Error>> {
+    let recording = Recording::open(path)?;
+    let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
+    let map = MontageMap::new(&recording.labels(), &electrodes, missing)?;
+    eprintln!("{map}");
+    let spec = AdcSpec {
+        rate_hz: model::ADC_RATE_HZ.into(),
+        lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
+    };
+    Ok(VirtualAdc::new(recording, &map, spec)?)
+}
+
+fn progress_bar(seconds: Option<u64>, quiet: bool) -> ProgressBar {
+    let (bar, template) = match seconds {
+        _ if quiet => return ProgressBar::hidden(),
+        Some(seconds) => (
+            ProgressBar::new(seconds),
+            "{elapsed_precise} {bar:32} {pos}/{len} s  {msg}",
+        ),
+        None => (
+            ProgressBar::new_spinner(),
+            "{elapsed_precise} {spinner} {pos} s  {msg}",
+        ),
+    };
+    match ProgressStyle::with_template(template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+fn summary(report: &Report, source: &Source) -> String {
+    let stats = &report.stats;
+    let mut text = format!(
+        "{:.1} s of signal in {:.2} s ({:.1} times real time): {} codes made, {} frames dropped, \
+         {} values clipped",
+        report.signal_s(),
+        report.elapsed.as_secs_f64(),
+        report.signal_s() / report.elapsed.as_secs_f64(),
+        stats.codes_made,
+        stats.frames_dropped,
+        stats.clipped
+    );
+    if let Source::Recording(adc) = source {
+        let counters = adc.counters();
+        text = format!(
+            "{text}; virtual ADC: {} counts at the rail, {} numbers missing",
+            counters.saturated, counters.not_finite
+        );
+    }
+    text
+}
