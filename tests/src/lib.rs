@@ -2,6 +2,9 @@
 #![forbid(unsafe_code)]
 
 pub mod npz;
+pub mod process;
+pub mod programs;
 pub mod real_data;
+pub mod ros;
 pub mod skip;
 pub mod workspace;
