@@ -222,7 +222,7 @@ fn message(code: &Code) -> CodeMessage {
         (code.clipped > 0, Flags::CLIPPED),
     ] {
         if set {
-            flags = flags | flag;
+            flags |= flag;
         }
     }
     CodeMessage {
