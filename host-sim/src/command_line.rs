@@ -81,12 +81,8 @@ pub(crate) struct RunOptions {
     /// Where the frames go: pty:PATH, tcp:HOST:PORT (listens) or file:PATH.
     #[arg(long, value_name = "OUTPUT")]
     pub(crate) output: Output,
-    /// Samples are taken when they are due, as on a board (default for pty and tcp).
-    #[arg(long, conflicts_with = "fast")]
-    pub(crate) realtime: bool,
-    /// Samples are taken as fast as the host takes the frames (default for file).
-    #[arg(long)]
-    pub(crate) fast: bool,
+    #[command(flatten)]
+    pub(crate) pace: PaceOptions,
     /// Mains frequency for the notch until a host asks for another, Hz.
     #[arg(long, value_enum, default_value = "50")]
     pub(crate) mains: MainsHz,
@@ -108,6 +104,16 @@ pub(crate) struct RunOptions {
     /// No progress bar and no report.
     #[arg(long, short)]
     pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PaceOptions {
+    /// Samples are taken when they are due, as on a board (default for pty and tcp).
+    #[arg(long, conflicts_with = "fast")]
+    pub(crate) realtime: bool,
+    /// Samples are taken as fast as the host takes the frames (default for file).
+    #[arg(long)]
+    pub(crate) fast: bool,
 }
 
 #[derive(Debug, Args)]

@@ -52,7 +52,7 @@ fn rate() -> u64 {
 }
 
 fn session(options: &RunOptions) -> Session {
-    let pace = match (options.fast, options.realtime, &options.output) {
+    let pace = match (options.pace.fast, options.pace.realtime, &options.output) {
         (true, _, _) | (false, false, Output::File(_)) => Pace::Fast,
         _ => Pace::Realtime,
     };
