@@ -28,8 +28,8 @@ impl Header {
     /// Checks what no format may get wrong and notes what it may.
     ///
     /// # Errors
-    /// [`RecordingError::Range`] for a signal that cannot be scaled, [`RecordingError::HeaderField`]
-    /// when samples have no rate.
+    /// [`RecordingError::Range`] for a signal that cannot be scaled,
+    /// [`RecordingError::HeaderField`] when samples have no rate.
     pub(crate) fn checked(mut self) -> Result<Self, RecordingError> {
         let mut unknown_units = Vec::new();
         for signal in &mut self.signals {

@@ -5,7 +5,7 @@
 //! | Stage | Type out | Unit | Modules |
 //! | --- | --- | --- | --- |
 //! | header | [`Signal`]s, [`Warning`]s | | `edf`, `gdf`, `header` |
-//! | records | [`Block`] | the signal's own physical unit | `recording`, `sample_type`, `calibration` |
+//! | records | [`Block`] | the signal's own | `recording`, `sample_type`, `calibration` |
 //! | montage | weights per electrode | | [`electrode`], [`position`], [`montage_map`] |
 //! | virtual ADC | `[i32; 64]` | counts, i24 in i32 | [`virtual_adc`] |
 //!

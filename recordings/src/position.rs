@@ -4,8 +4,11 @@
 //! the top. The circumference through Fpz, T7, Oz and T8 is the circle 72 degrees from Cz,
 //! divided alike, so a row meets it at the same angle from the front at which it meets the
 //! midline. A row is the arc of the circle through its left circumference point, its midline
-//! point and its right circumference point; its columns divide each half of that arc evenly. (Jurcak, Tsuzuki and
-//! Dan 2007 discuss the definition; no table of coordinates is used.)
+//! point and its right circumference point; its columns divide each half of that arc evenly
+//! (Oostenveld and Praamstra 2001; Jurcak, Tsuzuki and Dan 2007). No table of coordinates is used.
+//!
+//! Compared with MNE's `standard_1005` template of a real head, after the best affine map of the
+//! sphere onto it, 289 electrodes lie 7.3 mm apart in the mean and 15 mm at most.
 
 use std::f64::consts::PI;
 

@@ -273,7 +273,7 @@ impl Recording {
     fn gdf_events(&mut self) -> Result<Vec<Event>, RecordingError> {
         let at = self.header.data_start + self.records * self.record_bytes;
         let bytes = self.file_bytes.saturating_sub(at);
-        // A cut file has lost its table, which lies at the end; a file without events may have none.
+        // A cut file has lost its table, which lies at the end; others may have none.
         if self.truncated || bytes == 0 {
             return Ok(Vec::new());
         }

@@ -63,7 +63,6 @@ pub struct VirtualAdc {
 
 /// The signals of one rate.
 struct RateGroup {
-    rate: Ratio,
     signals: Vec<usize>,
     converter: RateConverter,
     /// The last number of each signal, uV.
@@ -113,7 +112,6 @@ impl VirtualAdc {
                 .map_err(|reason| rate_error(&recording, signals[0], spec, reason))?;
             let held = vec![0.0; signals.len()];
             groups.push(RateGroup {
-                rate,
                 signals,
                 converter,
                 held,
@@ -153,11 +151,6 @@ impl VirtualAdc {
     /// What could not be represented so far.
     pub fn counters(&self) -> AdcCounters {
         self.counters
-    }
-
-    /// The rates that are resampled or passed, Hz, each once.
-    pub fn source_rates(&self) -> Vec<Ratio> {
-        self.groups.iter().map(|group| group.rate).collect()
     }
 
     fn fill(&mut self) -> Result<(), RecordingError> {

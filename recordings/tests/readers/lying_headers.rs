@@ -7,7 +7,7 @@ use crate::{
     gdf_writer::{GdfFile, GdfSignal},
     open, read_all,
 };
-use recordings::{AdcSpec, Missing, MontageMap, VirtualAdc};
+use recordings::{AdcSpec, Electrode, Missing, MontageMap, Position, VirtualAdc};
 
 fn edf() -> Vec<u8> {
     let signals = vec![
@@ -122,6 +122,21 @@ proptest! {
     #[test]
     fn a_mutated_gdf_1_is_read_or_refused(bytes in mutated(gdf(true))) {
         survive(bytes)?;
+    }
+
+    #[test]
+    fn any_label_is_an_electrode_or_none(
+        anything in "\\PC{0,20}",
+        alike in "[a-zA-Z]{1,4}[0-9]{0,3}[hH.]{0,2}",
+    ) {
+        for label in [anything, alike] {
+            if let Some(electrode) = Electrode::parse(&label) {
+                let place = Position::of(&electrode);
+                let radius = (place.x.powi(2) + place.y.powi(2) + place.z.powi(2)).sqrt();
+                prop_assert!((radius - 1.0).abs() < 1e-12, "{label}: {place:?}");
+                prop_assert_eq!(Electrode::parse(&electrode.to_string()), Some(electrode));
+            }
+        }
     }
 
     #[test]
