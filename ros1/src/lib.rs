@@ -68,7 +68,7 @@ pub use address::AddressError;
 pub use http::HttpError;
 pub use master::Master;
 pub use message_type::{MessageType, ServiceType};
-pub use names::{NameError, Names};
+pub use names::NameError;
 pub use node::{Node, NodeError};
 pub use options::{DEFAULT_MASTER_URI, NodeOptions};
 pub use publisher::{Publisher, PublisherOptions};

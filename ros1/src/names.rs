@@ -15,7 +15,7 @@ pub struct NameError {
 
 /// A node's own name and the remaps it was started with.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Names {
+pub(crate) struct Names {
     node: String,
     remaps: HashMap<String, String>,
 }
@@ -25,7 +25,7 @@ impl Names {
     ///
     /// # Errors
     /// A name is not a ROS name, or the node's name is private.
-    pub fn new(
+    pub(crate) fn new(
         namespace: &str,
         name: &str,
         remaps: &[(String, String)],
@@ -59,7 +59,7 @@ impl Names {
     }
 
     /// The node's full name, `/namespace/name`.
-    pub fn node(&self) -> &str {
+    pub(crate) fn node(&self) -> &str {
         &self.node
     }
 
@@ -67,7 +67,7 @@ impl Names {
     ///
     /// # Errors
     /// `name` is not a ROS name.
-    pub fn resolve(&self, name: &str) -> Result<String, NameError> {
+    pub(crate) fn resolve(&self, name: &str) -> Result<String, NameError> {
         check(name)?;
         let full = resolve(name, &self.node);
         Ok(self.remaps.get(&full).cloned().unwrap_or(full))

@@ -17,7 +17,8 @@ pub struct NodeOptions {
     /// The master, `http://HOST:PORT/`.
     pub master_uri: String,
     /// The host name or address under which other nodes reach this one. `None`: the address of
-    /// the interface that leads to the master.
+    /// the interface that leads to the master; where that is loopback, only programs on this
+    /// machine reach the node.
     pub host: Option<String>,
     /// Listen on IPv6 too when `host` is a name. An IPv6 address in `host` needs no such word.
     pub ipv6: bool,

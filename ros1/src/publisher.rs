@@ -49,7 +49,7 @@ impl Publisher {
     /// Hands one message body to every subscriber's queue and returns to how many. Never waits:
     /// one allocation that all share, none when nobody listens; a full queue loses its oldest
     /// message, which [`Publisher::dropped`] counts, and so is a body beyond
-    /// [`MAX_MESSAGE`](crate::tcpros::MAX_MESSAGE).
+    /// [`MAX_MESSAGE`].
     pub fn publish(&self, message: &[u8]) -> u32 {
         self.topic.publish(message)
     }

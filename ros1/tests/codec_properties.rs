@@ -1,5 +1,7 @@
 //! Whatever bytes a peer sends: an answer or an error, never a panic; and what we write, we read.
 
+use std::fmt::Write as _;
+
 use proptest::{collection::vec, prelude::*};
 use ros1::{
     tcpros::{Header, HeaderError, MAX_HEADER},
@@ -158,8 +160,10 @@ fn a_struct_of_many_members_is_read_in_time_and_the_last_of_a_name_counts() {
     let mut members = String::new();
     for n in 0..200_000 {
         let name = n % 150_000;
-        members += "<member><name>n";
-        members += &format!("{name}</name><value><int>{n}</int></value></member>");
+        let _ = write!(
+            members,
+            "<member><name>n{name}</name><value>{n}</value></member>"
+        );
     }
     let xml = format!(
         "<methodResponse><params><param><value><struct>{members}</struct></value></param></params></methodResponse>"
@@ -172,8 +176,8 @@ fn a_struct_of_many_members_is_read_in_time_and_the_last_of_a_name_counts() {
         "{:?}",
         started.elapsed()
     );
-    assert_eq!(value.member("n1"), Some(&Value::Int(150_001)));
-    assert_eq!(value.member("n149999"), Some(&Value::Int(149_999)));
+    assert_eq!(value.member("n1"), Some(&Value::from("150001")));
+    assert_eq!(value.member("n149999"), Some(&Value::from("149999")));
 }
 
 #[test]

@@ -274,3 +274,60 @@ async fn strings_that_are_not_utf8_reach_whom_they_concern() {
         .unwrap();
     assert!(format!("{info:?}").contains("/\u{fffd}buser"), "{info:?}");
 }
+
+#[tokio::test]
+async fn noise_on_every_port_leaves_node_and_master_answering() {
+    let master = master().await;
+    let talker = node("talker", &master).await;
+    let publisher = talker.advertise("/chat", &STRING, LATCH).await.unwrap();
+    publisher.publish(&string("hello"));
+    let api = |uri: &str| {
+        uri.trim_start_matches("http://")
+            .trim_end_matches('/')
+            .to_owned()
+    };
+    let ports = [
+        api(master.uri()),
+        api(talker.uri()),
+        tcpros(&talker, "/chat").await,
+    ];
+    // Knuth's MMIX generator: the same noise in every run.
+    let mut state = 1_u64;
+    let mut noise = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        state.to_be_bytes()[0]
+    };
+    for round in 0..300 {
+        let length = usize::from(noise());
+        let mut bytes: Vec<u8> = (0..length).map(|_| noise()).collect();
+        // Every third one begins as if it meant it.
+        if round % 3 == 0 {
+            bytes.splice(..0, *b"POST / HTTP/1.1\r\nContent-Length: 90\r\n\r\n");
+        } else if round % 3 == 1 {
+            bytes.splice(
+                ..0,
+                (noise() / 2)
+                    .to_le_bytes()
+                    .into_iter()
+                    .chain([0, 0, 0, 9, 0, 0, 0]),
+            );
+        }
+        let mut stream = TcpStream::connect(&ports[(round / 3) % ports.len()])
+            .await
+            .unwrap();
+        let _ = stream.write_all(&bytes).await;
+    }
+    let listener = node("listener", &master).await;
+    let mut subscriber = listener.subscribe("/chat", &STRING, 4).await.unwrap();
+    assert_eq!(
+        timeout(PATIENCE, subscriber.recv()).await.unwrap(),
+        Some(string("hello"))
+    );
+    assert!(
+        call_ros(talker.uri(), "getPid", &["/test".into()])
+            .await
+            .is_ok()
+    );
+}

@@ -1,9 +1,12 @@
 //! XML-RPC callers that are slow, wrong, or unusual.
 
-use ros1::{PublisherOptions, xmlrpc::call_ros};
+use ros1::{
+    PublisherOptions,
+    xmlrpc::{CallError, call_ros},
+};
 use tokio::{
     io::{AsyncReadExt as _, AsyncWriteExt as _},
-    net::TcpStream,
+    net::{TcpListener, TcpStream},
     time::timeout,
 };
 
@@ -96,4 +99,58 @@ async fn chunks_and_kept_connections_are_understood() {
         }
         assert!(answer.contains(master.uri()), "{answer}");
     }
+}
+
+#[tokio::test]
+async fn a_server_that_answers_nonsense_or_nothing_is_an_error_in_time() {
+    let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
+    let uri = format!("http://{}/", listener.local_addr().unwrap());
+    let pair = "<?xml version='1.0'?><methodResponse><params><param><value><int>1</int></value>\
+                </param></params></methodResponse>";
+    let answers = [
+        "HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n".to_owned(),
+        "HTTP/1.1 200 OK\r\nContent-Length: 3\r\n\r\nxml".to_owned(),
+        "HTTP/1.1 200 OK\r\nContent-Length: 30\r\n\r\ncut".to_owned(),
+        "HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nxyz\r\n".to_owned(),
+        format!("HTTP/1.0 200 OK\r\n\r\n{pair}"),
+        String::new(),
+    ];
+    let count = answers.len();
+    let server = tokio::spawn(async move {
+        for answer in answers {
+            let (mut stream, _) = listener.accept().await.unwrap();
+            let _ = stream.read(&mut [0; 4096]).await;
+            stream.write_all(answer.as_bytes()).await.unwrap();
+        }
+        // The last caller gets no answer at all.
+        let (_silent, _) = listener.accept().await.unwrap();
+        std::future::pending::<()>().await;
+    });
+    let mut errors = Vec::new();
+    for _ in 0..=count {
+        errors.push(
+            timeout(PATIENCE, call_ros(&uri, "getPid", &[]))
+                .await
+                .unwrap()
+                .unwrap_err(),
+        );
+    }
+    let kinds: Vec<&str> = errors
+        .iter()
+        .map(|error| match error {
+            CallError::Status { .. } => "status",
+            CallError::Decode { .. } => "decode",
+            CallError::Http { .. } => "http",
+            CallError::Shape { .. } => "shape",
+            CallError::Timeout { .. } => "timeout",
+            _ => "other",
+        })
+        .collect();
+    assert_eq!(
+        kinds,
+        [
+            "status", "decode", "http", "http", "shape", "http", "timeout"
+        ]
+    );
+    server.abort();
 }
