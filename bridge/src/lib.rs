@@ -1,2 +1,52 @@
 //! Frames from the board, republished as ROS-Neuro NeuroFrames.
+//!
+//! [`Core`] is the bridge without the world: it takes bytes and times and gives [`Effects`]. In it
+//! the [`Clock`] tells when a sample was taken, the [`Ledger`] what was lost, and the
+//! [`Reconstruction`] what the electrodes saw. [`run`] ties it to a port, to ROS and to the
+//! clock on the wall.
 #![forbid(unsafe_code)]
+
+mod clock;
+mod code_stream;
+mod commands;
+mod connection;
+mod core;
+mod decoding;
+mod device;
+mod diagnosis;
+mod effects;
+mod error;
+mod host_time;
+mod identity;
+mod leave;
+mod ledger;
+mod lower_hull;
+mod model;
+mod monotone;
+mod options;
+mod outlets;
+mod port;
+mod port_address;
+mod reconstruction;
+mod ros;
+mod run;
+mod session;
+mod settings;
+mod summary;
+mod tri;
+
+pub use clock::Clock;
+pub use core::Core;
+pub use device::{Device, DeviceError};
+pub use effects::{Announcement, Effects};
+pub use error::BridgeError;
+pub use host_time::HostTime;
+pub use ledger::{Arrival, Ledger};
+pub use model::Model;
+pub use options::{Options, SinkKind};
+pub use port_address::PortAddress;
+pub use reconstruction::{Reconstruction, Window};
+pub use run::run;
+pub use settings::{FillerPolicy, Settings, StampPoint};
+pub use summary::Summary;
+pub use tri::{TRI_LABELS, TriWords};

@@ -1,0 +1,243 @@
+//! From codes to frames of `/encoded`, losses filled.
+
+use std::sync::Arc;
+
+use link::{CODE_LEN, Code, Flags};
+use neuro_ros::NeuroFrame;
+
+use crate::ledger::{Arrival, Ledger};
+use crate::monotone::Monotone;
+use crate::{
+    Clock, Device, Effects, FillerPolicy, HostTime, Reconstruction, Settings, StampPoint, TriWords,
+    Window,
+};
+
+/// Most fillers for one gap: 68 min at 16 Hz. A longer outage is a new recording.
+const MAX_FILLERS: u32 = 65_536;
+
+/// From codes to frames of `/encoded`, losses filled; shape and numbering of one session.
+#[derive(Debug)]
+pub(crate) struct CodeStream {
+    settings: Settings,
+    device: Arc<Device>,
+    decodable: bool,
+    frame: NeuroFrame,
+    z: [f32; CODE_LEN],
+    /// Whether `z` holds a code of this stream.
+    has_last: bool,
+    last_device_us: u64,
+    counts: CodeCounts,
+    encoded_stamps: Monotone,
+    window_stamps: Monotone,
+}
+
+/// What happened to codes.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct CodeCounts {
+    pub(crate) ledger: Ledger,
+    pub(crate) fillers: u64,
+    /// Lost codes beyond [`MAX_FILLERS`] of one gap.
+    pub(crate) unfilled: u64,
+    /// Codes of another model than the device's `Hello` named.
+    pub(crate) foreign: u64,
+    /// Values that the device clipped.
+    pub(crate) clipped: u64,
+}
+
+/// Where and when a code belongs.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    window: u32,
+    device_us: u64,
+    read: HostTime,
+    flags: Flags,
+    lost: u64,
+}
+
+impl CodeStream {
+    pub(crate) fn new(device: Arc<Device>, decodable: bool, settings: Settings) -> CodeStream {
+        CodeStream {
+            settings,
+            decodable,
+            frame: device.encoded_frame(),
+            device,
+            z: [0.0; CODE_LEN],
+            has_last: false,
+            last_device_us: 0,
+            counts: CodeCounts::default(),
+            encoded_stamps: Monotone::default(),
+            window_stamps: Monotone::default(),
+        }
+    }
+
+    /// Another device of the same shape, or the same one with other mains: numbers, counts and
+    /// stamps go on.
+    pub(crate) fn replace_device(&mut self, device: Arc<Device>, decodable: bool) {
+        let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
+        self.frame = device.encoded_frame();
+        (self.frame.header.seq, self.frame.neuroheader.seq) = numbers;
+        self.device = device;
+        self.decodable = decodable;
+    }
+
+    /// The device begins its stream anew: windows count from 0.
+    pub(crate) fn begin(&mut self) {
+        self.counts.ledger.expect(0);
+        self.has_last = false;
+        self.z = [0.0; CODE_LEN];
+    }
+
+    pub(crate) fn device(&self) -> &Arc<Device> {
+        &self.device
+    }
+
+    pub(crate) fn counts(&self) -> &CodeCounts {
+        &self.counts
+    }
+
+    /// Stamps that had to be moved forwards.
+    pub(crate) fn held_stamps(&self) -> u64 {
+        self.encoded_stamps.held() + self.window_stamps.held()
+    }
+
+    /// A code came, made at `device_us`, read at `read`.
+    pub(crate) fn code(
+        &mut self,
+        code: &Code,
+        device_us: u64,
+        read: HostTime,
+        clock: &Clock,
+        effects: &mut dyn Effects,
+    ) {
+        if code.model_id != self.device.model_id {
+            self.counts.foreign += 1;
+            return;
+        }
+        let mut arrival = self.counts.ledger.arrived(code.window);
+        if arrival == Arrival::Behind {
+            // Its frame is new, its index is not: the device began its stream anew.
+            tracing::warn!(window = code.window, "the device began its stream anew");
+            self.begin();
+            arrival = self.counts.ledger.arrived(code.window);
+        }
+        let Arrival::New { lost } = arrival else {
+            return;
+        };
+        self.fill(code.window, lost, device_us, read, clock, effects);
+        let device = Arc::clone(&self.device);
+        device.dequantise(&code.values, &mut self.z);
+        self.has_last = true;
+        self.last_device_us = device_us;
+        self.counts.clipped += u64::from(code.clipped);
+        let (flags, lost) = (code.flags, self.counts.ledger.lost());
+        let place = Place {
+            window: code.window,
+            device_us,
+            read,
+            flags,
+            lost,
+        };
+        self.publish(place, true, clock, effects);
+    }
+
+    /// The device says that its next code will be `next`: what has not come until here is lost.
+    pub(crate) fn close(
+        &mut self,
+        next: u32,
+        read: HostTime,
+        clock: &Clock,
+        effects: &mut dyn Effects,
+    ) {
+        let lost = self.counts.ledger.close(next);
+        if lost > 0 {
+            let after = i64::from(lost) + 1;
+            let hop_us = self.device.steps_us(u32::from(self.device.hop_steps));
+            let next_us = self
+                .last_device_us
+                .saturating_add_signed(after.saturating_mul(hop_us));
+            self.fill(next, lost, next_us, read, clock, effects);
+        }
+    }
+
+    /// Publish fillers for the `lost` codes right before `window`, which was made at `device_us`.
+    fn fill(
+        &mut self,
+        window: u32,
+        lost: u32,
+        device_us: u64,
+        read: HostTime,
+        clock: &Clock,
+        effects: &mut dyn Effects,
+    ) {
+        if lost == 0 {
+            return;
+        }
+        tracing::warn!(lost, before = window, "codes lost");
+        let filled = lost.min(MAX_FILLERS);
+        if filled < lost {
+            self.counts.unfilled += u64::from(lost - filled);
+            tracing::error!(
+                unfilled = lost - filled,
+                "the outage was too long to fill; start a new recording"
+            );
+        }
+        let hop_us = self.device.steps_us(u32::from(self.device.hop_steps));
+        if self.settings.filler == FillerPolicy::Zeros || !self.has_last {
+            self.z = [0.0; CODE_LEN];
+        }
+        for behind in (1..=filled).rev() {
+            let place = Place {
+                window: window.wrapping_sub(behind),
+                device_us: device_us.saturating_add_signed(-hop_us * i64::from(behind)),
+                read,
+                flags: Flags::FILLER,
+                lost: self.counts.ledger.lost() - u64::from(behind) + 1,
+            };
+            self.counts.fillers += u64::from(self.settings.filler != FillerPolicy::Off);
+            self.publish(place, false, clock, effects);
+        }
+    }
+
+    fn publish(&mut self, place: Place, received: bool, clock: &Clock, effects: &mut dyn Effects) {
+        let words = TriWords {
+            flags: place.flags.bits(),
+            window: place.window,
+            device_time_us: place.device_us,
+            lost: place.lost,
+            trigger: 0,
+        };
+        let window_reach = u32::from(self.device.window_steps) - 1;
+        if received || self.settings.filler != FillerPolicy::Off {
+            let first = self.time(place, window_reach, window_reach, clock);
+            let frame = &mut self.frame;
+            frame.header.stamp = self.encoded_stamps.stamp(first);
+            frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
+            frame.header.seq = frame.neuroheader.seq;
+            frame.eeg.data.copy_from_slice(&self.z);
+            frame.tri.data.copy_from_slice(&words.words());
+            effects.encoded(frame);
+        }
+        if self.decodable {
+            let reach = Reconstruction::reach(&self.device, self.settings.low_latency);
+            let length = u32::from(self.device.hop_steps) - 1;
+            let time = self.time(place, reach, length, clock);
+            let stamp = self.window_stamps.stamp(time);
+            let z = received.then(|| Box::new(self.z));
+            effects.window(Window { z, stamp, words });
+        }
+    }
+
+    /// Wall clock time of a frame that begins `reach` steps before the window's last step and
+    /// ends `length` steps later, nanoseconds.
+    fn time(&self, place: Place, reach: u32, length: u32, clock: &Clock) -> i64 {
+        let back_us = match self.settings.stamp {
+            StampPoint::First => self.device.steps_us(reach),
+            StampPoint::Last => self.device.steps_us(reach - length),
+            StampPoint::Arrival => return clock.wall_of_host_ns(place.read),
+        };
+        let on_scalp = i128::from(place.device_us)
+            - i128::from(back_us)
+            - i128::from(self.device.group_delay_us);
+        clock.wall_ns(on_scalp).unwrap_or(place.read.wall_ns)
+    }
+}

@@ -1,0 +1,225 @@
+//! What the bridge asks of the device, and when it asks again.
+
+use link::{AckResult, Start, Streams, ToDevice};
+
+/// How long an answer may take before the command is sent again, microseconds.
+const RETRY_US: i64 = 500_000;
+/// After a refusal that will not go away by itself, microseconds.
+const REFUSED_RETRY_US: i64 = 10_000_000;
+/// Silence after which the device is pinged, microseconds; `Stats` comes every second.
+const PING_AFTER_US: i64 = 2_000_000;
+/// Silence after which the port is taken for dead, microseconds.
+const DEAD_AFTER_US: i64 = 5_000_000;
+
+/// What the bridge asks of the device: to say who it is, to stop what it may have been doing
+/// before the bridge came, to start. Every command is repeated until it is acknowledged.
+#[derive(Clone, Debug)]
+pub(crate) struct Commands {
+    mains_hz: u8,
+    wanted: bool,
+    device: Introduced,
+    /// What the device streams, if anything, was begun by this bridge: it was stopped or reset
+    /// since it is known.
+    ours: bool,
+    streaming: bool,
+    pending: Option<Pending>,
+    not_before_us: i64,
+    heard_us: i64,
+}
+
+/// What is known about the device since the port was opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Introduced {
+    Not,
+    Usable,
+    /// Its codes cannot be published.
+    Unusable,
+}
+
+/// A command that has no answer yet.
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    command: ToDevice,
+    first_seq: u32,
+    last_seq: u32,
+    sent_us: i64,
+}
+
+/// What an acknowledgement means to the rest of the bridge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Acknowledged {
+    /// Nothing that anyone needs to know.
+    Expected,
+    /// The stream begins now.
+    Started,
+    /// The stream has ended.
+    Stopped,
+    /// The device will not do it.
+    Refused(ToDevice, AckResult),
+}
+
+impl Commands {
+    /// Nothing is connected yet; streaming is wanted.
+    pub(crate) fn new(mains_hz: u8) -> Commands {
+        Commands {
+            mains_hz,
+            wanted: true,
+            device: Introduced::Not,
+            ours: false,
+            streaming: false,
+            pending: None,
+            not_before_us: 0,
+            heard_us: 0,
+        }
+    }
+
+    /// A port was opened: ask who is there. A stream that was ours may still be running.
+    pub(crate) fn connected(&mut self, now_us: i64) {
+        self.device = Introduced::Not;
+        self.streaming = false;
+        self.pending = None;
+        self.not_before_us = now_us;
+        self.heard_us = now_us;
+    }
+
+    /// The port has gone: there is nobody to ask.
+    pub(crate) fn disconnected(&mut self) {
+        self.device = Introduced::Not;
+        self.streaming = false;
+        self.pending = None;
+        self.not_before_us = i64::MAX;
+    }
+
+    /// Streaming is wanted, or not.
+    pub(crate) fn want(&mut self, streaming: bool) {
+        self.wanted = streaming;
+    }
+
+    /// The device introduced itself; `usable` if its codes can be published.
+    pub(crate) fn identified(&mut self, usable: bool) {
+        self.device = if usable {
+            Introduced::Usable
+        } else {
+            Introduced::Unusable
+        };
+    }
+
+    /// The device was reset: it does not stream, and who it is must be asked.
+    pub(crate) fn reset(&mut self) {
+        self.device = Introduced::Not;
+        self.ours = true;
+        self.streaming = false;
+        self.pending = None;
+    }
+
+    /// Ask again who is there: the frames do not fit what is known.
+    pub(crate) fn identify_again(&mut self) {
+        self.device = Introduced::Not;
+    }
+
+    /// A sound frame came.
+    pub(crate) fn heard(&mut self, now_us: i64) {
+        self.heard_us = now_us;
+    }
+
+    /// The device says by itself that it does not stream.
+    pub(crate) fn stopped_by_itself(&mut self) {
+        self.streaming = false;
+    }
+
+    /// Whether streaming is wanted.
+    pub(crate) fn wants(&self) -> bool {
+        self.wanted && self.device != Introduced::Unusable
+    }
+
+    /// Whether the device introduced itself since the port was opened, and what it streams was
+    /// begun by this bridge.
+    pub(crate) fn accepts_codes(&self) -> bool {
+        self.device == Introduced::Usable && self.ours
+    }
+
+    /// Whether a start was acknowledged and no stop since.
+    pub(crate) fn streaming(&self) -> bool {
+        self.streaming
+    }
+
+    /// Whether the device has stopped as wanted, or there is nothing to stop.
+    pub(crate) fn is_stopped(&self) -> bool {
+        !self.wanted && !self.streaming
+    }
+
+    /// Whether the port has been silent for so long that it is dead.
+    pub(crate) fn is_dead(&self, now_us: i64) -> bool {
+        (self.streaming || self.device == Introduced::Not) && now_us - self.heard_us > DEAD_AFTER_US
+    }
+
+    /// The command that is due now, if any; it goes out with `seq`.
+    pub(crate) fn due(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+        let command = self.needed(now_us)?;
+        let repeats = self.pending.filter(|pending| pending.command == command);
+        if now_us < self.not_before_us
+            || repeats.is_some_and(|pending| now_us < pending.sent_us + RETRY_US)
+        {
+            return None;
+        }
+        let first_seq = repeats.map_or(seq, |pending| pending.first_seq);
+        self.pending = Some(Pending {
+            command,
+            first_seq,
+            last_seq: seq,
+            sent_us: now_us,
+        });
+        Some(command)
+    }
+
+    fn needed(&self, now_us: i64) -> Option<ToDevice> {
+        if self.device == Introduced::Not {
+            return Some(ToDevice::Identify);
+        }
+        match (self.wants(), self.streaming) {
+            (true, false) if !self.ours => Some(ToDevice::Stop),
+            (true, false) => Some(ToDevice::Start(Start {
+                streams: Streams::CODES,
+                mains_hz: self.mains_hz,
+            })),
+            (false, true) => Some(ToDevice::Stop),
+            _ => (now_us - self.heard_us > PING_AFTER_US).then_some(ToDevice::Ping),
+        }
+    }
+
+    /// The device acknowledged the command with number `of`.
+    pub(crate) fn acknowledged(&mut self, of: u32, result: AckResult, now_us: i64) -> Acknowledged {
+        let ours = |pending: &Pending| {
+            of.wrapping_sub(pending.first_seq) <= pending.last_seq.wrapping_sub(pending.first_seq)
+        };
+        let Some(pending) = self.pending.filter(ours) else {
+            return Acknowledged::Expected;
+        };
+        match (pending.command, result) {
+            (_, AckResult::Busy | AckResult::Failed) => return Acknowledged::Expected,
+            (ToDevice::Start(_), AckResult::Done) => {
+                self.pending = None;
+                self.streaming = true;
+                return Acknowledged::Started;
+            }
+            (ToDevice::Stop, result) => {
+                self.pending = None;
+                self.ours = true;
+                self.streaming = false;
+                if result == AckResult::Done {
+                    return Acknowledged::Stopped;
+                }
+            }
+            (ToDevice::Start(_), _) => {
+                self.not_before_us = now_us + REFUSED_RETRY_US;
+                self.pending = None;
+            }
+            (ToDevice::Identify, _) => {}
+            (ToDevice::Ping, _) => self.pending = None,
+        }
+        match result {
+            AckResult::Done => Acknowledged::Expected,
+            result => Acknowledged::Refused(pending.command, result),
+        }
+    }
+}

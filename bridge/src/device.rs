@@ -1,0 +1,247 @@
+//! The device as it introduced itself.
+
+use link::{CODE_LEN, Capabilities, Hello};
+use neuro_ros::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
+use thiserror::Error;
+
+use crate::tri::tri_info;
+
+/// Name that ROS-Neuro sees in `transducter` and `header.frame_id`.
+const TRANSDUCTER: &str = "autoencoder";
+
+/// The device as it introduced itself: everything that its codes mean.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Device {
+    /// Version of the firmware.
+    pub firmware: String,
+    /// Board.
+    pub board: String,
+    /// Unique id of its microcontroller, hexadecimal.
+    pub uid: String,
+    /// Its model.
+    pub model_id: [u8; 8],
+    /// Steps per second at the encoder's input.
+    pub step_rate_hz: u16,
+    /// Steps in a window.
+    pub window_steps: u8,
+    /// Steps from one window to the next.
+    pub hop_steps: u8,
+    /// Mains that its notch removes, Hz.
+    pub mains_hz: u8,
+    /// Delay of its filters, microseconds.
+    pub group_delay_us: u32,
+    /// Electrode labels in the montage's order.
+    pub labels: Vec<String>,
+    /// Filters in words.
+    pub filters: String,
+    /// Largest value the ADC can give, microvolt.
+    pub full_scale_uv: f64,
+    scale: [f32; CODE_LEN],
+    zero_point: [i8; CODE_LEN],
+}
+
+/// A device introduced itself with numbers that cannot be.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum DeviceError {
+    /// Codes per second are not a whole number.
+    #[error(
+        "the device makes {step_rate_hz} steps per second and a code every {hop_steps}; consumers \
+         need a whole number of codes per second (8 or 16 steps at 128 Hz)"
+    )]
+    CodeRate {
+        /// Steps per second.
+        step_rate_hz: u16,
+        /// Steps per code.
+        hop_steps: u8,
+    },
+    /// Scales or zero points are missing.
+    #[error("the device gives {scales} scales and {zero_points} zero points for 128 code values")]
+    Scales {
+        /// How many scales.
+        scales: usize,
+        /// How many zero points.
+        zero_points: usize,
+    },
+    /// A scale is not positive and finite, or the converter's step is not.
+    #[error("the device gives a scale that is no positive number (place {place})")]
+    Scale {
+        /// Which one; 128 is the converter's step.
+        place: usize,
+    },
+    /// A window is shorter than its hop.
+    #[error("the device gives windows of {window_steps} steps every {hop_steps} steps")]
+    Window {
+        /// Steps in a window.
+        window_steps: u8,
+        /// Steps from one window to the next.
+        hop_steps: u8,
+    },
+}
+
+impl Device {
+    /// What `hello` and `capabilities` say, checked.
+    ///
+    /// # Errors
+    ///
+    /// [`DeviceError`]; then its codes cannot be published.
+    pub fn new(hello: &Hello, capabilities: &Capabilities) -> Result<Device, DeviceError> {
+        let Capabilities {
+            step_rate_hz,
+            window_steps,
+            hop_steps,
+            ..
+        } = *capabilities;
+        if hop_steps == 0 || step_rate_hz == 0 || step_rate_hz % u16::from(hop_steps) != 0 {
+            return Err(DeviceError::CodeRate {
+                step_rate_hz,
+                hop_steps,
+            });
+        }
+        if window_steps < hop_steps {
+            return Err(DeviceError::Window {
+                window_steps,
+                hop_steps,
+            });
+        }
+        let scale = capabilities.code_scale.as_slice().try_into();
+        let zero_point = capabilities.code_zero_point.as_slice().try_into();
+        let (Ok(scale), Ok(zero_point)) = (scale, zero_point) else {
+            let scales = capabilities.code_scale.len();
+            let zero_points = capabilities.code_zero_point.len();
+            return Err(DeviceError::Scales {
+                scales,
+                zero_points,
+            });
+        };
+        let scale: [f32; CODE_LEN] = scale;
+        let numbers = scale.iter().chain([&capabilities.lsb_nv]);
+        if let Some(place) = numbers
+            .into_iter()
+            .position(|x| !(x.is_finite() && *x > 0.0))
+        {
+            return Err(DeviceError::Scale { place });
+        }
+        let uid: Vec<String> = hello
+            .chip_uid
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect();
+        Ok(Device {
+            firmware: hello.firmware.to_owned(),
+            board: hello.board.to_owned(),
+            uid: uid.concat(),
+            model_id: hello.model_id,
+            step_rate_hz,
+            window_steps,
+            hop_steps,
+            mains_hz: capabilities.mains_hz,
+            group_delay_us: capabilities.group_delay_us,
+            labels: capabilities
+                .labels
+                .split_whitespace()
+                .map(str::to_owned)
+                .collect(),
+            filters: capabilities.filters.to_owned(),
+            // 24 bits: 2^23 counts; nanovolt to microvolt.
+            full_scale_uv: f64::from(capabilities.lsb_nv) * 8_388_608.0 / 1000.0,
+            scale,
+            zero_point,
+        })
+    }
+
+    /// Codes per second.
+    pub fn codes_per_second(&self) -> u16 {
+        self.step_rate_hz / u16::from(self.hop_steps)
+    }
+
+    /// Time that `steps` take, microseconds, rounded down.
+    pub fn steps_us(&self, steps: u32) -> i64 {
+        i64::from(steps) * 1_000_000 / i64::from(self.step_rate_hz)
+    }
+
+    /// `z = (q - zero_point) * scale`.
+    pub fn dequantise(&self, values: &[i8; CODE_LEN], z: &mut [f32; CODE_LEN]) {
+        for (index, z) in z.iter_mut().enumerate() {
+            let q = i16::from(values[index]) - i16::from(self.zero_point[index]);
+            *z = f32::from(q) * self.scale[index];
+        }
+    }
+
+    /// The least and the greatest `z` that any value of any code can mean.
+    fn code_range(&self) -> [f64; 2] {
+        let ends = |q: i16| {
+            let numbers = self.zero_point.iter().zip(&self.scale);
+            numbers.map(move |(zero, scale)| f32::from(q - i16::from(*zero)) * scale)
+        };
+        let least = ends(-128).fold(f32::INFINITY, f32::min);
+        let greatest = ends(127).fold(f32::NEG_INFINITY, f32::max);
+        [f64::from(least), f64::from(greatest)]
+    }
+
+    /// A frame of `/encoded`, zeros in place of data.
+    pub fn encoded_frame(&self) -> NeuroFrame {
+        let labels = (0..CODE_LEN).map(|index| format!("z{index:03}")).collect();
+        let eeg = NeuroDataInfo {
+            nsamples: 1,
+            nchannels: 128,
+            stride: 512,
+            unit: "a.u.".to_owned(),
+            labels,
+            minmax: self.code_range().to_vec(),
+            ..self.info()
+        };
+        Device::frame(self.codes_per_second(), eeg)
+    }
+
+    /// A frame of `/neurodata_reconstructed`, zeros in place of data.
+    pub fn reconstructed_frame(&self) -> NeuroFrame {
+        let nchannels = u16::try_from(self.labels.len()).unwrap_or(u16::MAX);
+        let eeg = NeuroDataInfo {
+            nsamples: u16::from(self.hop_steps),
+            nchannels,
+            stride: nchannels.saturating_mul(4),
+            unit: "uV".to_owned(),
+            labels: self.labels.clone(),
+            minmax: vec![-self.full_scale_uv, self.full_scale_uv],
+            ..self.info()
+        };
+        Device::frame(self.step_rate_hz, eeg)
+    }
+
+    fn info(&self) -> NeuroDataInfo {
+        NeuroDataInfo {
+            transducter: TRANSDUCTER.to_owned(),
+            prefiltering: self.filters.clone(),
+            ..NeuroDataInfo::default()
+        }
+    }
+
+    fn frame(sr: u16, eeg: NeuroDataInfo) -> NeuroFrame {
+        let nsamples = eeg.nsamples;
+        let values = |channels: u16| usize::from(nsamples) * usize::from(channels);
+        let exg = NeuroDataInfo {
+            nsamples,
+            minmax: vec![0.0, 0.0],
+            ..NeuroDataInfo::default()
+        };
+        let tri = tri_info(nsamples);
+        let mut frame = NeuroFrame {
+            sr,
+            ..NeuroFrame::default()
+        };
+        TRANSDUCTER.clone_into(&mut frame.header.frame_id);
+        frame.eeg = NeuroDataFloat {
+            data: vec![0.0; values(eeg.nchannels)],
+            info: eeg,
+        };
+        frame.exg = NeuroDataFloat {
+            data: Vec::new(),
+            info: exg,
+        };
+        frame.tri = NeuroDataInt32 {
+            data: vec![0; values(tri.nchannels)],
+            info: tri,
+        };
+        frame
+    }
+}

@@ -1,0 +1,34 @@
+//! What the core asks of the world.
+
+use std::sync::Arc;
+
+use neuro_ros::{AcquisitionInfo, NeuroFrame};
+
+use crate::{Device, Window};
+
+/// What the core asks of the world. None of these may wait.
+pub trait Effects {
+    /// Bytes for the device.
+    fn send(&mut self, frame: &[u8]);
+
+    /// A device is known, and from here on codes are its. Called again when it is another one of
+    /// the same shape, or the same with other mains.
+    fn announce(&mut self, announcement: &Announcement);
+
+    /// A frame of `/encoded`.
+    fn encoded(&mut self, frame: &NeuroFrame);
+
+    /// A window for the decoder; called only if the announcement says that the model fits.
+    fn window(&mut self, window: Window);
+}
+
+/// A device that is known.
+#[derive(Clone, Debug)]
+pub struct Announcement {
+    /// For `/acquisition/get_info`.
+    pub info: AcquisitionInfo,
+    /// What the codes mean.
+    pub device: Arc<Device>,
+    /// Whether the model fits the device's codes.
+    pub decodable: bool,
+}

@@ -1,0 +1,60 @@
+//! What ends the bridge other than its work being done.
+
+use std::path::PathBuf;
+
+use artifact::ArtifactError;
+use neuro_ros::SinkError;
+use neuro_ros::ros1::NodeError;
+use thiserror::Error;
+
+/// What ends the bridge other than its work being done. A device or a master that is away does
+/// not: the bridge waits for them.
+#[derive(Debug, Error)]
+pub enum BridgeError {
+    /// The port can never be one.
+    #[error(
+        "{port} cannot be a port: {source}; name a serial port, such as /dev/ttyACM0, or tcp:HOST:PORT"
+    )]
+    Port {
+        /// As it was given.
+        port: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// No model to decode with.
+    #[error(
+        "the model cannot be read; --model takes a folder with model.toml, weights.safetensors and calibration.safetensors"
+    )]
+    Model(#[source] ArtifactError),
+    /// ROS does not let us in.
+    #[error("the ROS node cannot be had; check the name, ROS_IP and ROS_MASTER_URI")]
+    Node(#[from] NodeError),
+    /// The output cannot be written.
+    #[error("the frames have nowhere to go")]
+    Sink(#[from] SinkError),
+    /// The log file that roslaunch asked for cannot be written.
+    #[error("the log file {path} cannot be written; check __log:= or the disk")]
+    Log {
+        /// Where it should be.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The system gives no signals or no threads.
+    #[error("the system refuses what the bridge needs to run")]
+    System(#[from] std::io::Error),
+}
+
+impl BridgeError {
+    /// Exit status: 1 a check failed, 2 usage, 3 device or ROS not reachable.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            BridgeError::Sink(_) | BridgeError::System(_) => 1,
+            BridgeError::Port { .. }
+            | BridgeError::Model(_)
+            | BridgeError::Log { .. }
+            | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
+            BridgeError::Node(_) => 3,
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! The decoder's model.
+
+use std::path::Path;
+
+use artifact::{Artifact, ArtifactError, FloatDecoder, ModelId};
+use link::CODE_LEN;
+
+use crate::Device;
+
+/// The decoder's model: what turns codes of one model id back into microvolts.
+#[derive(Clone, Debug)]
+pub struct Model {
+    id: ModelId,
+    decoder: FloatDecoder,
+    sd_uv: f32,
+    steps: usize,
+    rate_hz: u32,
+    electrodes: Vec<String>,
+}
+
+impl Model {
+    /// The model that this program was built with.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError`] if its codes do not decode by themselves.
+    pub fn embedded() -> Result<Model, ArtifactError> {
+        Model::new(&Artifact::from_bytes(
+            include_str!("../../model/artifact/model.toml"),
+            include_bytes!("../../model/artifact/weights.safetensors"),
+            include_bytes!("../../model/artifact/calibration.safetensors"),
+        )?)
+    }
+
+    /// The model in a folder.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError`] if the folder holds no model, or one whose codes do not decode.
+    pub fn read(folder: &Path) -> Result<Model, ArtifactError> {
+        Model::new(&Artifact::read(folder)?)
+    }
+
+    /// The decoder of an artifact.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError`] if its codes do not decode by themselves.
+    pub fn new(artifact: &Artifact) -> Result<Model, ArtifactError> {
+        let description = &artifact.description;
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "a standard deviation, about 50"
+        )]
+        let sd_uv = description.input.sd_uv as f32;
+        Ok(Model {
+            id: artifact.id,
+            decoder: FloatDecoder::new(artifact)?,
+            sd_uv,
+            steps: description.window.steps,
+            rate_hz: description.window.rate_hz,
+            electrodes: description.montage.electrodes.clone(),
+        })
+    }
+
+    /// Its id, as codes and `Hello` carry it.
+    pub fn id(&self) -> [u8; 8] {
+        self.id.0
+    }
+
+    /// Why this model cannot decode the device's codes; `None` if it can.
+    pub fn objection(&self, device: &Device) -> Option<String> {
+        if device.model_id != self.id.0 {
+            return Some(format!(
+                "the device runs model {} and this bridge decodes {}; codes are published, their \
+                 reconstruction is not: start again with --model and the folder of the device's \
+                 model, or bring that model to the device",
+                ModelId(device.model_id),
+                self.id
+            ));
+        }
+        let same = usize::from(device.window_steps) == self.steps
+            && u32::from(device.step_rate_hz) == self.rate_hz
+            && device.labels == self.electrodes;
+        (!same).then(|| {
+            format!(
+                "the device names model {} but describes another montage or window; codes are \
+                 published, their reconstruction is not: bring firmware and bridge to the same \
+                 release",
+                self.id
+            )
+        })
+    }
+
+    /// The window of a code in microvolts, electrode fastest.
+    pub fn decode(&self, z: &[f32; CODE_LEN]) -> Vec<f32> {
+        let mut window = self.decoder.decode(z);
+        for value in &mut window {
+            *value *= self.sd_uv;
+        }
+        window
+    }
+}

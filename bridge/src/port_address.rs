@@ -1,0 +1,72 @@
+//! Where the device is.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// Where the device is: a serial port, a pseudoterminal or a TCP address.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PortAddress {
+    /// A serial port or a pseudoterminal.
+    Tty(PathBuf),
+    /// Host and port of a TCP server, written `tcp:HOST:PORT`.
+    Tcp(String),
+}
+
+impl FromStr for PortAddress {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<PortAddress, String> {
+        match text.split_once(':') {
+            Some(("tcp", address)) => {
+                let port = address
+                    .rsplit_once(':')
+                    .map(|(host, port)| (host, port.parse::<u16>()));
+                match port {
+                    Some((host, Ok(_))) if !host.is_empty() => {
+                        Ok(PortAddress::Tcp(address.to_owned()))
+                    }
+                    _ => Err(format!(
+                        "`{address}` is no host and port; write tcp:127.0.0.1:5555"
+                    )),
+                }
+            }
+            // host-sim names its ports so; the path alone is meant.
+            Some(("pty", path)) if !path.is_empty() => Ok(PortAddress::Tty(path.into())),
+            _ if text.is_empty() => Err("an empty path; write /dev/ttyACM0".to_owned()),
+            _ => Ok(PortAddress::Tty(text.into())),
+        }
+    }
+}
+
+impl fmt::Display for PortAddress {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            PortAddress::Tty(path) => write!(formatter, "{}", path.display()),
+            PortAddress::Tcp(address) => write!(formatter, "tcp:{address}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::PortAddress;
+
+    #[test]
+    fn paths_and_addresses_are_told_apart() {
+        let tty = PortAddress::Tty("/dev/ttyACM0".into());
+        assert_eq!("/dev/ttyACM0".parse(), Ok(tty.clone()));
+        assert_eq!("pty:/dev/ttyACM0".parse(), Ok(tty));
+        assert_eq!(
+            "tcp:[::1]:5".parse(),
+            Ok(PortAddress::Tcp("[::1]:5".to_owned()))
+        );
+        // A path with a colon is a path.
+        let by_id = PortAddress::Tty("/dev/serial/by-path/pci-0:1".into());
+        assert_eq!("/dev/serial/by-path/pci-0:1".parse(), Ok(by_id));
+        for wrong in ["", "tcp:", "tcp:host", "tcp::5", "tcp:host:99999"] {
+            let error = wrong.parse::<PortAddress>().unwrap_err();
+            assert!(error.contains("write"), "{wrong}: {error}");
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! The bridge in the world.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use neuro_ros::ros1::NodeOptions;
+use neuro_ros::{AcquisitionCommand, NdjsonWriter};
+use tokio::sync::mpsc;
+use tokio::time::{Instant, MissedTickBehavior, interval};
+
+use crate::connection::Connection;
+use crate::decoding::Decoding;
+use crate::leave::Leave;
+use crate::outlets::Outlets;
+use crate::ros::Ros;
+use crate::{BridgeError, Core, HostTime, Model, Options, SinkKind, Summary};
+
+/// How often the core looks at the time.
+const TICK: Duration = Duration::from_millis(100);
+/// Ticks between reports to `/diagnostics`: 1 s.
+const TICKS_PER_REPORT: u32 = 10;
+/// How long a device may take to stop when the bridge leaves.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// Run the bridge until it is asked to leave: SIGTERM, Ctrl-C, `~quit`, `rosnode kill`, or the
+/// reader of its lines going away. Then the device is stopped, the node unregistered, the port
+/// closed.
+///
+/// # Errors
+///
+/// [`BridgeError`]; a device or a master that is away is none, it is waited for.
+pub async fn run(options: Options, mut ros_options: NodeOptions) -> Result<Summary, BridgeError> {
+    let mut leave = Leave::new()?;
+    let model = match &options.model {
+        Some(folder) => Model::read(folder),
+        None => Model::embedded(),
+    };
+    let model = Arc::new(model.map_err(BridgeError::Model)?);
+    if let Some(uri) = &options.ros_master_uri {
+        ros_options.master_uri.clone_from(uri);
+    }
+    let settings = options.settings();
+    let topics =
+        ["encoded", "neurodata_reconstructed", "diagnostics"].map(|name| options.topic(name));
+    let [encoded, reconstructed, diagnostics] = &topics;
+    let (commands_in, commands) = mpsc::unbounded_channel();
+    let mut outlets;
+    let (mut ros, mut writer) = (None, None);
+    match options.sink {
+        SinkKind::Ros => {
+            let node = Ros::start(ros_options).await?;
+            let (announcements_in, announcements) = mpsc::unbounded_channel();
+            outlets = Outlets {
+                settings,
+                model: Arc::clone(&model),
+                encoded: Box::new(node.sink(encoded).await?),
+                diagnostics: Box::new(node.sink(diagnostics).await?),
+                decoding: Decoding::start(Box::new(node.sink(reconstructed).await?))?,
+                announcements: Some(announcements_in),
+                outgoing: Vec::new(),
+                ended: None,
+            };
+            node.serve(announcements, commands_in);
+            leave.watch(Arc::clone(&node.node));
+            ros = Some(node);
+        }
+        SinkKind::Ndjson => {
+            let lines = NdjsonWriter::start(std::io::stdout());
+            outlets = Outlets {
+                settings,
+                model: Arc::clone(&model),
+                encoded: Box::new(lines.sink(encoded)),
+                diagnostics: Box::new(lines.sink(diagnostics)),
+                decoding: Decoding::start(Box::new(lines.sink(reconstructed)))?,
+                announcements: None,
+                outgoing: Vec::new(),
+                ended: None,
+            };
+            writer = Some(lines);
+        }
+    }
+    let mut bridge = Bridge {
+        core: Core::new(settings, Some(model)),
+        connection: Connection::new(options.port.clone(), options.baud),
+        commands,
+        outlets: &mut outlets,
+    };
+    let outcome = bridge.work(&mut leave).await;
+    let summary = bridge.core.summary();
+    let Outlets {
+        encoded,
+        diagnostics,
+        decoding,
+        ..
+    } = outlets;
+    let undecoded = decoding.finish();
+    if undecoded > 0 {
+        tracing::warn!(
+            undecoded,
+            "windows that were not reconstructed: the decoder was too slow"
+        );
+    }
+    let dropped = encoded.dropped();
+    if dropped > 0 {
+        tracing::warn!(dropped, "codes that slow subscribers did not get");
+    }
+    drop((encoded, diagnostics));
+    if let Some(ros) = ros {
+        ros.node.shutdown().await;
+    }
+    let written = writer.map_or(Ok(()), NdjsonWriter::finish);
+    match outcome.and(written.map_err(BridgeError::Sink)) {
+        // Whoever read the lines has had enough.
+        Ok(()) | Err(BridgeError::Sink(neuro_ros::SinkError::Closed)) => Ok(summary),
+        Err(error) => Err(error),
+    }
+}
+
+/// The core, its port and its outlets.
+struct Bridge<'a> {
+    core: Core,
+    connection: Connection,
+    commands: mpsc::UnboundedReceiver<AcquisitionCommand>,
+    outlets: &'a mut Outlets,
+}
+
+impl Bridge<'_> {
+    async fn work(&mut self, leave: &mut Leave) -> Result<(), BridgeError> {
+        let mut buffer = vec![0; 4096];
+        let mut ticks = interval(TICK);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        let mut until_report = TICKS_PER_REPORT;
+        let mut deadline: Option<Instant> = None;
+        loop {
+            tokio::select! {
+                event = self.connection.next(&mut buffer) => self.connection_event(event?, &buffer),
+                Some(command) = self.commands.recv() => match command {
+                    AcquisitionCommand::Start => self.core.want(true),
+                    AcquisitionCommand::Stop => self.core.want(false),
+                    AcquisitionCommand::Quit => leave.now("~quit was called"),
+                },
+                reason = leave.asked(), if deadline.is_none() => {
+                    tracing::info!("leaving: {reason}");
+                    self.core.want(false);
+                    self.core.tick(HostTime::now(), self.outlets);
+                    deadline = Some(Instant::now() + FAREWELL);
+                }
+                _ = ticks.tick() => {
+                    let now = HostTime::now();
+                    self.core.tick(now, self.outlets);
+                    until_report -= 1;
+                    if until_report == 0 {
+                        until_report = TICKS_PER_REPORT;
+                        let report = self.core.diagnostics(now);
+                        self.outlets.diagnose(&report);
+                    }
+                    if self.connection.is_open() && self.core.is_dead(now) {
+                        tracing::warn!("the device is silent; opening the port anew");
+                        self.close();
+                    }
+                }
+            }
+            self.write().await;
+            if let Some(error) = self.outlets.ended.take() {
+                return Err(BridgeError::Sink(error));
+            }
+            let gone = !self.connection.is_open() || self.core.is_stopped();
+            if deadline.is_some_and(|deadline| gone || Instant::now() >= deadline) {
+                let report = self.core.diagnostics(HostTime::now());
+                self.outlets.diagnose(&report);
+                return Ok(());
+            }
+        }
+    }
+
+    fn connection_event(&mut self, event: crate::connection::Event, buffer: &[u8]) {
+        use crate::connection::Event;
+        // As close to the read as can be: this is what the clock is fitted to.
+        let now = HostTime::now();
+        match event {
+            Event::Opened => self.core.connected(now, self.outlets),
+            Event::Bytes(count) => self.core.receive(&buffer[..count], now, self.outlets),
+            Event::Closed => self.core.disconnected(),
+        }
+    }
+
+    async fn write(&mut self) {
+        if self.outlets.outgoing.is_empty() {
+            return;
+        }
+        let bytes = std::mem::take(&mut self.outlets.outgoing);
+        if let Err(error) = self.connection.write(&bytes).await {
+            tracing::warn!(%error, "a command could not be written; opening the port anew");
+            self.close();
+        }
+    }
+
+    fn close(&mut self) {
+        self.connection.close();
+        self.core.disconnected();
+        self.outlets.outgoing.clear();
+    }
+}

@@ -1,0 +1,286 @@
+//! What the bridge knows about the device, from frame to frame.
+
+use std::sync::Arc;
+
+use link::{
+    Ack, Capabilities, Encoder, Frame, FrameError, Header, Hello, MAX_FRAME, Stats, Streams,
+    ToDevice, ToHost,
+};
+use neuro_ros::{AcquisitionInfo, Shape};
+
+use crate::code_stream::CodeStream;
+use crate::commands::{Acknowledged, Commands};
+use crate::identity::Identity;
+use crate::ledger::{Arrival, Ledger};
+use crate::{Announcement, Clock, Device, Effects, HostTime, Model, Settings};
+
+/// Frames behind in a row after which the device is asked anew who it is: it may have been reset
+/// and its `Hello` lost.
+const BEHIND_BEFORE_ASKING: u32 = 8;
+
+/// What the bridge knows about the device, from frame to frame.
+#[derive(Debug)]
+pub(crate) struct Session {
+    settings: Settings,
+    model: Option<Arc<Model>>,
+    encoder: Encoder,
+    pub(crate) commands: Commands,
+    pub(crate) identity: Option<Identity>,
+    /// The device said `Hello` since the port was opened; until then its numbers mean nothing.
+    pub(crate) introduced: bool,
+    pub(crate) codes: Option<CodeStream>,
+    /// Shape that was announced; another one is refused for the rest of the session.
+    shape: Option<Shape>,
+    pub(crate) clock: Clock,
+    pub(crate) frames: Ledger,
+    behind_in_a_row: u32,
+    pub(crate) counts: SessionCounts,
+    /// What keeps codes or their reconstruction from being published, in words.
+    pub(crate) objection: Option<String>,
+    pub(crate) stats: Option<Stats>,
+    warned_of_newer: bool,
+}
+
+/// What is counted beside codes and frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct SessionCounts {
+    /// Times that a port was opened.
+    pub(crate) connections: u64,
+    /// Resets of the device that were noticed.
+    pub(crate) resets: u64,
+    /// Codes that came before the device had introduced itself, or from one that was refused.
+    pub(crate) early: u64,
+    /// Lost codes that `/diagnostics` has told of.
+    pub(crate) lost_told: u64,
+}
+
+impl Session {
+    pub(crate) fn new(settings: Settings, model: Option<Arc<Model>>) -> Session {
+        Session {
+            settings,
+            model,
+            encoder: Encoder::default(),
+            commands: Commands::new(settings.mains_hz),
+            identity: None,
+            introduced: false,
+            codes: None,
+            shape: None,
+            clock: Clock::default(),
+            frames: Ledger::default(),
+            behind_in_a_row: 0,
+            counts: SessionCounts::default(),
+            objection: None,
+            stats: None,
+            warned_of_newer: false,
+        }
+    }
+
+    pub(crate) fn connected(&mut self, now: HostTime, effects: &mut dyn Effects) {
+        self.introduced = false;
+        self.counts.connections += 1;
+        self.commands.connected(now.monotonic_us);
+        self.tick(now, effects);
+    }
+
+    pub(crate) fn disconnected(&mut self) {
+        self.introduced = false;
+        self.commands.disconnected();
+    }
+
+    /// Send the command that is due.
+    pub(crate) fn tick(&mut self, now: HostTime, effects: &mut dyn Effects) {
+        let seq = self.encoder.next_seq();
+        let Some(command) = self.commands.due(now.monotonic_us, seq) else {
+            return;
+        };
+        tracing::debug!(?command, seq, "command");
+        let mut buffer = [0; MAX_FRAME];
+        match self.encoder.encode(0, &command, &mut buffer) {
+            Ok(frame) => effects.send(frame),
+            Err(error) => tracing::error!(%error, ?command, "a command cannot be sent"),
+        }
+    }
+
+    /// Bytes that are no frame, or a frame that cannot be used.
+    pub(crate) fn unusable(&mut self, error: FrameError, read: HostTime) {
+        if let FrameError::Unknown { header, kind } = error {
+            self.commands.heard(read.monotonic_us);
+            if self.introduced {
+                self.numbered(header);
+            }
+            if !std::mem::replace(&mut self.warned_of_newer, true) {
+                tracing::warn!(
+                    kind,
+                    "the device sends messages that are newer than this bridge; they are left \
+                     out and codes are not affected; update the bridge to see them"
+                );
+            }
+        } else {
+            tracing::warn!(%error, "frame left out");
+        }
+    }
+
+    pub(crate) fn frame(
+        &mut self,
+        frame: &Frame<ToHost>,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
+        let header = frame.header;
+        self.commands.heard(read.monotonic_us);
+        if let ToHost::Hello(hello) = &frame.message {
+            self.hello(hello, header);
+        }
+        if self.introduced && !self.numbered(header) {
+            return;
+        }
+        match &frame.message {
+            ToHost::Hello(_) => {}
+            ToHost::Capabilities(capabilities) => self.capabilities(capabilities, effects),
+            ToHost::Code(code) => match &mut self.codes {
+                Some(codes) if self.introduced && self.commands.accepts_codes() => {
+                    self.clock.observe(header.device_time_us, read);
+                    codes.code(code, header.device_time_us, read, &self.clock, effects);
+                }
+                _ => self.counts.early += 1,
+            },
+            ToHost::Stats(stats) => self.stats(*stats, read, effects),
+            ToHost::Ack(ack) => self.ack(*ack, read),
+        }
+    }
+
+    /// Enter a frame into the ledger; false if it is a replay.
+    fn numbered(&mut self, header: Header) -> bool {
+        if let Arrival::New { .. } = self.frames.arrived(header.seq) {
+            self.behind_in_a_row = 0;
+            return true;
+        }
+        self.behind_in_a_row += 1;
+        if self.behind_in_a_row >= BEHIND_BEFORE_ASKING {
+            self.behind_in_a_row = 0;
+            self.commands.identify_again();
+        }
+        false
+    }
+
+    fn hello(&mut self, hello: &Hello, header: Header) {
+        self.introduced = true;
+        let known = self.identity.as_ref();
+        if known.is_some_and(|identity| identity.is_same_session(hello)) {
+            return;
+        }
+        let reset = known.is_some();
+        let identity = Identity::new(hello);
+        self.frames.expect(header.seq);
+        self.clock.restart();
+        self.stats = None;
+        if reset {
+            tracing::warn!("the device was reset, or is another one: {identity}");
+            self.counts.resets += 1;
+            // It does not stream, and until its capabilities are known its codes mean nothing.
+            self.commands.reset();
+            if let Some(codes) = &mut self.codes {
+                codes.begin();
+            }
+        } else {
+            tracing::info!("device: {identity}");
+        }
+        if !hello.fault.is_empty() {
+            tracing::error!(fault = hello.fault, "the device's last run failed");
+        }
+        self.identity = Some(identity);
+    }
+
+    fn capabilities(&mut self, capabilities: &Capabilities, effects: &mut dyn Effects) {
+        let Some(identity) = self.identity.as_ref().filter(|_| self.introduced) else {
+            return;
+        };
+        let device = match Device::new(&identity.as_hello(), capabilities) {
+            Ok(device) => Arc::new(device),
+            Err(error) => return self.refuse(format!("{error}; its codes are not published")),
+        };
+        let model = format!("{} {}", device.board, device.firmware);
+        let info = match AcquisitionInfo::new(&model, &device.uid, device.encoded_frame()) {
+            Ok(info) => info,
+            Err(error) => return self.refuse(format!("{error}; its codes are not published")),
+        };
+        let shape = *self.shape.get_or_insert(info.shape());
+        if let Err(error) = shape.admit(info.frame()) {
+            return self.refuse(format!("another device is connected: {error}"));
+        }
+        self.commands.identified(true);
+        if self
+            .codes
+            .as_ref()
+            .is_some_and(|codes| **codes.device() == *device)
+        {
+            return;
+        }
+        self.objection = self
+            .model
+            .as_ref()
+            .and_then(|model| model.objection(&device));
+        if let Some(objection) = &self.objection {
+            tracing::error!("{objection}");
+        }
+        let decodable = self.model.is_some() && self.objection.is_none();
+        match &mut self.codes {
+            Some(codes) => codes.replace_device(Arc::clone(&device), decodable),
+            None => {
+                self.codes = Some(CodeStream::new(
+                    Arc::clone(&device),
+                    decodable,
+                    self.settings,
+                ));
+            }
+        }
+        effects.announce(&Announcement {
+            info,
+            device,
+            decodable,
+        });
+    }
+
+    fn refuse(&mut self, why: String) {
+        tracing::error!("{why}");
+        self.objection = Some(why);
+        self.commands.identified(false);
+    }
+
+    fn stats(&mut self, stats: Stats, read: HostTime, effects: &mut dyn Effects) {
+        self.stats = Some(stats);
+        if !self.commands.streaming() {
+            return;
+        }
+        let Some(codes) = &mut self.codes else { return };
+        codes.close(stats.next_window, read, &self.clock, effects);
+        if !stats.streams.contains(Streams::CODES) && self.commands.wants() {
+            tracing::warn!("the device stopped streaming by itself; starting it again");
+            self.commands.stopped_by_itself();
+            codes.begin();
+        }
+    }
+
+    fn ack(&mut self, ack: Ack, read: HostTime) {
+        match self
+            .commands
+            .acknowledged(ack.of, ack.result, read.monotonic_us)
+        {
+            Acknowledged::Expected => {}
+            Acknowledged::Started => tracing::info!("streaming"),
+            Acknowledged::Stopped => {
+                tracing::debug!("stopped");
+                if let Some(codes) = &mut self.codes {
+                    codes.begin();
+                }
+            }
+            Acknowledged::Refused(command, result) => {
+                let remedy = match command {
+                    ToDevice::Start(_) => "choose other --mains, or update firmware or bridge",
+                    _ => "bring firmware and bridge to the same release",
+                };
+                tracing::error!(?command, ?result, "the device refuses a command: {remedy}");
+            }
+        }
+    }
+}
