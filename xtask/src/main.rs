@@ -3,6 +3,7 @@
 
 mod command;
 mod debian;
+mod demo;
 mod failure;
 mod picture;
 mod spread;
@@ -28,6 +29,8 @@ enum Verb {
         #[arg(long)]
         fast: bool,
     },
+    /// Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures.
+    Demo(demo::DemoOptions),
     /// Check licences, advisories and sources with cargo-deny, where it is installed.
     Deny,
 }
@@ -35,6 +38,7 @@ enum Verb {
 fn main() -> ExitCode {
     let result = match Arguments::parse().verb {
         Verb::Test { fast } => verify::verify(fast),
+        Verb::Demo(options) => demo::demo(options),
         Verb::Deny => verify::deny(),
     };
     match result {

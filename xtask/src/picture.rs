@@ -31,7 +31,7 @@ mod tests {
         };
         let subtitle = || "made-up data".to_owned();
         let traces = Traces {
-            traces: (0..6).map(trace).collect(),
+            rows: (0..6).map(trace).collect(),
             rate_hz: 128.0,
             begin_s: 3.0,
             subtitle: subtitle(),

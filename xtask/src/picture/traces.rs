@@ -22,7 +22,7 @@ pub(crate) struct Trace {
 #[derive(Debug, Clone)]
 pub(crate) struct Traces {
     /// The electrodes, from top to bottom; at least one, all equally long.
-    pub(crate) traces: Vec<Trace>,
+    pub(crate) rows: Vec<Trace>,
     /// Samples per second, Hz.
     pub(crate) rate_hz: f64,
     /// Time of the first value since the device's start, seconds.
@@ -49,9 +49,9 @@ impl Traces {
 
     fn draw_on(&self, area: &Area) -> Drawn {
         let spacing = self.spacing_uv();
-        let count = cast(self.traces.len());
+        let count = cast(self.rows.len());
         let steps = self
-            .traces
+            .rows
             .iter()
             .map(|trace| trace.source_uv.len())
             .max()
@@ -94,7 +94,7 @@ impl Traces {
             .label_style(canvas::text(15, INK))
             .axis_desc_style(canvas::text(16, INK))
             .draw()?;
-        for (row, trace) in self.traces.iter().enumerate() {
+        for (row, trace) in self.rows.iter().enumerate() {
             let zero = -cast(row) * spacing;
             let line = |values: &[f32]| -> Vec<(f64, f64)> {
                 let point = |(step, uv): (usize, &f32)| {
@@ -142,7 +142,7 @@ impl Traces {
     /// Distance of two zero lines, uV: what nearly all values stay within.
     fn spacing_uv(&self) -> f64 {
         let mut sizes: Vec<f32> = self
-            .traces
+            .rows
             .iter()
             .flat_map(|trace| &trace.source_uv)
             .map(|uv| uv.abs())
