@@ -68,7 +68,7 @@ impl Commands {
             ours: false,
             streaming: false,
             pending: None,
-            not_before_us: 0,
+            not_before_us: i64::MAX,
             heard_us: 0,
         }
     }

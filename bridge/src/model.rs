@@ -68,6 +68,11 @@ impl Model {
         self.id.0
     }
 
+    /// Electrodes in the order of the montage.
+    pub fn electrodes(&self) -> &[String] {
+        &self.electrodes
+    }
+
     /// Why this model cannot decode the device's codes; `None` if it can.
     pub fn objection(&self, device: &Device) -> Option<String> {
         if device.model_id != self.id.0 {

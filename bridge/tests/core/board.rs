@@ -1,0 +1,164 @@
+//! A board that does what a test tells it.
+
+use bridge::HostTime;
+use link::{
+    Ack, AckResult, CODE_LEN, Capabilities, Code, Decoder, Encoder, Flags, Hello, MAX_FRAME,
+    ResetCause, Stats, Streams, ToDevice, ToHost,
+};
+
+/// Wall clock when host and device start, nanoseconds.
+pub(crate) const WALL_START_NS: i64 = 1_700_000_000_000_000_000;
+
+/// Host time `us` microseconds after the start, with a wall clock that runs as it should.
+pub(crate) fn at(us: i64) -> HostTime {
+    HostTime {
+        monotonic_us: us,
+        wall_ns: WALL_START_NS + us * 1000,
+    }
+}
+
+/// A board that does what a test tells it.
+pub(crate) struct Board {
+    pub(crate) encoder: Encoder,
+    pub(crate) commands: Decoder<MAX_FRAME>,
+    pub(crate) model_id: [u8; 8],
+    pub(crate) session_id: u32,
+    pub(crate) labels: String,
+    pub(crate) hop_steps: u8,
+    pub(crate) step_rate_hz: u16,
+    pub(crate) next_window: u32,
+    /// Commands that came, oldest first.
+    pub(crate) seen: Vec<(u32, ToDevice)>,
+}
+
+impl Board {
+    pub(crate) fn new() -> Board {
+        let model = bridge::Model::embedded().unwrap();
+        Board {
+            encoder: Encoder::default(),
+            commands: Decoder::new(),
+            model_id: model.id(),
+            session_id: 1,
+            labels: model.electrodes().join(" "),
+            hop_steps: 8,
+            step_rate_hz: 128,
+            next_window: 0,
+            seen: Vec::new(),
+        }
+    }
+
+    /// A board whose frames so far had numbers up to `seq`, and windows up to `window`.
+    pub(crate) fn starting_at(seq: u32, window: u32) -> Board {
+        Board {
+            encoder: Encoder::starting_at(seq),
+            next_window: window,
+            ..Board::new()
+        }
+    }
+
+    /// Another boot of the same board.
+    pub(crate) fn reboot(&mut self) {
+        self.encoder = Encoder::default();
+        self.session_id += 1;
+        self.next_window = 0;
+    }
+
+    pub(crate) fn frame(&mut self, device_us: u64, message: &ToHost) -> Vec<u8> {
+        let mut buffer = [0; MAX_FRAME];
+        self.encoder
+            .encode(device_us, message, &mut buffer)
+            .unwrap()
+            .to_vec()
+    }
+
+    pub(crate) fn skip_frame(&mut self) {
+        self.encoder.skip();
+    }
+
+    pub(crate) fn hello(&mut self) -> Vec<u8> {
+        let (model_id, session_id) = (self.model_id, self.session_id);
+        let mut bytes = self.frame(
+            0,
+            &ToHost::Hello(Hello {
+                firmware: "test",
+                board: "board",
+                chip_uid: [7; 12],
+                model_id,
+                session_id,
+                reset_cause: ResetCause::PowerOn,
+                fault: "",
+            }),
+        );
+        let labels = self.labels.clone();
+        bytes.extend(self.frame(
+            0,
+            &ToHost::Capabilities(Capabilities {
+                adc_rate_hz: 512,
+                step_rate_hz: self.step_rate_hz,
+                window_steps: 16,
+                hop_steps: self.hop_steps,
+                channels: 64,
+                lsb_nv: 22.351_742,
+                mains_hz: 50,
+                group_delay_us: 10_000,
+                labels: &labels,
+                filters: "none",
+                code_scale: heapless::Vec::from_array([0.5; CODE_LEN]),
+                code_zero_point: heapless::Vec::from_array([1; CODE_LEN]),
+            }),
+        ));
+        bytes
+    }
+
+    /// Take commands and answer them as a board does; returns the answers.
+    pub(crate) fn answer(&mut self, mut bytes: &[u8]) -> Vec<u8> {
+        let mut answers = Vec::new();
+        let mut commands = Vec::new();
+        while let Some(outcome) = self.commands.next::<ToDevice>(&mut bytes) {
+            let frame = outcome.unwrap();
+            commands.push((frame.header.seq, frame.message));
+        }
+        for (seq, command) in commands {
+            self.seen.push((seq, command));
+            match command {
+                ToDevice::Identify => answers.extend(self.hello()),
+                ToDevice::Start(_) => self.next_window = 0,
+                ToDevice::Stop => answers.extend(self.stats(Streams::empty())),
+                ToDevice::Ping => {}
+            }
+            let ack = Ack {
+                of: seq,
+                result: AckResult::Done,
+            };
+            answers.extend(self.frame(0, &ToHost::Ack(ack)));
+        }
+        answers
+    }
+
+    /// The next code, filled with `value`, made at `device_us`.
+    pub(crate) fn code(&mut self, device_us: u64, value: i8) -> Vec<u8> {
+        let window = self.next_window;
+        self.next_window = window.wrapping_add(1);
+        let code = Code {
+            model_id: self.model_id,
+            window,
+            first_sample: u64::from(window) * 32,
+            flags: Flags::empty(),
+            clipped: 0,
+            values: [value; CODE_LEN],
+        };
+        self.frame(device_us, &ToHost::Code(code))
+    }
+
+    pub(crate) fn stats(&mut self, streams: Streams) -> Vec<u8> {
+        let next_window = self.next_window;
+        self.frame(
+            0,
+            &ToHost::Stats(Stats {
+                streams,
+                next_window,
+                ..Stats::default()
+            }),
+        )
+    }
+}

@@ -1,0 +1,63 @@
+//! made = received + lost, whatever happens.
+
+use bridge::{Arrival, Ledger};
+use proptest::prelude::*;
+
+proptest! {
+    #[test]
+    fn losses_are_counted_exactly_over_any_wrap(
+        first in prop_oneof![any::<u32>(), Just(u32::MAX - 50)],
+        runs in prop::collection::vec((0u32..40, prop_oneof![0u32..4, 1u32..4097]), 1..60),
+    ) {
+        let mut ledger = Ledger::default();
+        ledger.expect(first);
+        let mut number = first;
+        let (mut received, mut lost, mut bursts, mut longest) = (0u64, 0u64, 0u64, 0u32);
+        let mut pending = 0;
+        for (arrive, vanish) in runs {
+            for _ in 0..arrive {
+                prop_assert_eq!(ledger.arrived(number), Arrival::New { lost: pending });
+                number = number.wrapping_add(1);
+                received += 1;
+                bursts += u64::from(pending > 0);
+                longest = longest.max(pending);
+                pending = 0;
+            }
+            number = number.wrapping_add(vanish);
+            pending += vanish;
+            lost += u64::from(vanish);
+        }
+        prop_assert_eq!(ledger.close(number), pending);
+        bursts += u64::from(pending > 0);
+        longest = longest.max(pending);
+        prop_assert_eq!((ledger.received(), ledger.lost()), (received, lost));
+        prop_assert_eq!(ledger.made(), u64::from(number.wrapping_sub(first)));
+        prop_assert_eq!((ledger.bursts(), ledger.longest_burst()), (bursts, longest));
+        prop_assert_eq!(ledger.replays(), 0);
+    }
+
+    #[test]
+    fn a_replay_is_neither_received_nor_lost(first in any::<u32>(), back in 1u32..1000) {
+        let mut ledger = Ledger::default();
+        ledger.expect(first);
+        for offset in 0..1000 {
+            ledger.arrived(first.wrapping_add(offset));
+        }
+        let before = ledger.clone();
+        prop_assert_eq!(ledger.arrived(first.wrapping_add(1000 - back)), Arrival::Behind);
+        prop_assert_eq!(ledger.made(), before.made());
+        prop_assert_eq!(ledger.replays(), 1);
+        prop_assert_eq!(ledger.arrived(first.wrapping_add(1000)), Arrival::New { lost: 0 });
+    }
+}
+
+#[test]
+fn without_an_expectation_the_first_number_is_the_first() {
+    let mut ledger = Ledger::default();
+    assert_eq!(ledger.arrived(77), Arrival::New { lost: 0 });
+    assert_eq!(ledger.close(80), 2);
+    assert_eq!((ledger.made(), ledger.lost()), (3, 2));
+    // A sender that says less than what came is not believed.
+    assert_eq!(ledger.close(5), 0);
+    assert_eq!(ledger.arrived(80), Arrival::New { lost: 0 });
+}

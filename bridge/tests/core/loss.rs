@@ -1,0 +1,164 @@
+//! Lost codes: counted exactly, filled, flagged.
+
+use bridge::{FillerPolicy, Settings};
+use link::Streams;
+use proptest::prelude::*;
+
+use crate::board::Board;
+use crate::recorder::{Desk, SETTINGS};
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
+
+    #[test]
+    fn every_lost_code_has_one_filler_in_its_place(
+        losses in prop::collection::vec(prop::bool::weighted(0.3), 1..200),
+    ) {
+        let mut desk = Desk::streaming(SETTINGS, Board::starting_at(u32::MAX - 30, 0));
+        for lost in &losses {
+            desk.code(3, *lost);
+        }
+        let stats = desk.board.stats(Streams::CODES);
+        desk.receive(&stats);
+        prop_assert_eq!(desk.fillers(), losses.clone());
+        let summary = desk.core.summary();
+        let lost = losses.iter().filter(|lost| **lost).count() as u64;
+        prop_assert_eq!((summary.made, summary.lost), (losses.len() as u64, lost));
+        prop_assert_eq!(summary.received + summary.lost, summary.made);
+        prop_assert_eq!((summary.fillers, summary.frames_lost), (lost, lost));
+        // Every frame, filler or not, has its window's index, time and running count of losses.
+        for (frame, index) in desk.recorder.encoded.iter().zip(0..) {
+            prop_assert_eq!(frame.tri.data[1], index);
+            let device_us = 1_000_000 + 62_500 * (i64::from(index) + 1);
+            let word = |place: usize| i64::from(frame.tri.data[place]);
+            prop_assert_eq!(word(3) | word(4) << 16 | word(5) << 32, device_us);
+            let until = usize::try_from(index).unwrap() + 1;
+            let lost = losses[..until].iter().filter(|lost| **lost).count();
+            prop_assert_eq!(word(6), i64::try_from(lost).unwrap());
+        }
+    }
+}
+
+#[test]
+fn bursts_of_up_to_4096_codes_are_filled() {
+    for burst in [1, 2, 4095, 4096] {
+        let mut desk = Desk::streaming(SETTINGS, Board::new());
+        desk.code(1, false);
+        for _ in 0..burst {
+            desk.code(1, true);
+        }
+        desk.code(2, false);
+        let summary = desk.core.summary();
+        assert_eq!((summary.lost, summary.fillers), (burst, burst));
+        assert_eq!(
+            (summary.bursts, u64::from(summary.longest_burst)),
+            (1, burst)
+        );
+        assert_eq!(desk.recorder.encoded.len() as u64, burst + 2);
+    }
+}
+
+#[test]
+fn an_outage_too_long_to_fill_is_counted_all_the_same() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    desk.code(1, false);
+    desk.board.next_window = 70_001;
+    desk.code(2, false);
+    let summary = desk.core.summary();
+    assert_eq!((summary.lost, summary.fillers), (70_000, 65_536));
+    let report = format!("{:?}", desk.core.diagnostics(crate::board::at(desk.now_us)));
+    let unfilled = r#"key: "lost and not filled", value: "4464""#;
+    assert!(report.contains(unfilled), "{report}");
+}
+
+#[test]
+fn fillers_repeat_the_last_code_or_are_zeros_or_stay_away() {
+    for (filler, expected) in [
+        (FillerPolicy::Last, vec![2.0, 2.0, 2.0, 4.5]),
+        (FillerPolicy::Zeros, vec![2.0, 0.0, 0.0, 4.5]),
+        (FillerPolicy::Off, vec![2.0, 4.5]),
+    ] {
+        let mut desk = Desk::streaming(Settings { filler, ..SETTINGS }, Board::new());
+        desk.code(5, false);
+        desk.code(6, true);
+        desk.code(7, true);
+        desk.code(10, false);
+        let values: Vec<f32> = desk
+            .recorder
+            .encoded
+            .iter()
+            .map(|frame| frame.eeg.data[127])
+            .collect();
+        assert_eq!(values, expected, "{filler:?}");
+        assert_eq!(desk.core.summary().lost, 2);
+        // The decoder hears of every window, so that it joins no two that are not neighbours.
+        let known: Vec<bool> = desk
+            .recorder
+            .windows
+            .iter()
+            .map(|window| window.z.is_some())
+            .collect();
+        assert_eq!(known, [true, false, false, true]);
+    }
+}
+
+#[test]
+fn stamps_of_fillers_lie_where_the_lost_codes_would_have() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    for index in 0..40 {
+        desk.code(0, index % 3 == 1);
+    }
+    let stamps: Vec<i64> = desk
+        .recorder
+        .encoded
+        .iter()
+        .map(|frame| frame.header.stamp.nanoseconds())
+        .collect();
+    for pair in stamps.windows(2) {
+        assert_eq!(pair[1] - pair[0], 62_500_000);
+    }
+}
+
+#[test]
+fn a_frame_that_arrives_twice_is_published_once() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    desk.now_us += 62_500;
+    let bytes = desk.board.code(2_000_000, 1);
+    desk.receive(&bytes);
+    desk.receive(&bytes);
+    assert_eq!(desk.recorder.encoded.len(), 1);
+    let summary = desk.core.summary();
+    assert_eq!((summary.received, summary.lost), (1, 0));
+}
+
+#[test]
+fn damaged_bytes_cost_the_frame_they_hit_and_are_counted() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    desk.code(1, false);
+    desk.now_us += 62_500;
+    let mut bytes = desk.board.code(3_000_000, 1);
+    bytes[40] ^= 4;
+    desk.receive(&bytes);
+    desk.code(1, false);
+    assert_eq!(desk.fillers(), [false, true, false]);
+    let summary = desk.core.summary();
+    assert_eq!(
+        (summary.received, summary.lost, summary.wire.resyncs),
+        (2, 1, 1)
+    );
+    assert_eq!(summary.wire.crc + summary.wire.cobs, 1);
+    assert!(
+        summary.to_string().contains("made 3 received 2 lost 1"),
+        "{summary}"
+    );
+}
+
+#[test]
+fn frames_that_the_device_dropped_are_losses_of_frames_not_of_codes() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    desk.code(1, false);
+    desk.board.skip_frame();
+    desk.code(1, false);
+    let summary = desk.core.summary();
+    assert_eq!((summary.lost, summary.frames_lost), (0, 1));
+}

@@ -1,0 +1,181 @@
+//! From codes back to electrodes.
+
+use std::sync::Arc;
+
+use bridge::{Device, FillerPolicy, Model, Reconstruction, Settings, TriWords, Window};
+use neuro_ros::{Shape, Stamp};
+
+use crate::board::Board;
+use crate::recorder::{Desk, SETTINGS};
+
+fn device(board: Board) -> Arc<Device> {
+    let desk = Desk::streaming(SETTINGS, board);
+    Arc::clone(&desk.recorder.announced[0].device)
+}
+
+fn model() -> Arc<Model> {
+    Arc::new(Model::embedded().unwrap())
+}
+
+/// A code that differs from window to window.
+fn z(window: u16) -> Box<[f32; 128]> {
+    Box::new(std::array::from_fn(|index| {
+        let phase = f32::from(window) * 0.7 + f32::from(u16::try_from(index).unwrap());
+        3.0 * phase.sin()
+    }))
+}
+
+fn window(z: Option<Box<[f32; 128]>>) -> Window {
+    Window {
+        z,
+        stamp: Stamp { secs: 1, nsecs: 0 },
+        words: TriWords::default(),
+    }
+}
+
+/// The frames of windows 0, 1, 2..., `None` where one was lost.
+fn frames(settings: Settings, windows: &[bool]) -> Vec<Option<Vec<f32>>> {
+    let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), settings);
+    let mut index = 0;
+    windows
+        .iter()
+        .map(|received| {
+            let frame = reconstruction.push(&window(received.then(|| z(index))));
+            index += 1;
+            frame.map(|frame| frame.eeg.data.clone())
+        })
+        .collect()
+}
+
+fn steps(window: u16, range: std::ops::Range<usize>) -> Vec<f32> {
+    model().decode(&z(window))[range.start * 61..range.end * 61].to_vec()
+}
+
+#[test]
+fn frames_keep_the_contract_and_are_numbered() {
+    let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
+    let first = reconstruction.push(&window(Some(z(0)))).unwrap().clone();
+    let shape = Shape::of(&first).unwrap();
+    assert_eq!(
+        shape,
+        Shape {
+            sr: 128,
+            nsamples: 8,
+            nchannels: [61, 0, 8]
+        }
+    );
+    assert_eq!(
+        (
+            first.eeg.info.unit.as_str(),
+            first.eeg.info.labels[0].as_str()
+        ),
+        ("uV", "F3")
+    );
+    assert!((first.eeg.info.minmax[1] - 187_500.0).abs() < 0.01);
+    let second = reconstruction.push(&window(Some(z(1)))).unwrap();
+    assert_eq!(
+        (
+            first.neuroheader.seq,
+            second.neuroheader.seq,
+            second.header.seq
+        ),
+        (1, 2, 2)
+    );
+}
+
+#[test]
+fn two_windows_are_averaged_where_they_overlap() {
+    let frames = frames(SETTINGS, &[true, true]);
+    assert_eq!(
+        frames[0],
+        Some(steps(0, 0..8)),
+        "nothing to average with yet"
+    );
+    let (old, new) = (steps(0, 8..16), steps(1, 0..8));
+    let averaged = frames[1].as_ref().unwrap();
+    for (index, value) in averaged.iter().enumerate() {
+        let (old, new) = (old[index], new[index]);
+        let weight = (value - new) / (old - new);
+        let expected = 0.68 - 0.36 * f32::from(u8::try_from(index / 61).unwrap()) / 7.0;
+        // Where both agree the weight cannot be told.
+        if (old - new).abs() > 1.0 {
+            assert!(
+                (weight - expected).abs() < 1e-3,
+                "value {index}: {weight}, not {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn low_latency_gives_the_newest_steps_of_each_window() {
+    let settings = Settings {
+        low_latency: true,
+        ..SETTINGS
+    };
+    let frames = frames(settings, &[true, true]);
+    assert_eq!(frames[1], Some(steps(1, 8..16)));
+}
+
+#[test]
+fn one_lost_window_costs_no_sample_that_its_neighbours_hold() {
+    let frames = frames(SETTINGS, &[true, false, true, true]);
+    assert_eq!(
+        frames[1],
+        Some(steps(0, 8..16)),
+        "the window before tells of it"
+    );
+    assert_eq!(frames[2], Some(steps(2, 0..8)), "nothing to average with");
+}
+
+#[test]
+fn what_no_window_holds_is_filled_and_flagged() {
+    let device = device(Board::new());
+    for (filler, expected) in [
+        (FillerPolicy::Last, Some(true)),
+        (FillerPolicy::Zeros, Some(false)),
+        (FillerPolicy::Off, None),
+    ] {
+        let settings = Settings { filler, ..SETTINGS };
+        let mut reconstruction = Reconstruction::new(&device, model(), settings);
+        reconstruction.push(&window(Some(z(0))));
+        let held = reconstruction.push(&window(None)).unwrap().clone();
+        assert_eq!(held.tri.data[0] & 0x8000, 0, "real data");
+        let filled = reconstruction.push(&window(None)).cloned();
+        assert_eq!(filled.is_some(), expected.is_some(), "{filler:?}");
+        let (Some(filled), Some(holds)) = (filled, expected) else {
+            continue;
+        };
+        assert_eq!(filled.tri.data[0] & 0x8000, 0x8000);
+        let last_step = &held.eeg.data[7 * 61..];
+        for step in filled.eeg.data.chunks(61) {
+            assert!(if holds {
+                step == last_step
+            } else {
+                step.iter().all(|x| *x == 0.0)
+            });
+        }
+    }
+}
+
+#[test]
+fn hop_16_gives_whole_windows() {
+    let device = device(Board {
+        hop_steps: 16,
+        ..Board::new()
+    });
+    let mut reconstruction = Reconstruction::new(&device, model(), SETTINGS);
+    reconstruction.push(&window(Some(z(0))));
+    let frame = reconstruction.push(&window(Some(z(1)))).unwrap();
+    assert_eq!((frame.sr, frame.eeg.info.nsamples), (128, 16));
+    assert_eq!(frame.eeg.data, steps(1, 0..16));
+}
+
+#[test]
+fn what_exceeds_the_announced_range_is_held_within_it() {
+    let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
+    let frame = reconstruction
+        .push(&window(Some(Box::new([1e6; 128]))))
+        .unwrap();
+    assert!(frame.eeg.data.iter().all(|value| value.abs() <= 187_500.01));
+}

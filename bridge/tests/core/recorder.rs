@@ -1,0 +1,127 @@
+//! Keeps every effect of the core.
+
+use std::sync::Arc;
+
+use bridge::{Announcement, Core, Effects, FillerPolicy, Model, Settings, StampPoint, Window};
+use neuro_ros::{NeuroFrame, Shape};
+
+use crate::board::{Board, at};
+
+pub(crate) const SETTINGS: Settings = Settings {
+    stamp: StampPoint::First,
+    mains_hz: 0,
+    filler: FillerPolicy::Last,
+    low_latency: false,
+};
+
+/// Keeps every effect, and holds every frame to the contract.
+#[derive(Default)]
+pub(crate) struct Recorder {
+    pub(crate) sent: Vec<u8>,
+    pub(crate) announced: Vec<Announcement>,
+    pub(crate) encoded: Vec<NeuroFrame>,
+    pub(crate) windows: Vec<Window>,
+}
+
+impl Effects for Recorder {
+    fn send(&mut self, frame: &[u8]) {
+        self.sent.extend_from_slice(frame);
+    }
+
+    fn announce(&mut self, announcement: &Announcement) {
+        self.announced.push(announcement.clone());
+    }
+
+    fn encoded(&mut self, frame: &NeuroFrame) {
+        self.announced[0].info.shape().admit(frame).unwrap();
+        assert_eq!(Shape::of(frame).unwrap().nchannels, [128, 0, 8]);
+        let before = self.encoded.last().map_or((0, 0), |frame| {
+            (frame.neuroheader.seq, frame.header.stamp.nanoseconds())
+        });
+        assert_eq!(frame.neuroheader.seq, before.0 + 1);
+        assert_eq!(frame.header.seq, frame.neuroheader.seq);
+        assert!(
+            frame.header.stamp.nanoseconds() > before.1,
+            "time went backwards"
+        );
+        self.encoded.push(frame.clone());
+    }
+
+    fn window(&mut self, window: Window) {
+        self.windows.push(window);
+    }
+}
+
+/// A core and a board on one desk.
+pub(crate) struct Desk {
+    pub(crate) core: Core,
+    pub(crate) board: Board,
+    pub(crate) recorder: Recorder,
+    pub(crate) now_us: i64,
+}
+
+impl Desk {
+    /// A board that was identified and started.
+    pub(crate) fn streaming(settings: Settings, board: Board) -> Desk {
+        let mut desk = Desk::new(settings, board);
+        desk.connect();
+        assert_eq!(
+            desk.board.seen.len(),
+            3,
+            "Identify, Stop, Start: {:?}",
+            desk.board.seen
+        );
+        desk
+    }
+
+    pub(crate) fn new(settings: Settings, board: Board) -> Desk {
+        let model = Arc::new(Model::embedded().unwrap());
+        let core = Core::new(settings, Some(model));
+        Desk {
+            core,
+            board,
+            recorder: Recorder::default(),
+            now_us: 1_000_000,
+        }
+    }
+
+    pub(crate) fn connect(&mut self) {
+        self.core.connected(at(self.now_us), &mut self.recorder);
+        self.converse();
+    }
+
+    /// Let both talk until nobody has anything more to say.
+    pub(crate) fn converse(&mut self) {
+        loop {
+            let commands = std::mem::take(&mut self.recorder.sent);
+            if commands.is_empty() {
+                return;
+            }
+            let answers = self.board.answer(&commands);
+            self.receive(&answers);
+        }
+    }
+
+    pub(crate) fn receive(&mut self, bytes: &[u8]) {
+        self.core
+            .receive(bytes, at(self.now_us), &mut self.recorder);
+    }
+
+    /// 62.5 ms later the board makes a code; it arrives unless `lost`.
+    pub(crate) fn code(&mut self, value: i8, lost: bool) {
+        self.now_us += 62_500;
+        let bytes = self.board.code(self.now_us.unsigned_abs(), value);
+        if !lost {
+            self.receive(&bytes);
+        }
+    }
+
+    /// The flags word of every frame of `/encoded`.
+    pub(crate) fn fillers(&self) -> Vec<bool> {
+        self.recorder
+            .encoded
+            .iter()
+            .map(|frame| frame.tri.data[0] & 0x8000 != 0)
+            .collect()
+    }
+}

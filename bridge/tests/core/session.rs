@@ -1,0 +1,334 @@
+//! Devices come, go, reboot, and are not always the one that was expected.
+
+use link::{AckResult, FrameError, Streams, ToDevice, ToHost};
+
+use crate::board::{Board, at};
+use crate::recorder::{Desk, SETTINGS};
+
+/// What the board was asked, in order.
+fn commands(desk: &Desk) -> Vec<&'static str> {
+    let name = |(_, command): &(u32, ToDevice)| match command {
+        ToDevice::Start(_) => "start",
+        ToDevice::Stop => "stop",
+        ToDevice::Identify => "identify",
+        ToDevice::Ping => "ping",
+    };
+    desk.board.seen.iter().map(name).collect()
+}
+
+#[test]
+fn a_device_is_asked_who_it_is_stopped_and_started() {
+    let desk = Desk::streaming(SETTINGS, Board::new());
+    assert_eq!(commands(&desk), ["identify", "stop", "start"]);
+    assert_eq!(desk.recorder.announced.len(), 1);
+    assert!(desk.recorder.announced[0].decodable);
+}
+
+#[test]
+fn commands_without_an_answer_are_repeated() {
+    let mut desk = Desk::new(SETTINGS, Board::new());
+    desk.core.connected(at(0), &mut desk.recorder);
+    for tick in 1..=20 {
+        desk.core.tick(at(tick * 100_000), &mut desk.recorder);
+    }
+    let sent = std::mem::take(&mut desk.recorder.sent);
+    desk.board.answer(&sent);
+    // At 0 and every 0.5 s.
+    assert_eq!(commands(&desk), ["identify"; 5]);
+}
+
+#[test]
+fn a_lost_acknowledgement_of_start_costs_no_code() {
+    let mut desk = Desk::new(SETTINGS, Board::new());
+    desk.core.connected(at(desk.now_us), &mut desk.recorder);
+    for _ in 0..3 {
+        let commands = std::mem::take(&mut desk.recorder.sent);
+        let answers = desk.board.answer(&commands);
+        // Nothing that follows Start arrives.
+        if desk.board.seen.len() < 3 {
+            desk.receive(&answers);
+        }
+    }
+    assert_eq!(commands(&desk), ["identify", "stop", "start"]);
+    for _ in 0..20 {
+        desk.code(1, false);
+        // A board that streams acknowledges a repeated start and goes on.
+        let window = desk.board.next_window;
+        desk.converse();
+        desk.board.next_window = window;
+    }
+    assert_eq!(commands(&desk).len(), 4);
+    let summary = desk.core.summary();
+    assert_eq!((summary.received, summary.lost), (20, 0));
+}
+
+#[test]
+fn a_reset_starts_cleanly_and_is_counted() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    for _ in 0..5 {
+        desk.code(1, false);
+    }
+    desk.board.reboot();
+    let hello = desk.board.hello();
+    desk.receive(&hello);
+    desk.converse();
+    assert_eq!(commands(&desk).last(), Some(&"start"));
+    for _ in 0..5 {
+        desk.code(2, false);
+    }
+    let summary = desk.core.summary();
+    assert_eq!((summary.received, summary.lost, summary.resets), (10, 0, 1));
+    assert_eq!(
+        desk.recorder.announced.len(),
+        1,
+        "the same device is announced once"
+    );
+}
+
+#[test]
+fn a_reset_whose_hello_was_lost_is_found_out() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    for _ in 0..30 {
+        desk.code(1, false);
+    }
+    desk.board.reboot();
+    desk.board.hello();
+    for _ in 0..8 {
+        let stats = desk.board.stats(Streams::empty());
+        desk.receive(&stats);
+    }
+    desk.converse();
+    desk.code(2, false);
+    let summary = desk.core.summary();
+    assert_eq!((summary.received, summary.lost, summary.resets), (31, 0, 1));
+}
+
+#[test]
+fn an_outage_of_the_port_is_counted_and_filled() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    desk.code(1, false);
+    desk.core.disconnected();
+    for _ in 0..16 {
+        desk.code(1, true);
+    }
+    let window = desk.board.next_window;
+    desk.connect();
+    desk.board.next_window = window;
+    desk.code(2, false);
+    assert_eq!(
+        commands(&desk)[3..],
+        ["identify", "start"],
+        "a stream of ours is not stopped"
+    );
+    let summary = desk.core.summary();
+    assert_eq!(
+        (summary.received, summary.lost, summary.fillers),
+        (2, 16, 16)
+    );
+    assert_eq!(summary.connections, 2);
+}
+
+#[test]
+fn a_stream_that_began_anew_during_an_outage_is_taken_up() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    for _ in 0..10 {
+        desk.code(1, false);
+    }
+    desk.core.disconnected();
+    desk.connect();
+    for _ in 0..3 {
+        desk.code(2, false);
+    }
+    let summary = desk.core.summary();
+    assert_eq!((summary.received, summary.lost), (13, 0));
+}
+
+#[test]
+fn another_model_still_gives_codes_but_no_reconstruction() {
+    let mut desk = Desk::new(
+        SETTINGS,
+        Board {
+            model_id: [9; 8],
+            ..Board::new()
+        },
+    );
+    desk.connect();
+    desk.code(1, false);
+    assert_eq!(desk.recorder.encoded.len(), 1);
+    assert!(desk.recorder.windows.is_empty());
+    assert!(!desk.recorder.announced[0].decodable);
+    let report = desk.core.diagnostics(at(desk.now_us));
+    let text = format!("{:?}", report.status[0]);
+    assert!(
+        text.contains("0909090909090909") && text.contains("--model"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_code_of_another_model_than_the_device_named_is_not_published() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    desk.board.model_id = [9; 8];
+    desk.code(1, false);
+    assert!(desk.recorder.encoded.is_empty());
+    assert_eq!(desk.core.summary().unused, 1);
+}
+
+#[test]
+fn a_device_of_another_shape_is_refused_until_the_right_one_is_back() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    desk.code(1, false);
+    desk.core.disconnected();
+    let other = Board {
+        hop_steps: 16,
+        session_id: 77,
+        ..Board::new()
+    };
+    let right = std::mem::replace(&mut desk.board, other);
+    desk.connect();
+    desk.code(1, false);
+    assert_eq!(desk.recorder.encoded.len(), 1);
+    assert_eq!(desk.core.summary().unused, 1);
+    let report = format!("{:?}", desk.core.diagnostics(at(desk.now_us)).status[0]);
+    assert!(
+        report.contains("Error") && report.contains("shape changed"),
+        "{report}"
+    );
+    desk.core.disconnected();
+    desk.board = right;
+    desk.connect();
+    desk.code(1, false);
+    assert_eq!(desk.recorder.encoded.last().unwrap().neuroheader.seq, 2);
+}
+
+#[test]
+fn a_device_that_introduces_itself_wrongly_is_refused() {
+    for board in [
+        Board {
+            hop_steps: 0,
+            ..Board::new()
+        },
+        Board {
+            hop_steps: 17,
+            step_rate_hz: 136,
+            ..Board::new()
+        },
+        Board {
+            hop_steps: 9,
+            ..Board::new()
+        },
+    ] {
+        let mut desk = Desk::new(SETTINGS, board);
+        desk.connect();
+        desk.code(1, false);
+        assert!(desk.recorder.announced.is_empty() && desk.recorder.encoded.is_empty());
+    }
+}
+
+#[test]
+fn codes_that_come_before_the_device_is_known_are_counted_not_published() {
+    let mut desk = Desk::new(SETTINGS, Board::new());
+    desk.core.connected(at(desk.now_us), &mut desk.recorder);
+    desk.code(1, false);
+    assert!(desk.recorder.encoded.is_empty());
+    assert_eq!(desk.core.summary().unused, 1);
+}
+
+#[test]
+fn a_device_that_stops_by_itself_is_started_again() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    desk.code(1, false);
+    let stats = desk.board.stats(Streams::empty());
+    desk.receive(&stats);
+    desk.converse();
+    assert_eq!(commands(&desk)[3..], ["start"]);
+    desk.code(2, false);
+    assert_eq!(desk.core.summary().lost, 0);
+}
+
+#[test]
+fn stop_and_start_are_obeyed() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    desk.code(1, false);
+    desk.core.want(false);
+    desk.core.tick(at(desk.now_us), &mut desk.recorder);
+    desk.converse();
+    assert!(desk.core.is_stopped());
+    desk.core.want(true);
+    desk.core.tick(at(desk.now_us), &mut desk.recorder);
+    desk.converse();
+    desk.code(2, false);
+    assert_eq!(commands(&desk)[3..], ["stop", "start"]);
+    assert_eq!(
+        (desk.recorder.encoded.len(), desk.core.summary().lost),
+        (2, 0)
+    );
+}
+
+#[test]
+fn a_silent_device_is_pinged_and_then_taken_for_dead() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let start = desk.now_us;
+    desk.core.tick(at(start + 1_900_000), &mut desk.recorder);
+    assert!(desk.recorder.sent.is_empty());
+    desk.core.tick(at(start + 2_100_000), &mut desk.recorder);
+    let sent = std::mem::take(&mut desk.recorder.sent);
+    desk.board.answer(&sent);
+    assert_eq!(commands(&desk).last(), Some(&"ping"));
+    assert!(!desk.core.is_dead(at(start + 4_900_000)));
+    assert!(desk.core.is_dead(at(start + 5_100_000)));
+}
+
+#[test]
+fn a_refused_start_is_not_hammered() {
+    let mut desk = Desk::new(SETTINGS, Board::new());
+    desk.core.connected(at(0), &mut desk.recorder);
+    for tick in 0..60 {
+        desk.now_us = tick * 100_000;
+        let sent = std::mem::take(&mut desk.recorder.sent);
+        let seen = desk.board.seen.len();
+        let answers = desk.board.answer(&sent);
+        let start = desk.board.seen[seen..]
+            .iter()
+            .find(|(_, command)| matches!(command, ToDevice::Start(_)))
+            .copied();
+        match start {
+            Some((of, _)) => {
+                let refusal = link::Ack {
+                    of,
+                    result: AckResult::BadArgument,
+                };
+                let bytes = desk.board.frame(0, &ToHost::Ack(refusal));
+                // The frames of the answer that is thrown away count as lost; that is no matter.
+                desk.receive(&bytes);
+            }
+            None => desk.receive(&answers),
+        }
+        desk.core.tick(at(desk.now_us), &mut desk.recorder);
+    }
+    let starts = commands(&desk)
+        .iter()
+        .filter(|name| **name == "start")
+        .count();
+    assert_eq!(starts, 1, "6 s, and a refusal holds for 10 s");
+}
+
+#[test]
+fn noise_never_publishes_anything() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let mut state = 1u32;
+    let noise: Vec<u8> = (0..100_000)
+        .map(|_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state.to_be_bytes()[0]
+        })
+        .collect();
+    desk.receive(&noise);
+    assert!(desk.recorder.encoded.is_empty());
+    let wire = desk.core.summary().wire;
+    assert!(wire.cobs + wire.crc + wire.oversize > 100, "{wire:?}");
+    desk.receive(&[0]);
+    desk.code(1, false);
+    assert_eq!(desk.recorder.encoded.len(), 1);
+    assert!(FrameError::Crc.to_string().contains("damaged"));
+}
