@@ -1,6 +1,7 @@
 //! What the whole promises, end to end: processes as a user starts them, judged from outside.
 #![forbid(unsafe_code)]
 
+pub mod chain;
 pub mod npz;
 pub mod process;
 pub mod programs;

@@ -60,12 +60,12 @@ impl Process {
         matches!(self.child.try_wait(), Ok(None))
     }
 
-    /// Sends SIGTERM to the group and waits for the program; kills the group when `patience` ends.
+    /// Sends a signal to the group and waits until the program has left.
     ///
     /// # Panics
-    /// When it had to be killed: leaving cleanly is part of what is tested.
-    pub fn terminate(mut self, patience: Duration) -> ExitStatus {
-        self.signal(Signal::TERM);
+    /// When it still runs after `patience`: leaving cleanly is part of what is tested.
+    pub fn end(mut self, signal: Signal, patience: Duration) -> ExitStatus {
+        self.signal(signal);
         self.wait(patience)
     }
 

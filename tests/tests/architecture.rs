@@ -23,12 +23,21 @@ fn arrows_are_those_of_architecture_md() {
         names(&real),
         "left: ARCHITECTURE.md, right: the workspace"
     );
-    for (name, arrows) in &real {
-        assert_eq!(
-            &written[name], arrows,
-            "`{name}`: left is ARCHITECTURE.md, right is cargo"
-        );
-    }
+    let differences: Vec<String> = real
+        .iter()
+        .filter(|(name, arrows)| written[*name] != **arrows)
+        .map(|(name, arrows)| {
+            format!(
+                "`{name}`:\n  written {:?}\n  real    {arrows:?}",
+                written[name]
+            )
+        })
+        .collect();
+    assert!(
+        differences.is_empty(),
+        "ARCHITECTURE.md and the manifests disagree; is the new arrow meant?\n{}",
+        differences.join("\n")
+    );
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use acceptance::{real_data, workspace};
 use artifact::Artifact;
 use model_gen::IntegerModel;
-use pipeline::{Code, FrontEnd, Mains, Pipeline, Plane, Quantiser, Sample};
+use pipeline::{Code, FrontEnd, Mains, Pipeline, Plane, Sample, quantise};
 
 const STEPS: usize = model::STEPS;
 
@@ -40,7 +40,7 @@ fn compare(file: &str) {
         planes.extend(
             front_end
                 .push(&sample)
-                .map(|electrodes| Quantiser::plane(&electrodes).0),
+                .map(|electrodes| quantise(&electrodes).0),
         );
     }
     assert_eq!(codes.len(), 1 + (planes.len() - STEPS) / model::HOP);

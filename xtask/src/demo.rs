@@ -72,7 +72,7 @@ pub(crate) fn demo(options: DemoOptions) -> Result<(), Failure> {
     println!("pictures: {}", pictures.display());
     println!(
         "codes made {made}, received {received}, lost {lost}; interval {arrival} ms at the \
-         subscriber, {device} ms by the device's stamps; reconstruction PRD {:.1} %",
+         subscriber, {device} ms by the device's stamps; reconstruction PRD {:.1} % (synthetic EEG)",
         comparison.prd_percent
     );
     if lost == 0 && received > 0 {

@@ -48,6 +48,7 @@ mod tests {
         let map = HeatMap {
             codes: (0..240).map(code).collect(),
             begin_s: 0.1,
+            settling: 40,
             interval_s: 0.0625,
             subtitle: subtitle(),
         };

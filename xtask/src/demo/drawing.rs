@@ -59,7 +59,7 @@ fn traces(comparison: &Comparison) -> Traces {
         rate_hz: f64::from(model::STEP_RATE_HZ),
         begin_s: seconds(comparison.first_step + begin),
         subtitle: format!(
-            "{} of {} electrodes, 1440 numbers in 128 (11.25 times fewer); PRD {:.1} % over {:.0} s",
+            "{} of {} electrodes of synthetic EEG; the model was trained on a recording. PRD {:.1} % over {:.0} s",
             SHOWN.len(),
             labels.len(),
             comparison.prd_percent,
@@ -78,6 +78,11 @@ fn heat_map(run: &Run) -> HeatMap {
         codes: codes.collect(),
         begin_s: seconds(usize::try_from(first).unwrap_or(0) * model::HOP),
         interval_s: seconds(model::HOP),
+        settling: run
+            .codes
+            .iter()
+            .take_while(|heard| heard.is_settling())
+            .count(),
         subtitle: format!(
             "{} codes received from /encoded, {} lost; each component around its own mean",
             run.received(),

@@ -17,6 +17,8 @@ pub(crate) struct HeatMap {
     pub(crate) begin_s: f64,
     /// Distance of two codes, seconds.
     pub(crate) interval_s: f64,
+    /// Codes at the beginning that were made before the filters had settled.
+    pub(crate) settling: usize,
     /// One line under the title.
     pub(crate) subtitle: String,
 }
@@ -48,7 +50,7 @@ impl HeatMap {
         let components = self.codes.iter().flatten().map(Vec::len).max().unwrap_or(1);
         let end_s = self.begin_s + columns * self.interval_s;
         let mut chart = ChartBuilder::on(&map)
-            .margin_top(8)
+            .margin_top(26)
             .margin_left(20)
             .margin_right(10)
             .margin_bottom(16)
@@ -80,18 +82,36 @@ impl HeatMap {
                 chart.draw_series([Rectangle::new(corners, color.filled())])?;
             }
         }
+        let settled_s = self.begin_s + cast(self.settling) * self.interval_s;
+        if settled_s > self.begin_s && settled_s < end_s {
+            let line = vec![(settled_s, 0.0), (settled_s, cast(components))];
+            chart.draw_series([PathElement::new(line, INK.stroke_width(2))])?;
+            let (x, y) = chart.backend_coord(&(settled_s, 0.0));
+            let at = (x - 6, y - map.get_base_pixel().1 - 12);
+            let label = canvas::anchored(15, INK, HPos::Right);
+            map.draw(&Text::new(
+                "filters settle on the electrodes' offsets",
+                at,
+                label,
+            ))?;
+        }
         Self::draw_scale(&scale)
     }
 
     /// Level of every component and code, or `None` where the code was lost.
     ///
     /// Each component is shown in SDs around its own mean: their scales differ a hundredfold, and
-    /// the largest few would leave the others white.
+    /// the largest few would leave the others white. Mean and SD are those of the settled codes.
     fn levels(&self, components: usize) -> Vec<Vec<Option<i16>>> {
         (0..components)
             .map(|component| {
                 let value = |code: &Vec<f32>| code.get(component).copied().map(f64::from);
-                let seen: Vec<f64> = self.codes.iter().flatten().filter_map(value).collect();
+                let settled = self
+                    .codes
+                    .get(self.settling..)
+                    .filter(|codes| !codes.is_empty());
+                let settled = settled.unwrap_or(&self.codes).iter().flatten();
+                let seen: Vec<f64> = settled.filter_map(value).collect();
                 let Spread { mean, sd } = Spread::of(&seen);
                 let level = |x: f64| level_of(if sd > 0.0 { (x - mean) / sd } else { 0.0 });
                 self.codes

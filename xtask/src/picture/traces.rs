@@ -78,10 +78,7 @@ impl Traces {
             .margin_left(LEFT)
             .margin_bottom(16)
             .x_label_area_size(52)
-            .build_cartesian_2d(
-                self.begin_s..end_s,
-                -count * spacing + spacing / 2.0..spacing / 2.0,
-            )?;
+            .build_cartesian_2d(self.begin_s..end_s, (0.3 - count) * spacing..0.7 * spacing)?;
         chart
             .configure_mesh()
             .disable_y_mesh()
