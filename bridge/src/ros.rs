@@ -1,19 +1,26 @@
 //! The bridge as a ROS node.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
 use neuro_ros::{AcquisitionCommand, AcquisitionInfo, AcquisitionServices, RosMessage, RosSink};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender};
+use tokio::sync::watch::Receiver;
+use tokio::task::JoinHandle;
 
 /// Frames that may wait for each subscriber: 8 min at 16 Hz, so that even the fillers of a long
 /// outage, which come at once, reach a recorder. About 3 KB each, and only if one is slow.
 const QUEUE_FRAMES: usize = 8192;
 
+/// How long a master may take to answer before its absence is told of.
+const TIME_TO_REGISTER: Duration = Duration::from_secs(1);
+
 /// The bridge as a ROS node.
 #[derive(Debug)]
 pub(crate) struct Ros {
     pub(crate) node: Arc<Node>,
+    teller: JoinHandle<()>,
 }
 
 impl Ros {
@@ -21,8 +28,14 @@ impl Ros {
         let uri = options.master_uri.clone();
         let node = Arc::new(Node::start(options).await?);
         tracing::info!("node {} at {}", node.name(), node.uri());
-        tokio::spawn(tell_of_master(Arc::clone(&node), uri));
-        Ok(Ros { node })
+        let teller = tokio::spawn(tell_of_master(node.master_online(), uri));
+        Ok(Ros { node, teller })
+    }
+
+    /// Unregister everything and close.
+    pub(crate) async fn shutdown(self) {
+        self.teller.abort();
+        self.node.shutdown().await;
     }
 
     pub(crate) async fn sink<M: RosMessage>(&self, topic: &str) -> Result<RosSink<M>, NodeError> {
@@ -58,17 +71,23 @@ impl Ros {
     }
 }
 
-async fn tell_of_master(node: Arc<Node>, uri: String) {
-    let mut online = node.master_online();
-    drop(node);
+/// Tell of the master when it comes and goes; of one that is missing only after a while, because
+/// the first answer takes some milliseconds.
+async fn tell_of_master(mut online: Receiver<bool>, uri: String) {
+    let mut told = None;
+    tokio::time::sleep(TIME_TO_REGISTER).await;
     loop {
-        if *online.borrow_and_update() {
-            tracing::info!("registered with the ROS master at {uri}");
-        } else {
-            tracing::warn!(
-                "no ROS master answers at {uri} yet; frames wait for nobody. Start roscore, or \
-                 give --ros-master-uri"
-            );
+        let now = *online.borrow_and_update();
+        if told != Some(now) {
+            told = Some(now);
+            if now {
+                tracing::info!("registered with the ROS master at {uri}");
+            } else {
+                tracing::warn!(
+                    "no ROS master answers at {uri}; waiting for it: start roscore, or give \
+                     --ros-master-uri"
+                );
+            }
         }
         if online.changed().await.is_err() {
             return;

@@ -106,7 +106,7 @@ pub async fn run(options: Options, mut ros_options: NodeOptions) -> Result<Summa
     }
     drop((encoded, diagnostics));
     if let Some(ros) = ros {
-        ros.node.shutdown().await;
+        ros.shutdown().await;
     }
     let written = writer.map_or(Ok(()), NdjsonWriter::finish);
     match outcome.and(written.map_err(BridgeError::Sink)) {

@@ -1,0 +1,123 @@
+//! Peers that misbehave towards the bridge's node: nobody else notices.
+
+use std::time::Duration;
+
+use neuro_ros::ros1::tcpros::Header;
+use neuro_ros::ros1::xmlrpc::{Value, call_ros};
+use neuro_ros::{NeuroFrame, RosMessage};
+use rustix::process::Signal;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio::time::timeout;
+
+use crate::board::Board;
+use crate::device::Device;
+use crate::graph::{frame, master, node, until};
+use crate::process::{Bridge, PATIENCE};
+
+/// The URI of the bridge's XML-RPC server.
+async fn bridge_uri(master: &str) -> Option<String> {
+    let arguments = ["/test", "/acquisition"].map(|text| Value::String(text.to_owned()));
+    let answer = call_ros(master, "lookupNode", &arguments).await.ok()?;
+    answer.as_str().map(str::to_owned)
+}
+
+/// Where the bridge serves `/encoded`.
+async fn tcpros(bridge: &str) -> String {
+    let protocol = Value::Array(vec![Value::String("TCPROS".into())]);
+    let arguments = [
+        Value::String("/test".into()),
+        Value::String("/encoded".into()),
+        Value::Array(vec![protocol]),
+    ];
+    let answer = call_ros(bridge, "requestTopic", &arguments).await.unwrap();
+    let [_, host, port] = answer.as_array().unwrap() else {
+        panic!("{answer:?}")
+    };
+    format!("{}:{}", host.as_str().unwrap(), port.as_int().unwrap())
+}
+
+fn subscription(md5: &str) -> Vec<u8> {
+    let header = Header::new()
+        .with("callerid", "/abuser")
+        .with("md5sum", md5)
+        .with("topic", "/encoded")
+        .with("type", "rosneuro_msgs/NeuroFrame");
+    header.encode().unwrap()
+}
+
+/// Connect and send; keeps the connection.
+async fn send(address: &str, bytes: &[u8]) -> TcpStream {
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    stream.write_all(bytes).await.unwrap();
+    stream
+}
+
+#[tokio::test]
+async fn no_abuse_costs_a_subscriber_a_frame() {
+    let master = master().await;
+    let device = Device::tcp(Board::new());
+    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
+    let node = node("recorder", master.uri()).await;
+    let mut encoded = node
+        .subscribe("/encoded", NeuroFrame::TYPE, 1024)
+        .await
+        .unwrap();
+    let mut next = frame(&mut encoded).await.neuroheader.seq;
+    let mut uri = None;
+    until("the node", async || {
+        uri = bridge_uri(master.uri()).await;
+        uri.is_some()
+    })
+    .await;
+    let uri = uri.unwrap();
+    let topic = tcpros(&uri).await;
+    let api = uri
+        .trim_start_matches("http://")
+        .trim_end_matches('/')
+        .to_owned();
+
+    let mut held = Vec::new();
+    // Clients that never say a word, on both ports.
+    for _ in 0..20 {
+        held.push(send(&topic, b"").await);
+        held.push(send(&api, b"").await);
+    }
+    // A subscriber that never reads.
+    held.push(send(&topic, &subscription(NeuroFrame::TYPE.md5)).await);
+    // A header of 4 GiB, HTTP that never ends, XML that is none.
+    held.push(send(&topic, &u32::MAX.to_le_bytes()).await);
+    held.push(send(&api, b"POST / HTTP/1.1\r\nContent-Length: 100\r\n\r\n<").await);
+    held.push(send(&api, b"POST / HTTP/1.1\r\nContent-Length: 5\r\n\r\n<<>>!").await);
+    // Subscribers that reset right after their header.
+    for _ in 0..10 {
+        let stream = send(&topic, &subscription(NeuroFrame::TYPE.md5)).await;
+        stream.set_zero_linger().unwrap();
+    }
+    // A subscriber built from another definition is told so.
+    let mut wrong = send(&topic, &subscription("00000000000000000000000000000000")).await;
+    let mut answer = Vec::new();
+    timeout(PATIENCE, wrong.read_to_end(&mut answer))
+        .await
+        .unwrap()
+        .unwrap();
+    let answer = String::from_utf8_lossy(&answer).into_owned();
+    assert!(
+        answer.contains("error=") && answer.contains("md5"),
+        "{answer}"
+    );
+
+    for _ in 0..100 {
+        let frame = frame(&mut encoded).await;
+        next += 1;
+        assert_eq!(frame.neuroheader.seq, next);
+        assert_eq!(frame.tri.data[0] & 0x8000, 0);
+    }
+    assert_eq!(encoded.dropped(), 0);
+    drop(held);
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    bridge.signal(Signal::TERM);
+    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
+    assert!(status.success(), "{log}");
+    assert!(log.contains(" lost 0 "), "{log}");
+}

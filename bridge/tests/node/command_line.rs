@@ -1,0 +1,55 @@
+//! What the command line answers.
+
+use crate::process::Bridge;
+
+fn run(arguments: &[&str]) -> (Option<i32>, String) {
+    let (status, log) = Bridge::start(arguments).wait();
+    (status.code(), log)
+}
+
+#[test]
+fn what_cannot_be_used_ends_with_status_2_and_says_what_can() {
+    for (arguments, expected) in [
+        (&[][..], "--port"),
+        (&["--port", "tcp:nowhere"], "tcp:127.0.0.1:5555"),
+        (&["--port", "/dev/null", "--mains", "55"], "50 or 60"),
+        (
+            &["--port", "/dev/null", "--model", "/nowhere"],
+            "model.toml",
+        ),
+        (
+            &["--port", "/etc/passwd", "--sink", "ndjson"],
+            "/dev/ttyACM0",
+        ),
+        (&["--port", "/dev/null", "--sink", "ndjson"], "/dev/ttyACM0"),
+        (
+            &["--port", "/dev/null", "--ros-master-uri", "nonsense"],
+            "ROS_MASTER_URI",
+        ),
+    ] {
+        let (code, log) = run(arguments);
+        assert_eq!(code, Some(2), "{arguments:?}: {log}");
+        assert!(log.contains(expected), "{arguments:?}: {log}");
+    }
+}
+
+#[test]
+fn help_names_every_option() {
+    let mut bridge = Bridge::start(&["--help"]);
+    let help = std::io::read_to_string(bridge.stdout()).unwrap();
+    for option in [
+        "--port",
+        "--baud",
+        "--ros-master-uri",
+        "--sink",
+        "--topic-prefix",
+        "--model",
+        "--stamp",
+        "--mains",
+        "--filler",
+        "--low-latency",
+    ] {
+        assert!(help.contains(option), "{help}");
+    }
+    assert!(bridge.wait().0.success());
+}

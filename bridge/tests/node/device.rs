@@ -1,0 +1,169 @@
+//! A board behind a TCP port or a pseudoterminal, in real time.
+
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpListener};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
+use std::thread::{JoinHandle, sleep};
+use std::time::{Duration, Instant};
+
+use link::ToDevice;
+use rustix::fs::{OFlags, fcntl_setfl};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+use crate::board::Board;
+
+/// Time between codes; faster than a real board, to keep the tests short.
+pub(crate) const PACE: Duration = Duration::from_millis(20);
+
+/// What a test can do to a running board.
+#[derive(Default)]
+pub(crate) struct Controls {
+    /// So many of the next codes are lost.
+    pub(crate) lose: AtomicU32,
+    /// The connection is closed once; the board runs on.
+    pub(crate) hang_up: AtomicBool,
+    /// Codes made until now.
+    pub(crate) made: AtomicU32,
+    /// Nobody is there to connect to.
+    pub(crate) unplugged: AtomicBool,
+    stop: AtomicBool,
+    seen: Mutex<Vec<ToDevice>>,
+}
+
+/// A board behind a port.
+pub(crate) struct Device {
+    pub(crate) port: String,
+    pub(crate) controls: Arc<Controls>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Device {
+    /// Behind a TCP port.
+    pub(crate) fn tcp(board: Board) -> Device {
+        let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
+        let port = format!("tcp:{}", listener.local_addr().unwrap());
+        listener.set_nonblocking(true).unwrap();
+        Device::start(port, board, move || {
+            let (stream, _) = listener.accept()?;
+            stream.set_nonblocking(true)?;
+            Ok(Box::new(stream) as Box<dyn Line>)
+        })
+    }
+
+    /// Behind a pseudoterminal whose name changes with every plugging in; `path` leads to it.
+    pub(crate) fn pty(board: Board, path: &Path) -> Device {
+        let port = path.display().to_string();
+        let path = path.to_owned();
+        Device::start(port, board, move || {
+            let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY;
+            let pty = openpt(flags)?;
+            grantpt(&pty)?;
+            unlockpt(&pty)?;
+            fcntl_setfl(&pty, OFlags::NONBLOCK)?;
+            let name = ptsname(&pty, Vec::new())?;
+            let _ = std::fs::remove_file(&path);
+            std::os::unix::fs::symlink(name.to_str().map_err(io::Error::other)?, &path)?;
+            Ok(Box::new(std::fs::File::from(pty)) as Box<dyn Line>)
+        })
+    }
+
+    fn start(
+        port: String,
+        mut board: Board,
+        mut plug_in: impl FnMut() -> io::Result<Box<dyn Line>> + Send + 'static,
+    ) -> Device {
+        let controls = Arc::new(Controls::default());
+        let shared = Arc::clone(&controls);
+        let thread = std::thread::spawn(move || {
+            let mut streaming = false;
+            let mut next_code = Instant::now();
+            let start = Instant::now();
+            let mut line = None;
+            while !shared.stop.load(Relaxed) {
+                if shared.hang_up.swap(false, Relaxed) {
+                    line = None;
+                }
+                if line.is_none() && !shared.unplugged.load(Relaxed) {
+                    line = plug_in().ok();
+                }
+                let now = Instant::now();
+                if streaming && now >= next_code {
+                    next_code += PACE;
+                    let device_us = u64::try_from(start.elapsed().as_micros()).unwrap();
+                    let bytes = board.code(device_us, 3);
+                    shared.made.store(board.next_window, Relaxed);
+                    let lose = |left: u32| left.checked_sub(1);
+                    if shared.lose.fetch_update(Relaxed, Relaxed, lose).is_err() {
+                        send(&mut line, &bytes);
+                    }
+                }
+                let mut buffer = [0; 1024];
+                match line.as_mut().map(|line| line.read(&mut buffer)) {
+                    Some(Ok(count)) if count > 0 => {
+                        let seen = board.seen.len();
+                        let window = board.next_window;
+                        let answers = board.answer(&buffer[..count]);
+                        let new = board.seen[seen..].iter().map(|(_, command)| *command);
+                        for command in new.clone() {
+                            match command {
+                                ToDevice::Start(_) if streaming => board.next_window = window,
+                                ToDevice::Start(_) => {
+                                    streaming = true;
+                                    next_code = Instant::now();
+                                }
+                                ToDevice::Stop => streaming = false,
+                                _ => {}
+                            }
+                        }
+                        shared.seen.lock().unwrap().extend(new);
+                        send(&mut line, &answers);
+                    }
+                    Some(Err(error)) if is_patience(&error) => {}
+                    Some(_) => line = None,
+                    None => {}
+                }
+                sleep(Duration::from_millis(1));
+            }
+        });
+        Device {
+            port,
+            controls,
+            thread: Some(thread),
+        }
+    }
+
+    /// Commands that came, oldest first.
+    pub(crate) fn seen(&self) -> Vec<ToDevice> {
+        self.controls.seen.lock().unwrap().clone()
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        self.controls.stop.store(true, Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+trait Line: Read + Write + Send {}
+
+impl<T: Read + Write + Send> Line for T {}
+
+/// Nothing there yet; a pseudoterminal that nobody has opened says EIO.
+fn is_patience(error: &io::Error) -> bool {
+    error.kind() == ErrorKind::WouldBlock || error.raw_os_error() == Some(5)
+}
+
+/// Like a board: what the host does not take is gone.
+fn send(line: &mut Option<Box<dyn Line>>, bytes: &[u8]) {
+    if let Some(open) = line
+        && let Err(error) = open.write_all(bytes)
+        && !is_patience(&error)
+    {
+        *line = None;
+    }
+}

@@ -1,0 +1,239 @@
+//! The bridge in the ROS graph.
+
+use std::net::SocketAddr;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+
+use link::ToDevice;
+use neuro_ros::ros1::xmlrpc::{Value, call_ros};
+use neuro_ros::ros1::{Master, Node, NodeOptions, Subscriber};
+use neuro_ros::{
+    AcquisitionInfo, DiagnosticArray, EMPTY, GET_ACQUISITION_INFO, GET_INFO_SERVICE, NeuroFrame,
+    RosMessage, Wire,
+};
+use rustix::process::Signal;
+use tokio::time::{sleep, timeout};
+
+use crate::board::Board;
+use crate::device::Device;
+use crate::process::{Bridge, PATIENCE};
+
+pub(crate) async fn master() -> Master {
+    Master::start(SocketAddr::from(([127, 0, 0, 1], 0)))
+        .await
+        .unwrap()
+}
+
+pub(crate) async fn node(name: &str, uri: &str) -> Node {
+    let host = Some("127.0.0.1".to_owned());
+    Node::start(NodeOptions {
+        host,
+        ..NodeOptions::new(name, uri)
+    })
+    .await
+    .unwrap()
+}
+
+pub(crate) async fn frame(subscriber: &mut Subscriber) -> NeuroFrame {
+    let body = timeout(PATIENCE, subscriber.recv())
+        .await
+        .expect("no frame came")
+        .unwrap();
+    NeuroFrame::from_bytes(&body).unwrap()
+}
+
+pub(crate) async fn until(what: &str, mut holds: impl AsyncFnMut() -> bool) {
+    let deadline = Instant::now() + PATIENCE;
+    while !holds().await {
+        assert!(Instant::now() < deadline, "{what}: not within {PATIENCE:?}");
+        sleep(Duration::from_millis(20)).await;
+    }
+}
+
+/// Whether the master knows the bridge.
+pub(crate) async fn registered(uri: &str) -> bool {
+    let arguments = ["/test", "/acquisition/get_info"].map(|text| Value::String(text.to_owned()));
+    call_ros(uri, "lookupService", &arguments).await.is_ok()
+}
+
+#[tokio::test]
+async fn codes_reach_a_subscriber_and_the_announcement_fits_them() {
+    let master = master().await;
+    let device = Device::tcp(Board::new());
+    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
+    let node = node("recorder", master.uri()).await;
+    let mut encoded = node
+        .subscribe("/encoded", NeuroFrame::TYPE, 64)
+        .await
+        .unwrap();
+    let name = "/neurodata_reconstructed";
+    let mut reconstructed = node.subscribe(name, NeuroFrame::TYPE, 64).await.unwrap();
+    let mut diagnostics = node
+        .subscribe("/diagnostics", DiagnosticArray::TYPE, 8)
+        .await
+        .unwrap();
+    until("the services", async || registered(master.uri()).await).await;
+    let answer = node
+        .call(GET_INFO_SERVICE, &GET_ACQUISITION_INFO, &[])
+        .await
+        .unwrap();
+    let info = AcquisitionInfo::from_response(&answer)
+        .unwrap()
+        .unwrap()
+        .unwrap();
+    let mut next = frame(&mut encoded).await.neuroheader.seq;
+    for _ in 0..20 {
+        let frame = frame(&mut encoded).await;
+        next += 1;
+        assert_eq!((frame.neuroheader.seq, frame.header.seq), (next, next));
+        info.shape().admit(&frame).unwrap();
+        assert_eq!(frame.eeg.info, info.frame().eeg.info);
+    }
+    let frame = frame(&mut reconstructed).await;
+    assert_eq!(
+        (frame.sr, frame.eeg.info.nsamples, frame.eeg.data.len()),
+        (128, 8, 8 * 61)
+    );
+    let report = timeout(PATIENCE, diagnostics.recv())
+        .await
+        .unwrap()
+        .unwrap();
+    assert_eq!(
+        DiagnosticArray::from_bytes(&report).unwrap().status.len(),
+        4
+    );
+
+    node.call("/acquisition/stop", &EMPTY, &[]).await.unwrap();
+    until("Stop", async || {
+        device.seen().last() == Some(&ToDevice::Stop)
+    })
+    .await;
+    node.call("/acquisition/start", &EMPTY, &[]).await.unwrap();
+    until("Start", async || {
+        matches!(device.seen().last(), Some(ToDevice::Start(_)))
+    })
+    .await;
+    node.call("/acquisition/quit", &EMPTY, &[]).await.unwrap();
+    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
+    assert!(status.success(), "{log}");
+    assert!(log.contains("lost 0 "), "{log}");
+    assert_eq!(device.seen().last(), Some(&ToDevice::Stop));
+    assert!(!registered(master.uri()).await, "left without a word");
+}
+
+#[tokio::test]
+async fn a_master_that_comes_late_and_restarts_finds_the_bridge_again() {
+    let first = master().await;
+    let uri = first.uri().to_owned();
+    let address: SocketAddr = uri
+        .trim_start_matches("http://")
+        .trim_end_matches('/')
+        .parse()
+        .unwrap();
+    first.shutdown().await;
+    let device = Device::tcp(Board::new());
+    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", &uri]);
+    until("codes", async || device.controls.made.load(Relaxed) > 5).await;
+    // Long enough for the missing master to be told of.
+    sleep(Duration::from_millis(1500)).await;
+    for round in 0..2 {
+        let master = Master::start(address).await.unwrap();
+        let began = Instant::now();
+        until("registration", async || registered(&uri).await).await;
+        println!("registered after {:?}", began.elapsed());
+        let node = node("listener", &uri).await;
+        let mut encoded = node
+            .subscribe("/encoded", NeuroFrame::TYPE, 64)
+            .await
+            .unwrap();
+        assert!(
+            frame(&mut encoded).await.neuroheader.seq > 5,
+            "round {round}"
+        );
+        node.shutdown().await;
+        master.shutdown().await;
+    }
+    bridge.signal(Signal::TERM);
+    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
+    assert!(status.success(), "{log}");
+    assert!(log.contains("waiting for it: start roscore"), "{log}");
+}
+
+#[tokio::test]
+async fn a_namesake_takes_over_and_the_bridge_leaves() {
+    let master = master().await;
+    let device = Device::tcp(Board::new());
+    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
+    until("the services", async || registered(master.uri()).await).await;
+    let namesake = node("acquisition", master.uri()).await;
+    let _topic = namesake
+        .subscribe("/encoded", NeuroFrame::TYPE, 8)
+        .await
+        .unwrap();
+    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
+    assert!(status.success(), "{log}");
+    assert!(log.contains("asks this node to leave"), "{log}");
+    assert_eq!(device.seen().last(), Some(&ToDevice::Stop));
+}
+
+#[tokio::test]
+async fn losses_on_the_way_are_filled_and_counted() {
+    let master = master().await;
+    let device = Device::tcp(Board::new());
+    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
+    let node = node("recorder", master.uri()).await;
+    let mut encoded = node
+        .subscribe("/encoded", NeuroFrame::TYPE, 256)
+        .await
+        .unwrap();
+    frame(&mut encoded).await;
+    device.controls.lose.store(7, Relaxed);
+    let mut fillers = 0;
+    let mut window = None;
+    for _ in 0..40 {
+        let frame = frame(&mut encoded).await;
+        let seen = frame.tri.data[1];
+        assert_eq!(
+            window.map_or(seen, |before| before + 1),
+            seen,
+            "a code is missing"
+        );
+        window = Some(seen);
+        fillers += u32::from(frame.tri.data[0] & 0x8000 != 0);
+    }
+    assert_eq!(fillers, 7);
+    bridge.signal(Signal::INT);
+    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
+    assert!(status.success(), "{log}");
+    assert!(
+        log.contains("lost 7 (bursts 1, longest 7) fillers 7"),
+        "{log}"
+    );
+}
+
+#[tokio::test]
+async fn names_can_be_changed_from_outside() {
+    let master = master().await;
+    let device = Device::tcp(Board::new());
+    let bridge = Bridge::start(&[
+        "--port",
+        &device.port,
+        "--topic-prefix",
+        "/left",
+        "__name:=amplifier",
+        "/left/encoded:=/neurodata",
+        &format!("__master:={}", master.uri()),
+    ]);
+    let node = node("recorder", master.uri()).await;
+    let mut encoded = node
+        .subscribe("/neurodata", NeuroFrame::TYPE, 64)
+        .await
+        .unwrap();
+    frame(&mut encoded).await;
+    until("the service", async || {
+        node.call("/amplifier/quit", &EMPTY, &[]).await.is_ok()
+    })
+    .await;
+    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
+    assert!(status.success(), "{log}");
+}

@@ -1,0 +1,75 @@
+//! The bridge without ROS.
+
+use std::io::{BufRead, BufReader};
+use std::sync::atomic::Ordering::Relaxed;
+
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::board::Board;
+use crate::device::Device;
+use crate::process::Bridge;
+
+#[test]
+fn frames_come_as_lines_until_the_bridge_is_interrupted() {
+    let device = Device::tcp(Board::new());
+    let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
+    let mut lines = BufReader::new(bridge.stdout()).lines();
+    let mut seen = std::collections::HashMap::new();
+    let mut last_seq = 0;
+    let mut take = |line: std::io::Result<String>| {
+        let line: Value = serde_json::from_str(&line.unwrap()).unwrap();
+        let topic = line["topic"].as_str().unwrap().to_owned();
+        if topic == "/encoded" {
+            last_seq = line["message"]["neuroheader"]["seq"].as_u64().unwrap();
+        }
+        *seen.entry(topic).or_insert(0_u32) += 1;
+    };
+    lines.by_ref().take(60).for_each(&mut take);
+    bridge.signal(Signal::INT);
+    lines.for_each(take);
+    let made = device.controls.made.load(Relaxed);
+    assert_eq!(last_seq, u64::from(made), "codes are missing at the end");
+    let (status, log) = bridge.wait();
+    assert!(status.success(), "{log}");
+    assert!(
+        log.contains(&format!("made {made} received {made} lost 0")),
+        "{log}"
+    );
+    assert!(
+        seen["/encoded"] > 20 && seen["/neurodata_reconstructed"] > 15,
+        "{seen:?}"
+    );
+}
+
+#[test]
+fn a_reader_that_has_had_enough_ends_the_bridge_without_an_error() {
+    let device = Device::tcp(Board::new());
+    let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
+    let mut lines = BufReader::new(bridge.stdout()).lines();
+    lines.next().unwrap().unwrap();
+    drop(lines);
+    let (status, log) = bridge.wait();
+    assert!(status.success(), "{log}");
+}
+
+#[test]
+fn another_model_gives_codes_and_a_message_that_says_what_to_do() {
+    let device = Device::tcp(Board {
+        model_id: [9; 8],
+        ..Board::new()
+    });
+    let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
+    let lines = BufReader::new(bridge.stdout()).lines();
+    let topics: Vec<String> = lines
+        .take(30)
+        .map(|line| serde_json::from_str::<Value>(&line.unwrap()).unwrap()["topic"].to_string())
+        .collect();
+    assert!(topics.iter().any(|topic| topic.contains("encoded")));
+    assert!(!topics.iter().any(|topic| topic.contains("reconstructed")));
+    let (_, log) = bridge.wait();
+    assert!(
+        log.contains("0909090909090909") && log.contains("--model"),
+        "{log}"
+    );
+}

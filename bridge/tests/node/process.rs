@@ -1,0 +1,73 @@
+//! The bridge as a child process.
+
+use std::io::Read;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+/// How long anything may take on a machine that is busy with other things.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
+
+/// The bridge as a child process; killed when dropped.
+pub(crate) struct Bridge {
+    child: Child,
+}
+
+impl Bridge {
+    pub(crate) fn start(arguments: &[&str]) -> Bridge {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_corticode-bridge"));
+        for variable in [
+            "ROS_MASTER_URI",
+            "ROS_NAMESPACE",
+            "ROS_HOSTNAME",
+            "RUST_LOG",
+        ] {
+            command.env_remove(variable);
+        }
+        command.env("ROS_IP", "127.0.0.1").args(arguments);
+        command
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        Bridge {
+            child: command.spawn().unwrap(),
+        }
+    }
+
+    pub(crate) fn stdout(&mut self) -> std::process::ChildStdout {
+        self.child.stdout.take().unwrap()
+    }
+
+    pub(crate) fn signal(&self, signal: Signal) {
+        let pid = Pid::from_raw(i32::try_from(self.child.id()).unwrap()).unwrap();
+        kill_process(pid, signal).unwrap();
+    }
+
+    /// Its exit status and all it wrote to stderr.
+    pub(crate) fn wait(mut self) -> (ExitStatus, String) {
+        let deadline = Instant::now() + PATIENCE;
+        let status = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status;
+            }
+            assert!(Instant::now() < deadline, "the bridge does not end");
+            std::thread::sleep(Duration::from_millis(10));
+        };
+        let mut text = String::new();
+        self.child
+            .stderr
+            .take()
+            .unwrap()
+            .read_to_string(&mut text)
+            .unwrap();
+        (status, text)
+    }
+}
+
+impl Drop for Bridge {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,114 @@
+//! Ports that go and come back.
+
+use std::io::{BufRead, BufReader};
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::board::Board;
+use crate::device::Device;
+use crate::process::{Bridge, PATIENCE};
+
+/// Frames of `/encoded` as they come, with the time when they did.
+fn encoded(bridge: &mut Bridge) -> Receiver<(Instant, Value)> {
+    let (frames, receiver) = channel();
+    let lines = BufReader::new(bridge.stdout()).lines();
+    std::thread::spawn(move || {
+        for line in lines.map_while(Result::ok) {
+            let line: Value = serde_json::from_str(&line).unwrap();
+            if line["topic"] == "/encoded" && frames.send((Instant::now(), line)).is_err() {
+                return;
+            }
+        }
+    });
+    receiver
+}
+
+/// Unplug and plug in `times` times; how long it took each time until codes came again.
+fn replug(device: &Device, mut bridge: Bridge, times: u32) -> (Vec<Duration>, String) {
+    let frames = encoded(&mut bridge);
+    let mut outages = Vec::new();
+    for _ in 0..times {
+        for _ in 0..5 {
+            frames.recv_timeout(PATIENCE).unwrap();
+        }
+        device.controls.unplugged.store(true, Relaxed);
+        device.controls.hang_up.store(true, Relaxed);
+        std::thread::sleep(Duration::from_millis(150));
+        let plugged = Instant::now();
+        device.controls.unplugged.store(false, Relaxed);
+        while frames.recv_timeout(PATIENCE).unwrap().0 < plugged {}
+        outages.push(plugged.elapsed());
+    }
+    bridge.signal(Signal::TERM);
+    let mut next = None;
+    for (_, frame) in frames {
+        let seq = frame["message"]["neuroheader"]["seq"].as_u64().unwrap();
+        assert_eq!(next.unwrap_or(seq), seq);
+        next = Some(seq + 1);
+    }
+    let (status, log) = bridge.wait();
+    assert!(status.success(), "{log}");
+    (outages, log)
+}
+
+/// made, received, lost, fillers and connections of the last line.
+fn totals(log: &str) -> [u32; 5] {
+    let line = log.lines().last().unwrap();
+    ["made", "received", "lost", "fillers", "connections"].map(|name| {
+        let mut words = line.split_whitespace();
+        words.find(|word| *word == name).unwrap();
+        words.next().unwrap().parse().unwrap()
+    })
+}
+
+#[test]
+fn a_pseudoterminal_that_comes_back_under_another_name_is_opened_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("board");
+    let device = Device::pty(Board::new(), &path);
+    let bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
+    let (outages, log) = replug(&device, bridge, 8);
+    println!("back after {outages:?}");
+    let [made, received, lost, fillers, connections] = totals(&log);
+    assert_eq!(connections, 9, "{log}");
+    assert_eq!(made, device.controls.made.load(Relaxed), "{log}");
+    assert_eq!((received + lost, fillers), (made, lost), "{log}");
+    assert!(lost > 0);
+    // The requirement is 1 s; a busy machine gets another.
+    assert!(
+        outages
+            .iter()
+            .all(|outage| *outage < Duration::from_secs(2)),
+        "{outages:?}"
+    );
+}
+
+#[test]
+fn a_connection_that_breaks_is_made_again() {
+    let device = Device::tcp(Board::new());
+    let bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
+    let (_, log) = replug(&device, bridge, 3);
+    let [made, received, lost, ..] = totals(&log);
+    assert_eq!(made, device.controls.made.load(Relaxed), "{log}");
+    assert_eq!(received + lost, made, "{log}");
+}
+
+#[test]
+fn a_device_that_is_not_there_yet_is_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("board");
+    let port = path.display().to_string();
+    let mut bridge = Bridge::start(&["--port", &port, "--sink", "ndjson"]);
+    let frames = encoded(&mut bridge);
+    std::thread::sleep(Duration::from_millis(300));
+    let _device = Device::pty(Board::new(), &path);
+    frames.recv_timeout(PATIENCE).unwrap();
+    bridge.signal(Signal::TERM);
+    let (status, log) = bridge.wait();
+    assert!(status.success(), "{log}");
+    assert!(log.contains("plug the device in"), "{log}");
+}
