@@ -7,10 +7,13 @@ mod run;
 use std::{error::Error, process::ExitCode};
 
 use clap::Parser as _;
+use host_sim::SessionError;
 
 use command_line::{Command, CommandLine};
 
-/// Exit status: a device, port or file could not be reached.
+/// Exit status: the input cannot be used.
+const UNUSABLE: u8 = 2;
+/// Exit status: the output cannot be reached.
 const UNREACHABLE: u8 = 3;
 
 fn main() -> ExitCode {
@@ -22,7 +25,8 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("host-sim: {}", chain(&*error));
-            ExitCode::from(UNREACHABLE)
+            let unreachable = error.downcast_ref().is_some_and(SessionError::is_of_output);
+            ExitCode::from(if unreachable { UNREACHABLE } else { UNUSABLE })
         }
     }
 }

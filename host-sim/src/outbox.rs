@@ -2,6 +2,7 @@
 
 use std::{
     collections::VecDeque,
+    io,
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
     time::{Duration, Instant},
 };
@@ -16,6 +17,8 @@ pub enum WhenFull {
 }
 
 /// A bounded queue of frames between the board and the writer of a port.
+///
+/// Every frame that is pushed is written or counted as dropped, whatever happens.
 #[derive(Clone, Debug)]
 pub struct Outbox {
     shared: Arc<Shared>,
@@ -31,10 +34,11 @@ struct Shared {
 #[derive(Debug, Default)]
 struct Queue {
     frames: VecDeque<Vec<u8>>,
-    /// A frame was taken and its bytes may not be out yet.
+    /// A frame was taken and is neither written nor lost yet.
     writing: bool,
     closed: bool,
     dropped: u32,
+    failure: Option<io::Error>,
 }
 
 /// Frames that wait at most: 4 s of codes.
@@ -53,31 +57,44 @@ impl Outbox {
         }
     }
 
-    /// Puts a frame at the end. Frames for a closed outbox count as dropped.
+    /// What happens when the queue is full.
+    pub fn when_full(&self) -> WhenFull {
+        self.when_full
+    }
+
+    /// Waits until there is room, at most `patience`; true when there is. A queue that drops always
+    /// has room.
+    pub fn wait_for_room(&self, patience: Duration) -> bool {
+        let full = |queue: &Queue| queue.frames.len() >= CAPACITY && !queue.closed;
+        self.when_full == WhenFull::DropOldest || self.wait_while(patience, full)
+    }
+
+    /// Puts a frame at the end. A full queue drops its oldest frame, or, if it is one that waits,
+    /// grows: wait for room before a frame is made. Frames for a closed outbox count as dropped.
     pub fn push(&self, frame: &[u8]) {
         let mut queue = self.lock();
-        while self.when_full == WhenFull::Wait && queue.frames.len() >= CAPACITY && !queue.closed {
-            queue = self.wait(queue);
-        }
         if queue.closed {
-            queue.dropped = queue.dropped.wrapping_add(1);
+            queue.drop_frames(1);
             return;
         }
-        if queue.frames.len() >= CAPACITY {
+        if queue.frames.len() >= CAPACITY && self.when_full == WhenFull::DropOldest {
             queue.frames.pop_front();
-            queue.dropped = queue.dropped.wrapping_add(1);
+            queue.drop_frames(1);
         }
         queue.frames.push_back(frame.to_vec());
         self.shared.changed.notify_all();
     }
 
-    /// The oldest frame, waiting for one; none when the outbox is closed and empty.
+    /// The oldest frame, waiting for one; none when the outbox is closed. Follow it by
+    /// [`Outbox::written`] or [`Outbox::lost`].
     pub fn take(&self) -> Option<Vec<u8>> {
         let mut queue = self.lock();
-        queue.writing = false;
-        self.shared.changed.notify_all();
         while queue.frames.is_empty() && !queue.closed {
-            queue = self.wait(queue);
+            queue = self
+                .shared
+                .changed
+                .wait(queue)
+                .unwrap_or_else(PoisonError::into_inner);
         }
         let frame = queue.frames.pop_front();
         queue.writing = frame.is_some();
@@ -85,10 +102,21 @@ impl Outbox {
         frame
     }
 
-    /// Counts a frame that was taken but could not be written.
-    pub fn lost(&self) {
+    /// The frame that was taken is out.
+    pub fn written(&self) {
+        self.lock().writing = false;
+        self.shared.changed.notify_all();
+    }
+
+    /// The frame that was taken could not be written, and why; the first reason is kept.
+    pub fn lost(&self, reason: io::Error) {
         let mut queue = self.lock();
-        queue.dropped = queue.dropped.wrapping_add(1);
+        // A closed outbox has counted it already.
+        if std::mem::take(&mut queue.writing) {
+            queue.drop_frames(1);
+        }
+        queue.failure.get_or_insert(reason);
+        self.shared.changed.notify_all();
     }
 
     /// Frames that were dropped; wraps.
@@ -96,11 +124,41 @@ impl Outbox {
         self.lock().dropped
     }
 
+    /// Counts a frame that was made but never pushed.
+    pub fn count_dropped(&self) {
+        self.lock().drop_frames(1);
+    }
+
+    /// Why the first frame could not be written, once.
+    pub fn failure(&self) -> Option<io::Error> {
+        self.lock().failure.take()
+    }
+
+    /// Whether the outbox was closed.
+    pub fn is_closed(&self) -> bool {
+        self.lock().closed
+    }
+
     /// Waits until everything was written, at most `patience`; true when it was.
     pub fn drain(&self, patience: Duration) -> bool {
+        self.wait_while(patience, |queue| !queue.frames.is_empty() || queue.writing)
+    }
+
+    /// Ends [`Outbox::take`]; what was not written by now counts as dropped.
+    pub fn close(&self) {
+        let mut queue = self.lock();
+        let unsent = queue.frames.len() + usize::from(std::mem::take(&mut queue.writing));
+        queue.frames.clear();
+        queue.drop_frames(unsent);
+        queue.closed = true;
+        self.shared.changed.notify_all();
+    }
+
+    /// True when the condition ended within `patience`.
+    fn wait_while(&self, patience: Duration, condition: impl Fn(&Queue) -> bool) -> bool {
         let deadline = Instant::now() + patience;
         let mut queue = self.lock();
-        while !queue.frames.is_empty() || queue.writing {
+        while condition(&queue) {
             let Some(left) = deadline.checked_duration_since(Instant::now()) else {
                 return false;
             };
@@ -110,24 +168,18 @@ impl Outbox {
         true
     }
 
-    /// Ends [`Outbox::take`] once the queue is empty.
-    pub fn close(&self) {
-        self.lock().closed = true;
-        self.shared.changed.notify_all();
-    }
-
     fn lock(&self) -> MutexGuard<'_, Queue> {
         self.shared
             .queue
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
     }
+}
 
-    fn wait<'q>(&self, queue: MutexGuard<'q, Queue>) -> MutexGuard<'q, Queue> {
-        self.shared
-            .changed
-            .wait(queue)
-            .unwrap_or_else(PoisonError::into_inner)
+impl Queue {
+    fn drop_frames(&mut self, frames: usize) {
+        let frames = u32::try_from(frames).expect("the queue is bounded");
+        self.dropped = self.dropped.wrapping_add(frames);
     }
 }
 
@@ -135,10 +187,13 @@ impl Outbox {
 mod tests {
     use super::*;
 
+    const SOON: Duration = Duration::from_millis(20);
+
     #[test]
     fn a_full_outbox_drops_the_oldest_whole_frame_and_counts_it() {
         let outbox = Outbox::new(WhenFull::DropOldest);
         for index in 0..CAPACITY + 3 {
+            assert!(outbox.wait_for_room(SOON));
             outbox.push(&index.to_le_bytes());
         }
         assert_eq!(outbox.dropped(), 3);
@@ -148,19 +203,48 @@ mod tests {
     #[test]
     fn virtual_time_waits_for_the_writer_and_loses_nothing() {
         let outbox = Outbox::new(WhenFull::Wait);
-        let reader = outbox.clone();
+        let writer = outbox.clone();
         let received = std::thread::spawn(move || {
-            std::iter::from_fn(|| reader.take())
-                .map(|frame| frame[0])
-                .collect::<Vec<u8>>()
+            let mut received = Vec::new();
+            while let Some(frame) = writer.take() {
+                received.push(frame[0]);
+                writer.written();
+            }
+            received
         });
         let sent: Vec<u8> = (0..=255).collect();
         for &byte in &sent {
+            assert!(outbox.wait_for_room(Duration::from_secs(10)));
             outbox.push(&[byte]);
         }
         assert!(outbox.drain(Duration::from_secs(10)));
         outbox.close();
-        assert_eq!(received.join().expect("the reader ends"), sent);
+        assert_eq!(received.join().expect("the writer ends"), sent);
         assert_eq!(outbox.dropped(), 0);
+    }
+
+    #[test]
+    fn waiting_for_room_ends_when_nobody_writes() {
+        let outbox = Outbox::new(WhenFull::Wait);
+        (0..CAPACITY).for_each(|_| outbox.push(b"frame"));
+        assert!(!outbox.wait_for_room(SOON));
+        assert!(!outbox.drain(SOON));
+    }
+
+    #[test]
+    fn what_is_queued_or_half_written_when_the_outbox_closes_counts_as_dropped_once() {
+        let outbox = Outbox::new(WhenFull::DropOldest);
+        (0..5).for_each(|_| outbox.push(b"frame"));
+        assert!(outbox.take().is_some());
+        outbox.close();
+        outbox.lost(io::ErrorKind::BrokenPipe.into());
+        outbox.push(b"too late");
+        assert_eq!(outbox.dropped(), 6);
+        assert_eq!(outbox.take(), None);
+        assert!(
+            outbox
+                .failure()
+                .is_some_and(|e| e.kind() == io::ErrorKind::BrokenPipe)
+        );
     }
 }

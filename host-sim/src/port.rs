@@ -18,7 +18,10 @@ use rustix::{
     termios::{OptionalActions, tcgetattr, tcsetattr},
 };
 
-use crate::Outbox;
+use crate::{Outbox, WhenFull};
+
+/// Pause before something is tried again that just failed.
+const RETRY: Duration = Duration::from_millis(20);
 
 /// Where the frames go.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -164,16 +167,19 @@ impl Port {
         }
     }
 
-    /// Waits until the host has read what was written, at most `patience`: closing a
-    /// pseudo-terminal throws unread bytes away.
-    pub fn linger(&self, patience: Duration) {
-        let Some(pty) = &self.pty else { return };
+    /// Waits until the host has read what was written, at most `patience`, and gives the bytes that
+    /// it has not read: closing a pseudo-terminal throws them away.
+    pub fn linger(&self, patience: Duration) -> u64 {
+        let Some(pty) = &self.pty else { return 0 };
+        let unread = || rustix::io::ioctl_fionread(&pty.terminal).unwrap_or(0);
         let deadline = Instant::now() + patience;
-        while Instant::now() < deadline
-            && rustix::io::ioctl_fionread(&pty.terminal).is_ok_and(|unread| unread > 0)
-        {
-            thread::sleep(Duration::from_millis(5));
+        // Bytes may still be on their way to the terminal's queue: it must be empty twice.
+        let mut empty = 0;
+        while Instant::now() < deadline && empty < 2 {
+            thread::sleep(RETRY);
+            empty = if unread() == 0 { empty + 1 } else { 0 };
         }
+        unread()
     }
 }
 
@@ -231,8 +237,9 @@ fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
 /// Writes frames until the outbox is closed; a frame that cannot be written is counted.
 fn write_all_to(mut out: impl Write, outbox: &Outbox) {
     while let Some(frame) = outbox.take() {
-        if out.write_all(&frame).and_then(|()| out.flush()).is_err() {
-            outbox.lost();
+        match out.write_all(&frame).and_then(|()| out.flush()) {
+            Ok(()) => outbox.written(),
+            Err(error) => outbox.lost(error),
         }
     }
 }
@@ -254,38 +261,59 @@ fn forward(mut input: impl Read, commands: &mpsc::Sender<Vec<u8>>) {
     }
 }
 
-/// Serves one host at a time; a new connection takes over from the old one. Frames without a host
-/// are dropped and counted.
+/// The host that is connected now, if one is.
+type CurrentHost = Arc<Mutex<Option<Arc<TcpStream>>>>;
+
+/// Serves one host at a time; a new connection takes over from the old one. Without a host, frames
+/// are dropped and counted, or, in virtual time, wait for one.
 fn serve(listener: TcpListener, outbox: &Outbox, commands: &mpsc::Sender<Vec<u8>>) {
-    let host: Arc<Mutex<Option<Arc<TcpStream>>>> = Arc::default();
+    let host = CurrentHost::default();
     let (current, commands) = (host.clone(), commands.clone());
-    thread::spawn(move || {
-        for stream in listener.incoming().flatten() {
-            let (Ok(()), Ok(reader)) = (stream.set_nodelay(true), stream.try_clone()) else {
-                continue;
-            };
-            let old = current
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .replace(Arc::new(stream));
-            if let Some(old) = old {
-                // The old host may be gone already.
-                let _ = old.shutdown(std::net::Shutdown::Both);
-            }
-            let commands = commands.clone();
-            thread::spawn(move || forward(reader, &commands));
-        }
-    });
+    thread::spawn(move || accept(&listener, &current, &commands));
     let outbox = outbox.clone();
     thread::spawn(move || {
         while let Some(frame) = outbox.take() {
-            let host = host.lock().unwrap_or_else(PoisonError::into_inner).clone();
-            let sent = host.is_some_and(|host| (&*host).write_all(&frame).is_ok());
-            if !sent {
-                outbox.lost();
+            match send(&frame, &host, &outbox) {
+                Ok(()) => outbox.written(),
+                Err(error) => outbox.lost(error),
             }
         }
     });
+}
+
+fn accept(listener: &TcpListener, current: &CurrentHost, commands: &mpsc::Sender<Vec<u8>>) {
+    loop {
+        let Ok((stream, _)) = listener.accept() else {
+            // Out of descriptors, most likely: trying again at once would only burn the processor.
+            thread::sleep(RETRY);
+            continue;
+        };
+        let (Ok(()), Ok(reader)) = (stream.set_nodelay(true), stream.try_clone()) else {
+            continue;
+        };
+        let mut current = current.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(old) = current.replace(Arc::new(stream)) {
+            // The old host may be gone already.
+            let _ = old.shutdown(std::net::Shutdown::Both);
+        }
+        let commands = commands.clone();
+        thread::spawn(move || forward(reader, &commands));
+    }
+}
+
+/// Sends a frame to the current host. In virtual time a frame waits until a host takes it.
+fn send(frame: &[u8], host: &CurrentHost, outbox: &Outbox) -> io::Result<()> {
+    loop {
+        let current = host.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let outcome = match current {
+            Some(current) => (&*current).write_all(frame),
+            None => Err(io::ErrorKind::NotConnected.into()),
+        };
+        if outcome.is_ok() || outbox.when_full() == WhenFull::DropOldest || outbox.is_closed() {
+            return outcome;
+        }
+        thread::sleep(RETRY);
+    }
 }
 
 #[cfg(test)]

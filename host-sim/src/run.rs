@@ -13,7 +13,7 @@ use host_sim::{
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use pipeline::Mains;
-use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
+use recordings::{AdcSpec, MontageMap, Recording, VirtualAdc};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::command_line::{Input, MainsHz, RunOptions};
@@ -93,11 +93,12 @@ fn open(options: &RunOptions) -> Result<Source, Box<dyn Error>> {
         Input::Synthetic => {
             let mut spec = SyntheticSpec::new(options.seed, model::LABELS.split(' '));
             spec.mains_hz = options.mains.hz().into();
+            spec.rate_hz = model::ADC_RATE_HZ.into();
             spec.rails = options.rails;
             Source::Synthetic(Box::new(Generator::new(&spec)?))
         }
         Input::Recording(path) => {
-            let adc = play(path, options.missing.into())?;
+            let adc = play(path, options)?;
             if !options.quiet {
                 for warning in adc.recording().warnings() {
                     eprintln!("warning: {warning}");
@@ -109,11 +110,13 @@ fn open(options: &RunOptions) -> Result<Source, Box<dyn Error>> {
 }
 
 /// A recording through the virtual ADC, laid on the model's montage.
-fn play(path: &Path, missing: Missing) -> Result<VirtualAdc, Box<dyn Error>> {
+fn play(path: &Path, options: &RunOptions) -> Result<VirtualAdc, Box<dyn Error>> {
     let recording = Recording::open(path)?;
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
-    let map = MontageMap::new(&recording.labels(), &electrodes, missing)?;
-    eprintln!("{map}");
+    let map = MontageMap::new(&recording.labels(), &electrodes, options.missing.into())?;
+    if !options.quiet {
+        eprintln!("{map}");
+    }
     let spec = AdcSpec {
         rate_hz: model::ADC_RATE_HZ.into(),
         lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
@@ -151,6 +154,9 @@ fn summary(report: &Report, source: &Source) -> String {
         stats.frames_dropped,
         stats.clipped
     );
+    if report.unread_bytes > 0 {
+        text = format!("{text}; {} bytes were never read", report.unread_bytes);
+    }
     if let Source::Recording(adc) = source {
         let counters = adc.counters();
         text = format!(

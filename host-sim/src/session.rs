@@ -46,6 +46,15 @@ pub enum SessionError {
         #[source]
         source: PortError,
     },
+    /// Frames could not be written to a file.
+    #[error("cannot write to {output}; is the disk full?")]
+    Write {
+        /// The output.
+        output: Output,
+        /// Why.
+        #[source]
+        source: std::io::Error,
+    },
     /// The recording could not be read on; what came before was sent.
     #[error("the recording broke off after {samples} samples of the ADC; they were sent")]
     Source {
@@ -57,13 +66,22 @@ pub enum SessionError {
     },
 }
 
+impl SessionError {
+    /// Whether the output failed, not the input.
+    pub fn is_of_output(&self) -> bool {
+        !matches!(self, Self::Source { .. })
+    }
+}
+
 /// What a run did.
 #[derive(Clone, Copy, Debug)]
 pub struct Report {
     /// The board's counters.
     pub stats: Stats,
-    /// Time spent with the source running.
+    /// From the first `Start` to the last sample.
     pub elapsed: Duration,
+    /// Bytes that were written to a pseudo-terminal and that nobody had read at the end.
+    pub unread_bytes: u64,
 }
 
 impl Report {
@@ -82,7 +100,7 @@ impl Session {
     /// called once per second of signal.
     ///
     /// # Errors
-    /// When the output cannot be opened or the recording not be read on.
+    /// When the output cannot be opened, a file not be written or the recording not be read on.
     pub fn run(
         &self,
         source: &mut Source,
@@ -107,7 +125,7 @@ impl Session {
             );
         }
 
-        let mut begun = Instant::now();
+        let mut begun = None;
         let mut samples = 0;
         let outcome = loop {
             if stop.load(Ordering::Relaxed) || self.limit == Some(samples) {
@@ -122,10 +140,13 @@ impl Session {
                 }
                 if board.is_streaming() {
                     clock.begin();
-                    begun = if samples == 0 { Instant::now() } else { begun };
                 }
                 continue;
             }
+            if !outbox.wait_for_room(IDLE) {
+                continue;
+            }
+            begun.get_or_insert_with(Instant::now);
             clock.wait_for_next();
             match source.next_sample() {
                 Ok(Some(sample)) => board.sample(&sample, clock.next_drdy_us()),
@@ -137,14 +158,25 @@ impl Session {
                 watch(&board.stats());
             }
         };
+        let elapsed = begun.map_or(Duration::ZERO, |begun: Instant| begun.elapsed());
         board.send_stats(clock.now_us());
-        if outbox.drain(FAREWELL) {
-            port.linger(FAREWELL);
-        }
+        let unread_bytes = if outbox.drain(FAREWELL) {
+            port.linger(FAREWELL)
+        } else {
+            0
+        };
         outbox.close();
-        outcome.map(|()| Report {
+        outcome?;
+        if let (Output::File(_), Some(source)) = (&self.output, outbox.failure()) {
+            return Err(SessionError::Write {
+                output: self.output.clone(),
+                source,
+            });
+        }
+        Ok(Report {
             stats: board.stats(),
-            elapsed: begun.elapsed(),
+            elapsed,
+            unread_bytes,
         })
     }
 

@@ -5,6 +5,8 @@ use recordings::{RecordingError, VirtualAdc};
 
 use crate::synthetic::Generator;
 
+const _: () = assert!(model::CHANNELS == recordings::virtual_adc::CHANNELS);
+
 /// A stream of samples at the ADC's rate.
 pub enum Source {
     /// A recording through the virtual ADC; it ends.

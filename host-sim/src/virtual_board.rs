@@ -2,11 +2,18 @@
 
 use link::{
     Ack, AckResult, Capabilities, Code as CodeMessage, Counters, Decoder, Encoder, Flags,
-    FrameError, Hello, MAX_FRAME, ResetCause, Start, Stats, Streams, ToDevice, ToHost,
+    FrameError, Hello, MAX_FRAME, MAX_LABELS_BYTES, MAX_TEXT_BYTES, ResetCause, Start, Stats,
+    Streams, ToDevice, ToHost,
 };
-use pipeline::{Code, Mains, Pipeline, Sample};
+use pipeline::{Acquisition, Code, Encoder as CodeEncoder, Mains, Sample};
 
 use crate::Outbox;
+
+const _: () = {
+    assert!(model::LABELS.len() <= MAX_LABELS_BYTES);
+    assert!(model::MAINS_50.description.len() <= MAX_TEXT_BYTES);
+    assert!(model::MAINS_60.description.len() <= MAX_TEXT_BYTES);
+};
 
 /// Streams that this board has.
 const STREAMS: Streams = Streams::CODES;
@@ -27,12 +34,17 @@ pub struct Identity {
 pub struct VirtualBoard {
     identity: Identity,
     mains: Mains,
-    pipeline: Pipeline,
+    acquisition: Acquisition,
+    code_encoder: CodeEncoder<'static>,
     streams: Streams,
     outbox: Outbox,
     encoder: Encoder,
     decoder: Decoder,
     stats: Stats,
+    /// Values that the int8 input clipped before the last `Start`.
+    clipped_before: u32,
+    /// Code values that were clipped.
+    clipped_values: u32,
 }
 
 impl VirtualBoard {
@@ -41,12 +53,15 @@ impl VirtualBoard {
         let mut board = Self {
             identity,
             mains,
-            pipeline: Pipeline::new(mains),
+            acquisition: Acquisition::new(mains),
+            code_encoder: CodeEncoder::new(),
             streams: Streams::empty(),
             outbox,
             encoder: Encoder::default(),
             decoder: Decoder::new(),
             stats: Stats::default(),
+            clipped_before: 0,
+            clipped_values: 0,
         };
         board.introduce(0);
         board
@@ -89,10 +104,11 @@ impl VirtualBoard {
             return;
         }
         self.stats.samples += 1;
-        if let Some(code) = self.pipeline.push(sample) {
+        let step = self.acquisition.push(sample);
+        if let Some(code) = step.and_then(|step| self.code_encoder.push(&step)) {
             self.stats.codes_made = self.stats.codes_made.wrapping_add(1);
             self.stats.next_window = code.window.wrapping_add(1);
-            self.stats.clipped = self.stats.clipped.wrapping_add(u32::from(code.clipped));
+            self.clipped_values = self.clipped_values.wrapping_add(code.clipped_values.into());
             self.send(now_us, &ToHost::Code(message(&code)));
         }
         if self
@@ -114,9 +130,17 @@ impl VirtualBoard {
         Stats {
             streams: self.streams,
             frames_dropped: self.outbox.dropped(),
+            clipped: self.clipped(),
             input_bad: input_bad(self.decoder.counters()),
             ..self.stats
         }
+    }
+
+    /// Values clipped on their way into int8 since boot, each once.
+    fn clipped(&self) -> u32 {
+        self.clipped_before
+            .wrapping_add(self.acquisition.clipped())
+            .wrapping_add(self.clipped_values)
     }
 
     /// Sends the counters; a board does so every second and after `Stop`.
@@ -160,7 +184,9 @@ impl VirtualBoard {
             self.mains = mains;
             self.send_capabilities(now_us);
         }
-        self.pipeline = Pipeline::new(mains);
+        self.clipped_before = self.clipped_before.wrapping_add(self.acquisition.clipped());
+        self.acquisition = Acquisition::new(mains);
+        self.code_encoder = CodeEncoder::new();
         self.stats.next_window = 0;
         self.streams = start.streams;
         AckResult::Done
@@ -209,17 +235,18 @@ impl VirtualBoard {
         match self.encoder.encode(now_us, message, &mut buffer) {
             Ok(frame) => self.outbox.push(frame),
             // Numbered but not sendable: the host sees the gap, the count says why.
-            Err(_) => self.outbox.lost(),
+            Err(_) => self.outbox.count_dropped(),
         }
     }
 }
 
 fn message(code: &Code) -> CodeMessage {
+    let clipped = code.clipped.saturating_add(code.clipped_values.into());
     let mut flags = Flags::empty();
     for (set, flag) in [
         (code.saturated > 0, Flags::SATURATED),
         (code.settling, Flags::SETTLING),
-        (code.clipped > 0, Flags::CLIPPED),
+        (clipped > 0, Flags::CLIPPED),
     ] {
         if set {
             flags |= flag;
@@ -230,7 +257,7 @@ fn message(code: &Code) -> CodeMessage {
         window: code.window,
         first_sample: code.first_sample,
         flags,
-        clipped: code.clipped,
+        clipped,
         values: code.values,
     }
 }
@@ -279,10 +306,11 @@ mod tests {
 
     /// All frames in the outbox, decoded by `look`, with their seq.
     fn frames<T>(outbox: &Outbox, look: impl Fn(ToHost<'_>) -> Option<T>) -> Vec<T> {
-        outbox.close();
         let mut decoder = Decoder::<MAX_FRAME>::new();
         let mut seen = Vec::new();
-        while let Some(frame) = outbox.take() {
+        while !outbox.drain(std::time::Duration::ZERO) {
+            let frame = outbox.take().expect("a frame waits");
+            outbox.written();
             let mut bytes = &frame[..];
             while let Some(outcome) = decoder.next::<ToHost<'_>>(&mut bytes) {
                 seen.extend(look(outcome.expect("the board sends sound frames").message));
@@ -368,6 +396,33 @@ mod tests {
         let per_second = (512 / 4 - 16) / 8 + 1;
         let expected: Vec<u32> = (0..per_second).chain(0..per_second).collect();
         assert_eq!(windows, expected);
+    }
+
+    #[test]
+    fn a_clipped_value_is_counted_once_though_two_windows_hold_it() {
+        let (mut board, outbox) = board();
+        let mut host = Encoder::default();
+        send(&mut board, &mut host, START);
+        for index in 0..512 {
+            let mut sample = Sample::default();
+            sample.counts[20] = if index == 200 { Sample::MAX } else { 0 };
+            board.sample(&sample, 0);
+        }
+        let marked = frames(&outbox, |message| match message {
+            ToHost::Code(code) if code.clipped > 0 => Some(code.clipped),
+            _ => None,
+        });
+        let total: u32 = marked.iter().map(|&clipped| u32::from(clipped)).sum();
+        let once = board.acquisition.clipped();
+        assert!(
+            (1..64).contains(&once),
+            "one electrode, while the impulse response lasts"
+        );
+        assert_eq!(board.stats().clipped - board.clipped_values, once);
+        assert!(
+            total > board.stats().clipped,
+            "overlapping windows count it twice"
+        );
     }
 
     #[test]

@@ -25,9 +25,13 @@ impl Conv3d<'_> {
         self.input.convolved(self.output_channels)
     }
 
-    /// True when weights and bias have the lengths that the shapes ask for; assert it in `const`.
-    pub const fn is_consistent(&self) -> bool {
-        self.weights.len() == 27 * self.input.channels * self.output_channels
+    /// True when this convolution maps `input` to `output` and weights and bias have the lengths
+    /// that this asks for; assert it in `const`.
+    pub const fn is_consistent(&self, input: PlaneShape, output: PlaneShape) -> bool {
+        self.input.equals(input)
+            && self.output().equals(output)
+            && self.output_channels > 0
+            && self.weights.len() == 27 * self.input.channels * self.output_channels
             && self.bias.len() == self.output_channels
     }
 
@@ -38,7 +42,8 @@ impl Conv3d<'_> {
     /// bias + sum of 27 * channels products, wrapping.
     ///
     /// # Panics
-    /// When a slice is shorter than its shape says.
+    /// When a slice is shorter than its shape says; with [`Conv3d::is_consistent`] only the
+    /// arguments can be.
     pub fn plane<T: Copy + Into<i32>>(&self, planes: [&[T]; 3], accumulators: &mut [i32]) {
         let output = self.output();
         let outputs = self.output_channels;
@@ -93,7 +98,14 @@ mod tests {
             weights: &weights,
             bias: &[10, 20, 30],
         };
-        assert!(conv.is_consistent());
+        assert!(conv.is_consistent(
+            input,
+            PlaneShape {
+                rows: 2,
+                columns: 3,
+                channels: 3
+            }
+        ));
         let latest: vec::Vec<u8> = (0..40).collect();
         let zero = vec![0_u8; 40];
         let mut sums = vec![0; conv.output().len()];

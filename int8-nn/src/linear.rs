@@ -15,14 +15,19 @@ pub struct Linear<'w> {
 }
 
 impl Linear<'_> {
+    /// True when this is a matrix from `inputs` to `outputs` numbers; assert it in `const`.
+    pub const fn is_consistent(&self, inputs: usize, outputs: usize) -> bool {
+        self.outputs == outputs && outputs > 0 && self.weights.len() == inputs * outputs
+    }
+
     /// Adds `weights * inputs` to the accumulators, wrapping.
     ///
     /// # Panics
-    /// When the lengths do not fit: `inputs.len() * outputs == weights.len()`.
+    /// When `accumulators` is shorter than the outputs; in debug builds also when the number of
+    /// inputs is not that of the matrix.
     pub fn accumulate<T: Copy + Into<i32>>(&self, inputs: &[T], accumulators: &mut [i32]) {
-        assert_eq!(
-            inputs.len() * self.outputs,
-            self.weights.len(),
+        debug_assert!(
+            self.is_consistent(inputs.len(), self.outputs),
             "inputs of a linear layer"
         );
         let sums = &mut accumulators[..self.outputs];

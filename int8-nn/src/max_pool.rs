@@ -10,8 +10,14 @@ use crate::{PlaneShape, requantise, saturate_u8};
 /// what a batch norm with a negative factor behind the ReLU needs (weights and bias negated).
 ///
 /// # Panics
-/// When a slice is shorter than its shape says.
+/// When a plane is shorter than its shape says or the shape has no channel; in debug builds also
+/// when there is not one multiplier per channel.
 pub fn max_pool(shape: PlaneShape, planes: [&[i32]; 2], multipliers: &[i32], pooled: &mut [u8]) {
+    debug_assert_eq!(
+        multipliers.len(),
+        shape.channels,
+        "one multiplier per channel"
+    );
     let output = shape.pooled();
     for (position, outputs) in pooled[..output.len()]
         .chunks_exact_mut(output.channels)
@@ -36,7 +42,15 @@ pub fn max_pool(shape: PlaneShape, planes: [&[i32]; 2], multipliers: &[i32], poo
 
 /// Requantises a plane of accumulators to `u8` (which is also the ReLU), one multiplier per
 /// channel.
+///
+/// # Panics
+/// When there are no multipliers; in debug builds also when the planes differ in length.
 pub fn requantise_plane(accumulators: &[i32], multipliers: &[i32], plane: &mut [u8]) {
+    debug_assert_eq!(
+        accumulators.len(),
+        plane.len(),
+        "one activation per accumulator"
+    );
     let channels = multipliers.len();
     for (sums, outputs) in accumulators
         .chunks_exact(channels)

@@ -22,6 +22,11 @@ impl PlaneShape {
         self.len() == 0
     }
 
+    /// Equality in `const`.
+    pub const fn equals(self, other: Self) -> bool {
+        self.rows == other.rows && self.columns == other.columns && self.channels == other.channels
+    }
+
     /// Index of the first channel of a position.
     pub const fn at(self, row: usize, column: usize) -> usize {
         (row * self.columns + column) * self.channels

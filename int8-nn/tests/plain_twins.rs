@@ -83,8 +83,8 @@ proptest! {
             weights: &case.weights,
             bias: &case.bias,
         };
-        prop_assert!(conv.is_consistent());
         let output = conv.output();
+        prop_assert!(conv.is_consistent(case.input, output));
         let mut sums = vec![0; output.len()];
         conv.plane(case.planes.each_ref().map(|plane| &plane[..]), &mut sums);
         for row in 0..output.rows {

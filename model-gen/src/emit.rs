@@ -6,7 +6,9 @@ use fixed_dsp::{Coefficient, Section, Shape};
 
 use crate::{
     device_model::{DeviceModel, MainsFilter},
-    integer_model::{CODE, CONV1, CONV2, ELECTRODES, FLAT, POOLED, STEPS},
+    headroom::GUARD_BITS,
+    integer_model::{IntegerConv, POOLED, STEPS},
+    pack,
 };
 
 /// The generated part of the `model` crate.
@@ -17,15 +19,11 @@ pub fn rust(model: &DeviceModel) -> String {
     for filter in &model.filters {
         out.mains_filter(filter);
     }
-    out.convolution(
-        "CONV1",
-        "First convolution, on the int8 scalp grid.",
-        model,
-        0,
-    );
-    out.convolution("CONV2", "Second convolution, on u8 activations.", model, 1);
+    out.convolution("CONV1", &model.integers.conv1);
+    out.convolution("CONV2", &model.integers.conv2);
     out.linear(model);
     out.codes(model);
+    out.network();
     out.text
 }
 
@@ -82,6 +80,10 @@ impl Source {
             format_args!("pub const HOP: usize = {};", description.window.hop),
         );
         self.item(
+            "Bits below a count that a filtered sample carries.",
+            format_args!("pub const GUARD_BITS: u32 = {GUARD_BITS};"),
+        );
+        self.item(
             "From a filtered sample (counts, Q28.4) to a step of the int8 input, Q0.32.",
             format_args!(
                 "pub const INPUT_MULTIPLIER: i32 = {};",
@@ -108,7 +110,7 @@ impl Source {
         let labels = &model.description.montage.electrodes;
         self.item(
             "Electrode labels, blank-separated; the index is the ADC channel.",
-            format_args!("pub const LABELS: &str = \"{}\";", labels.join(" ")),
+            format_args!("pub const LABELS: &str = {:?};", labels.join(" ")),
         );
         self.array(
             "Cell of the scalp grid (row * 9 + column) of each electrode.",
@@ -148,7 +150,7 @@ impl Source {
             "    settling_samples: {},",
             separated(filter.settling_samples)
         ));
-        self.line(format_args!("    description: \"{}\",", filter.description));
+        self.line(format_args!("    description: {:?},", filter.description));
         self.line("};");
         self.line("");
     }
@@ -184,41 +186,12 @@ impl Source {
         self.line("            },");
     }
 
-    fn convolution(&mut self, name: &str, doc: &str, model: &DeviceModel, layer: usize) {
-        let (conv, inputs, outputs, shape) = match layer {
-            0 => (
-                &model.integers.conv1,
-                1,
-                CONV1,
-                "PlaneShape { rows: 10, columns: 9, channels: 1 }",
-            ),
-            _ => (
-                &model.integers.conv2,
-                CONV1,
-                CONV2,
-                "PlaneShape { rows: 8, columns: 7, channels: CONV1.output_channels }",
-            ),
-        };
-        let weights: Vec<i8> = (0..27 * inputs * outputs)
-            .map(|index| {
-                // [tap][in][out] from PyTorch's [out][in][tap].
-                let (tap, rest) = (index / (inputs * outputs), index % (inputs * outputs));
-                let (input, output) = (rest / outputs, rest % outputs);
-                conv.weights[(output * inputs + input) * 27 + tap]
-            })
-            .collect();
+    fn convolution(&mut self, name: &str, conv: &IntegerConv) {
+        let outputs = conv.bias.len();
         self.weights(
             &format!("Weights of {name}, `[time][row][column][input][output]`."),
             &format!("{name}_WEIGHTS"),
-            &weights,
-        );
-        self.item(
-            doc,
-            format_args!(
-                "pub static {name}: Conv3d<'static> = Conv3d {{\n    input: {shape},\n    \
-                 output_channels: {outputs},\n    weights: &{name}_WEIGHTS.0,\n    \
-                 bias: &{name}_BIAS,\n}};"
-            ),
+            &pack::convolution(conv),
         );
         self.array(
             &format!("Bias of {name}, accumulator steps."),
@@ -227,73 +200,76 @@ impl Source {
         );
         self.array(
             &format!("Requantisation factors behind {name}, Q0.32."),
-            &format!("pub static {name}_MULTIPLIERS: [i32; {outputs}]"),
+            &format!("static {name}_MULTIPLIERS: [i32; {outputs}]"),
             &conv.multipliers,
         );
     }
 
     fn linear(&mut self, model: &DeviceModel) {
-        let [steps, rows, columns] = POOLED;
-        let positions = rows * columns;
-        let fc: Vec<i8> = (0..FLAT * CODE)
-            .map(|index| {
-                // [plane][position][channel][out] from [out][channel][plane][position].
-                let (input, output) = (index / CODE, index % CODE);
-                let (plane, rest) = (input / (positions * CONV2), input % (positions * CONV2));
-                let (position, channel) = (rest / CONV2, rest % CONV2);
-                let source = (channel * steps + plane) * positions + position;
-                model.integers.fc.weights[output * FLAT + source]
-            })
-            .collect();
-        self.planes("FC", "fully connected layer", "pooled plane", steps, &fc);
-        let inputs = STEPS * ELECTRODES;
-        let shortcut: Vec<i8> = (0..inputs * CODE)
-            .map(|index| model.integers.shortcut.weights[index % CODE * inputs + index / CODE])
-            .collect();
+        let integers = &model.integers;
+        self.planes("FC", "pooled plane", &pack::fully_connected(&integers.fc));
         self.planes(
             "SHORTCUT",
-            "linear shortcut",
             "time step of a window",
-            STEPS,
-            &shortcut,
+            &pack::shortcut(&integers.shortcut),
         );
-        for (name, linear) in [
-            ("FC", &model.integers.fc),
-            ("SHORTCUT", &model.integers.shortcut),
-        ] {
+        for (name, linear) in [("FC", &integers.fc), ("SHORTCUT", &integers.shortcut)] {
             self.array(
                 &format!("Requantisation factors of {name} into the code, Q0.32."),
-                &format!("pub static {name}_MULTIPLIERS: [i32; CODE]"),
+                &format!("static {name}_MULTIPLIERS: [i32; CODE]"),
                 &linear.multipliers,
             );
         }
         self.array(
             "Bias of the fully connected layer, accumulator steps.",
-            "pub static FC_BIAS: [i32; CODE]",
-            &model.integers.fc_bias,
+            "static FC_BIAS: [i32; CODE]",
+            &integers.fc_bias,
         );
     }
 
-    fn planes(&mut self, name: &str, what: &str, plane: &str, planes: usize, weights: &[i8]) {
-        let each = weights.len() / planes;
-        for (index, weights) in weights.chunks_exact(each).enumerate() {
+    fn planes(&mut self, name: &str, plane: &str, matrices: &[Vec<i8>]) {
+        for (index, weights) in matrices.iter().enumerate() {
             self.weights(
-                &format!("Weights of the {what} for {plane} {index}, `[input][output]`."),
+                &format!("Weights of {name} for {plane} {index}, `[input][output]`."),
                 &format!("{name}_{index}_WEIGHTS"),
                 weights,
             );
         }
-        let mut list = String::new();
-        for index in 0..planes {
-            let _ = writeln!(
-                list,
-                "    Linear {{ outputs: CODE, weights: &{name}_{index}_WEIGHTS.0 }},"
-            );
+    }
+
+    fn network(&mut self) {
+        self.line("/// The encoder.");
+        self.line("pub static NETWORK: Network<'static> = Network {");
+        self.line("    hop: HOP,");
+        for (name, field, input, output) in [
+            ("CONV1", "conv1", "CELL_PLANE", "HIDDEN"),
+            ("CONV2", "conv2", "HIDDEN", "SUMS"),
+        ] {
+            self.line(format_args!("    {field}: Conv3d {{"));
+            self.line(format_args!("        input: {input},"));
+            self.line(format_args!("        output_channels: {output}.channels,"));
+            self.line(format_args!("        weights: &{name}_WEIGHTS.0,"));
+            self.line(format_args!("        bias: &{name}_BIAS,"));
+            self.line("    },");
+            self.line(format_args!(
+                "    {field}_multipliers: &{name}_MULTIPLIERS,"
+            ));
         }
-        self.item(
-            &format!("The {what}, one matrix for each {plane}."),
-            format_args!("pub static {name}: [Linear<'static>; {planes}] = [\n{list}];"),
-        );
+        for (name, field, matrices) in [("FC", "fc", POOLED[0]), ("SHORTCUT", "shortcut", STEPS)] {
+            self.line(format_args!("    {field}: ["));
+            for index in 0..matrices {
+                self.line(format_args!(
+                    "        Linear {{ outputs: CODE, weights: &{name}_{index}_WEIGHTS.0 }},"
+                ));
+            }
+            self.line("    ],");
+            self.line(format_args!(
+                "    {field}_multipliers: &{name}_MULTIPLIERS,"
+            ));
+        }
+        self.line("    fc_bias: &FC_BIAS,");
+        self.line("    code_zero_point: &CODE_ZERO_POINT,");
+        self.line("};");
     }
 
     fn codes(&mut self, model: &DeviceModel) {

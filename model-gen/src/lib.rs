@@ -12,6 +12,7 @@ mod error;
 pub mod headroom;
 mod integer_model;
 mod manifest;
+pub mod pack;
 mod quantise;
 pub mod response;
 mod rounding;

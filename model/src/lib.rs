@@ -8,8 +8,12 @@
 #[cfg(test)]
 extern crate std;
 
+mod network;
+
 use fixed_dsp::{Cascade, Coefficient, Section, Shape};
-use int8_nn::{Conv3d, Linear, PlaneShape};
+use int8_nn::{Conv3d, Linear};
+
+pub use network::{CELL_PLANE, HIDDEN, Network, POOLED_STEPS, SUMS};
 
 /// Electrodes of the montage; electrode `e` is wired to ADC channel `e`.
 pub const ELECTRODES: usize = 61;
@@ -46,9 +50,8 @@ struct Aligned<const N: usize>([i8; N]);
 include!(concat!(env!("OUT_DIR"), "/generated.rs"));
 
 const _: () = {
-    assert!(CONV1.is_consistent() && CONV2.is_consistent());
-    assert!(CHANNELS >= ELECTRODES);
-    assert!(HOP == 8 || HOP == STEPS);
+    assert!(NETWORK.is_consistent());
+    assert!(NETWORK.hop == HOP && CHANNELS >= ELECTRODES);
 };
 
 #[cfg(test)]

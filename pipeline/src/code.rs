@@ -11,7 +11,10 @@ pub struct Code {
     pub first_sample: u64,
     /// Electrode values of the window that the int8 input clipped (0..=976).
     pub clipped: u16,
-    /// Electrode values of the window's samples that stood at the ADC's rail; saturates.
+    /// Values of the code itself that were clipped (0..=128).
+    pub clipped_values: u8,
+    /// Electrode values at the ADC's rail among the samples of the window's steps, each step with
+    /// the three samples before it; saturates.
     pub saturated: u16,
     /// True while the filters have not settled since the start: the values are not to be trusted.
     pub settling: bool,

@@ -1,123 +1,122 @@
-//! The streaming encoder: one plane in, a code whenever a window is complete.
+//! The streaming encoder: one step in, a code whenever a window is complete.
 
 use int8_nn::{PlaneRing, max_pool, requantise_plane};
-use model::{
-    CELLS, CODE, CONV1, CONV1_MULTIPLIERS, CONV2, CONV2_MULTIPLIERS, ELECTRODES, GRID_CELL, HOP,
-    STEPS,
-};
+use model::{CELLS, ELECTRODES, GRID_CELL, HIDDEN, NETWORK, Network, POOLED_STEPS, STEPS, SUMS};
 
 use crate::{
-    Plane,
+    Code, Plane, Step,
     window::{OPEN, OpenWindow},
 };
 
-const HIDDEN: usize = CONV1.output().len();
-const SUMS: usize = CONV2.output().len();
-const POOLED: usize = CONV2.output().pooled().len();
+const POOLED: usize = SUMS.pooled().len();
 
-/// Pooled planes of a window: (16 - 2 - 2) / 2.
-const POOLED_STEPS: usize = (STEPS - 4) / 2;
-/// Pooled planes from one window to the next.
-const POOLED_HOP: usize = HOP / 2;
-
-/// A complete window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct EncoderOutput {
-    /// Index of the window since the start; wraps.
-    pub window: u32,
-    /// int8 codes.
-    pub values: [i8; CODE],
-}
-
-/// State of the encoder over a stream of planes.
+/// The half of the pipeline that runs at the steps' rate.
 ///
 /// Each layer's planes are computed once, as soon as their inputs exist, and added to the (at most
 /// two) windows that they belong to: a 50 % overlap costs nothing, and the codes equal those of a
 /// batch encoder over each window bit for bit, because time is not padded and the hop is even.
 #[derive(Clone, Debug)]
-pub struct Encoder {
+pub struct Encoder<'w> {
+    network: &'w Network<'w>,
     input: PlaneRing<i8, CELLS, 3>,
-    hidden: PlaneRing<u8, HIDDEN, 3>,
-    /// Accumulators of the second convolution: the earlier and the later plane of a pool.
-    sums: [[i32; SUMS]; 2],
+    hidden: PlaneRing<u8, { HIDDEN.len() }, 3>,
     /// Scratch for the first convolution's accumulators.
-    hidden_sums: [i32; HIDDEN],
+    hidden_sums: [i32; HIDDEN.len()],
+    /// Accumulators of the second convolution: the earlier and the later plane of a pool.
+    sums: [[i32; SUMS.len()]; 2],
     windows: [OpenWindow; OPEN],
-    /// Planes pushed so far; stops counting at the end of its range, centuries from now.
+    /// Steps taken so far; 2^64 of them last four billion years.
     step: u64,
 }
 
-impl Encoder {
-    /// An encoder that has seen nothing.
+impl Encoder<'static> {
+    /// An encoder with the built-in network that has seen nothing.
     pub const fn new() -> Self {
+        Self::with(&NETWORK)
+    }
+}
+
+impl Default for Encoder<'static> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<'w> Encoder<'w> {
+    /// An encoder with another network of the same shape; see [`Network::is_consistent`].
+    pub const fn with(network: &'w Network<'w>) -> Self {
         Self {
+            network,
             input: PlaneRing::filled(0),
             hidden: PlaneRing::filled(0),
-            sums: [[0; SUMS]; 2],
-            hidden_sums: [0; HIDDEN],
+            hidden_sums: [0; HIDDEN.len()],
+            sums: [[0; SUMS.len()]; 2],
             windows: [OpenWindow::EMPTY; OPEN],
             step: 0,
         }
     }
 
-    /// Takes the plane of the next time step; gives a code when it completes a window.
-    pub fn push(&mut self, plane: &Plane) -> Option<EncoderOutput> {
-        let step = self.step;
+    /// Takes the next step; gives a code when it completes a window.
+    pub fn push(&mut self, step: &Step) -> Option<Code> {
+        let index = self.step;
         self.step += 1;
-        *self.input.advance() = *plane;
-        self.add_to_shortcut(step, plane);
-        if step >= 2 {
+        *self.input.advance() = step.plane;
+        self.add_to_windows(index, step);
+        if index >= 2 {
             self.hidden_plane();
         }
-        if step >= 4 {
-            self.convolve(step);
+        if index >= 4 {
+            self.convolve(index - 4);
         }
-        self.complete(step)
+        self.complete(index)
     }
 
-    fn add_to_shortcut(&mut self, step: u64, plane: &Plane) {
-        let electrodes: [i8; ELECTRODES] =
-            core::array::from_fn(|electrode| plane[usize::from(GRID_CELL[electrode])]);
-        for (slot, offset) in places(step, HOP, STEPS) {
+    fn add_to_windows(&mut self, index: u64, step: &Step) {
+        let electrodes = gather(&step.plane);
+        for (slot, offset) in places(index, self.network.hop, STEPS) {
             let window = &mut self.windows[slot];
             if offset == 0 {
-                *window = OpenWindow::EMPTY;
+                *window = OpenWindow::starting_with(step, self.network);
             }
-            window.add_step(offset, &electrodes);
+            window.add_step(step, &self.network.shortcut[offset], &electrodes);
         }
     }
 
     /// The first convolution's plane that the newest input plane completes.
     fn hidden_plane(&mut self) {
-        CONV1.plane(self.input.oldest_first(), &mut self.hidden_sums);
-        requantise_plane(&self.hidden_sums, &CONV1_MULTIPLIERS, self.hidden.advance());
+        self.network
+            .conv1
+            .plane(self.input.oldest_first(), &mut self.hidden_sums);
+        let multipliers = self.network.conv1_multipliers;
+        requantise_plane(&self.hidden_sums, multipliers, self.hidden.advance());
     }
 
-    /// The second convolution's plane; every second one completes a pooled plane.
-    fn convolve(&mut self, step: u64) {
-        let plane = step - 4;
+    /// The second convolution's `plane`-th plane; every second one completes a pooled plane.
+    fn convolve(&mut self, plane: u64) {
         let later = usize::from(!plane.is_multiple_of(2));
-        CONV2.plane(self.hidden.oldest_first(), &mut self.sums[later]);
+        self.network
+            .conv2
+            .plane(self.hidden.oldest_first(), &mut self.sums[later]);
         if later == 0 {
             return;
         }
         let mut pooled = [0; POOLED];
         let [earlier, later] = &self.sums;
         max_pool(
-            CONV2.output(),
+            SUMS,
             [earlier, later],
-            &CONV2_MULTIPLIERS,
+            self.network.conv2_multipliers,
             &mut pooled,
         );
-        for (slot, offset) in places(plane / 2, POOLED_HOP, POOLED_STEPS) {
-            self.windows[slot].add_pooled(offset, &pooled);
+        for (slot, offset) in places(plane / 2, self.network.hop / 2, POOLED_STEPS) {
+            self.windows[slot].add_pooled(&self.network.fc[offset], &pooled);
         }
     }
 
-    /// The code of the window that ends with `step`, if one does.
-    fn complete(&self, step: u64) -> Option<EncoderOutput> {
-        let first = (step + 1).checked_sub(STEPS as u64)?;
-        let hop = HOP as u64;
+    /// The code of the window that ends with step `index`, if one does.
+    fn complete(&self, index: u64) -> Option<Code> {
+        let first = (index + 1).checked_sub(STEPS as u64)?;
+        let hop = self.network.hop as u64;
         if !first.is_multiple_of(hop) {
             return None;
         }
@@ -126,18 +125,14 @@ impl Encoder {
             clippy::cast_possible_truncation,
             reason = "the window index wraps at 2^32"
         )]
-        let index = window as u32;
-        Some(EncoderOutput {
-            window: index,
-            values: self.windows[slot_of(window)].code(),
-        })
+        let number = window as u32;
+        Some(self.windows[slot_of(window)].code(number, self.network))
     }
 }
 
-impl Default for Encoder {
-    fn default() -> Self {
-        Self::new()
-    }
+/// The electrodes of a plane, in the montage's order.
+fn gather(plane: &Plane) -> [i8; ELECTRODES] {
+    core::array::from_fn(|electrode| plane[usize::from(GRID_CELL[electrode])])
 }
 
 /// The open windows that a plane belongs to, as (slot, index of the plane within the window):
@@ -179,5 +174,37 @@ mod tests {
         assert_eq!(pooled(3), [(0, 3)]);
         assert_eq!(pooled(5), [(1, 1), (0, 5)]);
         assert_eq!(pooled(6), [(1, 2)]);
+        // Without overlap, two of eight pooled planes lie between the windows.
+        let apart = |plane| places(plane, 8, 6).collect::<Vec<_>>();
+        assert_eq!(apart(5), [(0, 5)]);
+        assert_eq!(apart(6), []);
+        assert_eq!(apart(8), [(1, 0)]);
+    }
+
+    #[test]
+    fn a_code_carries_what_its_sixteen_steps_lost_and_where_they_began() {
+        let mut encoder = Encoder::new();
+        let hop = NETWORK.hop as u64;
+        let codes: Vec<Code> = (0..64)
+            .filter_map(|index| {
+                encoder.push(&Step {
+                    sample: 1_000 + 4 * index,
+                    clipped: u16::from(index == 3 * hop),
+                    saturated: 2 * u16::from(index == 3 * hop - 1),
+                    settling: index == 2 * hop,
+                    ..Step::default()
+                })
+            })
+            .collect();
+        for (number, code) in (0_u32..).zip(&codes) {
+            let first = u64::from(number) * hop;
+            let covers = |index| (first..first + STEPS as u64).contains(&index);
+            assert_eq!(code.window, number);
+            assert_eq!(code.first_sample, 1_000 + 4 * first);
+            assert_eq!(code.clipped, u16::from(covers(3 * hop)));
+            assert_eq!(code.saturated, 2 * u16::from(covers(3 * hop - 1)));
+            assert_eq!(code.settling, first == 2 * hop);
+        }
+        assert_eq!(codes.len() as u64, (64 - STEPS as u64) / hop + 1);
     }
 }

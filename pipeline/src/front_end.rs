@@ -1,15 +1,12 @@
 //! Filters and decimation: from samples to electrodes at the encoder's rate.
 
 use fixed_dsp::{Cascade, CascadeState, Decimator};
-use model::{ELECTRODES, SECTIONS};
+use model::{ELECTRODES, GUARD_BITS, SECTIONS};
 
 use crate::Sample;
 
 /// All electrodes at one time step: counts x 2^4 (Q28.4), |x| < 2^31; the index is the electrode.
 pub type Electrodes = [i32; ELECTRODES];
-
-/// Bits below a count; model-gen proves that full-scale input then stays within 32 bits.
-const GUARD_BITS: u32 = 4;
 
 /// Filters every electrode and keeps every n-th time step.
 #[derive(Clone, Debug)]
@@ -36,6 +33,13 @@ impl FrontEnd {
     /// Filters one sample; every n-th call gives the electrodes.
     #[inline]
     pub fn push(&mut self, sample: &Sample) -> Option<Electrodes> {
+        debug_assert!(
+            sample
+                .counts
+                .iter()
+                .all(|count| (-Sample::MAX - 1..=Sample::MAX).contains(count)),
+            "counts have 24 bits: the filters' head room is proven for no more"
+        );
         let mut filtered = [0; ELECTRODES];
         for ((out, state), &count) in filtered
             .iter_mut()

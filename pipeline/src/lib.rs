@@ -1,10 +1,13 @@
 //! EEG from sample to code: filters, decimation, scalp grid, quantisation, encoder.
 //!
 //! ```text
-//! Sample --FrontEnd--> 61 electrodes at 128 Hz --Quantiser--> Plane --Encoder--> Code
-//! 512 Hz   filters,     counts, Q28.4                int8, 10 x 9         128 x int8, 16 Hz
-//!          decimator
+//! Sample ---Acquisition---> Step ---Encoder---> Code
+//! 512 Hz    filters,        128 Hz  streaming   16 Hz
+//! counts    decimator,      Q28.4,  int8        128 x int8
+//!           scalp grid      int8
 //! ```
+//!
+//! [`Pipeline`] is both halves in one; firmware runs them at different priorities.
 //!
 //! Pure and synchronous, integers only: the same samples give the same codes on every machine. The
 //! path does not allocate, wait, log or branch on the signal; what it clips, it counts.
@@ -23,20 +26,24 @@
 #[cfg(test)]
 extern crate std;
 
+mod acquisition;
 mod code;
 mod encoder;
 mod front_end;
 mod mains;
 mod plane;
 mod sample;
+mod step;
 mod stream;
 mod window;
 
+pub use acquisition::Acquisition;
 pub use code::Code;
-pub use encoder::{Encoder, EncoderOutput};
+pub use encoder::Encoder;
 pub use front_end::{Electrodes, FrontEnd};
 pub use mains::Mains;
 pub use model::{CELLS, CHANNELS, ELECTRODES};
-pub use plane::{Plane, Quantiser};
+pub use plane::{Plane, quantise};
 pub use sample::Sample;
+pub use step::Step;
 pub use stream::Pipeline;

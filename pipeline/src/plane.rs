@@ -9,24 +9,19 @@ use crate::Electrodes;
 /// `model::INPUT_SCALE_UV` microvolt, a cell without an electrode is 0.
 pub type Plane = [i8; CELLS];
 
-/// Lays filtered electrodes on the scalp grid: `q = round(x * scale)`, half up, saturating.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Quantiser;
-
-impl Quantiser {
-    /// The plane of one time step, and how many electrodes were clipped (0..=61).
-    #[inline]
-    pub fn plane(electrodes: &Electrodes) -> (Plane, u16) {
-        let mut plane = [0; CELLS];
-        let mut clipped = 0;
-        for (&x, &cell) in electrodes.iter().zip(&GRID_CELL) {
-            let step = requantise(x, INPUT_MULTIPLIER);
-            let q = saturate_i8(step);
-            clipped += u16::from(i32::from(q) != step);
-            plane[usize::from(cell)] = q;
-        }
-        (plane, clipped)
+/// Lays filtered electrodes on the scalp grid: `q = round(x * scale)`, half up, saturating; gives
+/// the plane and how many electrodes were clipped (0..=61).
+#[inline]
+pub fn quantise(electrodes: &Electrodes) -> (Plane, u16) {
+    let mut plane = [0; CELLS];
+    let mut clipped = 0;
+    for (&x, &cell) in electrodes.iter().zip(&GRID_CELL) {
+        let step = requantise(x, INPUT_MULTIPLIER);
+        let q = saturate_i8(step);
+        clipped += u16::from(i32::from(q) != step);
+        plane[usize::from(cell)] = q;
     }
+    (plane, clipped)
 }
 
 #[cfg(test)]
@@ -42,7 +37,7 @@ mod tests {
             reason = "100 uV are 71,582 Q28.4 steps"
         )]
         let x = (uv * 1_000.0 / LSB_NV * 16.0).round() as i32;
-        let (plane, clipped) = Quantiser::plane(&[x; ELECTRODES]);
+        let (plane, clipped) = quantise(&[x; ELECTRODES]);
         let q = f32::from(plane[usize::from(GRID_CELL[0])]);
         assert!((q - uv / INPUT_SCALE_UV).abs() <= 0.51, "{q}");
         assert_eq!(clipped, 0);
@@ -57,7 +52,7 @@ mod tests {
         let mut electrodes = [0; ELECTRODES];
         electrodes[3] = i32::MAX;
         electrodes[7] = i32::MIN;
-        let (plane, clipped) = Quantiser::plane(&electrodes);
+        let (plane, clipped) = quantise(&electrodes);
         assert_eq!(clipped, 2);
         assert_eq!(plane[usize::from(GRID_CELL[3])], 127);
         assert_eq!(plane[usize::from(GRID_CELL[7])], -128);

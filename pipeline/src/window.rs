@@ -1,50 +1,89 @@
 //! The windows that are open at the same time.
 
-use int8_nn::{requantise_sum, saturate_i8};
-use model::{
-    CODE, CODE_ZERO_POINT, FC, FC_BIAS, FC_MULTIPLIERS, HOP, SHORTCUT, SHORTCUT_MULTIPLIERS, STEPS,
-};
+use int8_nn::{Linear, requantise_sum, saturate_i8};
+use model::{CODE, ELECTRODES, Network};
 
-/// Windows that a time step can belong to.
-pub(crate) const OPEN: usize = STEPS / HOP;
+use crate::{Code, Step};
+
+/// Windows that a time step can belong to, with the smallest hop.
+pub(crate) const OPEN: usize = 2;
 
 /// Sums of one window that is not complete yet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OpenWindow {
     fc: [i32; CODE],
     shortcut: [i32; CODE],
+    first_sample: u64,
+    clipped: u16,
+    saturated: u16,
+    settling: bool,
 }
 
 impl OpenWindow {
-    /// A window to which nothing has been added.
+    /// No window.
     pub(crate) const EMPTY: Self = Self {
-        fc: FC_BIAS,
+        fc: [0; CODE],
         shortcut: [0; CODE],
+        first_sample: 0,
+        clipped: 0,
+        saturated: 0,
+        settling: false,
     };
 
-    /// Adds the window's `step`-th time step to the linear shortcut.
+    /// A window whose first step this is; the step itself is not added yet.
     #[inline]
-    pub(crate) fn add_step(&mut self, step: usize, electrodes: &[i8]) {
-        SHORTCUT[step].accumulate(electrodes, &mut self.shortcut);
+    pub(crate) fn starting_with(step: &Step, network: &Network<'_>) -> Self {
+        Self {
+            fc: *network.fc_bias,
+            first_sample: step.sample,
+            settling: step.settling,
+            ..Self::EMPTY
+        }
     }
 
-    /// Adds the window's `index`-th pooled plane to the fully connected layer.
+    /// Adds a time step to the linear shortcut, and what it lost to the window's counts.
     #[inline]
-    pub(crate) fn add_pooled(&mut self, index: usize, pooled: &[u8]) {
-        FC[index].accumulate(pooled, &mut self.fc);
+    pub(crate) fn add_step(
+        &mut self,
+        step: &Step,
+        shortcut: &Linear<'_>,
+        electrodes: &[i8; ELECTRODES],
+    ) {
+        shortcut.accumulate(electrodes, &mut self.shortcut);
+        self.clipped = self.clipped.saturating_add(step.clipped);
+        self.saturated = self.saturated.saturating_add(step.saturated);
+    }
+
+    /// Adds a pooled plane to the fully connected layer.
+    #[inline]
+    pub(crate) fn add_pooled(&mut self, fc: &Linear<'_>, pooled: &[u8]) {
+        fc.accumulate(pooled, &mut self.fc);
     }
 
     /// The code of the complete window.
     #[inline]
-    pub(crate) fn code(&self) -> [i8; CODE] {
-        core::array::from_fn(|j| {
+    pub(crate) fn code(&self, window: u32, network: &Network<'_>) -> Code {
+        let mut clipped_values = 0;
+        let values = core::array::from_fn(|j| {
             let q = requantise_sum(
                 self.fc[j],
-                FC_MULTIPLIERS[j],
+                network.fc_multipliers[j],
                 self.shortcut[j],
-                SHORTCUT_MULTIPLIERS[j],
+                network.shortcut_multipliers[j],
             );
-            saturate_i8(q.saturating_add(i32::from(CODE_ZERO_POINT[j])))
-        })
+            let q = q.saturating_add(i32::from(network.code_zero_point[j]));
+            let value = saturate_i8(q);
+            clipped_values += u8::from(i32::from(value) != q);
+            value
+        });
+        Code {
+            window,
+            first_sample: self.first_sample,
+            clipped: self.clipped,
+            clipped_values,
+            saturated: self.saturated,
+            settling: self.settling,
+            values,
+        }
     }
 }

@@ -1,0 +1,146 @@
+//! From samples to steps: filters, decimation, scalp grid, quantisation, and what was lost there.
+
+use model::{CHANNELS, DECIMATION, ELECTRODES};
+
+use crate::{FrontEnd, Mains, Sample, Step, quantise};
+
+/// The half of the pipeline that runs at the ADC's rate.
+#[derive(Clone, Debug)]
+pub struct Acquisition {
+    front_end: FrontEnd,
+    settling_samples: u64,
+    samples: u64,
+    /// Electrode values at the rail since the last step.
+    saturated: u16,
+    clipped_total: u32,
+    saturated_total: u32,
+}
+
+impl Acquisition {
+    /// An acquisition at rest for this mains frequency.
+    pub fn new(mains: Mains) -> Self {
+        let filter = mains.filter();
+        Self {
+            front_end: FrontEnd::new(filter.cascade, DECIMATION),
+            settling_samples: u64::from(filter.settling_samples),
+            samples: 0,
+            saturated: 0,
+            clipped_total: 0,
+            saturated_total: 0,
+        }
+    }
+
+    /// Takes one sample; every fourth (`model::DECIMATION`) gives a step, the first one included.
+    #[inline]
+    pub fn push(&mut self, sample: &Sample) -> Option<Step> {
+        let at_rail = at_rail(&sample.counts);
+        self.saturated += at_rail;
+        self.saturated_total = self.saturated_total.wrapping_add(u32::from(at_rail));
+        let index = self.samples;
+        self.samples += 1;
+        let electrodes = self.front_end.push(sample)?;
+        let (plane, clipped) = quantise(&electrodes);
+        self.clipped_total = self.clipped_total.wrapping_add(u32::from(clipped));
+        Some(Step {
+            sample: index,
+            electrodes,
+            plane,
+            clipped,
+            saturated: core::mem::take(&mut self.saturated),
+            settling: index < self.settling_samples,
+        })
+    }
+
+    /// Samples taken since the start.
+    pub const fn samples(&self) -> u64 {
+        self.samples
+    }
+
+    /// Electrode values that the int8 input clipped since the start, each once; wraps.
+    pub const fn clipped(&self) -> u32 {
+        self.clipped_total
+    }
+
+    /// Electrode values at the ADC's rail since the start, each once; wraps.
+    pub const fn saturated(&self) -> u32 {
+        self.saturated_total
+    }
+}
+
+/// Electrodes of a sample at the ADC's rail (0..=61).
+fn at_rail(counts: &[i32; CHANNELS]) -> u16 {
+    counts[..ELECTRODES]
+        .iter()
+        .map(|count| u16::from(!(-Sample::MAX..Sample::MAX).contains(count)))
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use super::*;
+
+    fn steps(mains: Mains, samples: impl IntoIterator<Item = Sample>) -> Vec<Step> {
+        let mut acquisition = Acquisition::new(mains);
+        samples
+            .into_iter()
+            .filter_map(|sample| acquisition.push(&sample))
+            .collect()
+    }
+
+    #[test]
+    fn a_step_names_the_sample_that_it_was_picked_from() {
+        let picked: Vec<u64> = steps(Mains::Hz50, [Sample::default(); 12])
+            .iter()
+            .map(|step| step.sample)
+            .collect();
+        assert_eq!(picked, [0, 4, 8]);
+    }
+
+    #[test]
+    fn a_value_at_the_rail_belongs_to_the_step_that_follows_and_is_counted_once() {
+        let mut acquisition = Acquisition::new(Mains::Hz50);
+        let mut seen = Vec::new();
+        for index in 0..20 {
+            let mut sample = Sample::default();
+            if (5..=8).contains(&index) {
+                sample.counts[4] = -Sample::MAX - 1;
+                // Not an electrode: its channel is spare.
+                sample.counts[CHANNELS - 1] = Sample::MAX;
+            }
+            seen.extend(acquisition.push(&sample).map(|step| step.saturated));
+        }
+        assert_eq!(seen, [0, 0, 4, 0, 0]);
+        assert_eq!(acquisition.saturated(), 4);
+    }
+
+    #[test]
+    fn when_the_settling_mark_is_gone_a_step_at_the_input_has_decayed() {
+        for mains in [Mains::Hz50, Mains::Hz60] {
+            // 100 mV on every channel, from the first sample on.
+            let count = 4_473_924;
+            let steps = steps(
+                mains,
+                (0..8_192).map(|_| Sample {
+                    counts: [count; CHANNELS],
+                }),
+            );
+            let settled: Vec<&Step> = steps.iter().filter(|step| !step.settling).collect();
+            assert!(settled.len() > 500);
+            let limit = (count << model::GUARD_BITS) / 10_000 + 16;
+            for step in settled {
+                assert!(step.electrodes[0].abs() <= limit, "sample {}", step.sample);
+            }
+            // The mark does not last for no reason: shortly before its end the limit is exceeded.
+            let marked = steps
+                .iter()
+                .rfind(|step| step.settling && step.electrodes[0].abs() > limit);
+            assert!(marked.is_some_and(|step| step.sample + 64 > settled_at(mains)));
+        }
+    }
+
+    fn settled_at(mains: Mains) -> u64 {
+        u64::from(mains.filter().settling_samples)
+    }
+}

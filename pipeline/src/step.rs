@@ -1,0 +1,35 @@
+//! One time step of the encoder's input.
+
+use crate::{CELLS, Electrodes, Plane};
+
+/// What the acquisition makes of four ADC samples and the encoder reads: one step at 128 Hz.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// Index of the ADC sample that the step was picked from, since the start.
+    pub sample: u64,
+    /// Filtered electrodes, counts x 2^4 (Q28.4).
+    pub electrodes: Electrodes,
+    /// The same on the scalp grid, int8.
+    pub plane: Plane,
+    /// Electrodes whose int8 value was clipped (0..=61).
+    pub clipped: u16,
+    /// Electrode values at the ADC's rail in the samples since the step before, this step's own
+    /// sample included.
+    pub saturated: u16,
+    /// True while the filters have not settled since the start.
+    pub settling: bool,
+}
+
+impl Default for Step {
+    /// Silence, settled.
+    fn default() -> Self {
+        Self {
+            sample: 0,
+            electrodes: [0; crate::ELECTRODES],
+            plane: [0; CELLS],
+            clipped: 0,
+            saturated: 0,
+            settling: false,
+        }
+    }
+}
