@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
-use neuro_ros::{NeuroFrame, RosMessage};
 use rustix::process::Signal;
 use serde::Deserialize;
 
@@ -210,18 +209,12 @@ fn port(folder: &Path) -> PathBuf {
     folder.join("board-port")
 }
 
-/// A rospy subscriber to `/encoded`, with a class that genpy makes from our definition.
+/// A rospy subscriber to `/encoded`, with the class that genpy makes from our definition.
 fn subscribe(ros: &Ros<'_>, folder: &Path, name: &str) -> Process {
-    let definition = folder.join("NeuroFrame.msg");
-    std::fs::write(&definition, NeuroFrame::TYPE.definition).expect("the definition is written");
     let script = workspace::root().join("tests/ros/subscribe.py");
     let script = script.canonicalize().expect("the script is there");
     let mut python = ros.command("python3");
-    python
-        .arg(script)
-        .arg("/encoded")
-        .arg(definition)
-        .arg(NeuroFrame::TYPE.name);
+    python.arg(script).arg("/encoded");
     let mut subscriber = Process::start(name, &mut python, folder).expect("python3 starts");
     subscriber.wait_until("rospy subscribes", PATIENCE, |subscriber| {
         subscriber.output().contains('\n')

@@ -7,5 +7,6 @@ pub mod process;
 pub mod programs;
 pub mod real_data;
 pub mod ros;
+pub mod ros_messages;
 pub mod skip;
 pub mod workspace;

@@ -7,14 +7,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-use rustix::process::{Pid, Signal, kill_process_group};
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 
 /// How often a condition is looked at.
 const POLL: Duration = Duration::from_millis(20);
 
 /// A running program in a process group of its own, with its output in two files.
 ///
-/// Dropping it kills the whole group: roscore, for one, has children.
+/// Dropping it kills the group and every descendant: roscore's children have sessions of their own.
 #[derive(Debug)]
 pub struct Process {
     name: String,
@@ -69,9 +69,15 @@ impl Process {
         self.wait(patience)
     }
 
-    /// Kills the whole group at once.
+    /// Kills the group and every descendant at once.
     pub fn kill(&mut self) {
+        // Looked up before the parent dies: afterwards they are nobody's children.
+        let descendants = descendants(self.child.id());
         self.signal(Signal::KILL);
+        for pid in descendants.into_iter().filter_map(pid_of) {
+            // One that has ended meanwhile is what we want.
+            let _ = kill_process(pid, Signal::KILL);
+        }
         // Reaps it; it cannot refuse.
         let _ = self.child.wait();
     }
@@ -145,6 +151,38 @@ impl Drop for Process {
     }
 }
 
+/// Children, their children, and so on, by `/proc`.
+fn descendants(root: u32) -> Vec<u32> {
+    let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
+    let parents: Vec<(u32, u32)> = entries
+        .filter_map(|entry| entry.file_name().to_string_lossy().parse().ok())
+        .filter_map(|pid| Some((pid, parent(pid)?)))
+        .collect();
+    let mut found = vec![root];
+    let mut next = 0;
+    while let Some(parent) = found.get(next).copied() {
+        found.extend(
+            parents
+                .iter()
+                .filter(|(_, of)| *of == parent)
+                .map(|(pid, _)| pid),
+        );
+        next += 1;
+    }
+    found.split_off(1)
+}
+
+/// Fourth field of `/proc/PID/stat`; the second, in brackets, may hold anything.
+fn parent(pid: u32) -> Option<u32> {
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    let (_, rest) = stat.rsplit_once(')')?;
+    rest.split_whitespace().nth(1)?.parse().ok()
+}
+
+fn pid_of(id: u32) -> Option<Pid> {
+    Pid::from_raw(id.cast_signed())
+}
+
 /// The last lines: a subscriber prints one per frame.
 fn tail(text: &str) -> String {
     let lines: Vec<&str> = text.lines().collect();
@@ -173,7 +211,11 @@ mod tests {
     #[test]
     fn a_dropped_process_takes_its_children_along() {
         let folder = tempfile::tempdir().expect("a folder");
-        let mut process = shell("sleep 600 & echo $!; wait", folder.path());
+        // In a session of its own, as roscore starts its master.
+        let mut process = shell(
+            "setsid sleep 600 & sleep 0.2; pgrep -P $$ sleep; wait",
+            folder.path(),
+        );
         process.wait_until("the child's id", PATIENCE, |process| {
             process.output().ends_with('\n')
         });

@@ -8,6 +8,7 @@ use std::process::{Command, Output};
 use std::time::Duration;
 
 use crate::process::Process;
+use crate::ros_messages;
 use crate::skip::skipped;
 
 /// Debian's own Python and tools come first: another Python has no rospy.
@@ -60,6 +61,7 @@ impl<'a> Ros<'a> {
     /// # Errors
     /// No free port, or it does not start.
     pub fn start(folder: &'a Path) -> io::Result<Self> {
+        ros_messages::generate(folder);
         let port = free_port()?;
         let core = start_core(port, folder, 0)?;
         Ok(Self {
@@ -136,6 +138,7 @@ fn command(program: &str, port: u16, folder: &Path) -> Command {
         .env("PATH", PATH)
         .env("HOME", folder)
         .env("ROS_HOME", folder.join("ros"))
+        .env("PYTHONPATH", folder.join("python"))
         .env("ROS_MASTER_URI", master_uri(port))
         .env("ROS_HOSTNAME", "127.0.0.1")
         .env("PYTHONUNBUFFERED", "1");
