@@ -23,6 +23,13 @@ use crate::{Outbox, WhenFull};
 /// Pause before something is tried again that just failed.
 const RETRY: Duration = Duration::from_millis(20);
 
+/// How often a host that is behind is looked at.
+const POLL: Duration = Duration::from_millis(2);
+
+/// Bytes that a terminal may hold for a host that is behind: half a second of codes. The kernel
+/// alone would take 64 KB, half a minute of codes that are stale when the host reads them.
+const UNREAD_AT_MOST: u64 = 1_024;
+
 /// Where the frames go.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Output {
@@ -125,7 +132,8 @@ impl Port {
                 let reader = controller.try_clone().map_err(PortError::Pty)?;
                 thread::spawn(move || forward(reader, &sender));
                 let outbox = outbox.clone();
-                thread::spawn(move || write_all_to(controller, &outbox));
+                let terminal = pty.terminal.try_clone().map_err(PortError::Pty)?;
+                thread::spawn(move || write_all_to(controller, || unread_in(&terminal), &outbox));
                 Some(pty)
             }
             Output::Tcp(address) => {
@@ -143,7 +151,7 @@ impl Port {
                     source,
                 })?;
                 let outbox = outbox.clone();
-                thread::spawn(move || write_all_to(file, &outbox));
+                thread::spawn(move || write_all_to(file, || 0, &outbox));
                 None
             }
         };
@@ -171,7 +179,7 @@ impl Port {
     /// it has not read: closing a pseudo-terminal throws them away.
     pub fn linger(&self, patience: Duration) -> u64 {
         let Some(pty) = &self.pty else { return 0 };
-        let unread = || rustix::io::ioctl_fionread(&pty.terminal).unwrap_or(0);
+        let unread = || unread_in(&pty.terminal);
         let deadline = Instant::now() + patience;
         // Bytes may still be on their way to the terminal's queue: it must be empty twice.
         let mut empty = 0;
@@ -190,6 +198,11 @@ impl Drop for Port {
             let _ = fs::remove_file(&pty.link);
         }
     }
+}
+
+/// Bytes that wait in a terminal for the host to read them; 4095 stands for more.
+fn unread_in(terminal: &OwnedFd) -> u64 {
+    rustix::io::ioctl_fionread(terminal).unwrap_or(0)
 }
 
 fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
@@ -235,8 +248,13 @@ fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
 }
 
 /// Writes frames until the outbox is closed; a frame that cannot be written is counted.
-fn write_all_to(mut out: impl Write, outbox: &Outbox) {
+///
+/// Before each frame it waits until `unread`, the bytes that the host has not read yet, is small.
+fn write_all_to(mut out: impl Write, unread: impl Fn() -> u64, outbox: &Outbox) {
     while let Some(frame) = outbox.take() {
+        while unread() > UNREAD_AT_MOST && !outbox.is_closed() {
+            thread::sleep(POLL);
+        }
         match out.write_all(&frame).and_then(|()| out.flush()) {
             Ok(()) => outbox.written(),
             Err(error) => outbox.lost(error),

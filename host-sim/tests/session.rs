@@ -1,0 +1,241 @@
+//! Whole runs of the virtual board over each kind of output.
+
+use std::{
+    fs::{self, File, OpenOptions},
+    io::{Read, Write},
+    net::TcpStream,
+    path::{Path, PathBuf},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicU32, Ordering},
+    },
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use host_sim::{
+    Identity, Output, Pace, Report, Session, SessionError, Source,
+    synthetic::{Generator, SyntheticSpec},
+};
+use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice, ToHost};
+use pipeline::Mains;
+
+/// Longest that anything here may take; these machines are shared.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
+    Session {
+        output,
+        pace,
+        mains: Mains::Hz50,
+        identity: Identity {
+            session_id: 1,
+            chip_uid: [0; 12],
+        },
+        limit: seconds.map(|seconds| 512 * seconds),
+    }
+}
+
+fn run(session: &Session, stop: &AtomicBool) -> Result<Report, SessionError> {
+    run_watched(session, stop, |_| ())
+}
+
+fn run_watched(
+    session: &Session,
+    stop: &AtomicBool,
+    watch: impl FnMut(&link::Stats),
+) -> Result<Report, SessionError> {
+    let spec = SyntheticSpec::new(1, model::LABELS.split(' '));
+    let generator = Generator::new(&spec).expect("the default specification");
+    session.run(&mut Source::Synthetic(Box::new(generator)), stop, watch)
+}
+
+/// A run in a thread of its own, stopped when this is dropped.
+struct Running {
+    stop: Arc<AtomicBool>,
+    /// Codes made, updated every second of signal.
+    codes: Arc<AtomicU32>,
+    thread: Option<JoinHandle<Result<Report, SessionError>>>,
+}
+
+impl Running {
+    fn start(session: Session) -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        let codes = Arc::new(AtomicU32::new(0));
+        let (flag, count) = (stop.clone(), codes.clone());
+        let watch = move |stats: &link::Stats| count.store(stats.codes_made, Ordering::Relaxed);
+        let thread = thread::spawn(move || run_watched(&session, &flag, watch));
+        Self {
+            stop,
+            codes,
+            thread: Some(thread),
+        }
+    }
+
+    fn finish(mut self) -> Report {
+        self.stop.store(true, Ordering::Relaxed);
+        let thread = self.thread.take().expect("finished once");
+        thread.join().expect("no panic").expect("no error")
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+/// Tries until it works.
+fn eventually<T>(mut attempt: impl FnMut() -> Option<T>) -> T {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        if let Some(value) = attempt() {
+            return value;
+        }
+        assert!(Instant::now() < deadline, "still not so after {PATIENCE:?}");
+        thread::sleep(Duration::from_millis(10));
+    }
+}
+
+fn open_terminal(link: &Path) -> File {
+    eventually(|| OpenOptions::new().read(true).write(true).open(link).ok())
+}
+
+fn send(port: &mut impl Write, command: ToDevice) {
+    let mut buffer = [0; MAX_FRAME];
+    let frame = Encoder::default()
+        .encode(0, &command, &mut buffer)
+        .expect("a command fits");
+    port.write_all(frame).expect("the board's port is open");
+}
+
+/// Reads until so many codes have come; gives their window indices.
+fn read_codes(port: &mut impl Read, count: usize) -> Vec<u32> {
+    let mut decoder = Decoder::<MAX_FRAME>::new();
+    let mut windows = Vec::new();
+    let mut buffer = [0; 256];
+    while windows.len() < count {
+        let length = port.read(&mut buffer).expect("the board's port is open");
+        assert!(length > 0, "the port ended after {} codes", windows.len());
+        let mut bytes = &buffer[..length];
+        while let Some(outcome) = decoder.next::<ToHost<'_>>(&mut bytes) {
+            if let Ok(frame) = outcome
+                && let ToHost::Code(code) = frame.message
+            {
+                windows.push(code.window);
+            }
+        }
+    }
+    windows
+}
+
+const START: ToDevice = ToDevice::Start(Start {
+    streams: Streams::CODES,
+    mains_hz: 0,
+});
+
+fn file_of(seconds: u64, path: PathBuf) -> (Vec<u8>, Report) {
+    let session = session(Output::File(path.clone()), Pace::Fast, Some(seconds));
+    let report = run(&session, &AtomicBool::new(false)).expect("a run into a file");
+    (fs::read(path).expect("the file was written"), report)
+}
+
+#[test]
+fn a_file_holds_every_code_and_is_the_same_every_time() {
+    let folder = folder();
+    let (bytes, report) = file_of(5, folder.path().join("first"));
+    let codes = (5 * 128 - 16) / 8 + 1;
+    assert_eq!(report.stats.codes_made, codes);
+    assert_eq!(report.stats.frames_dropped, 0);
+    assert_eq!(
+        read_codes(&mut &bytes[..], 79),
+        (0..codes).collect::<Vec<_>>()
+    );
+    assert_eq!(bytes, file_of(5, folder.path().join("second")).0);
+}
+
+#[test]
+fn a_full_disk_is_an_error_and_not_a_silent_loss() {
+    let session = session(Output::File("/dev/full".into()), Pace::Fast, Some(2));
+    let error = run(&session, &AtomicBool::new(false)).expect_err("nothing can be written");
+    assert!(matches!(error, SessionError::Write { .. }), "{error:?}");
+}
+
+#[test]
+fn a_terminal_can_be_closed_and_opened_again() {
+    let folder = folder();
+    let link = folder.path().join("board");
+    let running = Running::start(session(Output::Pty(link.clone()), Pace::Realtime, None));
+    let mut terminal = open_terminal(&link);
+    send(&mut terminal, START);
+    assert_eq!(read_codes(&mut terminal, 3)[..3], [0, 1, 2]);
+    drop(terminal);
+
+    let mut terminal = open_terminal(&link);
+    let windows = read_codes(&mut terminal, 3);
+    assert!(
+        windows[0] >= 3 && windows[2] == windows[0] + 2,
+        "{windows:?}"
+    );
+    send(&mut terminal, ToDevice::Stop);
+    running.finish();
+    assert!(!link.exists(), "the link goes with the board");
+}
+
+#[test]
+fn a_board_whose_codes_nobody_reads_counts_them_and_stops_when_told() {
+    let folder = folder();
+    let link = folder.path().join("board");
+    let running = Running::start(session(Output::Pty(link.clone()), Pace::Fast, None));
+    let mut terminal = open_terminal(&link);
+    send(&mut terminal, START);
+    // Until the terminal and the queue are full and the board waits.
+    let mut codes = 0;
+    eventually(|| {
+        thread::sleep(Duration::from_secs(1));
+        let before = std::mem::replace(&mut codes, running.codes.load(Ordering::Relaxed));
+        (codes > 32 && codes == before).then_some(())
+    });
+    let begun = Instant::now();
+    let report = running.finish();
+    assert!(begun.elapsed() < PATIENCE);
+    // All but the half second in the terminal counts as dropped.
+    let stats = report.stats;
+    assert!(stats.frames_dropped > stats.codes_made / 2, "{report:?}");
+    assert!(stats.codes_made < 200, "{report:?}");
+}
+
+#[test]
+fn a_second_host_takes_over_and_virtual_time_waits_for_it() {
+    let port = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let address = port.local_addr().expect("its address").to_string();
+    drop(port);
+    let running = Running::start(session(Output::Tcp(address.clone()), Pace::Fast, None));
+    let connect = || eventually(|| TcpStream::connect(&address).ok());
+    let mut first = connect();
+    send(&mut first, START);
+    assert_eq!(read_codes(&mut first, 2)[..2], [0, 1]);
+    drop(first);
+    let mut second = connect();
+    assert!(
+        read_codes(&mut second, 20)
+            .windows(2)
+            .all(|pair| pair[1] == pair[0] + 1)
+    );
+    running.finish();
+}
+
+#[test]
+fn what_lies_in_the_way_of_the_link_is_not_overwritten() {
+    let folder = folder();
+    let path = folder.path().join("precious");
+    fs::write(&path, "data").expect("a file");
+    let session = session(Output::Pty(path.clone()), Pace::Fast, Some(1));
+    let error = run(&session, &AtomicBool::new(false)).expect_err("a file is in the way");
+    assert!(matches!(error, SessionError::Port { .. }));
+    assert_eq!(fs::read(&path).expect("it is still there"), b"data");
+}
