@@ -21,7 +21,7 @@ pub(crate) struct Commands {
     /// What the device streams, if anything, was begun by this bridge: it was stopped or reset
     /// since it is known.
     ours: bool,
-    streaming: bool,
+    stream: Stream,
     pending: Option<Pending>,
     not_before_us: i64,
     heard_us: i64,
@@ -34,6 +34,15 @@ enum Introduced {
     Usable,
     /// Its codes cannot be published.
     Unusable,
+}
+
+/// Whether the device streams.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stream {
+    No,
+    /// It was asked to, or was streaming when it was last heard of.
+    Perhaps,
+    Yes,
 }
 
 /// A command that has no answer yet.
@@ -66,7 +75,7 @@ impl Commands {
             wanted: true,
             device: Introduced::Not,
             ours: false,
-            streaming: false,
+            stream: Stream::No,
             pending: None,
             not_before_us: i64::MAX,
             heard_us: 0,
@@ -76,7 +85,7 @@ impl Commands {
     /// A port was opened: ask who is there. A stream that was ours may still be running.
     pub(crate) fn connected(&mut self, now_us: i64) {
         self.device = Introduced::Not;
-        self.streaming = false;
+        self.stream = Stream::Perhaps;
         self.pending = None;
         self.not_before_us = now_us;
         self.heard_us = now_us;
@@ -85,7 +94,7 @@ impl Commands {
     /// The port has gone: there is nobody to ask.
     pub(crate) fn disconnected(&mut self) {
         self.device = Introduced::Not;
-        self.streaming = false;
+        self.stream = Stream::No;
         self.pending = None;
         self.not_before_us = i64::MAX;
     }
@@ -108,7 +117,7 @@ impl Commands {
     pub(crate) fn reset(&mut self) {
         self.device = Introduced::Not;
         self.ours = true;
-        self.streaming = false;
+        self.stream = Stream::No;
         self.pending = None;
     }
 
@@ -124,7 +133,7 @@ impl Commands {
 
     /// The device says by itself that it does not stream.
     pub(crate) fn stopped_by_itself(&mut self) {
-        self.streaming = false;
+        self.stream = Stream::No;
     }
 
     /// Whether streaming is wanted.
@@ -140,17 +149,23 @@ impl Commands {
 
     /// Whether a start was acknowledged and no stop since.
     pub(crate) fn streaming(&self) -> bool {
-        self.streaming
+        self.stream == Stream::Yes
+    }
+
+    /// Whether the device may be streaming for this bridge.
+    pub(crate) fn may_stream(&self) -> bool {
+        self.accepts_codes() && self.stream != Stream::No
     }
 
     /// Whether the device has stopped as wanted, or there is nothing to stop.
     pub(crate) fn is_stopped(&self) -> bool {
-        !self.wanted && !self.streaming
+        !self.wanted && self.stream == Stream::No
     }
 
     /// Whether the port has been silent for so long that it is dead.
     pub(crate) fn is_dead(&self, now_us: i64) -> bool {
-        (self.streaming || self.device == Introduced::Not) && now_us - self.heard_us > DEAD_AFTER_US
+        (self.stream == Stream::Yes || self.device == Introduced::Not)
+            && now_us - self.heard_us > DEAD_AFTER_US
     }
 
     /// The command that is due now, if any; it goes out with `seq`.
@@ -161,6 +176,9 @@ impl Commands {
             || repeats.is_some_and(|pending| now_us < pending.sent_us + RETRY_US)
         {
             return None;
+        }
+        if matches!(command, ToDevice::Start(_)) {
+            self.stream = Stream::Perhaps;
         }
         let first_seq = repeats.map_or(seq, |pending| pending.first_seq);
         self.pending = Some(Pending {
@@ -176,13 +194,13 @@ impl Commands {
         if self.device == Introduced::Not {
             return Some(ToDevice::Identify);
         }
-        match (self.wants(), self.streaming) {
-            (true, false) if !self.ours => Some(ToDevice::Stop),
-            (true, false) => Some(ToDevice::Start(Start {
+        match (self.wants(), self.stream) {
+            (true, Stream::No | Stream::Perhaps) if !self.ours => Some(ToDevice::Stop),
+            (true, Stream::No | Stream::Perhaps) => Some(ToDevice::Start(Start {
                 streams: Streams::CODES,
                 mains_hz: self.mains_hz,
             })),
-            (false, true) => Some(ToDevice::Stop),
+            (false, Stream::Perhaps | Stream::Yes) => Some(ToDevice::Stop),
             _ => (now_us - self.heard_us > PING_AFTER_US).then_some(ToDevice::Ping),
         }
     }
@@ -199,13 +217,13 @@ impl Commands {
             (_, AckResult::Busy | AckResult::Failed) => return Acknowledged::Expected,
             (ToDevice::Start(_), AckResult::Done) => {
                 self.pending = None;
-                self.streaming = true;
+                self.stream = Stream::Yes;
                 return Acknowledged::Started;
             }
             (ToDevice::Stop, result) => {
                 self.pending = None;
                 self.ours = true;
-                self.streaming = false;
+                self.stream = Stream::No;
                 if result == AckResult::Done {
                     return Acknowledged::Stopped;
                 }

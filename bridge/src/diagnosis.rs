@@ -111,11 +111,23 @@ fn loss(session: &mut Session) -> DiagnosticStatus {
     entry("loss", state, values)
 }
 
-fn link(session: &Session, wire: &Counters) -> DiagnosticStatus {
+fn link(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
+    let damaged = [wire.crc, wire.cobs, wire.oversize, wire.malformed];
+    let damaged = damaged.into_iter().fold(0, u32::wrapping_add);
+    let since = damaged.wrapping_sub(session.counts.damaged_told);
+    session.counts.damaged_told = damaged;
+    if since > 0 {
+        tracing::warn!(since, "frames damaged; check cable, connectors and --baud");
+    }
     let state = if wire.version > 0 && wire.frames == 0 {
         let message = "the device speaks another version of the wire format; bring firmware and \
                        bridge to the same release";
         (DiagnosticLevel::Error, message.to_owned())
+    } else if since > 0 {
+        (
+            DiagnosticLevel::Warn,
+            format!("{since} frames damaged since the last report"),
+        )
     } else {
         (DiagnosticLevel::Ok, format!("{} frames", wire.frames))
     };

@@ -131,6 +131,7 @@ impl Bridge<'_> {
         ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
         let mut until_report = TICKS_PER_REPORT;
         let mut deadline: Option<Instant> = None;
+        let mut failure = None;
         loop {
             tokio::select! {
                 event = self.connection.next(&mut buffer) => self.connection_event(event?, &buffer),
@@ -161,14 +162,17 @@ impl Bridge<'_> {
                 }
             }
             self.write().await;
-            if let Some(error) = self.outlets.ended.take() {
-                return Err(BridgeError::Sink(error));
+            if let Some(error) = self.outlets.ended.take()
+                && failure.is_none()
+            {
+                leave.now("nothing takes the frames any more");
+                failure = Some(BridgeError::Sink(error));
             }
             let gone = !self.connection.is_open() || self.core.is_stopped();
             if deadline.is_some_and(|deadline| gone || Instant::now() >= deadline) {
                 let report = self.core.diagnostics(HostTime::now());
                 self.outlets.diagnose(&report);
-                return Ok(());
+                return failure.map_or(Ok(()), Err);
             }
         }
     }

@@ -39,6 +39,7 @@ pub(crate) struct Session {
     pub(crate) objection: Option<String>,
     pub(crate) stats: Option<Stats>,
     warned_of_newer: bool,
+    warned_of_version: bool,
 }
 
 /// What is counted beside codes and frames.
@@ -52,6 +53,8 @@ pub(crate) struct SessionCounts {
     pub(crate) early: u64,
     /// Lost codes that `/diagnostics` has told of.
     pub(crate) lost_told: u64,
+    /// Frames that could not be used that `/diagnostics` has told of.
+    pub(crate) damaged_told: u32,
 }
 
 impl Session {
@@ -72,6 +75,7 @@ impl Session {
             objection: None,
             stats: None,
             warned_of_newer: false,
+            warned_of_version: false,
         }
     }
 
@@ -115,8 +119,13 @@ impl Session {
                      out and codes are not affected; update the bridge to see them"
                 );
             }
+        } else if let FrameError::Version(_) = error
+            && !std::mem::replace(&mut self.warned_of_version, true)
+        {
+            tracing::error!("the device cannot be understood: {error}");
         } else {
-            tracing::warn!(%error, "frame left out");
+            // Noise on a line would fill the log; a report per second tells how much it was.
+            tracing::debug!(%error, "frame left out");
         }
     }
 
@@ -249,7 +258,7 @@ impl Session {
 
     fn stats(&mut self, stats: Stats, read: HostTime, effects: &mut dyn Effects) {
         self.stats = Some(stats);
-        if !self.commands.streaming() {
+        if !self.commands.may_stream() {
             return;
         }
         let Some(codes) = &mut self.codes else { return };

@@ -1,6 +1,8 @@
 //! A board that does what a test tells it.
 
-use bridge::HostTime;
+use std::sync::{Arc, LazyLock};
+
+use bridge::{HostTime, Model};
 use link::{
     Ack, AckResult, CODE_LEN, Capabilities, Code, Decoder, Encoder, Flags, Hello, MAX_FRAME,
     ResetCause, Stats, Streams, ToDevice, ToHost,
@@ -15,6 +17,12 @@ pub(crate) fn at(us: i64) -> HostTime {
         monotonic_us: us,
         wall_ns: WALL_START_NS + us * 1000,
     }
+}
+
+/// The built-in model, read once.
+pub(crate) fn model() -> Arc<Model> {
+    static MODEL: LazyLock<Arc<Model>> = LazyLock::new(|| Arc::new(Model::embedded().unwrap()));
+    Arc::clone(&MODEL)
 }
 
 /// A board that does what a test tells it.
@@ -33,7 +41,7 @@ pub(crate) struct Board {
 
 impl Board {
     pub(crate) fn new() -> Board {
-        let model = bridge::Model::embedded().unwrap();
+        let model = model();
         Board {
             encoder: Encoder::default(),
             commands: Decoder::new(),

@@ -2,19 +2,15 @@
 
 use std::sync::Arc;
 
-use bridge::{Device, FillerPolicy, Model, Reconstruction, Settings, TriWords, Window};
+use bridge::{Device, FillerPolicy, Reconstruction, Settings, TriWords, Window};
 use neuro_ros::{Shape, Stamp};
 
-use crate::board::Board;
+use crate::board::{Board, model};
 use crate::recorder::{Desk, SETTINGS};
 
 fn device(board: Board) -> Arc<Device> {
     let desk = Desk::streaming(SETTINGS, board);
     Arc::clone(&desk.recorder.announced[0].device)
-}
-
-fn model() -> Arc<Model> {
-    Arc::new(Model::embedded().unwrap())
 }
 
 /// A code that differs from window to window.

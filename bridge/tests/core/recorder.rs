@@ -1,11 +1,9 @@
 //! Keeps every effect of the core.
 
-use std::sync::Arc;
-
-use bridge::{Announcement, Core, Effects, FillerPolicy, Model, Settings, StampPoint, Window};
+use bridge::{Announcement, Core, Effects, FillerPolicy, Settings, StampPoint, Window};
 use neuro_ros::{NeuroFrame, Shape};
 
-use crate::board::{Board, at};
+use crate::board::{Board, at, model};
 
 pub(crate) const SETTINGS: Settings = Settings {
     stamp: StampPoint::First,
@@ -75,8 +73,7 @@ impl Desk {
     }
 
     pub(crate) fn new(settings: Settings, board: Board) -> Desk {
-        let model = Arc::new(Model::embedded().unwrap());
-        let core = Core::new(settings, Some(model));
+        let core = Core::new(settings, Some(model()));
         Desk {
             core,
             board,

@@ -129,6 +129,94 @@ fn an_outage_of_the_port_is_counted_and_filled() {
 }
 
 #[test]
+fn a_thousand_outages_leave_the_ledger_closed() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let (mut received, mut lost) = (0, 0);
+    for outage in 0..1000 {
+        let missing = outage % 7;
+        desk.core.disconnected();
+        // Half a frame is in the buffer when the cable goes.
+        let half = desk.board.frame(0, &ToHost::Stats(link::Stats::default()));
+        desk.receive(&half[..half.len() / 2]);
+        for _ in 0..missing {
+            desk.code(1, true);
+        }
+        let window = desk.board.next_window;
+        desk.connect();
+        desk.board.next_window = window;
+        desk.code(2, false);
+        received += 1;
+        lost += missing;
+    }
+    let summary = desk.core.summary();
+    assert_eq!(
+        (summary.received, summary.lost, summary.fillers),
+        (received, lost, lost)
+    );
+    assert_eq!((summary.connections, summary.resets), (1001, 0));
+}
+
+/// Messages of some later release.
+#[derive(serde::Serialize, serde::Deserialize)]
+enum LaterToHost {
+    Hello,
+    Capabilities,
+    Code,
+    Stats,
+    Ack,
+    Event { channel: u8, device_time_us: u64 },
+}
+
+impl link::Message<'_> for LaterToHost {
+    const KINDS: u32 = 6;
+}
+
+#[test]
+fn a_newer_device_is_understood_as_far_as_this_bridge_goes() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    desk.code(1, false);
+    let mut buffer = [0; link::MAX_FRAME];
+    let event = LaterToHost::Event {
+        channel: 1,
+        device_time_us: 1_000_000,
+    };
+    let bytes = desk.board.encoder.encode(0, &event, &mut buffer).unwrap();
+    desk.core
+        .receive(bytes, at(desk.now_us), &mut desk.recorder);
+    desk.code(1, false);
+    let summary = desk.core.summary();
+    assert_eq!(
+        (summary.received, summary.lost, summary.frames_lost),
+        (2, 0, 0)
+    );
+    assert_eq!((summary.wire.unknown, summary.wire.resyncs), (1, 0));
+}
+
+#[test]
+fn a_device_of_another_wire_version_is_told_apart_from_noise() {
+    let mut desk = Desk::new(SETTINGS, Board::new());
+    desk.core.connected(at(desk.now_us), &mut desk.recorder);
+    let header = link::Header {
+        version: 2,
+        seq: 0,
+        device_time_us: 0,
+    };
+    let mut buffer = [0; link::MAX_FRAME];
+    let ack = ToHost::Ack(link::Ack {
+        of: 0,
+        result: AckResult::Done,
+    });
+    let bytes = link::encode(&header, &ack, &mut buffer).unwrap();
+    desk.core
+        .receive(bytes, at(desk.now_us), &mut desk.recorder);
+    let report = format!("{:?}", desk.core.diagnostics(at(desk.now_us)).status[2]);
+    assert!(
+        report.contains("another version") && report.contains("same release"),
+        "{report}"
+    );
+}
+
+#[test]
 fn a_stream_that_began_anew_during_an_outage_is_taken_up() {
     let mut desk = Desk::streaming(SETTINGS, Board::new());
     for _ in 0..10 {
@@ -262,6 +350,33 @@ fn stop_and_start_are_obeyed() {
     assert_eq!(
         (desk.recorder.encoded.len(), desk.core.summary().lost),
         (2, 0)
+    );
+}
+
+#[test]
+fn a_start_without_an_acknowledgement_is_taken_back_when_the_bridge_leaves() {
+    let mut desk = Desk::new(SETTINGS, Board::new());
+    desk.core.connected(at(desk.now_us), &mut desk.recorder);
+    while desk.board.seen.len() < 3 {
+        let sent = std::mem::take(&mut desk.recorder.sent);
+        let answers = desk.board.answer(&sent);
+        if desk.board.seen.len() < 3 {
+            desk.receive(&answers);
+        }
+    }
+    desk.code(1, false);
+    desk.core.want(false);
+    assert!(!desk.core.is_stopped());
+    desk.code(1, true);
+    desk.core.tick(at(desk.now_us), &mut desk.recorder);
+    desk.converse();
+    assert_eq!(commands(&desk), ["identify", "stop", "start", "stop"]);
+    assert!(desk.core.is_stopped());
+    let summary = desk.core.summary();
+    assert_eq!(
+        (summary.made, summary.lost),
+        (2, 1),
+        "the last report closes the ledger"
     );
 }
 

@@ -2,7 +2,7 @@
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, sleep};
@@ -45,7 +45,7 @@ impl Device {
         let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
         let port = format!("tcp:{}", listener.local_addr().unwrap());
         listener.set_nonblocking(true).unwrap();
-        Device::start(port, board, move || {
+        Device::start(port, board, None, move || {
             let (stream, _) = listener.accept()?;
             stream.set_nonblocking(true)?;
             Ok(Box::new(stream) as Box<dyn Line>)
@@ -56,14 +56,13 @@ impl Device {
     pub(crate) fn pty(board: Board, path: &Path) -> Device {
         let port = path.display().to_string();
         let path = path.to_owned();
-        Device::start(port, board, move || {
-            let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY;
+        Device::start(port, board, Some(path.clone()), move || {
+            let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
             let pty = openpt(flags)?;
             grantpt(&pty)?;
             unlockpt(&pty)?;
             fcntl_setfl(&pty, OFlags::NONBLOCK)?;
             let name = ptsname(&pty, Vec::new())?;
-            let _ = std::fs::remove_file(&path);
             std::os::unix::fs::symlink(name.to_str().map_err(io::Error::other)?, &path)?;
             Ok(Box::new(std::fs::File::from(pty)) as Box<dyn Line>)
         })
@@ -72,6 +71,7 @@ impl Device {
     fn start(
         port: String,
         mut board: Board,
+        link: Option<PathBuf>,
         mut plug_in: impl FnMut() -> io::Result<Box<dyn Line>> + Send + 'static,
     ) -> Device {
         let controls = Arc::new(Controls::default());
@@ -84,6 +84,8 @@ impl Device {
             while !shared.stop.load(Relaxed) {
                 if shared.hang_up.swap(false, Relaxed) {
                     line = None;
+                    // Its number may be another's in a moment.
+                    link.as_ref().map(std::fs::remove_file);
                 }
                 if line.is_none() && !shared.unplugged.load(Relaxed) {
                     line = plug_in().ok();
