@@ -43,12 +43,15 @@ pub fn cascade(spec: &FilterSpec) -> Result<Vec<Section>, FilterError> {
         spec.notch_q,
         spec.rate_hz,
     ))];
-    sections.extend(band_sections(&butterworth_band_pass(
-        spec.order,
-        low,
-        high,
-        spec.rate_hz,
-    )));
+    let filter = butterworth_band_pass(spec.order, low, high, spec.rate_hz);
+    let pairs = pole_pairs(&filter.poles);
+    if pairs.len() != spec.order {
+        return Err(FilterError::Poles {
+            low_hz: low,
+            high_hz: high,
+        });
+    }
+    sections.extend(band_sections(&filter, &pairs));
     for (index, section) in sections.iter().enumerate() {
         if !is_stable(section) {
             return Err(FilterError::Unstable {
@@ -88,7 +91,9 @@ fn check(spec: &FilterSpec) -> Result<(), FilterError> {
             highest: HIGHEST_ORDER,
         });
     }
-    if !(spec.notch_q.is_finite() && spec.notch_q > 0.0) {
+    // The notch's half width in radians must stay below a right angle, where its tangent turns.
+    let half_width = std::f64::consts::PI * spec.mains_hz / spec.rate_hz / spec.notch_q;
+    if !(half_width > 0.0 && half_width < std::f64::consts::FRAC_PI_2) {
         return Err(FilterError::NotchQuality { q: spec.notch_q });
     }
     Ok(())
@@ -121,8 +126,7 @@ impl Feedback {
     }
 }
 
-fn band_sections(filter: &BandPass) -> Vec<Section> {
-    let pairs = pole_pairs(&filter.poles);
+fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
     let half = filter.order / 2;
     let by_radius = |range: &[[Complex64; 2]]| {
         let mut sorted = range.to_vec();

@@ -22,8 +22,8 @@ const DELAY_AT_HZ: f64 = 10.0;
 /// 10 mV electrode offset.
 const SETTLED: f64 = 1e-4;
 
-/// A step is followed for at most this long when the settling time is computed, in seconds.
-const SETTLING_LIMIT_S: u32 = 60;
+/// The smallest input multiplier: a relative error of 2^-9 in the scale.
+const COARSEST_INPUT: i32 = 256;
 
 /// The filters for one mains frequency.
 #[derive(Clone, Debug)]
@@ -78,11 +78,9 @@ impl DeviceModel {
             .collect::<Result<_, _>>()?;
         let step_uv = description.adc.lsb_uv() / f64::from(1_u32 << GUARD_BITS);
         let factor = step_uv / f64::from(integers.input_scale_uv);
-        let input_multiplier =
-            to_i32(factor * 4_294_967_296.0).ok_or_else(|| ModelGenError::Multiplier {
-                what: "the quantisation of the input".to_owned(),
-                factor,
-            })?;
+        let input_multiplier = to_i32(factor * 4_294_967_296.0)
+            .filter(|multiplier| *multiplier >= COARSEST_INPUT)
+            .ok_or(ModelGenError::InputScale { factor })?;
         Ok(Self {
             id: artifact.id,
             description,
@@ -164,8 +162,7 @@ fn mains_filter(
     let sections = filter_cascade(filters, rate_hz, mains_hz)?;
     let gains = headroom::prove(&sections)?;
     let delay_s = response::group_delay_s(&sections, DELAY_AT_HZ, rate_hz.into());
-    let limit = usize::try_from(rate_hz * SETTLING_LIMIT_S).expect("rates are below 1 MHz");
-    let settling = response::settling_samples(&sections, SETTLED, limit);
+    let settling = response::settling_samples(&sections, SETTLED)?;
     let [low, high] = filters.band_hz;
     let description = format!(
         "notch {mains_hz} Hz Q {}, Butterworth {low}-{high} Hz order {}, every {} of {rate_hz} Hz",
@@ -184,7 +181,7 @@ fn mains_filter(
         sections,
         gains,
         group_delay_us,
-        settling_samples: u32::try_from(settling).expect("at most a minute of samples"),
+        settling_samples: u32::try_from(settling).expect("a response is followed for 2^22 samples"),
         description,
     })
 }

@@ -42,7 +42,8 @@ pub enum FilterError {
     },
     /// A notch quality that is not a positive number.
     #[error(
-        "a notch quality of {q} makes no sense: [filters] notch_q of model.toml must be positive"
+        "a notch of quality {q} cannot be made: [filters] notch_q of model.toml must be large \
+         enough for the notch to be narrower than half the sampling rate"
     )]
     NotchQuality {
         /// Asked for.
@@ -59,10 +60,34 @@ pub enum FilterError {
         /// The quantised section.
         section: Section,
     },
+    /// A pole so close to the unit circle that its response hardly ends.
+    #[error(
+        "the filters remember {samples:.0} samples (pole radius {radius}), more than {longest:.0}: \
+         raise the lower edge of [filters] band_hz in model.toml"
+    )]
+    SlowDecay {
+        /// Distance of the slowest pole from the origin.
+        radius: f64,
+        /// Samples until the response has decayed.
+        samples: f64,
+        /// Most that are followed.
+        longest: f64,
+    },
+    /// Poles that do not pair up into sections.
+    #[error(
+        "a band from {low_hz} to {high_hz} Hz has poles too close to the real axis to be told \
+         apart: raise the lower edge of [filters] band_hz in model.toml"
+    )]
+    Poles {
+        /// Lower edge in Hz.
+        low_hz: f64,
+        /// Upper edge in Hz.
+        high_hz: f64,
+    },
     /// A node of the cascade could leave 32 bits.
     #[error(
         "{node} can reach {gain:.2} times the input: full-scale ADC counts with 4 guard bits \
-         allow less than {limit}; widen the band or lower notch_q in model.toml"
+         allow less than {limit:.2}; lower [filters] order or raise the lower band edge in model.toml"
     )]
     Overflow {
         /// Which signal of the cascade.
@@ -91,13 +116,26 @@ pub enum ModelGenError {
     },
     /// A requantisation factor that leaves Q0.32.
     #[error(
-        "{what} needs a factor of {factor}, outside of [-0.5, 0.5): the calibrated range is far \
-         smaller than the weights can produce; calibrate again on data like the training set"
+        "output {output} of {layer} needs a factor of {factor}, outside of [-0.5, 0.5): the \
+         calibrated range is far smaller than the weights can produce; calibrate again on data \
+         like the training set"
     )]
     Multiplier {
-        /// Which one.
-        what: String,
+        /// Layer.
+        layer: &'static str,
+        /// Output channel.
+        output: usize,
         /// Its value.
+        factor: f64,
+    },
+    /// An input scale that does not fit the ADC.
+    #[error(
+        "one step of a filtered sample is {factor:e} steps of the int8 input: the ADC's scale \
+         ([adc] vref_v and gain of model.toml) and the calibrated input range do not belong \
+         together"
+    )]
+    InputScale {
+        /// Steps of the input per step of a filtered sample.
         factor: f64,
     },
     /// A sum that could leave 32 bits.

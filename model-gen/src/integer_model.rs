@@ -1,16 +1,8 @@
 //! The encoder in integers, in the layout in which it was trained, and its plain-loop reference.
 
-/// Electrodes of the montage.
-pub const ELECTRODES: usize = 61;
-/// Cells of the scalp grid: 10 rows of 9.
-pub const CELLS: usize = 90;
-/// Timesteps of a window.
-pub const STEPS: usize = 16;
-/// Numbers in a code.
-pub const CODE: usize = 128;
+pub use artifact::{CELLS, CODE, ELECTRODES, STEPS};
+use artifact::{COLUMNS, ROWS};
 
-/// Rows and columns of the scalp grid.
-const GRID: [usize; 2] = [10, 9];
 /// Channels behind the first convolution.
 pub(crate) const CONV1: usize = 16;
 /// Channels behind the second convolution.
@@ -72,7 +64,7 @@ impl IntegerModel {
     /// must equal bit for bit.
     pub fn encode_window(&self, window: &[Plane; STEPS]) -> [i8; CODE] {
         let input = Volume {
-            shape: [1, STEPS, GRID[0], GRID[1]],
+            shape: [1, STEPS, ROWS, COLUMNS],
             values: window
                 .as_flattened()
                 .iter()

@@ -16,6 +16,7 @@ pub mod pack;
 mod quantise;
 pub mod response;
 mod rounding;
+mod rows;
 
 use std::path::Path;
 

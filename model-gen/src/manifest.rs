@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use crate::{
     device_model::DeviceModel,
-    integer_model::{CODE, CONV1, CONV2, ELECTRODES, FLAT, IntegerConv, STEPS},
+    integer_model::{CODE, CONV1, CONV2, ELECTRODES, FLAT, STEPS},
 };
 
 /// The manifest of a device model: ids, shapes, scales, ranges and byte counts.
@@ -59,16 +59,29 @@ fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
         "\nlayers                weights      worst accumulator"
     )?;
     let integers = &model.integers;
-    layer(out, "conv1   1x3x3x3 -> 16", &integers.conv1, CONV1, 128)?;
-    layer(out, "conv2  16x3x3x3 -> 32", &integers.conv2, CONV2, 255)?;
-    linear(
+    let (conv1, conv2) = (&integers.conv1, &integers.conv2);
+    layer(
+        out,
+        "conv1   1x3x3x3 -> 16",
+        &conv1.weights,
+        &conv1.bias,
+        128,
+    )?;
+    layer(
+        out,
+        "conv2  16x3x3x3 -> 32",
+        &conv2.weights,
+        &conv2.bias,
+        255,
+    )?;
+    layer(
         out,
         "fc         1152 -> 128",
         &integers.fc.weights,
         &integers.fc_bias,
         255,
     )?;
-    linear(
+    layer(
         out,
         "shortcut    976 -> 128",
         &integers.shortcut.weights,
@@ -88,36 +101,16 @@ fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
     writeln!(out, "flash for weights     {} bytes", weight_bytes(model))
 }
 
+/// A layer's size, and the largest accumulator that any input can make.
 fn layer(
     out: &mut String,
     name: &str,
-    conv: &IntegerConv,
-    outputs: usize,
-    largest_input: i64,
-) -> std::fmt::Result {
-    linear_rows(out, name, &conv.weights, &conv.bias, outputs, largest_input)
-}
-
-fn linear(
-    out: &mut String,
-    name: &str,
     weights: &[i8],
     bias: &[i32],
-    largest_input: i64,
-) -> std::fmt::Result {
-    linear_rows(out, name, weights, bias, CODE, largest_input)
-}
-
-fn linear_rows(
-    out: &mut String,
-    name: &str,
-    weights: &[i8],
-    bias: &[i32],
-    outputs: usize,
     largest_input: i64,
 ) -> std::fmt::Result {
     let worst = weights
-        .chunks_exact(weights.len() / outputs)
+        .chunks_exact(weights.len() / bias.len())
         .zip(bias)
         .map(|(weights, &bias)| {
             let sum: i64 = weights.iter().map(|&w| i64::from(w).abs()).sum();

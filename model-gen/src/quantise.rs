@@ -8,21 +8,19 @@
 //! weights into its bias. In front of the max-pool a negative g turns the maximum into a minimum:
 //! that channel's weights and bias are negated and its multiplier is negative.
 
-use artifact::{Artifact, ELECTRODES, ScalpGrid};
+use artifact::{Artifact, ELECTRODES, NORM_EPSILON, ScalpGrid};
 
 use crate::{
     ModelGenError,
     integer_model::{
         CODE, CONV1, CONV2, FLAT, IntegerConv, IntegerLinear, IntegerModel, POOLED, STEPS,
     },
-    rounding::{saturating_i8, to_i32, weights_i8},
+    rounding::saturating_i8,
+    rows::{FloatLayer, IntegerLayer, LayerInput},
 };
 
-/// Batch norm's epsilon, PyTorch's default.
-const EPSILON: f64 = 1e-5;
-
-/// The quantised input and activations reach this much further than the calibration set did:
-/// clipping costs far more than resolution.
+/// The quantised input, activations and codes reach this much further than the calibration set
+/// did: clipping costs far more than resolution.
 const HEAD_ROOM: f64 = 1.25;
 
 /// Features of the linear shortcut.
@@ -35,57 +33,49 @@ const LINEAR: usize = STEPS * ELECTRODES;
 /// accumulator could leave 32 bits.
 pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
     let ranges = Ranges::of(artifact)?;
-    let input_scale_uv = ranges.input_uv / 127.0;
-    let input_scale = input_scale_uv / artifact.description.input.sd_uv;
-    let hidden_scale = ranges.hidden / 255.0;
-    let pooled_scale = ranges.pooled / 255.0;
-
+    let codes = CodeScales::of(artifact)?;
     let norm1 = Norm::read(artifact, "encoder.norm1", CONV1)?;
     let norm2 = Norm::read(artifact, "encoder.norm2", CONV2)?;
 
-    let conv1 = FloatConv::read(artifact, "encoder.conv1", CONV1, 1)?;
-    let conv1 = conv1.quantise("conv1", input_scale, hidden_scale, &norm1, 127.0)?;
+    let input_scale_uv = ranges.input_uv / 127.0;
+    let input = LayerInput {
+        scale: input_scale_uv / artifact.description.input.sd_uv,
+        largest: 128.0,
+    };
+    let hidden = LayerInput {
+        scale: ranges.hidden / 255.0,
+        largest: 255.0,
+    };
+    let pooled = LayerInput {
+        scale: ranges.pooled / 255.0,
+        largest: 255.0,
+    };
 
-    let mut conv2 = FloatConv::read(artifact, "encoder.conv2", CONV2, CONV1)?;
-    absorb(&norm1, &mut conv2.weights, &mut conv2.bias, 27);
-    conv2.negate_where(&norm2);
-    let conv2 = conv2.quantise("conv2", hidden_scale, pooled_scale, &norm2, 255.0)?;
+    let conv1 = Layer::read(artifact, "encoder.conv1", &[CONV1, 1, 3, 3, 3])?;
+    // The sign of a factor goes into conv2's weights.
+    let gain1: Vec<f64> = norm1
+        .factor
+        .iter()
+        .map(|g| g.abs() / hidden.scale)
+        .collect();
+    let conv1 = conv1.quantise("conv1", &gain1, input)?;
 
-    let mut fc_weights = tensor(artifact, "encoder.fc.weight", &[CODE, FLAT])?;
-    let mut fc_bias = tensor(artifact, "encoder.fc.bias", &[CODE])?;
-    absorb(
-        &norm2,
-        &mut fc_weights,
-        &mut fc_bias,
-        POOLED.iter().product(),
-    );
-    let shortcut = tensor(artifact, "encoder.shortcut.weight", &[CODE, LINEAR])?;
+    let mut conv2 = Layer::read(artifact, "encoder.conv2", &[CONV2, CONV1, 3, 3, 3])?;
+    conv2.absorb(&norm1, 27);
+    conv2.negate_where_negative(&norm2);
+    // A negated channel keeps its negative factor, so that the product is positive again.
+    let gain2: Vec<f64> = norm2.factor.iter().map(|g| g / pooled.scale).collect();
+    let conv2 = conv2.quantise("conv2", &gain2, hidden)?;
 
-    let codes = CodeScales::of(artifact)?;
-    let fc = linear("fc", &fc_weights, &fc_bias, pooled_scale, &codes.scale)?;
-    let mut fc_bias_steps = [0_i32; CODE];
-    for j in 0..CODE {
-        let step = pooled_scale * fc.scales[j];
-        fc_bias_steps[j] = to_i32(fc_bias[j] / step).ok_or(ModelGenError::Accumulator {
-            layer: "fc",
-            output: j,
-            worst: (fc_bias[j] / step).abs(),
-        })?;
-        prove_accumulator(
-            "fc",
-            j,
-            row(&fc.integers.weights, j),
-            fc_bias_steps[j],
-            255.0,
-        )?;
-    }
-    let shortcut = linear(
-        "shortcut",
-        &shortcut,
-        &[0.0; CODE],
-        input_scale,
-        &codes.scale,
-    )?;
+    let code_gain = codes.scale.map(|scale| 1.0 / scale);
+    let mut fc = Layer::read(artifact, "encoder.fc", &[CODE, FLAT])?;
+    fc.absorb(&norm2, POOLED.iter().product());
+    let fc = fc.quantise("fc", &code_gain, pooled)?;
+    let shortcut = Layer {
+        weights: tensor(artifact, "encoder.shortcut.weight", &[CODE, LINEAR])?,
+        bias: vec![0.0; CODE],
+    };
+    let shortcut = shortcut.quantise("shortcut", &code_gain, input)?;
 
     let grid = ScalpGrid::new(&artifact.description);
     #[expect(
@@ -93,6 +83,8 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
         reason = "the scalp grid has 90 cells"
     )]
     let cells = grid.cell_of_electrode().map(|cell| cell as u8);
+    let mut fc_bias = [0; CODE];
+    fc_bias.copy_from_slice(&fc.bias);
     #[expect(
         clippy::cast_possible_truncation,
         reason = "scales are published as f32"
@@ -102,12 +94,31 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
         code_scale: codes.scale.map(|scale| scale as f32),
         code_zero_point: codes.zero_point,
         cells,
-        conv1,
-        conv2,
-        fc: fc.integers,
-        fc_bias: fc_bias_steps,
-        shortcut: shortcut.integers,
+        conv1: convolution(conv1),
+        conv2: convolution(conv2),
+        fc: IntegerLinear {
+            weights: fc.weights,
+            multipliers: fc.multipliers,
+        },
+        fc_bias,
+        shortcut: IntegerLinear {
+            weights: shortcut.weights,
+            multipliers: shortcut.multipliers,
+        },
     })
+}
+
+fn convolution(layer: IntegerLayer) -> IntegerConv {
+    let IntegerLayer {
+        weights,
+        bias,
+        multipliers,
+    } = layer;
+    IntegerConv {
+        weights,
+        bias,
+        multipliers,
+    }
 }
 
 /// A tensor as f64, or zeros where this artifact's mode has no such layer.
@@ -175,7 +186,7 @@ impl Norm {
         let factor: Vec<f64> = weight
             .iter()
             .zip(&variance)
-            .map(|(w, v)| w / (v + EPSILON).sqrt())
+            .map(|(w, v)| w / (v + f64::from(NORM_EPSILON)).sqrt())
             .collect();
         let offset = bias
             .iter()
@@ -187,17 +198,60 @@ impl Norm {
     }
 }
 
-/// Moves a norm's sign and offset into the layer that reads it: `weights` are
-/// `[output][channel][taps]`.
-fn absorb(norm: &Norm, weights: &mut [f64], bias: &mut [f64], taps: usize) {
-    let channels = norm.factor.len();
-    for (weights, bias) in weights.chunks_exact_mut(channels * taps).zip(bias) {
-        for (channel, weights) in weights.chunks_exact_mut(taps).enumerate() {
-            *bias += weights.iter().sum::<f64>() * norm.offset[channel];
-            if norm.factor[channel] < 0.0 {
-                negate(weights);
+/// Weights `[output][input]...` and biases of a layer.
+struct Layer {
+    weights: Vec<f64>,
+    bias: Vec<f64>,
+}
+
+impl Layer {
+    fn read(artifact: &Artifact, name: &str, shape: &[usize]) -> Result<Self, ModelGenError> {
+        Ok(Self {
+            weights: tensor(artifact, &format!("{name}.weight"), shape)?,
+            bias: tensor(artifact, &format!("{name}.bias"), &shape[..1])?,
+        })
+    }
+
+    /// Moves sign and offset of the norm in front of this layer into it; each of the norm's
+    /// channels has `taps` weights in a row.
+    fn absorb(&mut self, norm: &Norm, taps: usize) {
+        let channels = norm.factor.len();
+        let rows = self.weights.chunks_exact_mut(channels * taps);
+        for (weights, bias) in rows.zip(&mut self.bias) {
+            for (channel, weights) in weights.chunks_exact_mut(taps).enumerate() {
+                *bias += weights.iter().sum::<f64>() * norm.offset[channel];
+                if norm.factor[channel] < 0.0 {
+                    negate(weights);
+                }
             }
         }
+    }
+
+    /// Negates the outputs whose norm, behind the max-pool, has a negative factor.
+    fn negate_where_negative(&mut self, norm: &Norm) {
+        let inputs = self.weights.len() / self.bias.len();
+        let rows = self.weights.chunks_exact_mut(inputs);
+        for ((weights, bias), factor) in rows.zip(&mut self.bias).zip(&norm.factor) {
+            if *factor < 0.0 {
+                negate(weights);
+                *bias = -*bias;
+            }
+        }
+    }
+
+    fn quantise(
+        &self,
+        name: &'static str,
+        gain: &[f64],
+        input: LayerInput,
+    ) -> Result<IntegerLayer, ModelGenError> {
+        FloatLayer {
+            name,
+            weights: &self.weights,
+            bias: &self.bias,
+            gain,
+        }
+        .quantise(input)
     }
 }
 
@@ -205,121 +259,6 @@ fn negate(weights: &mut [f64]) {
     for weight in weights {
         *weight = -*weight;
     }
-}
-
-/// Weights `[output][input][27]` and biases of a convolution.
-struct FloatConv {
-    weights: Vec<f64>,
-    bias: Vec<f64>,
-}
-
-impl FloatConv {
-    fn read(
-        artifact: &Artifact,
-        name: &str,
-        outputs: usize,
-        inputs: usize,
-    ) -> Result<Self, ModelGenError> {
-        Ok(Self {
-            weights: tensor(
-                artifact,
-                &format!("{name}.weight"),
-                &[outputs, inputs, 3, 3, 3],
-            )?,
-            bias: tensor(artifact, &format!("{name}.bias"), &[outputs])?,
-        })
-    }
-
-    fn negate_where(&mut self, norm: &Norm) {
-        let per_output = self.weights.len() / self.bias.len();
-        for (output, factor) in norm.factor.iter().enumerate() {
-            if *factor < 0.0 {
-                self.bias[output] = -self.bias[output];
-                negate(&mut self.weights[output * per_output..][..per_output]);
-            }
-        }
-    }
-
-    /// `largest_input` is the largest magnitude of a quantised input, for the range proof.
-    fn quantise(
-        &self,
-        layer: &'static str,
-        input_scale: f64,
-        output_scale: f64,
-        norm: &Norm,
-        largest_input: f64,
-    ) -> Result<IntegerConv, ModelGenError> {
-        let outputs = self.bias.len();
-        let mut integers = IntegerConv {
-            weights: Vec::with_capacity(self.weights.len()),
-            bias: Vec::with_capacity(outputs),
-            multipliers: Vec::with_capacity(outputs),
-        };
-        for (output, floats) in self
-            .weights
-            .chunks_exact(self.weights.len() / outputs)
-            .enumerate()
-        {
-            let smallest = smallest_weight_scale(self.bias[output], input_scale, output_scale);
-            let (weights, weight_scale) = weights_i8(floats, smallest);
-            let step = input_scale * weight_scale;
-            let bias = to_i32(self.bias[output] / step).ok_or(ModelGenError::Accumulator {
-                layer,
-                output,
-                worst: (self.bias[output] / step).abs(),
-            })?;
-            prove_accumulator(layer, output, &weights, bias, largest_input)?;
-            // conv2's negated channels keep their negative factor; conv1's sign went into conv2.
-            let factor = if layer == "conv2" {
-                norm.factor[output]
-            } else {
-                norm.factor[output].abs()
-            };
-            let what = || format!("{layer} (output {output})");
-            integers
-                .multipliers
-                .push(multiplier(what, factor * step / output_scale)?);
-            integers.weights.extend(weights);
-            integers.bias.push(bias);
-        }
-        Ok(integers)
-    }
-}
-
-struct QuantisedLinear {
-    integers: IntegerLinear,
-    scales: Vec<f64>,
-}
-
-fn linear(
-    layer: &'static str,
-    weights: &[f64],
-    bias: &[f64],
-    input_scale: f64,
-    code_scale: &[f64; CODE],
-) -> Result<QuantisedLinear, ModelGenError> {
-    let mut integers = IntegerLinear {
-        weights: Vec::new(),
-        multipliers: Vec::new(),
-    };
-    let mut scales = Vec::with_capacity(CODE);
-    for (output, floats) in weights.chunks_exact(weights.len() / CODE).enumerate() {
-        let smallest = smallest_weight_scale(bias[output], input_scale, code_scale[output]);
-        let (weights, scale) = weights_i8(floats, smallest);
-        prove_accumulator(layer, output, &weights, 0, 255.0)?;
-        let what = || format!("{layer} (output {output})");
-        integers
-            .multipliers
-            .push(multiplier(what, input_scale * scale / code_scale[output])?);
-        integers.weights.extend(weights);
-        scales.push(scale);
-    }
-    Ok(QuantisedLinear { integers, scales })
-}
-
-fn row(weights: &[i8], output: usize) -> &[i8] {
-    let length = weights.len() / CODE;
-    &weights[output * length..][..length]
 }
 
 /// Scale and zero point of each code dimension, from its calibrated minimum and maximum.
@@ -337,7 +276,9 @@ impl CodeScales {
             zero_point: [0; CODE],
         };
         for j in 0..CODE {
-            let (low, high) = (f64::from(smallest[j]), f64::from(largest[j]));
+            // A range that holds 0 keeps the zero point within int8.
+            let low = f64::from(smallest[j]).min(0.0);
+            let high = f64::from(largest[j]).max(0.0);
             let half = (high - low) / 2.0 * HEAD_ROOM;
             if half > 0.0 {
                 codes.scale[j] = half / 127.0;
@@ -345,41 +286,5 @@ impl CodeScales {
             }
         }
         Ok(codes)
-    }
-}
-
-/// The finest weight scale that makes sense: the requantisation factor keeps at least 8 bits, and
-/// the bias at most 24, so that a dead output (no weights to speak of) stays representable.
-fn smallest_weight_scale(bias: f64, input_scale: f64, output_scale: f64) -> f64 {
-    const TWO_TO_24: f64 = 16_777_216.0;
-    (bias.abs().max(output_scale)) / (input_scale * TWO_TO_24)
-}
-
-/// A factor as Q0.32.
-fn multiplier(what: impl Fn() -> String, factor: f64) -> Result<i32, ModelGenError> {
-    to_i32(factor * 4_294_967_296.0).ok_or_else(|| ModelGenError::Multiplier {
-        what: what(),
-        factor,
-    })
-}
-
-/// No input can take this output's accumulator out of 32 bits.
-fn prove_accumulator(
-    layer: &'static str,
-    output: usize,
-    weights: &[i8],
-    bias: i32,
-    largest_input: f64,
-) -> Result<(), ModelGenError> {
-    let weights: f64 = weights.iter().map(|&w| f64::from(w).abs()).sum();
-    let worst = weights * largest_input.max(128.0) + f64::from(bias).abs();
-    if worst < f64::from(i32::MAX) {
-        Ok(())
-    } else {
-        Err(ModelGenError::Accumulator {
-            layer,
-            output,
-            worst,
-        })
     }
 }
