@@ -82,9 +82,18 @@ mod tests {
 
     #[test]
     fn the_product_equals_the_exact_one() {
-        for value in [-1.996_226, 0.982_7, 1.5] {
+        // |coefficient| < 2 and |x| < 2^30, where a product fits; the whole sum may wrap.
+        for value in [-1.996_226, -0.5, 0.982_7, 1.5] {
             let c = Coefficient::nearest(value);
-            for x in [-134_217_728, -1, 0, 1, 77_777, 134_217_727] {
+            for x in [
+                -1_073_741_823,
+                -134_217_728,
+                -1,
+                0,
+                1,
+                77_777,
+                1_073_741_823,
+            ] {
                 assert_eq!(c.multiply_add(0, x), c.to_q32() * i64::from(x));
             }
         }
