@@ -24,7 +24,7 @@ pub struct FilterSpec {
 }
 
 /// Highest order per edge: beyond it poles crowd so closely that sections stop being sensible.
-const HIGHEST_ORDER: usize = 12;
+const HIGHEST_ORDER: usize = 8;
 
 /// The cascade of a specification: notch, high-pass sections (low Q first), the mixed section if
 /// the order is odd, low-pass sections (low Q first), each with gain 1 in its pass band.
