@@ -140,23 +140,27 @@ impl CodeStream {
         self.publish(place, true, clock, effects);
     }
 
-    /// The device says that its next code will be `next`: what has not come until here is lost.
+    /// The device says at `device_us` that its next code will be `next`: what has not come until
+    /// here is lost.
     pub(crate) fn close(
         &mut self,
         next: u32,
+        device_us: u64,
         read: HostTime,
         clock: &Clock,
         effects: &mut dyn Effects,
     ) {
         let lost = self.counts.ledger.close(next);
-        if lost > 0 {
-            let after = i64::from(lost) + 1;
-            let hop_us = self.device.steps_us(u32::from(self.device.hop_steps));
-            let next_us = self
-                .last_device_us
-                .saturating_add_signed(after.saturating_mul(hop_us));
-            self.fill(next, lost, next_us, read, clock, effects);
-        }
+        let hop_us = self.device.steps_us(u32::from(self.device.hop_steps));
+        // Hops from a code whose time is known to `next`; before the first code of a stream the
+        // report's own time is the best there is: the last code was made within a hop before it.
+        let (known_us, hops) = if self.has_last {
+            (self.last_device_us, i64::from(lost) + 1)
+        } else {
+            (device_us, 1)
+        };
+        let next_us = known_us.saturating_add_signed(hops * hop_us);
+        self.fill(next, lost, next_us, read, clock, effects);
     }
 
     /// Publish fillers for the `lost` codes right before `window`, which was made at `device_us`.

@@ -153,7 +153,7 @@ impl Session {
                 }
                 _ => self.counts.early += 1,
             },
-            ToHost::Stats(stats) => self.stats(*stats, read, effects),
+            ToHost::Stats(stats) => self.stats(*stats, header.device_time_us, read, effects),
             ToHost::Ack(ack) => self.ack(*ack, read),
         }
     }
@@ -256,13 +256,13 @@ impl Session {
         self.commands.identified(false);
     }
 
-    fn stats(&mut self, stats: Stats, read: HostTime, effects: &mut dyn Effects) {
+    fn stats(&mut self, stats: Stats, device_us: u64, read: HostTime, effects: &mut dyn Effects) {
         self.stats = Some(stats);
         if !self.commands.may_stream() {
             return;
         }
         let Some(codes) = &mut self.codes else { return };
-        codes.close(stats.next_window, read, &self.clock, effects);
+        codes.close(stats.next_window, device_us, read, &self.clock, effects);
         if !stats.streams.contains(Streams::CODES) && self.commands.wants() {
             tracing::warn!("the device stopped streaming by itself; starting it again");
             self.commands.stopped_by_itself();

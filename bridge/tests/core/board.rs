@@ -35,6 +35,8 @@ pub(crate) struct Board {
     pub(crate) hop_steps: u8,
     pub(crate) step_rate_hz: u16,
     pub(crate) next_window: u32,
+    /// Device time of the last code made.
+    pub(crate) now_us: u64,
     /// Commands that came, oldest first.
     pub(crate) seen: Vec<(u32, ToDevice)>,
 }
@@ -51,6 +53,7 @@ impl Board {
             hop_steps: 8,
             step_rate_hz: 128,
             next_window: 0,
+            now_us: 0,
             seen: Vec::new(),
         }
     }
@@ -147,6 +150,7 @@ impl Board {
     /// The next code, filled with `value`, made at `device_us`.
     pub(crate) fn code(&mut self, device_us: u64, value: i8) -> Vec<u8> {
         let window = self.next_window;
+        self.now_us = device_us;
         self.next_window = window.wrapping_add(1);
         let code = Code {
             model_id: self.model_id,
@@ -162,7 +166,7 @@ impl Board {
     pub(crate) fn stats(&mut self, streams: Streams) -> Vec<u8> {
         let next_window = self.next_window;
         self.frame(
-            0,
+            self.now_us,
             &ToHost::Stats(Stats {
                 streams,
                 next_window,
