@@ -48,6 +48,9 @@ pub use folder::Artifact;
 pub use golden::Golden;
 pub use model_id::ModelId;
 pub use scalp_grid::ScalpGrid;
-pub use shapes::{CELLS, CODE, COLUMNS, ELECTRODES, ROWS, STEPS, WINDOW_CELLS, WINDOW_ELECTRODES};
+pub use shapes::{
+    CELLS, CODE, COLUMNS, ELECTRODES, NORM_EPSILON, NamedShape, ROWS, STEPS, WINDOW_CELLS,
+    WINDOW_ELECTRODES, weight_shapes,
+};
 pub use tensors::Tensors;
 pub use training_card::{Figures, TrainingCard};

@@ -34,7 +34,7 @@ pub(crate) const POOLED: [usize; 3] = [FEATURE_MAP[0] / 2, FEATURE_MAP[1] / 2, F
 /// Input of the fully connected layer: channel, step, row, column, the last fastest.
 pub(crate) const FLAT: usize = CHANNELS2 * POOLED[0] * POOLED[1] * POOLED[2];
 /// Added to a variance before its root is taken; PyTorch's default.
-pub(crate) const NORM_EPSILON: f32 = 1e-5;
+pub const NORM_EPSILON: f32 = 1e-5;
 
 const _: () = assert!(
     FLAT == 1152,
@@ -42,7 +42,7 @@ const _: () = assert!(
 );
 
 /// Name and shape of a tensor.
-pub(crate) type NamedShape = (&'static str, &'static [usize]);
+pub type NamedShape = (&'static str, &'static [usize]);
 
 /// Convolutions, norms and fully connected layers of encoder and decoder.
 const NETWORK: &[NamedShape] = &[
@@ -99,7 +99,7 @@ const LINEAR_RANGES: &[NamedShape] = &[
 const ACTIVATION_RANGES: &[NamedShape] = &[("activation1.max", &[1]), ("activation2.max", &[1])];
 
 /// The tensors of `weights.safetensors` for a mode: exactly these.
-pub(crate) fn weights(mode: Mode) -> Vec<NamedShape> {
+pub fn weight_shapes(mode: Mode) -> Vec<NamedShape> {
     let network = if mode.has_convolutions() {
         NETWORK
     } else {

@@ -91,7 +91,7 @@ pub(crate) fn pca() -> Artifact {
 /// Mode `shortcut`; a handful of numbers that are not 0, so that results follow by hand.
 pub(crate) fn shortcut() -> Artifact {
     let mut weights = Tensors::for_weights();
-    for (name, shape) in shapes::weights(Mode::Shortcut) {
+    for (name, shape) in shapes::weight_shapes(Mode::Shortcut) {
         let value = match name.rsplit_once('.') {
             Some((_, "running_var")) => 1.0 - shapes::NORM_EPSILON,
             Some((norm, "weight")) if norm.contains("norm") => 2.0,
@@ -101,7 +101,7 @@ pub(crate) fn shortcut() -> Artifact {
         weights.insert(name, shape, vec![value; shape.iter().product()]);
     }
     let mut set = |name: &str, range: core::ops::Range<usize>, value: f32| {
-        let shapes = shapes::weights(Mode::Shortcut);
+        let shapes = shapes::weight_shapes(Mode::Shortcut);
         let (_, shape) = shapes.iter().find(|(known, _)| *known == name).unwrap();
         let mut values = weights.tensor(name, shape).unwrap().to_vec();
         values[range].fill(value);

@@ -210,7 +210,7 @@ fn filters(d: &Description) -> Result<(), ArtifactError> {
 }
 
 pub(crate) fn weights(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
-    let expected = shapes::weights(d.mode);
+    let expected = shapes::weight_shapes(d.mode);
     tensors.check(&expected)?;
     for (name, shape) in expected
         .iter()

@@ -1,2 +1,171 @@
-//! Command line.
-fn main() {}
+//! The command line: `trainer train` and `trainer evaluate`.
+#![forbid(unsafe_code)]
+
+use clap::{Args, Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::error::Error;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use trainer::evaluate::Table;
+use trainer::session::{self, Audience, Comparison, Order};
+use trainer::training::{EpochReport, Settings};
+
+/// Trains the convolutional autoencoder on EEG recordings and writes the artifact.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Train a model and write its artifact.
+    Train(TrainArgs),
+    /// Print how well an artifact does, beside PCA with as many components.
+    Evaluate(EvaluateArgs),
+}
+
+#[derive(Args, Debug)]
+struct TrainArgs {
+    /// Folder of the recordings (EDF, BDF, GDF).
+    #[arg(long)]
+    data: PathBuf,
+    /// Recordings to train on: ends of file names, ranges as R03..R10.
+    #[arg(long, required = true, value_delimiter = ',')]
+    train: Vec<String>,
+    /// Recordings to test with; never trained or validated on.
+    #[arg(long, required = true, value_delimiter = ',')]
+    test: Vec<String>,
+    /// Mains frequency where the recordings were made, Hz.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(45..=65))]
+    mains: u32,
+    /// Origin and licence of the recordings, for the training card.
+    #[arg(long, default_value = "not stated")]
+    dataset: String,
+    /// What to cite, for the training card.
+    #[arg(long, default_value = "not stated")]
+    citation: String,
+    /// Epochs to run.
+    #[arg(long, default_value_t = 12)]
+    epochs: u32,
+    /// Seed of every random choice.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Largest learning rate.
+    #[arg(long, default_value_t = 1e-3)]
+    rate: f64,
+    /// Where the training is kept between epochs.
+    #[arg(long, default_value = "target/trainer/checkpoint.safetensors")]
+    checkpoint: PathBuf,
+    /// Go on from the checkpoint.
+    #[arg(long)]
+    resume: bool,
+    /// Folder of the artifact.
+    #[arg(long)]
+    out: PathBuf,
+}
+
+#[derive(Args, Debug)]
+struct EvaluateArgs {
+    /// Folder of the artifact.
+    #[arg(long)]
+    artifact: PathBuf,
+    /// Folder of the recordings; those that the artifact was trained on too, for PCA.
+    #[arg(long)]
+    data: PathBuf,
+    /// Recordings to test with; those of the training card unless given.
+    #[arg(long, value_delimiter = ',')]
+    test: Vec<String>,
+}
+
+/// Windows of one update.
+const BATCH: usize = 32;
+
+fn main() -> ExitCode {
+    let mut terminal = Terminal {
+        bar: ProgressBar::hidden(),
+    };
+    let result = match Cli::parse().verb {
+        Verb::Train(args) => session::train(&args.into(), &mut terminal),
+        Verb::Evaluate(args) => {
+            session::compare(&args.artifact, &args.data, &args.test, &mut terminal)
+        }
+    };
+    match result {
+        Ok(Comparison { network, pca }) => {
+            print!("{}", Table(&[("autoencoder", network), ("PCA-128", pca)]));
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("trainer: {error}");
+            let mut cause = error.source();
+            while let Some(error) = cause {
+                eprintln!("  because {error}");
+                cause = error.source();
+            }
+            ExitCode::FAILURE
+        }
+    }
+}
+
+impl From<TrainArgs> for Order {
+    fn from(args: TrainArgs) -> Self {
+        let TrainArgs {
+            epochs,
+            seed,
+            rate: peak_rate,
+            ..
+        } = args;
+        Self {
+            data: args.data,
+            train: args.train,
+            test: args.test,
+            mains_hz: args.mains,
+            dataset: args.dataset,
+            citation: args.citation,
+            settings: Settings {
+                epochs,
+                batch: BATCH,
+                peak_rate,
+                seed,
+            },
+            checkpoint: args.checkpoint,
+            resume: args.resume,
+            out: args.out,
+        }
+    }
+}
+
+/// Lines and a progress bar on the standard error stream.
+struct Terminal {
+    bar: ProgressBar,
+}
+
+impl Audience for Terminal {
+    fn line(&mut self, text: &str) {
+        eprintln!("{text}");
+    }
+
+    fn epoch_begins(&mut self, epoch: u32, of: u32, batches: usize) {
+        let style = "epoch {prefix} {bar:30} {pos}/{len} batches, {eta} left, loss {msg}";
+        let style = ProgressStyle::with_template(style).expect("a template with known keys");
+        self.bar = ProgressBar::new(batches as u64).with_style(style);
+        self.bar.set_prefix(format!("{epoch}/{of}"));
+    }
+
+    fn batch_done(&mut self, batches: usize, loss: f64) {
+        self.bar.set_position(batches as u64);
+        self.bar.set_message(format!("{loss:.5}"));
+    }
+
+    fn epoch_ends(&mut self, report: EpochReport) {
+        let EpochReport {
+            epoch,
+            loss,
+            validation,
+        } = report;
+        self.bar.finish_and_clear();
+        eprintln!("epoch {epoch}: training loss {loss:.5}, validation MSE {validation:.5}");
+    }
+}

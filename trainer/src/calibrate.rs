@@ -1,0 +1,118 @@
+//! The ranges from which `model-gen` chooses its int8 scales.
+
+use crate::dataset::{Dataset, Window};
+use crate::error::TrainerError;
+use crate::in_parallel;
+use crate::parameters::Parameters;
+use artifact::{Artifact, CODE, Description, FloatEncoder, Mode, ScalpGrid, Tensors, Traced};
+
+/// The model of these parameters, calibrated on the windows of `dataset` (in units of the
+/// description's `sd_uv`) at every hop: smallest and largest number of each dimension of the code,
+/// largest input and activations. No head room: `model-gen` adds it.
+///
+/// # Errors
+/// When description and parameters do not make a model.
+pub fn artifact(
+    mut description: Description,
+    parameters: &Parameters,
+    dataset: &Dataset,
+) -> Result<Artifact, TrainerError> {
+    description.mode = parameters.mode();
+    let weights = parameters.to_tensors();
+    let any = Ranges {
+        low: [-1.0; CODE],
+        high: [1.0; CODE],
+        activations: [1.0; 2],
+    };
+    let hop = description.window.hop;
+    let uncalibrated = Artifact::new(
+        description.clone(),
+        weights.clone(),
+        any.to_tensors(parameters.mode(), 1.0),
+    )?;
+    let encoder = FloatEncoder::new(&uncalibrated)?;
+    let grid = ScalpGrid::new(&description);
+    let windows: Vec<&Window> = dataset.aligned(hop);
+    let traces = in_parallel::map(&windows, |window| {
+        encoder.encode_traced(&grid.scatter(window))
+    });
+    let ranges = Ranges::of(&traces);
+    #[expect(clippy::cast_possible_truncation, reason = "calibration is f32")]
+    let largest_uv = (f64::from(dataset.largest()) * description.input.sd_uv) as f32;
+    let calibration = ranges.to_tensors(parameters.mode(), largest_uv);
+    Ok(Artifact::new(description, weights, calibration)?)
+}
+
+struct Ranges {
+    low: [f32; CODE],
+    high: [f32; CODE],
+    activations: [f32; 2],
+}
+
+impl Ranges {
+    fn of(traces: &[Traced]) -> Self {
+        let mut ranges = Self {
+            low: [f32::INFINITY; CODE],
+            high: [f32::NEG_INFINITY; CODE],
+            activations: [0.0; 2],
+        };
+        for trace in traces {
+            for ((low, high), z) in ranges.low.iter_mut().zip(&mut ranges.high).zip(trace.code) {
+                *low = low.min(z);
+                *high = high.max(z);
+            }
+            let [first, second] = &mut ranges.activations;
+            *first = first.max(trace.activation1_max);
+            *second = second.max(trace.activation2_max);
+        }
+        ranges
+    }
+
+    fn to_tensors(&self, mode: Mode, largest_uv: f32) -> Tensors {
+        let mut tensors = Tensors::for_calibration();
+        tensors.insert("input.max_abs", &[1], vec![largest_uv]);
+        tensors.insert("code.min", &[CODE], self.low.to_vec());
+        tensors.insert("code.max", &[CODE], self.high.to_vec());
+        if mode.has_convolutions() {
+            tensors.insert("activation1.max", &[1], vec![self.activations[0]]);
+            tensors.insert("activation2.max", &[1], vec![self.activations[1]]);
+        }
+        tensors
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing;
+
+    #[test]
+    fn the_ranges_are_those_of_the_codes_and_of_the_input() {
+        let dataset = testing::dataset(3, 128);
+        let parameters = Parameters::pca(&testing::directions());
+        let artifact = artifact(testing::description(), &parameters, &dataset).unwrap();
+        // A direction of the test is a feature: its range is that of the feature.
+        let feature = 5 * artifact::WINDOW_ELECTRODES / CODE;
+        let values = dataset
+            .aligned(8)
+            .iter()
+            .map(|window| window[feature])
+            .collect::<Vec<_>>();
+        let low = artifact.calibration.tensor("code.min", &[CODE]).unwrap()[5];
+        let high = artifact.calibration.tensor("code.max", &[CODE]).unwrap()[5];
+        assert!((low - values.iter().copied().fold(f32::INFINITY, f32::min)).abs() < 1e-6);
+        assert!((high - values.iter().copied().fold(f32::NEG_INFINITY, f32::max)).abs() < 1e-6);
+        let uv = artifact.calibration.tensor("input.max_abs", &[1]).unwrap()[0];
+        assert!((f64::from(uv) - f64::from(dataset.largest()) * 47.3).abs() < 1e-3);
+    }
+
+    #[test]
+    fn activations_are_measured_where_there_are_convolutions() {
+        let dataset = testing::dataset(3, 64);
+        let parameters = Parameters::from_directions(&testing::directions(), 1);
+        let artifact = artifact(testing::description(), &parameters, &dataset).unwrap();
+        for name in ["activation1.max", "activation2.max"] {
+            assert!(artifact.calibration.tensor(name, &[1]).unwrap()[0] > 0.0);
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! What the trained artifact says about itself.
+
+use artifact::{
+    Adc, Decimation, Description, Figures, Filters, Grid, Input, Mode, Montage, TrainingCard,
+    Window,
+};
+
+/// The paper's chain (arXiv 2008.13485) in front of an ADS1299 at gain 24, with an empty card.
+pub fn description() -> Description {
+    let grid = Grid::paper();
+    Description {
+        format: 1,
+        mode: Mode::Shortcut,
+        window: Window {
+            steps: 16,
+            hop: 8,
+            rate_hz: 128,
+        },
+        montage: Montage {
+            electrodes: grid.electrodes(),
+        },
+        grid,
+        adc: Adc {
+            rate_hz: 512,
+            vref_v: 4.5,
+            gain: 24,
+            channels: 64,
+        },
+        filters: Filters {
+            mains_hz: vec![50, 60],
+            notch_q: 30.0,
+            band_hz: [0.5, 60.0],
+            order: 5,
+            decimation: Decimation::Literal,
+        },
+        input: Input { sd_uv: 1.0 },
+        training: TrainingCard {
+            dataset: String::new(),
+            citation: String::new(),
+            real_electrodes: 0,
+            interpolated_electrodes: 0,
+            interpolated: Vec::new(),
+            note: String::new(),
+            train_files: Vec::new(),
+            test_files: Vec::new(),
+            validation: String::new(),
+            mains_hz: 0,
+            seed: 0,
+            epochs: 0,
+            best_epoch: 0,
+            windows: 0,
+            optimiser: String::new(),
+            mse: None,
+            prd_percent: None,
+        },
+    }
+}
+
+/// What a reader of the figures should know about the recordings' electrodes.
+pub fn note(real: usize, interpolated: usize) -> String {
+    if interpolated == 0 {
+        return "All electrodes were recorded.".to_owned();
+    }
+    format!(
+        "{interpolated} of {} electrodes are mixes of the {real} recorded ones: the data span at \
+         most {real} dimensions in space, an easy set that favours linear codes. The error is over \
+         all electrodes, recorded and mixed.",
+        real + interpolated
+    )
+}
+
+/// One figure of the network beside that of PCA.
+pub fn figures(
+    network: &crate::evaluate::Evaluation,
+    pca: &crate::evaluate::Evaluation,
+    figure: impl Fn(&crate::evaluate::Merit) -> f64,
+) -> Figures {
+    // Six digits: what one seed and one subject can tell at most.
+    let figure = |merit| (figure(merit) * 1e6).round() / 1e6;
+    Figures {
+        autoencoder_float: figure(&network.float),
+        autoencoder_int8: figure(&network.int8),
+        pca_float: figure(&pca.float),
+        pca_int8: figure(&pca.int8),
+    }
+}

@@ -1,0 +1,230 @@
+//! A training on disk, between two epochs.
+
+use crate::adam::{Adam, Moments};
+use crate::error::TrainerError;
+use crate::parameters::{Parameters, is_statistic};
+use crate::training::{Candidate, Settings, Training};
+use artifact::{Mode, Tensors, weight_shapes};
+use safetensors::SafeTensors;
+use safetensors::tensor::{Dtype, TensorView};
+use std::collections::{BTreeMap, HashMap};
+use std::fmt::Display;
+use std::path::Path;
+use std::str::FromStr;
+
+/// Writes a training; a crash while writing leaves the last checkpoint whole.
+///
+/// `data` names the data: a training resumes on the same data only.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write(path: &Path, training: &Training, data: &str) -> Result<(), TrainerError> {
+    let bytes = to_bytes(training, data).map_err(|error| damaged(path, &error))?;
+    let file_error = |source| TrainerError::File {
+        path: path.to_owned(),
+        source,
+    };
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(file_error)?;
+    }
+    let partial = path.with_extension("partial");
+    std::fs::write(&partial, bytes).map_err(file_error)?;
+    std::fs::rename(&partial, path).map_err(file_error)
+}
+
+/// Reads a training that [`write`] wrote with the same settings and data.
+///
+/// # Errors
+/// When the file cannot be read, is damaged or is of another training.
+pub fn read(path: &Path, settings: Settings, data: &str) -> Result<Training, TrainerError> {
+    let bytes = std::fs::read(path).map_err(|source| TrainerError::File {
+        path: path.to_owned(),
+        source,
+    })?;
+    let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|error| damaged(path, &error))?;
+    let facts = Facts {
+        path,
+        facts: header.metadata().clone().unwrap_or_default(),
+    };
+    let expected = training_name(settings, data);
+    let found = facts.text("training")?;
+    if found != expected {
+        return Err(TrainerError::OtherTraining {
+            path: path.to_owned(),
+            found,
+            expected,
+        });
+    }
+    let file = SafeTensors::deserialize(&bytes).map_err(|error| damaged(path, &error))?;
+    let tensor = |kind: &str, name: &str, shape: &[usize]| -> Result<Vec<f32>, TrainerError> {
+        let name = format!("{kind}.{name}");
+        let view = file.tensor(&name).map_err(|error| damaged(path, &error))?;
+        if view.dtype() != Dtype::F32 || view.shape() != [shape.iter().product::<usize>()] {
+            return Err(damaged(path, &format!("tensor {name} has another shape")));
+        }
+        let (words, _) = view.data().as_chunks();
+        Ok(words.iter().map(|word| f32::from_le_bytes(*word)).collect())
+    };
+    let parameters = |kind: &str| -> Result<Parameters, TrainerError> {
+        let mut tensors = Tensors::for_weights();
+        for (name, shape) in weight_shapes(Mode::Shortcut) {
+            tensors.insert(name, shape, tensor(kind, name, shape)?);
+        }
+        Ok(Parameters::from_tensors(Mode::Shortcut, &tensors)?)
+    };
+    let mut moments = BTreeMap::new();
+    for (name, shape) in weight_shapes(Mode::Shortcut) {
+        if !is_statistic(name) {
+            let mean = tensor("mean", name, shape)?;
+            moments.insert(
+                name,
+                Moments {
+                    mean,
+                    square: tensor("square", name, shape)?,
+                },
+            );
+        }
+    }
+    Ok(Training {
+        settings,
+        epoch: facts.number("epoch")?,
+        parameters: parameters("current")?,
+        adam: Adam {
+            updates: facts.number("updates")?,
+            moments,
+        },
+        best: Candidate {
+            epoch: facts.number("best_epoch")?,
+            validation: facts.number("best_validation")?,
+            parameters: parameters("best")?,
+        },
+    })
+}
+
+/// What must be equal for a training to go on.
+fn training_name(settings: Settings, data: &str) -> String {
+    format!("{settings:?} on {data}")
+}
+
+fn to_bytes(training: &Training, data: &str) -> Result<Vec<u8>, safetensors::SafeTensorError> {
+    let mut tensors: BTreeMap<String, Vec<u8>> = BTreeMap::new();
+    let mut put = |kind: &str, name: &str, values: &[f32]| {
+        let bytes = values
+            .iter()
+            .flat_map(|value| value.to_le_bytes())
+            .collect();
+        tensors.insert(format!("{kind}.{name}"), bytes);
+    };
+    for (name, values) in training.parameters.iter() {
+        put("current", name, values);
+    }
+    for (name, values) in training.best.parameters.iter() {
+        put("best", name, values);
+    }
+    for (name, moments) in &training.adam.moments {
+        put("mean", name, &moments.mean);
+        put("square", name, &moments.square);
+    }
+    let mut views = Vec::with_capacity(tensors.len());
+    for (name, bytes) in &tensors {
+        views.push((
+            name,
+            TensorView::new(Dtype::F32, vec![bytes.len() / 4], bytes)?,
+        ));
+    }
+    // `{:?}` of a float reads back to the same float.
+    let facts = HashMap::from([
+        ("training", training_name(training.settings, data)),
+        ("epoch", training.epoch.to_string()),
+        ("updates", training.adam.updates.to_string()),
+        ("best_epoch", training.best.epoch.to_string()),
+        ("best_validation", format!("{:?}", training.best.validation)),
+    ]);
+    let facts = facts
+        .into_iter()
+        .map(|(name, fact)| (name.to_owned(), fact))
+        .collect();
+    safetensors::serialize(views, Some(facts))
+}
+
+fn damaged(path: &Path, problem: &dyn Display) -> TrainerError {
+    TrainerError::Checkpoint {
+        path: path.to_owned(),
+        problem: problem.to_string(),
+    }
+}
+
+/// The texts beside the tensors.
+struct Facts<'a> {
+    path: &'a Path,
+    facts: HashMap<String, String>,
+}
+
+impl Facts<'_> {
+    fn text(&self, name: &str) -> Result<String, TrainerError> {
+        let fact = self.facts.get(name);
+        fact.cloned()
+            .ok_or_else(|| damaged(self.path, &format!("it does not say its {name}")))
+    }
+
+    fn number<T: FromStr>(&self, name: &str) -> Result<T, TrainerError> {
+        let text = self.text(name)?;
+        text.parse()
+            .map_err(|_| damaged(self.path, &format!("its {name} is {text}")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::Split;
+    use crate::network::Network;
+    use crate::testing;
+    use artifact::ScalpGrid;
+
+    const SETTINGS: Settings = Settings {
+        epochs: 2,
+        batch: 8,
+        peak_rate: 1e-3,
+        seed: 4,
+    };
+
+    #[test]
+    fn a_resumed_training_equals_an_uninterrupted_one() {
+        let network = Network::new(ScalpGrid::new(&testing::description()));
+        let split = Split {
+            training: testing::dataset(1, 16 * 16),
+            validation: testing::dataset(2, 16 * 4),
+        };
+        let parameters = Parameters::from_directions(&testing::directions(), SETTINGS.seed);
+        let mut through = Training::start(SETTINGS, parameters, &network, &split);
+        through.run_epoch(&network, &split, |_, _| {}).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("deep/checkpoint.safetensors");
+        write(&path, &through, "these").unwrap();
+        let mut resumed = read(&path, SETTINGS, "these").unwrap();
+        assert_eq!(resumed, through);
+        through.run_epoch(&network, &split, |_, _| {}).unwrap();
+        resumed.run_epoch(&network, &split, |_, _| {}).unwrap();
+        assert_eq!(resumed, through);
+
+        let error = read(&path, SETTINGS, "others").unwrap_err();
+        assert!(
+            matches!(error, TrainerError::OtherTraining { .. }),
+            "{error}"
+        );
+        let other = Settings {
+            seed: 5,
+            ..SETTINGS
+        };
+        assert!(matches!(
+            read(&path, other, "these"),
+            Err(TrainerError::OtherTraining { .. })
+        ));
+        std::fs::write(&path, b"nothing").unwrap();
+        assert!(matches!(
+            read(&path, SETTINGS, "these"),
+            Err(TrainerError::Checkpoint { .. })
+        ));
+    }
+}

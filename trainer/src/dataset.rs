@@ -1,0 +1,225 @@
+//! Windows of tracks: for training at random offsets, for measuring at every hop.
+
+use crate::error::TrainerError;
+use crate::track::{Step, Track};
+use artifact::{STEPS, WINDOW_ELECTRODES};
+use rand::{Rng, RngExt};
+
+/// Every track's last part that is validated on, one in so many time steps.
+const VALIDATION_PART: usize = 8;
+
+/// Uninterrupted pieces of tracks.
+#[derive(Clone, Debug, Default)]
+pub struct Dataset {
+    segments: Vec<Vec<Step>>,
+}
+
+/// A window: 16 time steps; flattened, the electrode is fastest.
+pub type Window = [f32; WINDOW_ELECTRODES];
+
+impl Dataset {
+    /// A dataset of whole tracks.
+    ///
+    /// # Errors
+    /// When a track is shorter than a window.
+    pub fn whole(tracks: &[Track]) -> Result<Self, TrainerError> {
+        tracks.iter().try_for_each(|track| require(track, STEPS))?;
+        Ok(Self {
+            segments: tracks.iter().map(|track| track.steps.clone()).collect(),
+        })
+    }
+
+    /// Splits the last eighth of every track off for validation; the window before it is in
+    /// neither part, so that no sample is in both.
+    ///
+    /// # Errors
+    /// When a track is too short for a window in both parts.
+    pub fn split(tracks: &[Track]) -> Result<Split, TrainerError> {
+        let mut split = Split {
+            training: Self::default(),
+            validation: Self::default(),
+        };
+        for track in tracks {
+            require(track, 2 * VALIDATION_PART * STEPS)?;
+            let at = track.steps.len() - track.steps.len() / VALIDATION_PART;
+            split
+                .training
+                .segments
+                .push(track.steps[..at - STEPS].to_vec());
+            split.validation.segments.push(track.steps[at..].to_vec());
+        }
+        Ok(split)
+    }
+
+    /// A dataset of given pieces, each of at least 16 time steps.
+    ///
+    /// # Panics
+    /// When a piece is shorter.
+    pub fn of(segments: Vec<Vec<Step>>) -> Self {
+        assert!(
+            segments.iter().all(|steps| steps.len() >= STEPS),
+            "every piece holds a window"
+        );
+        Self { segments }
+    }
+
+    /// Every number times `factor`.
+    pub fn scale(&mut self, factor: f64) {
+        #[expect(clippy::cast_possible_truncation, reason = "a float network takes f32")]
+        for value in self.segments.iter_mut().flatten().flatten() {
+            *value = (f64::from(*value) * factor) as f32;
+        }
+    }
+
+    /// Root of the mean square over all time steps and electrodes: the standard deviation, since
+    /// the band-pass leaves no mean.
+    pub fn deviation(&self) -> f64 {
+        let values = self.segments.iter().flatten().flatten();
+        let (count, sum) = values.fold((0_u64, 0.0), |(count, sum), value| {
+            (count + 1, sum + f64::from(*value).powi(2))
+        });
+        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 numbers")]
+        let mean = sum / count as f64;
+        mean.sqrt()
+    }
+
+    /// Largest magnitude.
+    pub fn largest(&self) -> f32 {
+        let values = self.segments.iter().flatten().flatten();
+        values.fold(0.0, |largest, value| largest.max(value.abs()))
+    }
+
+    /// Windows that do not overlap: how many an epoch draws.
+    pub fn disjoint_windows(&self) -> usize {
+        self.segments.iter().map(|steps| steps.len() / STEPS).sum()
+    }
+
+    /// The windows at every `hop`-th time step of every piece.
+    pub fn aligned(&self, hop: usize) -> Vec<&Window> {
+        let segments = self.segments.iter();
+        segments
+            .flat_map(|steps| {
+                (0..=steps.len() - STEPS)
+                    .step_by(hop)
+                    .map(|at| window(steps, at))
+            })
+            .collect()
+    }
+
+    /// `count` windows at offsets drawn evenly from all that there are.
+    pub fn random(&self, count: usize, rng: &mut impl Rng) -> Vec<&Window> {
+        let offsets: usize = self
+            .segments
+            .iter()
+            .map(|steps| steps.len() - STEPS + 1)
+            .sum();
+        let mut draw = || {
+            let mut at = rng.random_range(0..offsets);
+            for steps in &self.segments {
+                let here = steps.len() - STEPS + 1;
+                if at < here {
+                    return window(steps, at);
+                }
+                at -= here;
+            }
+            unreachable!("the offset is below the sum of all")
+        };
+        (0..count).map(|_| draw()).collect()
+    }
+}
+
+/// The two parts of the training tracks.
+#[derive(Clone, Debug)]
+pub struct Split {
+    /// What the network learns from.
+    pub training: Dataset,
+    /// What the best epoch is chosen by.
+    pub validation: Dataset,
+}
+
+fn require(track: &Track, needed: usize) -> Result<(), TrainerError> {
+    let steps = track.steps.len();
+    if steps >= needed {
+        return Ok(());
+    }
+    Err(TrainerError::TooShort {
+        name: track.name.clone(),
+        steps,
+        needed,
+    })
+}
+
+fn window(steps: &[Step], at: usize) -> &Window {
+    let flat = steps[at..at + STEPS].as_flattened();
+    flat.try_into().expect("16 steps of 61 electrodes")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artifact::ELECTRODES;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    /// A track whose numbers are their time step.
+    #[expect(clippy::cast_precision_loss, reason = "a few hundred steps")]
+    fn ramp(length: usize) -> Track {
+        let steps = (0..length).map(|step| [step as f32; ELECTRODES]).collect();
+        Track {
+            name: "ramp".to_owned(),
+            steps,
+            interpolated: vec![],
+            saturated: 0,
+        }
+    }
+
+    #[test]
+    fn no_sample_is_in_both_parts_nor_within_a_window_of_the_other() {
+        let split = Dataset::split(&[ramp(800)]).unwrap();
+        let last = split.training.aligned(1).last().unwrap()[WINDOW_ELECTRODES - 1];
+        let first = split.validation.aligned(1)[0][0];
+        assert!((first - last - 17.0).abs() < f32::EPSILON, "{last} {first}");
+        assert_eq!(split.validation.disjoint_windows(), 100 / 16);
+    }
+
+    #[test]
+    fn aligned_windows_lie_a_hop_apart_inside_their_piece() {
+        let dataset = Dataset::whole(&[ramp(40), ramp(16)]).unwrap();
+        let starts: Vec<f32> = dataset.aligned(8).iter().map(|window| window[0]).collect();
+        assert_eq!(starts, [0.0, 8.0, 16.0, 24.0, 0.0]);
+    }
+
+    #[test]
+    fn random_windows_reach_every_offset_and_repeat_with_the_seed() {
+        let dataset = Dataset::whole(&[ramp(20), ramp(17)]).unwrap();
+        let draw = |seed| -> Vec<f32> {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            dataset
+                .random(200, &mut rng)
+                .iter()
+                .map(|window| window[0])
+                .collect()
+        };
+        assert_eq!(draw(1), draw(1));
+        assert_ne!(draw(1), draw(2));
+        for offset in [0.0, 1.0, 2.0, 3.0, 4.0] {
+            assert!(draw(1).contains(&offset), "offset {offset} is never drawn");
+        }
+    }
+
+    #[test]
+    fn a_short_track_is_refused_by_name() {
+        let error = Dataset::split(&[ramp(200)]).unwrap_err();
+        assert!(
+            error.to_string().starts_with("ramp gives 200 time steps"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn scaling_by_the_deviation_makes_it_one() {
+        let mut dataset = Dataset::whole(&[ramp(50)]).unwrap();
+        dataset.scale(1.0 / dataset.deviation());
+        assert!((dataset.deviation() - 1.0).abs() < 1e-6);
+    }
+}

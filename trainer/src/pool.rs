@@ -1,0 +1,61 @@
+//! Max-pool and unpool on burn's tensors.
+//!
+//! burn 0.22 has no three-dimensional max-pool; halving each axis with `max_pair` gives the same.
+
+use burn_tensor::{Device, Int, Tensor, TensorData};
+
+/// Channels behind the first and the second convolution.
+pub(crate) const CHANNELS: [usize; 2] = [16, 32];
+/// Steps, rows, columns behind the second convolution.
+const FEATURE_MAP: [usize; 3] = [12, 6, 5];
+/// Steps, rows, columns behind the pool.
+pub(crate) const POOLED: [usize; 3] = [6, 3, 2];
+
+/// 2x2x2 maximum, flattened: channel, step, row, column.
+pub(crate) fn max_pool(x: Tensor<5>) -> Tensor<2> {
+    let [count, channels, steps, rows, columns] = x.dims();
+    // Columns and rows that fill no pool are dropped.
+    let (rows, even) = (rows / 2 * 2, columns / 2 * 2);
+    let x = x.slice([0..count, 0..channels, 0..steps, 0..rows, 0..even]);
+    let planes = count * channels;
+    let x = largest_of_pairs(x.reshape([planes * steps / 2, 2, rows * even]));
+    let x = largest_of_pairs(x.reshape([planes * steps / 2 * rows / 2, 2, even]));
+    let x = largest_of_pairs(x.reshape([planes * steps / 2 * rows / 2 * even / 2, 2, 1]));
+    x.reshape([count, channels * POOLED.iter().product::<usize>()])
+}
+
+/// Maximum over the middle axis, which has two elements.
+fn largest_of_pairs(x: Tensor<3>) -> Tensor<3> {
+    let [outer, _, inner] = x.dims();
+    let first = x.clone().slice([0..outer, 0..1, 0..inner]);
+    first.max_pair(x.slice([0..outer, 1..2, 0..inner]))
+}
+
+/// Nearest-neighbour unpooling to the feature map; of five columns three take the first.
+pub(crate) fn unpool(flat: Tensor<2>) -> Tensor<5> {
+    let (count, device) = (flat.dims()[0], flat.device());
+    let [steps, rows, columns] = POOLED;
+    let mut x = flat.reshape([count, CHANNELS[1], steps, rows, columns]);
+    for axis in 0..3 {
+        let length = FEATURE_MAP[axis];
+        let from: Vec<usize> = (0..length).map(|at| at * POOLED[axis] / length).collect();
+        x = x.select(axis + 2, indices(&from, &device));
+    }
+    x
+}
+
+/// Indices as a tensor.
+pub(crate) fn indices(values: &[usize], device: &Device) -> Tensor<1, Int> {
+    let index = |&value: &usize| i64::try_from(value).expect("an index into a window");
+    let values: Vec<i64> = values.iter().map(index).collect();
+    let count = values.len();
+    Tensor::from_data(TensorData::new(values, [count]), device)
+}
+
+/// The elements, last dimension fastest.
+pub(crate) fn numbers<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    tensor
+        .into_data_as::<f32>()
+        .try_into_vec()
+        .expect("converted to f32")
+}

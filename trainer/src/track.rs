@@ -1,0 +1,99 @@
+//! A recording behind the device's own front end.
+
+use crate::error::TrainerError;
+use crate::selection::file_name;
+use artifact::{Description, ELECTRODES};
+use fixed_dsp::Cascade;
+use pipeline::{FrontEnd, Sample};
+use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
+use std::path::Path;
+
+/// All electrodes at one time step.
+pub type Step = [f32; ELECTRODES];
+
+/// What is left out at the start of every recording, s: the 0.5 Hz high-pass answers the step from
+/// silence to the recording's offset. After 4 s its envelope exp(-2 pi 0.5 cos(72 deg) t) is 0.02.
+pub const SETTLING_S: usize = 4;
+
+/// Microvolts per step of the front end's output: it gives counts x 2^4.
+const STEPS_PER_COUNT: f64 = 16.0;
+
+/// A recording as the encoder would see it: 128 Hz, filtered, in the montage's order.
+#[derive(Clone, Debug)]
+pub struct Track {
+    /// The file's name.
+    pub name: String,
+    /// Time steps behind the filters' settling, uV.
+    pub steps: Vec<Step>,
+    /// Labels of the electrodes that the recording lacks and that were interpolated.
+    pub interpolated: Vec<String>,
+    /// Counts that the virtual ADC limited to its rails.
+    pub saturated: u64,
+}
+
+impl Track {
+    /// Plays a recording through a virtual ADC and the filters that `description` names.
+    ///
+    /// # Errors
+    /// When the recording cannot be read, does not fit the montage, or the filters cannot be
+    /// realised.
+    pub fn read(
+        path: &Path,
+        description: &Description,
+        mains_hz: u32,
+    ) -> Result<Self, TrainerError> {
+        let name = file_name(path);
+        let unreadable = |source| TrainerError::Recording {
+            name: name.clone(),
+            source,
+        };
+        let recording = Recording::open(path).map_err(unreadable)?;
+        let electrodes = &description.montage.electrodes;
+        let map = MontageMap::new(&recording.labels(), electrodes, Missing::Interpolate).map_err(
+            |source| TrainerError::Montage {
+                name: name.clone(),
+                source,
+            },
+        )?;
+        let adc = &description.adc;
+        let spec = AdcSpec {
+            rate_hz: adc.rate_hz,
+            lsb_uv: adc.lsb_uv(),
+        };
+        let mut front_end = front_end(description, mains_hz)?;
+        let uv_per_step = adc.lsb_uv() / STEPS_PER_COUNT;
+        let mut virtual_adc = VirtualAdc::new(recording, &map, spec).map_err(unreadable)?;
+        let mut steps: Vec<Step> = Vec::new();
+        for counts in &mut virtual_adc {
+            let counts = counts.map_err(unreadable)?;
+            if let Some(electrodes) = front_end.push(&Sample { counts }) {
+                #[expect(clippy::cast_possible_truncation, reason = "a float network takes f32")]
+                steps.push(electrodes.map(|v| (f64::from(v) * uv_per_step) as f32));
+            }
+        }
+        let settling = SETTLING_S * description.window.rate_hz as usize;
+        steps.drain(..settling.min(steps.len()));
+        let interpolated = map.interpolated().into_iter().map(str::to_owned).collect();
+        let saturated = virtual_adc.counters().saturated;
+        Ok(Self {
+            name,
+            steps,
+            interpolated,
+            saturated,
+        })
+    }
+}
+
+fn front_end(description: &Description, mains_hz: u32) -> Result<FrontEnd, TrainerError> {
+    let rate_hz = description.adc.rate_hz;
+    let sections = model_gen::filter_cascade(&description.filters, rate_hz, mains_hz)
+        .map_err(|source| TrainerError::Filter { mains_hz, source })?;
+    let found = sections.len();
+    let sections = sections
+        .try_into()
+        .map_err(|_| TrainerError::Sections { found })?;
+    let decimation = rate_hz / description.window.rate_hz;
+    let decimation =
+        u8::try_from(decimation).expect("an ADC of at most 1024 Hz, checked on reading");
+    Ok(FrontEnd::new(Cascade { sections }, decimation))
+}

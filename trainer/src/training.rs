@@ -1,0 +1,252 @@
+//! Epochs, and the choice of the best one.
+
+use crate::adam::Adam;
+use crate::dataset::{Split, Window};
+use crate::error::TrainerError;
+use crate::network::Network;
+use crate::parameters::Parameters;
+use crate::schedule::OneCycle;
+use artifact::STEPS;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+/// What distinguishes one training from another on the same data.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Epochs to run.
+    pub epochs: u32,
+    /// Windows of one update.
+    pub batch: usize,
+    /// Largest learning rate.
+    pub peak_rate: f64,
+    /// Seed of the start and of the order of the windows.
+    pub seed: u64,
+}
+
+/// A training between two epochs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Training {
+    pub(crate) settings: Settings,
+    /// Epochs done.
+    pub(crate) epoch: u32,
+    pub(crate) parameters: Parameters,
+    pub(crate) adam: Adam,
+    pub(crate) best: Candidate,
+}
+
+/// The parameters after an epoch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// The epoch; 0 is the start.
+    pub epoch: u32,
+    /// Mean squared error on the validation windows.
+    pub validation: f64,
+    /// The parameters.
+    pub parameters: Parameters,
+}
+
+/// What an epoch came to.
+#[derive(Clone, Copy, Debug)]
+pub struct EpochReport {
+    /// The epoch, from 1.
+    pub epoch: u32,
+    /// Mean loss over its batches.
+    pub loss: f64,
+    /// Mean squared error on the validation windows after it.
+    pub validation: f64,
+}
+
+impl Training {
+    /// A training before its first epoch; the start is the first candidate.
+    pub fn start(
+        settings: Settings,
+        parameters: Parameters,
+        network: &Network,
+        split: &Split,
+    ) -> Self {
+        let validation = network.measure(&parameters, &validation_windows(split));
+        let adam = Adam::new(&parameters);
+        let best = Candidate {
+            epoch: 0,
+            validation,
+            parameters: parameters.clone(),
+        };
+        Self {
+            settings,
+            epoch: 0,
+            parameters,
+            adam,
+            best,
+        }
+    }
+
+    /// Epochs done.
+    pub fn epoch(&self) -> u32 {
+        self.epoch
+    }
+
+    /// Whether all epochs are done.
+    pub fn is_done(&self) -> bool {
+        self.epoch >= self.settings.epochs
+    }
+
+    /// The best candidate so far.
+    pub fn best(&self) -> &Candidate {
+        &self.best
+    }
+
+    /// Batches of an epoch: as many windows as fit side by side into the training part.
+    pub fn batches(&self, split: &Split) -> usize {
+        (split.training.disjoint_windows() / self.settings.batch).max(1)
+    }
+
+    /// Runs the next epoch over windows at random offsets; `after_batch` gets the number of batches
+    /// done and the last loss.
+    ///
+    /// The order of the windows follows from the seed and the epoch alone, so that a resumed
+    /// training equals an uninterrupted one.
+    ///
+    /// # Errors
+    /// When the loss is no number any more.
+    pub fn run_epoch(
+        &mut self,
+        network: &Network,
+        split: &Split,
+        mut after_batch: impl FnMut(usize, f64),
+    ) -> Result<EpochReport, TrainerError> {
+        let epoch = self.epoch + 1;
+        let batches = self.batches(split);
+        let schedule = OneCycle {
+            peak: self.settings.peak_rate,
+            updates: u64::from(self.settings.epochs) * batches as u64,
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(self.settings.seed);
+        rng.set_stream(u64::MAX - u64::from(epoch));
+        let windows = split
+            .training
+            .random(batches * self.settings.batch, &mut rng);
+        let mut sum = 0.0;
+        for (index, batch) in windows.chunks(self.settings.batch).enumerate() {
+            let learnt = network.learn(&mut self.parameters, batch);
+            if !learnt.loss.is_finite() {
+                return Err(TrainerError::Diverged {
+                    epoch,
+                    loss: learnt.loss,
+                });
+            }
+            let rate = schedule.rate(self.adam.updates());
+            self.adam
+                .update(&mut self.parameters, &learnt.gradients, rate);
+            sum += learnt.loss;
+            after_batch(index + 1, learnt.loss);
+        }
+        let validation = network.measure(&self.parameters, &validation_windows(split));
+        self.epoch = epoch;
+        if validation < self.best.validation {
+            self.best = Candidate {
+                epoch,
+                validation,
+                parameters: self.parameters.clone(),
+            };
+        }
+        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 batches")]
+        let loss = sum / batches as f64;
+        Ok(EpochReport {
+            epoch,
+            loss,
+            validation,
+        })
+    }
+}
+
+/// Side by side: validation runs after every epoch and need not be denser.
+fn validation_windows(split: &Split) -> Vec<&Window> {
+    split.validation.aligned(STEPS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing;
+    use artifact::ScalpGrid;
+
+    const SETTINGS: Settings = Settings {
+        epochs: 2,
+        batch: 8,
+        peak_rate: 1e-3,
+        seed: 4,
+    };
+
+    fn network() -> Network {
+        Network::new(ScalpGrid::new(&testing::description()))
+    }
+
+    fn split() -> Split {
+        Split {
+            training: testing::dataset(1, 16 * 24),
+            validation: testing::dataset(2, 16 * 8),
+        }
+    }
+
+    fn start() -> Training {
+        let parameters = Parameters::from_directions(&testing::directions(), SETTINGS.seed);
+        Training::start(SETTINGS, parameters, &network(), &split())
+    }
+
+    fn run(training: &mut Training) -> EpochReport {
+        training.run_epoch(&network(), &split(), |_, _| {}).unwrap()
+    }
+
+    #[test]
+    fn epoch_0_equals_the_projection_onto_the_directions() {
+        let split = split();
+        let windows = split.validation.aligned(STEPS);
+        let directions = testing::directions();
+        let mut sum = 0.0;
+        for window in &windows {
+            // Orthonormal directions: what is lost is what no direction sees.
+            let energy = |values: &[f32]| values.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
+            let code: Vec<f32> = directions
+                .iter()
+                .map(|direction| direction.iter().zip(*window).map(|(d, x)| d * x).sum())
+                .collect();
+            sum += energy(&window[..]) - energy(&code);
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a small number")]
+        let expected = sum / (windows.len() * windows[0].len()) as f64;
+        let training = start();
+        assert!((training.best().validation - expected).abs() < 1e-6 * expected);
+        assert_eq!(training.best().epoch, 0);
+    }
+
+    #[test]
+    fn the_loss_falls_and_the_best_epoch_is_kept() {
+        let mut training = start();
+        let before = training.best().validation;
+        let reports = [run(&mut training), run(&mut training)];
+        assert!(training.is_done());
+        assert!(reports[1].loss < reports[0].loss, "{reports:?}");
+        let best = reports
+            .iter()
+            .map(|report| report.validation)
+            .fold(before, f64::min);
+        assert!(best < before, "{reports:?}, before {before}");
+        assert!((training.best().validation - best).abs() < f64::EPSILON);
+        let measured =
+            network().measure(&training.best().parameters, &validation_windows(&split()));
+        assert!((measured - best).abs() < f64::EPSILON);
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_numbers_twice_and_another_seed_does_not() {
+        let mut first = start();
+        let mut second = start();
+        run(&mut first);
+        run(&mut second);
+        assert_eq!(first, second);
+        let mut other = start();
+        other.settings.seed = 5;
+        run(&mut other);
+        assert_ne!(first.parameters, other.parameters);
+    }
+}
