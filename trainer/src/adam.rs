@@ -1,4 +1,7 @@
 //! The optimiser.
+//!
+//! burn's own is left out: it needs the feature that would lock its GPU back ends, and a state of
+//! plain vectors makes a resumed training equal to the bit.
 
 use crate::parameters::{Parameters, is_statistic, rate_factor};
 use std::collections::BTreeMap;
