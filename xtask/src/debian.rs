@@ -86,7 +86,7 @@ fn refusal(missing: &[&str], why: &str) -> Failure {
         what: missing.join(", "),
         why: why.to_owned(),
         next: format!(
-            "`{}` (or `cargo xtask test --fast`, which leaves ROS out)",
+            "`{}` (or `cargo xtask test --fast`, which does without ROS)",
             typed(&install(&["sudo", "env"], missing))
                 .replace("env DEBIAN_FRONTEND=noninteractive ", "")
         ),

@@ -25,7 +25,7 @@ struct Arguments {
 enum Verb {
     /// Run everything that CI runs; install what is missing, or say how.
     Test {
-        /// Leave out ROS and the trainer.
+        /// Leave out the trainer, and install nothing: tests that need ROS are skipped without it.
         #[arg(long)]
         fast: bool,
     },

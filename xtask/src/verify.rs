@@ -13,10 +13,15 @@ const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
 /// Crates that run on the microcontroller.
 const BOARD_CRATES: [&str; 5] = ["fixed-dsp", "int8-nn", "model", "pipeline", "link"];
 
+/// What a person does about a failed test.
+const NEXT_AFTER_A_TEST: &str =
+    "run the failed test alone: `cargo test --package CRATE TEST_NAME`, its name as printed above";
+
 /// A step: its name, and what does it.
 type Step = (&'static str, fn() -> Result<(), Failure>);
 
-/// Runs every step and stops at the first that fails. `fast` leaves out ROS and the trainer.
+/// Runs every step and stops at the first that fails. `fast` leaves out the trainer and
+/// installs nothing.
 ///
 /// # Errors
 /// The failure of the first step that did not pass.
@@ -27,15 +32,16 @@ pub(crate) fn verify(fast: bool) -> Result<(), Failure> {
         ("lints", lints),
         ("licences, advisories, sources", deny),
         ("no_std crates for the microcontroller", board_build),
-        ("host tests", host_tests),
     ];
     if fast {
-        eprintln!("SKIPPED: the trainer and the acceptance against ROS (--fast)");
-        steps.push(("acceptance without ROS", acceptance));
+        eprintln!(
+            "SKIPPED: the trainer; and the tests that need ROS, where it is missing (--fast)"
+        );
+        steps.push(("tests", tests));
     } else {
         steps.insert(0, ("Debian's ROS packages", debian::ensure));
         steps.push(("trainer", trainer_tests));
-        steps.push(("acceptance with ROS", acceptance_with_ros));
+        steps.push(("tests, and acceptance with ROS", tests_with_ros));
     }
 
     let begin = Instant::now();
@@ -126,20 +132,6 @@ fn board_build() -> Result<(), Failure> {
     )
 }
 
-fn host_tests() -> Result<(), Failure> {
-    run(
-        &mut cargo_with(&[
-            "test",
-            "--workspace",
-            "--exclude",
-            "trainer",
-            "--exclude",
-            "acceptance",
-        ]),
-        "run the failed test alone: `cargo test --package CRATE TEST_NAME`",
-    )
-}
-
 fn trainer_tests() -> Result<(), Failure> {
     run(
         &mut cargo_with(&["test", "--package", "trainer"]),
@@ -147,17 +139,14 @@ fn trainer_tests() -> Result<(), Failure> {
     )
 }
 
-fn acceptance() -> Result<(), Failure> {
-    run(
-        &mut cargo_with(&["test", "--package", "acceptance"]),
-        "run the failed promise alone: `cargo test --package acceptance --test PROMISE`",
-    )
+fn tests() -> Result<(), Failure> {
+    run(&mut cargo_with(&["test"]), NEXT_AFTER_A_TEST)
 }
 
-fn acceptance_with_ros() -> Result<(), Failure> {
+fn tests_with_ros() -> Result<(), Failure> {
     run(
-        cargo_with(&["test", "--package", "acceptance"]).env("CORTICODE_REQUIRE_ROS", "1"),
-        "run the failed promise alone: `cargo test --package acceptance --test PROMISE`",
+        cargo_with(&["test"]).env("CORTICODE_REQUIRE_ROS", "1"),
+        NEXT_AFTER_A_TEST,
     )
 }
 
