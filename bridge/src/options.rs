@@ -48,7 +48,7 @@ pub struct Options {
     /// What stands in for a lost code
     #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
     pub filler: FillerPolicy,
-    /// Reconstruct from the newest window alone: 62.5 ms sooner, and about 9 % more error
+    /// Reconstruct from the newest window alone: 62.5 ms sooner, and about 6 % more error
     #[arg(long, env = "CORTICODE_LOW_LATENCY")]
     pub low_latency: bool,
 }

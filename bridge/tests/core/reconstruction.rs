@@ -92,7 +92,7 @@ fn two_windows_are_averaged_where_they_overlap() {
     for (index, value) in averaged.iter().enumerate() {
         let (old, new) = (old[index], new[index]);
         let weight = (value - new) / (old - new);
-        let expected = 0.68 - 0.36 * f32::from(u8::try_from(index / 61).unwrap()) / 7.0;
+        let expected = 0.37 + 0.26 * f32::from(u8::try_from(index / 61).unwrap()) / 7.0;
         // Where both agree the weight cannot be told.
         if (old - new).abs() > 1.0 {
             assert!(
