@@ -1,0 +1,155 @@
+//! The board's answers, without time and without a port.
+
+use super::*;
+use crate::WhenFull;
+
+fn board() -> (VirtualBoard, Outbox) {
+    let outbox = Outbox::new(WhenFull::DropOldest);
+    let identity = Identity {
+        session_id: 7,
+        chip_uid: [1; 12],
+    };
+    let board = VirtualBoard::new(identity, Mains::Hz50, outbox.clone());
+    (board, outbox)
+}
+
+fn send(board: &mut VirtualBoard, host: &mut Encoder, command: ToDevice) {
+    let mut buffer = [0; MAX_FRAME];
+    let bytes = host
+        .encode(0, &command, &mut buffer)
+        .expect("a command fits a frame");
+    board.receive(bytes, 1_000);
+}
+
+/// All frames in the outbox, decoded by `look`, with their seq.
+fn frames<T>(outbox: &Outbox, look: impl Fn(ToHost<'_>) -> Option<T>) -> Vec<T> {
+    let mut decoder = Decoder::<MAX_FRAME>::new();
+    let mut seen = Vec::new();
+    while !outbox.drain(std::time::Duration::ZERO) {
+        let frame = outbox.take().expect("a frame waits");
+        outbox.written();
+        let mut bytes = &frame[..];
+        while let Some(outcome) = decoder.next::<ToHost<'_>>(&mut bytes) {
+            seen.extend(look(outcome.expect("the board sends sound frames").message));
+        }
+    }
+    seen
+}
+
+const START: ToDevice = ToDevice::Start(Start {
+    streams: Streams::CODES,
+    mains_hz: 0,
+});
+
+#[test]
+fn a_board_introduces_itself_when_it_starts_and_when_asked() {
+    let (mut board, outbox) = board();
+    send(&mut board, &mut Encoder::default(), ToDevice::Identify);
+    let labels = frames(&outbox, |message| match message {
+        ToHost::Capabilities(about) => Some(about.labels.split(' ').count()),
+        _ => None,
+    });
+    assert_eq!(labels, [pipeline::ELECTRODES; 2]);
+}
+
+#[test]
+fn every_command_is_acknowledged_with_its_seq() {
+    let (mut board, outbox) = board();
+    let mut host = Encoder::starting_at(40);
+    let bad_mains = ToDevice::Start(Start {
+        streams: Streams::CODES,
+        mains_hz: 55,
+    });
+    let bad_stream = ToDevice::Start(Start {
+        streams: Streams::from_bits(512),
+        mains_hz: 0,
+    });
+    for command in [
+        START,
+        START,
+        ToDevice::Ping,
+        bad_mains,
+        bad_stream,
+        ToDevice::Stop,
+    ] {
+        send(&mut board, &mut host, command);
+    }
+    let acks = frames(&outbox, |message| match message {
+        ToHost::Ack(ack) => Some((ack.of, ack.result)),
+        _ => None,
+    });
+    let (done, bad) = (AckResult::Done, AckResult::BadArgument);
+    assert_eq!(
+        acks,
+        [
+            (40, done),
+            (41, done),
+            (42, done),
+            (43, bad),
+            (44, bad),
+            (45, done)
+        ]
+    );
+}
+
+#[test]
+fn codes_come_only_between_start_and_stop_and_begin_at_window_0() {
+    let (mut board, outbox) = board();
+    let mut host = Encoder::default();
+    let second = |board: &mut VirtualBoard| {
+        for _ in 0..512 {
+            board.sample(&Sample::default(), 0);
+        }
+    };
+    second(&mut board);
+    for command in [START, ToDevice::Stop, START] {
+        send(&mut board, &mut host, command);
+        second(&mut board);
+    }
+    let windows = frames(&outbox, |message| match message {
+        ToHost::Code(code) => Some(code.window),
+        _ => None,
+    });
+    let per_second = (512 / 4 - 16) / 8 + 1;
+    let expected: Vec<u32> = (0..per_second).chain(0..per_second).collect();
+    assert_eq!(windows, expected);
+}
+
+#[test]
+fn a_clipped_value_is_counted_once_though_two_windows_hold_it() {
+    let (mut board, outbox) = board();
+    let mut host = Encoder::default();
+    send(&mut board, &mut host, START);
+    for index in 0..512 {
+        let mut sample = Sample::default();
+        sample.counts[20] = if index == 200 { Sample::MAX } else { 0 };
+        board.sample(&sample, 0);
+    }
+    let marked = frames(&outbox, |message| match message {
+        ToHost::Code(code) if code.clipped > 0 => Some(code.clipped),
+        _ => None,
+    });
+    let total: u32 = marked.iter().map(|&clipped| u32::from(clipped)).sum();
+    let once = board.acquisition.clipped();
+    assert!(
+        (1..64).contains(&once),
+        "one electrode, while the impulse response lasts"
+    );
+    assert_eq!(board.stats().clipped - board.clipped_values, once);
+    assert!(
+        total > board.stats().clipped,
+        "overlapping windows count it twice"
+    );
+}
+
+#[test]
+fn damaged_commands_are_counted_and_the_next_one_is_obeyed() {
+    let (mut board, outbox) = board();
+    board.receive(b"\0noise on the line\0", 0);
+    send(&mut board, &mut Encoder::default(), ToDevice::Stop);
+    let bad = frames(&outbox, |message| match message {
+        ToHost::Stats(stats) => Some((stats.input_bad, stats.commands)),
+        _ => None,
+    });
+    assert_eq!(bad, [(1, 1)]);
+}
