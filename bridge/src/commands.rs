@@ -11,6 +11,10 @@ const PING_AFTER_US: i64 = 2_000_000;
 /// Silence after which the port is taken for dead, microseconds.
 const DEAD_AFTER_US: i64 = 5_000_000;
 
+/// Time between two looks at the clock from which on it was the host that was silent: it slept, or
+/// this program was stopped. What the device said meanwhile waits to be read.
+const ASLEEP_AFTER_US: i64 = 1_000_000;
+
 /// What the bridge asks of the device: to say who it is, to stop what it may have been doing
 /// before the bridge came, to start. Every command is repeated until it is acknowledged.
 #[derive(Clone, Debug)]
@@ -25,6 +29,7 @@ pub(crate) struct Commands {
     pending: Option<Pending>,
     not_before_us: i64,
     heard_us: i64,
+    looked_us: i64,
 }
 
 /// What is known about the device since the port was opened.
@@ -79,6 +84,7 @@ impl Commands {
             pending: None,
             not_before_us: i64::MAX,
             heard_us: 0,
+            looked_us: 0,
         }
     }
 
@@ -170,6 +176,10 @@ impl Commands {
 
     /// The command that is due now, if any; it goes out with `seq`.
     pub(crate) fn due(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+        if now_us - self.looked_us > ASLEEP_AFTER_US {
+            self.heard_us = now_us;
+        }
+        self.looked_us = now_us;
         let command = self.needed(now_us)?;
         let repeats = self.pending.filter(|pending| pending.command == command);
         if now_us < self.not_before_us

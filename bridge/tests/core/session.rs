@@ -384,14 +384,30 @@ fn a_start_without_an_acknowledgement_is_taken_back_when_the_bridge_leaves() {
 fn a_silent_device_is_pinged_and_then_taken_for_dead() {
     let mut desk = Desk::streaming(SETTINGS, Board::new());
     let start = desk.now_us;
-    desk.core.tick(at(start + 1_900_000), &mut desk.recorder);
-    assert!(desk.recorder.sent.is_empty());
-    desk.core.tick(at(start + 2_100_000), &mut desk.recorder);
+    for tick in 1..=51 {
+        let now = at(start + tick * 100_000);
+        desk.core.tick(now, &mut desk.recorder);
+        assert_eq!(desk.core.is_dead(now), tick > 50, "tick {tick}");
+        assert!(tick > 20 || desk.recorder.sent.is_empty());
+    }
     let sent = std::mem::take(&mut desk.recorder.sent);
     desk.board.answer(&sent);
     assert_eq!(commands(&desk).last(), Some(&"ping"));
-    assert!(!desk.core.is_dead(at(start + 4_900_000)));
-    assert!(desk.core.is_dead(at(start + 5_100_000)));
+}
+
+#[test]
+fn a_host_that_slept_does_not_take_the_device_for_dead() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let (start, mut waiting) = (desk.now_us, Vec::new());
+    for code in 1..=160 {
+        waiting.extend(desk.board.code((start + code * 62_500).unsigned_abs(), 1));
+    }
+    desk.now_us = start + 10_000_000;
+    desk.core.tick(at(desk.now_us), &mut desk.recorder);
+    assert!(!desk.core.is_dead(at(desk.now_us)));
+    desk.receive(&waiting);
+    let summary = desk.core.summary();
+    assert_eq!((summary.received, summary.lost), (160, 0));
 }
 
 #[test]
