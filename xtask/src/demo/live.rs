@@ -4,8 +4,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::run::Run;
 
-/// Components of the code that fit beside the counts.
-const SHOWN: usize = 32;
+/// Components of the code that fit beside the counts on a line of 80.
+const SHOWN: usize = 24;
 /// Codes per line where there is no terminal to draw a bar on: one line in 5 s.
 const LINE_EVERY: usize = 80;
 
@@ -20,7 +20,7 @@ impl Live {
     pub(crate) fn new(codes: u64) -> Self {
         let bar = ProgressBar::new(codes);
         // A template that is wrong leaves the default one.
-        if let Ok(style) = ProgressStyle::with_template("{elapsed_precise} {bar:24} {msg}") {
+        if let Ok(style) = ProgressStyle::with_template("{elapsed_precise} {bar:16} {msg}") {
             bar.set_style(style);
         }
         Self { bar }
@@ -37,10 +37,7 @@ impl Live {
             return;
         };
         let fillers = run.codes.len() - run.received();
-        let counts = format!(
-            "frame {:4}  {} channels  lost {fillers}",
-            heard.frame.neuroheader.seq, heard.frame.eeg.info.nchannels
-        );
+        let counts = format!("frame {:4}  lost {fillers}", heard.frame.neuroheader.seq);
         self.bar
             .set_position(u64::try_from(run.codes.len()).unwrap_or(u64::MAX));
         self.bar

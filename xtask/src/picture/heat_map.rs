@@ -90,7 +90,7 @@ impl HeatMap {
             let at = (x - 6, y - map.get_base_pixel().1 - 12);
             let label = canvas::anchored(15, INK, HPos::Right);
             map.draw(&Text::new(
-                "filters settle on the electrodes' offsets",
+                "until here the filters settle on the electrodes' offsets",
                 at,
                 label,
             ))?;
