@@ -244,7 +244,7 @@ fn message(code: &Code) -> CodeMessage {
     let clipped = code.clipped.saturating_add(code.clipped_values.into());
     let mut flags = Flags::empty();
     for (set, flag) in [
-        (code.saturated > 0, Flags::SATURATED),
+        (code.saturated != 0, Flags::SATURATED),
         (code.settling, Flags::SETTLING),
         (clipped > 0, Flags::CLIPPED),
     ] {

@@ -10,8 +10,8 @@ pub struct Acquisition {
     front_end: FrontEnd,
     settling_samples: u64,
     samples: u64,
-    /// Electrode values at the rail since the last step.
-    saturated: u16,
+    /// ADC channels that stood at the rail since the last step, one bit each.
+    saturated: u64,
     clipped_total: u32,
     saturated_total: u32,
 }
@@ -34,8 +34,8 @@ impl Acquisition {
     #[inline]
     pub fn push(&mut self, sample: &Sample) -> Option<Step> {
         let at_rail = at_rail(&sample.counts);
-        self.saturated += at_rail;
-        self.saturated_total = self.saturated_total.wrapping_add(u32::from(at_rail));
+        self.saturated |= at_rail;
+        self.saturated_total = self.saturated_total.wrapping_add(at_rail.count_ones());
         let index = self.samples;
         self.samples += 1;
         let electrodes = self.front_end.push(sample)?;
@@ -61,17 +61,19 @@ impl Acquisition {
         self.clipped_total
     }
 
-    /// Electrode values at the ADC's rail since the start, each once; wraps.
+    /// Counts at the ADC's rail since the start, of all channels, each once; wraps.
     pub const fn saturated(&self) -> u32 {
         self.saturated_total
     }
 }
 
-/// Electrodes of a sample at the ADC's rail (0..=61).
-fn at_rail(counts: &[i32; CHANNELS]) -> u16 {
-    counts[..ELECTRODES]
+/// The channels of a sample that stand at the ADC's rail, one bit each.
+fn at_rail(counts: &[i32; CHANNELS]) -> u64 {
+    const { assert!(CHANNELS <= 64, "one bit for each channel") };
+    counts
         .iter()
-        .map(|count| u16::from(!(-Sample::MAX..Sample::MAX).contains(count)))
+        .enumerate()
+        .map(|(channel, count)| u64::from(!(-Sample::MAX..Sample::MAX).contains(count)) << channel)
         .sum()
 }
 
@@ -99,20 +101,21 @@ mod tests {
     }
 
     #[test]
-    fn a_value_at_the_rail_belongs_to_the_step_that_follows_and_is_counted_once() {
+    fn a_channel_at_the_rail_is_named_by_the_step_that_follows() {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let mut seen = Vec::new();
         for index in 0..20 {
             let mut sample = Sample::default();
             if (5..=8).contains(&index) {
                 sample.counts[4] = -Sample::MAX - 1;
-                // Not an electrode: its channel is spare.
+            }
+            if index == 9 {
                 sample.counts[CHANNELS - 1] = Sample::MAX;
             }
             seen.extend(acquisition.push(&sample).map(|step| step.saturated));
         }
-        assert_eq!(seen, [0, 0, 4, 0, 0]);
-        assert_eq!(acquisition.saturated(), 4);
+        assert_eq!(seen, [0, 0, 1 << 4, 1 << (CHANNELS - 1), 0]);
+        assert_eq!(acquisition.saturated(), 5);
     }
 
     #[test]

@@ -13,9 +13,9 @@ pub struct Code {
     pub clipped: u16,
     /// Values of the code itself that were clipped (0..=128).
     pub clipped_values: u8,
-    /// Electrode values at the ADC's rail among the samples of the window's steps, each step with
-    /// the three samples before it; saturates.
-    pub saturated: u16,
+    /// ADC channels that stood at the rail among the samples of the window's steps, each step with
+    /// the three samples before it; bit = channel.
+    pub saturated: u64,
     /// True while the filters have not settled since the start: the values are not to be trusted.
     pub settling: bool,
     /// int8 codes: `z = (q - model::CODE_ZERO_POINT) * model::CODE_SCALE`.

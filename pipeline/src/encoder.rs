@@ -190,7 +190,7 @@ mod tests {
                 encoder.push(&Step {
                     sample: 1_000 + 4 * index,
                     clipped: u16::from(index == 3 * hop),
-                    saturated: 2 * u16::from(index == 3 * hop - 1),
+                    saturated: u64::from(index == 3 * hop - 1) << 40,
                     settling: index == 2 * hop,
                     ..Step::default()
                 })
@@ -202,7 +202,7 @@ mod tests {
             assert_eq!(code.window, number);
             assert_eq!(code.first_sample, 1_000 + 4 * first);
             assert_eq!(code.clipped, u16::from(covers(3 * hop)));
-            assert_eq!(code.saturated, 2 * u16::from(covers(3 * hop - 1)));
+            assert_eq!(code.saturated, u64::from(covers(3 * hop - 1)) << 40);
             assert_eq!(code.settling, first == 2 * hop);
         }
         assert_eq!(codes.len() as u64, (64 - STEPS as u64) / hop + 1);

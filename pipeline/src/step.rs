@@ -13,9 +13,9 @@ pub struct Step {
     pub plane: Plane,
     /// Electrodes whose int8 value was clipped (0..=61).
     pub clipped: u16,
-    /// Electrode values at the ADC's rail in the samples since the step before, this step's own
-    /// sample included.
-    pub saturated: u16,
+    /// ADC channels that stood at the rail in the samples since the step before, this step's own
+    /// sample included; bit = channel.
+    pub saturated: u64,
     /// True while the filters have not settled since the start.
     pub settling: bool,
 }

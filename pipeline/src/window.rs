@@ -15,7 +15,7 @@ pub(crate) struct OpenWindow {
     shortcut: [i32; CODE],
     first_sample: u64,
     clipped: u16,
-    saturated: u16,
+    saturated: u64,
     settling: bool,
 }
 
@@ -51,7 +51,7 @@ impl OpenWindow {
     ) {
         shortcut.accumulate(electrodes, &mut self.shortcut);
         self.clipped = self.clipped.saturating_add(step.clipped);
-        self.saturated = self.saturated.saturating_add(step.saturated);
+        self.saturated |= step.saturated;
     }
 
     /// Adds a pooled plane to the fully connected layer.
