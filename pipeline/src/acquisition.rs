@@ -1,6 +1,6 @@
 //! From samples to steps: filters, decimation, scalp grid, quantisation, and what was lost there.
 
-use model::{CHANNELS, DECIMATION, ELECTRODES};
+use model::{CHANNELS, DECIMATION};
 
 use crate::{FrontEnd, Mains, Sample, Step, quantise};
 
