@@ -97,7 +97,7 @@ pub async fn run(options: Options, mut ros_options: NodeOptions) -> Result<Summa
     if undecoded > 0 {
         tracing::warn!(
             undecoded,
-            "windows that were not reconstructed: the decoder was too slow"
+            "windows that became fillers: the decoder was too slow"
         );
     }
     let dropped = encoded.dropped();
