@@ -3,6 +3,7 @@
 
 mod board;
 mod clock;
+mod compatibility;
 mod contract;
 mod ledger;
 mod loss;

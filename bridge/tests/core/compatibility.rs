@@ -1,0 +1,86 @@
+//! Newer devices, other versions, noise: told apart.
+
+use link::{AckResult, FrameError, ToHost};
+
+use crate::board::{Board, at};
+use crate::recorder::{Desk, SETTINGS};
+
+/// Messages of some later release.
+#[derive(serde::Serialize, serde::Deserialize)]
+enum LaterToHost {
+    Hello,
+    Capabilities,
+    Code,
+    Stats,
+    Ack,
+    Event { channel: u8, device_time_us: u64 },
+}
+
+impl link::Message<'_> for LaterToHost {
+    const KINDS: u32 = 6;
+}
+
+#[test]
+fn a_newer_device_is_understood_as_far_as_this_bridge_goes() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    desk.code(1, false);
+    let mut buffer = [0; link::MAX_FRAME];
+    let event = LaterToHost::Event {
+        channel: 1,
+        device_time_us: 1_000_000,
+    };
+    let bytes = desk.board.encoder.encode(0, &event, &mut buffer).unwrap();
+    desk.core
+        .receive(bytes, at(desk.now_us), &mut desk.recorder);
+    desk.code(1, false);
+    let summary = desk.core.summary();
+    assert_eq!(
+        (summary.received, summary.lost, summary.frames_lost),
+        (2, 0, 0)
+    );
+    assert_eq!((summary.wire.unknown, summary.wire.resyncs), (1, 0));
+}
+
+#[test]
+fn a_device_of_another_wire_version_is_told_apart_from_noise() {
+    let mut desk = Desk::new(SETTINGS, Board::new());
+    desk.core.connected(at(desk.now_us), &mut desk.recorder);
+    let header = link::Header {
+        version: 2,
+        seq: 0,
+        device_time_us: 0,
+    };
+    let mut buffer = [0; link::MAX_FRAME];
+    let ack = ToHost::Ack(link::Ack {
+        of: 0,
+        result: AckResult::Done,
+    });
+    let bytes = link::encode(&header, &ack, &mut buffer).unwrap();
+    desk.core
+        .receive(bytes, at(desk.now_us), &mut desk.recorder);
+    let report = format!("{:?}", desk.core.diagnostics(at(desk.now_us)).status[2]);
+    assert!(
+        report.contains("another version") && report.contains("same release"),
+        "{report}"
+    );
+}
+
+#[test]
+fn noise_never_publishes_anything() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let mut state = 1u32;
+    let noise: Vec<u8> = (0..100_000)
+        .map(|_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state.to_be_bytes()[0]
+        })
+        .collect();
+    desk.receive(&noise);
+    assert!(desk.recorder.encoded.is_empty());
+    let wire = desk.core.summary().wire;
+    assert!(wire.cobs + wire.crc + wire.oversize > 100, "{wire:?}");
+    desk.receive(&[0]);
+    desk.code(1, false);
+    assert_eq!(desk.recorder.encoded.len(), 1);
+    assert!(FrameError::Crc.to_string().contains("damaged"));
+}
