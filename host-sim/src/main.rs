@@ -1,4 +1,5 @@
 //! Command line of the virtual board.
+#![forbid(unsafe_code)]
 
 mod command_line;
 mod inspect;

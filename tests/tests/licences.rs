@@ -4,7 +4,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 
-use acceptance::workspace;
+use acceptance::skip::skipped;
+use acceptance::workspace::{self, WorkspaceError};
 use spdx::{Expression, LicenseReq, ParseMode};
 
 /// Old manifests write `/` for `OR`; every other deviation from SPDX is an error.
@@ -72,17 +73,13 @@ fn allowed() -> BTreeSet<String> {
 ///
 /// `cargo tree` and not `cargo metadata`: the latter also lists what no enabled feature reaches.
 fn dependencies() -> BTreeMap<String, String> {
-    let tree = workspace::cargo(&[
-        "tree",
-        "--workspace",
-        "--target=all",
-        "--edges=normal,build,dev",
-        "--prefix=none",
-        "--no-dedupe",
-        "--format={p}|{l}",
-    ])
-    .expect("cargo tree");
-    let packages: BTreeMap<String, String> = tree
+    let all = tree(&["--target=all"]).or_else(|error| {
+        // Packages of other systems are not on this machine until cargo fetches them.
+        skipped("licences of other systems' packages", &error.to_string());
+        tree(&["--offline"])
+    });
+    let packages: BTreeMap<String, String> = all
+        .expect("cargo tree")
         .lines()
         .filter_map(|line| line.split_once('|'))
         .map(|(package, licence)| (package.to_owned(), licence.to_owned()))
@@ -93,6 +90,19 @@ fn dependencies() -> BTreeMap<String, String> {
         packages.len()
     );
     packages
+}
+
+/// Every package and its licence, one per line.
+fn tree(choice: &[&str]) -> Result<String, WorkspaceError> {
+    let arguments = [
+        "tree",
+        "--workspace",
+        "--edges=normal,build,dev",
+        "--prefix=none",
+        "--no-dedupe",
+        "--format={p}|{l}",
+    ];
+    workspace::cargo(&[&arguments, choice].concat())
 }
 
 /// Whether this licence expression can be met by the allowed licences alone.
