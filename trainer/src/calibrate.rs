@@ -8,10 +8,10 @@ use artifact::{Artifact, CODE, Description, FloatEncoder, Mode, ScalpGrid, Tenso
 
 /// No dimension of the code reaches less far than this, in units of the input's standard deviation.
 ///
-/// A muscle burst or a loose electrode throws energy into dimensions that training hardly used, and
-/// clipping costs far more than resolution: with the training ranges alone, 29 clipped numbers among
-/// 495,360 more than doubled the error of R11 and R12 (0.0030 to 0.0078). The step is then at most
-/// 10 * 1.25 / 127 = 0.1 wide, and 128 of them add 0.1^2 / 12 * 128 / 976 = 0.0001 to the error.
+/// A muscle burst or a moving cap throws energy into dimensions that training hardly used, and
+/// clipping costs far more than resolution: on EEGMMIDB S001 R11 and R12 the training ranges alone
+/// clipped 29 numbers, these 16. The step is then at most 10 * 1.25 / 127 = 0.1 wide, and 128 of
+/// them add no more than 0.1^2 / 12 * 128 / 976 = 0.0001 to the error.
 const SMALLEST_REACH: f32 = 10.0;
 
 /// The model of these parameters, calibrated on the windows of `dataset` (in units of the
