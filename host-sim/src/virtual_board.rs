@@ -258,6 +258,7 @@ fn message(code: &Code) -> CodeMessage {
         first_sample: code.first_sample,
         flags,
         clipped,
+        saturated: code.saturated,
         values: code.values,
     }
 }

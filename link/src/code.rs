@@ -21,6 +21,9 @@ pub struct Code {
     pub flags: Flags,
     /// Values of the window that were clipped on their way into int8; saturates at 65535.
     pub clipped: u16,
+    /// ADC channels that stood at the converter's rail inside the window; bit = channel, in the
+    /// order of [`Capabilities::labels`](crate::Capabilities::labels).
+    pub saturated: u64,
     /// The code, int8; `z = (q - zero_point) * scale` with the numbers of
     /// [`Capabilities`](crate::Capabilities). 128 bytes on the wire, no length before them.
     #[serde(with = "crate::array")]

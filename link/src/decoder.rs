@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::encoder::{CRC, CRC_BYTES};
+use crate::encoder::{CRC_BYTES, digest};
 use crate::{Header, MAX_FRAME, Message, VERSION};
 
 /// One whole frame.
@@ -21,7 +21,8 @@ pub enum FrameError {
     Oversize,
     /// Not COBS: a byte was changed, lost or added.
     Cobs,
-    /// The CRC does not fit: a byte was changed, lost or added.
+    /// The CRC does not fit: a byte was changed, lost or added, or it is a frame of the other
+    /// direction (an echo).
     Crc,
     /// A sound frame of another version of frame and header.
     Version(u8),
@@ -33,7 +34,7 @@ pub enum FrameError {
         kind: u32,
     },
     /// A sound frame whose content does not fit the message it names: the sender breaks the
-    /// format, or it is a frame of the other direction (an echo).
+    /// format.
     Malformed,
 }
 
@@ -42,7 +43,7 @@ impl fmt::Display for FrameError {
         match self {
             FrameError::Oversize => write!(formatter, "more than a frame's bytes without a zero"),
             FrameError::Cobs => write!(formatter, "bytes damaged (COBS)"),
-            FrameError::Crc => write!(formatter, "bytes damaged (CRC)"),
+            FrameError::Crc => write!(formatter, "bytes damaged, or an echo (CRC)"),
             FrameError::Version(other) => write!(
                 formatter,
                 "wire version {other}, but this side speaks {VERSION}; bring firmware and bridge \
@@ -221,7 +222,9 @@ fn open<'d, M: Message<'d>>(bytes: &'d mut [u8]) -> Result<Frame<M>, FrameError>
     let (body, crc) = bytes[..length]
         .split_last_chunk::<CRC_BYTES>()
         .ok_or(FrameError::Crc)?;
-    if CRC.checksum(body) != u32::from_le_bytes(*crc) {
+    let mut digest = digest::<M>();
+    digest.update(body);
+    if digest.finalize() != u32::from_le_bytes(*crc) {
         return Err(FrameError::Crc);
     }
     match body.first() {

@@ -9,13 +9,21 @@ use postcard::ser_flavors::Flavor;
 use crate::{Header, Message, VERSION};
 
 /// CRC-32C (Castagnoli); crc's name for it is CRC-32/ISCSI.
-pub(crate) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
+const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
+
+/// The CRC as it stands before the header: the direction is in it.
+pub(crate) fn digest<'m, M: Message<'m>>() -> Digest<'static, u32> {
+    let mut digest = CRC.digest();
+    digest.update(&[M::DIRECTION]);
+    digest
+}
 
 /// Bytes of the CRC.
 pub(crate) const CRC_BYTES: usize = 4;
 
 /// Longest body (header, message and CRC before COBS), bytes. The largest `Capabilities` takes
-/// 1456 (test `the_largest_frame_fits`); the rest is room for a raw window beside its code.
+/// 1456 (test `the_largest_frame_fits`); the rest is room for a window's int8 planes, 1440 B. Raw
+/// samples of a window, 64 x 61 x 3 B = 11.7 kB, do not fit and would travel in pieces.
 pub const MAX_BODY: usize = 2048;
 
 /// Longest frame with both zeros, bytes.
@@ -62,7 +70,7 @@ pub fn encode<'m, 'b, M: Message<'m>>(
         let inner = out.get_mut(1..inner_end).ok_or(error)?;
         let sink = FrameSink {
             encoder: CobsEncoder::new(inner),
-            digest: CRC.digest(),
+            digest: digest::<M>(),
             room: MAX_BODY,
         };
         postcard::serialize_with_flavor(&(header, message), sink).map_err(|_| error)?

@@ -15,7 +15,7 @@ pub struct Flags(u16);
 impl Flags {
     /// Bit 0: a status word of the ADC chain was wrong at least once (chip dead, data shifted).
     pub const ADC_STATUS_BAD: Flags = Flags(1 << 0);
-    /// Bit 1: at least one ADC sample sat at the converter's rail.
+    /// Bit 1: at least one ADC sample stood at the converter's rail ([`crate::Code::saturated`]).
     pub const SATURATED: Flags = Flags(1 << 1);
     /// Bit 2: the ADC reported at least one electrode off.
     pub const LEAD_OFF: Flags = Flags(1 << 2);

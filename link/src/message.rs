@@ -8,6 +8,9 @@ use crate::{Ack, Capabilities, Code, Hello, Start, Stats};
 pub trait Message<'a>: Serialize + Deserialize<'a> {
     /// Messages that this version knows; a larger number on the wire is a newer message.
     const KINDS: u32;
+    /// Goes into the CRC before the header and is never sent, so that no frame passes for one of
+    /// the other direction: an echo on a looped line is refused as damaged, and nobody answers it.
+    const DIRECTION: u8;
 }
 
 /// From device to host. Grows only at its end; the number of a message is its place here.
@@ -33,6 +36,7 @@ pub enum ToHost<'a> {
 
 impl<'a> Message<'a> for ToHost<'a> {
     const KINDS: u32 = 5;
+    const DIRECTION: u8 = b'H';
 }
 
 /// From host to device. Grows only at its end; the number of a message is its place here.
@@ -50,4 +54,5 @@ pub enum ToDevice {
 
 impl Message<'_> for ToDevice {
     const KINDS: u32 = 4;
+    const DIRECTION: u8 = b'D';
 }

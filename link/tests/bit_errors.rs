@@ -52,6 +52,7 @@ fn loss_follows_the_bit_error_rate_and_no_wrong_frame_is_accepted() {
                 first_sample: u64::from(window) * 32,
                 flags: Flags::empty(),
                 clipped: 0,
+                saturated: 0,
                 values,
             };
             let length = encoder

@@ -19,6 +19,7 @@ enum LaterToDevice {
 
 impl Message<'_> for LaterToDevice {
     const KINDS: u32 = 5;
+    const DIRECTION: u8 = ToDevice::DIRECTION;
 }
 
 fn first(
@@ -83,29 +84,37 @@ fn another_version_is_refused_with_its_number() {
 }
 
 #[test]
-fn an_echoed_frame_of_the_other_direction_is_not_taken_for_a_command() {
+fn an_echo_is_no_frame_of_the_other_direction() {
     let mut buffer = [0; MAX_FRAME];
     let mut encoder = Encoder::default();
     let ack = ToHost::Ack(Ack {
         of: 3,
         result: AckResult::Done,
     });
-    let bytes = encoder.encode(1, &ack, &mut buffer).unwrap();
-    let mut decoder = Decoder::new();
-    assert!(matches!(
-        first(&mut decoder, bytes),
-        Some(Err(FrameError::Unknown { kind: 4, .. }))
-    ));
+    let stats = ToHost::Stats(link::Stats::default());
     let code = ToHost::Code(link::Code {
         model_id: [1; 8],
         window: 1,
         first_sample: 32,
         flags: link::Flags::empty(),
         clipped: 0,
+        saturated: 0,
         values: [0; link::CODE_LEN],
     });
-    let bytes = encoder.encode(1, &code, &mut buffer).unwrap();
-    assert_eq!(first(&mut decoder, bytes), Some(Err(FrameError::Malformed)));
+    let mut device = Decoder::new();
+    for message in [ack, stats, code] {
+        let echo = encoder.encode(1, &message, &mut buffer).unwrap();
+        assert_eq!(first(&mut device, echo), Some(Err(FrameError::Crc)));
+    }
+    let mut host = Decoder::<MAX_FRAME>::new();
+    let start = ToDevice::Start(link::Start {
+        streams: link::Streams::CODES,
+        mains_hz: 50,
+    });
+    for command in [start, ToDevice::Stop, ToDevice::Identify, ToDevice::Ping] {
+        let mut echo = encoder.encode(0, &command, &mut buffer).unwrap();
+        assert_eq!(host.next::<ToHost>(&mut echo), Some(Err(FrameError::Crc)));
+    }
 }
 
 #[test]

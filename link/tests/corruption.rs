@@ -14,9 +14,10 @@ fn message() -> impl Strategy<Value = ToHost<'static>> {
         any::<u64>(),
         any::<u16>(),
         any::<u16>(),
+        any::<u64>(),
     );
     let code = (code, prop::collection::vec(any::<i8>(), CODE_LEN)).prop_map(
-        |((model_id, window, first_sample, flags, clipped), values)| {
+        |((model_id, window, first_sample, flags, clipped, saturated), values)| {
             let values = values.try_into().unwrap();
             let flags = Flags::from_bits(flags);
             ToHost::Code(Code {
@@ -25,6 +26,7 @@ fn message() -> impl Strategy<Value = ToHost<'static>> {
                 first_sample,
                 flags,
                 clipped,
+                saturated,
                 values,
             })
         },
@@ -268,6 +270,7 @@ fn every_single_bit_and_byte_of_a_code_is_guarded() {
         first_sample: 2_240_000,
         flags: Flags::empty(),
         clipped: 0,
+        saturated: 0,
         values: core::array::from_fn(|index| i8::try_from(index).unwrap()),
     });
     let (bytes, starts) = stream(&[code.clone(), code.clone(), code.clone()], 0);

@@ -58,6 +58,7 @@ fn the_largest_frame_fits() {
         first_sample: u64::MAX,
         flags: Flags::from_bits(u16::MAX),
         clipped: u16::MAX,
+        saturated: u64::MAX,
         values: [-1; CODE_LEN],
     });
     let stats = ToHost::Stats(Stats {

@@ -70,8 +70,9 @@ fn code() -> ToHost<'static> {
         model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
         window: 300,
         first_sample: 9600,
-        flags: Flags::SETTLING | Flags::CLIPPED,
+        flags: Flags::SATURATED | Flags::SETTLING | Flags::CLIPPED,
         clipped: 2,
+        saturated: 1 << 20,
         values: core::array::from_fn(|index| i8::try_from(index).unwrap() - 64),
     })
 }
@@ -153,6 +154,7 @@ fn a_code_frame_takes_the_bytes_that_the_document_says() {
     let day = Code {
         window: 16 * 86_400,
         first_sample: 512 * 86_400,
+        saturated: 0,
         ..code
     };
     let length = frame(16 * 86_400, 86_400_000_000, &ToHost::Code(day)).len();

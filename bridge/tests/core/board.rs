@@ -158,6 +158,7 @@ impl Board {
             first_sample: u64::from(window) * 32,
             flags: Flags::empty(),
             clipped: 0,
+            saturated: 0,
             values: [value; CODE_LEN],
         };
         self.frame(device_us, &ToHost::Code(code))

@@ -18,6 +18,7 @@ enum LaterToHost {
 
 impl link::Message<'_> for LaterToHost {
     const KINDS: u32 = 6;
+    const DIRECTION: u8 = link::ToHost::DIRECTION;
 }
 
 #[test]

@@ -143,6 +143,47 @@ fn a_clipped_value_is_counted_once_though_two_windows_hold_it() {
 }
 
 #[test]
+fn a_code_names_the_channels_that_stood_at_the_rail() {
+    let (mut board, outbox) = board();
+    send(&mut board, &mut Encoder::default(), START);
+    for index in 0..512 {
+        let mut sample = Sample::default();
+        if index == 200 {
+            (sample.counts[3], sample.counts[40]) = (Sample::MAX, -Sample::MAX - 1);
+        }
+        board.sample(&sample, 0);
+    }
+    let marked = frames(&outbox, |message| match message {
+        ToHost::Code(code) => Some((code.flags.contains(Flags::SATURATED), code.saturated)),
+        _ => None,
+    });
+    let at_rail = (true, 1 << 3 | 1 << 40);
+    assert_eq!(marked.iter().filter(|&&seen| seen == at_rail).count(), 2);
+    assert!(
+        marked
+            .iter()
+            .all(|&seen| seen == at_rail || seen == (false, 0))
+    );
+}
+
+#[test]
+fn echoed_answers_are_not_answered() {
+    let (mut board, outbox) = board();
+    send(&mut board, &mut Encoder::default(), ToDevice::Ping);
+    let mut echoes = Vec::new();
+    while !outbox.drain(std::time::Duration::ZERO) {
+        echoes.push(outbox.take().expect("a frame waits"));
+        outbox.written();
+    }
+    for echo in &echoes {
+        board.receive(echo, 0);
+    }
+    assert!(outbox.drain(std::time::Duration::ZERO), "one was answered");
+    assert_eq!(board.stats().input_bad as usize, echoes.len());
+    assert!(!echoes.is_empty());
+}
+
+#[test]
 fn damaged_commands_are_counted_and_the_next_one_is_obeyed() {
     let (mut board, outbox) = board();
     board.receive(b"\0noise on the line\0", 0);
