@@ -16,6 +16,10 @@ const BLOCK: u64 = 1024;
 /// No side of a transform gets longer than this; pairs of rates that would need it are refused.
 const BLOCK_MAX: u64 = 1 << 17;
 
+/// Outputs that may lie behind the reader before their memory is used again: few beside one
+/// block, enough that moving the rest costs little per sample.
+const TAKEN_MAX: usize = 4096;
+
 /// Converts the rate of `lines` signals without shifting them in time: output k is the input at
 /// k / rate.
 ///
@@ -163,10 +167,20 @@ impl RateConverter {
         self.output[line].get(self.taken).copied().unwrap_or(0.0)
     }
 
+    /// Samples that are held in memory per line, inputs and outputs, taken ones included.
+    #[cfg(test)]
+    pub(crate) fn held(&self) -> usize {
+        let most = |lines: &[Vec<f64>]| lines.iter().map(Vec::len).max().unwrap_or(0);
+        most(&self.input) + most(&self.output)
+    }
+
     /// Goes on to the next output.
+    ///
+    /// What has been taken is let go by its own number, not when nothing is left: a converter
+    /// that shares a recording with one of a longer delay is ahead of it to the end.
     pub(crate) fn advance(&mut self) {
         self.taken += 1;
-        if self.ready() == 0 {
+        if self.taken >= TAKEN_MAX {
             for line in &mut self.output {
                 line.drain(..self.taken);
             }

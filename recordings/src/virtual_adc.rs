@@ -11,6 +11,10 @@ pub const CHANNELS: usize = 64;
 /// The rails of a 24-bit ADC, counts.
 const RAILS: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 
+/// Largest number that goes into the resampler, uV: far beyond every rail, and no sum in a
+/// transform of it overflows, which the resampler answers with a panic.
+const LARGEST_UV: f64 = 1e100;
+
 /// The ADC's rate and scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AdcSpec {
@@ -219,7 +223,7 @@ impl RateGroup {
                 .extend(block.samples[signal].iter().map(|sample| {
                     let uv = sample * microvolts;
                     if uv.is_finite() {
-                        *held = uv;
+                        *held = uv.clamp(-LARGEST_UV, LARGEST_UV);
                     } else {
                         not_finite += 1;
                     }
@@ -288,4 +292,64 @@ fn samples_in(recording: &Recording, rate_hz: u32) -> u64 {
     let product =
         u128::from(recording.records()) * u128::from(length.numerator()) * u128::from(rate_hz);
     u64::try_from(product / u128::from(length.denominator())).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+    use crate::Missing;
+
+    /// An EDF file of two signals, `records` s long: `rates` samples per record, all 1 step.
+    fn two_rates(records: usize, rates: [usize; 2]) -> Vec<u8> {
+        let mut file = Vec::new();
+        let mut put = |text: &str, width: usize| file.extend(format!("{text:width$}").bytes());
+        put("0", 8);
+        put("", 160);
+        put("01.01.2400.00.00", 16);
+        put("768", 8 + 44);
+        put(&records.to_string(), 8);
+        put("1", 8);
+        put("2", 4);
+        put("C3", 16);
+        put("C4", 16);
+        put("", 160);
+        for field in ["uV", "-32768", "32767", "-32768", "32767"] {
+            put(field, 8);
+            put(field, 8);
+        }
+        put("", 160);
+        for rate in rates {
+            put(&rate.to_string(), 8);
+        }
+        put("", 64);
+        let samples = records * (rates[0] + rates[1]);
+        file.extend([1, 0].repeat(samples));
+        file
+    }
+
+    #[test]
+    fn a_group_that_runs_ahead_keeps_no_more_than_a_few_blocks() {
+        // 20 minutes. Measured: 32,768 and 47,348 samples; a block of the file alone is 48 s (24,576
+        // outputs) or 79 s (40,448).
+        const RECORDS: usize = 1200;
+        for rates in [[512, 160], [160, 250]] {
+            let bytes = two_rates(RECORDS, rates);
+            let recording = Recording::from_source(Cursor::new(bytes)).expect("a sound file");
+            let map = MontageMap::new(&recording.labels(), &["C3", "C4"], Missing::Refuse);
+            let map = map.expect("both are there");
+            let mut adc = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512)).expect("usable");
+            let (mut most, mut given) = (0, 0);
+            while let Some(counts) = adc.next() {
+                // 1 uV is 44.7 counts.
+                assert_eq!(counts.expect("readable")[..2], [45, 45]);
+                let held = adc.groups.iter().map(|group| group.converter.held());
+                most = most.max(held.max().unwrap_or(0));
+                given += 1;
+            }
+            assert_eq!(given, RECORDS * 512);
+            assert!(most < 65_536, "{rates:?}: {most} of {given} samples held");
+        }
+    }
 }

@@ -139,6 +139,17 @@ fn rails_and_holes_are_counted() {
 }
 
 #[test]
+fn the_largest_floats_are_resampled_to_the_rails() {
+    let samples = [f64::MAX; 320];
+    let data = samples.into_iter().flat_map(f64::to_le_bytes).collect();
+    let signal = GdfSignal::of_type(17, 160, data);
+    let file = GdfFile::version_2(2, vec![signal]);
+    let (counts, counters) = play(file.bytes(), &["Cz"], Missing::Refuse);
+    assert!(counts.iter().all(|count| count[0] == 8_388_607));
+    assert_eq!((counters.saturated, counters.not_finite), (1024, 0));
+}
+
+#[test]
 fn units_become_microvolts() {
     for (code, unit, value) in [
         (4256, "V", 1e-3),
