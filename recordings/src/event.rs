@@ -5,6 +5,11 @@
 pub enum EventLabel {
     /// A GDF event type (0x0300 = 768 is the start of a trial; bit 15 set = the end of it).
     Type(u16),
+    /// A sample of a signal that is sampled sparsely (GDF type 0x7fff in a table of mode 3): its
+    /// digital value, the 32 bits that the table holds, to be read as the
+    /// [`crate::SampleType`] of [`Event::signal`]. The event has no duration: the value lies in
+    /// its place. A table of mode 1 has no room for it; there the type stays a type.
+    SparseSample(u32),
     /// An EDF+ annotation.
     Text(String),
 }

@@ -9,6 +9,9 @@ pub(crate) const PREFIX: usize = 8;
 /// count), as biosig and MNE tell them apart.
 const NEW_PREFIX: f64 = 1.94;
 
+/// The type of a row that is a sample of a sparsely sampled signal; its duration is the value.
+const SPARSE_SAMPLE: u16 = 0x7fff;
+
 /// The first eight bytes of the table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TablePrefix {
@@ -47,32 +50,47 @@ impl TablePrefix {
         }
     }
 
+    /// Whether the rate is one, >= 1 mHz: a few small integers read as a float are far below.
+    pub(crate) fn states_rate(&self) -> bool {
+        self.rate_hz.is_finite() && self.rate_hz >= 1e-3
+    }
+
+    /// Positions per second, Hz, > 0; `fallback_hz` where the file leaves it out.
+    pub(crate) fn rate_or(&self, fallback_hz: f64) -> f64 {
+        if self.rate_hz.is_finite() && self.rate_hz > 0.0 {
+            self.rate_hz
+        } else {
+            fallback_hz
+        }
+    }
+
     /// The rows, in file order; `columns` has [`Self::column_bytes`] bytes and `fallback_hz`
     /// stands in for a missing rate. Positions count from 1.
     pub(crate) fn events(&self, columns: &[u8], fallback_hz: f64) -> Vec<Event> {
         let count = self.count as usize;
-        let rate_hz = if self.rate_hz.is_finite() && self.rate_hz > 0.0 {
-            self.rate_hz
-        } else {
-            fallback_hz
-        };
+        let rate_hz = self.rate_or(fallback_hz);
         let word = |at: usize| u32::from_le_bytes(array_at(columns, at));
         let half = |at: usize| u16::from_le_bytes(array_at(columns, at));
         (0..count)
             .map(|i| {
                 let position = word(4 * i);
-                let (signal, duration_s) = if self.mode == 3 {
-                    let channel = half(6 * count + 2 * i);
-                    let duration = word(8 * count + 4 * i);
-                    (channel.checked_sub(1), Some(f64::from(duration) / rate_hz))
-                } else {
-                    (None, None)
-                };
+                let kind = half(4 * count + 2 * i);
+                let (mut signal, mut duration_s) = (None, None);
+                let mut label = EventLabel::Type(kind);
+                if self.mode == 3 {
+                    signal = half(6 * count + 2 * i).checked_sub(1);
+                    let word = word(8 * count + 4 * i);
+                    if kind == SPARSE_SAMPLE {
+                        label = EventLabel::SparseSample(word);
+                    } else {
+                        duration_s = Some(f64::from(word) / rate_hz);
+                    }
+                }
                 Event {
                     onset_s: (f64::from(position) - 1.0) / rate_hz,
                     duration_s,
                     signal,
-                    label: EventLabel::Type(half(4 * count + 2 * i)),
+                    label,
                 }
             })
             .collect()
@@ -112,6 +130,44 @@ mod tests {
                 expected(1.0, 1.0, Some(4), 0x8300)
             ]
         );
+    }
+
+    #[test]
+    fn a_sparse_sample_has_a_value_where_others_have_a_duration() {
+        let mut columns = Vec::new();
+        for word in [3_u32, 4] {
+            columns.extend(word.to_le_bytes());
+        }
+        for half in [0x7fff_u16, 0x0300, 2, 0] {
+            columns.extend(half.to_le_bytes());
+        }
+        for word in [0xffff_fff6_u32, 2] {
+            columns.extend(word.to_le_bytes());
+        }
+        let prefix = TablePrefix {
+            mode: 3,
+            count: 2,
+            rate_hz: 2.0,
+        };
+        let sparse = Event {
+            onset_s: 1.0,
+            duration_s: None,
+            signal: Some(1),
+            label: EventLabel::SparseSample(0xffff_fff6),
+        };
+        let plain = Event {
+            onset_s: 1.5,
+            duration_s: Some(1.0),
+            signal: None,
+            label: EventLabel::Type(0x0300),
+        };
+        assert_eq!(prefix.events(&columns, 1.0), [sparse, plain]);
+
+        // Mode 1 has no column that could hold the value.
+        let prefix = TablePrefix { mode: 1, ..prefix };
+        let events = prefix.events(&columns[..12], 1.0);
+        assert_eq!(events[0].label, EventLabel::Type(0x7fff));
+        assert_eq!(events[0].duration_s, None);
     }
 
     #[test]

@@ -25,6 +25,12 @@ impl Header {
         self.signals.iter().map(Signal::record_bytes).sum()
     }
 
+    /// Rate of the fastest signal, Hz, >= 1.
+    pub(crate) fn fastest_rate_hz(&self) -> f64 {
+        let rates = self.signals.iter().filter_map(|signal| signal.rate);
+        rates.map(Ratio::value).fold(1.0, f64::max)
+    }
+
     /// Checks what no format may get wrong and notes what it may.
     ///
     /// # Errors

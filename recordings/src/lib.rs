@@ -5,7 +5,7 @@
 //! | Stage | Type out | Unit | Modules |
 //! | --- | --- | --- | --- |
 //! | header | [`Signal`]s, [`Warning`]s | | `edf`, `gdf`, `header` |
-//! | records | [`Block`] | the signal's own | `recording`, `sample_type`, `calibration` |
+//! | records | [`Block`] | the signal's own | `source`, `recording`, `sample_type`, `calibration` |
 //! | montage | weights per electrode | | [`electrode`], [`position`], [`montage_map`] |
 //! | virtual ADC | `[i32; 64]` | counts, i24 in i32 | [`virtual_adc`] |
 //!
@@ -21,6 +21,7 @@ mod event;
 mod format;
 mod gdf;
 mod gdf_events;
+mod gdf_record_count;
 mod header;
 pub mod montage_map;
 pub mod position;
@@ -29,6 +30,7 @@ mod ratio;
 mod recording;
 mod sample_type;
 mod signal;
+mod source;
 mod tal;
 mod unit;
 pub mod virtual_adc;
@@ -42,9 +44,10 @@ pub use format::Format;
 pub use montage_map::{Missing, MontageMap, MontageMapError};
 pub use position::Position;
 pub use ratio::Ratio;
-pub use recording::{Block, Recording, Source};
+pub use recording::{Block, Recording};
 pub use sample_type::SampleType;
 pub use signal::{Signal, SignalKind};
+pub use source::Source;
 pub use unit::Unit;
 pub use virtual_adc::{AdcSpec, VirtualAdc};
 pub use warning::Warning;

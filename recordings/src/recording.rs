@@ -1,24 +1,15 @@
 //! The streaming reader, the same for all formats.
 
-use std::{
-    fs::File,
-    io::{Read, Seek, SeekFrom},
-    path::Path,
-};
+use std::{fs::File, io::SeekFrom, path::Path};
 
 use crate::{
     Event, Format, Ratio, RecordingError, Signal, SignalKind, Warning, edf, gdf,
     gdf_events::{PREFIX, TablePrefix},
+    gdf_record_count,
     header::{HEADER_BLOCK, Header},
+    source::{BLOCK_BYTES, Source, in_memory, read_at},
     tal,
 };
-
-/// A place that recordings are read from.
-pub trait Source: Read + Seek + Send {}
-impl<T: Read + Seek + Send> Source for T {}
-
-/// Records are read in blocks of about this many bytes; a longer record is a block of its own.
-const BLOCK_BYTES: u64 = 64 * 1024;
 
 /// An opened recording: its header and a position among its records.
 ///
@@ -117,7 +108,7 @@ impl Recording {
     }
 
     fn with_header(
-        source: Box<dyn Source>,
+        mut source: Box<dyn Source>,
         mut header: Header,
         file_bytes: u64,
     ) -> Result<Self, RecordingError> {
@@ -125,12 +116,18 @@ impl Recording {
         let data_bytes = file_bytes - header.data_start;
         let whole = data_bytes.checked_div(record_bytes).unwrap_or(0);
         let left_over = data_bytes - whole * record_bytes;
-        let promised = header.records.unwrap_or(whole);
-        let truncated = promised > whole || (header.records.is_none() && left_over > 0);
-        if header.records.is_none() {
-            header
-                .warnings
-                .push(Warning::RecordsUnknown { derived: whole });
+        let is_gdf = matches!(header.format, Format::Gdf1(_) | Format::Gdf2(_));
+        let unstated = header.records.is_none();
+        let stated = if unstated && is_gdf {
+            gdf_record_count::before_table(&mut *source, &header, file_bytes)?
+        } else {
+            header.records
+        };
+        let promised = stated.unwrap_or(whole);
+        let truncated = promised > whole || (stated.is_none() && left_over > 0);
+        if unstated {
+            let derived = promised;
+            header.warnings.push(Warning::RecordsUnknown { derived });
         }
         if truncated {
             header.warnings.push(Warning::Truncated {
@@ -146,7 +143,6 @@ impl Recording {
                 data_bytes,
             });
         }
-        let is_gdf = matches!(header.format, Format::Gdf1(_) | Format::Gdf2(_));
         let surplus = data_bytes - records * record_bytes;
         // What lies behind the records of a GDF file is its event table.
         if !is_gdf && !truncated && surplus > 0 {
@@ -288,16 +284,11 @@ impl Recording {
             {
                 let mut columns = vec![0; in_memory(needed)];
                 read_at(&mut *self.source, at + PREFIX as u64, &mut columns)?;
-                return Ok(table.events(&columns, self.fastest_rate_hz()));
+                return Ok(table.events(&columns, self.header.fastest_rate_hz()));
             }
         }
         self.warn_once(Warning::EventTable { announced, bytes });
         Ok(Vec::new())
-    }
-
-    fn fastest_rate_hz(&self) -> f64 {
-        let rates = self.header.signals.iter().filter_map(|signal| signal.rate);
-        rates.map(Ratio::value).fold(1.0, f64::max)
     }
 
     fn note_gaps(&mut self) -> Result<(), RecordingError> {
@@ -359,22 +350,4 @@ impl Recording {
             self.header.warnings.push(warning);
         }
     }
-}
-
-fn read_at(source: &mut dyn Source, at: u64, bytes: &mut [u8]) -> Result<(), RecordingError> {
-    let length = bytes.len() as u64;
-    source
-        .seek(SeekFrom::Start(at))
-        .and_then(|_| source.read_exact(bytes))
-        .map_err(|source| RecordingError::Read {
-            at,
-            bytes: length,
-            source,
-        })
-}
-
-/// A number of bytes that was checked against the size of the file; on a 32-bit machine a
-/// larger one than memory can hold becomes an allocation that fails.
-fn in_memory(bytes: u64) -> usize {
-    usize::try_from(bytes).unwrap_or(usize::MAX)
 }

@@ -7,7 +7,7 @@ use std::fmt;
 pub enum Warning {
     /// The header gives -1 records; the number was derived from the file's size.
     RecordsUnknown {
-        /// Whole records that the file holds.
+        /// Whole records that the file holds, in front of its event table if it has one.
         derived: u64,
     },
     /// The file ends before the records that its header promises.

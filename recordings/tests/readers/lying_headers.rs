@@ -34,11 +34,11 @@ fn bdf() -> Vec<u8> {
     .bytes()
 }
 
-fn gdf(version_1: bool) -> Vec<u8> {
+fn gdf(version_1: bool, records: i64) -> Vec<u8> {
     let signal = GdfSignal::float32("Cz", 2, &[1.0, 2.0, 3.0, 4.0]);
     let mut file = GdfFile {
         version_1,
-        ..GdfFile::version_2(2, vec![signal])
+        ..GdfFile::version_2(records, vec![signal])
     };
     file.events = vec![1, 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 0, 3];
     file.bytes()
@@ -115,12 +115,19 @@ proptest! {
     }
 
     #[test]
-    fn a_mutated_gdf_2_is_read_or_refused(bytes in mutated(gdf(false))) {
+    fn a_mutated_gdf_2_is_read_or_refused(bytes in mutated(gdf(false, 2))) {
         survive(bytes)?;
     }
 
     #[test]
-    fn a_mutated_gdf_1_is_read_or_refused(bytes in mutated(gdf(true))) {
+    fn a_mutated_gdf_1_is_read_or_refused(bytes in mutated(gdf(true, 2))) {
+        survive(bytes)?;
+    }
+
+    #[test]
+    fn a_mutated_gdf_of_unstated_length_is_read_or_refused(
+        bytes in any::<bool>().prop_flat_map(|version_1| mutated(gdf(version_1, -1))),
+    ) {
         survive(bytes)?;
     }
 

@@ -6,6 +6,7 @@
 
 mod adc;
 mod edf_writer;
+mod gdf_record_count;
 mod gdf_writer;
 mod lying_headers;
 mod real_files;

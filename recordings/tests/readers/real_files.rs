@@ -12,7 +12,7 @@ use recordings::{
 
 use crate::read_all;
 
-fn data(file: &str) -> Option<PathBuf> {
+pub(crate) fn data(file: &str) -> Option<PathBuf> {
     let Some(folder) = env::var_os("CORTICODE_DATA") else {
         // Straight to the stream: the test harness would keep it to itself.
         writeln!(

@@ -7,7 +7,7 @@ use crate::{
     open, read_all,
 };
 
-fn event_table(rate_hz: f32, events: &[(u32, u16)]) -> Vec<u8> {
+pub(crate) fn event_table(rate_hz: f32, events: &[(u32, u16)]) -> Vec<u8> {
     let count = u32::try_from(events.len())
         .expect("few events")
         .to_le_bytes();
