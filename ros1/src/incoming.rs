@@ -13,7 +13,7 @@ use tokio::{
 use crate::{
     lock::lock,
     registrar::Registrar,
-    tcpros::{Header, HeaderError},
+    tcpros::{Header, HeaderError, set_options},
 };
 
 /// Connections at once, those that have not sent their header included.
@@ -60,7 +60,7 @@ pub(crate) async fn accept(
 
 /// Reads the header and hands the connection to what it names.
 async fn welcome(mut stream: TcpStream, registrar: &Registrar) -> Result<(), HeaderError> {
-    stream.set_nodelay(true)?;
+    set_options(&stream)?;
     let header = Header::read(&mut stream).await?;
     let node = &registrar.node;
     let reason = if let Some(name) = header.get("service") {

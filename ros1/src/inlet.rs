@@ -18,7 +18,7 @@ use tokio::{
 use crate::{
     address::Address,
     subscriber::IncomingTopic,
-    tcpros::{HANDSHAKE_LIMIT, Header, HeaderError, disagreement, read_block},
+    tcpros::{HANDSHAKE_LIMIT, Header, HeaderError, disagreement, read_block, set_options},
     xmlrpc::{CallError, Value, call_ros},
 };
 
@@ -144,7 +144,7 @@ impl Inlet {
         let mut stream = connected
             .map_err(|_| InletError::Unreachable(io::ErrorKind::TimedOut.into()))?
             .map_err(InletError::Unreachable)?;
-        stream.set_nodelay(true).map_err(InletError::Broken)?;
+        set_options(&stream).map_err(InletError::Broken)?;
         let ours = topic.message_type;
         let request = Header::new()
             .with("callerid", topic.node())

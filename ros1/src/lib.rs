@@ -6,7 +6,11 @@
 //!   a restart; connections that live are left alone.
 //! * [`Publisher::publish`] never waits. Each subscriber has a bounded queue that drops its
 //!   oldest message and counts it, so a slow subscriber disturbs nobody.
-//! * Everything a peer sends has a limit of size and, where someone waits for it, of time.
+//! * Everything a peer sends has a limit of size and, where someone waits for it, of time. Topics
+//!   and persistent service clients may be silent for ever: TCP keepalive ends their connections
+//!   within half a minute when the peer's machine has vanished. To one with messages still under
+//!   way the system sends them again for as long as it is set to (a quarter of an hour on Linux);
+//!   its queue drops and counts meanwhile.
 //! * `TCP_NODELAY` on every connection; never a proxy; IPv4 and IPv6.
 //!
 //! ```

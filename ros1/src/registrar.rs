@@ -143,6 +143,8 @@ impl Registrar {
         Ok(refused)
     }
 
+    /// What was dropped while the master answered is not marked, and its withdrawal is already
+    /// queued; nor is what was then offered anew under the same name: its own turn comes.
     async fn register(&self, key: &Key) -> Result<(), CallError> {
         let api = Value::from(self.api_uri.as_str());
         match key {
@@ -152,6 +154,10 @@ impl Registrar {
                 };
                 let arguments = [name.as_str().into(), topic.message_type.name.into(), api];
                 self.call("registerPublisher", &arguments).await?;
+                let mut graph = lock(&self.graph);
+                if is_still(graph.publishers.get(name), &topic) {
+                    graph.registered.insert(key.clone());
+                }
             }
             Key::Subscriber(name) => {
                 let Some(topic) = lock(&self.graph).subscribers.get(name).cloned() else {
@@ -159,23 +165,23 @@ impl Registrar {
                 };
                 let arguments = [name.as_str().into(), topic.message_type.name.into(), api];
                 let publishers = self.call("registerSubscriber", &arguments).await?;
-                let graph = lock(&self.graph);
-                if graph.subscribers.contains_key(name) {
+                let mut graph = lock(&self.graph);
+                if is_still(graph.subscribers.get(name), &topic) {
                     topic.add_publishers(&uris(&publishers));
+                    graph.registered.insert(key.clone());
                 }
             }
             Key::Service(name) => {
-                if !lock(&self.graph).contains(key) {
+                let Some(provider) = lock(&self.graph).services.get(name).cloned() else {
                     return Ok(());
-                }
+                };
                 let arguments = [name.as_str().into(), self.service_uri.as_str().into(), api];
                 self.call("registerService", &arguments).await?;
+                let mut graph = lock(&self.graph);
+                if is_still(graph.services.get(name), &provider) {
+                    graph.registered.insert(key.clone());
+                }
             }
-        }
-        let mut graph = lock(&self.graph);
-        // It may have been dropped meanwhile; its withdrawal is then already queued.
-        if graph.contains(key) {
-            graph.registered.insert(key.clone());
         }
         Ok(())
     }
@@ -252,6 +258,10 @@ impl Registrar {
             tracing::warn!(master = self.master_uri, "the master is gone: {error}");
         }
     }
+}
+
+fn is_still<T>(now: Option<&Arc<T>>, then: &Arc<T>) -> bool {
+    now.is_some_and(|now| Arc::ptr_eq(now, then))
 }
 
 /// The strings of an array of URIs.

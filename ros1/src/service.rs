@@ -1,14 +1,25 @@
 //! Services that this node provides.
 
-use std::{fmt, io, sync::Arc};
+use std::{fmt, io, sync::Arc, time::Duration};
 
-use tokio::{io::AsyncWriteExt as _, net::TcpStream, sync::watch};
+use tokio::{
+    io::{AsyncReadExt as _, AsyncWriteExt as _},
+    net::TcpStream,
+    sync::watch,
+    time::timeout,
+};
 
 use crate::{
     graph::Lease,
     message_type::ServiceType,
-    tcpros::{Header, HeaderError, disagreement, read_block, write_block},
+    tcpros::{Header, HeaderError, disagreement, read_body, write_block},
 };
+
+/// A client for one call begins its request within this time after the headers. A persistent
+/// client may wait as long as it likes before each call.
+const REQUEST_LIMIT: Duration = Duration::from_secs(10);
+/// A request that was begun is whole, and a response is taken, within this time.
+const TRANSFER_LIMIT: Duration = Duration::from_mins(1);
 
 /// A service that this node provides; it is withdrawn when this is dropped.
 #[derive(Debug)]
@@ -103,7 +114,7 @@ impl Provider {
         let mut closed = self.closed.subscribe();
         loop {
             let request = tokio::select! {
-                request = read_block(&mut stream) => match request {
+                request = read_request(&mut stream, persistent) => match request {
                     Ok(request) => request,
                     Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => return Ok(()),
                     Err(error) => return Err(error.into()),
@@ -114,8 +125,13 @@ impl Provider {
                 Ok(response) => (1, response),
                 Err(reason) => (0, reason.into_bytes()),
             };
-            stream.write_all(&[flag]).await?;
-            write_block(&mut stream, &body).await?;
+            let sent = async {
+                stream.write_all(&[flag]).await?;
+                write_block(&mut stream, &body).await
+            };
+            timeout(TRANSFER_LIMIT, sent)
+                .await
+                .map_err(io::Error::from)??;
             if !persistent {
                 return Ok(stream.shutdown().await?);
             }
@@ -133,4 +149,13 @@ impl Provider {
             }
         }
     }
+}
+
+async fn read_request(stream: &mut TcpStream, persistent: bool) -> io::Result<Vec<u8>> {
+    let length = if persistent {
+        stream.read_u32_le().await?
+    } else {
+        timeout(REQUEST_LIMIT, stream.read_u32_le()).await??
+    };
+    timeout(TRANSFER_LIMIT, read_body(stream, length)).await?
 }

@@ -12,7 +12,9 @@ use crate::{
     address::{Address, AddressError},
     message_type::ServiceType,
     names::NameError,
-    tcpros::{HANDSHAKE_LIMIT, Header, HeaderError, disagreement, read_block, write_block},
+    tcpros::{
+        HANDSHAKE_LIMIT, Header, HeaderError, disagreement, read_block, set_options, write_block,
+    },
     xmlrpc::{CallError, Value, call_ros},
 };
 
@@ -157,7 +159,7 @@ async fn shake_hands(
     header: &Header,
 ) -> Result<(TcpStream, Header), HeaderError> {
     let mut stream = TcpStream::connect((address.host(), address.port())).await?;
-    stream.set_nodelay(true)?;
+    set_options(&stream)?;
     stream.write_all(&header.encode()?).await?;
     let answer = Header::read(&mut stream).await?;
     Ok((stream, answer))

@@ -12,6 +12,14 @@ const FIRST_ALLOCATION: usize = 64 * 1024;
 /// Reads a length and its bytes.
 pub(crate) async fn read_block<S: AsyncRead + Unpin>(stream: &mut S) -> io::Result<Vec<u8>> {
     let length = stream.read_u32_le().await?;
+    read_body(stream, length).await
+}
+
+/// Reads the bytes that follow a length.
+pub(crate) async fn read_body<S: AsyncRead + Unpin>(
+    stream: &mut S,
+    length: u32,
+) -> io::Result<Vec<u8>> {
     match usize::try_from(length) {
         Ok(size) if size <= MAX_MESSAGE => read_exactly(stream, size).await,
         _ => Err(io::Error::new(

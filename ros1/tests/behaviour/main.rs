@@ -3,7 +3,10 @@
 
 mod abuse;
 mod fake_publisher;
+mod held_master;
 mod http;
+#[cfg(target_os = "linux")]
+mod keepalive;
 mod lifecycle;
 mod local;
 mod restart;

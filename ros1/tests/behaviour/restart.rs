@@ -13,9 +13,10 @@ use ros1::{
     Master, Node, NodeOptions, PublisherOptions, ServiceError,
     xmlrpc::{Value, call_ros},
 };
-use tokio::time::timeout;
+use tokio::{net::TcpListener, time::timeout};
 
 use crate::{
+    held_master::HeldMaster,
     local::{PATIENCE, address, free_port, knows, master, node, until},
     types::{SET_BOOL, STRING, string},
 };
@@ -146,4 +147,32 @@ async fn a_publisher_that_is_no_longer_named_keeps_its_living_link() {
     assert_eq!(message, Some(string("still here")));
     drop(publisher);
     until("the end of the link", async || subscriber.publishers() == 0).await;
+}
+
+#[tokio::test]
+async fn a_topic_dropped_and_had_again_while_the_master_answers_finds_its_publishers() {
+    let master = master().await;
+    let talker = node("talker", &master).await;
+    let publisher = talker.advertise("/chat", &STRING, LATCH).await.unwrap();
+    publisher.publish(&string("hello"));
+    let port = free_port();
+    let uri = format!("http://127.0.0.1:{port}/");
+    let listener = Node::start(NodeOptions::new("listener", &uri))
+        .await
+        .unwrap();
+    // Nobody there: it is the keeper who registers it later.
+    let first = listener.subscribe("/chat", &STRING, 4).await.unwrap();
+    let socket = TcpListener::bind(("127.0.0.1", port)).await.unwrap();
+    let held = HeldMaster::start(socket, &master, "registerSubscriber");
+    held.holds().await;
+    drop(first);
+    let again = async {
+        let mut second = listener.subscribe("/chat", &STRING, 4).await.unwrap();
+        timeout(PATIENCE, second.recv()).await.unwrap()
+    };
+    let answer = async {
+        tokio::time::sleep(Duration::from_millis(200)).await;
+        held.release();
+    };
+    assert_eq!(tokio::join!(again, answer).0, Some(string("hello")));
 }

@@ -54,6 +54,25 @@ async fn a_service_that_fails_panics_or_is_asked_nonsense_goes_on_serving() {
     assert!(client.call("/negate", &SET_BOOL, &[0]).await.is_ok());
 }
 
+#[tokio::test]
+async fn a_client_that_asks_nothing_is_closed_and_a_persistent_one_may_take_its_time() {
+    let master = master().await;
+    let server = node("server", &master).await;
+    let _service = server
+        .serve("/negate", &SET_BOOL, |_| Ok(vec![1, 0, 0, 0, 0]))
+        .await
+        .unwrap();
+    let client = node("client", &master).await;
+    let mut lasting = client.connect("/negate", &SET_BOOL).await.unwrap();
+    let address = tcpros_service(&master).await;
+    let mut silent = TcpStream::connect(&address).await.unwrap();
+    let header = Header::new().with("service", "/negate").with("md5sum", "*");
+    silent.write_all(&header.encode().unwrap()).await.unwrap();
+    read_header(&mut silent).await;
+    assert!(is_closed(&mut silent).await);
+    assert_eq!(lasting.call(&[0]).await.unwrap(), [1, 0, 0, 0, 0]);
+}
+
 async fn tcpros_service(master: &ros1::Master) -> String {
     let arguments = [Value::from("/test"), "/negate".into()];
     let uri = call_ros(master.uri(), "lookupService", &arguments)
