@@ -19,9 +19,13 @@ use crate::{
     rows::{FloatLayer, IntegerLayer, LayerInput},
 };
 
-/// The quantised input, activations and codes reach this much further than the calibration set
-/// did: clipping costs far more than resolution.
+/// The quantised input and activations reach this much further than the calibration set did:
+/// clipping costs far more than resolution.
 const HEAD_ROOM: f64 = 1.25;
+
+/// The same for codes, one bit: a blink or a jaw clench that is rarer than the calibration set is
+/// long moves few dimensions far, and a clipped code costs more than all rounding.
+const CODE_HEAD_ROOM: f64 = 2.0;
 
 /// Features of the linear shortcut.
 const LINEAR: usize = STEPS * ELECTRODES;
@@ -279,7 +283,7 @@ impl CodeScales {
             // A range that holds 0 keeps the zero point within int8.
             let low = f64::from(smallest[j]).min(0.0);
             let high = f64::from(largest[j]).max(0.0);
-            let half = (high - low) / 2.0 * HEAD_ROOM;
+            let half = (high - low) / 2.0 * CODE_HEAD_ROOM;
             if half > 0.0 {
                 codes.scale[j] = half / 127.0;
                 codes.zero_point[j] = saturating_i8(-(low + high) / 2.0 / codes.scale[j]);
