@@ -33,6 +33,14 @@ const WALL_SLEW: f64 = 600e-6;
 const WALL_STEP_NS: i64 = 20_000_000;
 /// After a step backwards time goes on at 0.9 of its speed until it is caught up: monotone.
 const WALL_CATCH_UP: f64 = 0.1;
+/// A longer step backwards is followed at once, and stamps go back with it: waiting would make
+/// them wrong for more than 5 minutes. Nanoseconds.
+const WALL_WAIT_NS: i64 = 30_000_000_000;
+/// A frame that was read so much before it was made has a wrong time, microseconds: the clocks
+/// agree to some milliseconds.
+const BEFORE_MADE_US: f64 = 1e6;
+/// So many refused times in a row are right, and what the fit knows is wrong: half a second.
+const REFUSED_TO_RESTART: u32 = 8;
 
 /// The device's clock in terms of the host's.
 #[derive(Clone, Debug, Default)]
@@ -50,6 +58,9 @@ pub struct Clock {
     newest: f64,
     wall: Option<Wall>,
     wall_steps: u32,
+    wall_steps_back: u32,
+    refused: u64,
+    refused_in_a_row: u32,
 }
 
 /// Wall clock minus monotonic clock, as used.
@@ -57,6 +68,8 @@ pub struct Clock {
 struct Wall {
     offset_ns: i64,
     read_at_us: i64,
+    /// A step backwards is being caught up.
+    waits: bool,
 }
 
 impl Clock {
@@ -65,19 +78,44 @@ impl Clock {
         *self = Clock {
             wall: self.wall,
             wall_steps: self.wall_steps,
+            wall_steps_back: self.wall_steps_back,
+            refused: self.refused,
             ..Clock::default()
         };
     }
 
-    /// A frame of this device time was read at this host time.
-    pub fn observe(&mut self, device_us: u64, read: HostTime) {
+    /// Whether a frame can have been made at this device time: not before the newest one, and
+    /// not after it was read. False also as long as nothing is known.
+    pub fn admits(&self, device_us: u64, read: HostTime) -> bool {
+        let Some((device_origin, host_origin)) = self.origin else {
+            return false;
+        };
+        let device = difference(device_us, device_origin);
+        let host = to_f64(read.monotonic_us.saturating_sub(host_origin));
+        let lag = host - device * (1.0 + self.drift) - self.offset;
+        device >= self.newest && lag >= -BEFORE_MADE_US
+    }
+
+    /// A frame of this device time was read at this host time. Returns false if the time cannot
+    /// be right; then it is not used, unless several in a row agree that the fit is wrong.
+    pub fn observe(&mut self, device_us: u64, read: HostTime) -> bool {
         self.follow_wall(read);
+        if self.origin.is_some() && !self.admits(device_us, read) {
+            self.refused += 1;
+            self.refused_in_a_row += 1;
+            if self.refused_in_a_row < REFUSED_TO_RESTART {
+                return false;
+            }
+            tracing::warn!("the device's clock jumped; it is fitted anew");
+            self.restart();
+        }
+        self.refused_in_a_row = 0;
         let begins = self.origin.is_none();
         let (device_origin, host_origin) =
             *self.origin.get_or_insert((device_us, read.monotonic_us));
         let point = Point {
             device: difference(device_us, device_origin),
-            host: to_f64(read.monotonic_us - host_origin),
+            host: to_f64(read.monotonic_us.saturating_sub(host_origin)),
         };
         self.recent.push_back(point);
         while self
@@ -89,6 +127,7 @@ impl Clock {
         }
         self.add_to_block(point);
         self.settle_offset(point, begins);
+        true
     }
 
     fn add_to_block(&mut self, point: Point) {
@@ -138,22 +177,28 @@ impl Clock {
             self.wall = Some(Wall {
                 offset_ns: observed,
                 read_at_us: read.monotonic_us,
+                waits: false,
             });
             return;
         };
         let elapsed_us = read.monotonic_us.saturating_sub(wall.read_at_us).max(0);
         wall.read_at_us = read.monotonic_us;
-        let off = observed - wall.offset_ns;
-        if off > WALL_STEP_NS {
+        let off = observed.saturating_sub(wall.offset_ns);
+        let behind = off < -WALL_STEP_NS;
+        if off > WALL_STEP_NS || (behind && !wall.waits) {
             self.wall_steps = self.wall_steps.wrapping_add(1);
+            tracing::warn!(
+                milliseconds = off / 1_000_000,
+                "the host's clock was stepped"
+            );
+        }
+        wall.waits = behind && off >= -WALL_WAIT_NS;
+        if off > WALL_STEP_NS || off < -WALL_WAIT_NS {
+            self.wall_steps_back = self.wall_steps_back.wrapping_add(u32::from(behind));
             wall.offset_ns = observed;
             return;
         }
-        let speed = if off < -WALL_STEP_NS {
-            WALL_CATCH_UP
-        } else {
-            WALL_SLEW
-        };
+        let speed = if behind { WALL_CATCH_UP } else { WALL_SLEW };
         #[expect(
             clippy::cast_possible_truncation,
             reason = "at most a tenth of the time elapsed"
@@ -174,7 +219,8 @@ impl Clock {
         let host_us = self.offset + device * (1.0 + self.drift);
         #[expect(clippy::cast_possible_truncation, reason = "saturates, and years fit")]
         let host_ns = (host_us * 1000.0).round() as i64;
-        Some(host_origin * 1000 + host_ns + wall.offset_ns)
+        let host_ns = host_origin.saturating_mul(1000).saturating_add(host_ns);
+        Some(host_ns.saturating_add(wall.offset_ns))
     }
 
     /// Wall clock at a host time, nanoseconds since 1970: as read, but followed smoothly.
@@ -182,7 +228,8 @@ impl Clock {
         let offset_ns = self
             .wall
             .map_or(read.wall_offset_ns(), |wall| wall.offset_ns);
-        read.monotonic_us * 1000 + offset_ns
+        let host_ns = read.monotonic_us.saturating_mul(1000);
+        host_ns.saturating_add(offset_ns)
     }
 
     /// How much faster the host's clock runs than the device's, parts per million.
@@ -209,9 +256,19 @@ impl Clock {
         })
     }
 
-    /// How often the host's wall clock was stepped forwards.
+    /// How often the host's wall clock was stepped, either way.
     pub fn wall_steps(&self) -> u32 {
         self.wall_steps
+    }
+
+    /// How often it was stepped back by more than is waited for, so that time went backwards.
+    pub fn wall_steps_back(&self) -> u32 {
+        self.wall_steps_back
+    }
+
+    /// Frames whose device time could not be right.
+    pub fn refused(&self) -> u64 {
+        self.refused
     }
 }
 

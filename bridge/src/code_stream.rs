@@ -8,8 +8,8 @@ use neuro_ros::NeuroFrame;
 use crate::ledger::{Arrival, Ledger};
 use crate::monotone::Monotone;
 use crate::{
-    Clock, Device, Effects, FillerPolicy, HostTime, Reconstruction, Settings, StampPoint, TriWords,
-    Window,
+    Clock, Device, Effects, FillerPolicy, HostTime, Reconstruction, Settings, StampPoint,
+    TimedCode, TriWords,
 };
 
 /// Most fillers for one gap: 68 min at 16 Hz. A longer outage is a new recording.
@@ -25,7 +25,12 @@ pub(crate) struct CodeStream {
     z: [f32; CODE_LEN],
     /// Whether `z` holds a code of this stream.
     has_last: bool,
-    last_device_us: u64,
+    /// The device streams since the last begin: a code, a report or an acknowledgement said so.
+    runs: bool,
+    /// Device time of the newest code of this stream, received or filled.
+    last_device_us: Option<u64>,
+    /// Steps back of the wall clock that the stamps have followed.
+    steps_back: u32,
     counts: CodeCounts,
     encoded_stamps: Monotone,
     window_stamps: Monotone,
@@ -63,7 +68,9 @@ impl CodeStream {
             device,
             z: [0.0; CODE_LEN],
             has_last: false,
-            last_device_us: 0,
+            runs: false,
+            last_device_us: None,
+            steps_back: 0,
             counts: CodeCounts::default(),
             encoded_stamps: Monotone::default(),
             window_stamps: Monotone::default(),
@@ -84,7 +91,20 @@ impl CodeStream {
     pub(crate) fn begin(&mut self) {
         self.counts.ledger.expect(0);
         self.has_last = false;
+        self.runs = false;
+        self.last_device_us = None;
         self.z = [0.0; CODE_LEN];
+    }
+
+    /// The device streams: from here on its reports count this stream's codes.
+    pub(crate) fn runs(&mut self) {
+        self.runs = true;
+    }
+
+    /// Whether the device streams since the last begin. Until then a report without streams is
+    /// the late answer to a stop, and counts the codes of the stream before.
+    pub(crate) fn is_running(&self) -> bool {
+        self.runs
     }
 
     pub(crate) fn device(&self) -> &Arc<Device> {
@@ -100,11 +120,12 @@ impl CodeStream {
         self.encoded_stamps.held() + self.window_stamps.held()
     }
 
-    /// A code came, made at `device_us`, read at `read`.
+    /// A code came, made at `device_us`, read at `read`. A time that the clock did not take for
+    /// one is replaced by that of the code's place in the stream.
     pub(crate) fn code(
         &mut self,
         code: &Code,
-        device_us: u64,
+        device_us: Option<u64>,
         read: HostTime,
         clock: &Clock,
         effects: &mut dyn Effects,
@@ -123,11 +144,13 @@ impl CodeStream {
         let Arrival::New { lost } = arrival else {
             return;
         };
+        let device_us = device_us.unwrap_or_else(|| self.time_of_next(lost, 0));
         self.fill(code.window, lost, device_us, read, clock, effects);
         let device = Arc::clone(&self.device);
         device.dequantise(&code.values, &mut self.z);
         self.has_last = true;
-        self.last_device_us = device_us;
+        self.runs = true;
+        self.last_device_us = Some(device_us);
         self.counts.clipped += u64::from(code.clipped);
         let (flags, lost) = (code.flags, self.counts.ledger.lost());
         let place = Place {
@@ -151,16 +174,27 @@ impl CodeStream {
         effects: &mut dyn Effects,
     ) {
         let lost = self.counts.ledger.close(next);
-        let hop_us = self.device.steps_us(u32::from(self.device.hop_steps));
-        // Hops from a code whose time is known to `next`; before the first code of a stream the
-        // report's own time is the best there is: the last code was made within a hop before it.
-        let (known_us, hops) = if self.has_last {
-            (self.last_device_us, i64::from(lost) + 1)
-        } else {
-            (device_us, 1)
-        };
-        let next_us = known_us.saturating_add_signed(hops * hop_us);
+        // Before the first code of a stream the report's own time is the best there is: the last
+        // code was made within a hop before it.
+        let next_us = self.time_of_next(lost, device_us);
         self.fill(next, lost, next_us, read, clock, effects);
+        if lost > 0 {
+            self.last_device_us = Some(next_us.saturating_add_signed(-self.hop_us()));
+        }
+    }
+
+    /// Device time of the code that follows `lost` lost ones; if no code's time is known, one hop
+    /// after `otherwise`.
+    fn time_of_next(&self, lost: u32, otherwise: u64) -> u64 {
+        let (known_us, hops) = match self.last_device_us {
+            Some(last_us) => (last_us, i64::from(lost) + 1),
+            None => (otherwise, 1),
+        };
+        known_us.saturating_add_signed(hops * self.hop_us())
+    }
+
+    fn hop_us(&self) -> i64 {
+        self.device.steps_us(u32::from(self.device.hop_steps))
     }
 
     /// Publish fillers for the `lost` codes right before `window`, which was made at `device_us`.
@@ -185,7 +219,7 @@ impl CodeStream {
                 "the outage was too long to fill; start a new recording"
             );
         }
-        let hop_us = self.device.steps_us(u32::from(self.device.hop_steps));
+        let hop_us = self.hop_us();
         if self.settings.filler == FillerPolicy::Zeros || !self.has_last {
             self.z = [0.0; CODE_LEN];
         }
@@ -210,6 +244,10 @@ impl CodeStream {
             lost: place.lost,
             trigger: 0,
         };
+        if std::mem::replace(&mut self.steps_back, clock.wall_steps_back()) != self.steps_back {
+            self.encoded_stamps.step_back();
+            self.window_stamps.step_back();
+        }
         let window_reach = u32::from(self.device.window_steps) - 1;
         if received || self.settings.filler != FillerPolicy::Off {
             let first = self.time(place, window_reach, window_reach, clock);
@@ -227,7 +265,7 @@ impl CodeStream {
             let time = self.time(place, reach, length, clock);
             let stamp = self.window_stamps.stamp(time);
             let z = received.then(|| Box::new(self.z));
-            effects.window(Window { z, stamp, words });
+            effects.window(TimedCode { z, stamp, words });
         }
     }
 

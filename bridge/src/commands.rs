@@ -8,8 +8,11 @@ const RETRY_US: i64 = 500_000;
 const REFUSED_RETRY_US: i64 = 10_000_000;
 /// Silence after which the device is pinged, microseconds; `Stats` comes every second.
 const PING_AFTER_US: i64 = 2_000_000;
-/// Silence after which the port is taken for dead, microseconds.
+/// Silence after which the port is taken for dead, microseconds; pings were sent meanwhile.
 const DEAD_AFTER_US: i64 = 5_000_000;
+/// Time without a code or `Stats` after which a device that streams is asked who it is,
+/// microseconds: it may have been reset and its `Hello` lost, or stopped by someone else.
+const STARVED_AFTER_US: i64 = 2_000_000;
 
 /// Time between two looks at the clock from which on it was the host that was silent: it slept, or
 /// this program was stopped. What the device said meanwhile waits to be read.
@@ -27,8 +30,14 @@ pub(crate) struct Commands {
     ours: bool,
     stream: Stream,
     pending: Option<Pending>,
-    not_before_us: i64,
+    connected: bool,
+    /// A refused `Start` is not sent again before.
+    start_not_before_us: i64,
     heard_us: i64,
+    /// When the newest code or `Stats` came, or the stream began; `None` while none is due.
+    fed_us: Option<i64>,
+    /// When a starved device was last asked who it is.
+    asked_us: i64,
     looked_us: i64,
 }
 
@@ -82,8 +91,11 @@ impl Commands {
             ours: false,
             stream: Stream::No,
             pending: None,
-            not_before_us: i64::MAX,
+            connected: false,
+            start_not_before_us: 0,
             heard_us: 0,
+            fed_us: None,
+            asked_us: 0,
             looked_us: 0,
         }
     }
@@ -93,8 +105,10 @@ impl Commands {
         self.device = Introduced::Not;
         self.stream = Stream::Perhaps;
         self.pending = None;
-        self.not_before_us = now_us;
+        self.connected = true;
+        self.start_not_before_us = now_us;
         self.heard_us = now_us;
+        self.fed_us = None;
     }
 
     /// The port has gone: there is nobody to ask.
@@ -102,7 +116,8 @@ impl Commands {
         self.device = Introduced::Not;
         self.stream = Stream::No;
         self.pending = None;
-        self.not_before_us = i64::MAX;
+        self.connected = false;
+        self.fed_us = None;
     }
 
     /// Streaming is wanted, or not.
@@ -119,12 +134,15 @@ impl Commands {
         };
     }
 
-    /// The device was reset: it does not stream, and who it is must be asked.
+    /// Another boot, or another device: who it is must be asked, and what it may be streaming,
+    /// since it may have been started by someone else, stopped.
     pub(crate) fn reset(&mut self) {
         self.device = Introduced::Not;
-        self.ours = true;
-        self.stream = Stream::No;
+        self.ours = false;
+        self.stream = Stream::Perhaps;
         self.pending = None;
+        self.start_not_before_us = 0;
+        self.fed_us = None;
     }
 
     /// Ask again who is there: the frames do not fit what is known.
@@ -137,9 +155,21 @@ impl Commands {
         self.heard_us = now_us;
     }
 
+    /// A code came, or `Stats` of a running stream.
+    pub(crate) fn fed(&mut self, now_us: i64) {
+        self.fed_us = Some(now_us);
+    }
+
     /// The device says by itself that it does not stream.
     pub(crate) fn stopped_by_itself(&mut self) {
         self.stream = Stream::No;
+        self.fed_us = None;
+    }
+
+    /// Whether the device should be streaming, answers perhaps, and sends nothing of a stream.
+    pub(crate) fn is_starved(&self, now_us: i64) -> bool {
+        let fed_us = self.fed_us.filter(|_| self.stream != Stream::No);
+        fed_us.is_some_and(|fed_us| now_us - fed_us > STARVED_AFTER_US)
     }
 
     /// Whether streaming is wanted.
@@ -170,22 +200,26 @@ impl Commands {
 
     /// Whether the port has been silent for so long that it is dead.
     pub(crate) fn is_dead(&self, now_us: i64) -> bool {
-        (self.stream == Stream::Yes || self.device == Introduced::Not)
-            && now_us - self.heard_us > DEAD_AFTER_US
+        self.connected && now_us - self.heard_us > DEAD_AFTER_US
     }
 
     /// The command that is due now, if any; it goes out with `seq`.
     pub(crate) fn due(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         if now_us - self.looked_us > ASLEEP_AFTER_US {
             self.heard_us = now_us;
+            self.fed_us = self.fed_us.map(|_| now_us);
         }
         self.looked_us = now_us;
+        if !self.connected {
+            return None;
+        }
         let command = self.needed(now_us)?;
         let repeats = self.pending.filter(|pending| pending.command == command);
-        if now_us < self.not_before_us
-            || repeats.is_some_and(|pending| now_us < pending.sent_us + RETRY_US)
-        {
+        if repeats.is_some_and(|pending| now_us < pending.sent_us + RETRY_US) {
             return None;
+        }
+        if command == ToDevice::Identify {
+            self.asked_us = now_us;
         }
         if matches!(command, ToDevice::Start(_)) {
             self.stream = Stream::Perhaps;
@@ -204,13 +238,19 @@ impl Commands {
         if self.device == Introduced::Not {
             return Some(ToDevice::Identify);
         }
+        let since_asked_us = now_us - self.asked_us;
+        let refused = now_us < self.start_not_before_us;
         match (self.wants(), self.stream) {
             (true, Stream::No | Stream::Perhaps) if !self.ours => Some(ToDevice::Stop),
-            (true, Stream::No | Stream::Perhaps) => Some(ToDevice::Start(Start {
+            (true, Stream::No | Stream::Perhaps) if !refused => Some(ToDevice::Start(Start {
                 streams: Streams::CODES,
                 mains_hz: self.mains_hz,
             })),
             (false, Stream::Perhaps | Stream::Yes) => Some(ToDevice::Stop),
+            (true, Stream::Yes) if self.is_starved(now_us) && since_asked_us < RETRY_US => None,
+            (true, Stream::Yes) if self.is_starved(now_us) && since_asked_us > STARVED_AFTER_US => {
+                Some(ToDevice::Identify)
+            }
             _ => (now_us - self.heard_us > PING_AFTER_US).then_some(ToDevice::Ping),
         }
     }
@@ -228,20 +268,25 @@ impl Commands {
             (ToDevice::Start(_), AckResult::Done) => {
                 self.pending = None;
                 self.stream = Stream::Yes;
+                self.fed_us.get_or_insert(now_us);
                 return Acknowledged::Started;
             }
             (ToDevice::Stop, result) => {
                 self.pending = None;
                 self.ours = true;
                 self.stream = Stream::No;
+                self.fed_us = None;
                 if result == AckResult::Done {
                     return Acknowledged::Stopped;
                 }
             }
             (ToDevice::Start(_), _) => {
-                self.not_before_us = now_us + REFUSED_RETRY_US;
+                self.start_not_before_us = now_us + REFUSED_RETRY_US;
                 self.pending = None;
             }
+            // The same boot of the same device: someone else may have stopped it. A start changes
+            // nothing if it streams after all.
+            (ToDevice::Identify, _) if self.is_starved(now_us) => self.stream = Stream::Perhaps,
             (ToDevice::Identify, _) => {}
             (ToDevice::Ping, _) => self.pending = None,
         }

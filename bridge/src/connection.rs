@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep_until};
 
-use crate::port::Port;
+use crate::port::{Exchanged, PATIENCE, Port};
 use crate::{BridgeError, PortAddress};
 
 /// How long after a failure the port is tried again; well below the second within which a
@@ -19,6 +19,8 @@ pub(crate) struct Connection {
     address: PortAddress,
     baud: u32,
     state: State,
+    /// Since when the device has taken none of the bytes for it.
+    stuck_since: Option<Instant>,
     /// The last failure that was told of, so that a device that is away fills no log.
     told: Option<io::ErrorKind>,
 }
@@ -47,6 +49,7 @@ impl Connection {
             state: State::Closed {
                 retry_at: Instant::now(),
             },
+            stuck_since: None,
             told: None,
         }
     }
@@ -61,12 +64,18 @@ impl Connection {
         };
     }
 
-    /// What happens next; waits for it. Safe to cancel.
+    /// What happens next; waits for it, and meanwhile writes `outgoing`, so that a device that
+    /// does not read costs nothing of what it sends. Safe to cancel.
     ///
     /// # Errors
     ///
-    /// [`BridgeError::Port`] if what the address names can never be a port.
-    pub(crate) async fn next(&mut self, buffer: &mut [u8]) -> Result<Event, BridgeError> {
+    /// [`BridgeError::Port`] if what the address names can never be a port,
+    /// [`BridgeError::Speed`] if it can, but not at this speed.
+    pub(crate) async fn next(
+        &mut self,
+        buffer: &mut [u8],
+        outgoing: &mut Vec<u8>,
+    ) -> Result<Event, BridgeError> {
         loop {
             match &mut self.state {
                 State::Closed { retry_at } => {
@@ -84,6 +93,7 @@ impl Connection {
                         Ok(port) => {
                             tracing::info!("{} is open", self.address);
                             self.told = None;
+                            self.stuck_since = None;
                             self.state = State::Open(port);
                             return Ok(Event::Opened);
                         }
@@ -91,30 +101,42 @@ impl Connection {
                             let port = self.address.to_string();
                             return Err(BridgeError::Port { port, source });
                         }
+                        Err(source) if source.kind() == io::ErrorKind::Unsupported => {
+                            let port = self.address.to_string();
+                            return Err(BridgeError::Speed { port, source });
+                        }
                         Err(error) => self.failed(&error),
                     }
                 }
-                State::Open(port) => match port.read(buffer).await {
-                    Ok(count) => return Ok(Event::Bytes(count)),
-                    Err(error) => {
-                        tracing::warn!("{} has gone ({error}); waiting for it", self.address);
-                        self.close();
-                        return Ok(Event::Closed);
+                State::Open(port) => {
+                    let stuck_for = self.stuck_since.map(|since| since.elapsed());
+                    if outgoing.is_empty() {
+                        self.stuck_since = None;
+                    } else if self.stuck_since.is_none() {
+                        self.stuck_since = Some(Instant::now());
                     }
-                },
+                    let exchanged = if stuck_for.is_some_and(|time| time > PATIENCE) {
+                        Err(io::Error::new(
+                            io::ErrorKind::TimedOut,
+                            "it takes no commands",
+                        ))
+                    } else {
+                        port.exchange(buffer, outgoing).await
+                    };
+                    match exchanged {
+                        Ok(Exchanged::Read(count)) => return Ok(Event::Bytes(count)),
+                        Ok(Exchanged::Written(count)) => {
+                            outgoing.drain(..count);
+                            self.stuck_since = None;
+                        }
+                        Err(error) => {
+                            tracing::warn!("{} has gone ({error}); waiting for it", self.address);
+                            self.close();
+                            return Ok(Event::Closed);
+                        }
+                    }
+                }
             }
-        }
-    }
-
-    /// Write to the open port.
-    ///
-    /// # Errors
-    ///
-    /// What the system says; `NotConnected` if it is not open.
-    pub(crate) async fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        match &mut self.state {
-            State::Open(port) => port.write(bytes).await,
-            _ => Err(io::ErrorKind::NotConnected.into()),
         }
     }
 

@@ -1,13 +1,13 @@
 //! The thread that reconstructs.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
 use neuro_ros::FrameSink;
 
-use crate::{Reconstruction, Window};
+use crate::{Reconstruction, TimedCode};
 
 /// Windows that may wait for the decoder: 16 s at 16 Hz. One takes some milliseconds.
 const QUEUE_WINDOWS: usize = 256;
@@ -17,6 +17,7 @@ const QUEUE_WINDOWS: usize = 256;
 pub(crate) struct Decoding {
     work: Sender<Work>,
     waiting: Arc<AtomicUsize>,
+    dropped: Arc<AtomicU64>,
     thread: JoinHandle<()>,
     undecoded: u64,
 }
@@ -24,7 +25,7 @@ pub(crate) struct Decoding {
 enum Work {
     /// Another device.
     Begin(Box<Reconstruction>),
-    Window(Window),
+    Code(TimedCode),
 }
 
 impl Decoding {
@@ -32,12 +33,15 @@ impl Decoding {
         let (work, receiver) = channel();
         let waiting = Arc::new(AtomicUsize::new(0));
         let left = Arc::clone(&waiting);
+        let dropped = Arc::new(AtomicU64::new(0));
+        let told = Arc::clone(&dropped);
         let thread = std::thread::Builder::new()
             .name("decoder".to_owned())
-            .spawn(move || decode(sink, &receiver, &left))?;
+            .spawn(move || decode(sink, &receiver, &left, &told))?;
         Ok(Decoding {
             work,
             waiting,
+            dropped,
             thread,
             undecoded: 0,
         })
@@ -51,12 +55,27 @@ impl Decoding {
 
     /// Never waits. When too many wait already, the window's code is taken out and counted: the
     /// frame becomes a filler, which costs no time, and the number of samples stays right.
-    pub(crate) fn window(&mut self, mut window: Window) {
+    pub(crate) fn window(&mut self, mut window: TimedCode) {
         if self.waiting.fetch_add(1, Ordering::Relaxed) >= QUEUE_WINDOWS && window.z.is_some() {
             window.z = None;
             self.undecoded += 1;
         }
-        let _ = self.work.send(Work::Window(window));
+        let _ = self.work.send(Work::Code(window));
+    }
+
+    /// Windows that were not decoded because too many waited.
+    pub(crate) fn undecoded(&self) -> u64 {
+        self.undecoded
+    }
+
+    /// Frames that slow subscribers did not get.
+    pub(crate) fn dropped(&self) -> u64 {
+        self.dropped.load(Ordering::Relaxed)
+    }
+
+    /// Whether the thread has gone: nothing is reconstructed any more.
+    pub(crate) fn is_dead(&self) -> bool {
+        self.thread.is_finished()
     }
 
     /// Finish what is queued; returns how many windows were not decoded.
@@ -69,15 +88,23 @@ impl Decoding {
     }
 }
 
-fn decode(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, waiting: &AtomicUsize) {
-    let mut reconstruction = None;
+fn decode(
+    mut sink: Box<dyn FrameSink>,
+    work: &Receiver<Work>,
+    waiting: &AtomicUsize,
+    dropped: &AtomicU64,
+) {
+    let mut reconstruction: Option<Box<Reconstruction>> = None;
     for work in work {
         let window = match work {
-            Work::Begin(new) => {
+            Work::Begin(mut new) => {
+                if let Some(before) = &reconstruction {
+                    new.continues(before);
+                }
                 reconstruction = Some(new);
                 continue;
             }
-            Work::Window(window) => window,
+            Work::Code(window) => window,
         };
         waiting.fetch_sub(1, Ordering::Relaxed);
         let Some(frame) = reconstruction
@@ -90,6 +117,7 @@ fn decode(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, waiting: &AtomicU
             tracing::error!(%error, "reconstructed frames end here");
             return;
         }
+        dropped.store(sink.dropped(), Ordering::Relaxed);
     }
 }
 
@@ -97,17 +125,21 @@ fn decode(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, waiting: &AtomicU
 mod tests {
     use std::sync::{Arc, Mutex};
 
+    use link::{CODE_LEN, Capabilities, Hello, ResetCause};
     use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp};
 
     use super::{Decoding, Ordering, QUEUE_WINDOWS};
-    use crate::{TriWords, Window};
+    use crate::{
+        AnnouncedStream, Device, FillerPolicy, Model, Reconstruction, Settings, StampPoint,
+        TimedCode, TriWords,
+    };
 
-    /// Counts frames.
-    struct Count(Arc<Mutex<u64>>);
+    /// Keeps the numbers of frames.
+    struct Numbers(Arc<Mutex<Vec<u32>>>);
 
-    impl Sink<NeuroFrame> for Count {
-        fn publish(&mut self, _: &NeuroFrame) -> Result<(), SinkError> {
-            *self.0.lock().unwrap() += 1;
+    impl Sink<NeuroFrame> for Numbers {
+        fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
+            self.0.lock().unwrap().push(frame.neuroheader.seq);
             Ok(())
         }
 
@@ -116,19 +148,77 @@ mod tests {
         }
     }
 
+    fn reconstruction() -> Reconstruction {
+        let model = Arc::new(Model::embedded().unwrap());
+        let labels = model.electrodes().join(" ");
+        let hello = Hello {
+            firmware: "test",
+            board: "board",
+            chip_uid: [7; 12],
+            model_id: model.id(),
+            session_id: 1,
+            reset_cause: ResetCause::PowerOn,
+            fault: "",
+        };
+        let capabilities = Capabilities {
+            adc_rate_hz: 512,
+            step_rate_hz: 128,
+            window_steps: 16,
+            hop_steps: 8,
+            channels: 64,
+            lsb_nv: 22.351_742,
+            mains_hz: 50,
+            group_delay_us: 10_000,
+            labels: &labels,
+            filters: "none",
+            code_scale: heapless::Vec::from_array([0.5; CODE_LEN]),
+            code_zero_point: heapless::Vec::from_array([1; CODE_LEN]),
+        };
+        let device = Device::new(&hello, &capabilities).unwrap();
+        let settings = Settings {
+            stamp: StampPoint::First,
+            mains_hz: 0,
+            filler: FillerPolicy::Last,
+            low_latency: false,
+            announced: AnnouncedStream::Encoded,
+        };
+        Reconstruction::new(&device, model, settings)
+    }
+
     #[test]
     fn windows_that_find_no_room_are_counted() {
-        let count = Arc::new(Mutex::new(0));
-        let mut decoding = Decoding::start(Box::new(Count(Arc::clone(&count)))).unwrap();
+        let count = Arc::new(Mutex::new(Vec::new()));
+        let mut decoding = Decoding::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
         // More than the thread takes away meanwhile.
         decoding.waiting.store(2 * QUEUE_WINDOWS, Ordering::Relaxed);
         let (stamp, words) = (Stamp::default(), TriWords::default());
         for _ in 0..3 {
             let z = Some(Box::new([0.0; 128]));
-            decoding.window(Window { z, stamp, words });
+            decoding.window(TimedCode { z, stamp, words });
         }
         // No device was announced, so there is nothing to publish.
         assert_eq!(decoding.finish(), 3);
-        assert_eq!(*count.lock().unwrap(), 0);
+        assert!(count.lock().unwrap().is_empty());
+    }
+    #[test]
+    fn every_filler_of_a_long_outage_is_published_and_numbers_go_on_with_another_device() {
+        let count = Arc::new(Mutex::new(Vec::new()));
+        let mut decoding = Decoding::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+        for _ in 0..2 {
+            decoding.begin(reconstruction());
+            for window in 0..2500 {
+                decoding.window(TimedCode {
+                    z: None,
+                    stamp: Stamp::default(),
+                    words: TriWords {
+                        window,
+                        ..TriWords::default()
+                    },
+                });
+            }
+        }
+        assert_eq!((decoding.undecoded(), decoding.dropped()), (0, 0));
+        assert_eq!(decoding.finish(), 0);
+        assert_eq!(*count.lock().unwrap(), (1..=5000).collect::<Vec<u32>>());
     }
 }

@@ -68,6 +68,15 @@ pub enum DeviceError {
         /// Which one; 128 is the converter's step.
         place: usize,
     },
+    /// Its codes mean something else than those of the device that was announced.
+    #[error(
+        "its {what} are not those that were announced; recorders ask once and keep the answer, so \
+         restart this bridge and the recorder to use it"
+    )]
+    Changed {
+        /// What differs.
+        what: &'static str,
+    },
     /// A window is shorter than its hop.
     #[error("the device gives windows of {window_steps} steps every {hop_steps} steps")]
     Window {
@@ -147,6 +156,36 @@ impl Device {
             scale,
             zero_point,
         })
+    }
+
+    /// Whether frames of `other` mean what this device's frames were announced to mean. Mains,
+    /// firmware and the chip may differ.
+    ///
+    /// # Errors
+    ///
+    /// [`DeviceError::Changed`].
+    pub fn admit(&self, other: &Device) -> Result<(), DeviceError> {
+        let differs = [
+            ("model", self.model_id != other.model_id),
+            (
+                "rate and window",
+                (self.step_rate_hz, self.window_steps, self.hop_steps)
+                    != (other.step_rate_hz, other.window_steps, other.hop_steps),
+            ),
+            ("electrodes", self.labels != other.labels),
+            (
+                "code scales",
+                (self.scale, self.zero_point) != (other.scale, other.zero_point),
+            ),
+            (
+                "volts per count",
+                self.full_scale_uv.to_bits() != other.full_scale_uv.to_bits(),
+            ),
+        ];
+        match differs.into_iter().find(|(_, differs)| *differs) {
+            Some((what, _)) => Err(DeviceError::Changed { what }),
+            None => Ok(()),
+        }
     }
 
     /// Codes per second.

@@ -18,7 +18,7 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
         format!("{} {}", device.board, device.uid)
     });
     let mut status = vec![
-        device(session),
+        device(session, now),
         loss(session),
         link(session, wire),
         clock(session),
@@ -45,12 +45,16 @@ fn entry(
     }
 }
 
-fn device(session: &Session) -> DiagnosticStatus {
+fn device(session: &Session, now: HostTime) -> DiagnosticStatus {
     let usable = session.commands.accepts_codes();
     let (level, message) = match (&session.objection, session.introduced) {
         (_, false) => (DiagnosticLevel::Stale, "no device answers".to_owned()),
         (Some(objection), _) if usable => (DiagnosticLevel::Warn, objection.clone()),
         (Some(objection), _) => (DiagnosticLevel::Error, objection.clone()),
+        (None, true) if session.commands.is_starved(now.monotonic_us) => (
+            DiagnosticLevel::Warn,
+            "the device should stream and sends no codes; it is asked again".to_owned(),
+        ),
         (None, true) if session.commands.streaming() => {
             (DiagnosticLevel::Ok, "streaming".to_owned())
         }
@@ -159,6 +163,7 @@ fn clock(session: &Session) -> DiagnosticStatus {
             &format!("{:.0}", clock.newest_delay_us()),
         ),
         KeyValue::new("host clock steps", &clock.wall_steps()),
+        KeyValue::new("impossible device times", &clock.refused()),
         KeyValue::new("stamps held", &held),
     ];
     entry("clock", (DiagnosticLevel::Ok, message), values)

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use neuro_ros::{AcquisitionInfo, NeuroFrame};
 
-use crate::{Device, Window};
+use crate::{Device, TimedCode};
 
 /// What the core asks of the world. None of these may wait.
 pub trait Effects {
@@ -19,14 +19,14 @@ pub trait Effects {
     fn encoded(&mut self, frame: &NeuroFrame);
 
     /// A window for the decoder; called only if the announcement says that the model fits.
-    fn window(&mut self, window: Window);
+    fn window(&mut self, window: TimedCode);
 }
 
 /// A device that is known.
 #[derive(Clone, Debug)]
 pub struct Announcement {
-    /// For `/acquisition/get_info`.
-    pub info: AcquisitionInfo,
+    /// For `/acquisition/get_info`; none if what shall be announced is not published.
+    pub info: Option<AcquisitionInfo>,
     /// What the codes mean.
     pub device: Arc<Device>,
     /// Whether the model fits the device's codes.

@@ -21,6 +21,14 @@ pub enum BridgeError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// The port does not run at the chosen speed.
+    #[error("{port} cannot be used: {source}")]
+    Speed {
+        /// As it was given.
+        port: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
     /// No model to decode with.
     #[error(
         "the model cannot be read; --model takes a folder with model.toml, weights.safetensors and calibration.safetensors"
@@ -51,6 +59,7 @@ impl BridgeError {
         match self {
             BridgeError::Sink(_) | BridgeError::System(_) => 1,
             BridgeError::Port { .. }
+            | BridgeError::Speed { .. }
             | BridgeError::Model(_)
             | BridgeError::Log { .. }
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,

@@ -28,6 +28,7 @@ impl HostTime {
 
     /// Wall clock minus monotonic clock, nanoseconds.
     pub(crate) fn wall_offset_ns(self) -> i64 {
-        self.wall_ns - self.monotonic_us * 1000
+        let monotonic_ns = self.monotonic_us.saturating_mul(1000);
+        self.wall_ns.saturating_sub(monotonic_ns)
     }
 }

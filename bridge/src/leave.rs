@@ -1,10 +1,15 @@
 //! What makes the bridge leave.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
 
 use neuro_ros::ros1::Node;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
+
+/// A closing terminal sends several signals at once; a later one comes from someone who does not
+/// want to wait any more.
+const INSISTS_AFTER: Duration = Duration::from_millis(500);
 
 /// What makes the bridge leave: signals, the ROS master, a service.
 #[derive(Debug)]
@@ -16,6 +21,7 @@ pub(crate) struct Leave {
 impl Leave {
     pub(crate) fn new() -> std::io::Result<Leave> {
         let (reasons_in, reasons) = unbounded_channel();
+        let first = Arc::new(OnceLock::new());
         for (kind, reason) in [
             (SignalKind::interrupt(), "interrupted"),
             (SignalKind::terminate(), "terminated"),
@@ -23,8 +29,17 @@ impl Leave {
         ] {
             let mut signals = signal(kind)?;
             let reasons_in = reasons_in.clone();
+            let first = Arc::clone(&first);
             tokio::spawn(async move {
-                while signals.recv().await.is_some() && reasons_in.send(reason).is_ok() {}
+                while signals.recv().await.is_some() {
+                    let first: &Instant = first.get_or_init(Instant::now);
+                    if first.elapsed() > INSISTS_AFTER {
+                        tracing::error!("asked again ({reason}): leaving at once");
+                        std::process::exit(1);
+                    }
+                    // An error means that the bridge is leaving; a second signal still counts.
+                    let _ = reasons_in.send(reason);
+                }
             });
         }
         Ok(Leave {

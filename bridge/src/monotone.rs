@@ -17,6 +17,12 @@ impl Monotone {
         Stamp::from_nanoseconds(self.last_ns)
     }
 
+    /// The clock itself was stepped back too far to wait for it: the next stamp may lie before
+    /// the last.
+    pub(crate) fn step_back(&mut self) {
+        self.last_ns = 0;
+    }
+
     /// Stamps that had to be moved forwards.
     pub(crate) fn held(&self) -> u64 {
         self.held

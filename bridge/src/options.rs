@@ -4,12 +4,15 @@ use std::path::PathBuf;
 
 use clap::Parser;
 
-use crate::{FillerPolicy, PortAddress, Settings, StampPoint};
+use crate::{AnnouncedStream, FillerPolicy, PortAddress, Settings, StampPoint};
 
 /// Frames from the board, republished as ROS-Neuro NeuroFrames.
 ///
 /// Publishes /encoded, /neurodata_reconstructed and /diagnostics, and serves
-/// /acquisition/get_info, ~start, ~stop and ~quit, as the node `acquisition`. Waits for a device
+/// /acquisition/get_info, ~start, ~stop and ~quit, as the node `acquisition`. The answer of
+/// get_info describes ONE of the two streams, /encoded unless --announce says otherwise: a
+/// rosneuro_recorder or visualizer that is remapped to the other one gets frames that are larger
+/// than it allocated for. Waits for a device
 /// and for a ROS master that are not there yet, and comes back when they do. ROS's own arguments
 /// work too: __name:=, __ns:=, /encoded:=/neurodata. Its log goes to stderr; RUST_LOG=debug shows
 /// more.
@@ -20,7 +23,12 @@ pub struct Options {
     #[arg(long, env = "CORTICODE_PORT", value_name = "PATH|tcp:HOST:PORT")]
     pub port: PortAddress,
     /// Speed of a serial port; USB and pseudoterminals ignore it
-    #[arg(long, env = "CORTICODE_BAUD", default_value_t = 921_600)]
+    #[arg(
+        long,
+        env = "CORTICODE_BAUD",
+        default_value_t = 921_600,
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
     pub baud: u32,
     /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
     #[arg(long, value_name = "URI")]
@@ -28,7 +36,7 @@ pub struct Options {
     /// Where frames go: a ROS master's topics, or lines of JSON on stdout
     #[arg(long, env = "CORTICODE_SINK", value_enum, default_value_t)]
     pub sink: SinkKind,
-    /// Put before every topic's name, such as /left
+    /// Put before the names of both streams, such as /left; /diagnostics keeps its name
     #[arg(
         long,
         env = "CORTICODE_TOPIC_PREFIX",
@@ -51,6 +59,9 @@ pub struct Options {
     /// Reconstruct from the newest window alone: 62.5 ms sooner, and about 6 % more error
     #[arg(long, env = "CORTICODE_LOW_LATENCY")]
     pub low_latency: bool,
+    /// Stream that /acquisition/get_info announces; record this one and no other
+    #[arg(long, env = "CORTICODE_ANNOUNCE", value_enum, default_value_t)]
+    pub announce: AnnouncedStream,
 }
 
 /// Where frames go.
@@ -71,10 +82,11 @@ impl Options {
             mains_hz: self.mains.unwrap_or(0),
             filler: self.filler,
             low_latency: self.low_latency,
+            announced: self.announce,
         }
     }
 
-    /// Full name of a topic.
+    /// Full name of a stream's topic.
     pub fn topic(&self, name: &str) -> String {
         format!("{}/{name}", self.topic_prefix.trim_end_matches('/'))
     }

@@ -5,9 +5,10 @@ use std::io;
 use std::path::Path;
 use std::time::Duration;
 
-use rustix::fs::{Mode, OFlags};
+use rustix::fs::{FlockOperation, Mode, OFlags};
+use rustix::io::Errno;
 use rustix::termios::{self, ControlModes, OptionalActions};
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::net::unix::pipe::{Receiver, Sender};
 use tokio::time::timeout;
@@ -15,7 +16,7 @@ use tokio::time::timeout;
 use crate::PortAddress;
 
 /// How long opening, or writing one command, may take.
-const PATIENCE: Duration = Duration::from_secs(3);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(3);
 
 /// The open port: bytes in both directions.
 #[derive(Debug)]
@@ -49,33 +50,48 @@ impl Port {
         }
     }
 
-    /// Bytes that have come, at least one; waits for them. Safe to cancel.
+    /// Bytes that have come, at least one, or how much of `outgoing` was written; waits for
+    /// either. Safe to cancel: what is not told has not happened.
     ///
     /// # Errors
     ///
     /// `UnexpectedEof` if the other end closed it; else what the system says.
-    pub(crate) async fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let count = match self {
-            Port::Tcp(stream) => stream.read(buffer).await?,
-            Port::Tty(receiver, _) => receiver.read(buffer).await?,
-        };
-        match count {
-            0 => Err(io::ErrorKind::UnexpectedEof.into()),
-            count => Ok(count),
+    pub(crate) async fn exchange(
+        &mut self,
+        buffer: &mut [u8],
+        outgoing: &[u8],
+    ) -> io::Result<Exchanged> {
+        match self {
+            Port::Tcp(stream) => {
+                let (reader, writer) = stream.split();
+                exchange(reader, buffer, writer, outgoing).await
+            }
+            Port::Tty(reader, writer) => exchange(reader, buffer, writer, outgoing).await,
         }
     }
+}
 
-    /// Write all of `bytes`; gives up after 3 s, so that a device that does not read cannot stop
-    /// the bridge.
-    ///
-    /// # Errors
-    ///
-    /// `TimedOut`, or what the system says.
-    pub(crate) async fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        match self {
-            Port::Tcp(stream) => timeout(PATIENCE, stream.write_all(bytes)).await?,
-            Port::Tty(_, sender) => timeout(PATIENCE, sender.write_all(bytes)).await?,
-        }
+/// What went through a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Exchanged {
+    /// So many bytes are at the front of the buffer.
+    Read(usize),
+    /// So many bytes were written.
+    Written(usize),
+}
+
+async fn exchange(
+    mut reader: impl AsyncRead + Unpin,
+    buffer: &mut [u8],
+    mut writer: impl AsyncWrite + Unpin,
+    outgoing: &[u8],
+) -> io::Result<Exchanged> {
+    tokio::select! {
+        count = reader.read(buffer) => match count? {
+            0 => Err(io::ErrorKind::UnexpectedEof.into()),
+            count => Ok(Exchanged::Read(count)),
+        },
+        count = writer.write(outgoing), if !outgoing.is_empty() => count.map(Exchanged::Written),
     }
 }
 
@@ -88,12 +104,44 @@ fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
             "it is no serial port and no pseudoterminal",
         ));
     }
-    // A second bridge on the same port would take every other byte; root is let in all the same.
-    termios::ioctl_tiocexcl(&fd)?;
+    // A second bridge on the same port would take every other byte.
+    // TIOCEXCL would outlive this program while another one, such as host-sim, holds the terminal.
+    rustix::fs::flock(&fd, FlockOperation::NonBlockingLockExclusive).map_err(
+        |error| match error {
+            Errno::WOULDBLOCK => io::ErrorKind::ResourceBusy.into(),
+            error => io::Error::from(error),
+        },
+    )?;
     let mut settings = termios::tcgetattr(&fd)?;
     settings.make_raw();
     settings.control_modes |= ControlModes::CLOCAL | ControlModes::CREAD;
-    settings.set_speed(baud)?;
-    termios::tcsetattr(&fd, OptionalActions::Now, &settings)?;
+    settings
+        .set_speed(baud)
+        .map_err(|error| speed(error, baud))?;
+    termios::tcsetattr(&fd, OptionalActions::Now, &settings).map_err(|error| speed(error, baud))?;
     Ok(fd.into())
+}
+
+/// What a refused speed means to the user.
+fn speed(error: Errno, baud: u32) -> io::Error {
+    match error {
+        Errno::INVAL => io::Error::new(
+            io::ErrorKind::Unsupported,
+            format!("it does not run at {baud} baud; choose another --baud"),
+        ),
+        error => error.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Errno, io, speed};
+
+    #[test]
+    fn a_speed_that_the_port_refuses_is_named() {
+        let error = speed(Errno::INVAL, 12_345);
+        assert_eq!(error.kind(), io::ErrorKind::Unsupported);
+        assert!(error.to_string().contains("12345 baud"));
+        assert_eq!(speed(Errno::IO, 9600).raw_os_error(), Some(5));
+    }
 }

@@ -8,24 +8,24 @@ use neuro_ros::{NeuroFrame, Stamp};
 use crate::tri::TriWords;
 use crate::{Device, FillerPolicy, Model, Settings};
 
-/// Weight of the older of two windows at the first and at the last step that they share.
-///
-/// Least-squares weights per time step for the built-in model on EEGMMIDB S001 R11 and R12 (held
-/// out; float codes) are 0.37 0.42 0.46 0.38 0.65 0.56 0.59 0.61; this is the line through them. A
-/// window's ends are reconstructed better than its middle: the older one is at its middle at the
-/// first shared step and at its end at the last. Normalised error there: one window alone
-/// 0.01034, plain mean 0.00971, this line 0.00968, the eight fitted weights 0.00968.
-const OLDER_WEIGHT: [f32; 2] = [0.37, 0.63];
-
-/// One window on its way to the decoder.
+/// A code on its way to the decoder, or the gap that a lost one left, and when it belongs.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Window {
+pub struct TimedCode {
     /// The code, dequantised; `None` if it was lost.
     pub z: Option<Box<[f32; CODE_LEN]>>,
     /// Stamp of the frame that this window completes.
     pub stamp: Stamp,
     /// Its status.
     pub words: TriWords,
+}
+
+/// A window that was decoded.
+#[derive(Debug)]
+struct Decoded {
+    window: u32,
+    flags: u16,
+    /// Electrode fastest.
+    microvolts: Vec<f32>,
 }
 
 /// Turns windows into frames of `/neurodata_reconstructed`: one frame of `hop` steps per window.
@@ -37,8 +37,8 @@ pub struct Reconstruction {
     hop: usize,
     electrodes: usize,
     full_scale_uv: f32,
-    /// The previous window in microvolts, unless it was lost.
-    previous: Option<Vec<f32>>,
+    /// The previous window, unless it was lost.
+    previous: Option<Decoded>,
     frame: NeuroFrame,
 }
 
@@ -69,35 +69,46 @@ impl Reconstruction {
         u32::from(steps) - 1
     }
 
+    /// Go on where the frames of `before` end, which have the same shape.
+    pub(crate) fn continues(&mut self, before: &Reconstruction) {
+        self.frame.header.seq = before.frame.header.seq;
+        self.frame.neuroheader.seq = before.frame.neuroheader.seq;
+        self.frame.eeg.data.clone_from(&before.frame.eeg.data);
+    }
+
     /// The frame that `window` completes: its own last `hop` steps (low latency), or the `hop`
     /// steps that it shares with the window before. `None` if there is nothing to say and lost
     /// codes are not filled.
-    pub fn push(&mut self, window: &Window) -> Option<&NeuroFrame> {
+    pub fn push(&mut self, window: &TimedCode) -> Option<&NeuroFrame> {
         let decoded = window.z.as_ref().map(|z| self.model.decode(z));
         let values = self.hop * self.electrodes;
         let data = &mut self.frame.eeg.data;
         let mut words = window.words;
         words.flags &= !Flags::FILLER.bits();
-        // The window before began one hop earlier, so this one begins at its second hop.
-        let shared = self
+        // The window before began one hop earlier, so this one begins at its second hop. After a
+        // restart of the stream the last one that came is not the one before.
+        let before = self
             .previous
+            .take()
+            .filter(|old| !self.low_latency && old.window.wrapping_add(1) == window.words.window);
+        let shared = before
             .as_ref()
-            .and_then(|old| old.get(values..2 * values));
+            .and_then(|old| old.microvolts.get(values..2 * values));
+        if let (Some(old), Some(_)) = (&before, shared) {
+            words.flags |= old.flags;
+        }
         match (&decoded, shared) {
             (Some(new), _) if self.low_latency => {
                 data.copy_from_slice(&new[new.len() - values..]);
             }
-            (Some(new), Some(old)) => average(old, new, self.electrodes, data),
+            (Some(new), Some(old)) => average(old, new, data),
             (Some(new), None) => data.copy_from_slice(&new[..values]),
             // A window lost: the one before still tells of the half that they share.
-            (None, Some(old)) if !self.low_latency => data.copy_from_slice(old),
-            (None, _) => {
+            (None, Some(old)) => data.copy_from_slice(old),
+            (None, None) => {
                 words.flags |= Flags::FILLER.bits();
                 match self.filler {
-                    FillerPolicy::Off => {
-                        self.previous = None;
-                        return None;
-                    }
+                    FillerPolicy::Off => return None,
                     FillerPolicy::Zeros => data.fill(0.0),
                     FillerPolicy::Last => hold_last_step(data, self.electrodes),
                 }
@@ -107,7 +118,11 @@ impl Reconstruction {
             // What lies beyond the announced range reads back as infinite from a recording.
             *value = value.clamp(-self.full_scale_uv, self.full_scale_uv);
         }
-        self.previous = decoded;
+        self.previous = decoded.map(|microvolts| Decoded {
+            window: window.words.window,
+            flags: window.words.flags,
+            microvolts,
+        });
         self.number(window.stamp, &words);
         Some(&self.frame)
     }
@@ -123,19 +138,12 @@ impl Reconstruction {
     }
 }
 
-/// The weighted mean of the older window's last steps and the newer one's first.
-fn average(old: &[f32], new: &[f32], electrodes: usize, out: &mut [f32]) {
-    let steps = out.len() / electrodes;
-    let rows = old
-        .chunks_exact(electrodes)
-        .zip(new.chunks_exact(electrodes));
-    for (step, (out, (old, new))) in out.chunks_exact_mut(electrodes).zip(rows).enumerate() {
-        #[expect(clippy::cast_precision_loss, reason = "a few steps")]
-        let along = step as f32 / (steps - 1).max(1) as f32;
-        let weight = OLDER_WEIGHT[0] + (OLDER_WEIGHT[1] - OLDER_WEIGHT[0]) * along;
-        for (out, (old, new)) in out.iter_mut().zip(old.iter().zip(new)) {
-            *out = weight * old + (1.0 - weight) * new;
-        }
+/// The mean of the older window's last steps and the newer one's first. On EEGMMIDB S001 R11 and
+/// R12 with the built-in model the normalised error of the shared steps is 0.00971, and 0.01034
+/// from one window alone: 6 % less.
+fn average(old: &[f32], new: &[f32], out: &mut [f32]) {
+    for (out, (old, new)) in out.iter_mut().zip(old.iter().zip(new)) {
+        *out = 0.5 * (old + new);
     }
 }
 

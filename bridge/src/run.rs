@@ -40,9 +40,10 @@ pub async fn run(options: Options, mut ros_options: NodeOptions) -> Result<Summa
         ros_options.master_uri.clone_from(uri);
     }
     let settings = options.settings();
-    let topics =
-        ["encoded", "neurodata_reconstructed", "diagnostics"].map(|name| options.topic(name));
-    let [encoded, reconstructed, diagnostics] = &topics;
+    let [encoded, reconstructed] =
+        &["encoded", "neurodata_reconstructed"].map(|n| options.topic(n));
+    // Whoever aggregates diagnostics listens here, for all robots and prefixes.
+    let diagnostics = "/diagnostics";
     let (commands_in, commands) = mpsc::unbounded_channel();
     let mut outlets;
     let (mut ros, mut writer) = (None, None);
@@ -57,6 +58,8 @@ pub async fn run(options: Options, mut ros_options: NodeOptions) -> Result<Summa
                 diagnostics: Box::new(node.sink(diagnostics).await?),
                 decoding: Decoding::start(Box::new(node.sink(reconstructed).await?))?,
                 announcements: Some(announcements_in),
+                announced: None,
+                told: Vec::new(),
                 outgoing: Vec::new(),
                 ended: None,
             };
@@ -73,6 +76,8 @@ pub async fn run(options: Options, mut ros_options: NodeOptions) -> Result<Summa
                 diagnostics: Box::new(lines.sink(diagnostics)),
                 decoding: Decoding::start(Box::new(lines.sink(reconstructed)))?,
                 announcements: None,
+                announced: None,
+                told: Vec::new(),
                 outgoing: Vec::new(),
                 ended: None,
             };
@@ -108,7 +113,7 @@ pub async fn run(options: Options, mut ros_options: NodeOptions) -> Result<Summa
     if let Some(ros) = ros {
         ros.shutdown().await;
     }
-    let written = writer.map_or(Ok(()), NdjsonWriter::finish);
+    let written = writer.map_or(Ok(()), |writer| writer.finish(FAREWELL));
     match outcome.and(written.map_err(BridgeError::Sink)) {
         // Whoever read the lines has had enough.
         Ok(()) | Err(BridgeError::Sink(neuro_ros::SinkError::Closed)) => Ok(summary),
@@ -134,7 +139,7 @@ impl Bridge<'_> {
         let mut failure = None;
         loop {
             tokio::select! {
-                event = self.connection.next(&mut buffer) => self.connection_event(event?, &buffer),
+                event = self.connection.next(&mut buffer, &mut self.outlets.outgoing) => self.connection_event(event?, &buffer),
                 Some(command) = self.commands.recv() => match command {
                     AcquisitionCommand::Start => self.core.want(true),
                     AcquisitionCommand::Stop => self.core.want(false),
@@ -153,7 +158,7 @@ impl Bridge<'_> {
                     if until_report == 0 {
                         until_report = TICKS_PER_REPORT;
                         let report = self.core.diagnostics(now);
-                        self.outlets.diagnose(&report);
+                        self.outlets.diagnose(report);
                     }
                     if self.connection.is_open() && self.core.is_dead(now) {
                         tracing::warn!("the device is silent; opening the port anew");
@@ -161,7 +166,6 @@ impl Bridge<'_> {
                     }
                 }
             }
-            self.write().await;
             if let Some(error) = self.outlets.ended.take()
                 && failure.is_none()
             {
@@ -171,7 +175,7 @@ impl Bridge<'_> {
             let gone = !self.connection.is_open() || self.core.is_stopped();
             if deadline.is_some_and(|deadline| gone || Instant::now() >= deadline) {
                 let report = self.core.diagnostics(HostTime::now());
-                self.outlets.diagnose(&report);
+                self.outlets.diagnose(report);
                 return failure.map_or(Ok(()), Err);
             }
         }
@@ -184,18 +188,10 @@ impl Bridge<'_> {
         match event {
             Event::Opened => self.core.connected(now, self.outlets),
             Event::Bytes(count) => self.core.receive(&buffer[..count], now, self.outlets),
-            Event::Closed => self.core.disconnected(),
-        }
-    }
-
-    async fn write(&mut self) {
-        if self.outlets.outgoing.is_empty() {
-            return;
-        }
-        let bytes = std::mem::take(&mut self.outlets.outgoing);
-        if let Err(error) = self.connection.write(&bytes).await {
-            tracing::warn!(%error, "a command could not be written; opening the port anew");
-            self.close();
+            Event::Closed => {
+                self.core.disconnected();
+                self.outlets.outgoing.clear();
+            }
         }
     }
 

@@ -6,13 +6,13 @@ use link::{
     Ack, Capabilities, Encoder, Frame, FrameError, Header, Hello, MAX_FRAME, Stats, Streams,
     ToDevice, ToHost,
 };
-use neuro_ros::{AcquisitionInfo, Shape};
+use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
 use crate::code_stream::CodeStream;
 use crate::commands::{Acknowledged, Commands};
 use crate::identity::Identity;
 use crate::ledger::{Arrival, Ledger};
-use crate::{Announcement, Clock, Device, Effects, HostTime, Model, Settings};
+use crate::{AnnouncedStream, Announcement, Clock, Device, Effects, HostTime, Model, Settings};
 
 /// Frames behind in a row after which the device is asked anew who it is: it may have been reset
 /// and its `Hello` lost.
@@ -29,8 +29,9 @@ pub(crate) struct Session {
     /// The device said `Hello` since the port was opened; until then its numbers mean nothing.
     pub(crate) introduced: bool,
     pub(crate) codes: Option<CodeStream>,
-    /// Shape that was announced; another one is refused for the rest of the session.
-    shape: Option<Shape>,
+    /// What was announced first; a device whose codes mean anything else is refused for the rest
+    /// of the session.
+    first: Option<Arc<Device>>,
     pub(crate) clock: Clock,
     pub(crate) frames: Ledger,
     behind_in_a_row: u32,
@@ -67,7 +68,7 @@ impl Session {
             identity: None,
             introduced: false,
             codes: None,
-            shape: None,
+            first: None,
             clock: Clock::default(),
             frames: Ledger::default(),
             behind_in_a_row: 0,
@@ -148,8 +149,10 @@ impl Session {
             ToHost::Capabilities(capabilities) => self.capabilities(capabilities, effects),
             ToHost::Code(code) => match &mut self.codes {
                 Some(codes) if self.introduced && self.commands.accepts_codes() => {
-                    self.clock.observe(header.device_time_us, read);
-                    codes.code(code, header.device_time_us, read, &self.clock, effects);
+                    self.commands.fed(read.monotonic_us);
+                    let trusted = self.clock.observe(header.device_time_us, read);
+                    let device_us = trusted.then_some(header.device_time_us);
+                    codes.code(code, device_us, read, &self.clock, effects);
                 }
                 _ => self.counts.early += 1,
             },
@@ -186,7 +189,7 @@ impl Session {
         if reset {
             tracing::warn!("the device was reset, or is another one: {identity}");
             self.counts.resets += 1;
-            // It does not stream, and until its capabilities are known its codes mean nothing.
+            // Until its capabilities are known its codes mean nothing.
             self.commands.reset();
             if let Some(codes) = &mut self.codes {
                 codes.begin();
@@ -208,16 +211,23 @@ impl Session {
             Ok(device) => Arc::new(device),
             Err(error) => return self.refuse(format!("{error}; its codes are not published")),
         };
-        let model = format!("{} {}", device.board, device.firmware);
-        let info = match AcquisitionInfo::new(&model, &device.uid, device.encoded_frame()) {
+        let objection = self
+            .model
+            .as_ref()
+            .and_then(|model| model.objection(&device));
+        let decodable = self.model.is_some() && objection.is_none();
+        let info = match self.info(&device, decodable) {
             Ok(info) => info,
             Err(error) => return self.refuse(format!("{error}; its codes are not published")),
         };
-        let shape = *self.shape.get_or_insert(info.shape());
-        if let Err(error) = shape.admit(info.frame()) {
+        if let Some(first) = &self.first
+            && let Err(error) = first.admit(&device)
+        {
             return self.refuse(format!("another device is connected: {error}"));
         }
+        self.first.get_or_insert_with(|| Arc::clone(&device));
         self.commands.identified(true);
+        self.objection = objection;
         if self
             .codes
             .as_ref()
@@ -225,14 +235,9 @@ impl Session {
         {
             return;
         }
-        self.objection = self
-            .model
-            .as_ref()
-            .and_then(|model| model.objection(&device));
         if let Some(objection) = &self.objection {
             tracing::error!("{objection}");
         }
-        let decodable = self.model.is_some() && self.objection.is_none();
         match &mut self.codes {
             Some(codes) => codes.replace_device(Arc::clone(&device), decodable),
             None => {
@@ -250,6 +255,23 @@ impl Session {
         });
     }
 
+    /// What is announced of a device: nothing if the announced stream is not published.
+    fn info(
+        &self,
+        device: &Device,
+        decodable: bool,
+    ) -> Result<Option<AcquisitionInfo>, ContractError> {
+        let model = format!("{} {}", device.board, device.firmware);
+        let encoded = device.encoded_frame();
+        Shape::of(&encoded)?;
+        let frame = match self.settings.announced {
+            AnnouncedStream::Encoded => encoded,
+            AnnouncedStream::Reconstructed if decodable => device.reconstructed_frame(),
+            AnnouncedStream::Reconstructed => return Ok(None),
+        };
+        AcquisitionInfo::new(&model, &device.uid, frame).map(Some)
+    }
+
     fn refuse(&mut self, why: String) {
         tracing::error!("{why}");
         self.objection = Some(why);
@@ -262,8 +284,20 @@ impl Session {
             return;
         }
         let Some(codes) = &mut self.codes else { return };
+        let streams = stats.streams.contains(Streams::CODES);
+        if streams {
+            self.commands.fed(read.monotonic_us);
+            codes.runs();
+        }
+        if !codes.is_running() {
+            return;
+        }
+        // Codes are what the clock is fitted to; a report only helps when there were none yet.
+        if !self.clock.admits(device_us, read) && !self.clock.observe(device_us, read) {
+            return;
+        }
         codes.close(stats.next_window, device_us, read, &self.clock, effects);
-        if !stats.streams.contains(Streams::CODES) && self.commands.wants() {
+        if !streams && self.commands.wants() {
             tracing::warn!("the device stopped streaming by itself; starting it again");
             self.commands.stopped_by_itself();
             codes.begin();
@@ -276,7 +310,12 @@ impl Session {
             .acknowledged(ack.of, ack.result, read.monotonic_us)
         {
             Acknowledged::Expected => {}
-            Acknowledged::Started => tracing::info!("streaming"),
+            Acknowledged::Started => {
+                tracing::info!("streaming");
+                if let Some(codes) = &mut self.codes {
+                    codes.runs();
+                }
+            }
             Acknowledged::Stopped => {
                 tracing::debug!("stopped");
                 if let Some(codes) = &mut self.codes {

@@ -13,6 +13,19 @@ pub struct Settings {
     pub filler: FillerPolicy,
     /// Reconstruct from the newest window alone instead of waiting one hop for the next.
     pub low_latency: bool,
+    /// Which stream `/acquisition/get_info` announces.
+    pub announced: AnnouncedStream,
+}
+
+/// Which stream `/acquisition/get_info` announces, for ROS-Neuro's recorder and filters, which
+/// take exactly one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum AnnouncedStream {
+    /// `/encoded`: 128 values per code.
+    #[default]
+    Encoded,
+    /// `/neurodata_reconstructed`: electrodes in microvolts.
+    Reconstructed,
 }
 
 /// What a frame's stamp is the time of.

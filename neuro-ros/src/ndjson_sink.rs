@@ -2,15 +2,18 @@
 
 use std::io::Write;
 use std::marker::PhantomData;
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::thread::JoinHandle;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::time::Duration;
 
 use serde::Serialize;
 
 use crate::{Sink, SinkError};
 
-/// Lines that may wait for a slow output: 64 s of codes at 16 Hz.
-const QUEUE_LINES: usize = 1024;
+/// Lines that may wait for a slow output: two streams of 8 min at 16 Hz, so that even the fillers
+/// of a long outage, which come at once, are all written. About 3 KB each, and only if it is slow.
+const QUEUE_LINES: usize = 16_384;
 
 /// Writes lines of JSON to any output, from a thread of its own, so that publishing never waits.
 ///
@@ -18,15 +21,27 @@ const QUEUE_LINES: usize = 1024;
 #[derive(Debug)]
 pub struct NdjsonWriter {
     lines: SyncSender<Vec<u8>>,
-    thread: JoinHandle<std::io::Result<()>>,
+    done: Receiver<std::io::Result<()>>,
+    waiting: Arc<AtomicUsize>,
 }
 
 impl NdjsonWriter {
     /// Start writing to `output`.
     pub fn start(output: impl Write + Send + 'static) -> NdjsonWriter {
         let (lines, receiver) = sync_channel(QUEUE_LINES);
-        let thread = std::thread::spawn(move || write_lines(output, &receiver));
-        NdjsonWriter { lines, thread }
+        let (done_in, done) = sync_channel(1);
+        let waiting = Arc::new(AtomicUsize::new(0));
+        let left = Arc::clone(&waiting);
+        std::thread::spawn(move || {
+            let outcome = write_lines(output, &receiver, &left);
+            // An error means that nobody waits for the end any more.
+            let _ = done_in.send(outcome);
+        });
+        NdjsonWriter {
+            lines,
+            done,
+            waiting,
+        }
     }
 
     /// A sink for the messages of one topic.
@@ -34,33 +49,43 @@ impl NdjsonWriter {
         NdjsonSink {
             topic: topic.to_owned(),
             lines: self.lines.clone(),
+            waiting: Arc::clone(&self.waiting),
             dropped: 0,
             message: PhantomData,
         }
     }
 
-    /// Write what is left, once the sinks are gone, and end.
+    /// Write what is left, once the sinks are gone, and end. Gives up after `patience`.
     ///
     /// # Errors
     ///
-    /// What stopped the output, [`SinkError::Closed`] if its reader had gone.
-    pub fn finish(self) -> Result<(), SinkError> {
+    /// What stopped the output: [`SinkError::Closed`] if its reader had gone,
+    /// [`SinkError::Stuck`] if it has not taken everything in time.
+    pub fn finish(self, patience: Duration) -> Result<(), SinkError> {
         drop(self.lines);
-        match self.thread.join() {
+        match self.done.recv_timeout(patience) {
             Ok(Err(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => {
                 Err(SinkError::Closed)
             }
             Ok(Err(error)) => Err(SinkError::Output(error)),
             Ok(Ok(())) => Ok(()),
-            Err(_) => Err(SinkError::Closed),
+            Err(RecvTimeoutError::Timeout) => Err(SinkError::Stuck {
+                lines: self.waiting.load(Ordering::Relaxed),
+            }),
+            Err(RecvTimeoutError::Disconnected) => Err(SinkError::Closed),
         }
     }
 }
 
-fn write_lines(mut output: impl Write, lines: &Receiver<Vec<u8>>) -> std::io::Result<()> {
+fn write_lines(
+    mut output: impl Write,
+    lines: &Receiver<Vec<u8>>,
+    waiting: &AtomicUsize,
+) -> std::io::Result<()> {
     while let Ok(line) = lines.recv() {
         output.write_all(&line)?;
         output.flush()?;
+        waiting.fetch_sub(1, Ordering::Relaxed);
     }
     Ok(())
 }
@@ -70,6 +95,7 @@ fn write_lines(mut output: impl Write, lines: &Receiver<Vec<u8>>) -> std::io::Re
 pub struct NdjsonSink<M> {
     topic: String,
     lines: SyncSender<Vec<u8>>,
+    waiting: Arc<AtomicUsize>,
     dropped: u64,
     message: PhantomData<fn(M)>,
 }
@@ -88,9 +114,12 @@ impl<M: Serialize> Sink<M> for NdjsonSink<M> {
         })
         .map_err(std::io::Error::from)?;
         line.push(b'\n');
+        // Counted before it can be written.
+        self.waiting.fetch_add(1, Ordering::Relaxed);
         match self.lines.try_send(line) {
             Ok(()) => Ok(()),
             Err(TrySendError::Full(_)) => {
+                self.waiting.fetch_sub(1, Ordering::Relaxed);
                 self.dropped += 1;
                 Ok(())
             }

@@ -28,6 +28,12 @@ pub enum SinkError {
     /// Whoever read the lines has gone.
     #[error("the reader of the output has gone")]
     Closed,
+    /// Whoever reads the lines takes none.
+    #[error("the reader of the output does not read; {lines} lines are lost")]
+    Stuck {
+        /// Lines that were not written.
+        lines: usize,
+    },
     /// The output cannot be written.
     #[error("the output cannot be written; check the file or the disk: {0}")]
     Output(#[from] std::io::Error),

@@ -3,8 +3,12 @@
 
 use std::io::{self, Write};
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
 
 use neuro_ros::{NdjsonWriter, NeuroFrame, Sink, SinkError};
+
+/// How long an output may take on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Hands every write to the test.
 struct Probe(Sender<Vec<u8>>);
@@ -48,7 +52,7 @@ fn frames_become_lines_in_order() {
         sink.publish(&frame).unwrap();
     }
     drop(sink);
-    writer.finish().unwrap();
+    writer.finish(PATIENCE).unwrap();
     let text = String::from_utf8(written.iter().flatten().collect()).unwrap();
     let lines: Vec<serde_json::Value> = text
         .lines()
@@ -67,13 +71,16 @@ fn an_output_that_takes_nothing_costs_lines_but_never_time() {
     let (release, stuck) = channel();
     let writer = NdjsonWriter::start(Stuck(stuck));
     let mut sink = writer.sink("/encoded");
-    for _ in 0..2000 {
+    for _ in 0..17_000 {
         sink.publish(&NeuroFrame::default()).unwrap();
     }
-    // 1024 wait, one may be with the output; the others are counted.
-    assert!((975..=976).contains(&sink.dropped()), "{}", sink.dropped());
-    drop((sink, release));
-    writer.finish().unwrap();
+    // 16,384 wait, one may be with the output; the others are counted.
+    assert!((615..=616).contains(&sink.dropped()), "{}", sink.dropped());
+    let kept = 17_000 - sink.dropped();
+    drop(sink);
+    let end = writer.finish(Duration::from_millis(50));
+    assert!(matches!(end, Err(SinkError::Stuck { lines }) if lines as u64 == kept));
+    drop(release);
 }
 
 #[test]
@@ -86,5 +93,19 @@ fn a_reader_that_has_gone_ends_the_sink() {
         std::thread::yield_now();
     }
     drop(sink);
-    assert!(matches!(writer.finish(), Err(SinkError::Closed)));
+    assert!(matches!(writer.finish(PATIENCE), Err(SinkError::Closed)));
+}
+
+#[test]
+fn the_fillers_of_a_long_outage_are_all_written() {
+    let (probe, written) = channel();
+    let writer = NdjsonWriter::start(Probe(probe));
+    let mut sink = writer.sink("/encoded");
+    for _ in 0..10_000 {
+        sink.publish(&NeuroFrame::default()).unwrap();
+    }
+    assert_eq!(sink.dropped(), 0);
+    drop(sink);
+    writer.finish(PATIENCE).unwrap();
+    assert_eq!(written.iter().count(), 10_000);
 }

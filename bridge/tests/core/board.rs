@@ -35,6 +35,8 @@ pub(crate) struct Board {
     pub(crate) hop_steps: u8,
     pub(crate) step_rate_hz: u16,
     pub(crate) next_window: u32,
+    pub(crate) streaming: bool,
+    pub(crate) chip_uid: [u8; 12],
     /// Device time of the last code made.
     pub(crate) now_us: u64,
     /// Commands that came, oldest first.
@@ -53,6 +55,8 @@ impl Board {
             hop_steps: 8,
             step_rate_hz: 128,
             next_window: 0,
+            streaming: false,
+            chip_uid: [7; 12],
             now_us: 0,
             seen: Vec::new(),
         }
@@ -72,6 +76,7 @@ impl Board {
         self.encoder = Encoder::default();
         self.session_id += 1;
         self.next_window = 0;
+        self.streaming = false;
     }
 
     pub(crate) fn frame(&mut self, device_us: u64, message: &ToHost) -> Vec<u8> {
@@ -87,13 +92,13 @@ impl Board {
     }
 
     pub(crate) fn hello(&mut self) -> Vec<u8> {
-        let (model_id, session_id) = (self.model_id, self.session_id);
+        let (model_id, session_id, chip_uid) = (self.model_id, self.session_id, self.chip_uid);
         let mut bytes = self.frame(
             0,
             &ToHost::Hello(Hello {
                 firmware: "test",
                 board: "board",
-                chip_uid: [7; 12],
+                chip_uid,
                 model_id,
                 session_id,
                 reset_cause: ResetCause::PowerOn,
@@ -134,8 +139,16 @@ impl Board {
             self.seen.push((seq, command));
             match command {
                 ToDevice::Identify => answers.extend(self.hello()),
-                ToDevice::Start(_) => self.next_window = 0,
-                ToDevice::Stop => answers.extend(self.stats(Streams::empty())),
+                // A start while the same streams run changes nothing.
+                ToDevice::Start(_) if self.streaming => {}
+                ToDevice::Start(_) => {
+                    self.next_window = 0;
+                    self.streaming = true;
+                }
+                ToDevice::Stop => {
+                    self.streaming = false;
+                    answers.extend(self.stats(Streams::empty()));
+                }
                 ToDevice::Ping => {}
             }
             let ack = Ack {

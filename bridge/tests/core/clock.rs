@@ -243,3 +243,66 @@ fn the_drift_is_told() {
     );
     assert!(clock.residual_us().abs() < 10.0 && clock.newest_delay_us().abs() < 10.0);
 }
+
+/// Host time `us`, with a wall clock that was stepped by `step_ns`.
+fn read(us: i64, step_ns: i64) -> HostTime {
+    HostTime {
+        monotonic_us: us,
+        wall_ns: WALL_START_NS + us * 1000 + step_ns,
+    }
+}
+
+/// A clock that has seen 10 s of codes, and the time of the last.
+fn settled() -> (Clock, i64) {
+    let mut clock = Clock::default();
+    for code in 1..=160 {
+        assert!(clock.observe(code * 62_500, read(code.cast_signed() * 62_500, 0)));
+    }
+    (clock, 10_000_000)
+}
+
+#[test]
+fn one_impossible_device_time_changes_nothing() {
+    for wrong in [0, 9_000_000, 12_000_000, u64::MAX / 2, u64::MAX] {
+        let (mut clock, now) = settled();
+        let before = clock.wall_ns(10_000_000);
+        assert!(!clock.observe(wrong, read(now + 62_500, 0)), "{wrong}");
+        assert_eq!(clock.wall_ns(10_000_000), before);
+        assert_eq!(clock.refused(), 1);
+        assert!(clock.observe(10_125_000, read(now + 125_000, 0)));
+        // Asking about it overflows nothing.
+        clock.wall_ns(i128::from(wrong));
+    }
+}
+
+#[test]
+fn a_device_clock_that_jumped_is_fitted_anew_after_half_a_second() {
+    let (mut clock, now) = settled();
+    for code in 1..=8_i64 {
+        let device_us = 3_600_000_000 + code.unsigned_abs() * 62_500;
+        let taken = clock.observe(device_us, read(now + code * 62_500, 0));
+        assert_eq!(taken, code == 8);
+    }
+    assert_eq!(
+        clock.wall_ns(3_600_500_000),
+        Some(WALL_START_NS + 10_500_000_000)
+    );
+}
+
+#[test]
+fn a_step_back_is_counted_and_one_beyond_30_s_is_not_waited_for() {
+    for (step_s, back) in [(-1, 0), (-30, 0), (-31, 1), (-3600, 1)] {
+        let (mut clock, now) = settled();
+        let step_ns = step_s * 1_000_000_000;
+        for code in 1..=16_i64 {
+            let us = now + code * 62_500;
+            clock.observe(us.unsigned_abs(), read(us, step_ns));
+        }
+        assert_eq!((clock.wall_steps(), clock.wall_steps_back()), (1, back));
+        let true_ns = WALL_START_NS + 11_000_000_000 + step_ns;
+        let error_ns = clock.wall_ns(11_000_000).unwrap() - true_ns;
+        // A second of waiting has caught up a tenth of a second.
+        let expected = if back == 1 { 0 } else { -step_ns - 100_000_000 };
+        assert!((error_ns - expected).abs() < 1000, "{step_s} s: {error_ns}");
+    }
+}

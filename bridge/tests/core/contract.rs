@@ -31,7 +31,7 @@ fn encoded_frames_are_what_ros_neuro_expects() {
     assert_eq!(frame.eeg.data, [-64.5; 128]);
     assert_eq!(frame.exg.info.nchannels, 0);
     assert_eq!(frame.tri.info.labels, TRI_LABELS);
-    let announced = desk.recorder.announced[0].info.clone();
+    let announced = desk.recorder.announced[0].info.clone().unwrap();
     assert_eq!(announced.frame().eeg.info, *info);
     assert_eq!(announced.device_model(), "board test");
     assert_eq!(announced.device_id(), "07".repeat(12));

@@ -162,3 +162,66 @@ fn frames_that_the_device_dropped_are_losses_of_frames_not_of_codes() {
     let summary = desk.core.summary();
     assert_eq!((summary.lost, summary.frames_lost), (0, 1));
 }
+
+#[test]
+fn fillers_of_two_reports_in_a_row_lie_one_after_the_other() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    desk.code(1, false);
+    for _ in 0..2 {
+        for _ in 0..3 {
+            desk.code(1, true);
+        }
+        let stats = desk.board.stats(Streams::CODES);
+        desk.receive(&stats);
+    }
+    desk.code(1, false);
+    let times: Vec<i32> = desk
+        .recorder
+        .encoded
+        .iter()
+        .map(|f| f.tri.data[3])
+        .collect();
+    assert_eq!(times.len(), 8);
+    for pair in times.windows(2) {
+        assert_eq!((pair[1] - pair[0]).rem_euclid(65_536), 62_500);
+    }
+}
+
+#[test]
+fn fillers_before_the_first_code_lie_where_the_report_says() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    for _ in 0..5 {
+        desk.code(1, true);
+    }
+    let stats = desk.board.stats(Streams::CODES);
+    desk.receive(&stats);
+    desk.code(1, false);
+    assert_eq!(desk.fillers(), [true, true, true, true, true, false]);
+    let stamps: Vec<i64> = desk
+        .recorder
+        .encoded
+        .iter()
+        .map(|frame| frame.header.stamp.nanoseconds())
+        .collect();
+    for pair in stamps.windows(2) {
+        assert_eq!(pair[1] - pair[0], 62_500_000);
+    }
+}
+
+#[test]
+fn a_wrong_device_time_moves_no_stamp() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    for index in 0..40 {
+        if index == 20 {
+            desk.now_us += 62_500;
+            let bytes = desk.board.code(u64::MAX - 5, 1);
+            desk.receive(&bytes);
+        } else {
+            desk.code(1, false);
+        }
+    }
+    for pair in desk.recorder.encoded.windows(2) {
+        let stamp = |at: usize| pair[at].header.stamp.nanoseconds();
+        assert_eq!(stamp(1) - stamp(0), 62_500_000);
+    }
+}

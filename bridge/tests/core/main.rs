@@ -10,3 +10,4 @@ mod loss;
 mod reconstruction;
 mod recorder;
 mod session;
+mod silence;

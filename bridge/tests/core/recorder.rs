@@ -1,6 +1,9 @@
 //! Keeps every effect of the core.
 
-use bridge::{Announcement, Core, Effects, FillerPolicy, Settings, StampPoint, Window};
+use bridge::{
+    AnnouncedStream, Announcement, Core, Effects, FillerPolicy, Settings, StampPoint, TimedCode,
+};
+use link::ToDevice;
 use neuro_ros::{NeuroFrame, Shape};
 
 use crate::board::{Board, at, model};
@@ -10,6 +13,7 @@ pub(crate) const SETTINGS: Settings = Settings {
     mains_hz: 0,
     filler: FillerPolicy::Last,
     low_latency: false,
+    announced: AnnouncedStream::Encoded,
 };
 
 /// Keeps every effect, and holds every frame to the contract.
@@ -18,7 +22,7 @@ pub(crate) struct Recorder {
     pub(crate) sent: Vec<u8>,
     pub(crate) announced: Vec<Announcement>,
     pub(crate) encoded: Vec<NeuroFrame>,
-    pub(crate) windows: Vec<Window>,
+    pub(crate) windows: Vec<TimedCode>,
 }
 
 impl Effects for Recorder {
@@ -31,7 +35,8 @@ impl Effects for Recorder {
     }
 
     fn encoded(&mut self, frame: &NeuroFrame) {
-        self.announced[0].info.shape().admit(frame).unwrap();
+        let info = self.announced[0].info.as_ref().unwrap();
+        info.shape().admit(frame).unwrap();
         assert_eq!(Shape::of(frame).unwrap().nchannels, [128, 0, 8]);
         let before = self.encoded.last().map_or((0, 0), |frame| {
             (frame.neuroheader.seq, frame.header.stamp.nanoseconds())
@@ -45,7 +50,7 @@ impl Effects for Recorder {
         self.encoded.push(frame.clone());
     }
 
-    fn window(&mut self, window: Window) {
+    fn window(&mut self, window: TimedCode) {
         self.windows.push(window);
     }
 }
@@ -121,4 +126,15 @@ impl Desk {
             .map(|frame| frame.tri.data[0] & 0x8000 != 0)
             .collect()
     }
+}
+
+/// What the board was asked, in order.
+pub(crate) fn commands(desk: &Desk) -> Vec<&'static str> {
+    let name = |(_, command): &(u32, ToDevice)| match command {
+        ToDevice::Start(_) => "start",
+        ToDevice::Stop => "stop",
+        ToDevice::Identify => "identify",
+        ToDevice::Ping => "ping",
+    };
+    desk.board.seen.iter().map(name).collect()
 }

@@ -1,20 +1,9 @@
 //! Devices come, go, reboot, and are not always the one that was expected.
 
-use link::{AckResult, Streams, ToDevice, ToHost};
+use link::{Streams, ToHost};
 
 use crate::board::{Board, at};
-use crate::recorder::{Desk, SETTINGS};
-
-/// What the board was asked, in order.
-fn commands(desk: &Desk) -> Vec<&'static str> {
-    let name = |(_, command): &(u32, ToDevice)| match command {
-        ToDevice::Start(_) => "start",
-        ToDevice::Stop => "stop",
-        ToDevice::Identify => "identify",
-        ToDevice::Ping => "ping",
-    };
-    desk.board.seen.iter().map(name).collect()
-}
+use crate::recorder::{Desk, SETTINGS, commands};
 
 #[test]
 fn a_device_is_asked_who_it_is_stopped_and_started() {
@@ -53,9 +42,7 @@ fn a_lost_acknowledgement_of_start_costs_no_code() {
     for _ in 0..20 {
         desk.code(1, false);
         // A board that streams acknowledges a repeated start and goes on.
-        let window = desk.board.next_window;
         desk.converse();
-        desk.board.next_window = window;
     }
     assert_eq!(commands(&desk).len(), 4);
     let summary = desk.core.summary();
@@ -111,9 +98,7 @@ fn an_outage_of_the_port_is_counted_and_filled() {
     for _ in 0..16 {
         desk.code(1, true);
     }
-    let window = desk.board.next_window;
     desk.connect();
-    desk.board.next_window = window;
     desk.code(2, false);
     assert_eq!(
         commands(&desk)[3..],
@@ -141,9 +126,7 @@ fn a_thousand_outages_leave_the_ledger_closed() {
         for _ in 0..missing {
             desk.code(1, true);
         }
-        let window = desk.board.next_window;
         desk.connect();
-        desk.board.next_window = window;
         desk.code(2, false);
         received += 1;
         lost += missing;
@@ -163,6 +146,7 @@ fn a_stream_that_began_anew_during_an_outage_is_taken_up() {
         desk.code(1, false);
     }
     desk.core.disconnected();
+    desk.board.streaming = false;
     desk.connect();
     for _ in 0..3 {
         desk.code(2, false);
@@ -219,7 +203,7 @@ fn a_device_of_another_shape_is_refused_until_the_right_one_is_back() {
     assert_eq!(desk.core.summary().unused, 1);
     let report = format!("{:?}", desk.core.diagnostics(at(desk.now_us)).status[0]);
     assert!(
-        report.contains("Error") && report.contains("shape changed"),
+        report.contains("Error") && report.contains("rate and window"),
         "{report}"
     );
     desk.core.disconnected();
@@ -227,6 +211,8 @@ fn a_device_of_another_shape_is_refused_until_the_right_one_is_back() {
     desk.connect();
     desk.code(1, false);
     assert_eq!(desk.recorder.encoded.last().unwrap().neuroheader.seq, 2);
+    let report = format!("{:?}", desk.core.diagnostics(at(desk.now_us)).status[0]);
+    assert!(report.contains("streaming"), "{report}");
 }
 
 #[test]
@@ -266,6 +252,7 @@ fn codes_that_come_before_the_device_is_known_are_counted_not_published() {
 fn a_device_that_stops_by_itself_is_started_again() {
     let mut desk = Desk::streaming(SETTINGS, Board::new());
     desk.code(1, false);
+    desk.board.streaming = false;
     let stats = desk.board.stats(Streams::empty());
     desk.receive(&stats);
     desk.converse();
@@ -321,65 +308,82 @@ fn a_start_without_an_acknowledgement_is_taken_back_when_the_bridge_leaves() {
 }
 
 #[test]
-fn a_silent_device_is_pinged_and_then_taken_for_dead() {
+fn a_report_from_before_the_start_closes_nothing() {
     let mut desk = Desk::streaming(SETTINGS, Board::new());
-    let start = desk.now_us;
-    for tick in 1..=51 {
-        let now = at(start + tick * 100_000);
-        desk.core.tick(now, &mut desk.recorder);
-        assert_eq!(desk.core.is_dead(now), tick > 50, "tick {tick}");
-        assert!(tick > 20 || desk.recorder.sent.is_empty());
+    for _ in 0..20 {
+        desk.code(1, false);
     }
-    let sent = std::mem::take(&mut desk.recorder.sent);
-    desk.board.answer(&sent);
-    assert_eq!(commands(&desk).last(), Some(&"ping"));
-}
-
-#[test]
-fn a_host_that_slept_does_not_take_the_device_for_dead() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    let (start, mut waiting) = (desk.now_us, Vec::new());
-    for code in 1..=160 {
-        waiting.extend(desk.board.code((start + code * 62_500).unsigned_abs(), 1));
-    }
-    desk.now_us = start + 10_000_000;
+    desk.core.want(false);
     desk.core.tick(at(desk.now_us), &mut desk.recorder);
-    assert!(!desk.core.is_dead(at(desk.now_us)));
-    desk.receive(&waiting);
+    desk.converse();
+    // Plugged in again it is stopped again, and its report still tells of the old stream.
+    desk.core.disconnected();
+    desk.connect();
+    assert_eq!(commands(&desk)[3..], ["stop", "identify", "stop"]);
+    desk.core.want(true);
+    desk.core.tick(at(desk.now_us), &mut desk.recorder);
+    let late = desk.board.stats(Streams::empty());
+    desk.receive(&late);
+    desk.converse();
+    desk.code(2, false);
     let summary = desk.core.summary();
-    assert_eq!((summary.received, summary.lost), (160, 0));
+    assert_eq!(
+        (summary.received, summary.lost, summary.fillers),
+        (21, 0, 0)
+    );
 }
 
 #[test]
-fn a_refused_start_is_not_hammered() {
-    let mut desk = Desk::new(SETTINGS, Board::new());
-    desk.core.connected(at(0), &mut desk.recorder);
-    for tick in 0..60 {
-        desk.now_us = tick * 100_000;
-        let sent = std::mem::take(&mut desk.recorder.sent);
-        let seen = desk.board.seen.len();
-        let answers = desk.board.answer(&sent);
-        let start = desk.board.seen[seen..]
-            .iter()
-            .find(|(_, command)| matches!(command, ToDevice::Start(_)))
-            .copied();
-        match start {
-            Some((of, _)) => {
-                let refusal = link::Ack {
-                    of,
-                    result: AckResult::BadArgument,
-                };
-                let bytes = desk.board.frame(0, &ToHost::Ack(refusal));
-                // The frames of the answer that is thrown away count as lost; that is no matter.
-                desk.receive(&bytes);
-            }
-            None => desk.receive(&answers),
-        }
-        desk.core.tick(at(desk.now_us), &mut desk.recorder);
+fn another_board_that_streams_already_is_stopped_first() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    desk.code(1, false);
+    desk.core.disconnected();
+    desk.board = Board {
+        chip_uid: [8; 12],
+        session_id: 5,
+        streaming: true,
+        next_window: 1000,
+        ..Board::new()
+    };
+    desk.connect();
+    assert_eq!(commands(&desk), ["identify", "stop", "start"]);
+    desk.code(2, false);
+    let summary = desk.core.summary();
+    assert_eq!((summary.received, summary.lost), (2, 0));
+    assert_eq!(desk.recorder.announced.len(), 2, "another chip");
+}
+
+#[test]
+fn what_was_announced_holds_for_the_session() {
+    for (other, what) in [
+        (
+            Board {
+                model_id: [9; 8],
+                ..Board::new()
+            },
+            "model",
+        ),
+        (
+            Board {
+                labels: Board::new().labels.replace("Cz", "XX"),
+                ..Board::new()
+            },
+            "electrodes",
+        ),
+    ] {
+        let mut desk = Desk::streaming(SETTINGS, Board::new());
+        desk.core.disconnected();
+        desk.board = Board {
+            session_id: 5,
+            ..other
+        };
+        desk.connect();
+        desk.code(1, false);
+        let report = format!("{:?}", desk.core.diagnostics(at(desk.now_us)).status[0]);
+        assert!(
+            report.contains(&format!("its {what} are not those")) && report.contains("restart"),
+            "{report}"
+        );
+        assert!(desk.recorder.encoded.is_empty());
     }
-    let starts = commands(&desk)
-        .iter()
-        .filter(|name| **name == "start")
-        .count();
-    assert_eq!(starts, 1, "6 s, and a refusal holds for 10 s");
 }

@@ -13,6 +13,7 @@ fn what_cannot_be_used_ends_with_status_2_and_says_what_can() {
         (&[][..], "--port"),
         (&["--port", "tcp:nowhere"], "tcp:127.0.0.1:5555"),
         (&["--port", "/dev/null", "--mains", "55"], "50 or 60"),
+        (&["--port", "/dev/null", "--baud", "0"], "--baud"),
         (
             &["--port", "/dev/null", "--model", "/nowhere"],
             "model.toml",
@@ -48,6 +49,8 @@ fn help_names_every_option() {
         "--mains",
         "--filler",
         "--low-latency",
+        "--announce",
+        "/diagnostics keeps its name",
     ] {
         assert!(help.contains(option), "{help}");
     }

@@ -77,7 +77,6 @@ impl Device {
         let controls = Arc::new(Controls::default());
         let shared = Arc::clone(&controls);
         let thread = std::thread::spawn(move || {
-            let mut streaming = false;
             let mut next_code = Instant::now();
             let start = Instant::now();
             let mut line = None;
@@ -91,7 +90,7 @@ impl Device {
                     line = plug_in().ok();
                 }
                 let now = Instant::now();
-                if streaming && now >= next_code {
+                if board.streaming && now >= next_code {
                     next_code += PACE;
                     let device_us = u64::try_from(start.elapsed().as_micros()).unwrap();
                     let bytes = board.code(device_us, 3);
@@ -105,19 +104,11 @@ impl Device {
                 match line.as_mut().map(|line| line.read(&mut buffer)) {
                     Some(Ok(count)) if count > 0 => {
                         let seen = board.seen.len();
-                        let window = board.next_window;
+                        let streaming = board.streaming;
                         let answers = board.answer(&buffer[..count]);
                         let new = board.seen[seen..].iter().map(|(_, command)| *command);
-                        for command in new.clone() {
-                            match command {
-                                ToDevice::Start(_) if streaming => board.next_window = window,
-                                ToDevice::Start(_) => {
-                                    streaming = true;
-                                    next_code = Instant::now();
-                                }
-                                ToDevice::Stop => streaming = false,
-                                _ => {}
-                            }
+                        if board.streaming && !streaming {
+                            next_code = Instant::now();
                         }
                         shared.seen.lock().unwrap().extend(new);
                         send(&mut line, &answers);

@@ -100,7 +100,7 @@ async fn codes_reach_a_subscriber_and_the_announcement_fits_them() {
         .unwrap();
     assert_eq!(
         DiagnosticArray::from_bytes(&report).unwrap().status.len(),
-        4
+        5
     );
 
     node.call("/acquisition/stop", &EMPTY, &[]).await.unwrap();

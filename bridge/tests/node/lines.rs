@@ -7,7 +7,7 @@ use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::board::Board;
-use crate::device::Device;
+use crate::device::{Device, PACE};
 use crate::process::Bridge;
 
 #[test]
@@ -72,4 +72,20 @@ fn another_model_gives_codes_and_a_message_that_says_what_to_do() {
         log.contains("0909090909090909") && log.contains("--model"),
         "{log}"
     );
+}
+
+#[test]
+fn a_reader_that_does_not_read_cannot_keep_the_bridge() {
+    let device = Device::tcp(Board::new());
+    let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
+    let stdout = bridge.stdout();
+    // More than the 64 KB that a pipe takes.
+    while device.controls.made.load(Relaxed) < 100 {
+        std::thread::sleep(PACE);
+    }
+    bridge.signal(Signal::TERM);
+    let (status, log) = bridge.wait();
+    assert_eq!(status.code(), Some(1), "{log}");
+    assert!(log.contains("lines are lost"), "{log}");
+    drop(stdout);
 }

@@ -133,3 +133,25 @@ fn a_device_that_is_not_there_yet_is_waited_for() {
     assert!(status.success(), "{log}");
     assert!(log.contains("plug the device in"), "{log}");
 }
+
+#[test]
+fn a_port_belongs_to_one_bridge_and_is_free_when_that_one_dies() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("board");
+    let device = Device::pty(Board::new(), &path);
+    // Someone else holds the terminal open all the time, as host-sim does.
+    let held = std::fs::File::open(&path).unwrap();
+    let mut first = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
+    encoded(&mut first).recv_timeout(PATIENCE).unwrap();
+    let mut second = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
+    let frames = encoded(&mut second);
+    let while_taken = frames.recv_timeout(Duration::from_secs(1));
+    assert!(while_taken.is_err(), "both have it");
+    first.signal(Signal::KILL);
+    drop(first);
+    frames.recv_timeout(PATIENCE).unwrap();
+    second.signal(Signal::TERM);
+    let (status, log) = second.wait();
+    assert!(status.success() && log.contains("fuser -v"), "{log}");
+    drop(held);
+}
