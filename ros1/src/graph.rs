@@ -35,6 +35,8 @@ pub(crate) struct Graph {
     pub(crate) subscribers: BTreeMap<String, Arc<IncomingTopic>>,
     pub(crate) services: BTreeMap<String, Arc<Provider>>,
     pub(crate) registered: HashSet<Key>,
+    /// What the master refused last time, so that the log says it once.
+    pub(crate) refused: HashSet<Key>,
     /// The node has shut down: nothing comes in any more.
     pub(crate) closed: bool,
 }
@@ -59,6 +61,7 @@ impl Graph {
     /// Takes one thing out and ends its connections.
     pub(crate) fn remove(&mut self, key: &Key) {
         self.registered.remove(key);
+        self.refused.remove(key);
         match key {
             Key::Publisher(name) => {
                 if let Some(topic) = self.publishers.remove(name) {

@@ -152,10 +152,12 @@ impl Node {
         self.names.resolve(name)
     }
 
-    /// Publishes a topic. Without a master it is registered later.
+    /// Publishes a topic. Without a master, or with one that does not answer within 2 s, it is
+    /// registered later.
     ///
     /// # Errors
-    /// The name cannot be used, the node publishes the topic already, or the master refuses it.
+    /// The name cannot be used, the node publishes the topic already, or the master refuses it. A
+    /// later registration that is refused is tried again and logged once.
     pub async fn advertise(
         &self,
         topic: &str,
@@ -286,7 +288,7 @@ impl Node {
 
     /// Tells the master about what is new. When it refuses, the lease takes the thing back out.
     async fn register(&self, lease: Lease) -> Result<Lease, NodeError> {
-        let refused = self.registrar.tend().await;
+        let refused = self.registrar.introduce().await;
         match refused.into_iter().find(|(key, _)| key == lease.key()) {
             Some((key, source)) => Err(NodeError::Refused {
                 what: key.to_string(),

@@ -1,7 +1,10 @@
 //! Keeps the master's knowledge of this node equal to the node's graph.
 
 use std::{
-    sync::{Arc, Mutex},
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicBool, Ordering::Relaxed},
+    },
     time::Duration,
 };
 
@@ -20,6 +23,8 @@ use crate::{
 const ONLINE_PERIOD: Duration = Duration::from_secs(1);
 /// How often one that does not answer is tried.
 const OFFLINE_PERIOD: Duration = Duration::from_millis(500);
+/// Whoever offers something waits this long for a master that takes the call and does not answer.
+const OFFER_LIMIT: Duration = Duration::from_secs(2);
 /// Unregistering at shutdown may take this long in all: a master that is gone must not hold us.
 const FAREWELL_LIMIT: Duration = Duration::from_secs(2);
 
@@ -36,6 +41,8 @@ pub(crate) struct Registrar {
     pub(crate) online: watch::Sender<bool>,
     pub(crate) shutdown_requested: watch::Sender<bool>,
     released: mpsc::UnboundedSender<Key>,
+    /// The last call had no answer in time: nobody but the keeper waits for the next one.
+    mute: AtomicBool,
     /// One conversation with the master at a time, so that its order is the graph's.
     conversation: tokio::sync::Mutex<()>,
 }
@@ -58,6 +65,7 @@ impl Registrar {
             online: watch::Sender::new(false),
             shutdown_requested: watch::Sender::new(false),
             released,
+            mute: AtomicBool::new(false),
             conversation: tokio::sync::Mutex::default(),
         };
         (registrar, withdrawals)
@@ -114,6 +122,19 @@ impl Registrar {
         })
     }
 
+    /// As [`Registrar::tend`], for who has just offered something: what a slow master does not
+    /// answer in time is left to the keeper, a refusal of it to the log.
+    pub(crate) async fn introduce(&self) -> Vec<(Key, CallError)> {
+        if self.mute.load(Relaxed) {
+            return Vec::new();
+        }
+        let refused = timeout(OFFER_LIMIT, self.tend()).await;
+        refused.unwrap_or_else(|_| {
+            self.mute.store(true, Relaxed);
+            Vec::new()
+        })
+    }
+
     async fn register_missing(&self) -> Result<Vec<(Key, CallError)>, CallError> {
         let missing: Vec<Key> = {
             let graph = lock(&self.graph);
@@ -126,9 +147,17 @@ impl Registrar {
         let mut refused = Vec::new();
         for key in missing {
             match self.register(&key).await {
-                Ok(()) => {}
+                Ok(()) => {
+                    lock(&self.graph).refused.remove(&key);
+                }
                 Err(error @ CallError::Refused { .. }) => {
-                    tracing::error!(node = self.node, "{key} was refused by the master: {error}");
+                    if lock(&self.graph).refused.insert(key.clone()) {
+                        tracing::error!(
+                            node = self.node,
+                            "{key} was refused by the master: {error}; it is offered again every \
+                             second"
+                        );
+                    }
                     refused.push((key, error));
                 }
                 Err(error) => return Err(error),
@@ -250,7 +279,10 @@ impl Registrar {
     async fn call(&self, method: &str, arguments: &[Value]) -> Result<Value, CallError> {
         let mut all = vec![Value::from(self.node.as_str())];
         all.extend_from_slice(arguments);
-        call_ros(&self.master_uri, method, &all).await
+        let outcome = call_ros(&self.master_uri, method, &all).await;
+        let mute = matches!(outcome, Err(CallError::Timeout { .. }));
+        self.mute.store(mute, Relaxed);
+        outcome
     }
 
     fn went_offline(&self, error: &CallError) {

@@ -9,6 +9,7 @@ mod http;
 mod keepalive;
 mod lifecycle;
 mod local;
+mod refusals;
 mod restart;
 mod services;
 mod slave_api;
