@@ -8,6 +8,10 @@
 //! lag of the last 10 s once the drift is taken out, so that a change of drift shows within
 //! seconds; it falls at once but rises no faster than a clock can drift, so that a stalled host
 //! does not shift it. Host times are monotonic ones; the wall clock is added last.
+//!
+//! Delays of one direction alone cannot tell the least delay from an offset of the clocks, so every
+//! stamp is late by the least time from a code's last sample to its reading: the encoder's run and
+//! the link's transfer. That is a constant, which shifts all frames of a recording alike.
 
 use std::collections::VecDeque;
 
@@ -193,7 +197,7 @@ impl Clock {
             );
         }
         wall.waits = behind && off >= -WALL_WAIT_NS;
-        if off > WALL_STEP_NS || off < -WALL_WAIT_NS {
+        if !(-WALL_WAIT_NS..=WALL_STEP_NS).contains(&off) {
             self.wall_steps_back = self.wall_steps_back.wrapping_add(u32::from(behind));
             wall.offset_ns = observed;
             return;

@@ -46,7 +46,7 @@ fn errors(scene: &Scene) -> Vec<(f64, f64)> {
         let ppm = (scene.ppm)((device_us - 5e9) / 1e6);
         device_us += HOP_US;
         host_us += HOP_US * (1.0 + ppm * 1e-6);
-        // 3 ms for the encoder, then the link; a stream keeps its order.
+        // A stream keeps its order.
         last_read = (scene.read_at)(host_us, &mut noise).max(last_read);
         let read = HostTime {
             monotonic_us: last_read as i64,
@@ -259,6 +259,25 @@ fn settled() -> (Clock, i64) {
         assert!(clock.observe(code * 62_500, read(code.cast_signed() * 62_500, 0)));
     }
     (clock, 10_000_000)
+}
+
+#[test]
+fn the_least_delay_is_a_constant_that_stamps_are_late_by() {
+    // 3 ms for the encoder and 2 ms at least for the link.
+    let scene = Scene {
+        ppm: |_| 20.0,
+        read_at: |sent, noise| jitter(sent + 5000.0, noise),
+        wall_step: no_step,
+        seconds: 200,
+    };
+    let errors = errors(&scene);
+    let settled = errors.iter().filter(|(seconds, _)| *seconds > 60.0);
+    for (seconds, error) in settled {
+        assert!(
+            (4500.0..5500.0).contains(error),
+            "{error} us at {seconds} s"
+        );
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! What `/encoded` and the announcement hold.
 
-use bridge::{FillerPolicy, Settings, StampPoint, TRI_LABELS};
+use bridge::{AnnouncedStream, FillerPolicy, Settings, StampPoint, TRI_LABELS};
 use link::ToDevice;
 
 use crate::board::{Board, WALL_START_NS};
@@ -103,4 +103,25 @@ fn diagnostics_tell_of_a_loss_once() {
     );
     let after = levels(&mut desk);
     assert!(after.iter().all(|line| line.ends_with("Ok")), "{after:?}");
+}
+
+#[test]
+fn the_reconstruction_is_announced_on_demand_and_only_if_there_is_one() {
+    let settings = Settings {
+        announced: AnnouncedStream::Reconstructed,
+        ..SETTINGS
+    };
+    let announced = |board| {
+        let mut desk = Desk::new(settings, board);
+        desk.connect();
+        desk.recorder.announced.remove(0).info
+    };
+    let info = announced(Board::new()).unwrap();
+    assert_eq!(info.shape().nchannels, [61, 0, 8]);
+    assert_eq!((info.shape().sr, info.shape().nsamples), (128, 8));
+    let other = Board {
+        model_id: [9; 8],
+        ..Board::new()
+    };
+    assert_eq!(announced(other), None);
 }

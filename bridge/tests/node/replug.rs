@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
+use rustix::fs::{Mode, OFlags};
 use rustix::process::Signal;
 use serde_json::Value;
 
@@ -139,10 +140,12 @@ fn a_port_belongs_to_one_bridge_and_is_free_when_that_one_dies() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("board");
     let device = Device::pty(Board::new(), &path);
-    // Someone else holds the terminal open all the time, as host-sim does.
-    let held = std::fs::File::open(&path).unwrap();
     let mut first = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
-    encoded(&mut first).recv_timeout(PATIENCE).unwrap();
+    let of_first = encoded(&mut first);
+    of_first.recv_timeout(PATIENCE).unwrap();
+    // Someone else holds the terminal open all the time, as host-sim does.
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
+    let held = rustix::fs::open(&path, flags, Mode::empty()).unwrap();
     let mut second = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
     let frames = encoded(&mut second);
     let while_taken = frames.recv_timeout(Duration::from_secs(1));
