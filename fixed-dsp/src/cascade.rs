@@ -22,11 +22,7 @@ impl<const N: usize> CascadeState<N> {
     pub const REST: Self = Self {
         x1: 0,
         x2: 0,
-        sections: [SectionState {
-            y1: 0,
-            y2: 0,
-            error: 0,
-        }; N],
+        sections: [SectionState::REST; N],
     };
 }
 
