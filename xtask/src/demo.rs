@@ -19,8 +19,8 @@ use crate::spread::Spread;
 /// What the demo can be told.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct DemoOptions {
-    /// Seconds of EEG.
-    #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(5..=3600))]
+    /// Seconds of EEG; the filters take the first 9.5 to settle, and nothing is compared before.
+    #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(12..=3600))]
     seconds: u32,
     /// Seed of the synthetic EEG.
     #[arg(long, default_value_t = 1)]
