@@ -14,7 +14,7 @@
 //!    with int8 codes. `cargo run --release --package trainer -- evaluate --artifact model/artifact
 //!    --data FOLDER` prints it again.
 //! 4. Build: `model/build.rs` turns the new artifact into integers and refuses one that it cannot
-//!    prove; copy the `manifest.txt` that its test shows.
+//!    prove; `UPDATE_MANIFEST=1 cargo test --package model` writes the new `manifest.txt`.
 //!
 //! An interrupted training goes on with `--resume`. The same seed, files and machine give the same
 //! bytes.
@@ -22,7 +22,7 @@
 //! # The network
 //! Mode `shortcut`: the paper's encoder and decoder beside a linear map from window to code and
 //! back. The linear map starts as PCA, the convolutions contribute exactly nothing at first, and
-//! epoch 0 is a candidate: on the validation blocks the result is never worse than PCA.
+//! epoch 0 is a candidate: on the validation blocks the float codes are never worse than PCA's.
 #![forbid(unsafe_code)]
 
 pub mod adam;
