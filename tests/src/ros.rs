@@ -131,8 +131,11 @@ fn start_core(port: u16, folder: &Path, number: u32) -> io::Result<Process> {
 }
 
 fn command(program: &str, port: u16, folder: &Path) -> Command {
-    let mut command = Command::new(program);
+    // A shell starts background jobs with SIGINT ignored, its children inherit that, and `rosbag
+    // record` would then not close its bag.
+    let mut command = Command::new("env");
     command
+        .args(["--default-signal=INT", program])
         .current_dir(folder)
         .env_clear()
         .env("PATH", PATH)
