@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-use rustix::process::{Pid, Signal, kill_process, kill_process_group};
+use rustix::process::{Pid, Signal, kill_process, kill_process_group, test_kill_process_group};
 
 /// How often a condition is looked at.
 const POLL: Duration = Duration::from_millis(20);
@@ -60,13 +60,24 @@ impl Process {
         matches!(self.child.try_wait(), Ok(None))
     }
 
-    /// Sends a signal to the group and waits until the program has left.
+    /// Sends a signal to the group and waits until the program has left, and then for what else is
+    /// in the group: `rosbag record` ends before the recorder that it started has closed its bag.
     ///
     /// # Panics
     /// When it still runs after `patience`: leaving cleanly is part of what is tested.
     pub fn end(mut self, signal: Signal, patience: Duration) -> ExitStatus {
         self.signal(signal);
-        self.wait(patience)
+        let status = self.wait(patience);
+        let end = Instant::now() + patience;
+        while Instant::now() < end && self.group_lives() {
+            std::thread::sleep(POLL);
+        }
+        status
+    }
+
+    /// Whether any process of the group is left.
+    fn group_lives(&self) -> bool {
+        test_kill_process_group(Pid::from_child(&self.child)).is_ok()
     }
 
     /// Kills the group and every descendant at once.
