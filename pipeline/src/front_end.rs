@@ -110,7 +110,7 @@ mod tests {
                 let mut state = CascadeState::REST;
                 for (&count, expected) in telegraph.iter().zip(expected) {
                     let y = f64::from(cascade.step(&mut state, count << GUARD_BITS));
-                    // Shaped rounding noise of six sections (measured: 47 steps); a wrap anywhere
+                    // Shaped rounding noise of six sections (measured: 15 steps); a wrap anywhere
                     // would be off by millions.
                     assert!((y - expected).abs() < 128.0, "{y} instead of {expected}");
                 }
@@ -182,7 +182,7 @@ mod tests {
             .filter_map(|_| front_end.push(&sample))
             .collect();
         let last_second = &electrodes[electrodes.len() - 128..];
-        // What stays is the noise shaping's own cycle: measured 8 steps of Q28.4, half a count.
+        // What stays is the noise shaping's own cycle: measured 10 steps of Q28.4.
         assert!(
             last_second
                 .iter()
