@@ -6,8 +6,10 @@ use neuro_ros::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, Header, KeyV
 use crate::HostTime;
 use crate::code_stream::CodeStream;
 use crate::session::Session;
+use crate::signal_quality::signal_quality;
 
-/// What goes to `/diagnostics`: device, loss, link and clock.
+/// What goes to `/diagnostics`: device, loss, link and clock, and the electrodes once per report of
+/// the device.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
         stamp: Stamp::from_nanoseconds(now.wall_ns),
@@ -23,6 +25,9 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
         link(session, wire),
         clock(session),
     ];
+    if let Some((quality, codes)) = session.quality.take().zip(session.codes.as_ref()) {
+        status.push(signal_quality(&quality, &codes.device().labels));
+    }
     for status in &mut status {
         status.name.insert_str(0, "corticode: ");
         status.hardware_id.clone_from(&hardware);
@@ -30,7 +35,7 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
     DiagnosticArray { header, status }
 }
 
-fn entry(
+pub(crate) fn entry(
     name: &str,
     (level, message): (DiagnosticLevel, String),
     values: Vec<KeyValue>,

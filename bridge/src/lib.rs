@@ -32,6 +32,7 @@ mod ros;
 mod run;
 mod session;
 mod settings;
+mod signal_quality;
 mod summary;
 mod tri;
 

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use link::{
-    Ack, Capabilities, Encoder, Frame, FrameError, Header, Hello, MAX_FRAME, Stats, Streams,
-    ToDevice, ToHost,
+    Ack, Capabilities, Encoder, Frame, FrameError, Header, Hello, MAX_FRAME, Quality, Stats,
+    Streams, ToDevice, ToHost,
 };
 use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
@@ -39,6 +39,8 @@ pub(crate) struct Session {
     /// What keeps codes or their reconstruction from being published, in words.
     pub(crate) objection: Option<String>,
     pub(crate) stats: Option<Stats>,
+    /// The newest report about the electrodes that `/diagnostics` has not told of.
+    pub(crate) quality: Option<Quality>,
     warned_of_newer: bool,
     warned_of_version: bool,
 }
@@ -75,6 +77,7 @@ impl Session {
             counts: SessionCounts::default(),
             objection: None,
             stats: None,
+            quality: None,
             warned_of_newer: false,
             warned_of_version: false,
         }
@@ -158,6 +161,7 @@ impl Session {
             },
             ToHost::Stats(stats) => self.stats(*stats, header.device_time_us, read, effects),
             ToHost::Ack(ack) => self.ack(*ack, read),
+            ToHost::Quality(quality) => self.quality = Some(quality.clone()),
         }
     }
 
@@ -186,6 +190,7 @@ impl Session {
         self.frames.expect(header.seq);
         self.clock.restart();
         self.stats = None;
+        self.quality = None;
         if reset {
             tracing::warn!("the device was reset, or is another one: {identity}");
             self.counts.resets += 1;

@@ -32,6 +32,7 @@ mod flags;
 mod header;
 mod hello;
 mod message;
+mod quality;
 mod start;
 mod stats;
 
@@ -44,5 +45,6 @@ pub use flags::Flags;
 pub use header::{Header, VERSION};
 pub use hello::{Hello, MAX_TEXT_BYTES, ResetCause};
 pub use message::{Message, ToDevice, ToHost};
+pub use quality::{ElectrodeQuality, MAX_ELECTRODES, Quality};
 pub use start::{Start, Streams};
 pub use stats::Stats;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Ack, Capabilities, Code, Hello, Start, Stats};
+use crate::{Ack, Capabilities, Code, Hello, Quality, Start, Stats};
 
 /// A message that can be framed: one enum per direction.
 pub trait Message<'a>: Serialize + Deserialize<'a> {
@@ -32,10 +32,12 @@ pub enum ToHost<'a> {
     Stats(Stats),
     /// 4: the answer to a command.
     Ack(Ack),
+    /// 5: what each electrode delivered within one second.
+    Quality(Quality),
 }
 
 impl<'a> Message<'a> for ToHost<'a> {
-    const KINDS: u32 = 5;
+    const KINDS: u32 = 6;
     const DIRECTION: u8 = b'H';
 }
 

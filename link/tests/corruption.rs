@@ -2,8 +2,8 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, CODE_LEN, Code, Decoder, Encoder, Flags, Hello, MAX_FRAME, ResetCause, Stats,
-    Streams, ToDevice, ToHost,
+    Ack, AckResult, CODE_LEN, Code, Decoder, ElectrodeQuality, Encoder, Flags, Hello,
+    MAX_ELECTRODES, MAX_FRAME, Quality, ResetCause, Stats, Streams, ToDevice, ToHost,
 };
 use proptest::prelude::*;
 
@@ -57,7 +57,28 @@ fn message() -> impl Strategy<Value = ToHost<'static>> {
             fault: "",
         })
     });
-    prop_oneof![4 => code, 1 => ack, 1 => stats, 1 => hello]
+    let electrode = (any::<[f32; 3]>(), any::<u16>(), any::<bool>()).prop_map(
+        |([rms_uv, mains_uv, mains_residual_uv], samples_at_rail, flat)| ElectrodeQuality {
+            rms_uv,
+            mains_uv,
+            mains_residual_uv,
+            samples_at_rail,
+            flat,
+        },
+    );
+    let quality = (
+        any::<u64>(),
+        any::<bool>(),
+        prop::collection::vec(electrode, 0..=MAX_ELECTRODES),
+    )
+        .prop_map(|(first_sample, settling, electrodes)| {
+            ToHost::Quality(Quality {
+                first_sample,
+                settling,
+                electrodes: electrodes.into_iter().collect(),
+            })
+        });
+    prop_oneof![4 => code, 1 => ack, 1 => stats, 1 => hello, 1 => quality]
 }
 
 /// The frames of `messages` back to back, and where each begins.
@@ -126,6 +147,7 @@ fn owned(message: &ToHost<'_>) -> ToHost<'static> {
         ToHost::Code(code) => ToHost::Code(*code),
         ToHost::Stats(stats) => ToHost::Stats(*stats),
         ToHost::Ack(ack) => ToHost::Ack(*ack),
+        ToHost::Quality(quality) => ToHost::Quality(quality.clone()),
         ToHost::Capabilities(_) => panic!("none was sent"),
     }
 }

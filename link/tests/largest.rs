@@ -2,9 +2,9 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, CODE_LEN, Capabilities, Code, Decoder, Encoder, Flags, Hello, MAX_BODY,
-    MAX_FRAME, MAX_LABELS_BYTES, MAX_TEXT_BYTES, Message, ResetCause, Start, Stats, Streams,
-    ToDevice, ToHost,
+    Ack, AckResult, CODE_LEN, Capabilities, Code, Decoder, ElectrodeQuality, Encoder, Flags, Hello,
+    MAX_BODY, MAX_ELECTRODES, MAX_FRAME, MAX_LABELS_BYTES, MAX_TEXT_BYTES, Message, Quality,
+    ResetCause, Start, Stats, Streams, ToDevice, ToHost,
 };
 
 /// Bytes of the body, from the frame's length: COBS adds 1 + 1 per 254, the zeros 2.
@@ -77,7 +77,20 @@ fn the_largest_frame_fits() {
         of: u32::MAX,
         result: AckResult::Newer(255),
     });
-    for other in [hello, code, stats, ack] {
+    let quality = ToHost::Quality(Quality {
+        first_sample: u64::MAX,
+        settling: true,
+        electrodes: heapless::Vec::from_array(
+            [ElectrodeQuality {
+                rms_uv: f32::MAX,
+                mains_uv: f32::MAX,
+                mains_residual_uv: f32::MAX,
+                samples_at_rail: u16::MAX,
+                flat: true,
+            }; MAX_ELECTRODES],
+        ),
+    });
+    for other in [hello, code, stats, ack, quality] {
         assert!(body_bytes(&other) < largest, "{other:?}");
     }
     let start = Start {

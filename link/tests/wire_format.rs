@@ -2,8 +2,8 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, CODE_LEN, Capabilities, Code, Decoder, Encoder, Flags, Hello, MAX_FRAME,
-    Message, ResetCause, Start, Stats, Streams, ToDevice, ToHost,
+    Ack, AckResult, CODE_LEN, Capabilities, Code, Decoder, ElectrodeQuality, Encoder, Flags, Hello,
+    MAX_FRAME, Message, Quality, ResetCause, Start, Stats, Streams, ToDevice, ToHost,
 };
 
 const DOCUMENT: &str = include_str!("../../docs/wire-format.md");
@@ -92,6 +92,27 @@ fn stats() -> ToHost<'static> {
     })
 }
 
+/// Two electrodes, the second one off.
+fn quality() -> ToHost<'static> {
+    let good = ElectrodeQuality {
+        rms_uv: 12.5,
+        mains_uv: 40.0,
+        mains_residual_uv: 0.25,
+        samples_at_rail: 0,
+        flat: false,
+    };
+    let off = ElectrodeQuality {
+        mains_uv: 3000.0,
+        samples_at_rail: 300,
+        ..good
+    };
+    ToHost::Quality(Quality {
+        first_sample: 8704,
+        settling: false,
+        electrodes: [good, off].into_iter().collect(),
+    })
+}
+
 fn check<'d, M: Message<'d> + PartialEq + core::fmt::Debug>(
     name: &str,
     decoder: &'d mut Decoder,
@@ -143,9 +164,15 @@ fn every_dump_is_what_the_encoder_makes() {
     check("ack", &mut Decoder::new(), (3, 1_002_000), &ack);
     check("code", &mut Decoder::new(), (304, 19_871_093), &code());
     check("stats", &mut Decoder::new(), (305, 19_900_000), &stats());
+    check(
+        "quality",
+        &mut Decoder::new(),
+        (306, 19_900_100),
+        &quality(),
+    );
     check("stop", &mut Decoder::new(), (2, 0), &ToDevice::Stop);
     check("ping", &mut Decoder::new(), (3, 0), &ToDevice::Ping);
-    assert_eq!(dumps().len(), 9, "a dump that no test compares");
+    assert_eq!(dumps().len(), 10, "a dump that no test compares");
 }
 
 #[test]
@@ -163,6 +190,27 @@ fn a_code_frame_takes_the_bytes_that_the_document_says() {
         "{length}"
     );
     assert_eq!(core::mem::size_of_val(&code.values), CODE_LEN);
+}
+
+#[test]
+fn a_quality_frame_takes_the_bytes_that_the_document_says() {
+    let ToHost::Quality(quality) = quality() else {
+        panic!()
+    };
+    let length = |electrode| {
+        let day = Quality {
+            first_sample: 512 * 86_400,
+            electrodes: core::iter::repeat_n(quality.electrodes[electrode], 61).collect(),
+            ..quality
+        };
+        frame(16 * 86_400, 86_400_000_000, &ToHost::Quality(day)).len()
+    };
+    let words = format!(
+        "{} to {} bytes for 61 electrodes, every second",
+        length(0),
+        length(1)
+    );
+    assert!(DOCUMENT.contains(&words), "{words}");
 }
 
 #[test]

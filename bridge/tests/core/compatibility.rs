@@ -13,11 +13,12 @@ enum LaterToHost {
     Code,
     Stats,
     Ack,
+    Quality,
     Event { channel: u8, device_time_us: u64 },
 }
 
 impl link::Message<'_> for LaterToHost {
-    const KINDS: u32 = 6;
+    const KINDS: u32 = 7;
     const DIRECTION: u8 = link::ToHost::DIRECTION;
 }
 

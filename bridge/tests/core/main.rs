@@ -10,4 +10,5 @@ mod loss;
 mod reconstruction;
 mod recorder;
 mod session;
+mod signal_quality;
 mod silence;

@@ -1,0 +1,124 @@
+//! The device's reports about its electrodes, in `/diagnostics`.
+
+use link::{ElectrodeQuality, Quality, ToHost};
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
+
+use crate::board::{Board, at};
+use crate::recorder::{Desk, SETTINGS};
+
+const GOOD: ElectrodeQuality = ElectrodeQuality {
+    rms_uv: 12.34,
+    mains_uv: 20.0,
+    mains_residual_uv: 0.125,
+    samples_at_rail: 0,
+    flat: false,
+};
+
+/// A report of 61 electrodes that are good but for those that `change` changes.
+fn report(change: impl FnOnce(&mut Quality)) -> ToHost<'static> {
+    let mut quality = Quality {
+        first_sample: 5120,
+        settling: false,
+        electrodes: core::iter::repeat_n(GOOD, 61).collect(),
+    };
+    change(&mut quality);
+    ToHost::Quality(quality)
+}
+
+/// What the core makes of a message of a streaming board; none if it says nothing about it.
+fn told(desk: &mut Desk, message: &ToHost) -> Option<DiagnosticStatus> {
+    let bytes = desk.board.frame(0, message);
+    desk.receive(&bytes);
+    shown(desk)
+}
+
+fn shown(desk: &mut Desk) -> Option<DiagnosticStatus> {
+    let statuses = desk.core.diagnostics(at(desk.now_us)).status;
+    statuses
+        .into_iter()
+        .find(|status| status.name == "corticode: signal quality")
+}
+
+#[test]
+fn electrodes_that_are_flat_at_the_rail_or_full_of_mains_are_named() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let message = report(|quality| {
+        quality.electrodes[0].flat = true;
+        quality.electrodes[2].samples_at_rail = 7;
+        quality.electrodes[3].mains_uv = 100.5;
+        quality.electrodes[60].mains_uv = 3000.0;
+    });
+    let status = told(&mut desk, &message).unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Warn);
+    assert_eq!(
+        status.message,
+        "flat: F3; at the rail: Fz; mains above 100 uV: F2 PPO2"
+    );
+    assert_eq!(status.values.len(), 61);
+    assert!(status.hardware_id.starts_with("board "));
+    let value = |index: usize| (&*status.values[index].key, &*status.values[index].value);
+    assert_eq!(
+        value(1),
+        (
+            "F1",
+            "rms 12.3 uV, mains 20.0 uV, 0.12 uV behind the filters"
+        )
+    );
+    assert!(value(0).1.ends_with(", flat"));
+    assert!(value(2).1.ends_with(", 7 samples at the rail"));
+}
+
+#[test]
+fn good_electrodes_are_no_warning_and_a_start_is_told_of() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let status = told(&mut desk, &report(|_| {})).unwrap();
+    assert_eq!(
+        (status.level, &*status.message),
+        (DiagnosticLevel::Ok, "61 electrodes deliver")
+    );
+    let status = told(&mut desk, &report(|quality| quality.settling = true)).unwrap();
+    assert_eq!(
+        (status.level, &*status.message),
+        (DiagnosticLevel::Ok, "the filters settle")
+    );
+}
+
+#[test]
+fn the_newest_report_is_shown_once() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    assert_eq!(shown(&mut desk), None);
+    let older = report(|quality| quality.electrodes[0].flat = true);
+    let older = desk.board.frame(0, &older);
+    desk.receive(&older);
+    let status = told(&mut desk, &report(|_| {})).unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Ok);
+    assert_eq!(shown(&mut desk), None);
+}
+
+#[test]
+fn a_report_of_the_device_before_a_reset_is_not_shown_for_the_next_one() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let bytes = desk.board.frame(0, &report(|_| {}));
+    desk.receive(&bytes);
+    desk.board.reboot();
+    let hello = desk.board.hello();
+    desk.receive(&hello);
+    assert_eq!(shown(&mut desk), None);
+}
+
+#[test]
+fn figures_that_cannot_be_and_electrodes_without_a_label_do_no_harm() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let message = report(|quality| {
+        quality.electrodes[0].mains_uv = f32::NAN;
+        quality.electrodes[1].mains_uv = f32::INFINITY;
+        for _ in 61..64 {
+            quality.electrodes.push(GOOD).unwrap();
+        }
+    });
+    let status = told(&mut desk, &message).unwrap();
+    assert_eq!(status.message, "mains above 100 uV: F1");
+    assert_eq!(status.values[63].key, "electrode 63");
+    let none = report(|quality| quality.electrodes.clear());
+    assert_eq!(told(&mut desk, &none).unwrap().values.len(), 0);
+}
