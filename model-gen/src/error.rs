@@ -84,6 +84,73 @@ pub enum FilterError {
         /// Upper edge in Hz.
         high_hz: f64,
     },
+    /// Steps that come faster than samples.
+    #[error(
+        "{rate_hz} samples a second cannot make {step_rate_hz} steps a second: [adc] rate_hz of \
+         model.toml must be at least {step_rate_hz}"
+    )]
+    BelowStepRate {
+        /// Sampling rate in Hz.
+        rate_hz: u32,
+        /// Rate of the encoder's time steps in Hz.
+        step_rate_hz: u32,
+    },
+    /// Picking every n-th sample with no whole n.
+    #[error(
+        "literal decimation keeps every n-th sample, but {rate_hz} Hz is no multiple of \
+         {step_rate_hz} Hz: write [filters] decimation = \"fir\" in model.toml, which takes any \
+         rate, or sample at {nearest_hz} Hz"
+    )]
+    LiteralRate {
+        /// Sampling rate in Hz.
+        rate_hz: u32,
+        /// Rate of the encoder's time steps in Hz.
+        step_rate_hz: u32,
+        /// The closest rate that is a multiple.
+        nearest_hz: u32,
+    },
+    /// A ratio of the rates that does not fit 16 bits.
+    #[error(
+        "{rate_hz} Hz over {step_rate_hz} Hz has no lowest terms below 65536: lower [adc] rate_hz \
+         in model.toml"
+    )]
+    RateTerms {
+        /// Sampling rate in Hz.
+        rate_hz: u32,
+        /// Rate of the encoder's time steps in Hz.
+        step_rate_hz: u32,
+    },
+    /// A resampler that would not leave room for the encoder.
+    #[error(
+        "at {rate_hz} Hz the resampler has {phases} phases of {taps} taps, and {what} takes \
+         {bytes} B, more than {largest}: lower [adc] rate_hz in model.toml to 2144 Hz at most, or \
+         choose one that has a larger divisor in common with the steps' rate"
+    )]
+    ResamplerSize {
+        /// What is too large.
+        what: &'static str,
+        /// Sampling rate in Hz.
+        rate_hz: u32,
+        /// Phases.
+        phases: usize,
+        /// Taps of each phase.
+        taps: usize,
+        /// Its size.
+        bytes: usize,
+        /// The largest size.
+        largest: usize,
+    },
+    /// A sum of taps that could leave the resampler's accumulator.
+    #[error(
+        "the taps of the resampler from {rate_hz} Hz add up to {magnitude} / 2^30, which leaves \
+         its 64-bit accumulator no room: raise [adc] rate_hz in model.toml"
+    )]
+    ResamplerAccumulator {
+        /// Sampling rate in Hz.
+        rate_hz: u32,
+        /// Sum of the magnitudes, Q2.30.
+        magnitude: u64,
+    },
     /// A node of the cascade could leave 32 bits.
     #[error(
         "{node} can reach {gain:.2} times the input: full-scale ADC counts with 4 guard bits \

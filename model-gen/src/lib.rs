@@ -9,11 +9,13 @@ pub mod design;
 mod device_model;
 mod emit;
 mod error;
+pub mod fir;
 pub mod headroom;
 mod integer_model;
 mod manifest;
 pub mod pack;
 mod quantise;
+pub mod resampler;
 pub mod response;
 mod rounding;
 mod rows;
@@ -29,6 +31,7 @@ pub use integer_model::{
 };
 pub use manifest::manifest;
 pub use quantise::quantise;
+pub use resampler::ResamplerTable;
 
 /// Reads the artifact in `artifact_dir` and writes `generated.rs` and `manifest.txt` to `out_dir`.
 ///

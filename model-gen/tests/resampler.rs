@@ -1,0 +1,148 @@
+//! The resampler's design against scipy's, its phases and what it refuses; `scipy_firwin.py` beside
+//! this file printed the golden numbers.
+
+use artifact::Decimation;
+use model_gen::{
+    FilterError, ResamplerTable,
+    fir::kaiser_low_pass,
+    resampler::{CUTOFF_HZ, KAISER_BETA, UNITY},
+};
+
+const GOLDEN: &str = include_str!("scipy_firwin.csv");
+
+/// The rates that amplifiers have.
+const RATES: [u32; 6] = [250, 256, 500, 512, 1_000, 1_024];
+
+/// Rate, phases, taps of all phases together, index and value of each line.
+fn golden() -> impl Iterator<Item = (u32, usize, usize, usize, f64)> {
+    GOLDEN
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .map(|line| {
+            let mut columns = line.split(',');
+            let mut integer = || -> usize {
+                let column = columns.next().expect("five columns");
+                column.parse().expect("the golden file holds numbers")
+            };
+            let (rate, phases, taps, index) = (integer(), integer(), integer(), integer());
+            let value = columns.next().expect("five columns");
+            let value = value.parse().expect("the golden file holds numbers");
+            let rate = u32::try_from(rate).expect("a rate");
+            (rate, phases, taps, index, value)
+        })
+}
+
+fn fir(rate_hz: u32) -> Result<ResamplerTable, FilterError> {
+    ResamplerTable::new(Decimation::Fir, rate_hz, 128)
+}
+
+#[test]
+fn the_low_pass_equals_scipy_s_to_1e_12() {
+    let mut rates = std::collections::BTreeSet::new();
+    for (rate, phases, taps, index, expected) in golden() {
+        rates.insert(rate);
+        #[expect(clippy::cast_precision_loss, reason = "phases <= 64")]
+        let high_rate = f64::from(rate) * phases as f64;
+        let found = kaiser_low_pass(taps, CUTOFF_HZ, KAISER_BETA, high_rate)[index];
+        // Measured: 3e-17.
+        assert!(
+            (found - expected).abs() < 1e-12,
+            "tap {index} at {rate} Hz: {found} {expected}"
+        );
+    }
+    assert!(rates.into_iter().eq(RATES));
+}
+
+#[test]
+fn the_quantised_low_pass_has_scipy_s_taps_but_for_the_gain_of_each_phase() {
+    for (rate, phases, taps, index, expected) in golden() {
+        let table = fir(rate).expect("a usual rate");
+        assert_eq!(
+            (table.phases(), table.phases() * table.taps_per_phase()),
+            (phases, taps)
+        );
+        let found = table.prototype()[index];
+        // At 250 Hz one phase in 64 has a gain of 1.0002 before it is normalised, and the largest
+        // tap is 0.5 / 64: measured 1.6e-6.
+        assert!(
+            (found - expected).abs() < 3e-6,
+            "tap {index} at {rate} Hz: {found} {expected}"
+        );
+    }
+}
+
+#[test]
+fn a_constant_passes_every_phase_of_every_rate_unchanged_and_no_sum_overflows() {
+    let mut refused = 0;
+    for rate in 134..=2_144 {
+        match fir(rate) {
+            Ok(table) => {
+                for taps in &table.taps {
+                    assert_eq!(
+                        taps.iter().map(|&t| i64::from(t)).sum::<i64>(),
+                        i64::from(UNITY)
+                    );
+                }
+                assert!(usize::from(table.down) >= table.phases());
+                assert!(table.largest_magnitude() < 1 << 31);
+            }
+            Err(FilterError::ResamplerSize { .. }) => refused += 1,
+            Err(error) => panic!("{rate} Hz: {error}"),
+        }
+    }
+    // Odd rates above 1024 Hz need 128 phases of more than 128 taps; so with 64, 32 and 16 phases.
+    assert!(refused > 500, "{refused}");
+}
+
+#[test]
+fn the_ratio_is_in_lowest_terms() {
+    let terms = |rate| fir(rate).map(|table| (table.phases(), table.down, table.taps_per_phase()));
+    assert_eq!(terms(250), Ok((64, 125, 32)));
+    assert_eq!(terms(256), Ok((1, 2, 32)));
+    assert_eq!(terms(500), Ok((32, 125, 64)));
+    assert_eq!(terms(512), Ok((1, 4, 64)));
+    assert_eq!(terms(1_000), Ok((16, 125, 128)));
+    assert_eq!(terms(1_024), Ok((1, 8, 128)));
+}
+
+#[test]
+fn literal_decimation_is_one_tap_of_one() {
+    for rate in [128, 256, 512, 1_024] {
+        let table = ResamplerTable::new(Decimation::Literal, rate, 128).expect("a multiple");
+        assert_eq!(u32::from(table.down), rate / 128);
+        assert_eq!(table.taps, [[UNITY]]);
+    }
+}
+
+#[test]
+fn what_cannot_be_resampled_is_refused_with_the_number_and_the_remedy() {
+    let refused = |decimation, rate| {
+        ResamplerTable::new(decimation, rate, 128)
+            .expect_err("this rate makes no sense")
+            .to_string()
+    };
+    let literal = refused(Decimation::Literal, 500);
+    assert!(
+        literal.contains("500 Hz is no multiple of 128 Hz"),
+        "{literal}"
+    );
+    assert!(
+        literal.contains("\"fir\"") && literal.contains("512 Hz"),
+        "{literal}"
+    );
+    let slow = refused(Decimation::Fir, 100);
+    assert!(
+        slow.contains("100 samples a second") && slow.contains("at least 128"),
+        "{slow}"
+    );
+    // 61 electrodes, 272 taps of 4 B.
+    let history = refused(Decimation::Fir, 2_176);
+    assert!(history.contains("66368 B, more than 65536"), "{history}");
+    assert!(history.contains("electrodes"), "{history}");
+    let table = refused(Decimation::Fir, 1_025);
+    assert!(table.contains("128 phases of 132 taps"), "{table}");
+    // So close to the steps' rate that nothing is left of the low-pass's slope.
+    assert!(refused(Decimation::Fir, 133).contains("from 133 Hz add up to"));
+    assert!(refused(Decimation::Literal, 0).contains("at least 128"));
+    assert!(refused(Decimation::Fir, 9_999_999).contains("65536"));
+}
