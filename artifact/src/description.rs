@@ -148,8 +148,10 @@ impl Adc {
 pub struct Filters {
     /// Mains frequencies to choose from at start, Hz.
     pub mains_hz: Vec<u32>,
-    /// Quality of the notch at the mains frequency.
+    /// Quality of the notch at the mains frequency, and of those at its harmonics.
     pub notch_q: f64,
+    /// Further notches, at 2, 3, .. times the mains frequency; 0: only the mains frequency itself.
+    pub harmonics: u32,
     /// Edges of the Butterworth band-pass, Hz.
     pub band_hz: [f64; 2],
     /// Order of the band-pass, as `scipy.signal.butter` counts it.
@@ -162,9 +164,10 @@ pub struct Filters {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Decimation {
-    /// Every n-th sample, as in the paper.
+    /// Every n-th sample, as in the paper: what the filters leave above half of the window's rate
+    /// folds back. The ADC's rate must be a multiple of the window's.
     Literal,
-    /// A low-pass FIR first.
+    /// A low-pass FIR first, from any rate of the ADC.
     Fir,
 }
 

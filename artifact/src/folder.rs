@@ -211,14 +211,16 @@ mod tests {
     #[test]
     fn impossible_descriptions_are_refused_by_field() {
         type Change = fn(&mut Description);
-        let cases: [(Change, &str); 9] = [
+        let cases: [(Change, &str); 11] = [
             (|d| d.format = 2, "format"),
             (|d| d.window.hop = 7, "window.hop"),
             (|d| d.grid.cells.truncate(9), "grid.cells"),
             (|d| d.montage.electrodes.truncate(60), "montage.electrodes"),
             (|d| d.adc.rate_hz = 500, "adc.rate_hz"),
+            (|d| d.adc.rate_hz = 0, "adc.rate_hz"),
             (|d| d.adc.channels = 60, "adc.channels"),
             (|d| d.filters.band_hz = [0.5, 256.0], "filters.band_hz"),
+            (|d| d.filters.harmonics = 4, "filters.harmonics"),
             (|d| d.input.sd_uv = f64::NAN, "input.sd_uv"),
             (
                 |d| d.training.interpolated_electrodes = 0,

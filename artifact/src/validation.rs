@@ -153,12 +153,17 @@ fn labels(d: &Description) -> Result<(), ArtifactError> {
 
 fn converter(d: &Description) -> Result<(), ArtifactError> {
     let adc = &d.adc;
-    let literal = d.filters.decimation == Decimation::Literal;
     require(
-        adc.rate_hz >= RATE_HZ && (!literal || adc.rate_hz.is_multiple_of(RATE_HZ)),
+        adc.rate_hz >= RATE_HZ,
         "adc.rate_hz",
         &adc.rate_hz,
-        "at least 128, and a multiple of it with literal decimation",
+        "at least 128, the rate of a window's steps",
+    )?;
+    require(
+        d.filters.decimation == Decimation::Fir || adc.rate_hz.is_multiple_of(RATE_HZ),
+        "adc.rate_hz",
+        &adc.rate_hz,
+        "a multiple of 128 when filters.decimation is \"literal\"; \"fir\" takes any rate",
     )?;
     require(
         adc.vref_v.is_finite() && adc.vref_v > 0.0,
@@ -187,6 +192,14 @@ fn filters(d: &Description) -> Result<(), ArtifactError> {
         "filters.mains_hz",
         &filters.mains_hz,
         "one or more frequencies below half of adc.rate_hz",
+    )?;
+    let highest_mains = filters.mains_hz.iter().copied().max().unwrap_or(0);
+    let highest_notch = (f64::from(filters.harmonics) + 1.0) * f64::from(highest_mains);
+    require(
+        highest_notch < nyquist,
+        "filters.harmonics",
+        &filters.harmonics,
+        "so few that 1 + harmonics times the mains frequency lies below half of adc.rate_hz",
     )?;
     require(
         filters.notch_q.is_finite() && filters.notch_q > 0.0,

@@ -122,6 +122,10 @@ fn refuse_unsupported(description: &Description) -> Result<(), ModelGenError> {
         let found = format!("{:?}", description.filters.decimation);
         return unsupported("[filters] decimation", found, "\"literal\"");
     }
+    if description.filters.harmonics != 0 {
+        let found = description.filters.harmonics.to_string();
+        return unsupported("[filters] harmonics", found, "0");
+    }
     if MAINS_HZ
         .iter()
         .any(|hz| !description.filters.mains_hz.contains(hz))

@@ -29,6 +29,7 @@ pub fn description() -> Description {
         filters: Filters {
             mains_hz: vec![50, 60],
             notch_q: 30.0,
+            harmonics: 0,
             band_hz: [0.5, 60.0],
             order: 5,
             decimation: Decimation::Literal,
