@@ -1,8 +1,11 @@
 //! Sections in series.
 
-use crate::{Section, SectionState};
+use crate::{Section, SectionState, section::Remainders};
 
-/// Configuration of `N` sections in series; shared by all channels.
+/// Configuration of `N` sections in series, at most [`LONGEST`]; shared by all channels.
+///
+/// Wraps on overflow: the L1 norm of every prefix's impulse response times the input range must
+/// stay below 2^31 (model-gen proves it for the cascades that it emits).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cascade<const N: usize> {
     /// In the order in which the signal passes.
@@ -32,22 +35,47 @@ impl<const N: usize> Default for CascadeState<N> {
     }
 }
 
+/// Most sections in a cascade.
+pub const LONGEST: usize = 12;
+
 impl<const N: usize> Cascade<N> {
-    /// Filters one sample of one channel; same unit and format out as in.
-    ///
-    /// Wraps on overflow: the L1 norm of every prefix's impulse response times the input range
-    /// must stay below 2^31 (model-gen proves it for the cascades that it emits).
-    #[inline]
-    pub fn step(&self, state: &mut CascadeState<N>, x: i32) -> i32 {
-        let (mut x1, mut x2) = (state.x1, state.x2);
-        (state.x1, state.x2) = (x, state.x1);
-        let mut signal = x;
-        for (section, memory) in self.sections.iter().zip(&mut state.sections) {
-            let earlier = Section::outputs(memory);
-            signal = section.step(memory, signal, x1, x2);
-            (x1, x2) = earlier;
+    /// What the compiler does not know of a cascade whose shapes and integers it knows.
+    pub(crate) const fn remainders(&self) -> [Remainders; N] {
+        let mut remainders = [[0; 3]; N];
+        let mut index = 0;
+        while index < N {
+            remainders[index] = self.sections[index].remainders();
+            index += 1;
         }
-        signal
+        remainders
+    }
+
+    /// Filters consecutive samples of one channel.
+    #[inline(always)]
+    #[expect(unused_assignments, reason = "nobody asks for the last section's")]
+    pub(crate) fn run<const B: usize>(
+        &self,
+        remainders: &[Remainders; N],
+        state: &mut CascadeState<N>,
+        mut block: [i32; B],
+    ) -> [i32; B] {
+        const { assert!(N <= LONGEST, "a cascade has at most 12 sections") };
+        let mut before = [state.x1, state.x2];
+        for x in block {
+            (state.x2, state.x1) = (state.x1, x);
+        }
+        // Written out, because the compiler does not unroll a loop of this size and would decide at
+        // run time what it knows: 132 instead of 53 instructions per sample on a Cortex-M4.
+        macro_rules! in_turn {
+            ($($index:literal)*) => {$(
+                if $index < N {
+                    let (section, memory) = (&self.sections[$index], &mut state.sections[$index]);
+                    before = section.block(&remainders[$index], memory, before, &mut block);
+                }
+            )*};
+        }
+        in_turn!(0 1 2 3 4 5 6 7 8 9 10 11);
+        block
     }
 }
 
@@ -56,19 +84,16 @@ mod tests {
     use std::vec::Vec;
 
     use super::*;
-    use crate::{Coefficient, Shape};
+    use crate::{Coefficient, Filter};
 
     /// DC-blocking high-pass and a gentle low-pass, poles at 0.9 and 0.5 (double): arbitrary but
     /// stable, so that behaviour and not a design is tested here.
     fn cascade() -> Cascade<2> {
-        let high_pass = Section {
-            shape: Shape::HighPass,
-            gain: Coefficient::ONE,
+        let high_pass = Section::HighPass {
             first: Coefficient::nearest(1.8),
             second: Coefficient::nearest(-0.81),
         };
-        let low_pass = Section {
-            shape: Shape::LowPass,
+        let low_pass = Section::LowPass {
             gain: Coefficient::nearest(0.0625),
             first: Coefficient::nearest(1.0),
             second: Coefficient::nearest(-0.25),

@@ -49,16 +49,6 @@ impl Coefficient {
     pub const fn to_q32(self) -> i64 {
         ((self.integer as i64) << 32) + self.remainder as i64
     }
-
-    /// Adds `self * x` to a Q32 accumulator; wraps modulo 2^64, which is exact as long as the
-    /// final sum fits (the caller's proof).
-    #[inline]
-    pub(crate) fn multiply_add(self, accumulator: i64, x: i32) -> i64 {
-        let whole = i64::from(self.integer.wrapping_mul(x)) << 32;
-        accumulator
-            .wrapping_add(whole)
-            .wrapping_add(i64::from(self.remainder) * i64::from(x))
-    }
 }
 
 #[cfg(test)]
@@ -77,25 +67,6 @@ mod tests {
                 (back - value).abs() <= 0.5 / 4_294_967_296.0,
                 "{value} became {back}"
             );
-        }
-    }
-
-    #[test]
-    fn the_product_equals_the_exact_one() {
-        // |coefficient| < 2 and |x| < 2^30, where a product fits; the whole sum may wrap.
-        for value in [-1.996_226, -0.5, 0.982_7, 1.5] {
-            let c = Coefficient::nearest(value);
-            for x in [
-                -1_073_741_823,
-                -134_217_728,
-                -1,
-                0,
-                1,
-                77_777,
-                1_073_741_823,
-            ] {
-                assert_eq!(c.multiply_add(0, x), c.to_q32() * i64::from(x));
-            }
         }
     }
 }

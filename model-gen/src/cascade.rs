@@ -1,6 +1,6 @@
 //! From a filter specification to quantised sections.
 
-use fixed_dsp::{Coefficient, Section, Shape};
+use fixed_dsp::{Coefficient, Section};
 use num_complex::Complex64;
 
 use crate::{
@@ -15,8 +15,11 @@ pub struct FilterSpec {
     pub rate_hz: f64,
     /// Mains frequency in Hz, notched out.
     pub mains_hz: f64,
-    /// Quality of the notch: frequency over -3 dB width.
+    /// Quality of the notch: frequency over -3 dB width. The harmonics' notches have the same, as
+    /// the mains strays k times as far at its k-th multiple.
     pub notch_q: f64,
+    /// Further notches, at 2, 3, .. times the mains frequency.
+    pub harmonics: u32,
     /// Lower and upper -3 dB edge in Hz.
     pub band_hz: [f64; 2],
     /// Order of the band-pass per edge.
@@ -26,7 +29,7 @@ pub struct FilterSpec {
 /// Highest order per edge: beyond it poles crowd so closely that sections stop being sensible.
 const HIGHEST_ORDER: usize = 8;
 
-/// The cascade of a specification: notch, high-pass sections (low Q first), the mixed section if
+/// The cascade of a specification: notches, high-pass sections (low Q first), the mixed section if
 /// the order is odd, low-pass sections (low Q first), each with gain 1 in its pass band.
 ///
 /// This order keeps the signal large at every node and any rounding noise small; scipy's order
@@ -38,11 +41,10 @@ const HIGHEST_ORDER: usize = 8;
 pub fn cascade(spec: &FilterSpec) -> Result<Vec<Section>, FilterError> {
     check(spec)?;
     let [low, high] = spec.band_hz;
-    let mut sections = vec![notch_section(notch(
-        spec.mains_hz,
-        spec.notch_q,
-        spec.rate_hz,
-    ))];
+    let mut sections: Vec<Section> = (0..=spec.harmonics)
+        .map(|index| spec.mains_hz * (f64::from(index) + 1.0))
+        .map(|hz| notch_section(notch(hz, spec.notch_q, spec.rate_hz)))
+        .collect();
     let filter = butterworth_band_pass(spec.order, low, high, spec.rate_hz);
     let pairs = pole_pairs(&filter.poles);
     if pairs.len() != spec.order {
@@ -79,6 +81,15 @@ fn check(spec: &FilterSpec) -> Result<(), FilterError> {
             });
         }
     }
+    let highest_notch_hz = spec.mains_hz * (f64::from(spec.harmonics) + 1.0);
+    if !inside(highest_notch_hz) {
+        return Err(FilterError::Harmonic {
+            hz: highest_notch_hz,
+            harmonics: spec.harmonics,
+            mains_hz: spec.mains_hz,
+            nyquist_hz,
+        });
+    }
     if spec.band_hz[0] >= spec.band_hz[1] {
         return Err(FilterError::EmptyBand {
             low_hz: spec.band_hz[0],
@@ -91,22 +102,19 @@ fn check(spec: &FilterSpec) -> Result<(), FilterError> {
             highest: HIGHEST_ORDER,
         });
     }
-    // The notch's half width in radians must stay below a right angle, where its tangent turns.
-    let half_width = std::f64::consts::PI * spec.mains_hz / spec.rate_hz / spec.notch_q;
+    // The widest notch's half width in radians must stay below a right angle, where its tangent
+    // turns.
+    let half_width = std::f64::consts::PI * highest_notch_hz / spec.rate_hz / spec.notch_q;
     if !(half_width > 0.0 && half_width < std::f64::consts::FRAC_PI_2) {
         return Err(FilterError::NotchQuality { q: spec.notch_q });
     }
     Ok(())
 }
 
-/// `second` follows from the quantised `gain`, so that the gain at DC is exactly 1.
 fn notch_section(notch: crate::design::Notch) -> Section {
-    let gain = Coefficient::nearest(notch.gain);
-    Section {
-        shape: Shape::Notch,
-        gain,
-        first: Coefficient::nearest(notch.gain * notch.cosine),
-        second: Coefficient::from_q32((1 << 32) - 2 * gain.to_q32()),
+    Section::Notch {
+        turn: Coefficient::nearest(-notch.gain * notch.cosine),
+        loss: Coefficient::nearest(1.0 - notch.gain),
     }
 }
 
@@ -150,22 +158,25 @@ fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
         *last *= rest;
     }
 
-    let section = |shape, gain, feedback: &Feedback| Section {
-        shape,
-        gain,
-        first: Coefficient::nearest(feedback.first),
-        second: Coefficient::nearest(feedback.second),
-    };
-    let high = high_pass
-        .iter()
-        .map(|f| section(Shape::HighPass, Coefficient::ONE, f));
-    let middle = mixed
-        .iter()
-        .map(|f| section(Shape::BandPass, Coefficient::nearest(rest), f));
+    let first = |feedback: &Feedback| Coefficient::nearest(feedback.first);
+    let second = |feedback: &Feedback| Coefficient::nearest(feedback.second);
+    let high = high_pass.iter().map(|f| Section::HighPass {
+        first: first(f),
+        second: second(f),
+    });
+    let middle = mixed.iter().map(|f| Section::BandPass {
+        gain: Coefficient::nearest(rest),
+        first: first(f),
+        second: second(f),
+    });
     let low = low_pass
         .iter()
         .zip(&low_gains)
-        .map(|(f, &gain)| section(Shape::LowPass, Coefficient::nearest(gain), f));
+        .map(|(f, &gain)| Section::LowPass {
+            gain: Coefficient::nearest(gain),
+            first: first(f),
+            second: second(f),
+        });
     high.chain(middle).chain(low).collect()
 }
 
@@ -197,26 +208,24 @@ fn is_stable(section: &Section) -> bool {
 
 /// `a1` and `a2` of `1 + a1 z^-1 + a2 z^-2` as quantised.
 pub(crate) fn denominator(section: &Section) -> (f64, f64) {
-    let (first, second) = (value(section.first), value(section.second));
-    // The notch's `first` multiplies x1 - y1, so it is a1 itself.
-    (
-        if section.shape == Shape::Notch {
-            first
-        } else {
-            -first
-        },
-        -second,
-    )
+    match *section {
+        Section::Notch { turn, loss } => (-value(turn), 1.0 - 2.0 * value(loss)),
+        Section::HighPass { first, second }
+        | Section::BandPass { first, second, .. }
+        | Section::LowPass { first, second, .. } => (-value(first), -value(second)),
+    }
 }
 
 /// `b0`, `b1`, `b2` as quantised.
 pub(crate) fn numerator(section: &Section) -> [f64; 3] {
-    let gain = value(section.gain);
-    match section.shape {
-        Shape::Notch => [gain, value(section.first), gain],
-        Shape::HighPass => [gain, -2.0 * gain, gain],
-        Shape::BandPass => [gain, 0.0, -gain],
-        Shape::LowPass => [gain, 2.0 * gain, gain],
+    match *section {
+        Section::Notch { turn, loss } => {
+            let outer = 1.0 - value(loss);
+            [outer, -value(turn), outer]
+        }
+        Section::HighPass { .. } => [1.0, -2.0, 1.0],
+        Section::BandPass { gain, .. } => [value(gain), 0.0, -value(gain)],
+        Section::LowPass { gain, .. } => [value(gain), 2.0 * value(gain), value(gain)],
     }
 }
 

@@ -2,13 +2,14 @@
 
 use std::fmt::{Display, Write as _};
 
-use fixed_dsp::{Coefficient, Section, Shape};
+use fixed_dsp::{Coefficient, Section};
 
 use crate::{
     device_model::{DeviceModel, MainsFilter},
     headroom::GUARD_BITS,
     integer_model::{IntegerConv, POOLED, STEPS},
     pack,
+    resampler::ResamplerTable,
 };
 
 /// The generated part of the `model` crate.
@@ -16,6 +17,7 @@ pub fn rust(model: &DeviceModel) -> String {
     let mut out = Source::default();
     out.constants(model);
     out.montage(model);
+    out.resampler(&model.resampler);
     for filter in &model.filters {
         out.mains_filter(filter);
     }
@@ -72,12 +74,15 @@ impl Source {
             ),
         );
         self.item(
-            "ADC samples per time step.",
-            format_args!("pub const DECIMATION: u8 = {};", model.decimation()),
-        );
-        self.item(
             "Time steps from one window to the next.",
             format_args!("pub const HOP: usize = {};", description.window.hop),
+        );
+        self.item(
+            "From the middle of a window to its last step, microseconds.",
+            format_args!(
+                "pub const WINDOW_CENTRE_US: u32 = {};",
+                separated(model.window_centre_us())
+            ),
         );
         self.item(
             "Bits below a count that a filtered sample carries.",
@@ -119,10 +124,34 @@ impl Source {
         );
     }
 
+    fn resampler(&mut self, table: &ResamplerTable) {
+        self.item(
+            "Phases of the resampler: outputs per [`RESAMPLER`]`.down` samples.",
+            format_args!("pub const PHASES: usize = {};", table.phases()),
+        );
+        self.item(
+            "Taps of each phase: samples that make an output.",
+            format_args!("pub const TAPS: usize = {};", table.taps_per_phase()),
+        );
+        self.line("/// From the ADC's rate to that of the steps.");
+        self.line("pub static RESAMPLER: Resampler<PHASES, TAPS> = Resampler {");
+        self.line(format_args!("    down: {},", table.down));
+        self.line("    taps: [");
+        for phase in &table.taps {
+            let taps: Vec<String> = phase.iter().map(separated).collect();
+            self.line("        [");
+            self.wrapped(&taps);
+            self.line("        ],");
+        }
+        self.line("    ],");
+        self.line("};");
+        self.line("");
+    }
+
     fn mains_filter(&mut self, filter: &MainsFilter) {
         let hz = filter.mains_hz;
         for doc in [
-            format!("Filters for {hz} Hz mains."),
+            format!("The filters for {hz} Hz mains, as code of their own."),
             String::new(),
             "Worst-case gains (L1 norms) of every node, to stay below 16:".to_owned(),
         ] {
@@ -131,20 +160,32 @@ impl Source {
         for node in &filter.gains {
             self.line(format_args!("/// * {}: {:.3}", node.node, node.gain));
         }
-        self.line(format_args!(
-            "pub static MAINS_{hz}: MainsFilter = MainsFilter {{"
-        ));
-        self.line(format_args!("    mains_hz: {hz},"));
-        self.line("    cascade: Cascade {");
+        self.line("#[derive(Clone, Copy, Debug, Default)]");
+        self.line(format_args!("pub struct Mains{hz};"));
+        self.line("");
+        self.line(format_args!("impl Design<SECTIONS> for Mains{hz} {{"));
+        self.line("    const CASCADE: Cascade<SECTIONS> = Cascade {");
         self.line("        sections: [");
         for section in &filter.sections {
             self.section(section);
         }
         self.line("        ],");
-        self.line("    },");
+        self.line("    };");
+        self.line("}");
+        self.line("");
+        self.line(format_args!("/// The filters for {hz} Hz mains."));
+        self.line(format_args!(
+            "pub static MAINS_{hz}: MainsFilter = MainsFilter {{"
+        ));
+        self.line(format_args!("    mains_hz: {hz},"));
+        self.line(format_args!("    cascade: Mains{hz}::CASCADE,"));
         self.line(format_args!(
             "    group_delay_us: {},",
             separated(filter.group_delay_us)
+        ));
+        self.line(format_args!(
+            "    scalp_delay_us: {},",
+            separated(filter.scalp_delay_us)
         ));
         self.line(format_args!(
             "    settling_samples: {},",
@@ -156,33 +197,35 @@ impl Source {
     }
 
     fn section(&mut self, section: &Section) {
-        let shape = match section.shape {
-            Shape::Notch => "Notch",
-            Shape::HighPass => "HighPass",
-            Shape::BandPass => "BandPass",
-            Shape::LowPass => "LowPass",
+        let (shape, coefficients) = match *section {
+            Section::Notch { turn, loss } => ("Notch", vec![("turn", turn), ("loss", loss)]),
+            Section::HighPass { first, second } => {
+                ("HighPass", vec![("first", first), ("second", second)])
+            }
+            Section::BandPass {
+                gain,
+                first,
+                second,
+            } => (
+                "BandPass",
+                vec![("gain", gain), ("first", first), ("second", second)],
+            ),
+            Section::LowPass {
+                gain,
+                first,
+                second,
+            } => (
+                "LowPass",
+                vec![("gain", gain), ("first", first), ("second", second)],
+            ),
         };
-        let coefficient = |c: Coefficient| {
-            format!(
-                "Coefficient {{ integer: {}, remainder: {} }}",
-                c.integer,
-                separated(c.remainder)
-            )
-        };
-        self.line("            Section {");
-        self.line(format_args!("                shape: Shape::{shape},"));
-        self.line(format_args!(
-            "                gain: {},",
-            coefficient(section.gain)
-        ));
-        self.line(format_args!(
-            "                first: {},",
-            coefficient(section.first)
-        ));
-        self.line(format_args!(
-            "                second: {},",
-            coefficient(section.second)
-        ));
+        self.line(format_args!("            Section::{shape} {{"));
+        for (name, Coefficient { integer, remainder }) in coefficients {
+            let remainder = separated(remainder);
+            self.line(format_args!(
+                "                {name}: Coefficient {{ integer: {integer}, remainder: {remainder} }},"
+            ));
+        }
         self.line("            },");
     }
 

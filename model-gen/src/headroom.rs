@@ -1,8 +1,8 @@
 //! Proof that no node of a cascade can leave 32 bits.
 
-use fixed_dsp::{Section, Shape};
+use fixed_dsp::Section;
 
-use crate::{FilterError, response};
+use crate::{Chain, FilterError, response};
 
 /// Bits below a count that a filtered sample carries: format Q28.4.
 pub const GUARD_BITS: u32 = 4;
@@ -23,54 +23,71 @@ pub struct NodeGain {
     pub gain: f64,
 }
 
-/// The worst-case gain of every number that a cascade holds in 32 bits: the numerator sum, the
-/// notch's difference and the output of each section.
+/// The worst-case gain of every number that a cascade multiplies or puts out, which has to fit 32
+/// bits: the output of each section, the numerator of those that scale theirs, the notch's change
+/// (output minus input) and balance (`2 y2 - x0 - x2`). Sums on the way to an output may wrap.
 ///
 /// # Errors
 /// When a full-scale input (2^23 counts with [`GUARD_BITS`]) could take one to 2^31.
 pub fn prove(sections: &[Section]) -> Result<Vec<NodeGain>, FilterError> {
-    let limit = f64::from(1_u32 << (32 - ADC_BITS - GUARD_BITS)) - NOISE;
     let mut gains = Vec::new();
     let mut input = vec![0.0; response::decay_samples(sections)?];
     input[0] = 1.0;
     for (index, section) in sections.iter().enumerate() {
         let output: Vec<f64> =
             response::filter(std::slice::from_ref(section), input.iter().copied()).collect();
-        for (name, signal) in nodes(section.shape, &input, &output) {
-            let node = format!("{name} of section {index}");
+        for (name, signal) in nodes(section, &input, &output) {
             let gain = signal.iter().map(|v| v.abs()).sum();
-            if gain >= limit {
-                return Err(FilterError::Overflow { node, gain, limit });
-            }
-            gains.push(NodeGain { node, gain });
+            gains.push(fitting(format!("{name} of section {index}"), gain)?);
         }
         input = output;
     }
     Ok(gains)
 }
 
-/// The signals that a section holds in 32 bits, from its input and output.
-fn nodes(shape: Shape, input: &[f64], output: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
+/// The worst-case gain of a whole chain: that of the electrodes which it gives.
+///
+/// # Errors
+/// As [`prove`].
+pub fn prove_output(chain: &Chain) -> Result<NodeGain, FilterError> {
+    fitting("output of the resampler".to_owned(), chain.worst_gain()?)
+}
+
+/// A node whose worst-case gain leaves it within 32 bits.
+fn fitting(node: String, gain: f64) -> Result<NodeGain, FilterError> {
+    let limit = f64::from(1_u32 << (32 - ADC_BITS - GUARD_BITS)) - NOISE;
+    if gain < limit {
+        return Ok(NodeGain { node, gain });
+    }
+    Err(FilterError::Overflow { node, gain, limit })
+}
+
+/// The signals of a section that have to fit 32 bits, from its input and output.
+fn nodes(section: &Section, input: &[f64], output: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
     let before = |signal: &[f64], index: usize, age: usize| {
         index
             .checked_sub(age)
             .map_or(0.0, |earlier| signal[earlier])
     };
-    let combine = |middle: f64, last: f64| -> Vec<f64> {
-        (0..input.len())
-            .map(|k| input[k] + middle * before(input, k, 1) + last * before(input, k, 2))
-            .collect()
+    let each =
+        |signal: &dyn Fn(usize) -> f64| -> Vec<f64> { (0..input.len()).map(signal).collect() };
+    let mut nodes = match section {
+        Section::Notch { .. } => vec![
+            ("change", each(&|k| output[k] - input[k])),
+            (
+                "balance",
+                each(&|k| 2.0 * before(output, k, 2) - input[k] - before(input, k, 2)),
+            ),
+        ],
+        Section::HighPass { .. } => Vec::new(),
+        Section::BandPass { .. } => {
+            vec![("numerator", each(&|k| input[k] - before(input, k, 2)))]
+        }
+        Section::LowPass { .. } => vec![(
+            "numerator",
+            each(&|k| input[k] + 2.0 * before(input, k, 1) + before(input, k, 2)),
+        )],
     };
-    let numerator = match shape {
-        Shape::Notch => combine(0.0, 1.0),
-        Shape::HighPass => combine(-2.0, 1.0),
-        Shape::BandPass => combine(0.0, -1.0),
-        Shape::LowPass => combine(2.0, 1.0),
-    };
-    let mut nodes = vec![("numerator", numerator), ("output", output.to_vec())];
-    if shape == Shape::Notch {
-        let difference = (0..input.len()).map(|k| input[k] - output[k]).collect();
-        nodes.push(("difference", difference));
-    }
+    nodes.push(("output", output.to_vec()));
     nodes
 }

@@ -10,7 +10,7 @@ extern crate std;
 
 mod network;
 
-use fixed_dsp::{Cascade, Coefficient, Section, Shape};
+use fixed_dsp::{Cascade, Coefficient, Design, Resampler, Section};
 use int8_nn::{Conv3d, Linear};
 
 pub use network::{CELL_PLANE, HIDDEN, Network, POOLED_STEPS, SUMS};
@@ -35,9 +35,12 @@ pub struct MainsFilter {
     pub mains_hz: u8,
     /// The sections; samples are counts in Q28.4.
     pub cascade: Cascade<SECTIONS>,
-    /// Group delay at 10 Hz, microseconds.
+    /// Group delay of sections and resampler at 10 Hz, microseconds.
     pub group_delay_us: u32,
-    /// ADC samples until a step has decayed to 1e-4 of its height.
+    /// Group delay plus [`WINDOW_CENTRE_US`]: a code's device time minus this is the moment on the
+    /// scalp in the middle of its window.
+    pub scalp_delay_us: u32,
+    /// ADC samples until a step has decayed to 1e-4 of its height behind the resampler.
     pub settling_samples: u32,
     /// The chain in words.
     pub description: &'static str,
@@ -50,6 +53,7 @@ struct Aligned<const N: usize>([i8; N]);
 include!(concat!(env!("OUT_DIR"), "/generated.rs"));
 
 const _: () = {
+    assert!(RESAMPLER.is_consistent());
     assert!(NETWORK.is_consistent());
     assert!(NETWORK.hop == HOP && CHANNELS >= ELECTRODES);
 };

@@ -1,13 +1,13 @@
-//! From samples to steps: filters, decimation, scalp grid, quantisation, and what was lost there.
+//! From samples to steps: filters, resampler, scalp grid, quantisation, and what was lost there.
 
-use model::{CHANNELS, DECIMATION};
+use model::{ADC_RATE_HZ, CHANNELS, PHASES, RESAMPLER, TAPS};
 
 use crate::{FrontEnd, Mains, Sample, Step, quantise};
 
 /// The half of the pipeline that runs at the ADC's rate.
 #[derive(Clone, Debug)]
 pub struct Acquisition {
-    front_end: FrontEnd,
+    front_end: FrontEnd<'static, Mains, PHASES, TAPS>,
     settling_samples: u64,
     samples: u64,
     /// ADC channels that stood at the rail since the last step, one bit each.
@@ -19,10 +19,9 @@ pub struct Acquisition {
 impl Acquisition {
     /// An acquisition at rest for this mains frequency.
     pub fn new(mains: Mains) -> Self {
-        let filter = mains.filter();
         Self {
-            front_end: FrontEnd::new(filter.cascade, DECIMATION),
-            settling_samples: u64::from(filter.settling_samples),
+            front_end: FrontEnd::new(mains, &RESAMPLER),
+            settling_samples: u64::from(mains.filter().settling_samples),
             samples: 0,
             saturated: 0,
             clipped_total: 0,
@@ -30,7 +29,8 @@ impl Acquisition {
         }
     }
 
-    /// Takes one sample; every fourth (`model::DECIMATION`) gives a step, the first one included.
+    /// Takes one sample; gives the step that is due with it, if one is: with 512 Hz every fourth
+    /// sample, the first one included.
     #[inline]
     pub fn push(&mut self, sample: &Sample) -> Option<Step> {
         let at_rail = at_rail(&sample.counts);
@@ -38,11 +38,12 @@ impl Acquisition {
         self.saturated_total = self.saturated_total.wrapping_add(at_rail.count_ones());
         let index = self.samples;
         self.samples += 1;
-        let electrodes = self.front_end.push(sample)?;
+        let (electrodes, phase) = self.front_end.push(sample)?;
         let (plane, clipped) = quantise(&electrodes);
         self.clipped_total = self.clipped_total.wrapping_add(u32::from(clipped));
         Some(Step {
             sample: index,
+            offset_us: offset_us(phase),
             electrodes,
             plane,
             clipped,
@@ -65,6 +66,16 @@ impl Acquisition {
     pub const fn saturated(&self) -> u32 {
         self.saturated_total
     }
+}
+
+/// How much later than its sample a step of this phase stands, microseconds, rounded down.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "phase < PHASES: less than a sample, which lasts less than 2^16 us"
+)]
+const fn offset_us(phase: usize) -> u16 {
+    const { assert!(ADC_RATE_HZ > 15, "a sample lasts less than 2^16 us") };
+    (phase as u64 * 1_000_000 / (PHASES as u64 * ADC_RATE_HZ as u64)) as u16
 }
 
 /// The channels of a sample that stand at the ADC's rail, one bit each.

@@ -9,6 +9,9 @@ pub struct Code {
     pub window: u32,
     /// Index of the ADC sample of the window's first time step, since the start.
     pub first_sample: u64,
+    /// How much later the window's last step stands than the ADC sample that completed it,
+    /// microseconds; see [`Step::offset_us`](crate::Step::offset_us).
+    pub offset_us: u16,
     /// Electrode values of the window that the int8 input clipped (0..=976).
     pub clipped: u16,
     /// Values of the code itself that were clipped (0..=128).

@@ -189,6 +189,7 @@ mod tests {
             .filter_map(|index| {
                 encoder.push(&Step {
                     sample: 1_000 + 4 * index,
+                    offset_us: u16::try_from(index).expect("64 steps"),
                     clipped: u16::from(index == 3 * hop),
                     saturated: u64::from(index == 3 * hop - 1) << 40,
                     settling: index == 2 * hop,
@@ -201,6 +202,7 @@ mod tests {
             let covers = |index| (first..first + STEPS as u64).contains(&index);
             assert_eq!(code.window, number);
             assert_eq!(code.first_sample, 1_000 + 4 * first);
+            assert_eq!(u64::from(code.offset_us), first + STEPS as u64 - 1);
             assert_eq!(code.clipped, u16::from(covers(3 * hop)));
             assert_eq!(code.saturated, u64::from(covers(3 * hop - 1)) << 40);
             assert_eq!(code.settling, first == 2 * hop);

@@ -1,8 +1,9 @@
 //! The mains frequency that the notch removes.
 
-use model::{MAINS_50, MAINS_60, MainsFilter};
+use fixed_dsp::{BLOCK, CascadeState, Compiled, Filter};
+use model::{MAINS_50, MAINS_60, MainsFilter, SECTIONS};
 
-/// Mains frequency; chosen at start.
+/// Mains frequency; chosen at start. As a [`Filter`], the filters for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mains {
     /// 50 Hz: Europe, most of Africa, Asia and Australia.
@@ -22,11 +23,31 @@ impl Mains {
         }
     }
 
-    /// The filters for this mains frequency.
+    /// What is known of the filters for this mains frequency.
     pub const fn filter(self) -> &'static MainsFilter {
         match self {
             Self::Hz50 => &MAINS_50,
             Self::Hz60 => &MAINS_60,
+        }
+    }
+}
+
+impl Filter for Mains {
+    type State = CascadeState<SECTIONS>;
+    const REST: Self::State = CascadeState::REST;
+
+    #[inline]
+    fn step(&self, state: &mut Self::State, x: i32) -> i32 {
+        match self {
+            Self::Hz50 => Compiled::<model::Mains50, SECTIONS>::new().step(state, x),
+            Self::Hz60 => Compiled::<model::Mains60, SECTIONS>::new().step(state, x),
+        }
+    }
+
+    fn blocks(&self, states: &mut [Self::State], blocks: &mut [[i32; BLOCK]]) {
+        match self {
+            Self::Hz50 => Compiled::<model::Mains50, SECTIONS>::new().blocks(states, blocks),
+            Self::Hz60 => Compiled::<model::Mains60, SECTIONS>::new().blocks(states, blocks),
         }
     }
 }
@@ -39,6 +60,11 @@ mod tests {
     fn each_mains_has_the_filter_of_its_frequency() {
         for mains in [Mains::Hz50, Mains::Hz60] {
             assert_eq!(Mains::from_hz(mains.filter().mains_hz), Some(mains));
+            let (mut own, mut stated) = (CascadeState::REST, CascadeState::REST);
+            for x in (0..500).map(|n| (n * 7_919) % 100_003) {
+                let expected = mains.filter().cascade.step(&mut stated, x);
+                assert_eq!(mains.step(&mut own, x), expected);
+            }
         }
         assert_eq!(Mains::from_hz(55), None);
     }

@@ -2,11 +2,14 @@
 
 use crate::{CELLS, Electrodes, Plane};
 
-/// What the acquisition makes of four ADC samples and the encoder reads: one step at 128 Hz.
+/// What the acquisition makes of the ADC's samples and the encoder reads: one step at 128 Hz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// Index of the ADC sample that the step was picked from, since the start.
+    /// Index of the latest ADC sample that is not later than the step, since the start.
     pub sample: u64,
+    /// How much later than that sample the step stands, microseconds; 0 where the ADC's rate is a
+    /// multiple of the steps'.
+    pub offset_us: u16,
     /// Filtered electrodes, counts x 2^4 (Q28.4).
     pub electrodes: Electrodes,
     /// The same on the scalp grid, int8.
@@ -25,6 +28,7 @@ impl Default for Step {
     fn default() -> Self {
         Self {
             sample: 0,
+            offset_us: 0,
             electrodes: [0; crate::ELECTRODES],
             plane: [0; CELLS],
             clipped: 0,

@@ -37,7 +37,7 @@ mod tests {
     use std::vec::Vec;
 
     use super::*;
-    use model::{DECIMATION, HOP, STEPS};
+    use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ, STEPS};
 
     #[test]
     fn a_code_comes_every_hop_and_names_its_first_sample() {
@@ -45,13 +45,13 @@ mod tests {
         let codes: Vec<(usize, Code)> = (0..1_024)
             .filter_map(|index| Some((index, pipeline.push(&Sample::default())?)))
             .collect();
-        let decimation = usize::from(DECIMATION);
+        let samples = |steps: usize| steps * usize::from(ADC_RATE_HZ) / usize::from(STEP_RATE_HZ);
         for (number, (sample, code)) in codes.iter().enumerate() {
             assert_eq!(code.window as usize, number);
-            assert_eq!(code.first_sample, (number * HOP * decimation) as u64);
+            assert_eq!(code.first_sample, samples(number * HOP) as u64);
             // It comes with the sample of the window's last step, not later.
-            assert_eq!(*sample, (number * HOP + STEPS - 1) * decimation);
+            assert_eq!(*sample, samples(number * HOP + STEPS - 1));
         }
-        assert_eq!(codes.len(), 1 + (1_024 / decimation - STEPS) / HOP);
+        assert_eq!(codes.len(), 1 + (1_024 / samples(1) - STEPS) / HOP);
     }
 }

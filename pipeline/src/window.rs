@@ -14,6 +14,7 @@ pub(crate) struct OpenWindow {
     fc: [i32; CODE],
     shortcut: [i32; CODE],
     first_sample: u64,
+    offset_us: u16,
     clipped: u16,
     saturated: u64,
     settling: bool,
@@ -25,6 +26,7 @@ impl OpenWindow {
         fc: [0; CODE],
         shortcut: [0; CODE],
         first_sample: 0,
+        offset_us: 0,
         clipped: 0,
         saturated: 0,
         settling: false,
@@ -52,6 +54,7 @@ impl OpenWindow {
         shortcut.accumulate(electrodes, &mut self.shortcut);
         self.clipped = self.clipped.saturating_add(step.clipped);
         self.saturated |= step.saturated;
+        self.offset_us = step.offset_us;
     }
 
     /// Adds a pooled plane to the fully connected layer.
@@ -79,6 +82,7 @@ impl OpenWindow {
         Code {
             window,
             first_sample: self.first_sample,
+            offset_us: self.offset_us,
             clipped: self.clipped,
             clipped_values,
             saturated: self.saturated,

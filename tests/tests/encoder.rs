@@ -31,7 +31,7 @@ fn compare(file: &str) {
 
     // Recorded where the mains have 60 Hz.
     let mut pipeline = Pipeline::new(Mains::Hz60);
-    let mut front_end = FrontEnd::new(Mains::Hz60.filter().cascade, model::DECIMATION);
+    let mut front_end = FrontEnd::new(Mains::Hz60, &model::RESAMPLER);
     let mut planes: Vec<Plane> = Vec::new();
     let mut codes: Vec<Code> = Vec::new();
     for sample in samples {
@@ -40,7 +40,7 @@ fn compare(file: &str) {
         planes.extend(
             front_end
                 .push(&sample)
-                .map(|electrodes| quantise(&electrodes).0),
+                .map(|(electrodes, _)| quantise(&electrodes).0),
         );
     }
     assert_eq!(codes.len(), 1 + (planes.len() - STEPS) / model::HOP);

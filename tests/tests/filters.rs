@@ -26,9 +26,9 @@ fn filtered_eeg_equals_scipys_up_to_the_adcs_rounding() {
 
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
     let samples = real_data::samples(&recording, &electrodes).expect("samples");
-    let mut front_end = FrontEnd::new(Mains::Hz50.filter().cascade, model::DECIMATION);
+    let mut front_end = FrontEnd::new(Mains::Hz50, &model::RESAMPLER);
     let filtered: Vec<_> = samples
-        .filter_map(|sample| front_end.push(&sample.expect("a whole recording")))
+        .filter_map(|sample| Some(front_end.push(&sample.expect("a whole recording"))?.0))
         .collect();
     assert_eq!(filtered.len(), 240 * 16);
 

@@ -3,10 +3,13 @@
 use crate::error::TrainerError;
 use crate::selection::file_name;
 use artifact::{Description, ELECTRODES};
-use fixed_dsp::Cascade;
+use fixed_dsp::{Cascade, Resampler};
 use pipeline::{FrontEnd, Sample};
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 use std::path::Path;
+
+/// Sections of the card's filters: a notch, and five for a band-pass of order 5.
+const SECTIONS: usize = 6;
 
 /// All electrodes at one time step.
 pub type Step = [f32; ELECTRODES];
@@ -60,13 +63,14 @@ impl Track {
             rate_hz: adc.rate_hz,
             lsb_uv: adc.lsb_uv(),
         };
-        let mut front_end = front_end(description, mains_hz)?;
+        let resampler = resampler(description);
+        let mut front_end = FrontEnd::new(cascade(description, mains_hz)?, &resampler);
         let uv_per_step = adc.lsb_uv() / STEPS_PER_COUNT;
         let mut virtual_adc = VirtualAdc::new(recording, &map, spec).map_err(unreadable)?;
         let mut steps: Vec<Step> = Vec::new();
         for counts in &mut virtual_adc {
             let counts = counts.map_err(unreadable)?;
-            if let Some(electrodes) = front_end.push(&Sample { counts }) {
+            if let Some((electrodes, _)) = front_end.push(&Sample { counts }) {
                 #[expect(clippy::cast_possible_truncation, reason = "a float network takes f32")]
                 steps.push(electrodes.map(|v| (f64::from(v) * uv_per_step) as f32));
             }
@@ -84,7 +88,7 @@ impl Track {
     }
 }
 
-fn front_end(description: &Description, mains_hz: u32) -> Result<FrontEnd, TrainerError> {
+fn cascade(description: &Description, mains_hz: u32) -> Result<Cascade<SECTIONS>, TrainerError> {
     let rate_hz = description.adc.rate_hz;
     let sections = model_gen::filter_cascade(&description.filters, rate_hz, mains_hz)
         .map_err(|source| TrainerError::Filter { mains_hz, source })?;
@@ -92,8 +96,11 @@ fn front_end(description: &Description, mains_hz: u32) -> Result<FrontEnd, Train
     let sections = sections
         .try_into()
         .map_err(|_| TrainerError::Sections { found })?;
-    let decimation = rate_hz / description.window.rate_hz;
-    let decimation =
-        u8::try_from(decimation).expect("an ADC of at most 1024 Hz, checked on reading");
-    Ok(FrontEnd::new(Cascade { sections }, decimation))
+    Ok(Cascade { sections })
+}
+
+/// Literal decimation, which is what the card asks for.
+fn resampler(description: &Description) -> Resampler<1, 1> {
+    let down = description.adc.rate_hz / description.window.rate_hz;
+    Resampler::every(u16::try_from(down).expect("an ADC of at most 1024 Hz, checked on reading"))
 }

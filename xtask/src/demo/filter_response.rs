@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use fixed_dsp::Resampler;
 use pipeline::{FrontEnd, Mains, Sample};
 
 use crate::picture::response::{Design, Response};
@@ -55,7 +56,8 @@ pub(crate) fn measure() -> Response {
 /// Half the difference of the responses to the impulse and to its negative: what does not depend
 /// on the signal, such as the start of the carried rounding error, cancels.
 fn impulse_response() -> Vec<f64> {
-    let mut front_end = FrontEnd::new(Mains::Hz50.filter().cascade, 1);
+    let every = Resampler::every(1);
+    let mut front_end = FrontEnd::new(Mains::Hz50, &every);
     let mut sample = Sample::default();
     [sample.counts[0], sample.counts[1]] = [IMPULSE, -IMPULSE];
     let samples = SECONDS * u32::from(model::ADC_RATE_HZ);
@@ -65,7 +67,7 @@ fn impulse_response() -> Vec<f64> {
             sample = Sample::default();
             filtered
         })
-        .map(|[up, down, ..]| (f64::from(up) - f64::from(down)) / 32.0 / f64::from(IMPULSE))
+        .map(|([up, down, ..], _)| (f64::from(up) - f64::from(down)) / 32.0 / f64::from(IMPULSE))
         .collect()
 }
 

@@ -32,7 +32,7 @@ impl Reference {
     /// The generator refuses the model's electrodes.
     pub(crate) fn new(seed: u64, seconds: u32) -> Result<Self, SyntheticError> {
         let mut generator = Generator::new(&SyntheticSpec::new(seed, model::LABELS.split(' ')))?;
-        let mut front_end = FrontEnd::new(Mains::Hz50.filter().cascade, model::DECIMATION);
+        let mut front_end = FrontEnd::new(Mains::Hz50, &model::RESAMPLER);
         let samples = u64::from(seconds) * u64::from(model::ADC_RATE_HZ);
         let steps_uv = (0..samples)
             .filter_map(|_| {
@@ -40,7 +40,7 @@ impl Reference {
                     counts: generator.next_sample(),
                 })
             })
-            .map(|electrodes| microvolts(&electrodes))
+            .map(|(electrodes, _)| microvolts(&electrodes))
             .collect();
         Ok(Self { steps_uv })
     }

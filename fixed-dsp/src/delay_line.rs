@@ -1,0 +1,66 @@
+//! The last samples of many channels.
+
+/// The last `TAPS` samples of each channel; silence before the first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DelayLine<const CHANNELS: usize, const TAPS: usize> {
+    /// Each channel's samples from `newest` on, wrapping around, are ever older.
+    samples: [[i32; TAPS]; CHANNELS],
+    newest: usize,
+}
+
+impl<const CHANNELS: usize, const TAPS: usize> DelayLine<CHANNELS, TAPS> {
+    /// Nothing but silence so far.
+    pub const SILENCE: Self = Self {
+        samples: [[0; TAPS]; CHANNELS],
+        newest: 0,
+    };
+
+    /// Takes the next sample of each channel, the oldest of each goes.
+    #[inline]
+    pub fn push(&mut self, samples: impl Iterator<Item = i32>) {
+        self.newest = self.newest.checked_sub(1).unwrap_or(TAPS - 1);
+        for (line, sample) in self.samples.iter_mut().zip(samples) {
+            line[self.newest] = sample;
+        }
+    }
+
+    /// For each channel the sum of its samples, weighted, the newest with the first weight; exact in
+    /// 64 bits as long as the weights' magnitudes sum to less than 2^32.
+    #[inline]
+    pub(crate) fn weighted(&self, weights: &[i32; TAPS]) -> impl Iterator<Item = i64> {
+        let (newer_weights, older_weights) = weights.split_at(TAPS - self.newest);
+        self.samples.iter().map(move |line| {
+            let (older, newer) = line.split_at(self.newest);
+            dot(newer_weights, newer) + dot(older_weights, older)
+        })
+    }
+}
+
+#[inline]
+fn dot(weights: &[i32], samples: &[i32]) -> i64 {
+    let products = weights
+        .iter()
+        .zip(samples)
+        .map(|(&weight, &sample)| i64::from(weight) * i64::from(sample));
+    products.sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use super::*;
+
+    #[test]
+    fn the_newest_sample_meets_the_first_weight_and_the_oldest_leaves() {
+        let mut line = DelayLine::<2, 3>::SILENCE;
+        let mut sums = Vec::new();
+        for sample in 1..=5 {
+            line.push([sample, -10 * sample].into_iter());
+            sums.push(line.weighted(&[100, 10, 1]).collect::<Vec<_>>());
+        }
+        let ones: Vec<i64> = sums.iter().map(|sum| sum[0]).collect();
+        assert_eq!(ones, [100, 210, 321, 432, 543]);
+        assert!(sums.iter().all(|sum| sum[1] == -10 * sum[0]));
+    }
+}
