@@ -1,15 +1,16 @@
 //! The board's behaviour between ADC and port, without time and without a port.
 
 use link::{
-    Ack, AckResult, Capabilities, Code as CodeMessage, Counters, Decoder, Encoder, Flags,
-    FrameError, Hello, MAX_FRAME, MAX_LABELS_BYTES, MAX_TEXT_BYTES, ResetCause, Start, Stats,
-    Streams, ToDevice, ToHost,
+    Ack, AckResult, Capabilities, Code as CodeMessage, Counters, Decoder, ElectrodeQuality,
+    Encoder, Flags, FrameError, Hello, MAX_ELECTRODES, MAX_FRAME, MAX_LABELS_BYTES, MAX_TEXT_BYTES,
+    Quality as QualityMessage, ResetCause, Start, Stats, Streams, ToDevice, ToHost,
 };
-use pipeline::{Acquisition, Code, Encoder as CodeEncoder, Mains, Sample};
+use pipeline::{Acquisition, Code, Encoder as CodeEncoder, Mains, Quality, Sample, SignalQuality};
 
 use crate::Outbox;
 
 const _: () = {
+    assert!(model::ELECTRODES <= MAX_ELECTRODES);
     assert!(model::LABELS.len() <= MAX_LABELS_BYTES);
     assert!(model::MAINS_50.description.len() <= MAX_TEXT_BYTES);
     assert!(model::MAINS_60.description.len() <= MAX_TEXT_BYTES);
@@ -36,6 +37,7 @@ pub struct VirtualBoard {
     mains: Mains,
     acquisition: Acquisition,
     code_encoder: CodeEncoder<'static>,
+    quality: SignalQuality,
     streams: Streams,
     outbox: Outbox,
     encoder: Encoder,
@@ -55,6 +57,7 @@ impl VirtualBoard {
             mains,
             acquisition: Acquisition::new(mains),
             code_encoder: CodeEncoder::new(),
+            quality: SignalQuality::new(mains),
             streams: Streams::empty(),
             outbox,
             encoder: Encoder::default(),
@@ -105,7 +108,7 @@ impl VirtualBoard {
         }
         self.stats.samples += 1;
         let step = self.acquisition.push(sample);
-        if let Some(code) = step.and_then(|step| self.code_encoder.push(&step)) {
+        if let Some(code) = step.as_ref().and_then(|step| self.code_encoder.push(step)) {
             self.stats.codes_made = self.stats.codes_made.wrapping_add(1);
             self.stats.next_window = code.window.wrapping_add(1);
             self.clipped_values = self.clipped_values.wrapping_add(code.clipped_values.into());
@@ -117,6 +120,9 @@ impl VirtualBoard {
             .is_multiple_of(u64::from(model::ADC_RATE_HZ))
         {
             self.send_stats(now_us);
+        }
+        if let Some(quality) = self.quality.push(sample, step.as_ref()) {
+            self.send(now_us, &ToHost::Quality(quality_message(&quality)));
         }
     }
 
@@ -187,6 +193,7 @@ impl VirtualBoard {
         self.clipped_before = self.clipped_before.wrapping_add(self.acquisition.clipped());
         self.acquisition = Acquisition::new(mains);
         self.code_encoder = CodeEncoder::new();
+        self.quality = SignalQuality::new(mains);
         self.stats.next_window = 0;
         self.streams = start.streams;
         AckResult::Done
@@ -260,6 +267,23 @@ fn message(code: &Code) -> CodeMessage {
         clipped,
         saturated: code.saturated,
         values: code.values,
+    }
+}
+
+fn quality_message(quality: &Quality) -> QualityMessage {
+    let electrodes = quality.electrodes.iter();
+    QualityMessage {
+        first_sample: quality.first_sample,
+        settling: quality.settling,
+        electrodes: electrodes
+            .map(|electrode| ElectrodeQuality {
+                rms_uv: electrode.rms_uv,
+                mains_uv: electrode.mains_uv,
+                mains_residual_uv: electrode.mains_residual_uv,
+                samples_at_rail: electrode.samples_at_rail,
+                flat: electrode.flat,
+            })
+            .collect(),
     }
 }
 

@@ -7,10 +7,11 @@
 //!           scalp grid      int8
 //! ```
 //!
-//! [`Pipeline`] is both halves in one; firmware runs them at different priorities.
+//! [`Pipeline`] is both halves in one; firmware runs them at different priorities. [`SignalQuality`]
+//! looks on from beside the path and tells a person, once a second, which electrodes to look after.
 //!
-//! Pure and synchronous, integers only: the same samples give the same codes on every machine. The
-//! path does not allocate, wait, log or branch on the signal; what it clips, it counts.
+//! Pure and synchronous; the path has integers only: the same samples give the same codes on every
+//! machine. It does not allocate, wait, log or branch on the signal; what it clips, it counts.
 //!
 //! ```
 //! use pipeline::{Mains, Pipeline, Sample};
@@ -32,6 +33,7 @@ mod encoder;
 mod front_end;
 mod mains;
 mod plane;
+mod quality;
 mod sample;
 mod step;
 mod stream;
@@ -44,6 +46,7 @@ pub use front_end::{Electrodes, FrontEnd};
 pub use mains::Mains;
 pub use model::{CELLS, CHANNELS, ELECTRODES};
 pub use plane::{Plane, quantise};
+pub use quality::{ElectrodeQuality, FLAT_BELOW_UV, Quality, SignalQuality};
 pub use sample::Sample;
 pub use step::Step;
 pub use stream::Pipeline;

@@ -167,6 +167,36 @@ fn a_code_names_the_channels_that_stood_at_the_rail() {
 }
 
 #[test]
+fn every_second_of_a_stream_a_report_tells_of_each_electrode() {
+    let (mut board, outbox) = board();
+    let mut host = Encoder::default();
+    for command in [START, ToDevice::Stop, START] {
+        send(&mut board, &mut host, command);
+        // A second and a half: what is left of the second one is not reported.
+        for index in 0..3 * model::ADC_RATE_HZ / 2 {
+            let mut sample = Sample::default();
+            sample.counts[3] = if index < 100 { Sample::MAX } else { 0 };
+            board.sample(&sample, 0);
+        }
+    }
+    let reports = frames(&outbox, |message| match message {
+        ToHost::Quality(quality) => Some(quality),
+        _ => None,
+    });
+    assert_eq!(reports.len(), 2);
+    for report in reports {
+        assert_eq!((report.first_sample, report.settling), (0, true));
+        assert_eq!(report.electrodes.len(), pipeline::ELECTRODES);
+        for (index, electrode) in report.electrodes.iter().enumerate() {
+            let of_third = index == 3;
+            assert_eq!(electrode.samples_at_rail, if of_third { 100 } else { 0 });
+            assert_eq!(electrode.flat, !of_third);
+            assert_eq!(electrode.rms_uv > 1.0, of_third);
+        }
+    }
+}
+
+#[test]
 fn echoed_answers_are_not_answered() {
     let (mut board, outbox) = board();
     send(&mut board, &mut Encoder::default(), ToDevice::Ping);
