@@ -4,11 +4,11 @@ use artifact::{Artifact, Decimation, Description, Filters, ModelId};
 use fixed_dsp::Section;
 
 use crate::{
-    FilterSpec, ModelGenError, cascade,
+    Chain, FilterSpec, ModelGenError, ResamplerTable, cascade,
     headroom::{self, GUARD_BITS, NodeGain},
     integer_model::IntegerModel,
     quantise::quantise,
-    response,
+    resampler::CUTOFF_HZ,
     rounding::to_i32,
 };
 
@@ -34,9 +34,11 @@ pub struct MainsFilter {
     pub sections: Vec<Section>,
     /// Worst-case gain of every node.
     pub gains: Vec<NodeGain>,
-    /// Group delay at 10 Hz, microseconds.
+    /// Group delay of cascade and resampler at 10 Hz, microseconds.
     pub group_delay_us: u32,
-    /// ADC samples until a step has decayed to 1e-4 of its height.
+    /// From the middle of a window on the scalp to the code's time, microseconds.
+    pub scalp_delay_us: u32,
+    /// ADC samples until a step has decayed to 1e-4 of its height behind the resampler.
     pub settling_samples: u32,
     /// The chain in words, for `prefiltering` fields.
     pub description: String,
@@ -51,6 +53,8 @@ pub struct DeviceModel {
     pub description: Description,
     /// One for each of [`MAINS_HZ`].
     pub filters: Vec<MainsFilter>,
+    /// From the ADC's rate to that of the steps, behind any of the filters.
+    pub resampler: ResamplerTable,
     /// From a filtered sample (counts, Q28.4) to a step of the int8 input, Q0.32.
     pub input_multiplier: i32,
     /// The encoder.
@@ -67,12 +71,20 @@ impl DeviceModel {
         let description = artifact.description.clone();
         refuse_unsupported(&description)?;
         let integers = quantise(artifact)?;
+        let resampler = ResamplerTable::new(
+            description.filters.decimation,
+            description.adc.rate_hz,
+            description.window.rate_hz,
+        )
+        .map_err(ModelGenError::Resampler)?;
         let filters = MAINS_HZ
             .into_iter()
             .map(|mains_hz| {
-                mains_filter(&description, mains_hz).map_err(|source| ModelGenError::Filter {
-                    mains_hz: mains_hz.into(),
-                    source,
+                mains_filter(&description, &resampler, mains_hz).map_err(|source| {
+                    ModelGenError::Filter {
+                        mains_hz: mains_hz.into(),
+                        source,
+                    }
                 })
             })
             .collect::<Result<_, _>>()?;
@@ -85,6 +97,7 @@ impl DeviceModel {
             id: artifact.id,
             description,
             filters,
+            resampler,
             input_multiplier,
             integers,
         })
@@ -96,9 +109,9 @@ impl DeviceModel {
         (self.description.adc.lsb_uv() * 1_000.0) as f32
     }
 
-    /// ADC samples per time step of the encoder.
-    pub fn decimation(&self) -> u32 {
-        self.description.adc.rate_hz / self.description.window.rate_hz
+    /// From the middle of a window to its last step, microseconds.
+    pub fn window_centre_us(&self) -> u32 {
+        window_centre_us(&self.description)
     }
 }
 
@@ -110,21 +123,9 @@ fn refuse_unsupported(description: &Description) -> Result<(), ModelGenError> {
             expected,
         })
     };
-    let (rate, step_rate) = (description.adc.rate_hz, description.window.rate_hz);
-    if !rate.is_multiple_of(step_rate) || rate / step_rate > u32::from(u8::MAX) {
-        return unsupported(
-            "[adc] rate_hz",
-            format!("{rate} Hz"),
-            "a multiple of [window] rate_hz, such as 512 Hz",
-        );
-    }
-    if description.filters.decimation != Decimation::Literal {
-        let found = format!("{:?}", description.filters.decimation);
-        return unsupported("[filters] decimation", found, "\"literal\"");
-    }
-    if description.filters.harmonics != 0 {
-        let found = description.filters.harmonics.to_string();
-        return unsupported("[filters] harmonics", found, "0");
+    let rate_hz = description.adc.rate_hz;
+    if rate_hz > u32::from(u16::MAX) {
+        return unsupported("[adc] rate_hz", format!("{rate_hz} Hz"), "at most 65535 Hz");
     }
     if MAINS_HZ
         .iter()
@@ -153,6 +154,7 @@ pub fn filter_cascade(
         rate_hz: rate_hz.into(),
         mains_hz: mains_hz.into(),
         notch_q: filters.notch_q,
+        harmonics: filters.harmonics,
         band_hz: filters.band_hz,
         order: usize::try_from(filters.order).unwrap_or(usize::MAX),
     })
@@ -160,34 +162,69 @@ pub fn filter_cascade(
 
 fn mains_filter(
     description: &Description,
+    resampler: &ResamplerTable,
     mains_hz: u32,
 ) -> Result<MainsFilter, crate::FilterError> {
     let (filters, rate_hz) = (&description.filters, description.adc.rate_hz);
     let sections = filter_cascade(filters, rate_hz, mains_hz)?;
-    let gains = headroom::prove(&sections)?;
-    let delay_s = response::group_delay_s(&sections, DELAY_AT_HZ, rate_hz.into());
-    let settling = response::settling_samples(&sections, SETTLED)?;
-    let [low, high] = filters.band_hz;
-    let description = format!(
-        "notch {mains_hz} Hz Q {}, Butterworth {low}-{high} Hz order {}, every {} of {rate_hz} Hz",
-        filters.notch_q,
-        filters.order,
-        ordinal(rate_hz / description.window.rate_hz),
-    );
+    let chain = Chain {
+        sections: &sections,
+        resampler,
+        rate_hz,
+    };
+    let mut gains = headroom::prove(&sections)?;
+    gains.push(headroom::prove_output(&chain)?);
+    let settling = chain.settling_samples(SETTLED)?;
+    let group_delay_us = microseconds(chain.group_delay_s(DELAY_AT_HZ));
+    Ok(MainsFilter {
+        mains_hz,
+        gains,
+        group_delay_us,
+        scalp_delay_us: group_delay_us + window_centre_us(description),
+        settling_samples: u32::try_from(settling).expect("a response is followed for 2^22 samples"),
+        description: chain_in_words(description, mains_hz),
+        sections,
+    })
+}
+
+/// From the middle of a window to its last step, microseconds.
+fn window_centre_us(description: &Description) -> u32 {
+    let window = &description.window;
+    #[expect(clippy::cast_precision_loss, reason = "a window has 16 steps")]
+    let steps = (window.steps - 1) as f64 / 2.0;
+    microseconds(steps / f64::from(window.rate_hz))
+}
+
+fn microseconds(seconds: f64) -> u32 {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "a group delay is positive and far below an hour"
+        reason = "delays are positive and far below an hour"
     )]
-    let group_delay_us = (delay_s * 1e6).round() as u32;
-    Ok(MainsFilter {
-        mains_hz,
-        sections,
-        gains,
-        group_delay_us,
-        settling_samples: u32::try_from(settling).expect("a response is followed for 2^22 samples"),
-        description,
-    })
+    let microseconds = (seconds * 1e6).round() as u32;
+    microseconds
+}
+
+/// The chain as `prefiltering` fields of recordings say it.
+fn chain_in_words(description: &Description, mains_hz: u32) -> String {
+    let (filters, rate_hz) = (&description.filters, description.adc.rate_hz);
+    let step_rate_hz = description.window.rate_hz;
+    let [low, high] = filters.band_hz;
+    let notches: Vec<String> = (1..=filters.harmonics + 1)
+        .map(|multiple| (multiple * mains_hz).to_string())
+        .collect();
+    let decimation = match filters.decimation {
+        Decimation::Literal => format!("every {} of {rate_hz} Hz", ordinal(rate_hz / step_rate_hz)),
+        Decimation::Fir => {
+            format!("Kaiser {CUTOFF_HZ} Hz FIR, {rate_hz} to {step_rate_hz} Hz")
+        }
+    };
+    format!(
+        "notch {} Hz Q {}, Butterworth {low}-{high} Hz order {}, {decimation}",
+        notches.join(", "),
+        filters.notch_q,
+        filters.order,
+    )
 }
 
 fn ordinal(number: u32) -> String {

@@ -18,6 +18,22 @@ pub enum FilterError {
         /// Half of the sampling rate in Hz.
         nyquist_hz: f64,
     },
+    /// A harmonic of the mains at or beyond half the sampling rate.
+    #[error(
+        "with {harmonics} harmonics of {mains_hz} Hz mains the last notch lies at {hz} Hz, but it \
+         must lie below {nyquist_hz} Hz, half of the sampling rate: lower [filters] harmonics in \
+         model.toml, or raise [adc] rate_hz"
+    )]
+    Harmonic {
+        /// The highest, Hz.
+        hz: f64,
+        /// Notches beyond the mains frequency's own.
+        harmonics: u32,
+        /// Mains frequency in Hz.
+        mains_hz: f64,
+        /// Half of the sampling rate in Hz.
+        nyquist_hz: f64,
+    },
     /// Lower edge not below the upper one.
     #[error(
         "the band from {low_hz} to {high_hz} Hz is empty: write [filters] band_hz of model.toml \
@@ -181,6 +197,9 @@ pub enum ModelGenError {
         #[source]
         source: FilterError,
     },
+    /// The ADC's rate cannot be brought to that of the steps.
+    #[error("the decimation cannot be realised")]
+    Resampler(#[source] FilterError),
     /// A requantisation factor that leaves Q0.32.
     #[error(
         "output {output} of {layer} needs a factor of {factor}, outside of [-0.5, 0.5): the \

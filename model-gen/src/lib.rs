@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod cascade;
+mod chain;
 pub mod design;
 mod device_model;
 mod emit;
@@ -23,6 +24,7 @@ mod rows;
 use std::path::Path;
 
 pub use cascade::{FilterSpec, cascade};
+pub use chain::Chain;
 pub use device_model::{DeviceModel, MAINS_HZ, MainsFilter, filter_cascade};
 pub use emit::rust;
 pub use error::{FilterError, ModelGenError};

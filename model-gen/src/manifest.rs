@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::{
-    device_model::DeviceModel,
+    device_model::{DeviceModel, MainsFilter},
     integer_model::{CODE, CONV1, CONV2, ELECTRODES, FLAT, STEPS},
 };
 
@@ -36,23 +36,23 @@ fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
         "input                 {:.6} uV per step, int8, multiplier {} / 2^32",
         model.integers.input_scale_uv, model.input_multiplier
     )?;
+    let resampler = &model.resampler;
+    writeln!(
+        out,
+        "resampler             {} x {} taps, {}/{} of the ADC's rate, accumulator {:.4} of 2^63",
+        resampler.phases(),
+        resampler.taps_per_phase(),
+        resampler.phases(),
+        resampler.down,
+        resampler.largest_accumulator()
+    )?;
+    writeln!(
+        out,
+        "window's middle       {} us before its last step",
+        model.window_centre_us()
+    )?;
     for filter in &model.filters {
-        writeln!(out, "\nfilters for {} Hz mains", filter.mains_hz)?;
-        writeln!(out, "  chain               {}", filter.description)?;
-        writeln!(
-            out,
-            "  group delay         {} us at 10 Hz",
-            filter.group_delay_us
-        )?;
-        writeln!(
-            out,
-            "  settling            {} samples to 1e-4",
-            filter.settling_samples
-        )?;
-        writeln!(out, "  worst-case gains (below 16 for full scale in Q28.4)")?;
-        for node in &filter.gains {
-            writeln!(out, "    {:<24}{:>8.4}", node.node, node.gain)?;
-        }
+        mains_filter(out, filter)?;
     }
     writeln!(
         out,
@@ -99,6 +99,31 @@ fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
         "\ncode                  {CODE} x int8, scales {smallest:.6} .. {largest:.6}"
     )?;
     writeln!(out, "flash for weights     {} bytes", weight_bytes(model))
+}
+
+fn mains_filter(out: &mut String, filter: &MainsFilter) -> std::fmt::Result {
+    writeln!(out, "\nfilters for {} Hz mains", filter.mains_hz)?;
+    writeln!(out, "  chain               {}", filter.description)?;
+    writeln!(
+        out,
+        "  group delay         {} us at 10 Hz",
+        filter.group_delay_us
+    )?;
+    writeln!(
+        out,
+        "  scalp delay         {} us, from the middle of a window to the code's time",
+        filter.scalp_delay_us
+    )?;
+    writeln!(
+        out,
+        "  settling            {} samples to 1e-4",
+        filter.settling_samples
+    )?;
+    writeln!(out, "  worst-case gains (below 16 for full scale in Q28.4)")?;
+    for node in &filter.gains {
+        writeln!(out, "    {:<24}{:>8.4}", node.node, node.gain)?;
+    }
+    Ok(())
 }
 
 /// A layer's size, and the largest accumulator that any input can make.

@@ -1,6 +1,9 @@
 //! From the ADC's rate to that of the steps: design and quantisation of the taps.
 
+use std::f64::consts::PI;
+
 use artifact::Decimation;
+use num_complex::Complex64;
 
 use crate::{FilterError, fir::kaiser_low_pass, integer_model::ELECTRODES};
 
@@ -83,22 +86,52 @@ impl ResamplerTable {
         self.taps[0].len()
     }
 
-    /// Sum of the magnitudes of the taps of the phase that has most, Q2.30.
-    ///
-    /// Times the largest input it is the largest accumulator: below 2^31 for every input of 32 bits,
-    /// with half of the 64-bit range left for the rounding.
+    /// The largest accumulator that samples of 32 bits can make, rounding included, as a part of
+    /// 2^63.
+    pub fn largest_accumulator(&self) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "a magnitude has 31 bits")]
+        let sum = self.largest_magnitude() as f64 * 2.0_f64.powi(31);
+        (sum + f64::from(UNITY / 2)) / 2.0_f64.powi(63)
+    }
+
+    /// Sum of the magnitudes of the taps of the phase that has most, Q2.30: below 2^31, which
+    /// leaves half of a 64-bit accumulator.
     pub fn largest_magnitude(&self) -> u64 {
         let magnitude =
             |taps: &Vec<i32>| -> u64 { taps.iter().map(|tap| u64::from(tap.unsigned_abs())).sum() };
         self.taps.iter().map(magnitude).max().unwrap_or(0)
     }
 
+    /// The taps of each phase as numbers; each phase sums to 1.
+    pub fn phase_responses(&self) -> impl Iterator<Item = Vec<f64>> {
+        let real = |tap: &i32| f64::from(*tap) / f64::from(UNITY);
+        self.taps
+            .iter()
+            .map(move |phase| phase.iter().map(real).collect())
+    }
+
     /// The impulse response at `phases` times the input rate, as quantised; its sum is 1.
     pub fn prototype(&self) -> Vec<f64> {
-        let one = f64::from(UNITY) * real(self.phases());
-        (0..self.phases() * self.taps_per_phase())
-            .map(|index| f64::from(self.taps[index % self.phases()][index / self.phases()]) / one)
+        let phases: Vec<Vec<f64>> = self.phase_responses().collect();
+        let share = 1.0 / real(phases.len());
+        (0..self.taps_per_phase())
+            .flat_map(|age| phases.iter().map(move |phase| phase[age] * share))
             .collect()
+    }
+
+    /// Complex gain at `frequency_hz` of samples at `rate_hz`, from a sample to the time at which an
+    /// output stands: the prototype's response, the mean over the phases.
+    ///
+    /// A frequency above half of the outputs' rate comes out with this gain where it folds; the gain
+    /// at `k * rate_hz - f` is that of the image which a tone of `f` leaves where the rates are no
+    /// multiples.
+    pub fn frequency_response(&self, frequency_hz: f64, rate_hz: f64) -> Complex64 {
+        let turn = -2.0 * PI * frequency_hz / (rate_hz * real(self.phases()));
+        self.prototype()
+            .iter()
+            .enumerate()
+            .map(|(index, tap)| Complex64::from_polar(*tap, turn * real(index)))
+            .sum()
     }
 
     fn prove_accumulator(&self, rate_hz: u32) -> Result<(), FilterError> {

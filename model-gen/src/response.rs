@@ -23,12 +23,11 @@ pub fn frequency_response(sections: &[Section], frequency_hz: f64, rate_hz: f64)
         .product()
 }
 
-/// Group delay in seconds at `frequency_hz`: -d(phase)/d(angular frequency), as a central
-/// difference over 0.02 Hz.
-pub fn group_delay_s(sections: &[Section], frequency_hz: f64, rate_hz: f64) -> f64 {
+/// Group delay in seconds at `frequency_hz` of anything that has a complex gain at each frequency:
+/// -d(phase)/d(angular frequency), as a central difference over 0.02 Hz.
+pub fn group_delay_s(response: impl Fn(f64) -> Complex64, frequency_hz: f64) -> f64 {
     const STEP_HZ: f64 = 0.01;
-    let at = |hz| frequency_response(sections, hz, rate_hz);
-    let turn = (at(frequency_hz + STEP_HZ) / at(frequency_hz - STEP_HZ)).arg();
+    let turn = (response(frequency_hz + STEP_HZ) / response(frequency_hz - STEP_HZ)).arg();
     -turn / (2.0 * PI * 2.0 * STEP_HZ)
 }
 

@@ -1,0 +1,114 @@
+//! Whole models for other amplifiers: every usual rate, both decimations, harmonics.
+
+use std::{error::Error, path::Path};
+
+use artifact::{Artifact, Decimation, Description};
+use model_gen::{DeviceModel, MAINS_HZ, ModelGenError, manifest, rust};
+
+fn model(change: impl Fn(&mut Description)) -> Result<DeviceModel, ModelGenError> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact");
+    let mut artifact = Artifact::read(&folder)?;
+    change(&mut artifact.description);
+    DeviceModel::new(&artifact)
+}
+
+#[test]
+fn every_usual_rate_makes_a_model_with_all_ranges_proven() {
+    for rate in [250, 256, 500, 512, 1_000, 1_024] {
+        for decimation in [Decimation::Literal, Decimation::Fir] {
+            for harmonics in 0..=2 {
+                let fits = rate % 128 == 0 || decimation == Decimation::Fir;
+                let below_nyquist = (harmonics + 1) * 60 < rate / 2;
+                let made = model(|d| {
+                    d.adc.rate_hz = rate;
+                    d.filters.decimation = decimation;
+                    d.filters.harmonics = harmonics;
+                });
+                let case = format!("{rate} Hz, {decimation:?}, {harmonics} harmonics");
+                match made {
+                    Ok(model) => {
+                        assert!(fits && below_nyquist, "{case} should have been refused");
+                        says_what_it_is(&model, &case);
+                    }
+                    Err(error) => assert!(!fits || !below_nyquist, "{case}: {error:?}"),
+                }
+            }
+        }
+    }
+}
+
+fn says_what_it_is(model: &DeviceModel, case: &str) {
+    let (text, manifest) = (rust(model), manifest(model));
+    let (table, filters) = (&model.resampler, &model.description.filters);
+    let sections = 6 + filters.harmonics;
+    for expected in [
+        format!("pub const SECTIONS: usize = {sections};"),
+        format!("pub const PHASES: usize = {};", table.phases()),
+        format!("pub const TAPS: usize = {};", table.taps_per_phase()),
+        format!("    down: {},", table.down),
+        "pub const WINDOW_CENTRE_US: u32 = 58_594;".to_owned(),
+    ] {
+        assert!(text.contains(&expected), "{case}: no `{expected}`");
+    }
+    for (filter, mains_hz) in model.filters.iter().zip(MAINS_HZ) {
+        assert!(text.contains(&format!("pub static MAINS_{mains_hz}: MainsFilter")));
+        let output = filter.gains.last().expect("a chain has nodes");
+        assert_eq!(output.node, "output of the resampler");
+        assert!(manifest.contains(&format!("{:.4}", output.gain)), "{case}");
+        assert_eq!(filter.scalp_delay_us, filter.group_delay_us + 58_594);
+        // Cascade 11 ms, low-pass 60 to 64 ms (measured at 50 Hz mains without harmonics).
+        let expected_us = match filters.decimation {
+            Decimation::Literal => 9_000..13_000,
+            Decimation::Fir => 70_000..77_000,
+        };
+        assert!(
+            expected_us.contains(&filter.group_delay_us),
+            "{case}: {filter:?}"
+        );
+        assert!(
+            filter.description.contains(&format!("notch {mains_hz}")),
+            "{case}"
+        );
+        // Travels in a text of at most 256 B.
+        assert!(filter.description.len() < 256, "{case}");
+    }
+}
+
+#[test]
+fn a_rate_that_makes_no_sense_is_refused_with_the_number_the_reason_and_the_remedy() {
+    let refused = |change: fn(&mut Description)| {
+        let error = model(change).expect_err("this makes no sense");
+        let cause = error.source().map(ToString::to_string).unwrap_or_default();
+        format!("{error}: {cause}")
+    };
+    for (change, expected) in [
+        (
+            (|d| d.adc.rate_hz = 500) as fn(&mut Description),
+            "500 Hz is no multiple of 128 Hz: write [filters] decimation = \"fir\"",
+        ),
+        (|d| d.adc.rate_hz = 100, "must be at least 128"),
+        (|d| d.adc.rate_hz = 0, "must be at least 128"),
+        (|d| d.adc.rate_hz = 70_000, "at most 65535 Hz"),
+        (
+            |d| {
+                d.adc.rate_hz = 4_096;
+                d.filters.decimation = Decimation::Fir;
+            },
+            "what 61 electrodes remember takes 124928 B, more than 65536",
+        ),
+        (
+            |d| {
+                d.adc.rate_hz = 256;
+                d.filters.harmonics = 2;
+            },
+            "the last notch lies at 150 Hz, but it must lie below 128 Hz",
+        ),
+        (
+            |d| d.filters.band_hz[1] = 256.0,
+            "upper band edge of 256 Hz",
+        ),
+    ] {
+        let message = refused(change);
+        assert!(message.contains(expected), "`{message}` lacks `{expected}`");
+    }
+}
