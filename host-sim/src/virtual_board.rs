@@ -112,7 +112,8 @@ impl VirtualBoard {
             self.stats.codes_made = self.stats.codes_made.wrapping_add(1);
             self.stats.next_window = code.window.wrapping_add(1);
             self.clipped_values = self.clipped_values.wrapping_add(code.clipped_values.into());
-            self.send(now_us, &ToHost::Code(message(&code)));
+            let last_step_us = now_us + u64::from(code.offset_us);
+            self.send(last_step_us, &ToHost::Code(message(&code)));
         }
         if self
             .stats

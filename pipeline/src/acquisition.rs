@@ -43,7 +43,7 @@ impl Acquisition {
         self.clipped_total = self.clipped_total.wrapping_add(u32::from(clipped));
         Some(Step {
             sample: index,
-            offset_us: offset_us(phase),
+            offset_us: offset_us(phase, PHASES, ADC_RATE_HZ),
             electrodes,
             plane,
             clipped,
@@ -71,12 +71,13 @@ impl Acquisition {
 /// How much later than its sample a step of this phase stands, microseconds, rounded down.
 #[expect(
     clippy::cast_possible_truncation,
-    reason = "phase < PHASES: less than a sample, which lasts less than 2^16 us"
+    reason = "phase < phases: less than a sample, which lasts less than 2^16 us"
 )]
-const fn offset_us(phase: usize) -> u16 {
-    const { assert!(ADC_RATE_HZ > 15, "a sample lasts less than 2^16 us") };
-    (phase as u64 * 1_000_000 / (PHASES as u64 * ADC_RATE_HZ as u64)) as u16
+const fn offset_us(phase: usize, phases: usize, rate_hz: u16) -> u16 {
+    (phase as u64 * 1_000_000 / (phases as u64 * rate_hz as u64)) as u16
 }
+
+const _: () = assert!(ADC_RATE_HZ > 15, "a sample lasts less than 2^16 us");
 
 /// The channels of a sample that stand at the ADC's rail, one bit each.
 fn at_rail(counts: &[i32; CHANNELS]) -> u64 {
@@ -109,6 +110,13 @@ mod tests {
             .map(|step| step.sample)
             .collect();
         assert_eq!(picked, [0, 4, 8]);
+    }
+
+    #[test]
+    fn a_step_between_two_samples_says_how_much_later_it_is() {
+        // 1000 -> 128 Hz: 16 phases of 62.5 us.
+        let offsets = [0, 1, 4, 15].map(|phase| offset_us(phase, 16, 1_000));
+        assert_eq!(offsets, [0, 62, 250, 937]);
     }
 
     #[test]

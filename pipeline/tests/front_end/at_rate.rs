@@ -1,0 +1,84 @@
+//! A front end for any rate, designed and quantised when the test runs.
+
+use artifact::Decimation;
+use fixed_dsp::{Cascade, Resampler};
+use model::{CHANNELS, SECTIONS};
+use model_gen::{Chain, FilterSpec, ResamplerTable, cascade};
+use pipeline::{FrontEnd, Sample};
+
+/// Rates of the steps, Hz.
+pub(crate) const STEP_RATE_HZ: u32 = 128;
+
+/// The device's filters and resampler as they would be at another rate.
+pub(crate) struct AtRate {
+    pub(crate) rate_hz: u32,
+    cascade: Cascade<SECTIONS>,
+    table: ResamplerTable,
+}
+
+impl AtRate {
+    pub(crate) fn new(rate_hz: u32, mains_hz: u32, decimation: Decimation) -> Self {
+        let spec = FilterSpec {
+            rate_hz: rate_hz.into(),
+            mains_hz: mains_hz.into(),
+            harmonics: 0,
+            notch_q: 30.0,
+            band_hz: [0.5, 60.0],
+            order: 5,
+        };
+        let sections = cascade(&spec).expect("the specification is realisable");
+        Self {
+            rate_hz,
+            cascade: Cascade {
+                sections: sections.try_into().expect("a notch and five sections"),
+            },
+            table: ResamplerTable::new(decimation, rate_hz, STEP_RATE_HZ).expect("a sane rate"),
+        }
+    }
+
+    /// What is known of it in floating point.
+    pub(crate) fn chain(&self) -> Chain<'_> {
+        Chain {
+            sections: &self.cascade.sections,
+            resampler: &self.table,
+            rate_hz: self.rate_hz,
+        }
+    }
+
+    /// The steps of one electrode, in counts.
+    pub(crate) fn steps(&self, counts: &[i32]) -> Vec<f64> {
+        match (self.table.phases(), self.table.taps_per_phase()) {
+            (1, 1) => self.run::<1, 1>(counts),
+            (64, 32) => self.run::<64, 32>(counts),
+            (1, 32) => self.run::<1, 32>(counts),
+            (32, 64) => self.run::<32, 64>(counts),
+            (1, 64) => self.run::<1, 64>(counts),
+            (16, 128) => self.run::<16, 128>(counts),
+            (1, 128) => self.run::<1, 128>(counts),
+            (phases, taps) => panic!("no front end of {phases} phases and {taps} taps here"),
+        }
+    }
+
+    fn run<const PHASES: usize, const TAPS: usize>(&self, counts: &[i32]) -> Vec<f64> {
+        let rows = self.table.taps.iter().map(|row| {
+            let row: [i32; TAPS] = row.as_slice().try_into().expect("so many taps");
+            row
+        });
+        let rows: Vec<[i32; TAPS]> = rows.collect();
+        let resampler = Resampler {
+            down: self.table.down,
+            taps: rows.try_into().expect("so many phases"),
+        };
+        assert!(resampler.is_consistent());
+        let mut front_end = FrontEnd::<_, PHASES, TAPS>::new(self.cascade, &resampler);
+        counts
+            .iter()
+            .filter_map(|&count| {
+                front_end.push(&Sample {
+                    counts: [count; CHANNELS],
+                })
+            })
+            .map(|(electrodes, _)| f64::from(electrodes[0]) / 16.0)
+            .collect()
+    }
+}
