@@ -1,0 +1,57 @@
+//! Numbers as a person would type them.
+
+use std::fmt::{Display, Write as _};
+
+/// An integer with a separator every three digits.
+pub(super) fn separated(value: impl Display) -> String {
+    let text = value.to_string();
+    let (sign, digits) = text
+        .strip_prefix('-')
+        .map_or(("", text.as_str()), |rest| ("-", rest));
+    let mut out = String::from(sign);
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            out.push('_');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// A float literal that reads back to the same bits, its digits grouped by three.
+pub(super) fn float(value: f32) -> String {
+    let text = format!("{value:?}");
+    let (number, exponent) = text
+        .split_once('e')
+        .map_or((text.as_str(), None), |(n, e)| (n, Some(e)));
+    let (whole, fraction) = number.split_once('.').unwrap_or((number, "0"));
+    let fraction: Vec<&str> = (0..fraction.len())
+        .step_by(3)
+        .map(|at| &fraction[at..fraction.len().min(at + 3)])
+        .collect();
+    let mut literal = format!("{}.{}", separated(whole), fraction.join("_"));
+    if let Some(exponent) = exponent {
+        let _ = write!(literal, "e{exponent}");
+    }
+    literal
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_are_grouped_by_three() {
+        assert_eq!(separated(1_234_567), "1_234_567");
+        assert_eq!(separated(-123), "-123");
+        assert_eq!(separated(-1_000), "-1_000");
+    }
+
+    #[test]
+    fn a_float_literal_reads_back_to_the_same_bits() {
+        for value in [22.351_742_f32, 1.0, 3.4e-7, 1e-7, 1_234.567_9, -0.25] {
+            assert_eq!(float(value).replace('_', "").parse(), Ok(value));
+        }
+        assert_eq!(float(22.351_742), "22.351_742");
+    }
+}
