@@ -24,9 +24,10 @@ pub struct Quality {
 pub struct ElectrodeQuality {
     /// RMS of the filtered steps, microvolt: what the encoder reads.
     pub rms_uv: f32,
-    /// RMS of the mains frequency at the input, microvolt: the filters have not seen it yet.
+    /// RMS of the frequency [`Capabilities::mains_hz`](crate::Capabilities::mains_hz) at the input,
+    /// microvolt: no filter has seen it yet.
     pub mains_uv: f32,
-    /// RMS of the mains frequency left in the filtered steps, microvolt.
+    /// RMS of the same frequency left in the filtered steps, microvolt.
     pub mains_residual_uv: f32,
     /// ADC samples at the converter's rail, 0 to the ADC's rate.
     pub samples_at_rail: u16,
