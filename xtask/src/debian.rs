@@ -1,14 +1,20 @@
-//! Debian packages that the acceptance needs, installed where we may.
+//! Debian packages that the acceptance and the benchmark need, installed where we may.
 
 use std::path::Path;
 use std::process::Command;
 
+use crate::benchmark::emulator;
 use crate::command::{run, succeeds, typed};
 use crate::failure::Failure;
 
-/// ROS 1 with roscore, rospy, rostopic, rosservice and rosbag; the services of `acquisition`; and
-/// what the Python side reads arrays with.
-pub(crate) const PACKAGES: [&str; 3] = ["ros-core", "python3-std-srvs", "python3-numpy"];
+/// ROS 1 with roscore, rospy, rostopic, rosservice and rosbag; the services of `acquisition`; what
+/// the Python side reads arrays with; and the emulated microcontroller.
+const PACKAGES: [&str; 4] = [
+    "ros-core",
+    "python3-std-srvs",
+    "python3-numpy",
+    emulator::PACKAGE,
+];
 
 /// Makes sure that the packages are there.
 ///
@@ -86,11 +92,15 @@ fn refusal(missing: &[&str], why: &str) -> Failure {
         what: missing.join(", "),
         why: why.to_owned(),
         next: format!(
-            "`{}` (or `cargo xtask test --fast`, which does without ROS)",
-            typed(&install(&["sudo", "env"], missing))
-                .replace("env DEBIAN_FRONTEND=noninteractive ", "")
+            "`{}` (or `cargo xtask test --fast`, which does without)",
+            install_line(missing)
         ),
     }
+}
+
+/// What a person types to install packages.
+pub(crate) fn install_line(packages: &[&str]) -> String {
+    typed(&install(&["sudo", "env"], packages)).replace("env DEBIAN_FRONTEND=noninteractive ", "")
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Verbs that need a condition, an environment variable or two commands: `cargo xtask --help`.
 #![forbid(unsafe_code)]
 
+mod benchmark;
 mod command;
 mod debian;
 mod demo;
@@ -31,6 +32,8 @@ enum Verb {
     },
     /// Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures.
     Demo(demo::DemoOptions),
+    /// Count instructions on an emulated microcontroller, measure noise, draw both.
+    Bench(benchmark::BenchOptions),
     /// Check licences, advisories and sources with cargo-deny, where it is installed.
     Deny,
 }
@@ -39,6 +42,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().verb {
         Verb::Test { fast } => verify::verify(fast),
         Verb::Demo(options) => demo::demo(options),
+        Verb::Bench(options) => benchmark::bench(options),
         Verb::Deny => verify::deny(),
     };
     match result {

@@ -1,6 +1,7 @@
-//! The demo's pictures: SVG, drawn without any font or library of the system.
+//! Pictures of the demo and the benchmark: SVG, drawn without any font or library of the system.
 
 pub(crate) mod canvas;
+pub(crate) mod curves;
 pub(crate) mod heat_map;
 pub(crate) mod intervals;
 pub(crate) mod response;

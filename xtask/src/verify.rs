@@ -3,12 +3,13 @@
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use crate::benchmark::{self, BenchOptions};
 use crate::command::{cargo_with, run, succeeds};
 use crate::debian;
 use crate::failure::Failure;
 
 /// The microcontroller's target: Cortex-M4F and M7 with single-precision FPU.
-const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
+pub(crate) const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Crates that run on the microcontroller.
 const BOARD_CRATES: [&str; 5] = ["fixed-dsp", "int8-nn", "model", "pipeline", "link"];
@@ -44,14 +45,18 @@ pub(crate) fn verify(fast: bool) -> Result<(), Failure> {
         skipped.push("what needs real recordings: set CORTICODE_DATA to their folder");
     }
     if fast {
-        skipped.push("the trainer, and what needs ROS where it is missing: leave --fast out");
+        skipped.push("the trainer and the benchmark, and what needs ROS where it is missing: leave --fast out");
         steps.push(("lints, without the trainer", lints_without_trainer));
         steps.push(("no_std crates for the microcontroller", board_build));
         steps.push(("tests", tests));
     } else {
-        steps.insert(0, ("Debian's ROS packages", debian::ensure));
+        steps.insert(0, ("Debian's packages", debian::ensure));
         steps.push(("lints", lints));
         steps.push(("no_std crates for the microcontroller", board_build));
+        steps.push((
+            "filters on the emulated microcontroller",
+            filters_on_emulator,
+        ));
         steps.push(("trainer", trainer_tests));
         steps.push(("tests, and acceptance with ROS", tests_with_ros));
     }
@@ -105,7 +110,11 @@ pub(crate) fn deny() -> Result<(), Failure> {
     )
 }
 
-fn board_target() -> Result<(), Failure> {
+/// Makes sure that the target's standard library is there.
+///
+/// # Errors
+/// It is not, and rustup cannot add it.
+pub(crate) fn board_target() -> Result<(), Failure> {
     let list = Command::new("rustup")
         .args(["target", "list", "--installed"])
         .output();
@@ -156,6 +165,16 @@ fn board_build() -> Result<(), Failure> {
         &mut build,
         "a std-only item or feature got into one of these crates",
     )
+}
+
+fn filters_on_emulator() -> Result<(), Failure> {
+    // Clippy over the workspace sees the PC's side of the crate only.
+    let mut image_lints = cargo_with(&["clippy", "--package=bench", "--target", BOARD_TARGET]);
+    run(
+        image_lints.args(["--", "-D", "warnings"]),
+        NEXT_AFTER_A_LINT,
+    )?;
+    benchmark::bench(BenchOptions::FILTERS)
 }
 
 fn trainer_tests() -> Result<(), Failure> {

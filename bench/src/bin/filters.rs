@@ -1,0 +1,86 @@
+//! Counts the instructions of the filters; see the library's documentation.
+#![cfg_attr(target_os = "none", no_std)]
+#![cfg_attr(target_os = "none", no_main)]
+
+/// On a PC there is nothing to count.
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("this image runs on the emulated microcontroller: `cargo xtask bench filters`");
+}
+
+#[cfg(target_os = "none")]
+mod image {
+    use core::panic::PanicInfo;
+
+    use bench::{
+        block::{self, BLOCKS, BYTES, INPUTS, OUTPUTS},
+        contender::{NAMES, with_contenders},
+        machine::{Clock, HostFile, Refused, exit},
+        tally::Tally,
+    };
+    use cortex_m_rt::entry;
+    use cortex_m_semihosting::hprintln;
+
+    #[entry]
+    fn main() -> ! {
+        let clock = match Clock::start() {
+            Ok(clock) => clock,
+            Err(count) => {
+                hprintln!(
+                    "1000 instructions count as {}: is QEMU started with -icount shift=10?",
+                    count
+                );
+                exit(false)
+            }
+        };
+        let counted = count_all(&clock);
+        if counted.is_err() {
+            hprintln!("the host does not give {} or take {}", INPUTS, OUTPUTS);
+        }
+        exit(counted.is_ok())
+    }
+
+    /// Says one line for each input and contender: `count INPUT CONTENDER FEWEST MOST TOTAL`.
+    fn count_all(clock: &Clock) -> Result<(), Refused> {
+        let mut inputs = HostFile::open(INPUTS)?;
+        let mut outputs = HostFile::create(OUTPUTS)?;
+        let mut input = 0;
+        while let Some(tallies) = count_input(clock, &mut inputs, &mut outputs)? {
+            for (name, tally) in NAMES.iter().zip(tallies) {
+                hprintln!("count {} {} {}", input, name, tally);
+            }
+            input += 1;
+        }
+        Ok(())
+    }
+
+    /// The tallies of the next input; none when there is no other.
+    fn count_input(
+        clock: &Clock,
+        inputs: &mut HostFile,
+        outputs: &mut HostFile,
+    ) -> Result<Option<[Tally; NAMES.len()]>, Refused> {
+        with_contenders(|mut contenders| {
+            let mut tallies = [Tally::EMPTY; NAMES.len()];
+            let mut bytes = [0; BYTES];
+            for index in 0..BLOCKS {
+                if !inputs.read(&mut bytes)? {
+                    return if index == 0 { Ok(None) } else { Err(Refused) };
+                }
+                let input = block::from_bytes(&bytes);
+                for (contender, tally) in contenders.iter_mut().zip(&mut tallies) {
+                    contender.take(&input);
+                    tally.add(clock.count(&mut || contender.run()));
+                    outputs.write(&block::to_bytes(&contender.give()))?;
+                }
+            }
+            Ok(Some(tallies))
+        })
+    }
+
+    #[panic_handler]
+    fn panic(info: &PanicInfo) -> ! {
+        hprintln!("{}", info);
+        exit(false)
+    }
+}

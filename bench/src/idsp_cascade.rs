@@ -1,0 +1,103 @@
+//! The peer: idsp's biquads, with our sections.
+
+use dsp_fixedpoint::Q32;
+use dsp_process::SplitProcess;
+use fixed_dsp::{Coefficient, Section};
+use idsp::iir::Biquad;
+use model::{ELECTRODES, MAINS_50, SECTIONS};
+
+use crate::{
+    block::{Block, SILENCE},
+    contender::Contender,
+};
+
+/// One section as idsp has it: five coefficients in Q2.29, since the largest is 2.
+pub type Section29 = Biquad<Q32<29>>;
+
+/// Our sections for 50 Hz mains, in the same order and with the same gains, on idsp's state `S`.
+#[derive(Clone, Debug)]
+pub struct IdspCascade<S> {
+    sections: [Section29; SECTIONS],
+    states: [[S; SECTIONS]; ELECTRODES],
+    block: Block,
+}
+
+impl<S: Default> Default for IdspCascade<S> {
+    fn default() -> Self {
+        Self {
+            sections: MAINS_50.cascade.sections.map(|section| biquad(&section)),
+            states: core::array::from_fn(|_| core::array::from_fn(|_| S::default())),
+            block: SILENCE,
+        }
+    }
+}
+
+impl<S> IdspCascade<S>
+where
+    Section29: SplitProcess<i32, i32, S>,
+{
+    /// Filters one sample of one electrode.
+    ///
+    /// # Panics
+    /// When there are not so many electrodes.
+    #[inline]
+    pub fn step(&mut self, electrode: usize, x: i32) -> i32 {
+        let sections = self.sections.iter().zip(&mut self.states[electrode]);
+        sections.fold(x, |x, (section, state)| section.process(state, x))
+    }
+}
+
+impl<S> Contender for IdspCascade<S>
+where
+    Section29: SplitProcess<i32, i32, S>,
+{
+    fn take(&mut self, block: &Block) {
+        self.block = *block;
+    }
+
+    /// Section by section over the four samples: idsp's own order, and the faster one.
+    fn run(&mut self) {
+        for (states, samples) in self.states.iter_mut().zip(&mut self.block) {
+            for (section, state) in self.sections.iter().zip(states) {
+                for sample in &mut *samples {
+                    *sample = section.process(state, *sample);
+                }
+            }
+        }
+    }
+
+    fn give(&self) -> Block {
+        self.block
+    }
+}
+
+/// A section of ours in the usual notation, rounded to Q2.29.
+fn biquad(section: &Section) -> Section29 {
+    const ONE: i64 = 1 << 32;
+    let q32 = Coefficient::to_q32;
+    let q32 = match *section {
+        Section::Notch { turn, loss } => {
+            let [turn, gain] = [q32(turn), ONE - q32(loss)];
+            [gain, -turn, gain, turn, ONE - 2 * gain]
+        }
+        Section::HighPass { first, second } => [ONE, -2 * ONE, ONE, q32(first), q32(second)],
+        Section::BandPass {
+            gain,
+            first,
+            second,
+        } => [q32(gain), 0, -q32(gain), q32(first), q32(second)],
+        Section::LowPass {
+            gain,
+            first,
+            second,
+        } => {
+            let gain = q32(gain);
+            [gain, 2 * gain, gain, q32(first), q32(second)]
+        }
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "|coefficient| <= 2, Q2.29")]
+    let rounded = |q32: i64| Q32::from_bits(((q32 + 4) >> 3) as i32);
+    Biquad {
+        ba: q32.map(rounded),
+    }
+}

@@ -1,0 +1,130 @@
+//! `cargo xtask bench`: instructions on an emulated microcontroller, noise, and pictures of both.
+
+mod counts;
+mod drawing;
+pub(crate) mod emulator;
+mod impulse;
+mod inputs;
+mod noise;
+mod portable;
+mod published;
+mod report;
+mod spectrum;
+mod twin;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use self::counts::Counts;
+use self::emulator::{Image, MACHINES};
+use self::inputs::Inputs;
+use self::noise::Noise;
+use self::report::Report;
+use self::twin::Twin;
+use crate::failure::Failure;
+
+/// What the benchmark can be told.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct BenchOptions {
+    /// What to measure.
+    subject: Subject,
+    /// Print one JSON object instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What can be measured.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Subject {
+    /// The filters: instructions, noise, response.
+    Filters,
+}
+
+impl BenchOptions {
+    /// The filters, as a table.
+    pub(crate) const FILTERS: Self = Self {
+        subject: Subject::Filters,
+        json: false,
+    };
+}
+
+/// Measures, prints, draws.
+///
+/// # Errors
+/// QEMU or the target is missing, an image does not build or run, or a figure passes its limit.
+pub(crate) fn bench(options: BenchOptions) -> Result<(), Failure> {
+    let Subject::Filters = options.subject;
+    let report = filters()?;
+    if options.json {
+        println!("{}", report.json());
+    } else {
+        print!("{report}");
+    }
+    report.judge()
+}
+
+fn filters() -> Result<Report, Failure> {
+    let image = Image::build("filters")?;
+    let folder = image.target_folder().join("bench");
+    let inputs = Inputs::make()?;
+    for skipped in &inputs.skipped {
+        eprintln!("SKIPPED: {skipped}");
+    }
+    let expected = portable::outputs(&inputs);
+    let lines = inputs.names.len() * bench::contender::NAMES.len();
+    let progress = progress_bar(MACHINES.len() * lines + Noise::STAGES);
+
+    let mut counts = Vec::new();
+    for machine in MACHINES {
+        let work = folder.join(machine.name);
+        let file = |name| work.join(name);
+        make_folder(&work)?;
+        let input = file(bench::block::INPUTS);
+        fs::write(&input, &inputs.bytes).map_err(|error| cannot_write(&input, &error))?;
+        progress.set_message(machine.name);
+        let said = image.run(machine, &work, || progress.inc(1))?;
+        let output = file(bench::block::OUTPUTS);
+        let came_out = fs::read(&output).map_err(|error| cannot_write(&output, &error))?;
+        counts.push(Counts::new(machine, &said, &inputs, &expected, &came_out)?);
+    }
+    let twin = Twin::of_the_model()?;
+    let noise = Noise::measure(&twin, |what| {
+        progress.inc(1);
+        progress.set_message(what);
+    });
+    progress.finish_and_clear();
+
+    let pictures = drawing::draw_all(&noise, &twin, &folder);
+    pictures.map_err(|error| Failure::Check {
+        what: "drawing the pictures".to_owned(),
+        why: error.to_string(),
+        next: format!("is {} writable, and the disk not full?", folder.display()),
+    })?;
+    eprintln!("pictures: {}", folder.display());
+    Ok(Report::new(&inputs, &counts, &noise))
+}
+
+fn make_folder(folder: &Path) -> Result<(), Failure> {
+    fs::create_dir_all(folder).map_err(|error| cannot_write(folder, &error))
+}
+
+fn cannot_write(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::Check {
+        what: format!("the file {}", PathBuf::from(path).display()),
+        why: error.to_string(),
+        next: "is its folder writable, and the disk not full?".to_owned(),
+    }
+}
+
+/// One tick for every line that an image says and every part of the noise measurement.
+fn progress_bar(ticks: usize) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}");
+    let bar = ProgressBar::new(ticks.try_into().unwrap_or(u64::MAX));
+    match style {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}

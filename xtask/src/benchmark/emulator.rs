@@ -1,0 +1,184 @@
+//! QEMU: the two machines, an image for them, and a run of it.
+
+use std::io::{BufRead, BufReader, ErrorKind};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc;
+use std::thread;
+use std::time::Duration;
+
+use crate::command::{cargo_with, run, typed};
+use crate::debian;
+use crate::failure::Failure;
+use crate::verify;
+
+/// A machine that QEMU emulates.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Machine {
+    /// QEMU's name.
+    pub(crate) name: &'static str,
+    /// Its processor.
+    pub(crate) core: &'static str,
+}
+
+/// The machines: the small and the large processor that the firmware is meant for.
+pub(crate) const MACHINES: [Machine; 2] = [
+    Machine {
+        name: "mps2-an386",
+        core: "Cortex-M4F",
+    },
+    Machine {
+        name: "mps2-an500",
+        core: "Cortex-M7",
+    },
+];
+
+/// Debian's package with `qemu-system-arm`.
+pub(crate) const PACKAGE: &str = "qemu-system-arm";
+
+/// An image is silent for no longer than this: measured 3 s on one loaded core.
+const PATIENCE: Duration = Duration::from_mins(2);
+
+/// An image of the crate `bench`.
+#[derive(Debug)]
+pub(crate) struct Image {
+    path: PathBuf,
+    target_folder: PathBuf,
+}
+
+impl Image {
+    /// Builds the image of this name.
+    ///
+    /// # Errors
+    /// The target is missing, or the image does not build.
+    pub(crate) fn build(name: &str) -> Result<Self, Failure> {
+        verify::board_target()?;
+        let target = format!("--target={}", verify::BOARD_TARGET);
+        let bin = format!("--bin={name}");
+        let arguments = [
+            "build",
+            "--package=bench",
+            "--profile=firmware",
+            &target,
+            &bin,
+        ];
+        run(
+            &mut cargo_with(&arguments),
+            "read the compiler's message above",
+        )?;
+        let target_folder = target_folder()?;
+        let path = target_folder
+            .join(verify::BOARD_TARGET)
+            .join("firmware")
+            .join(name);
+        Ok(Self {
+            path,
+            target_folder,
+        })
+    }
+
+    /// Cargo's target folder.
+    pub(crate) fn target_folder(&self) -> &Path {
+        &self.target_folder
+    }
+
+    /// Runs the image in `folder` to its end; calls `heard` for each line it says and gives them all.
+    ///
+    /// # Errors
+    /// QEMU is missing; the image says that something is wrong, or nothing for too long.
+    pub(crate) fn run(
+        &self,
+        machine: Machine,
+        folder: &Path,
+        mut heard: impl FnMut(),
+    ) -> Result<Vec<String>, Failure> {
+        let mut command = Command::new("qemu-system-arm");
+        command
+            .args(["-machine", machine.name])
+            // One instruction lasts 2^10 ns of the machine's time, whatever the host does.
+            .args(["-icount", "shift=10"])
+            .args(["-display", "none", "-monitor", "none", "-serial", "none"])
+            .args(["-semihosting-config", "enable=on,target=native"])
+            .arg("-kernel")
+            .arg(&self.path)
+            .current_dir(folder)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped());
+        let by_hand = typed(&command);
+        let failed = |why: String| Failure::Check {
+            what: format!("the image on {}", machine.name),
+            why,
+            next: format!("run it by hand in {}: `{}`", folder.display(), by_hand),
+        };
+        let spawned = command.spawn().map_err(|error| match error.kind() {
+            ErrorKind::NotFound => missing(),
+            _ => failed(error.to_string()),
+        })?;
+        let mut emulator = Emulator(spawned);
+        let lines = emulator.lines();
+        let mut said = Vec::new();
+        loop {
+            match lines.recv_timeout(PATIENCE) {
+                Ok(line) => {
+                    heard();
+                    said.push(line);
+                }
+                Err(mpsc::RecvTimeoutError::Disconnected) => break,
+                Err(mpsc::RecvTimeoutError::Timeout) => {
+                    let why = format!("silent for {} s", PATIENCE.as_secs());
+                    return Err(failed(why));
+                }
+            }
+        }
+        match emulator.0.wait() {
+            Ok(status) if status.success() => Ok(said),
+            Ok(status) => Err(failed(format!("{status}; it said: {}", said.join(" / ")))),
+            Err(error) => Err(failed(error.to_string())),
+        }
+    }
+}
+
+/// A running QEMU; ended when it is dropped.
+struct Emulator(Child);
+
+impl Emulator {
+    /// What the image says, line by line, until it ends.
+    fn lines(&mut self) -> mpsc::Receiver<String> {
+        let (sender, receiver) = mpsc::channel();
+        if let Some(output) = self.0.stdout.take() {
+            thread::spawn(move || {
+                let mut lines = BufReader::new(output).lines().map_while(Result::ok);
+                lines.try_for_each(|line| sender.send(line))
+            });
+        }
+        receiver
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        // Both fail when it has ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn missing() -> Failure {
+    Failure::Missing {
+        what: "QEMU".to_owned(),
+        why: "`qemu-system-arm` does not start".to_owned(),
+        next: format!("`{}`", debian::install_line(&[PACKAGE])),
+    }
+}
+
+/// Cargo's target folder: this program lies in a folder of it, since cargo put it there.
+fn target_folder() -> Result<PathBuf, Failure> {
+    let missing = |why: String| Failure::Missing {
+        what: "the folder of the built image".to_owned(),
+        why,
+        next: "`cargo xtask bench filters`, not the program itself".to_owned(),
+    };
+    let own = std::env::current_exe().map_err(|error| missing(error.to_string()))?;
+    let target = own.parent().and_then(Path::parent).map(Path::to_owned);
+    target.ok_or_else(|| missing(own.display().to_string()))
+}
