@@ -3,17 +3,18 @@
 use std::f64::consts::PI;
 
 use fixed_dsp::{CascadeState, Filter};
-use model::GUARD_BITS;
 use num_complex::Complex64;
 use pipeline::Mains;
 
 use super::spectrum::real;
 use super::twin::Twin;
 
-/// The impulse, counts: half of full scale, so that the rounding of Q28.4 lies 156 dB below.
-const IMPULSE: i32 = 1 << 22;
-/// Length of the response, s: the slowest poles, 0.97 / s, have decayed by e^-15.
-const SECONDS: usize = 16;
+/// The impulse, Q28.4: four times the ADC's full scale, so that rounding is small beside it. The
+/// filters have head room for 3.8 times full scale of *any* signal; an impulse reaches less.
+const IMPULSE: i32 = 1 << 29;
+/// Length of the response, s: the slowest poles, 0.97 / s, have decayed by e^-10. What comes
+/// later is rounding, which the group delay weighs by its age.
+const SECONDS: usize = 10;
 
 /// Response of a filter to an impulse of 1, at the ADC's rate.
 #[derive(Debug)]
@@ -25,10 +26,10 @@ impl ImpulseResponse {
     pub(crate) fn of_the_filters() -> Self {
         let mut states = [CascadeState::REST; 2];
         let response = (0..samples()).map(|n| {
-            let x = if n == 0 { IMPULSE << GUARD_BITS } else { 0 };
+            let x = if n == 0 { IMPULSE } else { 0 };
             let up = f64::from(Mains::Hz50.step(&mut states[0], x));
             let down = f64::from(Mains::Hz50.step(&mut states[1], -x));
-            (up - down) / 2.0 / f64::from(IMPULSE << GUARD_BITS)
+            (up - down) / 2.0 / f64::from(IMPULSE)
         });
         Self(response.collect())
     }
