@@ -9,8 +9,8 @@ use pipeline::Mains;
 use super::spectrum::real;
 use super::twin::Twin;
 
-/// The impulse, Q28.4: four times the ADC's full scale, so that rounding is small beside it. The
-/// filters have head room for 3.8 times full scale of *any* signal; an impulse reaches less.
+/// The impulse, Q28.4: four times the ADC's full scale, so that rounding is small beside it. No
+/// signal of full scale drives a node beyond 3.8 times that (model/manifest.txt); there is room for 16.
 const IMPULSE: i32 = 1 << 29;
 /// Length of the response, s: the slowest poles, 0.97 / s, have decayed by e^-10. What comes
 /// later is rounding, which the group delay weighs by its age.
