@@ -3,12 +3,13 @@
 use std::f64::consts::PI;
 
 use artifact::Decimation;
+use fixed_dsp::Resampler;
 use num_complex::Complex64;
 
 use crate::{FilterError, fir::kaiser_low_pass, integer_model::ELECTRODES};
 
 /// One in a tap's format, Q2.30.
-pub const UNITY: i32 = 1 << 30;
+pub const UNITY: i32 = Resampler::<1, 1>::UNITY;
 
 /// -6 dB point of the low-pass, Hz, and shape of its Kaiser window: at least 54 dB above 78 Hz,
 /// whose image is 50 Hz, for 0.1 dB at 50 Hz. docs/decisions/0007-alias-free-decimation.md has the
@@ -28,7 +29,7 @@ const LARGEST_BYTES: usize = 65_536;
 
 /// A resampler's numbers: output rate = input rate * phases / `down`, in lowest terms.
 ///
-/// What `fixed_dsp::Resampler` holds, in sizes that are known only when the artifact is read.
+/// What [`Resampler`] holds, in sizes that are known only when the artifact is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResamplerTable {
     /// Input samples per as many outputs as there are phases.

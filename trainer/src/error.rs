@@ -74,9 +74,12 @@ pub enum TrainerError {
         /// What does not work.
         source: model_gen::FilterError,
     },
-    /// The filters have another number of sections than the pipeline is built for.
+    /// The ADC's rate cannot be brought to that of the steps.
+    #[error("the decimation cannot be realised")]
+    Resampler(#[source] model_gen::FilterError),
+    /// The filters have another number of sections than the trainer plays.
     #[error(
-        "the filters have {found} sections, the pipeline was built for another number; build it from an artifact with the same filters first"
+        "the filters have {found} sections, but the trainer plays 6: write harmonics = 0 and order = 5 under [filters] of model.toml"
     )]
     Sections {
         /// Sections of the description's filters.

@@ -38,6 +38,7 @@ pub mod network;
 pub mod parameters;
 pub mod pca;
 mod pool;
+mod resampler;
 pub mod schedule;
 pub mod selection;
 pub mod session;

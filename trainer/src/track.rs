@@ -1,9 +1,10 @@
 //! A recording behind the device's own front end.
 
 use crate::error::TrainerError;
+use crate::resampler::Resampler;
 use crate::selection::file_name;
 use artifact::{Description, ELECTRODES};
-use fixed_dsp::{Cascade, Resampler};
+use fixed_dsp::Cascade;
 use pipeline::{FrontEnd, Sample};
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 use std::path::Path;
@@ -63,14 +64,16 @@ impl Track {
             rate_hz: adc.rate_hz,
             lsb_uv: adc.lsb_uv(),
         };
-        let resampler = resampler(description);
-        let mut front_end = FrontEnd::new(cascade(description, mains_hz)?, &resampler);
+        let every = fixed_dsp::Resampler::every(1);
+        let mut filters = FrontEnd::new(cascade(description, mains_hz)?, &every);
+        let mut resampler = Resampler::new(description)?;
         let uv_per_step = adc.lsb_uv() / STEPS_PER_COUNT;
         let mut virtual_adc = VirtualAdc::new(recording, &map, spec).map_err(unreadable)?;
         let mut steps: Vec<Step> = Vec::new();
         for counts in &mut virtual_adc {
             let counts = counts.map_err(unreadable)?;
-            if let Some((electrodes, _)) = front_end.push(&Sample { counts }) {
+            let filtered = filters.push(&Sample { counts });
+            if let Some(electrodes) = filtered.and_then(|(now, _)| resampler.push(now)) {
                 #[expect(clippy::cast_possible_truncation, reason = "a float network takes f32")]
                 steps.push(electrodes.map(|v| (f64::from(v) * uv_per_step) as f32));
             }
@@ -97,10 +100,4 @@ fn cascade(description: &Description, mains_hz: u32) -> Result<Cascade<SECTIONS>
         .try_into()
         .map_err(|_| TrainerError::Sections { found })?;
     Ok(Cascade { sections })
-}
-
-/// Literal decimation, which is what the card asks for.
-fn resampler(description: &Description) -> Resampler<1, 1> {
-    let down = description.adc.rate_hz / description.window.rate_hz;
-    Resampler::every(u16::try_from(down).expect("an ADC of at most 1024 Hz, checked on reading"))
 }

@@ -1,0 +1,103 @@
+//! From the ADC's rate to that of the steps, whatever the description says.
+
+use crate::error::TrainerError;
+use artifact::Description;
+use model_gen::ResamplerTable;
+use pipeline::Electrodes;
+use std::collections::VecDeque;
+
+/// The device's resampler in sizes that are known only at run time; the same bits.
+pub(crate) struct Resampler {
+    table: ResamplerTable,
+    /// The newest filtered samples, the newest first, as many as there are taps.
+    newest: VecDeque<Electrodes>,
+    /// From the newest sample to the next output, in parts (1 / phases) of a sample.
+    ahead: usize,
+}
+
+impl Resampler {
+    /// A resampler that has seen nothing but zeros.
+    pub(crate) fn new(description: &Description) -> Result<Self, TrainerError> {
+        let table = ResamplerTable::new(
+            description.filters.decimation,
+            description.adc.rate_hz,
+            description.window.rate_hz,
+        )
+        .map_err(TrainerError::Resampler)?;
+        Ok(Self {
+            newest: vec![[0; artifact::ELECTRODES]; table.taps_per_phase()].into(),
+            table,
+            ahead: 0,
+        })
+    }
+
+    /// Takes a filtered sample; gives the output that is due with it.
+    pub(crate) fn push(&mut self, filtered: Electrodes) -> Option<Electrodes> {
+        self.newest.pop_back();
+        self.newest.push_front(filtered);
+        let phases = self.table.phases();
+        if self.ahead >= phases {
+            self.ahead -= phases;
+            return None;
+        }
+        let taps = &self.table.taps[self.ahead];
+        self.ahead += usize::from(self.table.down) - phases;
+        Some(std::array::from_fn(|electrode| {
+            let samples = self.newest.iter().map(|sample| sample[electrode]);
+            let sum: i64 = taps
+                .iter()
+                .zip(samples)
+                .map(|(&tap, x)| i64::from(tap) * i64::from(x))
+                .sum();
+            // Half up, from Q2.30.
+            i32::try_from((sum + (1 << 29)) >> 30).expect("model-gen proves the head room")
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::card;
+    use artifact::Decimation;
+    use fixed_dsp::{Cascade, Coefficient, Section};
+    use pipeline::{FrontEnd, Sample};
+
+    #[test]
+    fn the_outputs_are_the_device_s_bit_for_bit_at_a_rational_ratio() {
+        let mut description = card::description();
+        description.adc.rate_hz = 500;
+        description.filters.decimation = Decimation::Fir;
+        let mut resampler = Resampler::new(&description).expect("a usual rate");
+        let on_device = fixed_dsp::Resampler {
+            down: resampler.table.down,
+            taps: std::array::from_fn::<_, 32, _>(|phase| {
+                std::array::from_fn::<_, 64, _>(|age| resampler.table.taps[phase][age])
+            }),
+        };
+        let every = fixed_dsp::Resampler::every(1);
+        // Any filter will do.
+        let high_pass = Cascade {
+            sections: [Section::HighPass {
+                first: Coefficient::nearest(1.5),
+                second: Coefficient::nearest(-0.5625),
+            }],
+        };
+        let mut filters = FrontEnd::new(high_pass, &every);
+        let mut device = FrontEnd::new(high_pass, &on_device);
+        let mut outputs = 0;
+        for n in 0..2_000_i32 {
+            let counts = std::array::from_fn(|channel| {
+                let channel = i32::try_from(channel).expect("64 channels");
+                (n * n * 313 + channel * 977) % 100_003 - 50_000
+            });
+            let expected = device.push(&Sample { counts }).map(|(now, _)| now);
+            let found = filters
+                .push(&Sample { counts })
+                .and_then(|(now, _)| resampler.push(now));
+            assert_eq!(found, expected, "sample {n}");
+            outputs += usize::from(found.is_some());
+        }
+        assert_eq!(outputs, 2_000 * 128 / 500);
+    }
+}
