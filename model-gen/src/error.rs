@@ -169,8 +169,8 @@ pub enum FilterError {
     },
     /// A node of the cascade could leave 32 bits.
     #[error(
-        "{node} can reach {gain:.2} times the input: full-scale ADC counts with 4 guard bits \
-         allow less than {limit:.2}; lower [filters] order or raise the lower band edge in model.toml"
+        "{node} can reach {gain:.2} times the input: full-scale ADC counts allow less \
+         than {limit:.2}; lower [filters] order or raise the lower band edge in model.toml"
     )]
     Overflow {
         /// Which signal of the cascade.

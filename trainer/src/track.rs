@@ -5,6 +5,7 @@ use crate::resampler::Resampler;
 use crate::selection::file_name;
 use artifact::{Description, ELECTRODES};
 use fixed_dsp::Cascade;
+use model_gen::headroom::GUARD_BITS;
 use pipeline::{FrontEnd, Sample};
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 use std::path::Path;
@@ -19,8 +20,8 @@ pub type Step = [f32; ELECTRODES];
 /// silence to the recording's offset. After 4 s its envelope exp(-2 pi 0.5 cos(72 deg) t) is 0.02.
 pub const SETTLING_S: usize = 4;
 
-/// Microvolts per step of the front end's output: it gives counts x 2^4.
-const STEPS_PER_COUNT: f64 = 16.0;
+/// Steps of the front end's output in a count.
+const STEPS_PER_COUNT: f64 = (1_u32 << GUARD_BITS) as f64;
 
 /// A recording as the encoder would see it: 128 Hz, filtered, in the montage's order.
 #[derive(Clone, Debug)]
