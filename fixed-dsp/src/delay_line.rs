@@ -36,13 +36,24 @@ impl<const CHANNELS: usize, const TAPS: usize> DelayLine<CHANNELS, TAPS> {
     }
 }
 
+/// Taps that are multiplied in one round of the loop.
+const ROUND: usize = 8;
+
 #[inline]
 fn dot(weights: &[i32], samples: &[i32]) -> i64 {
-    let products = weights
-        .iter()
-        .zip(samples)
-        .map(|(&weight, &sample)| i64::from(weight) * i64::from(sample));
-    products.sum()
+    let product = |(&weight, &sample): (&i32, &i32)| i64::from(weight) * i64::from(sample);
+    let (weight_rounds, weight_rest) = weights.as_chunks::<ROUND>();
+    let (sample_rounds, sample_rest) = samples.as_chunks::<ROUND>();
+    let mut sum = 0;
+    for (weights, samples) in weight_rounds.iter().zip(sample_rounds) {
+        for pair in weights.iter().zip(samples) {
+            sum += product(pair);
+        }
+    }
+    for pair in weight_rest.iter().zip(sample_rest) {
+        sum += product(pair);
+    }
+    sum
 }
 
 #[cfg(test)]

@@ -118,16 +118,10 @@ impl Section {
         block: &mut [i32; B],
     ) -> [i32; 2] {
         let outputs = [state.y1, state.y2];
-        let [x1, x2] = before;
         match self {
             Self::Notch { turn, loss } => {
-                notch(
-                    [turn.integer, loss.integer],
-                    remainders,
-                    state,
-                    before,
-                    block,
-                );
+                let integers = [turn.integer, loss.integer];
+                notch(integers, remainders, state, before, block);
             }
             Self::HighPass { first, second } => {
                 let integers = [first.integer, second.integer];
@@ -139,12 +133,7 @@ impl Section {
                 second,
             } => {
                 let integers = [gain.integer, first.integer, second.integer];
-                let (mut x1, mut x2) = (x1, x2);
-                recursive(integers, remainders, state, block, |x0| {
-                    let sum = x0.wrapping_sub(x2);
-                    (x2, x1) = (x1, x0);
-                    sum
-                });
+                band_pass(integers, remainders, state, before, block);
             }
             Self::LowPass {
                 gain,
@@ -152,12 +141,7 @@ impl Section {
                 second,
             } => {
                 let integers = [gain.integer, first.integer, second.integer];
-                let (mut x1, mut x2) = (x1, x2);
-                recursive(integers, remainders, state, block, |x0| {
-                    let sum = x0.wrapping_add(x2).wrapping_add(x1).wrapping_add(x1);
-                    (x2, x1) = (x1, x0);
-                    sum
-                });
+                low_pass(integers, remainders, state, before, block);
             }
         }
         outputs
@@ -165,7 +149,7 @@ impl Section {
 }
 
 /// A notch in terms of `u = y - x`, what it changes: `u0 = -u2 + turn u1 + loss (u2 + y2 - x0)`, two
-/// multiplications instead of the textbook's four. `u` itself may wrap: only `y` has to fit.
+/// multiplications instead of the textbook's four. `u0` may wrap where it is only added.
 #[inline(always)]
 fn notch<const B: usize>(
     [turn, loss]: [i32; 2],
@@ -216,26 +200,55 @@ fn high_pass<const B: usize>(
     }
 }
 
-/// `gain * numerator(x0) + first y1 + second y2`.
+/// `gain (x0 - x2) + first y1 + second y2`.
 #[inline(always)]
-fn recursive<const B: usize>(
+fn band_pass<const B: usize>(
     [gain, first, second]: [i32; 3],
     remainders: &Remainders,
     state: &mut SectionState,
+    [mut x1, mut x2]: [i32; 2],
     block: &mut [i32; B],
-    mut numerator: impl FnMut(i32) -> i32,
 ) {
     for x in block {
-        let input = numerator(*x);
+        let change = x.wrapping_sub(x2);
         let high = gain
-            .wrapping_mul(input)
+            .wrapping_mul(change)
             .wrapping_add(first.wrapping_mul(state.y1))
             .wrapping_add(second.wrapping_mul(state.y2));
         let sum = state
             .sum(high)
-            .multiply_add(remainders[0], input)
+            .multiply_add(remainders[0], change)
             .multiply_add(remainders[1], state.y1)
             .multiply_add(remainders[2], state.y2);
+        (x2, x1) = (x1, *x);
+        *x = state.output(sum.high, sum.low);
+    }
+}
+
+/// `gain (x0 + x1) + gain (x1 + x2) + first y1 + second y2`: as many instructions as with one sum of
+/// three inputs, which would need another bit of head room.
+#[inline(always)]
+fn low_pass<const B: usize>(
+    [gain, first, second]: [i32; 3],
+    remainders: &Remainders,
+    state: &mut SectionState,
+    [mut x1, x2]: [i32; 2],
+    block: &mut [i32; B],
+) {
+    let mut pair1 = x1.wrapping_add(x2);
+    for x in block {
+        let pair0 = x.wrapping_add(x1);
+        let high = gain
+            .wrapping_mul(pair0.wrapping_add(pair1))
+            .wrapping_add(first.wrapping_mul(state.y1))
+            .wrapping_add(second.wrapping_mul(state.y2));
+        let sum = state
+            .sum(high)
+            .multiply_add(remainders[0], pair0)
+            .multiply_add(remainders[0], pair1)
+            .multiply_add(remainders[1], state.y1)
+            .multiply_add(remainders[2], state.y2);
+        (x1, pair1) = (*x, pair0);
         *x = state.output(sum.high, sum.low);
     }
 }

@@ -55,7 +55,7 @@ pub struct DeviceModel {
     pub filters: Vec<MainsFilter>,
     /// From the ADC's rate to that of the steps, behind any of the filters.
     pub resampler: ResamplerTable,
-    /// From a filtered sample (counts, Q28.4) to a step of the int8 input, Q0.32.
+    /// From a filtered sample (counts, Q27.5) to a step of the int8 input, Q0.32.
     pub input_multiplier: i32,
     /// The encoder.
     pub integers: IntegerModel,

@@ -73,7 +73,7 @@ impl Source {
             format_args!("pub const GUARD_BITS: u32 = {GUARD_BITS};"),
         );
         self.item(
-            "From a filtered sample (counts, Q28.4) to a step of the int8 input, Q0.32.",
+            "From a filtered sample (counts, Q27.5) to a step of the int8 input, Q0.32.",
             format_args!(
                 "pub const INPUT_MULTIPLIER: i32 = {};",
                 separated(model.input_multiplier)

@@ -4,14 +4,18 @@ use fixed_dsp::Section;
 
 use crate::{Chain, FilterError, response};
 
-/// Bits below a count that a filtered sample carries: format Q28.4.
-pub const GUARD_BITS: u32 = 4;
+/// Bits below a count that a filtered sample carries: format Q27.5. Each halves the rounding noise
+/// and the head room; with five, the noise is below the ADC's own rounding in the band.
+pub const GUARD_BITS: u32 = 5;
 
 /// An ADC count is a 24-bit two's-complement number: |count| <= 2^23.
 const ADC_BITS: u32 = 24;
 
+/// Full scale fits 32 bits this many times: what every worst-case gain has to stay below.
+pub(crate) const ROOM: u32 = 1 << (32 - ADC_BITS - GUARD_BITS);
+
 /// What the rounding noise of the whole cascade can add to a node, as a part of full scale: 2^10
-/// steps of Q28.4 (measured: 15).
+/// steps of Q27.5 (measured: 15).
 const NOISE: f64 = 1.0 / 131_072.0;
 
 /// Worst-case gain of one node of the cascade.
@@ -55,7 +59,7 @@ pub fn prove_output(chain: &Chain) -> Result<NodeGain, FilterError> {
 
 /// A node whose worst-case gain leaves it within 32 bits.
 fn fitting(node: String, gain: f64) -> Result<NodeGain, FilterError> {
-    let limit = f64::from(1_u32 << (32 - ADC_BITS - GUARD_BITS)) - NOISE;
+    let limit = f64::from(ROOM) - NOISE;
     if gain < limit {
         return Ok(NodeGain { node, gain });
     }
@@ -81,12 +85,9 @@ fn nodes(section: &Section, input: &[f64], output: &[f64]) -> Vec<(&'static str,
         ],
         Section::HighPass { .. } => Vec::new(),
         Section::BandPass { .. } => {
-            vec![("numerator", each(&|k| input[k] - before(input, k, 2)))]
+            vec![("difference", each(&|k| input[k] - before(input, k, 2)))]
         }
-        Section::LowPass { .. } => vec![(
-            "numerator",
-            each(&|k| input[k] + 2.0 * before(input, k, 1) + before(input, k, 2)),
-        )],
+        Section::LowPass { .. } => vec![("pair", each(&|k| input[k] + before(input, k, 1)))],
     };
     nodes.push(("output", output.to_vec()));
     nodes

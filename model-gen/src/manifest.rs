@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use crate::{
     device_model::{DeviceModel, MainsFilter},
+    headroom::ROOM,
     integer_model::{CODE, CONV1, CONV2, ELECTRODES, FLAT, STEPS},
 };
 
@@ -119,7 +120,7 @@ fn mains_filter(out: &mut String, filter: &MainsFilter) -> std::fmt::Result {
         "  settling            {} samples to 1e-4",
         filter.settling_samples
     )?;
-    writeln!(out, "  worst-case gains (below 16 for full scale in Q28.4)")?;
+    writeln!(out, "  worst-case gains (below {ROOM} for full scale)")?;
     for node in &filter.gains {
         writeln!(out, "    {:<24}{:>8.4}", node.node, node.gain)?;
     }

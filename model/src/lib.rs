@@ -33,7 +33,7 @@ pub const CODE: usize = 128;
 pub struct MainsFilter {
     /// Mains frequency that is notched out, Hz.
     pub mains_hz: u8,
-    /// The sections; samples are counts in Q28.4.
+    /// The sections; samples are counts in Q27.5.
     pub cascade: Cascade<SECTIONS>,
     /// Group delay of sections and resampler at 10 Hz, microseconds.
     pub group_delay_us: u32,

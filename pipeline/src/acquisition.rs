@@ -1,6 +1,6 @@
 //! From samples to steps: filters, resampler, scalp grid, quantisation, and what was lost there.
 
-use model::{ADC_RATE_HZ, CHANNELS, PHASES, RESAMPLER, TAPS};
+use model::{ADC_RATE_HZ, PHASES, RESAMPLER, TAPS};
 
 use crate::{FrontEnd, Mains, Sample, Step, quantise};
 
@@ -33,9 +33,9 @@ impl Acquisition {
     /// sample, the first one included.
     #[inline]
     pub fn push(&mut self, sample: &Sample) -> Option<Step> {
-        let at_rail = at_rail(&sample.counts);
-        self.saturated |= at_rail;
-        self.saturated_total = self.saturated_total.wrapping_add(at_rail.count_ones());
+        let rails = sample.rails();
+        self.saturated |= rails;
+        self.saturated_total = self.saturated_total.wrapping_add(rails.count_ones());
         let index = self.samples;
         self.samples += 1;
         let (electrodes, phase) = self.front_end.push(sample)?;
@@ -79,19 +79,11 @@ const fn offset_us(phase: usize, phases: usize, rate_hz: u16) -> u16 {
 
 const _: () = assert!(ADC_RATE_HZ > 15, "a sample lasts less than 2^16 us");
 
-/// The channels of a sample that stand at the ADC's rail, one bit each.
-fn at_rail(counts: &[i32; CHANNELS]) -> u64 {
-    const { assert!(CHANNELS <= 64, "one bit for each channel") };
-    counts
-        .iter()
-        .enumerate()
-        .map(|(channel, count)| u64::from(!(-Sample::MAX..Sample::MAX).contains(count)) << channel)
-        .sum()
-}
-
 #[cfg(test)]
 mod tests {
     use std::vec::Vec;
+
+    use model::CHANNELS;
 
     use super::*;
 
@@ -150,7 +142,7 @@ mod tests {
             );
             let settled: Vec<&Step> = steps.iter().filter(|step| !step.settling).collect();
             assert!(settled.len() > 500);
-            let limit = (count << model::GUARD_BITS) / 10_000 + 16;
+            let limit = (count << model::GUARD_BITS) / 10_000 + (1 << model::GUARD_BITS);
             for step in settled {
                 assert!(step.electrodes[0].abs() <= limit, "sample {}", step.sample);
             }

@@ -5,7 +5,7 @@ use model::{ELECTRODES, GUARD_BITS};
 
 use crate::Sample;
 
-/// All electrodes at one time step: counts x 2^4 (Q28.4), |x| < 2^31; the index is the electrode.
+/// All electrodes at one time step: counts x 2^5 (Q27.5), |x| < 2^31; the index is the electrode.
 pub type Electrodes = [i32; ELECTRODES];
 
 /// Filters every electrode and brings it to a lower rate.
@@ -52,7 +52,7 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
             "counts have 24 bits: the filters' head room is proven for no more"
         );
         for (waiting, &count) in self.waiting.iter_mut().zip(&sample.counts) {
-            waiting[self.count] = count << GUARD_BITS;
+            waiting[self.count % BLOCK] = count << GUARD_BITS;
         }
         self.count += 1;
         let due = self.resampler.advance(&mut self.position);
@@ -73,7 +73,8 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
                 }
             }
         }
-        for index in 0..self.count {
+        // What would have left the line again is not put in.
+        for index in self.count.saturating_sub(TAPS)..self.count {
             self.line
                 .push(self.waiting.iter().map(|block| block[index]));
         }

@@ -27,16 +27,16 @@ pub fn quantise(electrodes: &Electrodes) -> (Plane, u16) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use model::{ELECTRODES, INPUT_SCALE_UV, LSB_NV};
+    use model::{ELECTRODES, GUARD_BITS, INPUT_SCALE_UV, LSB_NV};
 
     #[test]
     fn a_plane_holds_microvolts_over_the_input_scale() {
         let uv = 100.0;
         #[expect(
             clippy::cast_possible_truncation,
-            reason = "100 uV are 71,582 Q28.4 steps"
+            reason = "100 uV are 143,165 Q27.5 steps"
         )]
-        let x = (uv * 1_000.0 / LSB_NV * 16.0).round() as i32;
+        let x = (uv * 1_000.0 / LSB_NV * f32::from(1_u16 << GUARD_BITS)).round() as i32;
         let (plane, clipped) = quantise(&[x; ELECTRODES]);
         let q = f32::from(plane[usize::from(GRID_CELL[0])]);
         assert!((q - uv / INPUT_SCALE_UV).abs() <= 0.51, "{q}");

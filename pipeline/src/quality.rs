@@ -92,7 +92,7 @@ struct Input {
     mains: Tone,
 }
 
-/// One electrode behind the filters, this second so far; counts, Q28.4.
+/// One electrode behind the filters, this second so far; counts, Q27.5.
 #[derive(Clone, Copy, Debug, Default)]
 struct Output {
     squares: f32,
@@ -154,8 +154,7 @@ impl SignalQuality {
             }
             input.least = input.least.min(count);
             input.most = input.most.max(count);
-            let is_at_rail = !(-Sample::MAX..Sample::MAX).contains(&count);
-            input.at_rail += u16::from(is_at_rail);
+            input.at_rail += u16::from(Sample::rail(count) != 0);
             input.mains.add(approximate(count), weights);
         }
     }

@@ -10,7 +10,7 @@ pub struct Step {
     /// How much later than that sample the step stands, microseconds; 0 where the ADC's rate is a
     /// multiple of the steps'.
     pub offset_us: u16,
-    /// Filtered electrodes, counts x 2^4 (Q28.4).
+    /// Filtered electrodes, counts x 2^5 (Q27.5).
     pub electrodes: Electrodes,
     /// The same on the scalp grid, int8.
     pub plane: Plane,

@@ -11,7 +11,7 @@ const BOTH: [Mains; 2] = [Mains::Hz50, Mains::Hz60];
 const COUNT: i32 = 1 << GUARD_BITS;
 
 /// The lower rail, in steps of a filtered sample: full scale.
-const FULL_SCALE: f64 = 134_217_728.0;
+const FULL_SCALE: f64 = 268_435_456.0;
 
 /// Sections up to and including `last`.
 fn prefix(mains: Mains, last: usize) -> Vec<Section> {

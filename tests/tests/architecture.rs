@@ -102,7 +102,7 @@ fn written_unsafe_places() -> Names {
     let section = section.split("\n## ").next().expect("a section has text");
     let quoted = section.split('`').skip(1).step_by(2);
     quoted
-        .filter(|word| word.ends_with(".rs"))
+        .filter(|word| Path::new(word).extension().is_some_and(|e| e == "rs"))
         .map(str::to_owned)
         .collect()
 }

@@ -3,7 +3,7 @@
 use fixed_dsp::{Coefficient, Section};
 
 use super::{Source, number::separated};
-use crate::{MainsFilter, ResamplerTable};
+use crate::{MainsFilter, ResamplerTable, headroom::ROOM};
 
 impl Source {
     pub(super) fn resampler(&mut self, table: &ResamplerTable) {
@@ -35,7 +35,7 @@ impl Source {
         for doc in [
             format!("The filters for {hz} Hz mains, as code of their own."),
             String::new(),
-            "Worst-case gains (L1 norms) of every node, to stay below 16:".to_owned(),
+            format!("Worst-case gains (L1 norms) of every node, to stay below {ROOM}:"),
         ] {
             self.line(format_args!("/// {doc}").to_string().trim_end());
         }

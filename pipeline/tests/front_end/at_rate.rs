@@ -2,7 +2,7 @@
 
 use artifact::Decimation;
 use fixed_dsp::{Cascade, Resampler};
-use model::{CHANNELS, SECTIONS};
+use model::{CHANNELS, GUARD_BITS, SECTIONS};
 use model_gen::{Chain, FilterSpec, ResamplerTable, cascade};
 use pipeline::{FrontEnd, Sample};
 
@@ -78,7 +78,7 @@ impl AtRate {
                     counts: [count; CHANNELS],
                 })
             })
-            .map(|(electrodes, _)| f64::from(electrodes[0]) / 16.0)
+            .map(|(electrodes, _)| f64::from(electrodes[0]) / f64::from(1 << GUARD_BITS))
             .collect()
     }
 }

@@ -9,8 +9,9 @@ use pipeline::Mains;
 use super::spectrum::real;
 use super::twin::Twin;
 
-/// The impulse, Q28.4: four times the ADC's full scale, so that rounding is small beside it. No
-/// signal of full scale drives a node beyond 3.8 times that (model/manifest.txt); there is room for 16.
+/// The impulse, Q27.5: twice the ADC's full scale, so that rounding is small beside it. A node whose
+/// worst case is 6.8 times full scale (model/manifest.txt) sees a single impulse as far less, and
+/// has room for 8.
 const IMPULSE: i32 = 1 << 29;
 /// Length of the response, s: the slowest poles, 0.97 / s, have decayed by e^-10. What comes
 /// later is rounding, which the group delay weighs by its age.

@@ -202,7 +202,11 @@ mod tests {
         let twin = Twin::of_the_model().expect("the artifact");
         let mut exact = twin.clone();
         #[expect(clippy::cast_possible_truncation, reason = "an EEG of 20 mV at most")]
-        let filter = move |x| (exact.step(f64::from(x)) / 16.0).round() as i32 * 16;
+        let filter = move |x| {
+            let steps_per_count = 1 << GUARD_BITS;
+            let counts = exact.step(f64::from(x)) / f64::from(steps_per_count);
+            counts.round() as i32 * steps_per_count
+        };
         let error = error_nv(&counts(EEG, 0), twin, filter);
         let rms = Spectrum::of(&error, model::ADC_RATE_HZ.into()).rms(BAND_HZ);
         // LSB / sqrt(12), of which the band has 59.5 of 256 Hz.

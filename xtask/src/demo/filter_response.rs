@@ -7,7 +7,7 @@ use pipeline::{FrontEnd, Mains, Sample};
 
 use crate::picture::response::{Design, Response};
 
-/// The impulse, counts: half of full scale, so that the rounding of Q28.4 lies 156 dB below.
+/// The impulse, counts: half of full scale, so that the rounding of Q27.5 lies 156 dB below.
 const IMPULSE: i32 = 1 << 22;
 /// Length of the measured response, s: the slowest poles, 2 pi 0.5 Hz sin(18 deg) = 0.97 / s, have
 /// decayed by e^-15. Longer only gathers rounding noise.
@@ -67,7 +67,8 @@ fn impulse_response() -> Vec<f64> {
             sample = Sample::default();
             filtered
         })
-        .map(|([up, down, ..], _)| (f64::from(up) - f64::from(down)) / 32.0 / f64::from(IMPULSE))
+        .map(|([up, down, ..], _)| f64::from(up) - f64::from(down))
+        .map(|both| both / f64::from(1 << model::GUARD_BITS) / 2.0 / f64::from(IMPULSE))
         .collect()
 }
 

@@ -80,12 +80,13 @@ impl Reference {
 }
 
 fn microvolts(electrodes: &Electrodes) -> [f32; pipeline::ELECTRODES] {
-    // Q28.4 of counts of LSB_NV nanovolts each.
+    // Q27.5 of counts of LSB_NV nanovolts each.
+    let steps_per_count = f32::from(1_u16 << model::GUARD_BITS);
     #[expect(
         clippy::cast_precision_loss,
         reason = "a picture needs no more than 24 bits"
     )]
-    electrodes.map(|value| value as f32 / 16.0 * model::LSB_NV / 1000.0)
+    electrodes.map(|value| value as f32 / steps_per_count * model::LSB_NV / 1000.0)
 }
 
 fn prd_percent<const N: usize>(source: &[[f32; N]], result: &[[f32; N]]) -> f64 {
