@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use crate::{
     device_model::{DeviceModel, MainsFilter},
-    headroom::ROOM,
+    headroom::{GUARD_BITS, ROOM},
     integer_model::{CODE, CONV1, CONV2, ELECTRODES, FLAT, STEPS},
 };
 
@@ -120,7 +120,11 @@ fn mains_filter(out: &mut String, filter: &MainsFilter) -> std::fmt::Result {
         "  settling            {} samples to 1e-4",
         filter.settling_samples
     )?;
-    writeln!(out, "  worst-case gains (below {ROOM} for full scale)")?;
+    let integer_bits = 32 - GUARD_BITS;
+    writeln!(
+        out,
+        "  worst-case gains (below {ROOM} for full scale in Q{integer_bits}.{GUARD_BITS})"
+    )?;
     for node in &filter.gains {
         writeln!(out, "    {:<24}{:>8.4}", node.node, node.gain)?;
     }
