@@ -3,7 +3,8 @@
 use fixed_dsp::BLOCK;
 use model::ELECTRODES;
 
-/// Four consecutive samples of each electrode: counts x 2^5 (Q27.5), |x| <= 2^27.
+/// Four consecutive samples of each electrode: counts x 2^5 (Q27.5), |x| <= 2^28 at
+/// the input.
 pub type Block = [[i32; BLOCK]; ELECTRODES];
 
 /// Silence.

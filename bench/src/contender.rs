@@ -6,6 +6,7 @@ use model::{CHANNELS, ELECTRODES, GUARD_BITS, SECTIONS};
 use pipeline::{Acquisition, Electrodes, Mains, Sample};
 
 use crate::{
+    any_sections::AnySections,
     block::{Block, SILENCE},
     idsp_cascade::IdspCascade,
 };
@@ -23,11 +24,12 @@ pub trait Contender {
 }
 
 /// Names of the contenders, in the order of [`with_contenders`].
-pub const NAMES: [&str; 7] = [
+pub const NAMES: [&str; 8] = [
     "ours-blocks",
     "ours-singles",
     "ours-resampler-64",
     "ours-acquisition",
+    "ours-any-sections",
     "idsp-dither",
     "idsp-wide",
     "idsp-plain",
@@ -40,6 +42,7 @@ pub fn with_contenders<R>(use_them: impl FnOnce([&mut dyn Contender; NAMES.len()
         &mut Singles::default(),
         &mut Resampling::default(),
         &mut Acquiring::default(),
+        &mut AnySections::default(),
         &mut IdspCascade::<DirectForm1Dither>::default(),
         &mut IdspCascade::<DirectForm1Wide>::default(),
         &mut IdspCascade::<DirectForm1<i32>>::default(),

@@ -9,6 +9,7 @@
 #![no_std]
 #![deny(unsafe_code)]
 
+pub mod any_sections;
 pub mod block;
 pub mod contender;
 pub mod idsp_cascade;

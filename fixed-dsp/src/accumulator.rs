@@ -35,7 +35,9 @@ impl Accumulator {
         Self { high, low }
     }
 
-    /// The same on every other machine.
+    /// The same on every other machine. `cargo xtask bench filters` holds the two equal on an emulated
+    /// Cortex-M4 and M7: with the model's coefficients, and with any coefficients and samples
+    /// (contender `ours-any-sections`).
     #[cfg(not(all(target_arch = "arm", target_has_atomic = "32")))]
     #[inline(always)]
     pub(crate) fn multiply_add(self, remainder: i32, x: i32) -> Self {

@@ -51,7 +51,8 @@ pub trait Design<const N: usize> {
 }
 
 /// The filter of a [`Design`]: code made for this one cascade, with shapes and integers built in and
-/// only the remainders loaded. A third of the instructions of [`Cascade`] itself.
+/// only the remainders loaded. About half of the instructions of [`Cascade`] itself: 56 instead of 90
+/// to 108, whatever its six sections (`cargo xtask bench filters`).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Compiled<D, const N: usize>(PhantomData<D>);
 

@@ -82,7 +82,7 @@ impl Exact {
 proptest! {
     #[test]
     fn every_way_to_filter_gives_the_bits_of_the_exact_sum(
-        // Full scale of 24 bits with four guard bits.
+        // Half of the device's full scale: nobody proved that these sections have room for more.
         input in prop::collection::vec(-(1_i32 << 27)..(1 << 27), BLOCK..400),
         channels in 1_usize..4,
     ) {

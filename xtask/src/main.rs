@@ -16,7 +16,11 @@ use clap::{Parser, Subcommand};
 
 /// What `cargo xtask` understands.
 #[derive(Debug, Parser)]
-#[command(name = "cargo xtask", about = "Corticode's own cargo verbs")]
+#[command(
+    name = "cargo xtask",
+    bin_name = "cargo xtask",
+    about = "Corticode's own cargo verbs"
+)]
 struct Arguments {
     #[command(subcommand)]
     verb: Verb,

@@ -174,6 +174,11 @@ fn filters_on_emulator() -> Result<(), Failure> {
         image_lints.args(["--", "-D", "warnings"]),
         NEXT_AFTER_A_LINT,
     )?;
+    // No default member, so that `cargo test` does not see it.
+    run(
+        &mut cargo_with(&["test", "--package", "bench"]),
+        NEXT_AFTER_A_TEST,
+    )?;
     benchmark::bench(BenchOptions::FILTERS)
 }
 

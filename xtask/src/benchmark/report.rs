@@ -3,6 +3,7 @@
 use std::fmt;
 
 use bench::contender::NAMES;
+use model::{ELECTRODES, SECTIONS};
 use serde::Serialize;
 
 use super::counts::Counts;
@@ -20,7 +21,7 @@ const LEAST_RATIO: f64 = 2.0;
 
 /// Places in [`NAMES`].
 const OURS: usize = 0;
-const IDSP_DITHER: usize = 4;
+const IDSP_DITHER: usize = 5;
 
 /// Everything that was measured; the object of `--json`.
 #[derive(Debug, Serialize)]
@@ -121,6 +122,16 @@ impl Report {
         })
     }
 
+    /// Which contenders have a fault, on which machine: `: NAME on MACHINE, ..`.
+    fn blamed(&self, faulty: fn(&ContenderFigures) -> bool) -> String {
+        let blamed = self.machines.iter().flat_map(|machine| {
+            let contenders = machine.contenders.iter().filter(|figures| faulty(figures));
+            contenders.map(|figures| format!("{} on {}", figures.name, machine.machine))
+        });
+        let blamed: Vec<String> = blamed.collect();
+        format!(": {}", blamed.join(", "))
+    }
+
     /// A figure that is no number keeps no limit.
     fn find_faults(&self) -> Vec<String> {
         let instructions = self.insn_per_sample_channel;
@@ -140,11 +151,17 @@ impl Report {
             ),
             (
                 self.constant_count,
-                "the number of instructions depends on the input".to_owned(),
+                format!(
+                    "the number of instructions depends on the input{}",
+                    self.blamed(|figures| figures.name.starts_with("ours") && !figures.constant)
+                ),
             ),
             (
                 self.bits_equal,
-                "the machine's outputs are not those of the portable filters".to_owned(),
+                format!(
+                    "the machine's outputs are not those of the portable filters{}",
+                    self.blamed(|figures| figures.different_blocks > 0)
+                ),
             ),
         ];
         let broken = checks.into_iter().filter(|(kept, _)| !kept);
@@ -176,7 +193,8 @@ impl fmt::Display for Report {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             formatter,
-            "Instructions per sample and electrode (61 electrodes, 6 sections)"
+            "Instructions per sample and electrode, {ELECTRODES} electrodes, {SECTIONS} sections (a \
+             range: fewest and most of a block; *: depends on the input)"
         )?;
         write!(formatter, "{:<40}", "")?;
         for machine in &self.machines {
@@ -194,7 +212,12 @@ impl fmt::Display for Report {
             }
             writeln!(formatter)?;
         }
-        writeln!(formatter, "Published by others, on other code and settings")?;
+        let heading = "Published, on other code and settings";
+        writeln!(
+            formatter,
+            "{heading:<40}{:>16}{:>16}",
+            "instructions", "in-band noise"
+        )?;
         for other in &self.published_elsewhere {
             let [low, high] = other.insn_per_sample_channel;
             let range = if low == high {
@@ -283,7 +306,17 @@ mod tests {
             ratio_idsp_dither: 2.2,
             constant_count: true,
             bits_equal: true,
-            machines: Vec::new(),
+            machines: vec![MachineFigures {
+                machine: "mps2-an386",
+                core: "Cortex-M4F",
+                contenders: vec![ContenderFigures {
+                    name: "ours-blocks",
+                    fewest: 60.0,
+                    most: 60.0,
+                    constant: false,
+                    different_blocks: 1,
+                }],
+            }],
             noise_nv: NoiseFigures {
                 ours: quiet,
                 idsp_dither: quiet,
@@ -294,6 +327,14 @@ mod tests {
             published_elsewhere: PUBLISHED,
             faults: Vec::new(),
         }
+    }
+
+    #[test]
+    fn the_ratio_is_that_of_the_two_contenders_that_it_names() {
+        assert_eq!(
+            [NAMES[OURS], NAMES[IDSP_DITHER]],
+            ["ours-blocks", "idsp-dither"]
+        );
     }
 
     #[test]
@@ -309,9 +350,12 @@ mod tests {
             (|report| report.ratio_idsp_dither = 1.99, "1.99 times"),
             (
                 |report| report.constant_count = false,
-                "depends on the input",
+                "depends on the input: ours-blocks on mps2-an386",
             ),
-            (|report| report.bits_equal = false, "outputs"),
+            (
+                |report| report.bits_equal = false,
+                "filters: ours-blocks on mps2-an386",
+            ),
         ];
         for (break_it, words) in broken {
             let mut report = report();

@@ -1,0 +1,140 @@
+//! Our filters with sections that nobody designed.
+
+use fixed_dsp::{Cascade, CascadeState, Coefficient, Filter, Section};
+use model::{ELECTRODES, SECTIONS};
+
+use crate::{
+    block::{Block, SILENCE},
+    contender::Contender,
+};
+
+/// A cascade at run time, with new sections for every block and states that stay: poles anywhere,
+/// sums that wrap. Fit for no signal: what the microcontroller and the PC make of it has to be the
+/// same all the same, for any coefficient and any sample.
+#[derive(Clone, Debug)]
+pub struct AnySections {
+    random: Random,
+    cascade: Cascade<SECTIONS>,
+    states: [CascadeState<SECTIONS>; ELECTRODES],
+    block: Block,
+}
+
+impl Default for AnySections {
+    /// The same sections on every run and for every input.
+    fn default() -> Self {
+        let mut random = Random(1);
+        Self {
+            cascade: random.cascade(),
+            random,
+            states: [CascadeState::REST; ELECTRODES],
+            block: SILENCE,
+        }
+    }
+}
+
+impl Contender for AnySections {
+    fn take(&mut self, block: &Block) {
+        self.cascade = self.random.cascade();
+        self.block = *block;
+    }
+
+    fn run(&mut self) {
+        self.cascade.blocks(&mut self.states, &mut self.block);
+    }
+
+    fn give(&self) -> Block {
+        self.block
+    }
+}
+
+/// Numbers that look random: the state of a linear congruential generator with Knuth's constants for
+/// 64 bits (MMIX; The Art of Computer Programming 2, 3.3.4).
+#[derive(Clone, Debug)]
+struct Random(u64);
+
+impl Random {
+    /// Any number of 32 bits.
+    fn next(&mut self) -> u32 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        // The upper half; the lowest bits of such a generator hardly change.
+        (self.0 >> 32) as u32
+    }
+
+    /// Any coefficient whose integer is one of a stable section.
+    fn coefficient(&mut self) -> Coefficient {
+        Coefficient {
+            integer: (self.next() % 5).cast_signed() - 2,
+            remainder: self.next().cast_signed(),
+        }
+    }
+
+    fn section(&mut self) -> Section {
+        let [gain, first, second] = core::array::from_fn(|_| self.coefficient());
+        match self.next() >> 30 {
+            0 => Section::Notch {
+                turn: first,
+                loss: second,
+            },
+            1 => Section::HighPass { first, second },
+            2 => Section::BandPass {
+                gain,
+                first,
+                second,
+            },
+            _ => Section::LowPass {
+                gain,
+                first,
+                second,
+            },
+        }
+    }
+
+    fn cascade(&mut self) -> Cascade<SECTIONS> {
+        Cascade {
+            sections: core::array::from_fn(|_| self.section()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_shape_integer_and_sign_comes_and_the_samples_reach_both_ends() {
+        let mut contender = AnySections::default();
+        let (mut shapes, mut integers) = ([0; 4], [0; 5]);
+        let (mut lowest, mut highest) = ([0; 2], [0; 2]);
+        let mut see = |place: usize, value: i32| {
+            lowest[place] = value.min(lowest[place]);
+            highest[place] = value.max(highest[place]);
+        };
+        for _ in 0..crate::block::BLOCKS {
+            contender.take(&[[1 << 28, -(1 << 28), 12_345, 0]; ELECTRODES]);
+            for section in contender.cascade.sections {
+                let (shape, second) = match section {
+                    Section::Notch { loss, .. } => (0, loss),
+                    Section::HighPass { second, .. } => (1, second),
+                    Section::BandPass { second, .. } => (2, second),
+                    Section::LowPass { second, .. } => (3, second),
+                };
+                shapes[shape] += 1;
+                integers[usize::try_from(second.integer + 2).expect("-2..=2")] += 1;
+                see(0, second.remainder);
+            }
+            contender.run();
+            for sample in contender.give()[0] {
+                see(1, sample);
+            }
+        }
+        // 1536 sections: 384 of each shape, 307 of each integer; the spread is 17.
+        assert!(shapes.iter().all(|times| *times > 300), "{shapes:?}");
+        assert!(integers.iter().all(|times| *times > 220), "{integers:?}");
+        // The outermost of 1024 and more are within a hundredth of the end.
+        assert!(lowest.iter().all(|value| *value < i32::MIN / 100 * 99));
+        assert!(highest.iter().all(|value| *value > i32::MAX / 100 * 99));
+    }
+}
