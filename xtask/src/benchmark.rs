@@ -1,7 +1,7 @@
 //! `cargo xtask bench`: instructions on an emulated microcontroller, noise, and pictures of both.
 
 mod counts;
-mod drawing;
+pub(crate) mod drawing;
 pub(crate) mod emulator;
 mod impulse;
 mod inputs;
@@ -10,7 +10,7 @@ mod portable;
 mod published;
 mod report;
 mod spectrum;
-mod twin;
+pub(crate) mod twin;
 
 use std::fs;
 use std::path::{Path, PathBuf};

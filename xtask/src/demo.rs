@@ -2,7 +2,6 @@
 
 mod chain;
 mod drawing;
-mod filter_response;
 mod live;
 mod reference;
 mod run;

@@ -4,14 +4,12 @@ pub(crate) mod canvas;
 pub(crate) mod curves;
 pub(crate) mod heat_map;
 pub(crate) mod intervals;
-pub(crate) mod response;
 pub(crate) mod traces;
 
 #[cfg(test)]
 mod tests {
     use super::heat_map::HeatMap;
     use super::intervals::Intervals;
-    use super::response::{Design, Response};
     use super::traces::{Trace, Traces};
 
     /// Made-up signals with the shape of a run: the test is about drawing.
@@ -65,32 +63,11 @@ mod tests {
         intervals
             .draw(&folder.path().join("intervals.svg"))
             .expect("drawn");
-        let design = Design {
-            rate_hz: 512.0,
-            mains_hz: 50.0,
-            notch_q: 30.0,
-            band_hz: [0.5, 60.0],
-            order: 5,
-        };
-        let frequencies = (0..1000).map(|step| 0.1 * 2550.0_f64.powf(f64::from(step) / 1000.0));
-        let measured = frequencies
-            .map(|hz| (hz, design.magnitude_db(hz)))
-            .collect();
-        let response = Response {
-            design,
-            measured,
-            subtitle: subtitle(),
-        };
-        assert!(response.worst_error_db() < 1e-12);
-        response
-            .draw(&folder.path().join("filters.svg"))
-            .expect("drawn");
 
         for (name, word, shapes) in [
             ("traces.svg", "time since the device", 12),
             ("codes.svg", "component of the code", 128),
             ("intervals.svg", "interval (ms)", 10),
-            ("filters.svg", "frequency (Hz)", 50),
         ] {
             let text = std::fs::read_to_string(folder.path().join(name)).expect("written");
             assert!(

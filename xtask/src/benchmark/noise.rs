@@ -16,7 +16,7 @@ use super::spectrum::{Spectrum, real};
 use super::twin::Twin;
 
 /// Where noise counts, Hz: the band of the filters.
-const BAND_HZ: [f64; 2] = [0.5, 60.0];
+pub(crate) const BAND_HZ: [f64; 2] = [0.5, 60.0];
 /// Left out while the filters settle, s: the slowest poles, 0.97 / s, decay by e^-31.
 const SETTLING_S: usize = 32;
 /// Measured after that, s.

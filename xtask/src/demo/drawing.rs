@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use super::filter_response;
 use super::reference::Comparison;
 use super::run::Run;
+use crate::benchmark::{drawing, twin::Twin};
 use crate::failure::Failure;
 use crate::picture::heat_map::HeatMap;
 use crate::picture::intervals::Intervals;
@@ -18,7 +18,7 @@ const SHOWN_SECONDS: usize = 4;
 /// Draws them into `folder`.
 ///
 /// # Errors
-/// The folder or a file cannot be written.
+/// The folder or a file cannot be written, or the artifact not read.
 pub(crate) fn draw_all(run: &Run, comparison: &Comparison, folder: &Path) -> Result<(), Failure> {
     let cannot = |why: String| Failure::Check {
         what: "drawing the pictures".to_owned(),
@@ -26,11 +26,12 @@ pub(crate) fn draw_all(run: &Run, comparison: &Comparison, folder: &Path) -> Res
         next: format!("is {} writable, and the disk not full?", folder.display()),
     };
     std::fs::create_dir_all(folder).map_err(|error| cannot(error.to_string()))?;
+    let twin = Twin::of_the_model()?;
     let drawn = [
         traces(comparison).draw(&folder.join("traces.svg")),
         heat_map(run).draw(&folder.join("codes.svg")),
         intervals(run).draw(&folder.join("intervals.svg")),
-        filter_response::measure().draw(&folder.join("filters.svg")),
+        drawing::response(&twin).draw(&folder.join("filters.svg")),
     ];
     drawn
         .into_iter()

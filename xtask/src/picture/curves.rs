@@ -5,7 +5,7 @@ use std::path::Path;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::canvas::{self, Area, Drawn, FAINT, GRID, INK, PictureError};
+use super::canvas::{self, Area, Drawn, FAINT, GRID, INK, PictureError, REFERENCE};
 
 /// How a curve is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,10 +38,14 @@ pub(crate) struct Chart {
     pub(crate) subtitle: String,
     /// Ends of the frequency axis, Hz.
     pub(crate) x_hz: [f64; 2],
-    /// Ends of the other axis; points beyond are left out.
+    /// Ends of the other axis; points beyond are left out, but for the one to which a line goes down.
     pub(crate) y: [f64; 2],
     /// What the other axis shows, with its unit.
     pub(crate) y_words: &'static str,
+    /// What is shaded and marked as the band that the filters pass, Hz.
+    pub(crate) band_hz: [f64; 2],
+    /// What is marked as the mains, Hz.
+    pub(crate) mains_hz: f64,
     /// The curves, the last one on top.
     pub(crate) curves: Vec<Curve>,
 }
@@ -70,6 +74,12 @@ impl Chart {
             .x_label_area_size(52)
             .y_label_area_size(66)
             .build_cartesian_2d((first..last).log_scale(), low..high)?;
+        let shaded = self.band_hz.map(|hz| hz.clamp(first, last));
+        let shaded = Rectangle::new(
+            [(shaded[0], low), (shaded[1], high)],
+            REFERENCE.mix(0.07).filled(),
+        );
+        chart.draw_series([shaded])?;
         chart
             .configure_mesh()
             .light_line_style(WHITE.mix(0.0))
@@ -81,7 +91,7 @@ impl Chart {
             .x_label_formatter(&|_| String::new())
             .set_tick_mark_size(LabelAreaPosition::Bottom, 0)
             .y_labels(12)
-            .y_label_formatter(&|y| y.to_string().replace('-', "−"))
+            .y_label_formatter(&|y| rounded(*y).to_string().replace('-', "−"))
             .x_desc("frequency (Hz)")
             .y_desc(self.y_words)
             .label_style(canvas::text(15, INK))
@@ -99,18 +109,33 @@ impl Chart {
         }
         for curve in &self.curves {
             let points = curve.points.iter().copied();
-            let inside =
-                points.filter(|(hz, y)| (first..=last).contains(hz) && (low..=high).contains(y));
+            let inside: Vec<(f64, f64)> = points
+                .filter(|(hz, y)| (first..=last).contains(hz) && *y <= high)
+                .collect();
             match curve.mark {
                 Mark::Line => {
-                    let line =
-                        PathElement::new(inside.collect::<Vec<_>>(), curve.color.stroke_width(3));
-                    chart.draw_series([line])?;
+                    let points = down_to(low, &inside);
+                    chart.draw_series([PathElement::new(points, curve.color.stroke_width(3))])?;
                 }
                 Mark::Circles => {
                     let circle = |point| Circle::new(point, 4, curve.color.stroke_width(2));
+                    let inside = inside.into_iter().filter(|(_, y)| *y >= low);
                     chart.draw_series(inside.map(circle))?;
                 }
+            }
+        }
+        let height = high - low;
+        for (hz, side, gap) in [
+            (self.band_hz[0], HPos::Left, 1.02),
+            (self.mains_hz, HPos::Right, 0.98),
+            (self.band_hz[1], HPos::Left, 1.02),
+        ] {
+            if (first..=last).contains(&hz) {
+                let line = vec![(hz, high), (hz, high - 0.05 * height)];
+                chart.draw_series([PathElement::new(line, REFERENCE.stroke_width(2))])?;
+                let label = canvas::anchored(15, REFERENCE, side);
+                let at = (hz * gap, high - 0.025 * height);
+                chart.draw_series([Text::new(format!("{hz} Hz"), at, label)])?;
             }
         }
         let (width, _) = area.dim_in_pixel();
@@ -124,10 +149,39 @@ impl Chart {
     }
 }
 
+/// The points not below `low`, and at `low` those beside them.
+fn down_to(low: f64, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let above = |place: usize| points.get(place).is_some_and(|(_, y)| *y >= low);
+    let places = (0..points.len()).filter(|place| {
+        above(*place) || above(place + 1) || place.checked_sub(1).is_some_and(above)
+    });
+    places
+        .map(|place| (points[place].0, points[place].1.max(low)))
+        .collect()
+}
+
+/// What a tick says: plotters reckons 0.1 + 0.2.
+fn rounded(y: f64) -> f64 {
+    (y * 1e6).round() / 1e6
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::canvas::{RESULT, SOURCE};
     use super::*;
+
+    #[test]
+    fn a_line_goes_down_to_the_axis_and_not_along_it() {
+        let points = [
+            (1.0, 5.0),
+            (2.0, -3.0),
+            (3.0, 4.0),
+            (4.0, -1.0),
+            (5.0, -2.0),
+        ];
+        let expected = [(1.0, 5.0), (2.0, 0.0), (3.0, 4.0), (4.0, 0.0)];
+        assert_eq!(down_to(0.0, &points), expected);
+    }
 
     #[test]
     fn lines_and_circles_are_drawn_within_the_axes() {
@@ -145,6 +199,8 @@ mod tests {
             x_hz: [1.0, 60.0],
             y: [0.0, 0.5],
             y_words: "a quantity",
+            band_hz: [0.5, 40.0],
+            mains_hz: 50.0,
             curves: vec![
                 curve(Mark::Line, SOURCE, "a line"),
                 curve(Mark::Circles, RESULT, "some circles"),
@@ -160,9 +216,12 @@ mod tests {
             "a quantity",
             "a line",
             "some circles",
+            "40 Hz",
+            "50 Hz",
         ] {
             assert!(text.contains(words), "{words}");
         }
+        assert!(!text.contains("0.5 Hz"), "a mark beyond the axis");
         // The first of 60, at 1, lies above the axis.
         assert_eq!(text.matches("<circle").count(), 59);
     }
