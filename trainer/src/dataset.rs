@@ -170,6 +170,7 @@ mod tests {
             steps,
             interpolated: vec![],
             saturated: 0,
+            warnings: Vec::new(),
         }
     }
 

@@ -245,6 +245,9 @@ fn read_tracks(
                 track.interpolated.len(),
                 track.saturated
             ));
+            for warning in &track.warnings {
+                audience.line(&format!("{}: warning: {warning}", track.name));
+            }
             Ok(track)
         })
         .collect()

@@ -7,7 +7,7 @@ use artifact::{Description, ELECTRODES};
 use fixed_dsp::Cascade;
 use model_gen::headroom::GUARD_BITS;
 use pipeline::{FrontEnd, Sample};
-use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
+use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc, Warning};
 use std::path::Path;
 
 /// Sections of the card's filters: a notch, and five for a band-pass of order 5.
@@ -18,6 +18,9 @@ pub type Step = [f32; ELECTRODES];
 
 /// What is left out at the start of every recording, s: the 0.5 Hz high-pass answers the step from
 /// silence to the recording's offset. After 4 s its envelope exp(-2 pi 0.5 cos(72 deg) t) is 0.02.
+/// The device's flag `settling` lasts until 1e-4, 9.5 s. The checked-in model was trained and measured
+/// with this figure: a longer one belongs to the next training, or `trainer evaluate` would disagree
+/// with `model.toml`.
 pub const SETTLING_S: usize = 4;
 
 /// Steps of the front end's output in a count.
@@ -34,6 +37,8 @@ pub struct Track {
     pub interpolated: Vec<String>,
     /// Counts that the virtual ADC limited to its rails.
     pub saturated: u64,
+    /// What is wrong with the file but did not keep it from being read.
+    pub warnings: Vec<Warning>,
 }
 
 impl Track {
@@ -83,11 +88,13 @@ impl Track {
         steps.drain(..settling.min(steps.len()));
         let interpolated = map.interpolated().into_iter().map(str::to_owned).collect();
         let saturated = virtual_adc.counters().saturated;
+        let warnings = virtual_adc.recording().warnings().to_vec();
         Ok(Self {
             name,
             steps,
             interpolated,
             saturated,
+            warnings,
         })
     }
 }
