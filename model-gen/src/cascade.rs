@@ -1,6 +1,6 @@
 //! From a filter specification to quantised sections.
 
-use fixed_dsp::{Coefficient, Section};
+use fixed_dsp::{Coefficient, LONGEST, Section};
 use num_complex::Complex64;
 
 use crate::{
@@ -36,8 +36,8 @@ const HIGHEST_ORDER: usize = 8;
 /// with its 0.0024 in front loses a factor of two.
 ///
 /// # Errors
-/// When an edge or the mains frequency cannot exist at this rate, a number makes no sense, or a
-/// section is unstable after quantisation.
+/// When an edge or the mains frequency cannot exist at this rate, a number makes no sense, there are
+/// more than [`LONGEST`] sections, or one is unstable after quantisation.
 pub fn cascade(spec: &FilterSpec) -> Result<Vec<Section>, FilterError> {
     check(spec)?;
     let [low, high] = spec.band_hz;
@@ -100,6 +100,16 @@ fn check(spec: &FilterSpec) -> Result<(), FilterError> {
         return Err(FilterError::Order {
             order: spec.order,
             highest: HIGHEST_ORDER,
+        });
+    }
+    let notches = usize::try_from(spec.harmonics).map_or(usize::MAX, |more| more.saturating_add(1));
+    let sections = notches.saturating_add(spec.order);
+    if sections > LONGEST {
+        return Err(FilterError::Sections {
+            harmonics: spec.harmonics,
+            order: spec.order,
+            sections,
+            longest: LONGEST,
         });
     }
     // The widest notch's half width in radians must stay below a right angle, where its tangent

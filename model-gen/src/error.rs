@@ -56,6 +56,21 @@ pub enum FilterError {
         /// Largest that is realised.
         highest: usize,
     },
+    /// More sections than a cascade may have.
+    #[error(
+        "with {harmonics} harmonics and a band-pass of order {order} the filters have {sections} \
+         sections, {longest} are the most: lower [filters] harmonics or order in model.toml"
+    )]
+    Sections {
+        /// Harmonics asked for.
+        harmonics: u32,
+        /// Order asked for.
+        order: usize,
+        /// How many sections that takes.
+        sections: usize,
+        /// How many there may be.
+        longest: usize,
+    },
     /// A notch quality that is not a positive number.
     #[error(
         "a notch of quality {q} cannot be made: [filters] notch_q of model.toml must be large \

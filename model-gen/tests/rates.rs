@@ -104,6 +104,26 @@ fn a_rate_that_makes_no_sense_is_refused_with_the_number_the_reason_and_the_reme
             "the last notch lies at 150 Hz, but it must lie below 128 Hz",
         ),
         (
+            |d| {
+                d.adc.rate_hz = 1_024;
+                d.filters.harmonics = 7;
+            },
+            "7 harmonics and a band-pass of order 5 the filters have 13 sections, 12 are the most",
+        ),
+        (
+            |d| d.filters.band_hz[0] = 1e-4,
+            "section 1 is unstable after quantisation",
+        ),
+        (
+            |d| d.filters.notch_q = 1e11,
+            "section 0 is unstable after quantisation",
+        ),
+        (
+            |d| d.filters.band_hz[0] = 60.0,
+            "the band from 60 to 60 Hz is empty",
+        ),
+        (|d| d.filters.order = 9, "order 9 is out of range"),
+        (
             |d| d.filters.band_hz[1] = 256.0,
             "upper band edge of 256 Hz",
         ),
