@@ -103,9 +103,8 @@ impl Section {
     /// shaping, so a constant leaves no bias). Overflow: wraps; |output| < 2^31 is the caller's
     /// proof, intermediate sums may wrap without harm.
     ///
-    /// `before` are the two inputs before the
-    /// block, the later one first; gives the two outputs before it in the same order: the next
-    /// section's `before`.
+    /// `before` are the two inputs before the block, the later one first; gives the two outputs
+    /// before it in the same order: the next section's `before`.
     ///
     /// Only the integers and the shape are read from `self`. Where they are constants, their
     /// products become additions and shifts.

@@ -50,7 +50,8 @@ pub struct ElectrodeQuality {
 /// shown once: a lost one lengthens its second and lowers that second's mains figures.
 ///
 /// # Timing
-/// Per electrode and sample three comparisons and two multiply-adds; eight words of state. The report itself takes 3 square roots per electrode.
+/// Per electrode and sample three comparisons and two multiply-adds; eight words of state. The report
+/// itself takes three square roots per electrode.
 ///
 /// ```
 /// use pipeline::{Acquisition, Mains, Sample, SignalQuality};

@@ -30,7 +30,7 @@ struct Arguments {
 enum Verb {
     /// Run everything that CI runs; install what is missing, or say how.
     Test {
-        /// Leave out the trainer, and install nothing: tests that need ROS are skipped without it.
+        /// Leave out the trainer and the benchmark, and install nothing: tests that need ROS are skipped without it.
         #[arg(long)]
         fast: bool,
     },

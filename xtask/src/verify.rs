@@ -26,7 +26,7 @@ const NEXT_AFTER_A_LINT: &str =
 type Step = (&'static str, fn() -> Result<(), Failure>);
 
 /// Runs every step and stops at the first that fails. `fast` leaves out the trainer and
-/// installs nothing.
+/// the benchmark, and installs nothing.
 ///
 /// # Errors
 /// The failure of the first step that did not pass.
