@@ -13,21 +13,28 @@
 //!
 //! Portable Rust throughout; integer only, so every platform gives the same bytes.
 #![no_std]
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 #[cfg(test)]
 extern crate std;
 
 mod conv3d;
+mod dot;
+mod input_conv;
 mod linear;
 mod max_pool;
+mod pair;
 mod plane;
 mod requantise;
 mod ring;
+mod winograd;
 
 pub use conv3d::Conv3d;
+pub use input_conv::InputConv;
 pub use linear::Linear;
 pub use max_pool::{max_pool, requantise_plane};
+pub use pair::Pair;
 pub use plane::PlaneShape;
 pub use requantise::{requantise, requantise_sum, saturate_i8, saturate_u8};
 pub use ring::PlaneRing;
+pub use winograd::{Winograd, unscaled};

@@ -1,54 +1,151 @@
 //! Fully connected layers, accumulated piece by piece.
 
-use crate::conv3d::multiply_add;
+#[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+mod cortex_m;
+
+use crate::Pair;
+
+/// Outputs that are computed together: two pairs.
+const OUTPUTS: usize = 4;
+/// Pairs of inputs that are multiplied in one round.
+const ROUND: usize = 2;
+/// Rounds are unrolled, so pairs of inputs come in so many.
+const INPUTS: usize = 8;
+/// Most pairs of inputs: 257 products of 255 and 128 stay below 2^23.
+const MOST_INPUTS: usize = 128;
 
 /// A matrix that adds a slice of a layer's inputs to all its outputs.
 ///
 /// A fully connected layer over a window is one `Linear` per plane; the accumulators start at the
 /// bias and every plane is added when it arrives.
+///
+/// Two weights of 8 bits share a number of 16: `256 * odd + even`, for an odd output and the even one
+/// before it. Products with the number as it is give `256 * odd sum + even sum`, products with its low
+/// byte the even sum; what is left of the first is the odd one. So every second weight needs no
+/// instruction of its own to be taken out of its byte, and memory holds 8 bits for each.
 #[derive(Clone, Copy, Debug)]
 pub struct Linear<'w> {
-    /// Number of outputs.
+    /// Pairs of inputs: a multiple of 8, at most 128. Fill up with zeros.
+    pub inputs: usize,
+    /// Number of outputs: a multiple of 4.
     pub outputs: usize,
-    /// `[input][output]`.
-    pub weights: &'w [i8],
+    /// What [`Self::pack_weights`] makes, [`Self::weights_len`] pairs.
+    pub weights: &'w [Pair],
 }
 
 impl Linear<'_> {
-    /// True when this is a matrix from `inputs` to `outputs` numbers; assert it in `const`.
-    pub const fn is_consistent(&self, inputs: usize, outputs: usize) -> bool {
-        self.outputs == outputs && outputs > 0 && self.weights.len() == inputs * outputs
+    /// Pairs in the packed weights.
+    pub const fn weights_len(&self) -> usize {
+        self.inputs * self.outputs / 2
     }
 
-    /// Adds `weights * inputs` to the accumulators, wrapping.
+    /// True when this is a matrix from so many pairs of inputs to `outputs` numbers; assert it in
+    /// `const`.
+    pub const fn is_consistent(&self, inputs: usize, outputs: usize) -> bool {
+        self.inputs == inputs
+            && self.outputs == outputs
+            && inputs.is_multiple_of(INPUTS)
+            && inputs <= MOST_INPUTS
+            && outputs.is_multiple_of(OUTPUTS)
+            && self.weights.len() == self.weights_len()
+    }
+
+    /// Adds `weights * inputs` to the accumulators, wrapping; |input| <= 255.
     ///
     /// # Panics
-    /// When `accumulators` is shorter than the outputs; in debug builds also when the number of
-    /// inputs is not that of the matrix.
-    pub fn accumulate<T: Copy + Into<i32>>(&self, inputs: &[T], accumulators: &mut [i32]) {
-        debug_assert!(
-            self.is_consistent(inputs.len(), self.outputs),
-            "inputs of a linear layer"
-        );
-        let sums = &mut accumulators[..self.outputs];
-        for (&x, weights) in inputs.iter().zip(self.weights.chunks_exact(self.outputs)) {
-            multiply_add(sums, x.into(), weights);
+    /// When a slice is shorter than the matrix says.
+    pub fn accumulate(&self, inputs: &[Pair], accumulators: &mut [i32]) {
+        let inputs = &inputs[..self.inputs];
+        let accumulators = &mut accumulators[..self.outputs];
+        let weights = &self.weights[..self.weights_len()];
+        #[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+        cortex_m::accumulate(inputs, weights, accumulators);
+        #[cfg(not(all(target_arch = "arm", target_has_atomic = "32")))]
+        accumulate_portable(inputs, weights, accumulators);
+    }
+
+    /// Orders weights `[input][output]` as [`Self::weights`] holds them, for so many pairs of inputs;
+    /// those beyond the weights get zeros.
+    ///
+    /// # Panics
+    /// When there are more weights than the matrix has room for, or a weight is -128: `256 * odd +
+    /// even` has to fit 16 bits.
+    pub fn pack_weights(inputs: usize, outputs: usize, weights: &[i8], packed: &mut [Pair]) {
+        assert!(weights.len() <= 2 * inputs * outputs, "a weight for each");
+        packed.fill(Pair::ZERO);
+        for (at, &weight) in weights.iter().enumerate() {
+            assert!(weight != i8::MIN, "weights are symmetric");
+            let (input, output) = (at / outputs, at % outputs);
+            let (pair, lane) = (input / 2, input % 2);
+            let round = output / OUTPUTS * (inputs / ROUND) + pair / ROUND;
+            let both = &mut packed[(round * 2 + output % OUTPUTS / 2) * ROUND + pair % ROUND];
+            let shared = both.get()[lane] + (i16::from(weight) << (8 * (output % 2)));
+            *both = both.with(lane, shared);
+        }
+    }
+}
+
+/// The twin of the assembler, in plain Rust.
+#[cfg(any(test, not(all(target_arch = "arm", target_has_atomic = "32"))))]
+fn accumulate_portable(inputs: &[Pair], weights: &[Pair], accumulators: &mut [i32]) {
+    let quads = weights.chunks_exact(inputs.len() * OUTPUTS / 2);
+    for (weights, outputs) in quads.zip(accumulators.as_chunks_mut::<OUTPUTS>().0) {
+        let (mut both, mut even) = ([0_i32; 2], [0_i32; 2]);
+        let rounds = weights.as_chunks::<{ 2 * ROUND }>().0;
+        for (inputs, weights) in inputs.as_chunks::<ROUND>().0.iter().zip(rounds) {
+            for (index, weights) in weights.as_chunks::<ROUND>().0.iter().enumerate() {
+                for (x, &weight) in inputs.iter().zip(weights) {
+                    both[index] = x.multiply_add(weight, both[index]);
+                    even[index] = x.multiply_add(weight.low_bytes(), even[index]);
+                }
+            }
+        }
+        for (index, outputs) in outputs.as_chunks_mut::<2>().0.iter_mut().enumerate() {
+            let odd = both[index].wrapping_sub(even[index]) >> 8;
+            *outputs = [
+                outputs[0].wrapping_add(even[index]),
+                outputs[1].wrapping_add(odd),
+            ];
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::{vec, vec::Vec};
+
     use super::*;
 
     #[test]
     fn a_linear_layer_is_a_matrix_product_on_top_of_what_is_there() {
+        let (inputs, outputs) = (8, 8);
+        // The largest that can come together, at the ends of their ranges.
+        let weights: Vec<i8> = (0..13 * outputs)
+            .map(|at| [127, -127, 1, -1, 0, 100][at * 7 % 6])
+            .collect();
+        let x: Vec<i16> = (0..2 * inputs)
+            .map(|at| [255, -128, 0, 77][at % 4])
+            .collect();
+        let mut packed = vec![Pair::ZERO; inputs * outputs / 2];
+        Linear::pack_weights(inputs, outputs, &weights, &mut packed);
         let layer = Linear {
-            outputs: 2,
-            weights: &[1, -2, 3, 4, 5, 127],
+            inputs,
+            outputs,
+            weights: &packed,
         };
-        let mut sums = [100, 200];
-        layer.accumulate(&[10_i8, -1, 2], &mut sums);
-        assert_eq!(sums, [100 + 10 - 3 + 10, 200 - 20 - 4 + 254]);
+        assert!(layer.is_consistent(inputs, outputs));
+        let mut sums: Vec<i32> = (0..8).collect();
+        let pairs: Vec<Pair> = x
+            .as_chunks()
+            .0
+            .iter()
+            .map(|&pair| Pair::new(pair))
+            .collect();
+        layer.accumulate(&pairs, &mut sums);
+        for (output, (sum, before)) in sums.iter().zip(0..).enumerate() {
+            let product =
+                |input: usize| i32::from(x[input]) * i32::from(weights[input * outputs + output]);
+            assert_eq!(*sum, before + (0..13).map(product).sum::<i32>());
+        }
     }
 }

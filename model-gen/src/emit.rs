@@ -18,8 +18,7 @@ pub fn rust(model: &DeviceModel) -> String {
     for filter in &model.filters {
         out.mains_filter(filter);
     }
-    out.convolution("CONV1", &model.integers.conv1);
-    out.convolution("CONV2", &model.integers.conv2);
+    out.convolutions(model);
     out.linear(model);
     out.codes(model);
     out.network();

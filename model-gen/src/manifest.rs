@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use crate::{
     device_model::{DeviceModel, MainsFilter},
     headroom::{GUARD_BITS, ROOM},
-    integer_model::{CODE, CONV1, CONV2, ELECTRODES, FLAT, STEPS},
+    integer_model::{CODE, CONV1, CONV2, ELECTRODES},
+    pack,
 };
 
 /// The manifest of a device model: ids, shapes, scales, ranges and byte counts.
@@ -155,13 +156,16 @@ fn layer(
     )
 }
 
-/// Weights, biases and factors in flash.
+/// Weights as the kernels read them, biases and factors in flash.
 fn weight_bytes(model: &DeviceModel) -> usize {
     let integers = &model.integers;
-    let weights = integers.conv1.weights.len()
-        + integers.conv2.weights.len()
-        + CODE * FLAT
-        + CODE * STEPS * ELECTRODES;
+    let matrices = [
+        pack::fully_connected(&integers.fc),
+        pack::shortcut(&integers.shortcut),
+    ];
+    let pairs = pack::input_convolution(&integers.conv1).len()
+        + pack::convolution(&integers.conv2).len()
+        + matrices.iter().flatten().map(Vec::len).sum::<usize>();
     let words = 2 * (CONV1 + CONV2) + 4 * CODE;
-    weights + 4 * words + CODE + ELECTRODES
+    4 * (pairs + words) + CODE + ELECTRODES
 }

@@ -11,9 +11,11 @@ extern crate std;
 mod network;
 
 use fixed_dsp::{Cascade, Coefficient, Design, Resampler, Section};
-use int8_nn::{Conv3d, Linear};
+use int8_nn::{InputConv, Linear, Pair, Winograd};
 
-pub use network::{CELL_PLANE, HIDDEN, Network, POOLED_STEPS, SUMS};
+pub use network::{
+    CELL_PLANE, ELECTRODE_PAIRS, HIDDEN, HIDDEN_PAIRS, Network, POOLED, POOLED_PAIRS, POOLED_STEPS,
+};
 
 /// Electrodes of the montage; electrode `e` is wired to ADC channel `e`.
 pub const ELECTRODES: usize = 61;
@@ -45,10 +47,6 @@ pub struct MainsFilter {
     /// The chain in words.
     pub description: &'static str,
 }
-
-/// Weights on a word boundary, so that four can be loaded at once.
-#[repr(C, align(4))]
-struct Aligned<const N: usize>([i8; N]);
 
 include!(concat!(env!("OUT_DIR"), "/generated.rs"));
 

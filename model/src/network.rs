@@ -1,6 +1,6 @@
 //! The shape of the encoder, and what a set of weights for it holds.
 
-use int8_nn::{Conv3d, Linear, PlaneShape};
+use int8_nn::{InputConv, Linear, PlaneShape, Winograd};
 
 use crate::{CODE, COLUMNS, ELECTRODES, ROWS, STEPS};
 
@@ -10,10 +10,21 @@ pub const CELL_PLANE: PlaneShape = PlaneShape {
     columns: COLUMNS,
     channels: 1,
 };
-/// One time step behind the first convolution.
-pub const HIDDEN: PlaneShape = CELL_PLANE.convolved(16);
-/// One time step of the second convolution's accumulators.
-pub const SUMS: PlaneShape = HIDDEN.convolved(32);
+/// One time step behind the first convolution, without the last column: an unpadded second
+/// convolution and a 2x2 pool do not reach it.
+pub const HIDDEN: PlaneShape = PlaneShape {
+    rows: ROWS - 2,
+    columns: COLUMNS - 3,
+    channels: 16,
+};
+/// Pairs of channels there.
+pub const HIDDEN_PAIRS: usize = HIDDEN.channels / 2;
+/// Two time steps behind the second convolution and its pool.
+pub const POOLED: PlaneShape = HIDDEN.convolved(32).pooled();
+/// Pairs of numbers there.
+pub const POOLED_PAIRS: usize = POOLED.len() / 2;
+/// Pairs of electrodes of a time step, filled up with zeros to a multiple of eight.
+pub const ELECTRODE_PAIRS: usize = ELECTRODES.div_ceil(2).next_multiple_of(8);
 /// Pooled planes of a window: two unpadded convolutions take four steps, the pool halves the rest.
 pub const POOLED_STEPS: usize = (STEPS - 4) / 2;
 
@@ -24,11 +35,11 @@ pub struct Network<'w> {
     /// in every window.
     pub hop: usize,
     /// Scalp grid -> 16 channels.
-    pub conv1: Conv3d<'w>,
-    /// Requantisation factors behind it, Q0.32.
-    pub conv1_multipliers: &'w [i32],
-    /// 16 -> 32 channels.
-    pub conv2: Conv3d<'w>,
+    pub conv1: InputConv<'w>,
+    /// 16 -> 32 channels, and pool.
+    pub conv2: Winograd<'w, HIDDEN_PAIRS>,
+    /// Its bias, accumulator steps.
+    pub conv2_bias: &'w [i32],
     /// Requantisation factors behind pool and convolution, Q0.32; negative for a channel whose
     /// weights are negated because its batch norm has a negative factor.
     pub conv2_multipliers: &'w [i32],
@@ -52,17 +63,16 @@ impl Network<'_> {
     pub const fn is_consistent(&self) -> bool {
         let mut index = 0;
         while index < STEPS {
-            let pooled =
-                index >= POOLED_STEPS || self.fc[index].is_consistent(SUMS.pooled().len(), CODE);
-            if !pooled || !self.shortcut[index].is_consistent(ELECTRODES, CODE) {
+            let pooled = index >= POOLED_STEPS || self.fc[index].is_consistent(POOLED_PAIRS, CODE);
+            if !pooled || !self.shortcut[index].is_consistent(ELECTRODE_PAIRS, CODE) {
                 return false;
             }
             index += 1;
         }
         (self.hop == 8 || self.hop == STEPS)
             && self.conv1.is_consistent(CELL_PLANE, HIDDEN)
-            && self.conv1_multipliers.len() == HIDDEN.channels
-            && self.conv2.is_consistent(HIDDEN, SUMS)
-            && self.conv2_multipliers.len() == SUMS.channels
+            && self.conv2.is_consistent(HIDDEN, POOLED)
+            && self.conv2_bias.len() == POOLED.channels
+            && self.conv2_multipliers.len() == POOLED.channels
     }
 }

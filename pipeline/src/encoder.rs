@@ -1,29 +1,46 @@
 //! The streaming encoder: one step in, a code whenever a window is complete.
 
-use int8_nn::{PlaneRing, max_pool, requantise_plane};
-use model::{CELLS, ELECTRODES, GRID_CELL, HIDDEN, NETWORK, Network, POOLED_STEPS, STEPS, SUMS};
+use int8_nn::{Pair, PlaneRing, requantise, saturate_u8, unscaled};
+use model::{
+    CELLS, ELECTRODE_PAIRS, GRID_CELL, HIDDEN, HIDDEN_PAIRS, NETWORK, Network, POOLED,
+    POOLED_PAIRS, POOLED_STEPS, STEPS,
+};
 
 use crate::{
     Code, Plane, Step,
     window::{OPEN, OpenWindow},
 };
 
-const POOLED: usize = SUMS.pooled().len();
+/// Pairs in a plane of the first convolution.
+const HIDDEN_PLANE: usize = HIDDEN.rows * HIDDEN.columns * HIDDEN_PAIRS;
+/// Scratch of the first convolution.
+const PATCHES: usize = NETWORK.conv1.patches_len();
+const SUMS: usize = NETWORK.conv1.sums_len();
+/// Pairs in a transformed plane.
+const TRANSFORMED: usize = NETWORK.conv2.transformed_len();
 
 /// The half of the pipeline that runs at the steps' rate.
 ///
 /// Each layer's planes are computed once, as soon as their inputs exist, and added to the (at most
 /// two) windows that they belong to: a 50 % overlap costs nothing, and the codes equal those of a
-/// batch encoder over each window bit for bit, because time is not padded and the hop is even.
+/// batch encoder over each window bit for bit, because time is not padded and the hop is even. The
+/// work is the same in every step but for the fully connected layer, half of which waits for the
+/// next one where no code does.
 #[derive(Clone, Debug)]
 pub struct Encoder<'w> {
     network: &'w Network<'w>,
-    input: PlaneRing<i8, CELLS, 3>,
-    hidden: PlaneRing<u8, { HIDDEN.len() }, 3>,
-    /// Scratch for the first convolution's accumulators.
-    hidden_sums: [i32; HIDDEN.len()],
-    /// Accumulators of the second convolution: the earlier and the later plane of a pool.
-    sums: [[i32; SUMS.len()]; 2],
+    /// The last input planes, every cell with its right neighbour.
+    input: PlaneRing<Pair, CELLS, 3>,
+    patches: [Pair; PATCHES],
+    sums: [i32; SUMS],
+    hidden: [Pair; HIDDEN_PLANE],
+    /// The last planes behind the first convolution, transformed.
+    transformed: PlaneRing<Pair, TRANSFORMED, 3>,
+    /// Largest sums of the pool so far.
+    largest: [i32; POOLED.len()],
+    pooled: [Pair; POOLED_PAIRS],
+    /// Window and place in it to which the pooled plane has yet to be added.
+    deferred: Option<(usize, usize)>,
     windows: [OpenWindow; OPEN],
     /// Steps taken so far; 2^64 of them last four billion years.
     step: u64,
@@ -47,10 +64,14 @@ impl<'w> Encoder<'w> {
     pub const fn with(network: &'w Network<'w>) -> Self {
         Self {
             network,
-            input: PlaneRing::filled(0),
-            hidden: PlaneRing::filled(0),
-            hidden_sums: [0; HIDDEN.len()],
-            sums: [[0; SUMS.len()]; 2],
+            input: PlaneRing::filled(Pair::ZERO),
+            patches: [Pair::ZERO; PATCHES],
+            sums: [0; SUMS],
+            hidden: [Pair::ZERO; HIDDEN_PLANE],
+            transformed: PlaneRing::filled(Pair::ZERO),
+            largest: [i32::MIN; POOLED.len()],
+            pooled: [Pair::ZERO; POOLED_PAIRS],
+            deferred: None,
             windows: [OpenWindow::EMPTY; OPEN],
             step: 0,
         }
@@ -60,8 +81,13 @@ impl<'w> Encoder<'w> {
     pub fn push(&mut self, step: &Step) -> Option<Code> {
         let index = self.step;
         self.step += 1;
-        *self.input.advance() = step.plane;
+        self.network
+            .conv1
+            .pair_up(&step.plane, self.input.advance());
         self.add_to_windows(index, step);
+        if let Some((slot, offset)) = self.deferred.take() {
+            self.windows[slot].add_pooled(&self.network.fc[offset], &self.pooled);
+        }
         if index >= 2 {
             self.hidden_plane();
         }
@@ -82,35 +108,57 @@ impl<'w> Encoder<'w> {
         }
     }
 
-    /// The first convolution's plane that the newest input plane completes.
+    /// The first convolution's plane that the newest input plane completes, transformed for the
+    /// second one.
     fn hidden_plane(&mut self) {
-        self.network
-            .conv1
-            .plane(self.input.oldest_first(), &mut self.hidden_sums);
-        let multipliers = self.network.conv1_multipliers;
-        requantise_plane(&self.hidden_sums, multipliers, self.hidden.advance());
+        let network = self.network;
+        network.conv1.plane(
+            self.input.oldest_first(),
+            &mut self.patches,
+            &mut self.sums,
+            &mut self.hidden,
+        );
+        network
+            .conv2
+            .transform(&self.hidden, self.transformed.advance());
     }
 
     /// The second convolution's `plane`-th plane; every second one completes a pooled plane.
     fn convolve(&mut self, plane: u64) {
-        let later = usize::from(!plane.is_multiple_of(2));
         self.network
             .conv2
-            .plane(self.hidden.oldest_first(), &mut self.sums[later]);
-        if later == 0 {
+            .pool(self.transformed.oldest_first(), &mut self.largest);
+        if plane.is_multiple_of(2) {
             return;
         }
-        let mut pooled = [0; POOLED];
-        let [earlier, later] = &self.sums;
-        max_pool(
-            SUMS,
-            [earlier, later],
-            self.network.conv2_multipliers,
-            &mut pooled,
-        );
-        for (slot, offset) in places(plane / 2, self.network.hop / 2, POOLED_STEPS) {
-            self.windows[slot].add_pooled(&self.network.fc[offset], &pooled);
+        self.finish_pool();
+        let mut places = places(plane / 2, self.network.hop / 2, POOLED_STEPS);
+        // Of two windows only the older can end with this step.
+        let (newer, older) = (places.next(), places.next());
+        let now = if older.is_some() {
+            self.deferred = newer;
+            older
+        } else {
+            newer
+        };
+        if let Some((slot, offset)) = now {
+            self.windows[slot].add_pooled(&self.network.fc[offset], &self.pooled);
         }
+    }
+
+    /// Brings the pool's sums to 8 bits, and begins with the next pool.
+    fn finish_pool(&mut self) {
+        let network = self.network;
+        let channels = network.conv2_bias.iter().zip(network.conv2_multipliers);
+        let activations =
+            self.largest
+                .iter_mut()
+                .zip(channels.cycle())
+                .map(|(largest, (&bias, &multiplier))| {
+                    let sum = unscaled(core::mem::replace(largest, i32::MIN)).wrapping_add(bias);
+                    i16::from(saturate_u8(requantise(sum, multiplier)))
+                });
+        Pair::fill(&mut self.pooled, activations);
     }
 
     /// The code of the window that ends with step `index`, if one does.
@@ -130,9 +178,12 @@ impl<'w> Encoder<'w> {
     }
 }
 
-/// The electrodes of a plane, in the montage's order.
-fn gather(plane: &Plane) -> [i8; ELECTRODES] {
-    core::array::from_fn(|electrode| plane[usize::from(GRID_CELL[electrode])])
+/// The electrodes of a plane, in the montage's order, filled up with zeros.
+fn gather(plane: &Plane) -> [Pair; ELECTRODE_PAIRS] {
+    let mut electrodes = [Pair::ZERO; ELECTRODE_PAIRS];
+    let cells = GRID_CELL.iter().map(|&cell| plane[usize::from(cell)]);
+    Pair::fill(&mut electrodes, cells.map(i16::from));
+    electrodes
 }
 
 /// The open windows that a plane belongs to, as (slot, index of the plane within the window):

@@ -1,7 +1,7 @@
 //! The windows that are open at the same time.
 
-use int8_nn::{Linear, requantise_sum, saturate_i8};
-use model::{CODE, ELECTRODES, Network};
+use int8_nn::{Linear, Pair, requantise_sum, saturate_i8};
+use model::{CODE, Network};
 
 use crate::{Code, Step};
 
@@ -45,12 +45,7 @@ impl OpenWindow {
 
     /// Adds a time step to the linear shortcut, and what it lost to the window's counts.
     #[inline]
-    pub(crate) fn add_step(
-        &mut self,
-        step: &Step,
-        shortcut: &Linear<'_>,
-        electrodes: &[i8; ELECTRODES],
-    ) {
+    pub(crate) fn add_step(&mut self, step: &Step, shortcut: &Linear<'_>, electrodes: &[Pair]) {
         shortcut.accumulate(electrodes, &mut self.shortcut);
         self.clipped = self.clipped.saturating_add(step.clipped);
         self.saturated |= step.saturated;
@@ -59,7 +54,7 @@ impl OpenWindow {
 
     /// Adds a pooled plane to the fully connected layer.
     #[inline]
-    pub(crate) fn add_pooled(&mut self, fc: &Linear<'_>, pooled: &[u8]) {
+    pub(crate) fn add_pooled(&mut self, fc: &Linear<'_>, pooled: &[Pair]) {
         fc.accumulate(pooled, &mut self.fc);
     }
 

@@ -3,8 +3,8 @@
 
 use std::{path::Path, sync::LazyLock};
 
-use int8_nn::{Conv3d, Linear};
-use model::{CELL_PLANE, CODE, HIDDEN, Network, STEPS, SUMS};
+use int8_nn::{InputConv, Linear, Pair, Winograd};
+use model::{CELL_PLANE, CODE, ELECTRODE_PAIRS, HIDDEN, Network, POOLED, POOLED_PAIRS, STEPS};
 use model_gen::{IntegerConv, IntegerLinear, IntegerModel, pack};
 use pipeline::{CELLS, Encoder, Plane, Step};
 use proptest::prelude::*;
@@ -101,7 +101,11 @@ impl Noise {
 
     fn bytes(&mut self, length: usize) -> Vec<i8> {
         (0..length)
-            .map(|_| i8::try_from(self.next() >> 24).expect("the top byte"))
+            .map(|_| {
+                i8::try_from(self.next() >> 24)
+                    .expect("the top byte")
+                    .max(-127)
+            })
             .collect()
     }
 
@@ -122,9 +126,9 @@ fn dense_model(seed: u32) -> IntegerModel {
         multipliers: positive(noise.words(HIDDEN.channels, 6)),
     };
     model.conv2 = IntegerConv {
-        weights: noise.bytes(27 * HIDDEN.channels * SUMS.channels),
-        bias: noise.words(SUMS.channels, 16),
-        multipliers: noise.words(SUMS.channels, 9),
+        weights: noise.bytes(27 * HIDDEN.channels * POOLED.channels),
+        bias: noise.words(POOLED.channels, 16),
+        multipliers: noise.words(POOLED.channels, 9),
     };
     let linear = |noise: &mut Noise, inputs: usize, shift| IntegerLinear {
         weights: noise.bytes(inputs * CODE),
@@ -138,16 +142,16 @@ fn dense_model(seed: u32) -> IntegerModel {
 
 /// Weights in the kernels' layout.
 struct Packed {
-    conv1: Vec<i8>,
-    conv2: Vec<i8>,
-    fc: Vec<Vec<i8>>,
-    shortcut: Vec<Vec<i8>>,
+    conv1: Vec<Pair>,
+    conv2: Vec<Pair>,
+    fc: Vec<Vec<Pair>>,
+    shortcut: Vec<Vec<Pair>>,
 }
 
 impl Packed {
     fn new(model: &IntegerModel) -> Self {
         Self {
-            conv1: pack::convolution(&model.conv1),
+            conv1: pack::input_convolution(&model.conv1),
             conv2: pack::convolution(&model.conv2),
             fc: pack::fully_connected(&model.fc),
             shortcut: pack::shortcut(&model.shortcut),
@@ -155,26 +159,33 @@ impl Packed {
     }
 
     fn network<'w>(&'w self, model: &'w IntegerModel, hop: usize) -> Network<'w> {
-        let conv = |input, integers: &'w IntegerConv, weights: &'w [i8]| Conv3d {
-            input,
-            output_channels: integers.bias.len(),
-            weights,
-            bias: &integers.bias,
-        };
         let words = |words: &'w [i32]| words.try_into().expect("128 words");
         Network {
             hop,
-            conv1: conv(CELL_PLANE, &model.conv1, &self.conv1),
-            conv1_multipliers: &model.conv1.multipliers,
-            conv2: conv(HIDDEN, &model.conv2, &self.conv2),
+            conv1: InputConv {
+                input: CELL_PLANE,
+                output: HIDDEN,
+                weights: &self.conv1,
+                bias: &model.conv1.bias,
+                multipliers: &model.conv1.multipliers,
+            },
+            conv2: Winograd {
+                tile_rows: POOLED.rows,
+                tile_columns: POOLED.columns / 2,
+                outputs: POOLED.channels,
+                weights: &self.conv2,
+            },
+            conv2_bias: &model.conv2.bias,
             conv2_multipliers: &model.conv2.multipliers,
             fc: std::array::from_fn(|p| Linear {
+                inputs: POOLED_PAIRS,
                 outputs: CODE,
                 weights: &self.fc[p],
             }),
             fc_bias: &model.fc_bias,
             fc_multipliers: words(&model.fc.multipliers),
             shortcut: std::array::from_fn(|s| Linear {
+                inputs: ELECTRODE_PAIRS,
                 outputs: CODE,
                 weights: &self.shortcut[s],
             }),

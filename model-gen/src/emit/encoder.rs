@@ -1,5 +1,7 @@
 //! The encoder: weights, factors and the network that holds them.
 
+use int8_nn::Pair;
+
 use super::{
     Source,
     number::{float, separated},
@@ -11,13 +13,15 @@ use crate::{
 };
 
 impl Source {
-    pub(super) fn convolution(&mut self, name: &str, conv: &IntegerConv) {
+    pub(super) fn convolutions(&mut self, model: &DeviceModel) {
+        let (conv1, conv2) = (&model.integers.conv1, &model.integers.conv2);
+        self.convolution("CONV1", conv1, &pack::input_convolution(conv1));
+        self.convolution("CONV2", conv2, &pack::convolution(conv2));
+    }
+
+    fn convolution(&mut self, name: &str, conv: &IntegerConv, weights: &[Pair]) {
         let outputs = conv.bias.len();
-        self.weights(
-            &format!("Weights of {name}, `[time][row][column][input][output]`."),
-            &format!("{name}_WEIGHTS"),
-            &pack::convolution(conv),
-        );
+        self.weights(&format!("Weights of {name}."), name, weights);
         self.array(
             &format!("Bias of {name}, accumulator steps."),
             &format!("static {name}_BIAS: [i32; {outputs}]"),
@@ -52,11 +56,11 @@ impl Source {
         );
     }
 
-    fn planes(&mut self, name: &str, plane: &str, matrices: &[Vec<i8>]) {
+    fn planes(&mut self, name: &str, plane: &str, matrices: &[Vec<Pair>]) {
         for (index, weights) in matrices.iter().enumerate() {
             self.weights(
-                &format!("Weights of {name} for {plane} {index}, `[input][output]`."),
-                &format!("{name}_{index}_WEIGHTS"),
+                &format!("Weights of {name} for {plane} {index}."),
+                &format!("{name}_{index}"),
                 weights,
             );
         }
@@ -85,25 +89,29 @@ impl Source {
         self.line("/// The encoder.");
         self.line("pub static NETWORK: Network<'static> = Network {");
         self.line("    hop: HOP,");
-        for (name, field, input, output) in [
-            ("CONV1", "conv1", "CELL_PLANE", "HIDDEN"),
-            ("CONV2", "conv2", "HIDDEN", "SUMS"),
+        self.line("    conv1: InputConv {");
+        self.line("        input: CELL_PLANE,");
+        self.line("        output: HIDDEN,");
+        self.line("        weights: &CONV1_WEIGHTS,");
+        self.line("        bias: &CONV1_BIAS,");
+        self.line("        multipliers: &CONV1_MULTIPLIERS,");
+        self.line("    },");
+        self.line("    conv2: Winograd {");
+        self.line("        tile_rows: POOLED.rows,");
+        self.line("        tile_columns: POOLED.columns / 2,");
+        self.line("        outputs: POOLED.channels,");
+        self.line("        weights: &CONV2_WEIGHTS,");
+        self.line("    },");
+        self.line("    conv2_bias: &CONV2_BIAS,");
+        self.line("    conv2_multipliers: &CONV2_MULTIPLIERS,");
+        for (name, field, inputs, matrices) in [
+            ("FC", "fc", "POOLED_PAIRS", POOLED[0]),
+            ("SHORTCUT", "shortcut", "ELECTRODE_PAIRS", STEPS),
         ] {
-            self.line(format_args!("    {field}: Conv3d {{"));
-            self.line(format_args!("        input: {input},"));
-            self.line(format_args!("        output_channels: {output}.channels,"));
-            self.line(format_args!("        weights: &{name}_WEIGHTS.0,"));
-            self.line(format_args!("        bias: &{name}_BIAS,"));
-            self.line("    },");
-            self.line(format_args!(
-                "    {field}_multipliers: &{name}_MULTIPLIERS,"
-            ));
-        }
-        for (name, field, matrices) in [("FC", "fc", POOLED[0]), ("SHORTCUT", "shortcut", STEPS)] {
             self.line(format_args!("    {field}: ["));
             for index in 0..matrices {
                 self.line(format_args!(
-                    "        Linear {{ outputs: CODE, weights: &{name}_{index}_WEIGHTS.0 }},"
+                    "        Linear {{ inputs: {inputs}, outputs: CODE, weights: &{name}_{index}_WEIGHTS }},"
                 ));
             }
             self.line("    ],");
@@ -116,13 +124,16 @@ impl Source {
         self.line("};");
     }
 
-    fn weights(&mut self, doc: &str, name: &str, weights: &[i8]) {
-        let values: Vec<String> = weights.iter().map(ToString::to_string).collect();
+    fn weights(&mut self, doc: &str, name: &str, weights: &[Pair]) {
+        let values: Vec<String> = weights
+            .iter()
+            .map(|Pair(bits)| format!("Pair(0x{:04x}_{:04x})", bits >> 16, bits & 0xffff))
+            .collect();
         let length = separated(weights.len());
-        self.line(format_args!("/// {doc}"));
-        self.line(format_args!("static {name}: Aligned<{length}> = Aligned(["));
-        self.wrapped(&values);
-        self.line("]);");
-        self.line("");
+        self.list(
+            doc,
+            &format!("static {name}_WEIGHTS: [Pair; {length}]"),
+            &values,
+        );
     }
 }

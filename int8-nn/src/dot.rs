@@ -1,0 +1,87 @@
+//! Products of many positions with many outputs: the one loop in which all the time goes.
+
+#[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+mod cortex_m;
+
+use crate::Pair;
+
+/// Positions that are multiplied together with [`OUTPUTS`] outputs: six accumulators, four weights,
+/// two inputs and two pointers are the 14 registers of a Cortex-M.
+pub(crate) const POSITIONS: usize = 3;
+/// Outputs that are computed together.
+pub(crate) const OUTPUTS: usize = 2;
+/// Pairs of inputs that are multiplied in one round.
+pub(crate) const ROUND: usize = 2;
+
+/// Pairs that the weights of one step take, from the pairs of inputs of a position.
+pub(crate) const fn weights_len(inputs: usize) -> usize {
+    OUTPUTS * inputs
+}
+
+/// Where the weights of a pair of inputs for `output` (0..[`OUTPUTS`]) lie within a step: in rounds,
+/// the first output's before the second's.
+pub(crate) const fn weight_at(output: usize, input: usize) -> usize {
+    (input / ROUND * OUTPUTS + output) * ROUND + input % ROUND
+}
+
+/// For each step, [`POSITIONS`] positions times [`OUTPUTS`] outputs:
+/// `sums[step][position][output] = sum over segment, k of inputs[segment][step][position][k] .
+/// weights[step][segment][k][output]`, wrapping.
+///
+/// A position's inputs lie in `SEGMENTS` places, `WIDTH` pairs in each. There are as many steps as
+/// `sums` has room for; weights of one step alone serve all of them. Order of the weights within a
+/// step: [`weight_at`].
+///
+/// # Panics
+/// When a slice is shorter than this asks for.
+#[inline]
+pub(crate) fn dots<const SEGMENTS: usize, const WIDTH: usize>(
+    inputs: [&[Pair]; SEGMENTS],
+    weights: &[Pair],
+    sums: &mut [i32],
+) {
+    const { assert!(SEGMENTS > 0 && WIDTH > 0 && WIDTH.is_multiple_of(ROUND)) };
+    let sums = sums.as_chunks_mut::<{ POSITIONS * OUTPUTS }>().0;
+    let per_step = weights_len(SEGMENTS * WIDTH);
+    let is_shared = weights.len() == per_step;
+    let steps_of_weights = if is_shared { 1 } else { sums.len() };
+    let weights = &weights[..steps_of_weights * per_step];
+    let inputs = inputs.map(|segment| &segment[..sums.len() * POSITIONS * WIDTH]);
+    #[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+    if cortex_m::dots::<SEGMENTS, WIDTH>(inputs, weights, is_shared, sums) {
+        return;
+    }
+    for (step, sums) in sums.iter_mut().enumerate() {
+        let first = if is_shared { 0 } else { step * per_step };
+        let inputs = inputs.map(|segment| &segment[step * POSITIONS * WIDTH..]);
+        step_portable::<SEGMENTS, WIDTH>(inputs, &weights[first..first + per_step], sums);
+    }
+}
+
+/// One step in plain Rust: the twin of the assembler.
+fn step_portable<const SEGMENTS: usize, const WIDTH: usize>(
+    inputs: [&[Pair]; SEGMENTS],
+    weights: &[Pair],
+    sums: &mut [i32; POSITIONS * OUTPUTS],
+) {
+    *sums = [0; POSITIONS * OUTPUTS];
+    for (segment, weights) in inputs
+        .into_iter()
+        .zip(weights.chunks_exact(OUTPUTS * WIDTH))
+    {
+        let rounds = weights.as_chunks::<{ OUTPUTS * ROUND }>().0;
+        for (inputs, sums) in segment
+            .chunks_exact(WIDTH)
+            .zip(sums.as_chunks_mut::<OUTPUTS>().0)
+        {
+            for (inputs, weights) in inputs.as_chunks::<ROUND>().0.iter().zip(rounds) {
+                let outputs = weights.as_chunks::<ROUND>().0;
+                for (sum, weights) in sums.iter_mut().zip(outputs) {
+                    for (x, &weight) in inputs.iter().zip(weights) {
+                        *sum = x.multiply_add(weight, *sum);
+                    }
+                }
+            }
+        }
+    }
+}

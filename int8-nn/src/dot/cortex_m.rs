@@ -1,0 +1,145 @@
+//! The products on a Cortex-M4 or M7, two at a time with SMLAD.
+#![expect(
+    unsafe_code,
+    reason = "LLVM makes no SMLAD of Rust, and the loop needs every register there is"
+)]
+
+use core::arch::naked_asm;
+
+use super::{OUTPUTS, POSITIONS};
+use crate::Pair;
+
+/// What the assembler works through; it keeps its own copy.
+#[repr(C)]
+struct Work<const SEGMENTS: usize> {
+    /// Next position of each segment.
+    inputs: [*const Pair; SEGMENTS],
+    /// Bytes from the end of a step's weights back to their beginning, if all steps share them.
+    rewind: usize,
+    weights: *const Pair,
+    sums: *mut i32,
+    /// Behind the last sum.
+    end: *mut i32,
+}
+
+/// Does it, if there is assembler for this number of segments and this width; slices as long as
+/// [`super::dots`] makes them.
+#[inline(always)]
+pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize>(
+    inputs: [&[Pair]; SEGMENTS],
+    weights: &[Pair],
+    is_shared: bool,
+    sums: &mut [[i32; POSITIONS * OUTPUTS]],
+) -> bool {
+    if sums.is_empty() {
+        return true;
+    }
+    let range = sums.as_mut_ptr_range();
+    let work = Work {
+        inputs: inputs.map(<[Pair]>::as_ptr),
+        rewind: if is_shared { size_of_val(weights) } else { 0 },
+        weights: weights.as_ptr(),
+        sums: range.start.cast(),
+        end: range.end.cast(),
+    };
+    let work = (&raw const work).cast();
+    match (SEGMENTS, WIDTH) {
+        // SAFETY: a step reads SEGMENTS * POSITIONS * WIDTH inputs and OUTPUTS * SEGMENTS * WIDTH
+        // weights and writes POSITIONS * OUTPUTS sums; `super::dots` cut the slices to as many
+        // steps as `sums` has, and there is at least one. A pair is an aligned word, as LDRD and
+        // LDM want it.
+        (1, 14) => unsafe { dots_1x14(work) },
+        // SAFETY: as above.
+        (3, 8) => unsafe { dots_3x8(work) },
+        _ => return false,
+    }
+    true
+}
+
+/// The loop for a number of segments and a width.
+///
+/// r0-r5 sums, r6-r9 weights of a round (the first output's two words, then the second's), r10-r11
+/// inputs of a position, r12 a segment's next position, lr the weights. The rest of the work stays
+/// on the stack. A round is one LDM and three LDRD for twelve SMLAD.
+macro_rules! kernel {
+    ($name:ident, $segments:literal, $width:literal) => {
+        #[unsafe(naked)]
+        unsafe extern "C" fn $name(work: *const ()) {
+            naked_asm!(
+                "push {{r4-r11, lr}}",
+                "sub sp, #{frame}",
+                ".set at, 0",
+                ".rept {frame} / 4",
+                "ldr r1, [r0, #at]",
+                "str r1, [sp, #at]",
+                ".set at, at + 4",
+                ".endr",
+                "ldr lr, [sp, #{weights}]",
+                "2:",
+                ".set segment, 0",
+                ".rept {segments}",
+                "ldr r12, [sp, #(4 * segment)]",
+                ".set round, 0",
+                ".rept {rounds}",
+                "ldm lr!, {{r6-r9}}",
+                "ldrd r10, r11, [r12, #(8 * round)]",
+                ".if segment + round == 0",
+                "smuad r0, r10, r6",
+                "smuad r1, r10, r8",
+                ".else",
+                "smlad r0, r10, r6, r0",
+                "smlad r1, r10, r8, r1",
+                ".endif",
+                "smlad r0, r11, r7, r0",
+                "smlad r1, r11, r9, r1",
+                "ldrd r10, r11, [r12, #({position} + 8 * round)]",
+                ".if segment + round == 0",
+                "smuad r2, r10, r6",
+                "smuad r3, r10, r8",
+                ".else",
+                "smlad r2, r10, r6, r2",
+                "smlad r3, r10, r8, r3",
+                ".endif",
+                "smlad r2, r11, r7, r2",
+                "smlad r3, r11, r9, r3",
+                "ldrd r10, r11, [r12, #(2 * {position} + 8 * round)]",
+                ".if segment + round == 0",
+                "smuad r4, r10, r6",
+                "smuad r5, r10, r8",
+                ".else",
+                "smlad r4, r10, r6, r4",
+                "smlad r5, r10, r8, r5",
+                ".endif",
+                "smlad r4, r11, r7, r4",
+                "smlad r5, r11, r9, r5",
+                ".set round, round + 1",
+                ".endr",
+                "add r12, #(3 * {position})",
+                "str r12, [sp, #(4 * segment)]",
+                ".set segment, segment + 1",
+                ".endr",
+                "ldr r12, [sp, #{sums}]",
+                "stm r12!, {{r0-r5}}",
+                "str r12, [sp, #{sums}]",
+                "ldr r10, [sp, #{rewind}]",
+                "sub lr, r10",
+                "ldr r11, [sp, #{end}]",
+                "cmp r12, r11",
+                "bne.w 2b",
+                "add sp, #{frame}",
+                "pop {{r4-r11, pc}}",
+                segments = const $segments,
+                rounds = const $width / super::ROUND,
+                position = const 4 * $width,
+                frame = const size_of::<Work<$segments>>(),
+                weights = const core::mem::offset_of!(Work<$segments>, weights),
+                sums = const core::mem::offset_of!(Work<$segments>, sums),
+                rewind = const core::mem::offset_of!(Work<$segments>, rewind),
+                end = const core::mem::offset_of!(Work<$segments>, end),
+            );
+        }
+    };
+}
+
+kernel!(dots_1x14, 1, 14);
+kernel!(dots_3x8, 3, 8);

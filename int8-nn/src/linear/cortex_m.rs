@@ -1,0 +1,91 @@
+//! The matrix product on a Cortex-M4 or M7, two products at a time with SMLAD.
+#![expect(
+    unsafe_code,
+    reason = "LLVM makes no SMLAD of Rust, and the loop needs every register there is"
+)]
+
+use core::arch::naked_asm;
+
+use super::{INPUTS, ROUND};
+use crate::Pair;
+
+/// Adds the product; slices as long as [`super::Linear::accumulate`] cuts them.
+#[inline(always)]
+pub(super) fn accumulate(inputs: &[Pair], weights: &[Pair], accumulators: &mut [i32]) {
+    if inputs.is_empty() || accumulators.is_empty() {
+        return;
+    }
+    let (inputs, accumulators) = (inputs.as_ptr_range(), accumulators.as_mut_ptr_range());
+    // SAFETY: `super::Linear::is_consistent` makes the inputs a multiple of 16 (8 pairs) and the outputs of 4,
+    // neither 0 here, and the weights half their product: what the loops below read and write.
+    unsafe {
+        quads(
+            weights.as_ptr(),
+            inputs.start,
+            inputs.end,
+            accumulators.start,
+            accumulators.end,
+        );
+    }
+}
+
+/// For each four outputs, all inputs.
+///
+/// r0 both weights' sum and r1 the even one's of the first pair, r2 and r3 of the second; r4-r7
+/// weights of a round, r8-r9 inputs, r10 low bytes, r11 next input, r12 next weights, lr behind the
+/// last input. Three instructions for four products.
+#[unsafe(naked)]
+unsafe extern "C" fn quads(
+    weights: *const Pair,
+    inputs: *const Pair,
+    inputs_end: *const Pair,
+    accumulators: *mut i32,
+    accumulators_end: *mut i32,
+) {
+    naked_asm!(
+        "push {{r1, r3, r4-r11, lr}}",
+        "mov r12, r0",
+        "mov lr, r2",
+        "2:",
+        "ldr r11, [sp]",
+        "movs r0, #0",
+        "movs r1, #0",
+        "movs r2, #0",
+        "movs r3, #0",
+        "3:",
+        ".rept {rounds}",
+        "ldm r12!, {{r4-r7}}",
+        "ldrd r8, r9, [r11], #8",
+        "smlad r0, r8, r4, r0",
+        "sxtb16 r10, r4",
+        "smlad r1, r8, r10, r1",
+        "smlad r0, r9, r5, r0",
+        "sxtb16 r10, r5",
+        "smlad r1, r9, r10, r1",
+        "smlad r2, r8, r6, r2",
+        "sxtb16 r10, r6",
+        "smlad r3, r8, r10, r3",
+        "smlad r2, r9, r7, r2",
+        "sxtb16 r10, r7",
+        "smlad r3, r9, r10, r3",
+        ".endr",
+        "cmp r11, lr",
+        "bne.w 3b",
+        "subs r0, r0, r1",
+        "subs r2, r2, r3",
+        "ldr r10, [sp, #4]",
+        "ldm r10, {{r4-r7}}",
+        "adds r4, r4, r1",
+        "add r5, r5, r0, asr #8",
+        "adds r6, r6, r3",
+        "add r7, r7, r2, asr #8",
+        "stm r10!, {{r4-r7}}",
+        "str r10, [sp, #4]",
+        // The fifth argument lies above the eleven registers.
+        "ldr r11, [sp, #44]",
+        "cmp r10, r11",
+        "bne.w 2b",
+        "pop {{r1, r3, r4-r11, pc}}",
+        rounds = const INPUTS / ROUND,
+    );
+}

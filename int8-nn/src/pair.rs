@@ -1,0 +1,153 @@
+//! Two 16-bit numbers in one word.
+
+/// Two `i16` in a word, the first in its low half: what one instruction of a Cortex-M4 or M7 adds
+/// or multiplies at once. Planes and weights are slices of these, two channels or two inputs each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pair(pub u32);
+
+impl Pair {
+    /// Two zeros.
+    pub const ZERO: Self = Self(0);
+
+    /// Two numbers, the first in the low half.
+    #[inline(always)]
+    #[expect(clippy::cast_sign_loss, reason = "the bits, whatever they mean")]
+    pub const fn new([first, second]: [i16; 2]) -> Self {
+        Self(first as u16 as u32 | (second as u16 as u32) << 16)
+    }
+
+    /// The two numbers.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "each half in its turn")]
+    pub const fn get(self) -> [i16; 2] {
+        [self.0 as i16, (self.0 >> 16) as i16]
+    }
+
+    /// Puts numbers into pairs, two each; what is missing in the last one is 0.
+    #[inline]
+    pub fn fill(pairs: &mut [Self], mut numbers: impl Iterator<Item = i16>) {
+        for pair in pairs {
+            let Some(first) = numbers.next() else { return };
+            *pair = Self::new([first, numbers.next().unwrap_or(0)]);
+        }
+    }
+
+    /// The same, one of them replaced.
+    #[must_use]
+    pub const fn with(self, index: usize, number: i16) -> Self {
+        let mut both = self.get();
+        both[index] = number;
+        Self::new(both)
+    }
+
+    /// The first numbers of this and another (PKHBT).
+    #[inline(always)]
+    pub(crate) const fn first_of(self, other: Self) -> Self {
+        Self(self.0 & 0xffff | other.0 << 16)
+    }
+
+    /// `self . other` on top of a sum, wrapping.
+    #[inline(always)]
+    pub(crate) fn multiply_add(self, other: Self, sum: i32) -> i32 {
+        let ([a, b], [c, d]) = (self.get().map(i32::from), other.get().map(i32::from));
+        sum.wrapping_add(a * c).wrapping_add(b * d)
+    }
+
+    /// The low byte of each, with its sign (SXTB16).
+    #[cfg(any(test, not(all(target_arch = "arm", target_has_atomic = "32"))))]
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "the low byte")]
+    pub(crate) fn low_bytes(self) -> Self {
+        Self::new(self.get().map(|lane| i16::from(lane as i8)))
+    }
+
+    /// Four times both numbers, which must lie in 0..2^14: one shift of the word.
+    #[inline(always)]
+    pub(crate) fn quadrupled(self) -> Self {
+        debug_assert!(
+            self.get().iter().all(|lane| (0..1 << 14).contains(lane)),
+            "a lane would spill into its neighbour"
+        );
+        Self(self.0 << 2)
+    }
+}
+
+/// The instruction on both lanes at once.
+#[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+macro_rules! lane_wise {
+    ($name:literal, $a:expr, $b:expr) => {{
+        let result;
+        // SAFETY: SADD16 and SSUB16 (ARMv7-M ARM, A7.7.110 and A7.7.173, DSP extension) read two
+        // registers and write one, and the GE flags, which nothing else here reads.
+        #[expect(unsafe_code, reason = "the instruction has no safe name in Rust")]
+        unsafe {
+            core::arch::asm!(
+                concat!($name, " {result}, {a}, {b}"),
+                result = lateout(reg) result,
+                a = in(reg) $a.0,
+                b = in(reg) $b.0,
+                options(pure, nomem, nostack),
+            );
+        }
+        Pair(result)
+    }};
+}
+
+#[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+impl core::ops::Add for Pair {
+    type Output = Self;
+
+    /// Wraps in each lane.
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        lane_wise!("sadd16", self, other)
+    }
+}
+
+#[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+impl core::ops::Sub for Pair {
+    type Output = Self;
+
+    /// Wraps in each lane.
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        lane_wise!("ssub16", self, other)
+    }
+}
+
+#[cfg(not(all(target_arch = "arm", target_has_atomic = "32")))]
+impl core::ops::Add for Pair {
+    type Output = Self;
+
+    /// Wraps in each lane.
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        let ([a, b], [c, d]) = (self.get(), other.get());
+        Self::new([a.wrapping_add(c), b.wrapping_add(d)])
+    }
+}
+
+#[cfg(not(all(target_arch = "arm", target_has_atomic = "32")))]
+impl core::ops::Sub for Pair {
+    type Output = Self;
+
+    /// Wraps in each lane.
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        let ([a, b], [c, d]) = (self.get(), other.get());
+        Self::new([a.wrapping_sub(c), b.wrapping_sub(d)])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lanes_do_not_touch_each_other() {
+        let (a, b) = (Pair::new([-1, i16::MAX]), Pair::new([1, 1]));
+        assert_eq!((a + b).get(), [0, i16::MIN]);
+        assert_eq!((b - a).get(), [2, i16::MIN + 2]);
+        assert_eq!(Pair::new([255, 3]).quadrupled().get(), [1020, 12]);
+    }
+}
