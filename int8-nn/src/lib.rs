@@ -1,38 +1,47 @@
-//! Int8 neural-network kernels, one plane at a time: nothing about our network.
+//! Int8 neural-network kernels for Cortex-M4 and M7, one plane at a time: nothing about our network.
 //!
 //! A three-dimensional convolution over (time, row, column) is computed one time step ("plane") at
 //! a time, so that a stream needs each plane once and a window's last plane leaves little to do.
 //!
+//! ```text
+//! plane --InputConv--> plane --Winograd (conv, pool)--> sums --unscaled, requantise--> plane --Linear--> sums
+//! i8                   0..=255                          i32                            0..=255           i32
+//! ```
+//!
 //! Conventions shared by all kernels:
-//! * planes are channel-last, `[row][column][channel]`, as flat slices;
-//! * activations are `i8` or `u8`, weights `i8`, accumulators and biases `i32`;
+//! * planes are channel-last, `[row][column][channel]`, as flat slices of [`Pair`]s: two channels in
+//!   a word, 16 bits each, because that is what SMLAD multiplies;
+//! * weights have 8 bits and are packed by the kernel that reads them; accumulators and biases are
+//!   `i32`;
 //! * accumulators wrap; that they cannot is proven from the weights by whoever builds the network
 //!   (model-gen does, at build time);
 //! * requantisation is a multiplication by a Q0.32 number with one rounding, half up
-//!   ([`requantise`]), then saturation.
+//!   ([`requantise`]), then saturation;
+//! * nothing branches on data, so a kernel takes the same number of instructions for any input.
 //!
-//! Portable Rust throughout; integer only, so every platform gives the same bytes.
+//! On a Cortex-M the inner loops are assembler (`dot/cortex_m.rs`, `linear/cortex_m.rs`) with plain
+//! twins beside them; integer only, so every platform gives the same bytes.
 #![no_std]
 #![deny(unsafe_code)]
+#![expect(
+    clippy::inline_always,
+    reason = "a call costs more than what these functions do"
+)]
 
 #[cfg(test)]
 extern crate std;
 
-mod conv3d;
 mod dot;
 mod input_conv;
 mod linear;
-mod max_pool;
 mod pair;
 mod plane;
 mod requantise;
 mod ring;
 mod winograd;
 
-pub use conv3d::Conv3d;
 pub use input_conv::InputConv;
 pub use linear::Linear;
-pub use max_pool::{max_pool, requantise_plane};
 pub use pair::Pair;
 pub use plane::PlaneShape;
 pub use requantise::{requantise, requantise_sum, saturate_i8, saturate_u8};

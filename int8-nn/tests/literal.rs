@@ -1,0 +1,193 @@
+//! Every kernel against the most literal loops, over shapes, extremes and rails.
+
+use int8_nn::{InputConv, Linear, Pair, PlaneShape, Winograd, requantise, saturate_u8, unscaled};
+use proptest::prelude::*;
+
+const PAIRS: usize = 8;
+
+/// Values at the ends of their ranges as often as in between; weights are symmetric.
+fn weights(length: usize) -> impl Strategy<Value = Vec<i8>> {
+    let weight = prop_oneof![Just(-127_i8), Just(127), -127_i8..=127, -127_i8..=127];
+    prop::collection::vec(weight, length)
+}
+
+fn inputs(low: i16, high: i16, length: usize) -> impl Strategy<Value = Vec<i16>> {
+    let input = prop_oneof![Just(low), Just(high), low..=high, low..=high];
+    prop::collection::vec(input, length)
+}
+
+fn paired(numbers: &[i16]) -> Vec<Pair> {
+    let mut pairs = vec![Pair::ZERO; numbers.len().div_ceil(2)];
+    Pair::fill(&mut pairs, numbers.iter().copied());
+    pairs
+}
+
+/// A 3x3x3 convolution, one product after the other; weights `[time][row][column][input][output]`.
+fn convolved(
+    shape: PlaneShape,
+    planes: [&[i16]; 3],
+    weights: &[i8],
+    outputs: usize,
+    [row, column, output]: [usize; 3],
+) -> i32 {
+    let mut sum = 0;
+    for (time, plane) in planes.into_iter().enumerate() {
+        for tap_row in 0..3 {
+            for tap_column in 0..3 {
+                for channel in 0..shape.channels {
+                    let tap = (time * 3 + tap_row) * 3 + tap_column;
+                    let weight = weights[(tap * shape.channels + channel) * outputs + output];
+                    let x = plane[shape.at(row + tap_row, column + tap_column) + channel];
+                    sum += i32::from(weight) * i32::from(x);
+                }
+            }
+        }
+    }
+    sum
+}
+
+#[derive(Clone, Debug)]
+struct WinogradCase {
+    tile_rows: usize,
+    tile_columns: usize,
+    outputs: usize,
+    weights: Vec<i8>,
+    planes: [Vec<i16>; 4],
+}
+
+fn winograd_case() -> impl Strategy<Value = WinogradCase> {
+    (1_usize..4, 1_usize..3, 1_usize..4).prop_flat_map(|(tile_rows, tile_columns, pairs)| {
+        let outputs = 2 * pairs;
+        let plane = || {
+            let length = (2 * tile_rows + 2) * (4 * tile_columns + 2) * 2 * PAIRS;
+            inputs(0, 255, length)
+        };
+        let weights = weights(27 * 2 * PAIRS * outputs);
+        (weights, [plane(), plane(), plane(), plane()]).prop_map(move |(weights, planes)| {
+            WinogradCase {
+                tile_rows,
+                tile_columns,
+                outputs,
+                weights,
+                planes,
+            }
+        })
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn winograd_s_pooled_sums_are_those_of_the_direct_convolution(case in winograd_case()) {
+        let mut conv = Winograd::<PAIRS> {
+            tile_rows: case.tile_rows,
+            tile_columns: case.tile_columns,
+            outputs: case.outputs,
+            weights: &[],
+        };
+        let mut weights = vec![Pair::ZERO; conv.weights_len()];
+        Winograd::<PAIRS>::transform_weights(case.outputs, &case.weights, &mut weights);
+        conv.weights = &weights;
+        let (input, pooled) = (conv.input(), conv.pooled());
+        prop_assert!(conv.is_consistent(input, pooled));
+        let transformed = case.planes.each_ref().map(|plane| {
+            let mut transformed = vec![Pair::ZERO; conv.transformed_len()];
+            conv.transform(&paired(plane), &mut transformed);
+            transformed
+        });
+        let mut largest = vec![i32::MIN; pooled.len()];
+        for later in 0..2 {
+            let planes = std::array::from_fn(|age| &transformed[later + age][..]);
+            conv.pool(planes, &mut largest);
+        }
+        for row in 0..pooled.rows {
+            for column in 0..pooled.columns {
+                for output in 0..case.outputs {
+                    let window = (0..8).map(|k| {
+                        let planes = std::array::from_fn(|age| &case.planes[k / 4 + age][..]);
+                        let place = [2 * row + k / 2 % 2, 2 * column + k % 2, output];
+                        convolved(input, planes, &case.weights, case.outputs, place)
+                    });
+                    let found = unscaled(largest[pooled.at(row, column) + output]);
+                    prop_assert_eq!(Some(found), window.max());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_input_convolution_is_the_sum_of_its_taps(
+        (rows, columns, pairs, crop, weights, planes) in (3_usize..8, 4_usize..9, 1_usize..4, 0_usize..2)
+            .prop_flat_map(|(rows, columns, pairs, crop)| {
+                let plane = || inputs(-128, 127, rows * columns);
+                let weights = weights(27 * 2 * pairs);
+                (Just(rows), Just(columns), Just(pairs), Just(crop), weights, [plane(), plane(), plane()])
+            }),
+        bias in -1_000_000..1_000_000,
+        multiplier in 0..i32::MAX,
+    ) {
+        let outputs = 2 * pairs;
+        let input = PlaneShape { rows, columns, channels: 1 };
+        let output = PlaneShape { rows: rows - 2, columns: columns - 2 - crop, channels: outputs };
+        let mut packed = vec![Pair::ZERO; 14 * outputs];
+        InputConv::pack_weights(outputs, &weights, &mut packed);
+        let conv = InputConv {
+            input,
+            output,
+            weights: &packed,
+            bias: &vec![bias; outputs],
+            multipliers: &vec![multiplier; outputs],
+        };
+        prop_assert!(conv.is_consistent(input, output));
+        let pairs_of = planes.each_ref().map(|plane| {
+            let plane: Vec<i8> = plane.iter().map(|&x| i8::try_from(x).expect("8 bits")).collect();
+            let mut pairs = vec![Pair::ZERO; plane.len()];
+            conv.pair_up(&plane, &mut pairs);
+            pairs
+        });
+        let (mut patches, mut sums) = (vec![Pair::ZERO; conv.patches_len()], vec![0; conv.sums_len()]);
+        let mut found = vec![Pair::ZERO; output.len() / 2];
+        conv.plane(pairs_of.each_ref().map(|p| &p[..]), &mut patches, &mut sums, &mut found);
+        for row in 0..output.rows {
+            for column in 0..output.columns {
+                for channel in 0..outputs {
+                    let at = output.at(row, column) + channel;
+                    let planes = planes.each_ref().map(|plane| &plane[..]);
+                    let sum = convolved(input, planes, &weights, outputs, [row, column, channel]);
+                    let expected = i16::from(saturate_u8(requantise(sum + bias, multiplier)));
+                    prop_assert_eq!(found[at / 2].get()[at % 2], expected);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_linear_layer_is_the_matrix_product_on_top_of_what_is_there(
+        (eights, fours, missing, weights, x) in (1_usize..17, 1_usize..9, 0_usize..16)
+            .prop_flat_map(|(eights, fours, missing)| {
+                let weights = weights((16 * eights - missing) * 4 * fours);
+                (Just(eights), Just(fours), Just(missing), weights, inputs(-128, 255, 16 * eights))
+            }),
+    ) {
+        let (pairs, outputs) = (8 * eights, 4 * fours);
+        let mut packed = vec![Pair::ZERO; pairs * outputs / 2];
+        Linear::pack_weights(pairs, outputs, &weights, &mut packed);
+        let layer = Linear { inputs: pairs, outputs, weights: &packed };
+        prop_assert!(layer.is_consistent(pairs, outputs));
+        let mut sums = vec![11; outputs];
+        layer.accumulate(&paired(&x), &mut sums);
+        for (output, &sum) in sums.iter().enumerate() {
+            let product = |k: usize| i32::from(x[k]) * i32::from(weights[k * outputs + output]);
+            let expected: i32 = (0..16 * eights - missing).map(product).sum();
+            prop_assert_eq!(sum, 11 + expected);
+        }
+    }
+
+    #[test]
+    fn requantising_rounds_half_up(sum in any::<i32>(), factor in any::<i32>()) {
+        let exact = i128::from(sum) * i128::from(factor);
+        let rounded = (exact + (1 << 31)).div_euclid(1 << 32);
+        prop_assert_eq!(i128::from(requantise(sum, factor)), rounded);
+    }
+}
