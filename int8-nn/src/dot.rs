@@ -38,10 +38,9 @@ pub(crate) const fn weight_at(output: usize, input: usize) -> usize {
 pub(crate) fn dots<const SEGMENTS: usize, const WIDTH: usize>(
     inputs: [&[Pair]; SEGMENTS],
     weights: &[Pair],
-    sums: &mut [i32],
+    sums: &mut [[i32; POSITIONS * OUTPUTS]],
 ) {
     const { assert!(SEGMENTS > 0 && WIDTH > 0 && WIDTH.is_multiple_of(ROUND)) };
-    let sums = sums.as_chunks_mut::<{ POSITIONS * OUTPUTS }>().0;
     let per_step = weights_len(SEGMENTS * WIDTH);
     let is_shared = weights.len() == per_step;
     let steps_of_weights = if is_shared { 1 } else { sums.len() };

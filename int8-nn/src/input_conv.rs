@@ -68,8 +68,8 @@ impl InputConv<'_> {
         (self.output.rows * self.output.columns).div_ceil(POSITIONS)
     }
 
-    /// Writes the output plane, values 0..=255 in pairs of channels, that ends with the last of three
-    /// input planes as [`Self::pair_up`] makes them, oldest first. `patches` and `sums` are scratch.
+    /// Writes the output plane, values 0..=255, `[pair of channels][row][column]`, that ends with the
+    /// last of three input planes as [`Self::pair_up`] makes them, oldest first. `patches` and `sums` are scratch.
     ///
     /// # Panics
     /// When a slice is shorter than its shape says.
@@ -82,21 +82,27 @@ impl InputConv<'_> {
     ) {
         let patches = &mut patches[..self.patches_len()];
         let sums = &mut sums[..self.sums_len()];
-        let pairs = self.output.channels / OUTPUTS;
-        let output = &mut output[..self.output.rows * self.output.columns * pairs];
         self.lay_out(planes, patches);
+        let positions = self.output.rows * self.output.columns;
+        let channels = self
+            .bias
+            .as_chunks::<OUTPUTS>()
+            .0
+            .iter()
+            .zip(self.multipliers.as_chunks::<OUTPUTS>().0);
         let weights = self.weights.chunks_exact(OUTPUTS * WIDTH);
-        for (pair, weights) in weights.take(pairs).enumerate() {
-            dots::<1, WIDTH>([patches], weights, sums);
-            let channel = |of: &[i32]| [of[OUTPUTS * pair], of[OUTPUTS * pair + 1]];
-            let (bias, multipliers) = (channel(self.bias), channel(self.multipliers));
-            let activation = |sum: i32, index: usize| {
-                let sum = sum.wrapping_add(bias[index]);
-                i16::from(saturate_u8(requantise(sum, multipliers[index])))
-            };
-            let places = output[pair..].iter_mut().step_by(pairs);
-            for (place, &[first, second]) in places.zip(sums.as_chunks::<OUTPUTS>().0) {
-                *place = Pair::new([activation(first, 0), activation(second, 1)]);
+        for ((places, weights), (bias, multipliers)) in output
+            .chunks_exact_mut(positions)
+            .zip(weights)
+            .zip(channels)
+        {
+            dots::<1, WIDTH>([patches], weights, sums.as_chunks_mut().0);
+            for (place, sums) in places.iter_mut().zip(sums.as_chunks::<OUTPUTS>().0) {
+                let activation = |index: usize| {
+                    let sum = sums[index].wrapping_add(bias[index]);
+                    i16::from(saturate_u8(requantise(sum, multipliers[index])))
+                };
+                *place = Pair::new([activation(0), activation(1)]);
             }
         }
     }
@@ -107,9 +113,11 @@ impl InputConv<'_> {
     /// When a slice is shorter than the input plane.
     pub fn pair_up(&self, plane: &[i8], pairs: &mut [Pair]) {
         let plane = &plane[..self.input.len()];
-        let neighbours = plane[1..].iter().chain(&[0]);
-        for ((pair, &x), &neighbour) in pairs.iter_mut().zip(plane).zip(neighbours) {
-            *pair = Pair::new([x.into(), neighbour.into()]);
+        for (pair, neighbours) in pairs.iter_mut().zip(plane.windows(2)) {
+            *pair = Pair::new([neighbours[0].into(), neighbours[1].into()]);
+        }
+        if let (Some(pair), Some(&last)) = (pairs.get_mut(plane.len() - 1), plane.last()) {
+            *pair = Pair::new([last.into(), 0]);
         }
     }
 
@@ -124,18 +132,18 @@ impl InputConv<'_> {
                 &planes[index / 3][first..first + columns + 2]
             });
             for (column, patch) in patches.as_chunks_mut::<WIDTH>().0.iter_mut().enumerate() {
-                let ends = rows.map(|row| ends(row, column));
-                let [a, b, c, d, e, f, g, h, i] = ends.map(|[_, third]| third);
-                let thirds = [
-                    a.first_of(b),
-                    c.first_of(d),
-                    e.first_of(f),
-                    g.first_of(h),
-                    i.first_of(Pair::ZERO),
-                ];
-                let (first, last) = patch.split_at_mut(9);
-                first.copy_from_slice(&ends.map(|[first, _]| first));
-                last.copy_from_slice(&thirds);
+                let third = |row: usize| rows[row][column + 2];
+                let (firsts, thirds) = patch.split_at_mut(rows.len());
+                for (place, row) in firsts.iter_mut().zip(rows) {
+                    *place = row[column];
+                }
+                thirds.copy_from_slice(&[
+                    third(0).first_of(third(1)),
+                    third(2).first_of(third(3)),
+                    third(4).first_of(third(5)),
+                    third(6).first_of(third(7)),
+                    third(8).first_of(Pair::ZERO),
+                ]);
             }
         }
     }
@@ -154,16 +162,6 @@ impl InputConv<'_> {
             let pair = &mut packed[step + dot::weight_at(output % OUTPUTS, place / 2)];
             *pair = pair.with(place % 2, weight.into());
         }
-    }
-}
-
-/// The pairs of a row at `column` and two further.
-#[inline(always)]
-fn ends(row: &[Pair], column: usize) -> [Pair; 2] {
-    match row.get(column..).and_then(<[Pair]>::first_chunk::<3>) {
-        Some(&[first, _, third]) => [first, third],
-        // A row has two columns more than there are positions.
-        None => [Pair::ZERO; 2],
     }
 }
 

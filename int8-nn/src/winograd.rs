@@ -1,5 +1,8 @@
 //! An exact integer Winograd convolution, one plane at a time.
 
+#[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+mod cortex_m;
+
 use crate::{
     Pair, PlaneShape,
     dot::{self, OUTPUTS, POSITIONS, dots},
@@ -18,6 +21,9 @@ const SCALE: usize = 48;
 const TAPS: usize = 27;
 /// Pool windows of a tile.
 const WINDOWS: usize = 2;
+
+/// Sums of one product: `[position][output]`.
+type Sums = [i32; POSITIONS * OUTPUTS];
 
 /// A 3x3x3 convolution over (time, row, column), stride 1, unpadded, followed by a 2x2x2 max-pool.
 ///
@@ -98,22 +104,22 @@ impl<const PAIRS: usize> Winograd<'_, PAIRS> {
         (self.tile_rows * self.tile_columns).div_ceil(POSITIONS)
     }
 
-    /// Transforms an input plane of shape [`Self::input`], values 0..=255, in pairs of channels.
+    /// Transforms an input plane of shape [`Self::input`], values 0..=255, `[pair of
+    /// channels][row][column]`.
     ///
     /// # Panics
     /// When a slice is shorter than its shape says.
     pub fn transform(&self, plane: &[Pair], transformed: &mut [Pair]) {
-        let columns = self.input().columns;
-        for tile in 0..self.tile_rows * self.tile_columns {
-            let row = tile / self.tile_columns * TILE[0];
-            let column = tile % self.tile_columns * TILE[1];
-            let rows: [&[Pair]; FREQUENCIES[0]] = core::array::from_fn(|y| {
-                let first = ((row + y) * columns + column) * PAIRS;
-                &plane[first..first + FREQUENCIES[1] * PAIRS]
-            });
-            let first = tile / POSITIONS * Self::GROUP + tile % POSITIONS * PAIRS;
-            let last = Self::GROUP - (POSITIONS - 1) * PAIRS;
-            transform_tile::<PAIRS>(rows, &mut transformed[first..first + last]);
+        let PlaneShape { rows, columns, .. } = self.input();
+        let planes = plane.chunks_exact(rows * columns).take(PAIRS);
+        for (pair, plane) in planes.enumerate() {
+            for tile in 0..self.tile_rows * self.tile_columns {
+                let row = tile / self.tile_columns * TILE[0];
+                let column = tile % self.tile_columns * TILE[1];
+                let first = tile / POSITIONS * Self::GROUP + tile % POSITIONS * PAIRS + pair;
+                let window = &plane[row * columns + column..];
+                transform_tile::<PAIRS>(window, columns, &mut transformed[first..]);
+            }
         }
     }
 
@@ -126,18 +132,16 @@ impl<const PAIRS: usize> Winograd<'_, PAIRS> {
     pub fn pool(&self, transformed: [&[Pair]; 3], largest: &mut [i32]) {
         let weights_of_pair = dot::weights_len(3 * PAIRS) * PRODUCTS;
         let tiles = self.tile_rows * self.tile_columns;
-        let mut sums = [0; PRODUCTS * POSITIONS * OUTPUTS];
+        let mut sums = [[0; POSITIONS * OUTPUTS]; PRODUCTS];
         for group in 0..self.groups() {
             let first = group * Self::GROUP;
             let inputs = transformed.map(|plane| &plane[first..first + Self::GROUP]);
             let first = group * POSITIONS;
-            let tiles = first..tiles.min(first + POSITIONS);
+            let tiles = POSITIONS.min(tiles - first);
             for (pair, weights) in self.weights.chunks_exact(weights_of_pair).enumerate() {
                 dots::<3, PAIRS>(inputs, weights, &mut sums);
-                for (position, tile) in tiles.clone().enumerate() {
-                    let windows = (tile * WINDOWS * self.outputs + pair * OUTPUTS)..;
-                    pool_tile(&sums, position, self.outputs, &mut largest[windows]);
-                }
+                let windows = &mut largest[first * WINDOWS * self.outputs + pair * OUTPUTS..];
+                keep_largest(&sums, tiles, self.outputs, windows);
             }
         }
     }
@@ -196,53 +200,64 @@ fn transform_rows([d0, d1, d2, d3]: [Pair; 4]) -> [Pair; 4] {
     [d0 - d2, d1 + d2, d2 - d1, d1 - d3]
 }
 
-/// Transforms a tile: `out[product * POSITIONS * PAIRS + pair]` from four rows of six positions.
+/// Transforms a tile of a pair of channels, whose rows lie `columns` apart:
+/// `out[product * POSITIONS * PAIRS]`.
 #[inline(always)]
-fn transform_tile<const PAIRS: usize>(rows: [&[Pair]; FREQUENCIES[0]], out: &mut [Pair]) {
-    for pair in 0..PAIRS {
-        let rows =
-            rows.map(|row| transform_columns(core::array::from_fn(|x| row[x * PAIRS + pair])));
-        for x in 0..FREQUENCIES[1] {
-            let column = transform_rows(rows.map(|row| row[x]));
-            for (y, value) in column.into_iter().enumerate() {
-                out[(y * FREQUENCIES[1] + x) * POSITIONS * PAIRS + pair] = value;
-            }
+fn transform_tile<const PAIRS: usize>(tile: &[Pair], columns: usize, out: &mut [Pair]) {
+    let rows: [[Pair; FREQUENCIES[1]]; FREQUENCIES[0]] = core::array::from_fn(|y| {
+        let row = &tile[y * columns..][..FREQUENCIES[1]];
+        transform_columns(core::array::from_fn(|x| row[x]))
+    });
+    let last = (PRODUCTS - 1) * POSITIONS * PAIRS;
+    let out = &mut out[..=last];
+    for x in 0..FREQUENCIES[1] {
+        let column = transform_rows(rows.map(|row| row[x]));
+        for (y, value) in column.into_iter().enumerate() {
+            out[(y * FREQUENCIES[1] + x) * POSITIONS * PAIRS] = value;
         }
     }
 }
 
-/// Transforms a tile's sums of a pair of outputs back and keeps the largest of both windows, the
-/// second of which lies `outputs` further.
+/// Transforms the sums of `tiles` tiles and a pair of outputs back and keeps the largest of each
+/// pool window: `windows[(tile * WINDOWS + window) * outputs + output]`.
 #[inline(always)]
-fn pool_tile(
-    sums: &[i32; PRODUCTS * POSITIONS * OUTPUTS],
-    position: usize,
+fn keep_largest(sums: &[Sums; PRODUCTS], tiles: usize, outputs: usize, windows: &mut [i32]) {
+    let windows = &mut windows[..(WINDOWS * tiles - 1) * outputs + OUTPUTS];
+    #[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+    cortex_m::keep_largest(sums, tiles, outputs, windows);
+    #[cfg(not(all(target_arch = "arm", target_has_atomic = "32")))]
+    keep_largest_portable(sums, tiles, outputs, windows);
+}
+
+/// The twin of the assembler, in plain Rust. Rows first: 44 additions instead of 56.
+#[cfg(any(test, not(all(target_arch = "arm", target_has_atomic = "32"))))]
+fn keep_largest_portable(
+    sums: &[Sums; PRODUCTS],
+    tiles: usize,
     outputs: usize,
-    largest: &mut [i32],
+    windows: &mut [i32],
 ) {
-    for output in 0..OUTPUTS {
-        let sum = |y: usize, x: usize| {
-            let product = y * FREQUENCIES[1] + x;
-            sums[(product * POSITIONS + position) * OUTPUTS + output]
-        };
-        // Rows first: 44 additions instead of 56.
-        let upper = row_outputs(core::array::from_fn(|x| {
-            sum(0, x).wrapping_add(sum(1, x)).wrapping_add(sum(2, x))
-        }));
-        let lower = row_outputs(core::array::from_fn(|x| {
-            sum(1, x).wrapping_sub(sum(2, x)).wrapping_sub(sum(3, x))
-        }));
-        for window in 0..WINDOWS {
-            let place = &mut largest[window * outputs + output];
-            for row in [upper, lower] {
-                *place = row[2 * window].max(row[2 * window + 1]).max(*place);
+    for tile in 0..tiles {
+        for output in 0..OUTPUTS {
+            let sum = |y: usize, x: usize| sums[y * FREQUENCIES[1] + x][tile * OUTPUTS + output];
+            let upper = row_outputs(core::array::from_fn(|x| {
+                sum(0, x).wrapping_add(sum(1, x)).wrapping_add(sum(2, x))
+            }));
+            let lower = row_outputs(core::array::from_fn(|x| {
+                sum(1, x).wrapping_sub(sum(2, x)).wrapping_sub(sum(3, x))
+            }));
+            for window in 0..WINDOWS {
+                let place = &mut windows[(tile * WINDOWS + window) * outputs + output];
+                for row in [upper, lower] {
+                    *place = row[2 * window].max(row[2 * window + 1]).max(*place);
+                }
             }
         }
     }
 }
 
 /// Four outputs of a row from its six sums.
-#[inline(always)]
+#[cfg(any(test, not(all(target_arch = "arm", target_has_atomic = "32"))))]
 fn row_outputs([m0, m1, m2, m3, m4, m5]: [i32; 6]) -> [i32; TILE[1]] {
     let (a, b) = (m1.wrapping_add(m2), m1.wrapping_sub(m2));
     let (c, d) = (m3.wrapping_add(m4), m3.wrapping_sub(m4));

@@ -16,6 +16,17 @@ fn inputs(low: i16, high: i16, length: usize) -> impl Strategy<Value = Vec<i16>>
     prop::collection::vec(input, length)
 }
 
+/// A channel-last plane as the convolutions hand it on: `[pair of channels][row][column]`.
+fn by_pair(plane: &[i16], channels: usize) -> Vec<Pair> {
+    let positions = plane.len() / channels;
+    (0..channels / 2 * positions)
+        .map(|at| {
+            let first = at % positions * channels + at / positions * 2;
+            Pair::new([plane[first], plane[first + 1]])
+        })
+        .collect()
+}
+
 fn paired(numbers: &[i16]) -> Vec<Pair> {
     let mut pairs = vec![Pair::ZERO; numbers.len().div_ceil(2)];
     Pair::fill(&mut pairs, numbers.iter().copied());
@@ -93,7 +104,7 @@ proptest! {
         prop_assert!(conv.is_consistent(input, pooled));
         let transformed = case.planes.each_ref().map(|plane| {
             let mut transformed = vec![Pair::ZERO; conv.transformed_len()];
-            conv.transform(&paired(plane), &mut transformed);
+            conv.transform(&by_pair(plane, 2 * PAIRS), &mut transformed);
             transformed
         });
         let mut largest = vec![i32::MIN; pooled.len()];
@@ -152,11 +163,11 @@ proptest! {
         for row in 0..output.rows {
             for column in 0..output.columns {
                 for channel in 0..outputs {
-                    let at = output.at(row, column) + channel;
+                    let at = channel / 2 * output.rows * output.columns + row * output.columns + column;
                     let planes = planes.each_ref().map(|plane| &plane[..]);
                     let sum = convolved(input, planes, &weights, outputs, [row, column, channel]);
                     let expected = i16::from(saturate_u8(requantise(sum + bias, multiplier)));
-                    prop_assert_eq!(found[at / 2].get()[at % 2], expected);
+                    prop_assert_eq!(found[at].get()[channel % 2], expected);
                 }
             }
         }

@@ -14,8 +14,6 @@ use crate::Pair;
 struct Work<const SEGMENTS: usize> {
     /// Next position of each segment.
     inputs: [*const Pair; SEGMENTS],
-    /// Bytes from the end of a step's weights back to their beginning, if all steps share them.
-    rewind: usize,
     weights: *const Pair,
     sums: *mut i32,
     /// Behind the last sum.
@@ -37,32 +35,34 @@ pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize>(
     let range = sums.as_mut_ptr_range();
     let work = Work {
         inputs: inputs.map(<[Pair]>::as_ptr),
-        rewind: if is_shared { size_of_val(weights) } else { 0 },
         weights: weights.as_ptr(),
         sums: range.start.cast(),
         end: range.end.cast(),
     };
     let work = (&raw const work).cast();
-    match (SEGMENTS, WIDTH) {
-        // SAFETY: a step reads SEGMENTS * POSITIONS * WIDTH inputs and OUTPUTS * SEGMENTS * WIDTH
-        // weights and writes POSITIONS * OUTPUTS sums; `super::dots` cut the slices to as many
-        // steps as `sums` has, and there is at least one. A pair is an aligned word, as LDRD and
-        // LDM want it.
-        (1, 14) => unsafe { dots_1x14(work) },
-        // SAFETY: as above.
-        (3, 8) => unsafe { dots_3x8(work) },
+    let by_four = sums.len().is_multiple_of(4);
+    let kernel: unsafe extern "C" fn(*const ()) = match (SEGMENTS, WIDTH, is_shared, by_four) {
+        (1, 14, true, true) => dots_1x14_by_4,
+        (1, 14, true, false) => dots_1x14,
+        (3, 8, false, true) => dots_3x8_by_4,
+        (3, 8, false, false) => dots_3x8,
         _ => return false,
-    }
+    };
+    // SAFETY: a step reads SEGMENTS * POSITIONS * WIDTH inputs and OUTPUTS * SEGMENTS * WIDTH
+    // weights and writes POSITIONS * OUTPUTS sums; `super::dots` cut the slices to as many steps as
+    // `sums` has, and there is at least one. A pair is an aligned word, as LDRD and LDM want it.
+    unsafe { kernel(work) };
     true
 }
 
-/// The loop for a number of segments and a width.
+/// The loop for a number of segments and a width, with weights shared by all steps or not, over so
+/// many steps at a time: the pointers on the stack are moved once for all of them.
 ///
 /// r0-r5 sums, r6-r9 weights of a round (the first output's two words, then the second's), r10-r11
 /// inputs of a position, r12 a segment's next position, lr the weights. The rest of the work stays
 /// on the stack. A round is one LDM and three LDRD for twelve SMLAD.
 macro_rules! kernel {
-    ($name:ident, $segments:literal, $width:literal) => {
+    ($name:ident, $segments:literal, $width:literal, $shared:literal, $steps:literal) => {
         #[unsafe(naked)]
         unsafe extern "C" fn $name(work: *const ()) {
             naked_asm!(
@@ -76,13 +76,15 @@ macro_rules! kernel {
                 ".endr",
                 "ldr lr, [sp, #{weights}]",
                 "2:",
+                ".set step, 0",
+                ".rept {steps}",
                 ".set segment, 0",
                 ".rept {segments}",
                 "ldr r12, [sp, #(4 * segment)]",
                 ".set round, 0",
                 ".rept {rounds}",
                 "ldm lr!, {{r6-r9}}",
-                "ldrd r10, r11, [r12, #(8 * round)]",
+                "ldrd r10, r11, [r12, #(3 * {position} * step + 8 * round)]",
                 ".if segment + round == 0",
                 "smuad r0, r10, r6",
                 "smuad r1, r10, r8",
@@ -92,7 +94,7 @@ macro_rules! kernel {
                 ".endif",
                 "smlad r0, r11, r7, r0",
                 "smlad r1, r11, r9, r1",
-                "ldrd r10, r11, [r12, #({position} + 8 * round)]",
+                "ldrd r10, r11, [r12, #((3 * step + 1) * {position} + 8 * round)]",
                 ".if segment + round == 0",
                 "smuad r2, r10, r6",
                 "smuad r3, r10, r8",
@@ -102,7 +104,7 @@ macro_rules! kernel {
                 ".endif",
                 "smlad r2, r11, r7, r2",
                 "smlad r3, r11, r9, r3",
-                "ldrd r10, r11, [r12, #(2 * {position} + 8 * round)]",
+                "ldrd r10, r11, [r12, #((3 * step + 2) * {position} + 8 * round)]",
                 ".if segment + round == 0",
                 "smuad r4, r10, r6",
                 "smuad r5, r10, r8",
@@ -114,32 +116,41 @@ macro_rules! kernel {
                 "smlad r5, r11, r9, r5",
                 ".set round, round + 1",
                 ".endr",
-                "add r12, #(3 * {position})",
+                ".if step == {steps} - 1",
+                "add r12, #(3 * {position} * {steps})",
                 "str r12, [sp, #(4 * segment)]",
+                ".endif",
                 ".set segment, segment + 1",
                 ".endr",
                 "ldr r12, [sp, #{sums}]",
                 "stm r12!, {{r0-r5}}",
                 "str r12, [sp, #{sums}]",
-                "ldr r10, [sp, #{rewind}]",
-                "sub lr, r10",
+                ".if {shared}",
+                "sub lr, #{weights_of_step}",
+                ".endif",
+                ".set step, step + 1",
+                ".endr",
                 "ldr r11, [sp, #{end}]",
                 "cmp r12, r11",
                 "bne.w 2b",
                 "add sp, #{frame}",
                 "pop {{r4-r11, pc}}",
                 segments = const $segments,
+                steps = const $steps,
                 rounds = const $width / super::ROUND,
                 position = const 4 * $width,
                 frame = const size_of::<Work<$segments>>(),
                 weights = const core::mem::offset_of!(Work<$segments>, weights),
                 sums = const core::mem::offset_of!(Work<$segments>, sums),
-                rewind = const core::mem::offset_of!(Work<$segments>, rewind),
+                shared = const $shared as usize,
+                weights_of_step = const 4 * super::weights_len($segments * $width),
                 end = const core::mem::offset_of!(Work<$segments>, end),
             );
         }
     };
 }
 
-kernel!(dots_1x14, 1, 14);
-kernel!(dots_3x8, 3, 8);
+kernel!(dots_1x14, 1, 14, true, 1);
+kernel!(dots_1x14_by_4, 1, 14, true, 4);
+kernel!(dots_3x8, 3, 8, false, 1);
+kernel!(dots_3x8_by_4, 3, 8, false, 4);
