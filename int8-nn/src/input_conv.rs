@@ -17,11 +17,12 @@ const GROUP: usize = POSITIONS * WIDTH;
 /// plane per call.
 ///
 /// Each position's 27 inputs are laid side by side first; the products then run through them as
-/// those of any other layer do.
+/// those of any other layer do. `COLUMNS` are those of the input, known when the kernel is compiled
+/// so that one pointer reaches all rows of a plane.
 #[derive(Clone, Copy, Debug)]
-pub struct InputConv<'w> {
-    /// Shape of an input plane; one channel.
-    pub input: PlaneShape,
+pub struct InputConv<'w, const COLUMNS: usize> {
+    /// Rows of an input plane.
+    pub rows: usize,
     /// Shape of an output plane: up to two rows and two columns less. More of each are left out,
     /// where nobody reads them.
     pub output: PlaneShape,
@@ -33,7 +34,16 @@ pub struct InputConv<'w> {
     pub multipliers: &'w [i32],
 }
 
-impl InputConv<'_> {
+impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
+    /// Shape of an input plane.
+    pub const fn input(&self) -> PlaneShape {
+        PlaneShape {
+            rows: self.rows,
+            columns: COLUMNS,
+            channels: 1,
+        }
+    }
+
     /// Pairs in the packed weights.
     pub const fn weights_len(&self) -> usize {
         self.output.channels * WIDTH
@@ -52,9 +62,8 @@ impl InputConv<'_> {
     /// True when weights, bias and factors have the lengths that the shapes ask for; assert it in
     /// `const`.
     pub const fn is_consistent(&self, input: PlaneShape, output: PlaneShape) -> bool {
-        self.input.equals(input)
+        self.input().equals(input)
             && self.output.equals(output)
-            && input.channels == 1
             && output.rows + 2 <= input.rows
             && output.columns + 2 <= input.columns
             && output.channels.is_multiple_of(OUTPUTS)
@@ -112,7 +121,7 @@ impl InputConv<'_> {
     /// # Panics
     /// When a slice is shorter than the input plane.
     pub fn pair_up(&self, plane: &[i8], pairs: &mut [Pair]) {
-        let plane = &plane[..self.input.len()];
+        let plane = &plane[..self.input().len()];
         for (pair, neighbours) in pairs.iter_mut().zip(plane.windows(2)) {
             *pair = Pair::new([neighbours[0].into(), neighbours[1].into()]);
         }
@@ -125,26 +134,30 @@ impl InputConv<'_> {
     /// the third ones, two rows in a pair, and a zero.
     fn lay_out(&self, planes: [&[Pair]; 3], patches: &mut [Pair]) {
         let columns = self.output.columns;
-        let rows = patches.chunks_mut(columns * WIDTH).take(self.output.rows);
-        for (row, patches) in rows.enumerate() {
-            let rows: [&[Pair]; 9] = core::array::from_fn(|index| {
-                let first = self.input.at(row + index % 3, 0);
-                &planes[index / 3][first..first + columns + 2]
+        for (position, patch) in patches.as_chunks_mut::<WIDTH>().0.iter_mut().enumerate() {
+            let (row, column) = (position / columns, position % columns);
+            // The last group may have positions that there are not.
+            let first = row.min(self.output.rows - 1) * COLUMNS + column;
+            let [a, b, c] = planes.map(|plane| {
+                let window = &plane[first..=first + 2 * COLUMNS + 2];
+                [0, COLUMNS, 2 * COLUMNS].map(|row| [window[row], window[row + 2]])
             });
-            for (column, patch) in patches.as_chunks_mut::<WIDTH>().0.iter_mut().enumerate() {
-                let third = |row: usize| rows[row][column + 2];
-                let (firsts, thirds) = patch.split_at_mut(rows.len());
-                for (place, row) in firsts.iter_mut().zip(rows) {
-                    *place = row[column];
-                }
-                thirds.copy_from_slice(&[
-                    third(0).first_of(third(1)),
-                    third(2).first_of(third(3)),
-                    third(4).first_of(third(5)),
-                    third(6).first_of(third(7)),
-                    third(8).first_of(Pair::ZERO),
-                ]);
-            }
+            *patch = [
+                a[0][0],
+                a[1][0],
+                a[2][0],
+                b[0][0],
+                b[1][0],
+                b[2][0],
+                c[0][0],
+                c[1][0],
+                c[2][0],
+                a[0][1].first_of(a[1][1]),
+                a[2][1].first_of(b[0][1]),
+                b[1][1].first_of(b[2][1]),
+                c[0][1].first_of(c[1][1]),
+                c[2][1].first_of(Pair::ZERO),
+            ];
         }
     }
 

@@ -41,25 +41,27 @@ type Sums = [i32; POSITIONS * OUTPUTS];
 /// Ranges: inputs 0..=255 give |V| <= 4080, weights of 8 bits |U| <= 9144, both within `i16`; 48
 /// times a sum of the products of 27 taps stays below 2^31 up to 50 channels.
 ///
-/// `PAIRS` are the pairs of input channels.
+/// `PAIRS` are the pairs of input channels, `COLUMNS` the columns of the input: two more than a
+/// multiple of four.
 #[derive(Clone, Copy, Debug)]
-pub struct Winograd<'w, const PAIRS: usize> {
+pub struct Winograd<'w, const PAIRS: usize, const COLUMNS: usize> {
     /// Tiles below each other: the plane has two rows for each.
     pub tile_rows: usize,
-    /// Tiles beside each other: the plane has four columns for each.
-    pub tile_columns: usize,
     /// Channels of the output, an even number.
     pub outputs: usize,
     /// What [`Self::transform_weights`] makes, [`Self::weights_len`] pairs.
     pub weights: &'w [Pair],
 }
 
-impl<const PAIRS: usize> Winograd<'_, PAIRS> {
+impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
+    /// Tiles beside each other.
+    const TILE_COLUMNS: usize = (COLUMNS - 2) / TILE[1];
+
     /// Shape of an input plane.
     pub const fn input(&self) -> PlaneShape {
         PlaneShape {
             rows: TILE[0] * self.tile_rows + 2,
-            columns: TILE[1] * self.tile_columns + 2,
+            columns: COLUMNS,
             channels: 2 * PAIRS,
         }
     }
@@ -68,7 +70,7 @@ impl<const PAIRS: usize> Winograd<'_, PAIRS> {
     pub const fn pooled(&self) -> PlaneShape {
         PlaneShape {
             rows: self.tile_rows,
-            columns: WINDOWS * self.tile_columns,
+            columns: WINDOWS * Self::TILE_COLUMNS,
             channels: self.outputs,
         }
     }
@@ -89,6 +91,7 @@ impl<const PAIRS: usize> Winograd<'_, PAIRS> {
     pub const fn is_consistent(&self, input: PlaneShape, pooled: PlaneShape) -> bool {
         // 255 * 128 is the largest product; see the ranges above.
         const { assert!(SCALE * TAPS * 2 * PAIRS * 255 * 128 < 1 << 31) };
+        const { assert!(COLUMNS > 2 && (COLUMNS - 2).is_multiple_of(TILE[1])) };
         self.input().equals(input)
             && self.pooled().equals(pooled)
             && self.outputs.is_multiple_of(OUTPUTS)
@@ -101,7 +104,7 @@ impl<const PAIRS: usize> Winograd<'_, PAIRS> {
     /// Groups of as many tiles as are multiplied together; the last one may have tiles that are
     /// left alone.
     const fn groups(&self) -> usize {
-        (self.tile_rows * self.tile_columns).div_ceil(POSITIONS)
+        (self.tile_rows * Self::TILE_COLUMNS).div_ceil(POSITIONS)
     }
 
     /// Transforms an input plane of shape [`Self::input`], values 0..=255, `[pair of
@@ -110,15 +113,15 @@ impl<const PAIRS: usize> Winograd<'_, PAIRS> {
     /// # Panics
     /// When a slice is shorter than its shape says.
     pub fn transform(&self, plane: &[Pair], transformed: &mut [Pair]) {
-        let PlaneShape { rows, columns, .. } = self.input();
-        let planes = plane.chunks_exact(rows * columns).take(PAIRS);
+        let planes = plane.chunks_exact(self.input().rows * COLUMNS).take(PAIRS);
         for (pair, plane) in planes.enumerate() {
-            for tile in 0..self.tile_rows * self.tile_columns {
-                let row = tile / self.tile_columns * TILE[0];
-                let column = tile % self.tile_columns * TILE[1];
+            for tile in 0..self.tile_rows * Self::TILE_COLUMNS {
+                let row = tile / Self::TILE_COLUMNS * TILE[0];
+                let column = tile % Self::TILE_COLUMNS * TILE[1];
                 let first = tile / POSITIONS * Self::GROUP + tile % POSITIONS * PAIRS + pair;
-                let window = &plane[row * columns + column..];
-                transform_tile::<PAIRS>(window, columns, &mut transformed[first..]);
+                let corner = row * COLUMNS + column;
+                let window = &plane[corner..corner + 3 * COLUMNS + FREQUENCIES[1]];
+                transform_tile::<PAIRS, COLUMNS>(window, &mut transformed[first..]);
             }
         }
     }
@@ -131,7 +134,7 @@ impl<const PAIRS: usize> Winograd<'_, PAIRS> {
     /// When a slice is shorter than its shape says.
     pub fn pool(&self, transformed: [&[Pair]; 3], largest: &mut [i32]) {
         let weights_of_pair = dot::weights_len(3 * PAIRS) * PRODUCTS;
-        let tiles = self.tile_rows * self.tile_columns;
+        let tiles = self.tile_rows * Self::TILE_COLUMNS;
         let mut sums = [[0; POSITIONS * OUTPUTS]; PRODUCTS];
         for group in 0..self.groups() {
             let first = group * Self::GROUP;
@@ -200,13 +203,12 @@ fn transform_rows([d0, d1, d2, d3]: [Pair; 4]) -> [Pair; 4] {
     [d0 - d2, d1 + d2, d2 - d1, d1 - d3]
 }
 
-/// Transforms a tile of a pair of channels, whose rows lie `columns` apart:
+/// Transforms a tile of a pair of channels, whose rows lie `COLUMNS` apart:
 /// `out[product * POSITIONS * PAIRS]`.
 #[inline(always)]
-fn transform_tile<const PAIRS: usize>(tile: &[Pair], columns: usize, out: &mut [Pair]) {
+fn transform_tile<const PAIRS: usize, const COLUMNS: usize>(tile: &[Pair], out: &mut [Pair]) {
     let rows: [[Pair; FREQUENCIES[1]]; FREQUENCIES[0]] = core::array::from_fn(|y| {
-        let row = &tile[y * columns..][..FREQUENCIES[1]];
-        transform_columns(core::array::from_fn(|x| row[x]))
+        transform_columns(core::array::from_fn(|x| tile[y * COLUMNS + x]))
     });
     let last = (PRODUCTS - 1) * POSITIONS * PAIRS;
     let out = &mut out[..=last];

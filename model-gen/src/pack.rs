@@ -2,12 +2,16 @@
 
 use int8_nn::{InputConv, Linear, Pair, Winograd};
 
+use artifact::COLUMNS;
+
 use crate::integer_model::{
     CODE, CONV1, CONV2, ELECTRODES, FLAT, IntegerConv, IntegerLinear, POOLED, STEPS,
 };
 
 /// Pairs of channels between the convolutions.
 const HIDDEN_PAIRS: usize = CONV1 / 2;
+/// Columns there that the pool reaches.
+const HIDDEN_COLUMNS: usize = 2 * POOLED[2] + 2;
 /// Pairs of inputs from a pooled plane: a multiple of eight as it is.
 const POOLED_PAIRS: usize = CONV2 * POOLED[1] * POOLED[2] / 2;
 /// Pairs of inputs from a time step, filled up to a multiple of eight.
@@ -17,20 +21,23 @@ const ELECTRODE_PAIRS: usize = ELECTRODES.div_ceil(2).next_multiple_of(8);
 pub fn input_convolution(conv: &IntegerConv) -> Vec<Pair> {
     let outputs = conv.bias.len();
     let mut packed = vec![Pair::ZERO; 14 * outputs];
-    InputConv::pack_weights(outputs, &by_tap(conv), &mut packed);
+    InputConv::<COLUMNS>::pack_weights(outputs, &by_tap(conv), &mut packed);
     packed
 }
 
 /// Weights of the second convolution, as [`Winograd`] reads them.
 pub fn convolution(conv: &IntegerConv) -> Vec<Pair> {
-    let shape = Winograd::<HIDDEN_PAIRS> {
+    let shape = Winograd::<HIDDEN_PAIRS, HIDDEN_COLUMNS> {
         tile_rows: 0,
-        tile_columns: 0,
         outputs: conv.bias.len(),
         weights: &[],
     };
     let mut transformed = vec![Pair::ZERO; shape.weights_len()];
-    Winograd::<HIDDEN_PAIRS>::transform_weights(shape.outputs, &by_tap(conv), &mut transformed);
+    Winograd::<HIDDEN_PAIRS, HIDDEN_COLUMNS>::transform_weights(
+        shape.outputs,
+        &by_tap(conv),
+        &mut transformed,
+    );
     transformed
 }
 

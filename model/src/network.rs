@@ -35,9 +35,9 @@ pub struct Network<'w> {
     /// in every window.
     pub hop: usize,
     /// Scalp grid -> 16 channels.
-    pub conv1: InputConv<'w>,
+    pub conv1: InputConv<'w, COLUMNS>,
     /// 16 -> 32 channels, and pool.
-    pub conv2: Winograd<'w, HIDDEN_PAIRS>,
+    pub conv2: Winograd<'w, HIDDEN_PAIRS, { HIDDEN.columns }>,
     /// Its bias, accumulator steps.
     pub conv2_bias: &'w [i32],
     /// Requantisation factors behind pool and convolution, Q0.32; negative for a channel whose

@@ -4,7 +4,7 @@
 use std::{path::Path, sync::LazyLock};
 
 use int8_nn::{InputConv, Linear, Pair, Winograd};
-use model::{CELL_PLANE, CODE, ELECTRODE_PAIRS, HIDDEN, Network, POOLED, POOLED_PAIRS, STEPS};
+use model::{CODE, ELECTRODE_PAIRS, HIDDEN, Network, POOLED, POOLED_PAIRS, ROWS, STEPS};
 use model_gen::{IntegerConv, IntegerLinear, IntegerModel, pack};
 use pipeline::{CELLS, Encoder, Plane, Step};
 use proptest::prelude::*;
@@ -163,7 +163,7 @@ impl Packed {
         Network {
             hop,
             conv1: InputConv {
-                input: CELL_PLANE,
+                rows: ROWS,
                 output: HIDDEN,
                 weights: &self.conv1,
                 bias: &model.conv1.bias,
@@ -171,7 +171,6 @@ impl Packed {
             },
             conv2: Winograd {
                 tile_rows: POOLED.rows,
-                tile_columns: POOLED.columns / 2,
                 outputs: POOLED.channels,
                 weights: &self.conv2,
             },

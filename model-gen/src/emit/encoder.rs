@@ -90,7 +90,7 @@ impl Source {
         self.line("pub static NETWORK: Network<'static> = Network {");
         self.line("    hop: HOP,");
         self.line("    conv1: InputConv {");
-        self.line("        input: CELL_PLANE,");
+        self.line("        rows: ROWS,");
         self.line("        output: HIDDEN,");
         self.line("        weights: &CONV1_WEIGHTS,");
         self.line("        bias: &CONV1_BIAS,");
@@ -98,7 +98,6 @@ impl Source {
         self.line("    },");
         self.line("    conv2: Winograd {");
         self.line("        tile_rows: POOLED.rows,");
-        self.line("        tile_columns: POOLED.columns / 2,");
         self.line("        outputs: POOLED.channels,");
         self.line("        weights: &CONV2_WEIGHTS,");
         self.line("    },");
