@@ -6,6 +6,7 @@ use model::{ELECTRODES, SECTIONS};
 use crate::{
     block::{Block, SILENCE},
     contender::Contender,
+    random::Random,
 };
 
 /// A cascade at run time, with new sections for every block and states that stay: poles anywhere,
@@ -47,22 +48,7 @@ impl Contender for AnySections {
     }
 }
 
-/// Numbers that look random: the state of a linear congruential generator with Knuth's constants for
-/// 64 bits (MMIX; The Art of Computer Programming 2, 3.3.4).
-#[derive(Clone, Debug)]
-struct Random(u64);
-
 impl Random {
-    /// Any number of 32 bits.
-    fn next(&mut self) -> u32 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        // The upper half; the lowest bits of such a generator hardly change.
-        (self.0 >> 32) as u32
-    }
-
     /// Any coefficient whose integer is one of a stable section.
     fn coefficient(&mut self) -> Coefficient {
         Coefficient {

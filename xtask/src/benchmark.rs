@@ -2,7 +2,9 @@
 
 mod counts;
 pub(crate) mod drawing;
+mod elf;
 pub(crate) mod emulator;
+mod encoder;
 mod impulse;
 mod inputs;
 mod noise;
@@ -15,39 +17,44 @@ pub(crate) mod twin;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Subcommand;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use self::counts::Counts;
-use self::emulator::{Image, MACHINES};
+use self::emulator::{Image, MACHINES, Machine};
 use self::inputs::Inputs;
 use self::noise::Noise;
 use self::report::Report;
 use self::twin::Twin;
 use crate::failure::Failure;
 
-/// What the benchmark can be told.
-#[derive(Debug, Clone, Copy, Args)]
-pub(crate) struct BenchOptions {
-    /// What to measure.
-    subject: Subject,
-    /// Print one JSON object instead of a table.
-    #[arg(long)]
-    json: bool,
-}
-
 /// What can be measured.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Subject {
+#[derive(Debug, Clone, Copy, Subcommand)]
+pub(crate) enum BenchOptions {
     /// The filters: instructions, noise, response.
-    Filters,
+    Filters {
+        /// Print one JSON object instead of a table.
+        #[arg(long)]
+        json: bool,
+    },
+    /// The encoder: instructions step by step, kernel by kernel; memory.
+    Encoder {
+        /// Print one JSON object instead of a table.
+        #[arg(long)]
+        json: bool,
+        /// Windows that are encoded and compared, over all inputs.
+        #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(100..=100_000))]
+        windows: u32,
+    },
 }
 
 impl BenchOptions {
     /// The filters, as a table.
-    pub(crate) const FILTERS: Self = Self {
-        subject: Subject::Filters,
+    pub(crate) const FILTERS: Self = Self::Filters { json: false };
+    /// The encoder, as a table.
+    pub(crate) const ENCODER: Self = Self::Encoder {
         json: false,
+        windows: 1000,
     };
 }
 
@@ -56,14 +63,26 @@ impl BenchOptions {
 /// # Errors
 /// QEMU or the target is missing, an image does not build or run, or a figure passes its limit.
 pub(crate) fn bench(options: BenchOptions) -> Result<(), Failure> {
-    let Subject::Filters = options.subject;
-    let report = filters()?;
-    if options.json {
-        println!("{}", report.json());
-    } else {
-        print!("{report}");
+    match options {
+        BenchOptions::Filters { json } => {
+            let report = filters()?;
+            if json {
+                println!("{}", report.json());
+            } else {
+                print!("{report}");
+            }
+            report.judge()
+        }
+        BenchOptions::Encoder { json, windows } => {
+            let report = encoder::measure(windows as usize)?;
+            if json {
+                println!("{}", report.json());
+            } else {
+                print!("{report}");
+            }
+            report.judge()
+        }
     }
-    report.judge()
 }
 
 fn filters() -> Result<Report, Failure> {
@@ -80,14 +99,7 @@ fn filters() -> Result<Report, Failure> {
     let mut counts = Vec::new();
     for machine in MACHINES {
         let work = folder.join(machine.name);
-        let file = |name| work.join(name);
-        make_folder(&work)?;
-        let input = file(bench::block::INPUTS);
-        fs::write(&input, &inputs.bytes).map_err(|error| cannot_write(&input, &error))?;
-        progress.set_message(machine.name);
-        let said = image.run(machine, &work, || progress.inc(1))?;
-        let output = file(bench::block::OUTPUTS);
-        let came_out = fs::read(&output).map_err(|error| cannot_write(&output, &error))?;
+        let (said, came_out) = run(&image, machine, &work, &inputs.bytes, &progress)?;
         counts.push(Counts::new(machine, &said, &inputs, &expected, &came_out)?);
     }
     let twin = Twin::of_the_model()?;
@@ -105,6 +117,24 @@ fn filters() -> Result<Report, Failure> {
     })?;
     eprintln!("pictures: {}", folder.display());
     Ok(Report::new(&inputs, &counts, &noise))
+}
+
+/// Runs the image on these inputs in `folder`: what it said, and what came out.
+fn run(
+    image: &Image,
+    machine: Machine,
+    folder: &Path,
+    inputs: &[u8],
+    progress: &ProgressBar,
+) -> Result<(Vec<String>, Vec<u8>), Failure> {
+    make_folder(folder)?;
+    let input = folder.join(bench::block::INPUTS);
+    fs::write(&input, inputs).map_err(|error| cannot_write(&input, &error))?;
+    progress.set_message(machine.name);
+    let said = image.run(machine, folder, || progress.inc(1))?;
+    let output = folder.join(bench::block::OUTPUTS);
+    let came_out = fs::read(&output).map_err(|error| cannot_write(&output, &error))?;
+    Ok((said, came_out))
 }
 
 fn make_folder(folder: &Path) -> Result<(), Failure> {

@@ -26,7 +26,7 @@ const NEXT_AFTER_A_LINT: &str =
 type Step = (&'static str, fn() -> Result<(), Failure>);
 
 /// Runs every step and stops at the first that fails. `fast` leaves out the trainer and
-/// the benchmark, and installs nothing.
+/// the benchmarks, and installs nothing.
 ///
 /// # Errors
 /// The failure of the first step that did not pass.
@@ -45,7 +45,7 @@ pub(crate) fn verify(fast: bool) -> Result<(), Failure> {
         skipped.push("what needs real recordings: set CORTICODE_DATA to their folder");
     }
     if fast {
-        skipped.push("the trainer and the benchmark, and what needs ROS where it is missing: leave --fast out");
+        skipped.push("the trainer and the benchmarks, and what needs ROS where it is missing: leave --fast out");
         steps.push(("lints, without the trainer", lints_without_trainer));
         steps.push(("no_std crates for the microcontroller", board_build));
         steps.push(("tests", tests));
@@ -56,6 +56,10 @@ pub(crate) fn verify(fast: bool) -> Result<(), Failure> {
         steps.push((
             "filters on the emulated microcontroller",
             filters_on_emulator,
+        ));
+        steps.push((
+            "encoder on the emulated microcontroller",
+            encoder_on_emulator,
         ));
         steps.push(("trainer", trainer_tests));
         steps.push(("tests, and acceptance with ROS", tests_with_ros));
@@ -180,6 +184,10 @@ fn filters_on_emulator() -> Result<(), Failure> {
         NEXT_AFTER_A_TEST,
     )?;
     benchmark::bench(BenchOptions::FILTERS)
+}
+
+fn encoder_on_emulator() -> Result<(), Failure> {
+    benchmark::bench(BenchOptions::ENCODER)
 }
 
 fn trainer_tests() -> Result<(), Failure> {

@@ -77,6 +77,11 @@ impl Image {
         })
     }
 
+    /// The linked program.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Cargo's target folder.
     pub(crate) fn target_folder(&self) -> &Path {
         &self.target_folder

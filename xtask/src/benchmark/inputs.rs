@@ -112,7 +112,7 @@ fn real(path: &std::path::Path) -> Result<Vec<Counts>, Failure> {
     }
 }
 
-fn unusable(why: impl fmt::Display) -> Failure {
+pub(crate) fn unusable(why: impl fmt::Display) -> Failure {
     Failure::Check {
         what: "making an input".to_owned(),
         why: format!("{why}"),

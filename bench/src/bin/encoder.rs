@@ -1,0 +1,119 @@
+//! Counts the instructions of the encoder, step by step; see the library's documentation.
+#![cfg_attr(target_os = "none", no_std)]
+#![cfg_attr(target_os = "none", no_main)]
+
+/// On a PC there is nothing to count.
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("this image runs on the emulated microcontroller: `cargo xtask bench encoder`");
+}
+
+#[cfg(target_os = "none")]
+mod image {
+    use core::panic::PanicInfo;
+
+    use bench::{
+        block::{INPUTS, OUTPUTS},
+        hop::FILLING,
+        kernel,
+        machine::{Clock, HostFile, Refused, exit},
+        tally::Tally,
+    };
+    use cortex_m_rt::entry;
+    use cortex_m_semihosting::hprintln;
+    use model::HOP;
+    use pipeline::{Acquisition, CELLS, Encoder, Mains, Sample, Step};
+
+    #[entry]
+    fn main() -> ! {
+        let clock = match Clock::start() {
+            Ok(clock) => clock,
+            Err(count) => {
+                hprintln!(
+                    "1000 instructions count as {}: is QEMU started with -icount shift=10?",
+                    count
+                );
+                exit(false)
+            }
+        };
+        hprintln!("ram acquisition {}", size_of::<Acquisition>());
+        hprintln!("ram encoder {}", size_of::<Encoder<'_>>());
+        count_acquisition(&clock);
+        kernel::each(|kernel, run| hprintln!("kernel {} {}", clock.count(run), kernel.name));
+        let counted = count_all(&clock);
+        if counted.is_err() {
+            hprintln!("the host does not give {} or take {}", INPUTS, OUTPUTS);
+        }
+        exit(counted.is_ok())
+    }
+
+    /// Says `acquisition COUNT`, the instructions from one step to the next; their number is the same
+    /// for every signal, as `filters` shows.
+    fn count_acquisition(clock: &Clock) {
+        let mut acquisition = Acquisition::new(Mains::Hz50);
+        let sample = Sample::default();
+        let mut step = acquisition.push(&sample);
+        let count = clock.count(&mut || {
+            step = None;
+            while step.is_none() {
+                step = acquisition.push(&sample);
+            }
+        });
+        hprintln!("acquisition {}", count);
+    }
+
+    /// Says one line for each input and place in the hop: `step INPUT PLACE FEWEST MOST TOTAL`.
+    fn count_all(clock: &Clock) -> Result<(), Refused> {
+        let mut inputs = HostFile::open(INPUTS)?;
+        let mut outputs = HostFile::create(OUTPUTS)?;
+        let mut steps = [0; 4];
+        if !inputs.read(&mut steps)? {
+            return Err(Refused);
+        }
+        let steps = u32::from_le_bytes(steps) as usize;
+        let mut input = 0;
+        while let Some(tallies) = count_input(clock, steps, &mut inputs, &mut outputs)? {
+            for (place, tally) in tallies.iter().enumerate() {
+                hprintln!("step {} {} {}", input, place, tally);
+            }
+            input += 1;
+        }
+        Ok(())
+    }
+
+    /// The tallies of the next input; none when there is no other.
+    fn count_input(
+        clock: &Clock,
+        steps: usize,
+        inputs: &mut HostFile,
+        outputs: &mut HostFile,
+    ) -> Result<Option<[Tally; HOP]>, Refused> {
+        let mut encoder = Encoder::new();
+        let mut tallies = [Tally::EMPTY; HOP];
+        let mut bytes = [0; CELLS];
+        for index in 0..steps {
+            if !inputs.read(&mut bytes)? {
+                return if index == 0 { Ok(None) } else { Err(Refused) };
+            }
+            let step = Step {
+                plane: bytes.map(u8::cast_signed),
+                ..Step::default()
+            };
+            let mut code = None;
+            let instructions = clock.count(&mut || code = encoder.push(&step));
+            if index >= FILLING {
+                tallies[index % HOP].add(instructions);
+            }
+            if let Some(code) = code {
+                outputs.write(&code.values.map(i8::cast_unsigned))?;
+            }
+        }
+        Ok(Some(tallies))
+    }
+
+    #[panic_handler]
+    fn panic(info: &PanicInfo) -> ! {
+        hprintln!("{}", info);
+        exit(false)
+    }
+}

@@ -1,0 +1,91 @@
+//! The encoder's kernels alone, with the built-in network.
+
+use core::hint::black_box;
+
+use int8_nn::Pair;
+use model::{
+    CELLS, CODE, ELECTRODE_PAIRS, HIDDEN, HOP, NETWORK, POOLED, POOLED_PAIRS, POOLED_STEPS, STEPS,
+};
+
+/// Planes of the input, and as many transformed ones, that a convolution reads.
+const PLANES: usize = 3;
+/// Pairs behind the first convolution.
+const HIDDEN_LEN: usize = HIDDEN.len() / 2;
+/// Pairs in a transformed plane.
+const TRANSFORMED: usize = NETWORK.conv2.transformed_len();
+
+/// A kernel, and how often a code needs it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kernel {
+    /// Layer.
+    pub name: &'static str,
+    /// Runs for a code.
+    pub per_code: u32,
+}
+
+/// The shortcut's name; everything else is needed without it as well.
+pub const SHORTCUT: &str = "shortcut";
+
+/// Gives `count` each kernel and a run of it. Its inputs are zeros: they change no count.
+pub fn each(mut count: impl FnMut(Kernel, &mut dyn FnMut())) {
+    #[expect(clippy::cast_possible_truncation, reason = "at most 16")]
+    let mut count = |name, per_code: usize, run: &mut dyn FnMut()| {
+        let per_code = per_code as u32;
+        count(Kernel { name, per_code }, run);
+    };
+    let cells = black_box([0_i8; CELLS]);
+    let mut input = black_box([[Pair::ZERO; CELLS]; PLANES]);
+    let mut patches = [Pair::ZERO; NETWORK.conv1.patches_len()];
+    let mut sums = [0; NETWORK.conv1.sums_len()];
+    let mut hidden = black_box([Pair::ZERO; HIDDEN_LEN]);
+    let mut transformed = black_box([[Pair::ZERO; TRANSFORMED]; PLANES]);
+    let mut largest = [i32::MIN; POOLED.len()];
+    let mut code = [0; CODE];
+
+    count("conv1", HOP, &mut || {
+        NETWORK.conv1.pair_up(&cells, &mut input[0]);
+        let planes = input.each_ref().map(|plane| &plane[..]);
+        NETWORK
+            .conv1
+            .plane(planes, &mut patches, &mut sums, &mut hidden);
+        black_box(&hidden);
+    });
+    count("transform", HOP, &mut || {
+        NETWORK.conv2.transform(&hidden, &mut transformed[0]);
+        black_box(&transformed);
+    });
+    count("conv2, pool", HOP, &mut || {
+        let planes = transformed.each_ref().map(|plane| &plane[..]);
+        NETWORK.conv2.pool(planes, &mut largest);
+        black_box(&largest);
+    });
+    let pooled = black_box([Pair::ZERO; POOLED_PAIRS]);
+    count("fully connected", POOLED_STEPS, &mut || {
+        NETWORK.fc[0].accumulate(&pooled, &mut code);
+        black_box(&code);
+    });
+    let electrodes = black_box([Pair::ZERO; ELECTRODE_PAIRS]);
+    count(SHORTCUT, STEPS, &mut || {
+        NETWORK.shortcut[0].accumulate(&electrodes, &mut code);
+        black_box(&code);
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kernel_runs_and_the_shortcut_once_for_each_step_of_a_window() {
+        let mut runs = 0;
+        let mut shortcut = 0;
+        each(|kernel, run| {
+            run();
+            runs += 1;
+            if kernel.name == SHORTCUT {
+                shortcut = kernel.per_code;
+            }
+        });
+        assert_eq!((runs, shortcut), (5, 16));
+    }
+}

@@ -1,0 +1,101 @@
+//! Planes that no head makes: what they do to the encoder, EEG cannot exceed.
+
+use pipeline::{CELLS, Plane};
+
+use crate::random::Random;
+
+/// A kind of plane after plane. All cells have a signal, also those without an electrode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stress {
+    /// All cells are 0.
+    Silence,
+    /// Every cell is at one of its rails, -128 or 127, and jumps to the other once in eight steps.
+    Rails,
+    /// One cell in five hundred is at a rail, all others are 0.
+    Impulses,
+    /// Every cell is any int8.
+    Noise,
+}
+
+impl Stress {
+    /// All kinds.
+    pub const ALL: [Self; 4] = [Self::Silence, Self::Rails, Self::Impulses, Self::Noise];
+
+    /// In words.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Silence => "silence",
+            Self::Rails => "rails",
+            Self::Impulses => "impulses",
+            Self::Noise => "noise",
+        }
+    }
+
+    /// The planes, without end; the same on every call.
+    pub fn planes(self) -> impl Iterator<Item = Plane> {
+        let mut random = Random(4);
+        let mut plane = [0; CELLS];
+        core::iter::repeat_with(move || {
+            for cell in &mut plane {
+                *cell = self.next(*cell, &mut random);
+            }
+            plane
+        })
+    }
+
+    /// What comes after `cell` in its place.
+    fn next(self, cell: i8, random: &mut Random) -> i8 {
+        // Upper bits, and so any int8.
+        let [.., any] = random.next().to_le_bytes();
+        let any = any.cast_signed();
+        let rail = if any < 0 { i8::MIN } else { i8::MAX };
+        match self {
+            // 0 only before the first plane; !-128 is 127.
+            Self::Rails if cell == 0 => rail,
+            Self::Rails if random.once_in(8) => !cell,
+            Self::Rails => cell,
+            Self::Impulses if random.once_in(500) => rail,
+            Self::Silence | Self::Impulses => 0,
+            Self::Noise => any,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// How many of 100 planes' cells hold each int8.
+    fn histogram(stress: Stress) -> [u32; 256] {
+        let mut histogram = [0; 256];
+        for plane in stress.planes().take(100) {
+            for cell in plane {
+                histogram[usize::from(cell.cast_unsigned())] += 1;
+            }
+        }
+        histogram
+    }
+
+    #[test]
+    fn every_kind_holds_what_it_says() {
+        let at = |stress, value: i8| histogram(stress)[usize::from(value.cast_unsigned())];
+        assert_eq!(at(Stress::Silence, 0), 9_000);
+        let rails = [i8::MIN, i8::MAX].map(|rail| at(Stress::Rails, rail));
+        assert_eq!(rails.iter().sum::<u32>(), 9_000);
+        assert!(rails.iter().all(|count| *count > 4_000), "{rails:?}");
+        let impulses = [i8::MIN, i8::MAX].map(|rail| at(Stress::Impulses, rail));
+        assert!(impulses.iter().all(|count| *count > 2), "{impulses:?}");
+        assert!(at(Stress::Impulses, 0) > 8_900);
+        // 35 of each on average.
+        assert!(histogram(Stress::Noise).iter().all(|count| *count > 5));
+    }
+
+    #[test]
+    fn a_cell_stays_at_its_rail_for_a_while() {
+        let mut planes = Stress::Rails.planes();
+        let (first, second) = (planes.next(), planes.next());
+        let cells = first.iter().flatten().zip(second.iter().flatten());
+        let jumped = cells.filter(|(before, now)| before != now).count();
+        assert!((1..CELLS / 3).contains(&jumped), "{jumped}");
+    }
+}

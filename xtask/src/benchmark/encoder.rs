@@ -1,0 +1,70 @@
+//! `cargo xtask bench encoder`: instructions of each step, and whether the codes are the PC's.
+
+mod counts;
+mod elsewhere;
+mod inputs;
+mod report;
+
+use pipeline::{Encoder, Step};
+
+use self::counts::Counts;
+use self::inputs::Inputs;
+use self::report::Report;
+use super::elf;
+use super::emulator::{Image, MACHINES};
+use crate::failure::Failure;
+
+/// Lines that an image says beside those of its inputs: memory, acquisition, kernels.
+const OTHER_LINES: usize = 8;
+
+/// Runs at least so many windows through the encoder on each machine.
+///
+/// # Errors
+/// QEMU or the target is missing, an image does not build or run, or an input cannot be had.
+pub(crate) fn measure(windows: usize) -> Result<Report, Failure> {
+    let image = Image::build("encoder")?;
+    let folder = image.target_folder().join("bench").join("encoder");
+    let inputs = Inputs::make(windows)?;
+    for skipped in &inputs.skipped {
+        eprintln!("SKIPPED: {skipped}");
+    }
+    let expected = codes(&inputs);
+    let lines = inputs.names.len() * model::HOP + OTHER_LINES;
+    let progress = super::progress_bar(MACHINES.len() * lines);
+    let mut counts = Vec::new();
+    for machine in MACHINES {
+        let work = folder.join(machine.name);
+        let (said, came_out) = super::run(&image, machine, &work, &inputs.bytes(), &progress)?;
+        counts.push(Counts::new(
+            machine,
+            &said,
+            inputs.names.len(),
+            &expected,
+            &came_out,
+        )?);
+    }
+    progress.finish_and_clear();
+    Ok(Report::new(
+        &inputs,
+        &counts,
+        elf::flash_bytes(image.path())?,
+    ))
+}
+
+/// The codes that this PC makes of the inputs, each from an encoder that has seen nothing.
+fn codes(inputs: &Inputs) -> Vec<u8> {
+    let mut codes = Vec::new();
+    for planes in &inputs.planes {
+        let mut encoder = Encoder::new();
+        for &plane in planes {
+            let step = Step {
+                plane,
+                ..Step::default()
+            };
+            if let Some(code) = encoder.push(&step) {
+                codes.extend(code.values.map(i8::cast_unsigned));
+            }
+        }
+    }
+    codes
+}

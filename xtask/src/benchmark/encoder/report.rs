@@ -1,0 +1,362 @@
+//! The encoder's figures, and their limits.
+
+mod table;
+
+use bench::hop::{COMPLETING, OPEN_WINDOWS};
+use bench::kernel;
+use model::HOP;
+use serde::Serialize;
+
+use super::counts::Counts;
+use super::elsewhere::{ELSEWHERE, Elsewhere};
+use super::inputs::Inputs;
+use crate::failure::Failure;
+
+/// Most instructions per code without the shortcut; a prototype with smaller Winograd tiles took
+/// 1.36 M.
+const MOST_PER_CODE: u32 = 1_300_000;
+/// The same with the shortcut.
+const MOST_WITH_SHORTCUT: u32 = 1_450_000;
+/// Most instructions from a window's last step to its code, without the shortcut: as many as that
+/// prototype took.
+const MOST_AFTER_LAST: u32 = 152_000;
+/// Most that the worst step may exceed the mean step.
+const WORST_OVER_MEAN: f64 = 1.2;
+/// Most bytes of state, acquisition and encoder.
+const MOST_RAM: u32 = 48_000;
+/// Most bytes of flash.
+const MOST_FLASH: usize = 400_000;
+
+/// Everything that was counted; the object of `--json`. "Without the shortcut" is the count with it
+/// less that of its matrix products, counted alone.
+#[derive(Debug, Serialize)]
+pub(crate) struct Report {
+    /// All steps of a hop, each its worst on either machine, without the shortcut.
+    insn_per_code: u32,
+    /// The same as the built-in network runs.
+    insn_per_code_shortcut: u32,
+    /// The step that completes a window, without the shortcut.
+    insn_after_last_sample: u32,
+    /// The same as the built-in network runs.
+    insn_after_last_sample_shortcut: u32,
+    /// The worst step over the mean of a hop, without the shortcut.
+    worst_over_mean: f64,
+    /// The same as the built-in network runs.
+    worst_over_mean_shortcut: f64,
+    /// Whether every step takes as many instructions for every input.
+    constant_count: bool,
+    /// Bytes of the acquisition's and the encoder's state.
+    ram_bytes: u32,
+    /// Bytes of the whole image: acquisition, encoder, weights, and what counts them.
+    flash_bytes: usize,
+    /// Whether the machines' codes are the PC's.
+    bytes_equal: bool,
+    /// Windows whose codes were compared, on each machine.
+    windows: usize,
+    machines: Vec<MachineFigures>,
+    inputs: Vec<&'static str>,
+    skipped: Vec<String>,
+    counted_elsewhere: [Elsewhere; ELSEWHERE.len()],
+    faults: Vec<String>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct MachineFigures {
+    machine: &'static str,
+    core: &'static str,
+    /// Fewest and most instructions of each step of a hop.
+    steps: [[u32; 2]; HOP],
+    /// The kernels, each alone.
+    kernels: Vec<KernelFigures>,
+    /// What the steps take beside the kernels: requantisation, sums, order.
+    rest_per_code: i64,
+    /// The acquisition's share, eight steps of four samples.
+    acquisition_per_code: u32,
+    constant: bool,
+    different_codes: usize,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct KernelFigures {
+    name: &'static str,
+    insn_per_code: u32,
+}
+
+impl Report {
+    /// Puts the figures together and judges them.
+    pub(crate) fn new(inputs: &Inputs, counts: &[Counts], flash_bytes: usize) -> Self {
+        let worst = |figure: fn(&Counts) -> u32| counts.iter().map(figure).max().unwrap_or(0);
+        let ratio = |shortcut: bool| {
+            let ratios = counts
+                .iter()
+                .map(|counts| worst_over_mean(counts, shortcut));
+            ratios.reduce(f64::max).unwrap_or(f64::NAN)
+        };
+        let mut report = Self {
+            insn_per_code: worst(|counts| {
+                per_code(counts).saturating_sub(shortcut_per_step(counts) * steps())
+            }),
+            insn_per_code_shortcut: worst(per_code),
+            insn_after_last_sample: worst(|counts| {
+                counts.step(COMPLETING)[1].saturating_sub(shortcut_per_step(counts))
+            }),
+            insn_after_last_sample_shortcut: worst(|counts| counts.step(COMPLETING)[1]),
+            worst_over_mean: ratio(false),
+            worst_over_mean_shortcut: ratio(true),
+            constant_count: counts.iter().all(Counts::is_constant),
+            ram_bytes: worst(|counts| counts.ram.iter().sum()),
+            flash_bytes,
+            bytes_equal: counts.iter().all(|counts| counts.different == 0),
+            windows: inputs.windows * inputs.names.len(),
+            machines: counts.iter().map(MachineFigures::of).collect(),
+            inputs: inputs.names.clone(),
+            skipped: inputs.skipped.clone(),
+            counted_elsewhere: ELSEWHERE,
+            faults: Vec::new(),
+        };
+        report.faults = report.find_faults();
+        report
+    }
+
+    /// One object.
+    pub(crate) fn json(&self) -> String {
+        serde_json::to_string(self).unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"))
+    }
+
+    /// Whether all limits are kept.
+    ///
+    /// # Errors
+    /// Names those that are not.
+    pub(crate) fn judge(&self) -> Result<(), Failure> {
+        if self.faults.is_empty() {
+            return Ok(());
+        }
+        Err(Failure::Check {
+            what: "the encoder's benchmark".to_owned(),
+            why: self.faults.join("; "),
+            next: "compare with `git log` of int8-nn, pipeline, model and the toolchain".to_owned(),
+        })
+    }
+
+    /// A ratio that is no number keeps no limit.
+    fn find_faults(&self) -> Vec<String> {
+        let limits = [
+            ("insn_per_code", self.insn_per_code, MOST_PER_CODE),
+            (
+                "insn_per_code_shortcut",
+                self.insn_per_code_shortcut,
+                MOST_WITH_SHORTCUT,
+            ),
+            (
+                "insn_after_last_sample",
+                self.insn_after_last_sample,
+                MOST_AFTER_LAST,
+            ),
+            ("ram_bytes", self.ram_bytes, MOST_RAM),
+        ];
+        let mut faults: Vec<String> = limits
+            .iter()
+            .filter(|(_, figure, most)| figure > most)
+            .map(|(name, figure, most)| format!("{name} is {figure}, {most} allowed"))
+            .collect();
+        let (flash, ratio) = (self.flash_bytes, self.worst_over_mean);
+        let checks = [
+            (
+                flash <= MOST_FLASH,
+                format!("flash_bytes is {flash}, {MOST_FLASH} allowed"),
+            ),
+            (
+                ratio <= WORST_OVER_MEAN,
+                format!("worst_over_mean is {ratio:.3}, {WORST_OVER_MEAN} allowed"),
+            ),
+            (
+                self.constant_count,
+                format!(
+                    "constant_count: the number of instructions depends on the input on {}",
+                    self.blamed(|machine| !machine.constant)
+                ),
+            ),
+            (
+                self.bytes_equal,
+                format!(
+                    "bytes_equal: the codes are not the PC's on {}",
+                    self.blamed(|machine| machine.different_codes > 0)
+                ),
+            ),
+        ];
+        let broken = checks.into_iter().filter(|(kept, _)| !kept);
+        faults.extend(broken.map(|(_, words)| words));
+        faults
+    }
+
+    fn blamed(&self, faulty: fn(&MachineFigures) -> bool) -> String {
+        let blamed = self.machines.iter().filter(|machine| faulty(machine));
+        let names: Vec<&str> = blamed.map(|machine| machine.machine).collect();
+        names.join(", ")
+    }
+}
+
+impl MachineFigures {
+    fn of(counts: &Counts) -> Self {
+        let mut kernels = Vec::new();
+        let mut runs = counts.kernels.iter();
+        kernel::each(|kernel, _| {
+            kernels.push(KernelFigures {
+                name: kernel.name,
+                insn_per_code: kernel.per_code * runs.next().copied().unwrap_or(0),
+            });
+        });
+        let in_kernels: u32 = kernels.iter().map(|kernel| kernel.insn_per_code).sum();
+        Self {
+            machine: counts.machine.name,
+            core: counts.machine.core,
+            steps: std::array::from_fn(|place| counts.step(place)),
+            kernels,
+            rest_per_code: i64::from(per_code(counts)) - i64::from(in_kernels),
+            acquisition_per_code: counts.acquisition * steps(),
+            constant: counts.is_constant(),
+            different_codes: counts.different,
+        }
+    }
+}
+
+/// Steps of a hop.
+fn steps() -> u32 {
+    u32::try_from(HOP).unwrap_or(u32::MAX)
+}
+
+/// The worst of each step of a hop.
+fn per_code(counts: &Counts) -> u32 {
+    (0..HOP).map(|place| counts.step(place)[1]).sum()
+}
+
+/// A step belongs to so many windows, and the shortcut runs for each.
+fn shortcut_per_step(counts: &Counts) -> u32 {
+    counts.shortcut() * u32::try_from(OPEN_WINDOWS).unwrap_or(u32::MAX)
+}
+
+/// The worst step over the mean of the best ones.
+fn worst_over_mean(counts: &Counts, shortcut: bool) -> f64 {
+    let left_out = if shortcut {
+        0
+    } else {
+        shortcut_per_step(counts)
+    };
+    let step = |place, bound: usize| f64::from(counts.step(place)[bound].saturating_sub(left_out));
+    let worst = (0..HOP).map(|place| step(place, 1)).fold(0.0, f64::max);
+    let mean = (0..HOP).map(|place| step(place, 0)).sum::<f64>() / f64::from(steps());
+    worst / mean
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::counts::tests::{counts, said};
+    use super::*;
+
+    type Break = fn(&mut Report);
+
+    pub(super) fn report() -> Report {
+        let inputs = Inputs {
+            names: vec!["silence", "noise"],
+            planes: Vec::new(),
+            windows: 12,
+            skipped: Vec::new(),
+        };
+        Report::new(&inputs, &[counts(&said())], 300_000)
+    }
+
+    #[test]
+    fn the_shortcut_s_products_are_taken_off_every_step() {
+        let report = report();
+        // 7 steps of 1000 and the last of 1500; a run of the shortcut takes 100, a step has two.
+        assert_eq!(report.insn_per_code_shortcut, 8_500);
+        assert_eq!(report.insn_per_code, 8_500 - 16 * 100);
+        assert_eq!(report.insn_after_last_sample_shortcut, 1_500);
+        assert_eq!(report.insn_after_last_sample, 1_300);
+        assert!((report.worst_over_mean_shortcut - 1_500.0 * 8.0 / 8_500.0).abs() < 1e-12);
+        assert!((report.worst_over_mean - 1_300.0 * 8.0 / 6_900.0).abs() < 1e-12);
+        assert_eq!(report.ram_bytes, 35_000);
+        // 8 of each convolution's three kernels, 6 of the fully connected, 16 of the shortcut.
+        assert_eq!(
+            report.machines[0].rest_per_code,
+            8_500 - 100 * (3 * 8 + 6 + 16)
+        );
+        assert_eq!(report.machines[0].acquisition_per_code, 7_200);
+    }
+
+    #[test]
+    fn every_limit_is_judged_and_named() {
+        let sound = || Report {
+            worst_over_mean: 1.1,
+            ..report()
+        };
+        assert!(sound().find_faults().is_empty());
+        let broken: [(Break, &str); 9] = [
+            (
+                |report| report.insn_per_code = 1_300_001,
+                "insn_per_code is 1300001",
+            ),
+            (
+                |report| report.insn_per_code_shortcut = 1_450_001,
+                "insn_per_code_shortcut is 1450001",
+            ),
+            (
+                |report| report.insn_after_last_sample = 152_001,
+                "insn_after_last_sample is 152001",
+            ),
+            (
+                |report| report.worst_over_mean = 1.21,
+                "worst_over_mean is 1.210",
+            ),
+            (
+                |report| report.worst_over_mean = f64::NAN,
+                "worst_over_mean is NaN",
+            ),
+            (|report| report.ram_bytes = 48_001, "ram_bytes is 48001"),
+            (
+                |report| report.flash_bytes = 400_001,
+                "flash_bytes is 400001",
+            ),
+            (
+                |report| {
+                    report.constant_count = false;
+                    report.machines[0].constant = false;
+                },
+                "constant_count: the number of instructions depends on the input on mps2-an386",
+            ),
+            (
+                |report| {
+                    report.bytes_equal = false;
+                    report.machines[0].different_codes = 1;
+                },
+                "bytes_equal: the codes are not the PC's on mps2-an386",
+            ),
+        ];
+        for (break_it, words) in broken {
+            let mut report = sound();
+            break_it(&mut report);
+            report.faults = report.find_faults();
+            let failure = report.judge().expect_err("a limit is broken");
+            assert!(failure.to_string().contains(words), "{failure}");
+            assert_eq!(report.faults.len(), 1);
+        }
+    }
+
+    #[test]
+    fn a_worst_step_that_is_too_long_is_found_in_the_counts() {
+        assert_eq!(report().faults, ["worst_over_mean is 1.507, 1.2 allowed"]);
+    }
+
+    #[test]
+    fn the_json_is_one_object_with_the_figures() {
+        let json: serde_json::Value = serde_json::from_str(&report().json()).expect("JSON");
+        assert_eq!(json["insn_per_code"], 6_900);
+        assert_eq!(json["insn_per_code_shortcut"], 8_500);
+        assert_eq!(json["insn_after_last_sample"], 1_300);
+        assert_eq!(json["constant_count"], true);
+        assert_eq!(json["ram_bytes"], 35_000);
+        assert_eq!(json["flash_bytes"], 300_000);
+        assert!(json["worst_over_mean"].is_f64());
+        assert!(!report().json().contains('\n'));
+    }
+}
