@@ -19,7 +19,7 @@
 //!   ([`requantise`]), then saturation;
 //! * nothing branches on data, so a kernel takes the same number of instructions for any input.
 //!
-//! On a Cortex-M the inner loops are assembler (`dot/cortex_m.rs`, `linear/cortex_m.rs`) with plain
+//! On a Cortex-M the inner loops are assembler (`dot/cortex_m/`, `linear/cortex_m.rs`, `winograd/cortex_m.rs`) with plain
 //! twins beside them; integer only, so every platform gives the same bytes.
 #![no_std]
 #![deny(unsafe_code)]

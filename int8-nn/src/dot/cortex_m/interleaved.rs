@@ -1,0 +1,144 @@
+//! A load beside each product: a Cortex-M7 issues an LDR and an SMLAD in the same cycle.
+#![expect(
+    unsafe_code,
+    reason = "LLVM makes no SMLAD of Rust, and the loop needs every register there is"
+)]
+
+use core::arch::naked_asm;
+
+use super::Work;
+use crate::dot::{ROUND, weights_len};
+
+/// The loop for a number of segments and a width, with weights shared by all steps or not, over so
+/// many steps at a time: the pointers on the stack are moved once for all of them.
+///
+/// r0-r5 sums, r6-r9 weights of a round (the first output's two words, then the second's), r10-r11
+/// inputs of a position, r12 a segment's next position, lr the weights of this round. The rest of the
+/// work stays on the stack. A register is loaded again behind its last use, three products before
+/// its next.
+macro_rules! kernel {
+    ($name:ident, $segments:literal, $width:literal, $shared:literal, $steps:literal) => {
+        #[unsafe(naked)]
+        pub(super) unsafe extern "C" fn $name(work: *const ()) {
+            naked_asm!(
+                "push {{r4-r11, lr}}",
+                "sub sp, #{frame}",
+                ".set at, 0",
+                ".rept {frame} / 4",
+                "ldr r1, [r0, #at]",
+                "str r1, [sp, #at]",
+                ".set at, at + 4",
+                ".endr",
+                "ldr lr, [sp, #{weights}]",
+                "2:",
+                ".set step, 0",
+                ".rept {steps}",
+                // Weights of the first round; every other round finds its own loaded.
+                ".if {shared} || (step == 0)",
+                "ldm lr, {{r6-r9}}",
+                ".endif",
+                ".set segment, 0",
+                ".rept {segments}",
+                "ldr r12, [sp, #(4 * segment)]",
+                ".set at, 3 * {position} * step",
+                "ldr r10, [r12, #at]",
+                "ldr r11, [r12, #(at + 4)]",
+                ".set round, 0",
+                ".rept {rounds}",
+                ".set last_of_segment, round == {rounds} - 1",
+                ".set last_of_step, last_of_segment && (segment == {segments} - 1)",
+                ".set more, !(last_of_step && ({shared} || (step == {steps} - 1)))",
+                ".if segment + round == 0",
+                "smuad r0, r10, r6",
+                "smuad r1, r10, r8",
+                ".else",
+                "smlad r0, r10, r6, r0",
+                "smlad r1, r10, r8, r1",
+                ".endif",
+                "ldr r10, [r12, #(at + {position})]",
+                "smlad r0, r11, r7, r0",
+                "smlad r1, r11, r9, r1",
+                "ldr r11, [r12, #(at + {position} + 4)]",
+                ".if segment + round == 0",
+                "smuad r2, r10, r6",
+                "smuad r3, r10, r8",
+                ".else",
+                "smlad r2, r10, r6, r2",
+                "smlad r3, r10, r8, r3",
+                ".endif",
+                "ldr r10, [r12, #(at + 2 * {position})]",
+                "smlad r2, r11, r7, r2",
+                "smlad r3, r11, r9, r3",
+                "ldr r11, [r12, #(at + 2 * {position} + 4)]",
+                ".if segment + round == 0",
+                "smuad r4, r10, r6",
+                ".else",
+                "smlad r4, r10, r6, r4",
+                ".endif",
+                ".if more",
+                "ldr r6, [lr, #16]!",
+                ".endif",
+                ".if segment + round == 0",
+                "smuad r5, r10, r8",
+                ".else",
+                "smlad r5, r10, r8, r5",
+                ".endif",
+                ".set at, at + 8",
+                ".if !last_of_segment",
+                "ldr r10, [r12, #at]",
+                ".endif",
+                "smlad r4, r11, r7, r4",
+                ".if more",
+                "ldr r8, [lr, #8]",
+                ".endif",
+                "smlad r5, r11, r9, r5",
+                ".if more",
+                "ldr r7, [lr, #4]",
+                "ldr r9, [lr, #12]",
+                ".endif",
+                ".if !last_of_segment",
+                "ldr r11, [r12, #(at + 4)]",
+                ".endif",
+                ".set round, round + 1",
+                ".endr",
+                ".if step == {steps} - 1",
+                "add r12, #(3 * {position} * {steps})",
+                "str r12, [sp, #(4 * segment)]",
+                ".endif",
+                ".set segment, segment + 1",
+                ".endr",
+                "ldr r12, [sp, #{sums}]",
+                "stm r12!, {{r0-r5}}",
+                "str r12, [sp, #{sums}]",
+                // From the last round's weights back to the first's, or on to the next step's.
+                ".if {shared}",
+                "sub lr, #({weights_of_step} - 16)",
+                ".elseif step == {steps} - 1",
+                "add lr, #16",
+                ".endif",
+                ".set step, step + 1",
+                ".endr",
+                "ldr r11, [sp, #{end}]",
+                "cmp r12, r11",
+                "bne.w 2b",
+                "add sp, #{frame}",
+                "pop {{r4-r11, pc}}",
+                segments = const $segments,
+                steps = const $steps,
+                rounds = const $width / ROUND,
+                position = const 4 * $width,
+                frame = const size_of::<Work<$segments>>(),
+                weights = const core::mem::offset_of!(Work<$segments>, weights),
+                sums = const core::mem::offset_of!(Work<$segments>, sums),
+                shared = const $shared as usize,
+                weights_of_step = const 4 * weights_len($segments * $width),
+                end = const core::mem::offset_of!(Work<$segments>, end),
+            );
+        }
+    };
+}
+
+kernel!(dots_1x14, 1, 14, true, 1);
+kernel!(dots_1x14_by_4, 1, 14, true, 4);
+kernel!(dots_3x8, 3, 8, false, 1);
+kernel!(dots_3x8_by_4, 3, 8, false, 4);
