@@ -19,6 +19,7 @@ use crate::dot::{ROUND, weights_len};
 macro_rules! kernel {
     ($name:ident, $segments:literal, $width:literal, $shared:literal, $steps:literal) => {
         #[unsafe(naked)]
+        #[expect(clippy::too_many_lines, reason = "one loop, one instruction per line")]
         pub(super) unsafe extern "C" fn $name(work: *const ()) {
             naked_asm!(
                 "push {{r4-r11, lr}}",
