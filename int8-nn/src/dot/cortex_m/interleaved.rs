@@ -3,6 +3,7 @@
     unsafe_code,
     reason = "LLVM makes no SMLAD of Rust, and the loop needs every register there is"
 )]
+#![expect(clippy::too_many_lines, reason = "one loop, one instruction per line")]
 
 use core::arch::naked_asm;
 
@@ -19,7 +20,6 @@ use crate::dot::{ROUND, weights_len};
 macro_rules! kernel {
     ($name:ident, $segments:literal, $width:literal, $shared:literal, $steps:literal) => {
         #[unsafe(naked)]
-        #[expect(clippy::too_many_lines, reason = "one loop, one instruction per line")]
         pub(super) unsafe extern "C" fn $name(work: *const ()) {
             naked_asm!(
                 "push {{r4-r11, lr}}",
