@@ -86,7 +86,7 @@ pub(crate) fn bench(options: BenchOptions) -> Result<(), Failure> {
 }
 
 fn filters() -> Result<Report, Failure> {
-    let image = Image::build("filters")?;
+    let image = Image::build("filters", &[])?;
     let folder = image.target_folder().join("bench");
     let inputs = Inputs::make()?;
     for skipped in &inputs.skipped {

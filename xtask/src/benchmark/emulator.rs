@@ -19,6 +19,8 @@ pub(crate) struct Machine {
     pub(crate) name: &'static str,
     /// Its processor.
     pub(crate) core: &'static str,
+    /// What cargo is told so that kernels are those for this processor.
+    pub(crate) features: &'static [&'static str],
 }
 
 /// The machines: the small and the large processor that the firmware is meant for.
@@ -26,10 +28,12 @@ pub(crate) const MACHINES: [Machine; 2] = [
     Machine {
         name: "mps2-an386",
         core: "Cortex-M4F",
+        features: &[],
     },
     Machine {
         name: "mps2-an500",
         core: "Cortex-M7",
+        features: &["--features=pipeline/cortex-m7"],
     },
 ];
 
@@ -47,11 +51,11 @@ pub(crate) struct Image {
 }
 
 impl Image {
-    /// Builds the image of this name.
+    /// Builds the image of this name; `features` as cargo takes them.
     ///
     /// # Errors
     /// The target is missing, or the image does not build.
-    pub(crate) fn build(name: &str) -> Result<Self, Failure> {
+    pub(crate) fn build(name: &str, features: &[&str]) -> Result<Self, Failure> {
         verify::board_target()?;
         let target = format!("--target={}", verify::BOARD_TARGET);
         let bin = format!("--bin={name}");
@@ -63,7 +67,7 @@ impl Image {
             &bin,
         ];
         run(
-            &mut cargo_with(&arguments),
+            cargo_with(&arguments).args(features),
             "read the compiler's message above",
         )?;
         let target_folder = target_folder()?;

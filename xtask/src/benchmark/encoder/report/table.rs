@@ -5,36 +5,16 @@ use std::fmt::{self, Formatter};
 use bench::hop::COMPLETING;
 use model::{HOP, STEP_RATE_HZ};
 
-use super::{MachineFigures, Report};
+use super::{Instructions, MachineFigures, Report};
 
 /// Clocks that the load is said for: an STM32F4's and an STM32H7's, MHz.
 const CLOCKS_MHZ: [f64; 2] = [168.0, 480.0];
 
+/// One of a machine's counts.
+type Figure = fn(&Instructions) -> u32;
+
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "Instructions of the encoder, a code per {HOP} steps (simulated)"
-        )?;
-        row(f, "per code, without shortcut", self.insn_per_code)?;
-        row(f, "per code, with shortcut", self.insn_per_code_shortcut)?;
-        let after = "after the last sample, ";
-        row(f, &format!("{after}without"), self.insn_after_last_sample)?;
-        row(
-            f,
-            &format!("{after}with"),
-            self.insn_after_last_sample_shortcut,
-        )?;
-        for (words, ratio) in [
-            ("without", self.worst_over_mean),
-            ("with", self.worst_over_mean_shortcut),
-        ] {
-            row(
-                f,
-                &format!("worst step over mean, {words}"),
-                format!("{ratio:.3}"),
-            )?;
-        }
         self.machines(f)?;
         writeln!(
             f,
@@ -80,8 +60,33 @@ impl Report {
                 }
                 writeln!(f)
             };
-        writeln!(f, "Step by step, with shortcut (a range: fewest and most)")?;
+        writeln!(
+            f,
+            "Instructions of the encoder, a code per {HOP} steps (simulated)"
+        )?;
         columns(f, "", &|machine| machine.core.to_owned())?;
+        let counts: [(&str, Figure); 4] = [
+            ("per code, without shortcut", |of| of.insn_per_code),
+            ("per code, with shortcut", |of| of.insn_per_code_shortcut),
+            ("after the last sample, without", |of| {
+                of.insn_after_last_sample
+            }),
+            ("after the last sample, with", |of| {
+                of.insn_after_last_sample_shortcut
+            }),
+        ];
+        for (name, figure) in counts {
+            columns(f, name, &|machine| {
+                figure(&machine.instructions).to_string()
+            })?;
+        }
+        columns(f, "worst step over mean, without", &|machine| {
+            format!("{:.3}", machine.instructions.worst_over_mean)
+        })?;
+        columns(f, "worst step over mean, with", &|machine| {
+            format!("{:.3}", machine.instructions.worst_over_mean_shortcut)
+        })?;
+        writeln!(f, "Step by step, with shortcut (a range: fewest and most)")?;
         for place in 0..HOP {
             let name = if place == COMPLETING {
                 format!("step {}, completes a code", place + 1)
@@ -107,22 +112,23 @@ impl Report {
         })
     }
 
-    /// How much time a core has for it.
+    /// How much time each core has for it.
     fn budget(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let acquisition = self
-            .machines
-            .iter()
-            .map(|machine| machine.acquisition_per_code);
-        let per_code = self.insn_per_code_shortcut + acquisition.max().unwrap_or(0);
-        let hops = f64::from(u32::try_from(HOP).unwrap_or(u32::MAX));
-        let per_us = f64::from(per_code) * f64::from(STEP_RATE_HZ) / hops / 1e6;
-        let [small, large] = CLOCKS_MHZ.map(|clock| clock / per_us);
-        writeln!(
-            f,
-            "Load (computed): {per_us:.1} M instructions per second with the acquisition; a core at {} \
-             MHz has {small:.1} cycles for each, one at {} MHz {large:.1}. Cycles are not counted here",
-            CLOCKS_MHZ[0], CLOCKS_MHZ[1]
-        )
+        let codes_per_s =
+            f64::from(STEP_RATE_HZ) / f64::from(u32::try_from(HOP).unwrap_or(u32::MAX));
+        write!(f, "Load (computed), acquisition included:")?;
+        for (machine, clock) in self.machines.iter().zip(CLOCKS_MHZ) {
+            let encoder = machine.instructions.insn_per_code_shortcut;
+            let per_us = f64::from(encoder + machine.acquisition_per_code) * codes_per_s / 1e6;
+            let cycles = clock / per_us;
+            let core = machine.core;
+            write!(
+                f,
+                " {per_us:.1} M instructions per second, for each of which a {core} at {clock} MHz has \
+                 {cycles:.1} cycles;"
+            )?;
+        }
+        writeln!(f, " cycles are not counted here")
     }
 }
 
@@ -140,7 +146,7 @@ mod tests {
         assert!(text.contains("step 8, completes a code"), "{text}");
         // 8,500 + 7,200 instructions 16 times a second.
         assert!(text.contains("0.3 M instructions per second"), "{text}");
-        assert!(text.contains("168 MHz has 668.8 cycles"), "{text}");
+        assert!(text.contains("168 MHz has 668.8 cycles;"), "{text}");
         assert!(text.contains("24 codes byte for byte"), "{text}");
     }
 }
