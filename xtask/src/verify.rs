@@ -172,12 +172,17 @@ fn board_build() -> Result<(), Failure> {
 }
 
 fn filters_on_emulator() -> Result<(), Failure> {
-    // Clippy over the workspace sees the PC's side of the crate only.
-    let mut image_lints = cargo_with(&["clippy", "--package=bench", "--target", BOARD_TARGET]);
-    run(
-        image_lints.args(["--", "-D", "warnings"]),
-        NEXT_AFTER_A_LINT,
-    )?;
+    // Clippy over the workspace sees the PC's side of these crates only.
+    for machine in benchmark::emulator::MACHINES {
+        let mut lints = cargo_with(&["clippy", "--target", BOARD_TARGET, "--package=bench"]);
+        lints.args([
+            "--package=fixed-dsp",
+            "--package=int8-nn",
+            "--package=pipeline",
+        ]);
+        lints.args(machine.features).args(["--", "-D", "warnings"]);
+        run(&mut lints, NEXT_AFTER_A_LINT)?;
+    }
     // No default member, so that `cargo test` does not see it.
     run(
         &mut cargo_with(&["test", "--package", "bench"]),
