@@ -1,6 +1,6 @@
 //! Products of many positions with many outputs: the one loop in which all the time goes.
 
-#[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+#[cfg(smlad)]
 mod cortex_m;
 
 use crate::Pair;
@@ -46,7 +46,7 @@ pub(crate) fn dots<const SEGMENTS: usize, const WIDTH: usize>(
     let steps_of_weights = if is_shared { 1 } else { sums.len() };
     let weights = &weights[..steps_of_weights * per_step];
     let inputs = inputs.map(|segment| &segment[..sums.len() * POSITIONS * WIDTH]);
-    #[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+    #[cfg(smlad)]
     if cortex_m::dots::<SEGMENTS, WIDTH>(inputs, weights, is_shared, sums) {
         return;
     }

@@ -44,9 +44,9 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         }
     }
 
-    /// Pairs in the packed weights.
-    pub const fn weights_len(&self) -> usize {
-        self.output.channels * WIDTH
+    /// Pairs in the packed weights of so many outputs.
+    pub const fn weights_len(outputs: usize) -> usize {
+        outputs * WIDTH
     }
 
     /// Pairs that [`Self::plane`] needs for the inputs of all positions.
@@ -64,10 +64,11 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
     pub const fn is_consistent(&self, input: PlaneShape, output: PlaneShape) -> bool {
         self.input().equals(input)
             && self.output.equals(output)
+            && !output.is_empty()
             && output.rows + 2 <= input.rows
             && output.columns + 2 <= input.columns
             && output.channels.is_multiple_of(OUTPUTS)
-            && self.weights.len() == self.weights_len()
+            && self.weights.len() == Self::weights_len(output.channels)
             && self.bias.len() == output.channels
             && self.multipliers.len() == output.channels
     }
@@ -78,10 +79,12 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
     }
 
     /// Writes the output plane, values 0..=255, `[pair of channels][row][column]`, that ends with the
-    /// last of three input planes as [`Self::pair_up`] makes them, oldest first. `patches` and `sums` are scratch.
+    /// last of three input planes as [`Self::pair_up`] makes them, oldest first. `patches` and `sums`
+    /// are scratch.
     ///
     /// # Panics
-    /// When a slice is shorter than its shape says.
+    /// When a slice is shorter than its shape says, or weights, bias and factors are not as many as
+    /// the outputs ask for: [`Self::is_consistent`].
     pub fn plane(
         &self,
         planes: [&[Pair]; 3],
@@ -89,8 +92,13 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         sums: &mut [i32],
         output: &mut [Pair],
     ) {
+        assert!(
+            self.is_consistent(self.input(), self.output),
+            "whole pairs of outputs, and as many weights"
+        );
         let patches = &mut patches[..self.patches_len()];
         let sums = &mut sums[..self.sums_len()];
+        let output = &mut output[..self.output.len() / OUTPUTS];
         self.lay_out(planes, patches);
         let positions = self.output.rows * self.output.columns;
         let channels = self
@@ -122,10 +130,11 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
     /// When a slice is shorter than the input plane.
     pub fn pair_up(&self, plane: &[i8], pairs: &mut [Pair]) {
         let plane = &plane[..self.input().len()];
+        let pairs = &mut pairs[..plane.len()];
         for (pair, neighbours) in pairs.iter_mut().zip(plane.windows(2)) {
             *pair = Pair::new([neighbours[0].into(), neighbours[1].into()]);
         }
-        if let (Some(pair), Some(&last)) = (pairs.get_mut(plane.len() - 1), plane.last()) {
+        if let (Some(pair), Some(&last)) = (pairs.last_mut(), plane.last()) {
             *pair = Pair::new([last.into(), 0]);
         }
     }

@@ -9,18 +9,19 @@
 //! ```
 //!
 //! Conventions shared by all kernels:
-//! * planes are channel-last, `[row][column][channel]`, as flat slices of [`Pair`]s: two channels in
-//!   a word, 16 bits each, because that is what SMLAD multiplies;
-//! * weights have 8 bits and are packed by the kernel that reads them; accumulators and biases are
-//!   `i32`;
+//! * planes are flat slices of [`Pair`]s, two channels in a word of 16 bits each, because that is what
+//!   SMLAD multiplies; between the convolutions `[pair of channels][row][column]`;
+//! * weights have 8 bits, -127..=127, and are packed or transformed by the kernel that reads them;
+//!   accumulators and biases are `i32`;
 //! * accumulators wrap; that they cannot is proven from the weights by whoever builds the network
 //!   (model-gen does, at build time);
 //! * requantisation is a multiplication by a Q0.32 number with one rounding, half up
 //!   ([`requantise`]), then saturation;
 //! * nothing branches on data, so a kernel takes the same number of instructions for any input.
 //!
-//! On a Cortex-M the inner loops are assembler (`dot/cortex_m/`, `linear/cortex_m.rs`, `winograd/cortex_m.rs`) with plain
-//! twins beside them; integer only, so every platform gives the same bytes.
+//! On a Cortex-M4 or M7 the inner loops are assembler (`dot/cortex_m/`, `linear/cortex_m.rs`,
+//! `winograd/cortex_m.rs`) with plain twins beside them; integer only. `cargo xtask bench encoder`
+//! holds both to the same codes.
 #![no_std]
 #![deny(unsafe_code)]
 #![expect(

@@ -1,6 +1,6 @@
 //! Fully connected layers, accumulated piece by piece.
 
-#[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+#[cfg(smlad)]
 mod cortex_m;
 
 use crate::Pair;
@@ -13,6 +13,8 @@ const ROUND: usize = 2;
 const INPUTS: usize = 8;
 /// Most pairs of inputs: 257 products of 255 and 128 stay below 2^23.
 const MOST_INPUTS: usize = 128;
+/// Most outputs: their product with the inputs fits any word.
+const MOST_OUTPUTS: usize = 65_536;
 
 /// A matrix that adds a slice of a layer's inputs to all its outputs.
 ///
@@ -44,24 +46,30 @@ impl Linear<'_> {
     pub const fn is_consistent(&self, inputs: usize, outputs: usize) -> bool {
         self.inputs == inputs
             && self.outputs == outputs
+            && inputs > 0
             && inputs.is_multiple_of(INPUTS)
             && inputs <= MOST_INPUTS
+            && outputs > 0
             && outputs.is_multiple_of(OUTPUTS)
+            && outputs <= MOST_OUTPUTS
             && self.weights.len() == self.weights_len()
     }
 
     /// Adds `weights * inputs` to the accumulators, wrapping; |input| <= 255.
     ///
     /// # Panics
-    /// When a slice is shorter than the matrix says.
+    /// When a slice is shorter than the matrix says, or the matrix is none: [`Self::is_consistent`].
     pub fn accumulate(&self, inputs: &[Pair], accumulators: &mut [i32]) {
+        assert!(
+            self.is_consistent(self.inputs, self.outputs),
+            "a matrix of whole rounds and as many weights"
+        );
         let inputs = &inputs[..self.inputs];
         let accumulators = &mut accumulators[..self.outputs];
-        let weights = &self.weights[..self.weights_len()];
-        #[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
-        cortex_m::accumulate(inputs, weights, accumulators);
-        #[cfg(not(all(target_arch = "arm", target_has_atomic = "32")))]
-        accumulate_portable(inputs, weights, accumulators);
+        #[cfg(smlad)]
+        cortex_m::accumulate(inputs, self.weights, accumulators);
+        #[cfg(not(smlad))]
+        accumulate_portable(inputs, self.weights, accumulators);
     }
 
     /// Orders weights `[input][output]` as [`Self::weights`] holds them, for so many pairs of inputs;
@@ -86,7 +94,7 @@ impl Linear<'_> {
 }
 
 /// The twin of the assembler, in plain Rust.
-#[cfg(any(test, not(all(target_arch = "arm", target_has_atomic = "32"))))]
+#[cfg(not(smlad))]
 fn accumulate_portable(inputs: &[Pair], weights: &[Pair], accumulators: &mut [i32]) {
     let quads = weights.chunks_exact(inputs.len() * OUTPUTS / 2);
     for (weights, outputs) in quads.zip(accumulators.as_chunks_mut::<OUTPUTS>().0) {

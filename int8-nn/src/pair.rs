@@ -54,18 +54,18 @@ impl Pair {
     }
 
     /// The low byte of each, with its sign (SXTB16).
-    #[cfg(any(test, not(all(target_arch = "arm", target_has_atomic = "32"))))]
+    #[cfg(not(smlad))]
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "the low byte")]
     pub(crate) fn low_bytes(self) -> Self {
         Self::new(self.get().map(|lane| i16::from(lane as i8)))
     }
 
-    /// Four times both numbers, which must lie in 0..2^14: one shift of the word.
+    /// Four times both numbers, which must lie in 0..2^13: one shift of the word.
     #[inline(always)]
     pub(crate) fn quadrupled(self) -> Self {
         debug_assert!(
-            self.get().iter().all(|lane| (0..1 << 14).contains(lane)),
+            self.get().iter().all(|lane| (0..1 << 13).contains(lane)),
             "a lane would spill into its neighbour"
         );
         Self(self.0 << 2)
@@ -73,7 +73,7 @@ impl Pair {
 }
 
 /// The instruction on both lanes at once.
-#[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+#[cfg(smlad)]
 macro_rules! lane_wise {
     ($name:literal, $a:expr, $b:expr) => {{
         let result;
@@ -93,7 +93,7 @@ macro_rules! lane_wise {
     }};
 }
 
-#[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+#[cfg(smlad)]
 impl core::ops::Add for Pair {
     type Output = Self;
 
@@ -104,7 +104,7 @@ impl core::ops::Add for Pair {
     }
 }
 
-#[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+#[cfg(smlad)]
 impl core::ops::Sub for Pair {
     type Output = Self;
 
@@ -115,7 +115,7 @@ impl core::ops::Sub for Pair {
     }
 }
 
-#[cfg(not(all(target_arch = "arm", target_has_atomic = "32")))]
+#[cfg(not(smlad))]
 impl core::ops::Add for Pair {
     type Output = Self;
 
@@ -127,7 +127,7 @@ impl core::ops::Add for Pair {
     }
 }
 
-#[cfg(not(all(target_arch = "arm", target_has_atomic = "32")))]
+#[cfg(not(smlad))]
 impl core::ops::Sub for Pair {
     type Output = Self;
 

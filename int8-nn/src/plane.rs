@@ -1,6 +1,6 @@
 //! The shape of one time step of an activation.
 
-/// Rows, columns and channels of a plane; stored channel-last, `[row][column][channel]`.
+/// Rows, columns and channels of a plane; each kernel says how it is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlaneShape {
     /// Rows.
@@ -25,11 +25,6 @@ impl PlaneShape {
     /// Equality in `const`.
     pub const fn equals(self, other: Self) -> bool {
         self.rows == other.rows && self.columns == other.columns && self.channels == other.channels
-    }
-
-    /// Index of the first channel of a position.
-    pub const fn at(self, row: usize, column: usize) -> usize {
-        (row * self.columns + column) * self.channels
     }
 
     /// The shape that an unpadded 3x3 kernel with `channels` outputs leaves.

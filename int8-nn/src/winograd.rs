@@ -1,6 +1,6 @@
 //! An exact integer Winograd convolution, one plane at a time.
 
-#[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+#[cfg(smlad)]
 mod cortex_m;
 
 use crate::{
@@ -22,6 +22,9 @@ const TAPS: usize = 27;
 /// Pool windows of a tile.
 const WINDOWS: usize = 2;
 
+/// Most output channels: three tiles of them fit any word.
+const MOST_OUTPUTS: usize = 65_536;
+
 /// Sums of one product: `[position][output]`.
 type Sums = [i32; POSITIONS * OUTPUTS];
 
@@ -38,7 +41,7 @@ type Sums = [i32; POSITIONS * OUTPUTS];
 /// -4 (g0 - g1 + g2), g0 + 2 g1 + 4 g2, g0 - 2 g1 + 4 g2, 24 g2)`. In the rows `V = (d0 - d2, d1 + d2,
 /// d2 - d1, d1 - d3)` and `U = (2 g0, g0 + g1 + g2, g0 - g1 + g2, 2 g2)`.
 ///
-/// Ranges: inputs 0..=255 give |V| <= 4080, weights of 8 bits |U| <= 9144, both within `i16`; 48
+/// Ranges: inputs 0..=255 give |V| <= 4080, weights -127..=127 |U| <= 9144, both within `i16`; 48
 /// times a sum of the products of 27 taps stays below 2^31 up to 50 channels.
 ///
 /// `PAIRS` are the pairs of input channels, `COLUMNS` the columns of the input: two more than a
@@ -80,10 +83,10 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         self.groups() * Self::GROUP
     }
 
-    /// Pairs in the transformed weights: `[pair of outputs][product]`, then as the products want
-    /// them.
-    pub const fn weights_len(&self) -> usize {
-        self.outputs * 3 * PRODUCTS * PAIRS
+    /// Pairs in the transformed weights of so many outputs: `[pair of outputs][product]`, then as the
+    /// products want them.
+    pub const fn weights_len(outputs: usize) -> usize {
+        outputs * 3 * PRODUCTS * PAIRS
     }
 
     /// True when this convolution fits between planes of these shapes and its weights have the
@@ -94,8 +97,11 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         const { assert!(COLUMNS > 2 && (COLUMNS - 2).is_multiple_of(TILE[1])) };
         self.input().equals(input)
             && self.pooled().equals(pooled)
+            && self.tile_rows > 0
+            && self.outputs > 0
             && self.outputs.is_multiple_of(OUTPUTS)
-            && self.weights.len() == self.weights_len()
+            && self.outputs <= MOST_OUTPUTS
+            && self.weights.len() == Self::weights_len(self.outputs)
     }
 
     /// Pairs that a group of tiles takes in a transformed plane.
@@ -113,7 +119,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// # Panics
     /// When a slice is shorter than its shape says.
     pub fn transform(&self, plane: &[Pair], transformed: &mut [Pair]) {
-        let planes = plane.chunks_exact(self.input().rows * COLUMNS).take(PAIRS);
+        let positions = self.input().rows * COLUMNS;
+        let planes = plane[..PAIRS * positions].chunks_exact(positions);
         for (pair, plane) in planes.enumerate() {
             for tile in 0..self.tile_rows * Self::TILE_COLUMNS {
                 let row = tile / Self::TILE_COLUMNS * TILE[0];
@@ -131,8 +138,14 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// it takes its place. Without bias, and 48 times too large: [`unscaled`] divides.
     ///
     /// # Panics
-    /// When a slice is shorter than its shape says.
+    /// When a slice is shorter than its shape says, or there are not as many weights as outputs ask
+    /// for: [`Self::is_consistent`].
     pub fn pool(&self, transformed: [&[Pair]; 3], largest: &mut [i32]) {
+        assert!(
+            self.is_consistent(self.input(), self.pooled()),
+            "whole pairs of outputs and as many weights"
+        );
+        let largest = &mut largest[..self.pooled().len()];
         let weights_of_pair = dot::weights_len(3 * PAIRS) * PRODUCTS;
         let tiles = self.tile_rows * Self::TILE_COLUMNS;
         let mut sums = [[0; POSITIONS * OUTPUTS]; PRODUCTS];
@@ -152,10 +165,12 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// Transforms weights `[time][row][column][input][output]` to what [`Self::weights`] holds.
     ///
     /// # Panics
-    /// When the slices do not have 54 * `PAIRS` * `outputs` and [`Self::weights_len`] numbers.
+    /// When the slices do not have 54 * `PAIRS` * `outputs` and [`Self::weights_len`] numbers, or a
+    /// weight is -128.
     pub fn transform_weights(outputs: usize, weights: &[i8], transformed: &mut [Pair]) {
         let channels = 2 * PAIRS;
         assert_eq!(weights.len(), TAPS * channels * outputs, "27 taps each");
+        assert!(!weights.contains(&i8::MIN), "weights are symmetric");
         let per_product = dot::weights_len(3 * PAIRS);
         for output in 0..outputs {
             for time in 0..3 {
@@ -225,14 +240,14 @@ fn transform_tile<const PAIRS: usize, const COLUMNS: usize>(tile: &[Pair], out: 
 #[inline(always)]
 fn keep_largest(sums: &[Sums; PRODUCTS], tiles: usize, outputs: usize, windows: &mut [i32]) {
     let windows = &mut windows[..(WINDOWS * tiles - 1) * outputs + OUTPUTS];
-    #[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
+    #[cfg(smlad)]
     cortex_m::keep_largest(sums, tiles, outputs, windows);
-    #[cfg(not(all(target_arch = "arm", target_has_atomic = "32")))]
+    #[cfg(not(smlad))]
     keep_largest_portable(sums, tiles, outputs, windows);
 }
 
 /// The twin of the assembler, in plain Rust. Rows first: 44 additions instead of 56.
-#[cfg(any(test, not(all(target_arch = "arm", target_has_atomic = "32"))))]
+#[cfg(not(smlad))]
 fn keep_largest_portable(
     sums: &[Sums; PRODUCTS],
     tiles: usize,
@@ -259,7 +274,7 @@ fn keep_largest_portable(
 }
 
 /// Four outputs of a row from its six sums.
-#[cfg(any(test, not(all(target_arch = "arm", target_has_atomic = "32"))))]
+#[cfg(not(smlad))]
 fn row_outputs([m0, m1, m2, m3, m4, m5]: [i32; 6]) -> [i32; TILE[1]] {
     let (a, b) = (m1.wrapping_add(m2), m1.wrapping_sub(m2));
     let (c, d) = (m3.wrapping_add(m4), m3.wrapping_sub(m4));

@@ -16,7 +16,7 @@ fn inputs(low: i16, high: i16, length: usize) -> impl Strategy<Value = Vec<i16>>
     prop::collection::vec(input, length)
 }
 
-/// A channel-last plane as the convolutions hand it on: `[pair of channels][row][column]`.
+/// From `[row][column][channel]` to what the convolutions hand on, `[pair of channels][row][column]`.
 fn by_pair(plane: &[i16], channels: usize) -> Vec<Pair> {
     let positions = plane.len() / channels;
     (0..channels / 2 * positions)
@@ -25,6 +25,11 @@ fn by_pair(plane: &[i16], channels: usize) -> Vec<Pair> {
             Pair::new([plane[first], plane[first + 1]])
         })
         .collect()
+}
+
+/// Index of the first channel of a position in `[row][column][channel]`.
+fn at(shape: PlaneShape, row: usize, column: usize) -> usize {
+    (row * shape.columns + column) * shape.channels
 }
 
 fn paired(numbers: &[i16]) -> Vec<Pair> {
@@ -48,7 +53,7 @@ fn convolved(
                 for channel in 0..shape.channels {
                     let tap = (time * 3 + tap_row) * 3 + tap_column;
                     let weight = weights[(tap * shape.channels + channel) * outputs + output];
-                    let x = plane[shape.at(row + tap_row, column + tap_column) + channel];
+                    let x = plane[at(shape, row + tap_row, column + tap_column) + channel];
                     sum += i32::from(weight) * i32::from(x);
                 }
             }
@@ -91,7 +96,7 @@ fn compare<const COLUMNS: usize>(case: &WinogradCase) -> Result<(), TestCaseErro
         outputs: case.outputs,
         weights: &[],
     };
-    let mut weights = vec![Pair::ZERO; conv.weights_len()];
+    let mut weights = vec![Pair::ZERO; Winograd::<PAIRS, COLUMNS>::weights_len(case.outputs)];
     Winograd::<PAIRS, COLUMNS>::transform_weights(case.outputs, &case.weights, &mut weights);
     conv.weights = &weights;
     let (input, pooled) = (conv.input(), conv.pooled());
@@ -114,7 +119,7 @@ fn compare<const COLUMNS: usize>(case: &WinogradCase) -> Result<(), TestCaseErro
                     let place = [2 * row + k / 2 % 2, 2 * column + k % 2, output];
                     convolved(input, planes, &case.weights, case.outputs, place)
                 });
-                let found = unscaled(largest[pooled.at(row, column) + output]);
+                let found = unscaled(largest[at(pooled, row, column) + output]);
                 prop_assert_eq!(Some(found), window.max());
             }
         }
@@ -148,7 +153,7 @@ proptest! {
         let outputs = 2 * pairs;
         let input = PlaneShape { rows, columns: 9, channels: 1 };
         let output = PlaneShape { rows: rows - 2, columns: 7 - crop, channels: outputs };
-        let mut packed = vec![Pair::ZERO; 14 * outputs];
+        let mut packed = vec![Pair::ZERO; InputConv::<9>::weights_len(outputs)];
         InputConv::<9>::pack_weights(outputs, &weights, &mut packed);
         let conv = InputConv::<9> {
             rows,
@@ -208,4 +213,41 @@ proptest! {
         let rounded = (exact + (1 << 31)).div_euclid(1 << 32);
         prop_assert_eq!(i128::from(requantise(sum, factor)), rounded);
     }
+}
+
+#[test]
+fn nothing_overflows_where_all_weights_and_inputs_are_at_their_ends() {
+    for weight in [127, -127] {
+        for input in [0, 255] {
+            let case = WinogradCase {
+                tile_rows: 3,
+                outputs: 2,
+                weights: vec![weight; 27 * 2 * PAIRS * 2],
+                planes: std::array::from_fn(|_| vec![input; 8 * 6 * 2 * PAIRS]),
+            };
+            compare::<6>(&case).expect("the direct sum");
+            let weights = vec![weight; 256 * 4];
+            let mut packed = vec![Pair::ZERO; 128 * 4 / 2];
+            Linear::pack_weights(128, 4, &weights, &mut packed);
+            let layer = Linear {
+                inputs: 128,
+                outputs: 4,
+                weights: &packed,
+            };
+            let mut sums = [0; 4];
+            layer.accumulate(&paired(&[input; 256]), &mut sums);
+            assert_eq!(sums, [256 * i32::from(input) * i32::from(weight); 4]);
+        }
+    }
+}
+
+#[test]
+#[should_panic(expected = "whole rounds")]
+fn a_matrix_of_no_whole_round_is_refused() {
+    let layer = Linear {
+        inputs: 2,
+        outputs: 4,
+        weights: &[Pair::ZERO; 4],
+    };
+    layer.accumulate(&[Pair::ZERO; 2], &mut [0; 4]);
 }

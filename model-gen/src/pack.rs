@@ -20,24 +20,17 @@ const ELECTRODE_PAIRS: usize = ELECTRODES.div_ceil(2).next_multiple_of(8);
 /// Weights of the first convolution, as [`InputConv`] reads them.
 pub fn input_convolution(conv: &IntegerConv) -> Vec<Pair> {
     let outputs = conv.bias.len();
-    let mut packed = vec![Pair::ZERO; 14 * outputs];
+    let mut packed = vec![Pair::ZERO; InputConv::<COLUMNS>::weights_len(outputs)];
     InputConv::<COLUMNS>::pack_weights(outputs, &by_tap(conv), &mut packed);
     packed
 }
 
 /// Weights of the second convolution, as [`Winograd`] reads them.
 pub fn convolution(conv: &IntegerConv) -> Vec<Pair> {
-    let shape = Winograd::<HIDDEN_PAIRS, HIDDEN_COLUMNS> {
-        tile_rows: 0,
-        outputs: conv.bias.len(),
-        weights: &[],
-    };
-    let mut transformed = vec![Pair::ZERO; shape.weights_len()];
-    Winograd::<HIDDEN_PAIRS, HIDDEN_COLUMNS>::transform_weights(
-        shape.outputs,
-        &by_tap(conv),
-        &mut transformed,
-    );
+    type Conv = Winograd<'static, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
+    let outputs = conv.bias.len();
+    let mut transformed = vec![Pair::ZERO; Conv::weights_len(outputs)];
+    Conv::transform_weights(outputs, &by_tap(conv), &mut transformed);
     transformed
 }
 

@@ -10,12 +10,15 @@ mod grouped;
 mod interleaved;
 
 #[cfg(not(feature = "cortex-m7"))]
-use grouped::{dots_1x14, dots_1x14_by_4, dots_3x8, dots_3x8_by_4};
+use grouped::{dots_1x14, dots_3x8};
 #[cfg(feature = "cortex-m7")]
-use interleaved::{dots_1x14, dots_1x14_by_4, dots_3x8, dots_3x8_by_4};
+use interleaved::{dots_1x14, dots_3x8};
 
 use super::{OUTPUTS, POSITIONS};
 use crate::Pair;
+
+/// Steps that the loops are written out for.
+const STEPS: usize = 4;
 
 /// What the assembler works through; it keeps its own copy.
 #[repr(C)]
@@ -28,7 +31,7 @@ struct Work<const SEGMENTS: usize> {
     end: *mut i32,
 }
 
-/// Does it, if there is assembler for this number of segments and this width; slices as long as
+/// Does it, if there is assembler for these numbers; slices as long as
 /// [`super::dots`] makes them.
 #[inline(always)]
 pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize>(
@@ -48,17 +51,17 @@ pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize>(
         end: range.end.cast(),
     };
     let work = (&raw const work).cast();
-    let by_four = sums.len().is_multiple_of(4);
-    let kernel: unsafe extern "C" fn(*const ()) = match (SEGMENTS, WIDTH, is_shared, by_four) {
-        (1, 14, true, true) => dots_1x14_by_4,
-        (1, 14, true, false) => dots_1x14,
-        (3, 8, false, true) => dots_3x8_by_4,
-        (3, 8, false, false) => dots_3x8,
+    if !sums.len().is_multiple_of(STEPS) {
+        return false;
+    }
+    let kernel: unsafe extern "C" fn(*const ()) = match (SEGMENTS, WIDTH, is_shared) {
+        (1, 14, true) => dots_1x14,
+        (3, 8, false) => dots_3x8,
         _ => return false,
     };
     // SAFETY: a step reads SEGMENTS * POSITIONS * WIDTH inputs and OUTPUTS * SEGMENTS * WIDTH
     // weights and writes POSITIONS * OUTPUTS sums; `super::dots` cut the slices to as many steps as
-    // `sums` has, and there is at least one. A pair is an aligned word, as LDRD and LDM want it.
+    // `sums` has, a multiple of STEPS and not 0. The match ties each kernel to its `Work`. A pair is an aligned word, as LDRD and LDM want it.
     unsafe { kernel(work) };
     true
 }

@@ -9,15 +9,13 @@ use core::arch::naked_asm;
 use super::{INPUTS, ROUND};
 use crate::Pair;
 
-/// Adds the product; slices as long as [`super::Linear::accumulate`] cuts them.
+/// Adds the product, for slices that [`super::Linear::accumulate`] has checked.
 #[inline(always)]
 pub(super) fn accumulate(inputs: &[Pair], weights: &[Pair], accumulators: &mut [i32]) {
-    if inputs.is_empty() || accumulators.is_empty() {
-        return;
-    }
     let (inputs, accumulators) = (inputs.as_ptr_range(), accumulators.as_mut_ptr_range());
-    // SAFETY: `super::Linear::is_consistent` makes the inputs a multiple of 16 (8 pairs) and the outputs of 4,
-    // neither 0 here, and the weights half their product: what the loops below read and write.
+    // SAFETY: the caller has asserted `Linear::is_consistent`: a multiple of 8 pairs of inputs and of
+    // 4 outputs, neither 0, and half their product in weights, which is what the loops below read and
+    // write; it has cut inputs and accumulators to those lengths.
     unsafe {
         quads(
             weights.as_ptr(),

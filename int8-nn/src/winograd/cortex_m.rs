@@ -16,11 +16,9 @@ pub(super) fn keep_largest(
     outputs: usize,
     windows: &mut [i32],
 ) {
-    if tiles == 0 {
-        return;
-    }
-    // SAFETY: there are at most POSITIONS tiles, whose sums lie side by side in each product; of the
+    // SAFETY: there are 1 to POSITIONS tiles, whose sums lie side by side in each product; of the
     // windows the last one used is the second of the last tile, its second output the last number.
+    // `Winograd::is_consistent`, which `pool` asserts, keeps the outputs small enough for bytes.
     unsafe {
         tiles_of_pair(
             sums.as_ptr().cast(),

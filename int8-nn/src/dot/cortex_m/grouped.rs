@@ -6,7 +6,7 @@
 
 use core::arch::naked_asm;
 
-use super::Work;
+use super::{STEPS, Work};
 use crate::dot::{ROUND, weights_len};
 
 /// The loop for a number of segments and a width, with weights shared by all steps or not, over so
@@ -16,7 +16,7 @@ use crate::dot::{ROUND, weights_len};
 /// inputs of a position, r12 a segment's next position, lr the weights. The rest of the work stays
 /// on the stack. A round is one LDM and three LDRD for twelve SMLAD.
 macro_rules! kernel {
-    ($name:ident, $segments:literal, $width:literal, $shared:literal, $steps:literal) => {
+    ($name:ident, $segments:literal, $width:literal, $shared:literal) => {
         #[unsafe(naked)]
         pub(super) unsafe extern "C" fn $name(work: *const ()) {
             naked_asm!(
@@ -90,7 +90,7 @@ macro_rules! kernel {
                 "add sp, #{frame}",
                 "pop {{r4-r11, pc}}",
                 segments = const $segments,
-                steps = const $steps,
+                steps = const STEPS,
                 rounds = const $width / ROUND,
                 position = const 4 * $width,
                 frame = const size_of::<Work<$segments>>(),
@@ -104,7 +104,5 @@ macro_rules! kernel {
     };
 }
 
-kernel!(dots_1x14, 1, 14, true, 1);
-kernel!(dots_1x14_by_4, 1, 14, true, 4);
-kernel!(dots_3x8, 3, 8, false, 1);
-kernel!(dots_3x8_by_4, 3, 8, false, 4);
+kernel!(dots_1x14, 1, 14, true);
+kernel!(dots_3x8, 3, 8, false);

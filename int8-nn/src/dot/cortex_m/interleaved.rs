@@ -7,7 +7,7 @@
 
 use core::arch::naked_asm;
 
-use super::Work;
+use super::{STEPS, Work};
 use crate::dot::{ROUND, weights_len};
 
 /// The loop for a number of segments and a width, with weights shared by all steps or not, over so
@@ -18,7 +18,7 @@ use crate::dot::{ROUND, weights_len};
 /// work stays on the stack. A register is loaded again behind its last use, three products before
 /// its next.
 macro_rules! kernel {
-    ($name:ident, $segments:literal, $width:literal, $shared:literal, $steps:literal) => {
+    ($name:ident, $segments:literal, $width:literal, $shared:literal) => {
         #[unsafe(naked)]
         pub(super) unsafe extern "C" fn $name(work: *const ()) {
             naked_asm!(
@@ -125,7 +125,7 @@ macro_rules! kernel {
                 "add sp, #{frame}",
                 "pop {{r4-r11, pc}}",
                 segments = const $segments,
-                steps = const $steps,
+                steps = const STEPS,
                 rounds = const $width / ROUND,
                 position = const 4 * $width,
                 frame = const size_of::<Work<$segments>>(),
@@ -139,7 +139,5 @@ macro_rules! kernel {
     };
 }
 
-kernel!(dots_1x14, 1, 14, true, 1);
-kernel!(dots_1x14_by_4, 1, 14, true, 4);
-kernel!(dots_3x8, 3, 8, false, 1);
-kernel!(dots_3x8_by_4, 3, 8, false, 4);
+kernel!(dots_1x14, 1, 14, true);
+kernel!(dots_3x8, 3, 8, false);
