@@ -12,6 +12,7 @@
 #![no_std]
 #![deny(unsafe_code)]
 
+pub mod any_network;
 pub mod any_sections;
 pub mod block;
 pub mod contender;

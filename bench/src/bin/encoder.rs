@@ -13,6 +13,7 @@ mod image {
     use core::panic::PanicInfo;
 
     use bench::{
+        any_network,
         block::{INPUTS, OUTPUTS},
         hop::FILLING,
         kernel,
@@ -78,7 +79,7 @@ mod image {
             }
             input += 1;
         }
-        Ok(())
+        outputs.write(&any_network::digests())
     }
 
     /// The tallies of the next input; none when there is no other.

@@ -38,7 +38,7 @@ pub(crate) struct Report {
     constant_count: bool,
     /// Bytes of the acquisition's and the encoder's state.
     ram_bytes: u32,
-    /// Bytes of the larger of both images: acquisition, encoder, weights, and what counts them.
+    /// Bytes of the larger of both images that hold acquisition, encoder and weights alone.
     flash_bytes: usize,
     /// Whether both machines' codes are the PC's.
     bytes_equal: bool,

@@ -25,8 +25,8 @@ impl fmt::Display for Report {
         }
         writeln!(
             f,
-            "Memory: {} bytes of state in acquisition and encoder; {} bytes of flash for all of the \
-             image, what counts included",
+            "Memory: {} bytes of state in acquisition and encoder; {} bytes of flash for \
+             acquisition, encoder and their start-up code",
             self.ram_bytes, self.flash_bytes
         )?;
         self.budget(f)?;

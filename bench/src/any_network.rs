@@ -1,0 +1,168 @@
+//! The encoder's kernels with weights, inputs and shapes that no model has: what the assembler makes
+//! of them is compared with what the plain twins make on the PC.
+
+use int8_nn::{InputConv, Linear, Pair, PlaneShape, Winograd};
+use model::{COLUMNS, HIDDEN, HIDDEN_PAIRS};
+
+use crate::random::Random;
+
+/// Networks that are drawn.
+const NETWORKS: usize = 16;
+/// Bytes of [`digests`]: as many as a code has, so that they are compared like one.
+pub const BYTES: usize = NETWORKS * size_of::<u64>();
+
+/// Most that is drawn: rows of tiles, channels behind a convolution, rows of its input, and a matrix'
+/// outputs and pairs of inputs.
+const TILE_ROWS: usize = 4;
+const OUTPUTS: usize = 6;
+const ROWS: usize = 10;
+const SUMS: usize = 8;
+const PAIRS: usize = 128;
+
+type Conv<'w> = Winograd<'w, HIDDEN_PAIRS, { HIDDEN.columns }>;
+type First<'w> = InputConv<'w, COLUMNS>;
+
+/// One hash for each network, over everything that its kernels put out.
+pub fn digests() -> [u8; BYTES] {
+    let mut bytes = [0; BYTES];
+    for (seed, digest) in (1..).zip(bytes.as_chunks_mut::<{ size_of::<u64>() }>().0) {
+        let mut draw = Draw(Random(seed));
+        let mut hash = Hash(0xcbf2_9ce4_8422_2325);
+        draw.input_conv(&mut hash);
+        draw.winograd(&mut hash);
+        draw.linear(&mut hash);
+        *digest = hash.0.to_le_bytes();
+    }
+    bytes
+}
+
+/// FNV-1a over words (Fowler, Noll and Vo; 64 bits).
+struct Hash(u64);
+
+impl Hash {
+    fn add(&mut self, words: impl Iterator<Item = u32>) {
+        for word in words {
+            self.0 = (self.0 ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+}
+
+struct Draw(Random);
+
+impl Draw {
+    /// 1 to `most`.
+    fn up_to(&mut self, most: usize) -> usize {
+        1 + self.0.next() as usize % most
+    }
+
+    /// Any weight, at an end of its range once in four times.
+    fn weight(&mut self) -> i8 {
+        let [any, choice, ..] = self.0.next().to_le_bytes();
+        match choice % 8 {
+            0 => 127,
+            1 => -127,
+            _ => any.cast_signed().max(-127),
+        }
+    }
+
+    fn activation(&mut self) -> i16 {
+        let [any, choice, ..] = self.0.next().to_le_bytes();
+        i16::from(if choice.is_multiple_of(4) { 255 } else { any })
+    }
+
+    fn activations(&mut self, pairs: &mut [Pair]) {
+        for pair in pairs {
+            *pair = Pair::new([self.activation(), self.activation()]);
+        }
+    }
+
+    fn input_conv(&mut self, hash: &mut Hash) {
+        let (rows, pairs) = (2 + self.up_to(ROWS - 2), self.up_to(OUTPUTS / 2));
+        let outputs = 2 * pairs;
+        let output = PlaneShape {
+            rows: rows - 2,
+            columns: 1 + self.up_to(COLUMNS - 3),
+            channels: outputs,
+        };
+        let weights: [i8; 27 * OUTPUTS] = core::array::from_fn(|_| self.weight());
+        let mut packed = [Pair::ZERO; First::weights_len(OUTPUTS)];
+        let packed = &mut packed[..First::weights_len(outputs)];
+        First::pack_weights(outputs, &weights[..27 * outputs], packed);
+        let conv = First {
+            rows,
+            output,
+            weights: packed,
+            bias: &[1_000; OUTPUTS][..outputs],
+            multipliers: &[12_000_000; OUTPUTS][..outputs],
+        };
+        let mut planes = [[Pair::ZERO; ROWS * COLUMNS]; 3];
+        for plane in &mut planes {
+            let cells: [i8; ROWS * COLUMNS] = core::array::from_fn(|_| self.weight());
+            conv.pair_up(&cells, plane);
+        }
+        let mut patches = [Pair::ZERO; 14 * (ROWS * COLUMNS)];
+        let mut sums = [0; 2 * ROWS * COLUMNS];
+        let mut found = [Pair::ZERO; ROWS * COLUMNS * OUTPUTS / 2];
+        let planes = planes.each_ref().map(|plane| &plane[..]);
+        conv.plane(planes, &mut patches, &mut sums, &mut found);
+        hash.add(found.iter().map(|Pair(bits)| *bits));
+    }
+
+    fn winograd(&mut self, hash: &mut Hash) {
+        const INPUT: usize = (2 * TILE_ROWS + 2) * HIDDEN.columns * HIDDEN_PAIRS;
+        const TRANSFORMED: usize = 2 * 3 * 24 * HIDDEN_PAIRS;
+        let (tile_rows, outputs) = (self.up_to(TILE_ROWS), 2 * self.up_to(OUTPUTS / 2));
+        let weights: [i8; 27 * 2 * HIDDEN_PAIRS * OUTPUTS] =
+            core::array::from_fn(|_| self.weight());
+        let mut transformed = [Pair::ZERO; Conv::weights_len(OUTPUTS)];
+        let transformed = &mut transformed[..Conv::weights_len(outputs)];
+        let weights = &weights[..27 * 2 * HIDDEN_PAIRS * outputs];
+        Conv::transform_weights(outputs, weights, transformed);
+        let conv = Conv {
+            tile_rows,
+            outputs,
+            weights: transformed,
+        };
+        let mut planes = [[Pair::ZERO; TRANSFORMED]; 3];
+        for plane in &mut planes {
+            let mut activations = [Pair::ZERO; INPUT];
+            self.activations(&mut activations);
+            conv.transform(&activations, plane);
+        }
+        let mut largest = [i32::MIN; TILE_ROWS * 2 * OUTPUTS];
+        conv.pool(planes.each_ref().map(|plane| &plane[..]), &mut largest);
+        hash.add(largest.iter().map(|sum| sum.cast_unsigned()));
+    }
+
+    fn linear(&mut self, hash: &mut Hash) {
+        let (inputs, outputs) = (8 * self.up_to(PAIRS / 8), 4 * self.up_to(SUMS / 4));
+        let weights: [i8; 2 * PAIRS * SUMS] = core::array::from_fn(|_| self.weight());
+        let mut packed = [Pair::ZERO; PAIRS * SUMS / 2];
+        let packed = &mut packed[..inputs * outputs / 2];
+        Linear::pack_weights(inputs, outputs, &weights[..2 * inputs * outputs], packed);
+        let layer = Linear {
+            inputs,
+            outputs,
+            weights: packed,
+        };
+        let mut activations = [Pair::ZERO; PAIRS];
+        self.activations(&mut activations);
+        let mut sums = [0; SUMS];
+        layer.accumulate(&activations, &mut sums);
+        hash.add(sums.iter().map(|sum| sum.cast_unsigned()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_network_has_a_digest_of_its_own() {
+        let bytes = digests();
+        let (digests, _) = bytes.as_chunks::<{ size_of::<u64>() }>();
+        for (index, digest) in digests.iter().enumerate() {
+            assert!(!digests[..index].contains(digest), "network {index}");
+        }
+    }
+}

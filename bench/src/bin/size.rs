@@ -1,0 +1,31 @@
+//! Acquisition and encoder with nothing beside them: what they take of a microcontroller's flash.
+#![cfg_attr(target_os = "none", no_std)]
+#![cfg_attr(target_os = "none", no_main)]
+
+/// On a PC there is nothing to weigh.
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("this image is weighed, not run: `cargo xtask bench encoder`");
+}
+
+#[cfg(target_os = "none")]
+mod image {
+    use core::{hint::black_box, panic::PanicInfo};
+
+    use cortex_m_rt::entry;
+    use pipeline::{Mains, Pipeline, Sample};
+
+    #[entry]
+    fn main() -> ! {
+        let mut pipeline = Pipeline::new(black_box(Mains::Hz50));
+        loop {
+            let sample = black_box(Sample::default());
+            black_box(pipeline.push(&sample));
+        }
+    }
+
+    #[panic_handler]
+    fn panic(_: &PanicInfo) -> ! {
+        loop {}
+    }
+}
