@@ -142,31 +142,39 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
     /// Lays the inputs of each position side by side: of each (time, row) the first two columns, then
     /// the third ones, two rows in a pair, and a zero.
     fn lay_out(&self, planes: [&[Pair]; 3], patches: &mut [Pair]) {
+        /// From a position's first input to its last.
+        const fn reach(columns: usize) -> usize {
+            2 * columns + 3
+        }
         let columns = self.output.columns;
-        for (position, patch) in patches.as_chunks_mut::<WIDTH>().0.iter_mut().enumerate() {
-            let (row, column) = (position / columns, position % columns);
-            // The last group may have positions that there are not.
-            let first = row.min(self.output.rows - 1) * COLUMNS + column;
+        let rows = patches.chunks_mut(columns * WIDTH).take(self.output.rows);
+        for (row, patches) in rows.enumerate() {
             let [a, b, c] = planes.map(|plane| {
-                let window = &plane[first..=first + 2 * COLUMNS + 2];
-                [0, COLUMNS, 2 * COLUMNS].map(|row| [window[row], window[row + 2]])
+                let rows = &plane[row * COLUMNS..][..columns - 1 + reach(COLUMNS)];
+                rows.windows(reach(COLUMNS))
             });
-            *patch = [
-                a[0][0],
-                a[1][0],
-                a[2][0],
-                b[0][0],
-                b[1][0],
-                b[2][0],
-                c[0][0],
-                c[1][0],
-                c[2][0],
-                a[0][1].first_of(a[1][1]),
-                a[2][1].first_of(b[0][1]),
-                b[1][1].first_of(b[2][1]),
-                c[0][1].first_of(c[1][1]),
-                c[2][1].first_of(Pair::ZERO),
-            ];
+            let inputs = a.zip(b).zip(c);
+            for (((a, b), c), patch) in inputs.zip(patches.as_chunks_mut::<WIDTH>().0) {
+                let [a, b, c] = [a, b, c].map(|window| {
+                    [0, COLUMNS, 2 * COLUMNS].map(|row| [window[row], window[row + 2]])
+                });
+                *patch = [
+                    a[0][0],
+                    a[1][0],
+                    a[2][0],
+                    b[0][0],
+                    b[1][0],
+                    b[2][0],
+                    c[0][0],
+                    c[1][0],
+                    c[2][0],
+                    a[0][1].first_of(a[1][1]),
+                    a[2][1].first_of(b[0][1]),
+                    b[1][1].first_of(b[2][1]),
+                    c[0][1].first_of(c[1][1]),
+                    c[2][1].first_of(Pair::ZERO),
+                ];
+            }
         }
     }
 

@@ -1,8 +1,8 @@
 //! The streaming encoder: one step in, a code whenever a window is complete.
 
-use int8_nn::{Pair, PlaneRing, requantise, saturate_u8, unscaled};
+use int8_nn::{InputConv, Pair, PlaneRing, Winograd, requantise, saturate_u8, unscaled};
 use model::{
-    CELLS, ELECTRODE_PAIRS, GRID_CELL, HIDDEN, HIDDEN_PAIRS, NETWORK, Network, POOLED,
+    CELL_PLANE, CELLS, ELECTRODE_PAIRS, GRID_CELL, HIDDEN, HIDDEN_PAIRS, NETWORK, Network, POOLED,
     POOLED_PAIRS, POOLED_STEPS, STEPS,
 };
 
@@ -111,22 +111,40 @@ impl<'w> Encoder<'w> {
     /// The first convolution's plane that the newest input plane completes, transformed for the
     /// second one.
     fn hidden_plane(&mut self) {
-        let network = self.network;
-        network.conv1.plane(
+        self.conv1().plane(
             self.input.oldest_first(),
             &mut self.patches,
             &mut self.sums,
             &mut self.hidden,
         );
-        network
-            .conv2
+        self.conv2()
             .transform(&self.hidden, self.transformed.advance());
+    }
+
+    /// The network's first convolution. It has this shape; here the compiler knows it, and checks and
+    /// strides vanish.
+    #[inline]
+    fn conv1(&self) -> InputConv<'w, { CELL_PLANE.columns }> {
+        InputConv {
+            rows: CELL_PLANE.rows,
+            output: HIDDEN,
+            ..self.network.conv1
+        }
+    }
+
+    /// The second one, likewise.
+    #[inline]
+    fn conv2(&self) -> Winograd<'w, HIDDEN_PAIRS, { HIDDEN.columns }> {
+        Winograd {
+            tile_rows: POOLED.rows,
+            outputs: POOLED.channels,
+            ..self.network.conv2
+        }
     }
 
     /// The second convolution's `plane`-th plane; every second one completes a pooled plane.
     fn convolve(&mut self, plane: u64) {
-        self.network
-            .conv2
+        self.conv2()
             .pool(self.transformed.oldest_first(), &mut self.largest);
         if plane.is_multiple_of(2) {
             return;
@@ -148,27 +166,31 @@ impl<'w> Encoder<'w> {
 
     /// Brings the pool's sums to 8 bits, and begins with the next pool.
     fn finish_pool(&mut self) {
-        let network = self.network;
-        let channels = network.conv2_bias.iter().zip(network.conv2_multipliers);
-        let activations =
-            self.largest
-                .iter_mut()
-                .zip(channels.cycle())
-                .map(|(largest, (&bias, &multiplier))| {
-                    let sum = unscaled(core::mem::replace(largest, i32::MIN)).wrapping_add(bias);
-                    i16::from(saturate_u8(requantise(sum, multiplier)))
-                });
-        Pair::fill(&mut self.pooled, activations);
+        let bias = self.network.conv2_bias.as_chunks::<2>().0;
+        let multipliers = self.network.conv2_multipliers.as_chunks::<2>().0;
+        let places = self.largest.chunks_exact_mut(POOLED.channels);
+        for (sums, pooled) in places.zip(self.pooled.chunks_exact_mut(POOLED.channels / 2)) {
+            let channels = bias.iter().zip(multipliers);
+            let sums = sums.as_chunks_mut::<2>().0.iter_mut().zip(channels);
+            for (pair, (sums, (bias, multipliers))) in pooled.iter_mut().zip(sums) {
+                let activation = |index: usize| {
+                    let sum = unscaled(sums[index]).wrapping_add(bias[index]);
+                    i16::from(saturate_u8(requantise(sum, multipliers[index])))
+                };
+                *pair = Pair::new([activation(0), activation(1)]);
+                *sums = [i32::MIN; 2];
+            }
+        }
     }
 
     /// The code of the window that ends with step `index`, if one does.
     fn complete(&self, index: u64) -> Option<Code> {
         let first = (index + 1).checked_sub(STEPS as u64)?;
         let hop = self.network.hop as u64;
-        if !first.is_multiple_of(hop) {
+        if first & (hop - 1) != 0 {
             return None;
         }
-        let window = first / hop;
+        let window = first >> hop.trailing_zeros();
         #[expect(
             clippy::cast_possible_truncation,
             reason = "the window index wraps at 2^32"
@@ -187,11 +209,13 @@ fn gather(plane: &Plane) -> [Pair; ELECTRODE_PAIRS] {
 }
 
 /// The open windows that a plane belongs to, as (slot, index of the plane within the window):
-/// window `w` covers the planes `w * hop .. w * hop + length`.
+/// window `w` covers the planes `w * hop .. w * hop + length`. The hop is a power of two, so nothing
+/// is divided: 64 bits take a Cortex-M a hundred instructions.
 fn places(plane: u64, hop: usize, length: usize) -> impl Iterator<Item = (usize, usize)> {
-    let newest = plane / hop as u64;
+    debug_assert!(hop.is_power_of_two());
+    let newest = plane >> hop.trailing_zeros();
     #[expect(clippy::cast_possible_truncation, reason = "a remainder below the hop")]
-    let phase = (plane % hop as u64) as usize;
+    let phase = plane as usize & (hop - 1);
     (0..OPEN).filter_map(move |age| {
         let window = newest.checked_sub(age as u64)?;
         let offset = phase + age * hop;
