@@ -9,7 +9,9 @@ use core::{
     sync::atomic::{Ordering, compiler_fence},
 };
 
-use cortex_m_semihosting::{debug, nr, syscall};
+use cortex_m_semihosting::{debug, hprintln, nr, syscall};
+
+use crate::block::{INPUTS, OUTPUTS};
 
 /// Counter 1 of the board's dual timer (CMSDK, ARM DDI 0479; its place in the FPGA images AN386 and
 /// AN500 of the MPS2).
@@ -74,6 +76,26 @@ impl Clock {
             .unwrap_or(u32::MAX)
             .wrapping_sub(self.overhead)
     }
+}
+
+/// Starts the clock, does the image's work with it, and ends the emulation: with 1, and a reason, when
+/// the machine is not started as it must be or the host's files are not there.
+pub fn with_clock(work: impl FnOnce(&Clock) -> Result<(), Refused>) -> ! {
+    let clock = match Clock::start() {
+        Ok(clock) => clock,
+        Err(count) => {
+            hprintln!(
+                "1000 instructions count as {}: is QEMU started with -icount shift=10?",
+                count
+            );
+            exit(false)
+        }
+    };
+    let done = work(&clock);
+    if done.is_err() {
+        hprintln!("the host does not give {} or take {}", INPUTS, OUTPUTS);
+    }
+    exit(done.is_ok())
 }
 
 /// Ticks since the timer's start; wraps.

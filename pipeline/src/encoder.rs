@@ -24,8 +24,8 @@ const TRANSFORMED: usize = NETWORK.conv2.transformed_len();
 /// Each layer's planes are computed once, as soon as their inputs exist, and added to the (at most
 /// two) windows that they belong to: a 50 % overlap costs nothing, and the codes equal those of a
 /// batch encoder over each window bit for bit, because time is not padded and the hop is even. The
-/// work is the same in every step but for the fully connected layer, half of which waits for the
-/// next one where no code does.
+/// work is the same in every step but for the fully connected layer: of a pooled plane that belongs to
+/// two windows, the newer one's share waits for the next step.
 #[derive(Clone, Debug)]
 pub struct Encoder<'w> {
     network: &'w Network<'w>,

@@ -1,4 +1,4 @@
-//! EEG from sample to code: filters, decimation, scalp grid, quantisation, encoder.
+//! EEG from sample to code: filters, resampler, scalp grid, quantisation, encoder.
 //!
 //! ```text
 //! Sample ---Acquisition---> Step ---Encoder---> Code

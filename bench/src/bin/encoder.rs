@@ -17,7 +17,7 @@ mod image {
         block::{INPUTS, OUTPUTS},
         hop::FILLING,
         kernel,
-        machine::{Clock, HostFile, Refused, exit},
+        machine::{Clock, HostFile, Refused, exit, with_clock},
         tally::Tally,
     };
     use cortex_m_rt::entry;
@@ -27,25 +27,13 @@ mod image {
 
     #[entry]
     fn main() -> ! {
-        let clock = match Clock::start() {
-            Ok(clock) => clock,
-            Err(count) => {
-                hprintln!(
-                    "1000 instructions count as {}: is QEMU started with -icount shift=10?",
-                    count
-                );
-                exit(false)
-            }
-        };
-        hprintln!("ram acquisition {}", size_of::<Acquisition>());
-        hprintln!("ram encoder {}", size_of::<Encoder<'_>>());
-        count_acquisition(&clock);
-        kernel::each(|kernel, run| hprintln!("kernel {} {}", clock.count(run), kernel.name));
-        let counted = count_all(&clock);
-        if counted.is_err() {
-            hprintln!("the host does not give {} or take {}", INPUTS, OUTPUTS);
-        }
-        exit(counted.is_ok())
+        with_clock(|clock| {
+            hprintln!("ram acquisition {}", size_of::<Acquisition>());
+            hprintln!("ram encoder {}", size_of::<Encoder<'_>>());
+            count_acquisition(clock);
+            kernel::each(|kernel, run| hprintln!("kernel {} {}", clock.count(run), kernel.name));
+            count_all(clock)
+        })
     }
 
     /// Says `acquisition COUNT`, the instructions from one step to the next; their number is the same

@@ -15,7 +15,7 @@ mod image {
     use bench::{
         block::{self, BLOCKS, BYTES, INPUTS, OUTPUTS},
         contender::{NAMES, with_contenders},
-        machine::{Clock, HostFile, Refused, exit},
+        machine::{Clock, HostFile, Refused, exit, with_clock},
         tally::Tally,
     };
     use cortex_m_rt::entry;
@@ -23,21 +23,7 @@ mod image {
 
     #[entry]
     fn main() -> ! {
-        let clock = match Clock::start() {
-            Ok(clock) => clock,
-            Err(count) => {
-                hprintln!(
-                    "1000 instructions count as {}: is QEMU started with -icount shift=10?",
-                    count
-                );
-                exit(false)
-            }
-        };
-        let counted = count_all(&clock);
-        if counted.is_err() {
-            hprintln!("the host does not give {} or take {}", INPUTS, OUTPUTS);
-        }
-        exit(counted.is_ok())
+        with_clock(count_all)
     }
 
     /// Says one line for each input and contender: `count INPUT CONTENDER FEWEST MOST TOTAL`.
