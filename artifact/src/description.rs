@@ -29,6 +29,10 @@ pub struct Description {
     pub mode: Mode,
     /// Steps and rate of the encoder's windows.
     pub window: Window,
+    /// Shape of the convolutions; says nothing in mode `pca`, which has none.
+    pub network: NetworkShape,
+    /// How codes become integers.
+    pub code: CodeQuantisation,
     /// Where on the scalp grid each electrode lies.
     pub grid: Grid,
     /// Which ADC channel each electrode is wired to.
@@ -79,6 +83,62 @@ pub struct Window {
     pub hop: usize,
     /// Rate of the steps, Hz: 128.
     pub rate_hz: u32,
+}
+
+/// Shape of the convolutions, where the paper leaves a choice.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NetworkShape {
+    /// What both convolutions read beyond their input's edges.
+    pub padding: Padding,
+    /// Steps, rows and columns of which the max-pool keeps the largest; what does not fill a pool is
+    /// dropped.
+    pub pool: [usize; 3],
+}
+
+/// What both convolutions read beyond their input's edges.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Padding {
+    /// Nothing: each of them takes two steps, rows and columns off, as in the paper.
+    None,
+    /// One row and one column of zeros on each side.
+    Space,
+    /// The same, and a step of zeros before and behind the window.
+    All,
+}
+
+impl Padding {
+    /// Whether rows and columns are padded.
+    pub fn pads_space(self) -> bool {
+        self != Self::None
+    }
+
+    /// Whether the steps of a window are padded.
+    pub fn pads_time(self) -> bool {
+        self == Self::All
+    }
+}
+
+/// How codes become integers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CodeQuantisation {
+    /// Integers of a code.
+    pub format: CodeFormat,
+}
+
+/// Integers of a code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CodeFormat {
+    /// 128 numbers of 8 bits, each dimension with a scale and a zero point of its own.
+    Int8,
+    /// 128 numbers of 8 bits and one power of two for all of them, chosen window by window: loud
+    /// windows are not clipped, quiet ones are finer. 129 bytes.
+    Int8Exponent,
+    /// 128 numbers of 16 bits. 256 bytes.
+    Int16,
 }
 
 /// Where on the scalp grid each electrode lies.

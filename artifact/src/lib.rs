@@ -40,7 +40,10 @@ mod validation;
 #[cfg(test)]
 mod testing;
 
-pub use description::{Adc, Decimation, Description, Filters, Grid, Input, Mode, Montage, Window};
+pub use description::{
+    Adc, CodeFormat, CodeQuantisation, Decimation, Description, Filters, Grid, Input, Mode,
+    Montage, NetworkShape, Padding, Window,
+};
 pub use error::ArtifactError;
 pub use float_decoder::FloatDecoder;
 pub use float_encoder::{FloatEncoder, Traced};

@@ -1,7 +1,8 @@
 //! Small hand-made models for the tests of this crate.
 
 use crate::description::{
-    Adc, Decimation, Description, Filters, Grid, Input, Mode, Montage, Window,
+    Adc, CodeFormat, CodeQuantisation, Decimation, Description, Filters, Grid, Input, Mode,
+    Montage, NetworkShape, Padding, Window,
 };
 use crate::folder::Artifact;
 use crate::shapes::{self, CODE, WINDOW_ELECTRODES};
@@ -16,6 +17,13 @@ pub(crate) fn description() -> Description {
             steps: 16,
             hop: 8,
             rate_hz: 128,
+        },
+        network: NetworkShape {
+            padding: Padding::None,
+            pool: [2, 2, 2],
+        },
+        code: CodeQuantisation {
+            format: CodeFormat::Int8,
         },
         grid: Grid::paper(),
         montage: Montage {

@@ -1,8 +1,8 @@
 //! What the trained artifact says about itself.
 
 use artifact::{
-    Adc, Decimation, Description, Figures, Filters, Grid, Input, Mode, Montage, TrainingCard,
-    Window,
+    Adc, CodeFormat, CodeQuantisation, Decimation, Description, Figures, Filters, Grid, Input,
+    Mode, Montage, NetworkShape, Padding, TrainingCard, Window,
 };
 
 /// The paper's chain (arXiv 2008.13485) in front of an ADS1299 at gain 24, with an empty card.
@@ -15,6 +15,13 @@ pub fn description() -> Description {
             steps: 16,
             hop: 8,
             rate_hz: 128,
+        },
+        network: NetworkShape {
+            padding: Padding::None,
+            pool: [2, 2, 2],
+        },
+        code: CodeQuantisation {
+            format: CodeFormat::Int8,
         },
         montage: Montage {
             electrodes: grid.electrodes(),
