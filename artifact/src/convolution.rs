@@ -29,6 +29,40 @@ impl Volume {
         }
     }
 
+    /// With `pads` zeros on either side of each axis.
+    pub(crate) fn padded(&self, pads: [usize; 3]) -> Self {
+        let size = std::array::from_fn(|axis| self.size[axis] + 2 * pads[axis]);
+        let mut padded = Self::filled(size, &vec![0.0; self.channels]);
+        for channel in 0..self.channels {
+            for step in 0..self.size[0] {
+                for row in 0..self.size[1] {
+                    let to = padded.row_mut(channel, step + pads[0], row + pads[1]);
+                    to[pads[2]..][..self.size[2]].copy_from_slice(self.row(channel, step, row));
+                }
+            }
+        }
+        padded
+    }
+
+    /// Without the first and last `pads` of each axis: undoes [`Volume::padded`].
+    pub(crate) fn cropped(&self, pads: [usize; 3]) -> Self {
+        let size: [usize; 3] = std::array::from_fn(|axis| self.size[axis] - 2 * pads[axis]);
+        let mut values = Vec::with_capacity(self.channels * size.iter().product::<usize>());
+        for channel in 0..self.channels {
+            for step in 0..size[0] {
+                for row in 0..size[1] {
+                    let from = self.row(channel, step + pads[0], row + pads[1]);
+                    values.extend_from_slice(&from[pads[2]..][..size[2]]);
+                }
+            }
+        }
+        Self {
+            channels: self.channels,
+            size,
+            values,
+        }
+    }
+
     fn row(&self, channel: usize, step: usize, row: usize) -> &[f32] {
         let start = self.row_start(channel, step, row);
         &self.values[start..start + self.size[2]]
@@ -57,7 +91,8 @@ impl Volume {
     }
 }
 
-/// A convolution with a 3x3x3 kernel, without padding.
+/// A convolution with a 3x3x3 kernel, without padding: [`Volume::padded`] in front of it and
+/// [`Volume::cropped`] behind a transposed one are padding.
 ///
 /// Weights `[out][in][step][row][column]`; or, for the transposed convolution of the decoder,
 /// `[in][out][step][row][column]` as PyTorch has them.
@@ -266,6 +301,18 @@ mod tests {
                 assert_eq!(y.row(1, step, row), expected);
             }
         }
+    }
+
+    #[test]
+    fn cropping_undoes_padding_and_padding_is_zeros() {
+        let x = ramp(2, [2, 3, 4]);
+        let padded = x.padded([1, 0, 2]);
+        assert_eq!(padded.size, [4, 3, 8]);
+        assert!(padded.row(1, 0, 1).iter().all(|value| *value == 0.0));
+        let inner = x.row(1, 1, 2);
+        let row = [&[0.0; 2], inner, &[0.0; 2]].concat();
+        assert_eq!(padded.row(1, 2, 2), row);
+        assert_eq!(padded.cropped([1, 0, 2]).values, x.values);
     }
 
     #[test]

@@ -110,13 +110,19 @@ pub enum Padding {
 
 impl Padding {
     /// Whether rows and columns are padded.
-    pub fn pads_space(self) -> bool {
-        self != Self::None
+    pub const fn pads_space(self) -> bool {
+        matches!(self, Self::Space | Self::All)
     }
 
     /// Whether the steps of a window are padded.
-    pub fn pads_time(self) -> bool {
-        self == Self::All
+    pub const fn pads_time(self) -> bool {
+        matches!(self, Self::All)
+    }
+
+    /// Steps, rows and columns that are added on each side.
+    pub const fn pads(self) -> [usize; 3] {
+        let space = self.pads_space() as usize;
+        [self.pads_time() as usize, space, space]
     }
 }
 

@@ -2,10 +2,9 @@ use crate::convolution::{Convolution, Norm, Volume, add_product};
 use crate::description::Mode;
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
+use crate::geometry::Geometry;
 use crate::scalp_grid::ScalpGrid;
-use crate::shapes::{
-    CHANNELS1, CHANNELS2, CODE, FEATURE_MAP, FLAT, POOLED, WINDOW_CELLS, WINDOW_ELECTRODES,
-};
+use crate::shapes::{CHANNELS1, CHANNELS2, CODE, WINDOW_CELLS, WINDOW_ELECTRODES};
 
 /// The decoder in f32: fully connected; nearest-neighbour unpooling; transposed conv, ReLU, norm;
 /// transposed conv; plus the linear shortcut. Needs the code alone.
@@ -19,7 +18,8 @@ pub struct FloatDecoder {
 
 #[derive(Clone, Debug)]
 struct Convolutions {
-    /// `[1152][128]`.
+    geometry: Geometry,
+    /// `[flat][128]`.
     fc_weight: Vec<f32>,
     fc_bias: Vec<f32>,
     conv1: Convolution,
@@ -38,12 +38,15 @@ impl FloatDecoder {
         if mode == Mode::Paper {
             return Err(ArtifactError::NotDecodable);
         }
+        let geometry = Geometry::of(&artifact.description);
+        let flat = geometry.flat();
         let convolutions = mode
             .has_convolutions()
             .then(|| {
                 Ok::<_, ArtifactError>(Convolutions {
-                    fc_weight: weights.tensor("decoder.fc.weight", &[FLAT, CODE])?.to_vec(),
-                    fc_bias: weights.tensor("decoder.fc.bias", &[FLAT])?.to_vec(),
+                    geometry,
+                    fc_weight: weights.tensor("decoder.fc.weight", &[flat, CODE])?.to_vec(),
+                    fc_bias: weights.tensor("decoder.fc.bias", &[flat])?.to_vec(),
                     conv1: Convolution::read(
                         weights,
                         "decoder.conv1",
@@ -85,10 +88,12 @@ impl Convolutions {
     fn decode(&self, code: &[f32; CODE]) -> Box<[f32; WINDOW_CELLS]> {
         let mut flat = self.fc_bias.clone();
         add_product(&mut flat, &self.fc_weight, code);
-        let mut x = self.conv1.forward_transposed(&unpool(&flat));
+        let pads = self.geometry.padding.pads();
+        let x = unpool(&flat, &self.geometry);
+        let mut x = self.conv1.forward_transposed(&x).cropped(pads);
         x.relu();
         self.norm1.apply(&mut x);
-        let x = self.conv2.forward_transposed(&x);
+        let x = self.conv2.forward_transposed(&x).cropped(pads);
         let mut cells = Box::new([0.0; WINDOW_CELLS]);
         cells.copy_from_slice(&x.values);
         cells
@@ -97,24 +102,25 @@ impl Convolutions {
 
 /// Nearest-neighbour unpooling: position p of n takes pooled position floor(p * pooled / n), as
 /// PyTorch's `interpolate` does; of five columns the first three take pooled column 0.
-fn unpool(flat: &[f32]) -> Volume {
-    let [steps, rows, columns] = FEATURE_MAP;
-    let from = |position: usize, axis: usize| position * POOLED[axis] / FEATURE_MAP[axis];
+fn unpool(flat: &[f32], geometry: &Geometry) -> Volume {
+    let (pooled, size) = (geometry.pooled, geometry.feature_map);
+    let [steps, rows, columns] = size;
+    let from = |position: usize, axis: usize| position * pooled[axis] / size[axis];
     let mut values = Vec::with_capacity(CHANNELS2 * steps * rows * columns);
     for channel in 0..CHANNELS2 {
         for step in 0..steps {
             for row in 0..rows {
                 for column in 0..columns {
                     let pooled_row =
-                        (channel * POOLED[0] + from(step, 0)) * POOLED[1] + from(row, 1);
-                    values.push(flat[pooled_row * POOLED[2] + from(column, 2)]);
+                        (channel * pooled[0] + from(step, 0)) * pooled[1] + from(row, 1);
+                    values.push(flat[pooled_row * pooled[2] + from(column, 2)]);
                 }
             }
         }
     }
     Volume {
         channels: CHANNELS2,
-        size: FEATURE_MAP,
+        size,
         values,
     }
 }
@@ -122,14 +128,16 @@ fn unpool(flat: &[f32]) -> Volume {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::description::{NetworkShape, Padding};
     use crate::float_encoder::FloatEncoder;
     use crate::shapes::ELECTRODES;
     use crate::testing;
 
     #[test]
     fn unpooling_repeats_the_nearest() {
-        let flat: Vec<f32> = (0..FLAT).map(|index| index as f32).collect();
-        let x = unpool(&flat);
+        let geometry = Geometry::of(&testing::description());
+        let flat: Vec<f32> = (0..geometry.flat()).map(|index| index as f32).collect();
+        let x = unpool(&flat, &geometry);
         // Channel 1, step 3, row 5: pooled step 1, pooled row 2.
         let row = ((12 + 3) * 6 + 5) * 5;
         let first = ((6 + 1) * 3 + 2) * 2;
@@ -155,28 +163,38 @@ mod tests {
     fn a_code_gives_the_window_worked_out_by_hand() {
         // testing::shortcut: decoder.fc 0 = code 0; conv1 tap (0,0,0) of channel 0 -> 0 is 1; norm
         // gain 2, offset 0.25; conv2 tap (2,2,2) of channel 0 is 1, bias -0.5; no shortcut part.
-        let artifact = testing::shortcut();
-        let decoder = FloatDecoder::new(&artifact).unwrap();
-        let mut code = [0.0; CODE];
-        code[0] = 3.0;
-        let window = decoder.decode(&code);
-        // Pooled position 0 covers steps 0..2, rows 0..2, columns 0..3, shifted by conv2's tap.
-        let grid = ScalpGrid::new(&artifact.description);
-        for (index, value) in window.iter().enumerate() {
-            let cell = grid.cell_of_electrode()[index % ELECTRODES];
-            let (step, row, column) = (index / ELECTRODES, cell / 9, cell % 9);
-            let inside =
-                (2..4).contains(&step) && (2..4).contains(&row) && (2..5).contains(&column);
-            let reached = step >= 2 && row >= 2 && column >= 2;
-            let expected = match (inside, reached) {
-                (true, _) => 2.0 * 3.0 + 0.25 - 0.5,
-                (false, true) => 0.25 - 0.5,
-                (false, false) => -0.5,
-            };
-            assert!(
-                (value - expected).abs() < 1e-4,
-                "{index}: {value} is not {expected}"
-            );
+        // What pooled position 0 covers is shifted by conv2's tap where nothing is padded; where it
+        // is, conv1 shifts one back, out of the volume, and conv2 one forth.
+        let cases = [
+            (Padding::None, [2, 2, 2], [2..4, 2..4, 2..5], [2, 2, 2]),
+            (Padding::None, [4, 3, 5], [2..6, 2..5, 2..7], [2, 2, 2]),
+            (Padding::Space, [2, 3, 3], [2..4, 1..4, 1..3], [2, 1, 1]),
+            (Padding::All, [2, 2, 4], [1..2, 1..2, 1..5], [1, 1, 1]),
+        ];
+        for (padding, pool, covered, first) in cases {
+            let mut description = testing::description();
+            description.network = NetworkShape { padding, pool };
+            let artifact = testing::shortcut_of(description);
+            let decoder = FloatDecoder::new(&artifact).unwrap();
+            let mut code = [0.0; CODE];
+            code[0] = 3.0;
+            let window = decoder.decode(&code);
+            let grid = ScalpGrid::new(&artifact.description);
+            for (index, value) in window.iter().enumerate() {
+                let cell = grid.cell_of_electrode()[index % ELECTRODES];
+                let at = [index / ELECTRODES, cell / 9, cell % 9];
+                let inside = (0..3).all(|axis| covered[axis].contains(&at[axis]));
+                let reached = (0..3).all(|axis| at[axis] >= first[axis]);
+                let expected = match (inside, reached) {
+                    (true, _) => 2.0 * 3.0 + 0.25 - 0.5,
+                    (false, true) => 0.25 - 0.5,
+                    (false, false) => -0.5,
+                };
+                assert!(
+                    (value - expected).abs() < 1e-4,
+                    "{padding:?} {pool:?}, {at:?}: {value} is not {expected}"
+                );
+            }
         }
     }
 

@@ -1,12 +1,13 @@
 use crate::convolution::{Convolution, Norm, Volume, add_product};
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
+use crate::geometry::Geometry;
 use crate::scalp_grid::ScalpGrid;
 use crate::shapes::{
-    CHANNELS1, CHANNELS2, CODE, COLUMNS, FLAT, POOLED, ROWS, STEPS, WINDOW_CELLS, WINDOW_ELECTRODES,
+    CHANNELS1, CHANNELS2, CODE, COLUMNS, ROWS, STEPS, WINDOW_CELLS, WINDOW_ELECTRODES,
 };
 
-/// The encoder in f32: conv, ReLU, norm, twice; 2x2x2 max-pool; fully connected; plus the linear
+/// The encoder in f32: conv, ReLU, norm, twice; max-pool; fully connected; plus the linear
 /// shortcut. The oracle of the integer encoder.
 #[derive(Clone, Debug)]
 pub struct FloatEncoder {
@@ -18,11 +19,12 @@ pub struct FloatEncoder {
 
 #[derive(Clone, Debug)]
 struct Convolutions {
+    geometry: Geometry,
     conv1: Convolution,
     norm1: Norm,
     conv2: Convolution,
     norm2: Norm,
-    /// `[128][1152]`.
+    /// `[128][flat]`.
     fc_weight: Vec<f32>,
     fc_bias: Vec<f32>,
 }
@@ -45,10 +47,12 @@ impl FloatEncoder {
     /// When the artifact's tensors do not fit its mode; not after [`Artifact::read`].
     pub fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
         let (mode, weights) = (artifact.description.mode, &artifact.weights);
+        let geometry = Geometry::of(&artifact.description);
         let convolutions = mode
             .has_convolutions()
             .then(|| {
                 Ok::<_, ArtifactError>(Convolutions {
+                    geometry,
                     conv1: Convolution::read(weights, "encoder.conv1", [CHANNELS1, 1], CHANNELS1)?,
                     norm1: Norm::read(weights, "encoder.norm1", CHANNELS1)?,
                     conv2: Convolution::read(
@@ -58,7 +62,9 @@ impl FloatEncoder {
                         CHANNELS2,
                     )?,
                     norm2: Norm::read(weights, "encoder.norm2", CHANNELS2)?,
-                    fc_weight: weights.tensor("encoder.fc.weight", &[CODE, FLAT])?.to_vec(),
+                    fc_weight: weights
+                        .tensor("encoder.fc.weight", &[CODE, geometry.flat()])?
+                        .to_vec(),
                     fc_bias: weights.tensor("encoder.fc.bias", &[CODE])?.to_vec(),
                 })
             })
@@ -108,33 +114,42 @@ impl Convolutions {
             size: [STEPS, ROWS, COLUMNS],
             values: window.to_vec(),
         };
-        let mut x = self.conv1.forward(&x);
+        let pads = self.geometry.padding.pads();
+        let mut x = self.conv1.forward(&x.padded(pads));
         x.relu();
         traced.activation1_max = self.norm1.largest_scaled(&x);
         self.norm1.apply(&mut x);
-        let mut x = self.conv2.forward(&x);
+        let mut x = self.conv2.forward(&x.padded(pads));
         x.relu();
         traced.activation2_max = self.norm2.largest_scaled(&x);
         self.norm2.apply(&mut x);
         traced.code.copy_from_slice(&self.fc_bias);
-        add_product(&mut traced.code, &self.fc_weight, &max_pool(&x));
+        add_product(
+            &mut traced.code,
+            &self.fc_weight,
+            &max_pool(&x, &self.geometry),
+        );
     }
 }
 
-/// The largest of each 2x2x2 block; what does not fill a block is dropped.
-fn max_pool(x: &Volume) -> Vec<f32> {
-    let [_, rows, columns] = x.size;
-    let mut pooled = Vec::with_capacity(FLAT);
+/// The largest of each pool; what does not fill a pool is dropped.
+fn max_pool(x: &Volume, geometry: &Geometry) -> Vec<f32> {
+    let ([_, rows, columns], pool) = (x.size, geometry.pool);
+    let mut pooled = Vec::with_capacity(geometry.flat());
     for channel in 0..x.channels {
         let values = x.channel(channel);
-        for step in 0..POOLED[0] {
-            for row in 0..POOLED[1] {
-                for column in 0..POOLED[2] {
-                    let block = (0..8).map(|i| {
-                        let [t, r, c] = [2 * step + i / 4, 2 * row + i / 2 % 2, 2 * column + i % 2];
-                        values[(t * rows + r) * columns + c]
-                    });
-                    pooled.push(block.fold(f32::NEG_INFINITY, f32::max));
+        for step in 0..geometry.pooled[0] {
+            for row in 0..geometry.pooled[1] {
+                for column in 0..geometry.pooled[2] {
+                    let mut largest = f32::NEG_INFINITY;
+                    for t in step * pool[0]..(step + 1) * pool[0] {
+                        for r in row * pool[1]..(row + 1) * pool[1] {
+                            let start = (t * rows + r) * columns + column * pool[2];
+                            let block = &values[start..start + pool[2]];
+                            largest = block.iter().copied().fold(largest, f32::max);
+                        }
+                    }
+                    pooled.push(largest);
                 }
             }
         }
@@ -145,29 +160,50 @@ fn max_pool(x: &Volume) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shapes::FEATURE_MAP;
+    use crate::description::{NetworkShape, Padding};
     use crate::testing;
 
     #[test]
     fn the_pool_keeps_the_largest_of_each_block_and_drops_the_last_column() {
-        let [steps, rows, columns] = FEATURE_MAP;
+        let geometry = Geometry::of(&testing::description());
+        let [steps, rows, columns] = geometry.feature_map;
         let mut values = vec![-1.0; CHANNELS2 * steps * rows * columns];
         let at = |channel, t, r, c| ((channel * steps + t) * rows + r) * columns + c;
         values[at(3, 5, 2, 3)] = 7.0;
         values[at(3, 5, 2, 4)] = 9.0;
-        let pooled = max_pool(&Volume {
+        let x = Volume {
             channels: CHANNELS2,
-            size: FEATURE_MAP,
+            size: geometry.feature_map,
             values,
-        });
-        assert_eq!(pooled.len(), FLAT);
-        let [_, pooled_rows, pooled_columns] = POOLED;
-        let index = ((3 * POOLED[0] + 2) * pooled_rows + 1) * pooled_columns + 1;
+        };
+        let pooled = max_pool(&x, &geometry);
+        assert_eq!(pooled.len(), geometry.flat());
+        let index = ((3 * 6 + 2) * 3 + 1) * 2 + 1;
         assert_eq!(pooled[index], 7.0);
         assert_eq!(
             pooled.iter().filter(|value| **value == -1.0).count(),
-            FLAT - 1
+            geometry.flat() - 1
         );
+    }
+
+    #[test]
+    fn a_pool_may_be_longer_along_one_axis_than_along_another() {
+        let geometry = Geometry::new(&NetworkShape {
+            padding: Padding::Space,
+            pool: [1, 3, 2],
+        });
+        let [steps, rows, columns] = geometry.feature_map;
+        let count = CHANNELS2 * steps * rows * columns;
+        let x = Volume {
+            channels: CHANNELS2,
+            size: geometry.feature_map,
+            values: (0..count).map(|index| index as f32).collect(),
+        };
+        let pooled = max_pool(&x, &geometry);
+        assert_eq!(pooled.len(), CHANNELS2 * 12 * 3 * 4);
+        // Channel 1, step 2, second group of rows, third of columns: its last row and column.
+        let last = ((steps + 2) * rows + 5) * columns + 5;
+        assert_eq!(pooled[((12 + 2) * 3 + 1) * 4 + 2], last as f32);
     }
 
     #[test]
@@ -197,5 +233,24 @@ mod tests {
         );
         assert!((traced.activation1_max - 55.0).abs() < 1e-4);
         assert!((traced.activation2_max - 0.2 * after1).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_padded_corner_gives_the_code_worked_out_by_hand() {
+        // As above, but pooled value 0 is the corner of the feature map, where conv2's centre tap
+        // reads the corner behind conv1: 8 of its 27 cells are inside with steps padded, 12 without.
+        for (padding, inside) in [(Padding::Space, 12.0), (Padding::All, 8.0)] {
+            let mut description = testing::description();
+            description.network = NetworkShape {
+                padding,
+                pool: [1, 1, 1],
+            };
+            let artifact = testing::shortcut_of(description);
+            let encoder = FloatEncoder::new(&artifact).unwrap();
+            let traced = encoder.encode_traced(&[1.0; WINDOW_CELLS]);
+            let after1 = 2.0 * (inside + 0.5) + 0.25;
+            let expected = 2.0 * (0.1 * after1) + 0.25 + 1.0;
+            assert!((traced.code[0] - expected).abs() < 1e-4, "{padding:?}");
+        }
     }
 }

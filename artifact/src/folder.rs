@@ -149,6 +149,7 @@ impl Artifact {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::description::{NetworkShape, Padding};
     use crate::testing;
 
     #[test]
@@ -211,9 +212,21 @@ mod tests {
     #[test]
     fn impossible_descriptions_are_refused_by_field() {
         type Change = fn(&mut Description);
-        let cases: [(Change, &str); 11] = [
+        let cases: [(Change, &str); 17] = [
             (|d| d.format = 2, "format"),
             (|d| d.window.hop = 7, "window.hop"),
+            (|d| d.network.pool = [0, 2, 2], "network.pool"),
+            (|d| d.network.pool = [2, 2, 0], "network.pool"),
+            (|d| d.network.pool = [2, 7, 2], "network.pool"),
+            (|d| d.network.pool = [16, 2, 2], "network.pool"),
+            (|d| d.network.pool = [3, 2, 2], "network.pool"),
+            (
+                |d| {
+                    d.network.padding = Padding::All;
+                    d.network.pool = [4, 2, 2];
+                },
+                "network.pool",
+            ),
             (|d| d.grid.cells.truncate(9), "grid.cells"),
             (|d| d.montage.electrodes.truncate(60), "montage.electrodes"),
             (|d| d.adc.rate_hz = 500, "adc.rate_hz"),
@@ -235,6 +248,31 @@ mod tests {
                 panic!("{error}")
             };
             assert_eq!(field, expected);
+        }
+    }
+
+    #[test]
+    fn a_refused_pool_is_told_what_would_fit() {
+        let refusal = |padding, pool| {
+            let mut artifact = testing::pca();
+            artifact.description.network = NetworkShape { padding, pool };
+            artifact.check().unwrap_err().to_string()
+        };
+        let text = refusal(Padding::None, [2, 7, 2]);
+        assert!(
+            text.contains("[2, 7, 2]") && text.contains("[12, 6, 5]"),
+            "{text}"
+        );
+        let text = refusal(Padding::All, [4, 2, 2]);
+        assert!(text.contains("1 or 2 steps"), "{text}");
+        for (padding, pool) in [
+            (Padding::None, [4, 6, 5]),
+            (Padding::Space, [4, 10, 9]),
+            (Padding::All, [1, 1, 1]),
+        ] {
+            let mut artifact = testing::pca();
+            artifact.description.network = NetworkShape { padding, pool };
+            artifact.check().unwrap();
         }
     }
 

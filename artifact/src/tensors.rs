@@ -203,7 +203,7 @@ mod tests {
     #[test]
     fn missing_unknown_misshapen_and_not_finite_tensors_are_refused() {
         let mut tensors = Tensors::for_calibration();
-        let expected: &[NamedShape] = &[("a", &[2])];
+        let expected: &[NamedShape] = &[("a", vec![2])];
         assert!(matches!(
             tensors.check(expected),
             Err(ArtifactError::MissingTensor { ref name, .. }) if name == "a"

@@ -5,6 +5,7 @@ use crate::description::{
     Montage, NetworkShape, Padding, Window,
 };
 use crate::folder::Artifact;
+use crate::geometry::Geometry;
 use crate::shapes::{self, CODE, WINDOW_ELECTRODES};
 use crate::tensors::Tensors;
 use crate::training_card::TrainingCard;
@@ -70,7 +71,7 @@ fn calibration(mode: Mode) -> Tensors {
     let mut calibration = Tensors::for_calibration();
     for (name, shape) in shapes::calibration(mode) {
         let value = if name == "code.min" { -1.0 } else { 1.0 };
-        calibration.insert(name, shape, vec![value; shape.iter().product()]);
+        calibration.insert(name, &shape, vec![value; shape.iter().product()]);
     }
     calibration
 }
@@ -99,8 +100,15 @@ pub(crate) fn pca() -> Artifact {
 
 /// Mode `shortcut`; a handful of numbers that are not 0, so that results follow by hand.
 pub(crate) fn shortcut() -> Artifact {
+    shortcut_of(description())
+}
+
+/// The same with the convolutions of a description.
+pub(crate) fn shortcut_of(mut description: Description) -> Artifact {
+    description.mode = Mode::Shortcut;
+    let expected = shapes::weight_shapes(Mode::Shortcut, &Geometry::of(&description));
     let mut weights = Tensors::for_weights();
-    for (name, shape) in shapes::weight_shapes(Mode::Shortcut) {
+    for (name, shape) in &expected {
         let value = match name.rsplit_once('.') {
             Some((_, "running_var")) => 1.0 - shapes::NORM_EPSILON,
             Some((norm, "weight")) if norm.contains("norm") => 2.0,
@@ -110,8 +118,7 @@ pub(crate) fn shortcut() -> Artifact {
         weights.insert(name, shape, vec![value; shape.iter().product()]);
     }
     let mut set = |name: &str, range: core::ops::Range<usize>, value: f32| {
-        let shapes = shapes::weight_shapes(Mode::Shortcut);
-        let (_, shape) = shapes.iter().find(|(known, _)| *known == name).unwrap();
+        let (_, shape) = expected.iter().find(|(known, _)| *known == name).unwrap();
         let mut values = weights.tensor(name, shape).unwrap().to_vec();
         values[range].fill(value);
         weights.insert(name, shape, values);
@@ -125,7 +132,5 @@ pub(crate) fn shortcut() -> Artifact {
     set("decoder.conv1.weight", 0..1, 1.0);
     set("decoder.conv2.weight", 26..27, 1.0);
     set("decoder.conv2.bias", 0..1, -0.5);
-    let mut description = description();
-    description.mode = Mode::Shortcut;
     Artifact::new(description, weights, calibration(Mode::Shortcut)).unwrap()
 }

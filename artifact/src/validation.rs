@@ -1,7 +1,8 @@
 //! What makes a description and its tensors a model that the network code can run.
 
-use crate::description::{Decimation, Description};
+use crate::description::{Decimation, Description, NetworkShape};
 use crate::error::ArtifactError;
+use crate::geometry::Geometry;
 use crate::scalp_grid::EMPTY;
 use crate::shapes::{self, COLUMNS, ELECTRODES, ROWS, STEPS};
 use crate::tensors::Tensors;
@@ -50,6 +51,7 @@ pub(crate) fn description(d: &Description) -> Result<(), ArtifactError> {
         &d.window.rate_hz,
         "128",
     )?;
+    network(d)?;
     require(d.grid.rows == ROWS, "grid.rows", &d.grid.rows, "10")?;
     require(
         d.grid.columns == COLUMNS,
@@ -151,6 +153,31 @@ fn labels(d: &Description) -> Result<(), ArtifactError> {
     }
 }
 
+fn network(d: &Description) -> Result<(), ArtifactError> {
+    let NetworkShape { padding, pool } = d.network;
+    require(
+        pool.iter().all(|length| *length > 0),
+        "network.pool",
+        &pool,
+        "at least 1 in steps, rows and columns; [1, 1, 1] is no pool",
+    )?;
+    let map = Geometry::of(d).feature_map;
+    require(
+        pool.iter().zip(map).all(|(pool, map)| *pool <= map),
+        "network.pool",
+        &pool,
+        &format!("at most {map:?}, the feature map; make it smaller or pad the convolutions"),
+    )?;
+    // A pool's steps divide the hop, so that windows that overlap share their pools. Of four steps,
+    // the padded first and last pool would leave hardly any to share.
+    let (steps, expected) = if padding.pads_time() {
+        (&[1, 2][..], "of 1 or 2 steps with padding \"all\"")
+    } else {
+        (&[1, 2, 4][..], "of 1, 2 or 4 steps, which divide the hop")
+    };
+    require(steps.contains(&pool[0]), "network.pool", &pool, expected)
+}
+
 fn converter(d: &Description) -> Result<(), ArtifactError> {
     let adc = &d.adc;
     require(
@@ -223,7 +250,7 @@ fn filters(d: &Description) -> Result<(), ArtifactError> {
 }
 
 pub(crate) fn weights(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
-    let expected = shapes::weight_shapes(d.mode);
+    let expected = shapes::weight_shapes(d.mode, &Geometry::of(d));
     tensors.check(&expected)?;
     for (name, shape) in expected
         .iter()

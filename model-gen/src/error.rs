@@ -252,6 +252,18 @@ pub enum ModelGenError {
         /// Largest possible magnitude.
         worst: f64,
     },
+    /// A padding that does not fit 16 bits.
+    #[error(
+        "beyond the edges channel {channel} behind conv1 would hold {value:.0}, which leaves 16 \
+         bits: its batch norm's bias is far larger than what the channel was calibrated to reach; \
+         train with weight decay, or with [network] padding = \"none\""
+    )]
+    HiddenPadding {
+        /// Channel behind the first convolution.
+        channel: usize,
+        /// Its value, in steps of the quantised channel.
+        value: f64,
+    },
     /// A range of the calibration that is not a positive number.
     #[error("the calibrated range of {what} is {value}: run the calibration again")]
     Calibration {

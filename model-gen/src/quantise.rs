@@ -7,15 +7,19 @@
 //! |g| goes into the requantisation, the sign of g into the next layer's weights, b times those
 //! weights into its bias. In front of the max-pool a negative g turns the maximum into a minimum:
 //! that channel's weights and bias are negated and its multiplier is negative.
+//!
+//! With padding the second convolution reads zeros behind the first batch norm. Its bias counts b
+//! times all its weights, so a cell beyond the edge holds the integer that takes b back: the norm
+//! turns `sign(g) * x` into 0 where `x = -sign(g) * b / scale`.
 
-use artifact::{Artifact, ELECTRODES, NORM_EPSILON, ScalpGrid};
+use artifact::{Artifact, ELECTRODES, Geometry, NORM_EPSILON, ScalpGrid};
 
 use crate::{
     ModelGenError,
     integer_model::{
-        CODE, CONV1, CONV2, FLAT, IntegerConv, IntegerLinear, IntegerModel, POOLED, STEPS,
+        CODE, CONV1, CONV2, IntegerConv, IntegerLinear, IntegerModel, STEPS, largest_hidden,
     },
-    rounding::saturating_i8,
+    rounding::{saturating_i8, to_i32},
     rows::{FloatLayer, IntegerLayer, LayerInput},
 };
 
@@ -33,53 +37,32 @@ const LINEAR: usize = STEPS * ELECTRODES;
 /// Quantises the encoder of an artifact.
 ///
 /// # Errors
-/// When a tensor is missing, a calibrated range is not positive, a factor leaves Q0.32 or an
-/// accumulator could leave 32 bits.
+/// When a tensor is missing, a calibrated range is not positive, a factor leaves Q0.32, a padding
+/// leaves 16 bits or an accumulator could leave 32 bits.
 pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
-    let ranges = Ranges::of(artifact)?;
+    let mode = artifact.description.mode;
     let codes = CodeScales::of(artifact)?;
-    let norm1 = Norm::read(artifact, "encoder.norm1", CONV1)?;
-    let norm2 = Norm::read(artifact, "encoder.norm2", CONV2)?;
-
-    let input_scale_uv = ranges.input_uv / 127.0;
+    let code_gain = codes.scale.map(|scale| 1.0 / scale);
+    let input_scale_uv = range(artifact, "input.max_abs")? / 127.0;
     let input = LayerInput {
         scale: input_scale_uv / artifact.description.input.sd_uv,
         largest: 128.0,
     };
-    let hidden = LayerInput {
-        scale: ranges.hidden / 255.0,
-        largest: 255.0,
-    };
-    let pooled = LayerInput {
-        scale: ranges.pooled / 255.0,
-        largest: 255.0,
-    };
 
-    let conv1 = Layer::read(artifact, "encoder.conv1", &[CONV1, 1, 3, 3, 3])?;
-    // The sign of a factor goes into conv2's weights.
-    let gain1: Vec<f64> = norm1
-        .factor
-        .iter()
-        .map(|g| g.abs() / hidden.scale)
-        .collect();
-    let conv1 = conv1.quantise("conv1", &gain1, input)?;
-
-    let mut conv2 = Layer::read(artifact, "encoder.conv2", &[CONV2, CONV1, 3, 3, 3])?;
-    conv2.absorb(&norm1, 27);
-    conv2.negate_where_negative(&norm2);
-    // A negated channel keeps its negative factor, so that the product is positive again.
-    let gain2: Vec<f64> = norm2.factor.iter().map(|g| g / pooled.scale).collect();
-    let conv2 = conv2.quantise("conv2", &gain2, hidden)?;
-
-    let code_gain = codes.scale.map(|scale| 1.0 / scale);
-    let mut fc = Layer::read(artifact, "encoder.fc", &[CODE, FLAT])?;
-    fc.absorb(&norm2, POOLED.iter().product());
-    let fc = fc.quantise("fc", &code_gain, pooled)?;
-    let shortcut = Layer {
-        weights: tensor(artifact, "encoder.shortcut.weight", &[CODE, LINEAR])?,
-        bias: vec![0.0; CODE],
+    let convolutions = if mode.has_convolutions() {
+        Convolutions::of(artifact, input, &code_gain)?
+    } else {
+        Convolutions::default()
     };
-    let shortcut = shortcut.quantise("shortcut", &code_gain, input)?;
+    let shortcut = if mode.has_shortcut() {
+        let layer = Layer {
+            weights: tensor(artifact, "encoder.shortcut.weight", &[CODE, LINEAR])?,
+            bias: vec![0.0; CODE],
+        };
+        layer.quantise("shortcut", &code_gain, input)?
+    } else {
+        IntegerLayer::default()
+    };
 
     let grid = ScalpGrid::new(&artifact.description);
     #[expect(
@@ -87,18 +70,29 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
         reason = "the scalp grid has 90 cells"
     )]
     let cells = grid.cell_of_electrode().map(|cell| cell as u8);
+    let Convolutions {
+        hidden_padding,
+        conv1,
+        conv2,
+        fc,
+    } = convolutions;
     let mut fc_bias = [0; CODE];
-    fc_bias.copy_from_slice(&fc.bias);
+    for (to, bias) in fc_bias.iter_mut().zip(&fc.bias) {
+        *to = *bias;
+    }
     #[expect(
         clippy::cast_possible_truncation,
         reason = "scales are published as f32"
     )]
     Ok(IntegerModel {
+        mode,
+        geometry: Geometry::of(&artifact.description),
         input_scale_uv: input_scale_uv as f32,
         code_scale: codes.scale.map(|scale| scale as f32),
         code_zero_point: codes.zero_point,
         cells,
         conv1: convolution(conv1),
+        hidden_padding,
         conv2: convolution(conv2),
         fc: IntegerLinear {
             weights: fc.weights,
@@ -110,6 +104,67 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
             multipliers: shortcut.multipliers,
         },
     })
+}
+
+/// The convolutions and the fully connected layer behind them.
+#[derive(Default)]
+struct Convolutions {
+    hidden_padding: [i16; CONV1],
+    conv1: IntegerLayer,
+    conv2: IntegerLayer,
+    fc: IntegerLayer,
+}
+
+impl Convolutions {
+    fn of(
+        artifact: &Artifact,
+        input: LayerInput,
+        code_gain: &[f64],
+    ) -> Result<Self, ModelGenError> {
+        let geometry = Geometry::of(&artifact.description);
+        let norm1 = Norm::read(artifact, "encoder.norm1", CONV1)?;
+        let norm2 = Norm::read(artifact, "encoder.norm2", CONV2)?;
+        let hidden_scale = range(artifact, "activation1.max")? / 255.0;
+        let pooled_scale = range(artifact, "activation2.max")? / 255.0;
+        let hidden_padding = if geometry.padding.pads_space() {
+            norm1.padding(hidden_scale)?
+        } else {
+            [0; CONV1]
+        };
+        let hidden = LayerInput {
+            scale: hidden_scale,
+            largest: largest_hidden(&hidden_padding).into(),
+        };
+        let pooled = LayerInput {
+            scale: pooled_scale,
+            largest: 255.0,
+        };
+
+        let conv1 = Layer::read(artifact, "encoder.conv1", &[CONV1, 1, 3, 3, 3])?;
+        // The sign of a factor goes into conv2's weights.
+        let gain1: Vec<f64> = norm1
+            .factor
+            .iter()
+            .map(|g| g.abs() / hidden.scale)
+            .collect();
+        let conv1 = conv1.quantise("conv1", &gain1, input)?;
+
+        let mut conv2 = Layer::read(artifact, "encoder.conv2", &[CONV2, CONV1, 3, 3, 3])?;
+        conv2.absorb(&norm1, 27);
+        conv2.negate_where_negative(&norm2);
+        // A negated channel keeps its negative factor, so that the product is positive again.
+        let gain2: Vec<f64> = norm2.factor.iter().map(|g| g / pooled.scale).collect();
+        let conv2 = conv2.quantise("conv2", &gain2, hidden)?;
+
+        let mut fc = Layer::read(artifact, "encoder.fc", &[CODE, geometry.flat()])?;
+        fc.absorb(&norm2, geometry.pooled.iter().product());
+        Ok(Self {
+            hidden_padding,
+            conv1,
+            conv2,
+            fc: fc.quantise("fc", code_gain, pooled)?,
+        })
+    }
 }
 
 fn convolution(layer: IntegerLayer) -> IntegerConv {
@@ -125,54 +180,19 @@ fn convolution(layer: IntegerLayer) -> IntegerConv {
     }
 }
 
-/// A tensor as f64, or zeros where this artifact's mode has no such layer.
+/// A tensor as f64.
 fn tensor(artifact: &Artifact, name: &str, shape: &[usize]) -> Result<Vec<f64>, ModelGenError> {
-    let mode = artifact.description.mode;
-    let exists = if name.contains("shortcut") {
-        mode.has_shortcut()
+    let values = artifact.weights.tensor(name, shape)?;
+    Ok(values.iter().map(|&v| f64::from(v)).collect())
+}
+
+/// A calibrated largest magnitude, with head room.
+fn range(artifact: &Artifact, what: &'static str) -> Result<f64, ModelGenError> {
+    let value = f64::from(artifact.calibration.tensor(what, &[1])?[0]);
+    if value.is_finite() && value > 0.0 {
+        Ok(value * HEAD_ROOM)
     } else {
-        mode.has_convolutions()
-    };
-    if !exists {
-        return Ok(vec![0.0; shape.iter().product()]);
-    }
-    Ok(artifact
-        .weights
-        .tensor(name, shape)?
-        .iter()
-        .map(|&v| f64::from(v))
-        .collect())
-}
-
-/// Largest magnitudes, with head room.
-struct Ranges {
-    input_uv: f64,
-    hidden: f64,
-    pooled: f64,
-}
-
-impl Ranges {
-    fn of(artifact: &Artifact) -> Result<Self, ModelGenError> {
-        let read = |what: &'static str| -> Result<f64, ModelGenError> {
-            let value = f64::from(artifact.calibration.tensor(what, &[1])?[0]);
-            if value.is_finite() && value > 0.0 {
-                Ok(value * HEAD_ROOM)
-            } else {
-                Err(ModelGenError::Calibration { what, value })
-            }
-        };
-        let activation = |what| {
-            if artifact.description.mode.has_convolutions() {
-                read(what)
-            } else {
-                Ok(1.0)
-            }
-        };
-        Ok(Self {
-            input_uv: read("input.max_abs")?,
-            hidden: activation("activation1.max")?,
-            pooled: activation("activation2.max")?,
-        })
+        Err(ModelGenError::Calibration { what, value })
     }
 }
 
@@ -199,6 +219,20 @@ impl Norm {
             .map(|((b, g), m)| b - g * m)
             .collect();
         Ok(Self { factor, offset })
+    }
+
+    /// What each channel holds, in steps of `scale` and before its sign, where the norm gives 0.
+    fn padding(&self, scale: f64) -> Result<[i16; CONV1], ModelGenError> {
+        let mut padding = [0; CONV1];
+        let norm = self.factor.iter().zip(&self.offset);
+        for ((channel, to), (factor, offset)) in padding.iter_mut().enumerate().zip(norm) {
+            let sign = if *factor < 0.0 { -1.0 } else { 1.0 };
+            let value = -sign * offset / scale;
+            *to = to_i32(value)
+                .and_then(|value| i16::try_from(value).ok())
+                .ok_or(ModelGenError::HiddenPadding { channel, value })?;
+        }
+        Ok(padding)
     }
 }
 

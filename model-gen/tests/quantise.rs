@@ -4,8 +4,8 @@
 use std::path::Path;
 
 use artifact::{
-    Artifact, CELLS, CODE, FloatEncoder, Mode, STEPS, ScalpGrid, Tensors, WINDOW_CELLS,
-    WINDOW_ELECTRODES,
+    Artifact, CELLS, CODE, FloatEncoder, Geometry, Mode, NetworkShape, STEPS, ScalpGrid, Tensors,
+    WINDOW_CELLS, WINDOW_ELECTRODES,
 };
 use model_gen::{IntegerModel, Plane, quantise};
 
@@ -29,9 +29,10 @@ fn checked_in() -> Artifact {
 }
 
 /// Dense random weights; batch norms with negative, zero and positive factors; some offsets.
-fn dense_weights(noise: &mut Noise, mode: Mode) -> Tensors {
+fn dense_weights(noise: &mut Noise, mode: Mode, network: &NetworkShape) -> Tensors {
+    let geometry = Geometry::new(network);
     let mut weights = Tensors::for_weights();
-    for (name, shape) in artifact::weight_shapes(mode) {
+    for (name, shape) in artifact::weight_shapes(mode, &geometry) {
         let length = shape.iter().product();
         let inputs: usize = shape[1..].iter().product();
         #[expect(
@@ -51,7 +52,7 @@ fn dense_weights(noise: &mut Noise, mode: Mode) -> Tensors {
         if name.contains("norm") && name.ends_with(".weight") {
             values[1] = 0.0;
         }
-        weights.insert(name, shape, values);
+        weights.insert(name, &shape, values);
     }
     weights
 }
@@ -84,7 +85,7 @@ fn calibrated(mode: Mode, seed: u32) -> Case {
     let mut noise = Noise(seed);
     let mut artifact = checked_in();
     artifact.description.mode = mode;
-    artifact.weights = dense_weights(&mut noise, mode);
+    artifact.weights = dense_weights(&mut noise, mode, &artifact.description.network);
     let windows = windows(&mut noise, &ScalpGrid::new(&artifact.description));
     let encoder = FloatEncoder::new(&artifact).expect("a complete network");
     let traced: Vec<_> = windows

@@ -2,7 +2,7 @@
 
 use artifact::{
     Adc, CodeFormat, CodeQuantisation, Decimation, Description, Figures, Filters, Grid, Input,
-    Mode, Montage, NetworkShape, Padding, TrainingCard, Window,
+    Mode, Montage, TrainingCard, Window,
 };
 
 /// The paper's chain (arXiv 2008.13485) in front of an ADS1299 at gain 24, with an empty card.
@@ -16,10 +16,7 @@ pub fn description() -> Description {
             hop: 8,
             rate_hz: 128,
         },
-        network: NetworkShape {
-            padding: Padding::None,
-            pool: [2, 2, 2],
-        },
+        network: crate::pool::NETWORK,
         code: CodeQuantisation {
             format: CodeFormat::Int8,
         },

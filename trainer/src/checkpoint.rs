@@ -3,6 +3,7 @@
 use crate::adam::{Adam, Moments};
 use crate::error::TrainerError;
 use crate::parameters::{Parameters, is_statistic};
+use crate::pool::GEOMETRY;
 use crate::training::{Candidate, Settings, Training};
 use artifact::{Mode, Tensors, weight_shapes};
 use safetensors::SafeTensors;
@@ -67,20 +68,20 @@ pub fn read(path: &Path, settings: Settings, data: &str) -> Result<Training, Tra
     };
     let parameters = |kind: &str| -> Result<Parameters, TrainerError> {
         let mut tensors = Tensors::for_weights();
-        for (name, shape) in weight_shapes(Mode::Shortcut) {
-            tensors.insert(name, shape, tensor(kind, name, shape)?);
+        for (name, shape) in weight_shapes(Mode::Shortcut, &GEOMETRY) {
+            tensors.insert(name, &shape, tensor(kind, name, &shape)?);
         }
         Ok(Parameters::from_tensors(Mode::Shortcut, &tensors)?)
     };
     let mut moments = BTreeMap::new();
-    for (name, shape) in weight_shapes(Mode::Shortcut) {
+    for (name, shape) in weight_shapes(Mode::Shortcut, &GEOMETRY) {
         if !is_statistic(name) {
-            let mean = tensor("mean", name, shape)?;
+            let mean = tensor("mean", name, &shape)?;
             moments.insert(
                 name,
                 Moments {
                     mean,
-                    square: tensor("square", name, shape)?,
+                    square: tensor("square", name, &shape)?,
                 },
             );
         }

@@ -3,7 +3,7 @@
 use crate::adam::Gradients;
 use crate::dataset::Window;
 use crate::parameters::{Parameters, is_statistic};
-use crate::pool::{CHANNELS, POOLED, indices, max_pool, numbers, unpool};
+use crate::pool::{CHANNELS, GEOMETRY, indices, max_pool, numbers, unpool};
 use artifact::{CELLS, CODE, COLUMNS, NORM_EPSILON, ROWS, STEPS, ScalpGrid, WINDOW_ELECTRODES};
 use burn_tensor::activation::relu;
 use burn_tensor::module::{conv_transpose3d, conv3d};
@@ -199,7 +199,7 @@ impl Pass {
 
     fn decode(&mut self, code: Tensor<2>, cells: &Tensor<1, Int>) -> Tensor<2> {
         let count = code.dims()[0];
-        let features = CHANNELS[1] * POOLED.iter().product::<usize>();
+        let features = GEOMETRY.flat();
         let weight = self.parameter("decoder.fc.weight", [features, CODE]);
         let bias = self.parameter("decoder.fc.bias", [1, features]);
         let x = unpool(code.clone().matmul(weight.transpose()) + bias);

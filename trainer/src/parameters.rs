@@ -1,5 +1,6 @@
 //! The network's numbers by name, as the artifact has them.
 
+use crate::pool::GEOMETRY;
 use artifact::{ArtifactError, CODE, Mode, Tensors, WINDOW_ELECTRODES, weight_shapes};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -21,7 +22,10 @@ impl Parameters {
     /// When there are not 128 directions of 976 elements.
     pub fn from_directions(directions: &[Vec<f32>], seed: u64) -> Self {
         let mut parameters = Self::linear(Mode::Shortcut, directions);
-        for (index, (name, shape)) in weight_shapes(Mode::Shortcut).into_iter().enumerate() {
+        for (index, (name, shape)) in weight_shapes(Mode::Shortcut, &GEOMETRY)
+            .into_iter()
+            .enumerate()
+        {
             if name.contains("shortcut") {
                 continue;
             }
@@ -80,9 +84,9 @@ impl Parameters {
     /// # Errors
     /// When a tensor of the mode is missing or misshapen.
     pub fn from_tensors(mode: Mode, weights: &Tensors) -> Result<Self, ArtifactError> {
-        let values = weight_shapes(mode)
+        let values = weight_shapes(mode, &GEOMETRY)
             .into_iter()
-            .map(|(name, shape)| Ok((name, weights.tensor(name, shape)?.to_vec())))
+            .map(|(name, shape)| Ok((name, weights.tensor(name, &shape)?.to_vec())))
             .collect::<Result<_, ArtifactError>>()?;
         Ok(Self { mode, values })
     }
@@ -90,8 +94,8 @@ impl Parameters {
     /// The weights of an artifact.
     pub fn to_tensors(&self) -> Tensors {
         let mut weights = Tensors::for_weights();
-        for (name, shape) in weight_shapes(self.mode) {
-            weights.insert(name, shape, self.values[name].clone());
+        for (name, shape) in weight_shapes(self.mode, &GEOMETRY) {
+            weights.insert(name, &shape, self.values[name].clone());
         }
         weights
     }

@@ -2,14 +2,18 @@
 //!
 //! burn 0.22 has no three-dimensional max-pool; halving each axis with `max_pair` gives the same.
 
+use artifact::{Geometry, NetworkShape, Padding};
 use burn_tensor::{Device, Int, Tensor, TensorData};
 
 /// Channels behind the first and the second convolution.
 pub(crate) const CHANNELS: [usize; 2] = [16, 32];
-/// Steps, rows, columns behind the second convolution.
-const FEATURE_MAP: [usize; 3] = [12, 6, 5];
-/// Steps, rows, columns behind the pool.
-pub(crate) const POOLED: [usize; 3] = [6, 3, 2];
+/// The only padding and pool that are trained.
+pub(crate) const NETWORK: NetworkShape = NetworkShape {
+    padding: Padding::None,
+    pool: [2, 2, 2],
+};
+/// Sizes between the layers.
+pub(crate) const GEOMETRY: Geometry = Geometry::new(&NETWORK);
 
 /// 2x2x2 maximum, flattened: channel, step, row, column.
 pub(crate) fn max_pool(x: Tensor<5>) -> Tensor<2> {
@@ -21,7 +25,7 @@ pub(crate) fn max_pool(x: Tensor<5>) -> Tensor<2> {
     let x = largest_of_pairs(x.reshape([planes * steps / 2, 2, rows * even]));
     let x = largest_of_pairs(x.reshape([planes * steps / 2 * rows / 2, 2, even]));
     let x = largest_of_pairs(x.reshape([planes * steps / 2 * rows / 2 * even / 2, 2, 1]));
-    x.reshape([count, channels * POOLED.iter().product::<usize>()])
+    x.reshape([count, GEOMETRY.flat()])
 }
 
 /// Maximum over the middle axis, which has two elements.
@@ -34,11 +38,11 @@ fn largest_of_pairs(x: Tensor<3>) -> Tensor<3> {
 /// Nearest-neighbour unpooling to the feature map; of five columns three take the first.
 pub(crate) fn unpool(flat: Tensor<2>) -> Tensor<5> {
     let (count, device) = (flat.dims()[0], flat.device());
-    let [steps, rows, columns] = POOLED;
+    let [steps, rows, columns] = GEOMETRY.pooled;
     let mut x = flat.reshape([count, CHANNELS[1], steps, rows, columns]);
     for axis in 0..3 {
-        let length = FEATURE_MAP[axis];
-        let from: Vec<usize> = (0..length).map(|at| at * POOLED[axis] / length).collect();
+        let (length, pooled) = (GEOMETRY.feature_map[axis], GEOMETRY.pooled[axis]);
+        let from: Vec<usize> = (0..length).map(|at| at * pooled / length).collect();
         x = x.select(axis + 2, indices(&from, &device));
     }
     x
