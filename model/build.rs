@@ -1,4 +1,4 @@
-//! Generates the model from `artifact/`.
+//! Generates the model from `artifact/`, or from the folder that `CORTICODE_ARTIFACT` names.
 
 use std::{
     error::Error,
@@ -6,8 +6,15 @@ use std::{
     process::ExitCode,
 };
 
+/// Names the folder of another model, as an absolute path.
+const ARTIFACT: &str = "CORTICODE_ARTIFACT";
+
 fn main() -> ExitCode {
-    let artifact = Path::new(env!("CARGO_MANIFEST_DIR")).join("artifact");
+    println!("cargo::rerun-if-env-changed={ARTIFACT}");
+    let artifact = std::env::var_os(ARTIFACT).map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("artifact"),
+        PathBuf::from,
+    );
     println!("cargo::rerun-if-changed={}", artifact.display());
     let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     match model_gen::generate(&artifact, &out) {

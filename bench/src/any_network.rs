@@ -1,8 +1,7 @@
 //! The encoder's kernels with weights, inputs and shapes that no model has: what the assembler makes
 //! of them is compared with what the plain twins make on the PC.
 
-use int8_nn::{InputConv, Linear, Pair, PlaneShape, Winograd};
-use model::{COLUMNS, HIDDEN, HIDDEN_PAIRS};
+use int8_nn::{Direct, InputConv, Linear, Pair, PlaneShape, Winograd};
 
 use crate::random::Random;
 
@@ -19,8 +18,14 @@ const ROWS: usize = 10;
 const SUMS: usize = 8;
 const PAIRS: usize = 128;
 
-type Conv<'w> = Winograd<'w, HIDDEN_PAIRS, { HIDDEN.columns }>;
+/// Columns of the input and behind the first convolution, and pairs of channels there.
+const COLUMNS: usize = 11;
+const HIDDEN_COLUMNS: usize = 10;
+const HIDDEN_PAIRS: usize = 8;
+
 type First<'w> = InputConv<'w, COLUMNS>;
+type Conv<'w> = Winograd<'w, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
+type Plain<'w> = Direct<'w, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
 
 /// One hash for each network, over everything that its kernels put out.
 pub fn digests() -> [u8; BYTES] {
@@ -30,6 +35,7 @@ pub fn digests() -> [u8; BYTES] {
         let mut hash = Hash(0xcbf2_9ce4_8422_2325);
         draw.input_conv(&mut hash);
         draw.winograd(&mut hash);
+        draw.direct(&mut hash);
         draw.linear(&mut hash);
         *digest = hash.0.to_le_bytes();
     }
@@ -109,8 +115,8 @@ impl Draw {
     }
 
     fn winograd(&mut self, hash: &mut Hash) {
-        const INPUT: usize = (2 * TILE_ROWS + 2) * HIDDEN.columns * HIDDEN_PAIRS;
-        const TRANSFORMED: usize = 2 * 3 * 24 * HIDDEN_PAIRS;
+        const INPUT: usize = (2 * TILE_ROWS + 2) * HIDDEN_COLUMNS * HIDDEN_PAIRS;
+        const TRANSFORMED: usize = 3 * 3 * 24 * HIDDEN_PAIRS;
         let (tile_rows, outputs) = (self.up_to(TILE_ROWS), 2 * self.up_to(OUTPUTS / 2));
         let weights: [i8; 27 * 2 * HIDDEN_PAIRS * OUTPUTS] =
             core::array::from_fn(|_| self.weight());
@@ -129,7 +135,44 @@ impl Draw {
             self.activations(&mut activations);
             conv.transform(&activations, plane);
         }
-        let mut largest = [i32::MIN; TILE_ROWS * 2 * OUTPUTS];
+        let mut largest = [i32::MIN; TILE_ROWS * 4 * OUTPUTS];
+        conv.pool(planes.each_ref().map(|plane| &plane[..]), &mut largest);
+        hash.add(largest.iter().map(|sum| sum.cast_unsigned()));
+    }
+
+    /// Inputs of either sign, and pools of any size that fits.
+    fn direct(&mut self, hash: &mut Hash) {
+        const ROWS: usize = 4;
+        const INPUT: usize = (ROWS + 2) * HIDDEN_COLUMNS * HIDDEN_PAIRS;
+        let outputs = 2 * self.up_to(OUTPUTS / 2);
+        let pool = [1, 2, 4].map(|rows| [rows, 8 / rows])[self.up_to(3) - 1];
+        let pooled = PlaneShape {
+            rows: ROWS / pool[0],
+            columns: (HIDDEN_COLUMNS - 2) / pool[1],
+            channels: outputs,
+        };
+        let weights: [i8; 27 * 2 * HIDDEN_PAIRS * OUTPUTS] =
+            core::array::from_fn(|_| self.weight());
+        let weights = &weights[..27 * 2 * HIDDEN_PAIRS * outputs];
+        let mut packed = [Pair::ZERO; Plain::weights_len(OUTPUTS)];
+        let packed = &mut packed[..Plain::weights_len(outputs)];
+        Plain::pack_weights(outputs, weights, packed);
+        let conv = Plain {
+            pool,
+            pooled,
+            weights: packed,
+        };
+        let mut planes = [[Pair::ZERO; INPUT]; 3];
+        for plane in &mut planes {
+            let mut activations = [Pair::ZERO; INPUT];
+            self.activations(&mut activations);
+            let offset = self.0.next();
+            for pair in &mut activations {
+                *pair = *pair - Pair(offset & 0x03ff_03ff);
+            }
+            conv.transform(&activations, plane);
+        }
+        let mut largest = [i32::MIN; ROWS * HIDDEN_COLUMNS * OUTPUTS];
         conv.pool(planes.each_ref().map(|plane| &plane[..]), &mut largest);
         hash.add(largest.iter().map(|sum| sum.cast_unsigned()));
     }

@@ -4,15 +4,17 @@ use core::hint::black_box;
 
 use int8_nn::Pair;
 use model::{
-    CELLS, CODE, ELECTRODE_PAIRS, HIDDEN, HOP, NETWORK, POOLED, POOLED_PAIRS, POOLED_STEPS, STEPS,
+    CELL_PLANE, CODE, ELECTRODE_PAIRS, FC_PIECES, HIDDEN, HIDDEN_INTERIOR, HOP, NETWORK, POOLED,
+    POOLED_PAIRS, POOLED_STEPS, SHORTCUT_STEPS,
 };
 
 /// Planes of the input, and as many transformed ones, that a convolution reads.
 const PLANES: usize = 3;
-/// Pairs behind the first convolution.
-const HIDDEN_LEN: usize = HIDDEN.len() / 2;
+/// Pairs behind the first convolution, without and with its margin.
+const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
+const FRAMED: usize = HIDDEN.len() / 2;
 /// Pairs in a transformed plane.
-const TRANSFORMED: usize = NETWORK.conv2.transformed_len();
+const TRANSFORMED: usize = NETWORK.conv2().transformed_len();
 
 /// A kernel, and how often a code needs it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,39 +35,42 @@ pub fn each(mut count: impl FnMut(Kernel, &mut dyn FnMut())) {
         let per_code = per_code as u32;
         count(Kernel { name, per_code }, run);
     };
-    let cells = black_box([0_i8; CELLS]);
-    let mut input = black_box([[Pair::ZERO; CELLS]; PLANES]);
-    let mut patches = [Pair::ZERO; NETWORK.conv1.patches_len()];
-    let mut sums = [0; NETWORK.conv1.sums_len()];
-    let mut hidden = black_box([Pair::ZERO; HIDDEN_LEN]);
+    let cells = black_box([0_i8; CELL_PLANE.len()]);
+    let mut input = black_box([[Pair::ZERO; CELL_PLANE.len()]; PLANES]);
+    let mut patches = [Pair::ZERO; NETWORK.conv1().patches_len()];
+    let mut sums = [0; NETWORK.conv1().sums_len()];
+    let mut interior = [Pair::ZERO; INTERIOR];
+    let hidden = black_box([Pair::ZERO; FRAMED]);
     let mut transformed = black_box([[Pair::ZERO; TRANSFORMED]; PLANES]);
     let mut largest = [i32::MIN; POOLED.len()];
     let mut code = [0; CODE];
 
     count("conv1", HOP, &mut || {
-        NETWORK.conv1.pair_up(&cells, &mut input[0]);
+        let conv1 = NETWORK.conv1();
+        conv1.pair_up(&cells, &mut input[0]);
         let planes = input.each_ref().map(|plane| &plane[..]);
-        NETWORK
-            .conv1
-            .plane(planes, &mut patches, &mut sums, &mut hidden);
-        black_box(&hidden);
+        conv1.plane(planes, &mut patches, &mut sums, &mut interior);
+        black_box(&interior);
     });
     count("transform", HOP, &mut || {
-        NETWORK.conv2.transform(&hidden, &mut transformed[0]);
+        NETWORK.conv2().transform(&hidden, &mut transformed[0]);
         black_box(&transformed);
     });
     count("conv2, pool", HOP, &mut || {
         let planes = transformed.each_ref().map(|plane| &plane[..]);
-        NETWORK.conv2.pool(planes, &mut largest);
+        NETWORK.conv2().pool(planes, &mut largest);
         black_box(&largest);
     });
     let pooled = black_box([Pair::ZERO; POOLED_PAIRS]);
     count("fully connected", POOLED_STEPS, &mut || {
-        NETWORK.fc[0].accumulate(&pooled, &mut code);
+        let pieces = pooled.chunks_exact(POOLED_PAIRS / FC_PIECES);
+        for (fc, pooled) in NETWORK.fc[0].iter().zip(pieces) {
+            fc.accumulate(pooled, &mut code);
+        }
         black_box(&code);
     });
     let electrodes = black_box([Pair::ZERO; ELECTRODE_PAIRS]);
-    count(SHORTCUT, STEPS, &mut || {
+    count(SHORTCUT, SHORTCUT_STEPS, &mut || {
         NETWORK.shortcut[0].accumulate(&electrodes, &mut code);
         black_box(&code);
     });

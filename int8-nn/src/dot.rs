@@ -25,40 +25,46 @@ pub(crate) const fn weight_at(output: usize, input: usize) -> usize {
 }
 
 /// For each step, [`POSITIONS`] positions times [`OUTPUTS`] outputs:
-/// `sums[step][position][output] = sum over segment, k of inputs[segment][step][position][k] .
-/// weights[step][segment][k][output]`, wrapping.
+/// `sums[step][position][output] = sum over segment, k of
+/// inputs[segment][(step * POSITIONS + position) * STRIDE + k] . weights[step][segment][k][output]`,
+/// wrapping.
 ///
-/// A position's inputs lie in `SEGMENTS` places, `WIDTH` pairs in each. There are as many steps as
-/// `sums` has room for; weights of one step alone serve all of them. Order of the weights within a
-/// step: [`weight_at`].
+/// A position's inputs lie in `SEGMENTS` places, `WIDTH` pairs in each, `STRIDE` pairs behind those of
+/// the position before. There are as many steps as `sums` has room for; weights of one step alone
+/// serve all of them. Order of the weights within a step: [`weight_at`].
 ///
 /// # Panics
 /// When a slice is shorter than this asks for.
 #[inline]
-pub(crate) fn dots<const SEGMENTS: usize, const WIDTH: usize>(
+pub(crate) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
     inputs: [&[Pair]; SEGMENTS],
     weights: &[Pair],
     sums: &mut [[i32; POSITIONS * OUTPUTS]],
 ) {
     const { assert!(SEGMENTS > 0 && WIDTH > 0 && WIDTH.is_multiple_of(ROUND)) };
+    const { assert!(STRIDE <= WIDTH, "a slice ends behind its last position") };
+    if sums.is_empty() {
+        return;
+    }
     let per_step = weights_len(SEGMENTS * WIDTH);
     let is_shared = weights.len() == per_step;
     let steps_of_weights = if is_shared { 1 } else { sums.len() };
     let weights = &weights[..steps_of_weights * per_step];
-    let inputs = inputs.map(|segment| &segment[..sums.len() * POSITIONS * WIDTH]);
+    let reach = (sums.len() * POSITIONS - 1) * STRIDE + WIDTH;
+    let inputs = inputs.map(|segment| &segment[..reach]);
     #[cfg(smlad)]
-    if cortex_m::dots::<SEGMENTS, WIDTH>(inputs, weights, is_shared, sums) {
+    if cortex_m::dots::<SEGMENTS, WIDTH, STRIDE>(inputs, weights, is_shared, sums) {
         return;
     }
     for (step, sums) in sums.iter_mut().enumerate() {
         let first = if is_shared { 0 } else { step * per_step };
-        let inputs = inputs.map(|segment| &segment[step * POSITIONS * WIDTH..]);
-        step_portable::<SEGMENTS, WIDTH>(inputs, &weights[first..first + per_step], sums);
+        let inputs = inputs.map(|segment| &segment[step * POSITIONS * STRIDE..]);
+        step_portable::<SEGMENTS, WIDTH, STRIDE>(inputs, &weights[first..first + per_step], sums);
     }
 }
 
 /// One step in plain Rust: the twin of the assembler.
-fn step_portable<const SEGMENTS: usize, const WIDTH: usize>(
+fn step_portable<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
     inputs: [&[Pair]; SEGMENTS],
     weights: &[Pair],
     sums: &mut [i32; POSITIONS * OUTPUTS],
@@ -69,10 +75,8 @@ fn step_portable<const SEGMENTS: usize, const WIDTH: usize>(
         .zip(weights.chunks_exact(OUTPUTS * WIDTH))
     {
         let rounds = weights.as_chunks::<{ OUTPUTS * ROUND }>().0;
-        for (inputs, sums) in segment
-            .chunks_exact(WIDTH)
-            .zip(sums.as_chunks_mut::<OUTPUTS>().0)
-        {
+        let positions = segment.windows(WIDTH).step_by(STRIDE);
+        for (inputs, sums) in positions.zip(sums.as_chunks_mut::<OUTPUTS>().0) {
             for (inputs, weights) in inputs.as_chunks::<ROUND>().0.iter().zip(rounds) {
                 let outputs = weights.as_chunks::<ROUND>().0;
                 for (sum, weights) in sums.iter_mut().zip(outputs) {

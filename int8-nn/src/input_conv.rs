@@ -10,6 +10,8 @@ use crate::{
 const TAPS: usize = 27;
 /// The same with a zero, in pairs.
 const WIDTH: usize = 14;
+/// Groups that the loop takes in one turn.
+const TURN: usize = 4;
 /// Pairs that the inputs of a group of positions take.
 const GROUP: usize = POSITIONS * WIDTH;
 
@@ -73,9 +75,12 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
             && self.multipliers.len() == output.channels
     }
 
-    /// Groups of as many positions as are multiplied together.
+    /// Groups of as many positions as are multiplied together; the last ones may have positions that
+    /// nobody reads.
     const fn groups(&self) -> usize {
-        (self.output.rows * self.output.columns).div_ceil(POSITIONS)
+        (self.output.rows * self.output.columns)
+            .div_ceil(POSITIONS)
+            .next_multiple_of(TURN)
     }
 
     /// Writes the output plane, values 0..=255, `[pair of channels][row][column]`, that ends with the
@@ -113,7 +118,7 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
             .zip(weights)
             .zip(channels)
         {
-            dots::<1, WIDTH>([patches], weights, sums.as_chunks_mut().0);
+            dots::<1, WIDTH, WIDTH>([patches], weights, sums.as_chunks_mut().0);
             for (place, sums) in places.iter_mut().zip(sums.as_chunks::<OUTPUTS>().0) {
                 let activation = |index: usize| {
                     let sum = sums[index].wrapping_add(bias[index]);

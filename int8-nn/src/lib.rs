@@ -8,6 +8,8 @@
 //! i8                   0..=255                          i32                            0..=255           i32
 //! ```
 //!
+//! [`Direct`] stands in for [`Winograd`] where the pool or the ranges ask for it.
+//!
 //! Conventions shared by all kernels:
 //! * planes are flat slices of [`Pair`]s, two channels in a word of 16 bits each, because that is what
 //!   SMLAD multiplies; between the convolutions `[pair of channels][row][column]`;
@@ -32,6 +34,7 @@
 #[cfg(test)]
 extern crate std;
 
+mod direct;
 mod dot;
 mod input_conv;
 mod linear;
@@ -41,10 +44,11 @@ mod requantise;
 mod ring;
 mod winograd;
 
+pub use direct::Direct;
 pub use input_conv::InputConv;
 pub use linear::Linear;
 pub use pair::Pair;
 pub use plane::PlaneShape;
 pub use requantise::{requantise, requantise_sum, saturate_i8, saturate_u8};
 pub use ring::PlaneRing;
-pub use winograd::{Winograd, unscaled};
+pub use winograd::Winograd;

@@ -11,8 +11,6 @@ const OUTPUTS: usize = 4;
 const ROUND: usize = 2;
 /// Rounds are unrolled, so pairs of inputs come in so many.
 const INPUTS: usize = 8;
-/// Most pairs of inputs: 257 products of 255 and 128 stay below 2^23.
-const MOST_INPUTS: usize = 128;
 /// Most outputs: their product with the inputs fits any word.
 const MOST_OUTPUTS: usize = 65_536;
 
@@ -36,6 +34,9 @@ pub struct Linear<'w> {
 }
 
 impl Linear<'_> {
+    /// Most pairs of inputs: 257 products of 255 and 128 stay below 2^23.
+    pub const MOST_INPUTS: usize = 128;
+
     /// Pairs in the packed weights.
     pub const fn weights_len(&self) -> usize {
         self.inputs * self.outputs / 2
@@ -48,7 +49,7 @@ impl Linear<'_> {
             && self.outputs == outputs
             && inputs > 0
             && inputs.is_multiple_of(INPUTS)
-            && inputs <= MOST_INPUTS
+            && inputs <= Self::MOST_INPUTS
             && outputs > 0
             && outputs.is_multiple_of(OUTPUTS)
             && outputs <= MOST_OUTPUTS

@@ -26,31 +26,4 @@ impl PlaneShape {
     pub const fn equals(self, other: Self) -> bool {
         self.rows == other.rows && self.columns == other.columns && self.channels == other.channels
     }
-
-    /// The shape that an unpadded 3x3 kernel with `channels` outputs leaves.
-    ///
-    /// # Panics
-    /// When the plane is smaller than the kernel; at compile time in a `const` context.
-    #[must_use]
-    pub const fn convolved(self, channels: usize) -> Self {
-        assert!(
-            self.rows >= 3 && self.columns >= 3,
-            "the plane is smaller than a 3x3 kernel"
-        );
-        Self {
-            rows: self.rows - 2,
-            columns: self.columns - 2,
-            channels,
-        }
-    }
-
-    /// The shape that a 2x2 pool leaves; an odd last row or column is not read.
-    #[must_use]
-    pub const fn pooled(self) -> Self {
-        Self {
-            rows: self.rows / 2,
-            columns: self.columns / 2,
-            channels: self.channels,
-        }
-    }
 }

@@ -41,8 +41,8 @@ type Sums = [i32; POSITIONS * OUTPUTS];
 /// -4 (g0 - g1 + g2), g0 + 2 g1 + 4 g2, g0 - 2 g1 + 4 g2, 24 g2)`. In the rows `V = (d0 - d2, d1 + d2,
 /// d2 - d1, d1 - d3)` and `U = (2 g0, g0 + g1 + g2, g0 - g1 + g2, 2 g2)`.
 ///
-/// Ranges: inputs 0..=255 give |V| <= 4080, weights -127..=127 |U| <= 9144, both within `i16`; 48
-/// times a sum of the products of 27 taps stays below 2^31 up to 50 channels.
+/// Ranges: weights -127..=127 give |U| <= 9144, within `i16`, inputs from 0 |V| up to 16 times as
+/// large; both, and 48 times a sum, set [`Winograd::LARGEST_INPUT`], 815 for 16 channels.
 ///
 /// `PAIRS` are the pairs of input channels, `COLUMNS` the columns of the input: two more than a
 /// multiple of four.
@@ -57,6 +57,14 @@ pub struct Winograd<'w, const PAIRS: usize, const COLUMNS: usize> {
 }
 
 impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
+    /// Largest input: 48 times a sum of 27 products with weights of up to 127 for each channel stays
+    /// below 2^31, and transformed inputs, up to 16 times an input, below 2^15.
+    pub const LARGEST_INPUT: i32 = {
+        let by_sum = (i32::MAX as usize) / (SCALE * TAPS * 2 * PAIRS * 127);
+        let by_input = (i16::MAX as usize) / 16;
+        (if by_sum < by_input { by_sum } else { by_input }) as i32
+    };
+
     /// Tiles beside each other.
     const TILE_COLUMNS: usize = (COLUMNS - 2) / TILE[1];
 
@@ -92,8 +100,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// True when this convolution fits between planes of these shapes and its weights have the
     /// length that this asks for; assert it in `const`.
     pub const fn is_consistent(&self, input: PlaneShape, pooled: PlaneShape) -> bool {
-        // 255 * 128 is the largest product; see the ranges above.
-        const { assert!(SCALE * TAPS * 2 * PAIRS * 255 * 128 < 1 << 31) };
+        const { assert!(Self::LARGEST_INPUT >= 255, "an activation of 8 bits") };
         const { assert!(COLUMNS > 2 && (COLUMNS - 2).is_multiple_of(TILE[1])) };
         self.input().equals(input)
             && self.pooled().equals(pooled)
@@ -113,7 +120,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         (self.tile_rows * Self::TILE_COLUMNS).div_ceil(POSITIONS)
     }
 
-    /// Transforms an input plane of shape [`Self::input`], values 0..=255, `[pair of
+    /// Transforms an input plane of shape [`Self::input`], values 0..=[`Self::LARGEST_INPUT`], `[pair of
     /// channels][row][column]`.
     ///
     /// # Panics
@@ -135,7 +142,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
 
     /// The plane of outputs that ends with the last of three transformed planes, oldest first: where
     /// the largest output of a pool window exceeds what `largest`, of shape [`Self::pooled`], holds,
-    /// it takes its place. Without bias, and 48 times too large: [`unscaled`] divides.
+    /// it takes its place. Without bias, and 48 times too large: [`Self::unscaled`] divides.
     ///
     /// # Panics
     /// When a slice is shorter than its shape says, or there are not as many weights as outputs ask
@@ -155,11 +162,18 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
             let first = group * POSITIONS;
             let tiles = POSITIONS.min(tiles - first);
             for (pair, weights) in self.weights.chunks_exact(weights_of_pair).enumerate() {
-                dots::<3, PAIRS>(inputs, weights, &mut sums);
+                dots::<3, PAIRS, PAIRS>(inputs, weights, &mut sums);
                 let windows = &mut largest[first * WINDOWS * self.outputs + pair * OUTPUTS..];
                 keep_largest(&sums, tiles, self.outputs, windows);
             }
         }
+    }
+
+    /// A sum of [`Self::pool`] as the direct convolution has it: divided by 48, exactly.
+    #[inline]
+    pub const fn unscaled(sum: i32) -> i32 {
+        // 48 = 3 * 2^4, and 3 * 0xAAAA_AAAB = 1 modulo 2^32.
+        (sum >> 4).wrapping_mul(0xAAAA_AAAB_u32.cast_signed())
     }
 
     /// Transforms weights `[time][row][column][input][output]` to what [`Self::weights`] holds.
@@ -189,13 +203,6 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
             }
         }
     }
-}
-
-/// A sum of [`Winograd::pool`] as the direct convolution has it: divided by 48, exactly.
-#[inline]
-pub const fn unscaled(sum: i32) -> i32 {
-    // 48 = 3 * 2^4, and 3 * 0xAAAA_AAAB = 1 modulo 2^32.
-    (sum >> 4).wrapping_mul(0xAAAA_AAAB_u32.cast_signed())
 }
 
 #[inline(always)]
@@ -313,7 +320,7 @@ mod tests {
     #[test]
     fn dividing_by_48_is_exact() {
         for sum in [0, 1, -1, 12_345, -44_739_242, 44_739_242] {
-            assert_eq!(unscaled(48 * sum), sum);
+            assert_eq!(Winograd::<8, 6>::unscaled(48 * sum), sum);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Every kernel against the most literal loops, over shapes, extremes and rails.
 
-use int8_nn::{InputConv, Linear, Pair, PlaneShape, Winograd, requantise, saturate_u8, unscaled};
+use int8_nn::{Direct, InputConv, Linear, Pair, PlaneShape, Winograd, requantise, saturate_u8};
 use proptest::prelude::*;
 
 const PAIRS: usize = 8;
@@ -119,7 +119,79 @@ fn compare<const COLUMNS: usize>(case: &WinogradCase) -> Result<(), TestCaseErro
                     let place = [2 * row + k / 2 % 2, 2 * column + k % 2, output];
                     convolved(input, planes, &case.weights, case.outputs, place)
                 });
-                let found = unscaled(largest[at(pooled, row, column) + output]);
+                let found =
+                    Winograd::<PAIRS, COLUMNS>::unscaled(largest[at(pooled, row, column) + output]);
+                prop_assert_eq!(Some(found), window.max());
+            }
+        }
+    }
+    Ok(())
+}
+
+#[derive(Clone, Debug)]
+struct DirectCase {
+    pool: [usize; 2],
+    pooled: PlaneShape,
+    weights: Vec<i8>,
+    planes: [Vec<i16>; 3],
+}
+
+/// Of any pool that fits `columns`, with inputs of 16 bits.
+fn direct_case(pairs: usize, columns: usize) -> impl Strategy<Value = DirectCase> {
+    let widths: Vec<usize> = (1..=columns - 2)
+        .filter(|width| (columns - 2) % width == 0)
+        .collect();
+    let width = prop::sample::select(widths);
+    (1_usize..4, width, 1_usize..4, 1_usize..4).prop_flat_map(
+        move |(height, width, rows, outputs)| {
+            let pooled = PlaneShape {
+                rows,
+                columns: (columns - 2) / width,
+                channels: 2 * outputs,
+            };
+            let plane = || inputs(-1_000, 1_000, (rows * height + 2) * columns * 2 * pairs);
+            let weights = weights(27 * 2 * pairs * pooled.channels);
+            (weights, [plane(), plane(), plane()]).prop_map(move |(weights, planes)| DirectCase {
+                pool: [height, width],
+                pooled,
+                weights,
+                planes,
+            })
+        },
+    )
+}
+
+/// The pooled sums against those of single products.
+fn compare_direct<const PAIRS: usize, const COLUMNS: usize>(
+    case: &DirectCase,
+) -> Result<(), TestCaseError> {
+    let outputs = case.pooled.channels;
+    let mut weights = vec![Pair::ZERO; Direct::<PAIRS, COLUMNS>::weights_len(outputs)];
+    Direct::<PAIRS, COLUMNS>::pack_weights(outputs, &case.weights, &mut weights);
+    let conv = Direct::<PAIRS, COLUMNS> {
+        pool: case.pool,
+        pooled: case.pooled,
+        weights: &weights,
+    };
+    let input = conv.input();
+    prop_assert!(conv.is_consistent(input, case.pooled));
+    let transformed = case.planes.each_ref().map(|plane| {
+        let mut transformed = vec![Pair::ZERO; conv.transformed_len()];
+        conv.transform(&by_pair(plane, 2 * PAIRS), &mut transformed);
+        transformed
+    });
+    let mut largest = vec![i32::MIN; case.pooled.len()];
+    conv.pool(transformed.each_ref().map(|plane| &plane[..]), &mut largest);
+    let [height, width] = case.pool;
+    let planes = case.planes.each_ref().map(|plane| &plane[..]);
+    for row in 0..case.pooled.rows {
+        for column in 0..case.pooled.columns {
+            for output in 0..outputs {
+                let window = (0..height * width).map(|k| {
+                    let place = [row * height + k / width, column * width + k % width, output];
+                    convolved(input, planes, &case.weights, outputs, place)
+                });
+                let found = largest[at(case.pooled, row, column) + output];
                 prop_assert_eq!(Some(found), window.max());
             }
         }
@@ -129,6 +201,17 @@ fn compare<const COLUMNS: usize>(case: &WinogradCase) -> Result<(), TestCaseErro
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn the_direct_convolution_s_pooled_sums_are_those_of_single_products(
+        ours in direct_case(8, 6),
+        widest in direct_case(8, 11),
+        fewer_channels in direct_case(2, 8),
+    ) {
+        compare_direct::<8, 6>(&ours)?;
+        compare_direct::<8, 11>(&widest)?;
+        compare_direct::<2, 8>(&fewer_channels)?;
+    }
 
     #[test]
     fn winograd_s_pooled_sums_are_those_of_the_direct_convolution(

@@ -13,6 +13,7 @@ use number::{float, separated};
 pub fn rust(model: &DeviceModel) -> String {
     let mut out = Source::default();
     out.constants(model);
+    out.shape(model);
     out.montage(model);
     out.resampler(&model.resampler);
     for filter in &model.filters {
@@ -21,7 +22,7 @@ pub fn rust(model: &DeviceModel) -> String {
     out.convolutions(model);
     out.linear(model);
     out.codes(model);
-    out.network();
+    out.network(model);
     out.text
 }
 

@@ -7,11 +7,6 @@ use artifact::{COLUMNS, Geometry, Mode, ROWS};
 pub(crate) const CONV1: usize = 16;
 /// Channels behind the second convolution.
 pub(crate) const CONV2: usize = 32;
-/// Steps, rows and columns behind the pool.
-pub(crate) const POOLED: [usize; 3] = [6, 3, 2];
-/// Inputs of the fully connected layer.
-pub(crate) const FLAT: usize = CONV2 * POOLED[0] * POOLED[1] * POOLED[2];
-
 /// One plane of quantised input: the scalp grid at one timestep, row-major.
 pub type Plane = [i8; CELLS];
 

@@ -6,6 +6,7 @@
 
 mod cascade;
 mod chain;
+mod conv_kernel;
 pub mod design;
 mod device_model;
 mod emit;
@@ -14,6 +15,7 @@ pub mod fir;
 pub mod headroom;
 mod integer_model;
 mod manifest;
+pub mod memory;
 pub mod pack;
 mod quantise;
 pub mod resampler;
@@ -25,6 +27,7 @@ use std::path::Path;
 
 pub use cascade::{FilterSpec, cascade};
 pub use chain::Chain;
+pub use conv_kernel::ConvKernel;
 pub use device_model::{DeviceModel, MAINS_HZ, MainsFilter, filter_cascade};
 pub use emit::rust;
 pub use error::{FilterError, ModelGenError};

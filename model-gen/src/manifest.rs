@@ -2,11 +2,13 @@
 
 use std::fmt::Write as _;
 
+use artifact::Geometry;
+
 use crate::{
     device_model::{DeviceModel, MainsFilter},
     headroom::{GUARD_BITS, ROOM},
-    integer_model::{CODE, CONV1, CONV2, ELECTRODES},
-    pack,
+    integer_model::{CODE, IntegerModel},
+    memory::{self, Part},
 };
 
 /// The manifest of a device model: ids, shapes, scales, ranges and byte counts.
@@ -61,35 +63,7 @@ fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
         "\nlayers                weights      worst accumulator"
     )?;
     let integers = &model.integers;
-    let (conv1, conv2) = (&integers.conv1, &integers.conv2);
-    layer(
-        out,
-        "conv1   1x3x3x3 -> 16",
-        &conv1.weights,
-        &conv1.bias,
-        128,
-    )?;
-    layer(
-        out,
-        "conv2  16x3x3x3 -> 32",
-        &conv2.weights,
-        &conv2.bias,
-        255,
-    )?;
-    layer(
-        out,
-        "fc         1152 -> 128",
-        &integers.fc.weights,
-        &integers.fc_bias,
-        255,
-    )?;
-    layer(
-        out,
-        "shortcut    976 -> 128",
-        &integers.shortcut.weights,
-        &[0; CODE],
-        128,
-    )?;
+    layers(out, integers)?;
     let (smallest, largest) = integers
         .code_scale
         .iter()
@@ -100,7 +74,26 @@ fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
         out,
         "\ncode                  {CODE} x int8, scales {smallest:.6} .. {largest:.6}"
     )?;
-    writeln!(out, "flash for weights     {} bytes", weight_bytes(model))
+    memory(out, &memory::parts(integers))
+}
+
+/// Bytes of each part, and of all.
+fn memory(out: &mut String, parts: &[Part]) -> std::fmt::Result {
+    writeln!(
+        out,
+        "\nmemory                               flash        RAM"
+    )?;
+    for part in parts {
+        let Part {
+            name,
+            flash_bytes,
+            ram_bytes,
+        } = part;
+        writeln!(out, "  {name:<34}{flash_bytes:>7} B  {ram_bytes:>7} B")?;
+    }
+    let flash: usize = parts.iter().map(|part| part.flash_bytes).sum();
+    let ram: usize = parts.iter().map(|part| part.ram_bytes).sum();
+    writeln!(out, "  {:<34}{flash:>7} B  {ram:>7} B", "encoder")
 }
 
 fn mains_filter(out: &mut String, filter: &MainsFilter) -> std::fmt::Result {
@@ -132,6 +125,37 @@ fn mains_filter(out: &mut String, filter: &MainsFilter) -> std::fmt::Result {
     Ok(())
 }
 
+/// The layers that the network has.
+fn layers(out: &mut String, integers: &IntegerModel) -> std::fmt::Result {
+    let IntegerModel { conv1, conv2, .. } = integers;
+    if integers.mode.has_convolutions() {
+        let Geometry { padding, pool, .. } = integers.geometry;
+        layer(
+            out,
+            "conv1   1x3x3x3 -> 16",
+            &conv1.weights,
+            &conv1.bias,
+            128,
+        )?;
+        let hidden = integers.largest_hidden().into();
+        layer(
+            out,
+            "conv2  16x3x3x3 -> 32",
+            &conv2.weights,
+            &conv2.bias,
+            hidden,
+        )?;
+        writeln!(out, "  padding {padding:?}, max-pool {pool:?}")?;
+        let name = format!("fc       {:>6} -> 128", integers.geometry.flat());
+        layer(out, &name, &integers.fc.weights, &integers.fc_bias, 255)?;
+    }
+    if integers.mode.has_shortcut() {
+        let weights = &integers.shortcut.weights;
+        layer(out, "shortcut    976 -> 128", weights, &[0; CODE], 128)?;
+    }
+    Ok(())
+}
+
 /// A layer's size, and the largest accumulator that any input can make.
 fn layer(
     out: &mut String,
@@ -154,18 +178,4 @@ fn layer(
         "  {name:<22}{:>7} B  {worst:>12}  of 2147483647",
         weights.len()
     )
-}
-
-/// Weights as the kernels read them, biases and factors in flash.
-fn weight_bytes(model: &DeviceModel) -> usize {
-    let integers = &model.integers;
-    let matrices = [
-        pack::fully_connected(&integers.fc),
-        pack::shortcut(&integers.shortcut),
-    ];
-    let pairs = pack::input_convolution(&integers.conv1).len()
-        + pack::convolution(&integers.conv2).len()
-        + matrices.iter().flatten().map(Vec::len).sum::<usize>();
-    let words = 2 * (CONV1 + CONV2) + 4 * CODE;
-    4 * (pairs + words) + CODE + ELECTRODES
 }

@@ -1,78 +1,162 @@
 //! The shape of the encoder, and what a set of weights for it holds.
 
-use int8_nn::{InputConv, Linear, PlaneShape, Winograd};
+use int8_nn::{InputConv, Linear, Pair, PlaneShape};
 
-use crate::{CODE, COLUMNS, ELECTRODES, ROWS, STEPS};
+use crate::{
+    CODE, COLUMNS, Conv2, ELECTRODES, FC_PIECES, HAS_CONVOLUTIONS, HAS_SHORTCUT, PADS_SPACE,
+    PADS_TIME, POOL, ROWS, STEPS, conv2,
+};
 
-/// One time step of the scalp grid.
+/// Rows and columns of padding on each side of a plane, of both convolutions.
+pub const MARGIN: usize = PADS_SPACE as usize;
+/// One time step of the scalp grid, with its margin.
 pub const CELL_PLANE: PlaneShape = PlaneShape {
-    rows: ROWS,
-    columns: COLUMNS,
+    rows: ROWS + 2 * MARGIN,
+    columns: COLUMNS + 2 * MARGIN,
     channels: 1,
 };
-/// One time step behind the first convolution, without the last column: an unpadded second
-/// convolution and a 2x2 pool do not reach it.
+/// Rows and columns behind the second convolution.
+const FEATURE_MAP: [usize; 2] = [
+    CELL_PLANE.rows - 4 + 2 * MARGIN,
+    CELL_PLANE.columns - 4 + 2 * MARGIN,
+];
+/// As many time steps as a pool takes, behind the second convolution and the pool.
+pub const POOLED: PlaneShape = PlaneShape {
+    rows: FEATURE_MAP[0] / POOL[1],
+    columns: FEATURE_MAP[1] / POOL[2],
+    channels: 32,
+};
+/// Pairs of numbers there.
+pub const POOLED_PAIRS: usize = POOLED.len() / 2;
+/// One time step behind the first convolution, with its margin, as far as the pool reaches: of the
+/// paper's network, one column less than there is.
 pub const HIDDEN: PlaneShape = PlaneShape {
-    rows: ROWS - 2,
-    columns: COLUMNS - 3,
+    rows: POOLED.rows * POOL[1] + 2,
+    columns: POOLED.columns * POOL[2] + 2,
     channels: 16,
 };
 /// Pairs of channels there.
 pub const HIDDEN_PAIRS: usize = HIDDEN.channels / 2;
-/// Two time steps behind the second convolution and its pool.
-pub const POOLED: PlaneShape = HIDDEN.convolved(32).pooled();
-/// Pairs of numbers there.
-pub const POOLED_PAIRS: usize = POOLED.len() / 2;
+/// The same without its margin: what the first convolution computes.
+pub const HIDDEN_INTERIOR: PlaneShape = PlaneShape {
+    rows: smaller(HIDDEN.rows - MARGIN, CELL_PLANE.rows - 2),
+    columns: smaller(HIDDEN.columns - MARGIN, CELL_PLANE.columns - 2),
+    channels: HIDDEN.channels,
+};
+/// Pooled planes of a window that padded steps do not reach: two convolutions take four steps.
+pub const INNER_STEPS: usize = (STEPS - 4) / POOL[0];
+/// Pooled planes at either end of a window that padded steps do reach.
+pub const EDGE_STEPS: usize = if PADS_TIME { 2 / POOL[0] } else { 0 };
+/// Pooled planes of a window.
+pub const POOLED_STEPS: usize = if HAS_CONVOLUTIONS {
+    INNER_STEPS + 2 * EDGE_STEPS
+} else {
+    0
+};
+/// Steps of a window that have a matrix of the linear shortcut.
+pub const SHORTCUT_STEPS: usize = if HAS_SHORTCUT { STEPS } else { 0 };
 /// Pairs of electrodes of a time step, filled up with zeros to a multiple of eight.
 pub const ELECTRODE_PAIRS: usize = ELECTRODES.div_ceil(2).next_multiple_of(8);
-/// Pooled planes of a window: two unpadded convolutions take four steps, the pool halves the rest.
-pub const POOLED_STEPS: usize = (STEPS - 4) / 2;
 
-/// An int8 encoder: convolution, convolution, max-pool, fully connected, plus a linear shortcut.
+const fn smaller(a: usize, b: usize) -> usize {
+    if a < b { a } else { b }
+}
+
+/// Weights of a convolution.
+#[derive(Clone, Copy, Debug)]
+pub struct ConvWeights<'w> {
+    /// As the kernel reads them.
+    pub weights: &'w [Pair],
+    /// One per output channel, accumulator steps.
+    pub bias: &'w [i32],
+    /// Requantisation factors, one per output channel, Q0.32; behind the pool negative for a channel
+    /// whose weights are negated because its batch norm has a negative factor.
+    pub multipliers: &'w [i32],
+}
+
+/// An int8 encoder: convolution, convolution, max-pool, fully connected, plus a linear shortcut; or
+/// one of both alone.
 #[derive(Clone, Copy, Debug)]
 pub struct Network<'w> {
-    /// Time steps from one window to the next, 8 or 16: even, so that the pool's phase is the same
-    /// in every window.
+    /// Time steps from one window to the next, 8 or 16: a multiple of the pool's steps, so that the
+    /// pool's phase is the same in every window.
     pub hop: usize,
     /// Scalp grid -> 16 channels.
-    pub conv1: InputConv<'w, COLUMNS>,
+    pub conv1: ConvWeights<'w>,
     /// 16 -> 32 channels, and pool.
-    pub conv2: Winograd<'w, HIDDEN_PAIRS, { HIDDEN.columns }>,
-    /// Its bias, accumulator steps.
-    pub conv2_bias: &'w [i32],
-    /// Requantisation factors behind pool and convolution, Q0.32; negative for a channel whose
-    /// weights are negated because its batch norm has a negative factor.
-    pub conv2_multipliers: &'w [i32],
-    /// Fully connected layer, one matrix for each pooled plane of a window.
-    pub fc: [Linear<'w>; POOLED_STEPS],
+    pub conv2: ConvWeights<'w>,
+    /// What the second convolution's padding holds, channel by channel: the number that stands for 0
+    /// behind the batch norm. Unused without padding.
+    pub hidden_padding: [Pair; HIDDEN_PAIRS],
+    /// What is added to every number that is not padding, so that none is negative. Unused without
+    /// padding.
+    pub hidden_offset: [Pair; HIDDEN_PAIRS],
+    /// Fully connected layer, [`FC_PIECES`](crate::FC_PIECES) matrices for each pooled plane of a window.
+    pub fc: [[Linear<'w>; FC_PIECES]; POOLED_STEPS],
     /// Its bias, accumulator steps.
     pub fc_bias: &'w [i32; CODE],
     /// Factors into the code, Q0.32.
     pub fc_multipliers: &'w [i32; CODE],
     /// Linear shortcut, one matrix for each time step of a window.
-    pub shortcut: [Linear<'w>; STEPS],
+    pub shortcut: [Linear<'w>; SHORTCUT_STEPS],
     /// Factors into the code, Q0.32.
     pub shortcut_multipliers: &'w [i32; CODE],
     /// The int8 code of a float zero.
     pub code_zero_point: &'w [i8; CODE],
 }
 
-impl Network<'_> {
+impl<'w> Network<'w> {
+    /// The first convolution. Its shape is known when it is compiled, so that checks and strides
+    /// vanish.
+    #[inline]
+    pub const fn conv1(&self) -> InputConv<'w, { CELL_PLANE.columns }> {
+        InputConv {
+            rows: CELL_PLANE.rows,
+            output: HIDDEN_INTERIOR,
+            weights: self.conv1.weights,
+            bias: self.conv1.bias,
+            multipliers: self.conv1.multipliers,
+        }
+    }
+
+    /// The second convolution and its pool, likewise.
+    #[inline]
+    pub const fn conv2(&self) -> Conv2<'w> {
+        conv2(self.conv2.weights)
+    }
+
     /// True when every array has the length that the shapes ask for, so that no kernel can meet a
     /// slice that is too short; asserted at compile time for the built-in network.
     pub const fn is_consistent(&self) -> bool {
+        (self.hop == 8 || self.hop == STEPS)
+            && self.hop.is_multiple_of(POOL[0])
+            && self.linear_is_consistent()
+            && (!HAS_CONVOLUTIONS || self.convolutions_are_consistent())
+    }
+
+    const fn linear_is_consistent(&self) -> bool {
         let mut index = 0;
-        while index < STEPS {
-            let pooled = index >= POOLED_STEPS || self.fc[index].is_consistent(POOLED_PAIRS, CODE);
-            if !pooled || !self.shortcut[index].is_consistent(ELECTRODE_PAIRS, CODE) {
+        while index < self.shortcut.len() {
+            if !self.shortcut[index].is_consistent(ELECTRODE_PAIRS, CODE) {
                 return false;
             }
             index += 1;
         }
-        (self.hop == 8 || self.hop == STEPS)
-            && self.conv1.is_consistent(CELL_PLANE, HIDDEN)
-            && self.conv2.is_consistent(HIDDEN, POOLED)
-            && self.conv2_bias.len() == POOLED.channels
-            && self.conv2_multipliers.len() == POOLED.channels
+        let mut index = 0;
+        while index < self.fc.len() * FC_PIECES {
+            let matrix = &self.fc[index / FC_PIECES][index % FC_PIECES];
+            if !matrix.is_consistent(POOLED_PAIRS / FC_PIECES, CODE) {
+                return false;
+            }
+            index += 1;
+        }
+        true
+    }
+
+    const fn convolutions_are_consistent(&self) -> bool {
+        self.conv1().is_consistent(CELL_PLANE, HIDDEN_INTERIOR)
+            && self.conv2().is_consistent(HIDDEN, POOLED)
+            && self.conv2.bias.len() == POOLED.channels
+            && self.conv2.multipliers.len() == POOLED.channels
     }
 }

@@ -1,46 +1,32 @@
 //! The streaming encoder: one step in, a code whenever a window is complete.
 
-use int8_nn::{InputConv, Pair, PlaneRing, Winograd, requantise, saturate_u8, unscaled};
-use model::{
-    CELL_PLANE, CELLS, ELECTRODE_PAIRS, GRID_CELL, HIDDEN, HIDDEN_PAIRS, NETWORK, Network, POOLED,
-    POOLED_PAIRS, POOLED_STEPS, STEPS,
-};
+mod convolutions;
+mod edges;
+mod hidden_plane;
+mod pool;
+
+use int8_nn::Pair;
+use model::{ELECTRODE_PAIRS, GRID_CELL, HAS_CONVOLUTIONS, HAS_SHORTCUT, NETWORK, Network, STEPS};
 
 use crate::{
     Code, Plane, Step,
     window::{OPEN, OpenWindow},
 };
-
-/// Pairs in a plane of the first convolution.
-const HIDDEN_PLANE: usize = HIDDEN.rows * HIDDEN.columns * HIDDEN_PAIRS;
-/// Scratch of the first convolution.
-const PATCHES: usize = NETWORK.conv1.patches_len();
-const SUMS: usize = NETWORK.conv1.sums_len();
-/// Pairs in a transformed plane.
-const TRANSFORMED: usize = NETWORK.conv2.transformed_len();
+use convolutions::Convolutions;
 
 /// The half of the pipeline that runs at the steps' rate.
 ///
 /// Each layer's planes are computed once, as soon as their inputs exist, and added to the (at most
 /// two) windows that they belong to: a 50 % overlap costs nothing, and the codes equal those of a
-/// batch encoder over each window bit for bit, because time is not padded and the hop is even. The
-/// work is the same in every step but for the fully connected layer: of a pooled plane that belongs to
-/// two windows, the newer one's share waits for the next step.
+/// batch encoder over each window bit for bit, because the hop is a multiple of the pool's steps. Only
+/// where time is padded, a window has planes of its own, at its ends. The work is the same in every
+/// step but for them and the fully connected layer: of a pooled plane that belongs to two windows, the
+/// newer one's share waits for the next step.
 #[derive(Clone, Debug)]
 pub struct Encoder<'w> {
     network: &'w Network<'w>,
-    /// The last input planes, every cell with its right neighbour.
-    input: PlaneRing<Pair, CELLS, 3>,
-    patches: [Pair; PATCHES],
-    sums: [i32; SUMS],
-    hidden: [Pair; HIDDEN_PLANE],
-    /// The last planes behind the first convolution, transformed.
-    transformed: PlaneRing<Pair, TRANSFORMED, 3>,
-    /// Largest sums of the pool so far.
-    largest: [i32; POOLED.len()],
-    pooled: [Pair; POOLED_PAIRS],
-    /// Window and place in it to which the pooled plane has yet to be added.
-    deferred: Option<(usize, usize)>,
+    /// One, if the network has them.
+    convolutions: [Convolutions; HAS_CONVOLUTIONS as usize],
     windows: [OpenWindow; OPEN],
     /// Steps taken so far; 2^64 of them last four billion years.
     step: u64,
@@ -64,14 +50,7 @@ impl<'w> Encoder<'w> {
     pub const fn with(network: &'w Network<'w>) -> Self {
         Self {
             network,
-            input: PlaneRing::filled(Pair::ZERO),
-            patches: [Pair::ZERO; PATCHES],
-            sums: [0; SUMS],
-            hidden: [Pair::ZERO; HIDDEN_PLANE],
-            transformed: PlaneRing::filled(Pair::ZERO),
-            largest: [i32::MIN; POOLED.len()],
-            pooled: [Pair::ZERO; POOLED_PAIRS],
-            deferred: None,
+            convolutions: [Convolutions::EMPTY; HAS_CONVOLUTIONS as usize],
             windows: [OpenWindow::EMPTY; OPEN],
             step: 0,
         }
@@ -81,18 +60,9 @@ impl<'w> Encoder<'w> {
     pub fn push(&mut self, step: &Step) -> Option<Code> {
         let index = self.step;
         self.step += 1;
-        self.network
-            .conv1
-            .pair_up(&step.plane, self.input.advance());
         self.add_to_windows(index, step);
-        if let Some((slot, offset)) = self.deferred.take() {
-            self.windows[slot].add_pooled(&self.network.fc[offset], &self.pooled);
-        }
-        if index >= 2 {
-            self.hidden_plane();
-        }
-        if index >= 4 {
-            self.convolve(index - 4);
+        for convolutions in &mut self.convolutions {
+            convolutions.push(index, &step.plane, self.network, &mut self.windows);
         }
         self.complete(index)
     }
@@ -104,81 +74,9 @@ impl<'w> Encoder<'w> {
             if offset == 0 {
                 *window = OpenWindow::starting_with(step, self.network);
             }
-            window.add_step(step, &self.network.shortcut[offset], &electrodes);
-        }
-    }
-
-    /// The first convolution's plane that the newest input plane completes, transformed for the
-    /// second one.
-    fn hidden_plane(&mut self) {
-        self.conv1().plane(
-            self.input.oldest_first(),
-            &mut self.patches,
-            &mut self.sums,
-            &mut self.hidden,
-        );
-        self.conv2()
-            .transform(&self.hidden, self.transformed.advance());
-    }
-
-    /// The network's first convolution. It has this shape; here the compiler knows it, and checks and
-    /// strides vanish.
-    #[inline]
-    fn conv1(&self) -> InputConv<'w, { CELL_PLANE.columns }> {
-        InputConv {
-            rows: CELL_PLANE.rows,
-            output: HIDDEN,
-            ..self.network.conv1
-        }
-    }
-
-    /// The second one, likewise.
-    #[inline]
-    fn conv2(&self) -> Winograd<'w, HIDDEN_PAIRS, { HIDDEN.columns }> {
-        Winograd {
-            tile_rows: POOLED.rows,
-            outputs: POOLED.channels,
-            ..self.network.conv2
-        }
-    }
-
-    /// The second convolution's `plane`-th plane; every second one completes a pooled plane.
-    fn convolve(&mut self, plane: u64) {
-        self.conv2()
-            .pool(self.transformed.oldest_first(), &mut self.largest);
-        if plane.is_multiple_of(2) {
-            return;
-        }
-        self.finish_pool();
-        let mut places = places(plane / 2, self.network.hop / 2, POOLED_STEPS);
-        // Of two windows only the older can end with this step.
-        let (newer, older) = (places.next(), places.next());
-        let now = if older.is_some() {
-            self.deferred = newer;
-            older
-        } else {
-            newer
-        };
-        if let Some((slot, offset)) = now {
-            self.windows[slot].add_pooled(&self.network.fc[offset], &self.pooled);
-        }
-    }
-
-    /// Brings the pool's sums to 8 bits, and begins with the next pool.
-    fn finish_pool(&mut self) {
-        let bias = self.network.conv2_bias.as_chunks::<2>().0;
-        let multipliers = self.network.conv2_multipliers.as_chunks::<2>().0;
-        let places = self.largest.chunks_exact_mut(POOLED.channels);
-        for (sums, pooled) in places.zip(self.pooled.chunks_exact_mut(POOLED.channels / 2)) {
-            let channels = bias.iter().zip(multipliers);
-            let sums = sums.as_chunks_mut::<2>().0.iter_mut().zip(channels);
-            for (pair, (sums, (bias, multipliers))) in pooled.iter_mut().zip(sums) {
-                let activation = |index: usize| {
-                    let sum = unscaled(sums[index]).wrapping_add(bias[index]);
-                    i16::from(saturate_u8(requantise(sum, multipliers[index])))
-                };
-                *pair = Pair::new([activation(0), activation(1)]);
-                *sums = [i32::MIN; 2];
+            window.count(step);
+            if HAS_SHORTCUT {
+                window.add_electrodes(&self.network.shortcut[offset], &electrodes);
             }
         }
     }

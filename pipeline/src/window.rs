@@ -1,7 +1,7 @@
 //! The windows that are open at the same time.
 
 use int8_nn::{Linear, Pair, requantise_sum, saturate_i8};
-use model::{CODE, Network};
+use model::{CODE, FC_PIECES, Network, POOLED_PAIRS};
 
 use crate::{Code, Step};
 
@@ -43,19 +43,31 @@ impl OpenWindow {
         }
     }
 
-    /// Adds a time step to the linear shortcut, and what it lost to the window's counts.
+    /// Adds what a time step lost to the window's counts.
     #[inline]
-    pub(crate) fn add_step(&mut self, step: &Step, shortcut: &Linear<'_>, electrodes: &[Pair]) {
-        shortcut.accumulate(electrodes, &mut self.shortcut);
+    pub(crate) fn count(&mut self, step: &Step) {
         self.clipped = self.clipped.saturating_add(step.clipped);
         self.saturated |= step.saturated;
         self.offset_us = step.offset_us;
     }
 
-    /// Adds a pooled plane to the fully connected layer.
+    /// Adds a time step to the linear shortcut.
     #[inline]
-    pub(crate) fn add_pooled(&mut self, fc: &Linear<'_>, pooled: &[Pair]) {
-        fc.accumulate(pooled, &mut self.fc);
+    pub(crate) fn add_electrodes(&mut self, shortcut: &Linear<'_>, electrodes: &[Pair]) {
+        shortcut.accumulate(electrodes, &mut self.shortcut);
+    }
+
+    /// Adds a pooled plane to the fully connected layer, piece by piece.
+    #[inline]
+    pub(crate) fn add_pooled(
+        &mut self,
+        fc: &[Linear<'_>; FC_PIECES],
+        pooled: &[Pair; POOLED_PAIRS],
+    ) {
+        let pieces = pooled.chunks_exact(POOLED_PAIRS / FC_PIECES);
+        for (fc, pooled) in fc.iter().zip(pieces) {
+            fc.accumulate(pooled, &mut self.fc);
+        }
     }
 
     /// The code of the complete window.

@@ -10,15 +10,12 @@ mod grouped;
 mod interleaved;
 
 #[cfg(not(feature = "cortex-m7"))]
-use grouped::{dots_1x14, dots_3x8};
+use grouped::{dots_1x14, dots_3x8, dots_9x24};
 #[cfg(feature = "cortex-m7")]
-use interleaved::{dots_1x14, dots_3x8};
+use interleaved::{dots_1x14, dots_3x8, dots_9x24};
 
 use super::{OUTPUTS, POSITIONS};
 use crate::Pair;
-
-/// Steps that the loops are written out for.
-const STEPS: usize = 4;
 
 /// What the assembler works through; it keeps its own copy.
 #[repr(C)]
@@ -31,18 +28,15 @@ struct Work<const SEGMENTS: usize> {
     end: *mut i32,
 }
 
-/// Does it, if there is assembler for these numbers; slices as long as
-/// [`super::dots`] makes them.
+/// Does it, if there is assembler for these numbers; slices as long as [`super::dots`] makes them, and
+/// at least one step.
 #[inline(always)]
-pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize>(
+pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
     inputs: [&[Pair]; SEGMENTS],
     weights: &[Pair],
     is_shared: bool,
     sums: &mut [[i32; POSITIONS * OUTPUTS]],
 ) -> bool {
-    if sums.is_empty() {
-        return true;
-    }
     let range = sums.as_mut_ptr_range();
     let work = Work {
         inputs: inputs.map(<[Pair]>::as_ptr),
@@ -51,17 +45,21 @@ pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize>(
         end: range.end.cast(),
     };
     let work = (&raw const work).cast();
-    if !sums.len().is_multiple_of(STEPS) {
+    // With the steps that a turn of the loop takes.
+    let (kernel, steps): (unsafe extern "C" fn(*const ()), usize) =
+        match (SEGMENTS, WIDTH, STRIDE, is_shared) {
+            (1, 14, 14, true) => (dots_1x14, 4),
+            (3, 8, 8, false) => (dots_3x8, 4),
+            (9, 24, 8, true) => (dots_9x24, 1),
+            _ => return false,
+        };
+    if !sums.len().is_multiple_of(steps) {
         return false;
     }
-    let kernel: unsafe extern "C" fn(*const ()) = match (SEGMENTS, WIDTH, is_shared) {
-        (1, 14, true) => dots_1x14,
-        (3, 8, false) => dots_3x8,
-        _ => return false,
-    };
-    // SAFETY: a step reads SEGMENTS * POSITIONS * WIDTH inputs and OUTPUTS * SEGMENTS * WIDTH
-    // weights and writes POSITIONS * OUTPUTS sums; `super::dots` cut the slices to as many steps as
-    // `sums` has, a multiple of STEPS and not 0. The match ties each kernel to its `Work`. A pair is an aligned word, as LDRD and LDM want it.
+    // SAFETY: a position reads WIDTH inputs of each segment, STRIDE behind the one before, a step
+    // OUTPUTS * SEGMENTS * WIDTH weights, and it writes POSITIONS * OUTPUTS sums; `super::dots` cut
+    // the slices to as many steps as `sums` has, a whole number of turns and not 0. The match ties
+    // each kernel to its `Work`. A pair is an aligned word, as LDRD and LDM want it.
     unsafe { kernel(work) };
     true
 }

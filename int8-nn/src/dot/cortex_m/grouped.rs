@@ -6,17 +6,17 @@
 
 use core::arch::naked_asm;
 
-use super::{STEPS, Work};
+use super::Work;
 use crate::dot::{ROUND, weights_len};
 
-/// The loop for a number of segments and a width, with weights shared by all steps or not, over so
-/// many steps at a time: the pointers on the stack are moved once for all of them.
+/// The loop for a number of segments, a width and a stride, with weights shared by all steps or not,
+/// over so many steps at a time: the pointers on the stack are moved once for all of them.
 ///
 /// r0-r5 sums, r6-r9 weights of a round (the first output's two words, then the second's), r10-r11
 /// inputs of a position, r12 a segment's next position, lr the weights. The rest of the work stays
 /// on the stack. A round is one LDM and three LDRD for twelve SMLAD.
 macro_rules! kernel {
-    ($name:ident, $segments:literal, $width:literal, $shared:literal) => {
+    ($name:ident, $segments:literal, $width:literal, $stride:literal, $steps:literal, $shared:literal) => {
         #[unsafe(naked)]
         pub(super) unsafe extern "C" fn $name(work: *const ()) {
             naked_asm!(
@@ -90,9 +90,9 @@ macro_rules! kernel {
                 "add sp, #{frame}",
                 "pop {{r4-r11, pc}}",
                 segments = const $segments,
-                steps = const STEPS,
+                steps = const $steps,
                 rounds = const $width / ROUND,
-                position = const 4 * $width,
+                position = const 4 * $stride,
                 frame = const size_of::<Work<$segments>>(),
                 weights = const core::mem::offset_of!(Work<$segments>, weights),
                 sums = const core::mem::offset_of!(Work<$segments>, sums),
@@ -104,5 +104,6 @@ macro_rules! kernel {
     };
 }
 
-kernel!(dots_1x14, 1, 14, true);
-kernel!(dots_3x8, 3, 8, false);
+kernel!(dots_1x14, 1, 14, 14, 4, true);
+kernel!(dots_3x8, 3, 8, 8, 4, false);
+kernel!(dots_9x24, 9, 24, 8, 1, true);

@@ -1,0 +1,112 @@
+//! What each part of the encoder takes of flash and RAM.
+
+use artifact::{CODE, COLUMNS, ELECTRODES, ROWS};
+use int8_nn::{InputConv, Pair, PlaneShape, Winograd};
+
+use crate::{
+    conv_kernel::ConvKernel,
+    integer_model::{CONV1, CONV2, IntegerModel},
+    pack,
+};
+
+/// Bytes of a pair, an accumulator and a factor.
+const WORD: usize = size_of::<Pair>();
+/// Planes that a convolution reads.
+const PLANES: usize = 3;
+/// Windows that are open at the same time.
+const OPEN: usize = 2;
+
+/// A part of the encoder.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Which one, and its kernel.
+    pub name: &'static str,
+    /// Weights as the kernel reads them, biases and factors, bytes.
+    pub flash_bytes: usize,
+    /// State and scratch, bytes.
+    pub ram_bytes: usize,
+}
+
+/// The parts that an encoder has, in the order of the signal.
+pub fn parts(model: &IntegerModel) -> Vec<Part> {
+    let mut parts = Vec::new();
+    if model.mode.has_convolutions() {
+        parts.extend(convolutions(model));
+    }
+    if model.mode.has_shortcut() {
+        let weights = pack::shortcut(model).iter().map(Vec::len).sum::<usize>();
+        parts.push(Part {
+            name: "shortcut",
+            flash_bytes: WORD * (weights + CODE) + ELECTRODES,
+            ram_bytes: OPEN * WORD * CODE,
+        });
+    }
+    parts
+}
+
+fn convolutions(model: &IntegerModel) -> [Part; 3] {
+    let margin = model.geometry.padding.pads()[1];
+    let [_, rows, columns] = model.geometry.pooled;
+    let [_, pool_rows, pool_columns] = model.geometry.pool;
+    let cells = (ROWS + 2 * margin) * (COLUMNS + 2 * margin);
+    // As far as the pool reaches, with and without the margin.
+    let [framed_rows, framed_columns] = [rows * pool_rows + 2, columns * pool_columns + 2];
+    let [_, hidden_rows, hidden_columns] = model.geometry.hidden;
+    let interior = PlaneShape {
+        rows: hidden_rows.min(framed_rows - margin),
+        columns: hidden_columns.min(framed_columns - margin),
+        channels: CONV1,
+    };
+    let conv1 = InputConv::<COLUMNS> {
+        rows: ROWS,
+        output: interior,
+        weights: &[],
+        bias: &[],
+        multipliers: &[],
+    };
+    let framed = margin * framed_rows * framed_columns * CONV1 / 2;
+    let hidden = interior.len() / 2 + framed;
+    let scratch = conv1.patches_len() + conv1.sums_len() + hidden;
+    let positions = rows * columns * CONV2;
+    let pool = WORD * positions + WORD / 2 * positions;
+    let (name, transformed) = match ConvKernel::of(model) {
+        ConvKernel::Winograd => (
+            "conv2, pool: Winograd F(2x4, 3x3)",
+            // Tiles of 2x4 outputs hold two pools beside each other: as many tiles below each other.
+            Winograd::<{ CONV1 / 2 }, 6> {
+                tile_rows: rows * columns / 2,
+                outputs: CONV2,
+                weights: &[],
+            }
+            .transformed_len(),
+        ),
+        ConvKernel::Direct => (
+            "conv2, pool: direct",
+            framed_rows * framed_columns * CONV1 / 2,
+        ),
+    };
+    let edges = if model.geometry.padding.pads_time() {
+        2 * WORD * transformed + pool
+    } else {
+        0
+    };
+    let matrices = pack::fully_connected(model);
+    let fc = matrices.iter().flatten().map(Vec::len).sum::<usize>();
+    [
+        Part {
+            name: "conv1",
+            flash_bytes: WORD * (pack::input_convolution(&model.conv1).len() + 2 * CONV1),
+            ram_bytes: WORD * (PLANES * cells + scratch),
+        },
+        Part {
+            name,
+            flash_bytes: WORD * (pack::convolution(model).len() + 2 * CONV2),
+            ram_bytes: WORD * PLANES * transformed + pool + edges,
+        },
+        Part {
+            name: "fully connected",
+            flash_bytes: WORD * (fc + 2 * CODE) + CODE,
+            ram_bytes: OPEN * WORD * CODE,
+        },
+    ]
+}

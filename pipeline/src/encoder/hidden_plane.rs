@@ -1,0 +1,75 @@
+//! A plane between the convolutions.
+
+use int8_nn::Pair;
+use model::{HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, MARGIN, NETWORK, Network};
+
+/// Scratch of the first convolution.
+const PATCHES: usize = NETWORK.conv1().patches_len();
+const SUMS: usize = NETWORK.conv1().sums_len();
+/// Pairs in a plane, with and without its margin; there is none without padding.
+const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
+const FRAMED: usize = if MARGIN == 0 { 0 } else { HIDDEN.len() / 2 };
+
+/// What computing a plane between the convolutions takes besides its input.
+#[derive(Clone, Debug)]
+pub(super) struct HiddenPlane {
+    patches: [Pair; PATCHES],
+    sums: [i32; SUMS],
+    interior: [Pair; INTERIOR],
+    framed: [Pair; FRAMED],
+}
+
+impl HiddenPlane {
+    /// Nothing computed yet.
+    pub(super) const EMPTY: Self = Self {
+        patches: [Pair::ZERO; PATCHES],
+        sums: [0; SUMS],
+        interior: [Pair::ZERO; INTERIOR],
+        framed: [Pair::ZERO; FRAMED],
+    };
+
+    /// The plane that three input planes make, oldest first, transformed for the second convolution.
+    #[inline]
+    pub(super) fn of(
+        &mut self,
+        network: &Network<'_>,
+        input: [&[Pair]; 3],
+        transformed: &mut [Pair],
+    ) {
+        network
+            .conv1()
+            .plane(input, &mut self.patches, &mut self.sums, &mut self.interior);
+        let plane = if MARGIN == 0 {
+            &self.interior[..]
+        } else {
+            self.frame(network);
+            &self.framed[..]
+        };
+        network.conv2().transform(plane, transformed);
+    }
+
+    /// A plane beyond the window's ends: nothing but padding.
+    pub(super) fn padding(&mut self, network: &Network<'_>, transformed: &mut [Pair]) {
+        let planes = self.framed.chunks_exact_mut(HIDDEN.rows * HIDDEN.columns);
+        for (plane, &padding) in planes.zip(&network.hidden_padding) {
+            plane.fill(padding);
+        }
+        network.conv2().transform(&self.framed, transformed);
+    }
+
+    /// Lays the plane into its margin.
+    fn frame(&mut self, network: &Network<'_>) {
+        let channels = network.hidden_padding.iter().zip(&network.hidden_offset);
+        let planes = self.framed.chunks_exact_mut(HIDDEN.rows * HIDDEN.columns);
+        let interiors = self.interior.chunks_exact(INTERIOR / HIDDEN_PAIRS);
+        for ((framed, interior), (&padding, &offset)) in planes.zip(interiors).zip(channels) {
+            framed.fill(padding);
+            let rows = framed.chunks_exact_mut(HIDDEN.columns).skip(MARGIN);
+            for (row, numbers) in rows.zip(interior.chunks_exact(HIDDEN_INTERIOR.columns)) {
+                for (place, &number) in row[MARGIN..].iter_mut().zip(numbers) {
+                    *place = number + offset;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,51 @@
+//! The max-pool behind the second convolution.
+
+use int8_nn::{Pair, requantise, saturate_u8};
+use model::{Conv2, Network, POOLED, POOLED_PAIRS};
+
+/// The largest sums of a pool so far, and the last pool that was finished.
+#[derive(Clone, Debug)]
+pub(super) struct Pool {
+    largest: [i32; POOLED.len()],
+    pooled: [Pair; POOLED_PAIRS],
+}
+
+impl Pool {
+    /// A pool that holds nothing.
+    pub(super) const EMPTY: Self = Self {
+        largest: [i32::MIN; POOLED.len()],
+        pooled: [Pair::ZERO; POOLED_PAIRS],
+    };
+
+    /// Takes in the second convolution's plane that ends with the last of three transformed planes.
+    #[inline]
+    pub(super) fn take(&mut self, network: &Network<'_>, transformed: [&[Pair]; 3]) {
+        network.conv2().pool(transformed, &mut self.largest);
+    }
+
+    /// Brings the sums to 8 bits, and begins with the next pool.
+    #[inline]
+    pub(super) fn finish(&mut self, network: &Network<'_>) {
+        let bias = network.conv2.bias.as_chunks::<2>().0;
+        let multipliers = network.conv2.multipliers.as_chunks::<2>().0;
+        let places = self.largest.chunks_exact_mut(POOLED.channels);
+        for (sums, pooled) in places.zip(self.pooled.chunks_exact_mut(POOLED.channels / 2)) {
+            let channels = bias.iter().zip(multipliers);
+            let sums = sums.as_chunks_mut::<2>().0.iter_mut().zip(channels);
+            for (pair, (sums, (bias, multipliers))) in pooled.iter_mut().zip(sums) {
+                let activation = |index: usize| {
+                    let sum = Conv2::unscaled(sums[index]).wrapping_add(bias[index]);
+                    i16::from(saturate_u8(requantise(sum, multipliers[index])))
+                };
+                *pair = Pair::new([activation(0), activation(1)]);
+                *sums = [i32::MIN; 2];
+            }
+        }
+    }
+
+    /// The last finished pool, values 0..=255, `[position][channel]`.
+    #[inline]
+    pub(super) const fn pooled(&self) -> &[Pair; POOLED_PAIRS] {
+        &self.pooled
+    }
+}
