@@ -49,7 +49,7 @@ pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usiz
     let (kernel, steps): (unsafe extern "C" fn(*const ()), usize) =
         match (SEGMENTS, WIDTH, STRIDE, is_shared) {
             (1, 14, 14, true) => (dots_1x14, 4),
-            (3, 8, 8, false) => (dots_3x8, 4),
+            (3, 8, 8, false) => (dots_3x8, 8),
             (9, 24, 8, true) => (dots_9x24, 1),
             _ => return false,
         };

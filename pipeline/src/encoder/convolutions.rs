@@ -60,6 +60,9 @@ impl Convolutions {
             self.hidden
                 .of(network, self.input.oldest_first(), transformed);
         }
+        if index == 0 {
+            self.pool.begin();
+        }
         if index >= 4 {
             self.convolve(index - 4, network, windows);
         }

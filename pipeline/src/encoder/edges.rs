@@ -60,6 +60,7 @@ impl Edges {
         let [_, before, newest] = stream.transformed.oldest_first();
         match offset {
             1 => {
+                self.pool.begin();
                 hidden.padding(network, &mut self.beyond);
                 hidden.of(network, [&BEYOND, older, newer], &mut self.outermost);
             }

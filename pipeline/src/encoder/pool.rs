@@ -11,11 +11,16 @@ pub(super) struct Pool {
 }
 
 impl Pool {
-    /// A pool that holds nothing.
+    /// Zeros, so that a static encoder takes no flash; [`Self::begin`] comes before the first plane.
     pub(super) const EMPTY: Self = Self {
-        largest: [i32::MIN; POOLED.len()],
+        largest: [0; POOLED.len()],
         pooled: [Pair::ZERO; POOLED_PAIRS],
     };
+
+    /// Forgets what it holds.
+    pub(super) fn begin(&mut self) {
+        self.largest.fill(i32::MIN);
+    }
 
     /// Takes in the second convolution's plane that ends with the last of three transformed planes.
     #[inline]

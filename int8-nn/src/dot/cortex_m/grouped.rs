@@ -105,5 +105,5 @@ macro_rules! kernel {
 }
 
 kernel!(dots_1x14, 1, 14, 14, 4, true);
-kernel!(dots_3x8, 3, 8, 8, 4, false);
+kernel!(dots_3x8, 3, 8, 8, 8, false);
 kernel!(dots_9x24, 9, 24, 8, 1, true);
