@@ -59,10 +59,10 @@ pub struct Winograd<'w, const PAIRS: usize, const COLUMNS: usize> {
 impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// Largest input: 48 times a sum of 27 products with weights of up to 127 for each channel stays
     /// below 2^31, and transformed inputs, up to 16 times an input, below 2^15.
-    pub const LARGEST_INPUT: i32 = {
-        let by_sum = (i32::MAX as usize) / (SCALE * TAPS * 2 * PAIRS * 127);
-        let by_input = (i16::MAX as usize) / 16;
-        (if by_sum < by_input { by_sum } else { by_input }) as i32
+    pub const LARGEST_INPUT: usize = {
+        let by_sum = ((1 << 31) - 1) / (SCALE * TAPS * 2 * PAIRS * 127);
+        let by_input = ((1 << 15) - 1) / 16;
+        if by_sum < by_input { by_sum } else { by_input }
     };
 
     /// Tiles beside each other.

@@ -22,12 +22,7 @@ impl ConvKernel {
         type Kernel = Winograd<'static, { CONV1 / 2 }, 6>;
         let [_, rows, columns] = model.geometry.pool;
         let unsigned = Unsigned::of(model);
-        let offsets = unsigned
-            .offset
-            .iter()
-            .map(|offset| 255 + i32::from(*offset));
-        let paddings = unsigned.padding.iter().map(|&padding| i32::from(padding));
-        let largest = offsets.chain(paddings).max().unwrap_or(0);
+        let largest = usize::from(unsigned.largest());
         let whole_tiles = model.geometry.pooled[2].is_multiple_of(2);
         if [rows, columns] == [2, 2] && whole_tiles && largest <= Kernel::LARGEST_INPUT {
             Self::Winograd

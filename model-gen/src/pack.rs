@@ -148,6 +148,13 @@ impl Unsigned {
         }
     }
 
+    /// Largest number that the second convolution reads.
+    pub fn largest(&self) -> u16 {
+        let offsets = self.offset.iter().map(|offset| 255 + offset.unsigned_abs());
+        let paddings = self.padding.iter().map(|padding| padding.unsigned_abs());
+        offsets.chain(paddings).max().unwrap_or(0)
+    }
+
     /// Channels in pairs.
     pub fn pairs(channels: [i16; CONV1]) -> [Pair; HIDDEN_PAIRS] {
         let mut pairs = [Pair::ZERO; HIDDEN_PAIRS];

@@ -142,10 +142,10 @@ impl<'w> Network<'w> {
             }
             index += 1;
         }
+        let matrices = self.fc.as_flattened();
         let mut index = 0;
-        while index < self.fc.len() * FC_PIECES {
-            let matrix = &self.fc[index / FC_PIECES][index % FC_PIECES];
-            if !matrix.is_consistent(POOLED_PAIRS / FC_PIECES, CODE) {
+        while index < matrices.len() {
+            if !matrices[index].is_consistent(POOLED_PAIRS / FC_PIECES, CODE) {
                 return false;
             }
             index += 1;
