@@ -139,7 +139,7 @@ struct DirectCase {
 /// Of any pool that fits `columns`, with inputs of 16 bits.
 fn direct_case(pairs: usize, columns: usize) -> impl Strategy<Value = DirectCase> {
     let widths: Vec<usize> = (1..=columns - 2)
-        .filter(|width| (columns - 2) % width == 0)
+        .filter(|width| (columns - 2).is_multiple_of(*width))
         .collect();
     let width = prop::sample::select(widths);
     (1_usize..4, width, 1_usize..4, 1_usize..4).prop_flat_map(
