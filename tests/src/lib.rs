@@ -1,8 +1,10 @@
 //! What the whole promises, end to end: processes as a user starts them, judged from outside.
 #![forbid(unsafe_code)]
 
+pub mod any_artifact;
 pub mod chain;
 pub mod npz;
+pub mod numpy_reference;
 pub mod process;
 pub mod programs;
 pub mod real_data;

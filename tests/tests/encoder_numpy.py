@@ -1,6 +1,6 @@
 """The codes of an integer encoder, in numpy: python3 encoder_numpy.py FOLDER
 
-Reads FOLDER/*.i64 (little endian), as encoder_numpy.rs beside this file writes them, and writes FOLDER/codes.i8.
+Reads FOLDER/*.i64 (little endian), as numpy_reference.rs of this crate writes them, and writes FOLDER/codes.i8.
 Knows nothing of planes that come one by one, of transforms or of packed weights: every window is a batch of its
 own, with convolutions over the whole of it, in int64 and in the order in which PyTorch keeps weights.
 """
@@ -11,8 +11,8 @@ import numpy as np
 
 FOLDER = Path(sys.argv[1])
 STEPS, ROWS, COLUMNS = 16, 10, 9
-# Windows that are computed at once: what lies side by side for the second convolution takes 35 MB.
-BATCH = 32
+# Windows that are computed at once: what lies side by side for the second convolution takes up to 40 MB.
+BATCH = 8
 
 
 def array(name, *shape):
@@ -22,6 +22,13 @@ def array(name, *shape):
 def rounded(product):
     """A Q32 number to the nearest integer, halves up."""
     return (product + (1 << 31)) // (1 << 32)
+
+
+def padded(x, pads, values):
+    """[window, channel, time, row, column] with each channel's own value beyond the edges."""
+    around = [(0, 0)] + [(pad, pad) for pad in pads]
+    channels = [np.pad(x[:, c], around, constant_values=value) for c, value in enumerate(values)]
+    return np.stack(channels, axis=1)
 
 
 def convolved(x, weights, bias):
@@ -36,35 +43,54 @@ def activated(sums, multipliers):
     return np.clip(rounded(sums * factors), 0, 255)
 
 
-def pooled(sums):
-    """Largest of 2 x 2 x 2; an odd last column is not read."""
-    batch, channels, times, rows, columns = sums.shape
-    times, rows, columns = times // 2, rows // 2, columns // 2
-    blocks = sums[:, :, : 2 * times, : 2 * rows, : 2 * columns]
-    blocks = blocks.reshape(batch, channels, times, 2, rows, 2, columns, 2)
-    return blocks.max(axis=(3, 5, 7))
+def pooled(sums, pool):
+    """Largest of each pool; what fills none is not read."""
+    for axis, length in enumerate(pool, start=2):
+        count = sums.shape[axis] // length
+        sums = np.take(sums, range(count * length), axis)
+        groups = sums.shape[:axis] + (count, length) + sums.shape[axis + 1 :]
+        sums = sums.reshape(groups).max(axis + 1)
+    return sums
+
+
+class Convolutions:
+    def __init__(self):
+        self.pads, self.pool = array("pads", 3), array("pool", 3)
+        self.hidden_padding = array("hidden_padding", 16)
+        self.conv1 = array("conv1.weights", 16, 1, 3, 3, 3), array("conv1.bias", 16)
+        self.conv2 = array("conv2.weights", 32, 16, 3, 3, 3), array("conv2.bias", 32)
+        self.factors1, self.factors2 = array("conv1.multipliers", 16), array("conv2.multipliers", 32)
+        self.fc, self.fc_bias = array("fc.weights", 128, -1), array("fc.bias", 128)
+        self.fc_factors = array("fc.multipliers", 128)
+
+    def codes(self, window):
+        x = padded(window[:, None], self.pads, [0])
+        hidden = activated(convolved(x, *self.conv1), self.factors1)
+        sums = convolved(padded(hidden, self.pads, self.hidden_padding), *self.conv2)
+        features = activated(pooled(sums, self.pool), self.factors2)
+        return (features.reshape(len(window), -1) @ self.fc.T + self.fc_bias) * self.fc_factors
+
+
+class Shortcut:
+    def __init__(self):
+        self.cells = array("cells", 61)
+        self.weights = array("shortcut.weights", 128, STEPS * 61)
+        self.factors = array("shortcut.multipliers", 128)
+
+    def codes(self, window):
+        electrodes = window.reshape(len(window), STEPS, ROWS * COLUMNS)[:, :, self.cells]
+        return electrodes.reshape(len(window), -1) @ self.weights.T * self.factors
 
 
 def main():
-    conv1 = array("conv1.weights", 16, 1, 3, 3, 3), array("conv1.bias", 16)
-    conv2 = array("conv2.weights", 32, 16, 3, 3, 3), array("conv2.bias", 32)
-    factors1, factors2 = array("conv1.multipliers", 16), array("conv2.multipliers", 32)
-    fc, fc_bias = array("fc.weights", 128, 32 * 6 * 3 * 2), array("fc.bias", 128)
-    cells = array("cells", 61)
-    shortcut = array("shortcut.weights", 128, STEPS * 61)
-    fc_factors, shortcut_factors = array("fc.multipliers", 128), array("shortcut.multipliers", 128)
+    parts = [part() for part, is_there in zip((Convolutions, Shortcut), array("parts", 2)) if is_there]
     zero_point = array("zero_point", 128)
     windows = array("windows", -1, STEPS, ROWS, COLUMNS)
 
     codes = []
     for first in range(0, len(windows), BATCH):
         window = windows[first : first + BATCH]
-        hidden = activated(convolved(window[:, None], *conv1), factors1)
-        features = activated(pooled(convolved(hidden, *conv2)), factors2)
-        electrodes = window.reshape(len(window), STEPS, ROWS * COLUMNS)[:, :, cells]
-        deep = features.reshape(len(window), -1) @ fc.T + fc_bias
-        direct = electrodes.reshape(len(window), -1) @ shortcut.T
-        code = rounded(deep * fc_factors + direct * shortcut_factors) + zero_point
+        code = rounded(sum(part.codes(window) for part in parts)) + zero_point
         codes.append(np.clip(code, -128, 127))
     codes = np.concatenate(codes)
     codes.astype(np.int8).tofile(FOLDER / "codes.i8")

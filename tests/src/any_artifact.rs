@@ -1,0 +1,172 @@
+//! Random networks of every mode, padding and pool, calibrated as a trained one is.
+
+use artifact::{
+    Artifact, ArtifactError, CODE, ELECTRODES, FloatEncoder, Geometry, Mode, NetworkShape, Padding,
+    ScalpGrid, Tensors, Traced, WINDOW_CELLS, WINDOW_ELECTRODES,
+};
+use model_gen::{CELLS, IntegerModel, Plane, STEPS};
+
+use crate::workspace;
+
+/// A window on the scalp grid: step, row, column; uV over the input's standard deviation.
+pub type Window = Box<[f32; WINDOW_CELLS]>;
+
+/// Windows that calibrate a network.
+const CALIBRATION: usize = 16;
+
+/// Every mode, padding and pool of which the tests make a network; mode `paper`, whose encoder is
+/// that of `paper-code-only`, once per padding.
+pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
+    let mut variants = vec![(Mode::Pca, Padding::None, [2, 2, 2])];
+    for padding in [Padding::None, Padding::Space, Padding::All] {
+        variants.push((Mode::Paper, padding, [2, 2, 2]));
+        for pool in [
+            [2, 2, 2],
+            [1, 2, 2],
+            [2, 3, 3],
+            [4, 2, 2],
+            [2, 1, 1],
+            [2, 2, 1],
+        ] {
+            // Windows whose steps are padded have no pools of four.
+            if !(padding.pads_time() && pool[0] == 4) {
+                variants.push((Mode::PaperCodeOnly, padding, pool));
+                variants.push((Mode::Shortcut, padding, pool));
+            }
+        }
+    }
+    variants
+}
+
+/// A network in which every weight matters, described as the built-in model but for what is asked:
+/// dense random tensors, batch norms with negative, zero and positive factors and offsets of their
+/// own. Calibrated on windows as [`windows`] makes them, so that codes of such neither all clip nor
+/// all vanish.
+///
+/// # Errors
+/// When the built-in model cannot be read or no model has this shape.
+pub fn any_artifact(
+    seed: u32,
+    mode: Mode,
+    padding: Padding,
+    pool: [usize; 3],
+    hop: usize,
+) -> Result<Artifact, ArtifactError> {
+    let mut artifact = Artifact::read(&workspace::root().join("model/artifact"))?;
+    artifact.description.mode = mode;
+    artifact.description.network = NetworkShape { padding, pool };
+    artifact.description.window.hop = hop;
+    let mut noise = Noise(seed);
+    artifact.weights = dense_weights(&mut noise, mode, &Geometry::of(&artifact.description));
+    let windows = windows(!seed, &artifact, CALIBRATION);
+    let encoder = FloatEncoder::new(&artifact)?;
+    let traced: Vec<Traced> = windows.iter().map(|w| encoder.encode_traced(w)).collect();
+    let calibration = calibration(&artifact, &windows, &traced);
+    Artifact::new(artifact.description, artifact.weights, calibration)
+}
+
+/// Smooth random windows of a model's electrodes.
+pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
+    let grid = ScalpGrid::new(&artifact.description);
+    // Not the numbers that weights of the same seed have: each would be its own matched filter.
+    let mut noise = Noise(seed ^ 0x9e37_79b9);
+    let mut window = || {
+        let mut last = [0.0_f32; ELECTRODES];
+        let mut window = [0.0; WINDOW_ELECTRODES];
+        for step in window.chunks_exact_mut(ELECTRODES) {
+            for (value, last) in step.iter_mut().zip(&mut last) {
+                *last = 0.8 * *last + 0.9 * noise.next();
+                *value = *last;
+            }
+        }
+        grid.scatter(&window)
+    };
+    (0..count).map(|_| window()).collect()
+}
+
+/// The planes that the device would see of a window.
+pub fn planes(artifact: &Artifact, model: &IntegerModel, window: &Window) -> [Plane; STEPS] {
+    let sd_uv = artifact.description.input.sd_uv;
+    let mut planes = [[0; CELLS]; STEPS];
+    for (q, x) in planes.as_flattened_mut().iter_mut().zip(window.iter()) {
+        let steps = f64::from(*x) * sd_uv / f64::from(model.input_scale_uv);
+        #[expect(clippy::cast_possible_truncation, reason = "clamped to 8 bits")]
+        let clamped = steps.round().clamp(-128.0, 127.0) as i8;
+        *q = clamped;
+    }
+    planes
+}
+
+fn dense_weights(noise: &mut Noise, mode: Mode, geometry: &Geometry) -> Tensors {
+    let mut weights = Tensors::for_weights();
+    for (name, shape) in artifact::weight_shapes(mode, geometry) {
+        let length = shape.iter().product();
+        let inputs: usize = shape[1..].iter().product();
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "layers have a few thousand inputs"
+        )]
+        let scale = match name {
+            _ if name.ends_with("running_var") => 0.4,
+            _ if name.contains("norm") => 1.0,
+            _ if name.ends_with("bias") => 0.3,
+            _ => 1.7 / (inputs as f32).sqrt(),
+        };
+        let mut values = noise.fill(length, scale);
+        if name.ends_with("running_var") {
+            for value in &mut values {
+                *value += 0.7;
+            }
+        }
+        if name.contains("norm") && name.ends_with(".weight") {
+            // Both signs and zero, whatever the seed.
+            (values[0], values[1], values[2]) = (-0.7, 0.0, 0.7);
+        }
+        weights.insert(name, &shape, values);
+    }
+    weights
+}
+
+fn calibration(artifact: &Artifact, windows: &[Window], traced: &[Traced]) -> Tensors {
+    let largest = |values: &mut dyn Iterator<Item = f32>| vec![values.fold(0.0, f32::max)];
+    let mut calibration = Tensors::for_calibration();
+    #[expect(clippy::cast_possible_truncation, reason = "calibration is f32")]
+    let sd_uv = artifact.description.input.sd_uv as f32;
+    let inputs = &mut windows
+        .iter()
+        .flat_map(|w| w.iter().map(|x| x.abs() * sd_uv));
+    calibration.insert("input.max_abs", &[1], largest(inputs));
+    if artifact.description.mode.has_convolutions() {
+        let first = largest(&mut traced.iter().map(|t| t.activation1_max));
+        let second = largest(&mut traced.iter().map(|t| t.activation2_max));
+        calibration.insert("activation1.max", &[1], first);
+        calibration.insert("activation2.max", &[1], second);
+    }
+    // A few windows reach about half as far as many do.
+    let (low, high): (Vec<f32>, Vec<f32>) = (0..CODE)
+        .map(|j| {
+            let of =
+                |f: fn(f32, f32) -> f32, start| traced.iter().fold(start, |m, t| f(m, t.code[j]));
+            let (low, high) = (of(f32::min, f32::INFINITY), of(f32::max, f32::NEG_INFINITY));
+            let further = (high - low) / 2.0;
+            (low - further, high + further)
+        })
+        .unzip();
+    calibration.insert("code.min", &[CODE], low);
+    calibration.insert("code.max", &[CODE], high);
+    calibration
+}
+
+/// Pseudo-random numbers in [-1, 1) (a linear congruential generator, Numerical Recipes).
+struct Noise(u32);
+
+impl Noise {
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f32::from(i16::try_from(self.0.cast_signed() >> 16).expect("16 bits")) / 32_768.0
+    }
+
+    fn fill(&mut self, length: usize, scale: f32) -> Vec<f32> {
+        (0..length).map(|_| self.next() * scale).collect()
+    }
+}

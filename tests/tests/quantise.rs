@@ -1,0 +1,131 @@
+//! The integer encoder against the float one, on networks in which every layer, every padding and
+//! every sign of batch norm matters.
+#![forbid(unsafe_code)]
+
+use acceptance::any_artifact::{any_artifact, every_variant, planes, windows};
+use artifact::{Artifact, CODE, FloatEncoder, Mode, Padding};
+use model_gen::{IntegerModel, ModelGenError, quantise};
+
+/// Windows of each variant; other ones than those of its calibration.
+const WINDOWS: usize = 6;
+
+/// Codes of the same windows by both encoders, the integers dequantised.
+fn codes(
+    artifact: &Artifact,
+    model: &IntegerModel,
+    seed: u32,
+) -> (Vec<[f32; CODE]>, Vec<[f32; CODE]>) {
+    let encoder = FloatEncoder::new(artifact).expect("a complete network");
+    let dequantised = |q: [i8; CODE]| {
+        std::array::from_fn(|j| {
+            let steps = i16::from(q[j]) - i16::from(model.code_zero_point[j]);
+            f32::from(steps) * model.code_scale[j]
+        })
+    };
+    windows(seed, artifact, WINDOWS)
+        .iter()
+        .map(|window| {
+            let integers = model.encode_window(&planes(artifact, model, window));
+            (encoder.encode(window), dequantised(integers))
+        })
+        .unzip()
+}
+
+/// Signal over quantisation noise of all codes, dB, means removed per dimension.
+fn sqnr_db((float, integer): &(Vec<[f32; CODE]>, Vec<[f32; CODE]>)) -> f32 {
+    let (mut signal, mut noise) = (0.0, 0.0);
+    for j in 0..CODE {
+        #[expect(clippy::cast_precision_loss, reason = "a few windows")]
+        let mean = float.iter().map(|z| z[j]).sum::<f32>() / float.len() as f32;
+        for (a, b) in float.iter().zip(integer) {
+            signal += (a[j] - mean).powi(2);
+            noise += (a[j] - b[j]).powi(2);
+        }
+    }
+    10.0 * (signal / noise).log10()
+}
+
+#[test]
+fn integer_codes_follow_the_float_codes_in_every_variant() {
+    for (seed, (mode, padding, pool)) in (1..).zip(every_variant()) {
+        let artifact = any_artifact(seed, mode, padding, pool, 8).expect("an artifact");
+        let model = quantise(&artifact).expect("a quantisable network");
+        let sqnr = sqnr_db(&codes(&artifact, &model, seed));
+        println!("{mode:?}, {padding:?}, {pool:?}: {sqnr:.1} dB");
+        // Measured 29.5 dB at least with a shortcut, 22.2 dB without.
+        let floor_db = if mode.has_shortcut() { 27.0 } else { 21.0 };
+        assert!(
+            sqnr > floor_db,
+            "{mode:?}, {padding:?}, {pool:?}: {sqnr:.1} dB"
+        );
+    }
+}
+
+#[test]
+fn zeros_in_place_of_the_padding_spoil_the_codes() {
+    for padding in [Padding::Space, Padding::All] {
+        let artifact = any_artifact(7, Mode::PaperCodeOnly, padding, [2, 2, 2], 8);
+        let artifact = artifact.expect("an artifact");
+        let mut model = quantise(&artifact).expect("a quantisable network");
+        let right = sqnr_db(&codes(&artifact, &model, 7));
+        model.hidden_padding.fill(0);
+        let wrong = sqnr_db(&codes(&artifact, &model, 7));
+        println!("{padding:?}: {right:.1} dB, with zeros {wrong:.1} dB");
+        // Measured 26 dB less.
+        assert!(wrong < right - 20.0, "{padding:?}: {right:.1}, {wrong:.1}");
+    }
+}
+
+#[test]
+fn what_a_mode_lacks_is_empty() {
+    let model = |mode| {
+        let artifact = any_artifact(3, mode, Padding::None, [2, 2, 2], 16).expect("an artifact");
+        quantise(&artifact).expect("a quantisable network")
+    };
+    let pca = model(Mode::Pca);
+    assert!(pca.conv1.weights.is_empty() && pca.conv2.weights.is_empty());
+    assert!(pca.fc.weights.is_empty() && pca.fc.multipliers.is_empty());
+    assert_eq!(pca.shortcut.weights.len(), CODE * 976);
+    let paper = model(Mode::Paper);
+    assert!(paper.shortcut.weights.is_empty() && paper.shortcut.multipliers.is_empty());
+    assert_eq!(paper.fc.weights.len(), CODE * 1_152);
+    assert_eq!(
+        (paper.hidden_padding, paper.largest_hidden()),
+        ([0; 16], 255)
+    );
+}
+
+#[test]
+fn a_padding_beyond_16_bits_is_refused_by_channel() {
+    let mut artifact =
+        any_artifact(5, Mode::Shortcut, Padding::Space, [2, 2, 2], 8).expect("an artifact");
+    let mut bias = vec![0.0; 16];
+    bias[9] = 1e6;
+    artifact.weights.insert("encoder.norm1.bias", &[16], bias);
+    let error = quantise(&artifact).expect_err("cannot be padded");
+    assert!(
+        matches!(error, ModelGenError::HiddenPadding { channel: 9, .. }),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_dimension_that_never_comes_near_zero_keeps_its_resolution() {
+    let mut artifact =
+        any_artifact(4, Mode::Shortcut, Padding::None, [2, 2, 2], 8).expect("an artifact");
+    let raise = |name: &str, by: f32| {
+        let values = artifact.calibration.tensor(name, &[CODE]);
+        let values = values.expect("calibrated").iter();
+        values.map(|v| v + by).collect::<Vec<f32>>()
+    };
+    let (low, high) = (raise("code.min", 100.0), raise("code.max", 100.0));
+    artifact.calibration.insert("code.min", &[CODE], low);
+    artifact
+        .calibration
+        .insert("code.max", &[CODE], high.clone());
+    let model = quantise(&artifact).expect("a quantisable network");
+    for (j, high) in high.iter().enumerate() {
+        let q = high / model.code_scale[j] + f32::from(model.code_zero_point[j]);
+        assert!(q <= 127.0, "dimension {j}: {q}");
+    }
+}
