@@ -254,8 +254,8 @@ pub enum ModelGenError {
     },
     /// A padding that does not fit 16 bits.
     #[error(
-        "beyond the edges channel {channel} behind conv1 would hold {value:.0}, which leaves 16 \
-         bits: its batch norm's bias is far larger than what the channel was calibrated to reach; \
+        "beyond the edges channel {channel} behind conv1 would hold {value:.0}, but at most +-32512 \
+         fits: its batch norm's bias is far larger than what the channel was calibrated to reach; \
          train with weight decay, or with [network] padding = \"none\""
     )]
     HiddenPadding {

@@ -31,6 +31,10 @@ const HEAD_ROOM: f64 = 1.25;
 /// long moves few dimensions far, and a clipped code costs more than all rounding.
 const CODE_HEAD_ROOM: f64 = 2.0;
 
+/// Largest magnitude of a cell beyond the edges: kernels that read unsigned numbers lift a channel by
+/// as much, activations up to 255 included, and keep it within 16 bits.
+const LARGEST_PADDING: u16 = 32_767 - 255;
+
 /// Features of the linear shortcut.
 const LINEAR: usize = STEPS * ELECTRODES;
 
@@ -230,6 +234,7 @@ impl Norm {
             let value = -sign * offset / scale;
             *to = to_i32(value)
                 .and_then(|value| i16::try_from(value).ok())
+                .filter(|value| value.unsigned_abs() <= LARGEST_PADDING)
                 .ok_or(ModelGenError::HiddenPadding { channel, value })?;
         }
         Ok(padding)
