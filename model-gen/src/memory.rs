@@ -37,10 +37,16 @@ pub fn parts(model: &IntegerModel) -> Vec<Part> {
         let weights = pack::shortcut(model).iter().map(Vec::len).sum::<usize>();
         parts.push(Part {
             name: "shortcut",
-            flash_bytes: WORD * (weights + CODE) + ELECTRODES,
-            ram_bytes: OPEN * WORD * CODE,
+            flash_bytes: WORD * weights + ELECTRODES,
+            ram_bytes: 0,
         });
     }
+    parts.push(Part {
+        name: "codes of two open windows",
+        // Bias, two factors and a zero point for each number of a code.
+        flash_bytes: 3 * WORD * CODE + CODE,
+        ram_bytes: OPEN * 2 * WORD * CODE,
+    });
     parts
 }
 
@@ -105,8 +111,8 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
         },
         Part {
             name: "fully connected",
-            flash_bytes: WORD * (fc + 2 * CODE) + CODE,
-            ram_bytes: OPEN * WORD * CODE,
+            flash_bytes: WORD * fc,
+            ram_bytes: 0,
         },
     ]
 }

@@ -1,0 +1,63 @@
+//! The device's half of other models than the built-in one: built from their artifacts as a user
+//! builds them, and streamed against the batch reference.
+//!
+//! The reference itself is held to numpy for every variant in `encoder_numpy.rs`.
+#![forbid(unsafe_code)]
+
+use std::process::Command;
+
+use acceptance::{any_artifact::any_artifact, workspace};
+use artifact::{
+    Mode::{self, Paper, PaperCodeOnly, Pca, Shortcut},
+    Padding,
+};
+
+/// One for each kernel, for each end of a padded window, and for each half that can be missing.
+const VARIANTS: [(Mode, Padding, [usize; 3], usize); 6] = [
+    (Paper, Padding::None, [2, 2, 2], 16),
+    (Paper, Padding::None, [4, 3, 3], 8),
+    (PaperCodeOnly, Padding::Space, [1, 2, 2], 8),
+    (Shortcut, Padding::All, [2, 2, 2], 8),
+    (Shortcut, Padding::All, [1, 3, 1], 16),
+    (Pca, Padding::None, [2, 2, 2], 8),
+];
+
+#[test]
+fn any_model_streams_as_it_batches() {
+    for (seed, (mode, padding, pool, hop)) in (1..).zip(VARIANTS) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let artifact = any_artifact(seed, mode, padding, pool, hop).expect("a model");
+        artifact.write(folder.path()).expect("a folder to write to");
+        let test = [
+            "test",
+            "--package",
+            "pipeline",
+            "--test",
+            "streaming_equals_batch",
+        ];
+        let output = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+            .args(test)
+            .current_dir(workspace::root())
+            .env("CORTICODE_ARTIFACT", folder.path())
+            // Beside the others: a change of the model would rebuild everything behind it, twice.
+            .env("CARGO_TARGET_DIR", target().join("variants"))
+            .output()
+            .expect("cargo runs");
+        let said = String::from_utf8_lossy(&output.stdout);
+        let variant = format!("{mode:?}, padding {padding:?}, pool {pool:?}, hop {hop}");
+        assert!(
+            output.status.success(),
+            "{variant}:\n{said}\n{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        let result = said.lines().find(|line| line.starts_with("test result"));
+        println!("{variant}: {}", result.expect("a test ran"));
+    }
+}
+
+/// Where cargo builds this test.
+fn target() -> std::path::PathBuf {
+    let this = std::env::current_exe().expect("this program has a path");
+    let profile = this.ancestors().nth(2).expect("target/profile/deps/test");
+    profile.parent().expect("a target folder").to_owned()
+}
