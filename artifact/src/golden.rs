@@ -1,4 +1,6 @@
+use crate::CodeFormat;
 use crate::error::ArtifactError;
+use crate::integer_code::IntegerCode;
 use crate::shapes::{CELLS, CODE, STEPS};
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
@@ -7,16 +9,22 @@ use std::path::Path;
 /// Name of the file in the artifact's folder.
 const FILE: &str = "golden.safetensors";
 
+/// Name of the tensor that only codes with an exponent have.
+const EXPONENTS: &str = "exponents";
+
 /// Quantised windows and the codes that the integer encoder of this model makes of them.
 ///
 /// Written by `trainer` from `model-gen`'s integer reference; every other integer encoder must give
 /// the same bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Golden {
+    /// Format of the codes: int8 codes `[n, 128]`, beside them `exponents` `[n]` in `Int8Exponent`,
+    /// or int16 codes.
+    pub format: CodeFormat,
     /// int8 planes of the scalp grid, 16 to a window.
     pub windows: Vec<[[i8; CELLS]; STEPS]>,
     /// The code of each window.
-    pub codes: Vec<[i8; CODE]>,
+    pub codes: Vec<IntegerCode>,
 }
 
 impl Golden {
@@ -37,22 +45,43 @@ impl Golden {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ArtifactError> {
         let file = SafeTensors::deserialize(bytes)
             .map_err(|source| ArtifactError::Safetensors { file: FILE, source })?;
-        let (count, windows) = int8(&file, "windows", &[STEPS, CELLS])?;
-        let (codes_count, codes) = int8(&file, "codes", &[CODE])?;
-        if codes_count != count {
-            return Err(ArtifactError::Shape {
-                file: FILE,
-                name: "codes".to_owned(),
-                found: vec![codes_count, CODE],
-                expected: vec![count, CODE],
-            });
-        }
+        let count = windows_of(&file)?;
+        let windows = contents(&file, "windows", Dtype::I8, &[count, STEPS, CELLS])?;
+        let windows: Vec<i8> = windows.iter().map(|byte| byte.cast_signed()).collect();
         let (planes, _) = windows.as_chunks::<CELLS>();
         let (windows, _) = planes.as_chunks::<STEPS>();
-        let (codes, _) = codes.as_chunks::<CODE>();
+
+        let is_wide = |view: TensorView<'_>| view.dtype() == Dtype::I16;
+        let format = if file.tensor(EXPONENTS).is_ok() {
+            CodeFormat::Int8Exponent
+        } else if file.tensor("codes").is_ok_and(is_wide) {
+            CodeFormat::Int16
+        } else {
+            CodeFormat::Int8
+        };
+        let values = contents(&file, "codes", element(format), &[count, CODE])?;
+        let values: Vec<i16> = match format {
+            CodeFormat::Int8 | CodeFormat::Int8Exponent => {
+                let values = values.iter().map(|byte| byte.cast_signed());
+                values.map(i16::from).collect()
+            }
+            CodeFormat::Int16 => {
+                let (values, _) = values.as_chunks::<2>();
+                values.iter().map(|&b| i16::from_le_bytes(b)).collect()
+            }
+        };
+        let exponents = match format {
+            CodeFormat::Int8Exponent => contents(&file, EXPONENTS, Dtype::U8, &[count])?.to_vec(),
+            CodeFormat::Int8 | CodeFormat::Int16 => vec![0; count],
+        };
+        let (values, _) = values.as_chunks::<CODE>();
+        let codes = exponents.into_iter().zip(values);
         Ok(Self {
+            format,
             windows: windows.to_vec(),
-            codes: codes.to_vec(),
+            codes: codes
+                .map(|(exponent, &values)| IntegerCode { exponent, values })
+                .collect(),
         })
     }
 
@@ -73,73 +102,121 @@ impl Golden {
         let count = self.windows.len();
         assert_eq!(count, self.codes.len(), "every window has a code");
         let error = |source| ArtifactError::Safetensors { file: FILE, source };
-        let bytes =
-            |values: &[i8]| -> Vec<u8> { values.iter().map(|v| v.cast_unsigned()).collect() };
-        let windows = bytes(self.windows.as_flattened().as_flattened());
-        let codes = bytes(self.codes.as_flattened());
-        let views = [
+        let windows = self.windows.as_flattened().as_flattened().iter();
+        let windows: Vec<u8> = windows.map(|q| q.cast_unsigned()).collect();
+        let values = self.codes.iter().flat_map(|code| code.values);
+        let width = element(self.format).bitsize() / 8;
+        let values: Vec<u8> = values
+            .flat_map(|value| value.to_le_bytes().into_iter().take(width))
+            .collect();
+        let exponents: Vec<u8> = self.codes.iter().map(|code| code.exponent).collect();
+        let view = |dtype, shape: &[usize], bytes| {
+            TensorView::new(dtype, shape.to_vec(), bytes).map_err(error)
+        };
+        let mut views = vec![
             (
                 "codes",
-                TensorView::new(Dtype::I8, vec![count, CODE], &codes).map_err(error)?,
+                view(element(self.format), &[count, CODE], &values)?,
             ),
             (
                 "windows",
-                TensorView::new(Dtype::I8, vec![count, STEPS, CELLS], &windows).map_err(error)?,
+                view(Dtype::I8, &[count, STEPS, CELLS], &windows)?,
             ),
         ];
+        if self.format == CodeFormat::Int8Exponent {
+            views.push((EXPONENTS, view(Dtype::U8, &[count], &exponents)?));
+        }
         safetensors::serialize(views, None).map_err(error)
     }
 }
 
-/// Count and elements of a tensor `[count, ...rest]`.
-fn int8(file: &SafeTensors, name: &str, rest: &[usize]) -> Result<(usize, Vec<i8>), ArtifactError> {
-    let view = file
-        .tensor(name)
-        .map_err(|_| ArtifactError::MissingTensor {
-            file: FILE,
-            name: name.to_owned(),
-        })?;
-    if view.dtype() != Dtype::I8 {
+/// Element of the values of codes.
+fn element(format: CodeFormat) -> Dtype {
+    match format {
+        CodeFormat::Int8 | CodeFormat::Int8Exponent => Dtype::I8,
+        CodeFormat::Int16 => Dtype::I16,
+    }
+}
+
+fn windows_of(file: &SafeTensors) -> Result<usize, ArtifactError> {
+    let view = tensor(file, "windows")?;
+    Ok(view.shape().first().copied().unwrap_or(0))
+}
+
+fn tensor<'f>(file: &'f SafeTensors, name: &str) -> Result<TensorView<'f>, ArtifactError> {
+    file.tensor(name).map_err(|_| ArtifactError::MissingTensor {
+        file: FILE,
+        name: name.to_owned(),
+    })
+}
+
+/// The bytes of a tensor of this type and shape, little endian.
+fn contents<'f>(
+    file: &'f SafeTensors,
+    name: &str,
+    dtype: Dtype,
+    shape: &[usize],
+) -> Result<&'f [u8], ArtifactError> {
+    let view = tensor(file, name)?;
+    if view.dtype() != dtype {
         return Err(ArtifactError::ElementType {
             file: FILE,
             name: name.to_owned(),
             found: format!("{:?}", view.dtype()),
-            expected: "I8",
+            expected: match dtype {
+                Dtype::U8 => "U8",
+                Dtype::I16 => "I16",
+                _ => "I8",
+            },
         });
     }
-    let count = view.shape().first().copied().unwrap_or(0);
-    let expected = [&[count], rest].concat();
-    if view.shape() != expected {
+    if view.shape() != shape {
         return Err(ArtifactError::Shape {
             file: FILE,
             name: name.to_owned(),
             found: view.shape().to_vec(),
-            expected,
+            expected: shape.to_vec(),
         });
     }
-    Ok((
-        count,
-        view.data().iter().map(|byte| byte.cast_signed()).collect(),
-    ))
+    Ok(view.data())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn golden() -> Golden {
+    fn golden(format: CodeFormat) -> Golden {
         let windows = [-128, 0, 127].map(|value| [[value; CELLS]; STEPS]).to_vec();
+        let [least, greatest] = format.range();
+        let codes = [least, -1, greatest].map(|value| IntegerCode {
+            exponent: format.largest_exponent(),
+            values: [value; CODE],
+        });
         Golden {
+            format,
             windows,
-            codes: vec![[-1; CODE], [2; CODE], [3; CODE]],
+            codes: codes.to_vec(),
         }
     }
 
     #[test]
-    fn what_is_written_reads_back() {
-        let folder = tempfile::tempdir().unwrap();
-        golden().write(folder.path()).unwrap();
-        assert_eq!(Golden::read(folder.path()).unwrap(), golden());
+    fn what_is_written_reads_back_in_every_format() {
+        for format in [
+            CodeFormat::Int8,
+            CodeFormat::Int8Exponent,
+            CodeFormat::Int16,
+        ] {
+            let folder = tempfile::tempdir().unwrap();
+            golden(format).write(folder.path()).unwrap();
+            assert_eq!(Golden::read(folder.path()).unwrap(), golden(format));
+        }
+    }
+
+    #[test]
+    fn the_checked_in_golden_is_written_as_it_was_read() {
+        let bytes = include_bytes!("../../model/artifact/golden.safetensors");
+        let golden = Golden::from_bytes(bytes).unwrap();
+        assert!(golden.to_bytes().unwrap() == bytes);
     }
 
     #[test]

@@ -31,6 +31,7 @@ mod float_encoder;
 mod folder;
 mod geometry;
 mod golden;
+mod integer_code;
 mod model_id;
 mod scalp_grid;
 mod shapes;
@@ -51,6 +52,7 @@ pub use float_encoder::{FloatEncoder, Traced};
 pub use folder::Artifact;
 pub use geometry::Geometry;
 pub use golden::Golden;
+pub use integer_code::IntegerCode;
 pub use model_id::ModelId;
 pub use scalp_grid::ScalpGrid;
 pub use shapes::{

@@ -43,10 +43,12 @@ pub(crate) struct CodeCounts {
     pub(crate) fillers: u64,
     /// Lost codes beyond [`MAX_FILLERS`] of one gap.
     pub(crate) unfilled: u64,
-    /// Codes of another model than the device's `Hello` named.
+    /// Codes of another model or format than the device said it has.
     pub(crate) foreign: u64,
-    /// Values that the device clipped.
+    /// Values that the device clipped on their way into int8, once for each window.
     pub(crate) clipped: u64,
+    /// Values of codes that the device clipped.
+    pub(crate) clipped_values: u64,
 }
 
 /// Where and when a code belongs.
@@ -130,7 +132,8 @@ impl CodeStream {
         clock: &Clock,
         effects: &mut dyn Effects,
     ) {
-        if code.model_id != self.device.model_id {
+        let format = code.values.format();
+        if (code.model_id, format) != (self.device.model_id, self.device.code_format) {
             self.counts.foreign += 1;
             return;
         }
@@ -152,6 +155,7 @@ impl CodeStream {
         self.runs = true;
         self.last_device_us = Some(device_us);
         self.counts.clipped += u64::from(code.clipped);
+        self.counts.clipped_values += u64::from(code.clipped_values);
         let (flags, lost) = (code.flags, self.counts.ledger.lost());
         let place = Place {
             window: code.window,

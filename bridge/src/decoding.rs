@@ -171,6 +171,7 @@ mod tests {
             group_delay_us: 10_000,
             labels: &labels,
             filters: "none",
+            code_format: link::CodeFormat::Int8,
             code_scale: heapless::Vec::from_array([0.5; CODE_LEN]),
             code_zero_point: heapless::Vec::from_array([1; CODE_LEN]),
         };

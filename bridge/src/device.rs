@@ -1,6 +1,6 @@
 //! The device as it introduced itself.
 
-use link::{CODE_LEN, Capabilities, Hello};
+use link::{CODE_LEN, Capabilities, CodeFormat, CodeValues, Hello};
 use neuro_ros::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
 use thiserror::Error;
 
@@ -36,8 +36,12 @@ pub struct Device {
     pub filters: String,
     /// Largest value the ADC can give, microvolt.
     pub full_scale_uv: f64,
+    /// Format of its codes; [`CodeFormat::Newer`] never.
+    pub code_format: CodeFormat,
     scale: [f32; CODE_LEN],
     zero_point: [i8; CODE_LEN],
+    /// The least and the greatest `z` that any value of any code can mean.
+    code_range: [f32; 2],
 }
 
 /// A device introduced itself with numbers that cannot be.
@@ -54,6 +58,12 @@ pub enum DeviceError {
         /// Steps per code.
         hop_steps: u8,
     },
+    /// Its codes cannot be read.
+    #[error(
+        "the device's codes have a format that is newer than this bridge ({0}); bring firmware and \
+         bridge to the same release"
+    )]
+    Format(CodeFormat),
     /// Scales or zero points are missing.
     #[error("the device gives {scales} scales and {zero_points} zero points for 128 code values")]
     Scales {
@@ -130,6 +140,10 @@ impl Device {
         {
             return Err(DeviceError::Scale { place });
         }
+        let code_format = capabilities.code_format;
+        let Some(steps) = code_format.range() else {
+            return Err(DeviceError::Format(code_format));
+        };
         let uid: Vec<String> = hello
             .chip_uid
             .iter()
@@ -153,8 +167,10 @@ impl Device {
             filters: capabilities.filters.to_owned(),
             // 24 bits: 2^23 counts; nanovolt to microvolt.
             full_scale_uv: f64::from(capabilities.lsb_nv) * 8_388_608.0 / 1000.0,
+            code_format,
             scale,
             zero_point,
+            code_range: code_range(steps, &scale, &zero_point),
         })
     }
 
@@ -173,6 +189,7 @@ impl Device {
                     != (other.step_rate_hz, other.window_steps, other.hop_steps),
             ),
             ("electrodes", self.labels != other.labels),
+            ("code format", self.code_format != other.code_format),
             (
                 "code scales",
                 (self.scale, self.zero_point) != (other.scale, other.zero_point),
@@ -198,23 +215,12 @@ impl Device {
         i64::from(steps) * 1_000_000 / i64::from(self.step_rate_hz)
     }
 
-    /// `z = (q - zero_point) * scale`.
-    pub fn dequantise(&self, values: &[i8; CODE_LEN], z: &mut [f32; CODE_LEN]) {
+    /// `z = (step - zero_point) * scale`, whatever the format.
+    pub fn dequantise(&self, values: &CodeValues, z: &mut [f32; CODE_LEN]) {
+        let steps = values.steps();
         for (index, z) in z.iter_mut().enumerate() {
-            let q = i16::from(values[index]) - i16::from(self.zero_point[index]);
-            *z = f32::from(q) * self.scale[index];
+            *z = dequantised(steps[index], self.scale[index], self.zero_point[index]);
         }
-    }
-
-    /// The least and the greatest `z` that any value of any code can mean.
-    fn code_range(&self) -> [f64; 2] {
-        let ends = |q: i16| {
-            let numbers = self.zero_point.iter().zip(&self.scale);
-            numbers.map(move |(zero, scale)| f32::from(q - i16::from(*zero)) * scale)
-        };
-        let least = ends(-128).fold(f32::INFINITY, f32::min);
-        let greatest = ends(127).fold(f32::NEG_INFINITY, f32::max);
-        [f64::from(least), f64::from(greatest)]
     }
 
     /// A frame of `/encoded`, zeros in place of data.
@@ -226,7 +232,7 @@ impl Device {
             stride: 512,
             unit: "a.u.".to_owned(),
             labels,
-            minmax: self.code_range().to_vec(),
+            minmax: self.code_range.map(f64::from).to_vec(),
             ..self.info()
         };
         Device::frame(self.codes_per_second(), eeg)
@@ -283,4 +289,28 @@ impl Device {
         };
         frame
     }
+}
+
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "16 bits and a zero point have 17"
+)]
+fn dequantised(step: i32, scale: f32, zero_point: i8) -> f32 {
+    (step - i32::from(zero_point)) as f32 * scale
+}
+
+/// The least and the greatest `z` that steps within these ends can mean.
+fn code_range(
+    [least, greatest]: [i32; 2],
+    scale: &[f32; CODE_LEN],
+    zero_point: &[i8; CODE_LEN],
+) -> [f32; 2] {
+    let ends = |step| {
+        let numbers = scale.iter().zip(zero_point);
+        numbers.map(move |(scale, zero_point)| dequantised(step, *scale, *zero_point))
+    };
+    [
+        ends(least).fold(f32::INFINITY, f32::min),
+        ends(greatest).fold(f32::NEG_INFINITY, f32::max),
+    ]
 }

@@ -74,8 +74,9 @@ fn device(session: &Session, now: HostTime) -> DiagnosticStatus {
         let device = codes.device();
         values.push(KeyValue::new("firmware", &device.firmware));
         values.push(KeyValue::new("mains Hz", &device.mains_hz));
+        values.push(KeyValue::new("code format", &device.code_format));
         values.push(KeyValue::new(
-            "codes of another model",
+            "codes of another model or format",
             &codes.counts().foreign,
         ));
     }
@@ -87,6 +88,7 @@ fn device(session: &Session, now: HostTime) -> DiagnosticStatus {
             KeyValue::new("device: overruns", &stats.overruns),
             KeyValue::new("device: bad ADC status", &stats.adc_status_bad),
             KeyValue::new("device: values clipped", &stats.clipped),
+            KeyValue::new("device: code values clipped", &stats.clipped_values),
             KeyValue::new("device: commands", &stats.commands),
             KeyValue::new("device: bad frames from here", &stats.input_bad),
         ]);
@@ -116,6 +118,7 @@ fn loss(session: &mut Session) -> DiagnosticStatus {
         KeyValue::new("fillers", &counts.fillers),
         KeyValue::new("lost and not filled", &counts.unfilled),
         KeyValue::new("values clipped", &counts.clipped),
+        KeyValue::new("code values clipped", &counts.clipped_values),
     ];
     entry("loss", state, values)
 }

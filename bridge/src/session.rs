@@ -243,6 +243,11 @@ impl Session {
         if let Some(objection) = &self.objection {
             tracing::error!("{objection}");
         }
+        tracing::info!(
+            "codes: {} per second, {}",
+            device.codes_per_second(),
+            device.code_format
+        );
         match &mut self.codes {
             Some(codes) => codes.replace_device(Arc::clone(&device), decodable),
             None => {

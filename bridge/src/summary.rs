@@ -30,7 +30,7 @@ pub struct Summary {
     /// Resets of the device that were noticed.
     pub resets: u64,
     /// Codes that could not be used: from before an introduction, from a refused device, or of
-    /// another model than the device named.
+    /// another model or format than the device named.
     pub unused: u64,
     /// Host's clock against the device's, parts per million.
     pub drift_ppm: f64,

@@ -146,13 +146,15 @@ fn summary(report: &Report, source: &Source) -> String {
     let stats = &report.stats;
     let mut text = format!(
         "{:.1} s of signal in {:.2} s ({:.1} times real time): {} codes made, {} frames dropped, \
-         {} values clipped",
+         {} values clipped, {} in codes ({})",
         report.signal_s(),
         report.elapsed.as_secs_f64(),
         report.signal_s() / report.elapsed.as_secs_f64(),
         stats.codes_made,
         stats.frames_dropped,
-        stats.clipped
+        stats.clipped,
+        stats.clipped_values,
+        host_sim::CODE_FORMAT
     );
     if report.unread_bytes > 0 {
         text = format!("{text}; {} bytes were never read", report.unread_bytes);

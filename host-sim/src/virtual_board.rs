@@ -1,9 +1,10 @@
 //! The board's behaviour between ADC and port, without time and without a port.
 
 use link::{
-    Ack, AckResult, Capabilities, Code as CodeMessage, Counters, Decoder, ElectrodeQuality,
-    Encoder, Flags, FrameError, Hello, MAX_ELECTRODES, MAX_FRAME, MAX_LABELS_BYTES, MAX_TEXT_BYTES,
-    Quality as QualityMessage, ResetCause, Start, Stats, Streams, ToDevice, ToHost,
+    Ack, AckResult, Capabilities, Code as CodeMessage, CodeFormat, CodeValues, Counters, Decoder,
+    ElectrodeQuality, Encoder, Flags, FrameError, Hello, MAX_ELECTRODES, MAX_FRAME,
+    MAX_LABELS_BYTES, MAX_TEXT_BYTES, Quality as QualityMessage, ResetCause, Start, Stats, Streams,
+    ToDevice, ToHost,
 };
 use pipeline::{Acquisition, Code, Encoder as CodeEncoder, Mains, Quality, Sample, SignalQuality};
 
@@ -18,6 +19,13 @@ const _: () = {
 
 /// Streams that this board has.
 const STREAMS: Streams = Streams::CODES;
+
+/// Format of the codes, in the words of the link: that of the model that this program was built with.
+pub const CODE_FORMAT: CodeFormat = match model::CODE_FORMAT {
+    model::CodeFormat::Int8 => CodeFormat::Int8,
+    model::CodeFormat::Int8Exponent => CodeFormat::Int8Exponent,
+    model::CodeFormat::Int16 => CodeFormat::Int16,
+};
 
 /// Who the virtual board says it is.
 #[derive(Clone, Debug)]
@@ -45,8 +53,6 @@ pub struct VirtualBoard {
     stats: Stats,
     /// Values that the int8 input clipped before the last `Start`.
     clipped_before: u32,
-    /// Code values that were clipped.
-    clipped_values: u32,
 }
 
 impl VirtualBoard {
@@ -64,7 +70,6 @@ impl VirtualBoard {
             decoder: Decoder::new(),
             stats: Stats::default(),
             clipped_before: 0,
-            clipped_values: 0,
         };
         board.introduce(0);
         board
@@ -111,7 +116,10 @@ impl VirtualBoard {
         if let Some(code) = step.as_ref().and_then(|step| self.code_encoder.push(step)) {
             self.stats.codes_made = self.stats.codes_made.wrapping_add(1);
             self.stats.next_window = code.window.wrapping_add(1);
-            self.clipped_values = self.clipped_values.wrapping_add(code.clipped_values.into());
+            self.stats.clipped_values = self
+                .stats
+                .clipped_values
+                .wrapping_add(code.clipped_values.into());
             let last_step_us = now_us + u64::from(code.offset_us);
             self.send(last_step_us, &ToHost::Code(message(&code)));
         }
@@ -145,9 +153,7 @@ impl VirtualBoard {
 
     /// Values clipped on their way into int8 since boot, each once.
     fn clipped(&self) -> u32 {
-        self.clipped_before
-            .wrapping_add(self.acquisition.clipped())
-            .wrapping_add(self.clipped_values)
+        self.clipped_before.wrapping_add(self.acquisition.clipped())
     }
 
     /// Sends the counters; a board does so every second and after `Stop`.
@@ -232,6 +238,7 @@ impl VirtualBoard {
                 group_delay_us: filter.group_delay_us,
                 labels: model::LABELS,
                 filters: filter.description,
+                code_format: CODE_FORMAT,
                 code_scale: model::CODE_SCALE.into(),
                 code_zero_point: model::CODE_ZERO_POINT.into(),
             }),
@@ -249,12 +256,12 @@ impl VirtualBoard {
 }
 
 fn message(code: &Code) -> CodeMessage {
-    let clipped = code.clipped.saturating_add(code.clipped_values.into());
     let mut flags = Flags::empty();
     for (set, flag) in [
         (code.saturated != 0, Flags::SATURATED),
         (code.settling, Flags::SETTLING),
-        (clipped > 0, Flags::CLIPPED),
+        (code.clipped > 0, Flags::CLIPPED),
+        (code.clipped_values > 0, Flags::CODE_CLIPPED),
     ] {
         if set {
             flags |= flag;
@@ -265,9 +272,20 @@ fn message(code: &Code) -> CodeMessage {
         window: code.window,
         first_sample: code.first_sample,
         flags,
-        clipped,
+        clipped: code.clipped,
+        clipped_values: code.clipped_values,
         saturated: code.saturated,
-        values: code.values,
+        values: values(&code.values),
+    }
+}
+
+fn values(values: &pipeline::CodeValues) -> CodeValues {
+    match *values {
+        pipeline::CodeValues::Int8(values) => CodeValues::Int8(values),
+        pipeline::CodeValues::Int8Exponent { exponent, values } => {
+            CodeValues::Int8Exponent { exponent, values }
+        }
+        pipeline::CodeValues::Int16(values) => CodeValues::Int16(values),
     }
 }
 

@@ -1,44 +1,78 @@
-//! Byte arrays of fixed length for serde, which stops at 32 elements by itself.
+//! Arrays of fixed length for serde, which stops at 32 elements by itself.
 //!
-//! On the wire `N` bytes in two's complement and no length before them.
+//! On the wire the elements in two's complement, least significant byte first, and no length before
+//! them.
 
-use core::fmt;
+use core::{fmt, marker::PhantomData};
 
-use serde::de::{Deserializer, Error, SeqAccess, Visitor};
-use serde::ser::{SerializeTuple, Serializer};
+use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
+use serde::ser::{Serialize, SerializeTuple, Serializer};
 
-pub(crate) fn serialize<S: Serializer, const N: usize>(
-    values: &[i8; N],
+/// An element as so many bytes: postcard would make a varint of an `i16`.
+pub(crate) trait Element: Copy + Default {
+    /// Its bytes.
+    type Bytes: Serialize + for<'de> Deserialize<'de>;
+    fn to_bytes(self) -> Self::Bytes;
+    fn from_bytes(bytes: Self::Bytes) -> Self;
+}
+
+impl Element for i8 {
+    type Bytes = i8;
+
+    fn to_bytes(self) -> i8 {
+        self
+    }
+
+    fn from_bytes(bytes: i8) -> i8 {
+        bytes
+    }
+}
+
+impl Element for i16 {
+    type Bytes = [u8; 2];
+
+    fn to_bytes(self) -> [u8; 2] {
+        self.to_le_bytes()
+    }
+
+    fn from_bytes(bytes: [u8; 2]) -> i16 {
+        i16::from_le_bytes(bytes)
+    }
+}
+
+pub(crate) fn serialize<S: Serializer, E: Element, const N: usize>(
+    values: &[E; N],
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
     let mut tuple = serializer.serialize_tuple(N)?;
     for value in values {
-        tuple.serialize_element(value)?;
+        tuple.serialize_element(&value.to_bytes())?;
     }
     tuple.end()
 }
 
-pub(crate) fn deserialize<'de, D: Deserializer<'de>, const N: usize>(
+pub(crate) fn deserialize<'de, D: Deserializer<'de>, E: Element, const N: usize>(
     deserializer: D,
-) -> Result<[i8; N], D::Error> {
-    deserializer.deserialize_tuple(N, ArrayVisitor)
+) -> Result<[E; N], D::Error> {
+    deserializer.deserialize_tuple(N, ArrayVisitor(PhantomData))
 }
 
-struct ArrayVisitor<const N: usize>;
+struct ArrayVisitor<E, const N: usize>(PhantomData<E>);
 
-impl<'de, const N: usize> Visitor<'de> for ArrayVisitor<N> {
-    type Value = [i8; N];
+impl<'de, E: Element, const N: usize> Visitor<'de> for ArrayVisitor<E, N> {
+    type Value = [E; N];
 
     fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{N} signed bytes")
+        write!(formatter, "{N} integers")
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<[i8; N], A::Error> {
-        let mut values = [0; N];
+    fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<[E; N], A::Error> {
+        let mut values = [E::default(); N];
         for (index, value) in values.iter_mut().enumerate() {
-            *value = sequence
+            let bytes = sequence
                 .next_element()?
                 .ok_or_else(|| Error::invalid_length(index, &self))?;
+            *value = E::from_bytes(bytes);
         }
         Ok(values)
     }

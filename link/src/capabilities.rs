@@ -3,7 +3,7 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::CODE_LEN;
+use crate::{CODE_LEN, CodeFormat};
 
 /// Longest [`Capabilities::labels`], bytes: 64 labels of 7 characters with a blank after each.
 pub const MAX_LABELS_BYTES: usize = 512;
@@ -37,8 +37,11 @@ pub struct Capabilities<'a> {
     pub labels: &'a str,
     /// The filter chain in words. At most [`MAX_TEXT_BYTES`](crate::MAX_TEXT_BYTES).
     pub filters: &'a str,
-    /// Step of each code value: `z = (q - code_zero_point) * code_scale`. Positive and finite.
+    /// Format of the codes; it never differs from one code to the next.
+    pub code_format: CodeFormat,
+    /// Scale of each code value: `z = (step - code_zero_point) * code_scale`, with the
+    /// [steps](crate::CodeValues::steps) of the code. Positive and finite.
     pub code_scale: Vec<f32, CODE_LEN>,
-    /// Code value that means `z = 0`.
+    /// Step that means `z = 0`; 0 in the formats other than [`CodeFormat::Int8`].
     pub code_zero_point: Vec<i8, CODE_LEN>,
 }

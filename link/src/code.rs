@@ -2,10 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Flags;
-
-/// Values in a code.
-pub const CODE_LEN: usize = 128;
+use crate::{CodeValues, Flags};
 
 /// One code: what the encoder made of one window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,11 +18,11 @@ pub struct Code {
     pub flags: Flags,
     /// Values of the window that were clipped on their way into int8; saturates at 65535.
     pub clipped: u16,
+    /// Values of the code itself that were clipped, 0 to 128.
+    pub clipped_values: u8,
     /// ADC channels that stood at the converter's rail inside the window; bit = channel, in the
     /// order of [`Capabilities::labels`](crate::Capabilities::labels).
     pub saturated: u64,
-    /// The code, int8; `z = (q - zero_point) * scale` with the numbers of
-    /// [`Capabilities`](crate::Capabilities). 128 bytes on the wire, no length before them.
-    #[serde(with = "crate::array")]
-    pub values: [i8; CODE_LEN],
+    /// The code, in the format that [`Capabilities::code_format`](crate::Capabilities) names.
+    pub values: CodeValues,
 }

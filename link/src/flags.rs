@@ -25,17 +25,20 @@ impl Flags {
     pub const CLIPPED: Flags = Flags(1 << 4);
     /// Bit 5: at least one ADC sample of the window was not read in time.
     pub const OVERRUN: Flags = Flags(1 << 5);
+    /// Bit 6: at least one value of the code itself was clipped ([`crate::Code::clipped_values`]).
+    pub const CODE_CLIPPED: Flags = Flags(1 << 6);
     /// Bit 15: this code was made up by the bridge in place of a lost one. Never set on the wire.
     pub const FILLER: Flags = Flags(1 << 15);
 
     /// Names of the bits, in the order of the bits.
-    pub const NAMES: [(Flags, &'static str); 7] = [
+    pub const NAMES: [(Flags, &'static str); 8] = [
         (Flags::ADC_STATUS_BAD, "adc_status_bad"),
         (Flags::SATURATED, "saturated"),
         (Flags::LEAD_OFF, "lead_off"),
         (Flags::SETTLING, "settling"),
         (Flags::CLIPPED, "clipped"),
         (Flags::OVERRUN, "overrun"),
+        (Flags::CODE_CLIPPED, "code_clipped"),
         (Flags::FILLER, "filler"),
     ];
 

@@ -17,8 +17,8 @@
 //!   [`FrameError::Unknown`]: a sound frame (its `seq` counts as received), never corruption.
 //! * A device answers a command that it does not know with [`AckResult::UnknownCommand`], so an
 //!   old device tells a new host so, and the host goes on with what both know.
-//! * Lists of reasons ([`ResetCause`], [`AckResult`]) travel as one byte and keep a value that the
-//!   receiver does not know; bit sets ([`Flags`], [`Streams`]) keep their unknown bits.
+//! * Lists of reasons ([`ResetCause`], [`AckResult`]) and [`CodeFormat`] travel as one byte and keep
+//!   a value that the receiver does not know; bit sets ([`Flags`], [`Streams`]) keep their unknown bits.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -26,6 +26,7 @@ mod ack;
 mod array;
 mod capabilities;
 mod code;
+mod code_values;
 mod decoder;
 mod encoder;
 mod flags;
@@ -38,7 +39,8 @@ mod stats;
 
 pub use ack::{Ack, AckResult};
 pub use capabilities::{Capabilities, MAX_LABELS_BYTES};
-pub use code::{CODE_LEN, Code};
+pub use code::Code;
+pub use code_values::{CODE_LEN, CodeFormat, CodeValues, MAX_EXPONENT};
 pub use decoder::{Counters, Decoder, Frame, FrameError};
 pub use encoder::{EncodeError, Encoder, MAX_BODY, MAX_FRAME, encode};
 pub use flags::Flags;

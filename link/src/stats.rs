@@ -23,8 +23,10 @@ pub struct Stats {
     pub overruns: u32,
     /// ADC samples with a wrong status word.
     pub adc_status_bad: u32,
-    /// Values clipped on their way into int8.
+    /// Values clipped on their way into int8, each once.
     pub clipped: u32,
+    /// Values of codes that were clipped.
+    pub clipped_values: u32,
     /// Commands received whole.
     pub commands: u32,
     /// Frames from the host that could not be used: CRC, COBS, length, version, unknown.

@@ -6,7 +6,7 @@
     clippy::cast_sign_loss,
     reason = "counts below 2^32 and positive gaps"
 )]
-use link::{CODE_LEN, Code, Decoder, Encoder, Flags, MAX_FRAME, ToHost};
+use link::{CODE_LEN, Code, CodeValues, Decoder, Encoder, Flags, MAX_FRAME, ToHost};
 
 /// SplitMix64 (Steele, Lea, Flood 2014): seeded noise without a dependency.
 struct Noise(u64);
@@ -52,8 +52,9 @@ fn loss_follows_the_bit_error_rate_and_no_wrong_frame_is_accepted() {
                 first_sample: u64::from(window) * 32,
                 flags: Flags::empty(),
                 clipped: 0,
+                clipped_values: 0,
                 saturated: 0,
-                values,
+                values: CodeValues::Int8(values),
             };
             let length = encoder
                 .encode(u64::from(window) * 62_500, &ToHost::Code(sent), &mut buffer)

@@ -98,8 +98,9 @@ fn an_echo_is_no_frame_of_the_other_direction() {
         first_sample: 32,
         flags: link::Flags::empty(),
         clipped: 0,
+        clipped_values: 0,
         saturated: 0,
-        values: [0; link::CODE_LEN],
+        values: link::CodeValues::Int8([0; link::CODE_LEN]),
     });
     let mut device = Decoder::new();
     for message in [ack, stats, code] {
@@ -118,10 +119,60 @@ fn an_echo_is_no_frame_of_the_other_direction() {
 }
 
 #[test]
+fn a_code_with_an_exponent_that_cannot_be_is_malformed() {
+    let mut buffer = [0; MAX_FRAME];
+    let mut encoder = Encoder::default();
+    for exponent in 0..=u8::MAX {
+        let code = ToHost::Code(link::Code {
+            model_id: [1; 8],
+            window: 1,
+            first_sample: 32,
+            flags: link::Flags::empty(),
+            clipped: 0,
+            clipped_values: 0,
+            saturated: 0,
+            values: link::CodeValues::Int8Exponent {
+                exponent,
+                values: [-128; link::CODE_LEN],
+            },
+        });
+        let mut bytes = encoder.encode(1, &code, &mut buffer).unwrap();
+        let mut host = Decoder::<MAX_FRAME>::new();
+        match host.next::<ToHost>(&mut bytes).unwrap() {
+            Ok(frame) => {
+                assert!(exponent <= link::MAX_EXPONENT);
+                assert_eq!(frame.message, code);
+            }
+            Err(error) => {
+                assert!(exponent > link::MAX_EXPONENT);
+                assert_eq!(error, FrameError::Malformed);
+            }
+        }
+    }
+}
+
+#[test]
+fn steps_are_within_the_range_of_their_format() {
+    let ends = |values: link::CodeValues| {
+        let [least, .., greatest] = values.steps();
+        assert_eq!(values.format().range(), Some([least, greatest]));
+    };
+    let mut values = [0; link::CODE_LEN];
+    (values[0], values[127]) = (i8::MIN, i8::MAX);
+    ends(link::CodeValues::Int8(values));
+    let exponent = link::MAX_EXPONENT;
+    ends(link::CodeValues::Int8Exponent { exponent, values });
+    let mut values = [0; link::CODE_LEN];
+    (values[0], values[127]) = (i16::MIN, i16::MAX);
+    ends(link::CodeValues::Int16(values));
+}
+
+#[test]
 fn reasons_that_this_side_does_not_know_are_kept() {
     for byte in 0..=u8::MAX {
         assert_eq!(u8::from(AckResult::from(byte)), byte);
         assert_eq!(u8::from(ResetCause::from(byte)), byte);
+        assert_eq!(u8::from(link::CodeFormat::from(byte)), byte);
     }
     assert_eq!(AckResult::from(200), AckResult::Newer(200));
 }

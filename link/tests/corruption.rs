@@ -2,23 +2,38 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, CODE_LEN, Code, Decoder, ElectrodeQuality, Encoder, Flags, Hello,
-    MAX_ELECTRODES, MAX_FRAME, Quality, ResetCause, Stats, Streams, ToDevice, ToHost,
+    Ack, AckResult, CODE_LEN, Code, CodeValues, Decoder, ElectrodeQuality, Encoder, Flags, Hello,
+    MAX_ELECTRODES, MAX_EXPONENT, MAX_FRAME, Quality, ResetCause, Stats, Streams, ToDevice, ToHost,
 };
 use proptest::prelude::*;
+
+/// A code in any format.
+fn values() -> impl Strategy<Value = CodeValues> {
+    let bytes = || prop::collection::vec(any::<i8>(), CODE_LEN);
+    let int8 = bytes().prop_map(|values| CodeValues::Int8(values.try_into().unwrap()));
+    let exponent = (0..=MAX_EXPONENT, bytes()).prop_map(|(exponent, values)| {
+        let values = values.try_into().unwrap();
+        CodeValues::Int8Exponent { exponent, values }
+    });
+    let int16 = prop::collection::vec(any::<i16>(), CODE_LEN)
+        .prop_map(|values| CodeValues::Int16(values.try_into().unwrap()));
+    prop_oneof![int8, exponent, int16]
+}
 
 fn message() -> impl Strategy<Value = ToHost<'static>> {
     let code = (
         any::<[u8; 8]>(),
         any::<u32>(),
         any::<u64>(),
-        any::<u16>(),
+        any::<(u16, u8)>(),
         any::<u16>(),
         any::<u64>(),
     );
-    let code = (code, prop::collection::vec(any::<i8>(), CODE_LEN)).prop_map(
-        |((model_id, window, first_sample, flags, clipped, saturated), values)| {
-            let values = values.try_into().unwrap();
+    let code = (code, values()).prop_map(
+        |(
+            (model_id, window, first_sample, (clipped, clipped_values), flags, saturated),
+            values,
+        )| {
             let flags = Flags::from_bits(flags);
             ToHost::Code(Code {
                 model_id,
@@ -26,6 +41,7 @@ fn message() -> impl Strategy<Value = ToHost<'static>> {
                 first_sample,
                 flags,
                 clipped,
+                clipped_values,
                 saturated,
                 values,
             })
@@ -286,14 +302,25 @@ proptest! {
 
 #[test]
 fn every_single_bit_and_byte_of_a_code_is_guarded() {
+    let values = core::array::from_fn(|index| i8::try_from(index).unwrap());
+    let exponent = 3;
+    assert_guarded(&CodeValues::Int8(values));
+    assert_guarded(&CodeValues::Int8Exponent { exponent, values });
+    assert_guarded(&CodeValues::Int16(
+        values.map(|value| 257 * i16::from(value)),
+    ));
+}
+
+fn assert_guarded(values: &CodeValues) {
     let code = ToHost::Code(Code {
         model_id: *b"\x01\x02\x03\x04\x05\x06\x07\x08",
         window: 70_000,
         first_sample: 2_240_000,
         flags: Flags::empty(),
         clipped: 0,
+        clipped_values: 0,
         saturated: 0,
-        values: core::array::from_fn(|index| i8::try_from(index).unwrap()),
+        values: *values,
     });
     let (bytes, starts) = stream(&[code.clone(), code.clone(), code.clone()], 0);
     for at in starts[1]..starts[2] {

@@ -2,9 +2,9 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, CODE_LEN, Capabilities, Code, Decoder, ElectrodeQuality, Encoder, Flags, Hello,
-    MAX_BODY, MAX_ELECTRODES, MAX_FRAME, MAX_LABELS_BYTES, MAX_TEXT_BYTES, Message, Quality,
-    ResetCause, Start, Stats, Streams, ToDevice, ToHost,
+    Ack, AckResult, CODE_LEN, Capabilities, Code, CodeFormat, CodeValues, Decoder,
+    ElectrodeQuality, Encoder, Flags, Hello, MAX_BODY, MAX_ELECTRODES, MAX_FRAME, MAX_LABELS_BYTES,
+    MAX_TEXT_BYTES, Message, Quality, ResetCause, Start, Stats, Streams, ToDevice, ToHost,
 };
 
 /// Bytes of the body, from the frame's length: COBS adds 1 + 1 per 254, the zeros 2.
@@ -28,6 +28,7 @@ fn capabilities<'a>(labels: &'a str, filters: &'a str) -> ToHost<'a> {
         group_delay_us: u32::MAX,
         labels,
         filters,
+        code_format: CodeFormat::Newer(u8::MAX),
         code_scale: heapless::Vec::from_array([f32::MAX; CODE_LEN]),
         code_zero_point: heapless::Vec::from_array([-1; CODE_LEN]),
     })
@@ -39,8 +40,8 @@ fn the_largest_frame_fits() {
     let text = "x".repeat(MAX_TEXT_BYTES);
     let largest = body_bytes(&capabilities(&labels, &text));
     // 16 header (1 + 5 + 10), 1 kind, 3 + 3 rates, 3 bytes, 4 LSB, 1 mains, 5 delay, 2 + 512
-    // labels, 2 + 256 filters, 2 + 512 scales, 2 + 128 zero points, 4 CRC.
-    assert_eq!(largest, 1456);
+    // labels, 2 + 256 filters, 1 format, 2 + 512 scales, 2 + 128 zero points, 4 CRC.
+    assert_eq!(largest, 1457);
     assert!(largest <= MAX_BODY);
 
     let hello = ToHost::Hello(Hello {
@@ -58,8 +59,9 @@ fn the_largest_frame_fits() {
         first_sample: u64::MAX,
         flags: Flags::from_bits(u16::MAX),
         clipped: u16::MAX,
+        clipped_values: u8::MAX,
         saturated: u64::MAX,
-        values: [-1; CODE_LEN],
+        values: CodeValues::Int16([-1; CODE_LEN]),
     });
     let stats = ToHost::Stats(Stats {
         streams: Streams::from_bits(u16::MAX),
@@ -70,6 +72,7 @@ fn the_largest_frame_fits() {
         overruns: u32::MAX,
         adc_status_bad: u32::MAX,
         clipped: u32::MAX,
+        clipped_values: u32::MAX,
         commands: u32::MAX,
         input_bad: u32::MAX,
     });

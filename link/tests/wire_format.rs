@@ -2,8 +2,9 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, CODE_LEN, Capabilities, Code, Decoder, ElectrodeQuality, Encoder, Flags, Hello,
-    MAX_FRAME, Message, Quality, ResetCause, Start, Stats, Streams, ToDevice, ToHost,
+    Ack, AckResult, CODE_LEN, Capabilities, Code, CodeFormat, CodeValues, Decoder,
+    ElectrodeQuality, Encoder, Flags, Hello, MAX_FRAME, Message, Quality, ResetCause, Start, Stats,
+    Streams, ToDevice, ToHost,
 };
 
 const DOCUMENT: &str = include_str!("../../docs/wire-format.md");
@@ -60,9 +61,15 @@ fn capabilities() -> ToHost<'static> {
         group_delay_us: 16_000,
         labels: "F3 F1",
         filters: "notch 50 Hz",
+        code_format: CodeFormat::Int8,
         code_scale: [0.5, 0.25].into_iter().collect(),
         code_zero_point: [0, -3].into_iter().collect(),
     })
+}
+
+/// -64 to 63.
+fn steps() -> [i8; CODE_LEN] {
+    core::array::from_fn(|index| i8::try_from(index).unwrap() - 64)
 }
 
 fn code() -> ToHost<'static> {
@@ -70,11 +77,32 @@ fn code() -> ToHost<'static> {
         model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
         window: 300,
         first_sample: 9600,
-        flags: Flags::SATURATED | Flags::SETTLING | Flags::CLIPPED,
+        flags: Flags::SATURATED | Flags::SETTLING | Flags::CLIPPED | Flags::CODE_CLIPPED,
         clipped: 2,
+        clipped_values: 1,
         saturated: 1 << 20,
-        values: core::array::from_fn(|index| i8::try_from(index).unwrap() - 64),
+        values: CodeValues::Int8(steps()),
     })
+}
+
+/// The same window from a model with codes in another format.
+fn code_in(values: &CodeValues) -> ToHost<'static> {
+    let ToHost::Code(code) = code() else { panic!() };
+    ToHost::Code(Code {
+        values: *values,
+        ..code
+    })
+}
+
+fn code_with_exponent() -> ToHost<'static> {
+    let (exponent, values) = (3, steps());
+    code_in(&CodeValues::Int8Exponent { exponent, values })
+}
+
+fn code_of_16_bits() -> ToHost<'static> {
+    code_in(&CodeValues::Int16(
+        steps().map(|step| 256 * i16::from(step)),
+    ))
 }
 
 fn stats() -> ToHost<'static> {
@@ -87,6 +115,7 @@ fn stats() -> ToHost<'static> {
         overruns: 0,
         adc_status_bad: 0,
         clipped: 2,
+        clipped_values: 1,
         commands: 2,
         input_bad: 0,
     })
@@ -163,6 +192,12 @@ fn every_dump_is_what_the_encoder_makes() {
     check("start", &mut Decoder::new(), (1, 0), &start);
     check("ack", &mut Decoder::new(), (3, 1_002_000), &ack);
     check("code", &mut Decoder::new(), (304, 19_871_093), &code());
+    for (name, message) in [
+        ("code-int8-exponent", code_with_exponent()),
+        ("code-int16", code_of_16_bits()),
+    ] {
+        check(name, &mut Decoder::new(), (304, 19_871_093), &message);
+    }
     check("stats", &mut Decoder::new(), (305, 19_900_000), &stats());
     check(
         "quality",
@@ -172,24 +207,30 @@ fn every_dump_is_what_the_encoder_makes() {
     );
     check("stop", &mut Decoder::new(), (2, 0), &ToDevice::Stop);
     check("ping", &mut Decoder::new(), (3, 0), &ToDevice::Ping);
-    assert_eq!(dumps().len(), 10, "a dump that no test compares");
+    assert_eq!(dumps().len(), 12, "a dump that no test compares");
 }
 
 #[test]
 fn a_code_frame_takes_the_bytes_that_the_document_says() {
-    let ToHost::Code(code) = code() else { panic!() };
-    let day = Code {
-        window: 16 * 86_400,
-        first_sample: 512 * 86_400,
-        saturated: 0,
-        ..code
+    let length = |message| {
+        let ToHost::Code(code) = message else {
+            panic!()
+        };
+        let day = Code {
+            window: 16 * 86_400,
+            first_sample: 512 * 86_400,
+            saturated: 0,
+            ..code
+        };
+        frame(16 * 86_400, 86_400_000_000, &ToHost::Code(day)).len()
     };
-    let length = frame(16 * 86_400, 86_400_000_000, &ToHost::Code(day)).len();
-    assert!(
-        DOCUMENT.contains(&format!("{length} bytes after a day")),
-        "{length}"
+    let words = format!(
+        "{} bytes after a day of streaming, {} with an exponent, {} in 16 bits",
+        length(code()),
+        length(code_with_exponent()),
+        length(code_of_16_bits())
     );
-    assert_eq!(core::mem::size_of_val(&code.values), CODE_LEN);
+    assert!(DOCUMENT.contains(&words), "{words}");
 }
 
 #[test]

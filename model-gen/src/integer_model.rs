@@ -1,7 +1,9 @@
 //! The encoder in integers, in the layout in which it was trained, and its plain-loop reference.
 
 pub use artifact::{CELLS, CODE, ELECTRODES, STEPS};
-use artifact::{COLUMNS, Geometry, Mode, ROWS};
+use artifact::{COLUMNS, CodeFormat, Geometry, IntegerCode, Mode, ROWS};
+
+use crate::integer_code;
 
 /// Channels behind the first convolution.
 pub(crate) const CONV1: usize = 16;
@@ -51,9 +53,11 @@ pub struct IntegerModel {
     pub geometry: Geometry,
     /// Microvolt per step of the quantised input.
     pub input_scale_uv: f32,
-    /// Float code per step of each int8 code: `z = (q - zero_point) * scale`.
+    /// Integers of a code.
+    pub code_format: CodeFormat,
+    /// Float code per step of the code: `z = (step - zero point) * scale`.
     pub code_scale: [f32; CODE],
-    /// The int8 code of a float zero.
+    /// The step of a float zero; 0 in the formats other than `Int8`.
     pub code_zero_point: [i8; CODE],
     /// Grid cell of each electrode.
     pub cells: [u8; ELECTRODES],
@@ -80,7 +84,7 @@ impl IntegerModel {
 
     /// The code of one window, computed in plain loops: the reference that the streaming encoder
     /// must equal bit for bit.
-    pub fn encode_window(&self, window: &[Plane; STEPS]) -> [i8; CODE] {
+    pub fn encode_window(&self, window: &[Plane; STEPS]) -> IntegerCode {
         let features = if self.mode.has_convolutions() {
             self.features(window)
         } else {
@@ -94,12 +98,12 @@ impl IntegerModel {
                     .map(|&cell| i64::from(plane[usize::from(cell)]))
             })
             .collect();
-        std::array::from_fn(|j| {
+        let steps = std::array::from_fn(|j| {
             let product =
                 self.fc.output(j, &features, self.fc_bias[j]) + self.shortcut.output(j, &linear, 0);
-            let q = round_q32(product) + i64::from(self.code_zero_point[j]);
-            saturate(q)
-        })
+            round_q32(product) + i64::from(self.code_zero_point[j])
+        });
+        integer_code(self.code_format, &steps)
     }
 
     /// What the fully connected layer reads, `[channel][time][row][column]`.
@@ -241,8 +245,4 @@ fn scale(sum: i32, multiplier: i32) -> i32 {
 /// Rounds a Q32 number half up.
 fn round_q32(product: i64) -> i64 {
     (product + (1 << 31)) >> 32
-}
-
-fn saturate(q: i64) -> i8 {
-    i8::try_from(q.clamp(-128, 127)).expect("clamped to 8 bits")
 }

@@ -13,6 +13,7 @@ mod emit;
 mod error;
 pub mod fir;
 pub mod headroom;
+mod integer_code;
 mod integer_model;
 mod manifest;
 pub mod memory;
@@ -31,6 +32,7 @@ pub use conv_kernel::ConvKernel;
 pub use device_model::{DeviceModel, MAINS_HZ, MainsFilter, filter_cascade};
 pub use emit::rust;
 pub use error::{FilterError, ModelGenError};
+pub use integer_code::integer_code;
 pub use integer_model::{
     CELLS, CODE, ELECTRODES, IntegerConv, IntegerLinear, IntegerModel, Plane, STEPS,
 };

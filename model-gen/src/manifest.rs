@@ -72,7 +72,8 @@ fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
         });
     writeln!(
         out,
-        "\ncode                  {CODE} x int8, scales {smallest:.6} .. {largest:.6}"
+        "\ncode                  {CODE} x {}, scales {smallest:.6} .. {largest:.6}",
+        integers.code_format
     )?;
     memory(out, &memory::parts(integers))
 }

@@ -12,7 +12,7 @@
 //! times all its weights, so a cell beyond the edge holds the integer that takes b back: the norm
 //! turns `sign(g) * x` into 0 where `x = -sign(g) * b / scale`.
 
-use artifact::{Artifact, ELECTRODES, Geometry, NORM_EPSILON, ScalpGrid};
+use artifact::{Artifact, CodeFormat, ELECTRODES, Geometry, NORM_EPSILON, ScalpGrid};
 
 use crate::{
     ModelGenError,
@@ -30,6 +30,9 @@ const HEAD_ROOM: f64 = 1.25;
 /// The same for codes, one bit: a blink or a jaw clench that is rarer than the calibration set is
 /// long moves few dimensions far, and a clipped code costs more than all rounding.
 const CODE_HEAD_ROOM: f64 = 2.0;
+
+/// The same for codes of 16 bits, with or without an exponent: three bits, which they can spare.
+const WIDE_CODE_HEAD_ROOM: f64 = 8.0;
 
 /// Largest magnitude of a cell beyond the edges: kernels that read unsigned numbers lift a channel by
 /// as much, activations up to 255 included, and keep it within 16 bits.
@@ -92,6 +95,7 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
         mode,
         geometry: Geometry::of(&artifact.description),
         input_scale_uv: input_scale_uv as f32,
+        code_format: artifact.description.code.format,
         code_scale: codes.scale.map(|scale| scale as f32),
         code_zero_point: codes.zero_point,
         cells,
@@ -304,7 +308,8 @@ fn negate(weights: &mut [f64]) {
     }
 }
 
-/// Scale and zero point of each code dimension, from its calibrated minimum and maximum.
+/// Scale and zero point of each code dimension, from its calibrated minimum and maximum. A zero point
+/// is worth a bit to 8 bits; the 16 of the other formats need none, and an exponent must not move it.
 struct CodeScales {
     scale: [f64; CODE],
     zero_point: [i8; CODE],
@@ -322,10 +327,17 @@ impl CodeScales {
             // A range that holds 0 keeps the zero point within int8.
             let low = f64::from(smallest[j]).min(0.0);
             let high = f64::from(largest[j]).max(0.0);
-            let half = (high - low) / 2.0 * CODE_HEAD_ROOM;
-            if half > 0.0 {
-                codes.scale[j] = half / 127.0;
-                codes.zero_point[j] = saturating_i8(-(low + high) / 2.0 / codes.scale[j]);
+            if high <= low {
+                continue;
+            }
+            match artifact.description.code.format {
+                CodeFormat::Int8 => {
+                    codes.scale[j] = (high - low) / 2.0 * CODE_HEAD_ROOM / 127.0;
+                    codes.zero_point[j] = saturating_i8(-(low + high) / 2.0 / codes.scale[j]);
+                }
+                CodeFormat::Int8Exponent | CodeFormat::Int16 => {
+                    codes.scale[j] = high.max(-low) * WIDE_CODE_HEAD_ROOM / 32_767.0;
+                }
             }
         }
         Ok(codes)

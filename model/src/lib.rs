@@ -9,11 +9,13 @@
 #[cfg(test)]
 extern crate std;
 
+mod code_format;
 mod network;
 
 use fixed_dsp::{Cascade, Coefficient, Design, Resampler, Section};
 use int8_nn::{Linear, Pair};
 
+pub use code_format::CodeFormat;
 pub use network::{
     CELL_PLANE, ConvWeights, EDGE_STEPS, ELECTRODE_PAIRS, HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS,
     INNER_STEPS, MARGIN, Network, POOLED, POOLED_PAIRS, POOLED_STEPS, SHORTCUT_STEPS,

@@ -101,7 +101,7 @@ pub struct Network<'w> {
     pub shortcut: [Linear<'w>; SHORTCUT_STEPS],
     /// Factors into the code, Q0.32.
     pub shortcut_multipliers: &'w [i32; CODE],
-    /// The int8 code of a float zero.
+    /// The step of a float zero.
     pub code_zero_point: &'w [i8; CODE],
 }
 

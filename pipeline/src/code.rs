@@ -1,6 +1,6 @@
 //! What the encoder makes of a window.
 
-use model::CODE;
+use crate::CodeValues;
 
 /// One code with where it comes from and what went wrong inside its window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +21,6 @@ pub struct Code {
     pub saturated: u64,
     /// True while the filters have not settled since the start: the values are not to be trusted.
     pub settling: bool,
-    /// int8 codes: `z = (q - model::CODE_ZERO_POINT) * model::CODE_SCALE`.
-    pub values: [i8; CODE],
+    /// The code itself.
+    pub values: CodeValues,
 }

@@ -29,6 +29,7 @@ extern crate std;
 
 mod acquisition;
 mod code;
+mod code_values;
 mod encoder;
 mod front_end;
 mod mains;
@@ -41,6 +42,7 @@ mod window;
 
 pub use acquisition::Acquisition;
 pub use code::Code;
+pub use code_values::CodeValues;
 pub use encoder::Encoder;
 pub use front_end::{Electrodes, FrontEnd};
 pub use mains::Mains;

@@ -1,9 +1,9 @@
 //! The windows that are open at the same time.
 
-use int8_nn::{Linear, Pair, requantise_sum, saturate_i8};
-use model::{CODE, FC_PIECES, Network, POOLED_PAIRS};
+use int8_nn::{Linear, Pair, requantise_sum};
+use model::{CODE, CODE_FORMAT, FC_PIECES, Network, POOLED_PAIRS};
 
-use crate::{Code, Step};
+use crate::{Code, CodeValues, Step};
 
 /// Windows that a time step can belong to, with the smallest hop.
 pub(crate) const OPEN: usize = 2;
@@ -73,18 +73,14 @@ impl OpenWindow {
     /// The code of the complete window.
     #[inline]
     pub(crate) fn code(&self, window: u32, network: &Network<'_>) -> Code {
-        let mut clipped_values = 0;
-        let values = core::array::from_fn(|j| {
-            let q = requantise_sum(
+        let (values, clipped_values) = CodeValues::of(CODE_FORMAT, |j| {
+            let step = requantise_sum(
                 self.fc[j],
                 network.fc_multipliers[j],
                 self.shortcut[j],
                 network.shortcut_multipliers[j],
             );
-            let q = q.saturating_add(i32::from(network.code_zero_point[j]));
-            let value = saturate_i8(q);
-            clipped_values += u8::from(i32::from(value) != q);
-            value
+            step.saturating_add(i32::from(network.code_zero_point[j]))
         });
         Code {
             window,

@@ -5,6 +5,7 @@ use std::io;
 use std::path::Path;
 use std::process::Command;
 
+use artifact::IntegerCode;
 use model_gen::{CODE, IntegerModel, Plane, STEPS};
 
 use crate::{skip::skipped, workspace};
@@ -50,11 +51,11 @@ pub fn is_there(test: &str) -> bool {
 /// When Python fails or the files between cannot be written.
 ///
 /// # Panics
-/// When a window has not 16 planes.
+/// When a window has not 16 planes, or an exponent is none.
 pub fn integer_codes<'w>(
     model: &IntegerModel,
     windows: impl IntoIterator<Item = &'w [Plane]>,
-) -> Result<Vec<[i8; CODE]>, NumpyError> {
+) -> Result<Vec<IntegerCode>, NumpyError> {
     let folder = tempfile::tempdir()?;
     let folder = folder.path();
     write_model(folder, model)?;
@@ -64,9 +65,16 @@ pub fn integer_codes<'w>(
     });
     write(folder, "windows", cells.copied())?;
     run("encoder_numpy.py", folder)?;
-    let bytes = fs::read(folder.join("codes.i8"))?;
-    let codes = bytes.as_chunks::<CODE>().0.iter();
-    Ok(codes.map(|code| code.map(u8::cast_signed)).collect())
+    let bytes = fs::read(folder.join("codes.i16"))?;
+    let integers = bytes.as_chunks().0.iter().copied().map(i16::from_le_bytes);
+    let integers: Vec<i16> = integers.collect();
+    let codes = integers.as_chunks::<{ 1 + CODE }>().0.iter();
+    Ok(codes
+        .map(|&[exponent, ref values @ ..]| IntegerCode {
+            exponent: u8::try_from(exponent).expect("an exponent of 0 to 8"),
+            values: *values,
+        })
+        .collect())
 }
 
 /// Runs a program of `tests/tests` on a folder and passes on what it prints.
@@ -108,7 +116,10 @@ fn write_model(folder: &Path, model: &IntegerModel) -> io::Result<()> {
     }
     write(folder, "fc.bias", model.fc_bias)?;
     write(folder, "cells", model.cells)?;
-    write(folder, "zero_point", model.code_zero_point)
+    write(folder, "zero_point", model.code_zero_point)?;
+    let [least, greatest] = model.code_format.range();
+    let exponent = model.code_format.largest_exponent();
+    write(folder, "code.range", [least, greatest, exponent.into()])
 }
 
 /// Integers of any width as 64 bits, little endian.

@@ -64,7 +64,8 @@ fn different(batch: &IntegerModel, planes: &[Plane], codes: &[Code]) -> usize {
         .zip(codes)
         .filter(|(window, code)| {
             let window: &[Plane; STEPS] = (*window).try_into().expect("16 planes");
-            batch.encode_window(window) != code.values
+            let batch = batch.encode_window(window);
+            (batch.exponent, batch.values) != (code.values.exponent(), code.values.integers())
         })
         .count()
 }

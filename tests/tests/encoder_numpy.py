@@ -1,6 +1,7 @@
 """The codes of an integer encoder, in numpy: python3 encoder_numpy.py FOLDER
 
-Reads FOLDER/*.i64 (little endian), as numpy_reference.rs of this crate writes them, and writes FOLDER/codes.i8.
+Reads FOLDER/*.i64 (little endian), as numpy_reference.rs of this crate writes them, and writes FOLDER/codes.i16:
+of each code the exponent, then the values.
 Knows nothing of planes that come one by one, of transforms or of packed weights: every window is a batch of its
 own, with convolutions over the whole of it, in int64 and in the order in which PyTorch keeps weights.
 """
@@ -82,6 +83,17 @@ class Shortcut:
         return electrodes.reshape(len(window), -1) @ self.weights.T * self.factors
 
 
+def formatted(steps):
+    """Exponents and values of codes: the smallest power of two with which all values of one are in range."""
+    least, greatest, largest = array("code.range", 3)
+    exponents = np.full((len(steps), 1), largest)
+    for exponent in reversed(range(largest)):
+        values = (steps + 2**exponent // 2) // 2**exponent
+        exponents[((values >= least) & (values <= greatest)).all(axis=1)] = exponent
+    values = (steps + 2**exponents // 2) // 2**exponents
+    return np.concatenate([exponents, np.clip(values, least, greatest)], axis=1)
+
+
 def main():
     parts = [part() for part, is_there in zip((Convolutions, Shortcut), array("parts", 2)) if is_there]
     zero_point = array("zero_point", 128)
@@ -90,11 +102,11 @@ def main():
     codes = []
     for first in range(0, len(windows), BATCH):
         window = windows[first : first + BATCH]
-        code = rounded(sum(part.codes(window) for part in parts)) + zero_point
-        codes.append(np.clip(code, -128, 127))
+        codes.append(formatted(rounded(sum(part.codes(window) for part in parts)) + zero_point))
     codes = np.concatenate(codes)
-    codes.astype(np.int8).tofile(FOLDER / "codes.i8")
-    print(f"numpy {np.__version__}: {len(codes)} codes, {int(codes.min())} .. {int(codes.max())}")
+    codes.astype("<i2").tofile(FOLDER / "codes.i16")
+    values = codes[:, 1:]
+    print(f"numpy {np.__version__}: {len(codes)} codes, {int(values.min())} .. {int(values.max())}")
 
 
 main()

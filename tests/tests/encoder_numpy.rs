@@ -6,14 +6,21 @@
 #![forbid(unsafe_code)]
 
 use acceptance::{any_artifact, numpy_reference, real_data, workspace};
-use artifact::Artifact;
+use artifact::{Artifact, CodeFormat, IntegerCode};
 use bench::{hop, stress::Stress};
 use host_sim::synthetic::{Generator, SyntheticSpec};
-use model::{CODE, HOP, STEPS};
+use model::{HOP, STEPS};
 use pipeline::{Acquisition, Encoder, Mains, Plane, Sample, Step};
 
 /// Windows over all inputs, unless `CORTICODE_WINDOWS` asks for more.
 const WINDOWS: usize = 1_000;
+
+/// Formats of codes, which the networks of every shape take in turn.
+const FORMATS: [CodeFormat; 3] = [
+    CodeFormat::Int8,
+    CodeFormat::Int8Exponent,
+    CodeFormat::Int16,
+];
 
 #[test]
 fn numpy_computes_the_codes_of_the_streaming_encoder() {
@@ -22,7 +29,7 @@ fn numpy_computes_the_codes_of_the_streaming_encoder() {
         return;
     }
     let inputs = inputs(test);
-    let codes: Vec<[i8; CODE]> = inputs.iter().flat_map(|planes| streamed(planes)).collect();
+    let codes: Vec<IntegerCode> = inputs.iter().flat_map(|planes| streamed(planes)).collect();
 
     let artifact = Artifact::read(&workspace::root().join("model/artifact")).expect("the artifact");
     let model = model_gen::quantise(&artifact).expect("an integer model");
@@ -46,7 +53,8 @@ fn numpy_computes_the_codes_of_the_reference_in_every_variant() {
     }
     for (seed, (mode, padding, pool)) in (1..).zip(any_artifact::every_variant()) {
         let artifact = any_artifact::any_artifact(seed, mode, padding, pool, HOP);
-        let artifact = artifact.expect("an artifact");
+        let mut artifact = artifact.expect("an artifact");
+        artifact.description.code.format = FORMATS[seed as usize % FORMATS.len()];
         let model = model_gen::quantise(&artifact).expect("an integer model");
         let windows = any_artifact::windows(seed, &artifact, 2);
         let quiet = windows
@@ -56,18 +64,21 @@ fn numpy_computes_the_codes_of_the_reference_in_every_variant() {
         let rails = std::array::from_fn(|step| [if step % 5 < 3 { 127 } else { -128 }; 90]);
         let windows: Vec<[Plane; STEPS]> = quiet.chain([rails]).collect();
         let theirs = numpy_reference::integer_codes(&model, windows.iter().map(|w| &w[..]));
-        let ours: Vec<[i8; CODE]> = windows.iter().map(|w| model.encode_window(w)).collect();
+        let ours: Vec<IntegerCode> = windows.iter().map(|w| model.encode_window(w)).collect();
         assert_eq!(
             ours,
             theirs.expect("numpy's codes"),
             "{mode:?}, {padding:?}, {pool:?}"
         );
-        let inside = ours[0].iter().filter(|q| q.unsigned_abs() < 127).count();
+        let [least, greatest] = model.code_format.range();
+        let values = ours[0].values.iter();
+        let inside = values.filter(|q| (least + 1..greatest).contains(q)).count();
         assert!(
             inside > 100,
             "{mode:?}, {padding:?}, {pool:?}: {inside} of 128 within range"
         );
-        let alive = ours[0].iter().filter(|q| q.unsigned_abs() > 10).count();
+        let values = ours[0].values.iter();
+        let alive = values.filter(|q| q.unsigned_abs() > 10).count();
         assert!(
             alive > 32,
             "{mode:?}, {padding:?}, {pool:?}: {alive} of 128 beyond 10"
@@ -109,7 +120,7 @@ fn acquired(mains: Mains, samples: impl Iterator<Item = Sample>, steps: usize) -
         .collect()
 }
 
-fn streamed(planes: &[Plane]) -> Vec<[i8; CODE]> {
+fn streamed(planes: &[Plane]) -> Vec<IntegerCode> {
     let mut encoder = Encoder::new();
     let steps = planes.iter().map(|&plane| Step {
         plane,
@@ -117,6 +128,9 @@ fn streamed(planes: &[Plane]) -> Vec<[i8; CODE]> {
     });
     steps
         .filter_map(|step| encoder.push(&step))
-        .map(|code| code.values)
+        .map(|code| IntegerCode {
+            exponent: code.values.exponent(),
+            values: code.values.integers(),
+        })
         .collect()
 }

@@ -16,17 +16,11 @@ fn codes(
     seed: u32,
 ) -> (Vec<[f32; CODE]>, Vec<[f32; CODE]>) {
     let encoder = FloatEncoder::new(artifact).expect("a complete network");
-    let dequantised = |q: [i8; CODE]| {
-        std::array::from_fn(|j| {
-            let steps = i16::from(q[j]) - i16::from(model.code_zero_point[j]);
-            f32::from(steps) * model.code_scale[j]
-        })
-    };
     windows(seed, artifact, WINDOWS)
         .iter()
         .map(|window| {
             let integers = model.encode_window(&planes(artifact, model, window));
-            (encoder.encode(window), dequantised(integers))
+            (encoder.encode(window), model.dequantise(&integers))
         })
         .unzip()
 }

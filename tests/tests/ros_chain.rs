@@ -124,15 +124,13 @@ fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Ve
         .take(count)
         .filter_map(|sample| pipeline.push(&sample));
     let scales = model::CODE_SCALE.iter().zip(&model::CODE_ZERO_POINT);
-    let dequantise = |values: [i8; 128]| {
-        let pairs = values.into_iter().zip(scales.clone());
+    let dequantise = |steps: [i32; 128]| {
+        let pairs = steps.into_iter().zip(scales.clone());
         pairs
-            .map(|(q, (scale, zero))| {
-                f64::from(i16::from(q) - i16::from(*zero)) * f64::from(*scale)
-            })
+            .map(|(step, (scale, zero))| f64::from(step - i32::from(*zero)) * f64::from(*scale))
             .collect()
     };
-    codes.map(|code| dequantise(code.values)).collect()
+    codes.map(|code| dequantise(code.values.steps())).collect()
 }
 
 /// The contract of ROS-Neuro's acquisition, and nothing lost.

@@ -1,9 +1,11 @@
-//! How well a model's codes tell the windows, in float and as int8.
+//! How well a model's codes tell the windows, in float and as integers.
 
 use crate::dataset::{Dataset, Window};
 use crate::error::TrainerError;
 use crate::in_parallel;
-use artifact::{Artifact, CELLS, CODE, FloatDecoder, FloatEncoder, STEPS, ScalpGrid};
+use artifact::{
+    Artifact, CELLS, CodeFormat, FloatDecoder, FloatEncoder, IntegerCode, STEPS, ScalpGrid,
+};
 use model_gen::{IntegerModel, Plane};
 use std::fmt;
 
@@ -14,14 +16,16 @@ pub struct Evaluation {
     pub windows: usize,
     /// With float codes.
     pub float: Merit,
-    /// With the integer encoder's int8 codes.
+    /// With the integer encoder's codes, whatever their format.
     pub int8: Merit,
-    /// Signal to quantisation noise of the int8 codes against the float encoder's, dB: over all
+    /// Format of its codes.
+    pub format: CodeFormat,
+    /// Signal to quantisation noise of the integer codes against the float encoder's, dB: over all
     /// dimensions together.
     pub code_sqnr_db: f64,
     /// Numbers of the quantised windows that saturated.
     pub input_clipped: u64,
-    /// Numbers of the int8 codes at either end of their range.
+    /// Numbers of the integer codes at either end of their range.
     pub code_clipped: u64,
 }
 
@@ -92,6 +96,7 @@ pub fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation, Train
         windows: windows.len(),
         float: merit(total.float_error),
         int8: merit(total.int8_error),
+        format: codec.integers.code_format,
         code_sqnr_db: 10.0 * (total.code / total.code_error).log10(),
         input_clipped: total.input_clipped,
         code_clipped: total.code_clipped,
@@ -104,10 +109,7 @@ impl Codec {
         let code = self.encoder.encode(&cells);
         let (planes, input_clipped) = self.quantise(cells.as_slice());
         let int8 = self.integers.encode_window(&planes);
-        let received: [f32; CODE] = std::array::from_fn(|j| {
-            let steps = i16::from(int8[j]) - i16::from(self.integers.code_zero_point[j]);
-            f32::from(steps) * self.integers.code_scale[j]
-        });
+        let received = self.integers.dequantise(&int8);
         Sums {
             signal: squares(window.iter().copied()),
             float_error: distance(window, &self.decoder.decode(&code)),
@@ -115,10 +117,7 @@ impl Codec {
             code: squares(code.into_iter()),
             code_error: distance(&code, &received),
             input_clipped,
-            code_clipped: int8
-                .iter()
-                .filter(|q| matches!(**q, i8::MIN | i8::MAX))
-                .count() as u64,
+            code_clipped: at_rails(self.integers.code_format, &int8),
         }
     }
 
@@ -136,6 +135,16 @@ impl Codec {
         }
         (planes, clipped)
     }
+}
+
+/// Values of a code at either end of the range of its format.
+fn at_rails(format: CodeFormat, code: &IntegerCode) -> u64 {
+    if code.exponent < format.largest_exponent() {
+        return 0;
+    }
+    let rails = format.range();
+    let values = code.values.iter();
+    values.filter(|value| rails.contains(value)).count() as u64
 }
 
 fn squares(values: impl Iterator<Item = f32>) -> f64 {
@@ -159,7 +168,7 @@ impl fmt::Display for Table<'_> {
         writeln!(f, "{windows} windows; the error is over the 61 electrodes")?;
         writeln!(
             f,
-            "{:<14}{:>6}{:>12}{:>12}{:>9}{:>12}{:>16}{:>15}",
+            "{:<14}{:>14}{:>12}{:>12}{:>9}{:>12}{:>16}{:>15}",
             "model",
             "codes",
             "MSE",
@@ -177,7 +186,7 @@ impl fmt::Display for Table<'_> {
             } = e.float;
             writeln!(
                 f,
-                "{name:<14}{:>6}{mse:>12.5}{mse_uv2:>12.2}{prd_percent:>9.2}",
+                "{name:<14}{:>14}{mse:>12.5}{mse_uv2:>12.2}{prd_percent:>9.2}",
                 "float"
             )?;
             let Merit {
@@ -187,8 +196,8 @@ impl fmt::Display for Table<'_> {
             } = e.int8;
             writeln!(
                 f,
-                "{name:<14}{:>6}{mse:>12.5}{mse_uv2:>12.2}{prd_percent:>9.2}{:>12.2}{:>16}{:>15}",
-                "int8", e.code_sqnr_db, e.input_clipped, e.code_clipped
+                "{name:<14}{:>14}{mse:>12.5}{mse_uv2:>12.2}{prd_percent:>9.2}{:>12.2}{:>16}{:>15}",
+                e.format, e.code_sqnr_db, e.input_clipped, e.code_clipped
             )?;
         }
         Ok(())

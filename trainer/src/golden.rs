@@ -1,6 +1,6 @@
 //! Windows that every integer encoder must turn into the same codes.
 
-use artifact::{CELLS, CODE, Golden, STEPS};
+use artifact::{CELLS, Golden, STEPS};
 use model_gen::{IntegerModel, Plane};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -26,11 +26,15 @@ pub fn golden(integers: &IntegerModel) -> Golden {
     for loudness in LOUDNESS {
         windows.extend((0..OF_EACH).map(|_| noise(&cells, loudness, &mut rng)));
     }
-    let codes: Vec<[i8; CODE]> = windows
+    let codes = windows
         .iter()
         .map(|window| integers.encode_window(window))
         .collect();
-    Golden { windows, codes }
+    Golden {
+        format: integers.code_format,
+        windows,
+        codes,
+    }
 }
 
 /// Silence, both rails, telegraphs in time and space, and single numbers.

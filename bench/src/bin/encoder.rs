@@ -23,7 +23,7 @@ mod image {
     use cortex_m_rt::entry;
     use cortex_m_semihosting::hprintln;
     use model::HOP;
-    use pipeline::{Acquisition, CELLS, Encoder, Mains, Sample, Step};
+    use pipeline::{Acquisition, CELLS, CodeValues, Encoder, Mains, Sample, Step};
 
     #[entry]
     fn main() -> ! {
@@ -94,7 +94,7 @@ mod image {
                 tallies[index % HOP].add(instructions);
             }
             if let Some(code) = code {
-                outputs.write(&code.values.map(i8::cast_unsigned))?;
+                outputs.write(code.values.bytes(&mut [0; CodeValues::MOST_BYTES]))?;
             }
         }
         Ok(Some(tallies))

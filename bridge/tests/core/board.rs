@@ -4,8 +4,8 @@ use std::sync::{Arc, LazyLock};
 
 use bridge::{HostTime, Model};
 use link::{
-    Ack, AckResult, CODE_LEN, Capabilities, Code, Decoder, Encoder, Flags, Hello, MAX_FRAME,
-    ResetCause, Stats, Streams, ToDevice, ToHost,
+    Ack, AckResult, CODE_LEN, Capabilities, Code, CodeFormat, CodeValues, Decoder, Encoder, Flags,
+    Hello, MAX_FRAME, ResetCause, Stats, Streams, ToDevice, ToHost,
 };
 
 /// Wall clock when host and device start, nanoseconds.
@@ -33,6 +33,8 @@ pub(crate) struct Board {
     pub(crate) session_id: u32,
     pub(crate) labels: String,
     pub(crate) hop_steps: u8,
+    /// In formats other than int8 its zero points are 0 instead of 1.
+    pub(crate) code_format: CodeFormat,
     pub(crate) step_rate_hz: u16,
     pub(crate) next_window: u32,
     pub(crate) streaming: bool,
@@ -53,6 +55,7 @@ impl Board {
             session_id: 1,
             labels: model.electrodes().join(" "),
             hop_steps: 8,
+            code_format: CodeFormat::Int8,
             step_rate_hz: 128,
             next_window: 0,
             streaming: false,
@@ -106,6 +109,7 @@ impl Board {
             }),
         );
         let labels = self.labels.clone();
+        let zero_point = i8::from(self.code_format == CodeFormat::Int8);
         bytes.extend(self.frame(
             0,
             &ToHost::Capabilities(Capabilities {
@@ -119,8 +123,9 @@ impl Board {
                 group_delay_us: 10_000,
                 labels: &labels,
                 filters: "none",
+                code_format: self.code_format,
                 code_scale: heapless::Vec::from_array([0.5; CODE_LEN]),
-                code_zero_point: heapless::Vec::from_array([1; CODE_LEN]),
+                code_zero_point: heapless::Vec::from_array([zero_point; CODE_LEN]),
             }),
         ));
         bytes
@@ -160,8 +165,13 @@ impl Board {
         answers
     }
 
-    /// The next code, filled with `value`, made at `device_us`.
+    /// The next code, filled with the int8 `value`, made at `device_us`.
     pub(crate) fn code(&mut self, device_us: u64, value: i8) -> Vec<u8> {
+        self.code_of(device_us, &CodeValues::Int8([value; CODE_LEN]))
+    }
+
+    /// The next code, made at `device_us`.
+    pub(crate) fn code_of(&mut self, device_us: u64, values: &CodeValues) -> Vec<u8> {
         let window = self.next_window;
         self.now_us = device_us;
         self.next_window = window.wrapping_add(1);
@@ -171,8 +181,9 @@ impl Board {
             first_sample: u64::from(window) * 32,
             flags: Flags::empty(),
             clipped: 0,
+            clipped_values: 0,
             saturated: 0,
-            values: [value; CODE_LEN],
+            values: *values,
         };
         self.frame(device_us, &ToHost::Code(code))
     }

@@ -5,6 +5,7 @@ mod board;
 mod clock;
 mod compatibility;
 mod contract;
+mod formats;
 mod ledger;
 mod loss;
 mod reconstruction;

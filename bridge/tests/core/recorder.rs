@@ -3,7 +3,7 @@
 use bridge::{
     AnnouncedStream, Announcement, Core, Effects, FillerPolicy, Settings, StampPoint, TimedCode,
 };
-use link::ToDevice;
+use link::{CodeValues, ToDevice};
 use neuro_ros::{NeuroFrame, Shape};
 
 use crate::board::{Board, at, model};
@@ -116,6 +116,13 @@ impl Desk {
         if !lost {
             self.receive(&bytes);
         }
+    }
+
+    /// The same with a code in any format.
+    pub(crate) fn code_of(&mut self, values: &CodeValues) {
+        self.now_us += 62_500;
+        let bytes = self.board.code_of(self.now_us.unsigned_abs(), values);
+        self.receive(&bytes);
     }
 
     /// The flags word of every frame of `/encoded`.

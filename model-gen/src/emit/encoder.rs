@@ -1,6 +1,6 @@
 //! The encoder: weights, factors and the network that holds them.
 
-use artifact::Description;
+use artifact::{CodeFormat, Description};
 use int8_nn::Pair;
 
 use super::{
@@ -65,8 +65,17 @@ impl Source {
     }
 
     pub(super) fn codes(&mut self, model: &DeviceModel) {
+        let format = match model.integers.code_format {
+            CodeFormat::Int8 => "Int8",
+            CodeFormat::Int8Exponent => "Int8Exponent",
+            CodeFormat::Int16 => "Int16",
+        };
+        self.line("/// The integers of a code.");
+        self.line(format_args!(
+            "pub const CODE_FORMAT: CodeFormat = CodeFormat::{format};"
+        ));
         self.array(
-            "The int8 code of a float zero: `z = (q - zero point) * scale`.",
+            "The step of a float zero: `z = (step - zero point) * scale`.",
             "pub static CODE_ZERO_POINT: [i8; CODE]",
             &model.integers.code_zero_point,
         );
@@ -77,7 +86,7 @@ impl Source {
             .map(|&s| float(s))
             .collect();
         self.list(
-            "Float code per step of each int8 code.",
+            "Float code per step of the code.",
             "pub static CODE_SCALE: [f32; CODE]",
             &scales,
         );

@@ -5,7 +5,7 @@ mod elsewhere;
 mod inputs;
 mod report;
 
-use pipeline::{Encoder, Step};
+use pipeline::{CodeValues, Encoder, Step};
 
 use self::counts::Counts;
 use self::inputs::Inputs;
@@ -64,7 +64,7 @@ fn codes(inputs: &Inputs) -> Vec<u8> {
                 ..Step::default()
             };
             if let Some(code) = encoder.push(&step) {
-                codes.extend(code.values.map(i8::cast_unsigned));
+                codes.extend(code.values.bytes(&mut [0; CodeValues::MOST_BYTES]));
             }
         }
     }
