@@ -31,8 +31,9 @@ const HEAD_ROOM: f64 = 1.25;
 /// long moves few dimensions far, and a clipped code costs more than all rounding.
 const CODE_HEAD_ROOM: f64 = 2.0;
 
-/// The same for codes of 16 bits, with or without an exponent: three bits, which they can spare.
-const WIDE_CODE_HEAD_ROOM: f64 = 8.0;
+/// The same for codes of 16 bits and those with an exponent, four bits: what is left of 16 is still
+/// finer than what the int8 input brings, and an exponent takes back what a window does not need.
+const WIDE_CODE_HEAD_ROOM: f64 = 16.0;
 
 /// Largest magnitude of a cell beyond the edges: kernels that read unsigned numbers lift a channel by
 /// as much, activations up to 255 included, and keep it within 16 bits.

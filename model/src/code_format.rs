@@ -10,7 +10,7 @@ pub enum CodeFormat {
     /// A step is a number of 8 bits times 2^exponent, 0..=8, of the whole code. The finest scale is
     /// that of [`CodeFormat::Int16`]; the zero point is 0.
     Int8Exponent,
-    /// A step is a number of 16 bits. Its scale reaches eight times as far as the calibration did;
+    /// A step is a number of 16 bits. Its scale reaches 16 times as far as the calibration did;
     /// the zero point is 0.
     Int16,
 }

@@ -1,0 +1,117 @@
+//! The formats of a code on the built-in model: what an exponent and 16 bits are worth.
+
+use std::path::Path;
+
+use artifact::{Artifact, CODE, CodeFormat, FloatEncoder, Golden, WINDOW_CELLS};
+use model_gen::{IntegerModel, Plane, integer_code, quantise};
+
+fn folder() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact")
+}
+
+/// The built-in model with codes of another format.
+fn model(format: CodeFormat) -> IntegerModel {
+    let mut artifact = Artifact::read(&folder()).expect("the checked-in artifact is readable");
+    artifact.description.code.format = format;
+    quantise(&artifact).expect("quantisable in every format")
+}
+
+/// The golden windows: 10 extremes, then three of noise for each loudness, 0.01 to 1.5 of the input's
+/// range.
+fn windows() -> Vec<[Plane; 16]> {
+    let golden = Golden::read(&folder()).expect("the checked-in golden is readable");
+    assert_eq!(golden.windows.len(), 28);
+    golden.windows
+}
+
+/// The mean squared distance of two codes.
+fn distance(a: &[f32; CODE], b: &[f32; CODE]) -> f32 {
+    let squares = a.iter().zip(b).map(|(a, b)| (a - b).powi(2));
+    squares.sum::<f32>() / 128.0
+}
+
+/// The float code of quantised planes.
+fn float_code(planes: &[Plane; 16]) -> [f32; CODE] {
+    let artifact = Artifact::read(&folder()).expect("the checked-in artifact is readable");
+    let encoder = FloatEncoder::new(&artifact).expect("a complete network");
+    #[expect(clippy::cast_possible_truncation, reason = "a scale")]
+    let sd_uv = artifact.description.input.sd_uv as f32;
+    let scale = model(CodeFormat::Int8).input_scale_uv / sd_uv;
+    let cells: Vec<f32> = planes
+        .as_flattened()
+        .iter()
+        .map(|&q| f32::from(q) * scale)
+        .collect();
+    let cells: &[f32; WINDOW_CELLS] = cells[..].try_into().expect("16 planes");
+    encoder.encode(cells)
+}
+
+#[test]
+fn quiet_codes_are_finer_with_an_exponent_and_loud_ones_are_not_clipped() {
+    let [int8, exponent, int16] = [
+        CodeFormat::Int8,
+        CodeFormat::Int8Exponent,
+        CodeFormat::Int16,
+    ]
+    .map(model);
+    for (index, window) in windows().iter().enumerate().skip(10) {
+        let float = float_code(window);
+        let codes = [&int8, &exponent, &int16].map(|model| model.encode_window(window));
+        let errors = [(&int8, 0), (&exponent, 1), (&int16, 2)]
+            .map(|(model, place)| distance(&float, &model.dequantise(&codes[place])));
+        let [by_int8, by_exponent, by_int16] = errors;
+        eprintln!(
+            "window {index}: exponent {}, mean squared error of z {by_int8:.4}, with an exponent \
+             {by_exponent:.4}, in 16 bits {by_int16:.4}",
+            codes[1].exponent
+        );
+        // The last bit of rounding may fall either way.
+        assert!(by_int16 <= 1.01 * by_exponent, "window {index}");
+        if index < 13 {
+            assert!(by_exponent < 0.1 * by_int8, "window {index}, a quiet one");
+        }
+        let at_rails = |values: &[i16]| values.iter().filter(|v| matches!(v, -128 | 127)).count();
+        if index >= 25 {
+            assert!(at_rails(&codes[0].values) > 0, "window {index}, a loud one");
+            assert_eq!(at_rails(&codes[1].values), 0, "window {index}");
+            assert!(by_exponent < by_int8, "window {index}");
+        }
+    }
+}
+
+#[test]
+fn a_code_with_an_exponent_is_within_half_its_step_of_the_one_in_16_bits() {
+    let (exponent, int16) = (model(CodeFormat::Int8Exponent), model(CodeFormat::Int16));
+    assert_eq!(
+        exponent.code_scale.map(f32::to_bits),
+        int16.code_scale.map(f32::to_bits)
+    );
+    assert_eq!(exponent.code_zero_point, [0; CODE]);
+    assert_eq!(int16.code_zero_point, [0; CODE]);
+    for window in &windows() {
+        let (short, long) = (exponent.encode_window(window), int16.encode_window(window));
+        let half = 2_i32.pow(short.exponent.into()) / 2;
+        // Beyond these ends the one, the other or both are clipped.
+        let pairs = short.steps().into_iter().zip(long.steps());
+        let pairs = pairs.filter(|(_, long)| (-32_767..32_640).contains(long));
+        let furthest = pairs.map(|(a, b)| (a - b).abs()).max();
+        assert!(furthest <= Some(half), "{furthest:?} of {half}");
+    }
+}
+
+#[test]
+fn the_smallest_exponent_is_taken_that_clips_nothing() {
+    let of = |step: i64| {
+        let code = integer_code(CodeFormat::Int8Exponent, &[step; CODE]);
+        (code.exponent, code.values[0])
+    };
+    assert_eq!(of(127), (0, 127));
+    // 255 / 2 rounds up to 128.
+    assert_eq!((of(254), of(255)), ((1, 127), (2, 64)));
+    assert_eq!((of(-257), of(-258)), ((1, -128), (2, -64)));
+    assert_eq!((of(32_639), of(32_640)), ((8, 127), (8, 127)));
+    assert_eq!(
+        (of(i64::from(i32::MAX)), of(-(1 << 31))),
+        ((8, 127), (8, -128))
+    );
+}
