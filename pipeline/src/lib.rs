@@ -3,7 +3,7 @@
 //! ```text
 //! Sample ---Acquisition---> Step ---Encoder---> Code
 //! 512 Hz    filters,        128 Hz  streaming   16 Hz
-//! counts    resampler,      Q27.5,  int8        128 x int8
+//! counts    resampler,      Q27.5,  int8        128 numbers
 //!           scalp grid      int8
 //! ```
 //!

@@ -210,6 +210,7 @@ mod tests {
     use crate::calibrate;
     use crate::parameters::Parameters;
     use crate::testing;
+    use artifact::CODE;
 
     #[test]
     fn directions_lose_what_they_do_not_see_and_int8_a_little_more() {
@@ -241,6 +242,33 @@ mod tests {
         assert_eq!(evaluation.input_clipped, 0);
         let ratio = evaluation.float.mse_uv2 / evaluation.float.mse;
         assert!((ratio - 47.3_f64.powi(2)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn wider_codes_lose_less_and_clip_nothing() {
+        let mut dataset = testing::dataset(9, 64);
+        let parameters = Parameters::pca(&testing::directions());
+        let mut model = calibrate::artifact(testing::description(), &parameters, &dataset).unwrap();
+        // Beyond the int8 codes' head room, within that of the others and of the input.
+        for name in ["code.min", "code.max"] {
+            let range = model.calibration.tensor(name, &[CODE]).unwrap().to_vec();
+            let less = range.iter().map(|end| end / 9.0).collect();
+            model.calibration.insert(name, &[CODE], less);
+        }
+        dataset.scale(1.2);
+        let mut evaluation = |format| {
+            model.description.code.format = format;
+            let evaluation = evaluate(&model, &dataset).unwrap();
+            assert_eq!(evaluation.format, format);
+            evaluation
+        };
+        let int8 = evaluation(CodeFormat::Int8);
+        let exponent = evaluation(CodeFormat::Int8Exponent);
+        let int16 = evaluation(CodeFormat::Int16);
+        assert!(int8.code_clipped > 0, "{int8:?}");
+        assert_eq!((exponent.code_clipped, int16.code_clipped), (0, 0));
+        assert!(exponent.code_sqnr_db > int8.code_sqnr_db);
+        assert!(int16.code_sqnr_db > exponent.code_sqnr_db);
     }
 
     #[test]
