@@ -55,10 +55,12 @@ proptest! {
     fn what_is_not_clipped_is_within_half_of_two_to_the_exponent(steps in any_steps()) {
         for (format, _) in FORMATS {
             let (values, clipped) = of(format, &steps);
-            let half = (1_i64 << values.exponent()) / 2;
+            // Half up: a value may lie above its step by just a half, but not below.
+            let power = 1_i64 << values.exponent();
             let pairs = values.steps().into_iter().zip(steps);
             let off = pairs.filter(|&(ours, step)| {
-                (i64::from(ours) - i64::from(step)).abs() > half
+                let twice = 2 * (i64::from(ours) - i64::from(step));
+                twice <= -power || twice > power
             });
             prop_assert_eq!(off.count(), usize::from(clipped));
         }
