@@ -17,6 +17,7 @@ pub mod any_sections;
 pub mod block;
 pub mod contender;
 pub mod hop;
+pub mod host;
 pub mod idsp_cascade;
 pub mod kernel;
 #[cfg(target_os = "none")]

@@ -3,7 +3,7 @@
 #[cfg(smlad)]
 mod cortex_m;
 
-use crate::Pair;
+use crate::{Pair, quad::Quad};
 
 /// Positions that are multiplied together with [`OUTPUTS`] outputs: six accumulators, four weights,
 /// two inputs and two pointers are the 14 registers of a Cortex-M.
@@ -64,27 +64,36 @@ pub(crate) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usiz
 }
 
 /// One step in plain Rust: the twin of the assembler.
+///
+/// The products of a round lie side by side, `[output][pair]`, and each has a sum of its own until
+/// the end.
+#[inline]
 fn step_portable<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
     inputs: [&[Pair]; SEGMENTS],
     weights: &[Pair],
     sums: &mut [i32; POSITIONS * OUTPUTS],
 ) {
-    *sums = [0; POSITIONS * OUTPUTS];
+    let mut lanes = [Quad::new([Pair::ZERO; OUTPUTS * ROUND]); POSITIONS];
     for (segment, weights) in inputs
         .into_iter()
         .zip(weights.chunks_exact(OUTPUTS * WIDTH))
     {
+        // Of as many inputs as the compiler knows, so that nothing is checked in the loop.
+        let positions: [&[Pair; WIDTH]; POSITIONS] = core::array::from_fn(|position| {
+            let inputs = &segment[position * STRIDE..][..WIDTH];
+            &inputs.as_chunks().0[0]
+        });
         let rounds = weights.as_chunks::<{ OUTPUTS * ROUND }>().0;
-        let positions = segment.windows(WIDTH).step_by(STRIDE);
-        for (inputs, sums) in positions.zip(sums.as_chunks_mut::<OUTPUTS>().0) {
-            for (inputs, weights) in inputs.as_chunks::<ROUND>().0.iter().zip(rounds) {
-                let outputs = weights.as_chunks::<ROUND>().0;
-                for (sum, weights) in sums.iter_mut().zip(outputs) {
-                    for (x, &weight) in inputs.iter().zip(weights) {
-                        *sum = x.multiply_add(weight, *sum);
-                    }
-                }
+        for (round, &weights) in rounds.iter().enumerate() {
+            let weights = Quad::new(weights);
+            for (lanes, inputs) in lanes.iter_mut().zip(positions) {
+                let [x, y] = [inputs[ROUND * round], inputs[ROUND * round + 1]];
+                *lanes = Quad::new([x, y, x, y]).multiply_add(weights, *lanes);
             }
         }
+    }
+    for (sums, lanes) in sums.as_chunks_mut::<OUTPUTS>().0.iter_mut().zip(lanes) {
+        let [a, b, c, d] = lanes.words();
+        *sums = [a.wrapping_add(b), c.wrapping_add(d)];
     }
 }

@@ -40,6 +40,7 @@ mod input_conv;
 mod linear;
 mod pair;
 mod plane;
+mod quad;
 mod requantise;
 mod ring;
 mod winograd;

@@ -4,6 +4,8 @@
 mod cortex_m;
 
 use crate::Pair;
+#[cfg(not(smlad))]
+use crate::quad::Quad;
 
 /// Outputs that are computed together: two pairs.
 const OUTPUTS: usize = 4;
@@ -99,16 +101,18 @@ impl Linear<'_> {
 fn accumulate_portable(inputs: &[Pair], weights: &[Pair], accumulators: &mut [i32]) {
     let quads = weights.chunks_exact(inputs.len() * OUTPUTS / 2);
     for (weights, outputs) in quads.zip(accumulators.as_chunks_mut::<OUTPUTS>().0) {
-        let (mut both, mut even) = ([0_i32; 2], [0_i32; 2]);
+        let zeros = Quad::new([Pair::ZERO; 2 * ROUND]);
+        let (mut both, mut even) = (zeros, zeros);
         let rounds = weights.as_chunks::<{ 2 * ROUND }>().0;
-        for (inputs, weights) in inputs.as_chunks::<ROUND>().0.iter().zip(rounds) {
-            for (index, weights) in weights.as_chunks::<ROUND>().0.iter().enumerate() {
-                for (x, &weight) in inputs.iter().zip(weights) {
-                    both[index] = x.multiply_add(weight, both[index]);
-                    even[index] = x.multiply_add(weight.low_bytes(), even[index]);
-                }
-            }
+        for (&[x, y], &weights) in inputs.as_chunks::<ROUND>().0.iter().zip(rounds) {
+            let (inputs, weights) = (Quad::new([x, y, x, y]), Quad::new(weights));
+            both = inputs.multiply_add(weights, both);
+            even = inputs.multiply_add(weights.low_bytes(), even);
         }
+        let [both, even] = [both, even].map(|lanes| {
+            let [a, b, c, d] = lanes.words();
+            [a.wrapping_add(b), c.wrapping_add(d)]
+        });
         for (index, outputs) in outputs.as_chunks_mut::<2>().0.iter_mut().enumerate() {
             let odd = both[index].wrapping_sub(even[index]) >> 8;
             *outputs = [

@@ -46,21 +46,6 @@ impl Pair {
         Self(self.0 & 0xffff | other.0 << 16)
     }
 
-    /// `self . other` on top of a sum, wrapping.
-    #[inline(always)]
-    pub(crate) fn multiply_add(self, other: Self, sum: i32) -> i32 {
-        let ([a, b], [c, d]) = (self.get().map(i32::from), other.get().map(i32::from));
-        sum.wrapping_add(a * c).wrapping_add(b * d)
-    }
-
-    /// The low byte of each, with its sign (SXTB16).
-    #[cfg(not(smlad))]
-    #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "the low byte")]
-    pub(crate) fn low_bytes(self) -> Self {
-        Self::new(self.get().map(|lane| i16::from(lane as i8)))
-    }
-
     /// Four times both numbers, which must lie in 0..2^13: one shift of the word.
     #[inline(always)]
     pub(crate) fn quadrupled(self) -> Self {

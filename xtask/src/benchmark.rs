@@ -1,10 +1,12 @@
-//! `cargo xtask bench`: instructions on an emulated microcontroller, noise, and pictures of both.
+//! `cargo xtask bench`: instructions on an emulated microcontroller, noise, pictures of both, and codes
+//! per second on this PC.
 
 mod counts;
 pub(crate) mod drawing;
 mod elf;
 pub(crate) mod emulator;
 mod encoder;
+mod host;
 mod impulse;
 mod inputs;
 mod noise;
@@ -14,6 +16,7 @@ mod report;
 mod spectrum;
 pub(crate) mod twin;
 
+use std::fmt::Display;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -46,6 +49,12 @@ pub(crate) enum BenchOptions {
         #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(100..=100_000))]
         windows: u32,
     },
+    /// The encoder on this PC: codes per second on one core, beside PyTorch's.
+    Host {
+        /// Print one JSON object instead of a table.
+        #[arg(long)]
+        json: bool,
+    },
 }
 
 impl BenchOptions {
@@ -66,22 +75,28 @@ pub(crate) fn bench(options: BenchOptions) -> Result<(), Failure> {
     match options {
         BenchOptions::Filters { json } => {
             let report = filters()?;
-            if json {
-                println!("{}", report.json());
-            } else {
-                print!("{report}");
-            }
+            print(json, || report.json(), &report);
             report.judge()
         }
         BenchOptions::Encoder { json, windows } => {
             let report = encoder::measure(windows as usize)?;
-            if json {
-                println!("{}", report.json());
-            } else {
-                print!("{report}");
-            }
+            print(json, || report.json(), &report);
             report.judge()
         }
+        BenchOptions::Host { json } => {
+            let report = host::measure()?;
+            print(json, || report.json(), &report);
+            report.judge()
+        }
+    }
+}
+
+/// One object, or a table.
+fn print(json: bool, object: impl FnOnce() -> String, table: &impl Display) {
+    if json {
+        println!("{}", object());
+    } else {
+        print!("{table}");
     }
 }
 

@@ -36,7 +36,8 @@ enum Verb {
     },
     /// Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures.
     Demo(demo::DemoOptions),
-    /// Count instructions on an emulated microcontroller; of the filters, measure and draw the noise as well.
+    /// Count instructions on an emulated microcontroller, measure and draw the filters' noise, or time the
+    /// encoder on this PC.
     #[command(subcommand)]
     Bench(benchmark::BenchOptions),
     /// Check licences, advisories and sources with cargo-deny, where it is installed.

@@ -181,7 +181,7 @@ fn missing() -> Failure {
 }
 
 /// Cargo's target folder: this program lies in a folder of it, since cargo put it there.
-fn target_folder() -> Result<PathBuf, Failure> {
+pub(crate) fn target_folder() -> Result<PathBuf, Failure> {
     let missing = |why: String| Failure::Missing {
         what: "the folder of the built image".to_owned(),
         why,

@@ -1,0 +1,94 @@
+"""The encoder in PyTorch, f32, on one thread: what `cargo xtask bench host` measures beside ours.
+
+    python3 torch_encoder.py WEIGHTS CELLS
+
+In the current folder it reads windows.bin (f32, [window][step][row][column] of 16 steps, 10 rows, 9
+columns, as the network takes them) and writes their codes to torch.bin. CELLS are the electrodes' cells,
+with commas between them. A line on standard input is a turn: "single", a window per call, or "batch", all
+windows in one; the answer is the number of codes and the nanoseconds they took.
+"""
+
+import json
+import struct
+import sys
+import time
+
+import torch
+from torch import nn
+
+TURN_NS = 200_000_000
+
+
+def tensors(path):
+    """A safetensors file: length of the header (u64), header (JSON), numbers."""
+    with open(path, "rb") as file:
+        data = file.read()
+    (length,) = struct.unpack_from("<Q", data)
+    header = json.loads(data[8 : 8 + length])
+    numbers = bytearray(data[8 + length :])
+    header.pop("__metadata__", None)
+    return {
+        name: torch.frombuffer(
+            numbers,
+            dtype={"F32": torch.float32}[entry["dtype"]],
+            count=(entry["data_offsets"][1] - entry["data_offsets"][0]) // 4,
+            offset=entry["data_offsets"][0],
+        ).reshape(entry["shape"])
+        for name, entry in header.items()
+    }
+
+
+class Encoder(nn.Module):
+    def __init__(self, weights, cells):
+        super().__init__()
+        self.conv1 = nn.Conv3d(1, 16, 3)
+        self.norm1 = nn.BatchNorm3d(16)
+        self.conv2 = nn.Conv3d(16, 32, 3)
+        self.norm2 = nn.BatchNorm3d(32)
+        self.pool = nn.MaxPool3d(2)
+        self.fc = nn.Linear(1152, 128)
+        self.shortcut = nn.Linear(16 * len(cells), 128, bias=False)
+        self.cells = torch.tensor(cells)
+        own = {
+            name.removeprefix("encoder."): tensor
+            for name, tensor in weights.items()
+            if name.startswith("encoder.")
+        }
+        missing, unknown = self.load_state_dict(own, strict=False)
+        left = [name for name in missing if not name.endswith("num_batches_tracked")]
+        if left or unknown:
+            sys.exit(f"the artifact is not this network: {left} missing, {unknown} unknown")
+
+    def forward(self, windows):
+        x = windows.unsqueeze(1)
+        x = self.norm1(torch.relu(self.conv1(x)))
+        x = self.norm2(torch.relu(self.conv2(x)))
+        x = self.fc(self.pool(x).flatten(1))
+        electrodes = windows.flatten(2).index_select(2, self.cells)
+        return x + self.shortcut(electrodes.flatten(1))
+
+
+def main():
+    _, weights, cells = sys.argv
+    torch.set_num_threads(1)
+    torch.set_num_interop_threads(1)
+    encoder = Encoder(tensors(weights), [int(cell) for cell in cells.split(",")]).eval()
+    with open("windows.bin", "rb") as file:
+        windows = torch.frombuffer(bytearray(file.read()), dtype=torch.float32)
+    windows = windows.reshape(-1, 16, 10, 9)
+    singles = windows.split(1)
+
+    with torch.no_grad():
+        with open("torch.bin", "wb") as file:
+            file.write(encoder(windows).numpy().tobytes())
+        print(torch.__version__, flush=True)
+        for line in sys.stdin:
+            batches = {"single": singles, "batch": [windows]}[line.strip()]
+            codes, begin = 0, time.perf_counter_ns()
+            while time.perf_counter_ns() - begin < TURN_NS:
+                for batch in batches:
+                    codes += len(encoder(batch))
+            print(codes, time.perf_counter_ns() - begin, flush=True)
+
+
+main()
