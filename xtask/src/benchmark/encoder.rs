@@ -1,13 +1,17 @@
 //! `cargo xtask bench encoder`: instructions of each step, and whether the codes are the PC's.
 
 mod counts;
+mod cycles;
+mod disassembly;
 mod elsewhere;
 mod inputs;
+mod part;
 mod report;
 
 use pipeline::{CodeValues, Encoder, Step};
 
 use self::counts::Counts;
+use self::cycles::Loops;
 use self::inputs::Inputs;
 use self::report::Report;
 use super::elf;
@@ -32,12 +36,14 @@ pub(crate) fn measure(windows: usize) -> Result<Report, Failure> {
     let lines = inputs.names.len() * model::HOP + OTHER_LINES;
     let progress = super::progress_bar(MACHINES.len() * lines);
     let mut counts = Vec::new();
+    let mut loops = Vec::new();
     let mut flash_bytes = 0;
     for machine in MACHINES {
         // Each processor has kernels of its own; cargo puts both images in one place.
         let bare = Image::build("size", machine.features)?;
         flash_bytes = elf::flash_bytes(bare.path())?.max(flash_bytes);
         let image = Image::build("encoder", machine.features)?;
+        loops.push(Loops::of(machine, &image));
         let folder = image.target_folder().join("bench").join("encoder");
         let work = folder.join(machine.name);
         let (said, came_out) = super::run(&image, machine, &work, &inputs.bytes(), &progress)?;
@@ -50,7 +56,10 @@ pub(crate) fn measure(windows: usize) -> Result<Report, Failure> {
         )?);
     }
     progress.finish_and_clear();
-    Ok(Report::new(&inputs, &counts, flash_bytes))
+    for skipped in loops.iter().flat_map(|loops| &loops.skipped) {
+        eprintln!("SKIPPED: {skipped}");
+    }
+    Ok(Report::new(&inputs, &counts, &loops, flash_bytes))
 }
 
 /// The codes that this PC makes of the inputs, each from an encoder that has seen nothing.

@@ -38,7 +38,7 @@ pub(crate) fn measure() -> Result<Report, Failure> {
 
     let own = target.join("release").join("examples").join("host");
     let mut ours = Process::start(Command::new(own), &folder)?;
-    let mut theirs = torch(&inputs, &folder)?;
+    let mut theirs = torch(&folder)?;
     let agreement = Agreement::of(&inputs, &folder, theirs.is_some())?;
 
     let progress = super::progress_bar(ROUNDS + 1);
@@ -57,11 +57,16 @@ pub(crate) fn measure() -> Result<Report, Failure> {
     }
     progress.finish_and_clear();
     let torch = theirs.map(|theirs| theirs.greeting.clone());
-    Ok(Report::new(ours.greeting.clone(), torch, &rounds[1..], agreement))
+    Ok(Report::new(
+        ours.greeting.clone(),
+        torch,
+        &rounds[1..],
+        agreement,
+    ))
 }
 
 /// PyTorch on one thread, if a Python has it.
-fn torch(inputs: &Inputs, folder: &Path) -> Result<Option<Process>, Failure> {
+fn torch(folder: &Path) -> Result<Option<Process>, Failure> {
     let has_torch = |python: &&&str| {
         let mut import = Command::new(python);
         crate::command::succeeds(import.args(["-c", "import torch"]))
@@ -77,8 +82,8 @@ fn torch(inputs: &Inputs, folder: &Path) -> Result<Option<Process>, Failure> {
     let mut command = Command::new(python);
     command
         .arg(root().join("bench").join("torch_encoder.py"))
-        .arg(inputs.weights())
-        .arg(inputs.cells())
+        .arg(Inputs::weights())
+        .arg(Inputs::cells())
         .env("OMP_NUM_THREADS", "1")
         .env("MKL_NUM_THREADS", "1");
     Process::start(command, folder).map(Some)

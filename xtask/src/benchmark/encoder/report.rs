@@ -8,8 +8,10 @@ use model::HOP;
 use serde::Serialize;
 
 use super::counts::Counts;
+use super::cycles::{Estimate, Loops};
 use super::elsewhere::{ELSEWHERE, Elsewhere};
 use super::inputs::Inputs;
+use super::part::Room;
 use crate::failure::Failure;
 
 /// Most instructions per code without the shortcut: measured 1.109 M.
@@ -32,12 +34,16 @@ pub(crate) struct Report {
     /// once, and its kernels take more of them to make use of it.
     #[serde(flatten)]
     instructions: Instructions,
+    #[serde(flatten)]
+    cycles: Estimate,
     /// Whether every step takes as many instructions for every input, on both machines.
     constant_count: bool,
     /// Bytes of the acquisition's and the encoder's state.
     ram_bytes: u32,
     /// Bytes of the larger of both images that hold acquisition, encoder and weights alone.
     flash_bytes: usize,
+    /// What is left of microcontrollers.
+    rooms: Vec<Room>,
     /// Whether both machines' codes are the PC's.
     bytes_equal: bool,
     /// Windows whose codes were compared, on each machine.
@@ -77,6 +83,9 @@ struct MachineFigures {
     steps: [[u32; 2]; HOP],
     /// The kernels, each alone.
     kernels: Vec<KernelFigures>,
+    /// The kernels' inner loops, in cycles.
+    #[serde(flatten)]
+    loops: Loops,
     /// What the steps take beside the kernels: requantisation, sums, order.
     rest_per_code: i64,
     /// The acquisition's share, eight steps of four samples.
@@ -97,14 +106,29 @@ impl Report {
     ///
     /// # Panics
     /// When there is no machine.
-    pub(crate) fn new(inputs: &Inputs, counts: &[Counts], flash_bytes: usize) -> Self {
-        let machines: Vec<MachineFigures> = counts.iter().map(MachineFigures::of).collect();
+    pub(crate) fn new(
+        inputs: &Inputs,
+        counts: &[Counts],
+        loops: &[Loops],
+        flash_bytes: usize,
+    ) -> Self {
+        let machines = counts.iter().zip(loops);
+        let cycles = machines.clone().map(|(counts, loops)| {
+            let per_code = Instructions::of(counts).insn_per_code_shortcut;
+            (counts.machine, loops, per_code)
+        });
+        let cycles = Estimate::of(cycles);
+        let machines = machines.map(|(counts, loops)| MachineFigures::of(counts, loops));
+        let machines: Vec<MachineFigures> = machines.collect();
         let rams = counts.iter().map(|counts| counts.ram.iter().sum());
+        let ram_bytes = rams.max().unwrap_or(u32::MAX);
         let mut report = Self {
             instructions: machines[0].instructions,
+            cycles,
             constant_count: counts.iter().all(Counts::is_constant),
-            ram_bytes: rams.max().unwrap_or(u32::MAX),
+            ram_bytes,
             flash_bytes,
+            rooms: Room::in_parts(flash_bytes, ram_bytes).to_vec(),
             bytes_equal: counts.iter().all(|counts| counts.different == 0),
             windows: inputs.windows * inputs.names.len(),
             machines,
@@ -186,6 +210,7 @@ impl Report {
         ];
         let broken = checks.into_iter().filter(|(kept, _)| !kept);
         faults.extend(broken.map(|(_, words)| words));
+        faults.extend(self.rooms.iter().filter_map(Room::fault));
         faults
     }
 
@@ -197,7 +222,7 @@ impl Report {
 }
 
 impl MachineFigures {
-    fn of(counts: &Counts) -> Self {
+    fn of(counts: &Counts, loops: &Loops) -> Self {
         let mut kernels = Vec::new();
         let mut runs = counts.kernels.iter();
         kernel::each(|kernel, _| {
@@ -213,6 +238,7 @@ impl MachineFigures {
             instructions: Instructions::of(counts),
             steps: std::array::from_fn(|place| counts.step(place)),
             kernels,
+            loops: loops.clone(),
             rest_per_code: i64::from(per_code(counts)) - i64::from(in_kernels),
             acquisition_per_code: counts.acquisition * steps(),
             constant: counts.is_constant(),
@@ -273,7 +299,7 @@ mod tests {
             windows: 12,
             skipped: Vec::new(),
         };
-        Report::new(&inputs, &[counts(&said())], 300_000)
+        Report::new(&inputs, &[counts(&said())], &[Loops::default()], 300_000)
     }
 
     #[test]
@@ -305,7 +331,7 @@ mod tests {
             report
         };
         assert!(sound().find_faults().is_empty());
-        let broken: [(Break, &str); 9] = [
+        let broken: [(Break, &str); 10] = [
             (
                 |report| report.instructions.insn_per_code = 1_300_001,
                 "insn_per_code is 1300001",
@@ -330,6 +356,10 @@ mod tests {
             (
                 |report| report.flash_bytes = 400_001,
                 "flash_bytes is 400001",
+            ),
+            (
+                |report| report.rooms[0].ram_left = -1,
+                "STM32F446RE has too little",
             ),
             (
                 |report| {
@@ -371,6 +401,8 @@ mod tests {
         assert_eq!(json["ram_bytes"], 35_000);
         assert_eq!(json["flash_bytes"], 300_000);
         assert!(json["worst_over_mean"].is_f64());
+        assert!(json["cycles_per_code_m4"].is_null());
+        assert_eq!(json["rooms"][0]["flash_left"], 512 * 1024 - 300_000);
         assert_eq!(json["machines"][0]["insn_per_code"], 6_900);
         assert!(!report().json().contains('\n'));
     }

@@ -93,12 +93,12 @@ impl Inputs {
     }
 
     /// The file with the model's weights.
-    pub(crate) fn weights(&self) -> PathBuf {
+    pub(crate) fn weights() -> PathBuf {
         folder_of_the_artifact().join("weights.safetensors")
     }
 
     /// The electrodes' cells in the montage's order.
-    pub(crate) fn cells(&self) -> String {
+    pub(crate) fn cells() -> String {
         let cells: Vec<String> = GRID_CELL.iter().map(ToString::to_string).collect();
         cells.join(",")
     }

@@ -3,12 +3,10 @@
 use std::fmt::{self, Formatter};
 
 use bench::hop::COMPLETING;
-use model::{HOP, STEP_RATE_HZ};
+use model::HOP;
 
+use super::super::cycles::{REST_M4, REST_M7};
 use super::{Instructions, MachineFigures, Report};
-
-/// Clocks that the load is said for: an STM32F4's and an STM32H7's, MHz.
-const CLOCKS_MHZ: [f64; 2] = [168.0, 480.0];
 
 /// One of a machine's counts.
 type Figure = fn(&Instructions) -> u32;
@@ -29,7 +27,14 @@ impl fmt::Display for Report {
              acquisition, encoder and their start-up code",
             self.ram_bytes, self.flash_bytes
         )?;
-        self.budget(f)?;
+        for room in &self.rooms {
+            writeln!(
+                f,
+                "  {:<42}{:>16} bytes of flash left, {} of RAM ({})",
+                room.part, room.flash_left, room.ram_left, room.region
+            )?;
+        }
+        self.cycles(f)?;
         writeln!(
             f,
             "Count {} over {}; {} codes {}",
@@ -112,24 +117,60 @@ impl Report {
         })
     }
 
-    /// How much time each core has for it.
-    fn budget(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let codes_per_s =
-            f64::from(STEP_RATE_HZ) / f64::from(u32::try_from(HOP).unwrap_or(u32::MAX));
-        write!(f, "Load (computed), acquisition included:")?;
-        for (machine, clock) in self.machines.iter().zip(CLOCKS_MHZ) {
-            let encoder = machine.instructions.insn_per_code_shortcut;
-            let per_us = f64::from(encoder + machine.acquisition_per_code) * codes_per_s / 1e6;
-            let cycles = clock / per_us;
-            let core = machine.core;
-            write!(
-                f,
-                " {per_us:.1} M instructions per second, for each of which a {core} at {clock} MHz has \
-                 {cycles:.1} cycles;"
-            )?;
+    /// What follows in cycles.
+    fn cycles(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "Cycles (computed, with shortcut): loops by ARM's table (Cortex-M4) and by llvm-mca, all other \
+             instructions at {REST_M4} on a Cortex-M4 and {REST_M7} on a Cortex-M7; no wait states"
+        )?;
+        for machine in &self.machines {
+            for each in &machine.loops.loops {
+                let name = format!("{}, {} turns", each.name, each.turns_per_code);
+                let table = each.arm_table.map(f64::from);
+                writeln!(
+                    f,
+                    "  {name:<42}{:>16} instructions, {} by the table, {} by llvm-mca ({})",
+                    each.instructions,
+                    known(table, 0),
+                    known(each.llvm_mca, 1),
+                    machine.core
+                )?;
+            }
         }
-        writeln!(f, " cycles are not counted here")
+        let cycles = &self.cycles;
+        for (name, per_code, load) in [
+            (
+                "per code, Cortex-M4F, 168 MHz",
+                cycles.cycles_per_code_m4,
+                cycles.load_168_mhz_percent,
+            ),
+            (
+                "the same, loops by llvm-mca",
+                cycles.cycles_per_code_m4_llvm_mca,
+                None,
+            ),
+            (
+                "per code, Cortex-M7, 480 MHz",
+                cycles.cycles_per_code_m7,
+                cycles.load_480_mhz_percent,
+            ),
+        ] {
+            write!(f, "  {name:<42}{:>16}", known(per_code, 0))?;
+            match load {
+                Some(load) => writeln!(f, " cycles, {load:.1} % of it")?,
+                None => writeln!(f)?,
+            }
+        }
+        Ok(())
     }
+}
+
+/// A figure, or that there is none.
+fn known(figure: Option<f64>, digits: usize) -> String {
+    figure.map_or("not computed".to_owned(), |figure| {
+        format!("{figure:.digits$}")
+    })
 }
 
 fn row(f: &mut Formatter<'_>, name: &str, figure: impl fmt::Display) -> fmt::Result {
@@ -141,12 +182,11 @@ mod tests {
     use super::super::tests::report;
 
     #[test]
-    fn the_table_has_every_step_and_the_load_of_both_clocks() {
+    fn the_table_has_every_step_and_says_what_is_not_computed() {
         let text = report().to_string();
         assert!(text.contains("step 8, completes a code"), "{text}");
-        // 8,500 + 7,200 instructions 16 times a second.
-        assert!(text.contains("0.3 M instructions per second"), "{text}");
-        assert!(text.contains("168 MHz has 668.8 cycles;"), "{text}");
+        assert!(text.contains("STM32F446RE"), "{text}");
+        assert!(text.contains("not computed"), "{text}");
         assert!(text.contains("24 codes byte for byte"), "{text}");
     }
 }
