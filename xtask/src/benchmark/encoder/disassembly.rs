@@ -66,7 +66,7 @@ impl Loop {
             .ok()?;
         let text = format!(
             ".syntax unified\n.thumb\n{}\n",
-            self.instructions.join("\n")
+            self.unconditional().join("\n")
         );
         // Dropped at the end of the statement, so that the tool sees the end of its input.
         child.stdin.take()?.write_all(text.as_bytes()).ok()?;
