@@ -1,6 +1,6 @@
 //! Cycles that follow from counted instructions: computed, not seen on any processor.
 
-use model::{HIDDEN, HOP, NETWORK, POOLED, POOLED_STEPS, STEP_RATE_HZ, STEPS};
+use model::{HIDDEN, HOP, NETWORK, POOLED, POOLED_STEPS, SHORTCUT_STEPS, STEP_RATE_HZ};
 use serde::Serialize;
 
 use super::disassembly::{Loop, disassemble, tool};
@@ -27,23 +27,26 @@ struct Work {
 /// The loops in which most of the time goes.
 fn work() -> [Work; 4] {
     let multiplications: &[&str] = &["smlad", "smuad"];
-    let (fc, shortcut) = (&NETWORK.fc[0], &NETWORK.shortcut[0]);
+    // Of one step; none in a mode without this branch.
+    let fc = NETWORK.fc.first().into_iter().flatten();
+    let fc: usize = fc.map(|matrix| matrix.inputs * matrix.outputs).sum();
+    let shortcut = NETWORK.shortcut.first();
+    let shortcut = shortcut.map_or(0, |matrix| matrix.inputs * matrix.outputs);
     [
         Work {
             function: "dots_1x14",
             names: multiplications,
-            per_code: NETWORK.conv1.patches_len() * HIDDEN.channels * HOP,
+            per_code: NETWORK.conv1().patches_len() * HIDDEN.channels * HOP,
         },
         Work {
             function: "dots_3x8",
             names: multiplications,
-            per_code: 3 * NETWORK.conv2.transformed_len() * POOLED.channels * HOP,
+            per_code: 3 * NETWORK.conv2().transformed_len() * POOLED.channels * HOP,
         },
         Work {
             function: "quads",
             names: multiplications,
-            per_code: fc.inputs * fc.outputs * POOLED_STEPS
-                + shortcut.inputs * shortcut.outputs * STEPS,
+            per_code: fc * POOLED_STEPS + shortcut * SHORTCUT_STEPS,
         },
         Work {
             function: "tiles_of_pair",
