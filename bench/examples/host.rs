@@ -28,10 +28,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     if values(&streamed) != values(&windows) {
         return Err("the codes of a stream are not those of its windows one by one".into());
     }
-    let bytes = streamed.iter().flat_map(|code| code.values);
+    let steps = streamed.iter().flat_map(|code| code.values.steps());
     fs::write(
         host::CODES,
-        bytes.map(i8::cast_unsigned).collect::<Vec<u8>>(),
+        steps.flat_map(i32::to_le_bytes).collect::<Vec<u8>>(),
     )?;
     println!("{}", env::consts::ARCH);
 

@@ -12,7 +12,7 @@ pub const BYTES: usize = NETWORKS * size_of::<u64>();
 
 /// Most that is drawn: rows of tiles, channels behind a convolution, rows of its input, and a matrix'
 /// outputs and pairs of inputs.
-const TILE_ROWS: usize = 4;
+const TILE_ROWS: usize = 3;
 const OUTPUTS: usize = 6;
 const ROWS: usize = 10;
 const SUMS: usize = 8;
@@ -116,7 +116,7 @@ impl Draw {
 
     fn winograd(&mut self, hash: &mut Hash) {
         const INPUT: usize = (2 * TILE_ROWS + 2) * HIDDEN_COLUMNS * HIDDEN_PAIRS;
-        const TRANSFORMED: usize = 3 * 3 * 24 * HIDDEN_PAIRS;
+        const TRANSFORMED: usize = 2 * 3 * 24 * HIDDEN_PAIRS;
         let (tile_rows, outputs) = (self.up_to(TILE_ROWS), 2 * self.up_to(OUTPUTS / 2));
         let weights: [i8; 27 * 2 * HIDDEN_PAIRS * OUTPUTS] =
             core::array::from_fn(|_| self.weight());

@@ -11,7 +11,7 @@ pub const PIPELINE: &str = "pipeline";
 
 /// Counts of all channels, sample by sample, 32 bits each, little endian.
 pub const COUNTS: &str = "counts.bin";
-/// The codes of all windows, value by value.
+/// The codes of all windows, value by value, as steps of 32 bits, little endian.
 pub const CODES: &str = "codes.bin";
 
 /// A turn lasts at least so long.

@@ -275,10 +275,7 @@ fn a_single_weight_of_any_layer_changes_the_codes() {
     if HAS_CONVOLUTIONS {
         let flat = POOLED_STEPS * POOLED.len();
         assert_ne!(unchanged, code(|m| m.conv1.weights[..108].reverse()));
-        assert_ne!(
-            unchanged,
-            code(|m| m.conv2.multipliers[..8].reverse())
-        );
+        assert_ne!(unchanged, code(|m| m.conv2.multipliers[..8].reverse()));
         assert_ne!(
             unchanged,
             code(|m| m.conv2.weights.iter_mut().take(432).for_each(|w| *w = 1))

@@ -52,7 +52,7 @@ impl Agreement {
                 )))
             }
         };
-        let int8 = read(bench::host::CODES, 1)?;
+        let int8 = read(bench::host::CODES, size_of::<i32>())?;
         let torch = with_torch.then(|| read("torch.bin", size_of::<f32>()));
         Ok(Self {
             int8_rms_steps: rms_steps(&int8, &reference),
@@ -80,14 +80,16 @@ impl Agreement {
     }
 }
 
-/// Where a code in floats is beyond the range of int8, its end is the reference.
+/// Codes in steps of 32 bits, little endian. Where a code in floats is beyond the range of int8, its
+/// end is the reference.
 fn rms_steps(codes: &[u8], reference: &[[f32; CODE]]) -> f64 {
     let mut sum = 0.0;
-    for (codes, reference) in codes.chunks_exact(CODE).zip(reference) {
+    let codes = codes.as_chunks().0.chunks_exact(CODE);
+    for (codes, reference) in codes.zip(reference) {
         for (dimension, (&code, z)) in codes.iter().zip(reference).enumerate() {
             let exact = z / CODE_SCALE[dimension] + f32::from(CODE_ZERO_POINT[dimension]);
             let exact = f64::from(exact.clamp(i8::MIN.into(), i8::MAX.into()));
-            sum += (f64::from(code.cast_signed()) - exact).powi(2);
+            sum += (f64::from(i32::from_le_bytes(code)) - exact).powi(2);
         }
     }
     (sum / count(reference)).sqrt()
@@ -129,13 +131,12 @@ mod tests {
 
     #[test]
     fn a_code_in_the_wrong_order_is_far_apart() {
-        let codes: Vec<u8> = CODE_ZERO_POINT
-            .iter()
-            .map(|zero| zero.saturating_add(3).cast_unsigned())
-            .collect();
-        assert!(rms_steps(&codes, &[exact()]) < 0.01);
-        let turned: Vec<u8> = codes.iter().map(|code| code.wrapping_add(100)).collect();
-        assert!(rms_steps(&turned, &[exact()]) > INT8_TOLERANCE);
+        let codes = |above: i32| -> Vec<u8> {
+            let codes = CODE_ZERO_POINT.iter().map(|&zero| i32::from(zero) + above);
+            codes.flat_map(i32::to_le_bytes).collect()
+        };
+        assert!(rms_steps(&codes(3), &[exact()]) < 0.01);
+        assert!(rms_steps(&codes(100), &[exact()]) > INT8_TOLERANCE);
     }
 
     #[test]
