@@ -28,10 +28,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     if values(&streamed) != values(&windows) {
         return Err("the codes of a stream are not those of its windows one by one".into());
     }
-    let steps = streamed.iter().flat_map(|code| code.values.steps());
+    let values = streamed.iter().flat_map(|code| code.values.steps());
     fs::write(
         host::CODES,
-        steps.flat_map(i32::to_le_bytes).collect::<Vec<u8>>(),
+        values.flat_map(i32::to_le_bytes).collect::<Vec<u8>>(),
     )?;
     println!("{}", env::consts::ARCH);
 
