@@ -147,7 +147,7 @@ fn dense_model(seed: u32) -> IntegerModel {
             bias: noise.words(POOLED.channels, 16),
             multipliers: noise.words(POOLED.channels, 9),
         };
-        if MARGIN > 0 {
+        if MARGIN != 0 {
             model.hidden_padding = std::array::from_fn(|_| noise.bytes(1)[0].into());
         }
         model.fc = linear(&mut noise, POOLED_STEPS * POOLED.len(), 11);
