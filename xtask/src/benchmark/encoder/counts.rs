@@ -119,6 +119,17 @@ impl Counts {
         [fewest.unwrap_or(0), most.unwrap_or(u32::MAX)]
     }
 
+    /// The worst step over the mean of the best ones, each without `left_out` instructions.
+    pub(crate) fn worst_over_mean(&self, left_out: u32) -> f64 {
+        let step = |place, bound: usize| {
+            let count: u32 = self.step(place)[bound];
+            f64::from(count.saturating_sub(left_out))
+        };
+        let worst = (0..HOP).map(|place| step(place, 1)).fold(0.0, f64::max);
+        let sum: f64 = (0..HOP).map(|place| step(place, 0)).sum();
+        worst * f64::from(u32::try_from(HOP).unwrap_or(u32::MAX)) / sum
+    }
+
     /// Instructions of one run of the shortcut.
     pub(crate) fn shortcut(&self) -> u32 {
         let index = kernel_names().iter().position(|name| *name == SHORTCUT);

@@ -256,8 +256,8 @@ impl Instructions {
             insn_per_code_shortcut: all,
             insn_after_last_sample: last.saturating_sub(shortcut),
             insn_after_last_sample_shortcut: last,
-            worst_over_mean: worst_over_mean(counts, shortcut),
-            worst_over_mean_shortcut: worst_over_mean(counts, 0),
+            worst_over_mean: counts.worst_over_mean(shortcut),
+            worst_over_mean_shortcut: counts.worst_over_mean(0),
         }
     }
 }
@@ -275,14 +275,6 @@ fn per_code(counts: &Counts) -> u32 {
 /// A step belongs to so many windows, and the shortcut runs for each.
 fn shortcut_per_step(counts: &Counts) -> u32 {
     counts.shortcut() * u32::try_from(OPEN_WINDOWS).unwrap_or(u32::MAX)
-}
-
-/// The worst step over the mean of the best ones, each without `left_out` instructions.
-fn worst_over_mean(counts: &Counts, left_out: u32) -> f64 {
-    let step = |place, bound: usize| f64::from(counts.step(place)[bound].saturating_sub(left_out));
-    let worst = (0..HOP).map(|place| step(place, 1)).fold(0.0, f64::max);
-    let mean = (0..HOP).map(|place| step(place, 0)).sum::<f64>() / f64::from(steps());
-    worst / mean
 }
 
 #[cfg(test)]
