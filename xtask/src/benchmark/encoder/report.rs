@@ -113,18 +113,17 @@ impl Report {
         flash_bytes: usize,
     ) -> Self {
         let machines = counts.iter().zip(loops);
-        let cycles = machines.clone().map(|(counts, loops)| {
-            let per_code = Instructions::of(counts).insn_per_code_shortcut;
-            (counts.machine, loops, per_code)
-        });
-        let cycles = Estimate::of(cycles);
-        let machines = machines.map(|(counts, loops)| MachineFigures::of(counts, loops));
-        let machines: Vec<MachineFigures> = machines.collect();
+        let cycles = machines
+            .clone()
+            .map(|(counts, loops)| (counts.machine, loops, per_code(counts)));
+        let machines: Vec<MachineFigures> = machines
+            .map(|(counts, loops)| MachineFigures::of(counts, loops))
+            .collect();
         let rams = counts.iter().map(|counts| counts.ram.iter().sum());
         let ram_bytes = rams.max().unwrap_or(u32::MAX);
         let mut report = Self {
             instructions: machines[0].instructions,
-            cycles,
+            cycles: Estimate::of(cycles),
             constant_count: counts.iter().all(Counts::is_constant),
             ram_bytes,
             flash_bytes,
