@@ -8,6 +8,7 @@ use std::process::Command;
 
 use acceptance::{any_artifact::any_artifact, workspace};
 use artifact::{
+    CodeFormat,
     Mode::{self, Paper, PaperCodeOnly, Pca, Shortcut},
     Padding,
 };
@@ -22,11 +23,20 @@ const VARIANTS: [(Mode, Padding, [usize; 3], usize); 6] = [
     (Pca, Padding::None, [2, 2, 2], 8),
 ];
 
+/// Formats of codes, which the variants take in turn.
+const FORMATS: [CodeFormat; 3] = [
+    CodeFormat::Int8Exponent,
+    CodeFormat::Int16,
+    CodeFormat::Int8,
+];
+
 #[test]
 fn any_model_streams_as_it_batches() {
-    for (seed, (mode, padding, pool, hop)) in (1..).zip(VARIANTS) {
+    let formats = FORMATS.into_iter().cycle();
+    for ((seed, (mode, padding, pool, hop)), format) in (1..).zip(VARIANTS).zip(formats) {
         let folder = tempfile::tempdir().expect("a folder");
-        let artifact = any_artifact(seed, mode, padding, pool, hop).expect("a model");
+        let mut artifact = any_artifact(seed, mode, padding, pool, hop).expect("a model");
+        artifact.description.code.format = format;
         artifact.write(folder.path()).expect("a folder to write to");
         let test = [
             "test",
@@ -44,7 +54,7 @@ fn any_model_streams_as_it_batches() {
             .output()
             .expect("cargo runs");
         let said = String::from_utf8_lossy(&output.stdout);
-        let variant = format!("{mode:?}, padding {padding:?}, pool {pool:?}, hop {hop}");
+        let variant = format!("{mode:?}, padding {padding:?}, pool {pool:?}, hop {hop}, {format}");
         assert!(
             output.status.success(),
             "{variant}:\n{said}\n{}",
