@@ -23,4 +23,4 @@ pub use outbox::{Outbox, WhenFull};
 pub use port::{Output, Port, PortError};
 pub use session::{Report, Session, SessionError};
 pub use source::Source;
-pub use virtual_board::{CODE_FORMAT, Identity, VirtualBoard};
+pub use virtual_board::{Identity, VirtualBoard};

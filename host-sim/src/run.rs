@@ -154,7 +154,7 @@ fn summary(report: &Report, source: &Source) -> String {
         stats.frames_dropped,
         stats.clipped,
         stats.clipped_values,
-        host_sim::CODE_FORMAT
+        device::CODE_FORMAT
     );
     if report.unread_bytes > 0 {
         text = format!("{text}; {} bytes were never read", report.unread_bytes);

@@ -1,5 +1,7 @@
 //! The board's answers, without time and without a port.
 
+use link::{Decoder, Encoder, Flags, MAX_FRAME, Streams, ToDevice, ToHost};
+
 use super::*;
 use crate::WhenFull;
 

@@ -1,0 +1,104 @@
+//! From the pipeline's words to the wire's.
+
+use link::{
+    Capabilities, Code as CodeMessage, CodeFormat, CodeValues, ElectrodeQuality, Flags,
+    MAX_ELECTRODES, MAX_LABELS_BYTES, MAX_TEXT_BYTES, Quality as QualityMessage,
+};
+use pipeline::{Code, Mains, Quality};
+
+use crate::Marks;
+
+const _: () = {
+    assert!(model::ELECTRODES <= MAX_ELECTRODES);
+    assert!(model::LABELS.len() <= MAX_LABELS_BYTES);
+    assert!(model::MAINS_50.description.len() <= MAX_TEXT_BYTES);
+    assert!(model::MAINS_60.description.len() <= MAX_TEXT_BYTES);
+};
+
+/// Format of the codes, in the words of the link: that of the model that this program was built with.
+pub const CODE_FORMAT: CodeFormat = match model::CODE_FORMAT {
+    model::CodeFormat::Int8 => CodeFormat::Int8,
+    model::CodeFormat::Int8Exponent => CodeFormat::Int8Exponent,
+    model::CodeFormat::Int16 => CodeFormat::Int16,
+};
+
+/// A dimension of the model as it goes over the wire.
+const fn narrow(dimension: usize) -> u8 {
+    assert!(dimension < 256, "the model's dimensions are below 256");
+    #[expect(clippy::cast_possible_truncation, reason = "asserted")]
+    let narrow = dimension as u8;
+    narrow
+}
+
+pub(crate) fn capabilities(mains: Mains) -> Capabilities<'static> {
+    let filter = mains.filter();
+    Capabilities {
+        adc_rate_hz: model::ADC_RATE_HZ,
+        step_rate_hz: model::STEP_RATE_HZ,
+        window_steps: const { narrow(model::STEPS) },
+        hop_steps: const { narrow(model::HOP) },
+        channels: const { narrow(model::CHANNELS) },
+        lsb_nv: model::LSB_NV,
+        mains_hz: filter.mains_hz,
+        group_delay_us: filter.group_delay_us,
+        labels: model::LABELS,
+        filters: filter.description,
+        code_format: CODE_FORMAT,
+        code_scale: model::CODE_SCALE.into(),
+        code_zero_point: model::CODE_ZERO_POINT.into(),
+    }
+}
+
+pub(crate) fn code(code: &Code, marks: Marks) -> CodeMessage {
+    let mut flags = Flags::empty();
+    for (set, flag) in [
+        (marks.adc_status_bad, Flags::ADC_STATUS_BAD),
+        (code.saturated != 0, Flags::SATURATED),
+        (marks.lead_off, Flags::LEAD_OFF),
+        (code.settling, Flags::SETTLING),
+        (code.clipped > 0, Flags::CLIPPED),
+        (marks.overrun, Flags::OVERRUN),
+        (code.clipped_values > 0, Flags::CODE_CLIPPED),
+    ] {
+        if set {
+            flags |= flag;
+        }
+    }
+    CodeMessage {
+        model_id: model::MODEL_ID,
+        window: code.window,
+        first_sample: code.first_sample,
+        flags,
+        clipped: code.clipped,
+        clipped_values: code.clipped_values,
+        saturated: code.saturated,
+        values: values(&code.values),
+    }
+}
+
+fn values(values: &pipeline::CodeValues) -> CodeValues {
+    match *values {
+        pipeline::CodeValues::Int8(values) => CodeValues::Int8(values),
+        pipeline::CodeValues::Int8Exponent { exponent, values } => {
+            CodeValues::Int8Exponent { exponent, values }
+        }
+        pipeline::CodeValues::Int16(values) => CodeValues::Int16(values),
+    }
+}
+
+pub(crate) fn quality(quality: &Quality) -> QualityMessage {
+    let electrodes = quality.electrodes.iter();
+    QualityMessage {
+        first_sample: quality.first_sample,
+        settling: quality.settling,
+        electrodes: electrodes
+            .map(|electrode| ElectrodeQuality {
+                rms_uv: electrode.rms_uv,
+                mains_uv: electrode.mains_uv,
+                mains_residual_uv: electrode.mains_residual_uv,
+                samples_at_rail: electrode.samples_at_rail,
+                flat: electrode.flat,
+            })
+            .collect(),
+    }
+}

@@ -1,0 +1,213 @@
+//! The device's side of the conversation with its host.
+
+use link::{
+    Ack, AckResult, Counters, Decoder, FrameError, Start, Stats, Streams, ToDevice, ToHost,
+};
+use pipeline::{Code, Mains, Quality};
+
+use crate::{FrameQueue, Identity, Sender, message};
+
+/// Streams that a board has.
+const STREAMS: Streams = Streams::CODES;
+
+/// What the acquisition has to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// Begin at sample 0, with this notch.
+    Start(Mains),
+    /// Rest.
+    Stop,
+}
+
+/// What the acquisition has counted since boot; everything wraps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Samples taken.
+    pub samples: u64,
+    /// Samples that were not read in time.
+    pub overruns: u32,
+    /// Samples with a wrong status word.
+    pub adc_status_bad: u32,
+    /// Values clipped on their way into int8, each once.
+    pub clipped: u32,
+}
+
+/// What went wrong around a window, outside the pipeline.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Marks {
+    /// A status word of the ADC chain was wrong.
+    pub adc_status_bad: bool,
+    /// The ADC reported an electrode off.
+    pub lead_off: bool,
+    /// A sample was not read in time.
+    pub overrun: bool,
+}
+
+/// Obeys commands and puts what happens into messages.
+#[derive(Debug)]
+pub struct Session<'i> {
+    identity: Identity<'i>,
+    mains: Mains,
+    streams: Streams,
+    decoder: Decoder,
+    /// What this side counts; the rest is filled in when it is sent.
+    stats: Stats,
+}
+
+impl<'i> Session<'i> {
+    /// A session of a device that has just started; [`Self::introduce`] comes first.
+    pub fn new(identity: Identity<'i>, mains: Mains) -> Self {
+        Self {
+            identity,
+            mains,
+            streams: Streams::empty(),
+            decoder: Decoder::new(),
+            stats: Stats::default(),
+        }
+    }
+
+    /// Whether a host has started a stream.
+    pub const fn is_streaming(&self) -> bool {
+        !self.streams.is_empty()
+    }
+
+    /// Says who the device is and what it measures.
+    pub fn introduce(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
+        sender.send(now_us, &ToHost::Hello(self.identity.hello()));
+        self.send_capabilities(now_us, sender);
+    }
+
+    /// Takes bytes from the host and answers the commands that they complete; `order` gets what the
+    /// acquisition has to do about them, before the answer goes out.
+    pub fn receive(
+        &mut self,
+        mut bytes: &[u8],
+        now_us: u64,
+        counts: Counts,
+        sender: &mut Sender<impl FrameQueue>,
+        mut order: impl FnMut(Order),
+    ) {
+        while let Some(outcome) = self.decoder.next::<ToDevice>(&mut bytes) {
+            let (of, result) = match outcome {
+                Ok(frame) => {
+                    self.stats.commands = self.stats.commands.wrapping_add(1);
+                    let (result, what) = self.obey(frame.message, now_us, counts, sender);
+                    what.into_iter().for_each(&mut order);
+                    (frame.header.seq, result)
+                }
+                Err(FrameError::Unknown { header, .. }) => (header.seq, AckResult::UnknownCommand),
+                // Counted by the decoder; there is no seq to acknowledge.
+                Err(_) => continue,
+            };
+            sender.send(now_us, &ToHost::Ack(Ack { of, result }));
+        }
+    }
+
+    fn obey(
+        &mut self,
+        command: ToDevice,
+        now_us: u64,
+        counts: Counts,
+        sender: &mut Sender<impl FrameQueue>,
+    ) -> (AckResult, Option<Order>) {
+        match command {
+            ToDevice::Start(start) => return self.start(start, now_us, sender),
+            ToDevice::Stop => {
+                self.streams = Streams::empty();
+                self.send_stats(now_us, counts, sender);
+                return (AckResult::Done, Some(Order::Stop));
+            }
+            ToDevice::Identify => self.introduce(now_us, sender),
+            ToDevice::Ping => {}
+        }
+        (AckResult::Done, None)
+    }
+
+    /// Obeys a `Start`: windows and samples are counted from 0 again, unless the same runs already.
+    pub fn start(
+        &mut self,
+        start: Start,
+        now_us: u64,
+        sender: &mut Sender<impl FrameQueue>,
+    ) -> (AckResult, Option<Order>) {
+        let mains = match start.mains_hz {
+            0 => Some(self.mains),
+            hz => Mains::from_hz(hz),
+        };
+        let Some(mains) = mains else {
+            return (AckResult::BadArgument, None);
+        };
+        if start.streams.is_empty() || !STREAMS.contains(start.streams) {
+            return (AckResult::BadArgument, None);
+        }
+        if start.streams == self.streams && mains == self.mains {
+            return (AckResult::Done, None);
+        }
+        if mains != self.mains {
+            self.mains = mains;
+            self.send_capabilities(now_us, sender);
+        }
+        self.stats.next_window = 0;
+        self.streams = start.streams;
+        (AckResult::Done, Some(Order::Start(mains)))
+    }
+
+    /// Sends a code whose window's last step stands at `step_us`.
+    pub fn code(
+        &mut self,
+        code: &Code,
+        marks: Marks,
+        step_us: u64,
+        sender: &mut Sender<impl FrameQueue>,
+    ) {
+        self.stats.codes_made = self.stats.codes_made.wrapping_add(1);
+        self.stats.next_window = code.window.wrapping_add(1);
+        let clipped = code.clipped_values.into();
+        self.stats.clipped_values = self.stats.clipped_values.wrapping_add(clipped);
+        sender.send(step_us, &ToHost::Code(message::code(code, marks)));
+    }
+
+    /// Sends what each electrode delivered within a second.
+    pub fn quality(&self, quality: &Quality, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
+        sender.send(now_us, &ToHost::Quality(message::quality(quality)));
+    }
+
+    /// Sends the counters; a device does so every second while it streams, and after `Stop`.
+    pub fn send_stats(&self, now_us: u64, counts: Counts, sender: &mut Sender<impl FrameQueue>) {
+        let stats = self.stats(counts, sender.dropped());
+        sender.send(now_us, &ToHost::Stats(stats));
+    }
+
+    /// What the device has counted since boot.
+    pub fn stats(&self, counts: Counts, frames_dropped: u32) -> Stats {
+        Stats {
+            streams: self.streams,
+            frames_dropped,
+            samples: counts.samples,
+            overruns: counts.overruns,
+            adc_status_bad: counts.adc_status_bad,
+            clipped: counts.clipped,
+            input_bad: input_bad(self.decoder.counters()),
+            ..self.stats
+        }
+    }
+
+    fn send_capabilities(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
+        let capabilities = message::capabilities(self.mains);
+        sender.send(now_us, &ToHost::Capabilities(capabilities));
+    }
+}
+
+/// Frames from the host that could not be used.
+fn input_bad(counters: &Counters) -> u32 {
+    [
+        counters.crc,
+        counters.cobs,
+        counters.oversize,
+        counters.version,
+        counters.unknown,
+        counters.malformed,
+    ]
+    .into_iter()
+    .fold(0, u32::wrapping_add)
+}
