@@ -23,4 +23,4 @@ pub use frame_ring::FrameRing;
 pub use identity::Identity;
 pub use message::CODE_FORMAT;
 pub use sender::{FrameQueue, Sender};
-pub use session::{Counts, Marks, Order, Session};
+pub use session::{Counts, Marks, Order, Run, Session};

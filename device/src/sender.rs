@@ -44,6 +44,12 @@ impl<Q: FrameQueue> Sender<Q> {
         }
     }
 
+    /// Numbers a message that was lost before it became one, and counts it.
+    pub fn skip(&mut self) {
+        self.encoder.skip();
+        self.queue.count_dropped();
+    }
+
     /// The frames that wait.
     pub const fn queue(&mut self) -> &mut Q {
         &mut self.queue

@@ -10,11 +10,20 @@ use crate::{FrameQueue, Identity, Sender, message};
 /// Streams that a board has.
 const STREAMS: Streams = Streams::CODES;
 
+/// From one start to the next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Run {
+    /// Starts before this one, since boot; wraps. Tells what is still under way from what is new.
+    pub number: u32,
+    /// The notch.
+    pub mains: Mains,
+}
+
 /// What the acquisition has to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Begin at sample 0, with this notch.
-    Start(Mains),
+    /// Begin at sample 0.
+    Start(Run),
     /// Rest.
     Stop,
 }
@@ -47,7 +56,7 @@ pub struct Marks {
 #[derive(Debug)]
 pub struct Session<'i> {
     identity: Identity<'i>,
-    mains: Mains,
+    run: Run,
     streams: Streams,
     decoder: Decoder,
     /// What this side counts; the rest is filled in when it is sent.
@@ -59,7 +68,7 @@ impl<'i> Session<'i> {
     pub fn new(identity: Identity<'i>, mains: Mains) -> Self {
         Self {
             identity,
-            mains,
+            run: Run { number: 0, mains },
             streams: Streams::empty(),
             decoder: Decoder::new(),
             stats: Stats::default(),
@@ -69,6 +78,11 @@ impl<'i> Session<'i> {
     /// Whether a host has started a stream.
     pub const fn is_streaming(&self) -> bool {
         !self.streams.is_empty()
+    }
+
+    /// Whether what was made in this run still interests the host.
+    pub fn is_of_now(&self, run: u32) -> bool {
+        self.is_streaming() && run == self.run.number
     }
 
     /// Says who the device is and what it measures.
@@ -131,7 +145,7 @@ impl<'i> Session<'i> {
         sender: &mut Sender<impl FrameQueue>,
     ) -> (AckResult, Option<Order>) {
         let mains = match start.mains_hz {
-            0 => Some(self.mains),
+            0 => Some(self.run.mains),
             hz => Mains::from_hz(hz),
         };
         let Some(mains) = mains else {
@@ -140,16 +154,18 @@ impl<'i> Session<'i> {
         if start.streams.is_empty() || !STREAMS.contains(start.streams) {
             return (AckResult::BadArgument, None);
         }
-        if start.streams == self.streams && mains == self.mains {
+        if start.streams == self.streams && mains == self.run.mains {
             return (AckResult::Done, None);
         }
-        if mains != self.mains {
-            self.mains = mains;
+        let before = self.run.mains;
+        let number = self.run.number.wrapping_add(1);
+        self.run = Run { number, mains };
+        if mains != before {
             self.send_capabilities(now_us, sender);
         }
         self.stats.next_window = 0;
         self.streams = start.streams;
-        (AckResult::Done, Some(Order::Start(mains)))
+        (AckResult::Done, Some(Order::Start(self.run)))
     }
 
     /// Sends a code whose window's last step stands at `step_us`.
@@ -193,7 +209,7 @@ impl<'i> Session<'i> {
     }
 
     fn send_capabilities(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
-        let capabilities = message::capabilities(self.mains);
+        let capabilities = message::capabilities(self.run.mains);
         sender.send(now_us, &ToHost::Capabilities(capabilities));
     }
 }

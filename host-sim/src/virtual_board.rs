@@ -77,11 +77,11 @@ impl VirtualBoard {
     }
 
     fn obey(&mut self, order: Order) {
-        if let Order::Start(mains) = order {
+        if let Order::Start(run) = order {
             self.clipped_before = self.clipped_before.wrapping_add(self.acquisition.clipped());
-            self.acquisition = Acquisition::new(mains);
+            self.acquisition = Acquisition::new(run.mains);
             self.code_encoder = CodeEncoder::new();
-            self.quality = SignalQuality::new(mains);
+            self.quality = SignalQuality::new(run.mains);
         }
     }
 

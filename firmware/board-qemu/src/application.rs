@@ -1,0 +1,133 @@
+//! The board's start: peripherals, queues, executors, tasks.
+
+use core::{panic::PanicInfo, sync::atomic::Ordering::Relaxed};
+
+use cortex_m_rt::entry;
+use cortex_m_semihosting::{debug, hprintln};
+use device::{FrameRing, Identity, Sender, Session};
+use embassy_executor::SpawnError;
+use embassy_sync::zerocopy_channel::{self, Channel};
+use embassy_time::Timer;
+use firmware::{Made, Mutex, Shared, Taken, deadlines};
+use link::{ResetCause, Start, Streams};
+use pipeline::{Encoder, Mains};
+use static_cell::{ConstStaticCell, StaticCell};
+
+use crate::{
+    arguments::Arguments,
+    drdy,
+    interrupts::{self, ACQUIRE, CONVERSE, ENCODE, Interrupt},
+    recording::{ENDED, Recording},
+    time_driver,
+    uart::{self, Receiver, Transmitter},
+};
+
+/// From the end of the file to the end of the emulation: the last frames leave.
+const FAREWELL_MS: u64 = 500;
+
+type Frames = Sender<FrameRing<{ deadlines::FRAMES_WAITING }>>;
+
+static SHARED: Shared = Shared::new();
+static FRAMES: ConstStaticCell<Frames> = ConstStaticCell::new(Sender::new(FrameRing::new()));
+static ENCODER: ConstStaticCell<Encoder<'static>> = ConstStaticCell::new(Encoder::new());
+static TAKEN: StaticCell<[Taken; deadlines::SAMPLES_WAITING]> = StaticCell::new();
+static TAKEN_CHANNEL: StaticCell<Channel<'static, Mutex, Taken>> = StaticCell::new();
+static MADE: StaticCell<[Made; deadlines::MADE_WAITING]> = StaticCell::new();
+static MADE_CHANNEL: StaticCell<Channel<'static, Mutex, Made>> = StaticCell::new();
+
+#[embassy_executor::task]
+async fn acquire(recording: Recording, taken: zerocopy_channel::Sender<'static, Mutex, Taken>) {
+    firmware::acquire(recording, &SHARED, taken).await
+}
+
+#[embassy_executor::task]
+async fn encode(
+    taken: zerocopy_channel::Receiver<'static, Mutex, Taken>,
+    made: zerocopy_channel::Sender<'static, Mutex, Made>,
+    encoder: &'static mut Encoder<'static>,
+) {
+    firmware::encode(&SHARED, taken, made, encoder).await
+}
+
+#[embassy_executor::task]
+async fn converse(
+    start: Option<Start>,
+    frames: &'static mut Frames,
+    made: zerocopy_channel::Receiver<'static, Mutex, Made>,
+) {
+    let session = Session::new(identity(), Mains::default());
+    firmware::converse(Receiver, Transmitter, session, start, frames, &SHARED, made).await
+}
+
+/// Ends the emulation a while after the file.
+#[embassy_executor::task]
+async fn end() {
+    while !ENDED.load(Relaxed) {
+        Timer::after(deadlines::CODE).await;
+    }
+    Timer::after_millis(FAREWELL_MS).await;
+    let counts = SHARED.counts();
+    hprintln!("samples {}", counts.samples);
+    hprintln!("overruns {}", counts.overruns);
+    debug::exit(debug::EXIT_SUCCESS);
+}
+
+const fn identity() -> Identity<'static> {
+    Identity {
+        firmware: env!("CARGO_PKG_VERSION"),
+        board: "qemu-mps2",
+        chip_uid: *b"qemu-mps2\0\0\0",
+        session_id: 1,
+        reset_cause: ResetCause::NotKnown,
+        fault: "",
+    }
+}
+
+#[entry]
+fn main() -> ! {
+    let spawned = begin();
+    if spawned.is_err() {
+        hprintln!("a task could not be spawned");
+        debug::exit(debug::EXIT_FAILURE);
+    }
+    loop {
+        // Halts the emulated core; WFE, which the thread executor uses, does not.
+        cortex_m::asm::wfi();
+    }
+}
+
+fn begin() -> Result<(), SpawnError> {
+    let start = Arguments::of_emulator().has("start").then_some(Start {
+        streams: Streams::CODES,
+        mains_hz: 0,
+    });
+    let recording = Recording::open();
+    if let Some(mut core) = cortex_m::Peripherals::take() {
+        interrupts::prioritise(&mut core.NVIC);
+    }
+    time_driver::begin();
+    uart::begin();
+
+    let taken = TAKEN.init_with(|| core::array::from_fn(|_| Taken::default()));
+    let (taken_in, taken_out) = TAKEN_CHANNEL.init(Channel::new(taken)).split();
+    let made = MADE.init_with(|| core::array::from_fn(|_| Made::default()));
+    let (made_in, made_out) = MADE_CHANNEL.init(Channel::new(made)).split();
+
+    let conversation = CONVERSE.start(Interrupt::Converse);
+    conversation.spawn(converse(start, FRAMES.take(), made_out)?);
+    conversation.spawn(end()?);
+    let encoding = ENCODE.start(Interrupt::Encode);
+    encoding.spawn(encode(taken_out, made_in, ENCODER.take())?);
+    let acquisition = ACQUIRE.start(Interrupt::Acquire);
+    acquisition.spawn(acquire(recording, taken_in)?);
+    drdy::begin();
+    Ok(())
+}
+
+#[panic_handler]
+fn panic(info: &PanicInfo<'_>) -> ! {
+    hprintln!("{}", info);
+    loop {
+        debug::exit(debug::EXIT_FAILURE);
+    }
+}

@@ -1,0 +1,104 @@
+//! embassy-time on the board's timers: half of the dual timer runs freely, timer 0 rings.
+
+use core::{
+    cell::{Cell, RefCell},
+    task::Waker,
+};
+
+use critical_section::{CriticalSection, Mutex};
+use embassy_time_driver::Driver as _;
+use embassy_time_queue_utils::Queue;
+
+use crate::registers::{CLOCK_HZ, DUAL_TIMER, TIMER0, timer};
+
+/// Ticks of the timers in a microsecond.
+pub(crate) const TICKS_PER_US: u32 = CLOCK_HZ / 1_000_000;
+/// Enabled, free running, 32 bits, no interrupt.
+const FREE_RUNNING: u32 = 0b1000_0010;
+/// The longest wait for an alarm, microseconds: the free-running half, which wraps after 171 s, is read
+/// at least so often.
+const LONGEST_US: u64 = 40_000_000;
+
+struct Time {
+    /// What the free-running half showed last, and how often it has wrapped.
+    last: Mutex<Cell<(u32, u32)>>,
+    queue: Mutex<RefCell<Queue>>,
+}
+
+embassy_time_driver::time_driver_impl!(static TIME: Time = Time {
+    last: Mutex::new(Cell::new((0, 0))),
+    queue: Mutex::new(RefCell::new(Queue::new())),
+});
+
+/// Lets time begin.
+pub(crate) fn begin() {
+    DUAL_TIMER.write(timer::CONTROL, u32::MAX);
+    DUAL_TIMER.write(timer::RELOAD, FREE_RUNNING);
+    critical_section::with(|section| {
+        TIME.arm(section, LONGEST_US, &mut TIME.queue.borrow_ref_mut(section));
+    });
+}
+
+/// Ticks of the board's clock since the beginning, 32 bits; wraps after 171 s.
+#[inline]
+pub(crate) fn ticks() -> u32 {
+    !DUAL_TIMER.read(timer::VALUE)
+}
+
+/// The same, for ever.
+pub(crate) fn all_ticks() -> u64 {
+    critical_section::with(|section| {
+        let now = ticks();
+        let (last, wraps) = TIME.last.borrow(section).get();
+        let wraps = wraps + u32::from(now < last);
+        TIME.last.borrow(section).set((now, wraps));
+        u64::from(wraps) << 32 | u64::from(now)
+    })
+}
+
+/// Timer 0 has rung.
+pub(crate) fn alarm() {
+    critical_section::with(|section| {
+        TIMER0.write(timer::CONTROL, 0);
+        TIMER0.write(timer::INTERRUPT, 1);
+        let mut queue = TIME.queue.borrow_ref_mut(section);
+        let next = queue.next_expiration(TIME.now());
+        TIME.arm(section, next, &mut queue);
+    });
+}
+
+impl embassy_time_driver::Driver for Time {
+    fn now(&self) -> u64 {
+        all_ticks() / u64::from(TICKS_PER_US)
+    }
+
+    fn schedule_wake(&self, at: u64, waker: &Waker) {
+        critical_section::with(|section| {
+            let mut queue = self.queue.borrow_ref_mut(section);
+            if queue.schedule_wake(at, waker) {
+                let next = queue.next_expiration(self.now());
+                self.arm(section, next, &mut queue);
+            }
+        });
+    }
+}
+
+impl Time {
+    /// Lets timer 0 ring at `next`, or after the longest wait.
+    fn arm(&self, _: CriticalSection<'_>, mut next: u64, queue: &mut Queue) {
+        let now = loop {
+            let now = self.now();
+            if next > now {
+                break now;
+            }
+            next = queue.next_expiration(now);
+        };
+        let wait_us = u32::try_from((next - now).min(LONGEST_US)).unwrap_or(u32::MAX);
+        let ticks = wait_us * TICKS_PER_US;
+        TIMER0.write(timer::CONTROL, 0);
+        TIMER0.write(timer::INTERRUPT, 1);
+        TIMER0.write(timer::RELOAD, 0);
+        TIMER0.write(timer::VALUE, ticks);
+        TIMER0.write(timer::CONTROL, timer::RUN);
+    }
+}

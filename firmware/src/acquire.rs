@@ -1,0 +1,89 @@
+//! The most urgent task: takes every sample, and makes a step of it where one is due.
+
+use device::{Marks, Order, Run};
+use embassy_sync::zerocopy_channel::Sender;
+use pipeline::{Acquisition, Sample};
+
+use crate::{Converter, Mutex, Shared, Taken};
+
+/// Takes samples for ever. While nothing streams they are read and forgotten.
+///
+/// Nothing here waits but for the converter, allocates or logs. Where the encoder has no room, the
+/// sample is counted as an overrun, and the next one that is handed on says so.
+pub async fn acquire(
+    mut converter: impl Converter,
+    shared: &Shared,
+    mut taken: Sender<'_, Mutex, Taken>,
+) -> ! {
+    let mut acquisition: Option<Running> = None;
+    let mut sample = Sample::default();
+    loop {
+        let conversion = converter.next(&mut sample).await;
+        shared.progress.acquired();
+        match shared.orders.try_take() {
+            Some(Order::Start(run)) => acquisition = Some(Running::new(run)),
+            Some(Order::Stop) => acquisition = None,
+            None => {}
+        }
+        if let Some(running) = &mut acquisition {
+            shared.count_sample();
+            shared.count_overruns(conversion.missed);
+            if conversion.status_bad {
+                shared.count_adc_status_bad();
+            }
+            running.marks.overrun |= conversion.missed > 0;
+            running.marks.adc_status_bad |= conversion.status_bad;
+            running.marks.lead_off |= conversion.lead_off;
+            running.take(&sample, conversion.drdy_us, shared, &mut taken);
+        }
+    }
+}
+
+/// A stream that runs.
+struct Running {
+    acquisition: Acquisition,
+    /// Told to the encoder with the first sample that it has room for.
+    begun: Option<Run>,
+    /// Steps made since the start.
+    steps: u64,
+    /// Since the last sample that was handed on.
+    marks: Marks,
+}
+
+impl Running {
+    fn new(run: Run) -> Self {
+        Self {
+            acquisition: Acquisition::new(run.mains),
+            begun: Some(run),
+            steps: 0,
+            marks: Marks::default(),
+        }
+    }
+
+    fn take(
+        &mut self,
+        sample: &Sample,
+        drdy_us: u64,
+        shared: &Shared,
+        taken: &mut Sender<'_, Mutex, Taken>,
+    ) {
+        let step = self.acquisition.push(sample);
+        if let Some(step) = &step {
+            shared.count_clipped(step.clipped);
+        }
+        let index = self.steps;
+        self.steps += u64::from(step.is_some());
+        let Some(slot) = taken.try_send() else {
+            shared.count_overruns(1);
+            self.marks.overrun = true;
+            return;
+        };
+        slot.begun = self.begun.take();
+        slot.sample = *sample;
+        slot.step = step.map(|step| (index, step));
+        slot.drdy_us = drdy_us;
+        slot.marks = core::mem::take(&mut self.marks);
+        taken.send_done();
+        shared.progress.handed_on();
+    }
+}

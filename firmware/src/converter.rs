@@ -1,0 +1,27 @@
+//! What a board has to give: samples.
+
+use pipeline::Sample;
+
+/// One reading of the converter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Conversion {
+    /// Device time of the DRDY edge, microseconds since boot.
+    pub drdy_us: u64,
+    /// Samples before this one that came and were not read.
+    pub missed: u32,
+    /// A status word was wrong: the counts are not to be trusted.
+    pub status_bad: bool,
+    /// The converter reports an electrode off.
+    pub lead_off: bool,
+}
+
+/// The analogue-to-digital converter of a board.
+pub trait Converter {
+    /// Waits for the next sample and writes it down; the same counts as before where the converter
+    /// gave nothing that can be read.
+    #[expect(
+        async_fn_in_trait,
+        reason = "an executor of one priority polls it; it need not be Send"
+    )]
+    async fn next(&mut self, sample: &mut Sample) -> Conversion;
+}

@@ -1,0 +1,60 @@
+//! What is due when: every rate, deadline, priority and depth of a queue, with where it comes from.
+
+use embassy_time::Duration;
+use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ};
+
+/// From one sample to the next: a sample must be taken, filtered and handed on before the next DRDY.
+/// 1.953 ms at 512 Hz.
+pub const SAMPLE: Duration = Duration::from_micros(1_000_000 / ADC_RATE_HZ as u64);
+
+/// From one step to the next: what the encoder does with a step must be done before the next.
+/// 7.8125 ms.
+pub const STEP: Duration = Duration::from_micros(1_000_000 / STEP_RATE_HZ as u64);
+
+/// From one code to the next: 62.5 ms with a hop of 8 steps.
+pub const CODE: Duration = Duration::from_micros(HOP as u64 * 1_000_000 / STEP_RATE_HZ as u64);
+
+/// Interrupt priorities, smaller is more urgent, in the 16 levels of an STM32 (4 bits).
+///
+/// Rate-monotonic: the shorter the period, the more urgent. Only the port's interrupts lie between
+/// the tasks, so that a host cannot delay a sample.
+pub mod priority {
+    /// DRDY's edge and the transfer that it starts: the stamp is taken here.
+    pub const DRDY: u8 = 1;
+    /// The task that takes samples.
+    pub const ACQUIRE: u8 = 2;
+    /// Time driver: alarms of the tasks below.
+    pub const TIME: u8 = 4;
+    /// USB and UART, and the tasks that converse with the host.
+    pub const CONVERSE: u8 = 6;
+    /// The encoder: longest work, longest deadline.
+    pub const ENCODE: u8 = 14;
+}
+
+/// Samples that wait for the encoder at most: four steps at 512 Hz. An encoder that is later than
+/// that loses samples, which is counted and flagged.
+pub const SAMPLES_WAITING: usize = 16;
+
+/// Codes and reports that wait for the conversation at most; it is more urgent than the encoder, so
+/// that one would do.
+pub const MADE_WAITING: usize = 4;
+
+/// Bytes of frames that wait for the host: 2 s of codes and a report.
+pub const FRAMES_WAITING: usize = 8_192;
+
+/// A task that has made no progress for so long has hung: the watchdog is not fed any more. Eight
+/// steps.
+pub const PROGRESS: Duration = CODE;
+
+/// The watchdog resets the device when it has not been fed for so long.
+pub const WATCHDOG: Duration = Duration::from_millis(200);
+
+const _: () = {
+    assert!(SAMPLE.as_micros() < STEP.as_micros());
+    assert!(2 * PROGRESS.as_micros() < WATCHDOG.as_micros());
+    assert!(
+        priority::DRDY < priority::ACQUIRE
+            && priority::ACQUIRE < priority::CONVERSE
+            && priority::CONVERSE < priority::ENCODE
+    );
+};

@@ -1,0 +1,37 @@
+//! The application that every board runs.
+//!
+//! ```text
+//! Converter --Taken--> [acquire] --Taken--> [encode] --Made--> [converse] --frames--> [transmit]
+//!  board's   sample      every      sample    lowest   code      commands              board's
+//!            at DRDY     sample     and step  priority quality   in, frames out        port
+//! ```
+//!
+//! Each bracket is a task, none waits for one of a lower priority: what a slower one has no room for
+//! is counted, and the host learns of it. [`deadlines`] says what is due when, and why.
+//!
+//! Boards give a [`Converter`], a port (embedded-io-async) and executors, and nothing else; tasks are
+//! spawned by them because a task is not generic.
+#![no_std]
+#![forbid(unsafe_code)]
+
+#[cfg(test)]
+extern crate std;
+
+mod acquire;
+mod converse;
+mod converter;
+pub mod deadlines;
+mod encode;
+mod made;
+mod progress;
+mod shared;
+mod taken;
+
+pub use acquire::acquire;
+pub use converse::converse;
+pub use converter::{Conversion, Converter};
+pub use encode::encode;
+pub use made::Made;
+pub use progress::{Progress, keep_alive};
+pub use shared::{Mutex, Shared};
+pub use taken::Taken;
