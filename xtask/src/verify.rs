@@ -12,7 +12,14 @@ use crate::failure::Failure;
 pub(crate) const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Crates that run on the microcontroller.
-const BOARD_CRATES: [&str; 5] = ["fixed-dsp", "int8-nn", "model", "pipeline", "link"];
+const BOARD_CRATES: [&str; 6] = [
+    "ads1299",
+    "fixed-dsp",
+    "int8-nn",
+    "model",
+    "pipeline",
+    "link",
+];
 
 /// What a person does about a failed test.
 const NEXT_AFTER_A_TEST: &str =

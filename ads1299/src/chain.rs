@@ -1,0 +1,249 @@
+//! The wires of a chain, and the words on them.
+
+use embedded_hal::digital::{Error as _, OutputPin};
+use embedded_hal_async::delay::DelayNs;
+use embedded_hal_async::spi::{Error as _, SpiBus};
+
+use crate::command::{AFTER_RESET, DECODE, DESELECTED, POWER_ON, REFERENCE_US, RESET_LOW, opcode};
+use crate::register::ID_MASK;
+use crate::{Clock, Configured, Error, ID, Image, MAX_CHIPS, Pin, ReadBack, Register, Settings};
+
+/// The wires of a chain of 1 to 8 chips: SPI in mode 1, and pins of one type.
+///
+/// For registers SCLK may be anything up to 20 MHz, because every byte is followed by the time that
+/// a chip needs to decode it; how fast the way back to MISO is, is the board's affair. Bursts may
+/// use another SCLK: change it through `spi` after [`Chain::power_up`].
+#[derive(Debug)]
+pub struct Chain<Spi, Line, Delay, const CHIPS: usize> {
+    /// The bus; nobody else may use it while a chip is selected.
+    pub spi: Spi,
+    /// The chips' selects, low is selected; chip 0 is the one at MISO.
+    pub selects: [Line; CHIPS],
+    /// START of all chips.
+    pub start: Line,
+    /// RESET of all chips, low is reset.
+    pub reset: Line,
+    /// Waits.
+    pub delay: Delay,
+}
+
+/// Values of a run of registers.
+type Run<'a> = (Register, &'a [u8]);
+
+impl<Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
+    Chain<Spi, Line, Delay, CHIPS>
+{
+    /// Brings the chain up in the data sheet's order (10.1.2, 11.1): START and selects at rest,
+    /// 2^18 tCLK, reset, 18 tCLK, SDATAC, IDs, reference and 150 ms, all other registers, and
+    /// everything read back. Takes about 0.3 s.
+    ///
+    /// # Errors
+    /// The first chip with a wrong ID, the first register that did not keep its value, or a bus or
+    /// pin that failed. The chain may be brought up again after any of them.
+    pub async fn power_up(
+        &mut self,
+        settings: &Settings<CHIPS>,
+    ) -> Result<Configured<'_, Spi, Line, Delay, CHIPS>, Error> {
+        const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
+        let clock = settings.clock;
+        self.set_start(false)?;
+        self.set_reset(true)?;
+        self.select(0..CHIPS, false)?;
+        self.delay.delay_us(clock.microseconds(POWER_ON)).await;
+        self.set_reset(false)?;
+        self.wait(clock, RESET_LOW).await;
+        self.set_reset(true)?;
+        self.wait(clock, AFTER_RESET).await;
+        self.command_all(clock, opcode::SDATAC).await?;
+        for chip in 0..CHIPS {
+            let read = self.read_id(clock, chip).await?;
+            if read & ID_MASK != ID & ID_MASK {
+                let chip = number(chip);
+                return Err(Error::WrongId { chip, read });
+            }
+        }
+        self.configure(settings).await?;
+        Ok(Configured::new(self, settings))
+    }
+
+    /// Stops what runs, writes every register and reads it back.
+    pub(crate) async fn configure(&mut self, settings: &Settings<CHIPS>) -> Result<(), Error> {
+        let clock = settings.clock;
+        self.set_start(false)?;
+        self.command_all(clock, opcode::SDATAC).await?;
+        let mut reference_was_on = true;
+        for chip in 0..CHIPS {
+            let image = settings.image(chip);
+            let mut old = [0];
+            self.read_registers(clock, chip, Register::CONFIG3, &mut old)
+                .await?;
+            reference_was_on &= old[0] & 0x80 != 0;
+            let own = &image.0[Register::CONFIG3.index()..=Register::CONFIG3.index()];
+            self.write_registers(clock, chip, (Register::CONFIG3, own))
+                .await?;
+        }
+        if !reference_was_on {
+            self.delay.delay_us(REFERENCE_US).await;
+        }
+        for chip in 0..CHIPS {
+            let image = settings.image(chip);
+            // Two runs around the read-only status of lead-off.
+            for (first, end) in [
+                (Register::CONFIG1, Register::LOFF_STATP.index()),
+                (Register::GPIO, Register::COUNT),
+            ] {
+                let run = (first, &image.0[first.index()..end]);
+                self.write_registers(clock, chip, run).await?;
+            }
+        }
+        for chip in 0..CHIPS {
+            let written = settings.image(chip);
+            let back = self.read_back(clock, chip, &written).await?;
+            if let Some(register) = back.first_differing() {
+                return Err(Error::NotKept {
+                    chip: number(chip),
+                    register,
+                    wrote: written.0[register.index()],
+                    read: back.read.0[register.index()],
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads every register of a chip; the chips must be stopped.
+    pub(crate) async fn read_back(
+        &mut self,
+        clock: Clock,
+        chip: usize,
+        written: &Image,
+    ) -> Result<ReadBack, Error> {
+        let mut values = [0; Register::COUNT];
+        self.read_registers(clock, chip, Register::ID, &mut values)
+            .await?;
+        Ok(ReadBack::new(written, Image(values)))
+    }
+
+    async fn read_id(&mut self, clock: Clock, chip: usize) -> Result<u8, Error> {
+        let mut id = [0];
+        self.read_registers(clock, chip, Register::ID, &mut id)
+            .await?;
+        Ok(id[0])
+    }
+
+    /// The same opcode to all chips at once; what they answer is ignored.
+    pub(crate) async fn command_all(&mut self, clock: Clock, opcode: u8) -> Result<(), Error> {
+        self.exchange(clock, 0..CHIPS, &[opcode], &mut []).await
+    }
+
+    async fn read_registers(
+        &mut self,
+        clock: Clock,
+        chip: usize,
+        first: Register,
+        values: &mut [u8],
+    ) -> Result<(), Error> {
+        let opcodes = [opcode::RREG | first.address(), less_one(values)];
+        self.exchange(clock, chip..chip + 1, &opcodes, values).await
+    }
+
+    async fn write_registers(
+        &mut self,
+        clock: Clock,
+        chip: usize,
+        (first, values): Run<'_>,
+    ) -> Result<(), Error> {
+        let mut bytes = [0; Register::COUNT + 2];
+        bytes[0] = opcode::WREG | first.address();
+        bytes[1] = less_one(values);
+        let end = values.len() + 2;
+        bytes[2..end].copy_from_slice(values);
+        self.exchange(clock, chip..chip + 1, &bytes[..end], &mut [])
+            .await
+    }
+
+    /// Selects, sends, receives, deselects; four cycles behind every byte.
+    async fn exchange(
+        &mut self,
+        clock: Clock,
+        chips: core::ops::Range<usize>,
+        send: &[u8],
+        receive: &mut [u8],
+    ) -> Result<(), Error> {
+        self.select(chips.clone(), true)?;
+        let result = self.exchange_bytes(clock, send, receive).await;
+        // Deselected also after a failure: the next command starts afresh.
+        let released = self.select(chips, false);
+        self.wait(clock, DESELECTED).await;
+        result.and(released)
+    }
+
+    async fn exchange_bytes(
+        &mut self,
+        clock: Clock,
+        send: &[u8],
+        receive: &mut [u8],
+    ) -> Result<(), Error> {
+        for byte in send {
+            self.transfer(&mut [*byte]).await?;
+            self.wait(clock, DECODE).await;
+        }
+        for byte in receive {
+            *byte = 0;
+            self.transfer(core::slice::from_mut(byte)).await?;
+            self.wait(clock, DECODE).await;
+        }
+        Ok(())
+    }
+
+    /// Clocks bytes out and in, and waits until the last bit is through.
+    pub(crate) async fn transfer(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
+        let bus = |error: Spi::Error| Error::Bus(error.kind());
+        self.spi.transfer_in_place(bytes).await.map_err(bus)?;
+        self.spi.flush().await.map_err(bus)
+    }
+
+    /// Selects chips or lets them go.
+    pub(crate) fn select(
+        &mut self,
+        chips: core::ops::Range<usize>,
+        selected: bool,
+    ) -> Result<(), Error> {
+        let mut result = Ok(());
+        for (chip, line) in self.selects.iter_mut().enumerate() {
+            if chips.contains(&chip) {
+                let set = line.set_state((!selected).into());
+                result =
+                    result.and(set.map_err(|e| Error::Pin(Pin::Select(number(chip)), e.kind())));
+            }
+        }
+        result
+    }
+
+    pub(crate) fn set_start(&mut self, high: bool) -> Result<(), Error> {
+        let set = self.start.set_state(high.into());
+        set.map_err(|error| Error::Pin(Pin::Start, error.kind()))
+    }
+
+    fn set_reset(&mut self, high: bool) -> Result<(), Error> {
+        let set = self.reset.set_state(high.into());
+        set.map_err(|error| Error::Pin(Pin::Reset, error.kind()))
+    }
+
+    /// Waits for so many cycles of the chips' clock.
+    pub(crate) async fn wait(&mut self, clock: Clock, cycles: u32) {
+        self.delay.delay_us(clock.microseconds(cycles)).await;
+    }
+}
+
+/// The second byte of RREG and WREG; 1 to 24 values.
+#[expect(clippy::cast_possible_truncation, reason = "at most 24 registers")]
+const fn less_one(values: &[u8]) -> u8 {
+    values.len().saturating_sub(1) as u8
+}
+
+/// A chip's number in a message.
+#[expect(clippy::cast_possible_truncation, reason = "at most 8 chips")]
+pub(crate) const fn number(chip: usize) -> u8 {
+    chip as u8
+}

@@ -1,0 +1,76 @@
+//! A chain that knows what to do and does not do it yet.
+
+use embedded_hal::digital::OutputPin;
+use embedded_hal_async::delay::DelayNs;
+use embedded_hal_async::spi::SpiBus;
+
+use crate::command::opcode;
+use crate::{Chain, Error, Image, ReadBack, Register, Settings, Streaming};
+
+/// A chain that has been brought up; its registers can be read and written.
+#[derive(Debug)]
+pub struct Configured<'a, Spi, Line, Delay, const CHIPS: usize> {
+    /// The wires; for another SCLK.
+    pub chain: &'a mut Chain<Spi, Line, Delay, CHIPS>,
+    settings: Settings<CHIPS>,
+}
+
+impl<'a, Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
+    Configured<'a, Spi, Line, Delay, CHIPS>
+{
+    pub(crate) fn new(
+        chain: &'a mut Chain<Spi, Line, Delay, CHIPS>,
+        settings: &Settings<CHIPS>,
+    ) -> Self {
+        Self {
+            chain,
+            settings: *settings,
+        }
+    }
+
+    /// What the chips have been told to do.
+    pub const fn settings(&self) -> &Settings<CHIPS> {
+        &self.settings
+    }
+
+    /// Tells the chips to do something else; the clock stays what it was.
+    ///
+    /// # Errors
+    /// The first register that did not keep its value, or a bus or pin that failed; then the chips
+    /// must be configured again before they start.
+    pub async fn configure(&mut self, settings: &Settings<CHIPS>) -> Result<(), Error> {
+        self.settings = *settings;
+        self.chain.configure(settings).await
+    }
+
+    /// Reads all registers of all chips and holds them against what was written.
+    ///
+    /// # Errors
+    /// When the bus or a pin fails; registers that differ are in the result.
+    pub async fn read_back(&mut self) -> Result<[ReadBack; CHIPS], Error> {
+        let mut all = [ReadBack::new(&Image(Register::RESET), Image(Register::RESET)); CHIPS];
+        for (chip, back) in all.iter_mut().enumerate() {
+            let written = self.settings.image(chip);
+            let clock = self.settings.clock;
+            *back = self.chain.read_back(clock, chip, &written).await?;
+        }
+        Ok(all)
+    }
+
+    /// START for all chips at once, then RDATAC, long before the first DRDY: that comes
+    /// [`Rate::settling`](crate::Rate::settling) cycles later, with settled data.
+    ///
+    /// # Errors
+    /// When the bus or a pin fails.
+    pub async fn start(&mut self) -> Result<Streaming<'_, Spi, Line, Delay, CHIPS>, Error> {
+        self.chain.set_start(true)?;
+        self.chain
+            .command_all(self.settings.clock, opcode::RDATAC)
+            .await?;
+        Ok(Streaming::new(
+            self.chain,
+            self.settings.clock,
+            self.settings.rate,
+        ))
+    }
+}

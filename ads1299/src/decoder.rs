@@ -1,0 +1,224 @@
+//! From the bytes of a frame to counts.
+
+use crate::status_word::NIBBLE;
+use crate::{Alignment, CHANNELS, CHIP_BYTES, ChipFault, MAX_CHIPS, StatusWord, frame_bytes};
+
+/// Frames in a row that must speak for the other alignment before the decoder changes over.
+const CHANGE_OVER: u8 = 4;
+
+/// Bytes in which a chip's bits lie, whatever the alignment.
+const SPAN: usize = CHIP_BYTES + 1;
+
+/// Finds the chips in a frame and checks each; state of a stream of frames.
+///
+/// The first frame decides the [`Alignment`], by the number of chips whose status begins with 1100.
+/// Chip 1 alone tells the two apart for certain: taken for the other, its nibble would be 100x or
+/// x110. Later frames only count misses, unless the other alignment fits every chip in
+/// [`CHANGE_OVER`] frames in a row, which no fault of a single chip looks like.
+#[derive(Clone, Debug)]
+pub struct Decoder<const CHIPS: usize> {
+    /// None before the first frame with a sound chip behind chip 0.
+    alignment: Option<Alignment>,
+    /// Frames in a row that spoke for the other alignment.
+    against: u8,
+    /// The frame before, for [`ChipFault::Repeated`].
+    last: [(StatusWord, [i32; CHANNELS]); CHIPS],
+    counters: Counters<CHIPS>,
+}
+
+/// What a decoder has counted; every counter wraps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Counters<const CHIPS: usize> {
+    /// Frames decoded.
+    pub frames: u32,
+    /// Frames in which a chip's status did not begin with 1100, per chip.
+    pub bad_status: [u32; CHIPS],
+    /// Frames in which a chip repeated the one before, per chip.
+    pub repeated: [u32; CHIPS],
+    /// Changes of the alignment after the first lock.
+    pub realigned: u32,
+}
+
+/// What stood beside the counts of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameStatus<const CHIPS: usize> {
+    /// Where the chips stood.
+    pub alignment: Alignment,
+    /// Each chip's status word.
+    pub words: [StatusWord; CHIPS],
+    /// Chips whose status does not begin with 1100, one bit each: their counts mean nothing.
+    pub bad: u8,
+    /// Chips that repeated the frame before, one bit each.
+    pub repeated: u8,
+}
+
+impl<const CHIPS: usize> FrameStatus<CHIPS> {
+    /// Whether every chip is sound.
+    pub const fn is_sound(&self) -> bool {
+        self.bad | self.repeated == 0
+    }
+
+    /// What is wrong with a chip.
+    pub fn fault(&self, chip: usize) -> Option<ChipFault> {
+        let repeated = self.repeated >> chip & 1 != 0;
+        let word = self.words.get(chip)?;
+        word.fault().or(repeated.then_some(ChipFault::Repeated))
+    }
+
+    /// The chips with a fault, and what it is.
+    pub fn faults(&self) -> impl Iterator<Item = (usize, ChipFault)> + '_ {
+        (0..CHIPS).filter_map(|chip| Some((chip, self.fault(chip)?)))
+    }
+}
+
+impl<const CHIPS: usize> Default for Decoder<CHIPS> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const CHIPS: usize> Decoder<CHIPS> {
+    /// Before the first frame; 1 to 8 chips, checked when it is compiled.
+    pub const fn new() -> Self {
+        const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
+        Self {
+            alignment: None,
+            against: 0,
+            // No chip sends this.
+            last: [(StatusWord(u32::MAX), [0; CHANNELS]); CHIPS],
+            counters: Counters {
+                frames: 0,
+                bad_status: [0; CHIPS],
+                repeated: [0; CHIPS],
+                realigned: 0,
+            },
+        }
+    }
+
+    /// What has been counted since the start.
+    pub const fn counters(&self) -> &Counters<CHIPS> {
+        &self.counters
+    }
+
+    /// The alignment, once known.
+    pub const fn alignment(&self) -> Option<Alignment> {
+        self.alignment
+    }
+
+    /// Counts of a frame, 24-bit two's complement in 32, |count| <= 2^23, by chip and channel.
+    ///
+    /// `BYTES` is [`frame_bytes`] of the chips, checked when it is compiled. A chip that is flagged
+    /// as bad still gives what stands in its place.
+    ///
+    /// # Timing
+    /// The hot path: no allocation, no panic, no division; 16 nibbles and 72 words for eight chips.
+    /// The only branch on data is the choice of the alignment, which a locked stream always takes
+    /// the same way.
+    #[inline]
+    pub fn decode<const BYTES: usize>(
+        &mut self,
+        frame: &[u8; BYTES],
+        counts: &mut [[i32; CHANNELS]; CHIPS],
+    ) -> FrameStatus<CHIPS> {
+        const { assert!(BYTES == frame_bytes(CHIPS), "27 bytes per chip, and one") };
+        let alignment = self.align(frame);
+        let mut status = FrameStatus {
+            alignment,
+            words: [StatusWord(0); CHIPS],
+            bad: 0,
+            repeated: 0,
+        };
+        let chips = spans(frame).zip(counts.iter_mut()).zip(&mut self.last);
+        let outputs = status.words.iter_mut().zip(
+            self.counters
+                .bad_status
+                .iter_mut()
+                .zip(&mut self.counters.repeated),
+        );
+        for (chip, (((span, counts), last), (out, (bad_count, repeated_count)))) in
+            (0..).zip(chips.zip(outputs))
+        {
+            let shift = alignment.shift(chip);
+            let word = status_word(span, shift);
+            let mut changed = word.0 ^ last.0.0;
+            let mut inside = 0;
+            let places = counts.iter_mut().zip(&mut last.1);
+            for (new, (count, before)) in words(span, shift).skip(1).zip(places) {
+                changed |= (new ^ *before).cast_unsigned();
+                inside |= off_the_rail(new);
+                *count = new;
+                *before = new;
+            }
+            last.0 = word;
+            *out = word;
+            let bad = u32::from(word.nibble() != NIBBLE);
+            let repeated = u32::from(changed == 0) & u32::from(inside != 0) & (bad ^ 1);
+            status.bad |= ((bad << chip) & 0xFF) as u8;
+            status.repeated |= ((repeated << chip) & 0xFF) as u8;
+            *bad_count = bad_count.wrapping_add(bad);
+            *repeated_count = repeated_count.wrapping_add(repeated);
+        }
+        self.counters.frames = self.counters.frames.wrapping_add(1);
+        status
+    }
+
+    /// The alignment for this frame; changes the locked one as [`Decoder`] says.
+    #[inline]
+    fn align<const BYTES: usize>(&mut self, frame: &[u8; BYTES]) -> Alignment {
+        let mut fits = [0_u32; 2];
+        for (chip, span) in (0..).zip(spans(frame)).skip(1) {
+            for (fits, alignment) in fits.iter_mut().zip([Alignment::Packed, Alignment::Spaced]) {
+                let word = status_word(span, alignment.shift(chip));
+                *fits += u32::from(word.nibble() == NIBBLE);
+            }
+        }
+        let [packed, spaced] = fits;
+        let Some(locked) = self.alignment else {
+            let best = if spaced > packed {
+                Alignment::Spaced
+            } else {
+                Alignment::Packed
+            };
+            self.alignment = (packed != spaced).then_some(best);
+            return best;
+        };
+        let others = fits[locked.other() as usize] as usize;
+        let speaks_against = u8::from(others + 1 == CHIPS && packed != spaced);
+        self.against = (self.against + speaks_against) * speaks_against;
+        if self.against < CHANGE_OVER {
+            return locked;
+        }
+        self.against = 0;
+        self.alignment = Some(locked.other());
+        self.counters.realigned = self.counters.realigned.wrapping_add(1);
+        locked.other()
+    }
+}
+
+/// The bytes of each chip, and the one behind them.
+#[inline]
+fn spans(frame: &[u8]) -> impl Iterator<Item = &[u8; SPAN]> {
+    frame.array_windows().step_by(CHIP_BYTES)
+}
+
+/// The status word and the counts of a chip, 24 bits sign-extended; `shift <= 7`.
+#[inline]
+fn words(span: &[u8; SPAN], shift: u32) -> impl Iterator<Item = i32> {
+    // Four bytes hold 24 bits wherever in the first byte they begin.
+    let places = span.array_windows::<4>().step_by(3);
+    places.map(move |bytes| (u32::from_be_bytes(*bytes) << shift).cast_signed() >> 8)
+}
+
+/// The status word of a chip; `shift <= 7`.
+#[inline]
+fn status_word(span: &[u8; SPAN], shift: u32) -> StatusWord {
+    let word = words(span, shift).next().unwrap_or_default();
+    StatusWord(word.cast_unsigned() & 0xFF_FFFF)
+}
+
+/// 0 for a count at the converter's rail, else something else.
+#[inline]
+const fn off_the_rail(count: i32) -> u32 {
+    // -2^23 is the complement of 2^23 - 1.
+    ((count ^ (count >> 31)) ^ 0x7F_FFFF).cast_unsigned()
+}

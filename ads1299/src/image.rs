@@ -1,0 +1,133 @@
+//! Register values of a chip.
+
+use crate::register::{ID, ID_MASK};
+use crate::{Channel, Register, Settings};
+
+/// Register values of a chip, by address.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Image(pub [u8; Register::COUNT]);
+
+impl<const CHIPS: usize> Settings<CHIPS> {
+    /// What the registers of a chip must hold; `chip < CHIPS`, or they are those of a reset.
+    pub fn image(&self, chip: usize) -> Image {
+        let mut values = Register::RESET;
+        let Some(own) = self.chips.get(chip) else {
+            return Image(values);
+        };
+        let mut set = |register: Register, value: u8| values[register.index()] = value;
+        // Bit 7 and bits 4:3 are 1, 10; bit 6 at 0 is the daisy chain.
+        let clock_out = u8::from(self.clock.is_internal() && chip == 0) << 5;
+        set(Register::CONFIG1, 0x90 | clock_out | self.rate as u8);
+        // Bits 7:5 are 110.
+        let test = self.test_signal;
+        let source = u8::from(test.internal) << 4;
+        let shape = (test.amplitude as u8) << 2 | test.frequency as u8;
+        set(Register::CONFIG2, 0xC0 | source | shape);
+        // Bits 6:5 are 11, bit 7 the reference buffer.
+        let bias = own.bias;
+        let amplifier = u8::from(bias.measured) << 4
+            | u8::from(bias.internal_reference) << 3
+            | u8::from(bias.on) << 2
+            | u8::from(bias.lead_off) << 1;
+        set(Register::CONFIG3, 0xE0 | amplifier);
+        let lead_off = self.lead_off;
+        let current = (lead_off.current as u8) << 2 | lead_off.frequency as u8;
+        set(Register::LOFF, (lead_off.threshold as u8) << 5 | current);
+        set(Register::BIAS_SENSP, bias.positive);
+        set(Register::BIAS_SENSN, bias.negative);
+        set(Register::LOFF_SENSP, own.lead_off_positive);
+        set(Register::LOFF_SENSN, own.lead_off_negative);
+        set(Register::LOFF_FLIP, own.lead_off_flip);
+        set(Register::MISC1, u8::from(own.srb1) << 5);
+        set(Register::CONFIG4, u8::from(lead_off.comparators) << 1);
+        let first = Register::CH1SET.index();
+        for (value, channel) in values[first..].iter_mut().zip(&own.channels) {
+            *value = channel_set(channel);
+        }
+        Image(values)
+    }
+}
+
+/// CHnSET.
+fn channel_set(channel: &Channel) -> u8 {
+    u8::from(!channel.on) << 7
+        | (channel.gain as u8) << 4
+        | u8::from(channel.srb2) << 3
+        | channel.input as u8
+}
+
+/// The registers of one chip, read back and held against what was written: a row of the self-test.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReadBack {
+    /// What was read.
+    pub read: Image,
+    /// Registers that did not keep their value, one bit each, bit = address.
+    pub differing: u32,
+    /// Whether the ID is that of an eight-channel ADS1299.
+    pub id_fits: bool,
+}
+
+impl ReadBack {
+    /// Holds what was read against what was written.
+    pub fn new(written: &Image, read: Image) -> Self {
+        let kept = Register::KEPT.iter().zip(written.0.iter().zip(&read.0));
+        let differing = kept
+            .enumerate()
+            .filter(|(_, (mask, (wrote, read)))| (*wrote ^ *read) & **mask != 0)
+            .fold(0, |bits, (address, _)| bits | 1 << address);
+        Self {
+            read,
+            differing,
+            id_fits: read.0[0] & ID_MASK == ID & ID_MASK,
+        }
+    }
+
+    /// The first register that did not keep its value.
+    #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
+    pub fn first_differing(&self) -> Option<Register> {
+        Register::at(self.differing.trailing_zeros() as u8)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Bias, LeadOff, LeadOffCurrent, LeadOffThreshold};
+
+    #[test]
+    fn the_eeg_settings_are_these_bytes() {
+        let image = Settings::<2>::EEG.image(0).0;
+        let expected = [
+            0x3E, 0x95, 0xC0, 0xEC, 0x00, 0x60, 0x60, 0x60, 0x60, 0x60, 0x60, 0x60, 0x60, 0xFF, 0,
+            0, 0, 0, 0, 0, 0x0F, 0x20, 0, 0,
+        ];
+        assert_eq!(image, expected);
+        let second = Settings::<2>::EEG.image(1).0;
+        assert_eq!(second[Register::CONFIG3.index()], 0xE0, "one bias drive");
+    }
+
+    #[test]
+    fn every_field_reaches_its_bits() {
+        let mut settings = Settings::<1>::EEG;
+        settings.clock = crate::Clock::INTERNAL;
+        settings.lead_off = LeadOff {
+            comparators: true,
+            threshold: LeadOffThreshold::P70,
+            current: LeadOffCurrent::Ua6,
+            frequency: crate::LeadOffFrequency::Quarter,
+        };
+        settings.chips[0].bias = Bias {
+            measured: true,
+            lead_off: true,
+            ..Bias::OFF
+        };
+        settings.chips[0].channels[7].on = false;
+        settings.chips[0].channels[7].srb2 = true;
+        let image = settings.image(0).0;
+        assert_eq!(image[Register::CONFIG1.index()], 0xB5);
+        assert_eq!(image[Register::CONFIG3.index()], 0xF2);
+        assert_eq!(image[Register::LOFF.index()], 0xEB);
+        assert_eq!(image[Register::CONFIG4.index()], 0x02);
+        assert_eq!(image[0x0C], 0xE8);
+    }
+}

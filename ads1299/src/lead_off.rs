@@ -1,0 +1,72 @@
+//! How a lost electrode is found.
+
+/// How a lost electrode is found (LOFF, 9.6.1.5): a current that a good contact drains. Which
+/// electrodes get it says [`ChipSettings`](crate::ChipSettings).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LeadOff {
+    /// Whether the comparators behind the status bits run (CONFIG4.PD_LOFF_COMP).
+    pub comparators: bool,
+    /// Where they turn over.
+    pub threshold: LeadOffThreshold,
+    /// The current.
+    pub current: LeadOffCurrent,
+    /// How it alternates.
+    pub frequency: LeadOffFrequency,
+}
+
+impl LeadOff {
+    /// Neither current nor comparators; the registers as after a reset.
+    pub const OFF: Self = Self {
+        comparators: false,
+        threshold: LeadOffThreshold::P95,
+        current: LeadOffCurrent::Na6,
+        frequency: LeadOffFrequency::Dc,
+    };
+}
+
+/// Threshold of the positive side in percent of the supply; the negative side's is 100 % minus it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeadOffThreshold {
+    /// 95 %.
+    P95 = 0,
+    /// 92.5 %.
+    P92_5 = 1,
+    /// 90 %.
+    P90 = 2,
+    /// 87.5 %.
+    P87_5 = 3,
+    /// 85 %.
+    P85 = 4,
+    /// 80 %.
+    P80 = 5,
+    /// 75 %.
+    P75 = 6,
+    /// 70 %.
+    P70 = 7,
+}
+
+/// Magnitude of the current.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeadOffCurrent {
+    /// 6 nA.
+    Na6 = 0,
+    /// 24 nA.
+    Na24 = 1,
+    /// 6 uA.
+    Ua6 = 2,
+    /// 24 uA.
+    Ua24 = 3,
+}
+
+/// Frequency of the current.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeadOffFrequency {
+    /// Direct current.
+    Dc = 0,
+    /// Clock / 2^18: 7.8 Hz.
+    Clock18 = 1,
+    /// Clock / 2^16: 31.2 Hz.
+    Clock16 = 2,
+    /// A quarter of the sample rate.
+    Quarter = 3,
+}

@@ -1,0 +1,161 @@
+//! What a channel in order stays within.
+
+use core::fmt;
+
+use crate::{Gain, Rate};
+
+/// What a channel in order stays within.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// |gain error|, a fraction: 2 % of the test signal and 1 % of the amplifier (7.5; from memory,
+    /// not held against the data sheet).
+    pub gain_error: f32,
+    /// |offset|, uV at the input: five times the typical 60 uV (7.5; from memory).
+    pub offset_uv: f32,
+    /// Noise, uV rms at the input: between half and twice [`typical_noise_uv`]. No noise at all is a
+    /// dead channel.
+    pub noise_uv: [f32; 2],
+    /// Samples that a judgement rests on.
+    pub samples: u32,
+}
+
+/// Why a channel is not in order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SelfTestFault {
+    /// Too few samples to judge by.
+    Samples {
+        /// Taken.
+        measured: u32,
+        /// Wanted.
+        limit: u32,
+    },
+    /// The amplitude of the test signal is off; -1 is no test signal at all.
+    Gain {
+        /// A fraction.
+        measured: f32,
+        /// A fraction.
+        limit: f32,
+    },
+    /// The middle is not at zero.
+    Offset {
+        /// uV.
+        measured: f32,
+        /// uV.
+        limit: f32,
+    },
+    /// Too loud.
+    Noisy {
+        /// uV rms.
+        measured: f32,
+        /// uV rms.
+        limit: f32,
+    },
+    /// Too quiet to be alive.
+    Silent {
+        /// uV rms.
+        measured: f32,
+        /// uV rms.
+        limit: f32,
+    },
+}
+
+/// Noise of a channel with shorted input, uV rms at the input.
+///
+/// At gain 1, by rate: table 1 (8.1). At gain 2 that table has 0.53 of it; at gain 24 the front page
+/// has 1 uV peak to peak in 70 Hz, 0.14 of it with the peak-to-peak ratio of 6.6. The gains between
+/// follow `sqrt(1 / gain^2 + 0.13^2)`, which meets both.
+pub const fn typical_noise_uv(gain: Gain, rate: Rate) -> f32 {
+    let at_gain_one = [21.70, 6.93, 4.33, 3.06, 2.17, 1.53, 1.08][rate as usize];
+    let of_gain = [1.0, 0.53, 0.282, 0.211, 0.180, 0.154, 0.137][gain as usize];
+    at_gain_one * of_gain
+}
+
+impl Limits {
+    /// Those of a channel at this gain and rate.
+    pub const fn new(gain: Gain, rate: Rate) -> Self {
+        let typical = typical_noise_uv(gain, rate);
+        Self {
+            gain_error: 0.03,
+            offset_uv: 300.0,
+            noise_uv: [typical / 2.0, typical * 2.0],
+            samples: 100,
+        }
+    }
+
+    pub(crate) fn samples(&self, measured: u32) -> Result<(), SelfTestFault> {
+        let limit = self.samples;
+        within(
+            measured >= limit,
+            SelfTestFault::Samples { measured, limit },
+        )
+    }
+
+    pub(crate) fn gain(&self, measured: f32) -> Result<(), SelfTestFault> {
+        let limit = self.gain_error;
+        within(
+            measured.abs() <= limit,
+            SelfTestFault::Gain { measured, limit },
+        )
+    }
+
+    pub(crate) fn offset(&self, measured: f32) -> Result<(), SelfTestFault> {
+        let limit = self.offset_uv;
+        within(
+            measured.abs() <= limit,
+            SelfTestFault::Offset { measured, limit },
+        )
+    }
+
+    pub(crate) fn noise(&self, measured: f32) -> Result<(), SelfTestFault> {
+        let [least, most] = self.noise_uv;
+        let silent = SelfTestFault::Silent {
+            measured,
+            limit: least,
+        };
+        within(measured >= least, silent)?;
+        let noisy = SelfTestFault::Noisy {
+            measured,
+            limit: most,
+        };
+        within(measured <= most, noisy)
+    }
+}
+
+/// The fault if the condition does not hold.
+fn within(holds: bool, fault: SelfTestFault) -> Result<(), SelfTestFault> {
+    if holds { Ok(()) } else { Err(fault) }
+}
+
+impl fmt::Display for SelfTestFault {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Samples { measured, limit } => write!(
+                formatter,
+                "{measured} samples are too few to judge by, {limit} are wanted; is there a test \
+                 signal, and does it run long enough?"
+            ),
+            Self::Gain { measured, limit } => write!(
+                formatter,
+                "gain off by {:.2} %, {:.1} % allowed; check the reference and VCAP1",
+                measured * 100.0,
+                limit * 100.0
+            ),
+            Self::Offset { measured, limit } => write!(
+                formatter,
+                "offset of {measured:.1} uV, {limit:.0} uV allowed; check the analogue supplies"
+            ),
+            Self::Noisy { measured, limit } => write!(
+                formatter,
+                "noise of {measured:.3} uV rms, {limit:.3} uV allowed; check supplies, reference, \
+                 and what runs beside them"
+            ),
+            Self::Silent { measured, limit } => write!(
+                formatter,
+                "noise of {measured:.3} uV rms, at least {limit:.3} uV are in every channel; the \
+                 channel is dead or off"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for SelfTestFault {}

@@ -1,0 +1,64 @@
+//! The rate of samples.
+
+use crate::Clock;
+
+/// The rate of samples, as the clock's divider (CONFIG1.DR, 9.6.1.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rate {
+    /// Clock / 128: 16 kHz at 2.048 MHz.
+    Div128 = 0,
+    /// Clock / 256: 8 kHz at 2.048 MHz.
+    Div256 = 1,
+    /// Clock / 512: 4 kHz at 2.048 MHz.
+    Div512 = 2,
+    /// Clock / 1024: 2 kHz at 2.048 MHz.
+    Div1024 = 3,
+    /// Clock / 2048: 1 kHz at 2.048 MHz, 1024 Hz of [`Clock::EEG`].
+    Div2048 = 4,
+    /// Clock / 4096: 500 Hz at 2.048 MHz, 512 Hz of [`Clock::EEG`].
+    Div4096 = 5,
+    /// Clock / 8192: 250 Hz at 2.048 MHz, 256 Hz of [`Clock::EEG`].
+    Div8192 = 6,
+}
+
+impl Rate {
+    /// Every rate, the fastest first.
+    pub const ALL: [Self; 7] = [
+        Self::Div128,
+        Self::Div256,
+        Self::Div512,
+        Self::Div1024,
+        Self::Div2048,
+        Self::Div4096,
+        Self::Div8192,
+    ];
+
+    /// Cycles of the clock between two samples.
+    pub const fn divider(self) -> u32 {
+        128 << self as u32
+    }
+
+    /// Cycles from START to the first DRDY, which comes with settled data: `4 divider + 9`
+    /// (9.4.1.1.1 has them as a table; the formula is from memory of it, not held against it).
+    pub const fn settling(self) -> u32 {
+        4 * self.divider() + 9
+    }
+
+    /// Samples per second, in thousandths, rounded down.
+    #[expect(clippy::cast_possible_truncation, reason = "at most 17.6e6")]
+    pub const fn millihertz(self, clock: Clock) -> u32 {
+        (clock.hz() as u64 * 1000 / self.divider() as u64) as u32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rates_are_the_data_sheets_and_those_of_a_quartz_for_512_hz() {
+        let sheet = Rate::ALL.map(|rate| rate.millihertz(Clock::INTERNAL) / 1000);
+        assert_eq!(sheet, [16_000, 8000, 4000, 2000, 1000, 500, 250]);
+        assert_eq!(Rate::Div4096.millihertz(Clock::EEG), 512_000);
+    }
+}

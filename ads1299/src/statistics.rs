@@ -1,0 +1,75 @@
+//! Mean and spread of counts, without keeping them.
+
+/// Mean and spread of counts around a reference, exact: up to 2^16 counts whose distance from the
+/// reference is clipped to 2^23 stay within 64 bits.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Statistics {
+    reference: i32,
+    number: u32,
+    sum: i64,
+    squares: u64,
+}
+
+impl Statistics {
+    /// Counts taken at most; later ones are left out.
+    const MOST: u32 = 1 << 16;
+
+    /// None yet; the reference should be near the mean.
+    pub(crate) const fn around(reference: i32) -> Self {
+        Self {
+            reference,
+            number: 0,
+            sum: 0,
+            squares: 0,
+        }
+    }
+
+    /// Takes a count, |count| <= 2^23.
+    pub(crate) fn push(&mut self, count: i32) {
+        if self.number == Self::MOST {
+            return;
+        }
+        let distance = i64::from(count) - i64::from(self.reference);
+        let distance = distance.clamp(-(1 << 23), 1 << 23);
+        self.number += 1;
+        self.sum += distance;
+        self.squares += distance.unsigned_abs().pow(2);
+    }
+
+    /// How many were taken.
+    pub(crate) const fn number(&self) -> u32 {
+        self.number
+    }
+
+    /// Counts; 0 if none were taken.
+    #[expect(clippy::cast_precision_loss, reason = "|sum| <= 2^39 is exact")]
+    pub(crate) fn mean(&self) -> f64 {
+        f64::from(self.reference) + self.sum as f64 / f64::from(self.number.max(1))
+    }
+
+    /// Sum of the squared distances from the mean, counts^2.
+    #[expect(clippy::cast_precision_loss, reason = "15 digits of a spread suffice")]
+    pub(crate) fn spread(&self) -> f64 {
+        let sum = self.sum as f64;
+        (self.squares as f64 - sum * sum / f64::from(self.number.max(1))).max(0.0)
+    }
+}
+
+/// Root of the mean of squared distances, counts; no root of a float without std, so that of an
+/// integer, to 1/65536 count.
+#[expect(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a variance of at most 2^46 times 2^32 saturates, and is far beyond any limit then"
+)]
+pub(crate) fn rms(spread: f64, number: u32) -> f64 {
+    let variance = spread / f64::from(number.max(1));
+    let scale = 65536.0;
+    // 2^31 counts^2 is 1 mV at gain 24: enough digits below, saturating above.
+    if variance < 2_147_483_648.0 {
+        ((variance * scale * scale) as u64).isqrt() as f64 / scale
+    } else {
+        (variance as u64).isqrt() as f64
+    }
+}

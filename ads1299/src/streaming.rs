@@ -1,0 +1,84 @@
+//! A chain that converts.
+
+use core::future::{Future, poll_fn};
+use core::pin::pin;
+use core::task::Poll;
+
+use embedded_hal::digital::{Error as _, OutputPin};
+use embedded_hal_async::delay::DelayNs;
+use embedded_hal_async::digital::Wait;
+use embedded_hal_async::spi::SpiBus;
+
+use crate::command::{DECODE, opcode};
+use crate::{Chain, Clock, Error, Pin, Rate};
+
+/// A chain that converts: a frame at every falling edge of DRDY, until it is stopped. Registers can
+/// be neither read nor written in the meantime.
+#[derive(Debug)]
+pub struct Streaming<'a, Spi, Line, Delay, const CHIPS: usize> {
+    /// The wires; for firmware that clocks the frames itself: all selects low,
+    /// [`frame_bytes`](crate::frame_bytes) zeros out, 4 tCLK, all selects high.
+    pub chain: &'a mut Chain<Spi, Line, Delay, CHIPS>,
+    clock: Clock,
+    rate: Rate,
+}
+
+impl<'a, Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
+    Streaming<'a, Spi, Line, Delay, CHIPS>
+{
+    pub(crate) fn new(
+        chain: &'a mut Chain<Spi, Line, Delay, CHIPS>,
+        clock: Clock,
+        rate: Rate,
+    ) -> Self {
+        Self { chain, clock, rate }
+    }
+
+    /// Waits for DRDY to fall.
+    ///
+    /// # Errors
+    /// [`Error::NeverReady`] after the settling time and four samples more, so it suits the first
+    /// sample and all later ones; chip 0 is the one whose DRDY is taken to be wired. When a pin fails.
+    pub async fn ready(&mut self, drdy: &mut impl Wait) -> Result<(), Error> {
+        let cycles = self.rate.settling() + 4 * self.rate.divider();
+        let waited_us = self.clock.microseconds(cycles);
+        let mut edge = pin!(drdy.wait_for_falling_edge());
+        let mut late = pin!(self.chain.delay.delay_us(waited_us));
+        poll_fn(|context| {
+            if let Poll::Ready(edge) = edge.as_mut().poll(context) {
+                let edge = edge.map_err(|error| Error::Pin(Pin::Ready, error.kind()));
+                return Poll::Ready(edge);
+            }
+            let late = late.as_mut().poll(context);
+            late.map(|()| Err(Error::NeverReady { chip: 0, waited_us }))
+        })
+        .await
+    }
+
+    /// Clocks a frame out of the chips: [`frame_bytes`](crate::frame_bytes) bytes for
+    /// [`Decoder::decode`](crate::Decoder::decode).
+    ///
+    /// # Errors
+    /// When the bus or a pin fails.
+    ///
+    /// # Timing
+    /// To be called at once after DRDY and to be through before the next one: 108 us for eight chips
+    /// at 16 MHz, and 2 us until the chips are deselected.
+    pub async fn read(&mut self, frame: &mut [u8]) -> Result<(), Error> {
+        // No byte that goes out may be an opcode.
+        frame.fill(0);
+        self.chain.select(0..CHIPS, true)?;
+        let result = self.chain.transfer(frame).await;
+        self.chain.wait(self.clock, DECODE).await;
+        result.and(self.chain.select(0..CHIPS, false))
+    }
+
+    /// Stops: START low, SDATAC.
+    ///
+    /// # Errors
+    /// When the bus or a pin fails.
+    pub async fn stop(self) -> Result<(), Error> {
+        self.chain.set_start(false)?;
+        self.chain.command_all(self.clock, opcode::SDATAC).await
+    }
+}

@@ -1,0 +1,3 @@
+//! The driver against the simulated chain, and the decoder against an encoder.
+
+mod decoding;
