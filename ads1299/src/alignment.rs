@@ -1,7 +1,7 @@
 //! Where the chips stand in a frame.
 
 /// Where the chips stand in a frame: the data sheet draws a don't-care bit between two chips of a
-/// daisy chain (9.4.4.3, figure 41 of revision A), and boards have been seen without it.
+/// daisy chain (revision A, figure 41), while others report 27 bytes per chip without it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Alignment {
     /// Chip k begins at bit 216 k.

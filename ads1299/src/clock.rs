@@ -1,5 +1,11 @@
 //! The clock that the chips share.
 
+/// 1 / 666 ns (7.6).
+const SLOWEST_HZ: u32 = 1_501_502;
+
+/// 1 / 444 ns (7.6).
+const FASTEST_HZ: u32 = 2_252_252;
+
 /// The clock that the chips share; everything they time counts its cycles, tCLK.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
@@ -23,7 +29,7 @@ impl Clock {
 
     /// A clock at every chip's CLK pin, Hz; none outside the range of tCLK, 444 to 666 ns (7.6).
     pub const fn external(hz: u32) -> Option<Self> {
-        if hz < 1_501_502 || hz > 2_252_252 {
+        if hz < SLOWEST_HZ || hz > FASTEST_HZ {
             return None;
         }
         Some(Self {
@@ -31,6 +37,13 @@ impl Clock {
             internal: false,
         })
     }
+
+    /// The slowest that the data sheet allows. Whoever waits for the chips waits by it: a chain whose
+    /// clock is not the one that is set still answers, and [`ReadyMeter`](crate::ReadyMeter) says so.
+    pub(crate) const SLOWEST: Self = Self {
+        hz: SLOWEST_HZ,
+        internal: false,
+    };
 
     /// Hz.
     pub const fn hz(self) -> u32 {
@@ -43,7 +56,7 @@ impl Clock {
     }
 
     /// How far the real clock may be off, in millionths. The oscillator: 2.5 % over temperature
-    /// (7.5; from memory, not held against the data sheet). A quartz has less than 100; the rest is
+    /// (7.5; from memory). A quartz has less than 100; the rest is
     /// for the time stamps that it is measured with.
     pub const fn tolerance_ppm(self) -> u32 {
         if self.internal { 25_000 } else { 1_000 }

@@ -28,7 +28,7 @@ pub(crate) const POWER_ON: u32 = 1 << 18;
 /// Cycles that RESET must stay low (11.1, tRST).
 pub(crate) const RESET_LOW: u32 = 2;
 
-/// Cycles from the end of the reset to the first command (9.4.2.1).
+/// Cycles from the end of the reset to the first command (9.4.2).
 pub(crate) const AFTER_RESET: u32 = 18;
 
 /// Until the internal reference stands, us (7.5).

@@ -51,8 +51,7 @@ impl<'a, Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         let mut all = [ReadBack::new(&Image(Register::RESET), Image(Register::RESET)); CHIPS];
         for (chip, back) in all.iter_mut().enumerate() {
             let written = self.settings.image(chip);
-            let clock = self.settings.clock;
-            *back = self.chain.read_back(clock, chip, &written).await?;
+            *back = self.chain.read_back(chip, &written).await?;
         }
         Ok(all)
     }
@@ -64,9 +63,7 @@ impl<'a, Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     /// When the bus or a pin fails.
     pub async fn start(&mut self) -> Result<Streaming<'_, Spi, Line, Delay, CHIPS>, Error> {
         self.chain.set_start(true)?;
-        self.chain
-            .command_all(self.settings.clock, opcode::RDATAC)
-            .await?;
+        self.chain.command_all(opcode::RDATAC).await?;
         Ok(Streaming::new(
             self.chain,
             self.settings.clock,

@@ -65,7 +65,8 @@ impl<const CHIPS: usize> FrameStatus<CHIPS> {
         word.fault().or(repeated.then_some(ChipFault::Repeated))
     }
 
-    /// The chips with a fault, and what it is.
+    /// The chips with a fault, and what it is. In a chain a dead or late chip takes those behind it
+    /// with it: the first one is the culprit.
     pub fn faults(&self) -> impl Iterator<Item = (usize, ChipFault)> + '_ {
         (0..CHIPS).filter_map(|chip| Some((chip, self.fault(chip)?)))
     }

@@ -1,7 +1,7 @@
 //! Register values of a chip.
 
 use crate::register::{ID, ID_MASK};
-use crate::{Channel, Register, Settings};
+use crate::{Channel, Error, Input, Register, Settings};
 
 /// Register values of a chip, by address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +25,11 @@ impl<const CHIPS: usize> Settings<CHIPS> {
         set(Register::CONFIG2, 0xC0 | source | shape);
         // Bits 6:5 are 11, bit 7 the reference buffer.
         let bias = own.bias;
-        let amplifier = u8::from(bias.measured) << 4
+        let measured = own
+            .channels
+            .iter()
+            .any(|channel| channel.input == Input::BiasMeasurement);
+        let amplifier = u8::from(measured) << 4
             | u8::from(bias.internal_reference) << 3
             | u8::from(bias.on) << 2
             | u8::from(bias.lead_off) << 1;
@@ -42,14 +46,14 @@ impl<const CHIPS: usize> Settings<CHIPS> {
         set(Register::CONFIG4, u8::from(lead_off.comparators) << 1);
         let first = Register::CH1SET.index();
         for (value, channel) in values[first..].iter_mut().zip(&own.channels) {
-            *value = channel_set(channel);
+            *value = channel_set(*channel);
         }
         Image(values)
     }
 }
 
 /// CHnSET.
-fn channel_set(channel: &Channel) -> u8 {
+fn channel_set(channel: Channel) -> u8 {
     u8::from(!channel.on) << 7
         | (channel.gain as u8) << 4
         | u8::from(channel.srb2) << 3
@@ -80,6 +84,26 @@ impl ReadBack {
             differing,
             id_fits: read.0[0] & ID_MASK == ID & ID_MASK,
         }
+    }
+
+    /// Whether the chip is an ADS1299 that kept everything; `chip` is its number.
+    ///
+    /// # Errors
+    /// [`Error::WrongId`], or [`Error::NotKept`] with the first register that differs.
+    pub fn check(&self, chip: u8, written: &Image) -> Result<(), Error> {
+        if !self.id_fits {
+            let read = self.read.0[Register::ID.index()];
+            return Err(Error::WrongId { chip, read });
+        }
+        let Some(register) = self.first_differing() else {
+            return Ok(());
+        };
+        Err(Error::NotKept {
+            chip,
+            register,
+            wrote: written.0[register.index()],
+            read: self.read.0[register.index()],
+        })
     }
 
     /// The first register that did not keep its value.
@@ -117,10 +141,10 @@ mod tests {
             frequency: crate::LeadOffFrequency::Quarter,
         };
         settings.chips[0].bias = Bias {
-            measured: true,
             lead_off: true,
             ..Bias::OFF
         };
+        settings.chips[0].channels[6].input = Input::BiasMeasurement;
         settings.chips[0].channels[7].on = false;
         settings.chips[0].channels[7].srb2 = true;
         let image = settings.image(0).0;

@@ -7,7 +7,7 @@ pub enum Input {
     Electrodes = 0,
     /// Both inputs at mid-supply: offset and noise of the channel itself.
     Shorted = 1,
-    /// The bias signal, with CONFIG3.BIAS_MEAS.
+    /// The bias signal; sets CONFIG3.BIAS_MEAS.
     BiasMeasurement = 2,
     /// The supplies.
     Supply = 3,

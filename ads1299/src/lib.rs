@@ -10,8 +10,11 @@
 //! bytes to [`Decoder`], which is pure. [`ReadyMeter`] judges the times of DRDY's edges,
 //! [`SquareWaveTest`] and [`ShortedTest`] judge samples of the chips' own signals.
 //!
-//! Section numbers without more are those of the data sheet, Texas Instruments SBAS499C. What could
-//! not be held against it says so. **No chip has met this driver: it is simulated.**
+//! Sections and figures without more are those of the data sheet, Texas Instruments SBAS499C.
+//! Registers, commands and their times, power-up, the order of bits and the noise at gains 1 and 2
+//! were held against copies of pages of its revisions A and C; what is only remembered says "from
+//! memory", and the numbers of sections 9.4 to 9.6 are. **No chip has met this driver: it is
+//! simulated.**
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -35,6 +38,8 @@ mod ready;
 mod register;
 mod settings;
 mod shorted_test;
+#[cfg(any(test, feature = "simulation"))]
+pub mod simulation;
 mod square_wave_test;
 mod statistics;
 mod status_word;
@@ -67,7 +72,7 @@ pub use test_signal::{TestAmplitude, TestFrequency, TestSignal};
 /// Channels of a chip.
 pub const CHANNELS: usize = 8;
 
-/// Bytes of a chip in a frame: 24 status bits and eight counts of 24 bits (9.4.4.2).
+/// Bytes of a chip in a frame: 24 status bits and eight counts of 24 bits (9.4.4).
 pub const CHIP_BYTES: usize = 3 + 3 * CHANNELS;
 
 /// Chips that a chain may have. The eighth's don't-care bits fill the frame's spare byte.

@@ -7,8 +7,7 @@ use crate::{Gain, Rate};
 /// What a channel in order stays within.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// |gain error|, a fraction: 2 % of the test signal and 1 % of the amplifier (7.5; from memory,
-    /// not held against the data sheet).
+    /// |gain error|, a fraction: 2 % of the test signal and 1 % of the amplifier (7.5; from memory).
     pub gain_error: f32,
     /// |offset|, uV at the input: five times the typical 60 uV (7.5; from memory).
     pub offset_uv: f32,
@@ -136,7 +135,8 @@ impl fmt::Display for SelfTestFault {
             ),
             Self::Gain { measured, limit } => write!(
                 formatter,
-                "gain off by {:.2} %, {:.1} % allowed; check the reference and VCAP1",
+                "gain off by {:.2} %, {:.1} % allowed; check the gain set and AVDD (the test signal follows the reference, so a \
+                 wrong reference does not show here)",
                 measured * 100.0,
                 limit * 100.0
             ),

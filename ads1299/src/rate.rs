@@ -39,7 +39,7 @@ impl Rate {
     }
 
     /// Cycles from START to the first DRDY, which comes with settled data: `4 divider + 9`
-    /// (9.4.1.1.1 has them as a table; the formula is from memory of it, not held against it).
+    /// (9.4.1 has a table; the formula is from memory of it).
     pub const fn settling(self) -> u32 {
         4 * self.divider() + 9
     }

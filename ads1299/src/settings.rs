@@ -24,7 +24,7 @@ pub struct ChipSettings {
     pub channels: [Channel; CHANNELS],
     /// Its bias amplifier.
     pub bias: Bias,
-    /// SRB1 at every negative input: one reference electrode (MISC1.SRB1, 9.6.1.17).
+    /// SRB1 at every negative input: one reference electrode (MISC1.SRB1, 9.6.1.15).
     pub srb1: bool,
     /// Positive inputs that get the lead-off current.
     pub lead_off_positive: u8,
@@ -56,8 +56,6 @@ pub struct Bias {
     pub internal_reference: bool,
     /// Whether its own electrode is watched (CONFIG3.BIAS_LOFF_SENS).
     pub lead_off: bool,
-    /// Whether channels can convert it (CONFIG3.BIAS_MEAS).
-    pub measured: bool,
     /// Positive inputs in the average that it answers.
     pub positive: u8,
     /// Negative inputs in it.
@@ -70,7 +68,6 @@ impl Bias {
         on: false,
         internal_reference: false,
         lead_off: false,
-        measured: false,
         positive: 0,
         negative: 0,
     };

@@ -95,7 +95,7 @@ impl SquareWaveTest {
         let spread = self.low.spread() + self.high.spread();
         SquareWaveResult {
             gain_error: (amplitude_uv / self.amplitude_uv - 1.0) as f32,
-            offset_uv: ((high + low) / 2.0 * lsb) as f32,
+            offset_uv: (f64::midpoint(high, low) * lsb) as f32,
             noise_uv: (rms(spread, samples) * lsb) as f32,
             samples,
         }

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// The 24 bits before a chip's counts (9.4.4.2): 1100, LOFF_STATP, LOFF_STATN, GPIO data; 24 bits in
+/// The 24 bits before a chip's counts (9.4.4): 1100, LOFF_STATP, LOFF_STATN, GPIO data; 24 bits in
 /// 32, the upper 8 are 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StatusWord(pub u32);
@@ -30,7 +30,7 @@ pub enum ChipFault {
 impl StatusWord {
     /// The upper four bits; 1100 if all is well.
     pub const fn nibble(self) -> u8 {
-        (self.0 >> 20) as u8 & 0xF
+        (self.0 >> 20 & 0xF) as u8
     }
 
     /// Positive inputs without contact, one bit each (LOFF_STATP).

@@ -63,13 +63,13 @@ impl<'a, Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     ///
     /// # Timing
     /// To be called at once after DRDY and to be through before the next one: 108 us for eight chips
-    /// at 16 MHz, and 2 us until the chips are deselected.
+    /// at 16 MHz, and 3 us until the chips are deselected.
     pub async fn read(&mut self, frame: &mut [u8]) -> Result<(), Error> {
         // No byte that goes out may be an opcode.
         frame.fill(0);
         self.chain.select(0..CHIPS, true)?;
         let result = self.chain.transfer(frame).await;
-        self.chain.wait(self.clock, DECODE).await;
+        self.chain.wait(DECODE).await;
         result.and(self.chain.select(0..CHIPS, false))
     }
 
@@ -79,6 +79,6 @@ impl<'a, Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     /// When the bus or a pin fails.
     pub async fn stop(self) -> Result<(), Error> {
         self.chain.set_start(false)?;
-        self.chain.command_all(self.clock, opcode::SDATAC).await
+        self.chain.command_all(opcode::SDATAC).await
     }
 }

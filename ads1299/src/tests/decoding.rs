@@ -125,7 +125,13 @@ fn lead_off_bits_and_pins_stand_in_the_status_word() {
 
 /// Counts that differ from frame to frame.
 fn moving(frame: i32) -> [[i32; CHANNELS]; 8] {
-    core::array::from_fn(|chip| core::array::from_fn(|n| (chip * 8 + n) as i32 * 5000 + frame))
+    let mut count = frame;
+    [[(); CHANNELS]; 8].map(|chip| {
+        chip.map(|()| {
+            count += 5000;
+            count
+        })
+    })
 }
 
 #[test]

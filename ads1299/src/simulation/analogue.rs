@@ -1,0 +1,145 @@
+//! The analogue side of a chip: what its channels make of what is at their inputs.
+
+use crate::gain::VREF;
+use crate::simulation::chip::Chip;
+use crate::simulation::noise::Noise;
+use crate::{CHANNELS, Gain, Input, Rate, Register, TestAmplitude, typical_noise_uv};
+
+/// What is at the electrodes of a channel.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Electrode {
+    /// Volts between its inputs.
+    Volts(f64),
+    /// The counts that are to come of it.
+    Counts(i32),
+}
+
+/// The electrodes of a chip that are off: positive and negative, one bit per channel.
+pub(super) type Off = [u8; 2];
+
+/// The moment of a conversion.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Conversion {
+    pub(super) now_ns: u64,
+    /// The same in cycles of the clock.
+    pub(super) cycles: u64,
+    pub(super) rate: Rate,
+}
+
+/// The rate in CONFIG1; the reserved one is taken for the slowest.
+pub(super) fn rate(config1: u8) -> Rate {
+    let code = usize::from(config1 & 7);
+    Rate::ALL.get(code).copied().unwrap_or(Rate::Div8192)
+}
+
+/// Whether a channel converts its electrodes.
+pub(super) fn listens(chip: &Chip, channel: usize) -> bool {
+    channel_set(chip, channel) & 0x87 == Input::Electrodes as u8
+}
+
+/// Lead-off status: electrodes that are off and get a current, if the comparators run.
+pub(super) fn lead_off(chip: &Chip, off: Off) -> [u8; 2] {
+    let comparators = chip.register(Register::CONFIG4) & 2 != 0;
+    let lost = without_contact(chip, off);
+    lost.map(|bits| if comparators { bits } else { 0 })
+}
+
+/// Counts of a sample, clipped to 24 bits.
+pub(super) fn convert(
+    chip: &Chip,
+    electrodes: &[Electrode; CHANNELS],
+    off: Off,
+    conversion: Conversion,
+    noise: &mut Noise,
+) -> [i32; CHANNELS] {
+    let [positive, negative] = without_contact(chip, off);
+    let flipped = chip.register(Register::LOFF_FLIP);
+    let reference = chip.reference(conversion.now_ns);
+    core::array::from_fn(|channel| {
+        let set = channel_set(chip, channel);
+        if set & 0x80 != 0 {
+            return 0;
+        }
+        // 7 is reserved.
+        let gain = Gain::ALL.get(usize::from(set >> 4 & 7));
+        let gain = gain.copied().unwrap_or(Gain::X24);
+        let mut volts = match Input::ALL[usize::from(set & 7)] {
+            // A current without a way out drives the input to the rail; turned round, to the other.
+            Input::Electrodes if (positive | negative) >> channel & 1 != 0 => {
+                let up = flipped >> channel & 1 == 0;
+                if up { VREF } else { -VREF }
+            }
+            Input::Electrodes => match electrodes[channel] {
+                Electrode::Volts(volts) => volts,
+                // The wanted counts stay exact while the reference is.
+                Electrode::Counts(counts) => return clip(f64::from(counts) / reference),
+            },
+            Input::TestSignal => test_signal(chip, conversion) * VREF * reference,
+            Input::Temperature => 0.1453,
+            // Not modelled: as if shorted.
+            _ => 0.0,
+        };
+        volts += noise.next() * 1e-6 * f64::from(typical_noise_uv(gain, conversion.rate));
+        clip(volts * f64::from(gain.factor()) / (VREF * reference) * f64::from(1 << 23))
+    })
+}
+
+/// Electrodes that are off and get a current.
+fn without_contact(chip: &Chip, [positive, negative]: Off) -> [u8; 2] {
+    [
+        positive & chip.register(Register::LOFF_SENSP),
+        negative & chip.register(Register::LOFF_SENSN),
+    ]
+}
+
+fn channel_set(chip: &Chip, channel: usize) -> u8 {
+    let first = Register::CH1SET.address();
+    let address = u8::try_from(channel).map(|channel| first + channel);
+    let register = address.ok().and_then(Register::at);
+    register.map_or(0, |register| chip.register(register))
+}
+
+/// The nearest count; NaN (no reference and nothing to convert) is 0.
+#[expect(clippy::cast_possible_truncation, reason = "clamped to 24 bits")]
+fn clip(counts: f64) -> i32 {
+    counts.round().clamp(-8_388_608.0, 8_388_607.0) as i32
+}
+
+/// The square wave behind the third-order sinc filter, in parts of VREF; 0 unless it is made inside.
+#[expect(clippy::cast_precision_loss, reason = "less than 2^21")]
+fn test_signal(chip: &Chip, conversion: Conversion) -> f64 {
+    let config2 = chip.register(Register::CONFIG2);
+    if config2 & 0x10 == 0 {
+        return 0.0;
+    }
+    let double = config2 & 4 != 0;
+    let amplitude = if double {
+        TestAmplitude::Double
+    } else {
+        TestAmplitude::Single
+    };
+    let amplitude = amplitude.uv() * 1e-6 / VREF;
+    let half = match config2 & 3 {
+        0 => 1_u64 << 20,
+        1 => 1 << 19,
+        _ => return amplitude,
+    };
+    let since = (conversion.cycles % half) as f64 / f64::from(conversion.rate.divider());
+    let up = (conversion.cycles / half).is_multiple_of(2);
+    let swing = 2.0 * step_response(since) - 1.0;
+    if up {
+        amplitude * swing
+    } else {
+        -amplitude * swing
+    }
+}
+
+/// A step behind a third-order sinc filter, `periods` of the sample rate after it: 0 to 1 in three.
+fn step_response(periods: f64) -> f64 {
+    match periods {
+        u if u < 1.0 => u.powi(3) / 6.0,
+        u if u < 2.0 => (-2.0 * u.powi(3) + 9.0 * u.powi(2) - 9.0 * u + 3.0) / 6.0,
+        u if u < 3.0 => 1.0 - (3.0 - u).powi(3) / 6.0,
+        _ => 1.0,
+    }
+}

@@ -1,0 +1,346 @@
+//! The wires between the chips, and their time.
+
+use std::vec::Vec;
+
+use crate::command::{AFTER_RESET, DECODE, POWER_ON, RESET_LOW};
+use crate::simulation::analogue::{self, Conversion, Electrode, Off};
+use crate::simulation::chip::{Chip, Heard, Moment};
+use crate::simulation::noise::Noise;
+use crate::simulation::{Electrodes, Fault, Options};
+use crate::{CHANNELS, CHIP_BYTES, Rate, Register};
+
+/// What came over the wires.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// RESET went high.
+    Reset,
+    /// START went low or high.
+    Start(bool),
+    /// A chip understood an opcode.
+    Command {
+        /// Which chip.
+        chip: usize,
+        /// The opcode, with the address if it has one.
+        opcode: u8,
+    },
+}
+
+/// The board.
+pub(super) struct Board<const CHIPS: usize> {
+    options: Options,
+    now_ns: u64,
+    chips: [Chip; CHIPS],
+    electrodes: Electrodes<CHIPS>,
+    /// Samples that the electrodes have delivered.
+    delivered: u64,
+    off: [Off; CHIPS],
+    noise: Noise,
+    start: bool,
+    /// Since when RESET has been low, ns.
+    reset_low_ns: Option<u64>,
+    /// The next conversion's end, cycles.
+    next: Option<u64>,
+    /// Bits clocked since the last one.
+    clocked: usize,
+    /// Edges of DRDY that could be seen.
+    edges: u64,
+    violations: u32,
+    events: Vec<(u64, Event)>,
+}
+
+impl<const CHIPS: usize> Board<CHIPS> {
+    pub(super) fn new(options: Options, electrodes: Electrodes<CHIPS>) -> Self {
+        let mut board = Self {
+            options,
+            now_ns: 0,
+            chips: core::array::from_fn(|_| Chip::new(0)),
+            electrodes,
+            delivered: 0,
+            off: [[0; 2]; CHIPS],
+            noise: Noise::new(options.seed),
+            start: false,
+            reset_low_ns: None,
+            next: None,
+            clocked: 0,
+            edges: 0,
+            violations: 0,
+            events: Vec::new(),
+        };
+        // Only a reset after power-on wakes the chips.
+        board.chips = core::array::from_fn(|_| Chip::new(u64::MAX));
+        board
+    }
+
+    pub(super) const fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    pub(super) const fn violations(&self) -> u32 {
+        self.violations
+    }
+
+    pub(super) fn events(&self) -> &[(u64, Event)] {
+        &self.events
+    }
+
+    pub(super) fn set_fault(&mut self, chip: usize, fault: Option<Fault>) {
+        if let Some(chip) = self.chips.get_mut(chip) {
+            chip.fault = fault;
+        }
+    }
+
+    pub(super) fn set_electrode(&mut self, chip: usize, channel: usize, positive: bool, on: bool) {
+        if channel < CHANNELS
+            && let Some(off) = self.off.get_mut(chip)
+        {
+            let bits = &mut off[usize::from(!positive)];
+            *bits = *bits & !(1 << channel) | u8::from(!on) << channel;
+        }
+    }
+
+    pub(super) fn set_select(&mut self, chip: usize, high: bool) {
+        let moment = self.moment();
+        let Some(chip) = self.chips.get_mut(chip) else {
+            return;
+        };
+        let config1 = chip.register(Register::CONFIG1);
+        match (chip.selected, high) {
+            (false, false) => chip.select(),
+            (true, true) if !chip.deselect(moment) => self.violations += 1,
+            _ => {}
+        }
+        self.restart_filter(config1);
+    }
+
+    /// A new CONFIG1 restarts the digital filter (9.4.2).
+    fn restart_filter(&mut self, before: u8) {
+        let changed = self.chips[0].register(Register::CONFIG1) != before;
+        if changed && self.next.is_some() {
+            self.next = Some(self.cycles() + u64::from(self.rate().settling()));
+        }
+    }
+
+    pub(super) fn set_start(&mut self, high: bool) {
+        if high != self.start {
+            self.start = high;
+            self.note(Event::Start(high));
+            let settled = self.cycles() + u64::from(self.rate().settling());
+            self.next = high.then_some(settled);
+        }
+    }
+
+    pub(super) fn set_reset(&mut self, high: bool) {
+        match (high, self.reset_low_ns) {
+            (false, None) => self.reset_low_ns = Some(self.now_ns),
+            (true, Some(since)) => {
+                self.reset_low_ns = None;
+                let in_time = since >= self.nanoseconds(u64::from(POWER_ON))
+                    && self.now_ns - since >= self.nanoseconds(u64::from(RESET_LOW));
+                self.violations += u32::from(!in_time);
+                let awake_ns = self.now_ns + self.nanoseconds(u64::from(AFTER_RESET));
+                if in_time {
+                    self.chips.iter_mut().for_each(|chip| chip.reset(awake_ns));
+                }
+                self.note(Event::Reset);
+            }
+            _ => {}
+        }
+    }
+
+    /// A byte each way.
+    pub(super) fn transfer(&mut self, byte: u8) -> u8 {
+        let answer = self.output();
+        self.clocked += 8;
+        self.advance(self.now_ns + 8_000_000_000 / u64::from(self.options.sclk_hz));
+        let moment = self.moment();
+        for index in 0..CHIPS {
+            let chip = &mut self.chips[index];
+            if !chip.selected {
+                continue;
+            }
+            match chip.receive(byte, moment) {
+                Heard::Nothing => {}
+                Heard::Violation => self.violations += 1,
+                Heard::Opcode(opcode) => self.note(Event::Command {
+                    chip: index,
+                    opcode,
+                }),
+            }
+        }
+        answer
+    }
+
+    /// What MISO carries while the next byte goes out.
+    fn output(&self) -> u8 {
+        let Some(first) = self.chips.iter().position(|chip| chip.selected) else {
+            return 0xFF;
+        };
+        if first > 0 && !self.options.read_back {
+            return 0xFF;
+        }
+        let chip = &self.chips[first];
+        if chip.is_dead() {
+            return 0;
+        }
+        if !chip.is_continuous() {
+            return chip.output();
+        }
+        (0..8).fold(0, |byte, bit| {
+            byte << 1 | self.bit(first, self.clocked + bit)
+        })
+    }
+
+    /// A bit of the frame, from the first selected chip on.
+    fn bit(&self, first: usize, mut place: usize) -> u8 {
+        let stride = 8 * CHIP_BYTES + self.options.alignment as usize;
+        let shifted = |chip: &Chip| chip.fault == Some(Fault::ShiftedBit);
+        if let Some(late) = self.chips[first..].iter().position(shifted)
+            && place >= late * stride
+        {
+            if place == late * stride {
+                return 0;
+            }
+            place -= 1;
+        }
+        let index = first + place / stride;
+        let offset = place % stride;
+        // What does not get past a chip that is dead or not selected.
+        let passes = |chip: &Chip| chip.selected && !chip.is_dead();
+        let through = self.chips.get(first..=index);
+        if !through.is_some_and(|chips| chips.iter().all(passes)) {
+            return 0;
+        }
+        match self.chips[index].frame.get(offset / 8) {
+            Some(byte) => byte >> (7 - offset % 8) & 1,
+            // The don't-care bit.
+            None => u8::from(index.is_multiple_of(2)),
+        }
+    }
+
+    /// Lets time pass, with the conversions that fall into it.
+    pub(super) fn advance(&mut self, to_ns: u64) {
+        while let Some(next) = self.next
+            && self.nanoseconds(next) <= to_ns
+        {
+            self.now_ns = self.nanoseconds(next);
+            self.convert(next);
+            let mut step = u64::from(self.rate().divider());
+            if self.chips[0].fault == Some(Fault::DoubleRate) {
+                step /= 2;
+            }
+            self.next = Some(next + step);
+        }
+        self.now_ns = self.now_ns.max(to_ns);
+    }
+
+    /// Lets time pass up to the next edge of DRDY; false if none will come.
+    pub(super) fn advance_to_edge(&mut self) -> bool {
+        let before = self.edges;
+        while self.edges == before {
+            let Some(next) = self.next else {
+                return false;
+            };
+            if self.chips[0].is_dead() {
+                return false;
+            }
+            self.advance(self.nanoseconds(next));
+        }
+        true
+    }
+
+    /// The end of a conversion: new frames in all chips, and DRDY falls.
+    fn convert(&mut self, cycles: u64) {
+        let conversion = Conversion {
+            now_ns: self.now_ns,
+            cycles,
+            rate: self.rate(),
+        };
+        let electrodes = self.deliver();
+        for (index, chip) in self.chips.iter_mut().enumerate() {
+            chip.set_lead_off(analogue::lead_off(chip, self.off[index]));
+            let counts = analogue::convert(
+                chip,
+                &electrodes[index],
+                self.off[index],
+                conversion,
+                &mut self.noise,
+            );
+            if chip.fault != Some(Fault::StuckData) {
+                chip.frame = frame(chip, &counts);
+            }
+        }
+        self.clocked = 0;
+        if self.chips[0].fault == Some(Fault::MissedReady) {
+            self.chips[0].fault = None;
+        } else if !self.chips[0].is_dead() {
+            self.edges += 1;
+        }
+    }
+
+    /// What the electrodes deliver, if a channel listens to them.
+    fn deliver(&mut self) -> [[Electrode; CHANNELS]; CHIPS] {
+        let listened = |chip: &Chip| (0..CHANNELS).any(|n| analogue::listens(chip, n));
+        if !self.chips.iter().any(listened) {
+            return [[Electrode::Volts(0.0); CHANNELS]; CHIPS];
+        }
+        let number = self.delivered;
+        self.delivered += 1;
+        match &mut self.electrodes {
+            Electrodes::Volts(deliver) => {
+                let mut volts = [[0.0; CHANNELS]; CHIPS];
+                deliver(number, &mut volts);
+                volts.map(|chip| chip.map(Electrode::Volts))
+            }
+            Electrodes::Counts(deliver) => {
+                let mut counts = [[0; CHANNELS]; CHIPS];
+                deliver(number, &mut counts);
+                counts.map(|chip| chip.map(Electrode::Counts))
+            }
+        }
+    }
+
+    /// The rate of chip 0; the others convert with it, as they share clock and START.
+    fn rate(&self) -> Rate {
+        analogue::rate(self.chips[0].register(Register::CONFIG1))
+    }
+
+    fn moment(&self) -> Moment {
+        Moment {
+            now_ns: self.now_ns,
+            decode_ns: self.nanoseconds(u64::from(DECODE)),
+        }
+    }
+
+    /// Cycles that have begun.
+    #[expect(clippy::cast_possible_truncation, reason = "centuries")]
+    fn cycles(&self) -> u64 {
+        (u128::from(self.now_ns) * u128::from(self.options.clock_hz)).div_ceil(1_000_000_000) as u64
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "centuries")]
+    fn nanoseconds(&self, cycles: u64) -> u64 {
+        (u128::from(cycles) * 1_000_000_000).div_ceil(u128::from(self.options.clock_hz)) as u64
+    }
+
+    fn note(&mut self, event: Event) {
+        self.events.push((self.now_ns, event));
+    }
+}
+
+/// Status word and counts as bytes.
+fn frame(chip: &Chip, counts: &[i32; CHANNELS]) -> [u8; CHIP_BYTES] {
+    let nibble = match chip.fault {
+        Some(Fault::WrongNibble(nibble)) => u32::from(nibble & 0xF),
+        _ => 0b1100,
+    };
+    let status = nibble << 20
+        | u32::from(chip.register(Register::LOFF_STATP)) << 12
+        | u32::from(chip.register(Register::LOFF_STATN)) << 4
+        | u32::from(chip.register(Register::GPIO) >> 4);
+    let words = [status].into_iter().chain(counts.map(i32::cast_unsigned));
+    let mut bytes = [0; CHIP_BYTES];
+    for (place, word) in bytes.chunks_exact_mut(3).zip(words) {
+        place.copy_from_slice(&word.to_be_bytes()[1..]);
+    }
+    bytes
+}

@@ -1,0 +1,159 @@
+//! The wires that the driver holds.
+
+use core::convert::Infallible;
+use core::future::pending;
+
+use embedded_hal::digital::{self, OutputPin};
+use embedded_hal::spi;
+use embedded_hal_async::delay::DelayNs;
+use embedded_hal_async::digital::Wait;
+use embedded_hal_async::spi::SpiBus;
+
+use crate::simulation::Simulation;
+
+/// SCLK, MOSI and MISO.
+pub struct SimulatedBus<const CHIPS: usize>(pub(super) Simulation<CHIPS>);
+
+/// A chip's select, START or RESET.
+pub struct SimulatedLine<const CHIPS: usize> {
+    simulation: Simulation<CHIPS>,
+    role: Role,
+}
+
+/// What a line is for.
+enum Role {
+    Select(usize),
+    Start,
+    Reset,
+}
+
+/// DRDY of chip 0. A wait ends at the next edge; it never ends if none will come.
+pub struct SimulatedReady<const CHIPS: usize>(pub(super) Simulation<CHIPS>);
+
+/// Virtual time.
+pub struct SimulatedDelay<const CHIPS: usize>(pub(super) Simulation<CHIPS>);
+
+impl<const CHIPS: usize> SimulatedLine<CHIPS> {
+    pub(super) fn select(simulation: &Simulation<CHIPS>, chip: usize) -> Self {
+        Self::new(simulation, Role::Select(chip))
+    }
+
+    pub(super) fn start(simulation: &Simulation<CHIPS>) -> Self {
+        Self::new(simulation, Role::Start)
+    }
+
+    pub(super) fn reset(simulation: &Simulation<CHIPS>) -> Self {
+        Self::new(simulation, Role::Reset)
+    }
+
+    fn new(simulation: &Simulation<CHIPS>, role: Role) -> Self {
+        let simulation = simulation.clone();
+        Self { simulation, role }
+    }
+
+    fn set(&self, high: bool) {
+        let mut board = self.simulation.board();
+        match self.role {
+            Role::Select(chip) => board.set_select(chip, high),
+            Role::Start => board.set_start(high),
+            Role::Reset => board.set_reset(high),
+        }
+    }
+}
+
+impl<const CHIPS: usize> digital::ErrorType for SimulatedLine<CHIPS> {
+    type Error = Infallible;
+}
+
+impl<const CHIPS: usize> OutputPin for SimulatedLine<CHIPS> {
+    fn set_low(&mut self) -> Result<(), Infallible> {
+        self.set(false);
+        Ok(())
+    }
+
+    fn set_high(&mut self) -> Result<(), Infallible> {
+        self.set(true);
+        Ok(())
+    }
+}
+
+impl<const CHIPS: usize> spi::ErrorType for SimulatedBus<CHIPS> {
+    type Error = Infallible;
+}
+
+impl<const CHIPS: usize> SpiBus for SimulatedBus<CHIPS> {
+    async fn read(&mut self, words: &mut [u8]) -> Result<(), Infallible> {
+        words.fill(0);
+        self.transfer_in_place(words).await
+    }
+
+    async fn write(&mut self, words: &[u8]) -> Result<(), Infallible> {
+        let mut board = self.0.board();
+        for word in words {
+            board.transfer(*word);
+        }
+        Ok(())
+    }
+
+    async fn transfer(&mut self, read: &mut [u8], write: &[u8]) -> Result<(), Infallible> {
+        let mut board = self.0.board();
+        for place in 0..read.len().max(write.len()) {
+            let answer = board.transfer(write.get(place).copied().unwrap_or(0));
+            if let Some(word) = read.get_mut(place) {
+                *word = answer;
+            }
+        }
+        Ok(())
+    }
+
+    async fn transfer_in_place(&mut self, words: &mut [u8]) -> Result<(), Infallible> {
+        let mut board = self.0.board();
+        for word in words {
+            *word = board.transfer(*word);
+        }
+        Ok(())
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+impl<const CHIPS: usize> DelayNs for SimulatedDelay<CHIPS> {
+    async fn delay_ns(&mut self, ns: u32) {
+        let mut board = self.0.board();
+        let then = board.now_ns() + u64::from(ns);
+        board.advance(then);
+    }
+}
+
+impl<const CHIPS: usize> digital::ErrorType for SimulatedReady<CHIPS> {
+    type Error = Infallible;
+}
+
+impl<const CHIPS: usize> Wait for SimulatedReady<CHIPS> {
+    // DRDY falls and rises again with the first bit: its levels tell no more than its edges.
+    async fn wait_for_high(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+
+    async fn wait_for_low(&mut self) -> Result<(), Infallible> {
+        self.wait_for_falling_edge().await
+    }
+
+    async fn wait_for_rising_edge(&mut self) -> Result<(), Infallible> {
+        self.wait_for_falling_edge().await
+    }
+
+    async fn wait_for_falling_edge(&mut self) -> Result<(), Infallible> {
+        let came = self.0.board().advance_to_edge();
+        if !came {
+            pending::<()>().await;
+        }
+        Ok(())
+    }
+
+    async fn wait_for_any_edge(&mut self) -> Result<(), Infallible> {
+        self.wait_for_falling_edge().await
+    }
+}

@@ -1,0 +1,217 @@
+//! Each fault of the ADC is flagged within a frame, and the chip is named.
+
+use std::string::ToString;
+use std::vec::Vec;
+
+use crate::simulation::{Electrodes, Fault, Options, SimulatedReady, Simulation, finish};
+use crate::{
+    Alignment, CHANNELS, ChipFault, Clock, Decoder, Edge, Error, FrameStatus, Rate, RateError,
+    ReadyMeter, Settings, frame_bytes,
+};
+
+const CHIPS: usize = 8;
+
+/// Streams 20 sound frames, breaks a chip, and gives the status and the edge of what comes next.
+fn next_frames(
+    alignment: Alignment,
+    chip: usize,
+    fault: Fault,
+    after: usize,
+) -> (Vec<FrameStatus<CHIPS>>, Vec<Edge>, ReadyMeter) {
+    let options = Options {
+        alignment,
+        ..Options::default()
+    };
+    let simulation = Simulation::<CHIPS>::new(options, Electrodes::silent());
+    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
+    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
+    let mut streaming = finish(configured.start()).unwrap().unwrap();
+    let mut decoder = Decoder::<CHIPS>::new();
+    let mut meter = ReadyMeter::new(0, Clock::EEG, Rate::Div4096);
+    let (mut statuses, mut edges) = (Vec::new(), Vec::new());
+    for n in 0..20 + after {
+        if n == 20 {
+            simulation.inject(chip, fault);
+        }
+        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
+        edges.push(meter.edge(simulation.time_us()));
+        let (mut frame, mut counts) = ([0; frame_bytes(CHIPS)], [[0; CHANNELS]; CHIPS]);
+        finish(streaming.read(&mut frame)).unwrap().unwrap();
+        statuses.push(decoder.decode(&frame, &mut counts));
+    }
+    assert!(statuses[..20].iter().all(FrameStatus::is_sound));
+    assert!(edges[1..20].iter().all(|edge| *edge == Edge::OnTime));
+    (statuses.split_off(20), edges.split_off(20), meter)
+}
+
+fn first_fault(status: &FrameStatus<CHIPS>) -> Option<(usize, ChipFault)> {
+    status.faults().next()
+}
+
+#[test]
+fn a_chip_that_dies_is_the_first_of_those_without_a_signal() {
+    for alignment in [Alignment::Packed, Alignment::Spaced] {
+        for chip in 1..CHIPS {
+            let (statuses, _, _) = next_frames(alignment, chip, Fault::Dead, 3);
+            for status in statuses {
+                assert_eq!(first_fault(&status), Some((chip, ChipFault::OnlyZeros)));
+                // What stands behind it does not get past it, and what stands before it does.
+                assert_eq!(status.bad, (0xFF_u8 >> chip) << chip);
+            }
+        }
+    }
+}
+
+#[test]
+fn chip_0_dies_and_drdy_with_it() {
+    let simulation = Simulation::<CHIPS>::new(Options::default(), Electrodes::silent());
+    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
+    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
+    let mut streaming = finish(configured.start()).unwrap().unwrap();
+    simulation.inject(0, Fault::Dead);
+    let error = finish(streaming.ready(&mut drdy))
+        .unwrap()
+        .expect_err("no DRDY");
+    let expected = Error::NeverReady {
+        chip: 0,
+        waited_us: 15_630,
+    };
+    assert_eq!(error, expected);
+    let text = error.to_string();
+    assert!(
+        text.starts_with("ADS1299 0 made no sample in 15630 us after START"),
+        "{text}"
+    );
+    let (mut frame, mut counts) = ([0; frame_bytes(CHIPS)], [[0; CHANNELS]; CHIPS]);
+    finish(streaming.read(&mut frame)).unwrap().unwrap();
+    let status = Decoder::<CHIPS>::new().decode(&frame, &mut counts);
+    assert_eq!(first_fault(&status), Some((0, ChipFault::OnlyZeros)));
+}
+
+#[test]
+fn stuck_data_are_seen_with_the_first_repetition() {
+    for chip in 0..CHIPS {
+        let (statuses, _, _) = next_frames(Alignment::Spaced, chip, Fault::StuckData, 3);
+        for status in statuses {
+            let faults: Vec<_> = status.faults().collect();
+            assert_eq!(faults, [(chip, ChipFault::Repeated)]);
+        }
+    }
+}
+
+#[test]
+fn a_wrong_status_is_seen_in_its_frame() {
+    for chip in 0..CHIPS {
+        for nibble in (0..16).filter(|nibble| *nibble != 0b1100) {
+            let fault = Fault::WrongNibble(nibble);
+            let (statuses, _, _) = next_frames(Alignment::Packed, chip, fault, 2);
+            for status in statuses {
+                assert_eq!(status.bad, 1 << chip);
+                assert_eq!(status.words[chip].nibble(), nibble);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_chip_that_comes_a_bit_late_is_the_first_of_those_that_do() {
+    for alignment in [Alignment::Packed, Alignment::Spaced] {
+        for chip in 0..CHIPS {
+            let (statuses, _, _) = next_frames(alignment, chip, Fault::ShiftedBit, 2);
+            for status in statuses {
+                assert_eq!(first_fault(&status), Some((chip, ChipFault::Late(1))));
+                assert_eq!(status.bad, (0xFF_u8 >> chip) << chip);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_doubled_rate_is_seen_with_the_next_edge_and_measured() {
+    let (_, edges, meter) = next_frames(Alignment::Spaced, 0, Fault::DoubleRate, 3);
+    // One conversion had begun at the old rate.
+    assert_eq!(edges[1..], [Edge::Early; 2]);
+    let error = meter.check().expect_err("too fast");
+    assert!(
+        matches!(
+            error,
+            RateError::Off {
+                chip: 0,
+                early: 2,
+                ..
+            }
+        ),
+        "{error:?}"
+    );
+}
+
+#[test]
+fn a_chip_that_starts_at_twice_the_rate_is_named_with_the_factor() {
+    let simulation = Simulation::<2>::new(Options::default(), Electrodes::silent());
+    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
+    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
+    simulation.inject(0, Fault::DoubleRate);
+    let mut streaming = finish(configured.start()).unwrap().unwrap();
+    let mut meter = ReadyMeter::new(0, Clock::EEG, Rate::Div4096);
+    assert_eq!(meter.check(), Err(RateError::NotMeasured { chip: 0 }));
+    for _ in 0..64 {
+        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
+        meter.edge(simulation.time_us());
+    }
+    let text = meter.check().expect_err("twice as fast").to_string();
+    // 63 periods of 1024 Hz, in whole microseconds.
+    let begin = "DRDY of ADS1299 0 comes at 1023.990 Hz, and 512.000 Hz is set, 2 times as fast: ";
+    assert!(text.starts_with(begin), "{text}");
+}
+
+#[test]
+fn a_clock_that_is_not_the_set_one_is_measured() {
+    let options = Options {
+        clock_hz: 2_048_000,
+        ..Options::default()
+    };
+    let simulation = Simulation::<1>::new(options, Electrodes::silent());
+    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
+    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
+    let mut streaming = finish(configured.start()).unwrap().unwrap();
+    let mut meter = ReadyMeter::new(0, Clock::EEG, Rate::Div4096);
+    for _ in 0..64 {
+        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
+        meter.edge(simulation.time_us());
+    }
+    let text = meter.check().expect_err("500 Hz").to_string();
+    assert!(
+        text.starts_with("DRDY of ADS1299 0 comes at 500.0"),
+        "{text}"
+    );
+    assert!(text.contains("and 512.000 Hz is set: the clock"), "{text}");
+}
+
+#[test]
+fn a_missed_drdy_is_seen_and_counted_with_the_next_one() {
+    let (_, edges, meter) = next_frames(Alignment::Spaced, 0, Fault::MissedReady, 2);
+    assert_eq!(edges, [Edge::Missed(1), Edge::OnTime]);
+    assert_eq!(meter.missed(), 1);
+}
+
+#[test]
+fn a_frame_that_is_read_too_late_is_flagged() {
+    let simulation = Simulation::<CHIPS>::new(Options::default(), Electrodes::silent());
+    let (mut chain, mut drdy): (_, SimulatedReady<CHIPS>) = (simulation.chain(), simulation.drdy());
+    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
+    let mut streaming = finish(configured.start()).unwrap().unwrap();
+    let mut decoder = Decoder::<CHIPS>::new();
+    let (mut frame, mut counts) = ([0; frame_bytes(CHIPS)], [[0; CHANNELS]; CHIPS]);
+    for _ in 0..3 {
+        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
+        finish(streaming.read(&mut frame)).unwrap().unwrap();
+        assert!(decoder.decode(&frame, &mut counts).is_sound());
+    }
+    finish(streaming.ready(&mut drdy)).unwrap().unwrap();
+    // The next sample falls into the burst of 108 us.
+    simulation.pass_us(1953 - 50);
+    finish(streaming.read(&mut frame)).unwrap().unwrap();
+    let status = decoder.decode(&frame, &mut counts);
+    assert!(!status.is_sound());
+    assert!(status.bad & 0x80 != 0, "{:08b}", status.bad);
+}

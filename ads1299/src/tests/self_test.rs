@@ -1,0 +1,233 @@
+//! The chips' own signals through the real driver, judged.
+
+use std::string::ToString;
+use std::vec::Vec;
+
+use crate::simulation::{Electrodes, Options, Simulation, finish};
+use crate::{
+    CHANNELS, Clock, Decoder, Gain, Input, Rate, SelfTestFault, Settings, ShortedTest,
+    SquareWaveTest, TestAmplitude, TestFrequency, TestSignal, frame_bytes, typical_noise_uv,
+};
+
+const CHIPS: usize = 2;
+
+/// Streams samples of all channels at one input, and shows each to a judge.
+fn stream(settings: &Settings<CHIPS>, samples: u32, mut judge: impl FnMut(usize, i32)) {
+    let options = Options {
+        clock_hz: settings.clock.hz(),
+        ..Options::default()
+    };
+    let simulation = Simulation::<CHIPS>::new(options, Electrodes::silent());
+    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
+    let mut configured = finish(chain.power_up(settings)).unwrap().unwrap();
+    let mut streaming = finish(configured.start()).unwrap().unwrap();
+    let mut decoder = Decoder::<CHIPS>::new();
+    let (mut frame, mut counts) = ([0; frame_bytes(CHIPS)], [[0; CHANNELS]; CHIPS]);
+    for _ in 0..samples {
+        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
+        finish(streaming.read(&mut frame)).unwrap().unwrap();
+        assert!(decoder.decode(&frame, &mut counts).is_sound());
+        for (channel, count) in counts.as_flattened().iter().enumerate() {
+            judge(channel, *count);
+        }
+    }
+}
+
+fn at(gain: Gain, rate: Rate, input: Input) -> Settings<CHIPS> {
+    let mut settings = Settings::EEG.with_input(input);
+    settings.rate = rate;
+    for channel in settings
+        .chips
+        .iter_mut()
+        .flat_map(|chip| &mut chip.channels)
+    {
+        channel.gain = gain;
+    }
+    settings
+}
+
+#[test]
+fn the_test_signal_is_measured_within_one_percent_at_every_gain() {
+    for gain in Gain::ALL {
+        for rate in [Rate::Div4096, Rate::Div8192] {
+            let settings = at(gain, rate, Input::TestSignal);
+            let mut tests: Vec<_> = (0..CHIPS * CHANNELS)
+                .map(|_| SquareWaveTest::new(gain, settings.test_signal))
+                .collect();
+            stream(&settings, 1300, |channel, count| tests[channel].push(count));
+            for test in &tests {
+                let result = test.result();
+                // The noise of 500 samples leaves 3e-5 at gain 1.
+                assert!(
+                    result.gain_error.abs() < 1e-4,
+                    "{gain:?} {rate:?} {result:?}"
+                );
+                let typical = typical_noise_uv(gain, rate);
+                assert!((result.noise_uv / typical - 1.0).abs() < 0.1, "{result:?}");
+                assert_eq!(result.check(gain, rate), Ok(()));
+                assert!(result.samples > 1200, "{result:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_doubled_and_the_fast_test_signal_are_measured_as_well() {
+    for (amplitude, frequency, clock) in [
+        (TestAmplitude::Double, TestFrequency::Slow, Clock::EEG),
+        (TestAmplitude::Single, TestFrequency::Fast, Clock::INTERNAL),
+        (TestAmplitude::Double, TestFrequency::Fast, Clock::EEG),
+    ] {
+        let mut settings = at(Gain::X24, Rate::Div4096, Input::TestSignal);
+        settings.clock = clock;
+        settings.test_signal = TestSignal {
+            internal: true,
+            amplitude,
+            frequency,
+        };
+        let mut test = SquareWaveTest::new(Gain::X24, settings.test_signal);
+        let mut push = |channel, count| {
+            if channel == 9 {
+                test.push(count);
+            }
+        };
+        stream(&settings, 1100, &mut push);
+        let result = test.result();
+        assert!(result.gain_error.abs() < 1e-4, "{result:?}");
+    }
+}
+
+#[test]
+fn shorted_inputs_have_the_data_sheets_noise() {
+    for rate in Rate::ALL {
+        let mut settings = at(Gain::X24, rate, Input::Shorted);
+        // Two chips at 16 kHz want a fast bus; one sample in between may be lost, noise stays noise.
+        settings.test_signal = TestSignal::OFF;
+        let mut test = ShortedTest::new(Gain::X24);
+        stream(&settings, 500, |_, count| test.push(count));
+        let result = test.result();
+        let typical = typical_noise_uv(Gain::X24, rate);
+        assert!(
+            (result.noise_uv / typical - 1.0).abs() < 0.05,
+            "{rate:?} {result:?}"
+        );
+        assert!(result.offset_uv.abs() < typical, "{result:?}");
+        assert_eq!(result.check(Gain::X24, rate), Ok(()));
+    }
+}
+
+/// A square wave of 100 samples a level, with noise of one step and a slope of three samples.
+fn wave(level: i32, offset: i32, noise: i32) -> impl Iterator<Item = i32> {
+    (0..1000).map(move |n| {
+        let (place, up) = (n % 100, n / 100 % 2 == 0);
+        let part = [-4, 0, 4].get(place).copied().unwrap_or(6);
+        let ideal = offset + level * part / 6 * if up { 1 } else { -1 };
+        ideal + if n % 2 == 0 { noise } else { -noise }
+    })
+}
+
+fn judged(level: i32, offset: i32, noise: i32) -> Result<(), SelfTestFault> {
+    let mut test = SquareWaveTest::new(Gain::X24, TestSignal::SELF_TEST);
+    wave(level, offset, noise).for_each(|count| test.push(count));
+    test.result().check(Gain::X24, Rate::Div4096)
+}
+
+#[test]
+fn each_limit_can_fail_and_says_which() {
+    // 1.875 mV are 83,886 counts; 0.2 uV are 9.
+    assert_eq!(judged(83_886, 0, 9), Ok(()));
+    assert_eq!(judged(83_886, 5000, 9), Ok(()));
+    let low = judged(80_000, 0, 9).expect_err("4.6 % too low");
+    assert!(
+        low.to_string()
+            .starts_with("gain off by -4.63 %, 3.0 % allowed"),
+        "{low}"
+    );
+    let offset = judged(83_886, -20_000, 9).expect_err("447 uV");
+    assert!(
+        matches!(offset, SelfTestFault::Offset { measured, .. } if (measured + 447.0).abs() < 1.0)
+    );
+    let noisy = judged(83_886, 0, 40).expect_err("0.9 uV");
+    assert!(matches!(noisy, SelfTestFault::Noisy { .. }), "{noisy}");
+    let silent = judged(83_886, 0, 0).expect_err("nothing at all");
+    assert!(matches!(silent, SelfTestFault::Silent { .. }), "{silent}");
+    let dead = judged(0, 0, 0).expect_err("no square wave");
+    assert!(
+        matches!(dead, SelfTestFault::Gain { measured, .. } if measured <= -1.0),
+        "{dead}"
+    );
+}
+
+#[test]
+fn a_transition_leaves_no_trace_in_the_levels() {
+    let mut test = SquareWaveTest::new(Gain::X24, TestSignal::SELF_TEST);
+    wave(83_886, 0, 0).for_each(|count| test.push(count));
+    let result = test.result();
+    assert!(result.noise_uv <= 0.0, "{result:?}");
+    assert!(result.gain_error.abs() < 1e-5, "{result:?}");
+}
+
+#[test]
+fn nothing_overflows_at_the_rails_however_long() {
+    let mut test = SquareWaveTest::new(Gain::X1, TestSignal::SELF_TEST);
+    let mut shorted = ShortedTest::new(Gain::X1);
+    for n in 0..300_000 {
+        let count = if n / 1000 % 2 == 0 {
+            (1 << 23) - 1
+        } else {
+            -(1 << 23)
+        };
+        test.push(count);
+        shorted.push(count);
+    }
+    assert!(test.result().gain_error > 1000.0);
+    assert!(shorted.result().noise_uv > 1e6);
+    assert_eq!(shorted.result().samples, 1 << 16);
+}
+
+#[test]
+fn a_square_wave_of_100_uv_at_the_electrodes_arrives_within_one_percent() {
+    let electrodes = Electrodes::volts(|sample, volts| {
+        let up = (sample / 256).is_multiple_of(2);
+        *volts = [[if up { 1e-4 } else { -1e-4 }; CHANNELS]; CHIPS];
+    });
+    let simulation = Simulation::<CHIPS>::new(Options::default(), electrodes);
+    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
+    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
+    let mut streaming = finish(configured.start()).unwrap().unwrap();
+    let mut decoder = Decoder::<CHIPS>::new();
+    let (mut frame, mut counts) = ([0; frame_bytes(CHIPS)], [[0; CHANNELS]; CHIPS]);
+    let mut sums = [[0_i32; CHANNELS]; CHIPS];
+    for sample in 0..1024 {
+        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
+        finish(streaming.read(&mut frame)).unwrap().unwrap();
+        decoder.decode(&frame, &mut counts);
+        let sign = if sample / 256 % 2 == 0 { 1 } else { -1 };
+        for (sum, count) in sums
+            .as_flattened_mut()
+            .iter_mut()
+            .zip(counts.as_flattened())
+        {
+            *sum += sign * count;
+        }
+    }
+    for sum in sums.as_flattened() {
+        let uv = f64::from(*sum) / 1024.0 * Gain::X24.lsb_uv();
+        // The noise of 1024 samples leaves 0.007 uV.
+        assert!((uv - 100.0).abs() < 0.05, "{uv}");
+    }
+}
+
+#[test]
+fn the_decoder_has_no_alignment_to_find_in_one_chip() {
+    let mut decoder = Decoder::<1>::new();
+    let mut frame = [0; frame_bytes(1)];
+    frame[0] = 0xC0;
+    for _ in 0..10 {
+        decoder.decode(&frame, &mut [[0; CHANNELS]]);
+    }
+    assert_eq!(
+        (decoder.alignment(), decoder.counters().realigned),
+        (None, 0)
+    );
+}
