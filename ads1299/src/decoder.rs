@@ -22,7 +22,7 @@ pub struct Decoder<const CHIPS: usize> {
     /// Frames in a row that spoke for the other alignment.
     against: u8,
     /// The frame before, for [`ChipFault::Repeated`].
-    last: [(StatusWord, [i32; CHANNELS]); CHIPS],
+    last: [Part; CHIPS],
     counters: Counters<CHIPS>,
 }
 
@@ -50,6 +50,19 @@ pub struct FrameStatus<const CHIPS: usize> {
     pub bad: u8,
     /// Chips that repeated the frame before, one bit each.
     pub repeated: u8,
+}
+
+impl<const CHIPS: usize> Counters<CHIPS> {
+    /// Counts a frame with these chips bad and repeated, one bit each.
+    #[inline]
+    fn count(&mut self, bad: u32, repeated: u32) {
+        self.frames = self.frames.wrapping_add(1);
+        for (bits, counters) in [(bad, &mut self.bad_status), (repeated, &mut self.repeated)] {
+            for (chip, counter) in (0..).zip(counters) {
+                *counter = counter.wrapping_add(bits >> chip & 1);
+            }
+        }
+    }
 }
 
 impl<const CHIPS: usize> FrameStatus<CHIPS> {
@@ -85,8 +98,7 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
         Self {
             alignment: None,
             against: 0,
-            // No chip sends this.
-            last: [(StatusWord(u32::MAX), [0; CHANNELS]); CHIPS],
+            last: [Part::NEVER_SENT; CHIPS],
             counters: Counters {
                 frames: 0,
                 bad_status: [0; CHIPS],
@@ -129,37 +141,25 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
             bad: 0,
             repeated: 0,
         };
-        let chips = spans(frame).zip(counts.iter_mut()).zip(&mut self.last);
-        let outputs = status.words.iter_mut().zip(
-            self.counters
-                .bad_status
-                .iter_mut()
-                .zip(&mut self.counters.repeated),
-        );
-        for (chip, (((span, counts), last), (out, (bad_count, repeated_count)))) in
-            (0..).zip(chips.zip(outputs))
-        {
-            let shift = alignment.shift(chip);
-            let word = status_word(span, shift);
-            let mut changed = word.0 ^ last.0.0;
-            let mut inside = 0;
-            let places = counts.iter_mut().zip(&mut last.1);
-            for (new, (count, before)) in words(span, shift).skip(1).zip(places) {
-                changed |= (new ^ *before).cast_unsigned();
-                inside |= off_the_rail(new);
-                *count = new;
-                *before = new;
-            }
-            last.0 = word;
-            *out = word;
-            let bad = u32::from(word.nibble() != NIBBLE);
-            let repeated = u32::from(changed == 0) & u32::from(inside != 0) & (bad ^ 1);
-            status.bad |= ((bad << chip) & 0xFF) as u8;
-            status.repeated |= ((repeated << chip) & 0xFF) as u8;
-            *bad_count = bad_count.wrapping_add(bad);
-            *repeated_count = repeated_count.wrapping_add(repeated);
+        let mut bits = [0_u32; 2];
+        let places = counts.iter_mut().zip(&mut self.last);
+        for ((chip, span), (counts, last)) in (0..).zip(spans(frame)).zip(places) {
+            let new = Part::of(span, alignment.shift(chip));
+            let bad = u32::from(new.word.nibble() != NIBBLE);
+            let repeated =
+                u32::from(!new.differs(last)) & u32::from(!new.at_the_rail()) & (bad ^ 1);
+            *counts = new.counts;
+            *last = new;
+            bits[0] |= bad << chip;
+            bits[1] |= repeated << chip;
         }
-        self.counters.frames = self.counters.frames.wrapping_add(1);
+        for (word, last) in status.words.iter_mut().zip(&self.last) {
+            *word = last.word;
+        }
+        let [bad, repeated] = bits;
+        self.counters.count(bad, repeated);
+        status.bad = (bad & 0xFF) as u8;
+        status.repeated = (repeated & 0xFF) as u8;
         status
     }
 
@@ -202,24 +202,61 @@ fn spans(frame: &[u8]) -> impl Iterator<Item = &[u8; SPAN]> {
     frame.array_windows().step_by(CHIP_BYTES)
 }
 
-/// The status word and the counts of a chip, 24 bits sign-extended; `shift <= 7`.
-#[inline]
-fn words(span: &[u8; SPAN], shift: u32) -> impl Iterator<Item = i32> {
-    // Four bytes hold 24 bits wherever in the first byte they begin.
-    let places = span.array_windows::<4>().step_by(3);
-    places.map(move |bytes| (u32::from_be_bytes(*bytes) << shift).cast_signed() >> 8)
+/// A chip's part of a frame.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    word: StatusWord,
+    counts: [i32; CHANNELS],
+}
+
+impl Part {
+    /// What no chip sends.
+    const NEVER_SENT: Self = Self {
+        word: StatusWord(u32::MAX),
+        counts: [0; CHANNELS],
+    };
+
+    /// From its bytes; `shift <= 7`.
+    #[inline]
+    fn of(span: &[u8; SPAN], shift: u32) -> Self {
+        Self {
+            word: status_word(span, shift),
+            counts: core::array::from_fn(|channel| word(span, channel + 1, shift)),
+        }
+    }
+
+    #[inline]
+    fn differs(&self, other: &Self) -> bool {
+        let counts = self.counts.iter().zip(&other.counts);
+        let word = self.word.0 ^ other.word.0;
+        counts.fold(word, |bits, (one, two)| bits | (one ^ two).cast_unsigned()) != 0
+    }
+
+    /// Whether every channel is at one of the converter's rails.
+    #[inline]
+    fn at_the_rail(&self) -> bool {
+        // -2^23 is the complement of 2^23 - 1.
+        let off = |count: &i32| (count ^ (count >> 31)) ^ 0x7F_FFFF;
+        self.counts.iter().fold(0, |bits, count| bits | off(count)) == 0
+    }
 }
 
 /// The status word of a chip; `shift <= 7`.
 #[inline]
 fn status_word(span: &[u8; SPAN], shift: u32) -> StatusWord {
-    let word = words(span, shift).next().unwrap_or_default();
-    StatusWord(word.cast_unsigned() & 0xFF_FFFF)
+    StatusWord(word(span, 0, shift).cast_unsigned() & 0xFF_FFFF)
 }
 
-/// 0 for a count at the converter's rail, else something else.
+/// The n-th 24 bits of a chip, sign-extended; `n <= 8`, and every caller's n is known when it is
+/// compiled, so that no check is left; `shift <= 7`.
 #[inline]
-const fn off_the_rail(count: i32) -> u32 {
-    // -2^23 is the complement of 2^23 - 1.
-    ((count ^ (count >> 31)) ^ 0x7F_FFFF).cast_unsigned()
+fn word(span: &[u8; SPAN], n: usize, shift: u32) -> i32 {
+    // Four bytes hold 24 bits wherever in the first byte they begin.
+    let bytes = [
+        span[3 * n],
+        span[3 * n + 1],
+        span[3 * n + 2],
+        span[3 * n + 3],
+    ];
+    (u32::from_be_bytes(bytes) << shift).cast_signed() >> 8
 }

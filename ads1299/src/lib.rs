@@ -13,7 +13,7 @@
 //! Sections and figures without more are those of the data sheet, Texas Instruments SBAS499C.
 //! Registers, commands and their times, power-up, the order of bits and the noise at gains 1 and 2
 //! were held against copies of pages of its revisions A and C; what is only remembered says "from
-//! memory", and the numbers of sections 9.4 to 9.6 are. **No chip has met this driver: it is
+//! memory", and the numbers of sections 9.4 and 9.5 are. **No chip has met this driver: it is
 //! simulated.**
 #![no_std]
 #![forbid(unsafe_code)]
