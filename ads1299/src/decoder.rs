@@ -14,7 +14,7 @@ const SPAN: usize = CHIP_BYTES + 1;
 /// The first frame decides the [`Alignment`], by the number of chips whose status begins with 1100.
 /// Chip 1 alone tells the two apart for certain: taken for the other, its nibble would be 100x or
 /// x110. Later frames only count misses, unless the other alignment fits every chip in
-/// [`CHANGE_OVER`] frames in a row, which no fault of a single chip looks like.
+/// four frames in a row, which no fault of a single chip looks like.
 #[derive(Clone, Debug)]
 pub struct Decoder<const CHIPS: usize> {
     /// None before the first frame with a sound chip behind chip 0.

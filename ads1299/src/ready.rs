@@ -11,7 +11,7 @@ pub struct ReadyMeter {
     chip: u8,
     clock: Clock,
     rate: Rate,
-    first_us: u64,
+    first_us: Option<u64>,
     last_us: u64,
     /// Edges after the first one.
     periods: u32,
@@ -62,7 +62,7 @@ impl ReadyMeter {
             chip,
             clock,
             rate,
-            first_us: 0,
+            first_us: None,
             last_us: 0,
             periods: 0,
             early: 0,
@@ -70,29 +70,35 @@ impl ReadyMeter {
         }
     }
 
-    /// Takes an edge at a time in us, which never goes back; more than 0 for the first.
+    /// Takes an edge at a time in us, which never goes back.
     pub fn edge(&mut self, time_us: u64) -> Edge {
-        if self.first_us == 0 {
-            self.first_us = time_us;
+        if self.first_us.is_none() {
+            self.first_us = Some(time_us);
             self.last_us = time_us;
             return Edge::First;
         }
-        // In units of a 2^-10 us times the clock: exact for every rate.
-        let interval = time_us.saturating_sub(self.last_us) * u64::from(self.clock.hz());
+        // In millionths of a cycle: exact for every rate, up to three months between two edges.
+        let interval_us = time_us.saturating_sub(self.last_us);
+        let interval = interval_us.saturating_mul(u64::from(self.clock.hz()));
         let period = u64::from(self.rate.divider()) * 1_000_000;
-        self.last_us = time_us;
+        self.last_us = self.last_us.max(time_us);
         self.periods = self.periods.saturating_add(1);
-        if interval * 4 < period * 3 {
+        if interval < period * 3 / 4 {
             self.early = self.early.saturating_add(1);
             return Edge::Early;
         }
-        if interval * 2 <= period * 3 {
+        if interval <= period * 3 / 2 {
             return Edge::OnTime;
         }
-        let missed = (interval + period / 2) / period - 1;
+        let missed = (interval - period / 2) / period;
         let missed = u32::try_from(missed).unwrap_or(u32::MAX);
         self.missed = self.missed.saturating_add(missed);
         Edge::Missed(missed)
+    }
+
+    /// From the first edge to the last, us.
+    fn span_us(&self) -> u64 {
+        self.last_us - self.first_us.unwrap_or(self.last_us)
     }
 
     /// Edges so far that came too early.
@@ -107,7 +113,7 @@ impl ReadyMeter {
 
     /// The rate, mHz; missing edges lower it. None before the second edge.
     pub fn millihertz(&self) -> Option<u32> {
-        let span_us = self.last_us - self.first_us;
+        let span_us = self.span_us();
         let rate = (u64::from(self.periods) * 1_000_000_000).checked_div(span_us)?;
         u32::try_from(rate).ok()
     }
@@ -120,8 +126,7 @@ impl ReadyMeter {
         let chip = self.chip;
         let measured = self.millihertz().ok_or(RateError::NotMeasured { chip })?;
         let expected = self.rate.millihertz(self.clock);
-        let span_us = self.last_us - self.first_us;
-        let stamps_ppm = 2_000_000_u64.div_ceil(span_us.max(1));
+        let stamps_ppm = 2_000_000_u64.div_ceil(self.span_us().max(1));
         let allowed = u64::from(self.clock.tolerance_ppm()) + stamps_ppm;
         let off = u64::from(measured.abs_diff(expected));
         if self.early == 0 && off * 1_000_000 <= allowed * u64::from(expected) {

@@ -165,6 +165,12 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
     }
 }
 
+// A virtual board may live in another thread.
+const _: fn() = || {
+    const fn is_send<T: Send + Sync>() {}
+    is_send::<Simulation<8>>();
+};
+
 /// Runs a future on simulated wires to its end: time is virtual, so nothing in it waits. None if it
 /// waits for what never comes, such as an edge of DRDY without START.
 pub fn finish<T>(future: impl Future<Output = T>) -> Option<T> {

@@ -195,6 +195,19 @@ fn a_missed_drdy_is_seen_and_counted_with_the_next_one() {
 }
 
 #[test]
+fn edges_of_any_times_neither_overflow_nor_divide_by_nothing() {
+    let mut meter = ReadyMeter::new(3, Clock::EEG, Rate::Div128);
+    assert_eq!(meter.edge(0), Edge::First);
+    assert_eq!(meter.edge(0), Edge::Early);
+    assert_eq!(meter.check(), Err(RateError::NotMeasured { chip: 3 }));
+    // Just above two and a half periods of 61 us: the third has come, late or early.
+    assert_eq!(meter.edge(153), Edge::Missed(2));
+    assert_eq!(meter.edge(u64::MAX), Edge::Missed(u32::MAX));
+    assert_eq!(meter.edge(5), Edge::Early);
+    assert!(meter.check().is_err());
+}
+
+#[test]
 fn a_frame_that_is_read_too_late_is_flagged() {
     let simulation = Simulation::<CHIPS>::new(Options::default(), Electrodes::silent());
     let (mut chain, mut drdy): (_, SimulatedReady<CHIPS>) = (simulation.chain(), simulation.drdy());
