@@ -37,7 +37,9 @@ pub async fn converse(
     session.introduce(now_us(), frames);
     if let Some(start) = start {
         let (_, order) = session.start(start, now_us(), frames);
-        order.into_iter().for_each(|order| shared.order(order));
+        if let Some(order) = order {
+            shared.order(order);
+        }
     }
     let state = RefCell::new((session, frames));
     let waiting = Signal::<NoopRawMutex, ()>::new();

@@ -4,6 +4,10 @@ use device::Marks;
 use pipeline::{Code, Quality};
 
 /// What the encoder's task makes.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "slots of a queue, which are written in place"
+)]
 #[derive(Clone, Debug, Default)]
 pub enum Made {
     /// Nothing yet.

@@ -112,7 +112,7 @@ impl Session {
             output: self.output.clone(),
             source,
         })?;
-        let mut board = VirtualBoard::new(self.identity.clone(), self.mains, outbox.clone());
+        let mut board = VirtualBoard::new(self.identity, self.mains, outbox.clone());
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into());
         if let Output::File(_) = self.output {
             // Nobody can send a command.

@@ -7,7 +7,7 @@ use pipeline::{Acquisition, Encoder as CodeEncoder, Mains, Sample, SignalQuality
 use crate::Outbox;
 
 /// Who the virtual board says it is.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Identity {
     /// Differs from start to start.
     pub session_id: u32,
