@@ -12,7 +12,7 @@
 //! Boards give a [`Converter`], a port (embedded-io-async) and executors, and nothing else; tasks are
 //! spawned by them because a task is not generic.
 #![no_std]
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 #[cfg(test)]
 extern crate std;
@@ -22,16 +22,22 @@ mod converse;
 mod converter;
 pub mod deadlines;
 mod encode;
+mod fault_record;
+mod kept;
 mod made;
 mod progress;
 mod shared;
+mod stack;
 mod taken;
 
 pub use acquire::acquire;
 pub use converse::converse;
 pub use converter::{Conversion, Converter};
 pub use encode::encode;
+pub use fault_record::FaultRecord;
+pub use kept::Kept;
 pub use made::Made;
 pub use progress::{Progress, keep_alive};
 pub use shared::{Mutex, Shared};
+pub use stack::Stack;
 pub use taken::Taken;

@@ -1,14 +1,14 @@
 //! The board's start: peripherals, queues, executors, tasks.
 
-use core::{panic::PanicInfo, sync::atomic::Ordering::Relaxed};
+use core::sync::atomic::Ordering::Relaxed;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hprintln};
 use device::{FrameRing, Identity, Sender, Session};
 use embassy_executor::SpawnError;
 use embassy_sync::zerocopy_channel::{self, Channel};
-use embassy_time::Timer;
-use firmware::{Made, Mutex, Shared, Taken, deadlines};
+use embassy_time::{Duration, Timer};
+use firmware::{FaultRecord, Made, Mutex, Shared, Taken, deadlines};
 use link::{ResetCause, Start, Streams};
 use pipeline::{Encoder, Mains};
 use static_cell::{ConstStaticCell, StaticCell};
@@ -16,14 +16,16 @@ use static_cell::{ConstStaticCell, StaticCell};
 use crate::{
     arguments::Arguments,
     drdy,
+    failure::{self, Failure},
     interrupts::{self, ACQUIRE, CONVERSE, ENCODE, Interrupt},
     recording::{ENDED, Recording},
     time_driver,
     uart::{self, Receiver, Transmitter},
 };
 
-/// From the end of the file to the end of the emulation: the last frames leave.
-const FAREWELL_MS: u64 = 500;
+/// From the end of the file to the end of the emulation: the last frames leave, and the watchdog, which
+/// misses the samples, does not end yet.
+const FAREWELL: Duration = Duration::from_millis(60);
 
 type Frames = Sender<FrameRing<{ deadlines::FRAMES_WAITING }>>;
 
@@ -51,11 +53,12 @@ async fn encode(
 
 #[embassy_executor::task]
 async fn converse(
+    before: Option<FaultRecord>,
     start: Option<Start>,
     frames: &'static mut Frames,
     made: zerocopy_channel::Receiver<'static, Mutex, Made>,
 ) {
-    let session = Session::new(identity(), Mains::default());
+    let session = Session::new(identity(before.as_ref()), Mains::default());
     firmware::converse(Receiver, Transmitter, session, start, frames, &SHARED, made).await
 }
 
@@ -63,23 +66,37 @@ async fn converse(
 #[embassy_executor::task]
 async fn end() {
     while !ENDED.load(Relaxed) {
-        Timer::after(deadlines::CODE).await;
+        Timer::after(deadlines::STEP).await;
     }
-    Timer::after_millis(FAREWELL_MS).await;
+    Timer::after(FAREWELL).await;
     let counts = SHARED.counts();
     hprintln!("samples {}", counts.samples);
     hprintln!("overruns {}", counts.overruns);
     debug::exit(debug::EXIT_SUCCESS);
 }
 
-const fn identity() -> Identity<'static> {
+/// Feeds the watchdog while all tasks move.
+#[embassy_executor::task]
+async fn watch() {
+    failure::begin_watchdog();
+    firmware::keep_alive(&SHARED, failure::feed_watchdog).await
+}
+
+/// Fails as asked, after a second.
+#[embassy_executor::task]
+async fn fail(how: Failure) {
+    Timer::after_secs(1).await;
+    how.happen();
+}
+
+fn identity(before: Option<&FaultRecord>) -> Identity<'_> {
     Identity {
         firmware: env!("CARGO_PKG_VERSION"),
         board: "qemu-mps2",
         chip_uid: *b"qemu-mps2\0\0\0",
-        session_id: 1,
-        reset_cause: ResetCause::NotKnown,
-        fault: "",
+        session_id: if before.is_some() { 2 } else { 1 },
+        reset_cause: before.map_or(ResetCause::PowerOn, FaultRecord::cause),
+        fault: before.map_or("", FaultRecord::text),
     }
 }
 
@@ -97,7 +114,9 @@ fn main() -> ! {
 }
 
 fn begin() -> Result<(), SpawnError> {
-    let start = Arguments::of_emulator().has("start").then_some(Start {
+    let arguments = Arguments::of_emulator();
+    let before = failure::of_the_run_before();
+    let start = arguments.has("start").then_some(Start {
         streams: Streams::CODES,
         mains_hz: 0,
     });
@@ -114,20 +133,20 @@ fn begin() -> Result<(), SpawnError> {
     let (made_in, made_out) = MADE_CHANNEL.init(Channel::new(made)).split();
 
     let conversation = CONVERSE.start(Interrupt::Converse);
-    conversation.spawn(converse(start, FRAMES.take(), made_out)?);
+    conversation.spawn(converse(before, start, FRAMES.take(), made_out)?);
     conversation.spawn(end()?);
+    conversation.spawn(watch()?);
     let encoding = ENCODE.start(Interrupt::Encode);
+    if before.is_none()
+        && let Some(failure) = Failure::ALL
+            .into_iter()
+            .find(|how| arguments.has(how.word()))
+    {
+        encoding.spawn(fail(failure)?);
+    }
     encoding.spawn(encode(taken_out, made_in, ENCODER.take())?);
     let acquisition = ACQUIRE.start(Interrupt::Acquire);
     acquisition.spawn(acquire(recording, taken_in)?);
     drdy::begin();
     Ok(())
-}
-
-#[panic_handler]
-fn panic(info: &PanicInfo<'_>) -> ! {
-    hprintln!("{}", info);
-    loop {
-        debug::exit(debug::EXIT_FAILURE);
-    }
 }

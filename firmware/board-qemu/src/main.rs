@@ -3,8 +3,10 @@
 //!
 //! Everything but the converter is real: thumb code, interrupts, three executors, a UART. The samples
 //! come from a file of the host, [`recording::SAMPLES`] in QEMU's working folder, or are made up where
-//! there is none. With the argument `start` the codes start without a host, and the emulation ends
-//! with the file. Under `-icount` a run repeats itself byte for byte.
+//! there is none. The emulation ends with the file. Under `-icount` a run repeats itself byte for byte.
+//!
+//! Arguments: `start` starts the codes without a host; `hang`, `panic` and `fault` let a task do so
+//! after a second of the first run, to see what the second says of it.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 #![deny(unsafe_code)]
@@ -23,6 +25,8 @@ mod arguments;
 mod drdy;
 #[cfg(target_os = "none")]
 mod eeg;
+#[cfg(target_os = "none")]
+mod failure;
 #[cfg(target_os = "none")]
 mod host_file;
 #[cfg(target_os = "none")]

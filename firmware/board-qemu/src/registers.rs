@@ -20,6 +20,15 @@ pub(crate) const UART0: Registers = Registers { base: 0x4000_4000 };
 /// Watchdog (section 4.6): load, value, control, interrupt clear.
 pub(crate) const WATCHDOG: Registers = Registers { base: 0x4000_8000 };
 
+/// Of the watchdog, which counts down: what it begins with, how, and beginning anew.
+pub(crate) mod watchdog {
+    pub(crate) const LOAD: usize = 0x0;
+    pub(crate) const CONTROL: usize = 0x8;
+    pub(crate) const CLEAR: usize = 0xc;
+    /// The first time it ends, an interrupt (the core's NMI); the second time, a reset.
+    pub(crate) const INTERRUPT_THEN_RESET: u32 = 0b11;
+}
+
 /// Of a timer.
 pub(crate) mod timer {
     pub(crate) const CONTROL: usize = 0x0;

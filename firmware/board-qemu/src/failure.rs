@@ -1,0 +1,95 @@
+//! What happens when something fails: a record for the next run, and a reset.
+#![expect(unsafe_code, reason = "exception handlers, and memory with a place")]
+
+use core::panic::PanicInfo;
+
+use cortex_m::peripheral::SCB;
+use cortex_m_rt::{ExceptionFrame, exception};
+use firmware::{FaultRecord, Kept, deadlines};
+
+use crate::{
+    registers::{WATCHDOG, watchdog},
+    time_driver::TICKS_PER_US,
+};
+
+unsafe extern "C" {
+    /// The memory map keeps a place for it that nothing else uses.
+    #[link_name = "_kept"]
+    safe static KEPT: Kept;
+}
+
+/// What the run before has left, once.
+pub(crate) fn of_the_run_before() -> Option<FaultRecord> {
+    critical_section::with(|section| KEPT.take(section))
+}
+
+/// Lets the watchdog count: it interrupts after half of its time, and resets after all of it.
+pub(crate) fn begin_watchdog() {
+    let half_us = u32::try_from(deadlines::WATCHDOG.as_micros() / 2).unwrap_or(u32::MAX);
+    WATCHDOG.write(watchdog::LOAD, half_us * TICKS_PER_US);
+    WATCHDOG.write(watchdog::CONTROL, watchdog::INTERRUPT_THEN_RESET);
+}
+
+/// Lets the watchdog count from its beginning again.
+pub(crate) fn feed_watchdog() {
+    WATCHDOG.write(watchdog::CLEAR, 1);
+}
+
+fn fail(record: FaultRecord) -> ! {
+    critical_section::with(|section| KEPT.put(section, record));
+    SCB::sys_reset()
+}
+
+#[panic_handler]
+fn panic(info: &PanicInfo<'_>) -> ! {
+    fail(FaultRecord::failed(info))
+}
+
+/// The watchdog's first end: a task hangs.
+#[exception]
+unsafe fn NonMaskableInt() {
+    fail(FaultRecord::hung("a task made no progress: watchdog"))
+}
+
+#[exception]
+unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
+    let (pc, lr) = (frame.pc(), frame.lr());
+    fail(FaultRecord::failed(format_args!(
+        "hard fault at {pc:#010x}, called from {lr:#010x}"
+    )))
+}
+
+/// A way to fail, for the sake of what comes after.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Failure {
+    /// The encoder's executor never comes back.
+    Hang,
+    /// A task panics.
+    Panic,
+    /// A task executes what is no instruction.
+    Fault,
+}
+
+impl Failure {
+    pub(crate) const ALL: [Self; 3] = [Self::Hang, Self::Panic, Self::Fault];
+
+    /// The argument that asks for it.
+    pub(crate) const fn word(self) -> &'static str {
+        match self {
+            Self::Hang => "hang",
+            Self::Panic => "panic",
+            Self::Fault => "fault",
+        }
+    }
+
+    /// Lets it happen.
+    pub(crate) fn happen(self) {
+        match self {
+            Self::Hang => loop {
+                cortex_m::asm::nop();
+            },
+            Self::Panic => panic!("asked to panic"),
+            Self::Fault => cortex_m::asm::udf(),
+        }
+    }
+}
