@@ -4,7 +4,7 @@ use device::{Marks, Order, Run};
 use embassy_sync::zerocopy_channel::Sender;
 use pipeline::{Acquisition, Sample};
 
-use crate::{Converter, Mutex, Shared, Taken};
+use crate::{Conversion, Converter, Mutex, Shared, Taken, timing::Stage};
 
 /// Takes samples for ever. While nothing streams they are read and forgotten.
 ///
@@ -34,7 +34,8 @@ pub async fn acquire(
             running.marks.overrun |= conversion.missed > 0;
             running.marks.adc_status_bad |= conversion.status_bad;
             running.marks.lead_off |= conversion.lead_off;
-            running.take(&sample, conversion.drdy_us, shared, &mut taken);
+            running.take(&sample, &conversion, shared, &mut taken);
+            shared.timing.end(Stage::Acquire, conversion.drdy_ticks);
         }
     }
 }
@@ -63,7 +64,7 @@ impl Running {
     fn take(
         &mut self,
         sample: &Sample,
-        drdy_us: u64,
+        conversion: &Conversion,
         shared: &Shared,
         taken: &mut Sender<'_, Mutex, Taken>,
     ) {
@@ -81,7 +82,8 @@ impl Running {
         slot.begun = self.begun.take();
         slot.sample = *sample;
         slot.step = step.map(|step| (index, step));
-        slot.drdy_us = drdy_us;
+        slot.drdy_us = conversion.drdy_us;
+        slot.drdy_ticks = conversion.drdy_ticks;
         slot.marks = core::mem::take(&mut self.marks);
         taken.send_done();
         shared.progress.handed_on();

@@ -1,6 +1,9 @@
 //! The task between port and pipeline: commands in, frames out.
 
-use core::{cell::RefCell, sync::atomic::Ordering::Relaxed};
+use core::{
+    cell::{Cell, RefCell},
+    sync::atomic::Ordering::Relaxed,
+};
 
 use device::{FrameRing, Sender, Session};
 use embassy_futures::join::join3;
@@ -9,7 +12,7 @@ use embassy_time::{Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 use link::{MAX_FRAME, Start};
 
-use crate::{Made, Mutex, Shared, deadlines};
+use crate::{Made, Mutex, Shared, deadlines, timing::Stage};
 
 /// Frames on their way to the port.
 type Frames = Sender<FrameRing<{ deadlines::FRAMES_WAITING }>>;
@@ -42,6 +45,8 @@ pub async fn converse(
         }
     }
     let state = RefCell::new((session, frames));
+    // When the newest code was handed on, until the port has taken it.
+    let made_ticks = Cell::new(None);
     let waiting = Signal::<NoopRawMutex, ()>::new();
     waiting.signal(());
 
@@ -73,6 +78,9 @@ pub async fn converse(
                     frames.skip();
                 }
                 put(session, frames, what, shared);
+                if let Made::Code { made_ticks: at, .. } = what {
+                    made_ticks.set(Some(*at));
+                }
             }
             made.receive_done();
             waiting.signal(());
@@ -94,6 +102,9 @@ pub async fn converse(
                 }
             }
             let _ = output.flush().await;
+            if let Some(begin) = made_ticks.take() {
+                shared.timing.end(Stage::Send, begin);
+            }
         }
     };
     join3(read, make, write).await;
@@ -108,6 +119,7 @@ fn put(session: &mut Session<'_>, frames: &mut Frames, what: &Made, shared: &Sha
             code,
             marks,
             step_us,
+            ..
         } if session.is_of_now(*run) => session.code(code, *marks, *step_us, frames),
         Made::Quality {
             run,

@@ -7,6 +7,8 @@ use pipeline::Sample;
 pub struct Conversion {
     /// Device time of the DRDY edge, microseconds since boot.
     pub drdy_us: u64,
+    /// The same edge on the board's [`Clock`](crate::Clock), ticks.
+    pub drdy_ticks: u32,
     /// Samples before this one that came and were not read.
     pub missed: u32,
     /// A status word was wrong: the counts are not to be trusted.

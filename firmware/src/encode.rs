@@ -7,7 +7,7 @@ use embassy_sync::zerocopy_channel::{Receiver, Sender};
 use model::{HOP, STEPS};
 use pipeline::{Encoder, Mains, SignalQuality, Step};
 
-use crate::{Made, Mutex, Shared, Taken};
+use crate::{Made, Mutex, Shared, Taken, timing::Stage};
 
 /// Turns steps into codes for ever.
 ///
@@ -39,9 +39,9 @@ pub async fn encode(
                     overrun: true,
                     ..Marks::default()
                 });
-                windows.push(encoder, &substitute, item.drdy_us, shared, &mut made);
+                windows.push(encoder, &substitute, item, shared, &mut made);
             }
-            windows.push(encoder, step, item.drdy_us, shared, &mut made);
+            windows.push(encoder, step, item, shared, &mut made);
         }
         let step = item.step.as_ref().map(|(_, step)| step);
         if let Some(quality) = quality.push(&item.sample, step) {
@@ -77,21 +77,26 @@ impl Windows {
         &mut self,
         encoder: &mut Encoder<'static>,
         step: &Step,
-        drdy_us: u64,
+        item: &Taken,
         shared: &Shared,
         made: &mut Sender<'_, Mutex, Made>,
     ) {
         self.last = *step;
         self.step += 1;
-        if let Some(code) = encoder.push(step) {
+        let begin = shared.timing.now();
+        let code = encoder.push(step);
+        shared.timing.end(Stage::Step, begin);
+        if let Some(code) = code {
             let marks = self.marks.into_iter().fold(Marks::default(), either);
             let code = Made::Code {
                 run: self.run,
-                step_us: drdy_us + u64::from(code.offset_us),
+                step_us: item.drdy_us + u64::from(code.offset_us),
+                made_ticks: shared.timing.now(),
                 code,
                 marks,
             };
             hand_on(shared, made, code);
+            shared.timing.end(Stage::Code, item.drdy_ticks);
         }
         if self.step.is_multiple_of(HOP as u64) {
             self.marks.rotate_right(1);

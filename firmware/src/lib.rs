@@ -29,6 +29,7 @@ mod progress;
 mod shared;
 mod stack;
 mod taken;
+mod timing;
 
 pub use acquire::acquire;
 pub use converse::converse;
@@ -41,3 +42,4 @@ pub use progress::{Progress, keep_alive};
 pub use shared::{Mutex, Shared};
 pub use stack::Stack;
 pub use taken::Taken;
+pub use timing::Clock;

@@ -23,6 +23,8 @@ pub enum Made {
         marks: Marks,
         /// Device time of its window's last step, microseconds.
         step_us: u64,
+        /// When it was handed on, on the board's clock, ticks.
+        made_ticks: u32,
     },
     /// What each electrode delivered within the last second.
     Quality {

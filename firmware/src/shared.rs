@@ -5,7 +5,7 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use device::{Counts, Order};
 use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, signal::Signal};
 
-use crate::Progress;
+use crate::{Clock, Progress, timing::Timing};
 
 /// Guards what tasks of different priorities share.
 pub type Mutex = CriticalSectionRawMutex;
@@ -20,13 +20,15 @@ pub struct Shared {
     clipped: AtomicU32,
     /// Codes and reports for which the conversation had no room.
     pub(crate) made_lost: AtomicU32,
+    /// How long each stage takes.
+    pub(crate) timing: Timing,
     /// Which tasks have moved.
-    pub progress: Progress,
+    pub(crate) progress: Progress,
 }
 
 impl Shared {
-    /// No order, nothing counted.
-    pub const fn new() -> Self {
+    /// No order, nothing counted; times by this clock.
+    pub const fn new(clock: Clock) -> Self {
         Self {
             orders: Signal::new(),
             samples: [const { AtomicU32::new(0) }; 2],
@@ -34,6 +36,7 @@ impl Shared {
             adc_status_bad: AtomicU32::new(0),
             clipped: AtomicU32::new(0),
             made_lost: AtomicU32::new(0),
+            timing: Timing::new(clock),
             progress: Progress::new(),
         }
     }
@@ -77,11 +80,5 @@ impl Shared {
 
     pub(crate) fn count_clipped(&self, clipped: u16) {
         self.clipped.fetch_add(clipped.into(), Relaxed);
-    }
-}
-
-impl Default for Shared {
-    fn default() -> Self {
-        Self::new()
     }
 }

@@ -14,6 +14,8 @@ pub struct Taken {
     pub step: Option<(u64, Step)>,
     /// Device time of the sample's DRDY edge, microseconds.
     pub drdy_us: u64,
+    /// The same edge on the board's clock, ticks.
+    pub drdy_ticks: u32,
     /// What was wrong with this sample and those since the last one that was handed on.
     pub marks: Marks,
 }

@@ -8,7 +8,7 @@ use device::{FrameRing, Identity, Sender, Session};
 use embassy_executor::SpawnError;
 use embassy_sync::zerocopy_channel::{self, Channel};
 use embassy_time::{Duration, Timer};
-use firmware::{FaultRecord, Made, Mutex, Shared, Taken, deadlines};
+use firmware::{Clock, FaultRecord, Made, Mutex, Shared, Taken, deadlines};
 use link::{ResetCause, Start, Streams};
 use pipeline::{Encoder, Mains};
 use static_cell::{ConstStaticCell, StaticCell};
@@ -19,6 +19,7 @@ use crate::{
     failure::{self, Failure},
     interrupts::{self, ACQUIRE, CONVERSE, ENCODE, Interrupt},
     recording::{ENDED, Recording},
+    registers::CLOCK_HZ,
     time_driver,
     uart::{self, Receiver, Transmitter},
 };
@@ -29,7 +30,10 @@ const FAREWELL: Duration = Duration::from_millis(60);
 
 type Frames = Sender<FrameRing<{ deadlines::FRAMES_WAITING }>>;
 
-static SHARED: Shared = Shared::new();
+static SHARED: Shared = Shared::new(Clock {
+    now: time_driver::ticks,
+    hz: CLOCK_HZ,
+});
 static FRAMES: ConstStaticCell<Frames> = ConstStaticCell::new(Sender::new(FrameRing::new()));
 static ENCODER: ConstStaticCell<Encoder<'static>> = ConstStaticCell::new(Encoder::new());
 static TAKEN: StaticCell<[Taken; deadlines::SAMPLES_WAITING]> = StaticCell::new();

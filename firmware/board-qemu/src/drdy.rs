@@ -75,6 +75,8 @@ fn arm(edges: Edges) {
 pub(crate) struct Edge {
     /// Device time, microseconds since boot, as a timer's capture would have it.
     pub(crate) us: u64,
+    /// The same on the free-running timer, ticks; wraps.
+    pub(crate) ticks: u32,
     /// Edges before it for which nobody came in time.
     pub(crate) missed: u64,
 }
@@ -95,8 +97,12 @@ pub(crate) async fn next() -> Edge {
         if now.came == before {
             return Poll::Pending;
         }
+        let edge = due(now.first, now.came - 1);
+        #[expect(clippy::cast_possible_truncation, reason = "it wraps")]
+        let ticks = edge as u32;
         Poll::Ready(Edge {
-            us: due(now.first, now.came - 1) / u64::from(TICKS_PER_US),
+            us: edge / u64::from(TICKS_PER_US),
+            ticks,
             missed: now.came - before - 1,
         })
     })

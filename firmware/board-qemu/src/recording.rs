@@ -64,6 +64,7 @@ impl Converter for Recording {
         }
         Conversion {
             drdy_us: edge.us,
+            drdy_ticks: edge.ticks,
             missed: u32::try_from(edge.missed).unwrap_or(u32::MAX),
             ..Conversion::default()
         }
