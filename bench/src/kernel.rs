@@ -4,8 +4,8 @@ use core::hint::black_box;
 
 use int8_nn::Pair;
 use model::{
-    CELL_PLANE, CODE, ELECTRODE_PAIRS, FC_PIECES, HIDDEN, HIDDEN_INTERIOR, HOP, NETWORK, POOLED,
-    POOLED_PAIRS, POOLED_STEPS, SHORTCUT_STEPS,
+    CELL_PLANE, CODE, ELECTRODE_PAIRS, FC_PIECES, HIDDEN, HIDDEN_INTERIOR, HOP, NETWORK, Network,
+    POOLED, POOLED_PAIRS, POOLED_STEPS, SHORTCUT_STEPS,
 };
 
 /// Planes of the input, and as many transformed ones, that a convolution reads.
@@ -65,13 +65,13 @@ pub fn each(mut count: impl FnMut(Kernel, &mut dyn FnMut())) {
     count("fully connected", POOLED_STEPS, &mut || {
         let pieces = pooled.chunks_exact(POOLED_PAIRS / FC_PIECES);
         for (fc, pooled) in NETWORK.fc[0].iter().zip(pieces) {
-            fc.accumulate(pooled, &mut code);
+            Network::fc(fc).accumulate(pooled, &mut code);
         }
         black_box(&code);
     });
     let electrodes = black_box([Pair::ZERO; ELECTRODE_PAIRS]);
     count(SHORTCUT, SHORTCUT_STEPS, &mut || {
-        NETWORK.shortcut[0].accumulate(&electrodes, &mut code);
+        Network::shortcut(NETWORK.shortcut[0]).accumulate(&electrodes, &mut code);
         black_box(&code);
     });
 }

@@ -18,19 +18,27 @@ impl<const CHANNELS: usize, const TAPS: usize> DelayLine<CHANNELS, TAPS> {
     /// Takes the next sample of each channel, the oldest of each goes.
     #[inline]
     pub fn push(&mut self, samples: impl Iterator<Item = i32>) {
-        self.newest = self.newest.checked_sub(1).unwrap_or(TAPS - 1);
+        let newest = self.newest().checked_sub(1).unwrap_or(TAPS - 1);
+        self.newest = newest;
         for (line, sample) in self.samples.iter_mut().zip(samples) {
-            line[self.newest] = sample;
+            line[newest] = sample;
         }
+    }
+
+    /// Where the newest samples stand; said so that the compiler knows it is within the line.
+    #[inline]
+    fn newest(&self) -> usize {
+        self.newest.min(TAPS - 1)
     }
 
     /// For each channel the sum of its samples, weighted, the newest with the first weight; exact in
     /// 64 bits as long as the weights' magnitudes sum to less than 2^32.
     #[inline]
     pub(crate) fn weighted(&self, weights: &[i32; TAPS]) -> impl Iterator<Item = i64> {
-        let (newer_weights, older_weights) = weights.split_at(TAPS - self.newest);
+        let newest = self.newest();
+        let (newer_weights, older_weights) = weights.split_at(TAPS - newest);
         self.samples.iter().map(move |line| {
-            let (older, newer) = line.split_at(self.newest);
+            let (older, newer) = line.split_at(newest);
             dot(newer_weights, newer) + dot(older_weights, older)
         })
     }

@@ -90,8 +90,6 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
     /// An exact 64-bit sum, rounded half up once. Overflow: wraps; |output| < 2^31 is the caller's
     /// proof.
     ///
-    /// # Panics
-    /// When `phase` is not below `PHASES`; [`Self::advance`] gives none such.
     #[inline]
     #[expect(
         clippy::cast_possible_truncation,
@@ -103,7 +101,10 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
         line: &DelayLine<CHANNELS, TAPS>,
     ) -> [i32; CHANNELS] {
         let mut outputs = [0; CHANNELS];
-        for (output, sum) in outputs.iter_mut().zip(line.weighted(&self.taps[phase])) {
+        for (output, sum) in outputs
+            .iter_mut()
+            .zip(line.weighted(&self.taps[phase % PHASES]))
+        {
             *output = ((sum + i64::from(Self::UNITY / 2)) >> 30) as i32;
         }
         outputs

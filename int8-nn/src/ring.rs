@@ -20,7 +20,8 @@ impl<T: Copy, const LEN: usize, const DEPTH: usize> PlaneRing<T, LEN, DEPTH> {
     /// The oldest plane, to be overwritten: afterwards it is the newest.
     #[inline]
     pub fn advance(&mut self) -> &mut [T; LEN] {
-        let slot = self.next;
+        // Never more; said again so that the compiler knows.
+        let slot = self.next % DEPTH;
         self.next = (slot + 1) % DEPTH;
         &mut self.planes[slot]
     }

@@ -13,12 +13,13 @@ mod code_format;
 mod network;
 
 use fixed_dsp::{Cascade, Coefficient, Design, Resampler, Section};
-use int8_nn::{Linear, Pair};
+use int8_nn::Pair;
 
 pub use code_format::CodeFormat;
 pub use network::{
-    CELL_PLANE, ConvWeights, EDGE_STEPS, ELECTRODE_PAIRS, HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS,
-    INNER_STEPS, MARGIN, Network, POOLED, POOLED_PAIRS, POOLED_STEPS, SHORTCUT_STEPS,
+    CELL_PLANE, CONV1_OUTPUTS, CONV1_PAIRS, CONV2_OUTPUTS, CONV2_PAIRS, ConvWeights, EDGE_STEPS,
+    ELECTRODE_PAIRS, FC_PAIRS, HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, INNER_STEPS, MARGIN, Network,
+    POOLED, POOLED_PAIRS, POOLED_STEPS, SHORTCUT_PAIRS, SHORTCUT_STEPS,
 };
 
 /// Electrodes of the montage; electrode `e` is wired to ADC channel `e`.
@@ -57,6 +58,14 @@ include!(concat!(env!("OUT_DIR"), "/generated.rs"));
 const _: () = {
     assert!(RESAMPLER.is_consistent());
     assert!(NETWORK.is_consistent());
+    let mut electrode = 0;
+    while electrode < ELECTRODES {
+        assert!(
+            (GRID_CELL[electrode] as usize) < CELLS,
+            "every electrode has a cell"
+        );
+        electrode += 1;
+    }
     assert!(NETWORK.hop == HOP && CHANNELS >= ELECTRODES);
 };
 

@@ -62,16 +62,31 @@ const fn smaller(a: usize, b: usize) -> usize {
     if a < b { a } else { b }
 }
 
-/// Weights of a convolution.
+/// Output channels of the convolutions, none where there are none.
+pub const CONV1_OUTPUTS: usize = if HAS_CONVOLUTIONS { HIDDEN.channels } else { 0 };
+/// The same of the second.
+pub const CONV2_OUTPUTS: usize = if HAS_CONVOLUTIONS { POOLED.channels } else { 0 };
+/// Pairs in the weights of the first convolution, as its kernel reads them.
+pub const CONV1_PAIRS: usize = InputConv::<{ CELL_PLANE.columns }>::weights_len(CONV1_OUTPUTS);
+/// The same of the second.
+pub const CONV2_PAIRS: usize = Conv2::weights_len(CONV2_OUTPUTS);
+/// Pairs in a matrix of the fully connected layer.
+pub const FC_PAIRS: usize = FC_INPUTS * CODE / 2;
+/// Pairs in a matrix of the linear shortcut.
+pub const SHORTCUT_PAIRS: usize = ELECTRODE_PAIRS * CODE / 2;
+/// Pairs of inputs of a matrix of the fully connected layer.
+const FC_INPUTS: usize = POOLED_PAIRS / FC_PIECES;
+
+/// Weights of a convolution, as many as the shapes ask for.
 #[derive(Clone, Copy, Debug)]
-pub struct ConvWeights<'w> {
+pub struct ConvWeights<'w, const WEIGHTS: usize, const OUTPUTS: usize> {
     /// As the kernel reads them.
-    pub weights: &'w [Pair],
+    pub weights: &'w [Pair; WEIGHTS],
     /// One per output channel, accumulator steps.
-    pub bias: &'w [i32],
+    pub bias: &'w [i32; OUTPUTS],
     /// Requantisation factors, one per output channel, Q0.32; behind the pool negative for a channel
     /// whose weights are negated because its batch norm has a negative factor.
-    pub multipliers: &'w [i32],
+    pub multipliers: &'w [i32; OUTPUTS],
 }
 
 /// An int8 encoder: convolution, convolution, max-pool, fully connected, plus a linear shortcut; or
@@ -82,9 +97,9 @@ pub struct Network<'w> {
     /// pool's phase is the same in every window.
     pub hop: usize,
     /// Scalp grid -> 16 channels.
-    pub conv1: ConvWeights<'w>,
+    pub conv1: ConvWeights<'w, CONV1_PAIRS, CONV1_OUTPUTS>,
     /// 16 -> 32 channels, and pool.
-    pub conv2: ConvWeights<'w>,
+    pub conv2: ConvWeights<'w, CONV2_PAIRS, CONV2_OUTPUTS>,
     /// What the second convolution's padding holds, channel by channel: the number that stands for 0
     /// behind the batch norm. Unused without padding.
     pub hidden_padding: [Pair; HIDDEN_PAIRS],
@@ -92,13 +107,13 @@ pub struct Network<'w> {
     /// padding.
     pub hidden_offset: [Pair; HIDDEN_PAIRS],
     /// Fully connected layer, [`FC_PIECES`](crate::FC_PIECES) matrices for each pooled plane of a window.
-    pub fc: [[Linear<'w>; FC_PIECES]; POOLED_STEPS],
+    pub fc: [[&'w [Pair; FC_PAIRS]; FC_PIECES]; POOLED_STEPS],
     /// Its bias, accumulator steps.
     pub fc_bias: &'w [i32; CODE],
     /// Factors into the code, Q0.32.
     pub fc_multipliers: &'w [i32; CODE],
     /// Linear shortcut, one matrix for each time step of a window.
-    pub shortcut: [Linear<'w>; SHORTCUT_STEPS],
+    pub shortcut: [&'w [Pair; SHORTCUT_PAIRS]; SHORTCUT_STEPS],
     /// Factors into the code, Q0.32.
     pub shortcut_multipliers: &'w [i32; CODE],
     /// The step of a float zero.
@@ -125,38 +140,38 @@ impl<'w> Network<'w> {
         conv2(self.conv2.weights)
     }
 
-    /// True when every array has the length that the shapes ask for, so that no kernel can meet a
-    /// slice that is too short; asserted at compile time for the built-in network.
+    /// A piece of the fully connected layer, from its weights.
+    #[inline]
+    pub const fn fc(weights: &[Pair; FC_PAIRS]) -> Linear<'_> {
+        Linear {
+            inputs: FC_INPUTS,
+            outputs: CODE,
+            weights,
+        }
+    }
+
+    /// A step of the linear shortcut, from its weights.
+    #[inline]
+    pub const fn shortcut(weights: &[Pair; SHORTCUT_PAIRS]) -> Linear<'_> {
+        Linear {
+            inputs: ELECTRODE_PAIRS,
+            outputs: CODE,
+            weights,
+        }
+    }
+
+    /// True when windows and pools of a stream coincide and the kernels fit the shapes, so that none
+    /// of them can refuse; asserted at compile time for the built-in network. That there are as many
+    /// weights as the shapes ask for, their types say.
     pub const fn is_consistent(&self) -> bool {
+        let fc = Self::fc(&[Pair::ZERO; FC_PAIRS]);
+        let shortcut = Self::shortcut(&[Pair::ZERO; SHORTCUT_PAIRS]);
         (self.hop == 8 || self.hop == STEPS)
             && self.hop.is_multiple_of(POOL[0])
-            && self.linear_is_consistent()
-            && (!HAS_CONVOLUTIONS || self.convolutions_are_consistent())
-    }
-
-    const fn linear_is_consistent(&self) -> bool {
-        let mut index = 0;
-        while index < self.shortcut.len() {
-            if !self.shortcut[index].is_consistent(ELECTRODE_PAIRS, CODE) {
-                return false;
-            }
-            index += 1;
-        }
-        let matrices = self.fc.as_flattened();
-        let mut index = 0;
-        while index < matrices.len() {
-            if !matrices[index].is_consistent(POOLED_PAIRS / FC_PIECES, CODE) {
-                return false;
-            }
-            index += 1;
-        }
-        true
-    }
-
-    const fn convolutions_are_consistent(&self) -> bool {
-        self.conv1().is_consistent(CELL_PLANE, HIDDEN_INTERIOR)
-            && self.conv2().is_consistent(HIDDEN, POOLED)
-            && self.conv2.bias.len() == POOLED.channels
-            && self.conv2.multipliers.len() == POOLED.channels
+            && shortcut.is_consistent(ELECTRODE_PAIRS, CODE)
+            && fc.is_consistent(FC_INPUTS, CODE)
+            && (!HAS_CONVOLUTIONS
+                || self.conv1().is_consistent(CELL_PLANE, HIDDEN_INTERIOR)
+                    && self.conv2().is_consistent(HIDDEN, POOLED))
     }
 }

@@ -101,7 +101,9 @@ impl<'w> Encoder<'w> {
 /// The electrodes of a plane, in the montage's order, filled up with zeros.
 fn gather(plane: &Plane) -> [Pair; ELECTRODE_PAIRS] {
     let mut electrodes = [Pair::ZERO; ELECTRODE_PAIRS];
-    let cells = GRID_CELL.iter().map(|&cell| plane[usize::from(cell)]);
+    let cells = GRID_CELL
+        .iter()
+        .map(|&cell| plane.get(usize::from(cell)).copied().unwrap_or(0));
     Pair::fill(&mut electrodes, cells.map(i16::from));
     electrodes
 }

@@ -64,17 +64,19 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
 
     /// Filters what waits.
     fn filter(&mut self) {
-        if self.count == BLOCK {
+        // Never more; said again so that the compiler knows.
+        let count = self.count.min(BLOCK);
+        if count == BLOCK {
             self.filter.blocks(&mut self.states, &mut self.waiting);
         } else {
             for (state, waiting) in self.states.iter_mut().zip(&mut self.waiting) {
-                for x in &mut waiting[..self.count] {
+                for x in &mut waiting[..count] {
                     *x = self.filter.step(state, *x);
                 }
             }
         }
         // What would have left the line again is not put in.
-        for index in self.count.saturating_sub(TAPS)..self.count {
+        for index in count.saturating_sub(TAPS)..count {
             self.line
                 .push(self.waiting.iter().map(|block| block[index]));
         }

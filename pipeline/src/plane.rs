@@ -19,7 +19,10 @@ pub fn quantise(electrodes: &Electrodes) -> (Plane, u16) {
         let step = requantise(x, INPUT_MULTIPLIER);
         let q = saturate_i8(step);
         clipped += u16::from(i32::from(q) != step);
-        plane[usize::from(cell)] = q;
+        // All cells are on the grid; the compiler need not be told where.
+        if let Some(place) = plane.get_mut(usize::from(cell)) {
+            *place = q;
+        }
     }
     (plane, clipped)
 }

@@ -1,7 +1,9 @@
 //! The windows that are open at the same time.
 
-use int8_nn::{Linear, Pair, requantise_sum};
-use model::{CODE, CODE_FORMAT, FC_PIECES, Network, POOLED_PAIRS};
+use int8_nn::{Pair, requantise_sum};
+use model::{
+    CODE, CODE_FORMAT, ELECTRODE_PAIRS, FC_PAIRS, FC_PIECES, Network, POOLED_PAIRS, SHORTCUT_PAIRS,
+};
 
 use crate::{Code, CodeValues, Step};
 
@@ -53,20 +55,24 @@ impl OpenWindow {
 
     /// Adds a time step to the linear shortcut.
     #[inline]
-    pub(crate) fn add_electrodes(&mut self, shortcut: &Linear<'_>, electrodes: &[Pair]) {
-        shortcut.accumulate(electrodes, &mut self.shortcut);
+    pub(crate) fn add_electrodes(
+        &mut self,
+        shortcut: &[Pair; SHORTCUT_PAIRS],
+        electrodes: &[Pair; ELECTRODE_PAIRS],
+    ) {
+        Network::shortcut(shortcut).accumulate(electrodes, &mut self.shortcut);
     }
 
     /// Adds a pooled plane to the fully connected layer, piece by piece.
     #[inline]
     pub(crate) fn add_pooled(
         &mut self,
-        fc: &[Linear<'_>; FC_PIECES],
+        fc: &[&[Pair; FC_PAIRS]; FC_PIECES],
         pooled: &[Pair; POOLED_PAIRS],
     ) {
         let pieces = pooled.chunks_exact(POOLED_PAIRS / FC_PIECES);
         for (fc, pooled) in fc.iter().zip(pieces) {
-            fc.accumulate(pooled, &mut self.fc);
+            Network::fc(fc).accumulate(pooled, &mut self.fc);
         }
     }
 

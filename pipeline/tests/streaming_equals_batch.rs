@@ -3,7 +3,7 @@
 
 use std::{path::Path, sync::LazyLock};
 
-use int8_nn::{Linear, Pair};
+use int8_nn::Pair;
 use model::{
     CODE, ConvWeights, ELECTRODE_PAIRS, ELECTRODES, FC_PIECES, HAS_CONVOLUTIONS, HAS_SHORTCUT,
     HIDDEN, MARGIN, Network, POOLED, POOLED_PAIRS, POOLED_STEPS, STEPS,
@@ -171,6 +171,11 @@ struct Packed {
 /// Factors of a layer that a network lacks.
 const NONE: [i32; CODE] = [0; CODE];
 
+/// As many as the shapes ask for.
+fn exactly<T, const LENGTH: usize>(values: &[T]) -> &[T; LENGTH] {
+    values.try_into().expect("as many as the shapes ask for")
+}
+
 impl Packed {
     fn new(model: &IntegerModel) -> Self {
         Self {
@@ -187,31 +192,23 @@ impl Packed {
         Network {
             hop,
             conv1: ConvWeights {
-                weights: &self.conv1,
-                bias: &model.conv1.bias,
-                multipliers: &model.conv1.multipliers,
+                weights: exactly(&self.conv1),
+                bias: exactly(&model.conv1.bias),
+                multipliers: exactly(&model.conv1.multipliers),
             },
             conv2: ConvWeights {
-                weights: &self.conv2,
-                bias: &self.unsigned.bias,
-                multipliers: &model.conv2.multipliers,
+                weights: exactly(&self.conv2),
+                bias: exactly(&self.unsigned.bias),
+                multipliers: exactly(&model.conv2.multipliers),
             },
             hidden_padding: Unsigned::pairs(self.unsigned.padding),
             hidden_offset: Unsigned::pairs(self.unsigned.offset),
             fc: std::array::from_fn(|plane| {
-                std::array::from_fn(|piece| Linear {
-                    inputs: POOLED_PAIRS / FC_PIECES,
-                    outputs: CODE,
-                    weights: &self.fc[plane][piece],
-                })
+                std::array::from_fn(|piece| exactly(&self.fc[plane][piece]))
             }),
             fc_bias: &model.fc_bias,
             fc_multipliers: words(&model.fc.multipliers),
-            shortcut: std::array::from_fn(|s| Linear {
-                inputs: ELECTRODE_PAIRS,
-                outputs: CODE,
-                weights: &self.shortcut[s],
-            }),
+            shortcut: std::array::from_fn(|step| exactly(&self.shortcut[step])),
             shortcut_multipliers: words(&model.shortcut.multipliers),
             code_zero_point: &model.code_zero_point,
         }

@@ -175,7 +175,7 @@ impl Source {
         let pieces = pack::fully_connected(&model.integers);
         for (plane, pieces) in pieces.iter().enumerate() {
             let matrices: Vec<String> = (0..pieces.len())
-                .map(|piece| linear(&format!("FC_{plane}_{piece}"), "POOLED_PAIRS / FC_PIECES"))
+                .map(|piece| format!("&FC_{plane}_{piece}_WEIGHTS"))
                 .collect();
             self.line(format_args!("        [{}],", matrices.join(", ")));
         }
@@ -184,8 +184,7 @@ impl Source {
         self.line("    fc_multipliers: &FC_MULTIPLIERS,");
         self.line("    shortcut: [");
         for step in 0..pack::shortcut(&model.integers).len() {
-            let matrix = linear(&format!("SHORTCUT_{step}"), "ELECTRODE_PAIRS");
-            self.line(format_args!("        {matrix},"));
+            self.line(format_args!("        &SHORTCUT_{step}_WEIGHTS,"));
         }
         self.line("    ],");
         self.line("    shortcut_multipliers: &SHORTCUT_MULTIPLIERS,");
@@ -210,11 +209,6 @@ fn words(pairs: &[Pair]) -> Vec<String> {
         .iter()
         .map(|Pair(bits)| format!("Pair(0x{:04x}_{:04x})", bits >> 16, bits & 0xffff))
         .collect()
-}
-
-/// A matrix of the network.
-fn linear(name: &str, inputs: &str) -> String {
-    format!("Linear {{ inputs: {inputs}, outputs: CODE, weights: &{name}_WEIGHTS }}")
 }
 
 /// Factors into the code, zeros where the network has no such layer.

@@ -52,8 +52,8 @@ impl Convolutions {
         windows: &mut [OpenWindow; OPEN],
     ) {
         self.take(plane, network);
-        if let Some((slot, offset)) = self.deferred.take() {
-            windows[slot].add_pooled(&network.fc[offset], self.pool.pooled());
+        if let Some(place) = self.deferred.take() {
+            self.add_pooled(place, network, windows);
         }
         if index >= 2 {
             let transformed = self.transformed.advance();
@@ -114,8 +114,21 @@ impl Convolutions {
         } else {
             newer
         };
-        if let Some((slot, offset)) = now {
-            windows[slot].add_pooled(&network.fc[offset], self.pool.pooled());
+        if let Some(place) = now {
+            self.add_pooled(place, network, windows);
+        }
+    }
+
+    /// Adds the pooled plane to a window; every place exists.
+    #[inline]
+    fn add_pooled(
+        &self,
+        (slot, offset): (usize, usize),
+        network: &Network<'_>,
+        windows: &mut [OpenWindow; OPEN],
+    ) {
+        if let (Some(window), Some(fc)) = (windows.get_mut(slot), network.fc.get(offset)) {
+            window.add_pooled(fc, self.pool.pooled());
         }
     }
 }
