@@ -15,6 +15,14 @@ fn main() -> ExitCode {
         || Path::new(env!("CARGO_MANIFEST_DIR")).join("artifact"),
         PathBuf::from,
     );
+    if artifact.is_relative() {
+        println!(
+            "cargo::error={ARTIFACT} is {:?}, but cargo builds each package in a folder of its own: \
+             name the model's folder by its absolute path",
+            artifact.display()
+        );
+        return ExitCode::FAILURE;
+    }
     println!("cargo::rerun-if-changed={}", artifact.display());
     let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     match model_gen::generate(&artifact, &out) {

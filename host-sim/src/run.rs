@@ -30,7 +30,8 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
         (samples, limit) => samples.or(limit),
     };
     if !options.quiet {
-        eprintln!("virtual board on {}", session.output);
+        let model: String = model::MODEL_ID.iter().map(|b| format!("{b:02x}")).collect();
+        eprintln!("virtual board with model {model} on {}", session.output);
     }
     let progress = progress_bar(total.map(|samples| samples / rate()), options.quiet);
     let report = session.run(&mut source, &stop, |stats| {

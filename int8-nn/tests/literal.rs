@@ -5,6 +5,11 @@ use proptest::prelude::*;
 
 const PAIRS: usize = 8;
 
+/// The largest input of Winograd's convolution: beyond 255 where padding is lifted above 0.
+fn largest_input() -> i16 {
+    i16::try_from(Winograd::<PAIRS, 6>::LARGEST_INPUT).expect("16 bits")
+}
+
 /// Values at the ends of their ranges as often as in between; weights are symmetric.
 fn weights(length: usize) -> impl Strategy<Value = Vec<i8>> {
     let weight = prop_oneof![Just(-127_i8), Just(127), -127_i8..=127, -127_i8..=127];
@@ -75,7 +80,7 @@ fn winograd_case(columns: usize) -> impl Strategy<Value = WinogradCase> {
         let outputs = 2 * pairs;
         let plane = || {
             let length = (2 * tile_rows + 2) * columns * 2 * PAIRS;
-            inputs(0, 255, length)
+            inputs(0, largest_input(), length)
         };
         let weights = weights(27 * 2 * PAIRS * outputs);
         (weights, [plane(), plane(), plane(), plane()]).prop_map(move |(weights, planes)| {
@@ -301,7 +306,7 @@ proptest! {
 #[test]
 fn nothing_overflows_where_all_weights_and_inputs_are_at_their_ends() {
     for weight in [127, -127] {
-        for input in [0, 255] {
+        for input in [0, 255, largest_input()] {
             let case = WinogradCase {
                 tile_rows: 3,
                 outputs: 2,
@@ -309,6 +314,8 @@ fn nothing_overflows_where_all_weights_and_inputs_are_at_their_ends() {
                 planes: std::array::from_fn(|_| vec![input; 8 * 6 * 2 * PAIRS]),
             };
             compare::<6>(&case).expect("the direct sum");
+        }
+        for input in [0, 255] {
             let weights = vec![weight; 256 * 4];
             let mut packed = vec![Pair::ZERO; 128 * 4 / 2];
             Linear::pack_weights(128, 4, &weights, &mut packed);

@@ -90,7 +90,7 @@ impl core::fmt::Display for CodeFormat {
     fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             CodeFormat::Int8 => formatter.write_str("int8"),
-            CodeFormat::Int8Exponent => formatter.write_str("int8 and an exponent"),
+            CodeFormat::Int8Exponent => formatter.write_str("int8-exponent"),
             CodeFormat::Int16 => formatter.write_str("int16"),
             CodeFormat::Newer(number) => write!(formatter, "number {number}"),
         }

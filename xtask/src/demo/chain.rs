@@ -275,7 +275,7 @@ mod tests {
 
     #[test]
     fn the_boards_own_count_is_read_from_its_report() {
-        let report = "virtual board on pty:x\n15.0 s of signal in 15.00 s (1.0 times real time): \
+        let report = "virtual board with model 00 on pty:x\n15.0 s of signal in 15.00 s (1.0 times real time): \
                       239 codes made, 0 frames dropped, 3 values clipped, 0 in codes (int8)\n";
         assert_eq!(codes_made(report), Some(239));
         assert_eq!(codes_made("nothing"), None);
