@@ -30,8 +30,11 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
         (samples, limit) => samples.or(limit),
     };
     if !options.quiet {
-        let model: String = model::MODEL_ID.iter().map(|b| format!("{b:02x}")).collect();
-        eprintln!("virtual board with model {model} on {}", session.output);
+        let model = u64::from_be_bytes(model::MODEL_ID);
+        eprintln!(
+            "virtual board with model {model:016x} on {}",
+            session.output
+        );
     }
     let progress = progress_bar(total.map(|samples| samples / rate()), options.quiet);
     let report = session.run(&mut source, &stop, |stats| {

@@ -84,8 +84,8 @@ pub fn figures(
     let figure = |merit| (figure(merit) * 1e6).round() / 1e6;
     Figures {
         autoencoder_float: figure(&network.float),
-        autoencoder_int8: figure(&network.int8),
+        autoencoder_int8: figure(&network.integer),
         pca_float: figure(&pca.float),
-        pca_int8: figure(&pca.int8),
+        pca_int8: figure(&pca.integer),
     }
 }

@@ -17,7 +17,7 @@ pub struct Evaluation {
     /// With float codes.
     pub float: Merit,
     /// With the integer encoder's codes, whatever their format.
-    pub int8: Merit,
+    pub integer: Merit,
     /// Format of its codes.
     pub format: CodeFormat,
     /// Signal to quantisation noise of the integer codes against the float encoder's, dB: over all
@@ -45,7 +45,7 @@ pub struct Merit {
 struct Sums {
     signal: f64,
     float_error: f64,
-    int8_error: f64,
+    integer_error: f64,
     code: f64,
     code_error: f64,
     input_clipped: u64,
@@ -79,7 +79,7 @@ pub fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation, Train
     for sums in in_parallel::map(&windows, |window| codec.measure(window)) {
         total.signal += sums.signal;
         total.float_error += sums.float_error;
-        total.int8_error += sums.int8_error;
+        total.integer_error += sums.integer_error;
         total.code += sums.code;
         total.code_error += sums.code_error;
         total.input_clipped += sums.input_clipped;
@@ -95,7 +95,7 @@ pub fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation, Train
     Ok(Evaluation {
         windows: windows.len(),
         float: merit(total.float_error),
-        int8: merit(total.int8_error),
+        integer: merit(total.integer_error),
         format: codec.integers.code_format,
         code_sqnr_db: 10.0 * (total.code / total.code_error).log10(),
         input_clipped: total.input_clipped,
@@ -108,16 +108,16 @@ impl Codec {
         let cells = self.grid.scatter(window);
         let code = self.encoder.encode(&cells);
         let (planes, input_clipped) = self.quantise(cells.as_slice());
-        let int8 = self.integers.encode_window(&planes);
-        let received = self.integers.dequantise(&int8);
+        let integer = self.integers.encode_window(&planes);
+        let received = self.integers.dequantise(&integer);
         Sums {
             signal: squares(window.iter().copied()),
             float_error: distance(window, &self.decoder.decode(&code)),
-            int8_error: distance(window, &self.decoder.decode(&received)),
+            integer_error: distance(window, &self.decoder.decode(&received)),
             code: squares(code.into_iter()),
             code_error: distance(&code, &received),
             input_clipped,
-            code_clipped: at_rails(self.integers.code_format, &int8),
+            code_clipped: at_rails(self.integers.code_format, &integer),
         }
     }
 
@@ -193,7 +193,7 @@ impl fmt::Display for Table<'_> {
                 mse,
                 mse_uv2,
                 prd_percent,
-            } = e.int8;
+            } = e.integer;
             writeln!(
                 f,
                 "{name:<14}{:>14}{mse:>12.5}{mse_uv2:>12.2}{prd_percent:>9.2}{:>12.2}{:>16}{:>15}",
@@ -235,7 +235,7 @@ mod tests {
         }
         let expected = 100.0 * (lost / signal).sqrt();
         assert!((evaluation.float.prd_percent - expected).abs() < 1e-3);
-        assert!(evaluation.int8.mse > evaluation.float.mse);
+        assert!(evaluation.integer.mse > evaluation.float.mse);
         // Each number of the code is quantised once on input and once on output, to about 1/200 of
         // its range; measured 38 dB.
         assert!(evaluation.code_sqnr_db > 35.0, "{evaluation:?}");

@@ -103,7 +103,7 @@ impl Loops {
             let share = body.named(work.names);
             if share == 0 || !work.per_code.is_multiple_of(share) {
                 return skip(format!(
-                    "{share} does not divide {function}'s {}",
+                    "{function} does {share} at a time, the network takes {}: other loops run",
                     work.per_code
                 ));
             }
