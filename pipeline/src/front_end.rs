@@ -78,7 +78,7 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
         // What would have left the line again is not put in.
         for index in count.saturating_sub(TAPS)..count {
             self.line
-                .push(self.waiting.iter().map(|block| block[index]));
+                .push(self.waiting.iter().map(|block| block[index % BLOCK]));
         }
         self.count = 0;
     }
