@@ -99,12 +99,19 @@ impl<'w> Encoder<'w> {
 }
 
 /// The electrodes of a plane, in the montage's order, filled up with zeros.
+#[inline]
 fn gather(plane: &Plane) -> [Pair; ELECTRODE_PAIRS] {
+    // All cells are on the grid; the compiler need not be told where.
+    let number = |cell: u8| plane.get(usize::from(cell)).copied().unwrap_or(0).into();
     let mut electrodes = [Pair::ZERO; ELECTRODE_PAIRS];
-    let cells = GRID_CELL
-        .iter()
-        .map(|&cell| plane.get(usize::from(cell)).copied().unwrap_or(0));
-    Pair::fill(&mut electrodes, cells.map(i16::from));
+    let (both, last) = GRID_CELL.as_chunks::<2>();
+    let (pairs, rest) = electrodes.split_at_mut(both.len());
+    for (pair, cells) in pairs.iter_mut().zip(both) {
+        *pair = Pair::new(cells.map(number));
+    }
+    if let (Some(pair), Some(&cell)) = (rest.first_mut(), last.first()) {
+        *pair = Pair::new([number(cell), 0]);
+    }
     electrodes
 }
 
