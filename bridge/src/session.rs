@@ -162,6 +162,7 @@ impl Session {
             ToHost::Stats(stats) => self.stats(*stats, header.device_time_us, read, effects),
             ToHost::Ack(ack) => self.ack(*ack, read),
             ToHost::Quality(quality) => self.quality = Some(quality.clone()),
+            ToHost::Timing(_) => {}
         }
     }
 

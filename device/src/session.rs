@@ -1,7 +1,7 @@
 //! The device's side of the conversation with its host.
 
 use link::{
-    Ack, AckResult, Counters, Decoder, FrameError, Start, Stats, Streams, ToDevice, ToHost,
+    Ack, AckResult, Counters, Decoder, FrameError, Start, Stats, Streams, Timing, ToDevice, ToHost,
 };
 use pipeline::{Code, Mains, Quality};
 
@@ -192,6 +192,12 @@ impl<'i> Session<'i> {
     pub fn send_stats(&self, now_us: u64, counts: Counts, sender: &mut Sender<impl FrameQueue>) {
         let stats = self.stats(counts, sender.dropped());
         sender.send(now_us, &ToHost::Stats(stats));
+    }
+
+    /// Sends how long the stages took since boot; a device that measures it does so every second
+    /// while it streams, after the counters.
+    pub fn timing(&self, timing: &Timing, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
+        sender.send(now_us, &ToHost::Timing(timing.clone()));
     }
 
     /// What the device has counted since boot.

@@ -17,8 +17,9 @@
 //!   [`FrameError::Unknown`]: a sound frame (its `seq` counts as received), never corruption.
 //! * A device answers a command that it does not know with [`AckResult::UnknownCommand`], so an
 //!   old device tells a new host so, and the host goes on with what both know.
-//! * Lists of reasons ([`ResetCause`], [`AckResult`]) and [`CodeFormat`] travel as one byte and keep
-//!   a value that the receiver does not know; bit sets ([`Flags`], [`Streams`]) keep their unknown bits.
+//! * Lists of reasons ([`ResetCause`], [`AckResult`]), [`CodeFormat`] and [`Stage`] travel as one byte
+//!   and keep a value that the receiver does not know; bit sets ([`Flags`], [`Streams`]) keep their
+//!   unknown bits.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -36,6 +37,7 @@ mod message;
 mod quality;
 mod start;
 mod stats;
+mod timing;
 
 pub use ack::{Ack, AckResult};
 pub use capabilities::{Capabilities, MAX_LABELS_BYTES};
@@ -50,3 +52,4 @@ pub use message::{Message, ToDevice, ToHost};
 pub use quality::{ElectrodeQuality, MAX_ELECTRODES, Quality};
 pub use start::{Start, Streams};
 pub use stats::Stats;
+pub use timing::{MAX_STAGES, Stage, StageTiming, Timing};

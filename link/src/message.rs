@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Ack, Capabilities, Code, Hello, Quality, Start, Stats};
+use crate::{Ack, Capabilities, Code, Hello, Quality, Start, Stats, Timing};
 
 /// A message that can be framed: one enum per direction.
 pub trait Message<'a>: Serialize + Deserialize<'a> {
@@ -34,10 +34,12 @@ pub enum ToHost<'a> {
     Ack(Ack),
     /// 5: what each electrode delivered within one second.
     Quality(Quality),
+    /// 6: how long its stages took.
+    Timing(Timing),
 }
 
 impl<'a> Message<'a> for ToHost<'a> {
-    const KINDS: u32 = 6;
+    const KINDS: u32 = 7;
     const DIRECTION: u8 = b'H';
 }
 

@@ -2,8 +2,8 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, Decoder, Encoder, FrameError, Header, MAX_FRAME, Message, ResetCause, ToDevice,
-    ToHost, VERSION, encode,
+    Ack, AckResult, Decoder, Encoder, FrameError, Header, MAX_FRAME, Message, ResetCause, Stage,
+    Stats, Timing, ToDevice, ToHost, VERSION, encode,
 };
 use serde::{Deserialize, Serialize};
 
@@ -20,6 +20,22 @@ enum LaterToDevice {
 impl Message<'_> for LaterToDevice {
     const KINDS: u32 = 5;
     const DIRECTION: u8 = ToDevice::DIRECTION;
+}
+
+/// What a host knew before there was `Timing`.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+enum EarlierToHost {
+    Hello,
+    Capabilities,
+    Code,
+    Stats(Stats),
+    Ack,
+    Quality,
+}
+
+impl Message<'_> for EarlierToHost {
+    const KINDS: u32 = 6;
+    const DIRECTION: u8 = ToHost::DIRECTION;
 }
 
 fn first(
@@ -64,6 +80,36 @@ fn a_newer_message_is_a_sound_frame_that_is_left_out() {
             counters.resyncs
         ),
         (1, 1, 0, 0)
+    );
+}
+
+#[test]
+fn a_host_from_before_timing_counts_it_as_unknown_and_goes_on() {
+    let mut buffer = [0; MAX_FRAME];
+    let mut encoder = Encoder::default();
+    let mut host = Decoder::<MAX_FRAME>::new();
+    let mut bytes = encoder
+        .encode(5, &ToHost::Timing(Timing::default()), &mut buffer)
+        .unwrap();
+    let header = Header {
+        version: VERSION,
+        seq: 0,
+        device_time_us: 5,
+    };
+    assert_eq!(
+        host.next::<EarlierToHost>(&mut bytes),
+        Some(Err(FrameError::Unknown { header, kind: 6 }))
+    );
+    let stats = Stats::default();
+    let mut bytes = encoder
+        .encode(6, &ToHost::Stats(stats), &mut buffer)
+        .unwrap();
+    let frame = host.next::<EarlierToHost>(&mut bytes).unwrap().unwrap();
+    assert_eq!(frame.message, EarlierToHost::Stats(stats));
+    let counters = *host.counters();
+    assert_eq!(
+        (counters.unknown, counters.frames, counters.resyncs),
+        (1, 1, 0)
     );
 }
 
@@ -173,6 +219,7 @@ fn reasons_that_this_side_does_not_know_are_kept() {
         assert_eq!(u8::from(AckResult::from(byte)), byte);
         assert_eq!(u8::from(ResetCause::from(byte)), byte);
         assert_eq!(u8::from(link::CodeFormat::from(byte)), byte);
+        assert_eq!(u8::from(Stage::from(byte)), byte);
     }
     assert_eq!(AckResult::from(200), AckResult::Newer(200));
 }

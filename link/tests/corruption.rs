@@ -3,7 +3,8 @@
 
 use link::{
     Ack, AckResult, CODE_LEN, Code, CodeValues, Decoder, ElectrodeQuality, Encoder, Flags, Hello,
-    MAX_ELECTRODES, MAX_EXPONENT, MAX_FRAME, Quality, ResetCause, Stats, Streams, ToDevice, ToHost,
+    MAX_ELECTRODES, MAX_EXPONENT, MAX_FRAME, MAX_STAGES, Quality, ResetCause, Stage, StageTiming,
+    Stats, Streams, Timing, ToDevice, ToHost,
 };
 use proptest::prelude::*;
 
@@ -18,6 +19,26 @@ fn values() -> impl Strategy<Value = CodeValues> {
     let int16 = prop::collection::vec(any::<i16>(), CODE_LEN)
         .prop_map(|values| CodeValues::Int16(values.try_into().unwrap()));
     prop_oneof![int8, exponent, int16]
+}
+
+/// Any number of stages, unknown ones too.
+fn timing() -> impl Strategy<Value = ToHost<'static>> {
+    let stage = (any::<u8>(), any::<[u32; 2]>(), any::<[u32; 9]>()).prop_map(
+        |(stage, [deadline_ns, worst_ns], histogram)| StageTiming {
+            stage: Stage::from(stage),
+            deadline_ns,
+            worst_ns,
+            histogram,
+        },
+    );
+    let stages = prop::collection::vec(stage, 0..=MAX_STAGES);
+    (stages, any::<[u32; 2]>()).prop_map(|(stages, [stack_used, stack_size])| {
+        ToHost::Timing(Timing {
+            stages: stages.into_iter().collect(),
+            stack_used,
+            stack_size,
+        })
+    })
 }
 
 fn message() -> impl Strategy<Value = ToHost<'static>> {
@@ -94,7 +115,7 @@ fn message() -> impl Strategy<Value = ToHost<'static>> {
                 electrodes: electrodes.into_iter().collect(),
             })
         });
-    prop_oneof![4 => code, 1 => ack, 1 => stats, 1 => hello, 1 => quality]
+    prop_oneof![4 => code, 1 => ack, 1 => stats, 1 => hello, 1 => quality, 1 => timing()]
 }
 
 /// The frames of `messages` back to back, and where each begins.
@@ -164,6 +185,7 @@ fn owned(message: &ToHost<'_>) -> ToHost<'static> {
         ToHost::Stats(stats) => ToHost::Stats(*stats),
         ToHost::Ack(ack) => ToHost::Ack(*ack),
         ToHost::Quality(quality) => ToHost::Quality(quality.clone()),
+        ToHost::Timing(timing) => ToHost::Timing(timing.clone()),
         ToHost::Capabilities(_) => panic!("none was sent"),
     }
 }

@@ -4,7 +4,8 @@
 use link::{
     Ack, AckResult, CODE_LEN, Capabilities, Code, CodeFormat, CodeValues, Decoder,
     ElectrodeQuality, Encoder, Flags, Hello, MAX_BODY, MAX_ELECTRODES, MAX_FRAME, MAX_LABELS_BYTES,
-    MAX_TEXT_BYTES, Message, Quality, ResetCause, Start, Stats, Streams, ToDevice, ToHost,
+    MAX_STAGES, MAX_TEXT_BYTES, Message, Quality, ResetCause, Stage, StageTiming, Start, Stats,
+    Streams, Timing, ToDevice, ToHost,
 };
 
 /// Bytes of the body, from the frame's length: COBS adds 1 + 1 per 254, the zeros 2.
@@ -93,7 +94,19 @@ fn the_largest_frame_fits() {
             }; MAX_ELECTRODES],
         ),
     });
-    for other in [hello, code, stats, ack, quality] {
+    let timing = ToHost::Timing(Timing {
+        stages: heapless::Vec::from_array(
+            [StageTiming {
+                stage: Stage::Newer(255),
+                deadline_ns: u32::MAX,
+                worst_ns: u32::MAX,
+                histogram: [u32::MAX; 9],
+            }; MAX_STAGES],
+        ),
+        stack_used: u32::MAX,
+        stack_size: u32::MAX,
+    });
+    for other in [hello, code, stats, ack, quality, timing] {
         assert!(body_bytes(&other) < largest, "{other:?}");
     }
     let start = Start {

@@ -3,8 +3,8 @@
 
 use link::{
     Ack, AckResult, CODE_LEN, Capabilities, Code, CodeFormat, CodeValues, Decoder,
-    ElectrodeQuality, Encoder, Flags, Hello, MAX_FRAME, Message, Quality, ResetCause, Start, Stats,
-    Streams, ToDevice, ToHost,
+    ElectrodeQuality, Encoder, Flags, Hello, MAX_FRAME, Message, Quality, ResetCause, Stage,
+    StageTiming, Start, Stats, Streams, Timing, ToDevice, ToHost,
 };
 
 const DOCUMENT: &str = include_str!("../../docs/wire-format.md");
@@ -142,6 +142,27 @@ fn quality() -> ToHost<'static> {
     })
 }
 
+/// 19 s of two stages; one code was late.
+fn timing() -> ToHost<'static> {
+    let acquire = StageTiming {
+        stage: Stage::Acquire,
+        deadline_ns: 1_953_125,
+        worst_ns: 260_000,
+        histogram: [9_660, 1, 0, 0, 0, 0, 0, 0, 0],
+    };
+    let code = StageTiming {
+        stage: Stage::Code,
+        deadline_ns: 62_500_000,
+        worst_ns: 63_000_000,
+        histogram: [0, 0, 298, 2, 0, 0, 0, 0, 1],
+    };
+    ToHost::Timing(Timing {
+        stages: [acquire, code].into_iter().collect(),
+        stack_used: 5_120,
+        stack_size: 16_384,
+    })
+}
+
 fn check<'d, M: Message<'d> + PartialEq + core::fmt::Debug>(
     name: &str,
     decoder: &'d mut Decoder,
@@ -205,9 +226,10 @@ fn every_dump_is_what_the_encoder_makes() {
         (306, 19_900_100),
         &quality(),
     );
+    check("timing", &mut Decoder::new(), (307, 19_900_200), &timing());
     check("stop", &mut Decoder::new(), (2, 0), &ToDevice::Stop);
     check("ping", &mut Decoder::new(), (3, 0), &ToDevice::Ping);
-    assert_eq!(dumps().len(), 12, "a dump that no test compares");
+    assert_eq!(dumps().len(), 13, "a dump that no test compares");
 }
 
 #[test]
@@ -252,6 +274,44 @@ fn a_quality_frame_takes_the_bytes_that_the_document_says() {
         length(1)
     );
     assert!(DOCUMENT.contains(&words), "{words}");
+}
+
+#[test]
+fn a_timing_frame_takes_the_bytes_that_the_document_says() {
+    let stage = |stage, per_second: u32| StageTiming {
+        stage,
+        deadline_ns: 1_000_000_000 / per_second,
+        worst_ns: u32::MAX,
+        // Every count as large as it can be, were the others 0.
+        histogram: [86_400 * per_second; 9],
+    };
+    let stages = [
+        stage(Stage::Acquire, 512),
+        stage(Stage::Step, 128),
+        stage(Stage::Code, 16),
+        stage(Stage::Send, 16),
+    ];
+    let timing = Timing {
+        stages: stages.into_iter().collect(),
+        stack_used: 5_120,
+        stack_size: 16_384,
+    };
+    let bytes = frame(16 * 86_400, 86_400_000_000, &ToHost::Timing(timing)).len();
+    let words = format!("A timing frame takes at most {bytes} bytes for four stages after a day");
+    assert!(DOCUMENT.contains(&words), "{words}");
+}
+
+#[test]
+fn every_stage_is_in_the_document() {
+    for number in 0..=u8::MAX {
+        match Stage::from(number) {
+            Stage::Newer(_) => continue,
+            stage => {
+                let row = format!("| {number} | {stage} |");
+                assert!(DOCUMENT.contains(&row), "{row}");
+            }
+        }
+    }
 }
 
 #[test]

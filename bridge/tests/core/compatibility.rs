@@ -14,11 +14,12 @@ enum LaterToHost {
     Stats,
     Ack,
     Quality,
+    Timing,
     Event { channel: u8, device_time_us: u64 },
 }
 
 impl link::Message<'_> for LaterToHost {
-    const KINDS: u32 = 7;
+    const KINDS: u32 = 8;
     const DIRECTION: u8 = link::ToHost::DIRECTION;
 }
 
