@@ -8,7 +8,7 @@ pub(crate) mod emulator;
 mod encoder;
 mod host;
 mod impulse;
-mod inputs;
+pub(crate) mod inputs;
 mod noise;
 mod portable;
 mod published;
@@ -19,6 +19,7 @@ pub(crate) mod twin;
 use std::fmt::Display;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use clap::Subcommand;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -30,6 +31,9 @@ use self::noise::Noise;
 use self::report::Report;
 use self::twin::Twin;
 use crate::failure::Failure;
+
+/// An image is silent for no longer than this: measured 3 s on one loaded core.
+const PATIENCE: Duration = Duration::from_mins(2);
 
 /// What can be measured.
 #[derive(Debug, Clone, Copy, Subcommand)]
@@ -101,7 +105,7 @@ fn print(json: bool, object: impl FnOnce() -> String, table: &impl Display) {
 }
 
 fn filters() -> Result<Report, Failure> {
-    let image = Image::build("filters", &[])?;
+    let image = Image::build("bench", "filters", &[])?;
     let folder = image.target_folder().join("bench");
     let inputs = Inputs::make()?;
     for skipped in &inputs.skipped {
@@ -146,17 +150,20 @@ fn run(
     let input = folder.join(bench::block::INPUTS);
     fs::write(&input, inputs).map_err(|error| cannot_write(&input, &error))?;
     progress.set_message(machine.name);
-    let said = image.run(machine, folder, || progress.inc(1))?;
+    let mut command = image.command(machine, folder, &[]);
+    // One instruction lasts 2^10 ns of the machine's time, whatever the host does.
+    command.args(["-icount", "shift=10", "-serial", "none"]);
+    let said = emulator::run_to_end(&mut command, PATIENCE, || progress.inc(1))?;
     let output = folder.join(bench::block::OUTPUTS);
     let came_out = fs::read(&output).map_err(|error| cannot_write(&output, &error))?;
     Ok((said, came_out))
 }
 
-fn make_folder(folder: &Path) -> Result<(), Failure> {
+pub(crate) fn make_folder(folder: &Path) -> Result<(), Failure> {
     fs::create_dir_all(folder).map_err(|error| cannot_write(folder, &error))
 }
 
-fn cannot_write(path: &Path, error: &std::io::Error) -> Failure {
+pub(crate) fn cannot_write(path: &Path, error: &std::io::Error) -> Failure {
     Failure::Check {
         what: format!("the file {}", PathBuf::from(path).display()),
         why: error.to_string(),

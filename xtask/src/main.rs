@@ -7,6 +7,7 @@ mod debian;
 mod demo;
 mod failure;
 mod picture;
+mod qemu;
 mod spread;
 mod verify;
 
@@ -40,6 +41,9 @@ enum Verb {
     /// encoder on this PC.
     #[command(subcommand)]
     Bench(benchmark::BenchOptions),
+    /// Run the application on emulated microcontrollers and compare its codes with host-sim's, or run
+    /// it live for a bridge.
+    Qemu(qemu::QemuOptions),
     /// Check licences, advisories and sources with cargo-deny, where it is installed.
     Deny,
 }
@@ -49,6 +53,7 @@ fn main() -> ExitCode {
         Verb::Test { fast } => verify::verify(fast),
         Verb::Demo(options) => demo::demo(options),
         Verb::Bench(options) => benchmark::bench(options),
+        Verb::Qemu(options) => qemu::qemu(options),
         Verb::Deny => verify::deny(),
     };
     match result {

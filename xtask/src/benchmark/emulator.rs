@@ -1,6 +1,6 @@
 //! QEMU: the two machines, an image for them, and a run of it.
 
-use std::io::{BufRead, BufReader, ErrorKind};
+use std::io::{self, BufRead, BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc;
@@ -40,10 +40,7 @@ pub(crate) const MACHINES: [Machine; 2] = [
 /// Debian's package with `qemu-system-arm`.
 pub(crate) const PACKAGE: &str = "qemu-system-arm";
 
-/// An image is silent for no longer than this: measured 3 s on one loaded core.
-const PATIENCE: Duration = Duration::from_mins(2);
-
-/// An image of the crate `bench`.
+/// An image for these machines.
 #[derive(Debug)]
 pub(crate) struct Image {
     path: PathBuf,
@@ -51,21 +48,16 @@ pub(crate) struct Image {
 }
 
 impl Image {
-    /// Builds the image of this name; `features` as cargo takes them.
+    /// Builds a package's image of this name; `features` as cargo takes them.
     ///
     /// # Errors
     /// The target is missing, or the image does not build.
-    pub(crate) fn build(name: &str, features: &[&str]) -> Result<Self, Failure> {
+    pub(crate) fn build(package: &str, name: &str, features: &[&str]) -> Result<Self, Failure> {
         verify::board_target()?;
+        let package = format!("--package={package}");
         let target = format!("--target={}", verify::BOARD_TARGET);
         let bin = format!("--bin={name}");
-        let arguments = [
-            "build",
-            "--package=bench",
-            "--profile=firmware",
-            &target,
-            &bin,
-        ];
+        let arguments = ["build", &package, "--profile=firmware", &target, &bin];
         run(
             cargo_with(&arguments).args(features),
             "read the compiler's message above",
@@ -91,59 +83,82 @@ impl Image {
         &self.target_folder
     }
 
-    /// Runs the image in `folder` to its end; calls `heard` for each line it says and gives them all.
-    ///
-    /// # Errors
-    /// QEMU is missing; the image says that something is wrong, or nothing for too long.
-    pub(crate) fn run(
-        &self,
-        machine: Machine,
-        folder: &Path,
-        mut heard: impl FnMut(),
-    ) -> Result<Vec<String>, Failure> {
+    /// QEMU with this image, to be run in `folder`; clock and UART are the caller's. The image can
+    /// ask for the `words`.
+    pub(crate) fn command(&self, machine: Machine, folder: &Path, words: &[&str]) -> Command {
+        let words: String = words.iter().map(|word| format!(",arg={word}")).collect();
         let mut command = Command::new("qemu-system-arm");
         command
             .args(["-machine", machine.name])
-            // One instruction lasts 2^10 ns of the machine's time, whatever the host does.
-            .args(["-icount", "shift=10"])
-            .args(["-display", "none", "-monitor", "none", "-serial", "none"])
-            .args(["-semihosting-config", "enable=on,target=native"])
+            .args(["-display", "none", "-monitor", "none"])
+            .arg("-semihosting-config")
+            .arg(format!("enable=on,target=native{words}"))
             .arg("-kernel")
             .arg(&self.path)
             .current_dir(folder)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped());
-        let by_hand = typed(&command);
-        let failed = |why: String| Failure::Check {
-            what: format!("the image on {}", machine.name),
-            why,
-            next: format!("run it by hand in {}: `{}`", folder.display(), by_hand),
-        };
-        let spawned = command.spawn().map_err(|error| match error.kind() {
-            ErrorKind::NotFound => missing(),
-            _ => failed(error.to_string()),
-        })?;
-        let mut emulator = Emulator(spawned);
-        let lines = emulator.lines();
-        let mut said = Vec::new();
-        loop {
-            match lines.recv_timeout(PATIENCE) {
-                Ok(line) => {
-                    heard();
-                    said.push(line);
-                }
-                Err(mpsc::RecvTimeoutError::Disconnected) => break,
-                Err(mpsc::RecvTimeoutError::Timeout) => {
-                    let why = format!("silent for {} s", PATIENCE.as_secs());
-                    return Err(failed(why));
-                }
+            .stdin(Stdio::null());
+        command
+    }
+}
+
+/// Runs QEMU to the end of its image, which is silent for no longer than `patience`; calls `heard` for
+/// each line that the image says, and gives them all.
+///
+/// # Errors
+/// QEMU is missing; the image says that something is wrong, or nothing for too long.
+pub(crate) fn run_to_end(
+    command: &mut Command,
+    patience: Duration,
+    mut heard: impl FnMut(),
+) -> Result<Vec<String>, Failure> {
+    let spawned = command.stdout(Stdio::piped()).spawn();
+    let mut emulator = Emulator(spawned.map_err(|error| not_started(command, &error))?);
+    let failed = |why: String| failed(command, why);
+    let lines = emulator.lines();
+    let mut said = Vec::new();
+    loop {
+        match lines.recv_timeout(patience) {
+            Ok(line) => {
+                heard();
+                said.push(line);
+            }
+            Err(mpsc::RecvTimeoutError::Disconnected) => break,
+            Err(mpsc::RecvTimeoutError::Timeout) => {
+                let why = format!(
+                    "silent for {} s; it said: {}",
+                    patience.as_secs(),
+                    said.join(" / ")
+                );
+                return Err(failed(why));
             }
         }
-        match emulator.0.wait() {
-            Ok(status) if status.success() => Ok(said),
-            Ok(status) => Err(failed(format!("{status}; it said: {}", said.join(" / ")))),
-            Err(error) => Err(failed(error.to_string())),
-        }
+    }
+    match emulator.0.wait() {
+        Ok(status) if status.success() => Ok(said),
+        Ok(status) => Err(failed(format!("{status}; it said: {}", said.join(" / ")))),
+        Err(error) => Err(failed(error.to_string())),
+    }
+}
+
+/// QEMU that does not start: it is missing, or the system refuses.
+pub(crate) fn not_started(command: &Command, error: &io::Error) -> Failure {
+    match error.kind() {
+        ErrorKind::NotFound => missing(),
+        _ => failed(command, error.to_string()),
+    }
+}
+
+/// A run that came to no good end; says how to see it again.
+pub(crate) fn failed(command: &Command, why: String) -> Failure {
+    let folder = command.get_current_dir().unwrap_or(Path::new("."));
+    Failure::Check {
+        what: "the emulated image".to_owned(),
+        why,
+        next: format!(
+            "run it by hand in {}: `{}`",
+            folder.display(),
+            typed(command)
+        ),
     }
 }
 
@@ -185,7 +200,7 @@ pub(crate) fn target_folder() -> Result<PathBuf, Failure> {
     let missing = |why: String| Failure::Missing {
         what: "the folder of the built image".to_owned(),
         why,
-        next: "`cargo xtask bench filters`, not the program itself".to_owned(),
+        next: "`cargo xtask`, not the program itself".to_owned(),
     };
     let own = std::env::current_exe().map_err(|error| missing(error.to_string()))?;
     let target = own.parent().and_then(Path::parent).map(Path::to_owned);

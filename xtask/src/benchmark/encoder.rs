@@ -40,9 +40,9 @@ pub(crate) fn measure(windows: usize) -> Result<Report, Failure> {
     let mut flash_bytes = 0;
     for machine in MACHINES {
         // Each processor has kernels of its own; cargo puts both images in one place.
-        let bare = Image::build("size", machine.features)?;
+        let bare = Image::build("bench", "size", machine.features)?;
         flash_bytes = elf::flash_bytes(bare.path())?.max(flash_bytes);
-        let image = Image::build("encoder", machine.features)?;
+        let image = Image::build("bench", "encoder", machine.features)?;
         loops.push(Loops::of(machine, &image));
         let folder = image.target_folder().join("bench").join("encoder");
         let work = folder.join(machine.name);

@@ -20,7 +20,7 @@ const REAL: &str = "derived/s001r04_61ch_512hz_i16.gdf";
 /// Samples of an input.
 const SAMPLES: usize = BLOCKS * BLOCK;
 
-type Counts = [i32; CHANNELS];
+pub(crate) type Counts = [i32; CHANNELS];
 
 /// The inputs one after the other.
 #[derive(Debug)]
@@ -53,7 +53,12 @@ impl Inputs {
         let spec = SyntheticSpec::new(3, model::LABELS.split(' '));
         inputs.add("synthetic EEG", Generator::new(&spec).map_err(unusable)?);
         if let Some(folder) = std::env::var_os("CORTICODE_DATA").filter(|path| !path.is_empty()) {
-            inputs.add("real EEG", real(&PathBuf::from(folder).join(REAL))?);
+            let path = PathBuf::from(folder).join(REAL);
+            let samples = recorded(&path, SAMPLES)?;
+            if samples.len() < SAMPLES {
+                return Err(unusable(format!("{} is too short", path.display())));
+            }
+            inputs.add("real EEG", samples);
         } else {
             let why = "real EEG as input: CORTICODE_DATA is not set; it names the folder that has";
             inputs.skipped.push(format!("{why} {REAL}"));
@@ -96,20 +101,15 @@ fn white(mut random: ChaCha8Rng) -> impl Iterator<Item = Counts> {
     })
 }
 
-/// 2 s of the recording, from its beginning.
-fn real(path: &std::path::Path) -> Result<Vec<Counts>, Failure> {
+/// The recording as the virtual ADC delivers it, from its beginning; so many samples at most.
+pub(crate) fn recorded(path: &std::path::Path, samples: usize) -> Result<Vec<Counts>, Failure> {
     let recording = Recording::open(path).map_err(unusable)?;
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
     let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate);
     let adc = AdcSpec::ads1299(model::ADC_RATE_HZ.into());
     let adc = VirtualAdc::new(recording, &map.map_err(unusable)?, adc).map_err(unusable)?;
-    let samples: Result<Vec<Counts>, _> = adc.take(SAMPLES).collect();
-    let samples = samples.map_err(unusable)?;
-    if samples.len() == SAMPLES {
-        Ok(samples)
-    } else {
-        Err(unusable(format!("{} is too short", path.display())))
-    }
+    let samples: Result<Vec<Counts>, _> = adc.take(samples).collect();
+    samples.map_err(unusable)
 }
 
 pub(crate) fn unusable(why: impl fmt::Display) -> Failure {

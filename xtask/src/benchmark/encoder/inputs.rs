@@ -7,9 +7,8 @@ use bench::stress::Stress;
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::CHANNELS;
 use pipeline::{Acquisition, Mains, Plane, Sample};
-use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 
-use super::super::inputs::unusable;
+use super::super::inputs::{self, unusable};
 use crate::failure::Failure;
 
 /// Real EEG below the folder that `CORTICODE_DATA` names: 125 s, mains at 60 Hz, held out of the
@@ -95,13 +94,7 @@ fn acquired(
 
 /// The recording's planes, from its beginning.
 fn recorded(path: &Path, steps: usize) -> Result<Vec<Plane>, Failure> {
-    let recording = Recording::open(path).map_err(unusable)?;
-    let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
-    let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate);
-    let adc = AdcSpec::ads1299(model::ADC_RATE_HZ.into());
-    let adc = VirtualAdc::new(recording, &map.map_err(unusable)?, adc).map_err(unusable)?;
-    let counts: Result<Vec<_>, _> = adc.collect();
-    let planes = acquired(Mains::Hz60, counts.map_err(unusable)?, steps);
+    let planes = acquired(Mains::Hz60, inputs::recorded(path, usize::MAX)?, steps);
     if planes.len() == steps {
         Ok(planes)
     } else {

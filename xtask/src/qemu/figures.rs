@@ -1,0 +1,199 @@
+//! What one emulated board has sent, compared.
+
+use std::fmt;
+
+use link::{Code, Stats};
+use serde::Serialize;
+
+use super::Run;
+use super::heard::{Heard, Hello};
+use super::input::Input;
+use crate::benchmark::emulator::Machine;
+
+/// The board's name in `Hello`.
+const BOARD: &str = "qemu-mps2";
+
+/// What one machine has sent.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct MachineFigures {
+    pub(super) machine: &'static str,
+    core: &'static str,
+    pub(super) codes: usize,
+    /// Codes that are not host-sim's in values, window, first sample or flags; missing ones, too.
+    pub(super) different_codes: usize,
+    /// Reports on the electrodes that are not host-sim's.
+    pub(super) different_reports: usize,
+    pub(super) repeatable: bool,
+    samples: u64,
+    pub(super) overruns: u32,
+    /// Frames that were made and never sent.
+    frames_dropped: u32,
+    frames: u32,
+    /// Numbers that no frame had.
+    frames_missing: u32,
+    frames_damaged: u32,
+    bytes: usize,
+    /// The longest that a code's device time differs from a whole number of hops behind the first.
+    jitter_us: u64,
+    /// The slower run, on this PC.
+    wall_seconds: f64,
+    /// What is wrong.
+    #[serde(skip)]
+    pub(super) faults: Vec<String>,
+}
+
+impl MachineFigures {
+    /// Compares the runs with each other, and the first with what host-sim sends.
+    pub(super) fn new(machine: Machine, runs: &[Run; 2], input: &Input, expected: &Heard) -> Self {
+        let [first, second] = runs;
+        let heard = Heard::of(&first.sent);
+        let last = heard.stats.last().copied().unwrap_or_default();
+        let said = [&first.said, &second.said].map(|said| Said::of(said));
+        let mut figures = Self {
+            machine: machine.name,
+            core: machine.core,
+            codes: heard.codes.len(),
+            different_codes: different(&codes(expected), &codes(&heard)),
+            different_reports: different(&expected.quality, &heard.quality),
+            repeatable: first.sent == second.sent && first.said == second.said,
+            samples: said[0].samples,
+            overruns: said[0].overruns.max(said[1].overruns).max(last.overruns),
+            frames_dropped: last.frames_dropped,
+            frames: heard.frames,
+            frames_missing: heard.missing,
+            frames_damaged: heard.damaged,
+            bytes: first.sent.len(),
+            jitter_us: heard.jitter_us(),
+            wall_seconds: first.wall.max(second.wall).as_secs_f64(),
+            faults: Vec::new(),
+        };
+        figures.faults = figures.find_faults(input, expected, &heard, &last);
+        figures
+    }
+
+    fn find_faults(
+        &self,
+        input: &Input,
+        expected: &Heard,
+        heard: &Heard,
+        last: &Stats,
+    ) -> Vec<String> {
+        let zeros = [
+            ("overruns", u64::from(self.overruns)),
+            ("frames_dropped", self.frames_dropped.into()),
+            ("frames_missing", self.frames_missing.into()),
+            ("jitter_us", self.jitter_us),
+        ];
+        let mut faults: Vec<String> = zeros
+            .iter()
+            .filter(|(_, figure)| *figure != 0)
+            .map(|(name, figure)| format!("{name} is {figure}, 0 allowed"))
+            .collect();
+        if let Some(why) = heard.first_damage {
+            let damaged = self.frames_damaged;
+            faults.push(format!("frames_damaged is {damaged}, the first: {why}"));
+        }
+        if !self.repeatable {
+            faults.push("repeatable: a second run has sent other bytes".to_owned());
+        }
+        if self.different_codes > 0 {
+            let what = first_difference(&codes(expected), &codes(heard));
+            faults.push(format!("equal_to_host: {what}"));
+        }
+        if self.different_reports > 0 {
+            let count = self.different_reports;
+            faults.push(format!(
+                "equal_to_host: {count} reports on electrodes differ"
+            ));
+        }
+        let sound = Hello {
+            board: BOARD.to_owned(),
+            model_id: model::MODEL_ID,
+            fault: String::new(),
+        };
+        if heard.hellos != [sound] {
+            faults.push(format!("it introduces itself as {:?}", heard.hellos));
+        }
+        if heard.capabilities != expected.capabilities {
+            faults.push("its capabilities are not host-sim's".to_owned());
+        }
+        let (taken, all) = (self.samples, input.samples.len() as u64);
+        if taken != all {
+            faults.push(format!("samples is {taken} of {all}"));
+        }
+        // The counts go out with the reports, every second.
+        if heard.stats.len() != heard.quality.len() || last.samples > all {
+            faults.push(format!("{} Stats, the last: {last:?}", heard.stats.len()));
+        }
+        faults
+    }
+}
+
+impl fmt::Display for MachineFigures {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{:12} {:12} {:>7} {:>10} {:>9} {:>5} us {:>9} {:>5.1} s",
+            self.machine,
+            self.core,
+            self.codes,
+            self.different_codes,
+            self.overruns,
+            self.jitter_us,
+            self.bytes,
+            self.wall_seconds
+        )
+    }
+}
+
+/// What an image says at its end; what it does not say is 0, and missing samples are a fault.
+#[derive(Debug, Default)]
+struct Said {
+    samples: u64,
+    overruns: u32,
+}
+
+impl Said {
+    fn of(lines: &[String]) -> Self {
+        let number = |name| {
+            let words = lines.iter().find_map(|line| line.strip_prefix(name));
+            words.and_then(|number| number.trim().parse::<u64>().ok())
+        };
+        Self {
+            samples: number("samples ").unwrap_or(0),
+            overruns: u32::try_from(number("overruns ").unwrap_or(0)).unwrap_or(u32::MAX),
+        }
+    }
+}
+
+fn codes(heard: &Heard) -> Vec<Code> {
+    heard.codes.iter().map(|(_, code)| *code).collect()
+}
+
+/// Places at which both differ, or one has nothing.
+fn different<T: PartialEq>(expected: &[T], found: &[T]) -> usize {
+    let pairs = expected.iter().zip(found);
+    pairs.filter(|(expected, found)| expected != found).count()
+        + expected.len().abs_diff(found.len())
+}
+
+/// The first code that is not the expected one.
+fn first_difference(expected: &[Code], found: &[Code]) -> String {
+    let mut pairs = expected.iter().zip(found);
+    let Some((expected, found)) = pairs.find(|(expected, found)| expected != found) else {
+        return format!("{} codes, {} expected", found.len(), expected.len());
+    };
+    let fields = [
+        ("window", expected.window == found.window),
+        ("first sample", expected.first_sample == found.first_sample),
+        ("values", expected.values == found.values),
+        ("flags", expected.flags == found.flags),
+    ];
+    let wrong = fields.iter().filter(|(_, equal)| !equal);
+    let wrong: Vec<&str> = wrong.map(|(name, _)| *name).collect();
+    format!(
+        "the code of window {} differs in {}",
+        expected.window,
+        wrong.join(", ")
+    )
+}

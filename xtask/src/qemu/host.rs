@@ -1,0 +1,57 @@
+//! What host-sim's virtual board sends for the same samples.
+
+use std::thread;
+use std::time::Duration;
+
+use host_sim::{Identity, Outbox, VirtualBoard, WhenFull};
+use link::{Start, Streams};
+use model::ADC_RATE_HZ;
+use pipeline::{Mains, Sample};
+
+use super::heard::Heard;
+use crate::benchmark::inputs::unusable;
+use crate::failure::Failure;
+
+/// What taking the last frames out of a queue may take.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Lets a virtual board take the samples, with the start that the image gives itself.
+///
+/// # Errors
+/// It refuses the start, or drops a frame.
+pub(super) fn heard(samples: &[Sample]) -> Result<Heard, Failure> {
+    let outbox = Outbox::new(WhenFull::Wait);
+    let identity = Identity {
+        session_id: 0,
+        chip_uid: [0; 12],
+    };
+    let mut board = VirtualBoard::new(identity, Mains::default(), outbox.clone());
+    let sent = thread::scope(|scope| {
+        let reader = scope.spawn(|| {
+            let mut sent = Vec::new();
+            while let Some(frame) = outbox.take() {
+                sent.extend(frame);
+                outbox.written();
+            }
+            sent
+        });
+        let start = Start {
+            streams: Streams::CODES,
+            mains_hz: 0,
+        };
+        board.start(start, 0);
+        for (index, sample) in (1..).zip(samples) {
+            board.sample(sample, index * 1_000_000 / u64::from(ADC_RATE_HZ));
+        }
+        outbox.drain(PATIENCE);
+        outbox.close();
+        reader.join()
+    });
+    let sent = sent.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    if outbox.dropped() > 0 {
+        return Err(unusable(
+            "host-sim has dropped frames; is the PC very busy?",
+        ));
+    }
+    Ok(Heard::of(&sent))
+}
