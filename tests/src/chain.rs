@@ -105,16 +105,23 @@ pub struct Chain<'a> {
 }
 
 impl<'a> Chain<'a> {
-    /// Starts everything but the board, and waits until it is linked.
+    /// Starts everything but the board, which [`Self::board`] starts, and waits until it is linked.
     ///
     /// # Panics
     /// When a part does not come up.
     pub fn start(folder: &'a Path) -> Self {
+        Self::start_at(folder, &port(folder).to_string_lossy())
+    }
+
+    /// The same for a board that will be at this address, as the bridge names it.
+    ///
+    /// # Panics
+    /// When a part does not come up.
+    pub fn start_at(folder: &'a Path, address: &str) -> Self {
         let ros = Ros::start(folder).expect("roscore starts");
         let mut bridge = Command::new(&programs().bridge);
         bridge
-            .args(["--ros-master-uri", &ros.master_uri(), "--port"])
-            .arg(port(folder))
+            .args(["--ros-master-uri", &ros.master_uri(), "--port", address])
             .env("ROS_HOSTNAME", "127.0.0.1")
             .env_remove("ROS_IP");
         let bridge = Process::start("bridge", &mut bridge, folder).expect("the bridge starts");

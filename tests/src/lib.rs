@@ -3,6 +3,7 @@
 
 pub mod any_artifact;
 pub mod chain;
+pub mod emulator;
 pub mod npz;
 pub mod numpy_reference;
 pub mod process;

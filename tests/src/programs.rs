@@ -36,7 +36,7 @@ pub fn programs() -> &'static Programs {
 }
 
 /// Path of a program in what cargo says about a build.
-fn executable(messages: &str, name: &str) -> PathBuf {
+pub(crate) fn executable(messages: &str, name: &str) -> PathBuf {
     let mut built = messages.lines().filter_map(|line| {
         let message: serde_json::Value = serde_json::from_str(line).ok()?;
         let is_it = message["target"]["name"] == name;

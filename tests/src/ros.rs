@@ -152,7 +152,11 @@ fn master_uri(port: u16) -> String {
     format!("http://127.0.0.1:{port}/")
 }
 
-fn free_port() -> io::Result<u16> {
+/// A TCP port of 127.0.0.1 that nobody listens at.
+///
+/// # Errors
+/// The system has none.
+pub fn free_port() -> io::Result<u16> {
     Ok(TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?
         .local_addr()?
         .port())

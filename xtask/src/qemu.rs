@@ -70,9 +70,6 @@ pub(crate) fn qemu(options: QemuOptions) -> Result<(), Failure> {
         return live::run(options.port);
     }
     let input = Input::make(options.codes as usize)?;
-    for skipped in &input.skipped {
-        eprintln!("SKIPPED: {skipped}");
-    }
     let expected = host::heard(&input.samples)?;
     let mut figures = Vec::new();
     for machine in MACHINES {
@@ -84,6 +81,9 @@ pub(crate) fn qemu(options: QemuOptions) -> Result<(), Failure> {
         println!("{}", report.json());
     } else {
         print!("{report}");
+    }
+    for skipped in &report.skipped {
+        eprintln!("SKIPPED: {skipped}");
     }
     report.judge()
 }

@@ -7,6 +7,7 @@ use crate::benchmark::{self, BenchOptions};
 use crate::command::{cargo_with, run, succeeds};
 use crate::debian;
 use crate::failure::Failure;
+use crate::qemu::{self, QemuOptions};
 
 /// The microcontroller's target: Cortex-M4F and M7 with single-precision FPU.
 pub(crate) const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
@@ -67,6 +68,10 @@ pub(crate) fn verify(fast: bool) -> Result<(), Failure> {
         steps.push((
             "encoder on the emulated microcontroller",
             encoder_on_emulator,
+        ));
+        steps.push((
+            "application on the emulated microcontroller",
+            application_on_emulator,
         ));
         steps.push(("trainer", trainer_tests));
         steps.push(("tests, and acceptance with ROS", tests_with_ros));
@@ -200,6 +205,16 @@ fn filters_on_emulator() -> Result<(), Failure> {
 
 fn encoder_on_emulator() -> Result<(), Failure> {
     benchmark::bench(BenchOptions::ENCODER)
+}
+
+fn application_on_emulator() -> Result<(), Failure> {
+    for machine in benchmark::emulator::MACHINES {
+        let mut lints = cargo_with(&["clippy", "--target", BOARD_TARGET, "--package=device"]);
+        lints.args(["--package=firmware", "--package=board-qemu"]);
+        lints.args(machine.features).args(["--", "-D", "warnings"]);
+        run(&mut lints, NEXT_AFTER_A_LINT)?;
+    }
+    qemu::qemu(QemuOptions::VIRTUAL)
 }
 
 fn trainer_tests() -> Result<(), Failure> {

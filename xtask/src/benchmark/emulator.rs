@@ -86,13 +86,13 @@ impl Image {
     /// QEMU with this image, to be run in `folder`; clock and UART are the caller's. The image can
     /// ask for the `words`.
     pub(crate) fn command(&self, machine: Machine, folder: &Path, words: &[&str]) -> Command {
-        let words: String = words.iter().map(|word| format!(",arg={word}")).collect();
+        let semihosting = [&["enable=on,target=native"], words].concat();
         let mut command = Command::new("qemu-system-arm");
         command
             .args(["-machine", machine.name])
             .args(["-display", "none", "-monitor", "none"])
             .arg("-semihosting-config")
-            .arg(format!("enable=on,target=native{words}"))
+            .arg(semihosting.join(",arg="))
             .arg("-kernel")
             .arg(&self.path)
             .current_dir(folder)

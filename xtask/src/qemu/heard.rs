@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn a_code_that_is_late_by_a_microsecond_shows() {
-        let mut heard = super::super::host::heard(&[Sample::default(); 512]).expect("host-sim");
+        let mut heard = super::super::host::heard(&vec![Sample::default(); 512]).expect("host-sim");
         // A window of 16 steps, then hops of 8: all of 4 samples.
         assert_eq!(heard.codes.len(), 15);
         assert_eq!((heard.hellos.len(), heard.capabilities.len()), (1, 1));

@@ -21,8 +21,6 @@ const REAL: &str = "eegmmidb_S001/S001R11.edf";
 pub(super) struct Input {
     /// One stream.
     pub(super) samples: Vec<Sample>,
-    /// Codes that it gives.
-    pub(super) codes: usize,
     /// Its parts.
     pub(super) names: Vec<&'static str>,
     /// What could not be had.
@@ -40,7 +38,6 @@ impl Input {
         let total = (steps * usize::from(ADC_RATE_HZ)).div_ceil(usize::from(STEP_RATE_HZ));
         let mut input = Self {
             samples: Vec::new(),
-            codes,
             names: vec!["synthetic EEG"],
             skipped: Vec::new(),
         };
