@@ -2,9 +2,10 @@
 
 use device::{Marks, Order, Run};
 use embassy_sync::zerocopy_channel::Sender;
+use link::Stage;
 use pipeline::{Acquisition, Sample};
 
-use crate::{Conversion, Converter, Mutex, Shared, Taken, timing::Stage};
+use crate::{Conversion, Converter, Mutex, Shared, Taken};
 
 /// Takes samples for ever. While nothing streams they are read and forgotten.
 ///

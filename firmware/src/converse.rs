@@ -10,9 +10,9 @@ use embassy_futures::join::join3;
 use embassy_sync::{blocking_mutex::raw::NoopRawMutex, signal::Signal, zerocopy_channel::Receiver};
 use embassy_time::{Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
-use link::{MAX_FRAME, Start};
+use link::{MAX_FRAME, Stage, Start};
 
-use crate::{Made, Mutex, Shared, deadlines, timing::Stage};
+use crate::{Made, Mutex, Shared, Stack, deadlines};
 
 /// Frames on their way to the port.
 type Frames = Sender<FrameRing<{ deadlines::FRAMES_WAITING }>>;
@@ -35,6 +35,7 @@ pub async fn converse(
     start: Option<Start>,
     frames: &mut Frames,
     shared: &Shared,
+    stack: Option<Stack>,
     mut made: Receiver<'_, Mutex, Made>,
 ) -> ! {
     session.introduce(now_us(), frames);
@@ -77,7 +78,7 @@ pub async fn converse(
                 for _ in 0..shared.made_lost.swap(0, Relaxed) {
                     frames.skip();
                 }
-                put(session, frames, what, shared);
+                put(session, frames, what, shared, stack);
                 if let Made::Code { made_ticks: at, .. } = what {
                     made_ticks.set(Some(*at));
                 }
@@ -112,7 +113,13 @@ pub async fn converse(
 }
 
 /// Puts what is of the present run into a frame: a start or a stop may have overtaken it.
-fn put(session: &mut Session<'_>, frames: &mut Frames, what: &Made, shared: &Shared) {
+fn put(
+    session: &mut Session<'_>,
+    frames: &mut Frames,
+    what: &Made,
+    shared: &Shared,
+    stack: Option<Stack>,
+) {
     match what {
         Made::Code {
             run,
@@ -127,6 +134,7 @@ fn put(session: &mut Session<'_>, frames: &mut Frames, what: &Made, shared: &Sha
             at_us,
         } if session.is_of_now(*run) => {
             session.send_stats(*at_us, shared.counts(), frames);
+            session.timing(&shared.timing.report(stack), *at_us, frames);
             session.quality(quality, *at_us, frames);
         }
         Made::Nothing | Made::Code { .. } | Made::Quality { .. } => {}

@@ -4,10 +4,11 @@ use core::sync::atomic::Ordering::Relaxed;
 
 use device::Marks;
 use embassy_sync::zerocopy_channel::{Receiver, Sender};
+use link::Stage;
 use model::{HOP, STEPS};
 use pipeline::{Encoder, Mains, SignalQuality, Step};
 
-use crate::{Made, Mutex, Shared, Taken, timing::Stage};
+use crate::{Made, Mutex, Shared, Taken};
 
 /// Turns steps into codes for ever.
 ///

@@ -63,7 +63,17 @@ async fn converse(
     made: zerocopy_channel::Receiver<'static, Mutex, Made>,
 ) {
     let session = Session::new(identity(before.as_ref()), Mains::default());
-    firmware::converse(Receiver, Transmitter, session, start, frames, &SHARED, made).await
+    firmware::converse(
+        Receiver,
+        Transmitter,
+        session,
+        start,
+        frames,
+        &SHARED,
+        Some(failure::stack()),
+        made,
+    )
+    .await
 }
 
 /// Ends the emulation a while after the file.

@@ -1,11 +1,12 @@
-//! What happens when something fails: a record for the next run, and a reset.
+//! What happens when something fails: a record for the next run, and a reset; and how near the stack is
+//! to its end.
 #![expect(unsafe_code, reason = "exception handlers, and memory with a place")]
 
 use core::panic::PanicInfo;
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use firmware::{FaultRecord, Kept, deadlines};
+use firmware::{FaultRecord, Kept, Stack, deadlines};
 
 use crate::{
     registers::{WATCHDOG, watchdog},
@@ -16,6 +17,19 @@ unsafe extern "C" {
     /// The memory map keeps a place for it that nothing else uses.
     #[link_name = "_kept"]
     safe static KEPT: Kept;
+}
+
+unsafe extern "C" {
+    /// The stack's ends in the memory map; of these only the addresses mean anything.
+    static _stack_start: u32;
+    static _stack_end: u32;
+}
+
+/// The stack of everything.
+pub(crate) fn stack() -> Stack {
+    let [end, start] = [&raw const _stack_end, &raw const _stack_start].map(<*const u32>::addr);
+    // SAFETY: the memory map gives the region to the stack alone, and cortex-m-rt has painted it.
+    unsafe { Stack::between(end, start) }
 }
 
 /// What the run before has left, once.
