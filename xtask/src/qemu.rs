@@ -1,12 +1,14 @@
 //! `cargo xtask qemu`: the application on an emulated microcontroller; in virtual time against
 //! host-sim, or live for a bridge.
 
+mod failures;
 mod figures;
 mod heard;
 mod host;
 mod input;
 mod live;
 mod report;
+mod stall;
 
 use std::fs;
 use std::path::Path;
@@ -15,9 +17,12 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 
+use self::failures::Recovery;
 use self::figures::MachineFigures;
+use self::heard::Heard;
 use self::input::Input;
 use self::report::Report;
+use self::stall::Stall;
 use crate::benchmark::emulator::{self, Image, MACHINES, Machine};
 use crate::benchmark::{cannot_write, make_folder};
 use crate::failure::Failure;
@@ -37,7 +42,7 @@ const PATIENCE: Duration = Duration::from_mins(1);
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct QemuOptions {
     /// Codes that each machine makes and that are compared.
-    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(32..=100_000))]
+    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(500..=100_000))]
     codes: u32,
     /// Print one JSON object instead of a table.
     #[arg(long)]
@@ -73,8 +78,8 @@ pub(crate) fn qemu(options: QemuOptions) -> Result<(), Failure> {
     let expected = host::heard(&input.samples)?;
     let mut figures = Vec::new();
     for machine in MACHINES {
-        let runs = run(machine, &input)?;
-        figures.push(MachineFigures::new(machine, &runs, &input, &expected));
+        let runs = run(machine, &input, &expected)?;
+        figures.push(MachineFigures::new(machine, runs, &input, &expected));
     }
     let report = Report::new(&input, figures);
     if options.json {
@@ -88,6 +93,16 @@ pub(crate) fn qemu(options: QemuOptions) -> Result<(), Failure> {
     report.judge()
 }
 
+/// What a machine did.
+struct Runs {
+    /// Two runs at once: what a loaded PC does to one must not show in the other.
+    undisturbed: [Run; 2],
+    /// Behind a port that is stuck for a while.
+    stalled: Stall,
+    /// With tasks that fail.
+    failures: Vec<Recovery>,
+}
+
 /// A run in virtual time.
 struct Run {
     /// What the UART sent.
@@ -98,8 +113,7 @@ struct Run {
     wall: Duration,
 }
 
-/// Runs the machine twice at once: what a loaded PC does to one must not show in the other.
-fn run(machine: Machine, input: &Input) -> Result<[Run; 2], Failure> {
+fn run(machine: Machine, input: &Input, expected: &Heard) -> Result<Runs, Failure> {
     let image = Image::build(IMAGE, IMAGE, machine.features)?;
     let folder = image.target_folder().join("qemu").join(machine.name);
     make_folder(&folder)?;
@@ -113,7 +127,13 @@ fn run(machine: Machine, input: &Input) -> Result<[Run; 2], Failure> {
                     .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
             })
     });
-    Ok([first?, second?])
+    let undisturbed = [first?, second?];
+    let second = undisturbed[0].wall.div_f64(input.duration().as_secs_f64());
+    Ok(Runs {
+        stalled: Stall::of(&image, machine, &folder, input, expected, second)?,
+        failures: Recovery::of_every_failure(&image, machine, &folder, input, expected)?,
+        undisturbed,
+    })
 }
 
 fn run_once(

@@ -2,12 +2,14 @@
 
 use std::fmt;
 
-use link::{Code, Stats};
+use link::{Code, ResetCause, Stats};
 use serde::Serialize;
 
-use super::Run;
+use super::Runs;
+use super::failures::Recovery;
 use super::heard::{Heard, Hello};
 use super::input::Input;
+use super::stall::Stall;
 use crate::benchmark::emulator::Machine;
 
 /// The board's name in `Hello`.
@@ -37,6 +39,10 @@ pub(super) struct MachineFigures {
     jitter_us: u64,
     /// The slower run, on this PC.
     wall_seconds: f64,
+    /// A run whose host stops reading for a while.
+    stalled_host: Stall,
+    /// Runs that fail, and what the next one says of it.
+    failures: Vec<Recovery>,
     /// What is wrong.
     #[serde(skip)]
     pub(super) faults: Vec<String>,
@@ -44,16 +50,17 @@ pub(super) struct MachineFigures {
 
 impl MachineFigures {
     /// Compares the runs with each other, and the first with what host-sim sends.
-    pub(super) fn new(machine: Machine, runs: &[Run; 2], input: &Input, expected: &Heard) -> Self {
-        let [first, second] = runs;
-        let heard = Heard::of(&first.sent);
+    pub(super) fn new(machine: Machine, runs: Runs, input: &Input, expected: &Heard) -> Self {
+        let [first, second] = &runs.undisturbed;
+        let boots = Heard::boots(&first.sent);
+        let heard = &boots[0];
         let last = heard.stats.last().copied().unwrap_or_default();
         let said = [&first.said, &second.said].map(|said| Said::of(said));
         let mut figures = Self {
             machine: machine.name,
             core: machine.core,
             codes: heard.codes.len(),
-            different_codes: different(&codes(expected), &codes(&heard)),
+            different_codes: different(&codes(expected), &codes(heard)),
             different_reports: different(&expected.quality, &heard.quality),
             repeatable: first.sent == second.sent && first.said == second.said,
             samples: said[0].samples,
@@ -65,9 +72,17 @@ impl MachineFigures {
             bytes: first.sent.len(),
             jitter_us: heard.jitter_us(),
             wall_seconds: first.wall.max(second.wall).as_secs_f64(),
+            stalled_host: runs.stalled,
+            failures: runs.failures,
             faults: Vec::new(),
         };
-        figures.faults = figures.find_faults(input, expected, &heard, &last);
+        figures.faults = figures.find_faults(input, expected, heard, &last);
+        if boots.len() > 1 {
+            let hellos = &boots[1].hellos;
+            figures
+                .faults
+                .push(format!("it has reset itself: {hellos:?}"));
+        }
         figures
     }
 
@@ -109,6 +124,7 @@ impl MachineFigures {
         let sound = Hello {
             board: BOARD.to_owned(),
             model_id: model::MODEL_ID,
+            cause: ResetCause::PowerOn,
             fault: String::new(),
         };
         if heard.hellos != [sound] {
@@ -125,6 +141,9 @@ impl MachineFigures {
         if heard.stats.len() != heard.quality.len() || last.samples > all {
             faults.push(format!("{} Stats, the last: {last:?}", heard.stats.len()));
         }
+        faults.extend(self.stalled_host.faults.iter().cloned());
+        let failures = self.failures.iter().flat_map(|failure| &failure.faults);
+        faults.extend(failures.cloned());
         faults
     }
 }
@@ -142,7 +161,11 @@ impl fmt::Display for MachineFigures {
             self.jitter_us,
             self.bytes,
             self.wall_seconds
-        )
+        )?;
+        for failure in &self.failures {
+            write!(f, "\n  {failure}")?;
+        }
+        write!(f, "\n  {}", self.stalled_host)
     }
 }
 
@@ -166,12 +189,12 @@ impl Said {
     }
 }
 
-fn codes(heard: &Heard) -> Vec<Code> {
+pub(super) fn codes(heard: &Heard) -> Vec<Code> {
     heard.codes.iter().map(|(_, code)| *code).collect()
 }
 
 /// Places at which both differ, or one has nothing.
-fn different<T: PartialEq>(expected: &[T], found: &[T]) -> usize {
+pub(super) fn different<T: PartialEq>(expected: &[T], found: &[T]) -> usize {
     let pairs = expected.iter().zip(found);
     pairs.filter(|(expected, found)| expected != found).count()
         + expected.len().abs_diff(found.len())

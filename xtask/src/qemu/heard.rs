@@ -1,6 +1,6 @@
 //! The frames that a board has sent.
 
-use link::{Code, Decoder, Encoder, FrameError, MAX_FRAME, Quality, Stats, ToHost};
+use link::{Code, Decoder, Encoder, FrameError, MAX_FRAME, Quality, ResetCause, Stats, ToHost};
 
 /// What a board has sent, by kind, in order.
 #[derive(Debug, Default)]
@@ -29,18 +29,25 @@ pub(super) struct Heard {
 pub(super) struct Hello {
     pub(super) board: String,
     pub(super) model_id: [u8; 8],
+    pub(super) cause: ResetCause,
     pub(super) fault: String,
 }
 
 impl Heard {
-    /// Takes all frames out of what was sent since boot.
-    pub(super) fn of(mut sent: &[u8]) -> Self {
+    /// Takes all frames out of what was sent, from boot to boot: each begins with a `Hello` that has the
+    /// number 0. There is always one.
+    pub(super) fn boots(mut sent: &[u8]) -> Vec<Self> {
+        let mut boots = Vec::new();
         let mut heard = Self::default();
         let mut decoder = Decoder::<MAX_FRAME>::new();
         let mut next_seq = 0;
         while let Some(outcome) = decoder.next::<ToHost<'_>>(&mut sent) {
             match outcome {
                 Ok(frame) => {
+                    if frame.header.seq == 0 && heard.frames > 0 {
+                        boots.push(std::mem::take(&mut heard));
+                        next_seq = 0;
+                    }
                     heard.frames += 1;
                     heard.missing += frame.header.seq.wrapping_sub(next_seq);
                     next_seq = frame.header.seq.wrapping_add(1);
@@ -52,7 +59,8 @@ impl Heard {
                 }
             }
         }
-        heard
+        boots.push(heard);
+        boots
     }
 
     fn take(&mut self, device_us: u64, message: &ToHost<'_>) {
@@ -60,6 +68,7 @@ impl Heard {
             ToHost::Hello(hello) => self.hellos.push(Hello {
                 board: hello.board.to_owned(),
                 model_id: hello.model_id,
+                cause: hello.reset_cause,
                 fault: hello.fault.to_owned(),
             }),
             ToHost::Capabilities(_) => self.capabilities.push(alone(message)),
@@ -111,10 +120,33 @@ mod tests {
         }
         sent.remove(1);
         sent[1][4] ^= 1;
-        let heard = Heard::of(&sent.concat());
+        let boots = Heard::boots(&sent.concat());
+        let [heard] = &boots[..] else {
+            panic!("one boot: {boots:?}");
+        };
         assert_eq!((heard.frames, heard.damaged, heard.missing), (2, 1, 2));
         assert!(heard.first_damage.is_some());
         assert_eq!(heard.stats.len(), 2);
+    }
+
+    #[test]
+    fn a_board_that_begins_again_is_heard_from_its_beginning() {
+        let heard = |frames: &[u8]| Heard::boots(frames).into_iter().map(|heard| heard.frames);
+        let frames = |count| {
+            let mut encoder = Encoder::starting_at(0);
+            let mut sent = Vec::new();
+            for _ in 0..count {
+                let mut buffer = [0; MAX_FRAME];
+                let stats = ToHost::Stats(Stats::default());
+                sent.extend(encoder.encode(5, &stats, &mut buffer).expect("a frame"));
+            }
+            sent
+        };
+        // The second boot cuts a frame of the first.
+        let cut = &frames(3)[..frames(2).len() + 7];
+        let sent = [cut, &frames(4)].concat();
+        assert!(heard(&sent).eq([2, 4]));
+        assert_eq!(Heard::boots(&sent)[1].missing, 0);
     }
 
     #[test]

@@ -53,5 +53,5 @@ pub(super) fn heard(samples: &[Sample]) -> Result<Heard, Failure> {
             "host-sim has dropped frames; is the PC very busy?",
         ));
     }
-    Ok(Heard::of(&sent))
+    Ok(Heard::boots(&sent).swap_remove(0))
 }

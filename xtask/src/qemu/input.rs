@@ -61,7 +61,13 @@ impl Input {
 
     /// As the image reads them.
     pub(super) fn bytes(&self) -> Vec<u8> {
-        let counts = self.samples.iter().flat_map(|sample| sample.counts);
+        self.bytes_of_first(self.samples.len())
+    }
+
+    /// So many of them at most, as the image reads them.
+    pub(super) fn bytes_of_first(&self, samples: usize) -> Vec<u8> {
+        let samples = self.samples.iter().take(samples);
+        let counts = samples.flat_map(|sample| sample.counts);
         counts.flat_map(i32::to_le_bytes).collect()
     }
 

@@ -1,0 +1,179 @@
+//! A host that reads nothing for a while: the board loses whole frames, the oldest, and counts them.
+
+use std::fmt;
+use std::fs::{self, File, OpenOptions};
+use std::io::{ErrorKind, Read};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use rustix::fs::{CWD, FileType, Mode, OFlags, mknodat};
+use rustix::pipe::fcntl_setpipe_size;
+use serde::Serialize;
+
+use super::figures::codes;
+use super::heard::Heard;
+use super::input::Input;
+use super::{IMAGE, PATIENCE, VIRTUAL_TIME};
+use crate::benchmark::cannot_write;
+use crate::benchmark::emulator::{self, Image, Machine};
+use crate::failure::Failure;
+
+/// How often the pipe is looked at.
+const POLL: Duration = Duration::from_millis(5);
+
+/// Bytes that the pipe holds: one second of codes. The board holds two more.
+const HELD: usize = 4096;
+
+/// How long the full pipe is left alone, seconds of the emulated time.
+const STALLED: u32 = 8;
+
+/// The two ends of QEMU's `-serial pipe:`.
+const ENDS: [&str; 2] = ["stalled.in", "stalled.out"];
+
+/// What came through a port that was stuck for a while.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Stall {
+    /// Frames that arrived, and numbers that did not.
+    frames: u32,
+    frames_missing: u32,
+    /// What the board says that it has dropped.
+    frames_dropped: u32,
+    codes: usize,
+    different_codes: usize,
+    #[serde(skip)]
+    pub(super) faults: Vec<String>,
+}
+
+impl Stall {
+    /// Runs the image behind a pipe that is read only once it has been full for a while; an emulated
+    /// second takes about `second` here.
+    ///
+    /// # Errors
+    /// The pipe cannot be made, or QEMU fails.
+    pub(super) fn of(
+        image: &Image,
+        machine: Machine,
+        folder: &Path,
+        input: &Input,
+        expected: &Heard,
+        second: Duration,
+    ) -> Result<Self, Failure> {
+        let [_, mut output] = ENDS.map(|name| pipe(&folder.join(name)));
+        let output = output
+            .as_mut()
+            .map_err(|error| cannot_write(folder, error))?;
+        let mut command = image.command(machine, folder, &[IMAGE, "start"]);
+        command.args(["-icount", VIRTUAL_TIME, "-serial", "pipe:stalled"]);
+        let ended = AtomicBool::new(false);
+        let patience = PATIENCE + input.duration();
+        let (said, sent) = thread::scope(|scope| {
+            let reader = scope.spawn(|| read_late(output, &ended, STALLED * second));
+            let said = emulator::run_to_end(&mut command, patience, || ());
+            ended.store(true, Relaxed);
+            (said, reader.join())
+        });
+        let sent = sent.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        let boots = Heard::boots(&sent.map_err(|error| cannot_write(folder, &error))?);
+        said.map(|_| Self::new(&boots, expected))
+    }
+
+    fn new(boots: &[Heard], expected: &Heard) -> Self {
+        let heard = &boots[0];
+        let last = heard.stats.last().copied().unwrap_or_default();
+        let expected = codes(expected);
+        let codes = codes(heard);
+        let same = |code: &&link::Code| expected.get(code.window as usize) == Some(*code);
+        let different = codes.len() - codes.iter().filter(same).count();
+        let newest = codes.last().map_or(0, |code| code.window as usize);
+        let checks = [
+            (boots.len() == 1, format!("{} boots", boots.len())),
+            (
+                last.frames_dropped > 0,
+                "nothing was dropped: the port was not stuck".to_owned(),
+            ),
+            (
+                heard.missing == last.frames_dropped,
+                format!(
+                    "{} numbers are missing, {} counted",
+                    heard.missing, last.frames_dropped
+                ),
+            ),
+            (
+                heard.damaged == 0,
+                format!("{} damaged frames", heard.damaged),
+            ),
+            (
+                different == 0,
+                format!("{different} codes are not host-sim's"),
+            ),
+            (last.overruns == 0, format!("{} overruns", last.overruns)),
+            (
+                newest + 2 * usize::from(model::STEP_RATE_HZ) / model::HOP > expected.len(),
+                format!("the newest code is {newest} of {}", expected.len()),
+            ),
+        ];
+        let faults = checks.into_iter().filter(|(sound, _)| !sound);
+        Self {
+            frames: heard.frames,
+            frames_missing: heard.missing,
+            frames_dropped: last.frames_dropped,
+            codes: codes.len(),
+            different_codes: different,
+            faults: faults
+                .map(|(_, what)| format!("a stalled host: {what}"))
+                .collect(),
+        }
+    }
+}
+
+impl fmt::Display for Stall {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "a host that stops reading: {} frames came, {} are missing, {} counted as dropped",
+            self.frames, self.frames_missing, self.frames_dropped
+        )
+    }
+}
+
+/// A fresh pipe with a name. Opened for both directions, so that it outlives QEMU's end of it.
+fn pipe(path: &Path) -> std::io::Result<File> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+        _ => mknodat(CWD, path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0)?,
+    }
+    let flags = OFlags::NONBLOCK.bits().cast_signed();
+    let mut options = OpenOptions::new();
+    options.read(true).write(true);
+    let pipe = options.custom_flags(flags).open(path)?;
+    fcntl_setpipe_size(&pipe, HELD)?;
+    Ok(pipe)
+}
+
+/// Reads nothing until the pipe has not grown for so long: it is full. Then all, until QEMU has ended.
+fn read_late(pipe: &mut File, ended: &AtomicBool, stalled: Duration) -> std::io::Result<Vec<u8>> {
+    let mut waiting = 0;
+    let mut since = Instant::now();
+    while (waiting == 0 || since.elapsed() < stalled) && !ended.load(Relaxed) {
+        thread::sleep(POLL);
+        let now = rustix::io::ioctl_fionread(&*pipe)?;
+        if now != waiting {
+            (waiting, since) = (now, Instant::now());
+        }
+    }
+    let mut sent = Vec::new();
+    let mut buffer = [0; 4096];
+    loop {
+        // Looked at before the pipe: what comes between is read.
+        let last = ended.load(Relaxed);
+        match pipe.read(&mut buffer) {
+            Ok(count) => sent.extend(&buffer[..count]),
+            Err(error) if error.kind() == ErrorKind::WouldBlock && last => return Ok(sent),
+            Err(error) if error.kind() == ErrorKind::WouldBlock => thread::sleep(POLL),
+            Err(error) => return Err(error),
+        }
+    }
+}
