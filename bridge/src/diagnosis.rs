@@ -7,9 +7,10 @@ use crate::HostTime;
 use crate::code_stream::CodeStream;
 use crate::session::Session;
 use crate::signal_quality::signal_quality;
+use crate::timing::timing;
 
-/// What goes to `/diagnostics`: device, loss, link and clock, and the electrodes once per report of
-/// the device.
+/// What goes to `/diagnostics`: device, loss, link and clock; the electrodes and the deadlines once
+/// per report of the device.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
         stamp: Stamp::from_nanoseconds(now.wall_ns),
@@ -27,6 +28,9 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
     ];
     if let Some((quality, codes)) = session.quality.take().zip(session.codes.as_ref()) {
         status.push(signal_quality(&quality, &codes.device().labels));
+    }
+    if let Some(report) = session.timing.take() {
+        status.push(timing(&report));
     }
     for status in &mut status {
         status.name.insert_str(0, "corticode: ");

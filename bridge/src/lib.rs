@@ -34,6 +34,7 @@ mod session;
 mod settings;
 mod signal_quality;
 mod summary;
+mod timing;
 mod tri;
 
 pub use clock::Clock;

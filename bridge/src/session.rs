@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use link::{
-    Ack, Capabilities, Encoder, Frame, FrameError, Header, Hello, MAX_FRAME, Quality, Stats,
-    Streams, ToDevice, ToHost,
+    Ack, Capabilities, Encoder, Frame, FrameError, Header, Hello, MAX_FRAME, Quality, StageTiming,
+    Stats, Streams, Timing, ToDevice, ToHost,
 };
 use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
@@ -12,7 +12,9 @@ use crate::code_stream::CodeStream;
 use crate::commands::{Acknowledged, Commands};
 use crate::identity::Identity;
 use crate::ledger::{Arrival, Ledger};
-use crate::{AnnouncedStream, Announcement, Clock, Device, Effects, HostTime, Model, Settings};
+use crate::{
+    AnnouncedStream, Announcement, Clock, Device, Effects, HostTime, Model, Settings, timing,
+};
 
 /// Frames behind in a row after which the device is asked anew who it is: it may have been reset
 /// and its `Hello` lost.
@@ -41,6 +43,10 @@ pub(crate) struct Session {
     pub(crate) stats: Option<Stats>,
     /// The newest report about the electrodes that `/diagnostics` has not told of.
     pub(crate) quality: Option<Quality>,
+    /// The newest report about the deadlines that `/diagnostics` has not told of.
+    pub(crate) timing: Option<Timing>,
+    /// The stage that came closest to its deadline in any report, or missed it by most.
+    pub(crate) worst_stage: Option<StageTiming>,
     warned_of_newer: bool,
     warned_of_version: bool,
 }
@@ -78,6 +84,8 @@ impl Session {
             objection: None,
             stats: None,
             quality: None,
+            timing: None,
+            worst_stage: None,
             warned_of_newer: false,
             warned_of_version: false,
         }
@@ -162,7 +170,11 @@ impl Session {
             ToHost::Stats(stats) => self.stats(*stats, header.device_time_us, read, effects),
             ToHost::Ack(ack) => self.ack(*ack, read),
             ToHost::Quality(quality) => self.quality = Some(quality.clone()),
-            ToHost::Timing(_) => {}
+            ToHost::Timing(timing) => {
+                let known = self.worst_stage.iter().chain(&timing.stages);
+                self.worst_stage = timing::worst(known);
+                self.timing = Some(timing.clone());
+            }
         }
     }
 
@@ -192,6 +204,7 @@ impl Session {
         self.clock.restart();
         self.stats = None;
         self.quality = None;
+        self.timing = None;
         if reset {
             tracing::warn!("the device was reset, or is another one: {identity}");
             self.counts.resets += 1;

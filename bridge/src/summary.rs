@@ -2,9 +2,10 @@
 
 use std::fmt;
 
-use link::Counters;
+use link::{Counters, StageTiming};
 
 use crate::session::Session;
+use crate::timing::worst_of_deadline;
 
 /// What was received, lost and filled until now; prints as one line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -34,6 +35,9 @@ pub struct Summary {
     pub unused: u64,
     /// Host's clock against the device's, parts per million.
     pub drift_ppm: f64,
+    /// The device's stage that came closest to its deadline, or missed it by most; none of a device
+    /// that measures none.
+    pub worst_stage: Option<StageTiming>,
 }
 
 impl Summary {
@@ -53,6 +57,7 @@ impl Summary {
             resets: session.counts.resets,
             unused: session.counts.early + counts.foreign,
             drift_ppm: session.clock.drift_ppm(),
+            worst_stage: session.worst_stage,
         }
     }
 }
@@ -90,6 +95,15 @@ impl fmt::Display for Summary {
             wire.unknown,
             wire.malformed,
             wire.resyncs
-        )
+        )?;
+        if let Some(stage) = &self.worst_stage {
+            write!(
+                formatter,
+                "; stage {}: {}",
+                stage.stage,
+                worst_of_deadline(stage)
+            )?;
+        }
+        Ok(())
     }
 }

@@ -233,3 +233,43 @@ fn input_bad(counters: &Counters) -> u32 {
     .into_iter()
     .fold(0, u32::wrapping_add)
 }
+
+#[cfg(test)]
+mod tests {
+    use link::{Decoder, MAX_FRAME, ResetCause, Stage, StageTiming};
+
+    use super::*;
+    use crate::FrameRing;
+
+    #[test]
+    fn timing_goes_out_as_it_was_measured() {
+        let identity = Identity {
+            firmware: "0.1.0",
+            board: "test",
+            chip_uid: [0; 12],
+            session_id: 1,
+            reset_cause: ResetCause::PowerOn,
+            fault: "",
+        };
+        let session = Session::new(identity, Mains::default());
+        let mut sender = Sender::new(FrameRing::<MAX_FRAME>::new());
+        let send = StageTiming {
+            stage: Stage::Send,
+            deadline_ns: 62_500_000,
+            worst_ns: 40_000,
+            histogram: [16, 0, 0, 0, 0, 0, 0, 0, 0],
+        };
+        let timing = Timing {
+            stages: [send].into_iter().collect(),
+            stack_used: 1_024,
+            stack_size: 4_096,
+        };
+        session.timing(&timing, 5, &mut sender);
+        let mut frame = [0; MAX_FRAME];
+        let mut frame = sender.queue().take(&mut frame).unwrap();
+        let mut host = Decoder::<MAX_FRAME>::new();
+        let frame = host.next::<ToHost>(&mut frame).unwrap().unwrap();
+        assert_eq!(frame.header.device_time_us, 5);
+        assert_eq!(frame.message, ToHost::Timing(timing));
+    }
+}

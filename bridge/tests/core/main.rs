@@ -13,3 +13,4 @@ mod recorder;
 mod session;
 mod signal_quality;
 mod silence;
+mod timing;

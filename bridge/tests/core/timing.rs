@@ -1,0 +1,174 @@
+//! The device's reports about its deadlines and its stack, in `/diagnostics` and in the last line.
+
+use link::{Stage, StageTiming, Timing, ToHost};
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
+
+use crate::board::{Board, at};
+use crate::recorder::{Desk, SETTINGS};
+
+const ACQUIRE: StageTiming = StageTiming {
+    stage: Stage::Acquire,
+    deadline_ns: 1_953_125,
+    worst_ns: 122_500,
+    histogram: [512, 0, 0, 0, 0, 0, 0, 0, 0],
+};
+
+/// Closer to its deadline than `ACQUIRE`, and not late.
+const CODE: StageTiming = StageTiming {
+    stage: Stage::Code,
+    deadline_ns: 7_812_500,
+    worst_ns: 7_812_500,
+    histogram: [0, 9, 0, 0, 0, 0, 0, 1, 0],
+};
+
+/// A report of two stages in time and a stack just deep enough, but for what `change` changes.
+fn report(change: impl FnOnce(&mut Timing)) -> ToHost<'static> {
+    let mut timing = Timing {
+        stages: [ACQUIRE, CODE].into_iter().collect(),
+        stack_used: 6144,
+        stack_size: 8192,
+    };
+    change(&mut timing);
+    ToHost::Timing(timing)
+}
+
+/// What the core makes of a message of a streaming board; none if it says nothing about it.
+fn told(desk: &mut Desk, message: &ToHost) -> Option<DiagnosticStatus> {
+    let bytes = desk.board.frame(0, message);
+    desk.receive(&bytes);
+    shown(desk)
+}
+
+fn shown(desk: &mut Desk) -> Option<DiagnosticStatus> {
+    let statuses = desk.core.diagnostics(at(desk.now_us)).status;
+    statuses
+        .into_iter()
+        .find(|status| status.name == "corticode: timing")
+}
+
+fn values(status: &DiagnosticStatus) -> Vec<(&str, &str)> {
+    let values = status.values.iter();
+    values.map(|pair| (&*pair.key, &*pair.value)).collect()
+}
+
+#[test]
+fn stages_in_time_and_a_stack_deep_enough_are_no_warning() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let status = told(&mut desk, &report(|_| {})).unwrap();
+    assert_eq!(
+        (status.level, &*status.message),
+        (DiagnosticLevel::Ok, "2 stages within their deadlines")
+    );
+    assert!(status.hardware_id.starts_with("board "));
+    assert_eq!(
+        values(&status),
+        [
+            ("acquire", "worst 122.5 us of 1953.125 us"),
+            (
+                "acquire: times per eighth of it",
+                "512 0 0 0 0 0 0 0, late 0"
+            ),
+            ("code", "worst 7812.5 us of 7812.5 us"),
+            ("code: times per eighth of it", "0 9 0 0 0 0 0 1, late 0"),
+            ("stack", "6144 of 8192 bytes"),
+        ]
+    );
+}
+
+#[test]
+fn a_stage_that_was_late_by_a_nanosecond_is_named() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let message = report(|timing| {
+        timing.stages[1].worst_ns += 1;
+        timing.stages[1].histogram[8] = 1;
+        let newer = StageTiming {
+            stage: Stage::Newer(9),
+            deadline_ns: 1_000,
+            worst_ns: 5_000,
+            histogram: [0, 0, 0, 0, 0, 0, 0, 0, 3],
+        };
+        timing.stages.push(newer).unwrap();
+    });
+    let status = told(&mut desk, &message).unwrap();
+    assert_eq!(
+        (status.level, &*status.message),
+        (DiagnosticLevel::Warn, "late since boot: code stage 9")
+    );
+    assert!(values(&status).contains(&("stage 9", "worst 5 us of 1 us")));
+    assert!(
+        values(&status).contains(&("stage 9: times per eighth of it", "0 0 0 0 0 0 0 0, late 3"))
+    );
+}
+
+#[test]
+fn more_than_three_quarters_of_the_stack_is_a_warning() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let status = told(&mut desk, &report(|timing| timing.stack_used += 1)).unwrap();
+    assert_eq!(
+        (status.level, &*status.message),
+        (
+            DiagnosticLevel::Warn,
+            "stack nearly used up: 6145 of 8192 bytes"
+        )
+    );
+    let message = report(|timing| {
+        timing.stages[0].worst_ns = u32::MAX;
+        timing.stack_used = u32::MAX;
+    });
+    let status = told(&mut desk, &message).unwrap();
+    assert_eq!(
+        status.message,
+        "late since boot: acquire; stack nearly used up: 4294967295 of 8192 bytes"
+    );
+}
+
+#[test]
+fn a_device_that_measures_nothing_is_not_blamed() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let status = told(&mut desk, &ToHost::Timing(Timing::default())).unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Ok);
+    assert!(status.values.is_empty(), "{status:?}");
+    assert_eq!(desk.core.summary().worst_stage, None);
+    assert!(!desk.core.summary().to_string().contains("stage"));
+}
+
+#[test]
+fn the_newest_report_about_deadlines_is_shown_once() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    assert_eq!(shown(&mut desk), None);
+    let older = report(|timing| timing.stack_used = 8192);
+    let older = desk.board.frame(0, &older);
+    desk.receive(&older);
+    let status = told(&mut desk, &report(|_| {})).unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Ok);
+    assert_eq!(shown(&mut desk), None);
+}
+
+#[test]
+fn deadlines_of_the_device_before_a_reset_are_not_shown_for_the_next_one() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let bytes = desk.board.frame(0, &report(|_| {}));
+    desk.receive(&bytes);
+    desk.board.reboot();
+    let hello = desk.board.hello();
+    desk.receive(&hello);
+    assert_eq!(shown(&mut desk), None);
+}
+
+#[test]
+fn the_last_line_names_the_stage_that_came_closest_to_its_deadline_before_a_reset_too() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    told(&mut desk, &report(|timing| timing.stages[0].worst_ns *= 2));
+    assert_eq!(desk.core.summary().worst_stage, Some(CODE));
+    let late = report(|timing| timing.stages[0].worst_ns = 4_000_000);
+    told(&mut desk, &late);
+    desk.board.reboot();
+    let hello = desk.board.hello();
+    desk.receive(&hello);
+    told(&mut desk, &report(|_| {}));
+    let line = desk.core.summary().to_string();
+    assert!(
+        line.ends_with("; stage acquire: worst 4000 us of 1953.125 us"),
+        "{line}"
+    );
+}
