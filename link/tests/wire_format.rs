@@ -304,13 +304,10 @@ fn a_timing_frame_takes_the_bytes_that_the_document_says() {
 #[test]
 fn every_stage_is_in_the_document() {
     for number in 0..=u8::MAX {
-        match Stage::from(number) {
-            Stage::Newer(_) => continue,
-            stage => {
-                let row = format!("| {number} | {stage} |");
-                assert!(DOCUMENT.contains(&row), "{row}");
-            }
-        }
+        let stage = Stage::from(number);
+        let row = format!("| {number} | {stage} |");
+        let is_newer = matches!(stage, Stage::Newer(_));
+        assert!(is_newer || DOCUMENT.contains(&row), "{row}");
     }
 }
 
