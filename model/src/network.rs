@@ -164,8 +164,9 @@ impl<'w> Network<'w> {
     /// of them can refuse; asserted at compile time for the built-in network. That there are as many
     /// weights as the shapes ask for, their types say.
     pub const fn is_consistent(&self) -> bool {
-        let fc = Self::fc(&[Pair::ZERO; FC_PAIRS]);
-        let shortcut = Self::shortcut(&[Pair::ZERO; SHORTCUT_PAIRS]);
+        const FC: &[Pair; FC_PAIRS] = &[Pair::ZERO; FC_PAIRS];
+        const SHORTCUT: &[Pair; SHORTCUT_PAIRS] = &[Pair::ZERO; SHORTCUT_PAIRS];
+        let (fc, shortcut) = (Self::fc(FC), Self::shortcut(SHORTCUT));
         (self.hop == 8 || self.hop == STEPS)
             && self.hop.is_multiple_of(POOL[0])
             && shortcut.is_consistent(ELECTRODE_PAIRS, CODE)

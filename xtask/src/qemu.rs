@@ -8,6 +8,7 @@ mod host;
 mod input;
 mod live;
 mod report;
+mod stages;
 mod stall;
 
 use std::fs;

@@ -9,6 +9,7 @@ use super::Runs;
 use super::failures::Recovery;
 use super::heard::{Heard, Hello};
 use super::input::Input;
+use super::stages::Stages;
 use super::stall::Stall;
 use crate::benchmark::emulator::Machine;
 
@@ -39,6 +40,8 @@ pub(super) struct MachineFigures {
     jitter_us: u64,
     /// The slower run, on this PC.
     wall_seconds: f64,
+    /// How long its stages take.
+    pub(super) stages: Stages,
     /// A run whose host stops reading for a while.
     stalled_host: Stall,
     /// Runs that fail, and what the next one says of it.
@@ -72,6 +75,7 @@ impl MachineFigures {
             bytes: first.sent.len(),
             jitter_us: heard.jitter_us(),
             wall_seconds: first.wall.max(second.wall).as_secs_f64(),
+            stages: Stages::of(heard.timing.last()),
             stalled_host: runs.stalled,
             failures: runs.failures,
             faults: Vec::new(),
@@ -141,6 +145,7 @@ impl MachineFigures {
         if heard.stats.len() != heard.quality.len() || last.samples > all {
             faults.push(format!("{} Stats, the last: {last:?}", heard.stats.len()));
         }
+        faults.extend(self.stages.faults());
         faults.extend(self.stalled_host.faults.iter().cloned());
         let failures = self.failures.iter().flat_map(|failure| &failure.faults);
         faults.extend(failures.cloned());
@@ -162,6 +167,7 @@ impl fmt::Display for MachineFigures {
             self.bytes,
             self.wall_seconds
         )?;
+        write!(f, "\n  {}", self.stages)?;
         for failure in &self.failures {
             write!(f, "\n  {failure}")?;
         }

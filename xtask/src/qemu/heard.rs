@@ -1,6 +1,8 @@
 //! The frames that a board has sent.
 
-use link::{Code, Decoder, Encoder, FrameError, MAX_FRAME, Quality, ResetCause, Stats, ToHost};
+use link::{
+    Code, Decoder, Encoder, FrameError, MAX_FRAME, Quality, ResetCause, Stats, Timing, ToHost,
+};
 
 /// What a board has sent, by kind, in order.
 #[derive(Debug, Default)]
@@ -15,6 +17,8 @@ pub(super) struct Heard {
     pub(super) quality: Vec<Quality>,
     /// What it has counted.
     pub(super) stats: Vec<Stats>,
+    /// How long its stages took.
+    pub(super) timing: Vec<Timing>,
     /// All frames.
     pub(super) frames: u32,
     /// Frames that could not be used, and the first reason.
@@ -75,6 +79,7 @@ impl Heard {
             ToHost::Code(code) => self.codes.push((device_us, *code)),
             ToHost::Stats(stats) => self.stats.push(*stats),
             ToHost::Quality(quality) => self.quality.push(quality.clone()),
+            ToHost::Timing(timing) => self.timing.push(timing.clone()),
             ToHost::Ack(_) => {}
         }
     }

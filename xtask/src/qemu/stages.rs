@@ -1,0 +1,144 @@
+//! How long the stages of an emulated board take.
+
+use std::fmt;
+
+use link::Timing;
+use serde::Serialize;
+
+/// Most that any stage may take of its deadline.
+const MOST: f64 = 0.5;
+/// Most of the stack that may have been used.
+const MOST_STACK: f64 = 0.75;
+
+/// What a board says of its stages at last: in virtual time, other tasks and interrupts included.
+#[derive(Debug, Clone, Default, Serialize)]
+pub(super) struct Stages {
+    stages: Vec<Stage>,
+    /// Bytes.
+    stack_used: u32,
+    stack_size: u32,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct Stage {
+    name: String,
+    worst_ns: u32,
+    deadline_ns: u32,
+    /// How often it was late.
+    late: u32,
+}
+
+impl Stages {
+    /// Of the last report, which counts from the start.
+    pub(super) fn of(timing: Option<&Timing>) -> Self {
+        let Some(timing) = timing else {
+            return Self::default();
+        };
+        let stages = timing.stages.iter().map(|stage| Stage {
+            name: stage.stage.to_string(),
+            worst_ns: stage.worst_ns,
+            deadline_ns: stage.deadline_ns,
+            late: stage.histogram[stage.histogram.len() - 1],
+        });
+        Self {
+            stages: stages.collect(),
+            stack_used: timing.stack_used,
+            stack_size: timing.stack_size,
+        }
+    }
+
+    /// The worst stage over its deadline; none where nothing was said.
+    pub(super) fn worst_over_deadline(&self) -> Option<f64> {
+        self.stages
+            .iter()
+            .map(Stage::over_deadline)
+            .reduce(f64::max)
+    }
+
+    pub(super) fn faults(&self) -> Vec<String> {
+        let mut faults: Vec<String> = self
+            .stages
+            .iter()
+            .filter(|stage| stage.over_deadline() > MOST || stage.late > 0)
+            .map(|stage| format!("{stage}: more than {MOST} of its deadline, or late"))
+            .collect();
+        if self.stages.is_empty() {
+            faults.push("it has not said how long its stages take".to_owned());
+        }
+        let stack = f64::from(self.stack_used) / f64::from(self.stack_size);
+        // What is no number is no measurement.
+        if stack.is_nan() || stack > MOST_STACK {
+            let (used, size) = (self.stack_used, self.stack_size);
+            faults.push(format!("{used} of {size} bytes of stack were used"));
+        }
+        faults
+    }
+}
+
+impl Stage {
+    fn over_deadline(&self) -> f64 {
+        f64::from(self.worst_ns) / f64::from(self.deadline_ns)
+    }
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [worst, deadline] = [self.worst_ns, self.deadline_ns].map(|ns| ns / 1_000);
+        write!(f, "{} {worst} of {deadline} us", self.name)
+    }
+}
+
+impl fmt::Display for Stages {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let stages: Vec<String> = self.stages.iter().map(Stage::to_string).collect();
+        write!(
+            f,
+            "worst: {}; stack {} of {} bytes",
+            stages.join(", "),
+            self.stack_used,
+            self.stack_size
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use link::StageTiming;
+
+    use super::*;
+
+    fn timing(worst_ns: u32, late: u32) -> Timing {
+        let mut histogram = [1; 9];
+        histogram[8] = late;
+        Timing {
+            stages: [StageTiming {
+                stage: link::Stage::Step,
+                deadline_ns: 8_000_000,
+                worst_ns,
+                histogram,
+            }]
+            .into_iter()
+            .collect(),
+            stack_used: 600,
+            stack_size: 1_000,
+        }
+    }
+
+    #[test]
+    fn a_stage_beyond_half_its_deadline_a_deep_stack_and_silence_are_faults() {
+        let sound = Stages::of(Some(&timing(2_000_000, 0)));
+        assert_eq!(sound.worst_over_deadline(), Some(0.25));
+        assert!(sound.faults().is_empty());
+        assert!(
+            sound.to_string().contains("step 2000 of 8000 us"),
+            "{sound}"
+        );
+        assert_eq!(Stages::of(Some(&timing(4_000_001, 0))).faults().len(), 1);
+        assert_eq!(Stages::of(Some(&timing(1, 1))).faults().len(), 1);
+        let mut deep = timing(1, 0);
+        deep.stack_used = 900;
+        assert_eq!(Stages::of(Some(&deep)).faults().len(), 1);
+        assert_eq!(Stages::of(None).faults().len(), 2);
+        assert_eq!(Stages::of(None).worst_over_deadline(), None);
+    }
+}
