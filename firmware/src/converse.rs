@@ -23,14 +23,25 @@ const PACKET: usize = 64;
 /// How often the conversation shows that it is alive.
 const TICK: embassy_time::Duration = embassy_time::Duration::from_millis(20);
 
+/// Both directions of a port.
+#[derive(Debug)]
+pub struct Port<Input, Output> {
+    /// From the host.
+    pub input: Input,
+    /// To the host.
+    pub output: Output,
+}
+
 /// Introduces the device, answers commands and sends what is made, for ever; begins with `start`, if a
 /// board starts without a host.
 ///
 /// Reading, making and writing are one task of one priority: they share session and frames without
 /// locks. A port that takes nothing costs the oldest whole frames, which are counted.
 pub async fn converse(
-    mut input: impl Read,
-    mut output: impl Write,
+    Port {
+        mut input,
+        mut output,
+    }: Port<impl Read, impl Write>,
     mut session: Session<'_>,
     start: Option<Start>,
     frames: &mut Frames,

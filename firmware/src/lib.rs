@@ -32,7 +32,7 @@ mod taken;
 mod timing;
 
 pub use acquire::acquire;
-pub use converse::converse;
+pub use converse::{Port, converse};
 pub use converter::{Conversion, Converter};
 pub use encode::encode;
 pub use fault_record::FaultRecord;

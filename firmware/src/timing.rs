@@ -38,7 +38,7 @@ impl Timing {
     pub(crate) const fn new(clock: Clock) -> Self {
         let mut timing = Self {
             clock,
-            stages: [const { StageTime::EMPTY }; STAGES.len()],
+            stages: [const { StageTime::new() }; STAGES.len()],
         };
         let mut index = 0;
         while index < STAGES.len() {
@@ -90,11 +90,13 @@ struct StageTime {
 }
 
 impl StageTime {
-    const EMPTY: Self = Self {
-        part: 1,
-        worst: AtomicU32::new(0),
-        histogram: [const { AtomicU32::new(0) }; PARTS + 1],
-    };
+    const fn new() -> Self {
+        Self {
+            part: 1,
+            worst: AtomicU32::new(0),
+            histogram: [const { AtomicU32::new(0) }; PARTS + 1],
+        }
+    }
 
     fn take(&self, ticks: u32) {
         if ticks > self.worst.load(Relaxed) {

@@ -76,7 +76,7 @@ impl<'w> Encoder<'w> {
             }
             window.count(step);
             if HAS_SHORTCUT {
-                window.add_electrodes(&self.network.shortcut[offset], &electrodes);
+                window.add_electrodes(self.network.shortcut[offset], &electrodes);
             }
         }
     }

@@ -67,11 +67,11 @@ impl OpenWindow {
     #[inline]
     pub(crate) fn add_pooled(
         &mut self,
-        fc: &[&[Pair; FC_PAIRS]; FC_PIECES],
+        fc: [&[Pair; FC_PAIRS]; FC_PIECES],
         pooled: &[Pair; POOLED_PAIRS],
     ) {
         let pieces = pooled.chunks_exact(POOLED_PAIRS / FC_PIECES);
-        for (fc, pooled) in fc.iter().zip(pieces) {
+        for (fc, pooled) in fc.into_iter().zip(pieces) {
             Network::fc(fc).accumulate(pooled, &mut self.fc);
         }
     }

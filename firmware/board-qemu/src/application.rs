@@ -8,7 +8,7 @@ use device::{FrameRing, Identity, Sender, Session};
 use embassy_executor::SpawnError;
 use embassy_sync::zerocopy_channel::{self, Channel};
 use embassy_time::{Duration, Timer};
-use firmware::{Clock, FaultRecord, Made, Mutex, Shared, Taken, deadlines};
+use firmware::{Clock, FaultRecord, Made, Mutex, Port, Shared, Taken, deadlines};
 use link::{ResetCause, Start, Streams};
 use pipeline::{Encoder, Mains};
 use static_cell::{ConstStaticCell, StaticCell};
@@ -43,7 +43,7 @@ static MADE_CHANNEL: StaticCell<Channel<'static, Mutex, Made>> = StaticCell::new
 
 #[embassy_executor::task]
 async fn acquire(recording: Recording, taken: zerocopy_channel::Sender<'static, Mutex, Taken>) {
-    firmware::acquire(recording, &SHARED, taken).await
+    firmware::acquire(recording, &SHARED, taken).await;
 }
 
 #[embassy_executor::task]
@@ -52,7 +52,7 @@ async fn encode(
     made: zerocopy_channel::Sender<'static, Mutex, Made>,
     encoder: &'static mut Encoder<'static>,
 ) {
-    firmware::encode(&SHARED, taken, made, encoder).await
+    firmware::encode(&SHARED, taken, made, encoder).await;
 }
 
 #[embassy_executor::task]
@@ -64,8 +64,10 @@ async fn converse(
 ) {
     let session = Session::new(identity(before.as_ref()), Mains::default());
     firmware::converse(
-        Receiver,
-        Transmitter,
+        Port {
+            input: Receiver,
+            output: Transmitter,
+        },
         session,
         start,
         frames,
@@ -73,7 +75,7 @@ async fn converse(
         Some(failure::stack()),
         made,
     )
-    .await
+    .await;
 }
 
 /// Ends the emulation a while after the file.
@@ -93,7 +95,7 @@ async fn end() {
 #[embassy_executor::task]
 async fn watch() {
     failure::begin_watchdog();
-    firmware::keep_alive(&SHARED, failure::feed_watchdog).await
+    firmware::keep_alive(&SHARED, failure::feed_watchdog).await;
 }
 
 /// Fails as asked, after a second.

@@ -19,6 +19,7 @@ pub(crate) static ENDED: AtomicBool = AtomicBool::new(false);
 
 /// What the emulated converter reads.
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "there is one, for ever")]
 pub(crate) enum Recording {
     /// A file of the host.
     File(HostFile),

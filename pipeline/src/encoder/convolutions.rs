@@ -127,7 +127,7 @@ impl Convolutions {
         network: &Network<'_>,
         windows: &mut [OpenWindow; OPEN],
     ) {
-        if let (Some(window), Some(fc)) = (windows.get_mut(slot), network.fc.get(offset)) {
+        if let (Some(window), Some(&fc)) = (windows.get_mut(slot), network.fc.get(offset)) {
             window.add_pooled(fc, self.pool.pooled());
         }
     }

@@ -91,6 +91,8 @@ impl Edges {
 
     fn add(&mut self, network: &Network<'_>, window: &mut OpenWindow, place: usize) {
         self.pool.finish(network);
-        window.add_pooled(&network.fc[place], self.pool.pooled());
+        if let Some(&fc) = network.fc.get(place) {
+            window.add_pooled(fc, self.pool.pooled());
+        }
     }
 }

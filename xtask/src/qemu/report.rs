@@ -21,7 +21,7 @@ pub(super) struct Report {
     /// Samples that were not read in time, on both machines.
     overruns: u32,
     /// The worst time of any stage over its deadline, other tasks and interrupts included; simulated, at
-    /// 125 million instructions per second.
+    /// 62.5 million instructions per second.
     worst_path_over_deadline: Option<f64>,
     machines: Vec<MachineFigures>,
     inputs: Vec<&'static str>,

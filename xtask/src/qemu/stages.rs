@@ -13,7 +13,8 @@ const MOST_STACK: f64 = 0.75;
 /// What a board says of its stages at last: in virtual time, other tasks and interrupts included.
 #[derive(Debug, Clone, Default, Serialize)]
 pub(super) struct Stages {
-    stages: Vec<Stage>,
+    #[serde(rename = "stages")]
+    each: Vec<Stage>,
     /// Bytes.
     stack_used: u32,
     stack_size: u32,
@@ -41,7 +42,7 @@ impl Stages {
             late: stage.histogram[stage.histogram.len() - 1],
         });
         Self {
-            stages: stages.collect(),
+            each: stages.collect(),
             stack_used: timing.stack_used,
             stack_size: timing.stack_size,
         }
@@ -49,20 +50,17 @@ impl Stages {
 
     /// The worst stage over its deadline; none where nothing was said.
     pub(super) fn worst_over_deadline(&self) -> Option<f64> {
-        self.stages
-            .iter()
-            .map(Stage::over_deadline)
-            .reduce(f64::max)
+        self.each.iter().map(Stage::over_deadline).reduce(f64::max)
     }
 
     pub(super) fn faults(&self) -> Vec<String> {
         let mut faults: Vec<String> = self
-            .stages
+            .each
             .iter()
             .filter(|stage| stage.over_deadline() > MOST || stage.late > 0)
             .map(|stage| format!("{stage}: more than {MOST} of its deadline, or late"))
             .collect();
-        if self.stages.is_empty() {
+        if self.each.is_empty() {
             faults.push("it has not said how long its stages take".to_owned());
         }
         let stack = f64::from(self.stack_used) / f64::from(self.stack_size);
@@ -90,7 +88,7 @@ impl fmt::Display for Stage {
 
 impl fmt::Display for Stages {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let stages: Vec<String> = self.stages.iter().map(Stage::to_string).collect();
+        let stages: Vec<String> = self.each.iter().map(Stage::to_string).collect();
         write!(
             f,
             "worst: {}; stack {} of {} bytes",
