@@ -5,8 +5,8 @@ use std::{path::Path, sync::LazyLock};
 
 use int8_nn::Pair;
 use model::{
-    CODE, ConvWeights, ELECTRODE_PAIRS, ELECTRODES, FC_PIECES, HAS_CONVOLUTIONS, HAS_SHORTCUT,
-    HIDDEN, MARGIN, Network, POOLED, POOLED_PAIRS, POOLED_STEPS, STEPS,
+    CODE, ConvWeights, ELECTRODES, HAS_CONVOLUTIONS, HAS_SHORTCUT, HIDDEN, MARGIN, Network, POOLED,
+    POOLED_STEPS, STEPS,
 };
 use model_gen::{
     IntegerConv, IntegerLinear, IntegerModel,
