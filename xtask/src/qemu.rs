@@ -129,9 +129,9 @@ fn run(machine: Machine, input: &Input, expected: &Heard) -> Result<Runs, Failur
             })
     });
     let undisturbed = [first?, second?];
-    let second = undisturbed[0].wall.div_f64(input.duration().as_secs_f64());
+    let wall = undisturbed[0].wall;
     Ok(Runs {
-        stalled: Stall::of(&image, machine, &folder, input, expected, second)?,
+        stalled: Stall::of(&image, machine, &folder, input, expected, wall)?,
         failures: Recovery::of_every_failure(&image, machine, &folder, input, expected)?,
         undisturbed,
     })

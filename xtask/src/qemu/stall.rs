@@ -27,8 +27,8 @@ const POLL: Duration = Duration::from_millis(5);
 /// Bytes that the pipe holds: one second of codes. The board holds two more.
 const HELD: usize = 4096;
 
-/// How long the full pipe is left alone, seconds of the emulated time.
-const STALLED: u32 = 8;
+/// The full pipe is left alone for this part of the run; the board's queue is full after two seconds.
+const STALLED: u32 = 3;
 
 /// The two ends of QEMU's `-serial pipe:`.
 const ENDS: [&str; 2] = ["stalled.in", "stalled.out"];
@@ -48,8 +48,8 @@ pub(super) struct Stall {
 }
 
 impl Stall {
-    /// Runs the image behind a pipe that is read only once it has been full for a while; an emulated
-    /// second takes about `second` here.
+    /// Runs the image behind a pipe that is read only once it has been full for a while; the whole run
+    /// takes about `wall` here.
     ///
     /// # Errors
     /// The pipe cannot be made, or QEMU fails.
@@ -59,7 +59,7 @@ impl Stall {
         folder: &Path,
         input: &Input,
         expected: &Heard,
-        second: Duration,
+        wall: Duration,
     ) -> Result<Self, Failure> {
         let [_, mut output] = ENDS.map(|name| pipe(&folder.join(name)));
         let output = output
@@ -70,7 +70,7 @@ impl Stall {
         let ended = AtomicBool::new(false);
         let patience = PATIENCE + input.duration();
         let (said, sent) = thread::scope(|scope| {
-            let reader = scope.spawn(|| read_late(output, &ended, STALLED * second));
+            let reader = scope.spawn(|| read_late(output, &ended, wall / STALLED));
             let said = emulator::run_to_end(&mut command, patience, || ());
             ended.store(true, Relaxed);
             (said, reader.join())
