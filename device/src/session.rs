@@ -52,12 +52,26 @@ pub struct Marks {
     pub overrun: bool,
 }
 
+impl Marks {
+    /// Nothing went wrong.
+    pub const NONE: Self = Self {
+        adc_status_bad: false,
+        lead_off: false,
+        overrun: false,
+    };
+}
+
 /// Obeys commands and puts what happens into messages.
+///
+/// Messages are built on the stack, the largest in two kilobytes: what makes them is never part of its
+/// caller, so that a task's frame does not hold all of them at once.
 #[derive(Debug)]
 pub struct Session<'i> {
     identity: Identity<'i>,
     run: Run,
     streams: Streams,
+    /// Whether there is anything to start.
+    can_stream: bool,
     decoder: Decoder,
     /// What this side counts; the rest is filled in when it is sent.
     stats: Stats,
@@ -70,9 +84,15 @@ impl<'i> Session<'i> {
             identity,
             run: Run { number: 0, mains },
             streams: Streams::empty(),
+            can_stream: true,
             decoder: Decoder::new(),
             stats: Stats::default(),
         }
+    }
+
+    /// Starts nothing from now on: the model is damaged. [`Identity::fault`] should say so.
+    pub fn refuse_starts(&mut self) {
+        self.can_stream = false;
     }
 
     /// Whether a host has started a stream.
@@ -86,6 +106,7 @@ impl<'i> Session<'i> {
     }
 
     /// Says who the device is and what it measures.
+    #[inline(never)]
     pub fn introduce(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         sender.send(now_us, &ToHost::Hello(self.identity.hello()));
         self.send_capabilities(now_us, sender);
@@ -93,6 +114,7 @@ impl<'i> Session<'i> {
 
     /// Takes bytes from the host and answers the commands that they complete; `order` gets what the
     /// acquisition has to do about them, before the answer goes out.
+    #[inline(never)]
     pub fn receive(
         &mut self,
         mut bytes: &[u8],
@@ -144,6 +166,9 @@ impl<'i> Session<'i> {
         now_us: u64,
         sender: &mut Sender<impl FrameQueue>,
     ) -> (AckResult, Option<Order>) {
+        if !self.can_stream {
+            return (AckResult::NotSupported, None);
+        }
         let mains = match start.mains_hz {
             0 => Some(self.run.mains),
             hz => Mains::from_hz(hz),
@@ -169,6 +194,7 @@ impl<'i> Session<'i> {
     }
 
     /// Sends a code whose window's last step stands at `step_us`.
+    #[inline(never)]
     pub fn code(
         &mut self,
         code: &Code,
@@ -184,11 +210,13 @@ impl<'i> Session<'i> {
     }
 
     /// Sends what each electrode delivered within a second.
+    #[inline(never)]
     pub fn quality(&self, quality: &Quality, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         sender.send(now_us, &ToHost::Quality(message::quality(quality)));
     }
 
     /// Sends the counters; a device does so every second while it streams, and after `Stop`.
+    #[inline(never)]
     pub fn send_stats(&self, now_us: u64, counts: Counts, sender: &mut Sender<impl FrameQueue>) {
         let stats = self.stats(counts, sender.dropped());
         sender.send(now_us, &ToHost::Stats(stats));
@@ -196,6 +224,7 @@ impl<'i> Session<'i> {
 
     /// Sends how long the stages took since boot; a device that measures it does so every second
     /// while it streams, after the counters.
+    #[inline(never)]
     pub fn timing(&self, timing: &Timing, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         sender.send(now_us, &ToHost::Timing(timing.clone()));
     }
@@ -214,6 +243,7 @@ impl<'i> Session<'i> {
         }
     }
 
+    #[inline(never)]
     fn send_capabilities(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         let capabilities = message::capabilities(self.run.mains);
         sender.send(now_us, &ToHost::Capabilities(capabilities));

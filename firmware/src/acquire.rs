@@ -3,7 +3,7 @@
 use device::{Marks, Order, Run};
 use embassy_sync::zerocopy_channel::Sender;
 use link::Stage;
-use pipeline::{Acquisition, Sample};
+use pipeline::{Acquisition, Sample, Step};
 
 use crate::{Conversion, Converter, Mutex, Shared, Taken};
 
@@ -15,18 +15,22 @@ pub async fn acquire(
     mut converter: impl Converter,
     shared: &Shared,
     mut taken: Sender<'_, Mutex, Taken>,
+    acquisition: &mut Acquisition,
 ) -> ! {
-    let mut acquisition: Option<Running> = None;
+    let mut running: Option<Running> = None;
     let mut sample = Sample::default();
     loop {
         let conversion = converter.next(&mut sample).await;
         shared.progress.acquired();
         match shared.orders.try_take() {
-            Some(Order::Start(run)) => acquisition = Some(Running::new(run)),
-            Some(Order::Stop) => acquisition = None,
+            Some(Order::Start(run)) => {
+                acquisition.restart(run.mains);
+                running = Some(Running::of(run));
+            }
+            Some(Order::Stop) => running = None,
             None => {}
         }
-        if let Some(running) = &mut acquisition {
+        if let Some(running) = &mut running {
             shared.count_sample();
             shared.count_overruns(conversion.missed);
             if conversion.status_bad {
@@ -35,7 +39,8 @@ pub async fn acquire(
             running.marks.overrun |= conversion.missed > 0;
             running.marks.adc_status_bad |= conversion.status_bad;
             running.marks.lead_off |= conversion.lead_off;
-            running.take(&sample, &conversion, shared, &mut taken);
+            let step = acquisition.push(&sample);
+            running.take(&sample, step.as_ref(), &conversion, shared, &mut taken);
             shared.timing.end(Stage::Acquire, conversion.drdy_ticks);
         }
     }
@@ -43,7 +48,6 @@ pub async fn acquire(
 
 /// A stream that runs.
 struct Running {
-    acquisition: Acquisition,
     /// Told to the encoder with the first sample that it has room for.
     begun: Option<Run>,
     /// Steps made since the start.
@@ -53,24 +57,23 @@ struct Running {
 }
 
 impl Running {
-    fn new(run: Run) -> Self {
+    const fn of(run: Run) -> Self {
         Self {
-            acquisition: Acquisition::new(run.mains),
             begun: Some(run),
             steps: 0,
-            marks: Marks::default(),
+            marks: Marks::NONE,
         }
     }
 
     fn take(
         &mut self,
         sample: &Sample,
+        step: Option<&Step>,
         conversion: &Conversion,
         shared: &Shared,
         taken: &mut Sender<'_, Mutex, Taken>,
     ) {
-        let step = self.acquisition.push(sample);
-        if let Some(step) = &step {
+        if let Some(step) = step {
             shared.count_clipped(step.clipped);
         }
         let index = self.steps;
@@ -82,7 +85,7 @@ impl Running {
         };
         slot.begun = self.begun.take();
         slot.sample = *sample;
-        slot.step = step.map(|step| (index, step));
+        slot.step = step.map(|step| (index, *step));
         slot.drdy_us = conversion.drdy_us;
         slot.drdy_ticks = conversion.drdy_ticks;
         slot.marks = core::mem::take(&mut self.marks);

@@ -2,6 +2,7 @@
 
 use core::{
     cell::{Cell, RefCell},
+    pin::pin,
     sync::atomic::Ordering::Relaxed,
 };
 
@@ -42,7 +43,7 @@ pub async fn converse(
         mut input,
         mut output,
     }: Port<impl Read, impl Write>,
-    mut session: Session<'_>,
+    session: &mut Session<'_>,
     start: Option<Start>,
     frames: &mut Frames,
     shared: &Shared,
@@ -62,8 +63,9 @@ pub async fn converse(
     let waiting = Signal::<NoopRawMutex, ()>::new();
     waiting.signal(());
 
+    let mut packet = [0; PACKET];
+    let mut buffer = [0; MAX_FRAME];
     let read = async {
-        let mut packet = [0; PACKET];
         loop {
             let Ok(length) = input.read(&mut packet).await else {
                 // The port is closed: it comes back, or it does not.
@@ -99,7 +101,6 @@ pub async fn converse(
         }
     };
     let write = async {
-        let mut buffer = [0; MAX_FRAME];
         loop {
             waiting.wait().await;
             loop {
@@ -119,7 +120,8 @@ pub async fn converse(
             }
         }
     };
-    join3(read, make, write).await;
+    // In place: what is moved takes room on the stack as well, for ever.
+    join3(pin!(read), pin!(make), pin!(write)).await;
     unreachable!("none of the three ends")
 }
 

@@ -6,7 +6,7 @@ use device::Marks;
 use embassy_sync::zerocopy_channel::{Receiver, Sender};
 use link::Stage;
 use model::{HOP, STEPS};
-use pipeline::{Encoder, Mains, SignalQuality, Step};
+use pipeline::{Encoder, SignalQuality, Step};
 
 use crate::{Made, Mutex, Shared, Taken};
 
@@ -19,14 +19,14 @@ pub async fn encode(
     mut taken: Receiver<'_, Mutex, Taken>,
     mut made: Sender<'_, Mutex, Made>,
     encoder: &mut Encoder<'static>,
+    quality: &mut SignalQuality,
 ) -> ! {
-    let mut quality = SignalQuality::new(Mains::default());
     let mut windows = Windows::default();
     loop {
         let item = taken.receive().await;
         if let Some(run) = item.begun {
-            *encoder = Encoder::new();
-            quality = SignalQuality::new(run.mains);
+            encoder.restart();
+            quality.restart(run.mains);
             windows = Windows {
                 run: run.number,
                 ..Windows::default()

@@ -55,6 +55,9 @@ pub struct MainsFilter {
 
 include!(concat!(env!("OUT_DIR"), "/generated.rs"));
 
+/// The sum over the network as it was built.
+pub const NETWORK_SUM: u32 = NETWORK.sum();
+
 const _: () = {
     assert!(RESAMPLER.is_consistent());
     assert!(NETWORK.is_consistent());
@@ -72,6 +75,25 @@ const _: () = {
 #[cfg(test)]
 mod tests {
     use std::{fs, path::Path};
+
+    use super::*;
+
+    #[test]
+    fn a_single_bit_of_any_weight_changes_the_sum() {
+        assert_eq!(NETWORK.sum(), NETWORK_SUM);
+        if HAS_CONVOLUTIONS {
+            let mut weights = *NETWORK.conv2.weights;
+            weights[CONV2_PAIRS / 2].0 ^= 1 << 17;
+            let mut network = NETWORK;
+            network.conv2.weights = &weights;
+            assert_ne!(network.sum(), NETWORK_SUM);
+        }
+        let mut zero_point = *NETWORK.code_zero_point;
+        zero_point[CODE - 1] ^= 1;
+        let mut network = NETWORK;
+        network.code_zero_point = &zero_point;
+        assert_ne!(network.sum(), NETWORK_SUM);
+    }
 
     #[test]
     fn the_checked_in_manifest_is_that_of_the_artifact() {

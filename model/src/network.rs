@@ -160,6 +160,41 @@ impl<'w> Network<'w> {
         }
     }
 
+    /// A sum over everything that a network holds: FNV-1a over words (Fowler, Noll and Vo; 32 bits),
+    /// which a change of any single word changes. A board compares it with
+    /// [`NETWORK_SUM`](crate::NETWORK_SUM) before it trusts what lies in its flash.
+    pub const fn sum(&self) -> u32 {
+        let mut sum = Sum::EMPTY;
+        sum.pairs(self.conv1.weights);
+        sum.words(self.conv1.bias);
+        sum.words(self.conv1.multipliers);
+        sum.pairs(self.conv2.weights);
+        sum.words(self.conv2.bias);
+        sum.words(self.conv2.multipliers);
+        sum.pairs(&self.hidden_padding);
+        sum.pairs(&self.hidden_offset);
+        let matrices = self.fc.as_flattened();
+        let mut index = 0;
+        while index < matrices.len() {
+            sum.pairs(matrices[index]);
+            index += 1;
+        }
+        sum.words(self.fc_bias);
+        sum.words(self.fc_multipliers);
+        let mut index = 0;
+        while index < self.shortcut.len() {
+            sum.pairs(self.shortcut[index]);
+            index += 1;
+        }
+        sum.words(self.shortcut_multipliers);
+        let mut index = 0;
+        while index < CODE {
+            sum.word(self.code_zero_point[index].cast_unsigned() as u32);
+            index += 1;
+        }
+        sum.0
+    }
+
     /// True when windows and pools of a stream coincide and the kernels fit the shapes, so that none
     /// of them can refuse; asserted at compile time for the built-in network. That there are as many
     /// weights as the shapes ask for, their types say.
@@ -174,5 +209,32 @@ impl<'w> Network<'w> {
             && (!HAS_CONVOLUTIONS
                 || self.conv1().is_consistent(CELL_PLANE, HIDDEN_INTERIOR)
                     && self.conv2().is_consistent(HIDDEN, POOLED))
+    }
+}
+
+/// FNV-1a, word by word.
+struct Sum(u32);
+
+impl Sum {
+    const EMPTY: Self = Self(0x811c_9dc5);
+
+    const fn word(&mut self, word: u32) {
+        self.0 = (self.0 ^ word).wrapping_mul(0x0100_0193);
+    }
+
+    const fn words(&mut self, words: &[i32]) {
+        let mut index = 0;
+        while index < words.len() {
+            self.word(words[index].cast_unsigned());
+            index += 1;
+        }
+    }
+
+    const fn pairs(&mut self, pairs: &[Pair]) {
+        let mut index = 0;
+        while index < pairs.len() {
+            self.word(pairs[index].0);
+            index += 1;
+        }
     }
 }

@@ -18,15 +18,26 @@ pub struct Acquisition {
 
 impl Acquisition {
     /// An acquisition at rest for this mains frequency.
-    pub fn new(mains: Mains) -> Self {
+    pub const fn new(mains: Mains) -> Self {
         Self {
             front_end: FrontEnd::new(mains, &RESAMPLER),
-            settling_samples: u64::from(mains.filter().settling_samples),
+            settling_samples: mains.filter().settling_samples as u64,
             samples: 0,
             saturated: 0,
             clipped_total: 0,
             saturated_total: 0,
         }
+    }
+
+    /// Forgets the signal, in place, and goes to rest for this mains frequency. What it has counted
+    /// begins again.
+    pub fn restart(&mut self, mains: Mains) {
+        self.front_end.restart(mains);
+        self.settling_samples = mains.filter().settling_samples.into();
+        self.samples = 0;
+        self.saturated = 0;
+        self.clipped_total = 0;
+        self.saturated_total = 0;
     }
 
     /// Takes one sample; gives the step that is due with it, if one is: with 512 Hz every fourth
@@ -93,6 +104,30 @@ mod tests {
             .into_iter()
             .filter_map(|sample| acquisition.push(&sample))
             .collect()
+    }
+
+    #[test]
+    fn an_acquisition_that_restarts_is_as_good_as_new() {
+        let sample = |index: i32| Sample {
+            counts: core::array::from_fn(|channel| {
+                let channel = i32::try_from(channel).expect("few channels");
+                index * 997 % 10_007 + channel * 113
+            }),
+        };
+        let steps = |acquisition: &mut Acquisition| -> Vec<Step> {
+            (0..90)
+                .filter_map(|index| acquisition.push(&sample(index)))
+                .collect()
+        };
+        let expected = steps(&mut Acquisition::new(Mains::Hz60));
+        let mut acquisition = Acquisition::new(Mains::Hz50);
+        for samples in [1, 2, 77] {
+            for index in 500..500 + samples {
+                acquisition.push(&sample(index));
+            }
+            acquisition.restart(Mains::Hz60);
+            assert_eq!(steps(&mut acquisition), expected);
+        }
     }
 
     #[test]

@@ -56,6 +56,16 @@ impl<'w> Encoder<'w> {
         }
     }
 
+    /// Forgets what it has seen, in place: the next step is the first.
+    pub fn restart(&mut self) {
+        // Planes of the past are overwritten before anything reads them.
+        for convolutions in &mut self.convolutions {
+            convolutions.restart();
+        }
+        self.windows = [OpenWindow::EMPTY; OPEN];
+        self.step = 0;
+    }
+
     /// Takes the next step; gives a code when it completes a window.
     pub fn push(&mut self, step: &Step) -> Option<Code> {
         let index = self.step;
@@ -161,6 +171,32 @@ mod tests {
         assert_eq!(apart(5), [(0, 5)]);
         assert_eq!(apart(6), []);
         assert_eq!(apart(8), [(1, 0)]);
+    }
+
+    #[test]
+    fn an_encoder_that_restarts_is_as_good_as_new() {
+        let step = |index: usize| Step {
+            plane: core::array::from_fn(|cell| {
+                let [value, ..] = (index * 31 + cell * 7).to_le_bytes();
+                value.cast_signed()
+            }),
+            ..Step::default()
+        };
+        let codes = |encoder: &mut Encoder<'_>| -> Vec<Code> {
+            (0..48)
+                .filter_map(|index| encoder.push(&step(index)))
+                .collect()
+        };
+        let expected = codes(&mut Encoder::new());
+        let mut encoder = Encoder::new();
+        for steps in [1, 5, 37] {
+            for index in 100..100 + steps {
+                encoder.push(&step(index));
+            }
+            encoder.restart();
+            assert_eq!(codes(&mut encoder), expected);
+            encoder.restart();
+        }
     }
 
     #[test]

@@ -39,6 +39,15 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
         }
     }
 
+    /// Forgets the signal, in place, and goes to rest with this filter.
+    pub fn restart(&mut self, filter: F) {
+        self.filter = filter;
+        self.states.fill(F::REST);
+        self.count = 0;
+        self.position = Position::START;
+        self.line = DelayLine::SILENCE;
+    }
+
     /// Takes one sample. When an output of the resampler is due with it, gives the electrodes and
     /// the output's phase: how much later than the sample it stands, in parts (1 / `PHASES`) of a
     /// sample.

@@ -85,7 +85,7 @@ pub struct SignalQuality {
 }
 
 /// One electrode before the filters, this second so far; counts.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Input {
     least: i32,
     most: i32,
@@ -94,31 +94,61 @@ struct Input {
 }
 
 /// One electrode behind the filters, this second so far; counts, Q27.5.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Output {
     squares: f32,
     mains: Tone,
 }
 
+impl Input {
+    const NOTHING: Self = Self {
+        least: 0,
+        most: 0,
+        at_rail: 0,
+        mains: Tone::SILENCE,
+    };
+}
+
+impl Output {
+    const NOTHING: Self = Self {
+        squares: 0.0,
+        mains: Tone::SILENCE,
+    };
+}
+
+/// The mains frequency at the ADC's rate and at the steps'.
+const fn bins(mains: Mains) -> [Bin; 2] {
+    const fn of(hz: u8) -> [Bin; 2] {
+        [Bin::new(hz, ADC_RATE_HZ), Bin::new(hz, STEP_RATE_HZ)]
+    }
+    match mains {
+        Mains::Hz50 => const { of(50) },
+        Mains::Hz60 => const { of(60) },
+    }
+}
+
 impl SignalQuality {
     /// Nothing seen yet; the mains are the ones that the acquisition removes.
-    pub fn new(mains: Mains) -> Self {
-        const fn bins(hz: u8) -> [Bin; 2] {
-            [Bin::new(hz, ADC_RATE_HZ), Bin::new(hz, STEP_RATE_HZ)]
-        }
-        let [input_bin, output_bin] = match mains {
-            Mains::Hz50 => const { bins(50) },
-            Mains::Hz60 => const { bins(60) },
-        };
+    pub const fn new(mains: Mains) -> Self {
+        let [input_bin, output_bin] = bins(mains);
         Self {
-            inputs: [Input::default(); ELECTRODES],
-            outputs: [Output::default(); ELECTRODES],
+            inputs: [Input::NOTHING; ELECTRODES],
+            outputs: [Output::NOTHING; ELECTRODES],
             input_bin,
             output_bin,
             first_sample: 0,
             samples: 0,
             settling: false,
         }
+    }
+
+    /// Forgets what it has seen, in place.
+    pub fn restart(&mut self, mains: Mains) {
+        [self.input_bin, self.output_bin] = bins(mains);
+        self.outputs = [Output::NOTHING; ELECTRODES];
+        self.first_sample = 0;
+        self.samples = 0;
+        self.settling = false;
     }
 
     /// Takes a sample and the step that came of it, if one did; the last sample of a second gives
@@ -135,7 +165,7 @@ impl SignalQuality {
         self.first_sample += u64::from(ADC_RATE_HZ);
         self.samples = 0;
         self.settling = false;
-        self.outputs = [Output::default(); ELECTRODES];
+        self.outputs = [Output::NOTHING; ELECTRODES];
         self.input_bin.restart();
         self.output_bin.restart();
         Some(report)
@@ -150,7 +180,7 @@ impl SignalQuality {
                 *input = Input {
                     least: count,
                     most: count,
-                    ..Input::default()
+                    ..Input::NOTHING
                 };
             }
             input.least = input.least.min(count);

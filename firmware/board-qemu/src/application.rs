@@ -10,7 +10,7 @@ use embassy_sync::zerocopy_channel::{self, Channel};
 use embassy_time::{Duration, Timer};
 use firmware::{Clock, FaultRecord, Made, Mutex, Port, Shared, Taken, deadlines};
 use link::{ResetCause, Start, Streams};
-use pipeline::{Encoder, Mains};
+use pipeline::{Acquisition, Encoder, Mains, SignalQuality};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::{
@@ -36,14 +36,22 @@ static SHARED: Shared = Shared::new(Clock {
 });
 static FRAMES: ConstStaticCell<Frames> = ConstStaticCell::new(Sender::new(FrameRing::new()));
 static ENCODER: ConstStaticCell<Encoder<'static>> = ConstStaticCell::new(Encoder::new());
+static ACQUISITION: ConstStaticCell<Acquisition> =
+    ConstStaticCell::new(Acquisition::new(Mains::Hz50));
+static QUALITY: ConstStaticCell<SignalQuality> =
+    ConstStaticCell::new(SignalQuality::new(Mains::Hz50));
 static TAKEN: StaticCell<[Taken; deadlines::SAMPLES_WAITING]> = StaticCell::new();
 static TAKEN_CHANNEL: StaticCell<Channel<'static, Mutex, Taken>> = StaticCell::new();
 static MADE: StaticCell<[Made; deadlines::MADE_WAITING]> = StaticCell::new();
 static MADE_CHANNEL: StaticCell<Channel<'static, Mutex, Made>> = StaticCell::new();
 
 #[embassy_executor::task]
-async fn acquire(recording: Recording, taken: zerocopy_channel::Sender<'static, Mutex, Taken>) {
-    firmware::acquire(recording, &SHARED, taken).await;
+async fn acquire(
+    recording: Recording,
+    taken: zerocopy_channel::Sender<'static, Mutex, Taken>,
+    acquisition: &'static mut Acquisition,
+) {
+    firmware::acquire(recording, &SHARED, taken, acquisition).await;
 }
 
 #[embassy_executor::task]
@@ -51,8 +59,9 @@ async fn encode(
     taken: zerocopy_channel::Receiver<'static, Mutex, Taken>,
     made: zerocopy_channel::Sender<'static, Mutex, Made>,
     encoder: &'static mut Encoder<'static>,
+    quality: &'static mut SignalQuality,
 ) {
-    firmware::encode(&SHARED, taken, made, encoder).await;
+    firmware::encode(&SHARED, taken, made, encoder, quality).await;
 }
 
 #[embassy_executor::task]
@@ -62,13 +71,17 @@ async fn converse(
     frames: &'static mut Frames,
     made: zerocopy_channel::Receiver<'static, Mutex, Made>,
 ) {
-    let session = Session::new(identity(before.as_ref()), Mains::default());
+    let is_sound = firmware::model_is_sound();
+    let mut session = Session::new(identity(before.as_ref(), is_sound), Mains::default());
+    if !is_sound {
+        session.refuse_starts();
+    }
     firmware::converse(
         Port {
             input: Receiver,
             output: Transmitter,
         },
-        session,
+        &mut session,
         start,
         frames,
         &SHARED,
@@ -105,14 +118,19 @@ async fn fail(how: Failure) {
     how.happen();
 }
 
-fn identity(before: Option<&FaultRecord>) -> Identity<'_> {
+fn identity<'f>(before: Option<&'f FaultRecord>, is_sound: bool) -> Identity<'f> {
+    let fault = before.map_or("", FaultRecord::text);
     Identity {
         firmware: env!("CARGO_PKG_VERSION"),
         board: "qemu-mps2",
         chip_uid: *b"qemu-mps2\0\0\0",
         session_id: if before.is_some() { 2 } else { 1 },
         reset_cause: before.map_or(ResetCause::PowerOn, FaultRecord::cause),
-        fault: before.map_or("", FaultRecord::text),
+        fault: if is_sound {
+            fault
+        } else {
+            firmware::MODEL_DAMAGED
+        },
     }
 }
 
@@ -129,6 +147,8 @@ fn main() -> ! {
     }
 }
 
+/// Not part of `main`, whose frame stays on the stack for ever, under all tasks.
+#[inline(never)]
 fn begin() -> Result<(), SpawnError> {
     let arguments = Arguments::of_emulator();
     let before = failure::of_the_run_before();
@@ -160,9 +180,9 @@ fn begin() -> Result<(), SpawnError> {
     {
         encoding.spawn(fail(failure)?);
     }
-    encoding.spawn(encode(taken_out, made_in, ENCODER.take())?);
+    encoding.spawn(encode(taken_out, made_in, ENCODER.take(), QUALITY.take())?);
     let acquisition = ACQUIRE.start(Interrupt::Acquire);
-    acquisition.spawn(acquire(recording, taken_in)?);
+    acquisition.spawn(acquire(recording, taken_in, ACQUISITION.take())?);
     drdy::begin();
     Ok(())
 }

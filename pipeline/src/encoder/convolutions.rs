@@ -42,6 +42,11 @@ impl Convolutions {
         edges: [Edges::EMPTY; PADS_TIME as usize],
     };
 
+    /// Forgets what has yet to be added.
+    pub(super) fn restart(&mut self) {
+        self.deferred = None;
+    }
+
     /// Takes the plane of step `index`, and adds what it completes to the windows.
     #[inline]
     pub(super) fn push(

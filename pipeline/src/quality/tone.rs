@@ -97,6 +97,9 @@ const fn cos_sin(angle: f64) -> [f32; 2] {
 pub(super) struct Tone([f32; 2]);
 
 impl Tone {
+    /// Nothing added yet.
+    pub(super) const SILENCE: Self = Self([0.0; 2]);
+
     /// Adds a sample under the bin's weights for it.
     #[inline]
     pub(super) fn add(&mut self, x: f32, weights: [f32; 2]) {
