@@ -1,8 +1,14 @@
-//! The emulated microcontroller, in real time behind a TCP port.
+//! The emulated microcontroller behind a TCP port, as fast as the wall's clock.
 
 use std::env;
+use std::fs::OpenOptions;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use rustix::fs::{CWD, FileType, Mode, mknodat};
 
 use crate::process::Process;
 use crate::skip::skipped;
@@ -10,6 +16,12 @@ use crate::workspace::cargo;
 
 /// The image of the application.
 const IMAGE: &str = "board-qemu";
+
+/// What the image reads its samples from.
+const SAMPLES: &str = "samples.i32";
+
+/// Samples in a second.
+const RATE_HZ: u32 = 512;
 
 /// The microcontroller's target.
 const TARGET: &str = "thumbv7em-none-eabihf";
@@ -60,17 +72,29 @@ pub fn image() -> PathBuf {
     crate::programs::executable(&messages, IMAGE)
 }
 
-/// Starts the image on a Cortex-M4F, with EEG that it makes up; its UART is a TCP port of 127.0.0.1.
+/// Starts the image on a Cortex-M4F; its UART is a TCP port of 127.0.0.1, its converter reads these
+/// counts.
+///
+/// Its time is counted in instructions, but it waits for each sample, which comes when it is due on the
+/// wall's clock: where the PC is late, so is everything, and the emulated board does not notice.
 ///
 /// # Panics
-/// When QEMU does not start.
-pub fn start(image: &Path, port: u16, folder: &Path) -> Process {
+/// When the folder cannot be written, or QEMU does not start.
+pub fn start(
+    image: &Path,
+    port: u16,
+    folder: &Path,
+    samples: impl Iterator<Item = [i32; pipeline::CHANNELS]> + Send + 'static,
+) -> Process {
+    let pipe = folder.join(SAMPLES);
+    let mode = Mode::RUSR | Mode::WUSR;
+    mknodat(CWD, &pipe, FileType::Fifo, mode, 0).expect("a pipe with a name");
+    // It ends with QEMU, the pipe's reader.
+    thread::spawn(move || feed(&pipe, samples));
     let mut qemu = Command::new("qemu-system-arm");
     qemu.args(["-machine", "mps2-an386"])
         .args(["-display", "none", "-monitor", "none"])
-        // Its time is counted in instructions and held back to the wall's: where the PC is late, so is
-        // everything, and the emulated board does not notice.
-        .args(["-icount", "shift=4,align=on"])
+        .args(["-icount", "shift=4,sleep=off"])
         .arg("-semihosting-config")
         .arg(format!("enable=on,target=native,arg={IMAGE}"))
         .arg("-serial")
@@ -79,4 +103,17 @@ pub fn start(image: &Path, port: u16, folder: &Path) -> Process {
         .arg(image)
         .current_dir(folder);
     Process::start("qemu", &mut qemu, folder).expect("QEMU starts")
+}
+
+/// Writes each sample when it is due.
+fn feed(pipe: &Path, samples: impl Iterator<Item = [i32; pipeline::CHANNELS]>) -> io::Result<()> {
+    // Waits until the image has opened it.
+    let mut pipe = OpenOptions::new().write(true).open(pipe)?;
+    let begin = Instant::now();
+    for (index, counts) in (1..).zip(samples) {
+        let due = begin + Duration::from_secs(1) * index / RATE_HZ;
+        thread::sleep(due.saturating_duration_since(Instant::now()));
+        pipe.write_all(counts.map(i32::to_le_bytes).as_flattened())?;
+    }
+    Ok(())
 }

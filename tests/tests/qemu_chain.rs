@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use acceptance::chain::{Chain, Message, NEURO_FRAME_MD5};
 use acceptance::{emulator, ros};
+use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
 
 /// Seconds of codes; `CORTICODE_QEMU_SECONDS` asks for more.
@@ -28,7 +29,9 @@ fn an_emulated_microcontroller_streams_to_rospy_code_by_code() {
     let folder = tempfile::tempdir().expect("a folder");
     let port = ros::free_port().expect("a port");
     let mut chain = Chain::start_at(folder.path(), &format!("tcp:127.0.0.1:{port}"));
-    let mut board = emulator::start(&image, port, folder.path());
+    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
+    let eeg = Generator::new(&spec).expect("the model's electrodes");
+    let mut board = emulator::start(&image, port, folder.path(), eeg);
 
     chain.wait_for(1);
     let begin = Instant::now();

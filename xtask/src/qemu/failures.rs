@@ -125,3 +125,38 @@ impl fmt::Display for Recovery {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::qemu::host;
+
+    #[test]
+    fn a_board_that_does_not_come_back_or_does_not_say_why_is_a_fault() {
+        let seconds = |seconds: usize| {
+            let input = Input::make(60).expect("an input");
+            let samples = seconds * usize::from(ADC_RATE_HZ);
+            let sent = host::sent(&input.samples[..samples]).expect("host-sim");
+            Heard::boots(&sent).swap_remove(0)
+        };
+        let expected = seconds(4);
+        let faults = |boots: &[Heard]| {
+            let recovery = Recovery::new("panic", ResetCause::Fault, "asked", boots, &expected);
+            recovery.faults.join("; ")
+        };
+        let boots = || {
+            let mut boots = [seconds(1), seconds(SECONDS)];
+            boots[1].hellos[0].cause = ResetCause::Fault;
+            boots[1].hellos[0].fault = "asked to panic".to_owned();
+            boots
+        };
+        assert_eq!(faults(&boots()), "");
+        assert!(faults(&boots()[..1]).contains("1 boots, 2 expected"));
+        let mut silent = boots();
+        silent[1].hellos[0].fault.clear();
+        assert!(faults(&silent).contains("it introduces itself as"));
+        let mut short = boots();
+        short[1].codes.pop();
+        assert!(faults(&short).contains("1 codes are not host-sim's; 15 came before"));
+    }
+}

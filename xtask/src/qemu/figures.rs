@@ -220,9 +220,96 @@ fn first_difference(expected: &[Code], found: &[Code]) -> String {
     ];
     let wrong = fields.iter().filter(|(_, equal)| !equal);
     let wrong: Vec<&str> = wrong.map(|(name, _)| *name).collect();
-    format!(
-        "the code of window {} differs in {}",
-        expected.window,
+    let wrong = if wrong.is_empty() {
+        "counts of clipped values and channels at the rail".to_owned()
+    } else {
         wrong.join(", ")
-    )
+    };
+    format!("the code of window {} differs in {wrong}", expected.window)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::benchmark::emulator::MACHINES;
+    use crate::qemu::{Run, host};
+
+    /// Faults of a board that sends what host-sim does, after `break_it`. Its name, its counters, which
+    /// host-sim sends at another moment, and its stages, which host-sim does not have, are left out.
+    fn faults(break_it: impl Fn(&mut [Run; 2])) -> Vec<String> {
+        let input = Input::make(40).expect("an input");
+        let sent = host::sent(&input.samples).expect("host-sim");
+        let expected = Heard::boots(&sent).swap_remove(0);
+        let samples = input.samples.len();
+        let run = || Run {
+            sent: sent.clone(),
+            said: vec![format!("samples {samples}"), "overruns 0".to_owned()],
+            wall: Duration::from_secs(1),
+        };
+        let mut undisturbed = [run(), run()];
+        break_it(&mut undisturbed);
+        let runs = Runs {
+            undisturbed,
+            stalled: Stall::default(),
+            failures: Vec::new(),
+        };
+        let figures = MachineFigures::new(MACHINES[0], runs, &input, &expected);
+        let left_out = [
+            "it introduces",
+            "it has not said",
+            "0 of 0 bytes of stack",
+            "2 Stats",
+        ];
+        let faults = figures.faults.into_iter();
+        faults
+            .filter(|fault| !left_out.iter().any(|words| fault.starts_with(words)))
+            .collect()
+    }
+
+    #[test]
+    fn what_is_unequal_unrepeatable_overrun_or_lost_is_named() {
+        assert_eq!(faults(|_| ()), [""; 0]);
+        let found = faults(|runs| runs[1].said[1] = "overruns 2".to_owned());
+        assert_eq!(found.len(), 2, "{found:?}");
+        assert_eq!(found[0], "overruns is 2, 0 allowed");
+        assert!(found[1].starts_with("repeatable"));
+        let found = faults(|runs| runs[1].sent.truncate(1_000));
+        assert_eq!(found, ["repeatable: a second run has sent other bytes"]);
+        let found = faults(|runs| runs.iter_mut().for_each(|run| run.said.clear()));
+        assert!(found[0].starts_with("samples is 0 of"), "{found:?}");
+        // A byte within the first code: it is damaged, and so a number and a code are missing.
+        let found = faults(|runs| runs.iter_mut().for_each(|run| run.sent[1_600] ^= 0x10));
+        let words = [
+            "frames_missing is 1",
+            "frames_damaged is 1",
+            "equal_to_host: ",
+        ];
+        for words in words {
+            assert!(
+                found.iter().any(|fault| fault.starts_with(words)),
+                "{words}: {found:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_field_of_a_code_that_differs_is_named() {
+        let input = Input::make(40).expect("an input");
+        let sent = host::sent(&input.samples).expect("host-sim");
+        let expected = codes(&Heard::boots(&sent)[0]);
+        let mut found = expected.clone();
+        found[7].flags = link::Flags::OVERRUN;
+        found[7].first_sample += 1;
+        assert_eq!(different(&expected, &found), 1);
+        let what = first_difference(&expected, &found);
+        assert_eq!(what, "the code of window 7 differs in first sample, flags");
+        found.pop();
+        assert_eq!(different(&expected, &found), 2);
+        assert_eq!(
+            first_difference(&expected, &expected[..39]),
+            "39 codes, 40 expected"
+        );
+    }
 }

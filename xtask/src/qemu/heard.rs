@@ -111,6 +111,7 @@ fn alone(message: &ToHost<'_>) -> Vec<u8> {
 mod tests {
     use pipeline::Sample;
 
+    use super::super::host;
     use super::*;
 
     #[test]
@@ -156,7 +157,8 @@ mod tests {
 
     #[test]
     fn a_code_that_is_late_by_a_microsecond_shows() {
-        let mut heard = super::super::host::heard(&vec![Sample::default(); 512]).expect("host-sim");
+        let sent = host::sent(&vec![Sample::default(); 512]).expect("host-sim");
+        let mut heard = Heard::boots(&sent).swap_remove(0);
         // A window of 16 steps, then hops of 8: all of 4 samples.
         assert_eq!(heard.codes.len(), 15);
         assert_eq!((heard.hellos.len(), heard.capabilities.len()), (1, 1));

@@ -6,7 +6,7 @@ use std::process::ExitStatus;
 use tokio::process::Command;
 use tokio::signal::unix::{SignalKind, signal};
 
-use super::{IMAGE, REAL_TIME};
+use super::IMAGE;
 use crate::benchmark::emulator::{Image, MACHINES, failed, not_started};
 use crate::benchmark::make_folder;
 use crate::failure::Failure;
@@ -23,7 +23,7 @@ pub(super) fn run(port: u16) -> Result<(), Failure> {
     make_folder(&folder)?;
     let address = format!("tcp:127.0.0.1:{port}");
     let mut command = Command::from(image.command(machine, &folder, &[IMAGE]));
-    command.args(["-icount", REAL_TIME]).arg("-serial");
+    command.arg("-serial");
     command.arg(format!("{address},server=on,wait=off"));
     // Ctrl-C is ours to handle: the terminal would send it to QEMU too.
     command.process_group(0).kill_on_drop(true);

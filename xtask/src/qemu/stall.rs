@@ -34,7 +34,7 @@ const STALLED: u32 = 3;
 const ENDS: [&str; 2] = ["stalled.in", "stalled.out"];
 
 /// What came through a port that was stuck for a while.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub(super) struct Stall {
     /// Frames that arrived, and numbers that did not.
     frames: u32,
@@ -175,5 +175,43 @@ fn read_late(pipe: &mut File, ended: &AtomicBool, stalled: Duration) -> std::io:
             Err(error) if error.kind() == ErrorKind::WouldBlock => thread::sleep(POLL),
             Err(error) => return Err(error),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::qemu::{host, input::Input};
+
+    #[test]
+    fn a_stall_must_cost_frames_and_each_must_be_counted() {
+        let sent = host::sent(&Input::make(40).expect("an input").samples).expect("host-sim");
+        let boots = Heard::boots(&sent);
+        let faults = |boots: &[Heard]| Stall::new(boots, &Heard::boots(&sent)[0]).faults;
+        assert_eq!(
+            faults(&boots),
+            ["a stalled host: nothing was dropped: the port was not stuck"]
+        );
+
+        let dropping = |counted, missing| {
+            let mut boots = Heard::boots(&sent);
+            boots[0].missing = missing;
+            boots[0].stats.last_mut().expect("counters").frames_dropped = counted;
+            boots
+        };
+        assert!(faults(&dropping(3, 3)).is_empty());
+        let uncounted = faults(&dropping(3, 4)).join("; ");
+        assert!(
+            uncounted.contains("4 numbers are missing, 3 counted"),
+            "{uncounted}"
+        );
+        let mut old = dropping(3, 3);
+        old[0].codes.truncate(20);
+        let old = faults(&old).join("; ");
+        assert!(old.contains("the newest code is 19 of 40"), "{old}");
+        let mut wrong = dropping(3, 3);
+        wrong[0].codes[5].1.window += 1;
+        let wrong = faults(&wrong).join("; ");
+        assert!(wrong.contains("1 codes are not host-sim's"), "{wrong}");
     }
 }
