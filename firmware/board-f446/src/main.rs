@@ -1,0 +1,37 @@
+//! The application on a NUCLEO-F446RE: STM32F446RE, Cortex-M4F at 168 MHz.
+//!
+//! **No board has run it.** On a PC it prints the pins, as `docs/hardware.md` has them.
+#![cfg_attr(target_os = "none", no_std)]
+#![cfg_attr(target_os = "none", no_main)]
+#![forbid(unsafe_code)]
+
+mod parts;
+
+#[cfg(target_os = "none")]
+mod application;
+#[cfg(target_os = "none")]
+mod clocks;
+#[cfg(target_os = "none")]
+mod reset;
+
+/// The pins.
+#[cfg(not(target_os = "none"))]
+fn main() {
+    for pin in parts::PINS {
+        println!("{pin}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pins_in_the_documentation_are_those_of_the_code() {
+        let text = include_str!("../../../docs/hardware.md");
+        assert!(
+            board_stm32::are_documented(parts::PINS, text, "### NUCLEO-F446RE"),
+            "`cargo run --package board-f446` prints the rows for docs/hardware.md"
+        );
+    }
+}

@@ -1,0 +1,59 @@
+//! The clock tree: 480 MHz for the core, 25.6 MHz for SPI.
+
+use board_stm32::prioritise;
+use embassy_stm32::{
+    Config,
+    rcc::{
+        AHBPrescaler, APBPrescaler, Hse, HseMode, Hsi48Config, Pll, PllDiv, PllMul, PllPreDiv,
+        PllSource, Sysclk, VoltageScale, mux,
+    },
+    time::Hertz,
+};
+use firmware::deadlines::priority;
+
+/// What the chip starts with.
+pub(crate) fn config() -> Config {
+    let mut config = Config::default();
+    config.dma_interrupt_priority = prioritise(priority::DRDY);
+    let rcc = &mut config.rcc;
+    // The ST-LINK gives 8 MHz (UM2407, 6.8).
+    rcc.hse = Some(Hse {
+        freq: Hertz(8_000_000),
+        mode: HseMode::Bypass,
+    });
+    // USB, locked to its host.
+    rcc.hsi48 = Some(Hsi48Config {
+        sync_from_usb: true,
+    });
+    rcc.mux.usbsel = mux::Usbsel::HSI48;
+    // 8 MHz * 120 / 2: the most that revision V does, at the highest core voltage (DS12110, 6.3.1).
+    rcc.pll1 = Some(Pll {
+        source: PllSource::HSE,
+        prediv: PllPreDiv::DIV1,
+        mul: PllMul::MUL120,
+        fracn: None,
+        divp: Some(PllDiv::DIV2),
+        divq: None,
+        divr: None,
+    });
+    rcc.voltage_scale = VoltageScale::Scale0;
+    rcc.sys = Sysclk::PLL1_P;
+    rcc.ahb_pre = AHBPrescaler::DIV2;
+    rcc.apb1_pre = APBPrescaler::DIV2;
+    rcc.apb2_pre = APBPrescaler::DIV2;
+    rcc.apb3_pre = APBPrescaler::DIV2;
+    rcc.apb4_pre = APBPrescaler::DIV2;
+    // 8 MHz * 64 / 20 = 25.6 MHz. SPI divides it by 256, 100 kHz for registers, and by 2, 12.8 MHz for
+    // bursts: 136 us for a sample.
+    rcc.pll2 = Some(Pll {
+        source: PllSource::HSE,
+        prediv: PllPreDiv::DIV1,
+        mul: PllMul::MUL64,
+        fracn: None,
+        divp: Some(PllDiv::DIV20),
+        divq: None,
+        divr: None,
+    });
+    rcc.mux.spi123sel = mux::Saisel::PLL2_P;
+    config
+}

@@ -1,0 +1,39 @@
+//! The application on a NUCLEO-H743ZI2: STM32H743ZI, Cortex-M7 at 480 MHz.
+//!
+//! **No board has run it.** On a PC it prints the pins, as `docs/hardware.md` has them.
+#![cfg_attr(target_os = "none", no_std)]
+#![cfg_attr(target_os = "none", no_main)]
+#![deny(unsafe_code)]
+
+mod parts;
+
+#[cfg(target_os = "none")]
+mod application;
+#[cfg(target_os = "none")]
+mod clocks;
+#[cfg(target_os = "none")]
+mod memory;
+#[cfg(target_os = "none")]
+mod reset;
+
+/// The pins.
+#[cfg(not(target_os = "none"))]
+fn main() {
+    for pin in parts::PINS {
+        println!("{pin}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pins_in_the_documentation_are_those_of_the_code() {
+        let text = include_str!("../../../docs/hardware.md");
+        assert!(
+            board_stm32::are_documented(parts::PINS, text, "### NUCLEO-H743ZI2"),
+            "`cargo run --package board-h743` prints the rows for docs/hardware.md"
+        );
+    }
+}

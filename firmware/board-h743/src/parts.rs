@@ -1,0 +1,34 @@
+//! The board's pins. Port E, so that all of the chain's signals come out on the NUCLEO's own sockets.
+
+board_stm32::parts! {
+    pins {
+        sclk: PA5, "SCLK", "all chips";
+        miso: PA6, "MISO", "DOUT of chip 0; of the others through 47 kOhm each";
+        mosi: PB5, "MOSI", "DIN of all chips";
+        select0: PE2, "CS 0", "chip 0, electrodes' channels 1 to 8";
+        select1: PE4, "CS 1", "chip 1";
+        select2: PE5, "CS 2", "chip 2";
+        select3: PE6, "CS 3", "chip 3";
+        select4: PE9, "CS 4", "chip 4";
+        select5: PE11, "CS 5", "chip 5";
+        select6: PE13, "CS 6", "chip 6";
+        select7: PE14, "CS 7", "chip 7";
+        start: PE10, "START", "all chips";
+        reset: PE12, "RESET", "all chips";
+        drdy: PE7, "DRDY", "chip 0";
+        usb_dp: PA12, "USB D+", "the socket `USB`";
+        usb_dm: PA11, "USB D-", "the socket `USB`";
+        uart_tx: PD8, "UART TX", "the ST-LINK (USART3), feature `uart`";
+        uart_rx: PD9, "UART RX", "the ST-LINK (USART3), feature `uart`";
+    }
+    peripherals {
+        spi: SPI1;
+        spi_tx: DMA1_CH0;
+        spi_rx: DMA1_CH1;
+        drdy_line: EXTI7;
+        usb: USB_OTG_FS;
+        uart: USART3;
+        rng: RNG;
+        watchdog: IWDG1;
+    }
+}

@@ -1,0 +1,44 @@
+//! What the boards' build scripts share: how an image is linked, and what it calls itself.
+
+use std::{env, fs, path::PathBuf, process::Command};
+
+/// Links an image with a memory map, and names its version and commit.
+pub(crate) fn describe(memory_map: &str) {
+    println!("cargo::rerun-if-changed={memory_map}");
+    println!("cargo::rustc-env=CORTICODE_FIRMWARE={}", version());
+    if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
+        return;
+    }
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    // The name that cortex-m-rt's link.x includes.
+    fs::copy(memory_map, out.join("memory.x")).expect("the memory map can be copied");
+    println!("cargo::rustc-link-search={}", out.display());
+    for argument in ["-Tlink.x", "-Tdefmt.x", "--nmagic"] {
+        println!("cargo::rustc-link-arg-bins={argument}");
+    }
+}
+
+/// `0.1.0 5d4b736`, with a `+` where something is not committed; the version alone without git.
+fn version() -> String {
+    let version = env::var("CARGO_PKG_VERSION").expect("cargo sets it");
+    // Every commit and every change of branch writes a line here.
+    if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
+        println!("cargo::rerun-if-changed={log}");
+    }
+    let Some(commit) = git(&["rev-parse", "--short=7", "HEAD"]) else {
+        return version;
+    };
+    let changed = git(&["status", "--porcelain", "--untracked-files=no"]);
+    let mark = if changed.is_some_and(|files| !files.is_empty()) {
+        "+"
+    } else {
+        ""
+    };
+    format!("{version} {commit}{mark}")
+}
+
+fn git(arguments: &[&str]) -> Option<String> {
+    let output = Command::new("git").args(arguments).output().ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    output.status.success().then(|| text.trim().to_owned())
+}

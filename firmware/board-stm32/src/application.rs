@@ -1,0 +1,116 @@
+//! The start: queues, executors, tasks.
+
+use ads1299::Configured;
+use defmt::info;
+use device::{FrameRing, Identity, Sender, Session};
+use embassy_executor::{SendSpawner, SpawnError};
+use embassy_stm32::{interrupt, uid};
+use embassy_sync::zerocopy_channel::{self, Channel};
+use firmware::{Made, Mutex, Shared, Taken, deadlines};
+use link::ResetCause;
+use pipeline::{Encoder, Mains};
+use static_cell::{ConstStaticCell, StaticCell};
+use {defmt_rtt as _, panic_probe as _};
+
+use crate::{
+    Port, Wires,
+    converter::{Adc, power_up},
+    interrupts::{self, ACQUIRE, CONVERSE, ENCODE},
+};
+
+pub(crate) type Frames = Sender<FrameRing<{ deadlines::FRAMES_WAITING }>>;
+pub(crate) type MadeOut = zerocopy_channel::Receiver<'static, Mutex, Made>;
+
+/// What the tasks tell each other.
+pub static SHARED: Shared = Shared::new();
+
+static FRAMES: ConstStaticCell<Frames> = ConstStaticCell::new(Sender::new(FrameRing::new()));
+static ENCODER: ConstStaticCell<Encoder<'static>> = ConstStaticCell::new(Encoder::new());
+static TAKEN: StaticCell<[Taken; deadlines::SAMPLES_WAITING]> = StaticCell::new();
+static TAKEN_CHANNEL: StaticCell<Channel<'static, Mutex, Taken>> = StaticCell::new();
+static MADE: StaticCell<[Made; deadlines::MADE_WAITING]> = StaticCell::new();
+static MADE_CHANNEL: StaticCell<Channel<'static, Mutex, Made>> = StaticCell::new();
+
+/// What a board gives.
+pub struct Board {
+    /// Its name.
+    pub name: &'static str,
+    /// Version and commit of the image.
+    pub firmware: &'static str,
+    /// Why it has started.
+    pub reset_cause: ResetCause,
+    /// Differs from boot to boot.
+    pub session_id: u32,
+    /// To the converters.
+    pub wires: Wires,
+    /// To the host.
+    pub port: Port,
+}
+
+/// Starts the tasks; gives the spawner of the conversation's priority.
+///
+/// # Errors
+/// A task could not be spawned: a fault of the image.
+pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
+    let identity = Identity {
+        firmware: board.firmware,
+        board: board.name,
+        chip_uid: uid::uid(),
+        session_id: board.session_id,
+        reset_cause: board.reset_cause,
+        fault: "",
+    };
+    info!(
+        "{=str}, Corticode {=str}",
+        identity.board, identity.firmware
+    );
+    interrupts::begin();
+
+    let taken = TAKEN.init_with(|| core::array::from_fn(|_| Taken::default()));
+    let (taken_in, taken_out) = TAKEN_CHANNEL.init(Channel::new(taken)).split();
+    let made = MADE.init_with(|| core::array::from_fn(|_| Made::default()));
+    let (made_in, made_out) = MADE_CHANNEL.init(Channel::new(made)).split();
+
+    let conversation = CONVERSE.start(interrupt::UART5);
+    conversation.spawn(converse(board.port, identity, FRAMES.take(), made_out)?);
+    let encoding = ENCODE.start(interrupt::SAI1);
+    encoding.spawn(encode(taken_out, made_in, ENCODER.take())?);
+    let acquisition = ACQUIRE.start(interrupt::UART4);
+    acquisition.spawn(acquire(board.wires, taken_in)?);
+    Ok(conversation)
+}
+
+/// What is left for `main`: to halt the core between interrupts.
+pub fn sleep() -> ! {
+    loop {
+        cortex_m::asm::wfi();
+    }
+}
+
+#[embassy_executor::task]
+async fn acquire(wires: Wires, taken: zerocopy_channel::Sender<'static, Mutex, Taken>) {
+    let (mut chain, mut drdy) = wires.into_chain();
+    let mut configured: Option<Configured<'_, _, _, _, _>> = power_up(&mut chain).await;
+    let adc = Adc::start(configured.as_mut(), &mut drdy).await;
+    firmware::acquire(adc, &SHARED, taken).await
+}
+
+#[embassy_executor::task]
+async fn encode(
+    taken: zerocopy_channel::Receiver<'static, Mutex, Taken>,
+    made: zerocopy_channel::Sender<'static, Mutex, Made>,
+    encoder: &'static mut Encoder<'static>,
+) {
+    firmware::encode(&SHARED, taken, made, encoder).await
+}
+
+#[embassy_executor::task]
+async fn converse(
+    port: Port,
+    identity: Identity<'static>,
+    frames: &'static mut Frames,
+    made: MadeOut,
+) {
+    let session = Session::new(identity, Mains::default());
+    port.converse(session, frames, made).await
+}

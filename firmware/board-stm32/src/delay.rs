@@ -1,0 +1,26 @@
+//! Waits for the converters.
+
+use embassy_time::{Duration, Timer, block_for};
+use embedded_hal_async::delay::DelayNs;
+
+/// Waits up to so long keep the processor: an alarm costs as much. Microseconds.
+const SHORT_US: u32 = 10;
+
+/// Waits at least as long as asked.
+pub(crate) struct Delay;
+
+impl DelayNs for Delay {
+    async fn delay_ns(&mut self, ns: u32) {
+        self.delay_us(ns.div_ceil(1_000)).await;
+    }
+
+    async fn delay_us(&mut self, us: u32) {
+        // The present microsecond has begun already.
+        let wait = Duration::from_micros(u64::from(us) + 1);
+        if us <= SHORT_US {
+            block_for(wait);
+        } else {
+            Timer::after(wait).await;
+        }
+    }
+}

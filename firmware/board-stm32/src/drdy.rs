@@ -1,0 +1,79 @@
+//! Edges of DRDY and when they came.
+
+use core::{cell::Cell, future::poll_fn, task::Poll};
+
+use critical_section::Mutex;
+use embassy_stm32::pac::{EXTI, exti::regs::Lines};
+use embassy_sync::waitqueue::AtomicWaker;
+use embassy_time::Instant;
+
+/// The lines of the interrupt `EXTI9_5`; DRDY is the only one of them that is enabled.
+const LINES: u32 = 0b11_1110_0000;
+
+#[derive(Clone, Copy)]
+struct Edges {
+    /// When the last one came, microseconds since boot.
+    us: u64,
+    /// Edges so far, and those of them that somebody waited for.
+    came: u32,
+    taken: u32,
+}
+
+static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
+    us: 0,
+    came: 0,
+    taken: 0,
+}));
+static WAKER: AtomicWaker = AtomicWaker::new();
+
+/// DRDY has fallen; called by its interrupt, the most urgent one.
+///
+/// # Timing
+/// The stamp is late by the time from the edge to here: the entry of an interrupt, and a critical
+/// section that may be open.
+pub(crate) fn edge() {
+    let us = Instant::now().as_micros();
+    EXTI.pr(0).write_value(Lines(LINES));
+    critical_section::with(|section| {
+        let edges = EDGES.borrow(section);
+        let before = edges.get();
+        edges.set(Edges {
+            us,
+            came: before.came.wrapping_add(1),
+            ..before
+        });
+    });
+    WAKER.wake();
+}
+
+/// An edge.
+pub(crate) struct Edge {
+    /// Device time, microseconds since boot.
+    pub(crate) us: u64,
+    /// Edges before it for which nobody came in time.
+    pub(crate) missed: u32,
+}
+
+/// Waits for the next edge that was not taken; gives the newest.
+pub(crate) async fn next() -> Edge {
+    poll_fn(|context| {
+        WAKER.register(context.waker());
+        let before = critical_section::with(|section| {
+            let edges = EDGES.borrow(section);
+            let before = edges.get();
+            edges.set(Edges {
+                taken: before.came,
+                ..before
+            });
+            before
+        });
+        match before.came.wrapping_sub(before.taken) {
+            0 => Poll::Pending,
+            new => Poll::Ready(Edge {
+                us: before.us,
+                missed: new - 1,
+            }),
+        }
+    })
+    .await
+}

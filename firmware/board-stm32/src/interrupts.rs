@@ -1,0 +1,55 @@
+//! Which interrupt does what, and how urgent it is.
+#![expect(unsafe_code, reason = "an executor is run by its own interrupt alone")]
+
+use embassy_executor::InterruptExecutor;
+use embassy_stm32::interrupt::{self, InterruptExt, Priority};
+use firmware::deadlines::priority;
+
+use crate::drdy;
+
+pub(crate) static ACQUIRE: InterruptExecutor = InterruptExecutor::new();
+pub(crate) static CONVERSE: InterruptExecutor = InterruptExecutor::new();
+pub(crate) static ENCODE: InterruptExecutor = InterruptExecutor::new();
+
+/// A level of [`priority`] as the chip has it: its upper 4 bits.
+pub fn prioritise(level: u8) -> Priority {
+    Priority::from(level << 4)
+}
+
+/// Gives each interrupt its priority; a peripheral that only one board uses gets its own from there.
+pub(crate) fn begin() {
+    interrupt::EXTI9_5.set_priority(prioritise(priority::DRDY));
+    interrupt::TIM5.set_priority(prioritise(priority::TIME));
+    interrupt::OTG_FS.set_priority(prioritise(priority::CONVERSE));
+    interrupt::UART4.set_priority(prioritise(priority::ACQUIRE));
+    interrupt::UART5.set_priority(prioritise(priority::CONVERSE));
+    interrupt::SAI1.set_priority(prioritise(priority::ENCODE));
+    // SAFETY: no critical section is open, and its handler is below.
+    unsafe { interrupt::EXTI9_5.enable() };
+}
+
+#[embassy_stm32::interrupt]
+fn EXTI9_5() {
+    drdy::edge();
+}
+
+/// A spare interrupt.
+#[embassy_stm32::interrupt]
+unsafe fn UART4() {
+    // SAFETY: called by this executor's interrupt alone.
+    unsafe { ACQUIRE.on_interrupt() }
+}
+
+/// A spare interrupt.
+#[embassy_stm32::interrupt]
+unsafe fn UART5() {
+    // SAFETY: called by this executor's interrupt alone.
+    unsafe { CONVERSE.on_interrupt() }
+}
+
+/// A spare interrupt.
+#[embassy_stm32::interrupt]
+unsafe fn SAI1() {
+    // SAFETY: called by this executor's interrupt alone.
+    unsafe { ENCODE.on_interrupt() }
+}

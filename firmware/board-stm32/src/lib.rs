@@ -1,0 +1,41 @@
+//! What the boards with an STM32 share: everything between their pins and [`firmware`]'s tasks.
+//!
+//! A board's own crate says which pins, clocks and memories, and hands a [`Board`] to [`begin`]. On a PC
+//! only the pins' table is there.
+#![no_std]
+#![deny(unsafe_code)]
+
+#[cfg(test)]
+extern crate std;
+
+mod parts;
+
+pub use parts::{Pin, are_documented};
+
+#[cfg(target_os = "none")]
+mod application;
+#[cfg(target_os = "none")]
+mod bus;
+#[cfg(target_os = "none")]
+mod converter;
+#[cfg(target_os = "none")]
+mod delay;
+#[cfg(target_os = "none")]
+mod drdy;
+#[cfg(target_os = "none")]
+mod interrupts;
+#[cfg(all(target_os = "none", feature = "uart"))]
+#[path = "uart.rs"]
+mod port;
+#[cfg(all(target_os = "none", not(feature = "uart")))]
+#[path = "usb.rs"]
+mod port;
+
+#[cfg(target_os = "none")]
+pub use {
+    application::{Board, SHARED, begin, sleep},
+    bus::{Bus, FRAME_BYTES},
+    converter::{CHIPS, Wires},
+    interrupts::prioritise,
+    port::Port,
+};

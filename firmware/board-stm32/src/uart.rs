@@ -1,0 +1,47 @@
+//! The UART of the board's debugger.
+
+use device::Session;
+use embassy_stm32::usart::{BufferedUart, Config, ConfigError};
+use static_cell::ConstStaticCell;
+
+use crate::application::{Frames, MadeOut, SHARED};
+
+/// Bits per second: 92 kB/s, which codes need 3 % of.
+const BAUD: u32 = 921_600;
+
+/// The port to the host.
+pub struct Port(BufferedUart<'static>);
+
+impl Port {
+    /// What a board makes of room for both directions: to the host, and from it.
+    ///
+    /// # Panics
+    /// When the UART's clock has no divider for the baud rate.
+    pub fn new(
+        make: impl FnOnce(
+            &'static mut [u8],
+            &'static mut [u8],
+        ) -> Result<BufferedUart<'static>, ConfigError>,
+    ) -> Self {
+        static SENDING: ConstStaticCell<[u8; 256]> = ConstStaticCell::new([0; 256]);
+        static RECEIVED: ConstStaticCell<[u8; 256]> = ConstStaticCell::new([0; 256]);
+        Self(make(SENDING.take(), RECEIVED.take()).expect("921600 baud"))
+    }
+
+    /// What a board makes its UART with.
+    pub fn config() -> Config {
+        let mut config = Config::default();
+        config.baudrate = BAUD;
+        config
+    }
+
+    pub(crate) async fn converse(
+        self,
+        session: Session<'_>,
+        frames: &mut Frames,
+        made: MadeOut,
+    ) -> ! {
+        let (transmitter, receiver) = self.0.split();
+        firmware::converse(receiver, transmitter, session, None, frames, &SHARED, made).await
+    }
+}
