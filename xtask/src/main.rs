@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod benchmark;
+mod budget;
 mod command;
 mod debian;
 mod demo;
@@ -44,6 +45,8 @@ enum Verb {
     /// Run the application on emulated microcontrollers and compare its codes with host-sim's, or run
     /// it live for a bridge.
     Qemu(qemu::QemuOptions),
+    /// Build the boards' images; print what they take of flash and RAM, and fail above the limits.
+    Budget(budget::BudgetOptions),
     /// Check licences, advisories and sources with cargo-deny, where it is installed.
     Deny,
 }
@@ -54,6 +57,7 @@ fn main() -> ExitCode {
         Verb::Demo(options) => demo::demo(options),
         Verb::Bench(options) => benchmark::bench(options),
         Verb::Qemu(options) => qemu::qemu(options),
+        Verb::Budget(options) => budget::budget(options),
         Verb::Deny => verify::deny(),
     };
     match result {

@@ -4,6 +4,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use crate::benchmark::{self, BenchOptions};
+use crate::budget::{self, BudgetOptions};
 use crate::command::{cargo_with, run, succeeds};
 use crate::debian;
 use crate::failure::Failure;
@@ -73,6 +74,7 @@ pub(crate) fn verify(fast: bool) -> Result<(), Failure> {
             "application on the emulated microcontroller",
             application_on_emulator,
         ));
+        steps.push(("boards", boards));
         steps.push(("trainer", trainer_tests));
         steps.push(("tests, and acceptance with ROS", tests_with_ros));
     }
@@ -215,6 +217,24 @@ fn application_on_emulator() -> Result<(), Failure> {
         run(&mut lints, NEXT_AFTER_A_LINT)?;
     }
     qemu::qemu(QemuOptions::VIRTUAL)
+}
+
+fn boards() -> Result<(), Failure> {
+    // No default members; their pins are those of the documentation.
+    let mut tests = cargo_with(&["test"]);
+    for package in budget::packages() {
+        tests.args(["--package", package]);
+    }
+    run(tests.args(["--package", "board-stm32"]), NEXT_AFTER_A_TEST)?;
+    for package in budget::packages() {
+        for port in budget::PORTS {
+            let mut lints = cargo_with(&["clippy", "--target", BOARD_TARGET]);
+            lints.args(["--package", package, "--package", "board-stm32"]);
+            lints.args(port).args(["--", "-D", "warnings"]);
+            run(&mut lints, NEXT_AFTER_A_LINT)?;
+        }
+    }
+    budget::budget(BudgetOptions::TABLE)
 }
 
 fn trainer_tests() -> Result<(), Failure> {

@@ -47,14 +47,16 @@ async fn watch(watchdog: Peri<'static, IWDG>) {
         watchdog.unleash();
         watchdog.pet();
     })
-    .await
+    .await;
 }
+
+/// Where the converters' DMA reads and writes.
+static BUFFER: ConstStaticCell<[u8; FRAME_BYTES]> = ConstStaticCell::new([0; FRAME_BYTES]);
 
 fn start(parts: Parts) -> Result<(), SpawnError> {
     let reset_cause = reset::cause();
     reset::spare_the_debugger();
     clocks::accelerate();
-    static BUFFER: ConstStaticCell<[u8; FRAME_BYTES]> = ConstStaticCell::new([0; FRAME_BYTES]);
 
     let spi = Spi::new(
         parts.spi,

@@ -17,7 +17,7 @@ pub(crate) fn config() -> Config {
     let mut config = Config::default();
     config.dma_interrupt_priority = prioritise(priority::DRDY);
     let rcc = &mut config.rcc;
-    // The ST-LINK gives 8 MHz (UM1724, 6.7).
+    // The ST-LINK gives 8 MHz (UM1724).
     rcc.hse = Some(Hse {
         freq: Hertz(8_000_000),
         mode: HseMode::Bypass,
@@ -42,7 +42,7 @@ pub(crate) fn config() -> Config {
     config
 }
 
-/// Lets the flash's accelerator hide its five wait states (RM0390, 3.4.2).
+/// Lets the flash's accelerator hide its five wait states (RM0390, FLASH_ACR).
 pub(crate) fn accelerate() {
     FLASH.acr().modify(|access| {
         access.set_prften(true);

@@ -3,7 +3,7 @@
 use embassy_stm32::pac::{DBGMCU, RCC};
 use link::ResetCause;
 
-/// Reads the cause and clears it for the next time (RM0390, 6.3.21). A watchdog and software pull the reset
+/// Reads the cause and clears it for the next time (RM0390, RCC_CSR). A watchdog and software pull the reset
 /// pin too, and a supply that comes up is low before: the first that applies is the cause.
 pub(crate) fn cause() -> ResetCause {
     let flags = RCC.csr().read();

@@ -46,7 +46,7 @@ async fn watch(watchdog: Peri<'static, IWDG1>) {
         watchdog.unleash();
         watchdog.pet();
     })
-    .await
+    .await;
 }
 
 fn start(parts: Parts) -> Result<(), SpawnError> {

@@ -16,7 +16,7 @@ pub(crate) fn config() -> Config {
     let mut config = Config::default();
     config.dma_interrupt_priority = prioritise(priority::DRDY);
     let rcc = &mut config.rcc;
-    // The ST-LINK gives 8 MHz (UM2407, 6.8).
+    // The ST-LINK gives 8 MHz (UM2407).
     rcc.hse = Some(Hse {
         freq: Hertz(8_000_000),
         mode: HseMode::Bypass,

@@ -22,7 +22,7 @@ const ON_WITH_DEFAULTS: u32 = 0b101;
 /// are taken, because there is one such buffer.
 pub(crate) fn begin(mut core: Peripherals) -> &'static mut [u8; FRAME_BYTES] {
     RCC.ahb2enr().modify(|enable| enable.set_sram1en(true));
-    // A register of the bus must be read before the clock can be relied on (RM0433, 8.5.2).
+    // The clock runs a little later; a read from the register waits for it (RM0433, RCC).
     let _ = RCC.ahb2enr().read();
     // SAFETY: no region is in use, and the caches are still off.
     unsafe { core.MPU.ctrl.write(0) };

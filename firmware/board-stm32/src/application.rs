@@ -1,28 +1,41 @@
 //! The start: queues, executors, tasks.
 
 use ads1299::Configured;
-use defmt::info;
+use defmt::{info, warn};
+use defmt_rtt as _;
 use device::{FrameRing, Identity, Sender, Session};
 use embassy_executor::{SendSpawner, SpawnError};
 use embassy_stm32::{interrupt, uid};
 use embassy_sync::zerocopy_channel::{self, Channel};
-use firmware::{Made, Mutex, Shared, Taken, deadlines};
+use embassy_time::{Instant, TICK_HZ};
+use firmware::{Clock, FaultRecord, Made, Mutex, Shared, Taken, deadlines};
 use link::ResetCause;
 use pipeline::{Encoder, Mains};
 use static_cell::{ConstStaticCell, StaticCell};
-use {defmt_rtt as _, panic_probe as _};
 
 use crate::{
     Port, Wires,
     converter::{Adc, power_up},
+    failure,
     interrupts::{self, ACQUIRE, CONVERSE, ENCODE},
 };
 
 pub(crate) type Frames = Sender<FrameRing<{ deadlines::FRAMES_WAITING }>>;
 pub(crate) type MadeOut = zerocopy_channel::Receiver<'static, Mutex, Made>;
 
-/// What the tasks tell each other.
-pub static SHARED: Shared = Shared::new();
+/// What the tasks tell each other. Stages are timed by the device's clock: the core's own counter stops
+/// while the core sleeps.
+pub static SHARED: Shared = Shared::new(Clock {
+    now: ticks,
+    #[expect(clippy::cast_possible_truncation, reason = "1 MHz")]
+    hz: TICK_HZ as u32,
+});
+
+/// The device's clock, lower half.
+#[expect(clippy::cast_possible_truncation, reason = "it wraps")]
+fn ticks() -> u32 {
+    Instant::now().as_ticks() as u32
+}
 
 static FRAMES: ConstStaticCell<Frames> = ConstStaticCell::new(Sender::new(FrameRing::new()));
 static ENCODER: ConstStaticCell<Encoder<'static>> = ConstStaticCell::new(Encoder::new());
@@ -47,23 +60,30 @@ pub struct Board {
     pub port: Port,
 }
 
+/// What the device says of itself.
+struct Name {
+    firmware: &'static str,
+    board: &'static str,
+    session_id: u32,
+    reset_cause: ResetCause,
+}
+
 /// Starts the tasks; gives the spawner of the conversation's priority.
 ///
 /// # Errors
 /// A task could not be spawned: a fault of the image.
 pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
-    let identity = Identity {
+    info!("{=str}, Corticode {=str}", board.name, board.firmware);
+    let before = failure::of_the_run_before();
+    if let Some(before) = &before {
+        warn!("the run before failed: {=str}", before.text());
+    }
+    let name = Name {
         firmware: board.firmware,
         board: board.name,
-        chip_uid: uid::uid(),
         session_id: board.session_id,
-        reset_cause: board.reset_cause,
-        fault: "",
+        reset_cause: before.map_or(board.reset_cause, |before| before.cause()),
     };
-    info!(
-        "{=str}, Corticode {=str}",
-        identity.board, identity.firmware
-    );
     interrupts::begin();
 
     let taken = TAKEN.init_with(|| core::array::from_fn(|_| Taken::default()));
@@ -72,7 +92,7 @@ pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
     let (made_in, made_out) = MADE_CHANNEL.init(Channel::new(made)).split();
 
     let conversation = CONVERSE.start(interrupt::UART5);
-    conversation.spawn(converse(board.port, identity, FRAMES.take(), made_out)?);
+    conversation.spawn(converse(board.port, name, before, FRAMES.take(), made_out)?);
     let encoding = ENCODE.start(interrupt::SAI1);
     encoding.spawn(encode(taken_out, made_in, ENCODER.take())?);
     let acquisition = ACQUIRE.start(interrupt::UART4);
@@ -92,7 +112,7 @@ async fn acquire(wires: Wires, taken: zerocopy_channel::Sender<'static, Mutex, T
     let (mut chain, mut drdy) = wires.into_chain();
     let mut configured: Option<Configured<'_, _, _, _, _>> = power_up(&mut chain).await;
     let adc = Adc::start(configured.as_mut(), &mut drdy).await;
-    firmware::acquire(adc, &SHARED, taken).await
+    firmware::acquire(adc, &SHARED, taken).await;
 }
 
 #[embassy_executor::task]
@@ -101,16 +121,25 @@ async fn encode(
     made: zerocopy_channel::Sender<'static, Mutex, Made>,
     encoder: &'static mut Encoder<'static>,
 ) {
-    firmware::encode(&SHARED, taken, made, encoder).await
+    firmware::encode(&SHARED, taken, made, encoder).await;
 }
 
 #[embassy_executor::task]
 async fn converse(
     port: Port,
-    identity: Identity<'static>,
+    name: Name,
+    before: Option<FaultRecord>,
     frames: &'static mut Frames,
     made: MadeOut,
 ) {
+    let identity = Identity {
+        firmware: name.firmware,
+        board: name.board,
+        chip_uid: uid::uid(),
+        session_id: name.session_id,
+        reset_cause: name.reset_cause,
+        fault: before.as_ref().map_or("", FaultRecord::text),
+    };
     let session = Session::new(identity, Mains::default());
-    port.converse(session, frames, made).await
+    port.converse(session, frames, made).await;
 }

@@ -36,6 +36,9 @@ impl Bus {
     }
 
     /// A bus with what the DMA may use.
+    ///
+    /// # Panics
+    /// When SCLK is faster than registers can be read back.
     pub fn new(spi: Spi<'static, Async, Master>, buffer: &'static mut [u8; FRAME_BYTES]) -> Self {
         // Dividers round to the nearest: what comes out is checked.
         let hz = spi.get_current_config().frequency.0;

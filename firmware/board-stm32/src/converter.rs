@@ -121,6 +121,7 @@ impl<'a> Adc<'a> {
     }
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "ticks wrap")]
 impl Converter for Adc<'_> {
     async fn next(&mut self, sample: &mut Sample) -> Conversion {
         if let Ok(edge) = with_deadline(self.due, drdy::next()).await {
@@ -129,6 +130,7 @@ impl Converter for Adc<'_> {
             let (status_bad, lead_off) = self.read(sample).await;
             return Conversion {
                 drdy_us: edge.us,
+                drdy_ticks: edge.us as u32,
                 missed: edge.missed,
                 status_bad,
                 lead_off,
@@ -140,6 +142,7 @@ impl Converter for Adc<'_> {
         let before = core::mem::replace(&mut self.silent, true);
         Conversion {
             drdy_us,
+            drdy_ticks: drdy_us as u32,
             missed: if before { 0 } else { SILENCE - 1 },
             status_bad: true,
             lead_off: false,

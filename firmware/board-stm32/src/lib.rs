@@ -23,6 +23,8 @@ mod delay;
 #[cfg(target_os = "none")]
 mod drdy;
 #[cfg(target_os = "none")]
+mod failure;
+#[cfg(target_os = "none")]
 mod interrupts;
 #[cfg(all(target_os = "none", feature = "uart"))]
 #[path = "uart.rs"]

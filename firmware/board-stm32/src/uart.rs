@@ -4,7 +4,10 @@ use device::Session;
 use embassy_stm32::usart::{BufferedUart, Config, ConfigError};
 use static_cell::ConstStaticCell;
 
-use crate::application::{Frames, MadeOut, SHARED};
+use crate::{
+    application::{Frames, MadeOut, SHARED},
+    failure,
+};
 
 /// Bits per second: 92 kB/s, which codes need 3 % of.
 const BAUD: u32 = 921_600;
@@ -42,6 +45,16 @@ impl Port {
         made: MadeOut,
     ) -> ! {
         let (transmitter, receiver) = self.0.split();
-        firmware::converse(receiver, transmitter, session, None, frames, &SHARED, made).await
+        firmware::converse(
+            receiver,
+            transmitter,
+            session,
+            None,
+            frames,
+            &SHARED,
+            Some(failure::stack()),
+            made,
+        )
+        .await
     }
 }

@@ -19,7 +19,10 @@ use embassy_usb::{
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use static_cell::{ConstStaticCell, StaticCell};
 
-use crate::application::{Frames, MadeOut, SHARED};
+use crate::{
+    application::{Frames, MadeOut, SHARED},
+    failure,
+};
 
 /// Of pid.codes, for development only: whoever gives devices away needs a number of their own.
 const VENDOR: u16 = 0x1209;
@@ -27,6 +30,7 @@ const PRODUCT: u16 = 0x0001;
 
 /// Bytes of a packet at full speed (USB 2.0, 5.8.3).
 const PACKET: usize = 64;
+const _: () = assert!(PACKET <= u16::MAX as usize);
 
 /// How often a port that is closed is looked at.
 const TICK: Duration = Duration::from_millis(20);
@@ -74,6 +78,7 @@ impl Port {
             CONTROL.take(),
         );
         let state = STATE.init(State::new());
+        #[expect(clippy::cast_possible_truncation, reason = "asserted")]
         let class = CdcAcmClass::new(&mut builder, state, PACKET as u16);
         let (sender, receiver) = class.split();
         let transmitter = Transmitter {
@@ -81,8 +86,16 @@ impl Port {
             last_was_full: false,
         };
         let receiver = Receiver(receiver);
-        let conversation =
-            firmware::converse(receiver, transmitter, session, None, frames, &SHARED, made);
+        let conversation = firmware::converse(
+            receiver,
+            transmitter,
+            session,
+            None,
+            frames,
+            &SHARED,
+            Some(failure::stack()),
+            made,
+        );
         join(builder.build().run(), conversation).await.0
     }
 }

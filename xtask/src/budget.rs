@@ -1,0 +1,201 @@
+//! `cargo xtask budget`: what the boards' images take of flash and RAM, and what is left.
+
+mod image;
+mod limits;
+mod memory_map;
+
+use std::fmt;
+use std::fs;
+
+use clap::Args;
+use serde::Serialize;
+
+use self::image::{Image, Segment};
+use self::limits::{BOARDS, FLASH, Limits, STACK};
+use self::memory_map::Region;
+use crate::benchmark::emulator;
+use crate::command::{cargo_with, root, run};
+use crate::failure::Failure;
+use crate::verify::{self, BOARD_TARGET};
+
+/// Its options.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct BudgetOptions {
+    /// Print one JSON object instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+impl BudgetOptions {
+    /// As a table.
+    pub(crate) const TABLE: Self = Self { json: false };
+}
+
+/// What cargo is told for each of a board's ports: USB, UART.
+pub(crate) const PORTS: [&[&str]; 2] = [&["--no-default-features"], &["--features=uart"]];
+
+/// The boards' packages.
+pub(crate) fn packages() -> impl Iterator<Item = &'static str> {
+    BOARDS.iter().map(|limits| limits.package)
+}
+
+/// What all boards take; the object of `--json`.
+#[derive(Debug, Serialize)]
+struct Budget {
+    boards: Vec<BoardBudget>,
+    faults: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct BoardBudget {
+    board: &'static str,
+    regions: Vec<RegionBudget>,
+}
+
+/// Bytes of a region. Of the stack's nothing is known but its size.
+#[derive(Debug, Serialize)]
+struct RegionBudget {
+    region: String,
+    length: u64,
+    used: Option<u64>,
+    left: Option<u64>,
+    limit: Option<u64>,
+}
+
+/// Builds the boards' images, and holds them against their limits.
+///
+/// # Errors
+/// An image does not build, is none, or takes more than its limit.
+pub(crate) fn budget(options: BudgetOptions) -> Result<(), Failure> {
+    verify::board_target()?;
+    let mut budget = Budget {
+        boards: Vec::new(),
+        faults: Vec::new(),
+    };
+    for limits in &BOARDS {
+        let target = format!("--target={BOARD_TARGET}");
+        let package = format!("--package={}", limits.package);
+        // One after the other: one chip's features must not be another's.
+        run(
+            &mut cargo_with(&["build", "--profile=firmware", &target, &package]),
+            "read the compiler's message above",
+        )?;
+        let path = emulator::target_folder()?
+            .join(BOARD_TARGET)
+            .join("firmware")
+            .join(limits.package);
+        let image = Image::read(&path)?;
+        let script = root().join(limits.memory_map);
+        let script = fs::read_to_string(&script).map_err(|error| Failure::Check {
+            what: format!("reading {}", script.display()),
+            why: error.to_string(),
+            next: "`git status`".to_owned(),
+        })?;
+        let (board, faults) = judge(limits, &image, &memory_map::regions(&script));
+        budget.boards.push(board);
+        budget.faults.extend(faults);
+    }
+    if options.json {
+        let json = serde_json::to_string(&budget);
+        println!(
+            "{}",
+            json.unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"))
+        );
+    } else {
+        print!("{budget}");
+    }
+    if budget.faults.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Check {
+        what: "the budget".to_owned(),
+        why: budget.faults.join("; "),
+        next: "find what has grown with `nm --size-sort`, or argue for a limit in \
+               xtask/src/budget/limits.rs"
+            .to_owned(),
+    })
+}
+
+/// An image's figures, and what is wrong with them.
+fn judge(limits: &Limits, image: &Image, regions: &[Region]) -> (BoardBudget, Vec<String>) {
+    let mut faults = Vec::new();
+    let name = limits.name;
+    let place = |wanted: &str| regions.iter().find(|region| region.name == wanted);
+    match (place(FLASH), place(STACK)) {
+        (Some(flash), Some(stack)) => {
+            let fault = image.fault(flash.origin, stack.end());
+            faults.extend(fault.map(|fault| format!("{name}: {fault}")));
+            if stack.length < limits.stack {
+                let (has, least) = (stack.length, limits.stack);
+                faults.push(format!("{name}: a stack of {has} bytes, {least} at least"));
+            }
+        }
+        _ => faults.push(format!(
+            "{name}: no {FLASH} or no {STACK} in its memory map"
+        )),
+    }
+    let budget = regions.iter().map(|region| {
+        let limit = limits.regions.iter().find(|(name, _)| *name == region.name);
+        let limit = limit.map(|(_, bytes)| *bytes);
+        let used = (region.name != STACK).then(|| used(region, &image.segments));
+        RegionBudget {
+            region: region.name.clone(),
+            length: region.length,
+            used,
+            left: used.map(|used| region.length.saturating_sub(used)),
+            limit,
+        }
+    });
+    let budget: Vec<_> = budget.collect();
+    for (wanted, limit) in limits.regions {
+        let found = budget.iter().find(|region| region.region == *wanted);
+        match found.and_then(|region| region.used) {
+            None => faults.push(format!("{name}: no region {wanted} in its memory map")),
+            Some(used) if used > *limit => faults.push(format!(
+                "{name}: {used} bytes of {wanted}, the limit is {limit}"
+            )),
+            Some(_) => {}
+        }
+    }
+    let board = BoardBudget {
+        board: name,
+        regions: budget,
+    };
+    (board, faults)
+}
+
+/// What is flashed into a region, or lies there when the program runs.
+fn used(region: &Region, segments: &[Segment]) -> u64 {
+    let flashed = segments.iter().filter(|segment| segment.file_size > 0);
+    let flashed = flashed.map(|segment| (segment.load_address, segment.file_size));
+    let running = segments
+        .iter()
+        .map(|segment| (segment.address, segment.memory_size));
+    region.used(flashed.chain(running))
+}
+
+impl fmt::Display for Budget {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let cell = |bytes: Option<u64>| bytes.map_or("-".to_owned(), |bytes| bytes.to_string());
+        writeln!(
+            formatter,
+            "{:<16} {:<6} {:>9} {:>9} {:>9} {:>9}   bytes",
+            "board", "region", "used", "left", "of", "limit"
+        )?;
+        for board in &self.boards {
+            for region in &board.regions {
+                writeln!(
+                    formatter,
+                    "{:<16} {:<6} {:>9} {:>9} {:>9} {:>9}",
+                    board.board,
+                    region.region,
+                    cell(region.used),
+                    cell(region.left),
+                    region.length,
+                    cell(region.limit)
+                )?;
+            }
+        }
+        Ok(())
+    }
+}

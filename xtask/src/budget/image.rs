@@ -1,0 +1,168 @@
+//! What an image says of itself: a 32-bit ELF file for ARM.
+
+use std::fs;
+use std::path::Path;
+
+use crate::failure::Failure;
+
+/// Offsets in the file's header and in a program header (System V ABI, chapters 4 and 5).
+const MACHINE: usize = 18;
+const PROGRAM_HEADERS: usize = 28;
+const HEADER_SIZE: usize = 42;
+const HEADER_COUNT: usize = 44;
+const FILE_OFFSET: usize = 4;
+const ADDRESS: usize = 8;
+const LOAD_ADDRESS: usize = 12;
+const FILE_SIZE: usize = 16;
+const MEMORY_SIZE: usize = 20;
+const FLAGS: usize = 24;
+/// A segment that is loaded, or has a place in memory.
+const LOAD: u32 = 1;
+/// Its contents are executed.
+const EXECUTED: u32 = 1;
+/// ARM.
+const ARM: usize = 40;
+
+/// A piece of an image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Segment {
+    /// Where it lies when the program runs.
+    pub(crate) address: u64,
+    /// Where it is flashed to.
+    pub(crate) load_address: u64,
+    /// Bytes that are flashed.
+    pub(crate) file_size: u64,
+    /// Bytes when the program runs.
+    pub(crate) memory_size: u64,
+    executed: bool,
+    /// Its first two words: of the vector table, stack and entry.
+    first_words: [u32; 2],
+}
+
+/// An image.
+#[derive(Debug)]
+pub(crate) struct Image {
+    /// Its pieces that take room.
+    pub(crate) segments: Vec<Segment>,
+}
+
+impl Image {
+    /// Reads an image.
+    ///
+    /// # Errors
+    /// The file cannot be read, or is no such image.
+    pub(crate) fn read(path: &Path) -> Result<Self, Failure> {
+        let failed = |why: String| Failure::Check {
+            what: format!("reading the image {}", path.display()),
+            why,
+            next: "remove it and build it again; RUSTFLAGS must not be set".to_owned(),
+        };
+        let bytes = fs::read(path).map_err(|error| failed(error.to_string()))?;
+        Self::parse(&bytes).ok_or_else(|| failed("this is no 32-bit ELF file for ARM".to_owned()))
+    }
+
+    fn parse(bytes: &[u8]) -> Option<Self> {
+        // Magic number, 32 bits, little endian.
+        if !bytes.starts_with(b"\x7fELF\x01\x01") || half_word(bytes, MACHINE)? != ARM {
+            return None;
+        }
+        let first = word(bytes, PROGRAM_HEADERS)? as usize;
+        let size = half_word(bytes, HEADER_SIZE)?.max(1);
+        let headers = bytes.get(first..)?.chunks_exact(size);
+        let segments = headers
+            .take(half_word(bytes, HEADER_COUNT)?)
+            .filter(|header| word(header, 0) == Some(LOAD))
+            .map(|header| segment(bytes, header))
+            .collect::<Option<_>>()?;
+        Some(Self { segments })
+    }
+
+    /// What is wrong with an image that shall start at `flash` with the stack's end behind `stack_start`.
+    pub(crate) fn fault(&self, flash: u64, stack_start: u64) -> Option<String> {
+        let Some(table) = self.segments.iter().find(|s| s.load_address == flash) else {
+            return Some(format!("nothing lies at the flash's origin {flash:#010x}"));
+        };
+        if !self.segments.iter().any(|s| s.executed && s.file_size > 0) {
+            return Some("it has no instructions".to_owned());
+        }
+        let [stack, entry] = table.first_words.map(u64::from);
+        if stack != stack_start {
+            return Some(format!(
+                "its stack begins at {stack:#010x} instead of {stack_start:#010x}"
+            ));
+        }
+        // Bit 0 says that it is thumb code.
+        let executed = |s: &&Segment| s.executed;
+        let mut places = self.segments.iter().filter(executed);
+        let inside = places.any(|s| (s.address..s.address + s.file_size).contains(&entry));
+        (entry % 2 == 0 || !inside).then(|| format!("its entry {entry:#010x} is no thumb code"))
+    }
+}
+
+fn segment(image: &[u8], header: &[u8]) -> Option<Segment> {
+    let field = |at| word(header, at).map(u64::from);
+    let offset = word(header, FILE_OFFSET)? as usize;
+    Some(Segment {
+        address: field(ADDRESS)?,
+        load_address: field(LOAD_ADDRESS)?,
+        file_size: field(FILE_SIZE)?,
+        memory_size: field(MEMORY_SIZE)?,
+        executed: word(header, FLAGS)? & EXECUTED != 0,
+        first_words: [0, 4].map(|at| word(image, offset + at).unwrap_or(0)),
+    })
+}
+
+fn word(bytes: &[u8], at: usize) -> Option<u32> {
+    Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?))
+}
+
+fn half_word(bytes: &[u8], at: usize) -> Option<usize> {
+    let half = u16::from_le_bytes(*bytes.get(at..)?.first_chunk()?);
+    Some(half.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FLASH_AT: u32 = 0x0800_0000;
+    const STACK: u32 = 0x2000_8000;
+
+    /// A header, one program header, then the vector table and a page of code.
+    fn elf(machine: u16, words: [u32; 2]) -> Vec<u8> {
+        let mut image = vec![0; 52];
+        image[..6].copy_from_slice(b"\x7fELF\x01\x01");
+        image[MACHINE..MACHINE + 2].copy_from_slice(&machine.to_le_bytes());
+        image[PROGRAM_HEADERS] = 52;
+        image[HEADER_SIZE] = 32;
+        image[HEADER_COUNT] = 1;
+        for field in [LOAD, 84, FLASH_AT, FLASH_AT, 256, 256, EXECUTED, 4] {
+            image.extend(field.to_le_bytes());
+        }
+        image.extend(words.into_iter().flat_map(u32::to_le_bytes));
+        image.resize(84 + 256, 0);
+        image
+    }
+
+    fn fault(words: [u32; 2], flash: u32) -> Option<String> {
+        let image = Image::parse(&elf(40, words)).expect("an image");
+        image.fault(flash.into(), STACK.into())
+    }
+
+    #[test]
+    fn a_sound_image_has_no_fault_and_each_wrong_start_is_one() {
+        let entry = FLASH_AT + 0x41;
+        assert_eq!(fault([STACK, entry], FLASH_AT), None);
+        assert!(fault([STACK + 8, entry], FLASH_AT).is_some_and(|why| why.contains("stack")));
+        assert!(fault([STACK, entry + 1], FLASH_AT).is_some_and(|why| why.contains("entry")));
+        assert!(fault([STACK, entry + 0x1000], FLASH_AT).is_some());
+        assert!(fault([STACK, entry], FLASH_AT + 4).is_some_and(|why| why.contains("origin")));
+    }
+
+    #[test]
+    fn what_is_for_another_machine_or_cut_is_no_image() {
+        assert!(Image::parse(&elf(62, [0; 2])).is_none());
+        assert!(Image::parse(&elf(40, [0; 2])[..40]).is_none());
+        assert!(Image::parse(b"").is_none());
+    }
+}
