@@ -44,17 +44,9 @@ impl Port {
         frames: &mut Frames,
         made: MadeOut,
     ) -> ! {
-        let (transmitter, receiver) = self.0.split();
-        firmware::converse(
-            receiver,
-            transmitter,
-            session,
-            None,
-            frames,
-            &SHARED,
-            Some(failure::stack()),
-            made,
-        )
-        .await
+        let (output, input) = self.0.split();
+        let port = firmware::Port { input, output };
+        let stack = Some(failure::stack());
+        firmware::converse(port, session, None, frames, &SHARED, stack, made).await
     }
 }

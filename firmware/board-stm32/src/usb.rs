@@ -81,21 +81,15 @@ impl Port {
         #[expect(clippy::cast_possible_truncation, reason = "asserted")]
         let class = CdcAcmClass::new(&mut builder, state, PACKET as u16);
         let (sender, receiver) = class.split();
-        let transmitter = Transmitter {
-            sender,
-            last_was_full: false,
+        let port = firmware::Port {
+            input: Receiver(receiver),
+            output: Transmitter {
+                sender,
+                last_was_full: false,
+            },
         };
-        let receiver = Receiver(receiver);
-        let conversation = firmware::converse(
-            receiver,
-            transmitter,
-            session,
-            None,
-            frames,
-            &SHARED,
-            Some(failure::stack()),
-            made,
-        );
+        let stack = Some(failure::stack());
+        let conversation = firmware::converse(port, session, None, frames, &SHARED, stack, made);
         join(builder.build().run(), conversation).await.0
     }
 }
