@@ -52,7 +52,7 @@ struct BoardBudget {
     regions: Vec<RegionBudget>,
 }
 
-/// Bytes of a region. Of the stack's nothing is known but its size.
+/// Bytes of a region. Of one without a limit nothing is known but its size: the linker puts nothing there.
 #[derive(Debug, Serialize)]
 struct RegionBudget {
     region: String,
@@ -134,27 +134,28 @@ fn judge(limits: &Limits, image: &Image, regions: &[Region]) -> (BoardBudget, Ve
             "{name}: no {FLASH} or no {STACK} in its memory map"
         )),
     }
-    let budget = regions.iter().map(|region| {
+    let mut budget = Vec::new();
+    for region in regions {
         let limit = limits.regions.iter().find(|(name, _)| *name == region.name);
         let limit = limit.map(|(_, bytes)| *bytes);
-        let used = (region.name != STACK).then(|| used(region, &image.segments));
-        RegionBudget {
+        let used = used(region, &image.segments);
+        let (bytes, region_name) = (limit.unwrap_or(0), &region.name);
+        if used > bytes {
+            faults.push(format!(
+                "{name}: {used} bytes of {region_name}, the limit is {bytes}"
+            ));
+        }
+        budget.push(RegionBudget {
             region: region.name.clone(),
             length: region.length,
-            used,
-            left: used.map(|used| region.length.saturating_sub(used)),
+            used: limit.map(|_| used),
+            left: limit.map(|_| region.length.saturating_sub(used)),
             limit,
-        }
-    });
-    let budget: Vec<_> = budget.collect();
-    for (wanted, limit) in limits.regions {
-        let found = budget.iter().find(|region| region.region == *wanted);
-        match found.and_then(|region| region.used) {
-            None => faults.push(format!("{name}: no region {wanted} in its memory map")),
-            Some(used) if used > *limit => faults.push(format!(
-                "{name}: {used} bytes of {wanted}, the limit is {limit}"
-            )),
-            Some(_) => {}
+        });
+    }
+    for (wanted, _) in limits.regions {
+        if place(wanted).is_none() {
+            faults.push(format!("{name}: no region {wanted} in its memory map"));
         }
     }
     let board = BoardBudget {
@@ -197,5 +198,76 @@ impl fmt::Display for Budget {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: Limits = Limits {
+        package: "board",
+        name: "BOARD",
+        memory_map: "",
+        regions: &[(FLASH, 300), ("RAM", 50)],
+        stack: 100,
+    };
+
+    fn regions() -> Vec<Region> {
+        memory_map::regions(
+            "FLASH : ORIGIN = 0x1000, LENGTH = 512\nSTACK : ORIGIN = 0x2000, LENGTH = 100\n\
+             RAM : ORIGIN = 0x3000, LENGTH = 64\nKEPT : ORIGIN = 0x4000, LENGTH = 8",
+        )
+    }
+
+    /// Code with the vector table, then a variable that is flashed and lies elsewhere.
+    fn image(code: u64, variables: u64) -> Image {
+        let code = Segment {
+            address: 0x1000,
+            load_address: 0x1000,
+            file_size: code,
+            memory_size: code,
+            executed: true,
+            first_words: [0x2064, 0x1009],
+        };
+        let variables = Segment {
+            address: 0x3000,
+            load_address: 0x1000 + code.file_size,
+            file_size: 16,
+            memory_size: variables,
+            executed: false,
+            ..code
+        };
+        Image {
+            segments: vec![code, variables],
+        }
+    }
+
+    #[test]
+    fn what_variables_start_with_takes_flash_and_ram() {
+        let (board, faults) = judge(&LIMITS, &image(200, 48), &regions());
+        assert_eq!(faults, [""; 0]);
+        let used: Vec<_> = board.regions.iter().map(|region| region.used).collect();
+        assert_eq!(used, [Some(216), None, Some(48), None]);
+        assert_eq!(board.regions[2].left, Some(16));
+    }
+
+    #[test]
+    fn each_limit_that_is_passed_is_named() {
+        let faults = |code, variables, regions: &[Region]| {
+            judge(&LIMITS, &image(code, variables), regions)
+                .1
+                .join("; ")
+        };
+        assert!(faults(400, 48, &regions()).contains("416 bytes of FLASH, the limit is 300"));
+        assert!(faults(200, 51, &regions()).contains("51 bytes of RAM, the limit is 50"));
+        let mut small = regions();
+        small[1].origin += 50;
+        small[1].length -= 50;
+        assert!(faults(200, 48, &small).contains("a stack of 50 bytes, 100 at least"));
+        assert!(faults(200, 48, &regions()[..2]).contains("no region RAM"));
+        let mut kept = regions();
+        kept[3].origin = 0x3000;
+        assert!(faults(200, 48, &kept).contains("48 bytes of KEPT, the limit is 0"));
     }
 }

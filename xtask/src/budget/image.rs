@@ -34,9 +34,10 @@ pub(crate) struct Segment {
     pub(crate) file_size: u64,
     /// Bytes when the program runs.
     pub(crate) memory_size: u64,
-    executed: bool,
+    /// Its contents are instructions, or among them.
+    pub(crate) executed: bool,
     /// Its first two words: of the vector table, stack and entry.
-    first_words: [u32; 2],
+    pub(crate) first_words: [u32; 2],
 }
 
 /// An image.
