@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn a_board_that_does_not_come_back_or_does_not_say_why_is_a_fault() {
         let seconds = |seconds: usize| {
-            let input = Input::make(60).expect("an input");
+            let input = Input::make(80).expect("an input");
             let samples = seconds * usize::from(ADC_RATE_HZ);
             let sent = host::sent(&input.samples[..samples]).expect("host-sim");
             Heard::boots(&sent).swap_remove(0)

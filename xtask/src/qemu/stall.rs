@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn a_stall_must_cost_frames_and_each_must_be_counted() {
-        let sent = host::sent(&Input::make(40).expect("an input").samples).expect("host-sim");
+        let sent = host::sent(&Input::make(80).expect("an input").samples).expect("host-sim");
         let boots = Heard::boots(&sent);
         let faults = |boots: &[Heard]| Stall::new(boots, &Heard::boots(&sent)[0]).faults;
         assert_eq!(
@@ -208,7 +208,7 @@ mod tests {
         let mut old = dropping(3, 3);
         old[0].codes.truncate(20);
         let old = faults(&old).join("; ");
-        assert!(old.contains("the newest code is 19 of 40"), "{old}");
+        assert!(old.contains("the newest code is 19 of 80"), "{old}");
         let mut wrong = dropping(3, 3);
         wrong[0].codes[5].1.window += 1;
         let wrong = faults(&wrong).join("; ");
