@@ -10,7 +10,7 @@ use embassy_sync::zerocopy_channel::{self, Channel};
 use embassy_time::{Instant, TICK_HZ};
 use firmware::{Clock, FaultRecord, Made, Mutex, Shared, Taken, deadlines};
 use link::ResetCause;
-use pipeline::{Encoder, Mains};
+use pipeline::{Acquisition, Encoder, Mains, SignalQuality};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::{
@@ -39,6 +39,10 @@ fn ticks() -> u32 {
 
 static FRAMES: ConstStaticCell<Frames> = ConstStaticCell::new(Sender::new(FrameRing::new()));
 static ENCODER: ConstStaticCell<Encoder<'static>> = ConstStaticCell::new(Encoder::new());
+static ACQUISITION: ConstStaticCell<Acquisition> =
+    ConstStaticCell::new(Acquisition::new(Mains::Hz50));
+static QUALITY: ConstStaticCell<SignalQuality> =
+    ConstStaticCell::new(SignalQuality::new(Mains::Hz50));
 static TAKEN: StaticCell<[Taken; deadlines::SAMPLES_WAITING]> = StaticCell::new();
 static TAKEN_CHANNEL: StaticCell<Channel<'static, Mutex, Taken>> = StaticCell::new();
 static MADE: StaticCell<[Made; deadlines::MADE_WAITING]> = StaticCell::new();
@@ -72,6 +76,9 @@ struct Name {
 ///
 /// # Errors
 /// A task could not be spawned: a fault of the image.
+///
+/// Not part of `main`, whose frame stays on the stack for ever, under all tasks.
+#[inline(never)]
 pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
     info!("{=str}, Corticode {=str}", board.name, board.firmware);
     let before = failure::of_the_run_before();
@@ -94,9 +101,9 @@ pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
     let conversation = CONVERSE.start(interrupt::UART5);
     conversation.spawn(converse(board.port, name, before, FRAMES.take(), made_out)?);
     let encoding = ENCODE.start(interrupt::SAI1);
-    encoding.spawn(encode(taken_out, made_in, ENCODER.take())?);
+    encoding.spawn(encode(taken_out, made_in, ENCODER.take(), QUALITY.take())?);
     let acquisition = ACQUIRE.start(interrupt::UART4);
-    acquisition.spawn(acquire(board.wires, taken_in)?);
+    acquisition.spawn(acquire(board.wires, taken_in, ACQUISITION.take())?);
     Ok(conversation)
 }
 
@@ -108,11 +115,15 @@ pub fn sleep() -> ! {
 }
 
 #[embassy_executor::task]
-async fn acquire(wires: Wires, taken: zerocopy_channel::Sender<'static, Mutex, Taken>) {
+async fn acquire(
+    wires: Wires,
+    taken: zerocopy_channel::Sender<'static, Mutex, Taken>,
+    acquisition: &'static mut Acquisition,
+) {
     let (mut chain, mut drdy) = wires.into_chain();
     let mut configured: Option<Configured<'_, _, _, _, _>> = power_up(&mut chain).await;
     let adc = Adc::start(configured.as_mut(), &mut drdy).await;
-    firmware::acquire(adc, &SHARED, taken).await;
+    firmware::acquire(adc, &SHARED, taken, acquisition).await;
 }
 
 #[embassy_executor::task]
@@ -120,8 +131,9 @@ async fn encode(
     taken: zerocopy_channel::Receiver<'static, Mutex, Taken>,
     made: zerocopy_channel::Sender<'static, Mutex, Made>,
     encoder: &'static mut Encoder<'static>,
+    quality: &'static mut SignalQuality,
 ) {
-    firmware::encode(&SHARED, taken, made, encoder).await;
+    firmware::encode(&SHARED, taken, made, encoder, quality).await;
 }
 
 #[embassy_executor::task]
@@ -132,14 +144,22 @@ async fn converse(
     frames: &'static mut Frames,
     made: MadeOut,
 ) {
+    let is_sound = firmware::model_is_sound();
     let identity = Identity {
         firmware: name.firmware,
         board: name.board,
         chip_uid: uid::uid(),
         session_id: name.session_id,
         reset_cause: name.reset_cause,
-        fault: before.as_ref().map_or("", FaultRecord::text),
+        fault: if is_sound {
+            before.as_ref().map_or("", FaultRecord::text)
+        } else {
+            firmware::MODEL_DAMAGED
+        },
     };
-    let session = Session::new(identity, Mains::default());
-    port.converse(session, frames, made).await;
+    let mut session = Session::new(identity, Mains::default());
+    if !is_sound {
+        session.refuse_starts();
+    }
+    port.converse(&mut session, frames, made).await;
 }

@@ -40,7 +40,7 @@ impl Port {
 
     pub(crate) async fn converse(
         self,
-        session: Session<'_>,
+        session: &mut Session<'_>,
         frames: &mut Frames,
         made: MadeOut,
     ) -> ! {

@@ -52,7 +52,7 @@ pub struct Port {
 impl Port {
     pub(crate) async fn converse(
         self,
-        session: Session<'_>,
+        session: &mut Session<'_>,
         frames: &mut Frames,
         made: MadeOut,
     ) -> ! {
