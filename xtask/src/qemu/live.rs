@@ -51,8 +51,10 @@ async fn until_a_signal(command: &mut Command) -> io::Result<Option<ExitStatus>>
     let mut terminate = signal(SignalKind::terminate())?;
     let mut emulator = command.spawn()?;
     tokio::select! {
-        status = emulator.wait() => status.map(Some),
-        _ = tokio::signal::ctrl_c() => Ok(None),
-        _ = terminate.recv() => Ok(None),
+        status = emulator.wait() => return status.map(Some),
+        _ = tokio::signal::ctrl_c() => {}
+        _ = terminate.recv() => {}
     }
+    emulator.kill().await?;
+    Ok(None)
 }
