@@ -37,10 +37,11 @@ pub(crate) fn of_the_run_before() -> Option<FaultRecord> {
     critical_section::with(|section| KEPT.take(section))
 }
 
-/// Lets the watchdog count: it interrupts after half of its time, and resets after all of it.
+/// Lets the watchdog count: it interrupts after its time, and resets after the same again.
 pub(crate) fn begin_watchdog() {
-    let half_us = u32::try_from(deadlines::WATCHDOG.as_micros() / 2).unwrap_or(u32::MAX);
-    WATCHDOG.write(watchdog::LOAD, half_us * TICKS_PER_US);
+    // Not half of it: a start that falls between two looks at the tasks may cost one feed.
+    let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
+    WATCHDOG.write(watchdog::LOAD, us * TICKS_PER_US);
     WATCHDOG.write(watchdog::CONTROL, watchdog::INTERRUPT_THEN_RESET);
 }
 
