@@ -5,5 +5,5 @@
 mod image;
 
 fn main() {
-    image::describe("../../memory.x");
+    image::describe("stm32h743.x");
 }

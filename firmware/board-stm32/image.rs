@@ -1,6 +1,10 @@
 //! What the boards' build scripts share: how an image is linked, and what it calls itself.
 
-use std::{env, fs, path::PathBuf, process::Command};
+use std::{
+    env, fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
 
 /// Links an image with a memory map, and names its version and commit.
 pub(crate) fn describe(memory_map: &str) {
@@ -10,7 +14,12 @@ pub(crate) fn describe(memory_map: &str) {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    // The name that cortex-m-rt's link.x includes.
+    // The name that cortex-m-rt's link.x includes. The linker runs in the workspace's root and looks
+    // there first: a map of that name would be every image's.
+    assert!(
+        !Path::new("../../memory.x").exists(),
+        "memory.x in the workspace's root replaces every board's memory map; give it another name"
+    );
     fs::copy(memory_map, out.join("memory.x")).expect("the memory map can be copied");
     println!("cargo::rustc-link-search={}", out.display());
     for argument in ["-Tlink.x", "-Tdefmt.x", "--nmagic"] {

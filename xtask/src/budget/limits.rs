@@ -25,7 +25,7 @@ pub(crate) const BOARDS: [Limits; 2] = [
     Limits {
         package: "board-h743",
         name: "NUCLEO-H743ZI2",
-        memory_map: "memory.x",
+        memory_map: "firmware/board-h743/stm32h743.x",
         // A quarter more than was measured; half of the DMA's region is for what comes.
         regions: &[
             (FLASH, 640 * 1024),
