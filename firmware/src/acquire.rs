@@ -78,6 +78,8 @@ impl Running {
         }
         let index = self.steps;
         self.steps += u64::from(step.is_some());
+        // Also where there is no room: an encoder that hangs has a full queue, and is not idle.
+        shared.progress.handed_on();
         let Some(slot) = taken.try_send() else {
             shared.count_overruns(1);
             self.marks.overrun = true;
@@ -90,6 +92,5 @@ impl Running {
         slot.drdy_ticks = conversion.drdy_ticks;
         slot.marks = core::mem::take(&mut self.marks);
         taken.send_done();
-        shared.progress.handed_on();
     }
 }

@@ -30,6 +30,7 @@ impl Progress {
         self.acquired.fetch_add(1, Relaxed);
     }
 
+    /// The encoder has something to do.
     pub(crate) fn handed_on(&self) {
         self.handed_on.fetch_add(1, Relaxed);
     }
