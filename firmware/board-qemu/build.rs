@@ -5,12 +5,14 @@ use std::{env, fs, path::PathBuf};
 
 fn main() {
     println!("cargo::rerun-if-changed=mps2.x");
+    println!("cargo::rerun-if-changed=../../memory.x");
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    // The names that cortex-m-rt's link.x includes; its interrupts have handlers in the table itself.
-    fs::copy("mps2.x", out.join("memory.x")).expect("OUT_DIR is writable");
+    // The name that memory.x in the workspace's root passes on to; cortex-m-rt's link.x includes that and
+    // device.x, which is empty because the interrupts have their handlers in the table itself.
+    fs::copy("mps2.x", out.join("board.x")).expect("OUT_DIR is writable");
     fs::write(out.join("device.x"), "").expect("OUT_DIR is writable");
     println!("cargo::rustc-link-search={}", out.display());
     println!("cargo::rustc-link-arg-bins=-Tlink.x");

@@ -1,26 +1,18 @@
 //! What the boards' build scripts share: how an image is linked, and what it calls itself.
 
-use std::{
-    env, fs,
-    path::{Path, PathBuf},
-    process::Command,
-};
+use std::{env, fs, path::PathBuf, process::Command};
 
 /// Links an image with a memory map, and names its version and commit.
 pub(crate) fn describe(memory_map: &str) {
     println!("cargo::rerun-if-changed={memory_map}");
+    println!("cargo::rerun-if-changed=../../memory.x");
     println!("cargo::rustc-env=CORTICODE_FIRMWARE={}", version());
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    // The name that cortex-m-rt's link.x includes. The linker runs in the workspace's root and looks
-    // there first: a map of that name would be every image's.
-    assert!(
-        !Path::new("../../memory.x").exists(),
-        "memory.x in the workspace's root replaces every board's memory map; give it another name"
-    );
-    fs::copy(memory_map, out.join("memory.x")).expect("the memory map can be copied");
+    // The name that memory.x in the workspace's root passes on to.
+    fs::copy(memory_map, out.join("board.x")).expect("the memory map can be copied");
     println!("cargo::rustc-link-search={}", out.display());
     for argument in ["-Tlink.x", "-Tdefmt.x", "--nmagic"] {
         println!("cargo::rustc-link-arg-bins={argument}");
