@@ -118,7 +118,7 @@ async fn fail(how: Failure) {
     how.happen();
 }
 
-fn identity<'f>(before: Option<&'f FaultRecord>, is_sound: bool) -> Identity<'f> {
+fn identity(before: Option<&FaultRecord>, is_sound: bool) -> Identity<'_> {
     let fault = before.map_or("", FaultRecord::text);
     Identity {
         firmware: env!("CARGO_PKG_VERSION"),
