@@ -100,6 +100,20 @@ impl Heard {
     }
 }
 
+/// The frames of what was sent, but for what the board measured of its own times.
+pub(super) fn but_times(sent: &[u8]) -> Vec<&[u8]> {
+    let is_timing = |frame: &&[u8]| {
+        let ended = [frame, &[0][..]].concat();
+        let mut decoder = Decoder::<MAX_FRAME>::new();
+        let outcome = decoder.next::<ToHost<'_>>(&mut &ended[..]);
+        outcome.is_some_and(|frame| {
+            frame.is_ok_and(|frame| matches!(frame.message, ToHost::Timing(_)))
+        })
+    };
+    let frames = sent.split(|byte| *byte == 0);
+    frames.filter(|frame| !is_timing(frame)).collect()
+}
+
 /// The message as the first frame of a device at time 0.
 fn alone(message: &ToHost<'_>) -> Vec<u8> {
     let mut buffer = [0; MAX_FRAME];
@@ -133,6 +147,23 @@ mod tests {
         assert_eq!((heard.frames, heard.damaged, heard.missing), (2, 1, 2));
         assert!(heard.first_damage.is_some());
         assert_eq!(heard.stats.len(), 2);
+    }
+
+    #[test]
+    fn only_the_times_are_left_out() {
+        let mut encoder = Encoder::starting_at(0);
+        let mut frame = |message: &ToHost<'_>| {
+            let mut buffer = [0; MAX_FRAME];
+            let frame = encoder.encode(5, message, &mut buffer);
+            frame.expect("a frame").to_vec()
+        };
+        let stats = frame(&ToHost::Stats(Stats::default()));
+        let timing = frame(&ToHost::Timing(Timing::default()));
+        let other = frame(&ToHost::Stats(Stats::default()));
+        let all = [&stats[..], &timing, &other].concat();
+        let rest = [&stats[..], &other].concat();
+        assert_eq!(but_times(&all).concat(), but_times(&rest).concat());
+        assert_ne!(but_times(&all).concat(), but_times(&stats).concat());
     }
 
     #[test]

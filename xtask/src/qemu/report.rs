@@ -16,7 +16,7 @@ pub(super) struct Report {
     /// Whether all of them, and what the boards say of their electrodes, are host-sim's: values, window,
     /// first sample, flags.
     equal_to_host: bool,
-    /// Whether a second run of each machine has sent the same bytes.
+    /// Whether a second run of each machine has sent the same bytes, but for its times.
     repeatable: bool,
     /// Samples that were not read in time, on both machines.
     overruns: u32,
@@ -104,7 +104,7 @@ impl fmt::Display for Report {
                 "NOT equal"
             },
             if self.repeatable {
-                "the same bytes"
+                "the same bytes but for its times"
             } else {
                 "DIFFERENT"
             },
