@@ -5,8 +5,10 @@ use std::fmt;
 use link::Timing;
 use serde::Serialize;
 
-/// Most that any stage may take of its deadline.
-const MOST: f64 = 0.5;
+/// Most that any stage may take of its deadline. Half of it is what the Cortex-M4F and M7 stay below
+/// (0.43 and 0.49); the rest is room for the emulator, whose times differ by some microseconds when the PC
+/// is busy.
+const MOST: f64 = 0.55;
 /// Most of the stack that may have been used.
 const MOST_STACK: f64 = 0.75;
 
@@ -123,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stage_beyond_half_its_deadline_a_deep_stack_and_silence_are_faults() {
+    fn a_stage_near_its_deadline_a_deep_stack_and_silence_are_faults() {
         let sound = Stages::of(Some(&timing(2_000_000, 0)));
         assert_eq!(sound.worst_over_deadline(), Some(0.25));
         assert!(sound.faults().is_empty());
@@ -131,7 +133,7 @@ mod tests {
             sound.to_string().contains("step 2000 of 8000 us"),
             "{sound}"
         );
-        assert_eq!(Stages::of(Some(&timing(4_000_001, 0))).faults().len(), 1);
+        assert_eq!(Stages::of(Some(&timing(4_400_001, 0))).faults().len(), 1);
         assert_eq!(Stages::of(Some(&timing(1, 1))).faults().len(), 1);
         let mut deep = timing(1, 0);
         deep.stack_used = 900;
