@@ -56,6 +56,10 @@ pub struct MainsFilter {
 include!(concat!(env!("OUT_DIR"), "/generated.rs"));
 
 /// The sum over the network as it was built.
+#[allow(
+    long_running_const_eval,
+    reason = "a network of a megabyte takes the compiler a second"
+)]
 pub const NETWORK_SUM: u32 = NETWORK.sum();
 
 const _: () = {
