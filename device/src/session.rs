@@ -271,8 +271,7 @@ mod tests {
     use super::*;
     use crate::FrameRing;
 
-    #[test]
-    fn timing_goes_out_as_it_was_measured() {
+    fn session() -> Session<'static> {
         let identity = Identity {
             firmware: "0.1.0",
             board: "test",
@@ -281,7 +280,26 @@ mod tests {
             reset_cause: ResetCause::PowerOn,
             fault: "",
         };
-        let session = Session::new(identity, Mains::default());
+        Session::new(identity, Mains::default())
+    }
+
+    #[test]
+    fn a_device_with_a_damaged_model_answers_and_starts_nothing() {
+        let start = Start {
+            streams: Streams::CODES,
+            mains_hz: 0,
+        };
+        let mut sender = Sender::new(FrameRing::<MAX_FRAME>::new());
+        let mut session = session();
+        session.refuse_starts();
+        let answer = session.start(start, 0, &mut sender);
+        assert_eq!(answer, (AckResult::NotSupported, None));
+        assert!(!session.is_streaming());
+    }
+
+    #[test]
+    fn timing_goes_out_as_it_was_measured() {
+        let session = session();
         let mut sender = Sender::new(FrameRing::<MAX_FRAME>::new());
         let send = StageTiming {
             stage: Stage::Send,
