@@ -1,9 +1,9 @@
 //! The application that every board runs.
 //!
 //! ```text
-//! Converter --Taken--> [acquire] --Taken--> [encode] --Made--> [converse] --frames--> [transmit]
-//!  board's   sample      every      sample    lowest   code      commands              board's
-//!            at DRDY     sample     and step  priority quality   in, frames out        port
+//! Converter ---> [acquire] --Taken--> [encode] --Made--> [converse] ---> Port
+//!  board's        every      sample    lowest   code      commands in,    board's
+//!                 sample     and step  priority quality   frames out
 //! ```
 //!
 //! Each bracket is a task, none waits for one of a lower priority: what a slower one has no room for
