@@ -288,7 +288,13 @@ impl Commands {
             // nothing if it streams after all.
             (ToDevice::Identify, _) if self.is_starved(now_us) => self.stream = Stream::Perhaps,
             (ToDevice::Identify, _) => {}
-            (ToDevice::Ping, _) => self.pending = None,
+            (
+                ToDevice::Ping
+                | ToDevice::SelfTest
+                | ToDevice::SyncTime { .. }
+                | ToDevice::Reset(_),
+                _,
+            ) => self.pending = None,
         }
         match result {
             AckResult::Done => Acknowledged::Expected,

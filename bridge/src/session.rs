@@ -175,6 +175,14 @@ impl Session {
                 self.worst_stage = timing::worst(known);
                 self.timing = Some(timing.clone());
             }
+            // Nobody has asked for them.
+            ToHost::Raw(_)
+            | ToHost::Filtered(_)
+            | ToHost::Audit(_)
+            | ToHost::Event(_)
+            | ToHost::Converters(_)
+            | ToHost::SelfTest(_)
+            | ToHost::ClockReading(_) => {}
         }
     }
 

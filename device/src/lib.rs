@@ -13,12 +13,14 @@
 #[cfg(test)]
 extern crate std;
 
+mod abilities;
 mod frame_ring;
 mod identity;
 mod message;
 mod sender;
 mod session;
 
+pub use abilities::Abilities;
 pub use frame_ring::FrameRing;
 pub use identity::Identity;
 pub use message::CODE_FORMAT;

@@ -1,14 +1,12 @@
 //! The device's side of the conversation with its host.
 
 use link::{
-    Ack, AckResult, Counters, Decoder, FrameError, Start, Stats, Streams, Timing, ToDevice, ToHost,
+    Ack, AckResult, ClockReading, Counters, Decoder, FrameError, ResetInto, Start, Stats, Streams,
+    Timing, ToDevice, ToHost,
 };
 use pipeline::{Code, Mains, Quality};
 
-use crate::{FrameQueue, Identity, Sender, message};
-
-/// Streams that a board has.
-const STREAMS: Streams = Streams::CODES;
+use crate::{Abilities, FrameQueue, Identity, Sender, message};
 
 /// From one start to the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,15 +15,21 @@ pub struct Run {
     pub number: u32,
     /// The notch.
     pub mains: Mains,
+    /// What the host wants to have.
+    pub streams: Streams,
 }
 
-/// What the acquisition has to do.
+/// What a command makes the board do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// Begin at sample 0.
     Start(Run),
     /// Rest.
     Stop,
+    /// Try the converters; [`Session::self_test`] tells the host.
+    SelfTest,
+    /// Start anew, when what waits for the host has had a tenth of a second to go out.
+    Reset(ResetInto),
 }
 
 /// What the acquisition has counted since boot; everything wraps.
@@ -68,10 +72,13 @@ impl Marks {
 #[derive(Debug)]
 pub struct Session<'i> {
     identity: Identity<'i>,
+    abilities: Abilities,
+    /// The run that is, or the last one, whose streams are then none.
     run: Run,
-    streams: Streams,
     /// Whether there is anything to start.
     can_stream: bool,
+    /// A self-test was ordered and has no result yet.
+    is_testing: bool,
     decoder: Decoder,
     /// What this side counts; the rest is filled in when it is sent.
     stats: Stats,
@@ -79,12 +86,17 @@ pub struct Session<'i> {
 
 impl<'i> Session<'i> {
     /// A session of a device that has just started; [`Self::introduce`] comes first.
-    pub fn new(identity: Identity<'i>, mains: Mains) -> Self {
+    pub fn new(identity: Identity<'i>, abilities: Abilities, mains: Mains) -> Self {
         Self {
             identity,
-            run: Run { number: 0, mains },
-            streams: Streams::empty(),
+            abilities,
+            run: Run {
+                number: 0,
+                mains,
+                streams: Streams::empty(),
+            },
             can_stream: true,
+            is_testing: false,
             decoder: Decoder::new(),
             stats: Stats::default(),
         }
@@ -97,7 +109,7 @@ impl<'i> Session<'i> {
 
     /// Whether a host has started a stream.
     pub const fn is_streaming(&self) -> bool {
-        !self.streams.is_empty()
+        !self.run.streams.is_empty()
     }
 
     /// Whether what was made in this run still interests the host.
@@ -148,15 +160,52 @@ impl<'i> Session<'i> {
     ) -> (AckResult, Option<Order>) {
         match command {
             ToDevice::Start(start) => return self.start(start, now_us, sender),
-            ToDevice::Stop => {
-                self.streams = Streams::empty();
-                self.send_stats(now_us, counts, sender);
-                return (AckResult::Done, Some(Order::Stop));
-            }
+            ToDevice::Stop => return self.stop(now_us, counts, sender),
             ToDevice::Identify => self.introduce(now_us, sender),
             ToDevice::Ping => {}
+            ToDevice::SelfTest => return self.begin_self_test(),
+            ToDevice::SyncTime { host_time_us } => {
+                let reading = ClockReading {
+                    host_time_us,
+                    received_us: now_us,
+                };
+                sender.send(now_us, &ToHost::ClockReading(reading));
+            }
+            ToDevice::Reset(into) => return self.reset(into),
         }
         (AckResult::Done, None)
+    }
+
+    fn stop(
+        &mut self,
+        now_us: u64,
+        counts: Counts,
+        sender: &mut Sender<impl FrameQueue>,
+    ) -> (AckResult, Option<Order>) {
+        // An order that nobody needs would displace one that somebody waits for.
+        let order = self.is_streaming().then_some(Order::Stop);
+        self.run.streams = Streams::empty();
+        self.send_stats(now_us, counts, sender);
+        (AckResult::Done, order)
+    }
+
+    fn begin_self_test(&mut self) -> (AckResult, Option<Order>) {
+        if !self.abilities.self_test {
+            return (AckResult::NotSupported, None);
+        }
+        if self.is_testing || self.is_streaming() {
+            return (AckResult::Busy, None);
+        }
+        self.is_testing = true;
+        (AckResult::Done, Some(Order::SelfTest))
+    }
+
+    fn reset(&self, into: ResetInto) -> (AckResult, Option<Order>) {
+        match into {
+            ResetInto::Newer(_) => (AckResult::BadArgument, None),
+            ResetInto::Bootloader if !self.abilities.bootloader => (AckResult::NotSupported, None),
+            into => (AckResult::Done, Some(Order::Reset(into))),
+        }
     }
 
     /// Obeys a `Start`: windows and samples are counted from 0 again, unless the same runs already.
@@ -169,6 +218,9 @@ impl<'i> Session<'i> {
         if !self.can_stream {
             return (AckResult::NotSupported, None);
         }
+        if self.is_testing {
+            return (AckResult::Busy, None);
+        }
         let mains = match start.mains_hz {
             0 => Some(self.run.mains),
             hz => Mains::from_hz(hz),
@@ -176,20 +228,24 @@ impl<'i> Session<'i> {
         let Some(mains) = mains else {
             return (AckResult::BadArgument, None);
         };
-        if start.streams.is_empty() || !STREAMS.contains(start.streams) {
+        let streams = start.streams;
+        if streams.is_empty() || !self.abilities.streams.contains(streams) {
             return (AckResult::BadArgument, None);
         }
-        if start.streams == self.streams && mains == self.run.mains {
+        if streams == self.run.streams && mains == self.run.mains {
             return (AckResult::Done, None);
         }
         let before = self.run.mains;
         let number = self.run.number.wrapping_add(1);
-        self.run = Run { number, mains };
+        self.run = Run {
+            number,
+            mains,
+            streams,
+        };
         if mains != before {
             self.send_capabilities(now_us, sender);
         }
         self.stats.next_window = 0;
-        self.streams = start.streams;
         (AckResult::Done, Some(Order::Start(self.run)))
     }
 
@@ -232,7 +288,7 @@ impl<'i> Session<'i> {
     /// What the device has counted since boot.
     pub fn stats(&self, counts: Counts, frames_dropped: u32) -> Stats {
         Stats {
-            streams: self.streams,
+            streams: self.run.streams,
             frames_dropped,
             samples: counts.samples,
             overruns: counts.overruns,
@@ -280,7 +336,7 @@ mod tests {
             reset_cause: ResetCause::PowerOn,
             fault: "",
         };
-        Session::new(identity, Mains::default())
+        Session::new(identity, Abilities::CODES, Mains::default())
     }
 
     #[test]

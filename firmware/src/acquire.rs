@@ -28,7 +28,7 @@ pub async fn acquire(
                 running = Some(Running::of(run));
             }
             Some(Order::Stop) => running = None,
-            None => {}
+            Some(Order::SelfTest | Order::Reset(_)) | None => {}
         }
         if let Some(running) = &mut running {
             shared.count_sample();

@@ -42,7 +42,7 @@ impl VirtualBoard {
             fault: "",
         };
         let mut board = Self {
-            session: Session::new(identity, mains),
+            session: Session::new(identity, device::Abilities::CODES, mains),
             sender: Sender::new(outbox),
             acquisition: Acquisition::new(mains),
             code_encoder: CodeEncoder::new(),

@@ -21,9 +21,8 @@ pub(crate) fn digest<'m, M: Message<'m>>() -> Digest<'static, u32> {
 /// Bytes of the CRC.
 pub(crate) const CRC_BYTES: usize = 4;
 
-/// Longest body (header, message and CRC before COBS), bytes. The largest `Capabilities` takes
-/// 1456 (test `the_largest_frame_fits`); the rest is room for a window's int8 planes, 1440 B. Raw
-/// samples of a window, 64 x 61 x 3 B = 11.7 kB, do not fit and would travel in pieces.
+/// Longest body (header, message and CRC before COBS), bytes. The largest message is an `Audit`,
+/// a window's int8 planes with its code, 1733 (test `samples_windows_and_self_tests_fit_a_frame`).
 pub const MAX_BODY: usize = 2048;
 
 /// Longest frame with both zeros, bytes.

@@ -2,7 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Ack, Capabilities, Code, Hello, Quality, Start, Stats, Timing};
+use crate::{
+    Ack, Audit, Capabilities, ClockReading, Code, Converters, Event, Filtered, Hello, Quality, Raw,
+    ResetInto, SelfTest, Start, Stats, Timing,
+};
 
 /// A message that can be framed: one enum per direction.
 pub trait Message<'a>: Serialize + Deserialize<'a> {
@@ -36,10 +39,29 @@ pub enum ToHost<'a> {
     Quality(Quality),
     /// 6: how long its stages took.
     Timing(Timing),
+    /// 7: the ADC's samples as they came.
+    #[serde(borrow)]
+    Raw(Raw<'a>),
+    /// 8: what the filters made of them.
+    #[serde(borrow)]
+    Filtered(Filtered<'a>),
+    /// 9: a window together with its code.
+    #[serde(borrow)]
+    Audit(Audit<'a>),
+    /// 10: what happened at an input.
+    Event(Event),
+    /// 11: how the converters are.
+    #[serde(borrow)]
+    Converters(Converters<'a>),
+    /// 12: what the device found out about its converters.
+    #[serde(borrow)]
+    SelfTest(SelfTest<'a>),
+    /// 13: the device's clock beside the host's.
+    ClockReading(ClockReading),
 }
 
 impl<'a> Message<'a> for ToHost<'a> {
-    const KINDS: u32 = 7;
+    const KINDS: u32 = 14;
     const DIRECTION: u8 = b'H';
 }
 
@@ -54,9 +76,18 @@ pub enum ToDevice {
     Identify,
     /// 3: answer with the `Ack` alone; tells a live link from a dead one.
     Ping,
+    /// 4: try the converters with their own signals; nothing may stream. `SelfTest` follows.
+    SelfTest,
+    /// 5: answer with a `ClockReading`.
+    SyncTime {
+        /// The host's clock, microseconds; given back as it is.
+        host_time_us: u64,
+    },
+    /// 6: start anew, a tenth of a second after the `Ack`.
+    Reset(ResetInto),
 }
 
 impl Message<'_> for ToDevice {
-    const KINDS: u32 = 4;
+    const KINDS: u32 = 7;
     const DIRECTION: u8 = b'D';
 }

@@ -24,6 +24,14 @@ pub struct Streams(u16);
 impl Streams {
     /// Bit 0: one [`Code`](crate::Code) per hop.
     pub const CODES: Streams = Streams(1 << 0);
+    /// Bit 1: every ADC sample, in [`Raw`](crate::Raw).
+    pub const RAW: Streams = Streams(1 << 1);
+    /// Bit 2: every filtered step, in [`Filtered`](crate::Filtered).
+    pub const FILTERED: Streams = Streams(1 << 2);
+    /// Bit 3: a window with its code now and then, in [`Audit`](crate::Audit).
+    pub const AUDIT: Streams = Streams(1 << 3);
+    /// Bit 4: what happens at the device's inputs, in [`Event`](crate::Event).
+    pub const EVENTS: Streams = Streams(1 << 4);
 
     /// Nothing runs.
     pub const fn empty() -> Streams {

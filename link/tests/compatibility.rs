@@ -14,11 +14,14 @@ enum LaterToDevice {
     Stop,
     Identify,
     Ping,
-    SelfTest { pattern: u8, value: u32 },
+    SelfTest,
+    SyncTime { host_time_us: u64 },
+    Reset(u8),
+    Later { pattern: u8, value: u32 },
 }
 
 impl Message<'_> for LaterToDevice {
-    const KINDS: u32 = 5;
+    const KINDS: u32 = 8;
     const DIRECTION: u8 = ToDevice::DIRECTION;
 }
 
@@ -49,7 +52,7 @@ fn first(
 fn a_newer_message_is_a_sound_frame_that_is_left_out() {
     let mut buffer = [0; MAX_FRAME];
     let mut encoder = Encoder::starting_at(7);
-    let later = LaterToDevice::SelfTest {
+    let later = LaterToDevice::Later {
         pattern: 3,
         value: 70_000,
     };
@@ -62,7 +65,7 @@ fn a_newer_message_is_a_sound_frame_that_is_left_out() {
     };
     assert_eq!(
         first(&mut decoder, bytes),
-        Some(Err(FrameError::Unknown { header, kind: 4 }))
+        Some(Err(FrameError::Unknown { header, kind: 7 }))
     );
     let bytes = encoder
         .encode(6, &LaterToDevice::Ping, &mut buffer)

@@ -2,9 +2,10 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, CODE_LEN, Code, CodeValues, Decoder, ElectrodeQuality, Encoder, Flags, Hello,
-    MAX_ELECTRODES, MAX_EXPONENT, MAX_FRAME, MAX_STAGES, Quality, ResetCause, Stage, StageTiming,
-    Stats, Streams, Timing, ToDevice, ToHost,
+    Ack, AckResult, Audit, CODE_LEN, ClockReading, Code, CodeValues, Decoder, ElectrodeQuality,
+    Encoder, Event, EventKind, Filtered, Flags, Hello, MAX_ELECTRODES, MAX_EXPONENT, MAX_FRAME,
+    MAX_STAGES, Quality, Raw, ResetCause, Stage, StageTiming, Stats, Streams, Timing, ToDevice,
+    ToHost,
 };
 use proptest::prelude::*;
 
@@ -39,6 +40,55 @@ fn timing() -> impl Strategy<Value = ToHost<'static>> {
             stack_size,
         })
     })
+}
+
+/// What carries bytes of any content, and what has numbers only.
+fn streamed() -> impl Strategy<Value = ToHost<'static>> {
+    let bytes = || prop::collection::vec(any::<u8>(), 0..=1536).prop_map(|bytes| &*bytes.leak());
+    let raw =
+        (any::<(u64, u8, u16)>(), bytes()).prop_map(|((first_sample, channels, flags), counts)| {
+            ToHost::Raw(Raw {
+                first_sample,
+                channels,
+                flags: Flags::from_bits(flags),
+                counts,
+            })
+        });
+    let filtered = (any::<(u64, u8, u8, u16)>(), bytes()).prop_map(
+        |((first_step, electrodes, fraction_bits, flags), values)| {
+            ToHost::Filtered(Filtered {
+                first_step,
+                electrodes,
+                fraction_bits,
+                flags: Flags::from_bits(flags),
+                values,
+            })
+        },
+    );
+    let audit = (any::<([u8; 8], u32)>(), bytes(), values()).prop_map(
+        |((model_id, window), planes, values)| {
+            ToHost::Audit(Audit {
+                model_id,
+                window,
+                planes,
+                values,
+            })
+        },
+    );
+    let event = any::<(u8, u32, u64)>().prop_map(|(kind, number, sample)| {
+        ToHost::Event(Event {
+            kind: EventKind::from(kind),
+            number,
+            sample,
+        })
+    });
+    let reading = any::<[u64; 2]>().prop_map(|[host_time_us, received_us]| {
+        ToHost::ClockReading(ClockReading {
+            host_time_us,
+            received_us,
+        })
+    });
+    prop_oneof![raw, filtered, audit, event, reading]
 }
 
 fn message() -> impl Strategy<Value = ToHost<'static>> {
@@ -115,7 +165,7 @@ fn message() -> impl Strategy<Value = ToHost<'static>> {
                 electrodes: electrodes.into_iter().collect(),
             })
         });
-    prop_oneof![4 => code, 1 => ack, 1 => stats, 1 => hello, 1 => quality, 1 => timing()]
+    prop_oneof![4 => code, 1 => ack, 1 => stats, 1 => hello, 1 => quality, 1 => timing(), 2 => streamed()]
 }
 
 /// The frames of `messages` back to back, and where each begins.
@@ -186,7 +236,23 @@ fn owned(message: &ToHost<'_>) -> ToHost<'static> {
         ToHost::Ack(ack) => ToHost::Ack(*ack),
         ToHost::Quality(quality) => ToHost::Quality(quality.clone()),
         ToHost::Timing(timing) => ToHost::Timing(timing.clone()),
-        ToHost::Capabilities(_) => panic!("none was sent"),
+        ToHost::Raw(raw) => ToHost::Raw(Raw {
+            counts: raw.counts.to_vec().leak(),
+            ..*raw
+        }),
+        ToHost::Filtered(filtered) => ToHost::Filtered(Filtered {
+            values: filtered.values.to_vec().leak(),
+            ..*filtered
+        }),
+        ToHost::Audit(audit) => ToHost::Audit(Audit {
+            planes: audit.planes.to_vec().leak(),
+            ..*audit
+        }),
+        ToHost::Event(event) => ToHost::Event(*event),
+        ToHost::ClockReading(reading) => ToHost::ClockReading(*reading),
+        ToHost::Capabilities(_) | ToHost::Converters(_) | ToHost::SelfTest(_) => {
+            panic!("none was sent")
+        }
     }
 }
 

@@ -2,10 +2,11 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, CODE_LEN, Capabilities, Code, CodeFormat, CodeValues, Decoder,
-    ElectrodeQuality, Encoder, Flags, Hello, MAX_BODY, MAX_ELECTRODES, MAX_FRAME, MAX_LABELS_BYTES,
-    MAX_STAGES, MAX_TEXT_BYTES, Message, Quality, ResetCause, Stage, StageTiming, Start, Stats,
-    Streams, Timing, ToDevice, ToHost,
+    Ack, AckResult, Audit, CODE_LEN, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest,
+    ChipTest, Code, CodeFormat, CodeValues, Converters, Decoder, ElectrodeQuality, Encoder,
+    FILTERED_STEPS, Filtered, Flags, Hello, MAX_BODY, MAX_CHIPS, MAX_ELECTRODES, MAX_FRAME,
+    MAX_LABELS_BYTES, MAX_STAGES, MAX_TEXT_BYTES, Message, Quality, RAW_SAMPLES, Raw, ResetCause,
+    SelfTest, Stage, StageTiming, Start, Stats, Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
 /// Bytes of the body, from the frame's length: COBS adds 1 + 1 per 254, the zeros 2.
@@ -114,6 +115,68 @@ fn the_largest_frame_fits() {
         mains_hz: 255,
     };
     assert!(body_bytes(&ToDevice::Start(start)) < 32);
+}
+
+#[test]
+fn samples_windows_and_self_tests_fit_a_frame() {
+    let text = "x".repeat(MAX_TEXT_BYTES);
+    let bytes = [0xff; 64 * RAW_SAMPLES * COUNT_BYTES];
+    let raw = ToHost::Raw(Raw {
+        first_sample: u64::MAX,
+        channels: 64,
+        flags: Flags::from_bits(u16::MAX),
+        counts: &bytes,
+    });
+    let filtered = ToHost::Filtered(Filtered {
+        first_step: u64::MAX,
+        electrodes: 64,
+        fraction_bits: u8::MAX,
+        flags: Flags::from_bits(u16::MAX),
+        values: &bytes[..64 * FILTERED_STEPS * VALUE_BYTES],
+    });
+    let audit = ToHost::Audit(Audit {
+        model_id: [255; 8],
+        window: u32::MAX,
+        planes: &bytes[..16 * 90],
+        values: CodeValues::Int16([-1; CODE_LEN]),
+    });
+    let converters = ToHost::Converters(Converters {
+        fault: &text,
+        ready_mhz: u32::MAX,
+        off_positive: u64::MAX,
+        off_negative: u64::MAX,
+        frames_bad: heapless::Vec::from_array([u32::MAX; MAX_CHIPS]),
+    });
+    let chip = ChipTest {
+        id: u8::MAX,
+        registers_wrong: u8::MAX,
+        first_wrong: u8::MAX,
+        frames_bad: u32::MAX,
+    };
+    let channel = ChannelTest {
+        fault: ChannelFault::Newer(255),
+        ..ChannelTest::default()
+    };
+    let self_test = ToHost::SelfTest(SelfTest {
+        fault: &text,
+        ready_mhz: u32::MAX,
+        expected_mhz: u32::MAX,
+        ready_early: u32::MAX,
+        ready_missed: u32::MAX,
+        chips: heapless::Vec::from_array([chip; MAX_CHIPS]),
+        channels: heapless::Vec::from_array([channel; MAX_ELECTRODES]),
+    });
+    let [raw, filtered, audit, converters, self_test] =
+        [raw, filtered, audit, converters, self_test].map(|message| body_bytes(&message));
+    // In this order: 16 header, 1 kind, 4 CRC, and what a message is made of.
+    assert_eq!(raw, 21 + 10 + 1 + 3 + 2 + 1536);
+    assert_eq!(filtered, 21 + 10 + 1 + 1 + 3 + 2 + 1024);
+    assert_eq!(audit, 21 + 8 + 5 + 2 + 1440 + 1 + 256);
+    assert_eq!(converters, 21 + 2 + 256 + 5 + 10 + 10 + 1 + 8 * 5);
+    assert_eq!(self_test, 21 + 2 + 256 + 4 * 5 + 1 + 8 * 8 + 1 + 64 * 17);
+    for body in [raw, filtered, audit, converters, self_test] {
+        assert!(body <= MAX_BODY, "{body}");
+    }
 }
 
 #[test]

@@ -2,9 +2,11 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, CODE_LEN, Capabilities, Code, CodeFormat, CodeValues, Decoder,
-    ElectrodeQuality, Encoder, Flags, Hello, MAX_FRAME, Message, Quality, ResetCause, Stage,
-    StageTiming, Start, Stats, Streams, Timing, ToDevice, ToHost,
+    Ack, AckResult, Audit, CODE_LEN, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest,
+    ChipTest, ClockReading, Code, CodeFormat, CodeValues, Converters, Decoder, ElectrodeQuality,
+    Encoder, Event, EventKind, FILTERED_STEPS, Filtered, Flags, Hello, MAX_FRAME, Message, Quality,
+    RAW_SAMPLES, Raw, ResetCause, ResetInto, SelfTest, Stage, StageTiming, Start, Stats, Streams,
+    Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
 const DOCUMENT: &str = include_str!("../../docs/wire-format.md");
@@ -163,6 +165,95 @@ fn timing() -> ToHost<'static> {
     })
 }
 
+/// Two samples of two channels, the second one at the rail.
+fn raw() -> ToHost<'static> {
+    ToHost::Raw(Raw {
+        first_sample: 9_656,
+        channels: 2,
+        flags: Flags::LEAD_OFF,
+        counts: &[1, 0, 0, 0xff, 0xff, 0x7f, 0xfe, 0xff, 0xff, 0, 0, 0x80],
+    })
+}
+
+/// A step of two electrodes.
+fn filtered() -> ToHost<'static> {
+    ToHost::Filtered(Filtered {
+        first_step: 2_412,
+        electrodes: 2,
+        fraction_bits: 5,
+        flags: Flags::empty(),
+        values: &[0x20, 3, 0, 0, 0xe0, 0xfc, 0xff, 0xff],
+    })
+}
+
+/// A window of two planes with two cells each, to keep the dump short.
+fn audit() -> ToHost<'static> {
+    let (exponent, values) = (3, steps());
+    ToHost::Audit(Audit {
+        model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
+        window: 300,
+        planes: &[0, 0x7f, 0x80, 0xff],
+        values: CodeValues::Int8Exponent { exponent, values },
+    })
+}
+
+fn event() -> ToHost<'static> {
+    ToHost::Event(Event {
+        kind: EventKind::TriggerRise,
+        number: 12,
+        sample: 9_660,
+    })
+}
+
+/// Two chips; the second one has delivered three bad frames, and an electrode of it is off.
+fn converters() -> ToHost<'static> {
+    ToHost::Converters(Converters {
+        fault: "",
+        ready_mhz: 512_003,
+        off_positive: 1 << 9,
+        off_negative: 0,
+        frames_bad: [0, 3].into_iter().collect(),
+    })
+}
+
+/// A chip with two channels, to keep the dump short; the second one is dead.
+fn self_test() -> ToHost<'static> {
+    let good = ChannelTest {
+        gain_error: 0.015_625,
+        offset_uv: -12.5,
+        noise_uv: 0.25,
+        shorted_noise_uv: 0.25,
+        fault: ChannelFault::None,
+    };
+    let dead = ChannelTest {
+        gain_error: -1.0,
+        offset_uv: 0.0,
+        noise_uv: 0.0,
+        shorted_noise_uv: 0.0,
+        fault: ChannelFault::Gain,
+    };
+    let chip = ChipTest {
+        id: 0x3e,
+        ..ChipTest::default()
+    };
+    ToHost::SelfTest(SelfTest {
+        fault: "chip 0, channel 2",
+        ready_mhz: 512_000,
+        expected_mhz: 512_000,
+        ready_early: 0,
+        ready_missed: 0,
+        chips: [chip].into_iter().collect(),
+        channels: [good, dead].into_iter().collect(),
+    })
+}
+
+fn clock_reading() -> ToHost<'static> {
+    ToHost::ClockReading(ClockReading {
+        host_time_us: 1_700_000_000_000_000,
+        received_us: 19_900_250,
+    })
+}
+
 fn check<'d, M: Message<'d> + PartialEq + core::fmt::Debug>(
     name: &str,
     decoder: &'d mut Decoder,
@@ -229,7 +320,31 @@ fn every_dump_is_what_the_encoder_makes() {
     check("timing", &mut Decoder::new(), (307, 19_900_200), &timing());
     check("stop", &mut Decoder::new(), (2, 0), &ToDevice::Stop);
     check("ping", &mut Decoder::new(), (3, 0), &ToDevice::Ping);
-    assert_eq!(dumps().len(), 13, "a dump that no test compares");
+    for (name, seq, command) in [
+        ("self-test-command", 4, ToDevice::SelfTest),
+        (
+            "sync-time",
+            5,
+            ToDevice::SyncTime {
+                host_time_us: 1_700_000_000_000_000,
+            },
+        ),
+        ("reset", 6, ToDevice::Reset(ResetInto::Bootloader)),
+    ] {
+        check(name, &mut Decoder::new(), (seq, 0), &command);
+    }
+    for (name, at, message) in [
+        ("raw", (308, 19_900_390), raw()),
+        ("filtered", (309, 19_906_250), filtered()),
+        ("audit", (310, 19_871_093), audit()),
+        ("event", (311, 19_907_777), event()),
+        ("converters", (312, 19_910_000), converters()),
+        ("self-test", (313, 24_500_000), self_test()),
+        ("clock-reading", (314, 24_600_000), clock_reading()),
+    ] {
+        check(name, &mut Decoder::new(), at, &message);
+    }
+    assert_eq!(dumps().len(), 23, "a dump that no test compares");
 }
 
 #[test]
@@ -317,4 +432,32 @@ fn every_flag_is_in_the_document() {
         let row = format!("| {} | {name} |", flag.bits().trailing_zeros());
         assert!(DOCUMENT.contains(&row), "{row}");
     }
+}
+
+#[test]
+fn frames_of_samples_and_steps_take_the_bytes_that_the_document_says() {
+    let counts = [1; 64 * RAW_SAMPLES * COUNT_BYTES];
+    let raw = ToHost::Raw(Raw {
+        first_sample: 512 * 86_400,
+        channels: 64,
+        flags: Flags::empty(),
+        counts: &counts,
+    });
+    let values = [1; 61 * FILTERED_STEPS * VALUE_BYTES];
+    let filtered = ToHost::Filtered(Filtered {
+        first_step: 128 * 86_400,
+        electrodes: 61,
+        fraction_bits: 5,
+        flags: Flags::empty(),
+        values: &values,
+    });
+    let bytes = |message| frame(64 * 86_400, 86_400_000_000, &message).len();
+    let (raw, filtered) = (bytes(raw), bytes(filtered));
+    let per_second = |bytes: usize, frames: usize| (bytes * frames).div_ceil(1_000);
+    let words = format!(
+        "a raw frame {raw} bytes, 64 times a second ({} kB/s); a filtered frame {filtered}, 32 times ({} kB/s)",
+        per_second(raw, 64),
+        per_second(filtered, 32)
+    );
+    assert!(DOCUMENT.contains(&words), "{words}");
 }

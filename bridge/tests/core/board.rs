@@ -154,7 +154,10 @@ impl Board {
                     self.streaming = false;
                     answers.extend(self.stats(Streams::empty()));
                 }
-                ToDevice::Ping => {}
+                ToDevice::Ping
+                | ToDevice::SelfTest
+                | ToDevice::SyncTime { .. }
+                | ToDevice::Reset(_) => {}
             }
             let ack = Ack {
                 of: seq,

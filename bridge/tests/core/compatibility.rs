@@ -15,11 +15,18 @@ enum LaterToHost {
     Ack,
     Quality,
     Timing,
-    Event { channel: u8, device_time_us: u64 },
+    Raw,
+    Filtered,
+    Audit,
+    Event,
+    Converters,
+    SelfTest,
+    ClockReading,
+    Later { channel: u8, device_time_us: u64 },
 }
 
 impl link::Message<'_> for LaterToHost {
-    const KINDS: u32 = 8;
+    const KINDS: u32 = 15;
     const DIRECTION: u8 = link::ToHost::DIRECTION;
 }
 
@@ -28,11 +35,11 @@ fn a_newer_device_is_understood_as_far_as_this_bridge_goes() {
     let mut desk = Desk::streaming(SETTINGS, Board::new());
     desk.code(1, false);
     let mut buffer = [0; link::MAX_FRAME];
-    let event = LaterToHost::Event {
+    let later = LaterToHost::Later {
         channel: 1,
         device_time_us: 1_000_000,
     };
-    let bytes = desk.board.encoder.encode(0, &event, &mut buffer).unwrap();
+    let bytes = desk.board.encoder.encode(0, &later, &mut buffer).unwrap();
     desk.core
         .receive(bytes, at(desk.now_us), &mut desk.recorder);
     desk.code(1, false);

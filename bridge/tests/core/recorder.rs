@@ -142,6 +142,9 @@ pub(crate) fn commands(desk: &Desk) -> Vec<&'static str> {
         ToDevice::Stop => "stop",
         ToDevice::Identify => "identify",
         ToDevice::Ping => "ping",
+        ToDevice::SelfTest => "self-test",
+        ToDevice::SyncTime { .. } => "sync time",
+        ToDevice::Reset(_) => "reset",
     };
     desk.board.seen.iter().map(name).collect()
 }

@@ -72,7 +72,11 @@ async fn converse(
     made: zerocopy_channel::Receiver<'static, Mutex, Made>,
 ) {
     let is_sound = firmware::model_is_sound();
-    let mut session = Session::new(identity(before.as_ref(), is_sound), Mains::default());
+    let mut session = Session::new(
+        identity(before.as_ref(), is_sound),
+        device::Abilities::CODES,
+        Mains::default(),
+    );
     if !is_sound {
         session.refuse_starts();
     }

@@ -157,7 +157,7 @@ async fn converse(
             firmware::MODEL_DAMAGED
         },
     };
-    let mut session = Session::new(identity, Mains::default());
+    let mut session = Session::new(identity, device::Abilities::CODES, Mains::default());
     if !is_sound {
         session.refuse_starts();
     }

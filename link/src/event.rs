@@ -1,0 +1,47 @@
+//! What happened at one of the device's inputs.
+
+use serde::{Deserialize, Serialize};
+
+/// What happened at one of the device's inputs; on request. The header's time is that of the event
+/// itself, as finely as the device's clock runs: an experiment's trigger is placed between samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Event {
+    /// What it was.
+    pub kind: EventKind,
+    /// Number of the event since boot, over all kinds, wraps; a gap is events that were lost.
+    pub number: u32,
+    /// Index since `Start` of the first ADC sample whose DRDY edge was not before the event.
+    pub sample: u64,
+}
+
+/// What happened; one byte on the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "u8", into = "u8")]
+pub enum EventKind {
+    /// 0: the trigger input went high.
+    TriggerRise,
+    /// 1: the trigger input went low.
+    TriggerFall,
+    /// Any other: an event newer than this host.
+    Newer(u8),
+}
+
+impl From<u8> for EventKind {
+    fn from(byte: u8) -> EventKind {
+        match byte {
+            0 => EventKind::TriggerRise,
+            1 => EventKind::TriggerFall,
+            newer => EventKind::Newer(newer),
+        }
+    }
+}
+
+impl From<EventKind> for u8 {
+    fn from(kind: EventKind) -> u8 {
+        match kind {
+            EventKind::TriggerRise => 0,
+            EventKind::TriggerFall => 1,
+            EventKind::Newer(newer) => newer,
+        }
+    }
+}
