@@ -14,15 +14,31 @@
 extern crate std;
 
 mod abilities;
+mod audited_window;
+mod fault_text;
+mod filtered_chunk;
 mod frame_ring;
 mod identity;
+mod made;
+mod marks;
 mod message;
+mod producer;
+mod raw_chunk;
 mod sender;
 mod session;
+mod taken;
 
 pub use abilities::Abilities;
+pub use audited_window::AuditedWindow;
+pub use fault_text::fault_text;
+pub use filtered_chunk::FilteredChunk;
 pub use frame_ring::FrameRing;
 pub use identity::Identity;
+pub use made::{Made, What};
+pub use marks::Marks;
 pub use message::CODE_FORMAT;
+pub use producer::{Captured, Producer};
+pub use raw_chunk::RawChunk;
 pub use sender::{FrameQueue, Sender};
-pub use session::{Counts, Marks, Order, Run, Session};
+pub use session::{Counts, Order, Run, Session};
+pub use taken::Taken;

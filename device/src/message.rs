@@ -50,14 +50,11 @@ pub(crate) fn capabilities(mains: Mains) -> Capabilities<'static> {
 }
 
 pub(crate) fn code(code: &Code, marks: Marks) -> CodeMessage {
-    let mut flags = Flags::empty();
+    let mut flags = marks.flags();
     for (set, flag) in [
-        (marks.adc_status_bad, Flags::ADC_STATUS_BAD),
         (code.saturated != 0, Flags::SATURATED),
-        (marks.lead_off, Flags::LEAD_OFF),
         (code.settling, Flags::SETTLING),
         (code.clipped > 0, Flags::CLIPPED),
-        (marks.overrun, Flags::OVERRUN),
         (code.clipped_values > 0, Flags::CODE_CLIPPED),
     ] {
         if set {
@@ -76,7 +73,7 @@ pub(crate) fn code(code: &Code, marks: Marks) -> CodeMessage {
     }
 }
 
-fn values(values: &pipeline::CodeValues) -> CodeValues {
+pub(crate) fn values(values: &pipeline::CodeValues) -> CodeValues {
     match *values {
         pipeline::CodeValues::Int8(values) => CodeValues::Int8(values),
         pipeline::CodeValues::Int8Exponent { exponent, values } => {

@@ -1,12 +1,12 @@
 //! The device's side of the conversation with its host.
 
 use link::{
-    Ack, AckResult, ClockReading, Counters, Decoder, FrameError, ResetInto, Start, Stats, Streams,
-    Timing, ToDevice, ToHost,
+    Ack, AckResult, ClockReading, Converters, Counters, Decoder, FrameError, ResetInto, SelfTest,
+    Start, Stats, Streams, Timing, ToDevice, ToHost,
 };
 use pipeline::{Code, Mains, Quality};
 
-use crate::{Abilities, FrameQueue, Identity, Sender, message};
+use crate::{Abilities, AuditedWindow, FrameQueue, Identity, Made, Marks, Sender, What, message};
 
 /// From one start to the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,6 +17,15 @@ pub struct Run {
     pub mains: Mains,
     /// What the host wants to have.
     pub streams: Streams,
+}
+
+impl Run {
+    /// Before the first start.
+    pub const NONE: Self = Self {
+        number: 0,
+        mains: Mains::Hz50,
+        streams: Streams::empty(),
+    };
 }
 
 /// What a command makes the board do.
@@ -45,26 +54,6 @@ pub struct Counts {
     pub clipped: u32,
 }
 
-/// What went wrong around a window, outside the pipeline.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Marks {
-    /// A status word of the ADC chain was wrong.
-    pub adc_status_bad: bool,
-    /// The ADC reported an electrode off.
-    pub lead_off: bool,
-    /// A sample was not read in time.
-    pub overrun: bool,
-}
-
-impl Marks {
-    /// Nothing went wrong.
-    pub const NONE: Self = Self {
-        adc_status_bad: false,
-        lead_off: false,
-        overrun: false,
-    };
-}
-
 /// Obeys commands and puts what happens into messages.
 ///
 /// Messages are built on the stack, the largest in two kilobytes: what makes them is never part of its
@@ -77,6 +66,8 @@ pub struct Session<'i> {
     run: Run,
     /// Whether there is anything to start.
     can_stream: bool,
+    /// How the converters are, if there are any.
+    converters: Option<Converters>,
     /// A self-test was ordered and has no result yet.
     is_testing: bool,
     decoder: Decoder,
@@ -90,12 +81,9 @@ impl<'i> Session<'i> {
         Self {
             identity,
             abilities,
-            run: Run {
-                number: 0,
-                mains,
-                streams: Streams::empty(),
-            },
+            run: Run { mains, ..Run::NONE },
             can_stream: true,
+            converters: None,
             is_testing: false,
             decoder: Decoder::new(),
             stats: Stats::default(),
@@ -113,7 +101,7 @@ impl<'i> Session<'i> {
     }
 
     /// Whether what was made in this run still interests the host.
-    pub fn is_of_now(&self, run: u32) -> bool {
+    fn is_of_now(&self, run: u32) -> bool {
         self.is_streaming() && run == self.run.number
     }
 
@@ -122,6 +110,7 @@ impl<'i> Session<'i> {
     pub fn introduce(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         sender.send(now_us, &ToHost::Hello(self.identity.hello()));
         self.send_capabilities(now_us, sender);
+        self.send_converters(now_us, sender);
     }
 
     /// Takes bytes from the host and answers the commands that they complete; `order` gets what the
@@ -249,9 +238,24 @@ impl<'i> Session<'i> {
         (AckResult::Done, Some(Order::Start(self.run)))
     }
 
-    /// Sends a code whose window's last step stands at `step_us`.
+    /// Sends what was made, if it is of the present run: a start or a stop may have overtaken it.
+    pub fn send(&mut self, made: &Made, sender: &mut Sender<impl FrameQueue>) {
+        if !self.is_of_now(made.run) {
+            return;
+        }
+        match &made.what {
+            What::Nothing => {}
+            What::Code(code, marks) => self.code(code, *marks, made.at_us, sender),
+            What::Quality(quality) => send_quality(quality, made.at_us, sender),
+            What::Raw(samples) => sender.send(made.at_us, &ToHost::Raw(samples.message())),
+            What::Filtered(steps) => sender.send(made.at_us, &ToHost::Filtered(steps.message())),
+            What::Audit(window) => send_audit(window, made.at_us, sender),
+            What::Event(event) => sender.send(made.at_us, &ToHost::Event(*event)),
+        }
+    }
+
     #[inline(never)]
-    pub fn code(
+    fn code(
         &mut self,
         code: &Code,
         marks: Marks,
@@ -265,10 +269,44 @@ impl<'i> Session<'i> {
         sender.send(step_us, &ToHost::Code(message::code(code, marks)));
     }
 
-    /// Sends what each electrode delivered within a second.
+    /// The chain of converters is like this now. It goes out while something streams, when it is other
+    /// than before, and with every introduction from now on.
     #[inline(never)]
-    pub fn quality(&self, quality: &Quality, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
-        sender.send(now_us, &ToHost::Quality(message::quality(quality)));
+    pub fn converters(
+        &mut self,
+        converters: Converters,
+        now_us: u64,
+        sender: &mut Sender<impl FrameQueue>,
+    ) {
+        let before = self.converters.replace(converters);
+        let is_news = before.is_none_or(|before| self.fault() != before.fault);
+        if is_news || self.is_streaming() {
+            self.send_converters(now_us, sender);
+        }
+    }
+
+    fn fault(&self) -> &str {
+        let converters = self.converters.as_ref();
+        converters.map_or("", |converters| &converters.fault)
+    }
+
+    #[inline(never)]
+    fn send_converters(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
+        if let Some(converters) = &self.converters {
+            sender.send(now_us, &ToHost::Converters(converters.clone()));
+        }
+    }
+
+    /// Sends the result of the self-test that was ordered.
+    #[inline(never)]
+    pub fn self_test(
+        &mut self,
+        result: &SelfTest,
+        now_us: u64,
+        sender: &mut Sender<impl FrameQueue>,
+    ) {
+        self.is_testing = false;
+        sender.send(now_us, &ToHost::SelfTest(result.clone()));
     }
 
     /// Sends the counters; a device does so every second while it streams, and after `Stop`.
@@ -304,6 +342,16 @@ impl<'i> Session<'i> {
         let capabilities = message::capabilities(self.run.mains);
         sender.send(now_us, &ToHost::Capabilities(capabilities));
     }
+}
+
+#[inline(never)]
+fn send_quality(quality: &Quality, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
+    sender.send(at_us, &ToHost::Quality(message::quality(quality)));
+}
+
+#[inline(never)]
+fn send_audit(window: &AuditedWindow, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
+    sender.send(at_us, &ToHost::Audit(window.message()));
 }
 
 /// Frames from the host that could not be used.

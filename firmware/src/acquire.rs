@@ -1,11 +1,12 @@
 //! The most urgent task: takes every sample, and makes a step of it where one is due.
 
 use device::{Marks, Order, Run};
-use embassy_sync::zerocopy_channel::Sender;
 use link::Stage;
 use pipeline::{Acquisition, Sample, Step};
 
-use crate::{Conversion, Converter, Mutex, Shared, Taken};
+use model::ADC_RATE_HZ;
+
+use crate::{Conversion, Converter, Shared, StampedIn};
 
 /// Takes samples for ever. While nothing streams they are read and forgotten.
 ///
@@ -14,11 +15,12 @@ use crate::{Conversion, Converter, Mutex, Shared, Taken};
 pub async fn acquire(
     mut converter: impl Converter,
     shared: &Shared,
-    mut taken: Sender<'_, Mutex, Taken>,
-    acquisition: &mut Acquisition,
+    (mut taken, acquisition): (StampedIn, &mut Acquisition),
 ) -> ! {
     let mut running: Option<Running> = None;
     let mut sample = Sample::default();
+    tell(&converter, shared);
+    let mut until_told = ADC_RATE_HZ;
     loop {
         let conversion = converter.next(&mut sample).await;
         shared.progress.acquired();
@@ -28,7 +30,18 @@ pub async fn acquire(
                 running = Some(Running::of(run));
             }
             Some(Order::Stop) => running = None,
-            Some(Order::SelfTest | Order::Reset(_)) | None => {}
+            Some(Order::SelfTest) => {
+                running = None;
+                let result = converter.self_test(|| shared.progress.acquired()).await;
+                shared.self_test.signal(result.unwrap_or_default());
+                tell(&converter, shared);
+            }
+            Some(Order::Reset(_)) | None => {}
+        }
+        until_told -= 1;
+        if until_told == 0 {
+            until_told = ADC_RATE_HZ;
+            tell(&converter, shared);
         }
         if let Some(running) = &mut running {
             shared.count_sample();
@@ -46,11 +59,20 @@ pub async fn acquire(
     }
 }
 
+/// Leaves a note of how the converters are.
+fn tell(converter: &impl Converter, shared: &Shared) {
+    if let Some(state) = converter.state() {
+        shared.converters.signal(state);
+    }
+}
+
 /// A stream that runs.
 struct Running {
     /// Told to the encoder with the first sample that it has room for.
     begun: Option<Run>,
-    /// Steps made since the start.
+    /// Samples taken since the start.
+    samples: u64,
+    /// Steps made of them.
     steps: u64,
     /// Since the last sample that was handed on.
     marks: Marks,
@@ -60,6 +82,7 @@ impl Running {
     const fn of(run: Run) -> Self {
         Self {
             begun: Some(run),
+            samples: 0,
             steps: 0,
             marks: Marks::NONE,
         }
@@ -71,12 +94,13 @@ impl Running {
         step: Option<&Step>,
         conversion: &Conversion,
         shared: &Shared,
-        taken: &mut Sender<'_, Mutex, Taken>,
+        taken: &mut StampedIn,
     ) {
         if let Some(step) = step {
             shared.count_clipped(step.clipped);
         }
-        let index = self.steps;
+        let (index, step_index) = (self.samples, self.steps);
+        self.samples += 1;
         self.steps += u64::from(step.is_some());
         // Also where there is no room: an encoder that hangs has a full queue, and is not idle.
         shared.progress.handed_on();
@@ -85,12 +109,14 @@ impl Running {
             self.marks.overrun = true;
             return;
         };
-        slot.begun = self.begun.take();
-        slot.sample = *sample;
-        slot.step = step.map(|step| (index, *step));
-        slot.drdy_us = conversion.drdy_us;
+        let place = &mut slot.taken;
+        place.begun = self.begun.take();
+        place.sample = *sample;
+        place.index = index;
+        place.step = step.map(|step| (step_index, *step));
+        place.drdy_us = conversion.drdy_us;
+        place.marks = core::mem::take(&mut self.marks);
         slot.drdy_ticks = conversion.drdy_ticks;
-        slot.marks = core::mem::take(&mut self.marks);
         taken.send_done();
     }
 }

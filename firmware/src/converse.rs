@@ -6,17 +6,17 @@ use core::{
     sync::atomic::Ordering::Relaxed,
 };
 
-use device::{FrameRing, Sender, Session};
-use embassy_futures::join::join3;
-use embassy_sync::{blocking_mutex::raw::NoopRawMutex, signal::Signal, zerocopy_channel::Receiver};
+use device::{Order, Session, What};
+use embassy_futures::{
+    join::join4,
+    select::{Either, select},
+};
+use embassy_sync::{blocking_mutex::raw::NoopRawMutex, signal::Signal};
 use embassy_time::{Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
-use link::{MAX_FRAME, Stage, Start};
+use link::{MAX_FRAME, ResetInto, Stage, Start};
 
-use crate::{Made, Mutex, Shared, Stack, deadlines};
-
-/// Frames on their way to the port.
-type Frames = Sender<FrameRing<{ deadlines::FRAMES_WAITING }>>;
+use crate::{Frames, Handed, HandedOut, Shared, Stack, deadlines};
 
 /// Bytes that are read from the port at once: a packet of USB at full speed.
 const PACKET: usize = 64;
@@ -33,22 +33,27 @@ pub struct Port<Input, Output> {
     pub output: Output,
 }
 
+/// What the microcontroller itself can tell and do.
+#[derive(Clone, Copy, Debug)]
+pub struct Machine {
+    /// Its stack, where somebody has painted it.
+    pub stack: Option<Stack>,
+    /// Starts it anew.
+    pub restart: fn(ResetInto) -> !,
+}
+
 /// Introduces the device, answers commands and sends what is made, for ever; begins with `start`, if a
 /// board starts without a host.
 ///
 /// Reading, making and writing are one task of one priority: they share session and frames without
 /// locks. A port that takes nothing costs the oldest whole frames, which are counted.
 pub async fn converse(
-    Port {
-        mut input,
-        mut output,
-    }: Port<impl Read, impl Write>,
+    Port { input, output }: Port<impl Read, impl Write>,
     session: &mut Session<'_>,
     start: Option<Start>,
-    frames: &mut Frames,
+    (frames, made): (&mut Frames, HandedOut),
     shared: &Shared,
-    stack: Option<Stack>,
-    mut made: Receiver<'_, Mutex, Made>,
+    machine: Machine,
 ) -> ! {
     session.introduce(now_us(), frames);
     if let Some(start) = start {
@@ -57,100 +62,133 @@ pub async fn converse(
             shared.order(order);
         }
     }
-    let state = RefCell::new((session, frames));
-    // When the newest code was handed on, until the port has taken it.
-    let made_ticks = Cell::new(None);
-    let waiting = Signal::<NoopRawMutex, ()>::new();
-    waiting.signal(());
+    let conversation = Conversation {
+        state: RefCell::new((session, frames)),
+        made_ticks: Cell::new(None),
+        waiting: Signal::new(),
+        shared,
+        machine,
+    };
+    conversation.waiting.signal(());
+    // In place: what is moved takes room on the stack as well, for ever.
+    join4(
+        pin!(conversation.read(input)),
+        pin!(conversation.make(made)),
+        pin!(conversation.write(output)),
+        pin!(conversation.tell()),
+    )
+    .await;
+    unreachable!("none of the four ends")
+}
 
-    let mut packet = [0; PACKET];
-    let mut buffer = [0; MAX_FRAME];
-    let read = async {
+/// What reading, making and writing share.
+struct Conversation<'c, 'i> {
+    state: RefCell<(&'c mut Session<'i>, &'c mut Frames)>,
+    /// When the newest code was handed on, until the port has taken it.
+    made_ticks: Cell<Option<u32>>,
+    /// Frames wait.
+    waiting: Signal<NoopRawMutex, ()>,
+    shared: &'c Shared,
+    machine: Machine,
+}
+
+impl Conversation<'_, '_> {
+    /// Obeys what the host commands.
+    async fn read(&self, mut input: impl Read) {
+        let mut packet = [0; PACKET];
         loop {
             let Ok(length) = input.read(&mut packet).await else {
                 // The port is closed: it comes back, or it does not.
                 Timer::after(TICK).await;
                 continue;
             };
-            let (session, frames) = &mut *state.borrow_mut();
-            let counts = shared.counts();
-            session.receive(&packet[..length], now_us(), counts, frames, |order| {
-                shared.order(order);
-            });
-            waiting.signal(());
+            let restart = self.receive(&packet[..length]);
+            self.waiting.signal(());
+            if let Some(into) = restart {
+                Timer::after(deadlines::FAREWELL).await;
+                (self.machine.restart)(into);
+            }
         }
-    };
-    let make = async {
+    }
+
+    /// Hands bytes to the session; gives what the device shall start anew with, if it shall.
+    fn receive(&self, bytes: &[u8]) -> Option<ResetInto> {
+        let (session, frames) = &mut *self.state.borrow_mut();
+        let counts = self.shared.counts();
+        let mut restart = None;
+        session.receive(bytes, now_us(), counts, frames, |order| match order {
+            Order::Reset(into) => restart = Some(into),
+            order => self.shared.order(order),
+        });
+        restart
+    }
+
+    /// Makes frames of what the encoder hands on.
+    async fn make(&self, mut made: HandedOut) {
         loop {
-            shared.progress.conversed();
-            let Ok(what) = with_timeout(TICK, made.receive()).await else {
+            self.shared.progress.conversed();
+            let Ok(handed) = with_timeout(TICK, made.receive()).await else {
                 continue;
             };
-            {
-                let (session, frames) = &mut *state.borrow_mut();
-                for _ in 0..shared.made_lost.swap(0, Relaxed) {
-                    frames.skip();
-                }
-                put(session, frames, what, shared, stack);
-                if let Made::Code { made_ticks: at, .. } = what {
-                    made_ticks.set(Some(*at));
-                }
-            }
+            self.put(handed);
             made.receive_done();
-            waiting.signal(());
+            self.waiting.signal(());
         }
-    };
-    let write = async {
+    }
+
+    fn put(&self, handed: &Handed) {
+        let (session, frames) = &mut *self.state.borrow_mut();
+        for _ in 0..self.shared.made_lost.swap(0, Relaxed) {
+            frames.skip();
+        }
+        if matches!(handed.made.what, What::Quality(_)) && session.is_streaming() {
+            let at_us = handed.made.at_us;
+            session.send_stats(at_us, self.shared.counts(), frames);
+            let timing = self.shared.timing.report(self.machine.stack);
+            session.timing(&timing, at_us, frames);
+        }
+        session.send(&handed.made, frames);
+        if let What::Code(..) = handed.made.what {
+            self.made_ticks.set(Some(handed.ticks));
+        }
+    }
+
+    /// Writes frames to the port.
+    async fn write(&self, mut output: impl Write) {
+        let mut buffer = [0; MAX_FRAME];
         loop {
-            waiting.wait().await;
+            self.waiting.wait().await;
             loop {
                 let frame = {
-                    let (_, frames) = &mut *state.borrow_mut();
+                    let (_, frames) = &mut *self.state.borrow_mut();
                     frames.queue().take(&mut buffer).map(<[u8]>::len)
                 };
                 let Some(length) = frame else { break };
                 if output.write_all(&buffer[..length]).await.is_err() {
-                    let (_, frames) = &mut *state.borrow_mut();
+                    let (_, frames) = &mut *self.state.borrow_mut();
                     device::FrameQueue::count_dropped(frames.queue());
                 }
             }
             let _ = output.flush().await;
-            if let Some(begin) = made_ticks.take() {
-                shared.timing.end(Stage::Send, begin);
+            if let Some(begin) = self.made_ticks.take() {
+                self.shared.timing.end(Stage::Send, begin);
             }
         }
-    };
-    // In place: what is moved takes room on the stack as well, for ever.
-    join3(pin!(read), pin!(make), pin!(write)).await;
-    unreachable!("none of the three ends")
-}
+    }
 
-/// Puts what is of the present run into a frame: a start or a stop may have overtaken it.
-fn put(
-    session: &mut Session<'_>,
-    frames: &mut Frames,
-    what: &Made,
-    shared: &Shared,
-    stack: Option<Stack>,
-) {
-    match what {
-        Made::Code {
-            run,
-            code,
-            marks,
-            step_us,
-            ..
-        } if session.is_of_now(*run) => session.code(code, *marks, *step_us, frames),
-        Made::Quality {
-            run,
-            quality,
-            at_us,
-        } if session.is_of_now(*run) => {
-            session.send_stats(*at_us, shared.counts(), frames);
-            session.timing(&shared.timing.report(stack), *at_us, frames);
-            session.quality(quality, *at_us, frames);
+    /// Tells of the converters what the acquisition leaves notes of.
+    async fn tell(&self) {
+        loop {
+            let what = select(self.shared.converters.wait(), self.shared.self_test.wait()).await;
+            {
+                let (session, frames) = &mut *self.state.borrow_mut();
+                match what {
+                    Either::First(converters) => session.converters(converters, now_us(), frames),
+                    Either::Second(result) => session.self_test(&result, now_us(), frames),
+                }
+            }
+            self.waiting.signal(());
         }
-        Made::Nothing | Made::Code { .. } | Made::Quality { .. } => {}
     }
 }
 

@@ -1,5 +1,6 @@
 //! What a board has to give: samples.
 
+use link::{Converters, SelfTest};
 use pipeline::Sample;
 
 /// One reading of the converter.
@@ -18,12 +19,25 @@ pub struct Conversion {
 }
 
 /// The analogue-to-digital converter of a board.
+#[expect(
+    async_fn_in_trait,
+    reason = "an executor of one priority polls it; it need not be Send"
+)]
 pub trait Converter {
     /// Waits for the next sample and writes it down; the same counts as before where the converter
     /// gave nothing that can be read.
-    #[expect(
-        async_fn_in_trait,
-        reason = "an executor of one priority polls it; it need not be Send"
-    )]
     async fn next(&mut self, sample: &mut Sample) -> Conversion;
+
+    /// How the converters are, for the host; none where there is nothing to tell.
+    fn state(&self) -> Option<Converters> {
+        None
+    }
+
+    /// Tries the converters with their own signals, some seconds long, and brings them back to where
+    /// they were; shows more often than the watchdog waits that it is alive. None where they have no
+    /// signals of their own.
+    async fn self_test(&mut self, alive: impl FnMut()) -> Option<SelfTest> {
+        let _ = alive;
+        None
+    }
 }

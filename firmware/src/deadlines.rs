@@ -39,7 +39,14 @@ pub const SAMPLES_WAITING: usize = 16;
 /// that one would do.
 pub const MADE_WAITING: usize = 4;
 
-/// Bytes of frames that wait for the host: 2 s of codes and a report.
+/// Events at the inputs that wait for the sample after them, at most: a trigger that bounces for that
+/// long has told what it had to tell.
+pub const EVENTS_WAITING: usize = 16;
+
+/// From an order to start anew until the device does: time for the answer to go out.
+pub const FAREWELL: Duration = Duration::from_millis(100);
+
+/// Bytes of frames that wait for the host: 2 s of codes and a report, or 80 ms of raw samples.
 pub const FRAMES_WAITING: usize = 8_192;
 
 /// A task that has made no progress for so long has hung: the watchdog is not fed any more. Eight

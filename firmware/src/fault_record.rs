@@ -1,8 +1,8 @@
-//! What a run that failed leaves to the next one.
+//! What a run leaves to the next one.
 
 use core::fmt::{self, Write};
 
-use link::ResetCause;
+use link::{ResetCause, ResetInto};
 
 /// Longest text, bytes; what is longer is cut.
 const TEXT: usize = 160;
@@ -10,30 +10,47 @@ const TEXT: usize = 160;
 /// Marks a record that was written; anything else is what a memory holds when power comes up.
 const WRITTEN: u32 = 0x5245_434f;
 
-/// Why a run failed, in memory that a reset does not touch.
+/// Why a run ended, in memory that a reset does not touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct FaultRecord {
     written: u32,
-    hung: u32,
+    end: u32,
     length: u32,
     text: [u8; TEXT],
     /// Over all of the above.
     sum: u32,
 }
 
+/// A panic or a fault.
+const FAILED: u32 = 0;
+/// A task made no progress.
+const HUNG: u32 = 1;
+/// The host has asked for it.
+const ASKED: u32 = 2;
+/// The host has asked for the microcontroller's own loader.
+const ASKED_FOR_BOOTLOADER: u32 = 3;
+
 impl FaultRecord {
     /// A record of a panic or a fault, in words.
     pub fn failed(what: impl fmt::Display) -> Self {
-        Self::new(false, &what)
+        Self::new(FAILED, &what)
     }
 
     /// A record of a task that made no progress.
     pub fn hung(what: impl fmt::Display) -> Self {
-        Self::new(true, &what)
+        Self::new(HUNG, &what)
     }
 
-    fn new(hung: bool, what: &dyn fmt::Display) -> Self {
+    /// A record of what the host has asked for.
+    pub fn asked(into: ResetInto) -> Self {
+        match into {
+            ResetInto::Bootloader => Self::new(ASKED_FOR_BOOTLOADER, &""),
+            ResetInto::Firmware | ResetInto::Newer(_) => Self::new(ASKED, &""),
+        }
+    }
+
+    fn new(end: u32, what: &dyn fmt::Display) -> Self {
         let mut text = Text {
             bytes: [0; TEXT],
             length: 0,
@@ -42,7 +59,7 @@ impl FaultRecord {
         let _ = write!(text, "{what}");
         let mut record = Self {
             written: WRITTEN,
-            hung: hung.into(),
+            end,
             length: u32::try_from(text.length).unwrap_or(0),
             text: text.bytes,
             sum: 0,
@@ -69,16 +86,21 @@ impl FaultRecord {
 
     /// What it is to the host.
     pub const fn cause(&self) -> ResetCause {
-        if self.hung == 0 {
-            ResetCause::Fault
-        } else {
-            ResetCause::Watchdog
+        match self.end {
+            HUNG => ResetCause::Watchdog,
+            ASKED | ASKED_FOR_BOOTLOADER => ResetCause::Software,
+            _ => ResetCause::Fault,
         }
+    }
+
+    /// Whether the microcontroller's own loader shall run in place of this program.
+    pub const fn asks_for_bootloader(&self) -> bool {
+        self.end == ASKED_FOR_BOOTLOADER
     }
 
     /// FNV-1a (Fowler, Noll and Vo; 32 bits).
     fn sum_of_all(&self) -> u32 {
-        let words = [self.written, self.hung, self.length].map(u32::to_le_bytes);
+        let words = [self.written, self.end, self.length].map(u32::to_le_bytes);
         let bytes = words.as_flattened().iter().chain(&self.text);
         bytes.fold(0x811c_9dc5, |sum, &byte| {
             (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193)
@@ -118,6 +140,12 @@ mod tests {
         damaged.text[3] ^= 1;
         assert!(!damaged.is_sound());
         assert_eq!(FaultRecord::hung("encode").cause(), ResetCause::Watchdog);
+        for (into, bootloader) in [(ResetInto::Firmware, false), (ResetInto::Bootloader, true)] {
+            let asked = FaultRecord::asked(into);
+            assert!(asked.is_sound() && asked.text().is_empty());
+            assert_eq!(asked.cause(), ResetCause::Software);
+            assert_eq!(asked.asks_for_bootloader(), bootloader);
+        }
     }
 
     #[test]

@@ -5,7 +5,9 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use device::{Counts, Order};
 use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, signal::Signal};
 
-use crate::{Clock, Progress, timing::Timing};
+use link::{Converters, SelfTest};
+
+use crate::{Clock, Inputs, Progress, timing::Timing};
 
 /// Guards what tasks of different priorities share.
 pub type Mutex = CriticalSectionRawMutex;
@@ -20,6 +22,12 @@ pub struct Shared {
     clipped: AtomicU32,
     /// Codes and reports for which the conversation had no room.
     pub(crate) made_lost: AtomicU32,
+    /// What happens at the board's inputs.
+    pub inputs: Inputs,
+    /// How the converters are, once the acquisition has looked.
+    pub(crate) converters: Signal<Mutex, Converters>,
+    /// The result of a self-test that was ordered.
+    pub(crate) self_test: Signal<Mutex, SelfTest>,
     /// How long each stage takes.
     pub(crate) timing: Timing,
     /// Which tasks have moved.
@@ -36,6 +44,9 @@ impl Shared {
             adc_status_bad: AtomicU32::new(0),
             clipped: AtomicU32::new(0),
             made_lost: AtomicU32::new(0),
+            inputs: Inputs::new(),
+            converters: Signal::new(),
+            self_test: Signal::new(),
             timing: Timing::new(clock),
             progress: Progress::new(),
         }

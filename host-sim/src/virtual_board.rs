@@ -1,8 +1,10 @@
 //! The board's behaviour between ADC and port, without time and without a port.
 
-use device::{Counts, FrameQueue, Marks, Order, Sender, Session};
-use link::{AckResult, ResetCause, Start, Stats};
-use pipeline::{Acquisition, Encoder as CodeEncoder, Mains, Sample, SignalQuality};
+use device::{
+    Abilities, Counts, FrameQueue, Made, Marks, Order, Producer, Run, Sender, Session, Taken, What,
+};
+use link::{AckResult, ResetCause, Start, Stats, Streams};
+use pipeline::{Acquisition, Mains, Sample};
 
 use crate::Outbox;
 
@@ -15,6 +17,13 @@ pub struct Identity {
     pub chip_uid: [u8; 12],
 }
 
+/// What the virtual board can do.
+const ABILITIES: Abilities = Abilities {
+    streams: Streams::ALL,
+    self_test: false,
+    bootloader: false,
+};
+
 /// Pipeline and link as on a board: samples and bytes in, frames out.
 ///
 /// Time is an argument: the device clock in microseconds since boot.
@@ -23,9 +32,13 @@ pub struct VirtualBoard {
     session: Session<'static>,
     sender: Sender<Outbox>,
     acquisition: Acquisition,
-    code_encoder: CodeEncoder<'static>,
-    quality: SignalQuality,
+    producer: Box<Producer>,
+    /// Told to the producer with the next sample.
+    begun: Option<Run>,
+    /// Since boot.
     samples: u64,
+    /// Steps since the last `Start`.
+    steps: u64,
     /// Values that the int8 input clipped before the last `Start`.
     clipped_before: u32,
 }
@@ -42,12 +55,13 @@ impl VirtualBoard {
             fault: "",
         };
         let mut board = Self {
-            session: Session::new(identity, device::Abilities::CODES, mains),
+            session: Session::new(identity, ABILITIES, mains),
             sender: Sender::new(outbox),
             acquisition: Acquisition::new(mains),
-            code_encoder: CodeEncoder::new(),
-            quality: SignalQuality::new(mains),
+            producer: Box::default(),
+            begun: None,
             samples: 0,
+            steps: 0,
             clipped_before: 0,
         };
         board.session.introduce(0, &mut board.sender);
@@ -80,8 +94,8 @@ impl VirtualBoard {
         if let Order::Start(run) = order {
             self.clipped_before = self.clipped_before.wrapping_add(self.acquisition.clipped());
             self.acquisition = Acquisition::new(run.mains);
-            self.code_encoder = CodeEncoder::new();
-            self.quality = SignalQuality::new(run.mains);
+            self.begun = Some(run);
+            self.steps = 0;
         }
     }
 
@@ -91,18 +105,27 @@ impl VirtualBoard {
             return;
         }
         self.samples += 1;
-        let step = self.acquisition.push(sample);
-        if let Some(code) = step.as_ref().and_then(|step| self.code_encoder.push(step)) {
-            let step_us = now_us + u64::from(code.offset_us);
-            self.session
-                .code(&code, Marks::default(), step_us, &mut self.sender);
-        }
-        if self.samples.is_multiple_of(model::ADC_RATE_HZ.into()) {
-            self.send_stats(now_us);
-        }
-        if let Some(quality) = self.quality.push(sample, step.as_ref()) {
-            self.session.quality(&quality, now_us, &mut self.sender);
-        }
+        let index = self.acquisition.samples();
+        let step = self.acquisition.push(sample).map(|step| {
+            self.steps += 1;
+            (self.steps - 1, step)
+        });
+        let taken = Taken {
+            begun: self.begun.take(),
+            sample: *sample,
+            index,
+            step,
+            drdy_us: now_us,
+            marks: Marks::NONE,
+        };
+        let counts = self.counts();
+        let (session, sender) = (&mut self.session, &mut self.sender);
+        self.producer.take(&taken, &mut |made: Made| {
+            if matches!(made.what, What::Quality(_)) {
+                session.send_stats(made.at_us, counts, sender);
+            }
+            session.send(&made, sender);
+        });
     }
 
     /// Whether a host has started the codes.

@@ -1,7 +1,9 @@
 //! How the chain of converters is.
 
-use heapless::Vec;
+use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
+
+use crate::MAX_TEXT_BYTES;
 
 /// Most chips of a chain.
 pub const MAX_CHIPS: usize = 8;
@@ -9,11 +11,9 @@ pub const MAX_CHIPS: usize = 8;
 /// How the chain of converters is: sent after [`Capabilities`](crate::Capabilities) and every second
 /// while streaming, by a device that has a chain.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Converters<'a> {
-    /// Why nothing converts, in words that name the chip; empty where all is well. At most
-    /// [`MAX_TEXT_BYTES`](crate::MAX_TEXT_BYTES).
-    #[serde(borrow)]
-    pub fault: &'a str,
+pub struct Converters {
+    /// Why nothing converts, in words that name the chip; empty where all is well.
+    pub fault: String<MAX_TEXT_BYTES>,
     /// Rate of DRDY's edges since the chain was started, millihertz; 0 where it is not known.
     pub ready_mhz: u32,
     /// ADC channels whose positive electrode is off in the newest sample; bit = channel.

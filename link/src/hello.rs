@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Longest text that [`Hello`] and [`Capabilities::filters`](crate::Capabilities) may carry,
-/// bytes of UTF-8.
+/// Longest text that [`Hello`], [`Capabilities::filters`](crate::Capabilities),
+/// [`Converters`](crate::Converters) and [`SelfTest`](crate::SelfTest) may carry, bytes of UTF-8.
 pub const MAX_TEXT_BYTES: usize = 256;
 
 /// Who the device is: sent at start-up and in answer to `Identify`.

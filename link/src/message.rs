@@ -51,11 +51,9 @@ pub enum ToHost<'a> {
     /// 10: what happened at an input.
     Event(Event),
     /// 11: how the converters are.
-    #[serde(borrow)]
-    Converters(Converters<'a>),
+    Converters(Converters),
     /// 12: what the device found out about its converters.
-    #[serde(borrow)]
-    SelfTest(SelfTest<'a>),
+    SelfTest(SelfTest),
     /// 13: the device's clock beside the host's.
     ClockReading(ClockReading),
 }

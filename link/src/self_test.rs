@@ -1,18 +1,17 @@
 //! What the device found out about its converters.
 
-use heapless::Vec;
+use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
-use crate::{MAX_CHIPS, MAX_ELECTRODES};
+use crate::{MAX_CHIPS, MAX_ELECTRODES, MAX_TEXT_BYTES};
 
 /// What the device found out about its converters: the result of a `SelfTest`, once, some seconds
 /// after its `Ack`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct SelfTest<'a> {
+pub struct SelfTest {
     /// The first thing that is wrong, in words that name the chip; empty where everything is in
-    /// order. At most [`MAX_TEXT_BYTES`](crate::MAX_TEXT_BYTES).
-    #[serde(borrow)]
-    pub fault: &'a str,
+    /// order.
+    pub fault: String<MAX_TEXT_BYTES>,
     /// Rate of DRDY's edges, millihertz on the device's clock; 0 where it was not measured.
     pub ready_mhz: u32,
     /// Rate that was set, millihertz.

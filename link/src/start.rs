@@ -33,6 +33,9 @@ impl Streams {
     /// Bit 4: what happens at the device's inputs, in [`Event`](crate::Event).
     pub const EVENTS: Streams = Streams(1 << 4);
 
+    /// Every stream that this version names.
+    pub const ALL: Streams = Streams(0b1_1111);
+
     /// Nothing runs.
     pub const fn empty() -> Streams {
         Streams(0)

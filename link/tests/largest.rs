@@ -141,7 +141,7 @@ fn samples_windows_and_self_tests_fit_a_frame() {
         values: CodeValues::Int16([-1; CODE_LEN]),
     });
     let converters = ToHost::Converters(Converters {
-        fault: &text,
+        fault: text.as_str().try_into().unwrap(),
         ready_mhz: u32::MAX,
         off_positive: u64::MAX,
         off_negative: u64::MAX,
@@ -158,7 +158,7 @@ fn samples_windows_and_self_tests_fit_a_frame() {
         ..ChannelTest::default()
     };
     let self_test = ToHost::SelfTest(SelfTest {
-        fault: &text,
+        fault: text.as_str().try_into().unwrap(),
         ready_mhz: u32::MAX,
         expected_mhz: u32::MAX,
         ready_early: u32::MAX,

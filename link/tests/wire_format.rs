@@ -208,7 +208,7 @@ fn event() -> ToHost<'static> {
 /// Two chips; the second one has delivered three bad frames, and an electrode of it is off.
 fn converters() -> ToHost<'static> {
     ToHost::Converters(Converters {
-        fault: "",
+        fault: heapless::String::new(),
         ready_mhz: 512_003,
         off_positive: 1 << 9,
         off_negative: 0,
@@ -237,7 +237,7 @@ fn self_test() -> ToHost<'static> {
         ..ChipTest::default()
     };
     ToHost::SelfTest(SelfTest {
-        fault: "chip 0, channel 2",
+        fault: "chip 0, channel 2".try_into().unwrap(),
         ready_mhz: 512_000,
         expected_mhz: 512_000,
         ready_early: 0,

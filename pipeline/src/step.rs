@@ -23,17 +23,21 @@ pub struct Step {
     pub settling: bool,
 }
 
-impl Default for Step {
+impl Step {
     /// Silence, settled.
+    pub const SILENCE: Self = Self {
+        sample: 0,
+        offset_us: 0,
+        electrodes: [0; crate::ELECTRODES],
+        plane: [0; CELLS],
+        clipped: 0,
+        saturated: 0,
+        settling: false,
+    };
+}
+
+impl Default for Step {
     fn default() -> Self {
-        Self {
-            sample: 0,
-            offset_us: 0,
-            electrodes: [0; crate::ELECTRODES],
-            plane: [0; CELLS],
-            clipped: 0,
-            saturated: 0,
-            settling: false,
-        }
+        Self::SILENCE
     }
 }

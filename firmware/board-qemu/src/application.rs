@@ -4,14 +4,15 @@ use core::sync::atomic::Ordering::Relaxed;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hprintln};
-use device::{FrameRing, Identity, Sender, Session};
+use device::{Abilities, Identity, Producer, Session};
 use embassy_executor::SpawnError;
-use embassy_sync::zerocopy_channel::{self, Channel};
 use embassy_time::{Duration, Timer};
-use firmware::{Clock, FaultRecord, Made, Mutex, Port, Shared, Taken, deadlines};
+use firmware::{
+    Clock, FaultRecord, Frames, HandedIn, HandedOut, Machine, Memory, Port, Shared, StampedIn,
+    StampedOut, deadlines,
+};
 use link::{ResetCause, Start, Streams};
-use pipeline::{Acquisition, Encoder, Mains, SignalQuality};
-use static_cell::{ConstStaticCell, StaticCell};
+use pipeline::{Acquisition, Mains};
 
 use crate::{
     arguments::Arguments,
@@ -28,71 +29,50 @@ use crate::{
 /// misses the samples, does not end yet.
 const FAREWELL: Duration = Duration::from_millis(60);
 
-type Frames = Sender<FrameRing<{ deadlines::FRAMES_WAITING }>>;
-
 static SHARED: Shared = Shared::new(Clock {
     now: time_driver::ticks,
     hz: CLOCK_HZ,
 });
-static FRAMES: ConstStaticCell<Frames> = ConstStaticCell::new(Sender::new(FrameRing::new()));
-static ENCODER: ConstStaticCell<Encoder<'static>> = ConstStaticCell::new(Encoder::new());
-static ACQUISITION: ConstStaticCell<Acquisition> =
-    ConstStaticCell::new(Acquisition::new(Mains::Hz50));
-static QUALITY: ConstStaticCell<SignalQuality> =
-    ConstStaticCell::new(SignalQuality::new(Mains::Hz50));
-static TAKEN: StaticCell<[Taken; deadlines::SAMPLES_WAITING]> = StaticCell::new();
-static TAKEN_CHANNEL: StaticCell<Channel<'static, Mutex, Taken>> = StaticCell::new();
-static MADE: StaticCell<[Made; deadlines::MADE_WAITING]> = StaticCell::new();
-static MADE_CHANNEL: StaticCell<Channel<'static, Mutex, Made>> = StaticCell::new();
+static MEMORY: Memory = Memory::new();
+
+/// What this board can do.
+const ABILITIES: Abilities = Abilities {
+    streams: Streams::ALL,
+    self_test: false,
+    bootloader: false,
+};
 
 #[embassy_executor::task]
-async fn acquire(
-    recording: Recording,
-    taken: zerocopy_channel::Sender<'static, Mutex, Taken>,
-    acquisition: &'static mut Acquisition,
-) {
-    firmware::acquire(recording, &SHARED, taken, acquisition).await;
+async fn acquire(recording: Recording, share: (StampedIn, &'static mut Acquisition)) {
+    firmware::acquire(recording, &SHARED, share).await;
 }
 
 #[embassy_executor::task]
-async fn encode(
-    taken: zerocopy_channel::Receiver<'static, Mutex, Taken>,
-    made: zerocopy_channel::Sender<'static, Mutex, Made>,
-    encoder: &'static mut Encoder<'static>,
-    quality: &'static mut SignalQuality,
-) {
-    firmware::encode(&SHARED, taken, made, encoder, quality).await;
+async fn encode(share: (StampedOut, HandedIn, &'static mut Producer)) {
+    firmware::encode(&SHARED, share).await;
 }
 
 #[embassy_executor::task]
 async fn converse(
     before: Option<FaultRecord>,
     start: Option<Start>,
-    frames: &'static mut Frames,
-    made: zerocopy_channel::Receiver<'static, Mutex, Made>,
+    share: (&'static mut Frames, HandedOut),
 ) {
     let is_sound = firmware::model_is_sound();
-    let mut session = Session::new(
-        identity(before.as_ref(), is_sound),
-        device::Abilities::CODES,
-        Mains::default(),
-    );
+    let identity = identity(before.as_ref(), is_sound);
+    let mut session = Session::new(identity, ABILITIES, Mains::default());
     if !is_sound {
         session.refuse_starts();
     }
-    firmware::converse(
-        Port {
-            input: Receiver,
-            output: Transmitter,
-        },
-        &mut session,
-        start,
-        frames,
-        &SHARED,
-        Some(failure::stack()),
-        made,
-    )
-    .await;
+    let port = Port {
+        input: Receiver,
+        output: Transmitter,
+    };
+    let machine = Machine {
+        stack: Some(failure::stack()),
+        restart: failure::restart,
+    };
+    firmware::converse(port, &mut session, start, share, &SHARED, machine).await;
 }
 
 /// Ends the emulation a while after the file.
@@ -167,13 +147,9 @@ fn begin() -> Result<(), SpawnError> {
     time_driver::begin();
     uart::begin();
 
-    let taken = TAKEN.init_with(|| core::array::from_fn(|_| Taken::default()));
-    let (taken_in, taken_out) = TAKEN_CHANNEL.init(Channel::new(taken)).split();
-    let made = MADE.init_with(|| core::array::from_fn(|_| Made::default()));
-    let (made_in, made_out) = MADE_CHANNEL.init(Channel::new(made)).split();
-
+    let shares = MEMORY.take();
     let conversation = CONVERSE.start(Interrupt::Converse);
-    conversation.spawn(converse(before, start, FRAMES.take(), made_out)?);
+    conversation.spawn(converse(before, start, shares.converse)?);
     conversation.spawn(end()?);
     conversation.spawn(watch()?);
     let encoding = ENCODE.start(Interrupt::Encode);
@@ -184,9 +160,9 @@ fn begin() -> Result<(), SpawnError> {
     {
         encoding.spawn(fail(failure)?);
     }
-    encoding.spawn(encode(taken_out, made_in, ENCODER.take(), QUALITY.take())?);
+    encoding.spawn(encode(shares.encode)?);
     let acquisition = ACQUIRE.start(Interrupt::Acquire);
-    acquisition.spawn(acquire(recording, taken_in, ACQUISITION.take())?);
+    acquisition.spawn(acquire(recording, shares.acquire)?);
     drdy::begin();
     Ok(())
 }

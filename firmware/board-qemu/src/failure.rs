@@ -7,6 +7,7 @@ use core::panic::PanicInfo;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
 use firmware::{FaultRecord, Kept, Stack, deadlines};
+use link::ResetInto;
 
 use crate::{
     registers::{WATCHDOG, watchdog},
@@ -53,6 +54,11 @@ pub(crate) fn feed_watchdog() {
 fn fail(record: FaultRecord) -> ! {
     critical_section::with(|section| KEPT.put(section, record));
     SCB::sys_reset()
+}
+
+/// Starts anew, because the host has asked for it.
+pub(crate) fn restart(into: ResetInto) -> ! {
+    fail(FaultRecord::asked(into))
 }
 
 #[panic_handler]

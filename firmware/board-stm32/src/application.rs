@@ -3,15 +3,15 @@
 use ads1299::Configured;
 use defmt::{info, warn};
 use defmt_rtt as _;
-use device::{FrameRing, Identity, Sender, Session};
+use device::{Abilities, Identity, Producer, Session};
 use embassy_executor::{SendSpawner, SpawnError};
 use embassy_stm32::{interrupt, uid};
-use embassy_sync::zerocopy_channel::{self, Channel};
 use embassy_time::{Instant, TICK_HZ};
-use firmware::{Clock, FaultRecord, Made, Mutex, Shared, Taken, deadlines};
-use link::ResetCause;
-use pipeline::{Acquisition, Encoder, Mains, SignalQuality};
-use static_cell::{ConstStaticCell, StaticCell};
+use firmware::{
+    Clock, FaultRecord, Frames, HandedIn, HandedOut, Machine, Memory, Shared, StampedIn, StampedOut,
+};
+use link::{ResetCause, Streams};
+use pipeline::{Acquisition, Mains};
 
 use crate::{
     Port, Wires,
@@ -19,9 +19,6 @@ use crate::{
     failure,
     interrupts::{self, ACQUIRE, CONVERSE, ENCODE},
 };
-
-pub(crate) type Frames = Sender<FrameRing<{ deadlines::FRAMES_WAITING }>>;
-pub(crate) type MadeOut = zerocopy_channel::Receiver<'static, Mutex, Made>;
 
 /// What the tasks tell each other. Stages are timed by the device's clock: the core's own counter stops
 /// while the core sleeps.
@@ -37,16 +34,14 @@ fn ticks() -> u32 {
     Instant::now().as_ticks() as u32
 }
 
-static FRAMES: ConstStaticCell<Frames> = ConstStaticCell::new(Sender::new(FrameRing::new()));
-static ENCODER: ConstStaticCell<Encoder<'static>> = ConstStaticCell::new(Encoder::new());
-static ACQUISITION: ConstStaticCell<Acquisition> =
-    ConstStaticCell::new(Acquisition::new(Mains::Hz50));
-static QUALITY: ConstStaticCell<SignalQuality> =
-    ConstStaticCell::new(SignalQuality::new(Mains::Hz50));
-static TAKEN: StaticCell<[Taken; deadlines::SAMPLES_WAITING]> = StaticCell::new();
-static TAKEN_CHANNEL: StaticCell<Channel<'static, Mutex, Taken>> = StaticCell::new();
-static MADE: StaticCell<[Made; deadlines::MADE_WAITING]> = StaticCell::new();
-static MADE_CHANNEL: StaticCell<Channel<'static, Mutex, Made>> = StaticCell::new();
+static MEMORY: Memory = Memory::new();
+
+/// What these boards can do.
+const ABILITIES: Abilities = Abilities {
+    streams: Streams::ALL,
+    self_test: false,
+    bootloader: false,
+};
 
 /// What a board gives.
 pub struct Board {
@@ -93,17 +88,13 @@ pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
     };
     interrupts::begin();
 
-    let taken = TAKEN.init_with(|| core::array::from_fn(|_| Taken::default()));
-    let (taken_in, taken_out) = TAKEN_CHANNEL.init(Channel::new(taken)).split();
-    let made = MADE.init_with(|| core::array::from_fn(|_| Made::default()));
-    let (made_in, made_out) = MADE_CHANNEL.init(Channel::new(made)).split();
-
+    let shares = MEMORY.take();
     let conversation = CONVERSE.start(interrupt::UART5);
-    conversation.spawn(converse(board.port, name, before, FRAMES.take(), made_out)?);
+    conversation.spawn(converse(board.port, name, before, shares.converse)?);
     let encoding = ENCODE.start(interrupt::SAI1);
-    encoding.spawn(encode(taken_out, made_in, ENCODER.take(), QUALITY.take())?);
+    encoding.spawn(encode(shares.encode)?);
     let acquisition = ACQUIRE.start(interrupt::UART4);
-    acquisition.spawn(acquire(board.wires, taken_in, ACQUISITION.take())?);
+    acquisition.spawn(acquire(board.wires, shares.acquire)?);
     Ok(conversation)
 }
 
@@ -115,25 +106,16 @@ pub fn sleep() -> ! {
 }
 
 #[embassy_executor::task]
-async fn acquire(
-    wires: Wires,
-    taken: zerocopy_channel::Sender<'static, Mutex, Taken>,
-    acquisition: &'static mut Acquisition,
-) {
+async fn acquire(wires: Wires, share: (StampedIn, &'static mut Acquisition)) {
     let (mut chain, mut drdy) = wires.into_chain();
     let mut configured: Option<Configured<'_, _, _, _, _>> = power_up(&mut chain).await;
     let adc = Adc::start(configured.as_mut(), &mut drdy).await;
-    firmware::acquire(adc, &SHARED, taken, acquisition).await;
+    firmware::acquire(adc, &SHARED, share).await;
 }
 
 #[embassy_executor::task]
-async fn encode(
-    taken: zerocopy_channel::Receiver<'static, Mutex, Taken>,
-    made: zerocopy_channel::Sender<'static, Mutex, Made>,
-    encoder: &'static mut Encoder<'static>,
-    quality: &'static mut SignalQuality,
-) {
-    firmware::encode(&SHARED, taken, made, encoder, quality).await;
+async fn encode(share: (StampedOut, HandedIn, &'static mut Producer)) {
+    firmware::encode(&SHARED, share).await;
 }
 
 #[embassy_executor::task]
@@ -141,8 +123,7 @@ async fn converse(
     port: Port,
     name: Name,
     before: Option<FaultRecord>,
-    frames: &'static mut Frames,
-    made: MadeOut,
+    share: (&'static mut Frames, HandedOut),
 ) {
     let is_sound = firmware::model_is_sound();
     let identity = Identity {
@@ -157,9 +138,13 @@ async fn converse(
             firmware::MODEL_DAMAGED
         },
     };
-    let mut session = Session::new(identity, device::Abilities::CODES, Mains::default());
+    let mut session = Session::new(identity, ABILITIES, Mains::default());
     if !is_sound {
         session.refuse_starts();
     }
-    port.converse(&mut session, frames, made).await;
+    let machine = Machine {
+        stack: Some(failure::stack()),
+        restart: failure::restart,
+    };
+    port.converse(&mut session, share, machine).await;
 }

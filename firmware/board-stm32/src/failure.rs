@@ -6,6 +6,7 @@ use core::{arch::naked_asm, panic::PanicInfo};
 use cortex_m::peripheral::SCB;
 use defmt::{Display2Format, error};
 use firmware::{FaultRecord, Kept, Stack};
+use link::ResetInto;
 
 /// Stacking an exception's registers has failed: MSTKERR and MLSPERR, STKERR and LSPERR of CFSR
 /// (ARM DDI 0403, B3.2.15).
@@ -38,6 +39,11 @@ pub(crate) fn of_the_run_before() -> Option<FaultRecord> {
 fn fail(record: FaultRecord) -> ! {
     critical_section::with(|section| KEPT.put(section, record));
     SCB::sys_reset()
+}
+
+/// Starts anew, because the host has asked for it.
+pub(crate) fn restart(into: ResetInto) -> ! {
+    fail(FaultRecord::asked(into))
 }
 
 #[panic_handler]

@@ -2,12 +2,10 @@
 
 use device::Session;
 use embassy_stm32::usart::{BufferedUart, Config, ConfigError};
+use firmware::{Frames, HandedOut, Machine};
 use static_cell::ConstStaticCell;
 
-use crate::{
-    application::{Frames, MadeOut, SHARED},
-    failure,
-};
+use crate::application::SHARED;
 
 /// Bits per second: 92 kB/s, which codes need 3 % of.
 const BAUD: u32 = 921_600;
@@ -41,12 +39,11 @@ impl Port {
     pub(crate) async fn converse(
         self,
         session: &mut Session<'_>,
-        frames: &mut Frames,
-        made: MadeOut,
+        share: (&mut Frames, HandedOut),
+        machine: Machine,
     ) -> ! {
         let (output, input) = self.0.split();
         let port = firmware::Port { input, output };
-        let stack = Some(failure::stack());
-        firmware::converse(port, session, None, frames, &SHARED, stack, made).await
+        firmware::converse(port, session, None, share, &SHARED, machine).await
     }
 }

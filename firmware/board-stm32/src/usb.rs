@@ -17,12 +17,10 @@ use embassy_usb::{
     class::cdc_acm::{self, CdcAcmClass, State},
 };
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
+use firmware::{Frames, HandedOut, Machine};
 use static_cell::{ConstStaticCell, StaticCell};
 
-use crate::{
-    application::{Frames, MadeOut, SHARED},
-    failure,
-};
+use crate::application::SHARED;
 
 /// Of pid.codes, for development only: whoever gives devices away needs a number of their own.
 const VENDOR: u16 = 0x1209;
@@ -53,8 +51,8 @@ impl Port {
     pub(crate) async fn converse(
         self,
         session: &mut Session<'_>,
-        frames: &mut Frames,
-        made: MadeOut,
+        share: (&mut Frames, HandedOut),
+        machine: Machine,
     ) -> ! {
         static RECEIVED: ConstStaticCell<[u8; 4 * PACKET]> = ConstStaticCell::new([0; 4 * PACKET]);
         static CONFIGURATION: ConstStaticCell<[u8; 128]> = ConstStaticCell::new([0; 128]);
@@ -88,8 +86,7 @@ impl Port {
                 last_was_full: false,
             },
         };
-        let stack = Some(failure::stack());
-        let conversation = firmware::converse(port, session, None, frames, &SHARED, stack, made);
+        let conversation = firmware::converse(port, session, None, share, &SHARED, machine);
         join(builder.build().run(), conversation).await.0
     }
 }

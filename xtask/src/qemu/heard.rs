@@ -80,7 +80,14 @@ impl Heard {
             ToHost::Stats(stats) => self.stats.push(*stats),
             ToHost::Quality(quality) => self.quality.push(quality.clone()),
             ToHost::Timing(timing) => self.timing.push(timing.clone()),
-            ToHost::Ack(_) => {}
+            ToHost::Ack(_)
+            | ToHost::Raw(_)
+            | ToHost::Filtered(_)
+            | ToHost::Audit(_)
+            | ToHost::Event(_)
+            | ToHost::Converters(_)
+            | ToHost::SelfTest(_)
+            | ToHost::ClockReading(_) => {}
         }
     }
 

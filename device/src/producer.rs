@@ -1,0 +1,201 @@
+//! What is made of samples and steps.
+
+use link::{Event, EventKind, Streams};
+use pipeline::{Encoder, SignalQuality, Step};
+
+use crate::marks::WindowMarks;
+use crate::{AuditedWindow, FilteredChunk, Made, Marks, RawChunk, Run, Taken, What};
+
+/// Makes codes, and everything else that the host has asked for, of what the acquisition takes.
+///
+/// A step for which there was no room is filled in by the one before it, so that a window's index
+/// stays that of its time; its codes are marked.
+#[derive(Debug)]
+pub struct Producer {
+    run: Run,
+    encoder: Encoder<'static>,
+    quality: SignalQuality,
+    windows: WindowMarks,
+    /// The last step, in place of one that is missing.
+    last: Step,
+    raw: RawChunk,
+    filtered: FilteredChunk,
+    audited: AuditedWindow,
+    /// An event that is later than the newest sample.
+    ahead: Option<Captured>,
+}
+
+/// Something that happened at an input, as it was captured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Captured {
+    /// What it was.
+    pub kind: EventKind,
+    /// Number of the event since boot, wraps.
+    pub number: u32,
+    /// Device time, microseconds.
+    pub at_us: u64,
+}
+
+impl Producer {
+    /// Before the first run.
+    pub const fn new() -> Self {
+        Self {
+            run: Run::NONE,
+            encoder: Encoder::new(),
+            quality: SignalQuality::new(Run::NONE.mains),
+            windows: WindowMarks::NONE,
+            last: Step::SILENCE,
+            raw: RawChunk::EMPTY,
+            filtered: FilteredChunk::EMPTY,
+            audited: AuditedWindow::EMPTY,
+            ahead: None,
+        }
+    }
+
+    /// Takes a sample, and gives what there is with it for the host.
+    pub fn take(&mut self, taken: &Taken, hand_on: &mut impl FnMut(Made)) {
+        if let Some(run) = taken.begun {
+            self.begin(run);
+        }
+        self.windows.mark(taken.marks);
+        if self.wants(Streams::RAW) {
+            self.take_raw(taken, hand_on);
+        }
+        if let Some((index, step)) = &taken.step {
+            while self.windows.steps() < *index {
+                let substitute = self.last;
+                self.windows.mark(Marks {
+                    overrun: true,
+                    ..Marks::NONE
+                });
+                self.encode(&substitute, taken.drdy_us, hand_on);
+            }
+            self.last = *step;
+            if self.wants(Streams::FILTERED) {
+                self.take_filtered(*index, step, taken, hand_on);
+            }
+            self.encode(step, taken.drdy_us, hand_on);
+        }
+        let step = taken.step.as_ref().map(|(_, step)| step);
+        if let Some(quality) = self.quality.push(&taken.sample, step) {
+            self.give(taken.drdy_us, What::Quality(quality), hand_on);
+        }
+    }
+
+    /// Places what has happened at an input before the sample that was taken last; `next` gives what
+    /// was captured, the oldest first.
+    pub fn place(
+        &mut self,
+        taken: &Taken,
+        mut next: impl FnMut() -> Option<Captured>,
+        hand_on: &mut impl FnMut(Made),
+    ) {
+        while let Some(captured) = self.ahead.take().or_else(&mut next) {
+            if captured.at_us > taken.drdy_us {
+                self.ahead = Some(captured);
+                return;
+            }
+            if self.wants(Streams::EVENTS) {
+                let event = Event {
+                    kind: captured.kind,
+                    number: captured.number,
+                    sample: taken.index,
+                };
+                self.give(captured.at_us, What::Event(event), hand_on);
+            }
+        }
+    }
+
+    fn begin(&mut self, run: Run) {
+        self.run = run;
+        self.encoder.restart();
+        self.quality.restart(run.mains);
+        self.windows = WindowMarks::NONE;
+        self.raw.clear();
+        self.filtered.clear();
+        // What happened before the run is of no interest.
+        self.ahead = None;
+    }
+
+    const fn wants(&self, stream: Streams) -> bool {
+        self.run.streams.contains(stream)
+    }
+
+    fn encode(&mut self, step: &Step, drdy_us: u64, hand_on: &mut impl FnMut(Made)) {
+        let code = self.encoder.push(step);
+        let marks = self.windows.step();
+        let audits = self.wants(Streams::AUDIT);
+        if audits {
+            self.audited.push(&step.plane);
+        }
+        let Some(code) = code else { return };
+        let at_us = drdy_us + u64::from(code.offset_us);
+        let (window, values) = (code.window, code.values);
+        if self.wants(Streams::CODES) {
+            self.give(at_us, What::Code(code, marks), hand_on);
+        }
+        if audits && AuditedWindow::is_due(window) {
+            let audited = self.audited.complete(window, &values).clone();
+            self.give(at_us, What::Audit(audited), hand_on);
+        }
+    }
+
+    fn take_raw(&mut self, taken: &Taken, hand_on: &mut impl FnMut(Made)) {
+        if !self.raw.is_empty() && !self.raw.goes_on_with(taken.index) {
+            self.give_raw(hand_on);
+        }
+        let Taken {
+            sample,
+            index,
+            marks,
+            drdy_us,
+            ..
+        } = taken;
+        self.raw.push(sample, *index, *marks, *drdy_us);
+        if self.raw.is_full() {
+            self.give_raw(hand_on);
+        }
+    }
+
+    fn give_raw(&mut self, hand_on: &mut impl FnMut(Made)) {
+        self.give(self.raw.last_us(), What::Raw(self.raw.clone()), hand_on);
+        self.raw.clear();
+    }
+
+    fn take_filtered(
+        &mut self,
+        index: u64,
+        step: &Step,
+        taken: &Taken,
+        hand_on: &mut impl FnMut(Made),
+    ) {
+        if !self.filtered.is_empty() && !self.filtered.goes_on_with(index) {
+            self.give_filtered(hand_on);
+        }
+        let at_us = taken.drdy_us + u64::from(step.offset_us);
+        self.filtered.push(step, index, taken.marks, at_us);
+        if self.filtered.is_full() {
+            self.give_filtered(hand_on);
+        }
+    }
+
+    fn give_filtered(&mut self, hand_on: &mut impl FnMut(Made)) {
+        let what = What::Filtered(self.filtered.clone());
+        self.give(self.filtered.last_us(), what, hand_on);
+        self.filtered.clear();
+    }
+
+    fn give(&self, at_us: u64, what: What, hand_on: &mut impl FnMut(Made)) {
+        hand_on(Made {
+            run: self.run.number,
+            at_us,
+            what,
+        });
+    }
+}
+
+impl Default for Producer {
+    fn default() -> Self {
+        Self::new()
+    }
+}

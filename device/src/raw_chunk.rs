@@ -1,0 +1,83 @@
+//! A few samples on their way to the host.
+
+use link::{COUNT_BYTES, RAW_SAMPLES, Raw};
+use model::CHANNELS;
+use pipeline::Sample;
+
+use crate::Marks;
+
+/// Bytes of a sample.
+const SAMPLE_BYTES: usize = CHANNELS * COUNT_BYTES;
+
+/// Up to [`RAW_SAMPLES`] samples in a row, packed.
+#[derive(Clone, Debug)]
+pub struct RawChunk {
+    first: u64,
+    samples: usize,
+    marks: Marks,
+    /// Device time of the last one, microseconds.
+    last_us: u64,
+    counts: [u8; RAW_SAMPLES * SAMPLE_BYTES],
+}
+
+impl RawChunk {
+    /// No sample.
+    pub(crate) const EMPTY: Self = Self {
+        first: 0,
+        samples: 0,
+        marks: Marks::NONE,
+        last_us: 0,
+        counts: [0; RAW_SAMPLES * SAMPLE_BYTES],
+    };
+
+    pub(crate) const fn is_empty(&self) -> bool {
+        self.samples == 0
+    }
+
+    pub(crate) const fn is_full(&self) -> bool {
+        self.samples == RAW_SAMPLES
+    }
+
+    /// Whether a sample comes right after these.
+    pub(crate) const fn goes_on_with(&self, index: u64) -> bool {
+        self.first + self.samples as u64 == index
+    }
+
+    pub(crate) const fn clear(&mut self) {
+        self.samples = 0;
+    }
+
+    /// Takes a sample that goes on; there must be room.
+    pub(crate) fn push(&mut self, sample: &Sample, index: u64, marks: Marks, at_us: u64) {
+        if self.samples == 0 {
+            self.first = index;
+            self.marks = Marks::NONE;
+        }
+        let room = self.counts.chunks_exact_mut(SAMPLE_BYTES).nth(self.samples);
+        let Some(room) = room else { return };
+        let (places, _) = room.as_chunks_mut::<COUNT_BYTES>();
+        for (place, count) in places.iter_mut().zip(&sample.counts) {
+            let [low, middle, high, _] = count.to_le_bytes();
+            *place = [low, middle, high];
+        }
+        self.samples += 1;
+        self.marks = self.marks.or(marks);
+        self.last_us = at_us;
+    }
+
+    /// Device time of the last sample, microseconds.
+    pub(crate) const fn last_us(&self) -> u64 {
+        self.last_us
+    }
+
+    /// As it goes over the wire.
+    pub(crate) fn message(&self) -> Raw<'_> {
+        Raw {
+            first_sample: self.first,
+            #[expect(clippy::cast_possible_truncation, reason = "at most 64")]
+            channels: const { CHANNELS as u8 },
+            flags: self.marks.flags(),
+            counts: &self.counts[..self.samples * SAMPLE_BYTES],
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! What happens at a board's inputs.
+
+use core::{
+    cell::RefCell,
+    sync::atomic::{AtomicU32, Ordering::Relaxed},
+};
+
+use device::Captured;
+use embassy_sync::blocking_mutex;
+use heapless::Deque;
+use link::EventKind;
+
+use crate::{Mutex, deadlines};
+
+/// What was captured at the inputs and not yet placed between samples.
+pub struct Inputs {
+    /// Events since boot, those that were lost included; wraps.
+    number: AtomicU32,
+    waiting: blocking_mutex::Mutex<Mutex, RefCell<Deque<Captured, { deadlines::EVENTS_WAITING }>>>,
+}
+
+impl Inputs {
+    pub(crate) const fn new() -> Self {
+        Self {
+            number: AtomicU32::new(0),
+            waiting: blocking_mutex::Mutex::new(RefCell::new(Deque::new())),
+        }
+    }
+
+    /// Something has happened at this device time; called by the input's interrupt. Where nobody comes
+    /// for the events the newest is lost, and the gap in the numbers tells so.
+    pub fn captured(&self, kind: EventKind, at_us: u64) {
+        let number = self.number.fetch_add(1, Relaxed);
+        self.waiting.lock(|waiting| {
+            let captured = Captured {
+                kind,
+                number,
+                at_us,
+            };
+            // Full: counted by its number.
+            let _ = waiting.borrow_mut().push_back(captured);
+        });
+    }
+
+    pub(crate) fn next(&self) -> Option<Captured> {
+        self.waiting
+            .lock(|waiting| waiting.borrow_mut().pop_front())
+    }
+
+    /// What happened before a run is of no interest to it.
+    pub(crate) fn forget(&self) {
+        self.waiting.lock(|waiting| waiting.borrow_mut().clear());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn events_come_out_in_order_and_what_does_not_fit_is_a_gap_in_the_numbers() {
+        let inputs = Inputs::new();
+        let more = u32::try_from(deadlines::EVENTS_WAITING).expect("a few") + 3;
+        for number in 0..more {
+            inputs.captured(EventKind::TriggerRise, number.into());
+        }
+        for number in 0..more - 3 {
+            assert_eq!(inputs.next().map(|event| event.number), Some(number));
+        }
+        assert_eq!(inputs.next(), None);
+        inputs.captured(EventKind::TriggerFall, 99);
+        assert_eq!(inputs.next().map(|event| event.number), Some(more));
+    }
+}

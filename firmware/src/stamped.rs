@@ -1,0 +1,21 @@
+//! What goes from task to task, with the board's own time.
+
+use device::{Made, Taken};
+
+/// From the acquisition to the encoder.
+#[derive(Clone, Debug, Default)]
+pub struct Stamped {
+    /// A sample, and its step.
+    pub taken: Taken,
+    /// The sample's DRDY edge on the board's [`Clock`](crate::Clock), ticks.
+    pub drdy_ticks: u32,
+}
+
+/// From the encoder to the conversation.
+#[derive(Clone, Debug, Default)]
+pub struct Handed {
+    /// Something for the host.
+    pub made: Made,
+    /// When it was handed on, on the board's [`Clock`](crate::Clock), ticks.
+    pub ticks: u32,
+}
