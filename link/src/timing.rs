@@ -40,7 +40,7 @@ pub struct StageTiming {
 pub enum Stage {
     /// 0: from a sample's DRDY edge until the sample is handed on.
     Acquire,
-    /// 1: what the encoder does with a step.
+    /// 1: all that is made of a sample with a step: encoder, reports, streams.
     Step,
     /// 2: from the DRDY edge of a window's last sample until its code is handed on.
     Code,
