@@ -2,17 +2,18 @@
 
 use embedded_hal::digital::{Error as _, OutputPin};
 use embedded_hal_async::delay::DelayNs;
-use embedded_hal_async::spi::{Error as _, SpiBus};
+use embedded_hal_async::spi::Error as _;
 
 use crate::command::{AFTER_RESET, DECODE, DESELECTED, POWER_ON, REFERENCE_US, RESET_LOW, opcode};
 use crate::register::ID_MASK;
-use crate::{Clock, Configured, Error, ID, Image, MAX_CHIPS, Pin, ReadBack, Register, Settings};
+use crate::{
+    Bus, Clock, Configured, Error, ID, Image, MAX_CHIPS, Pin, ReadBack, Register, Settings, Speed,
+};
 
 /// The wires of a chain of 1 to 8 chips: SPI in mode 1, and pins of one type.
 ///
-/// For registers SCLK may be anything up to 20 MHz as far as the chips go: every byte is followed by
-/// the time that they need to decode it. The way back to MISO may want less (decision 0011: 100 kHz).
-/// Bursts may use another SCLK: change it through `spi` after [`Configured::start`].
+/// The driver changes SCLK as it needs it ([`Bus`]). As far as the chips go registers may be clocked
+/// with up to 20 MHz too: every byte is followed by the time that they need to decode it.
 #[derive(Debug)]
 pub struct Chain<Spi, Line, Delay, const CHIPS: usize> {
     /// The bus; nobody else may use it while a chip is selected.
@@ -27,12 +28,13 @@ pub struct Chain<Spi, Line, Delay, const CHIPS: usize> {
     pub delay: Delay,
 }
 
+/// Longest wait without a sign of life, us: a watchdog of 200 ms sees one in time.
+const SLICE_US: u32 = 20_000;
+
 /// Values of a run of registers.
 type Run<'a> = (Register, &'a [u8]);
 
-impl<Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
-    Chain<Spi, Line, Delay, CHIPS>
-{
+impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
     /// Brings the chain up in the data sheet's order (11.1, figure 67): START and selects at rest,
     /// 2^18 tCLK, reset, 18 tCLK, SDATAC, IDs, reference and 150 ms, all other registers, and
     /// everything read back. Takes 0.33 s for eight chips. A board whose VCAP1 needs more than 175 ms
@@ -46,15 +48,7 @@ impl<Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         settings: &Settings<CHIPS>,
     ) -> Result<Configured<'_, Spi, Line, Delay, CHIPS>, Error> {
         const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
-        self.set_start(false)?;
-        self.set_reset(true)?;
-        self.select(0..CHIPS, false)?;
-        self.wait(POWER_ON).await;
-        self.set_reset(false)?;
-        self.wait(RESET_LOW).await;
-        self.set_reset(true)?;
-        self.wait(AFTER_RESET).await;
-        self.command_all(opcode::SDATAC).await?;
+        self.reset(&mut || ()).await?;
         for chip in 0..CHIPS {
             let read = self.read_id(chip).await?;
             if read & ID_MASK != ID & ID_MASK {
@@ -66,9 +60,36 @@ impl<Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         Ok(Configured::new(self, settings))
     }
 
+    /// Waits for the power, resets the chips and stops them; `progress` is called every 20 ms.
+    pub(crate) async fn reset(&mut self, progress: &mut impl FnMut()) -> Result<(), Error> {
+        self.set_speed(Speed::Registers)?;
+        self.set_start(false)?;
+        self.set_reset(true)?;
+        self.select(0..CHIPS, false)?;
+        let power_on_us = const { Clock::SLOWEST.microseconds(POWER_ON) };
+        self.rest(power_on_us, progress).await;
+        self.set_reset(false)?;
+        self.wait(RESET_LOW).await;
+        self.set_reset(true)?;
+        self.wait(AFTER_RESET).await;
+        self.command_all(opcode::SDATAC).await
+    }
+
     /// Stops what runs, writes every register and reads it back.
     pub(crate) async fn configure(&mut self, settings: &Settings<CHIPS>) -> Result<(), Error> {
+        let backs = self.set_up(settings, &mut || ()).await?;
+        check(&backs, settings)
+    }
+
+    /// Stops what runs, writes every register, and reads back what the chips made of it; `progress`
+    /// is called at least every 20 ms.
+    pub(crate) async fn set_up(
+        &mut self,
+        settings: &Settings<CHIPS>,
+        progress: &mut impl FnMut(),
+    ) -> Result<[ReadBack; CHIPS], Error> {
         self.set_start(false)?;
+        self.set_speed(Speed::Registers)?;
         self.command_all(opcode::SDATAC).await?;
         let mut reference_was_on = true;
         for chip in 0..CHIPS {
@@ -79,9 +100,10 @@ impl<Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
             reference_was_on &= old[0] & 0x80 != 0;
             let own = &image.0[Register::CONFIG3.index()..=Register::CONFIG3.index()];
             self.write_registers(chip, (Register::CONFIG3, own)).await?;
+            progress();
         }
         if !reference_was_on {
-            self.delay.delay_us(REFERENCE_US).await;
+            self.rest(REFERENCE_US, progress).await;
         }
         for chip in 0..CHIPS {
             let image = settings.image(chip);
@@ -93,13 +115,28 @@ impl<Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
                 let run = (first, &image.0[first.index()..end]);
                 self.write_registers(chip, run).await?;
             }
+            progress();
         }
-        for chip in 0..CHIPS {
-            let written = settings.image(chip);
-            let back = self.read_back(chip, &written).await?;
-            back.check(number(chip), &written)?;
+        let mut backs = [ReadBack::NONE; CHIPS];
+        for (chip, back) in backs.iter_mut().enumerate() {
+            *back = self.read_back(chip, &settings.image(chip)).await?;
+            progress();
         }
-        Ok(())
+        Ok(backs)
+    }
+
+    /// START for all chips at once, RDATAC, and SCLK for bursts.
+    pub(crate) async fn run(&mut self) -> Result<(), Error> {
+        self.set_start(true)?;
+        self.command_all(opcode::RDATAC).await?;
+        self.set_speed(Speed::Bursts)
+    }
+
+    /// START low, SCLK for registers, SDATAC.
+    pub(crate) async fn halt(&mut self) -> Result<(), Error> {
+        self.set_start(false)?;
+        self.set_speed(Speed::Registers)?;
+        self.command_all(opcode::SDATAC).await
     }
 
     /// Reads every register of a chip; the chips must be stopped.
@@ -204,9 +241,24 @@ impl<Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         set.map_err(|error| Error::Pin(Pin::Start, error.kind()))
     }
 
+    pub(crate) fn set_speed(&mut self, speed: Speed) -> Result<(), Error> {
+        let set = self.spi.set_speed(speed);
+        set.map_err(|error| Error::TooFast(speed, error))
+    }
+
     fn set_reset(&mut self, high: bool) -> Result<(), Error> {
         let set = self.reset.set_state(high.into());
         set.map_err(|error| Error::Pin(Pin::Reset, error.kind()))
+    }
+
+    /// Waits long, and shows every 20 ms that it lives.
+    async fn rest(&mut self, mut us: u32, progress: &mut impl FnMut()) {
+        while us > 0 {
+            let slice = us.min(SLICE_US);
+            self.delay.delay_us(slice).await;
+            us -= slice;
+            progress();
+        }
     }
 
     /// Waits for so many cycles of the slowest clock that the chips may have.
@@ -214,6 +266,15 @@ impl<Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         let us = const { Clock::SLOWEST }.microseconds(cycles);
         self.delay.delay_us(us).await;
     }
+}
+
+/// Whether every chip is an ADS1299 that kept everything.
+pub(crate) fn check<const CHIPS: usize>(
+    backs: &[ReadBack; CHIPS],
+    settings: &Settings<CHIPS>,
+) -> Result<(), Error> {
+    let mut chips = backs.iter().enumerate();
+    chips.try_for_each(|(chip, back)| back.check(number(chip), &settings.image(chip)))
 }
 
 /// The second byte of RREG and WREG; 1 to 24 values.

@@ -2,20 +2,18 @@
 
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
-use embedded_hal_async::spi::SpiBus;
 
-use crate::command::opcode;
-use crate::{Chain, Error, Image, ReadBack, Register, Settings, Streaming};
+use crate::{Bus, Chain, Error, ReadBack, Settings, Speed, Streaming};
 
 /// A chain that has been brought up; its registers can be read and written.
 #[derive(Debug)]
 pub struct Configured<'a, Spi, Line, Delay, const CHIPS: usize> {
-    /// The wires; for another SCLK.
+    /// The wires.
     pub chain: &'a mut Chain<Spi, Line, Delay, CHIPS>,
     settings: Settings<CHIPS>,
 }
 
-impl<'a, Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
+impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     Configured<'a, Spi, Line, Delay, CHIPS>
 {
     pub(crate) fn new(
@@ -48,7 +46,8 @@ impl<'a, Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     /// # Errors
     /// When the bus or a pin fails; registers that differ are in the result.
     pub async fn read_back(&mut self) -> Result<[ReadBack; CHIPS], Error> {
-        let mut all = [ReadBack::new(&Image(Register::RESET), Image(Register::RESET)); CHIPS];
+        self.chain.set_speed(Speed::Registers)?;
+        let mut all = [ReadBack::NONE; CHIPS];
         for (chip, back) in all.iter_mut().enumerate() {
             let written = self.settings.image(chip);
             *back = self.chain.read_back(chip, &written).await?;
@@ -56,14 +55,13 @@ impl<'a, Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         Ok(all)
     }
 
-    /// START for all chips at once, then RDATAC, long before the first DRDY: that comes
-    /// [`Rate::settling`](crate::Rate::settling) cycles later, with settled data.
+    /// START for all chips at once, then RDATAC and SCLK for bursts, long before the first DRDY: that
+    /// comes [`Rate::settling`](crate::Rate::settling) cycles later, with settled data.
     ///
     /// # Errors
     /// When the bus or a pin fails.
     pub async fn start(&mut self) -> Result<Streaming<'_, Spi, Line, Delay, CHIPS>, Error> {
-        self.chain.set_start(true)?;
-        self.chain.command_all(opcode::RDATAC).await?;
+        self.chain.run().await?;
         Ok(Streaming::new(
             self.chain,
             self.settings.clock,

@@ -6,6 +6,17 @@ use crate::{Alignment, CHANNELS, CHIP_BYTES, ChipFault, MAX_CHIPS, StatusWord, f
 /// Frames in a row that must speak for the other alignment before the decoder changes over.
 const CHANGE_OVER: u8 = 4;
 
+/// Channels that must have repeated themselves, one frame after the other, for a chip to be taken for
+/// frozen; those that are at a rail or read 0, as a channel that is off does, say nothing.
+///
+/// The noise of a shorted channel is 9.4 counts rms at gain 24 and 512 Hz (`typical_noise_uv`), so
+/// that two counts are equal by chance in `1 / (9.4 sqrt(2) sqrt(2 pi))` = 3 % of all cases: eight
+/// channels of eight chips once in twelve years. With five, the spare channels of 61 electrodes still
+/// leave the last chip to be found by its first repetition; five channels without any signal beside
+/// three at a rail are equal by chance once a day, for one frame. EEG and mains move counts by
+/// hundreds.
+const FROZEN: u8 = 5;
+
 /// Bytes in which a chip's bits lie, whatever the alignment.
 const SPAN: usize = CHIP_BYTES + 1;
 
@@ -23,6 +34,8 @@ pub struct Decoder<const CHIPS: usize> {
     against: u8,
     /// The frame before, for [`ChipFault::Repeated`].
     last: [Part; CHIPS],
+    /// Channels that have repeated themselves in a row of frames, at most 13.
+    repeats: [u8; CHIPS],
     counters: Counters<CHIPS>,
 }
 
@@ -33,7 +46,7 @@ pub struct Counters<const CHIPS: usize> {
     pub frames: u32,
     /// Frames in which a chip's status did not begin with 1100, per chip.
     pub bad_status: [u32; CHIPS],
-    /// Frames in which a chip repeated the one before, per chip.
+    /// Frames in which a chip was frozen, per chip.
     pub repeated: [u32; CHIPS],
     /// Changes of the alignment after the first lock.
     pub realigned: u32,
@@ -48,7 +61,7 @@ pub struct FrameStatus<const CHIPS: usize> {
     pub words: [StatusWord; CHIPS],
     /// Chips whose status does not begin with 1100, one bit each: their counts mean nothing.
     pub bad: u8,
-    /// Chips that repeated the frame before, one bit each.
+    /// Chips that are frozen, one bit each: they repeat themselves.
     pub repeated: u8,
 }
 
@@ -99,6 +112,7 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
             alignment: None,
             against: 0,
             last: [Part::NEVER_SENT; CHIPS],
+            repeats: [0; CHIPS],
             counters: Counters {
                 frames: 0,
                 bad_status: [0; CHIPS],
@@ -142,12 +156,14 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
             repeated: 0,
         };
         let mut bits = [0_u32; 2];
-        let places = counts.iter_mut().zip(&mut self.last);
-        for ((chip, span), (counts, last)) in (0..).zip(spans(frame)).zip(places) {
+        let places = counts.iter_mut().zip(&mut self.last).zip(&mut self.repeats);
+        for ((chip, span), ((counts, last), repeats)) in (0..).zip(spans(frame)).zip(places) {
             let new = Part::of(span, alignment.shift(chip));
-            let bad = u32::from(new.word.nibble() != NIBBLE);
-            let repeated =
-                u32::from(!new.differs(last)) & u32::from(!new.at_the_rail()) & (bad ^ 1);
+            let is_bad = new.word.nibble() != NIBBLE;
+            let goes_on = u8::from(!new.differs(last)) & u8::from(!is_bad);
+            *repeats = ((*repeats).min(FROZEN) + new.alive()) * goes_on;
+            let bad = u32::from(is_bad);
+            let repeated = u32::from(*repeats >= FROZEN);
             *counts = new.counts;
             *last = new;
             bits[0] |= bad << chip;
@@ -232,12 +248,13 @@ impl Part {
         counts.fold(word, |bits, (one, two)| bits | (one ^ two).cast_unsigned()) != 0
     }
 
-    /// Whether every channel is at one of the converter's rails.
+    /// Channels that are neither at a rail nor at 0.
     #[inline]
-    fn at_the_rail(&self) -> bool {
+    fn alive(&self) -> u8 {
         // -2^23 is the complement of 2^23 - 1.
-        let off = |count: &i32| (count ^ (count >> 31)) ^ 0x7F_FFFF;
-        self.counts.iter().fold(0, |bits, count| bits | off(count)) == 0
+        let distance = |count: i32| (count ^ (count >> 31)) ^ 0x7F_FFFF;
+        let is_alive = |count: &i32| u8::from(*count != 0) & u8::from(distance(*count) != 0);
+        self.counts.iter().map(is_alive).sum()
     }
 }
 

@@ -4,13 +4,15 @@ use core::fmt;
 
 use embedded_hal::{digital, spi};
 
-use crate::Register;
+use crate::{Register, Speed, TooFast};
 
 /// Why a chain does not run. Chips count from 0, the one at MISO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error {
     /// The microcontroller's SPI failed.
     Bus(spi::ErrorKind),
+    /// The board has no SCLK that is slow enough.
+    TooFast(Speed, TooFast),
     /// One of the microcontroller's pins failed.
     Pin(Pin, digital::ErrorKind),
     /// A chip's ID is not that of an eight-channel ADS1299.
@@ -64,6 +66,19 @@ impl fmt::Display for Pin {
     }
 }
 
+impl Error {
+    /// The chip that it is about, if it is about one.
+    pub const fn chip(&self) -> Option<u8> {
+        match self {
+            Self::WrongId { chip, .. }
+            | Self::NotKept { chip, .. }
+            | Self::NeverReady { chip, .. }
+            | Self::Pin(Pin::Select(chip), _) => Some(*chip),
+            Self::Bus(_) | Self::TooFast(..) | Self::Pin(..) => None,
+        }
+    }
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
@@ -71,6 +86,17 @@ impl fmt::Display for Error {
                 formatter,
                 "the SPI to the ADS1299 failed ({kind}); check its clock and its DMA buffers"
             ),
+            Self::TooFast(speed, TooFast { hz }) => {
+                let what = match speed {
+                    Speed::Registers => "registers",
+                    Speed::Bursts => "frames",
+                };
+                write!(
+                    formatter,
+                    "{hz} Hz is the slowest SCLK at hand, too fast for {what}; check the clock of \
+                     the SPI and its dividers"
+                )
+            }
             Self::Pin(pin, kind) => write!(formatter, "{pin} could not be driven or read ({kind})"),
             Self::WrongId { chip, read } => {
                 let cause = match read {

@@ -41,8 +41,8 @@ impl Gain {
 
     /// One count at the input, uV: `2 VREF / gain / 2^24` (9.5.1) with the internal reference.
     #[inline]
-    pub fn lsb_uv(self) -> f64 {
-        VREF * 1e6 / f64::from(self.factor()) / f64::from(1 << 23)
+    pub const fn lsb_uv(self) -> f64 {
+        VREF * 1e6 / (self.factor() as f64) / 8_388_608.0
     }
 }
 

@@ -72,6 +72,13 @@ pub struct ReadBack {
 }
 
 impl ReadBack {
+    /// Before anything was read.
+    pub(crate) const NONE: Self = Self {
+        read: Image([0; Register::COUNT]),
+        differing: 0,
+        id_fits: false,
+    };
+
     /// Holds what was read against what was written.
     pub fn new(written: &Image, read: Image) -> Self {
         let kept = Register::KEPT.iter().zip(written.0.iter().zip(&read.0));

@@ -7,8 +7,10 @@
 //!
 //! The way of a sample: [`Chain::power_up`] gives [`Configured`], [`Configured::start`] gives
 //! [`Streaming`]; whoever clocks the frame ([`Streaming::read`] or the firmware's own DMA) hands its
-//! bytes to [`Decoder`], which is pure. [`ReadyMeter`] judges the times of DRDY's edges,
-//! [`SquareWaveTest`] and [`ShortedTest`] judge samples of the chips' own signals.
+//! bytes to [`Decoder`], which is pure. [`Sampler`] does all of this for a device: it owns the chain,
+//! keeps the last good counts, counts what was wrong, watches the rate, and runs the whole self-test
+//! ([`Sampler::self_test`]). [`ReadyMeter`] judges the times of DRDY's edges, [`SquareWaveTest`] and
+//! [`ShortedTest`] judge samples of the chips' own signals.
 //!
 //! Sections and figures without more are those of the data sheet, Texas Instruments SBAS499C.
 //! Registers, commands and their times, power-up, the order of bits and the noise at gains 1 and 2
@@ -22,6 +24,7 @@
 extern crate std;
 
 mod alignment;
+mod bus;
 mod chain;
 mod clock;
 mod command;
@@ -34,8 +37,13 @@ mod input;
 mod lead_off;
 mod limits;
 mod rate;
+mod rate_watch;
+mod reading;
 mod ready;
 mod register;
+mod sampler;
+mod self_test;
+mod self_test_report;
 mod settings;
 mod shorted_test;
 #[cfg(any(test, feature = "simulation"))]
@@ -49,6 +57,7 @@ mod test_signal;
 mod tests;
 
 pub use alignment::Alignment;
+pub use bus::{Bus, Speed, TooFast};
 pub use chain::Chain;
 pub use clock::Clock;
 pub use configured::Configured;
@@ -60,8 +69,12 @@ pub use input::Input;
 pub use lead_off::{LeadOff, LeadOffCurrent, LeadOffFrequency, LeadOffThreshold};
 pub use limits::{Limits, SelfTestFault, typical_noise_uv};
 pub use rate::Rate;
+pub use reading::Reading;
 pub use ready::{Edge, RateError, ReadyMeter};
 pub use register::{ID, Register};
+pub use sampler::{SILENCE, Sampler, SamplerCounters};
+pub use self_test::SelfTest;
+pub use self_test_report::{ChannelReport, ChipReport, Finding, ReadyReport, SelfTestReport};
 pub use settings::{Bias, Channel, ChipSettings, Settings};
 pub use shorted_test::{ShortedResult, ShortedTest};
 pub use square_wave_test::{SquareWaveResult, SquareWaveTest};

@@ -55,6 +55,15 @@ pub enum RateError {
     },
 }
 
+impl RateError {
+    /// The chip whose DRDY it is.
+    pub const fn chip(&self) -> u8 {
+        match self {
+            Self::NotMeasured { chip } | Self::Off { chip, .. } => *chip,
+        }
+    }
+}
+
 impl ReadyMeter {
     /// Before the first edge of a chip's DRDY; if only one is wired, that of chip 0.
     pub const fn new(chip: u8, clock: Clock, rate: Rate) -> Self {
@@ -96,6 +105,11 @@ impl ReadyMeter {
         Edge::Missed(missed)
     }
 
+    /// Edges so far after the first one.
+    pub(crate) const fn periods(&self) -> u32 {
+        self.periods
+    }
+
     /// From the first edge to the last, us.
     fn span_us(&self) -> u64 {
         self.last_us - self.first_us.unwrap_or(self.last_us)
@@ -118,7 +132,8 @@ impl ReadyMeter {
         u32::try_from(rate).ok()
     }
 
-    /// Whether the rate is what was set, as far as the clock and two stamps of 1 us can tell.
+    /// Whether the rate is what was set, as far as the clock and two stamps of 1 us can tell, and no
+    /// edge came too early or is missing.
     ///
     /// # Errors
     /// [`RateError`]; 64 edges at 512 Hz tell the rate to 16 millionths.
@@ -129,7 +144,7 @@ impl ReadyMeter {
         let stamps_ppm = 2_000_000_u64.div_ceil(self.span_us().max(1));
         let allowed = u64::from(self.clock.tolerance_ppm()) + stamps_ppm;
         let off = u64::from(measured.abs_diff(expected));
-        if self.early == 0 && off * 1_000_000 <= allowed * u64::from(expected) {
+        if self.early | self.missed == 0 && off * 1_000_000 <= allowed * u64::from(expected) {
             return Ok(measured);
         }
         Err(RateError::Off {

@@ -106,7 +106,7 @@ impl<const CHIPS: usize> Settings<CHIPS> {
         }
     };
 
-    /// The same with every channel at one input, for the self-test; with [`Input::TestSignal`] the
+    /// The same with every channel on and at one input, for the self-test; with [`Input::TestSignal`] the
     /// chips make [`TestSignal::SELF_TEST`]. No electrode takes part: SRB1 is open, no current flows.
     #[must_use]
     pub fn with_input(mut self, input: Input) -> Self {
@@ -116,9 +116,26 @@ impl<const CHIPS: usize> Settings<CHIPS> {
             chip.lead_off_positive = 0;
             chip.lead_off_negative = 0;
             for channel in &mut chip.channels {
+                channel.on = true;
                 channel.input = input;
                 channel.srb2 = false;
             }
+        }
+        self
+    }
+
+    /// The same with every electrode watched: 6 nA of direct current into the positive inputs, and the
+    /// comparators at 95 % of the supply. It adds some noise.
+    #[must_use]
+    pub const fn with_lead_off(mut self) -> Self {
+        self.lead_off = LeadOff {
+            comparators: true,
+            ..LeadOff::OFF
+        };
+        let mut chip = 0;
+        while chip < CHIPS {
+            self.chips[chip].lead_off_positive = 0xFF;
+            chip += 1;
         }
         self
     }

@@ -11,11 +11,13 @@
 
 mod analogue;
 mod board;
+mod burst;
 mod chip;
 mod fault;
 mod noise;
 mod wires;
 
+use core::fmt;
 use std::boxed::Box;
 use std::future::Future;
 use std::pin::pin;
@@ -35,8 +37,10 @@ pub use wires::{SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady};
 pub struct Options {
     /// The chips' clock, Hz.
     pub clock_hz: u32,
-    /// SCLK, Hz.
-    pub sclk_hz: u32,
+    /// SCLK for registers, Hz.
+    pub register_hz: u32,
+    /// SCLK for bursts, Hz.
+    pub burst_hz: u32,
     /// Whether a don't-care bit stands between two chips.
     pub alignment: Alignment,
     /// Whether the DOUT of a chip reaches MISO when it alone is selected; otherwise only chip 0's.
@@ -46,11 +50,12 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// 2^21 Hz, 16 MHz, a don't-care bit as in the data sheet, every DOUT at MISO.
+    /// 2^21 Hz, SCLK of 100 kHz and 16 MHz, a don't-care bit as in the data sheet, every DOUT at MISO.
     fn default() -> Self {
         Self {
             clock_hz: 1 << 21,
-            sclk_hz: 16_000_000,
+            register_hz: 100_000,
+            burst_hz: 16_000_000,
             alignment: Alignment::Spaced,
             read_back: true,
             seed: 1,
@@ -125,6 +130,14 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().now_ns() / 1000
     }
 
+    /// Lets time pass up to the next edge of DRDY and gives its time, ns; none if it does not come
+    /// before a time, which it is then.
+    pub fn pass_to_edge(&self, limit_ns: u64) -> Option<u64> {
+        let mut board = self.board();
+        let came = board.advance_to_edge_until(limit_ns);
+        came.then(|| board.now_ns())
+    }
+
     /// Lets time pass.
     pub fn pass_us(&self, us: u64) {
         let mut board = self.board();
@@ -149,7 +162,7 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
     }
 
     /// How often the driver broke a rule of time: too early after power on or reset, too little
-    /// between bytes, deselected too early.
+    /// between bytes, deselected too early, registers read at the speed of bursts.
     pub fn violations(&self) -> u32 {
         self.board().violations()
     }
@@ -170,6 +183,12 @@ const _: fn() = || {
     const fn is_send<T: Send + Sync>() {}
     is_send::<Simulation<8>>();
 };
+
+impl<const CHIPS: usize> fmt::Debug for Simulation<CHIPS> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Simulation").finish_non_exhaustive()
+    }
+}
 
 /// Runs a future on simulated wires to its end: time is virtual, so nothing in it waits. None if it
 /// waits for what never comes, such as an edge of DRDY without START.

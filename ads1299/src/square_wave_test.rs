@@ -38,7 +38,7 @@ pub struct SquareWaveResult {
 
 impl SquareWaveTest {
     /// Before the first sample.
-    pub fn new(gain: Gain, signal: TestSignal) -> Self {
+    pub const fn new(gain: Gain, signal: TestSignal) -> Self {
         let amplitude_uv = signal.amplitude.uv();
         #[expect(clippy::cast_possible_truncation, reason = "at most 2^23 / 50 counts")]
         let level = (amplitude_uv / gain.lsb_uv()) as i32;

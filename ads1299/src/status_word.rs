@@ -23,7 +23,8 @@ pub enum ChipFault {
     Early,
     /// Something else than 1100.
     Nibble(u8),
-    /// Status and counts are those of the frame before, to the last bit, and not all at the rail.
+    /// Status and counts are those of the frames before, to the last bit, in more channels than chance
+    /// explains; those at a rail or at 0 do not count.
     Repeated,
 }
 
@@ -90,7 +91,7 @@ impl fmt::Display for ChipFault {
                  sample came; check SCLK, and how late the frame is read"
             ),
             Self::Repeated => formatter.write_str(
-                "the same bits as in the frame before: it converts no more; check its START and CLK",
+                "the same bits as before: it converts no more; check its START and CLK",
             ),
         }
     }

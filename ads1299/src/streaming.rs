@@ -7,10 +7,9 @@ use core::task::Poll;
 use embedded_hal::digital::{Error as _, OutputPin};
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::digital::Wait;
-use embedded_hal_async::spi::SpiBus;
 
-use crate::command::{DECODE, opcode};
-use crate::{Chain, Clock, Error, Pin, Rate};
+use crate::command::DECODE;
+use crate::{Bus, Chain, Clock, Error, Pin, Rate};
 
 /// A chain that converts: a frame at every falling edge of DRDY, until it is stopped. Registers can
 /// be neither read nor written in the meantime.
@@ -23,7 +22,7 @@ pub struct Streaming<'a, Spi, Line, Delay, const CHIPS: usize> {
     rate: Rate,
 }
 
-impl<'a, Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
+impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     Streaming<'a, Spi, Line, Delay, CHIPS>
 {
     pub(crate) fn new(
@@ -73,12 +72,11 @@ impl<'a, Spi: SpiBus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         result.and(self.chain.select(0..CHIPS, false))
     }
 
-    /// Stops: START low, SDATAC.
+    /// Stops: START low, SCLK for registers, SDATAC.
     ///
     /// # Errors
     /// When the bus or a pin fails.
     pub async fn stop(self) -> Result<(), Error> {
-        self.chain.set_start(false)?;
-        self.chain.command_all(opcode::SDATAC).await
+        self.chain.halt().await
     }
 }

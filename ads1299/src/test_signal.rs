@@ -51,8 +51,8 @@ impl TestSignal {
 
 impl TestAmplitude {
     /// uV.
-    pub fn uv(self) -> f64 {
-        VREF * 1e6 / 2400.0 * f64::from(1 + self as u8)
+    pub const fn uv(self) -> f64 {
+        VREF * 1e6 / 2400.0 * ((1 + self as u8) as f64)
     }
 }
 

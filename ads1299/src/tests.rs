@@ -2,6 +2,8 @@
 
 mod decoding;
 mod faults;
+mod sampling;
 mod self_test;
 mod start_up;
 mod streams;
+mod whole_self_test;

@@ -4,10 +4,11 @@ use std::vec::Vec;
 
 use crate::command::{AFTER_RESET, DECODE, POWER_ON, RESET_LOW};
 use crate::simulation::analogue::{self, Conversion, Electrode, Off};
+use crate::simulation::burst::Burst;
 use crate::simulation::chip::{Chip, Heard, Moment};
 use crate::simulation::noise::Noise;
 use crate::simulation::{Electrodes, Fault, Options};
-use crate::{CHANNELS, CHIP_BYTES, Rate, Register};
+use crate::{CHANNELS, CHIP_BYTES, Rate, Register, Speed};
 
 /// What came over the wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,6 +29,11 @@ pub enum Event {
 /// The board.
 pub(super) struct Board<const CHIPS: usize> {
     options: Options,
+    speed: Speed,
+    /// What a byte takes at each speed, tSDECODE, ns.
+    register_byte_ns: u64,
+    burst_byte_ns: u64,
+    decode_ns: u64,
     now_ns: u64,
     chips: [Chip; CHIPS],
     electrodes: Electrodes<CHIPS>,
@@ -40,8 +46,12 @@ pub(super) struct Board<const CHIPS: usize> {
     reset_low_ns: Option<u64>,
     /// The next conversion's end, cycles.
     next: Option<u64>,
-    /// Bits clocked since the last one.
+    /// The same in ns; never, if there is none.
+    next_ns: u64,
+    /// Bytes clocked since the last one.
     clocked: usize,
+    /// What is clocked, once somebody does.
+    burst: Option<Burst>,
     /// Edges of DRDY that could be seen.
     edges: u64,
     violations: u32,
@@ -50,10 +60,16 @@ pub(super) struct Board<const CHIPS: usize> {
 
 impl<const CHIPS: usize> Board<CHIPS> {
     pub(super) fn new(options: Options, electrodes: Electrodes<CHIPS>) -> Self {
+        let byte_ns = |hz: u32| 8_000_000_000 / u64::from(hz);
         let mut board = Self {
             options,
+            speed: Speed::Registers,
+            register_byte_ns: byte_ns(options.register_hz),
+            burst_byte_ns: byte_ns(options.burst_hz),
+            decode_ns: 0,
             now_ns: 0,
-            chips: core::array::from_fn(|_| Chip::new(0)),
+            // Only a reset after power-on wakes the chips.
+            chips: core::array::from_fn(|_| Chip::new(u64::MAX)),
             electrodes,
             delivered: 0,
             off: [[0; 2]; CHIPS],
@@ -61,13 +77,14 @@ impl<const CHIPS: usize> Board<CHIPS> {
             start: false,
             reset_low_ns: None,
             next: None,
+            next_ns: u64::MAX,
             clocked: 0,
+            burst: None,
             edges: 0,
             violations: 0,
             events: Vec::new(),
         };
-        // Only a reset after power-on wakes the chips.
-        board.chips = core::array::from_fn(|_| Chip::new(u64::MAX));
+        board.decode_ns = board.nanoseconds(u64::from(DECODE));
         board
     }
 
@@ -83,7 +100,12 @@ impl<const CHIPS: usize> Board<CHIPS> {
         &self.events
     }
 
+    pub(super) fn set_speed(&mut self, speed: Speed) {
+        self.speed = speed;
+    }
+
     pub(super) fn set_fault(&mut self, chip: usize, fault: Option<Fault>) {
+        self.burst = None;
         if let Some(chip) = self.chips.get_mut(chip) {
             chip.fault = fault;
         }
@@ -100,10 +122,11 @@ impl<const CHIPS: usize> Board<CHIPS> {
 
     pub(super) fn set_select(&mut self, chip: usize, high: bool) {
         let moment = self.moment();
+        self.burst = None;
+        let config1 = self.chips[0].register(Register::CONFIG1);
         let Some(chip) = self.chips.get_mut(chip) else {
             return;
         };
-        let config1 = chip.register(Register::CONFIG1);
         match (chip.selected, high) {
             (false, false) => chip.select(),
             (true, true) if !chip.deselect(moment) => self.violations += 1,
@@ -116,7 +139,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
     fn restart_filter(&mut self, before: u8) {
         let changed = self.chips[0].register(Register::CONFIG1) != before;
         if changed && self.next.is_some() {
-            self.next = Some(self.cycles() + u64::from(self.rate().settling()));
+            self.convert_at(Some(self.cycles() + u64::from(self.rate().settling())));
         }
     }
 
@@ -125,7 +148,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             self.start = high;
             self.note(Event::Start(high));
             let settled = self.cycles() + u64::from(self.rate().settling());
-            self.next = high.then_some(settled);
+            self.convert_at(high.then_some(settled));
         }
     }
 
@@ -150,14 +173,19 @@ impl<const CHIPS: usize> Board<CHIPS> {
     /// A byte each way.
     pub(super) fn transfer(&mut self, byte: u8) -> u8 {
         let answer = self.output();
-        self.clocked += 8;
-        self.advance(self.now_ns + 8_000_000_000 / u64::from(self.options.sclk_hz));
+        self.clocked += 1;
+        let byte_ns = match self.speed {
+            Speed::Registers => self.register_byte_ns,
+            Speed::Bursts => self.burst_byte_ns,
+        };
+        self.advance(self.now_ns + byte_ns);
         let moment = self.moment();
         for index in 0..CHIPS {
             let chip = &mut self.chips[index];
             if !chip.selected {
                 continue;
             }
+            self.violations += u32::from(self.speed == Speed::Bursts && chip.is_read());
             match chip.receive(byte, moment) {
                 Heard::Nothing => {}
                 Heard::Violation => self.violations += 1,
@@ -171,7 +199,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
     }
 
     /// What MISO carries while the next byte goes out.
-    fn output(&self) -> u8 {
+    fn output(&mut self) -> u8 {
         let Some(first) = self.chips.iter().position(|chip| chip.selected) else {
             return 0xFF;
         };
@@ -185,50 +213,25 @@ impl<const CHIPS: usize> Board<CHIPS> {
         if !chip.is_continuous() {
             return chip.output();
         }
-        (0..8).fold(0, |byte, bit| {
-            byte << 1 | self.bit(first, self.clocked + bit)
-        })
-    }
-
-    /// A bit of the frame, from the first selected chip on.
-    fn bit(&self, first: usize, mut place: usize) -> u8 {
-        let stride = 8 * CHIP_BYTES + self.options.alignment as usize;
-        let shifted = |chip: &Chip| chip.fault == Some(Fault::ShiftedBit);
-        if let Some(late) = self.chips[first..].iter().position(shifted)
-            && place >= late * stride
-        {
-            if place == late * stride {
-                return 0;
-            }
-            place -= 1;
-        }
-        let index = first + place / stride;
-        let offset = place % stride;
-        // What does not get past a chip that is dead or not selected.
-        let passes = |chip: &Chip| chip.selected && !chip.is_dead();
-        let through = self.chips.get(first..=index);
-        if !through.is_some_and(|chips| chips.iter().all(passes)) {
-            return 0;
-        }
-        match self.chips[index].frame.get(offset / 8) {
-            Some(byte) => byte >> (7 - offset % 8) & 1,
-            // The don't-care bit.
-            None => u8::from(index.is_multiple_of(2)),
-        }
+        let spaced = self.options.alignment as usize;
+        let burst = self
+            .burst
+            .get_or_insert_with(|| Burst::new(&self.chips[first..], spaced));
+        burst.byte(self.clocked)
     }
 
     /// Lets time pass, with the conversions that fall into it.
     pub(super) fn advance(&mut self, to_ns: u64) {
         while let Some(next) = self.next
-            && self.nanoseconds(next) <= to_ns
+            && self.next_ns <= to_ns
         {
-            self.now_ns = self.nanoseconds(next);
+            self.now_ns = self.next_ns;
             self.convert(next);
             let mut step = u64::from(self.rate().divider());
             if self.chips[0].fault == Some(Fault::DoubleRate) {
                 step /= 2;
             }
-            self.next = Some(next + step);
+            self.convert_at(Some(next + step));
         }
         self.now_ns = self.now_ns.max(to_ns);
     }
@@ -237,15 +240,30 @@ impl<const CHIPS: usize> Board<CHIPS> {
     pub(super) fn advance_to_edge(&mut self) -> bool {
         let before = self.edges;
         while self.edges == before {
-            let Some(next) = self.next else {
-                return false;
-            };
-            if self.chips[0].is_dead() {
+            if self.next.is_none() || self.chips[0].is_dead() {
                 return false;
             }
-            self.advance(self.nanoseconds(next));
+            self.advance(self.next_ns);
         }
         true
+    }
+
+    /// The same, but not beyond a time; false if that has come first.
+    pub(super) fn advance_to_edge_until(&mut self, limit_ns: u64) -> bool {
+        let before = self.edges;
+        while self.edges == before {
+            if self.next_ns > limit_ns {
+                self.advance(limit_ns);
+                return false;
+            }
+            self.advance(self.next_ns);
+        }
+        true
+    }
+
+    fn convert_at(&mut self, cycles: Option<u64>) {
+        self.next = cycles;
+        self.next_ns = cycles.map_or(u64::MAX, |cycles| self.nanoseconds(cycles));
     }
 
     /// The end of a conversion: new frames in all chips, and DRDY falls.
@@ -270,6 +288,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             }
         }
         self.clocked = 0;
+        self.burst = None;
         if self.chips[0].fault == Some(Fault::MissedReady) {
             self.chips[0].fault = None;
         } else if !self.chips[0].is_dead() {
@@ -307,7 +326,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
     fn moment(&self) -> Moment {
         Moment {
             now_ns: self.now_ns,
-            decode_ns: self.nanoseconds(u64::from(DECODE)),
+            decode_ns: self.decode_ns,
         }
     }
 

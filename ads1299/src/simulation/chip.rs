@@ -120,6 +120,11 @@ impl Chip {
         (since as f64 / 150e6).min(1.0)
     }
 
+    /// Whether its registers are being read.
+    pub(super) fn is_read(&self) -> bool {
+        matches!(self.state, State::Read { .. }) && !self.is_dead()
+    }
+
     pub(super) fn select(&mut self) {
         self.selected = true;
         self.state = State::Opcode;
@@ -152,6 +157,11 @@ impl Chip {
 
     /// A byte that ends now.
     pub(super) fn receive(&mut self, byte: u8, moment: Moment) -> Heard {
+        // The zeros of a burst, 217 for every sample: nothing in them is an opcode.
+        if byte == 0 && self.continuous && self.state == State::Opcode && self.pending.is_none() {
+            self.last_ns = moment.now_ns;
+            return Heard::Nothing;
+        }
         if self.is_dead() {
             return Heard::Nothing;
         }

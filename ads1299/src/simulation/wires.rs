@@ -10,17 +10,21 @@ use embedded_hal_async::digital::Wait;
 use embedded_hal_async::spi::SpiBus;
 
 use crate::simulation::Simulation;
+use crate::{Bus, Speed, TooFast};
 
 /// SCLK, MOSI and MISO.
+#[derive(Debug)]
 pub struct SimulatedBus<const CHIPS: usize>(pub(super) Simulation<CHIPS>);
 
 /// A chip's select, START or RESET.
+#[derive(Debug)]
 pub struct SimulatedLine<const CHIPS: usize> {
     simulation: Simulation<CHIPS>,
     role: Role,
 }
 
 /// What a line is for.
+#[derive(Debug)]
 enum Role {
     Select(usize),
     Start,
@@ -28,9 +32,11 @@ enum Role {
 }
 
 /// DRDY of chip 0. A wait ends at the next edge; it never ends if none will come.
+#[derive(Debug)]
 pub struct SimulatedReady<const CHIPS: usize>(pub(super) Simulation<CHIPS>);
 
 /// Virtual time.
+#[derive(Debug)]
 pub struct SimulatedDelay<const CHIPS: usize>(pub(super) Simulation<CHIPS>);
 
 impl<const CHIPS: usize> SimulatedLine<CHIPS> {
@@ -115,6 +121,13 @@ impl<const CHIPS: usize> SpiBus for SimulatedBus<CHIPS> {
     }
 
     async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+impl<const CHIPS: usize> Bus for SimulatedBus<CHIPS> {
+    fn set_speed(&mut self, speed: Speed) -> Result<(), TooFast> {
+        self.0.board().set_speed(speed);
         Ok(())
     }
 }

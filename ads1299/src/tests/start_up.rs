@@ -174,7 +174,8 @@ fn a_chain_whose_clock_is_too_slow_for_the_chips_is_not_understood() {
 fn any_sclk_and_any_number_of_chips_will_do() {
     for sclk_hz in [100_000, 4_000_000, 20_000_000] {
         let options = Options {
-            sclk_hz,
+            register_hz: sclk_hz,
+            burst_hz: sclk_hz,
             ..Options::default()
         };
         let simulation = silent::<1>(options);

@@ -58,7 +58,7 @@ fn every_rate_and_every_gain_is_what_was_set() {
     for rate in Rate::ALL {
         for (clock, gain) in Gain::ALL.iter().map(|gain| (Clock::EEG, *gain)) {
             let options = Options {
-                sclk_hz: 20_000_000,
+                burst_hz: 20_000_000,
                 ..Options::default()
             };
             // 10 mV stay below the rail at every gain, far above the noise.

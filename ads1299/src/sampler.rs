@@ -1,0 +1,178 @@
+//! A chain in use: who owns it and reads its samples.
+
+use embedded_hal::digital::OutputPin;
+use embedded_hal_async::delay::DelayNs;
+
+use crate::chain::{check, number};
+use crate::rate_watch::RateWatch;
+use crate::{Bus, CHANNELS, Chain, Decoder, Error, MAX_CHIPS, Reading, Settings, Streaming};
+
+/// Periods without an edge of DRDY after which a chain is taken to be silent.
+pub const SILENCE: u32 = 4;
+
+/// A chain in use: owns the wires, reads every sample and says what is wrong with it.
+///
+/// A chip whose part of a frame means nothing keeps its counts of before. `BYTES` is
+/// [`frame_bytes`](crate::frame_bytes) of the chips, checked when it is compiled.
+#[derive(Debug)]
+pub struct Sampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
+    pub(crate) chain: Chain<Spi, Line, Delay, CHIPS>,
+    pub(crate) settings: Settings<CHIPS>,
+    pub(crate) decoder: Decoder<CHIPS>,
+    pub(crate) frame: [u8; BYTES],
+    pub(crate) decoded: [[i32; CHANNELS]; CHIPS],
+    counts: [[i32; CHANNELS]; CHIPS],
+    watch: RateWatch,
+    runs: bool,
+    /// Chips that are not what they should be, one bit each: their counts are never believed.
+    unfit: u8,
+    counters: SamplerCounters<CHIPS>,
+}
+
+/// What a sampler has counted since it was made; every counter wraps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SamplerCounters<const CHIPS: usize> {
+    /// Readings given.
+    pub readings: u32,
+    /// Readings in which a chip was bad, per chip. Chip 0 also answers for a wrong rate, and all of
+    /// them where there was no frame.
+    pub errors: [u32; CHIPS],
+    /// Samples that nobody read.
+    pub missed: u32,
+    /// Readings at a wrong rate.
+    pub wrong_rate: u32,
+    /// Readings without a frame: DRDY silent, the bus failed, or nothing converts.
+    pub without_frame: u32,
+}
+
+impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES: usize>
+    Sampler<Spi, Line, Delay, CHIPS, BYTES>
+{
+    /// A chain that does nothing yet, and what it is to do.
+    pub const fn new(chain: Chain<Spi, Line, Delay, CHIPS>, settings: Settings<CHIPS>) -> Self {
+        const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
+        Self {
+            chain,
+            settings,
+            decoder: Decoder::new(),
+            frame: [0; BYTES],
+            decoded: [[0; CHANNELS]; CHIPS],
+            counts: [[0; CHANNELS]; CHIPS],
+            watch: RateWatch::new(settings.clock, settings.rate),
+            runs: false,
+            unfit: Reading::<CHIPS>::ALL,
+            counters: SamplerCounters {
+                readings: 0,
+                errors: [0; CHIPS],
+                missed: 0,
+                wrong_rate: 0,
+                without_frame: 0,
+            },
+        }
+    }
+
+    /// Brings the chain up and starts it, as [`Chain::power_up`] and
+    /// [`Configured::start`](crate::Configured::start) do; `progress` is called at least every 20 ms.
+    ///
+    /// # Errors
+    /// The first thing wrong. If it is a chip, the chain runs nevertheless, and that chip is bad in
+    /// every reading, so that the others are not lost. If it is the bus or a pin, nothing runs.
+    pub async fn begin(&mut self, mut progress: impl FnMut()) -> Result<(), Error> {
+        self.runs = false;
+        self.chain.reset(&mut progress).await?;
+        self.resume(&mut progress).await
+    }
+
+    /// Sets the chips up, which must have been reset since power-on, and starts them.
+    pub(crate) async fn resume(&mut self, progress: &mut impl FnMut()) -> Result<(), Error> {
+        self.runs = false;
+        let backs = self.chain.set_up(&self.settings, progress).await?;
+        self.unfit = 0;
+        for (chip, back) in backs.iter().enumerate() {
+            let fits = back.check(number(chip), &self.settings.image(chip));
+            self.unfit |= u8::from(fits.is_err()) << chip;
+        }
+        self.chain.run().await?;
+        self.runs = true;
+        self.watch = RateWatch::new(self.settings.clock, self.settings.rate);
+        check(&backs, &self.settings)
+    }
+
+    /// Whether the chips convert.
+    pub const fn runs(&self) -> bool {
+        self.runs
+    }
+
+    /// What the chips are to do.
+    pub const fn settings(&self) -> &Settings<CHIPS> {
+        &self.settings
+    }
+
+    /// The newest counts of each channel that could be believed, |count| <= 2^23.
+    pub const fn counts(&self) -> &[[i32; CHANNELS]; CHIPS] {
+        &self.counts
+    }
+
+    /// What has been counted.
+    pub const fn counters(&self) -> &SamplerCounters<CHIPS> {
+        &self.counters
+    }
+
+    /// Reads the sample whose edge of DRDY came at a time in us; [`Self::counts`] has it then.
+    ///
+    /// # Timing
+    /// That of [`Streaming::read`] and [`Decoder::decode`]; no allocation, no panic.
+    pub async fn read(&mut self, edge_us: u64) -> Reading<CHIPS> {
+        let (missed, rate) = self.watch.edge(edge_us);
+        let mut reading = Reading {
+            status: None,
+            bad: Reading::<CHIPS>::ALL,
+            missed,
+            rate,
+        };
+        let Settings { clock, rate, .. } = self.settings;
+        let mut chain = Streaming::new(&mut self.chain, clock, rate);
+        if self.runs && chain.read(&mut self.frame).await.is_ok() {
+            let status = self.decoder.decode(&self.frame, &mut self.decoded);
+            reading.bad = status.bad | status.repeated | self.unfit;
+            reading.status = Some(status);
+            let places = self.counts.iter_mut().zip(&self.decoded);
+            for (chip, (place, counts)) in places.enumerate() {
+                if reading.bad >> chip & 1 == 0 {
+                    *place = *counts;
+                }
+            }
+        }
+        self.count(&reading);
+        reading
+    }
+
+    /// Instead of a sample that did not come: no edge of DRDY for [`SILENCE`] periods, then each
+    /// period; `missed` are those that went by before it was called.
+    pub fn silence(&mut self, missed: u32) -> Reading<CHIPS> {
+        self.watch.restart();
+        let reading = Reading {
+            status: None,
+            bad: Reading::<CHIPS>::ALL,
+            missed,
+            rate: None,
+        };
+        self.count(&reading);
+        reading
+    }
+
+    fn count(&mut self, reading: &Reading<CHIPS>) {
+        let counters = &mut self.counters;
+        counters.readings = counters.readings.wrapping_add(1);
+        counters.missed = counters.missed.wrapping_add(reading.missed);
+        let wrong_rate = u32::from(reading.rate.is_some());
+        counters.wrong_rate = counters.wrong_rate.wrapping_add(wrong_rate);
+        let without_frame = u32::from(reading.status.is_none());
+        counters.without_frame = counters.without_frame.wrapping_add(without_frame);
+        let of_rate = reading.rate.map_or(0, |error| 1 << (error.chip() & 7));
+        let bad = u32::from(reading.bad | of_rate);
+        for (chip, errors) in (0..).zip(&mut counters.errors) {
+            *errors = errors.wrapping_add(bad >> chip & 1);
+        }
+    }
+}

@@ -1,0 +1,307 @@
+//! A chain in use: faults while it runs, starts and stops.
+
+use std::vec::Vec;
+
+use crate::simulation::{
+    Electrodes, Fault, Options, SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady,
+    Simulation, finish,
+};
+use crate::{
+    CHANNELS, ChipFault, Configured, Error, RateError, Reading, Register, Sampler, Settings,
+    frame_bytes,
+};
+use embedded_hal_async::digital::Wait as _;
+
+const CHIPS: usize = 8;
+
+type Simulated =
+    Sampler<SimulatedBus<CHIPS>, SimulatedLine<CHIPS>, SimulatedDelay<CHIPS>, CHIPS, 217>;
+
+/// A chain that runs, read edge by edge.
+struct Bench {
+    simulation: Simulation<CHIPS>,
+    sampler: Simulated,
+    drdy: SimulatedReady<CHIPS>,
+}
+
+impl Bench {
+    /// A chain on which something may be broken from the beginning.
+    fn broken(electrodes: Electrodes<CHIPS>, broken: Option<(usize, Fault)>) -> Self {
+        let simulation = Simulation::new(Options::default(), electrodes);
+        if let Some((chip, fault)) = broken {
+            simulation.inject(chip, fault);
+        }
+        let sampler = Sampler::new(simulation.chain(), Settings::EEG.with_lead_off());
+        let drdy = simulation.drdy();
+        Self {
+            simulation,
+            sampler,
+            drdy,
+        }
+    }
+
+    fn begin(&mut self) -> Result<(), Error> {
+        finish(self.sampler.begin(|| ())).unwrap()
+    }
+
+    fn next(&mut self) -> Reading<CHIPS> {
+        finish(self.drdy.wait_for_falling_edge()).unwrap().unwrap();
+        let now_us = self.simulation.time_us();
+        finish(self.sampler.read(now_us)).unwrap()
+    }
+}
+
+/// Counts that tell sample, chip and channel.
+fn numbered() -> Electrodes<CHIPS> {
+    Electrodes::counts(|sample, counts| {
+        for (place, count) in (0..).zip(counts.as_flattened_mut()) {
+            *count = i32::try_from(sample).unwrap() * 1000 + place + 1;
+        }
+    })
+}
+
+/// The first sample's number of a chip's counts.
+fn number(counts: &[i32; CHANNELS]) -> i32 {
+    counts[0] / 1000
+}
+
+fn running() -> Bench {
+    let mut bench = Bench::broken(numbered(), None);
+    bench.begin().unwrap();
+    for sample in 0..20 {
+        let reading = bench.next();
+        assert!(reading.is_sound() && reading.missed == 0, "{reading:?}");
+        assert_eq!(
+            bench.sampler.counts().map(|chip| number(&chip)),
+            [sample; 8]
+        );
+    }
+    bench
+}
+
+#[test]
+fn every_fault_of_a_frame_names_its_chip_and_holds_its_counts() {
+    let faults = [
+        Fault::Dead,
+        Fault::StuckData,
+        Fault::WrongNibble(5),
+        Fault::ShiftedBit,
+    ];
+    for fault in faults {
+        for chip in 1..CHIPS {
+            let mut bench = running();
+            bench.simulation.inject(chip, fault);
+            for _ in 0..3 {
+                let reading = bench.next();
+                assert_eq!(reading.culprit(), Some(u8::try_from(chip).unwrap()));
+                // What stands behind a chip that is dead or late is lost with it.
+                for (other, counts) in bench.sampler.counts().iter().enumerate() {
+                    let is_bad = reading.bad >> other & 1 != 0;
+                    assert_eq!(is_bad, number(counts) == 19, "{fault:?} {chip} {other}");
+                }
+            }
+            bench.simulation.repair(chip);
+            assert!(bench.next().is_sound());
+            assert_eq!(number(&bench.sampler.counts()[chip]), 23);
+            let counters = bench.sampler.counters();
+            assert_eq!((counters.errors[chip], counters.errors[0]), (3, 0));
+            assert_eq!((counters.readings, counters.without_frame), (24, 0));
+        }
+    }
+}
+
+#[test]
+fn a_doubled_rate_is_flagged_with_its_first_early_edge_and_chip_0_answers_for_it() {
+    let mut bench = running();
+    bench.simulation.inject(0, Fault::DoubleRate);
+    // A conversion had begun at the old rate.
+    assert!(bench.next().is_sound());
+    for _ in 0..200 {
+        let reading = bench.next();
+        assert_eq!((reading.bad, reading.culprit()), (0, Some(0)));
+        let Some(RateError::Off { chip: 0, early, .. }) = reading.rate else {
+            panic!("{reading:?}");
+        };
+        assert_eq!(early, 1);
+    }
+    bench.simulation.repair(0);
+    assert!(bench.next().rate.is_some());
+    assert!((0..200).all(|_| bench.next().is_sound()));
+    let counters = bench.sampler.counters();
+    assert_eq!((counters.wrong_rate, counters.errors[0]), (201, 201));
+}
+
+#[test]
+fn a_missed_edge_is_a_sample_that_nobody_read() {
+    let mut bench = running();
+    bench.simulation.inject(0, Fault::MissedReady);
+    let reading = bench.next();
+    assert!(reading.is_sound());
+    assert_eq!(reading.missed, 1);
+    assert_eq!(number(&bench.sampler.counts()[5]), 21);
+    assert_eq!(
+        (bench.next().missed, bench.sampler.counters().missed),
+        (0, 1)
+    );
+}
+
+#[test]
+fn a_clock_that_is_off_is_flagged_while_it_streams() {
+    let options = Options {
+        clock_hz: 2_048_000,
+        ..Options::default()
+    };
+    let simulation = Simulation::<1>::new(options, Electrodes::silent());
+    let mut drdy = simulation.drdy();
+    let mut sampler =
+        Sampler::<_, _, _, 1, { frame_bytes(1) }>::new(simulation.chain(), Settings::EEG);
+    finish(sampler.begin(|| ())).unwrap().unwrap();
+    let flagged: Vec<bool> = (0..200)
+        .map(|_| {
+            finish(drdy.wait_for_falling_edge()).unwrap().unwrap();
+            let reading = finish(sampler.read(simulation.time_us())).unwrap();
+            reading.rate.is_some()
+        })
+        .collect();
+    assert_eq!(flagged.iter().position(|flagged| *flagged), Some(64));
+    assert!(flagged[64..].iter().all(|flagged| *flagged));
+}
+
+#[test]
+fn a_chain_without_drdy_is_silent_and_all_of_its_chips_are_bad() {
+    let mut bench = running();
+    bench.simulation.inject(0, Fault::Dead);
+    let reading = bench.sampler.silence(3);
+    assert_eq!(
+        (reading.bad, reading.culprit(), reading.missed),
+        (0xFF, Some(0), 3)
+    );
+    assert!(!reading.lead_off());
+    bench.simulation.repair(0);
+    bench.simulation.pass_us(100_000);
+    // What was silent has been counted once.
+    assert_eq!(bench.next().missed, 0);
+    assert_eq!(bench.sampler.counters().missed, 3);
+}
+
+#[test]
+fn a_chip_that_is_not_what_it_should_be_is_never_believed_and_the_others_are() {
+    for (chip, fault) in [
+        (2, Fault::WrongId(0x92)),
+        (5, Fault::Forgets(Register::CH1SET)),
+    ] {
+        let mut bench = Bench::broken(numbered(), Some((chip, fault)));
+        let error = bench.begin().expect_err("a broken chip");
+        assert_eq!(error.chip(), Some(u8::try_from(chip).unwrap()), "{error}");
+        for sample in 0..5 {
+            let reading = bench.next();
+            assert_eq!(reading.bad, 1 << chip);
+            let numbers = bench.sampler.counts().map(|counts| number(&counts));
+            let mut expected = [sample; CHIPS];
+            expected[chip] = 0;
+            assert_eq!(numbers, expected);
+        }
+        bench.simulation.repair(chip);
+        bench.begin().unwrap();
+        assert!(bench.next().is_sound());
+    }
+}
+
+#[test]
+fn an_electrode_that_comes_off_is_told_with_its_place_and_not_as_an_error() {
+    let mut bench = running();
+    bench.simulation.set_electrode(3, 6, true, false);
+    let reading = bench.next();
+    assert!(reading.is_sound() && reading.lead_off());
+    assert_eq!(
+        (reading.off_positive(3), reading.off_negative(3)),
+        (0x40, 0)
+    );
+    bench.simulation.set_electrode(3, 6, true, true);
+    assert!(!bench.next().lead_off());
+}
+
+#[test]
+fn channels_at_a_rail_or_at_zero_do_not_make_a_chip_frozen() {
+    let constant = |value: i32, alive: usize| {
+        Electrodes::counts(move |_, counts: &mut [[i32; CHANNELS]; CHIPS]| {
+            *counts = [[value; CHANNELS]; CHIPS];
+            counts[4][..alive].fill(77);
+        })
+    };
+    for value in [0, (1 << 23) - 1, -(1 << 23)] {
+        for (alive, flagged_at) in [
+            (0, None),
+            (1, Some(5)),
+            (3, Some(2)),
+            (5, Some(1)),
+            (8, Some(1)),
+        ] {
+            let mut bench = Bench::broken(constant(value, alive), None);
+            bench.begin().unwrap();
+            let found = (0..20).position(|_| bench.next().bad == 1 << 4);
+            assert_eq!(found, flagged_at, "{alive} channels alive beside {value}");
+        }
+    }
+}
+
+#[test]
+fn a_chain_is_started_stopped_and_set_up_again_at_the_right_speeds() {
+    let simulation = Simulation::<2>::new(Options::default(), Electrodes::silent());
+    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
+    let mut configured: Configured<'_, _, _, _, 2> =
+        finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
+    for _ in 0..3 {
+        let mut streaming = finish(configured.start()).unwrap().unwrap();
+        let before_us = simulation.time_us();
+        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
+        let mut frame = [0; frame_bytes(2)];
+        finish(streaming.read(&mut frame)).unwrap().unwrap();
+        assert!(simulation.time_us() - before_us < 8_500, "a burst is fast");
+        finish(streaming.stop()).unwrap().unwrap();
+        finish(configured.configure(&Settings::EEG))
+            .unwrap()
+            .unwrap();
+        // Left without an order, as firmware that is told to test itself does.
+        finish(configured.start()).unwrap().unwrap();
+        finish(configured.configure(&Settings::EEG))
+            .unwrap()
+            .unwrap();
+        finish(configured.read_back()).unwrap().unwrap();
+    }
+    assert_eq!(simulation.violations(), 0);
+}
+
+#[test]
+fn registers_read_at_the_speed_of_bursts_are_a_violation() {
+    use crate::{Bus as _, Speed};
+    use embedded_hal::digital::OutputPin as _;
+    use embedded_hal_async::delay::DelayNs as _;
+    use embedded_hal_async::spi::SpiBus as _;
+
+    let simulation = Simulation::<1>::new(Options::default(), Electrodes::silent());
+    let mut chain = simulation.chain();
+    finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
+    for (speed, violations) in [(Speed::Registers, 0), (Speed::Bursts, 1)] {
+        chain.spi.set_speed(speed).unwrap();
+        chain.selects[0].set_low().unwrap();
+        for byte in [0x20, 0x00, 0x00] {
+            finish(chain.spi.write(&[byte])).unwrap().unwrap();
+            finish(chain.delay.delay_us(3)).unwrap();
+        }
+        chain.selects[0].set_high().unwrap();
+        finish(chain.delay.delay_us(3)).unwrap();
+        assert_eq!(simulation.violations(), violations, "{speed:?}");
+    }
+}
+
+#[test]
+fn a_frozen_chip_is_told_from_one_with_a_wrong_status() {
+    let mut bench = running();
+    bench.simulation.inject(6, Fault::StuckData);
+    let status = bench.next().status.unwrap();
+    assert_eq!(
+        status.faults().collect::<Vec<_>>(),
+        [(6, ChipFault::Repeated)]
+    );
+}

@@ -1,0 +1,263 @@
+//! The whole self-test, on sound and on broken chains.
+
+use std::string::ToString;
+
+use embedded_hal_async::digital::Wait as _;
+
+use crate::simulation::{
+    Electrodes, Fault, Options, SimulatedBus, SimulatedDelay, SimulatedLine, Simulation, finish,
+};
+use crate::{
+    Error, Finding, ID, RateError, Register, Sampler, SelfTest, SelfTestReport, Settings,
+    frame_bytes,
+};
+
+const CHIPS: usize = 3;
+
+type Simulated = Sampler<
+    SimulatedBus<CHIPS>,
+    SimulatedLine<CHIPS>,
+    SimulatedDelay<CHIPS>,
+    CHIPS,
+    { frame_bytes(CHIPS) },
+>;
+
+/// A chain that runs, tested after a fault; the longest time without a sign of life, us.
+fn tested(
+    options: Options,
+    broken: Option<(usize, Fault)>,
+) -> (Simulation<CHIPS>, Simulated, SelfTestReport<CHIPS>, u64) {
+    let simulation = Simulation::new(options, Electrodes::silent());
+    let mut sampler = Sampler::new(simulation.chain(), Settings::EEG);
+    finish(sampler.begin(|| ())).unwrap().unwrap();
+    let mut drdy = simulation.drdy();
+    for _ in 0..5 {
+        finish(drdy.wait_for_falling_edge()).unwrap().unwrap();
+        assert!(
+            finish(sampler.read(simulation.time_us()))
+                .unwrap()
+                .is_sound()
+        );
+    }
+    if let Some((chip, fault)) = broken {
+        simulation.inject(chip, fault);
+    }
+    let mut test = SelfTest::new();
+    let (mut alive_us, mut longest_us) = (simulation.time_us(), 0);
+    let progress = || {
+        longest_us = longest_us.max(simulation.time_us() - alive_us);
+        alive_us = simulation.time_us();
+    };
+    let now_us = || simulation.time_us();
+    finish(sampler.self_test(&mut test, &mut drdy, now_us, progress)).unwrap();
+    let report = test.report().clone();
+    (simulation, sampler, report, longest_us)
+}
+
+fn finding(broken: (usize, Fault)) -> (SelfTestReport<CHIPS>, Finding) {
+    let (_, _, report, longest_us) = tested(Options::default(), Some(broken));
+    assert!(longest_us < 50_000, "{longest_us}");
+    let finding = report.check().expect_err("a fault");
+    (report, finding)
+}
+
+#[test]
+fn a_sound_chain_passes_with_figures_and_streams_on_as_before() {
+    let (simulation, mut sampler, report, longest_us) = tested(Options::default(), None);
+    assert_eq!(report.check(), Ok(()));
+    assert!(longest_us <= 21_000, "{longest_us}");
+    for chip in &report.chips {
+        assert_eq!((chip.id, chip.differing, chip.bad_frames), (ID, 0, 0));
+    }
+    let ready = report.ready;
+    assert_eq!((ready.expected, ready.early, ready.missed), (512_000, 0, 0));
+    assert!(ready.measured.abs_diff(512_000) <= 1, "{ready:?}");
+    for channel in report.channels.as_flattened() {
+        // The noise of 1000 samples leaves 1e-5; 0.21 uV are typical.
+        assert!(
+            channel.gain_error.abs() < 1e-4 && channel.gain_error != 0.0,
+            "{channel:?}"
+        );
+        assert!(channel.offset_uv.abs() < 0.1, "{channel:?}");
+        assert!((channel.noise_uv - 0.21).abs() < 0.02, "{channel:?}");
+        assert!(
+            (channel.shorted_noise_uv - 0.21).abs() < 0.02,
+            "{channel:?}"
+        );
+    }
+    assert!(sampler.runs());
+    simulation.pass_us(20_000);
+    assert!(
+        finish(sampler.read(simulation.time_us()))
+            .unwrap()
+            .is_sound()
+    );
+    assert_eq!(simulation.violations(), 0);
+}
+
+#[test]
+fn the_settings_of_before_are_back_in_the_chips() {
+    let (simulation, sampler, report, _) = tested(Options::default(), None);
+    assert_eq!(report.not_restored, None);
+    drop(sampler);
+    let mut chain = simulation.chain();
+    finish(chain.halt()).unwrap().unwrap();
+    for chip in 0..CHIPS {
+        let image = Settings::<CHIPS>::EEG.image(chip);
+        let back = finish(chain.read_back(chip, &image)).unwrap().unwrap();
+        assert_eq!((back.differing, back.read), (0, image));
+    }
+}
+
+#[test]
+fn a_dead_chip_is_named_and_those_before_it_are_tested() {
+    let (report, finding) = finding((1, Fault::Dead));
+    assert_eq!(finding, Finding::Chain(Error::WrongId { chip: 1, read: 0 }));
+    assert_eq!((report.chips[0].fault, report.chips[2].fault), (None, None));
+    let bad = report.chips.map(|chip| chip.bad_frames);
+    assert_eq!(bad, [0, 2040, 2040]);
+    assert!(
+        report.channels[0]
+            .iter()
+            .all(|channel| channel.fault.is_none())
+    );
+    assert!(
+        report.channels[2]
+            .iter()
+            .all(|channel| channel.fault.is_some())
+    );
+    assert_eq!(report.ready.fault, None);
+    assert_eq!(report.not_restored.and_then(|error| error.chip()), Some(1));
+}
+
+#[test]
+fn without_drdy_the_test_stops_and_names_chip_0() {
+    let (report, finding) = finding((0, Fault::Dead));
+    assert_eq!(finding.chip(), Some(0));
+    let stopped = report.stopped.expect("no DRDY");
+    assert!(
+        matches!(stopped, Error::NeverReady { chip: 0, .. }),
+        "{stopped}"
+    );
+    assert_eq!(report.ready.measured, 0);
+    assert_eq!(report.ready.fault, Some(RateError::NotMeasured { chip: 0 }));
+}
+
+#[test]
+fn a_wrong_id_is_named_and_the_chip_measured_nevertheless() {
+    let (report, finding) = finding((2, Fault::WrongId(0x92)));
+    assert_eq!(
+        finding,
+        Finding::Chain(Error::WrongId {
+            chip: 2,
+            read: 0x92
+        })
+    );
+    assert_eq!(report.chips.map(|chip| chip.id), [ID, ID, 0x92]);
+    assert!(
+        report
+            .channels
+            .as_flattened()
+            .iter()
+            .all(|channel| channel.fault.is_none())
+    );
+}
+
+#[test]
+fn a_register_that_forgets_is_named_with_its_chip_and_shows_in_its_channel() {
+    let (report, finding) = finding((1, Fault::Forgets(Register::CH1SET)));
+    let text = finding.to_string();
+    assert!(
+        text.starts_with("CH1SET of ADS1299 1 holds 0x61, and 0x65 was written"),
+        "{text}"
+    );
+    let differing = report
+        .chips
+        .map(|chip| (chip.differing, chip.first_differing()));
+    assert_eq!(
+        differing,
+        [(0, None), (1, Some(Register::CH1SET)), (0, None)]
+    );
+    let gain = report.channels[1][0].gain_error;
+    assert!(gain < -0.99, "{gain}");
+}
+
+#[test]
+fn frozen_late_and_wrong_frames_are_counted_not_judged() {
+    for (fault, behind) in [
+        (Fault::StuckData, 0),
+        (Fault::ShiftedBit, 2040),
+        (Fault::WrongNibble(9), 0),
+    ] {
+        let (report, finding) = finding((1, fault));
+        let Finding::Frames { chip: 1, bad } = finding else {
+            panic!("{fault:?}: {finding}");
+        };
+        // The first frame of each part repeats nothing.
+        assert!((2038..=2040).contains(&bad), "{fault:?} {bad}");
+        assert_eq!(report.chips[2].bad_frames, behind, "{fault:?}");
+        assert!(
+            report.channels[0]
+                .iter()
+                .all(|channel| channel.fault.is_none())
+        );
+        assert!(
+            report.channels[1]
+                .iter()
+                .all(|channel| channel.fault.is_some())
+        );
+    }
+}
+
+#[test]
+fn a_doubled_rate_and_a_missing_edge_are_measured_at_chip_0() {
+    let (report, doubled) = finding((0, Fault::DoubleRate));
+    assert!(
+        matches!(doubled, Finding::Rate(RateError::Off { chip: 0, .. })),
+        "{doubled}"
+    );
+    assert!(
+        report.ready.measured.abs_diff(1_024_000) < 20,
+        "{:?}",
+        report.ready
+    );
+    // The first edge after START comes late, and that is all.
+    let (_, _, report, _) = tested(Options::default(), Some((0, Fault::MissedReady)));
+    assert_eq!(report.check(), Ok(()));
+    let simulation = Simulation::new(Options::default(), Electrodes::silent());
+    let mut sampler: Simulated = Sampler::new(simulation.chain(), Settings::EEG);
+    let (mut test, mut drdy) = (SelfTest::new(), simulation.drdy());
+    let mut signs = 0;
+    let progress = || {
+        signs += 1;
+        if signs == 500 {
+            simulation.inject(0, Fault::MissedReady);
+        }
+    };
+    let now_us = || simulation.time_us();
+    finish(sampler.self_test(&mut test, &mut drdy, now_us, progress)).unwrap();
+    let report = test.report();
+    let missing = report.check().expect_err("a missing edge");
+    assert!(
+        matches!(missing, Finding::Rate(RateError::Off { missed: 1, .. })),
+        "{missing}"
+    );
+    assert_eq!((report.ready.missed, report.ready.early), (1, 0));
+}
+
+#[test]
+fn a_clock_that_is_not_the_set_one_is_measured_by_the_test() {
+    let options = Options {
+        clock_hz: 2_048_000,
+        ..Options::default()
+    };
+    let (_, _, report, _) = tested(options, None);
+    assert_eq!(report.ready.measured / 100, 5000);
+    assert!(matches!(report.check(), Err(Finding::Rate(_))));
+}
+
+#[test]
+fn its_memory_is_that_of_64_channels() {
+    let bytes = size_of::<SelfTest<8>>();
+    assert!(bytes < 11 * 1024, "{bytes}");
+}
