@@ -138,6 +138,11 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         came.then(|| board.now_ns())
     }
 
+    /// When the next conversion ends, ns since power on, if the chips convert; DRDY falls then.
+    pub fn next_edge_ns(&self) -> Option<u64> {
+        self.board().next_ns()
+    }
+
     /// Lets time pass.
     pub fn pass_us(&self, us: u64) {
         let mut board = self.board();

@@ -3,7 +3,7 @@
 use std::{convert::Infallible, path::PathBuf, str::FromStr};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use host_sim::Output;
+use host_sim::{FAULTS, Fault, Output};
 use recordings::Missing;
 
 /// The board without a board: plays EEG through the pipeline of the firmware, bit for bit.
@@ -98,6 +98,10 @@ pub(crate) struct RunOptions {
     /// Let an electrode of the synthetic EEG hit the rail now and then.
     #[arg(long)]
     pub(crate) rails: bool,
+    /// Let a converter or an electrode break, such as dead@3s:chip2; may be repeated. --help lists what
+    /// can break.
+    #[arg(long, value_name = "FAULT", long_help = FAULTS)]
+    pub(crate) fault: Vec<Fault>,
     /// Session id that the board reports; drawn from the clock in real time, 1 otherwise.
     #[arg(long, value_name = "NUMBER")]
     pub(crate) session_id: Option<u32>,

@@ -4,13 +4,15 @@
 //! port or a file:
 //!
 //! ```text
-//! Source ------> VirtualBoard ------> Outbox ------> Port
-//! recording or   pipeline + link,     whole frames,  pty, tcp
-//! synthetic EEG  answers commands     drops oldest   or file
+//! Source ------> Converters ------> VirtualBoard ------> Outbox ------> Port
+//! recording or   simulated chain,   pipeline + link,     whole frames,  pty, tcp
+//! synthetic EEG  real driver        answers commands     drops oldest   or file
 //! ```
 #![forbid(unsafe_code)]
 
+mod converters;
 mod device_clock;
+mod fault;
 mod outbox;
 mod port;
 mod session;
@@ -18,7 +20,9 @@ mod source;
 pub mod synthetic;
 mod virtual_board;
 
+pub use converters::{CHIPS, Converted, Converters};
 pub use device_clock::{DeviceClock, Pace};
+pub use fault::{FAULTS, Fault, FaultError, Faults};
 pub use outbox::{Outbox, WhenFull};
 pub use port::{Output, Port, PortError};
 pub use session::{Report, Session, SessionError};

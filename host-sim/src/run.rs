@@ -8,7 +8,7 @@ use std::{
 };
 
 use host_sim::{
-    Identity, Output, Pace, Report, Session, Source,
+    Faults, Identity, Output, Pace, Report, Session, Source,
     synthetic::{Generator, SyntheticSpec},
 };
 use indicatif::{ProgressBar, ProgressStyle};
@@ -24,7 +24,7 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
         signal_hook::flag::register(signal, stop.clone())?;
     }
     let mut source = open(options)?;
-    let session = session(options);
+    let session = session(options, Faults::new(&options.fault)?);
     let total = match (source.samples(), session.limit) {
         (Some(samples), Some(limit)) => Some(samples.min(limit)),
         (samples, limit) => samples.or(limit),
@@ -55,7 +55,7 @@ fn rate() -> u64 {
     model::ADC_RATE_HZ.into()
 }
 
-fn session(options: &RunOptions) -> Session {
+fn session(options: &RunOptions, faults: Faults) -> Session {
     let pace = match (options.pace.fast, options.pace.realtime, &options.output) {
         (true, _, _) | (false, false, Output::File(_)) => Pace::Fast,
         _ => Pace::Realtime,
@@ -89,6 +89,7 @@ fn session(options: &RunOptions) -> Session {
             chip_uid: *b"\0host-sim\0\0\0",
         },
         limit,
+        faults,
     }
 }
 

@@ -10,7 +10,8 @@ use pipeline::Mains;
 use recordings::RecordingError;
 
 use crate::{
-    DeviceClock, Identity, Outbox, Output, Pace, Port, PortError, Source, VirtualBoard, WhenFull,
+    DeviceClock, Faults, Identity, Outbox, Output, Pace, Port, PortError, Source, VirtualBoard,
+    WhenFull,
 };
 
 /// How long to wait for a host that does not read, at the end.
@@ -32,6 +33,8 @@ pub struct Session {
     pub identity: Identity,
     /// ADC samples to take at most.
     pub limit: Option<u64>,
+    /// What breaks.
+    pub faults: Faults,
 }
 
 /// Why a run ended early.
@@ -112,7 +115,9 @@ impl Session {
             output: self.output.clone(),
             source,
         })?;
-        let mut board = VirtualBoard::new(self.identity, self.mains, outbox.clone());
+        let faults = self.faults.clone();
+        let mut board =
+            VirtualBoard::with_faults(self.identity, self.mains, faults, outbox.clone());
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into());
         if let Output::File(_) = self.output {
             // Nobody can send a command.

@@ -1,12 +1,13 @@
 //! The board's behaviour between ADC and port, without time and without a port.
 
+use ads1299::SelfTestReport;
 use device::{
     Abilities, Counts, FrameQueue, Made, Marks, Order, Producer, Run, Sender, Session, Taken, What,
 };
 use link::{AckResult, ResetCause, Start, Stats, Streams};
 use pipeline::{Acquisition, Mains, Sample};
 
-use crate::Outbox;
+use crate::{CHIPS, Converted, Converters, Faults, Outbox};
 
 /// Who the virtual board says it is.
 #[derive(Clone, Copy, Debug)]
@@ -24,19 +25,22 @@ const ABILITIES: Abilities = Abilities {
     bootloader: false,
 };
 
-/// Pipeline and link as on a board: samples and bytes in, frames out.
+/// Converters, pipeline and link as on a board: samples at the electrodes and bytes in, frames out.
 ///
 /// Time is an argument: the device clock in microseconds since boot.
 #[derive(Debug)]
 pub struct VirtualBoard {
     session: Session<'static>,
     sender: Sender<Outbox>,
+    converters: Converters,
     acquisition: Acquisition,
     producer: Box<Producer>,
     /// Told to the producer with the next sample.
     begun: Option<Run>,
     /// Since boot.
     samples: u64,
+    overruns: u32,
+    adc_status_bad: u32,
     /// Steps since the last `Start`.
     steps: u64,
     /// Values that the int8 input clipped before the last `Start`.
@@ -46,6 +50,11 @@ pub struct VirtualBoard {
 impl VirtualBoard {
     /// A board that has just started: it introduces itself into the outbox.
     pub fn new(identity: Identity, mains: Mains, outbox: Outbox) -> Self {
+        Self::with_faults(identity, mains, Faults::NONE, outbox)
+    }
+
+    /// The same with converters that break.
+    pub fn with_faults(identity: Identity, mains: Mains, faults: Faults, outbox: Outbox) -> Self {
         let identity = device::Identity {
             firmware: env!("CARGO_PKG_VERSION"),
             board: "host-sim",
@@ -57,10 +66,13 @@ impl VirtualBoard {
         let mut board = Self {
             session: Session::new(identity, ABILITIES, mains),
             sender: Sender::new(outbox),
+            converters: Converters::new(faults),
             acquisition: Acquisition::new(mains),
             producer: Box::default(),
             begun: None,
             samples: 0,
+            overruns: 0,
+            adc_status_bad: 0,
             steps: 0,
             clipped_before: 0,
         };
@@ -99,12 +111,27 @@ impl VirtualBoard {
         }
     }
 
-    /// Takes the sample whose DRDY edge was at `now_us`. Ignored while nothing streams.
+    /// Lets the electrodes deliver a sample whose DRDY edge is due at `now_us`, and takes what the
+    /// converters make of it. Ignored while nothing streams.
     pub fn sample(&mut self, sample: &Sample, now_us: u64) {
         if !self.is_streaming() {
             return;
         }
+        self.converters.deliver(sample);
+        while let Some(converted) = self.converters.take() {
+            self.take(&converted, now_us.saturating_sub(converted.early_us));
+        }
+    }
+
+    fn take(&mut self, Converted { sample, reading, .. }: &Converted, now_us: u64) {
+        let marks = Marks {
+            adc_status_bad: !reading.is_sound(),
+            lead_off: reading.lead_off(),
+            overrun: reading.missed > 0,
+        };
         self.samples += 1;
+        self.overruns = self.overruns.wrapping_add(reading.missed);
+        self.adc_status_bad = self.adc_status_bad.wrapping_add(marks.adc_status_bad.into());
         let index = self.acquisition.samples();
         let step = self.acquisition.push(sample).map(|step| {
             self.steps += 1;
@@ -116,7 +143,7 @@ impl VirtualBoard {
             index,
             step,
             drdy_us: now_us,
-            marks: Marks::NONE,
+            marks,
         };
         let counts = self.counts();
         let (session, sender) = (&mut self.session, &mut self.sender);
@@ -133,6 +160,16 @@ impl VirtualBoard {
         self.session.is_streaming()
     }
 
+    /// The converters: their counters, and why they did not come up as they should.
+    pub const fn converters(&self) -> &Converters {
+        &self.converters
+    }
+
+    /// Tests the converters as a board does; they convert again afterwards. No code may be under way.
+    pub fn self_test(&mut self) -> SelfTestReport<CHIPS> {
+        self.converters.self_test()
+    }
+
     /// What the board has counted since its start.
     pub fn stats(&self) -> Stats {
         self.session.stats(self.counts(), self.sender.dropped())
@@ -147,8 +184,9 @@ impl VirtualBoard {
     fn counts(&self) -> Counts {
         Counts {
             samples: self.samples,
+            overruns: self.overruns,
+            adc_status_bad: self.adc_status_bad,
             clipped: self.clipped_before.wrapping_add(self.acquisition.clipped()),
-            ..Counts::default()
         }
     }
 }

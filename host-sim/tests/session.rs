@@ -14,7 +14,7 @@ use std::{
 };
 
 use host_sim::{
-    Identity, Output, Pace, Report, Session, SessionError, Source,
+    Faults, Identity, Output, Pace, Report, Session, SessionError, Source,
     synthetic::{Generator, SyntheticSpec},
 };
 use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice, ToHost};
@@ -33,6 +33,7 @@ fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
             chip_uid: [0; 12],
         },
         limit: seconds.map(|seconds| 512 * seconds),
+        faults: Faults::NONE,
     }
 }
 

@@ -261,6 +261,11 @@ impl<const CHIPS: usize> Board<CHIPS> {
         true
     }
 
+    /// When the next conversion ends, if the chips convert.
+    pub(super) fn next_ns(&self) -> Option<u64> {
+        self.next.map(|_| self.next_ns)
+    }
+
     fn convert_at(&mut self, cycles: Option<u64>) {
         self.next = cycles;
         self.next_ns = cycles.map_or(u64::MAX, |cycles| self.nanoseconds(cycles));

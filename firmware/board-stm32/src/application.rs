@@ -1,6 +1,5 @@
 //! The start: queues, executors, tasks.
 
-use ads1299::Configured;
 use defmt::{info, warn};
 use defmt_rtt as _;
 use device::{Abilities, Identity, Producer, Session};
@@ -15,7 +14,7 @@ use pipeline::{Acquisition, Mains};
 
 use crate::{
     Port, Wires,
-    converter::{Adc, power_up},
+    converter::Adc,
     failure,
     interrupts::{self, ACQUIRE, CONVERSE, ENCODE},
 };
@@ -107,9 +106,8 @@ pub fn sleep() -> ! {
 
 #[embassy_executor::task]
 async fn acquire(wires: Wires, share: (StampedIn, &'static mut Acquisition)) {
-    let (mut chain, mut drdy) = wires.into_chain();
-    let mut configured: Option<Configured<'_, _, _, _, _>> = power_up(&mut chain).await;
-    let adc = Adc::start(configured.as_mut(), &mut drdy).await;
+    let (chain, mut drdy) = wires.into_chain();
+    let adc = Adc::start(chain, &mut drdy).await;
     firmware::acquire(adc, &SHARED, share).await;
 }
 

@@ -1,5 +1,6 @@
 //! SPI by DMA, through a buffer that the DMA can reach.
 
+use ads1299::{Speed, TooFast};
 use embassy_stm32::{
     mode::Async,
     spi::{Config, Error, MODE_1, Spi, mode::Master},
@@ -36,27 +37,30 @@ impl Bus {
     }
 
     /// A bus with what the DMA may use.
-    ///
-    /// # Panics
-    /// When SCLK is faster than registers can be read back.
     pub fn new(spi: Spi<'static, Async, Master>, buffer: &'static mut [u8; FRAME_BYTES]) -> Self {
-        // Dividers round to the nearest: what comes out is checked.
-        let hz = spi.get_current_config().frequency.0;
-        assert!(hz <= FASTEST_REGISTERS_HZ, "SCLK for registers: {hz} Hz");
         Self {
             spi,
             config: Self::config(),
             buffer,
         }
     }
+}
 
-    /// SCLK as fast as the chips and the divider allow. From now on bursts only.
-    pub(crate) fn quicken(&mut self) {
-        self.config.frequency = Hertz(FASTEST_HZ);
+impl ads1299::Bus for Bus {
+    /// SCLK as fast as what is clocked and the divider allow.
+    fn set_speed(&mut self, speed: Speed) -> Result<(), TooFast> {
+        let fastest_hz = match speed {
+            Speed::Registers => FASTEST_REGISTERS_HZ,
+            Speed::Bursts => FASTEST_HZ,
+        };
+        self.config.frequency = Hertz(fastest_hz);
         let set = self.spi.set_config(&self.config);
+        // Dividers round to the nearest: what comes out is checked.
         let hz = self.spi.get_current_config().frequency.0;
-        assert!(set.is_ok() && hz <= FASTEST_HZ, "SCLK for bursts: {hz} Hz");
-        defmt::info!("SCLK {=u32} Hz", hz);
+        if set.is_err() || hz > fastest_hz {
+            return Err(TooFast { hz });
+        }
+        Ok(())
     }
 }
 

@@ -1,21 +1,22 @@
 //! The chain of converters behind [`firmware::Converter`].
 
-use ads1299::{CHANNELS, Chain, Configured, Decoder, Error, Settings, Streaming};
+use ads1299::{CHANNELS, Chain, Reading, SILENCE, Sampler, Settings};
 use defmt::{Display2Format, error, info};
 use embassy_stm32::{exti::ExtiInput, gpio::Output, mode::Blocking};
 use embassy_time::{Instant, with_deadline};
 use firmware::{Conversion, Converter, deadlines};
 use pipeline::Sample;
 
-use crate::{Bus, FRAME_BYTES, delay::Delay, drdy};
+use crate::{
+    Bus, FRAME_BYTES,
+    delay::Delay,
+    drdy::{self, Edge},
+};
 
 /// Converters in the chain.
 pub const CHIPS: usize = 8;
 
 const _: () = assert!(model::CHANNELS == CHIPS * CHANNELS);
-
-/// Samples without DRDY after which the chain is taken to be silent.
-const SILENCE: u32 = 4;
 
 /// The wires between microcontroller and chain.
 pub struct Wires {
@@ -32,7 +33,6 @@ pub struct Wires {
 }
 
 type Wired = Chain<Bus, Output<'static>, Delay, CHIPS>;
-type Started<'a> = Streaming<'a, Bus, Output<'static>, Delay, CHIPS>;
 
 impl Wires {
     /// The chain, and the input that tells of its samples, asleep.
@@ -49,103 +49,61 @@ impl Wires {
     }
 }
 
-/// Brings the chain up; what is wrong is logged, and then nothing converts.
-pub(crate) async fn power_up(
-    chain: &mut Wired,
-) -> Option<Configured<'_, Bus, Output<'static>, Delay, CHIPS>> {
-    said(chain.power_up(&Settings::EEG).await)
-}
-
-fn said<T>(result: Result<T, Error>) -> Option<T> {
-    result
-        .inspect_err(|error| error!("{}", Display2Format(error)))
-        .ok()
-}
-
 /// A chain that converts, or one that could not be brought up.
-pub(crate) struct Adc<'a> {
-    chain: Option<Started<'a>>,
-    decoder: Decoder<CHIPS>,
-    frame: [u8; FRAME_BYTES],
-    counts: [[i32; CHANNELS]; CHIPS],
+pub(crate) struct Adc {
+    sampler: Sampler<Bus, Output<'static>, Delay, CHIPS, FRAME_BYTES>,
     /// Until when the next edge must come.
     due: Instant,
     silent: bool,
 }
 
-impl<'a> Adc<'a> {
-    /// Starts the chain, if there is one.
-    pub(crate) async fn start(
-        configured: Option<&'a mut Configured<'_, Bus, Output<'static>, Delay, CHIPS>>,
-        drdy: &mut ExtiInput<'static, Blocking>,
-    ) -> Self {
+impl Adc {
+    /// Brings the chain up and starts it; what is wrong is logged, and then flagged in every sample.
+    pub(crate) async fn start(chain: Wired, drdy: &mut ExtiInput<'static, Blocking>) -> Self {
+        let mut sampler = Sampler::new(chain, Settings::EEG);
         drdy.enable_interrupt();
-        let mut chain = None;
-        if let Some(configured) = configured {
-            chain = said(configured.start().await);
-        }
-        if let Some(chain) = &mut chain {
-            chain.chain.spi.quicken();
-            info!("{} converters run", CHIPS);
+        match sampler.begin(|| ()).await {
+            Ok(()) => info!("{} converters run", CHIPS),
+            Err(error) => error!("{}", Display2Format(&error)),
         }
         Self {
-            chain,
-            decoder: Decoder::new(),
-            frame: [0; FRAME_BYTES],
-            counts: [[0; CHANNELS]; CHIPS],
+            sampler,
             due: Instant::now() + SILENCE * deadlines::SAMPLE,
             silent: false,
         }
     }
 
-    /// Reads the frame that is ready; chips with a bad status keep their counts of before.
-    async fn read(&mut self, sample: &mut Sample) -> (bool, bool) {
-        let Some(chain) = &mut self.chain else {
-            return (true, false);
-        };
-        if chain.read(&mut self.frame).await.is_err() {
-            return (true, false);
+    /// Hands over the counts, and says what was found with them.
+    fn hand_over(&self, reading: &Reading<CHIPS>, sample: &mut Sample, edge: &Edge) -> Conversion {
+        let counts = self.sampler.counts().as_flattened();
+        for (place, count) in sample.counts.iter_mut().zip(counts) {
+            *place = *count;
         }
-        let status = self.decoder.decode(&self.frame, &mut self.counts);
-        let places = sample.counts.as_chunks_mut::<CHANNELS>().0;
-        for (chip, (place, counts)) in places.iter_mut().zip(&self.counts).enumerate() {
-            if status.bad >> chip & 1 == 0 {
-                *place = *counts;
-            }
+        Conversion {
+            drdy_us: edge.us,
+            #[expect(clippy::cast_possible_truncation, reason = "ticks wrap")]
+            drdy_ticks: edge.us as u32,
+            // An edge that nobody waited for leaves a gap as well.
+            missed: edge.missed.max(reading.missed),
+            status_bad: !reading.is_sound(),
+            lead_off: reading.lead_off(),
         }
-        let words = status.words.iter();
-        let off = words.fold(0, |off, word| {
-            off | word.off_positive() | word.off_negative()
-        });
-        (!status.is_sound(), off != 0)
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "ticks wrap")]
-impl Converter for Adc<'_> {
+impl Converter for Adc {
     async fn next(&mut self, sample: &mut Sample) -> Conversion {
         if let Ok(edge) = with_deadline(self.due, drdy::next()).await {
             self.silent = false;
             self.due = Instant::from_micros(edge.us) + SILENCE * deadlines::SAMPLE;
-            let (status_bad, lead_off) = self.read(sample).await;
-            return Conversion {
-                drdy_us: edge.us,
-                drdy_ticks: edge.us as u32,
-                missed: edge.missed,
-                status_bad,
-                lead_off,
-            };
+            let reading = self.sampler.read(edge.us).await;
+            return self.hand_over(&reading, sample, &edge);
         }
         // Nothing converts: samples that say so, in their rhythm.
-        let drdy_us = self.due.as_micros();
+        let us = self.due.as_micros();
         self.due += deadlines::SAMPLE;
         let before = core::mem::replace(&mut self.silent, true);
-        Conversion {
-            drdy_us,
-            drdy_ticks: drdy_us as u32,
-            missed: if before { 0 } else { SILENCE - 1 },
-            status_bad: true,
-            lead_off: false,
-        }
+        let reading = self.sampler.silence(if before { 0 } else { SILENCE - 1 });
+        self.hand_over(&reading, sample, &Edge { us, missed: 0 })
     }
 }
