@@ -20,7 +20,7 @@ const LEAD: u32 = 16;
 /// Samples with shorted inputs; as many as the data sheet takes (8.1).
 const SHORTED: u32 = 1000;
 
-/// The memory of a self-test, 11 KB for 64 channels: it belongs in a static.
+/// The memory of a self-test, 8 KB for 64 channels: it belongs in a static.
 #[derive(Clone, Debug)]
 pub struct SelfTest<const CHIPS: usize> {
     judges: [[Judge; CHANNELS]; CHIPS],

@@ -164,6 +164,18 @@ fn summary(report: &Report, source: &Source) -> String {
     if report.unread_bytes > 0 {
         text = format!("{text}; {} bytes were never read", report.unread_bytes);
     }
+    let converters = &report.converters;
+    for (chip, errors) in converters.errors.iter().enumerate() {
+        if *errors > 0 {
+            text = format!("{text}; converter {chip} bad in {errors} samples");
+        }
+    }
+    if converters.missed > 0 {
+        text = format!("{text}; {} samples missed", converters.missed);
+    }
+    if let Some(failure) = &report.failure {
+        text = format!("{text}\nat power-on: {failure}");
+    }
     if let Source::Recording(adc) = source {
         let counters = adc.counters();
         text = format!(

@@ -5,13 +5,14 @@ use std::{
     time::{Duration, Instant},
 };
 
+use ads1299::SamplerCounters;
 use link::{Start, Stats, Streams};
 use pipeline::Mains;
 use recordings::RecordingError;
 
 use crate::{
-    DeviceClock, Faults, Identity, Outbox, Output, Pace, Port, PortError, Source, VirtualBoard,
-    WhenFull,
+    CHIPS, DeviceClock, Faults, Identity, Outbox, Output, Pace, Port, PortError, Source,
+    VirtualBoard, WhenFull,
 };
 
 /// How long to wait for a host that does not read, at the end.
@@ -81,6 +82,10 @@ impl SessionError {
 pub struct Report {
     /// The board's counters.
     pub stats: Stats,
+    /// What the converters' driver has counted.
+    pub converters: SamplerCounters<CHIPS>,
+    /// Why the converters did not come up as they should.
+    pub failure: Option<ads1299::Error>,
     /// From the first `Start` to the last sample.
     pub elapsed: Duration,
     /// Bytes that were written to a pseudo-terminal and that nobody had read at the end.
@@ -180,6 +185,8 @@ impl Session {
         }
         Ok(Report {
             stats: board.stats(),
+            converters: *board.converters().sampler().counters(),
+            failure: board.converters().failure(),
             elapsed,
             unread_bytes,
         })

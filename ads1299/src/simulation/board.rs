@@ -52,6 +52,9 @@ pub(super) struct Board<const CHIPS: usize> {
     clocked: usize,
     /// What is clocked, once somebody does.
     burst: Option<Burst>,
+    /// Whether a zero says nothing to any of the selected chips, as in a burst; none if somebody must
+    /// look.
+    is_deaf: Option<bool>,
     /// Edges of DRDY that could be seen.
     edges: u64,
     violations: u32,
@@ -80,6 +83,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             next_ns: u64::MAX,
             clocked: 0,
             burst: None,
+            is_deaf: None,
             edges: 0,
             violations: 0,
             events: Vec::new(),
@@ -106,6 +110,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
 
     pub(super) fn set_fault(&mut self, chip: usize, fault: Option<Fault>) {
         self.burst = None;
+        self.is_deaf = None;
         if let Some(chip) = self.chips.get_mut(chip) {
             chip.fault = fault;
         }
@@ -123,6 +128,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
     pub(super) fn set_select(&mut self, chip: usize, high: bool) {
         let moment = self.moment();
         self.burst = None;
+        self.is_deaf = None;
         let config1 = self.chips[0].register(Register::CONFIG1);
         let Some(chip) = self.chips.get_mut(chip) else {
             return;
@@ -153,6 +159,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
     }
 
     pub(super) fn set_reset(&mut self, high: bool) {
+        self.is_deaf = None;
         match (high, self.reset_low_ns) {
             (false, None) => self.reset_low_ns = Some(self.now_ns),
             (true, Some(since)) => {
@@ -180,6 +187,10 @@ impl<const CHIPS: usize> Board<CHIPS> {
         };
         self.advance(self.now_ns + byte_ns);
         let moment = self.moment();
+        if byte == 0 && self.is_deaf_to_zeros(moment) {
+            return answer;
+        }
+        self.is_deaf = None;
         for index in 0..CHIPS {
             let chip = &mut self.chips[index];
             if !chip.selected {
@@ -196,6 +207,13 @@ impl<const CHIPS: usize> Board<CHIPS> {
             }
         }
         answer
+    }
+
+    /// Whether a zero says nothing to any of the selected chips, as in a burst.
+    fn is_deaf_to_zeros(&mut self, moment: Moment) -> bool {
+        let mut selected = self.chips.iter().filter(|chip| chip.selected);
+        let look = || selected.all(|chip| chip.is_deaf_to_zeros(moment));
+        *self.is_deaf.get_or_insert_with(look)
     }
 
     /// What MISO carries while the next byte goes out.

@@ -155,13 +155,14 @@ impl Chip {
         }
     }
 
+    /// Whether a zero says nothing to it: it waits for an opcode, and a zero is none.
+    pub(super) fn is_deaf_to_zeros(&self, moment: Moment) -> bool {
+        let waits = self.state == State::Opcode && self.pending.is_none();
+        waits && (self.continuous || self.is_dead()) && moment.now_ns >= self.awake_ns
+    }
+
     /// A byte that ends now.
     pub(super) fn receive(&mut self, byte: u8, moment: Moment) -> Heard {
-        // The zeros of a burst, 217 for every sample: nothing in them is an opcode.
-        if byte == 0 && self.continuous && self.state == State::Opcode && self.pending.is_none() {
-            self.last_ns = moment.now_ns;
-            return Heard::Nothing;
-        }
         if self.is_dead() {
             return Heard::Nothing;
         }

@@ -257,7 +257,14 @@ fn a_clock_that_is_not_the_set_one_is_measured_by_the_test() {
 }
 
 #[test]
-fn its_memory_is_that_of_64_channels() {
+fn its_memory_is_what_the_caller_lends_and_little_beside() {
     let bytes = size_of::<SelfTest<8>>();
-    assert!(bytes < 11 * 1024, "{bytes}");
+    assert!(bytes < 8_192, "{bytes}");
+    let simulation = Simulation::<8>::new(Options::default(), Electrodes::silent());
+    let mut sampler =
+        Sampler::<_, _, _, 8, { frame_bytes(8) }>::new(simulation.chain(), Settings::EEG);
+    let (mut test, mut drdy) = (SelfTest::new(), simulation.drdy());
+    let future = sampler.self_test(&mut test, &mut drdy, || 0, || ());
+    let bytes = size_of_val(&future);
+    assert!(bytes < 2_048, "{bytes}");
 }
