@@ -16,6 +16,8 @@ pub(crate) struct RateWatch {
     meter: ReadyMeter,
     /// What the last judgement was.
     off: Option<RateError>,
+    /// The last rate that was measured, mHz.
+    measured: Option<u32>,
 }
 
 impl RateWatch {
@@ -25,7 +27,13 @@ impl RateWatch {
             rate,
             meter: ReadyMeter::new(0, clock, rate),
             off: None,
+            measured: None,
         }
+    }
+
+    /// The last rate that was measured, mHz.
+    pub(crate) const fn millihertz(&self) -> Option<u32> {
+        self.measured
     }
 
     /// Forgets the edges so far: the next one is the first.
@@ -46,6 +54,7 @@ impl RateWatch {
             Edge::Early => (0, self.meter.check().err()),
             Edge::Missed(missed) => (missed, self.off),
         };
+        self.measured = self.meter.millihertz();
         self.restart();
         self.meter.edge(time_us);
         (missed, error)

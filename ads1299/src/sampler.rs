@@ -27,6 +27,7 @@ pub struct Sampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
     /// Chips that are not what they should be, one bit each: their counts are never believed.
     unfit: u8,
     counters: SamplerCounters<CHIPS>,
+    last: Option<Reading<CHIPS>>,
 }
 
 /// What a sampler has counted since it was made; every counter wraps.
@@ -68,6 +69,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
                 wrong_rate: 0,
                 without_frame: 0,
             },
+            last: None,
         }
     }
 
@@ -111,6 +113,17 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// The newest counts of each channel that could be believed, |count| <= 2^23.
     pub const fn counts(&self) -> &[[i32; CHANNELS]; CHIPS] {
         &self.counts
+    }
+
+    /// What was found with the newest sample.
+    pub const fn last(&self) -> Option<&Reading<CHIPS>> {
+        self.last.as_ref()
+    }
+
+    /// The rate of DRDY, mHz: of the last 1/8 s without a gap, or since the last edge that was early or
+    /// late; none before that.
+    pub const fn millihertz(&self) -> Option<u32> {
+        self.watch.millihertz()
     }
 
     /// What has been counted.
@@ -162,6 +175,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     }
 
     fn count(&mut self, reading: &Reading<CHIPS>) {
+        self.last = Some(*reading);
         let counters = &mut self.counters;
         counters.readings = counters.readings.wrapping_add(1);
         counters.missed = counters.missed.wrapping_add(reading.missed);

@@ -123,7 +123,13 @@ impl VirtualBoard {
         }
     }
 
-    fn take(&mut self, Converted { sample, reading, .. }: &Converted, now_us: u64) {
+    fn take(
+        &mut self,
+        Converted {
+            sample, reading, ..
+        }: &Converted,
+        now_us: u64,
+    ) {
         let marks = Marks {
             adc_status_bad: !reading.is_sound(),
             lead_off: reading.lead_off(),
@@ -131,7 +137,9 @@ impl VirtualBoard {
         };
         self.samples += 1;
         self.overruns = self.overruns.wrapping_add(reading.missed);
-        self.adc_status_bad = self.adc_status_bad.wrapping_add(marks.adc_status_bad.into());
+        self.adc_status_bad = self
+            .adc_status_bad
+            .wrapping_add(marks.adc_status_bad.into());
         let index = self.acquisition.samples();
         let step = self.acquisition.push(sample).map(|step| {
             self.steps += 1;

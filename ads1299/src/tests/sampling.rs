@@ -164,6 +164,9 @@ fn a_clock_that_is_off_is_flagged_while_it_streams() {
         })
         .collect();
     assert_eq!(flagged.iter().position(|flagged| *flagged), Some(64));
+    let measured = sampler.millihertz().expect("three judgements");
+    // Stamps of 1 us over 1/8 s.
+    assert!(measured.abs_diff(500_000) <= 10, "{measured}");
     assert!(flagged[64..].iter().all(|flagged| *flagged));
 }
 
