@@ -15,6 +15,7 @@ extern crate std;
 
 mod abilities;
 mod audited_window;
+mod converters;
 mod fault_text;
 mod filtered_chunk;
 mod frame_ring;
@@ -30,6 +31,7 @@ mod taken;
 
 pub use abilities::Abilities;
 pub use audited_window::AuditedWindow;
+pub use converters::{converters, self_test};
 pub use fault_text::fault_text;
 pub use filtered_chunk::FilteredChunk;
 pub use frame_ring::FrameRing;

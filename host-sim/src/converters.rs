@@ -108,6 +108,17 @@ impl Converters {
         self.failure
     }
 
+    /// How the chain is, for the host.
+    pub fn message(&self) -> link::Converters {
+        let sampler = &self.sampler;
+        device::converters(
+            self.failure.as_ref(),
+            sampler.millihertz(),
+            sampler.last(),
+            sampler.counters(),
+        )
+    }
+
     /// Lets a period begin at whose end the electrodes deliver a sample; [`Self::take`] has it then.
     pub fn deliver(&mut self, sample: &Sample) {
         self.break_and_mend();

@@ -18,10 +18,23 @@ pub struct Identity {
     pub chip_uid: [u8; 12],
 }
 
+impl Identity {
+    fn after(&self, reset_cause: ResetCause) -> device::Identity<'static> {
+        device::Identity {
+            firmware: env!("CARGO_PKG_VERSION"),
+            board: "host-sim",
+            chip_uid: self.chip_uid,
+            session_id: self.session_id,
+            reset_cause,
+            fault: "",
+        }
+    }
+}
+
 /// What the virtual board can do.
 const ABILITIES: Abilities = Abilities {
     streams: Streams::ALL,
-    self_test: false,
+    self_test: true,
     bootloader: false,
 };
 
@@ -30,6 +43,9 @@ const ABILITIES: Abilities = Abilities {
 /// Time is an argument: the device clock in microseconds since boot.
 #[derive(Debug)]
 pub struct VirtualBoard {
+    identity: Identity,
+    /// At boot.
+    mains: Mains,
     session: Session<'static>,
     sender: Sender<Outbox>,
     converters: Converters,
@@ -55,16 +71,11 @@ impl VirtualBoard {
 
     /// The same with converters that break.
     pub fn with_faults(identity: Identity, mains: Mains, faults: Faults, outbox: Outbox) -> Self {
-        let identity = device::Identity {
-            firmware: env!("CARGO_PKG_VERSION"),
-            board: "host-sim",
-            chip_uid: identity.chip_uid,
-            session_id: identity.session_id,
-            reset_cause: ResetCause::PowerOn,
-            fault: "",
-        };
+        let boot = identity.after(ResetCause::PowerOn);
         let mut board = Self {
-            session: Session::new(identity, ABILITIES, mains),
+            identity,
+            mains,
+            session: Session::new(boot, ABILITIES, mains),
             sender: Sender::new(outbox),
             converters: Converters::new(faults),
             acquisition: Acquisition::new(mains),
@@ -76,7 +87,7 @@ impl VirtualBoard {
             steps: 0,
             clipped_before: 0,
         };
-        board.session.introduce(0, &mut board.sender);
+        board.introduce(0);
         board
     }
 
@@ -89,7 +100,7 @@ impl VirtualBoard {
                 order = Some(new);
             });
         if let Some(order) = order {
-            self.obey(order);
+            self.obey(order, now_us);
         }
     }
 
@@ -97,18 +108,48 @@ impl VirtualBoard {
     pub fn start(&mut self, start: Start, now_us: u64) -> AckResult {
         let (result, order) = self.session.start(start, now_us, &mut self.sender);
         if let Some(order) = order {
-            self.obey(order);
+            self.obey(order, now_us);
         }
         result
     }
 
-    fn obey(&mut self, order: Order) {
-        if let Order::Start(run) = order {
-            self.clipped_before = self.clipped_before.wrapping_add(self.acquisition.clipped());
-            self.acquisition = Acquisition::new(run.mains);
-            self.begun = Some(run);
-            self.steps = 0;
+    fn obey(&mut self, order: Order, now_us: u64) {
+        match order {
+            Order::Start(run) => {
+                self.clipped_before = self.clipped_before.wrapping_add(self.acquisition.clipped());
+                self.acquisition = Acquisition::new(run.mains);
+                self.begun = Some(run);
+                self.steps = 0;
+            }
+            Order::Stop => {}
+            Order::SelfTest => {
+                let report = self.converters.self_test();
+                let result = device::self_test(&report);
+                self.session.self_test(&result, now_us, &mut self.sender);
+                self.tell_of_converters(now_us);
+            }
+            Order::Reset(_) => self.restart(now_us),
         }
+    }
+
+    /// Begins anew, as after a reset; what waits still goes out.
+    fn restart(&mut self, now_us: u64) {
+        let outbox = self.sender.queue().clone();
+        self.identity.session_id = self.identity.session_id.wrapping_add(1);
+        let identity = self.identity.after(ResetCause::Software);
+        self.session = Session::new(identity, ABILITIES, self.mains);
+        self.sender = Sender::new(outbox);
+        self.introduce(now_us);
+    }
+
+    fn introduce(&mut self, now_us: u64) {
+        self.session.introduce(now_us, &mut self.sender);
+        self.tell_of_converters(now_us);
+    }
+
+    fn tell_of_converters(&mut self, now_us: u64) {
+        let message = self.converters.message();
+        self.session.converters(message, now_us, &mut self.sender);
     }
 
     /// Lets the electrodes deliver a sample whose DRDY edge is due at `now_us`, and takes what the
@@ -155,9 +196,11 @@ impl VirtualBoard {
         };
         let counts = self.counts();
         let (session, sender) = (&mut self.session, &mut self.sender);
+        let converters = &self.converters;
         self.producer.take(&taken, &mut |made: Made| {
             if matches!(made.what, What::Quality(_)) {
                 session.send_stats(made.at_us, counts, sender);
+                session.converters(converters.message(), made.at_us, sender);
             }
             session.send(&made, sender);
         });

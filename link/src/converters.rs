@@ -12,7 +12,8 @@ pub const MAX_CHIPS: usize = 8;
 /// while streaming, by a device that has a chain.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Converters {
-    /// Why nothing converts, in words that name the chip; empty where all is well.
+    /// What was wrong when the chain was brought up, in words that name the chip; empty where all is
+    /// well.
     pub fault: String<MAX_TEXT_BYTES>,
     /// Rate of DRDY's edges since the chain was started, millihertz; 0 where it is not known.
     pub ready_mhz: u32,

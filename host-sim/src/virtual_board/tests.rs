@@ -2,6 +2,8 @@
 
 use link::{Decoder, Encoder, Flags, MAX_FRAME, Streams, ToDevice, ToHost};
 
+mod streams;
+
 use super::*;
 use crate::WhenFull;
 

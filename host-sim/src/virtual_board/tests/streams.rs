@@ -1,0 +1,191 @@
+//! What a host may ask for beside codes.
+
+use link::{ResetInto, Streams};
+use pipeline::{Acquisition, CodeValues, Step};
+
+use super::*;
+
+/// Noise of 20 bits, the same every time, with a channel at the rail now and then.
+fn samples(count: usize) -> Vec<Sample> {
+    let mut state = 1_u32;
+    let mut next = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state.cast_signed() >> 12).clamp(-Sample::MAX, Sample::MAX)
+    };
+    let sample = |index| {
+        let mut sample = Sample {
+            counts: std::array::from_fn(|_| next()),
+        };
+        if index % 100 == 7 {
+            sample.counts[63] = -Sample::MAX - 1;
+        }
+        sample
+    };
+    (0..count).map(sample).collect()
+}
+
+fn start(streams: Streams) -> ToDevice {
+    ToDevice::Start(Start {
+        streams,
+        mains_hz: 0,
+    })
+}
+
+/// Streams the samples, and gives what `look` sees.
+fn streamed<T>(
+    streams: Streams,
+    samples: &[Sample],
+    look: impl Fn(ToHost<'_>) -> Option<T>,
+) -> Vec<T> {
+    let (mut board, outbox) = board();
+    send(&mut board, &mut Encoder::default(), start(streams));
+    let mut seen = Vec::new();
+    for (index, sample) in (1..).zip(samples) {
+        board.sample(sample, index * 1_000_000 / 512);
+        seen.extend(frames(&outbox, &look));
+    }
+    seen
+}
+
+#[test]
+fn raw_frames_put_together_are_what_the_converters_delivered() {
+    let samples = samples(1_024);
+    let seen = streamed(Streams::RAW, &samples, |message| match message {
+        ToHost::Raw(raw) => {
+            assert_eq!(raw.channels, 64);
+            Some((raw.first_sample, raw.counts().collect::<Vec<_>>()))
+        }
+        ToHost::Code(_) | ToHost::Filtered(_) | ToHost::Audit(_) => panic!("not asked for"),
+        _ => None,
+    });
+    let mut next = 0;
+    for (first, counts) in &seen {
+        assert_eq!(*first, next);
+        next += counts.len() as u64 / 64;
+    }
+    let together: Vec<i32> = seen.into_iter().flat_map(|(_, counts)| counts).collect();
+    let delivered: Vec<i32> = samples.iter().flat_map(|sample| sample.counts).collect();
+    assert_eq!(together, delivered);
+}
+
+#[test]
+fn filtered_frames_are_the_steps_that_the_encoder_reads() {
+    let samples = samples(1_024);
+    let seen = streamed(Streams::FILTERED, &samples, |message| match message {
+        ToHost::Filtered(filtered) => {
+            assert_eq!((filtered.electrodes, filtered.fraction_bits), (61, 5));
+            Some((filtered.first_step, filtered.values().collect::<Vec<_>>()))
+        }
+        _ => None,
+    });
+    let firsts: Vec<u64> = seen.iter().map(|(first, _)| *first).collect();
+    assert_eq!(firsts, (0..1_024 / 4).step_by(4).collect::<Vec<_>>());
+    let mut acquisition = Acquisition::new(Mains::Hz50);
+    let steps: Vec<Step> = samples
+        .iter()
+        .filter_map(|sample| acquisition.push(sample))
+        .collect();
+    let expected: Vec<i32> = steps.iter().flat_map(|step| step.electrodes).collect();
+    let together: Vec<i32> = seen.into_iter().flat_map(|(_, values)| values).collect();
+    assert_eq!(together, expected);
+}
+
+#[test]
+fn an_audit_has_the_planes_that_make_its_code() {
+    // The windows 0 and 160.
+    let samples = samples(32 * 162);
+    let seen = streamed(Streams::AUDIT, &samples, |message| match message {
+        ToHost::Audit(audit) => Some((audit.window, audit.planes.to_vec(), audit.values)),
+        _ => None,
+    });
+    let windows: Vec<u32> = seen.iter().map(|(window, ..)| *window).collect();
+    assert_eq!(windows, [0, 160]);
+    for (_, planes, values) in seen {
+        let mut encoder = pipeline::Encoder::new();
+        let code = planes
+            .chunks_exact(model::CELLS)
+            .filter_map(|plane| {
+                let mut step = Step::SILENCE;
+                for (cell, byte) in step.plane.iter_mut().zip(plane) {
+                    *cell = byte.cast_signed();
+                }
+                encoder.push(&step)
+            })
+            .next()
+            .expect("a window of planes");
+        let (CodeValues::Int8(again), link::CodeValues::Int8(values)) = (code.values, values)
+        else {
+            panic!("the model's codes are int8")
+        };
+        assert_eq!(again, values);
+    }
+}
+
+#[test]
+fn a_self_test_is_answered_and_nothing_streams_meanwhile() {
+    let (mut board, outbox) = board();
+    let mut host = Encoder::default();
+    for command in [
+        START,
+        ToDevice::SelfTest,
+        ToDevice::Stop,
+        ToDevice::SelfTest,
+    ] {
+        send(&mut board, &mut host, command);
+    }
+    let seen = frames(&outbox, |message| match message {
+        ToHost::Ack(ack) => Some((ack.of, Err(ack.result))),
+        ToHost::SelfTest(test) => Some((0, Ok(test))),
+        _ => None,
+    });
+    let acks: Vec<_> = seen
+        .iter()
+        .filter_map(|(of, what)| Some((*of, what.as_ref().err()?)))
+        .collect();
+    let (done, busy) = (&AckResult::Done, &AckResult::Busy);
+    assert_eq!(acks, [(0, done), (1, busy), (2, done), (3, done)]);
+    let Some((_, Ok(test))) = seen.last() else {
+        panic!("no result")
+    };
+    assert_eq!(
+        (test.fault.as_str(), test.chips.len(), test.channels.len()),
+        ("", 8, 64)
+    );
+    assert!(
+        test.channels
+            .iter()
+            .all(|channel| channel.gain_error.abs() < 0.01)
+    );
+    send(&mut board, &mut host, START);
+    assert!(board.is_streaming());
+}
+
+#[test]
+fn after_a_reset_the_board_introduces_itself_as_another_boot() {
+    let (mut board, outbox) = board();
+    let mut host = Encoder::default();
+    for into in [
+        ResetInto::Bootloader,
+        ResetInto::Newer(9),
+        ResetInto::Firmware,
+    ] {
+        send(&mut board, &mut host, START);
+        send(&mut board, &mut host, ToDevice::Reset(into));
+    }
+    let results = frames(&outbox, |message| match message {
+        ToHost::Ack(ack) if ack.of % 2 == 1 => Some(Err(ack.result)),
+        ToHost::Hello(hello) => Some(Ok((hello.session_id, hello.reset_cause))),
+        _ => None,
+    });
+    assert_eq!(
+        results,
+        [
+            Ok((7, ResetCause::PowerOn)),
+            Err(AckResult::NotSupported),
+            Err(AckResult::BadArgument),
+            Err(AckResult::Done),
+            Ok((8, ResetCause::Software)),
+        ]
+    );
+    assert!(!board.is_streaming());
+}
