@@ -153,7 +153,7 @@ fn run(
     let mut command = image.command(machine, folder, &[]);
     // One instruction lasts 2^10 ns of the machine's time, whatever the host does.
     command.args(["-icount", "shift=10", "-serial", "none"]);
-    let said = emulator::run_to_end(&mut command, PATIENCE, || progress.inc(1))?;
+    let said = emulator::run_to_end(&mut command, PATIENCE, |_| progress.inc(1))?;
     let output = folder.join(bench::block::OUTPUTS);
     let came_out = fs::read(&output).map_err(|error| cannot_write(&output, &error))?;
     Ok((said, came_out))

@@ -7,6 +7,7 @@ mod command;
 mod debian;
 mod demo;
 mod failure;
+mod hil;
 mod picture;
 mod qemu;
 mod spread;
@@ -45,6 +46,8 @@ enum Verb {
     /// Run the application on emulated microcontrollers and compare its codes with host-sim's, or run
     /// it live for a bridge.
     Qemu(qemu::QemuOptions),
+    /// Let a microcontroller check the golden vectors itself: emulated ones, or a board behind probe-rs.
+    Hil(hil::HilOptions),
     /// Build the boards' images; print what they take of flash and RAM, and fail above the limits.
     Budget(budget::BudgetOptions),
     /// Check licences, advisories and sources with cargo-deny, where it is installed.
@@ -57,6 +60,7 @@ fn main() -> ExitCode {
         Verb::Demo(options) => demo::demo(options),
         Verb::Bench(options) => benchmark::bench(options),
         Verb::Qemu(options) => qemu::qemu(options),
+        Verb::Hil(options) => hil::hil(options),
         Verb::Budget(options) => budget::budget(options),
         Verb::Deny => verify::deny(),
     };

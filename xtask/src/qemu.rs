@@ -150,7 +150,7 @@ fn run_once(
     command.args(["-serial", &format!("file:{uart}")]);
     let begin = Instant::now();
     // It says nothing before its end, and takes a tenth of the time that it emulates.
-    let said = emulator::run_to_end(&mut command, PATIENCE + input.duration(), || ())?;
+    let said = emulator::run_to_end(&mut command, PATIENCE + input.duration(), |_| ())?;
     let sent = folder.join(uart);
     Ok(Run {
         sent: fs::read(&sent).map_err(|error| cannot_write(&sent, &error))?,

@@ -8,6 +8,7 @@ use crate::budget::{self, BudgetOptions};
 use crate::command::{cargo_with, run, succeeds};
 use crate::debian;
 use crate::failure::Failure;
+use crate::hil::{self, HilOptions};
 use crate::qemu::{self, QemuOptions};
 
 /// The microcontroller's target: Cortex-M4F and M7 with single-precision FPU.
@@ -69,6 +70,10 @@ pub(crate) fn verify(fast: bool) -> Result<(), Failure> {
         steps.push((
             "encoder on the emulated microcontroller",
             encoder_on_emulator,
+        ));
+        steps.push((
+            "golden vectors on the emulated microcontroller",
+            vectors_on_emulator,
         ));
         steps.push((
             "application on the emulated microcontroller",
@@ -207,6 +212,21 @@ fn filters_on_emulator() -> Result<(), Failure> {
 
 fn encoder_on_emulator() -> Result<(), Failure> {
     benchmark::bench(BenchOptions::ENCODER)
+}
+
+fn vectors_on_emulator() -> Result<(), Failure> {
+    for machine in benchmark::emulator::MACHINES {
+        let mut lints = cargo_with(&["clippy", "--target", BOARD_TARGET, "--package=on-target"]);
+        lints.args(machine.features).args(["--", "-D", "warnings"]);
+        run(&mut lints, NEXT_AFTER_A_LINT)?;
+    }
+    // No default member, so that `cargo test` does not see it.
+    run(
+        &mut cargo_with(&["test", "--package", "on-target"]),
+        NEXT_AFTER_A_TEST,
+    )?;
+    hil::link_for_boards()?;
+    hil::hil(HilOptions::EMULATED)
 }
 
 fn application_on_emulator() -> Result<(), Failure> {

@@ -101,15 +101,15 @@ impl Image {
     }
 }
 
-/// Runs QEMU to the end of its image, which is silent for no longer than `patience`; calls `heard` for
-/// each line that the image says, and gives them all.
+/// Runs QEMU, or what else runs an image, to the end of its image, which is silent for no longer than
+/// `patience`; calls `heard` with each line that the image says, and gives them all.
 ///
 /// # Errors
 /// QEMU is missing; the image says that something is wrong, or nothing for too long.
 pub(crate) fn run_to_end(
     command: &mut Command,
     patience: Duration,
-    mut heard: impl FnMut(),
+    mut heard: impl FnMut(&str),
 ) -> Result<Vec<String>, Failure> {
     let spawned = command.stdout(Stdio::piped()).spawn();
     let mut emulator = Emulator(spawned.map_err(|error| not_started(command, &error))?);
@@ -119,7 +119,7 @@ pub(crate) fn run_to_end(
     loop {
         match lines.recv_timeout(patience) {
             Ok(line) => {
-                heard();
+                heard(&line);
                 said.push(line);
             }
             Err(mpsc::RecvTimeoutError::Disconnected) => break,
@@ -152,7 +152,7 @@ pub(crate) fn not_started(command: &Command, error: &io::Error) -> Failure {
 pub(crate) fn failed(command: &Command, why: String) -> Failure {
     let folder = command.get_current_dir().unwrap_or(Path::new("."));
     Failure::Check {
-        what: "the emulated image".to_owned(),
+        what: "the image".to_owned(),
         why,
         next: format!(
             "run it by hand in {}: `{}`",

@@ -61,7 +61,7 @@ impl Recovery {
             let mut command = image.command(machine, &folder, &[IMAGE, "start", word]);
             command.args(["-icount", VIRTUAL_TIME]);
             command.args(["-serial", &format!("file:{uart}")]);
-            emulator::run_to_end(&mut command, super::PATIENCE, || ())?;
+            emulator::run_to_end(&mut command, super::PATIENCE, |_| ())?;
             let sent = folder.join(uart);
             let sent = fs::read(&sent).map_err(|error| cannot_write(&sent, &error))?;
             let boots = Heard::boots(&sent);

@@ -71,7 +71,7 @@ impl Stall {
         let patience = PATIENCE + input.duration();
         let (said, sent) = thread::scope(|scope| {
             let reader = scope.spawn(|| read_late(output, &ended, wall / STALLED));
-            let said = emulator::run_to_end(&mut command, patience, || ());
+            let said = emulator::run_to_end(&mut command, patience, |_| ());
             ended.store(true, Relaxed);
             (said, reader.join())
         });

@@ -1,0 +1,202 @@
+//! Lays down what the vectors expect, and links the image for its board.
+#![forbid(unsafe_code)]
+
+use std::{
+    env,
+    error::Error,
+    fmt::Write,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use artifact::{Decimation, Golden};
+use fixed_dsp::{Cascade, Resampler};
+use model_gen::{FilterSpec, ResamplerTable};
+use pipeline::{Mains, Pipeline};
+
+#[path = "src/chain.rs"]
+mod chain;
+#[path = "src/kernels.rs"]
+mod kernels;
+#[path = "src/signal.rs"]
+mod signal;
+
+/// Names the folder of another model than the checked-in one; see `model/build.rs`.
+const ARTIFACT: &str = "CORTICODE_ARTIFACT";
+/// scipy's outputs; `scipy_rates.py` beside it is their recipe.
+const SCIPY: &str = "../../pipeline/tests/front_end/scipy_rates.csv";
+/// Frames as hex dumps; `link/tests/wire_format.rs` holds them to the encoder.
+const WIRE_FORMAT: &str = "../../docs/wire-format.md";
+/// Windows whose codes are compared.
+const WINDOWS: usize = 6;
+/// Codes for each mains frequency.
+const CODES: usize = 12;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("cargo::rerun-if-changed=build.rs");
+    let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR")?);
+    let mut golden = String::new();
+    filters(&mut golden)?;
+    let (count, sums) = (kernels::RESULTS, kernels::results());
+    writeln!(
+        golden,
+        "pub(crate) const KERNELS: [i32; {count}] = {sums:?};"
+    )?;
+    windows(&mut golden)?;
+    codes(&mut golden, "CODES_50", Mains::Hz50)?;
+    codes(&mut golden, "CODES_60", Mains::Hz60)?;
+    frame(&mut golden, "CODE_FRAME", "code")?;
+    frame(&mut golden, "START_FRAME", "start")?;
+    fs::write(out.join("golden.rs"), golden)?;
+    link(&out)
+}
+
+/// Filters as model-gen designs them, scipy's outputs and the PC's.
+fn filters(golden: &mut String) -> Result<(), Box<dyn Error>> {
+    println!("cargo::rerun-if-changed={SCIPY}");
+    let scipy = fs::read_to_string(SCIPY)?;
+    let cases = [
+        ("HZ_512_MAINS_50", "512,50,literal,"),
+        ("HZ_512_MAINS_60", "512,60,literal,"),
+        ("HZ_500_FIR", "500,60,fir,"),
+    ];
+    for (name, key) in cases {
+        let mut lines = scipy.lines();
+        let line = lines.find_map(|line| line.strip_prefix(key));
+        let line = line.ok_or_else(|| format!("{SCIPY} has no line {key}"))?;
+        let expected = line.split(',').map(str::parse::<f64>);
+        let expected: Vec<f64> = expected.collect::<Result<_, _>>()?;
+        let mut words = key.split(',');
+        let mut number = || words.next().unwrap_or_default().parse::<u32>();
+        let (rate_hz, mains_hz) = (number()?, number()?);
+        // As in `pipeline/tests/front_end/at_rate.rs`.
+        let sections = model_gen::cascade(&FilterSpec {
+            rate_hz: rate_hz.into(),
+            mains_hz: mains_hz.into(),
+            harmonics: 0,
+            notch_q: 30.0,
+            band_hz: [0.5, 60.0],
+            order: 5,
+        })?;
+        let sections: [_; 6] = sections.try_into().map_err(|_| "not six sections")?;
+        let decimation = match words.next() {
+            Some("literal") => Decimation::Literal,
+            _ => Decimation::Fir,
+        };
+        let table = ResamplerTable::new(decimation, rate_hz, 128)?;
+        let cascade = Cascade { sections };
+        match (table.phases(), table.taps_per_phase()) {
+            (1, 1) => filtered::<1, 1>(golden, name, &cascade, &table, &expected)?,
+            (32, 64) => filtered::<32, 64>(golden, name, &cascade, &table, &expected)?,
+            (phases, taps) => Err(format!("{key}: {phases} phases and {taps} taps"))?,
+        }
+    }
+    Ok(())
+}
+
+fn filtered<const PHASES: usize, const TAPS: usize>(
+    golden: &mut String,
+    name: &str,
+    cascade: &Cascade<6>,
+    table: &ResamplerTable,
+    scipy: &[f64],
+) -> Result<(), Box<dyn Error>> {
+    let phases = table.taps.iter().map(|taps| taps.as_slice().try_into());
+    let phases: Vec<[i32; TAPS]> = phases.collect::<Result<_, _>>()?;
+    let resampler: Resampler<PHASES, TAPS> = Resampler {
+        down: table.down,
+        taps: phases.try_into().map_err(|_| "another number of phases")?,
+    };
+    let bits = chain::outputs(cascade, &resampler, signal::counts(), false);
+    let steps = f64::from(1 << chain::GUARD_BITS);
+    // Below 2^23 counts, x 2^5.
+    #[expect(clippy::cast_possible_truncation, reason = "24 bits of counts, x 2^5")]
+    let scipy: Vec<i32> = scipy.iter().map(|y| (y * steps).round() as i32).collect();
+    let sections = format!("{:?}", cascade.sections);
+    let shapes = ["Notch", "HighPass", "BandPass", "LowPass"];
+    let sections = shapes.iter().fold(sections, |text, shape| {
+        text.replace(&format!("{shape} {{"), &format!("Section::{shape} {{"))
+    });
+    writeln!(
+        golden,
+        "pub(crate) static {name}: Filtered<6, {PHASES}, {TAPS}> = Filtered {{\n\
+         cascade: Cascade {{ sections: {sections} }},\n\
+         resampler: {resampler:?},\nscipy: {scipy:?},\nbits: {bits:?},\n}};"
+    )?;
+    Ok(())
+}
+
+/// Windows of the artifact, spread over all there are, and their codes: model-gen's batch reference.
+fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
+    println!("cargo::rerun-if-env-changed={ARTIFACT}");
+    let folder = env::var_os(ARTIFACT).map_or("../../model/artifact".into(), PathBuf::from);
+    println!("cargo::rerun-if-changed={}", folder.display());
+    let all = Golden::read(&folder)?;
+    let every = all.windows.len().div_ceil(WINDOWS).max(1);
+    let windows: Vec<_> = all.windows.iter().step_by(every).collect();
+    let codes = all.codes.iter().step_by(every);
+    let codes: Vec<_> = codes.map(artifact::IntegerCode::steps).collect();
+    let count = windows.len();
+    writeln!(
+        golden,
+        "pub(crate) const WINDOWS_IN_ALL: u32 = {count};\n\
+         pub(crate) static WINDOWS: [[[i8; CELLS]; STEPS]; {count}] = {windows:?};\n\
+         pub(crate) static WINDOW_CODES: [[i32; CODE]; {count}] = {codes:?};"
+    )?;
+    Ok(())
+}
+
+/// The PC's codes of [`signal::samples`].
+fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Error>> {
+    let mut pipeline = Pipeline::new(mains);
+    let codes = signal::samples().filter_map(|sample| pipeline.push(&sample));
+    let codes: Vec<_> = codes.take(CODES).collect();
+    let codes = format!("{codes:?}").replace("values: Int", "values: CodeValues::Int");
+    writeln!(
+        golden,
+        "pub(crate) static {name}: [Code; {CODES}] = {codes};"
+    )?;
+    Ok(())
+}
+
+/// A dump of the wire format's document: a block that opens with ```` ```hex NAME ````.
+fn frame(golden: &mut String, name: &str, dump: &str) -> Result<(), Box<dyn Error>> {
+    println!("cargo::rerun-if-changed={WIRE_FORMAT}");
+    let document = fs::read_to_string(WIRE_FORMAT)?;
+    let open = format!("```hex {dump}\n");
+    let (_, block) = document.split_once(&open).ok_or(open)?;
+    let (block, _) = block.split_once("```").ok_or("a block has an end")?;
+    let bytes = block
+        .split_whitespace()
+        .map(|byte| u8::from_str_radix(byte, 16));
+    let bytes: Vec<u8> = bytes.collect::<Result<_, _>>()?;
+    let length = bytes.len();
+    writeln!(
+        golden,
+        "pub(crate) const {name}: [u8; {length}] = {bytes:?};"
+    )?;
+    Ok(())
+}
+
+/// Links the image with the map of its board; on a PC there is nothing to link.
+fn link(out: &Path) -> Result<(), Box<dyn Error>> {
+    println!("cargo::rerun-if-changed=../../memory.x");
+    let has = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
+    let map = match (has("H743"), has("F446")) {
+        (false, false) => "../../firmware/board-qemu/mps2.x",
+        (true, false) => "../../firmware/board-h743/stm32h743.x",
+        (false, true) => "../../firmware/board-f446/stm32f446.x",
+        (true, true) => Err("an image is for one board: feature h743 or f446")?,
+    };
+    println!("cargo::rerun-if-changed={map}");
+    if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
+        return Ok(());
+    }
+    // The name that memory.x in the workspace's root passes on to.
+    fs::copy(map, out.join("board.x"))?;
+    println!("cargo::rustc-link-search={}", out.display());
+    for argument in ["-Tlink.x", "--nmagic"] {
+        println!("cargo::rustc-link-arg-bins={argument}");
+    }
+    Ok(())
+}

@@ -1,0 +1,38 @@
+//! Ticks of the core's clock: cycles on silicon, periods of 25 MHz on QEMU's MPS2 boards.
+
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+use cortex_m::peripheral::{SYST, syst::SystClkSource};
+use cortex_m_rt::exception;
+
+/// SysTick counts down so far (ARMv7-M Architecture Reference Manual, B3.3: 24 bits).
+const RELOAD: u32 = 0x00ff_ffff;
+
+/// How often it was at its end.
+static ENDS: AtomicU32 = AtomicU32::new(0);
+
+/// Starts the timer. Not the cycle counter, which QEMU does not have.
+pub(crate) fn start(timer: &mut SYST) {
+    timer.set_clock_source(SystClkSource::Core);
+    timer.set_reload(RELOAD);
+    timer.clear_current();
+    timer.enable_interrupt();
+    timer.enable_counter();
+}
+
+/// Ticks since the start.
+pub(crate) fn ticks() -> u64 {
+    loop {
+        let ends = ENDS.load(Relaxed);
+        let left = SYST::get_current();
+        if ends == ENDS.load(Relaxed) {
+            let period = u64::from(RELOAD) + 1;
+            return u64::from(ends) * period + u64::from(RELOAD - left);
+        }
+    }
+}
+
+#[exception]
+fn SysTick() {
+    ENDS.fetch_add(1, Relaxed);
+}
