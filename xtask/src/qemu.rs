@@ -35,6 +35,8 @@ const IMAGE: &str = "board-qemu";
 /// cycles for each, where docs/real-time.md computes 1.6 for a code's. An idle machine skips to the
 /// next interrupt.
 const VIRTUAL_TIME: &str = "shift=4,sleep=off";
+/// The same as a number, nanoseconds.
+const INSTRUCTION_NS: u32 = 1 << 4;
 
 /// Starting and ending QEMU on a loaded machine.
 const PATIENCE: Duration = Duration::from_mins(1);

@@ -5,6 +5,8 @@ use std::fmt;
 use link::Timing;
 use serde::Serialize;
 
+use super::INSTRUCTION_NS;
+
 /// Most that any stage may take of its deadline. Half of it is what the Cortex-M4F and M7 stay below
 /// (0.43 and 0.49); the rest is room for the emulator, whose times differ by some microseconds when the PC
 /// is busy.
@@ -27,6 +29,12 @@ struct Stage {
     name: String,
     worst_ns: u32,
     deadline_ns: u32,
+    /// The worst case in instructions, those of other tasks and of interrupts included, and as many as an
+    /// idle core would have done meanwhile: `send` waits for the UART. Simulated; the clock's ticks are 2.5
+    /// instructions.
+    worst_instructions: u32,
+    /// Instructions until the deadline, at 62.5 million a second.
+    deadline_instructions: u32,
     /// How often it was late.
     late: u32,
 }
@@ -41,6 +49,8 @@ impl Stages {
             name: stage.stage.to_string(),
             worst_ns: stage.worst_ns,
             deadline_ns: stage.deadline_ns,
+            worst_instructions: stage.worst_ns / INSTRUCTION_NS,
+            deadline_instructions: stage.deadline_ns / INSTRUCTION_NS,
             late: stage.histogram[stage.histogram.len() - 1],
         });
         Self {
@@ -84,7 +94,11 @@ impl Stage {
 impl fmt::Display for Stage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [worst, deadline] = [self.worst_ns, self.deadline_ns].map(|ns| ns / 1_000);
-        write!(f, "{} {worst} of {deadline} us", self.name)
+        write!(
+            f,
+            "{} {worst} of {deadline} us ({} of {} instructions)",
+            self.name, self.worst_instructions, self.deadline_instructions
+        )
     }
 }
 
@@ -93,7 +107,7 @@ impl fmt::Display for Stages {
         let stages: Vec<String> = self.each.iter().map(Stage::to_string).collect();
         write!(
             f,
-            "worst: {}; stack {} of {} bytes",
+            "worst, simulated: {}; stack {} of {} bytes",
             stages.join(", "),
             self.stack_used,
             self.stack_size
@@ -125,12 +139,21 @@ mod tests {
     }
 
     #[test]
+    fn an_instruction_lasts_as_long_as_qemu_is_told() {
+        let shift = super::super::VIRTUAL_TIME.strip_prefix("shift=");
+        let shift = shift.and_then(|rest| rest.split(',').next()?.parse::<u32>().ok());
+        assert_eq!(shift.map(|shift| 1 << shift), Some(INSTRUCTION_NS));
+    }
+
+    #[test]
     fn a_stage_near_its_deadline_a_deep_stack_and_silence_are_faults() {
         let sound = Stages::of(Some(&timing(2_000_000, 0)));
         assert_eq!(sound.worst_over_deadline(), Some(0.25));
         assert!(sound.faults().is_empty());
         assert!(
-            sound.to_string().contains("step 2000 of 8000 us"),
+            sound
+                .to_string()
+                .contains("step 2000 of 8000 us (125000 of 500000 instructions)"),
             "{sound}"
         );
         assert_eq!(Stages::of(Some(&timing(4_400_001, 0))).faults().len(), 1);
