@@ -1,12 +1,14 @@
 //! `cargo xtask qemu`: the application on an emulated microcontroller; in virtual time against
 //! host-sim, or live for a bridge.
 
+mod damage;
 mod failures;
 mod figures;
 mod heard;
 mod host;
 mod input;
 mod live;
+mod pipes;
 mod report;
 mod stages;
 mod stall;
@@ -18,6 +20,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 
+use self::damage::Damage;
 use self::failures::Recovery;
 use self::figures::MachineFigures;
 use self::heard::Heard;
@@ -104,6 +107,8 @@ struct Runs {
     stalled: Stall,
     /// With tasks that fail.
     failures: Vec<Recovery>,
+    /// With a damaged model.
+    damage: Damage,
 }
 
 /// A run in virtual time.
@@ -135,6 +140,7 @@ fn run(machine: Machine, input: &Input, expected: &Heard) -> Result<Runs, Failur
     Ok(Runs {
         stalled: Stall::of(&image, machine, &folder, input, expected, wall)?,
         failures: Recovery::of_every_failure(&image, machine, &folder, input, expected)?,
+        damage: Damage::of(&image, machine, &folder, input)?,
         undisturbed,
     })
 }

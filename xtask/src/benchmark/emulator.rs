@@ -78,6 +78,14 @@ impl Image {
         &self.path
     }
 
+    /// A changed copy of it, which lies elsewhere.
+    pub(crate) fn copied_to(&self, path: PathBuf) -> Self {
+        Self {
+            path,
+            target_folder: self.target_folder.clone(),
+        }
+    }
+
     /// Cargo's target folder.
     pub(crate) fn target_folder(&self) -> &Path {
         &self.target_folder

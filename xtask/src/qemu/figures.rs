@@ -6,6 +6,7 @@ use link::{Code, ResetCause, Stats};
 use serde::Serialize;
 
 use super::Runs;
+use super::damage::Damage;
 use super::failures::Recovery;
 use super::heard::{Heard, Hello, but_times};
 use super::input::Input;
@@ -50,6 +51,8 @@ pub(super) struct MachineFigures {
     stalled_host: Stall,
     /// Runs that fail, and what the next one says of it.
     failures: Vec<Recovery>,
+    /// A run with a damaged model.
+    damaged_model: Damage,
     /// What is wrong.
     #[serde(skip)]
     pub(super) faults: Vec<String>,
@@ -84,6 +87,7 @@ impl MachineFigures {
             stages: Stages::of(heard.timing.last()),
             stalled_host: runs.stalled,
             failures: runs.failures,
+            damaged_model: runs.damage,
             faults: Vec::new(),
         };
         figures.faults = figures.find_faults(input, expected, heard, &last);
@@ -155,6 +159,7 @@ impl MachineFigures {
         faults.extend(self.stalled_host.faults.iter().cloned());
         let failures = self.failures.iter().flat_map(|failure| &failure.faults);
         faults.extend(failures.cloned());
+        faults.extend(self.damaged_model.faults.iter().cloned());
         faults
     }
 }
@@ -177,7 +182,7 @@ impl fmt::Display for MachineFigures {
         for failure in &self.failures {
             write!(f, "\n  {failure}")?;
         }
-        write!(f, "\n  {}", self.stalled_host)
+        write!(f, "\n  {}\n  {}", self.damaged_model, self.stalled_host)
     }
 }
 
@@ -260,6 +265,7 @@ mod tests {
             undisturbed,
             stalled: Stall::default(),
             failures: Vec::new(),
+            damage: Damage::default(),
         };
         let figures = MachineFigures::new(MACHINES[0], runs, &input, &expected);
         let left_out = [

@@ -1,7 +1,7 @@
 //! The frames that a board has sent.
 
 use link::{
-    Code, Decoder, Encoder, FrameError, MAX_FRAME, Quality, ResetCause, Stats, Timing, ToHost,
+    Ack, Code, Decoder, Encoder, FrameError, MAX_FRAME, Quality, ResetCause, Stats, Timing, ToHost,
 };
 
 /// What a board has sent, by kind, in order.
@@ -19,6 +19,8 @@ pub(super) struct Heard {
     pub(super) stats: Vec<Stats>,
     /// How long its stages took.
     pub(super) timing: Vec<Timing>,
+    /// What became of commands.
+    pub(super) acks: Vec<Ack>,
     /// All frames.
     pub(super) frames: u32,
     /// Frames that could not be used, and the first reason.
@@ -80,8 +82,8 @@ impl Heard {
             ToHost::Stats(stats) => self.stats.push(*stats),
             ToHost::Quality(quality) => self.quality.push(quality.clone()),
             ToHost::Timing(timing) => self.timing.push(timing.clone()),
-            ToHost::Ack(_)
-            | ToHost::Raw(_)
+            ToHost::Ack(ack) => self.acks.push(*ack),
+            ToHost::Raw(_)
             | ToHost::Filtered(_)
             | ToHost::Audit(_)
             | ToHost::Event(_)

@@ -96,7 +96,8 @@ impl fmt::Display for Report {
         }
         writeln!(
             f,
-            "{} codes on each: {} to host-sim's, a second run {}; {} overruns",
+            "{} codes on each: {} to host-sim's, a second run {}; {} overruns; worst stage {:.2} of its \
+             deadline (simulated)",
             self.codes,
             if self.equal_to_host {
                 "equal"
@@ -108,7 +109,8 @@ impl fmt::Display for Report {
             } else {
                 "DIFFERENT"
             },
-            self.overruns
+            self.overruns,
+            self.worst_path_over_deadline.unwrap_or(f64::NAN)
         )?;
         Ok(())
     }

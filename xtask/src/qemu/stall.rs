@@ -1,37 +1,20 @@
 //! A host that reads nothing for a while: the board loses whole frames, the oldest, and counts them.
 
 use std::fmt;
-use std::fs::{self, File, OpenOptions};
-use std::io::{ErrorKind, Read};
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use rustix::fs::{CWD, FileType, Mode, OFlags, mknodat};
-use rustix::pipe::fcntl_setpipe_size;
 use serde::Serialize;
 
 use super::figures::codes;
 use super::heard::Heard;
 use super::input::Input;
-use super::{IMAGE, PATIENCE, VIRTUAL_TIME};
-use crate::benchmark::cannot_write;
-use crate::benchmark::emulator::{self, Image, Machine};
+use super::{IMAGE, PATIENCE, VIRTUAL_TIME, pipes};
+use crate::benchmark::emulator::{Image, Machine};
 use crate::failure::Failure;
-
-/// How often the pipe is looked at.
-const POLL: Duration = Duration::from_millis(5);
-
-/// Bytes that the pipe holds: one second of codes. The board holds two more.
-const HELD: usize = 4096;
 
 /// The full pipe is left alone for this part of the run; the board's queue is full after two seconds.
 const STALLED: u32 = 3;
-
-/// The two ends of QEMU's `-serial pipe:`.
-const ENDS: [&str; 2] = ["stalled.in", "stalled.out"];
 
 /// What came through a port that was stuck for a while.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -61,23 +44,11 @@ impl Stall {
         expected: &Heard,
         wall: Duration,
     ) -> Result<Self, Failure> {
-        let [_, mut output] = ENDS.map(|name| pipe(&folder.join(name)));
-        let output = output
-            .as_mut()
-            .map_err(|error| cannot_write(folder, error))?;
         let mut command = image.command(machine, folder, &[IMAGE, "start"]);
-        command.args(["-icount", VIRTUAL_TIME, "-serial", "pipe:stalled"]);
-        let ended = AtomicBool::new(false);
+        command.args(["-icount", VIRTUAL_TIME]);
         let patience = PATIENCE + input.duration();
-        let (said, sent) = thread::scope(|scope| {
-            let reader = scope.spawn(|| read_late(output, &ended, wall / STALLED));
-            let said = emulator::run_to_end(&mut command, patience, |_| ());
-            ended.store(true, Relaxed);
-            (said, reader.join())
-        });
-        let sent = sent.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        let boots = Heard::boots(&sent.map_err(|error| cannot_write(folder, &error))?);
-        said.map(|_| Self::new(&boots, expected))
+        let sent = pipes::run_to_end(&mut command, folder, &[], patience, wall / STALLED)?;
+        Ok(Self::new(&Heard::boots(&sent), expected))
     }
 
     fn new(boots: &[Heard], expected: &Heard) -> Self {
@@ -136,45 +107,6 @@ impl fmt::Display for Stall {
             "a host that stops reading: {} frames came, {} are missing, {} counted as dropped",
             self.frames, self.frames_missing, self.frames_dropped
         )
-    }
-}
-
-/// A fresh pipe with a name. Opened for both directions, so that it outlives QEMU's end of it.
-fn pipe(path: &Path) -> std::io::Result<File> {
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
-        _ => mknodat(CWD, path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0)?,
-    }
-    let flags = OFlags::NONBLOCK.bits().cast_signed();
-    let mut options = OpenOptions::new();
-    options.read(true).write(true);
-    let pipe = options.custom_flags(flags).open(path)?;
-    fcntl_setpipe_size(&pipe, HELD)?;
-    Ok(pipe)
-}
-
-/// Reads nothing until the pipe has not grown for so long: it is full. Then all, until QEMU has ended.
-fn read_late(pipe: &mut File, ended: &AtomicBool, stalled: Duration) -> std::io::Result<Vec<u8>> {
-    let mut waiting = 0;
-    let mut since = Instant::now();
-    while (waiting == 0 || since.elapsed() < stalled) && !ended.load(Relaxed) {
-        thread::sleep(POLL);
-        let now = rustix::io::ioctl_fionread(&*pipe)?;
-        if now != waiting {
-            (waiting, since) = (now, Instant::now());
-        }
-    }
-    let mut sent = Vec::new();
-    let mut buffer = [0; 4096];
-    loop {
-        // Looked at before the pipe: what comes between is read.
-        let last = ended.load(Relaxed);
-        match pipe.read(&mut buffer) {
-            Ok(count) => sent.extend(&buffer[..count]),
-            Err(error) if error.kind() == ErrorKind::WouldBlock && last => return Ok(sent),
-            Err(error) if error.kind() == ErrorKind::WouldBlock => thread::sleep(POLL),
-            Err(error) => return Err(error),
-        }
     }
 }
 
