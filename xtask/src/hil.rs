@@ -195,6 +195,7 @@ fn judge(place: &str, said: &[String]) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::command::root;
 
     fn judged(lines: &[&str]) -> bool {
         let lines: Vec<String> = lines.iter().map(|&line| line.to_owned()).collect();
@@ -211,6 +212,30 @@ mod tests {
         assert!(!judged(&[first, "FAILED x: y", "2 vectors, 1 failed"]));
         assert!(!judged(&["0 vectors, 0 failed"]));
         assert!(!judged(&[]));
+    }
+
+    #[test]
+    fn visual_studio_code_debugs_each_board_on_its_chip() {
+        let path = root().join(".vscode/launch.json");
+        let text = std::fs::read_to_string(path).expect("the configuration");
+        let json: serde_json::Value = serde_json::from_str(&text).expect("JSON without remarks");
+        let all = json["configurations"].as_array().expect("a list");
+        let found: Vec<_> = all
+            .iter()
+            .map(|one| {
+                let image = one["coreConfigs"][0]["programBinary"].as_str();
+                let image = image.expect("an image").rsplit('/').next();
+                [one["request"].as_str(), one["chip"].as_str(), image]
+            })
+            .collect();
+        let boards = [(Board::H743, "board-h743"), (Board::F446, "board-f446")];
+        let wanted: Vec<_> = boards
+            .into_iter()
+            .flat_map(|(board, image)| {
+                ["launch", "attach"].map(|way| [way, board.chip(), image].map(Some))
+            })
+            .collect();
+        assert_eq!(found, wanted);
     }
 
     #[test]
