@@ -104,14 +104,13 @@ fn an_audit_has_the_planes_that_make_its_code() {
         let mut encoder = pipeline::Encoder::new();
         let code = planes
             .chunks_exact(model::CELLS)
-            .filter_map(|plane| {
+            .find_map(|plane| {
                 let mut step = Step::SILENCE;
                 for (cell, byte) in step.plane.iter_mut().zip(plane) {
                     *cell = byte.cast_signed();
                 }
                 encoder.push(&step)
             })
-            .next()
             .expect("a window of planes");
         let (CodeValues::Int8(again), link::CodeValues::Int8(values)) = (code.values, values)
         else {

@@ -2,14 +2,18 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, Audit, CODE_LEN, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest,
-    ChipTest, ClockReading, Code, CodeFormat, CodeValues, Converters, Decoder, ElectrodeQuality,
-    Encoder, Event, EventKind, FILTERED_STEPS, Filtered, Flags, Hello, MAX_FRAME, Message, Quality,
-    RAW_SAMPLES, Raw, ResetCause, ResetInto, SelfTest, Stage, StageTiming, Start, Stats, Streams,
+    Ack, AckResult, COUNT_BYTES, Code, Decoder, Encoder, FILTERED_STEPS, Filtered, Flags,
+    MAX_FRAME, Message, Quality, RAW_SAMPLES, Raw, ResetInto, Stage, StageTiming, Start, Streams,
     Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
-const DOCUMENT: &str = include_str!("../../docs/wire-format.md");
+mod messages;
+use messages::{
+    audit, capabilities, clock_reading, code, code_of_16_bits, code_with_exponent, converters,
+    event, filtered, hello, quality, raw, self_test, stats, timing,
+};
+
+const DOCUMENT: &str = include_str!("../../../docs/wire-format.md");
 
 /// The fenced blocks that open with ```` ```hex NAME ````: name and bytes.
 fn dumps() -> Vec<(&'static str, Vec<u8>)> {
@@ -36,222 +40,6 @@ fn frame<'m, M: Message<'m>>(seq: u32, device_time_us: u64, message: &M) -> Vec<
         .encode(device_time_us, message, &mut buffer)
         .unwrap()
         .to_vec()
-}
-
-fn hello() -> ToHost<'static> {
-    ToHost::Hello(Hello {
-        firmware: "0.1.0",
-        board: "host-sim",
-        chip_uid: *b"0123456789ab",
-        model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
-        session_id: 0xC0DE_0001,
-        reset_cause: ResetCause::PowerOn,
-        fault: "",
-    })
-}
-
-/// A board of two electrodes and two code values, to keep the dump short.
-fn capabilities() -> ToHost<'static> {
-    ToHost::Capabilities(Capabilities {
-        adc_rate_hz: 512,
-        step_rate_hz: 128,
-        window_steps: 16,
-        hop_steps: 8,
-        channels: 64,
-        lsb_nv: 22.351_742,
-        mains_hz: 50,
-        group_delay_us: 16_000,
-        labels: "F3 F1",
-        filters: "notch 50 Hz",
-        code_format: CodeFormat::Int8,
-        code_scale: [0.5, 0.25].into_iter().collect(),
-        code_zero_point: [0, -3].into_iter().collect(),
-    })
-}
-
-/// -64 to 63.
-fn steps() -> [i8; CODE_LEN] {
-    core::array::from_fn(|index| i8::try_from(index).unwrap() - 64)
-}
-
-fn code() -> ToHost<'static> {
-    ToHost::Code(Code {
-        model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
-        window: 300,
-        first_sample: 9600,
-        flags: Flags::SATURATED | Flags::SETTLING | Flags::CLIPPED | Flags::CODE_CLIPPED,
-        clipped: 2,
-        clipped_values: 1,
-        saturated: 1 << 20,
-        values: CodeValues::Int8(steps()),
-    })
-}
-
-/// The same window from a model with codes in another format.
-fn code_in(values: &CodeValues) -> ToHost<'static> {
-    let ToHost::Code(code) = code() else { panic!() };
-    ToHost::Code(Code {
-        values: *values,
-        ..code
-    })
-}
-
-fn code_with_exponent() -> ToHost<'static> {
-    let (exponent, values) = (3, steps());
-    code_in(&CodeValues::Int8Exponent { exponent, values })
-}
-
-fn code_of_16_bits() -> ToHost<'static> {
-    code_in(&CodeValues::Int16(
-        steps().map(|step| 256 * i16::from(step)),
-    ))
-}
-
-fn stats() -> ToHost<'static> {
-    ToHost::Stats(Stats {
-        streams: Streams::CODES,
-        next_window: 301,
-        codes_made: 301,
-        frames_dropped: 0,
-        samples: 9661,
-        overruns: 0,
-        adc_status_bad: 0,
-        clipped: 2,
-        clipped_values: 1,
-        commands: 2,
-        input_bad: 0,
-    })
-}
-
-/// Two electrodes, the second one off.
-fn quality() -> ToHost<'static> {
-    let good = ElectrodeQuality {
-        rms_uv: 12.5,
-        mains_uv: 40.0,
-        mains_residual_uv: 0.25,
-        samples_at_rail: 0,
-        flat: false,
-    };
-    let off = ElectrodeQuality {
-        mains_uv: 3000.0,
-        samples_at_rail: 300,
-        ..good
-    };
-    ToHost::Quality(Quality {
-        first_sample: 8704,
-        settling: false,
-        electrodes: [good, off].into_iter().collect(),
-    })
-}
-
-/// 19 s of two stages; one code was late.
-fn timing() -> ToHost<'static> {
-    let acquire = StageTiming {
-        stage: Stage::Acquire,
-        deadline_ns: 1_953_125,
-        worst_ns: 260_000,
-        histogram: [9_660, 1, 0, 0, 0, 0, 0, 0, 0],
-    };
-    let code = StageTiming {
-        stage: Stage::Code,
-        deadline_ns: 62_500_000,
-        worst_ns: 63_000_000,
-        histogram: [0, 0, 298, 2, 0, 0, 0, 0, 1],
-    };
-    ToHost::Timing(Timing {
-        stages: [acquire, code].into_iter().collect(),
-        stack_used: 5_120,
-        stack_size: 16_384,
-    })
-}
-
-/// Two samples of two channels, the second one at the rail.
-fn raw() -> ToHost<'static> {
-    ToHost::Raw(Raw {
-        first_sample: 9_656,
-        channels: 2,
-        flags: Flags::LEAD_OFF,
-        counts: &[1, 0, 0, 0xff, 0xff, 0x7f, 0xfe, 0xff, 0xff, 0, 0, 0x80],
-    })
-}
-
-/// A step of two electrodes.
-fn filtered() -> ToHost<'static> {
-    ToHost::Filtered(Filtered {
-        first_step: 2_412,
-        electrodes: 2,
-        fraction_bits: 5,
-        flags: Flags::empty(),
-        values: &[0x20, 3, 0, 0, 0xe0, 0xfc, 0xff, 0xff],
-    })
-}
-
-/// A window of two planes with two cells each, to keep the dump short.
-fn audit() -> ToHost<'static> {
-    let (exponent, values) = (3, steps());
-    ToHost::Audit(Audit {
-        model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
-        window: 300,
-        planes: &[0, 0x7f, 0x80, 0xff],
-        values: CodeValues::Int8Exponent { exponent, values },
-    })
-}
-
-fn event() -> ToHost<'static> {
-    ToHost::Event(Event {
-        kind: EventKind::TriggerRise,
-        number: 12,
-        sample: 9_660,
-    })
-}
-
-/// Two chips; the second one has delivered three bad frames, and an electrode of it is off.
-fn converters() -> ToHost<'static> {
-    ToHost::Converters(Converters {
-        fault: heapless::String::new(),
-        ready_mhz: 512_003,
-        off_positive: 1 << 9,
-        off_negative: 0,
-        frames_bad: [0, 3].into_iter().collect(),
-    })
-}
-
-/// A chip with two channels, to keep the dump short; the second one is dead.
-fn self_test() -> ToHost<'static> {
-    let good = ChannelTest {
-        gain_error: 0.015_625,
-        offset_uv: -12.5,
-        noise_uv: 0.25,
-        shorted_noise_uv: 0.25,
-        fault: ChannelFault::None,
-    };
-    let dead = ChannelTest {
-        gain_error: -1.0,
-        offset_uv: 0.0,
-        noise_uv: 0.0,
-        shorted_noise_uv: 0.0,
-        fault: ChannelFault::Gain,
-    };
-    let chip = ChipTest {
-        id: 0x3e,
-        ..ChipTest::default()
-    };
-    ToHost::SelfTest(SelfTest {
-        fault: "chip 0, channel 2".try_into().unwrap(),
-        ready_mhz: 512_000,
-        expected_mhz: 512_000,
-        ready_early: 0,
-        ready_missed: 0,
-        chips: [chip].into_iter().collect(),
-        channels: [good, dead].into_iter().collect(),
-    })
-}
-
-fn clock_reading() -> ToHost<'static> {
-    ToHost::ClockReading(ClockReading {
-        host_time_us: 1_700_000_000_000_000,
-        received_us: 19_900_250,
-    })
 }
 
 fn check<'d, M: Message<'d> + PartialEq + core::fmt::Debug>(
