@@ -12,11 +12,13 @@ use link::EventKind;
 
 use crate::{Mutex, deadlines};
 
+type Waiting = Deque<Captured, { deadlines::EVENTS_WAITING }>;
+
 /// What was captured at the inputs and not yet placed between samples.
 pub struct Inputs {
     /// Events since boot, those that were lost included; wraps.
     number: AtomicU32,
-    waiting: blocking_mutex::Mutex<Mutex, RefCell<Deque<Captured, { deadlines::EVENTS_WAITING }>>>,
+    waiting: blocking_mutex::Mutex<Mutex, RefCell<Waiting>>,
 }
 
 impl Inputs {
@@ -31,25 +33,31 @@ impl Inputs {
     /// for the events the newest is lost, and the gap in the numbers tells so.
     pub fn captured(&self, kind: EventKind, at_us: u64) {
         let number = self.number.fetch_add(1, Relaxed);
-        self.waiting.lock(|waiting| {
-            let captured = Captured {
+        // Full: counted by its number.
+        let _ = self.with(|waiting| {
+            waiting.push_back(Captured {
                 kind,
                 number,
                 at_us,
-            };
-            // Full: counted by its number.
-            let _ = waiting.borrow_mut().push_back(captured);
+            })
         });
     }
 
     pub(crate) fn next(&self) -> Option<Captured> {
-        self.waiting
-            .lock(|waiting| waiting.borrow_mut().pop_front())
+        self.with(Deque::pop_front).flatten()
     }
 
     /// What happened before a run is of no interest to it.
     pub(crate) fn forget(&self) {
-        self.waiting.lock(|waiting| waiting.borrow_mut().clear());
+        self.with(Deque::clear);
+    }
+
+    /// Does something with what waits, alone: nobody else has it, so that it is always done.
+    fn with<T>(&self, action: impl FnOnce(&mut Waiting) -> T) -> Option<T> {
+        self.waiting.lock(|waiting| {
+            let mut waiting = waiting.try_borrow_mut().ok()?;
+            Some(action(&mut waiting))
+        })
     }
 }
 

@@ -1,6 +1,9 @@
 //! How long each stage takes, against its deadline.
 
-use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use core::{
+    num::NonZeroU32,
+    sync::atomic::{AtomicU32, Ordering::Relaxed},
+};
 
 use embassy_time::Duration;
 use link::{Stage, StageTiming};
@@ -84,7 +87,7 @@ impl Timing {
 #[derive(Debug)]
 struct StageTime {
     /// Ticks of a part of the deadline.
-    part: u32,
+    part: NonZeroU32,
     worst: AtomicU32,
     histogram: [AtomicU32; PARTS + 1],
 }
@@ -92,7 +95,7 @@ struct StageTime {
 impl StageTime {
     const fn new() -> Self {
         Self {
-            part: 1,
+            part: NonZeroU32::MIN,
             worst: AtomicU32::new(0),
             histogram: [const { AtomicU32::new(0) }; PARTS + 1],
         }
@@ -110,13 +113,12 @@ impl StageTime {
 }
 
 /// Ticks of a part of a deadline, rounded down: what is late is never called in time.
-const fn part(deadline: Duration, hz: u32) -> u32 {
+const fn part(deadline: Duration, hz: u32) -> NonZeroU32 {
     let ticks = deadline.as_micros() * hz as u64 / 1_000_000;
     assert!(ticks < 1 << 31, "the clock wraps within a deadline");
     #[expect(clippy::cast_possible_truncation, reason = "asserted")]
     let part = (ticks / PARTS as u64) as u32;
-    assert!(part > 0, "the clock is slower than a part of the deadline");
-    part
+    NonZeroU32::new(part).expect("the clock is slower than a part of the deadline")
 }
 
 fn nanoseconds(ticks: u64, hz: u32) -> u32 {

@@ -10,6 +10,7 @@ use crate::failure::Failure;
 const PROGRAM_HEADERS: usize = 28;
 const HEADER_SIZE: usize = 42;
 const HEADER_COUNT: usize = 44;
+const FILE_OFFSET: usize = 4;
 const FILE_SIZE: usize = 16;
 /// A segment that is loaded.
 const LOAD: u32 = 1;
@@ -29,8 +30,19 @@ pub(crate) fn flash_bytes(path: &Path) -> Result<usize, Failure> {
     loaded(&image).ok_or_else(|| failed("this is no 32-bit ELF file with segments".to_owned()))
 }
 
-/// Sum of the file sizes of all loaded segments.
-fn loaded(image: &[u8]) -> Option<usize> {
+/// What an image puts into flash.
+pub(crate) fn contents(image: &[u8]) -> Option<Vec<u8>> {
+    let mut contents = Vec::new();
+    for header in headers(image)? {
+        let begin = word(header, FILE_OFFSET)? as usize;
+        let end = begin.checked_add(word(header, FILE_SIZE)? as usize)?;
+        contents.extend(image.get(begin..end)?);
+    }
+    Some(contents)
+}
+
+/// The headers of all loaded segments.
+fn headers(image: &[u8]) -> Option<impl Iterator<Item = &[u8]>> {
     // Magic number, 32 bits, little endian.
     if !image.starts_with(b"\x7fELF\x01\x01") {
         return None;
@@ -38,8 +50,12 @@ fn loaded(image: &[u8]) -> Option<usize> {
     let first = word(image, PROGRAM_HEADERS)? as usize;
     let [size, count] = [HEADER_SIZE, HEADER_COUNT].map(|at| half_word(image, at));
     let headers = image.get(first..)?.chunks_exact(size?.max(1)).take(count?);
-    let sizes = headers.filter(|header| word(header, 0) == Some(LOAD));
-    let bytes: usize = sizes
+    Some(headers.filter(|header| word(header, 0) == Some(LOAD)))
+}
+
+/// Sum of the file sizes of all loaded segments.
+fn loaded(image: &[u8]) -> Option<usize> {
+    let bytes: usize = headers(image)?
         .map(|header| word(header, FILE_SIZE).map(|size| size as usize))
         .sum::<Option<_>>()?;
     (bytes > 0).then_some(bytes)

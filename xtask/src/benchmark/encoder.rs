@@ -5,6 +5,7 @@ mod cycles;
 mod disassembly;
 mod elsewhere;
 mod inputs;
+mod panics;
 mod part;
 mod report;
 
@@ -42,6 +43,8 @@ pub(crate) fn measure(windows: usize) -> Result<Report, Failure> {
         // Each processor has kernels of its own; cargo puts both images in one place.
         let bare = Image::build("bench", "size", machine.features)?;
         flash_bytes = elf::flash_bytes(bare.path())?.max(flash_bytes);
+        let tasks = Image::build("bench", "tasks", machine.features)?;
+        panics::check(tasks.path())?;
         let image = Image::build("bench", "encoder", machine.features)?;
         loops.push(Loops::of(machine, &image));
         let folder = image.target_folder().join("bench").join("encoder");

@@ -1,0 +1,117 @@
+//! The firmware's two tasks between converter and frames, with nothing beside them: no path through
+//! them allocates, and none panics but in the queue between them.
+#![cfg_attr(target_os = "none", no_std)]
+#![cfg_attr(target_os = "none", no_main)]
+
+/// On a PC there is nothing to look at.
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("this image is linked, not run: `cargo xtask bench encoder`");
+}
+
+#[cfg(target_os = "none")]
+mod image {
+    use core::{
+        future::{Future, poll_fn},
+        hint::black_box,
+        panic::PanicInfo,
+        pin::pin,
+        task::{Context, Poll, Waker},
+    };
+
+    use ads1299::{CHANNELS, Decoder, frame_bytes};
+    use cortex_m_rt::entry;
+    use device::{Order, Producer, Run};
+    use embassy_sync::zerocopy_channel::Channel;
+    use firmware::{
+        Clock, Conversion, Converter, Handed, Mutex, Shared, Stamped, acquire, deadlines, encode,
+    };
+    use pipeline::{Acquisition, Sample};
+    use static_cell::StaticCell;
+
+    /// Converters in the chain.
+    const CHIPS: usize = 8;
+
+    static SHARED: Shared = Shared::new(Clock {
+        now: || black_box(0),
+        hz: 1_000_000,
+    });
+
+    static PRODUCER: StaticCell<Producer> = StaticCell::new();
+    static ACQUISITION: StaticCell<Acquisition> = StaticCell::new();
+    static STAMPED: StaticCell<[Stamped; deadlines::SAMPLES_WAITING]> = StaticCell::new();
+    static STAMPED_CHANNEL: StaticCell<Channel<'static, Mutex, Stamped>> = StaticCell::new();
+    static HANDED: StaticCell<[Handed; deadlines::MADE_WAITING]> = StaticCell::new();
+    static HANDED_CHANNEL: StaticCell<Channel<'static, Mutex, Handed>> = StaticCell::new();
+
+    /// Frames of the chain of which the compiler knows nothing.
+    struct Unknown {
+        decoder: Decoder<CHIPS>,
+        counts: [[i32; CHANNELS]; CHIPS],
+    }
+
+    impl Converter for Unknown {
+        /// An `async fn` could be polled once too often.
+        fn next(&mut self, sample: &mut Sample) -> impl Future<Output = Conversion> {
+            poll_fn(|_| {
+                let frame = black_box([0; frame_bytes(CHIPS)]);
+                let status = self.decoder.decode(&frame, &mut self.counts);
+                sample.counts.copy_from_slice(self.counts.as_flattened());
+                Poll::Ready(Conversion {
+                    status_bad: !status.is_sound(),
+                    ..black_box(Conversion::default())
+                })
+            })
+        }
+    }
+
+    #[entry]
+    fn main() -> ! {
+        let _ = begin();
+        sleep()
+    }
+
+    fn sleep() -> ! {
+        loop {
+            cortex_m::asm::wfi();
+        }
+    }
+
+    /// None where a static is taken already, which it is not.
+    fn begin() -> Option<()> {
+        let run = Run::NONE;
+        SHARED.order(black_box(Order::Start(run)));
+        let stamped = STAMPED.try_init_with(|| core::array::from_fn(|_| Stamped::default()))?;
+        let stamped = STAMPED_CHANNEL.try_init(Channel::new(stamped))?;
+        let (stamped_in, stamped_out) = stamped.split();
+        let handed = HANDED.try_init_with(|| core::array::from_fn(|_| Handed::default()))?;
+        let handed = HANDED_CHANNEL.try_init(Channel::new(handed))?;
+        let (handed_in, mut handed_out) = handed.split();
+        let acquisition = ACQUISITION.try_init_with(|| Acquisition::new(run.mains))?;
+        let producer = PRODUCER.try_init_with(Producer::new)?;
+
+        let unknown = Unknown {
+            decoder: Decoder::new(),
+            counts: [[0; CHANNELS]; CHIPS],
+        };
+        let mut acquiring = pin!(acquire(unknown, &SHARED, (stamped_in, acquisition)));
+        let mut encoding = pin!(encode(&SHARED, (stamped_out, handed_in, producer)));
+        let mut context = Context::from_waker(Waker::noop());
+        loop {
+            let _ = acquiring.as_mut().poll(&mut context);
+            let _ = encoding.as_mut().poll(&mut context);
+            if let Some(made) = handed_out.try_receive() {
+                black_box(made);
+                handed_out.receive_done();
+            }
+        }
+    }
+
+    /// Keeps the places of all panics that are left in the image: whoever links it finds them there. An
+    /// image that allocates does not link, because there is no allocator.
+    #[panic_handler]
+    fn panic(info: &PanicInfo) -> ! {
+        black_box(info.location());
+        sleep()
+    }
+}
