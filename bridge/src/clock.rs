@@ -91,13 +91,29 @@ impl Clock {
     /// Whether a frame can have been made at this device time: not before the newest one, and
     /// not after it was read. False also as long as nothing is known.
     pub fn admits(&self, device_us: u64, read: HostTime) -> bool {
-        let Some((device_origin, host_origin)) = self.origin else {
-            return false;
-        };
+        let behind = |(origin, _)| difference(device_us, origin) < self.newest;
+        !self.origin.is_some_and(behind) && self.is_possible(device_us, read)
+    }
+
+    /// Whether a frame that was read at this host time can have been made at this device time: not
+    /// after it was read. False also as long as nothing is known.
+    pub fn is_possible(&self, device_us: u64, read: HostTime) -> bool {
+        let lag_us = self.lag_us(device_us, read.monotonic_us);
+        lag_us.is_some_and(|lag| lag >= -BEFORE_MADE_US)
+    }
+
+    /// Whether the clock has seen any frame since it was made or restarted.
+    pub fn is_known(&self) -> bool {
+        self.origin.is_some()
+    }
+
+    /// Host time minus what the fit says for a device time, microseconds; `None` before the first
+    /// observation.
+    pub(crate) fn lag_us(&self, device_us: u64, host_us: i64) -> Option<f64> {
+        let (device_origin, host_origin) = self.origin?;
         let device = difference(device_us, device_origin);
-        let host = to_f64(read.monotonic_us.saturating_sub(host_origin));
-        let lag = host - device * (1.0 + self.drift) - self.offset;
-        device >= self.newest && lag >= -BEFORE_MADE_US
+        let host = to_f64(host_us.saturating_sub(host_origin));
+        Some(host - device * (1.0 + self.drift) - self.offset)
     }
 
     /// A frame of this device time was read at this host time. Returns false if the time cannot

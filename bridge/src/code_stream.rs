@@ -6,10 +6,10 @@ use link::{CODE_LEN, Code, Flags};
 use neuro_ros::NeuroFrame;
 
 use crate::ledger::{Arrival, Ledger};
+use crate::moment::Moment;
 use crate::monotone::Monotone;
 use crate::{
-    Clock, Device, Effects, FillerPolicy, HostTime, Reconstruction, Settings, StampPoint,
-    TimedCode, TriWords,
+    Device, Effects, FillerPolicy, Reconstruction, Settings, StampPoint, TimedCode, TriWords,
 };
 
 /// Most fillers for one gap: 68 min at 16 Hz. A longer outage is a new recording.
@@ -29,8 +29,6 @@ pub(crate) struct CodeStream {
     runs: bool,
     /// Device time of the newest code of this stream, received or filled.
     last_device_us: Option<u64>,
-    /// Steps back of the wall clock that the stamps have followed.
-    steps_back: u32,
     counts: CodeCounts,
     encoded_stamps: Monotone,
     window_stamps: Monotone,
@@ -56,7 +54,6 @@ pub(crate) struct CodeCounts {
 struct Place {
     window: u32,
     device_us: u64,
-    read: HostTime,
     flags: Flags,
     lost: u64,
 }
@@ -72,7 +69,6 @@ impl CodeStream {
             has_last: false,
             runs: false,
             last_device_us: None,
-            steps_back: 0,
             counts: CodeCounts::default(),
             encoded_stamps: Monotone::default(),
             window_stamps: Monotone::default(),
@@ -122,14 +118,13 @@ impl CodeStream {
         self.encoded_stamps.held() + self.window_stamps.held()
     }
 
-    /// A code came, made at `device_us`, read at `read`. A time that the clock did not take for
-    /// one is replaced by that of the code's place in the stream.
+    /// A code came, made at `device_us`. A time that the clock did not take for one is replaced by
+    /// that of the code's place in the stream.
     pub(crate) fn code(
         &mut self,
         code: &Code,
         device_us: Option<u64>,
-        read: HostTime,
-        clock: &Clock,
+        moment: Moment<'_>,
         effects: &mut dyn Effects,
     ) {
         let format = code.values.format();
@@ -148,7 +143,7 @@ impl CodeStream {
             return;
         };
         let device_us = device_us.unwrap_or_else(|| self.time_of_next(lost, 0));
-        self.fill(code.window, lost, device_us, read, clock, effects);
+        self.fill(code.window, lost, device_us, moment, effects);
         let device = Arc::clone(&self.device);
         device.dequantise(&code.values, &mut self.z);
         self.has_last = true;
@@ -160,11 +155,10 @@ impl CodeStream {
         let place = Place {
             window: code.window,
             device_us,
-            read,
             flags,
             lost,
         };
-        self.publish(place, true, clock, effects);
+        self.publish(place, true, moment, effects);
     }
 
     /// The device says at `device_us` that its next code will be `next`: what has not come until
@@ -173,15 +167,14 @@ impl CodeStream {
         &mut self,
         next: u32,
         device_us: u64,
-        read: HostTime,
-        clock: &Clock,
+        moment: Moment<'_>,
         effects: &mut dyn Effects,
     ) {
         let lost = self.counts.ledger.close(next);
         // Before the first code of a stream the report's own time is the best there is: the last
         // code was made within a hop before it.
         let next_us = self.time_of_next(lost, device_us);
-        self.fill(next, lost, next_us, read, clock, effects);
+        self.fill(next, lost, next_us, moment, effects);
         if lost > 0 {
             self.last_device_us = Some(next_us.saturating_add_signed(-self.hop_us()));
         }
@@ -207,8 +200,7 @@ impl CodeStream {
         window: u32,
         lost: u32,
         device_us: u64,
-        read: HostTime,
-        clock: &Clock,
+        moment: Moment<'_>,
         effects: &mut dyn Effects,
     ) {
         if lost == 0 {
@@ -231,32 +223,34 @@ impl CodeStream {
             let place = Place {
                 window: window.wrapping_sub(behind),
                 device_us: device_us.saturating_add_signed(-hop_us * i64::from(behind)),
-                read,
                 flags: Flags::FILLER,
                 lost: self.counts.ledger.lost() - u64::from(behind) + 1,
             };
             self.counts.fillers += u64::from(self.settings.filler != FillerPolicy::Off);
-            self.publish(place, false, clock, effects);
+            self.publish(place, false, moment, effects);
         }
     }
 
-    fn publish(&mut self, place: Place, received: bool, clock: &Clock, effects: &mut dyn Effects) {
+    fn publish(
+        &mut self,
+        place: Place,
+        received: bool,
+        moment: Moment<'_>,
+        effects: &mut dyn Effects,
+    ) {
         let words = TriWords {
             flags: place.flags.bits(),
             window: place.window,
             device_time_us: place.device_us,
             lost: place.lost,
-            trigger: 0,
+            trigger: moment.trigger.at(self.device.last_sample(place.window)),
         };
-        if std::mem::replace(&mut self.steps_back, clock.wall_steps_back()) != self.steps_back {
-            self.encoded_stamps.step_back();
-            self.window_stamps.step_back();
-        }
+        let steps_back = moment.clock.wall_steps_back();
         let window_reach = u32::from(self.device.window_steps) - 1;
         if received || self.settings.filler != FillerPolicy::Off {
-            let first = self.time(place, window_reach, window_reach, clock);
+            let first = self.time(place, window_reach, window_reach, moment);
             let frame = &mut self.frame;
-            frame.header.stamp = self.encoded_stamps.stamp(first);
+            frame.header.stamp = self.encoded_stamps.stamp(first, steps_back);
             frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
             frame.header.seq = frame.neuroheader.seq;
             frame.eeg.data.copy_from_slice(&self.z);
@@ -266,8 +260,8 @@ impl CodeStream {
         if self.decodable {
             let reach = Reconstruction::reach(&self.device, self.settings.low_latency);
             let length = u32::from(self.device.hop_steps) - 1;
-            let time = self.time(place, reach, length, clock);
-            let stamp = self.window_stamps.stamp(time);
+            let time = self.time(place, reach, length, moment);
+            let stamp = self.window_stamps.stamp(time, steps_back);
             let z = received.then(|| Box::new(self.z));
             effects.window(TimedCode { z, stamp, words });
         }
@@ -275,15 +269,16 @@ impl CodeStream {
 
     /// Wall clock time of a frame that begins `reach` steps before the window's last step and
     /// ends `length` steps later, nanoseconds.
-    fn time(&self, place: Place, reach: u32, length: u32, clock: &Clock) -> i64 {
+    fn time(&self, place: Place, reach: u32, length: u32, moment: Moment<'_>) -> i64 {
         let back_us = match self.settings.stamp {
             StampPoint::First => self.device.steps_us(reach),
             StampPoint::Last => self.device.steps_us(reach - length),
-            StampPoint::Arrival => return clock.wall_of_host_ns(place.read),
+            StampPoint::Arrival => return moment.clock.wall_of_host_ns(moment.read),
         };
         let on_scalp = i128::from(place.device_us)
             - i128::from(back_us)
             - i128::from(self.device.group_delay_us);
-        clock.wall_ns(on_scalp).unwrap_or(place.read.wall_ns)
+        let wall_ns = moment.clock.wall_ns(on_scalp);
+        wall_ns.unwrap_or(moment.read.wall_ns)
     }
 }

@@ -17,12 +17,21 @@ const STARVED_AFTER_US: i64 = 2_000_000;
 /// Time between two looks at the clock from which on it was the host that was silent: it slept, or
 /// this program was stopped. What the device said meanwhile waits to be read.
 const ASLEEP_AFTER_US: i64 = 1_000_000;
+/// How long after the start of a stream the device's clock is first asked for, microseconds: codes
+/// come by then.
+const FIRST_SYNC_US: i64 = 2_000_000;
+/// How often it is asked for then, microseconds.
+const SYNC_EVERY_US: i64 = 10_000_000;
 
 /// What the bridge asks of the device: to say who it is, to stop what it may have been doing
 /// before the bridge came, to start. Every command is repeated until it is acknowledged.
 #[derive(Clone, Debug)]
 pub(crate) struct Commands {
     mains_hz: u8,
+    /// What shall stream.
+    wanted_streams: Streams,
+    /// What the device is asked for: less than that, after it refused.
+    streams: Streams,
     wanted: bool,
     device: Introduced,
     /// What the device streams, if anything, was begun by this bridge: it was stopped or reset
@@ -38,6 +47,7 @@ pub(crate) struct Commands {
     fed_us: Option<i64>,
     /// When a starved device was last asked who it is.
     asked_us: i64,
+    sync: Sync,
     looked_us: i64,
 }
 
@@ -57,6 +67,17 @@ enum Stream {
     /// It was asked to, or was streaming when it was last heard of.
     Perhaps,
     Yes,
+}
+
+/// The question for the device's clock, which is not repeated: the next one is as good.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sync {
+    /// When it is due; none while nothing streams.
+    due_us: Option<i64>,
+    /// Number and host time of the newest one.
+    asked: Option<(u32, i64)>,
+    /// The device does not know it.
+    refused: bool,
 }
 
 /// A command that has no answer yet.
@@ -83,9 +104,12 @@ pub(crate) enum Acknowledged {
 
 impl Commands {
     /// Nothing is connected yet; streaming is wanted.
-    pub(crate) fn new(mains_hz: u8) -> Commands {
+    pub(crate) fn new(mains_hz: u8, streams: Streams) -> Commands {
+        let streams = streams | Streams::CODES;
         Commands {
             mains_hz,
+            wanted_streams: streams,
+            streams,
             wanted: true,
             device: Introduced::Not,
             ours: false,
@@ -96,6 +120,7 @@ impl Commands {
             heard_us: 0,
             fed_us: None,
             asked_us: 0,
+            sync: Sync::default(),
             looked_us: 0,
         }
     }
@@ -139,10 +164,12 @@ impl Commands {
     pub(crate) fn reset(&mut self) {
         self.device = Introduced::Not;
         self.ours = false;
+        self.streams = self.wanted_streams;
         self.stream = Stream::Perhaps;
         self.pending = None;
         self.start_not_before_us = 0;
         self.fed_us = None;
+        self.sync = Sync::default();
     }
 
     /// Ask again who is there: the frames do not fit what is known.
@@ -170,6 +197,21 @@ impl Commands {
     pub(crate) fn is_starved(&self, now_us: i64) -> bool {
         let fed_us = self.fed_us.filter(|_| self.stream != Stream::No);
         fed_us.is_some_and(|fed_us| now_us - fed_us > STARVED_AFTER_US)
+    }
+
+    /// What the device is asked to stream: what is wanted, or what an older one has left of it.
+    pub(crate) fn streams(&self) -> Streams {
+        self.streams
+    }
+
+    /// What the device refuses to stream.
+    pub(crate) fn refused_streams(&self) -> Streams {
+        Streams::from_bits(self.wanted_streams.bits() & !self.streams.bits())
+    }
+
+    /// When the device's clock was asked for last, microseconds of the host's.
+    pub(crate) fn clock_asked_us(&self) -> Option<i64> {
+        self.sync.asked.map(|(_, host_us)| host_us)
     }
 
     /// Whether streaming is wanted.
@@ -213,7 +255,9 @@ impl Commands {
         if !self.connected {
             return None;
         }
-        let command = self.needed(now_us)?;
+        let Some(command) = self.needed(now_us) else {
+            return self.sync(now_us, seq);
+        };
         let repeats = self.pending.filter(|pending| pending.command == command);
         if repeats.is_some_and(|pending| now_us < pending.sent_us + RETRY_US) {
             return None;
@@ -243,7 +287,7 @@ impl Commands {
         match (self.wants(), self.stream) {
             (true, Stream::No | Stream::Perhaps) if !self.ours => Some(ToDevice::Stop),
             (true, Stream::No | Stream::Perhaps) if !refused => Some(ToDevice::Start(Start {
-                streams: Streams::CODES,
+                streams: self.streams,
                 mains_hz: self.mains_hz,
             })),
             (false, Stream::Perhaps | Stream::Yes) => Some(ToDevice::Stop),
@@ -255,8 +299,35 @@ impl Commands {
         }
     }
 
+    /// The question for the device's clock, when it is due; one that says nothing is not asked.
+    fn sync(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+        let due = self.sync.due_us.is_some_and(|due_us| now_us >= due_us);
+        let fed = self.fed_us.is_some_and(|fed_us| now_us - fed_us < RETRY_US);
+        if !due || !fed || self.sync.refused || self.stream != Stream::Yes {
+            return None;
+        }
+        self.sync.due_us = Some(now_us + SYNC_EVERY_US);
+        self.sync.asked = Some((seq, now_us));
+        let host_time_us = now_us.unsigned_abs();
+        Some(ToDevice::SyncTime { host_time_us })
+    }
+
+    /// What to ask for after the device refused to stream what was asked for: raw samples are too
+    /// much for some ports, and firmware from before 0.2 knows codes alone.
+    fn fewer_streams(&self) -> Option<Streams> {
+        let samples = (Streams::RAW | Streams::FILTERED).bits();
+        let without = Streams::from_bits(self.streams.bits() & !samples);
+        [without, Streams::CODES]
+            .into_iter()
+            .find(|fewer| *fewer != self.streams)
+    }
+
     /// The device acknowledged the command with number `of`.
     pub(crate) fn acknowledged(&mut self, of: u32, result: AckResult, now_us: i64) -> Acknowledged {
+        if self.sync.asked.is_some_and(|(seq, _)| seq == of) {
+            self.sync.refused |= !matches!(result, AckResult::Done | AckResult::Busy);
+            return Acknowledged::Expected;
+        }
         let ours = |pending: &Pending| {
             of.wrapping_sub(pending.first_seq) <= pending.last_seq.wrapping_sub(pending.first_seq)
         };
@@ -269,6 +340,7 @@ impl Commands {
                 self.pending = None;
                 self.stream = Stream::Yes;
                 self.fed_us.get_or_insert(now_us);
+                self.sync.due_us.get_or_insert(now_us + FIRST_SYNC_US);
                 return Acknowledged::Started;
             }
             (ToDevice::Stop, result) => {
@@ -279,6 +351,11 @@ impl Commands {
                 if result == AckResult::Done {
                     return Acknowledged::Stopped;
                 }
+            }
+            (ToDevice::Start(_), AckResult::BadArgument) if self.fewer_streams().is_some() => {
+                self.streams = self.fewer_streams().unwrap_or(Streams::CODES);
+                self.pending = None;
+                return Acknowledged::Expected;
             }
             (ToDevice::Start(_), _) => {
                 self.start_not_before_us = now_us + REFUSED_RETRY_US;

@@ -1,18 +1,23 @@
 //! The thread that reconstructs.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-use neuro_ros::FrameSink;
+use neuro_ros::{DiagnosticStatus, FrameSink};
 
-use crate::{Reconstruction, TimedCode};
+use crate::audit::AuditCounts;
+use crate::{AuditedWindow, Model, Reconstruction, TimedCode};
 
 /// Windows that may wait for the decoder: 16 s at 16 Hz. One takes some milliseconds.
 const QUEUE_WINDOWS: usize = 256;
 
-/// The thread that reconstructs and publishes, so that decoding delays no byte of the link.
+/// Audits that may wait for the encoder; one comes every 10 s and takes some ten milliseconds.
+const QUEUE_AUDITS: usize = 4;
+
+/// The thread that reconstructs and publishes, and that computes audited codes again, so that
+/// neither delays a byte of the link.
 #[derive(Debug)]
 pub(crate) struct Decoding {
     work: Sender<Work>,
@@ -20,12 +25,22 @@ pub(crate) struct Decoding {
     dropped: Arc<AtomicU64>,
     thread: JoinHandle<()>,
     undecoded: u64,
+    audits: Arc<Audits>,
+    skipped_audits: u64,
+}
+
+/// What the thread has found out.
+#[derive(Debug, Default)]
+struct Audits {
+    waiting: AtomicUsize,
+    counts: Mutex<AuditCounts>,
 }
 
 enum Work {
     /// Another device.
     Begin(Box<Reconstruction>),
     Code(TimedCode),
+    Audit(Box<AuditedWindow>, Arc<Model>),
 }
 
 impl Decoding {
@@ -35,15 +50,19 @@ impl Decoding {
         let left = Arc::clone(&waiting);
         let dropped = Arc::new(AtomicU64::new(0));
         let told = Arc::clone(&dropped);
+        let audits = Arc::new(Audits::default());
+        let results = Arc::clone(&audits);
         let thread = std::thread::Builder::new()
             .name("decoder".to_owned())
-            .spawn(move || decode(sink, &receiver, &left, &told))?;
+            .spawn(move || decode(sink, &receiver, &left, &told, &results))?;
         Ok(Decoding {
             work,
             waiting,
             dropped,
             thread,
             undecoded: 0,
+            audits,
+            skipped_audits: 0,
         })
     }
 
@@ -61,6 +80,23 @@ impl Decoding {
             self.undecoded += 1;
         }
         let _ = self.work.send(Work::Code(window));
+    }
+
+    /// Never waits. When too many wait already, the audit is left out and counted.
+    pub(crate) fn audit(&mut self, window: AuditedWindow, model: Arc<Model>) {
+        if self.audits.waiting.load(Ordering::Relaxed) >= QUEUE_AUDITS {
+            self.skipped_audits += 1;
+            return;
+        }
+        self.audits.waiting.fetch_add(1, Ordering::Relaxed);
+        let _ = self.work.send(Work::Audit(Box::new(window), model));
+    }
+
+    /// What audits have found, for `/diagnostics`.
+    pub(crate) fn audits(&self) -> Option<DiagnosticStatus> {
+        let counts = self.audits.counts.lock();
+        let counts = counts.unwrap_or_else(PoisonError::into_inner);
+        counts.status(self.skipped_audits)
     }
 
     /// Windows that were not decoded because too many waited.
@@ -93,6 +129,7 @@ fn decode(
     work: &Receiver<Work>,
     waiting: &AtomicUsize,
     dropped: &AtomicU64,
+    audits: &Audits,
 ) {
     let mut reconstruction: Option<Box<Reconstruction>> = None;
     for work in work {
@@ -102,6 +139,16 @@ fn decode(
                     new.continues(before);
                 }
                 reconstruction = Some(new);
+                continue;
+            }
+            Work::Audit(window, model) => {
+                let result = window.compare(&model);
+                audits.waiting.fetch_sub(1, Ordering::Relaxed);
+                if result.is_wrong() {
+                    tracing::error!(?result, "the device does not compute its model");
+                }
+                let counts = audits.counts.lock();
+                counts.unwrap_or_else(PoisonError::into_inner).add(result);
                 continue;
             }
             Work::Code(window) => window,
@@ -182,6 +229,7 @@ mod tests {
             filler: FillerPolicy::Last,
             low_latency: false,
             announced: AnnouncedStream::Encoded,
+            streams: link::Streams::CODES,
         };
         Reconstruction::new(&device, model, settings)
     }

@@ -1,13 +1,7 @@
 //! The device as it introduced itself.
 
 use link::{CODE_LEN, Capabilities, CodeFormat, CodeValues, Hello};
-use neuro_ros::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
 use thiserror::Error;
-
-use crate::tri::tri_info;
-
-/// Name that ROS-Neuro sees in `transducter` and `header.frame_id`.
-const TRANSDUCTER: &str = "autoencoder";
 
 /// The device as it introduced itself: everything that its codes mean.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +14,8 @@ pub struct Device {
     pub uid: String,
     /// Its model.
     pub model_id: [u8; 8],
+    /// Samples per second of the ADC.
+    pub adc_rate_hz: u16,
     /// Steps per second at the encoder's input.
     pub step_rate_hz: u16,
     /// Steps in a window.
@@ -30,18 +26,22 @@ pub struct Device {
     pub mains_hz: u8,
     /// Delay of its filters, microseconds.
     pub group_delay_us: u32,
+    /// Channels of the ADC: the electrodes, then the spare ones.
+    pub channels: u8,
     /// Electrode labels in the montage's order.
     pub labels: Vec<String>,
     /// Filters in words.
     pub filters: String,
     /// Largest value the ADC can give, microvolt.
     pub full_scale_uv: f64,
+    /// Microvolt per count of the ADC.
+    pub count_uv: f64,
     /// Format of its codes; [`CodeFormat::Newer`] never.
     pub code_format: CodeFormat,
     scale: [f32; CODE_LEN],
     zero_point: [i8; CODE_LEN],
     /// The least and the greatest `z` that any value of any code can mean.
-    code_range: [f32; 2],
+    pub(crate) code_range: [f32; 2],
 }
 
 /// A device introduced itself with numbers that cannot be.
@@ -154,11 +154,13 @@ impl Device {
             board: hello.board.to_owned(),
             uid: uid.concat(),
             model_id: hello.model_id,
+            adc_rate_hz: capabilities.adc_rate_hz,
             step_rate_hz,
             window_steps,
             hop_steps,
             mains_hz: capabilities.mains_hz,
             group_delay_us: capabilities.group_delay_us,
+            channels: capabilities.channels,
             labels: capabilities
                 .labels
                 .split_whitespace()
@@ -167,6 +169,7 @@ impl Device {
             filters: capabilities.filters.to_owned(),
             // 24 bits: 2^23 counts; nanovolt to microvolt.
             full_scale_uv: f64::from(capabilities.lsb_nv) * 8_388_608.0 / 1000.0,
+            count_uv: f64::from(capabilities.lsb_nv) / 1000.0,
             code_format,
             scale,
             zero_point,
@@ -183,12 +186,9 @@ impl Device {
     pub fn admit(&self, other: &Device) -> Result<(), DeviceError> {
         let differs = [
             ("model", self.model_id != other.model_id),
-            (
-                "rate and window",
-                (self.step_rate_hz, self.window_steps, self.hop_steps)
-                    != (other.step_rate_hz, other.window_steps, other.hop_steps),
-            ),
+            ("rate and window", self.rates() != other.rates()),
             ("electrodes", self.labels != other.labels),
+            ("channels", self.channels != other.channels),
             ("code format", self.code_format != other.code_format),
             (
                 "code scales",
@@ -205,6 +205,28 @@ impl Device {
         }
     }
 
+    fn rates(&self) -> [u16; 4] {
+        let steps = [self.window_steps, self.hop_steps].map(u16::from);
+        [self.adc_rate_hz, self.step_rate_hz, steps[0], steps[1]]
+    }
+
+    /// Index since Start of the ADC sample that a window's last step was picked from.
+    pub fn last_sample(&self, window: u32) -> u64 {
+        let hops = u64::from(window) * u64::from(self.hop_steps);
+        let step = hops + u64::from(self.window_steps) - 1;
+        self.sample_of_step(step)
+    }
+
+    /// Index since Start of the ADC sample that a step was picked from.
+    pub fn sample_of_step(&self, step: u64) -> u64 {
+        step.saturating_mul(u64::from(self.adc_rate_hz)) / u64::from(self.step_rate_hz)
+    }
+
+    /// Label of an ADC channel: an electrode, or `exg1`, `exg2`.. of the spare ones.
+    pub fn channel_label(&self, channel: usize) -> String {
+        channel_label(&self.labels, channel)
+    }
+
     /// Codes per second.
     pub fn codes_per_second(&self) -> u16 {
         self.step_rate_hz / u16::from(self.hop_steps)
@@ -215,6 +237,21 @@ impl Device {
         i64::from(steps) * 1_000_000 / i64::from(self.step_rate_hz)
     }
 
+    /// A float code in steps of this device's codes, within the range of their format:
+    /// `step = z / scale + zero_point`, not rounded.
+    pub fn steps_of(&self, z: &[f32; CODE_LEN]) -> [f64; CODE_LEN] {
+        let range = self.code_format.range().unwrap_or_default().map(f64::from);
+        std::array::from_fn(|index| {
+            let step = f64::from(z[index]) / f64::from(self.scale[index]);
+            let step = step + f64::from(self.zero_point[index]);
+            step.clamp(range[0], range[1])
+        })
+    }
+
+    pub(crate) fn zero_points(&self) -> &[i8; CODE_LEN] {
+        &self.zero_point
+    }
+
     /// `z = (step - zero_point) * scale`, whatever the format.
     pub fn dequantise(&self, values: &CodeValues, z: &mut [f32; CODE_LEN]) {
         let steps = values.steps();
@@ -222,73 +259,12 @@ impl Device {
             *z = dequantised(steps[index], self.scale[index], self.zero_point[index]);
         }
     }
+}
 
-    /// A frame of `/encoded`, zeros in place of data.
-    pub fn encoded_frame(&self) -> NeuroFrame {
-        let labels = (0..CODE_LEN).map(|index| format!("z{index:03}")).collect();
-        let eeg = NeuroDataInfo {
-            nsamples: 1,
-            nchannels: 128,
-            stride: 512,
-            unit: "a.u.".to_owned(),
-            labels,
-            minmax: self.code_range.map(f64::from).to_vec(),
-            ..self.info()
-        };
-        Device::frame(self.codes_per_second(), eeg)
-    }
-
-    /// A frame of `/neurodata_reconstructed`, zeros in place of data.
-    pub fn reconstructed_frame(&self) -> NeuroFrame {
-        let nchannels = u16::try_from(self.labels.len()).unwrap_or(u16::MAX);
-        let eeg = NeuroDataInfo {
-            nsamples: u16::from(self.hop_steps),
-            nchannels,
-            stride: nchannels.saturating_mul(4),
-            unit: "uV".to_owned(),
-            labels: self.labels.clone(),
-            minmax: vec![-self.full_scale_uv, self.full_scale_uv],
-            ..self.info()
-        };
-        Device::frame(self.step_rate_hz, eeg)
-    }
-
-    fn info(&self) -> NeuroDataInfo {
-        NeuroDataInfo {
-            transducter: TRANSDUCTER.to_owned(),
-            prefiltering: self.filters.clone(),
-            ..NeuroDataInfo::default()
-        }
-    }
-
-    fn frame(sr: u16, eeg: NeuroDataInfo) -> NeuroFrame {
-        let nsamples = eeg.nsamples;
-        let values = |channels: u16| usize::from(nsamples) * usize::from(channels);
-        let exg = NeuroDataInfo {
-            nsamples,
-            minmax: vec![0.0, 0.0],
-            ..NeuroDataInfo::default()
-        };
-        let tri = tri_info(nsamples);
-        let mut frame = NeuroFrame {
-            sr,
-            ..NeuroFrame::default()
-        };
-        TRANSDUCTER.clone_into(&mut frame.header.frame_id);
-        frame.eeg = NeuroDataFloat {
-            data: vec![0.0; values(eeg.nchannels)],
-            info: eeg,
-        };
-        frame.exg = NeuroDataFloat {
-            data: Vec::new(),
-            info: exg,
-        };
-        frame.tri = NeuroDataInt32 {
-            data: vec![0; values(tri.nchannels)],
-            info: tri,
-        };
-        frame
-    }
+/// Label of an ADC channel whose first ones are these electrodes.
+pub(crate) fn channel_label(labels: &[String], channel: usize) -> String {
+    let spare = || format!("exg{}", channel + 1 - labels.len());
+    labels.get(channel).cloned().unwrap_or_else(spare)
 }
 
 #[expect(

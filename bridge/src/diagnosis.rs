@@ -1,16 +1,17 @@
 //! What goes to `/diagnostics`.
 
-use link::Counters;
+use link::{Counters, Streams};
 use neuro_ros::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, Header, KeyValue, Stamp};
 
-use crate::HostTime;
 use crate::code_stream::CodeStream;
+use crate::sample_stream::SampleCounts;
 use crate::session::Session;
 use crate::signal_quality::signal_quality;
 use crate::timing::timing;
+use crate::{HostTime, StreamKind};
 
-/// What goes to `/diagnostics`: device, loss, link and clock; the electrodes and the deadlines once
-/// per report of the device.
+/// What goes to `/diagnostics`: device, loss, link, clock, and the converters of a device that has
+/// them; the electrodes and the deadlines once per report of the device.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
         stamp: Stamp::from_nanoseconds(now.wall_ns),
@@ -24,8 +25,12 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
         device(session, now),
         loss(session),
         link(session, wire),
-        clock(session),
+        clock(session, now),
     ];
+    if let Some((report, codes)) = session.converters.as_mut().zip(session.codes.as_ref()) {
+        let device = codes.device();
+        status.push(report.status(device.adc_rate_hz, &device.labels));
+    }
     if let Some((quality, codes)) = session.quality.take().zip(session.codes.as_ref()) {
         status.push(signal_quality(&quality, &codes.device().labels));
     }
@@ -64,15 +69,22 @@ fn device(session: &Session, now: HostTime) -> DiagnosticStatus {
             DiagnosticLevel::Warn,
             "the device should stream and sends no codes; it is asked again".to_owned(),
         ),
-        (None, true) if session.commands.streaming() => {
-            (DiagnosticLevel::Ok, "streaming".to_owned())
-        }
+        (None, true) if session.commands.streaming() => streaming(session),
         (None, true) => (DiagnosticLevel::Ok, "not streaming".to_owned()),
     };
     let mut values = vec![
         KeyValue::new("connections", &session.counts.connections),
         KeyValue::new("resets", &session.counts.resets),
         KeyValue::new("codes unused", &session.counts.early),
+        KeyValue::new("other messages unused", &session.side.unused),
+        KeyValue::new(
+            "audits of another model or size",
+            &session.side.audits_unusable,
+        ),
+        KeyValue::new(
+            "streams asked for",
+            &StreamKind::names(session.commands.streams()),
+        ),
     ];
     if let Some(codes) = &session.codes {
         let device = codes.device();
@@ -100,20 +112,63 @@ fn device(session: &Session, now: HostTime) -> DiagnosticStatus {
     entry("device", (level, message), values)
 }
 
+/// A device that does not stream what the user wants to see is a warning; one without audits and
+/// events, as older ones are, is not.
+fn streaming(session: &Session) -> (DiagnosticLevel, String) {
+    let refused = session.commands.refused_streams();
+    if refused.is_empty() {
+        return (DiagnosticLevel::Ok, "streaming".to_owned());
+    }
+    let samples = refused.contains(Streams::RAW) || refused.contains(Streams::FILTERED);
+    let level = if samples {
+        DiagnosticLevel::Warn
+    } else {
+        DiagnosticLevel::Ok
+    };
+    let names = StreamKind::names(refused);
+    let message = format!("streaming; the device does not stream {names}: update its firmware");
+    (level, message)
+}
+
 fn loss(session: &mut Session) -> DiagnosticStatus {
     let counts = session.codes.as_ref().map(|codes| codes.counts().clone());
     let counts = counts.unwrap_or_default();
     let ledger = &counts.ledger;
     let since = ledger.lost() - session.counts.lost_told;
     session.counts.lost_told = ledger.lost();
-    let state = match since {
-        0 => (DiagnosticLevel::Ok, "nothing lost".to_owned()),
-        lost => (
-            DiagnosticLevel::Warn,
-            format!("{lost} codes lost since the last report"),
-        ),
+    let mut losses = vec![(since, "codes")];
+    let mut side_values = Vec::new();
+    for (stream, name) in [
+        (&mut session.side.raw, "raw samples"),
+        (&mut session.side.filtered, "filtered steps"),
+    ] {
+        if let Some(stream) = stream {
+            losses.push((stream.lost_since_told(), name));
+            side_values.extend(samples(stream.counts(), name));
+        }
+    }
+    let events = &mut session.side.events;
+    losses.push((events.lost_since_told(), "events"));
+    let side_events = [
+        KeyValue::new("events received", &events.ledger().received()),
+        KeyValue::new("events lost", &events.ledger().lost()),
+        KeyValue::new("events of unknown kinds", &events.unknown),
+    ];
+    if session.commands.streams().contains(Streams::EVENTS) {
+        side_values.extend(side_events);
+    }
+    losses.retain(|(lost, _)| *lost > 0);
+    let state = if losses.is_empty() {
+        (DiagnosticLevel::Ok, "nothing lost".to_owned())
+    } else {
+        let losses = losses.iter();
+        let losses: Vec<String> = losses
+            .map(|(lost, what)| format!("{lost} {what}"))
+            .collect();
+        let message = format!("{} lost since the last report", losses.join(", "));
+        (DiagnosticLevel::Warn, message)
     };
-    let values = vec![
+    let mut values = vec![
         KeyValue::new("made", &ledger.made()),
         KeyValue::new("received", &ledger.received()),
         KeyValue::new("lost", &ledger.lost()),
@@ -124,7 +179,25 @@ fn loss(session: &mut Session) -> DiagnosticStatus {
         KeyValue::new("values clipped", &counts.clipped),
         KeyValue::new("code values clipped", &counts.clipped_values),
     ];
+    values.extend(side_values);
     entry("loss", state, values)
+}
+
+fn samples(counts: &SampleCounts, name: &str) -> [KeyValue; 4] {
+    let SampleCounts {
+        received,
+        lost,
+        unpublished,
+        malformed,
+        told: _,
+    } = counts;
+    [
+        ("received", received),
+        ("lost", lost),
+        ("not published", unpublished),
+        ("messages malformed", malformed),
+    ]
+    .map(|(what, count)| KeyValue::new(&format!("{name} {what}"), count))
 }
 
 fn link(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
@@ -163,11 +236,11 @@ fn link(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
     entry("link", state, values)
 }
 
-fn clock(session: &Session) -> DiagnosticStatus {
+fn clock(session: &Session, now: HostTime) -> DiagnosticStatus {
     let clock = &session.clock;
     let held = session.codes.as_ref().map_or(0, CodeStream::held_stamps);
     let message = format!("{:+.1} ppm", clock.drift_ppm());
-    let values = vec![
+    let mut values = vec![
         KeyValue::new("drift ppm", &format!("{:+.2}", clock.drift_ppm())),
         KeyValue::new("residual us", &format!("{:.0}", clock.residual_us())),
         KeyValue::new(
@@ -177,6 +250,19 @@ fn clock(session: &Session) -> DiagnosticStatus {
         KeyValue::new("host clock steps", &clock.wall_steps()),
         KeyValue::new("impossible device times", &clock.refused()),
         KeyValue::new("stamps held", &held),
+        KeyValue::new("impossible answers", &session.round_trips.impossible()),
     ];
+    if let Some(trip) = session.round_trips.shortest(now) {
+        let (under_way, half) = (trip.under_way_us, trip.under_way_us / 2.0);
+        values.push(KeyValue::new("round trip us", &format!("{under_way:.0}")));
+        values.push(KeyValue::new(
+            "offset known to +- us",
+            &format!("{half:.0}"),
+        ));
+        if let Some([least, most]) = trip.late_us {
+            let late = format!("{:.0} to {:.0}", least.max(0.0), most.max(0.0));
+            values.push(KeyValue::new("stamps late by us", &late));
+        }
+    }
     entry("clock", (DiagnosticLevel::Ok, message), values)
 }

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use neuro_ros::{AcquisitionInfo, NeuroFrame};
+use neuro_ros::{AcquisitionInfo, NeuroEvent, NeuroFrame};
 
-use crate::{Device, TimedCode};
+use crate::{AuditedWindow, Device, TimedCode};
 
 /// What the core asks of the world. None of these may wait.
 pub trait Effects {
@@ -20,6 +20,18 @@ pub trait Effects {
 
     /// A window for the decoder; called only if the announcement says that the model fits.
     fn window(&mut self, window: TimedCode);
+
+    /// A frame of `/neurodata`.
+    fn raw(&mut self, frame: &NeuroFrame);
+
+    /// A frame of `/neurodata_filtered`.
+    fn filtered(&mut self, frame: &NeuroFrame);
+
+    /// An event of `/events/bus`.
+    fn event(&mut self, event: &NeuroEvent);
+
+    /// A window for the float encoder; comes only if the announcement says that the model fits.
+    fn audit(&mut self, window: AuditedWindow);
 }
 
 /// A device that is known.

@@ -34,6 +34,39 @@ pub enum BridgeError {
         "the model cannot be read; --model takes a folder with model.toml, weights.safetensors and calibration.safetensors"
     )]
     Model(#[source] ArtifactError),
+    /// What shall be announced is not asked for.
+    #[error(
+        "--announce names a stream that --streams leaves out; add it to --streams, such as \
+         --streams codes,raw --announce raw"
+    )]
+    Announced,
+    /// The port does not open, and nobody waits for it.
+    #[error("{port} does not open; plug the device in, or check --port: {source}")]
+    Unreachable {
+        /// As it was given.
+        port: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Nothing answers at the port.
+    #[error(
+        "no answer {what} within {seconds} s; check cable, power and --baud, and that no other \
+         program uses the port"
+    )]
+    Silent {
+        /// To what.
+        what: &'static str,
+        /// How long it was waited for.
+        seconds: u32,
+    },
+    /// The device answers, and does not do it.
+    #[error("the device refuses {what}: {why}")]
+    Refused {
+        /// What it was asked for.
+        what: &'static str,
+        /// Why, and what to do next.
+        why: &'static str,
+    },
     /// ROS does not let us in.
     #[error("the ROS node cannot be had; check the name, ROS_IP and ROS_MASTER_URI")]
     Node(#[from] NodeError),
@@ -54,7 +87,8 @@ pub enum BridgeError {
 }
 
 impl BridgeError {
-    /// Exit status: 1 a check failed, 2 usage, 3 device or ROS not reachable.
+    /// Exit status: 1 a check failed, 2 usage, 3 device or ROS not reachable, 4 the device is there
+    /// and refuses.
     pub fn exit_code(&self) -> u8 {
         match self {
             BridgeError::Sink(_) | BridgeError::System(_) => 1,
@@ -62,8 +96,12 @@ impl BridgeError {
             | BridgeError::Speed { .. }
             | BridgeError::Model(_)
             | BridgeError::Log { .. }
+            | BridgeError::Announced
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
-            BridgeError::Node(_) => 3,
+            BridgeError::Node(_) | BridgeError::Unreachable { .. } | BridgeError::Silent { .. } => {
+                3
+            }
+            BridgeError::Refused { .. } => 4,
         }
     }
 }

@@ -1,17 +1,21 @@
-//! The decoder's model.
+//! The device's model on this side.
 
 use std::path::Path;
 
-use artifact::{Artifact, ArtifactError, FloatDecoder, ModelId};
+use artifact::{Artifact, ArtifactError, FloatDecoder, FloatEncoder, ModelId, WINDOW_CELLS};
 use link::CODE_LEN;
 
 use crate::Device;
 
-/// The decoder's model: what turns codes of one model id back into microvolts.
+/// What turns codes of one model id back into microvolts, and windows into the codes that a device
+/// of that id should make of them.
 #[derive(Clone, Debug)]
 pub struct Model {
     id: ModelId,
+    encoder: FloatEncoder,
     decoder: FloatDecoder,
+    /// Float input per step of the device's int8 input.
+    input_scale: f32,
     sd_uv: f32,
     steps: usize,
     rate_hz: u32,
@@ -41,7 +45,7 @@ impl Model {
         Model::new(&Artifact::read(folder)?)
     }
 
-    /// The decoder of an artifact.
+    /// Decoder and encoder of an artifact.
     ///
     /// # Errors
     ///
@@ -53,8 +57,12 @@ impl Model {
             reason = "a standard deviation, about 50"
         )]
         let sd_uv = description.input.sd_uv as f32;
+        #[expect(clippy::cast_possible_truncation, reason = "a scale, about 0.1")]
+        let input_scale = (artifact.input_scale_uv()? / description.input.sd_uv) as f32;
         Ok(Model {
             id: artifact.id,
+            encoder: FloatEncoder::new(artifact)?,
+            input_scale,
             decoder: FloatDecoder::new(artifact)?,
             sd_uv,
             steps: description.window.steps,
@@ -104,5 +112,20 @@ impl Model {
             *value *= self.sd_uv;
         }
         window
+    }
+
+    /// Cells of a window.
+    pub fn window_cells(&self) -> usize {
+        WINDOW_CELLS
+    }
+
+    /// The code that the float network makes of a window as a device reads it: int8 cells, plane by
+    /// plane; missing ones count as 0.
+    pub fn encode(&self, planes: &[i8]) -> [f32; CODE_LEN] {
+        let mut window = [0.0; WINDOW_CELLS];
+        for (cell, step) in window.iter_mut().zip(planes) {
+            *cell = f32::from(*step) * self.input_scale;
+        }
+        self.encoder.encode(&window)
     }
 }

@@ -7,20 +7,21 @@ use neuro_ros::Stamp;
 pub(crate) struct Monotone {
     last_ns: i64,
     held: u64,
+    /// Steps back of the wall clock that the stamps have followed.
+    steps_back: u32,
 }
 
 impl Monotone {
-    pub(crate) fn stamp(&mut self, nanoseconds: i64) -> Stamp {
+    /// The stamp of a time on a wall clock that was stepped back `steps_back` times, each time too
+    /// far to wait for it: after such a step a stamp may lie before the last.
+    pub(crate) fn stamp(&mut self, nanoseconds: i64, steps_back: u32) -> Stamp {
+        if std::mem::replace(&mut self.steps_back, steps_back) != steps_back {
+            self.last_ns = 0;
+        }
         let least = self.last_ns.saturating_add(1000);
         self.held += u64::from(nanoseconds < least);
         self.last_ns = nanoseconds.max(least);
         Stamp::from_nanoseconds(self.last_ns)
-    }
-
-    /// The clock itself was stepped back too far to wait for it: the next stamp may lie before
-    /// the last.
-    pub(crate) fn step_back(&mut self) {
-        self.last_ns = 0;
     }
 
     /// Stamps that had to be moved forwards.

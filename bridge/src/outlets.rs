@@ -4,26 +4,30 @@ use std::sync::Arc;
 
 use neuro_ros::{
     AcquisitionInfo, DiagnosticArray, DiagnosticLevel, DiagnosticStatus, FrameSink, KeyValue,
-    NeuroFrame, Sink, SinkError,
+    NeuroEvent, NeuroFrame, Sink, SinkError,
 };
 use tokio::sync::mpsc::UnboundedSender;
 
 use crate::decoding::Decoding;
-use crate::{Announcement, Effects, Model, Reconstruction, Settings, TimedCode};
+use crate::sinks::Sinks;
+use crate::{Announcement, AuditedWindow, Effects, Model, Reconstruction, Settings, TimedCode};
 
 /// Where the core's effects go. Nothing here waits for the network or the device.
 pub(crate) struct Outlets {
-    pub(crate) settings: Settings,
-    pub(crate) model: Arc<Model>,
-    pub(crate) encoded: Box<dyn FrameSink>,
-    pub(crate) diagnostics: Box<dyn Sink<DiagnosticArray>>,
-    pub(crate) decoding: Decoding,
+    settings: Settings,
+    model: Arc<Model>,
+    encoded: Box<dyn FrameSink>,
+    raw: Option<Box<dyn FrameSink>>,
+    filtered: Option<Box<dyn FrameSink>>,
+    events: Option<Box<dyn Sink<NeuroEvent>>>,
+    diagnostics: Box<dyn Sink<DiagnosticArray>>,
+    decoding: Decoding,
     /// To whoever serves `/acquisition/get_info`; none without ROS.
-    pub(crate) announcements: Option<UnboundedSender<AcquisitionInfo>>,
+    announcements: Option<UnboundedSender<AcquisitionInfo>>,
     /// What was announced last.
-    pub(crate) announced: Option<AcquisitionInfo>,
+    announced: Option<AcquisitionInfo>,
     /// Figures of the last report.
-    pub(crate) told: Vec<u64>,
+    told: u64,
     /// Bytes for the device that wait to be written.
     pub(crate) outgoing: Vec<u8>,
     /// The sink has ended for good.
@@ -31,24 +35,72 @@ pub(crate) struct Outlets {
 }
 
 impl Outlets {
+    pub(crate) fn new(
+        sinks: Sinks,
+        settings: Settings,
+        model: Arc<Model>,
+        announcements: Option<UnboundedSender<AcquisitionInfo>>,
+    ) -> std::io::Result<Outlets> {
+        Ok(Outlets {
+            settings,
+            model,
+            encoded: sinks.encoded,
+            raw: sinks.raw,
+            filtered: sinks.filtered,
+            events: sinks.events,
+            diagnostics: sinks.diagnostics,
+            decoding: Decoding::start(sinks.reconstructed)?,
+            announcements,
+            announced: None,
+            told: 0,
+            outgoing: Vec::new(),
+            ended: None,
+        })
+    }
+
+    /// Finish what is queued and say what did not reach its receivers.
+    pub(crate) fn finish(self) {
+        let dropped = self.encoded.dropped();
+        let undecoded = self.decoding.finish();
+        if undecoded > 0 {
+            tracing::warn!(
+                undecoded,
+                "windows that became fillers: the decoder was too slow"
+            );
+        }
+        if dropped > 0 {
+            tracing::warn!(dropped, "codes that slow subscribers did not get");
+        }
+    }
+
     /// Publish the core's report and what the outlets have to add.
     pub(crate) fn diagnose(&mut self, mut report: DiagnosticArray) {
         report.status.push(self.status());
-        if let Err(error) = self.diagnostics.publish(&report) {
-            self.ended = Some(error);
+        if let Some(mut audits) = self.decoding.audits() {
+            audits.name.insert_str(0, "corticode: ");
+            report.status.push(audits);
         }
+        let published = self.diagnostics.publish(&report);
+        self.note(published);
     }
 
     /// What did not reach its receivers.
     fn status(&mut self) -> DiagnosticStatus {
+        let dropped = |sink: &Option<Box<dyn FrameSink>>| sink.as_ref().map(|sink| sink.dropped());
+        let events = self.events.as_ref().map(|sink| sink.dropped());
         let figures = [
-            ("encoded frames dropped", self.encoded.dropped()),
-            ("reconstructed frames dropped", self.decoding.dropped()),
-            ("windows not decoded", self.decoding.undecoded()),
+            ("encoded frames dropped", Some(self.encoded.dropped())),
+            (
+                "reconstructed frames dropped",
+                Some(self.decoding.dropped()),
+            ),
+            ("windows not decoded", Some(self.decoding.undecoded())),
+            ("raw frames dropped", dropped(&self.raw)),
+            ("filtered frames dropped", dropped(&self.filtered)),
+            ("events dropped", events),
         ];
-        let now: Vec<u64> = figures.iter().map(|(_, figure)| *figure).collect();
-        let lost = now.iter().sum::<u64>() > self.told.iter().sum();
-        self.told = now;
+        let now = figures.iter().filter_map(|(_, figure)| *figure).sum();
+        let lost = now > std::mem::replace(&mut self.told, now);
         let (level, message) = if self.decoding.is_dead() {
             let message = "the decoder has ended; restart the bridge for reconstructed frames";
             (DiagnosticLevel::Error, message)
@@ -58,14 +110,20 @@ impl Outlets {
         } else {
             (DiagnosticLevel::Ok, "everything was taken")
         };
+        let figures = figures.into_iter();
+        let values = figures.filter_map(|(name, figure)| Some(KeyValue::new(name, &figure?)));
         DiagnosticStatus {
             level,
             name: "corticode: outlets".to_owned(),
             message: message.to_owned(),
             hardware_id: String::new(),
-            values: figures
-                .map(|(name, figure)| KeyValue::new(name, &figure))
-                .to_vec(),
+            values: values.collect(),
+        }
+    }
+
+    fn note(&mut self, published: Result<(), SinkError>) {
+        if let Err(error) = published {
+            self.ended = Some(error);
         }
     }
 }
@@ -101,12 +159,36 @@ impl Effects for Outlets {
     }
 
     fn encoded(&mut self, frame: &NeuroFrame) {
-        if let Err(error) = self.encoded.publish(frame) {
-            self.ended = Some(error);
-        }
+        let published = self.encoded.publish(frame);
+        self.note(published);
     }
 
     fn window(&mut self, window: TimedCode) {
         self.decoding.window(window);
+    }
+
+    fn raw(&mut self, frame: &NeuroFrame) {
+        if let Some(sink) = &mut self.raw {
+            let published = sink.publish(frame);
+            self.note(published);
+        }
+    }
+
+    fn filtered(&mut self, frame: &NeuroFrame) {
+        if let Some(sink) = &mut self.filtered {
+            let published = sink.publish(frame);
+            self.note(published);
+        }
+    }
+
+    fn event(&mut self, event: &NeuroEvent) {
+        if let Some(sink) = &mut self.events {
+            let published = sink.publish(event);
+            self.note(published);
+        }
+    }
+
+    fn audit(&mut self, window: AuditedWindow) {
+        self.decoding.audit(window, Arc::clone(&self.model));
     }
 }

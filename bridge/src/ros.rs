@@ -9,10 +9,6 @@ use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender};
 use tokio::sync::watch::Receiver;
 use tokio::task::JoinHandle;
 
-/// Frames that may wait for each subscriber: 8 min at 16 Hz, so that even the fillers of a long
-/// outage, which come at once, reach a recorder. About 3 KB each, and only if one is slow.
-const QUEUE_FRAMES: usize = 8192;
-
 /// How long a master may take to answer before its absence is told of.
 const TIME_TO_REGISTER: Duration = Duration::from_secs(1);
 
@@ -38,8 +34,13 @@ impl Ros {
         self.node.shutdown().await;
     }
 
-    pub(crate) async fn sink<M: RosMessage>(&self, topic: &str) -> Result<RosSink<M>, NodeError> {
-        RosSink::advertise(&self.node, topic, QUEUE_FRAMES).await
+    /// Offer a topic; `queue` messages may wait for each subscriber.
+    pub(crate) async fn sink<M: RosMessage>(
+        &self,
+        topic: &str,
+        queue: usize,
+    ) -> Result<RosSink<M>, NodeError> {
+        RosSink::advertise(&self.node, topic, queue).await
     }
 
     /// Serve the newest announcement, beside the link, because registering it may take time.

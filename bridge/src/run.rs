@@ -9,10 +9,10 @@ use tokio::sync::mpsc;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use crate::connection::Connection;
-use crate::decoding::Decoding;
 use crate::leave::Leave;
 use crate::outlets::Outlets;
 use crate::ros::Ros;
+use crate::sinks::Sinks;
 use crate::{BridgeError, Core, HostTime, Model, Options, SinkKind, Summary};
 
 /// How often the core looks at the time.
@@ -40,76 +40,39 @@ pub async fn run(options: Options, mut ros_options: NodeOptions) -> Result<Summa
         ros_options.master_uri.clone_from(uri);
     }
     let settings = options.settings();
-    let [encoded, reconstructed] =
-        &["encoded", "neurodata_reconstructed"].map(|n| options.topic(n));
-    // Whoever aggregates diagnostics listens here, for all robots and prefixes.
-    let diagnostics = "/diagnostics";
+    if !settings.streams.contains(settings.announced.needs()) {
+        return Err(BridgeError::Announced);
+    }
     let (commands_in, commands) = mpsc::unbounded_channel();
     let mut outlets;
     let (mut ros, mut writer) = (None, None);
     match options.sink {
         SinkKind::Ros => {
             let node = Ros::start(ros_options).await?;
+            let sinks = Sinks::ros(&node, &options).await?;
             let (announcements_in, announcements) = mpsc::unbounded_channel();
-            outlets = Outlets {
-                settings,
-                model: Arc::clone(&model),
-                encoded: Box::new(node.sink(encoded).await?),
-                diagnostics: Box::new(node.sink(diagnostics).await?),
-                decoding: Decoding::start(Box::new(node.sink(reconstructed).await?))?,
-                announcements: Some(announcements_in),
-                announced: None,
-                told: Vec::new(),
-                outgoing: Vec::new(),
-                ended: None,
-            };
+            let model = Arc::clone(&model);
+            outlets = Outlets::new(sinks, settings, model, Some(announcements_in))?;
             node.serve(announcements, commands_in);
             leave.watch(Arc::clone(&node.node));
             ros = Some(node);
         }
         SinkKind::Ndjson => {
             let lines = NdjsonWriter::start(std::io::stdout());
-            outlets = Outlets {
-                settings,
-                model: Arc::clone(&model),
-                encoded: Box::new(lines.sink(encoded)),
-                diagnostics: Box::new(lines.sink(diagnostics)),
-                decoding: Decoding::start(Box::new(lines.sink(reconstructed)))?,
-                announcements: None,
-                announced: None,
-                told: Vec::new(),
-                outgoing: Vec::new(),
-                ended: None,
-            };
+            let sinks = Sinks::ndjson(&lines, &options);
+            outlets = Outlets::new(sinks, settings, Arc::clone(&model), None)?;
             writer = Some(lines);
         }
     }
     let mut bridge = Bridge {
         core: Core::new(settings, Some(model)),
-        connection: Connection::new(options.port.clone(), options.baud),
+        connection: Connection::new(options.at.port.clone(), options.at.baud),
         commands,
         outlets: &mut outlets,
     };
     let outcome = bridge.work(&mut leave).await;
     let summary = bridge.core.summary();
-    let Outlets {
-        encoded,
-        diagnostics,
-        decoding,
-        ..
-    } = outlets;
-    let undecoded = decoding.finish();
-    if undecoded > 0 {
-        tracing::warn!(
-            undecoded,
-            "windows that became fillers: the decoder was too slow"
-        );
-    }
-    let dropped = encoded.dropped();
-    if dropped > 0 {
-        tracing::warn!(dropped, "codes that slow subscribers did not get");
-    }
-    drop((encoded, diagnostics));
+    outlets.finish();
     if let Some(ros) = ros {
         ros.shutdown().await;
     }

@@ -1,20 +1,23 @@
 //! What the bridge knows about the device, from frame to frame.
 
+mod introduction;
+
 use std::sync::Arc;
 
 use link::{
-    Ack, Capabilities, Encoder, Frame, FrameError, Header, Hello, MAX_FRAME, Quality, StageTiming,
-    Stats, Streams, Timing, ToDevice, ToHost,
+    Ack, Encoder, Frame, FrameError, Header, MAX_FRAME, Quality, StageTiming, Stats, Streams,
+    Timing, ToDevice, ToHost,
 };
-use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
 use crate::code_stream::CodeStream;
 use crate::commands::{Acknowledged, Commands};
+use crate::converters::ChainReport;
 use crate::identity::Identity;
 use crate::ledger::{Arrival, Ledger};
-use crate::{
-    AnnouncedStream, Announcement, Clock, Device, Effects, HostTime, Model, Settings, timing,
-};
+use crate::moment::Moment;
+use crate::round_trip::RoundTrips;
+use crate::side_streams::{SideStreams, Times};
+use crate::{Clock, Device, Effects, HostTime, Model, Settings, StreamKind, timing};
 
 /// Frames behind in a row after which the device is asked anew who it is: it may have been reset
 /// and its `Hello` lost.
@@ -31,10 +34,12 @@ pub(crate) struct Session {
     /// The device said `Hello` since the port was opened; until then its numbers mean nothing.
     pub(crate) introduced: bool,
     pub(crate) codes: Option<CodeStream>,
+    pub(crate) side: SideStreams,
     /// What was announced first; a device whose codes mean anything else is refused for the rest
     /// of the session.
     first: Option<Arc<Device>>,
     pub(crate) clock: Clock,
+    pub(crate) round_trips: RoundTrips,
     pub(crate) frames: Ledger,
     behind_in_a_row: u32,
     pub(crate) counts: SessionCounts,
@@ -47,8 +52,11 @@ pub(crate) struct Session {
     pub(crate) timing: Option<Timing>,
     /// The stage that came closest to its deadline in any report, or missed it by most.
     pub(crate) worst_stage: Option<StageTiming>,
+    /// The newest report about the converters.
+    pub(crate) converters: Option<ChainReport>,
     warned_of_newer: bool,
     warned_of_version: bool,
+    warned_of_refusal: bool,
 }
 
 /// What is counted beside codes and frames.
@@ -72,12 +80,14 @@ impl Session {
             settings,
             model,
             encoder: Encoder::default(),
-            commands: Commands::new(settings.mains_hz),
+            commands: Commands::new(settings.mains_hz, settings.streams),
             identity: None,
             introduced: false,
             codes: None,
+            side: SideStreams::new(settings),
             first: None,
             clock: Clock::default(),
+            round_trips: RoundTrips::default(),
             frames: Ledger::default(),
             behind_in_a_row: 0,
             counts: SessionCounts::default(),
@@ -86,8 +96,10 @@ impl Session {
             quality: None,
             timing: None,
             worst_stage: None,
+            converters: None,
             warned_of_newer: false,
             warned_of_version: false,
+            warned_of_refusal: false,
         }
     }
 
@@ -163,7 +175,12 @@ impl Session {
                     self.commands.fed(read.monotonic_us);
                     let trusted = self.clock.observe(header.device_time_us, read);
                     let device_us = trusted.then_some(header.device_time_us);
-                    codes.code(code, device_us, read, &self.clock, effects);
+                    let moment = Moment {
+                        read,
+                        clock: &self.clock,
+                        trigger: &self.side.trigger,
+                    };
+                    codes.code(code, device_us, moment, effects);
                 }
                 _ => self.counts.early += 1,
             },
@@ -175,15 +192,62 @@ impl Session {
                 self.worst_stage = timing::worst(known);
                 self.timing = Some(timing.clone());
             }
-            // Nobody has asked for them.
-            ToHost::Raw(_)
-            | ToHost::Filtered(_)
-            | ToHost::Audit(_)
-            | ToHost::Event(_)
-            | ToHost::Converters(_)
-            | ToHost::SelfTest(_)
-            | ToHost::ClockReading(_) => {}
+            ToHost::Raw(_) | ToHost::Filtered(_) | ToHost::Audit(_) | ToHost::Event(_) => {
+                self.side(&frame.message, header.device_time_us, read, effects);
+            }
+            ToHost::Converters(converters) => {
+                let report = ChainReport::next(self.converters.as_ref(), converters);
+                self.converters = Some(report);
+            }
+            ToHost::ClockReading(reading) => self.round_trips.reading(
+                self.commands.clock_asked_us(),
+                *reading,
+                header.device_time_us,
+                read,
+                &self.clock,
+            ),
+            // Nobody has asked for it.
+            ToHost::SelfTest(_) => {}
         }
+    }
+
+    /// Something of a stream beside the codes.
+    fn side(&mut self, message: &ToHost, made_us: u64, read: HostTime, effects: &mut dyn Effects) {
+        if !self.introduced || !self.commands.accepts_codes() {
+            self.side.unused += 1;
+            return;
+        }
+        // Codes are what the clock is fitted to; samples only help when there were none yet.
+        let samples = matches!(message, ToHost::Raw(_) | ToHost::Filtered(_));
+        let possible = if !self.clock.is_known() {
+            !samples || self.clock.observe(made_us, read)
+        } else {
+            self.clock.is_possible(made_us, read)
+        };
+        let times = Times {
+            device_us: possible.then_some(made_us),
+            read,
+            clock: &self.clock,
+        };
+        match message {
+            ToHost::Raw(raw) => self.side.raw(raw, times, effects),
+            ToHost::Filtered(filtered) => self.side.filtered(filtered, times, effects),
+            ToHost::Event(event) => self.side.event(*event, times, effects),
+            ToHost::Audit(audit) => {
+                let model = self.model.as_deref();
+                let model = model.filter(|_| self.objection.is_none());
+                self.side.audit(audit, model, effects);
+            }
+            _ => {}
+        }
+    }
+
+    /// The device begins its streams anew.
+    fn begin(&mut self) {
+        if let Some(codes) = &mut self.codes {
+            codes.begin();
+        }
+        self.side.begin();
     }
 
     /// Enter a frame into the ledger; false if it is a replay.
@@ -198,116 +262,6 @@ impl Session {
             self.commands.identify_again();
         }
         false
-    }
-
-    fn hello(&mut self, hello: &Hello, header: Header) {
-        self.introduced = true;
-        let known = self.identity.as_ref();
-        if known.is_some_and(|identity| identity.is_same_session(hello)) {
-            return;
-        }
-        let reset = known.is_some();
-        let identity = Identity::new(hello);
-        self.frames.expect(header.seq);
-        self.clock.restart();
-        self.stats = None;
-        self.quality = None;
-        self.timing = None;
-        if reset {
-            tracing::warn!("the device was reset, or is another one: {identity}");
-            self.counts.resets += 1;
-            // Until its capabilities are known its codes mean nothing.
-            self.commands.reset();
-            if let Some(codes) = &mut self.codes {
-                codes.begin();
-            }
-        } else {
-            tracing::info!("device: {identity}");
-        }
-        if !hello.fault.is_empty() {
-            tracing::error!(fault = hello.fault, "the device's last run failed");
-        }
-        self.identity = Some(identity);
-    }
-
-    fn capabilities(&mut self, capabilities: &Capabilities, effects: &mut dyn Effects) {
-        let Some(identity) = self.identity.as_ref().filter(|_| self.introduced) else {
-            return;
-        };
-        let device = match Device::new(&identity.as_hello(), capabilities) {
-            Ok(device) => Arc::new(device),
-            Err(error) => return self.refuse(format!("{error}; its codes are not published")),
-        };
-        let objection = self
-            .model
-            .as_ref()
-            .and_then(|model| model.objection(&device));
-        let decodable = self.model.is_some() && objection.is_none();
-        let info = match self.info(&device, decodable) {
-            Ok(info) => info,
-            Err(error) => return self.refuse(format!("{error}; its codes are not published")),
-        };
-        if let Some(first) = &self.first
-            && let Err(error) = first.admit(&device)
-        {
-            return self.refuse(format!("another device is connected: {error}"));
-        }
-        self.first.get_or_insert_with(|| Arc::clone(&device));
-        self.commands.identified(true);
-        self.objection = objection;
-        if self
-            .codes
-            .as_ref()
-            .is_some_and(|codes| **codes.device() == *device)
-        {
-            return;
-        }
-        if let Some(objection) = &self.objection {
-            tracing::error!("{objection}");
-        }
-        tracing::info!(
-            "codes: {} per second, {}",
-            device.codes_per_second(),
-            device.code_format
-        );
-        match &mut self.codes {
-            Some(codes) => codes.replace_device(Arc::clone(&device), decodable),
-            None => {
-                self.codes = Some(CodeStream::new(
-                    Arc::clone(&device),
-                    decodable,
-                    self.settings,
-                ));
-            }
-        }
-        effects.announce(&Announcement {
-            info,
-            device,
-            decodable,
-        });
-    }
-
-    /// What is announced of a device: nothing if the announced stream is not published.
-    fn info(
-        &self,
-        device: &Device,
-        decodable: bool,
-    ) -> Result<Option<AcquisitionInfo>, ContractError> {
-        let model = format!("{} {}", device.board, device.firmware);
-        let encoded = device.encoded_frame();
-        Shape::of(&encoded)?;
-        let frame = match self.settings.announced {
-            AnnouncedStream::Encoded => encoded,
-            AnnouncedStream::Reconstructed if decodable => device.reconstructed_frame(),
-            AnnouncedStream::Reconstructed => return Ok(None),
-        };
-        AcquisitionInfo::new(&model, &device.uid, frame).map(Some)
-    }
-
-    fn refuse(&mut self, why: String) {
-        tracing::error!("{why}");
-        self.objection = Some(why);
-        self.commands.identified(false);
     }
 
     fn stats(&mut self, stats: Stats, device_us: u64, read: HostTime, effects: &mut dyn Effects) {
@@ -328,11 +282,16 @@ impl Session {
         if !self.clock.admits(device_us, read) && !self.clock.observe(device_us, read) {
             return;
         }
-        codes.close(stats.next_window, device_us, read, &self.clock, effects);
+        let moment = Moment {
+            read,
+            clock: &self.clock,
+            trigger: &self.side.trigger,
+        };
+        codes.close(stats.next_window, device_us, moment, effects);
         if !streams && self.commands.wants() {
             tracing::warn!("the device stopped streaming by itself; starting it again");
             self.commands.stopped_by_itself();
-            codes.begin();
+            self.begin();
         }
     }
 
@@ -343,16 +302,22 @@ impl Session {
         {
             Acknowledged::Expected => {}
             Acknowledged::Started => {
-                tracing::info!("streaming");
+                tracing::info!("streaming {}", StreamKind::names(self.commands.streams()));
+                let refused = self.commands.refused_streams();
+                if !refused.is_empty() && !std::mem::replace(&mut self.warned_of_refusal, true) {
+                    tracing::warn!(
+                        "the device does not stream {}: its firmware is older than this bridge, \
+                         or its port too slow; update the firmware, or leave them out of --streams",
+                        StreamKind::names(refused)
+                    );
+                }
                 if let Some(codes) = &mut self.codes {
                     codes.runs();
                 }
             }
             Acknowledged::Stopped => {
                 tracing::debug!("stopped");
-                if let Some(codes) = &mut self.codes {
-                    codes.begin();
-                }
+                self.begin();
             }
             Acknowledged::Refused(command, result) => {
                 let remedy = match command {

@@ -12,7 +12,7 @@
 //! times all its weights, so a cell beyond the edge holds the integer that takes b back: the norm
 //! turns `sign(g) * x` into 0 where `x = -sign(g) * b / scale`.
 
-use artifact::{Artifact, CodeFormat, ELECTRODES, Geometry, NORM_EPSILON, ScalpGrid};
+use artifact::{Artifact, CodeFormat, ELECTRODES, Geometry, HEAD_ROOM, NORM_EPSILON, ScalpGrid};
 
 use crate::{
     ModelGenError,
@@ -23,11 +23,7 @@ use crate::{
     rows::{FloatLayer, IntegerLayer, LayerInput},
 };
 
-/// The quantised input and activations reach this much further than the calibration set did:
-/// clipping costs far more than resolution.
-const HEAD_ROOM: f64 = 1.25;
-
-/// The same for codes, one bit: a blink or a jaw clench that is rarer than the calibration set is
+/// As [`HEAD_ROOM`], for codes, one bit: a blink or a jaw clench that is rarer than the calibration set is
 /// long moves few dimensions far, and a clipped code costs more than all rounding.
 const CODE_HEAD_ROOM: f64 = 2.0;
 
@@ -51,7 +47,8 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
     let mode = artifact.description.mode;
     let codes = CodeScales::of(artifact)?;
     let code_gain = codes.scale.map(|scale| 1.0 / scale);
-    let input_scale_uv = range(artifact, "input.max_abs")? / 127.0;
+    range(artifact, "input.max_abs")?;
+    let input_scale_uv = artifact.input_scale_uv()?;
     let input = LayerInput {
         scale: input_scale_uv / artifact.description.input.sd_uv,
         largest: 128.0,

@@ -1,10 +1,11 @@
 //! Keeps every effect of the core.
 
 use bridge::{
-    AnnouncedStream, Announcement, Core, Effects, FillerPolicy, Settings, StampPoint, TimedCode,
+    AnnouncedStream, Announcement, AuditedWindow, Core, Effects, FillerPolicy, Settings,
+    StampPoint, TimedCode,
 };
-use link::{CodeValues, ToDevice};
-use neuro_ros::{NeuroFrame, Shape};
+use link::{CodeValues, Streams, ToDevice, ToHost};
+use neuro_ros::{DiagnosticStatus, NeuroEvent, NeuroFrame, Shape};
 
 use crate::board::{Board, at, model};
 
@@ -14,6 +15,7 @@ pub(crate) const SETTINGS: Settings = Settings {
     filler: FillerPolicy::Last,
     low_latency: false,
     announced: AnnouncedStream::Encoded,
+    streams: Streams::CODES,
 };
 
 /// Keeps every effect, and holds every frame to the contract.
@@ -23,6 +25,10 @@ pub(crate) struct Recorder {
     pub(crate) announced: Vec<Announcement>,
     pub(crate) encoded: Vec<NeuroFrame>,
     pub(crate) windows: Vec<TimedCode>,
+    pub(crate) raw: Vec<NeuroFrame>,
+    pub(crate) filtered: Vec<NeuroFrame>,
+    pub(crate) events: Vec<NeuroEvent>,
+    pub(crate) audits: Vec<AuditedWindow>,
 }
 
 impl Effects for Recorder {
@@ -35,24 +41,47 @@ impl Effects for Recorder {
     }
 
     fn encoded(&mut self, frame: &NeuroFrame) {
-        let info = self.announced[0].info.as_ref().unwrap();
-        info.shape().admit(frame).unwrap();
         assert_eq!(Shape::of(frame).unwrap().nchannels, [128, 0, 8]);
-        let before = self.encoded.last().map_or((0, 0), |frame| {
-            (frame.neuroheader.seq, frame.header.stamp.nanoseconds())
-        });
-        assert_eq!(frame.neuroheader.seq, before.0 + 1);
-        assert_eq!(frame.header.seq, frame.neuroheader.seq);
-        assert!(
-            frame.header.stamp.nanoseconds() > before.1,
-            "time went backwards"
-        );
-        self.encoded.push(frame.clone());
+        keep(&mut self.encoded, frame);
     }
 
     fn window(&mut self, window: TimedCode) {
         self.windows.push(window);
     }
+
+    fn raw(&mut self, frame: &NeuroFrame) {
+        keep(&mut self.raw, frame);
+    }
+
+    fn filtered(&mut self, frame: &NeuroFrame) {
+        keep(&mut self.filtered, frame);
+    }
+
+    fn event(&mut self, event: &NeuroEvent) {
+        assert_eq!(event.neuroheader.seq as usize, self.events.len() + 1);
+        assert_eq!(event.header.seq, event.neuroheader.seq);
+        self.events.push(event.clone());
+    }
+
+    fn audit(&mut self, window: AuditedWindow) {
+        self.audits.push(window);
+    }
+}
+
+/// Keep a frame that has the shape of the ones before and follows them in number and time.
+fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
+    let shape = Shape::of(frames.first().unwrap_or(frame)).unwrap();
+    shape.admit(frame).unwrap();
+    let before = frames.last().map_or((0, 0), |frame| {
+        (frame.neuroheader.seq, frame.header.stamp.nanoseconds())
+    });
+    assert_eq!(frame.neuroheader.seq, before.0 + 1);
+    assert_eq!(frame.header.seq, frame.neuroheader.seq);
+    assert!(
+        frame.header.stamp.nanoseconds() > before.1,
+        "time went backwards"
+    );
+    frames.push(frame.clone());
 }
 
 /// A core and a board on one desk.
@@ -123,6 +152,19 @@ impl Desk {
         self.now_us += 62_500;
         let bytes = self.board.code_of(self.now_us.unsigned_abs(), values);
         self.receive(&bytes);
+    }
+
+    /// The board says something that it made at `device_us`.
+    pub(crate) fn say(&mut self, device_us: u64, message: &ToHost) {
+        let bytes = self.board.frame(device_us, message);
+        self.receive(&bytes);
+    }
+
+    /// What `/diagnostics` says of a part now.
+    pub(crate) fn status(&mut self, part: &str) -> Option<DiagnosticStatus> {
+        let statuses = self.core.diagnostics(at(self.now_us)).status;
+        let name = format!("corticode: {part}");
+        statuses.into_iter().find(|status| status.name == name)
     }
 
     /// The flags word of every frame of `/encoded`.

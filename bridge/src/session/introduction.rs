@@ -1,0 +1,127 @@
+//! A device says who it is.
+
+use std::sync::Arc;
+
+use link::{Capabilities, Header, Hello};
+use neuro_ros::{AcquisitionInfo, ContractError, Shape};
+
+use super::Session;
+use crate::code_stream::CodeStream;
+use crate::identity::Identity;
+use crate::{AnnouncedStream, Announcement, Device, Effects};
+
+impl Session {
+    pub(super) fn hello(&mut self, hello: &Hello, header: Header) {
+        self.introduced = true;
+        let known = self.identity.as_ref();
+        if known.is_some_and(|identity| identity.is_same_session(hello)) {
+            return;
+        }
+        let reset = known.is_some();
+        let identity = Identity::new(hello);
+        self.frames.expect(header.seq);
+        self.clock.restart();
+        self.stats = None;
+        self.quality = None;
+        self.timing = None;
+        self.converters = None;
+        self.round_trips.begin();
+        self.warned_of_refusal = false;
+        if reset {
+            tracing::warn!("the device was reset, or is another one: {identity}");
+            self.counts.resets += 1;
+            // Until its capabilities are known its codes mean nothing.
+            self.commands.reset();
+            self.begin();
+        } else {
+            tracing::info!("device: {identity}");
+        }
+        if !hello.fault.is_empty() {
+            tracing::error!(fault = hello.fault, "the device's last run failed");
+        }
+        self.identity = Some(identity);
+    }
+
+    pub(super) fn capabilities(&mut self, capabilities: &Capabilities, effects: &mut dyn Effects) {
+        let Some(identity) = self.identity.as_ref().filter(|_| self.introduced) else {
+            return;
+        };
+        let device = match Device::new(&identity.as_hello(), capabilities) {
+            Ok(device) => Arc::new(device),
+            Err(error) => return self.refuse(format!("{error}; its codes are not published")),
+        };
+        let objection = self
+            .model
+            .as_ref()
+            .and_then(|model| model.objection(&device));
+        let decodable = self.model.is_some() && objection.is_none();
+        let info = match self.info(&device, decodable) {
+            Ok(info) => info,
+            Err(error) => return self.refuse(format!("{error}; its codes are not published")),
+        };
+        if let Some(first) = &self.first
+            && let Err(error) = first.admit(&device)
+        {
+            return self.refuse(format!("another device is connected: {error}"));
+        }
+        self.first.get_or_insert_with(|| Arc::clone(&device));
+        self.commands.identified(true);
+        self.objection = objection;
+        if self
+            .codes
+            .as_ref()
+            .is_some_and(|codes| **codes.device() == *device)
+        {
+            return;
+        }
+        if let Some(objection) = &self.objection {
+            tracing::error!("{objection}");
+        }
+        tracing::info!(
+            "codes: {} per second, {}",
+            device.codes_per_second(),
+            device.code_format
+        );
+        self.side.device(&device);
+        match &mut self.codes {
+            Some(codes) => codes.replace_device(Arc::clone(&device), decodable),
+            None => {
+                self.codes = Some(CodeStream::new(
+                    Arc::clone(&device),
+                    decodable,
+                    self.settings,
+                ));
+            }
+        }
+        effects.announce(&Announcement {
+            info,
+            device,
+            decodable,
+        });
+    }
+
+    /// What is announced of a device: nothing if the announced stream is not published.
+    fn info(
+        &self,
+        device: &Device,
+        decodable: bool,
+    ) -> Result<Option<AcquisitionInfo>, ContractError> {
+        let model = format!("{} {}", device.board, device.firmware);
+        let encoded = device.encoded_frame();
+        Shape::of(&encoded)?;
+        let frame = match self.settings.announced {
+            AnnouncedStream::Encoded => encoded,
+            AnnouncedStream::Reconstructed if decodable => device.reconstructed_frame(),
+            AnnouncedStream::Reconstructed => return Ok(None),
+            AnnouncedStream::Raw => device.raw_frame(),
+            AnnouncedStream::Filtered => device.filtered_frame(),
+        };
+        AcquisitionInfo::new(&model, &device.uid, frame).map(Some)
+    }
+
+    fn refuse(&mut self, why: String) {
+        tracing::error!("{why}");
+        self.objection = Some(why);
+        self.commands.identified(false);
+    }
+}
