@@ -6,17 +6,22 @@ use std::fs::File;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use bridge::{BridgeError, Options};
-use clap::Parser;
+use bridge::{Answer, BridgeError, Options, PortOptions, Question, Task};
 use neuro_ros::ros1::NodeOptions;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
 
 fn main() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
-    let options = Options::parse_from(arguments);
-    match start(options, ros) {
-        Ok(()) => ExitCode::SUCCESS,
+    let task = Task::parse_from(arguments.into_iter().map(Into::into));
+    let task = task.unwrap_or_else(|error| error.exit());
+    let done = match task {
+        Task::Bridge(options) => start(*options, ros).map(|()| ExitCode::SUCCESS),
+        Task::SelfTest(options) => ask(&options.at, Question::SelfTest, options.json),
+        Task::Reset(options) => ask(&options.at, Question::Reset(options.starts()), false),
+    };
+    match done {
+        Ok(code) => code,
         Err(error) => {
             eprintln!("corticode-bridge: {error}");
             let mut source = error.source();
@@ -37,6 +42,30 @@ fn start(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {
     let summary = runtime.block_on(bridge::run(options, ros))?;
     eprintln!("corticode-bridge: {summary}");
     Ok(())
+}
+
+/// Ask once and print the answer; a self-test that failed is status 1.
+fn ask(at: &PortOptions, question: Question, json: bool) -> Result<ExitCode, BridgeError> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    match runtime.block_on(bridge::inquire(at, question))? {
+        Answer::SelfTest(report) => {
+            if json {
+                let json = serde_json::to_string_pretty(&report).map_err(std::io::Error::from)?;
+                println!("{json}");
+            } else {
+                println!("{report}");
+            }
+            return Ok(ExitCode::from(u8::from(!report.passed)));
+        }
+        Answer::Back(device) => println!("{device}"),
+        Answer::InLoader(device) => println!(
+            "{} starts its loader; flash it over USB, such as with dfu-util",
+            device.board
+        ),
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// The log goes to stderr, and to the file that roslaunch names.

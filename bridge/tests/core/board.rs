@@ -33,14 +33,20 @@ pub(crate) struct Board {
     pub(crate) session_id: u32,
     pub(crate) labels: String,
     pub(crate) hop_steps: u8,
-    /// In formats other than int8 its zero points are 0 instead of 1.
     pub(crate) code_format: CodeFormat,
+    pub(crate) code_scale: [f32; CODE_LEN],
+    /// Those of int8 codes; the other formats have none.
+    pub(crate) code_zero_point: [i8; CODE_LEN],
     pub(crate) step_rate_hz: u16,
     pub(crate) next_window: u32,
     pub(crate) streaming: bool,
     pub(crate) chip_uid: [u8; 12],
     /// Device time of the last code made.
     pub(crate) now_us: u64,
+    /// What it can stream; a start with more is a bad argument.
+    pub(crate) knows: Streams,
+    /// What it answers to self-test, clock question and reset.
+    pub(crate) answers: AckResult,
     /// Commands that came, oldest first.
     pub(crate) seen: Vec<(u32, ToDevice)>,
 }
@@ -56,11 +62,15 @@ impl Board {
             labels: model.electrodes().join(" "),
             hop_steps: 8,
             code_format: CodeFormat::Int8,
+            code_scale: [0.5; CODE_LEN],
+            code_zero_point: [1; CODE_LEN],
             step_rate_hz: 128,
             next_window: 0,
             streaming: false,
             chip_uid: [7; 12],
             now_us: 0,
+            knows: Streams::from_bits(0b1_1111),
+            answers: AckResult::Done,
             seen: Vec::new(),
         }
     }
@@ -109,7 +119,11 @@ impl Board {
             }),
         );
         let labels = self.labels.clone();
-        let zero_point = i8::from(self.code_format == CodeFormat::Int8);
+        let zero_point = match self.code_format {
+            CodeFormat::Int8 => self.code_zero_point,
+            _ => [0; CODE_LEN],
+        };
+        let code_scale = self.code_scale;
         bytes.extend(self.frame(
             0,
             &ToHost::Capabilities(Capabilities {
@@ -124,8 +138,8 @@ impl Board {
                 labels: &labels,
                 filters: "none",
                 code_format: self.code_format,
-                code_scale: heapless::Vec::from_array([0.5; CODE_LEN]),
-                code_zero_point: heapless::Vec::from_array([zero_point; CODE_LEN]),
+                code_scale: heapless::Vec::from_array(code_scale),
+                code_zero_point: heapless::Vec::from_array(zero_point),
             }),
         ));
         bytes
@@ -142,8 +156,12 @@ impl Board {
         }
         for (seq, command) in commands {
             self.seen.push((seq, command));
+            let mut result = AckResult::Done;
             match command {
                 ToDevice::Identify => answers.extend(self.hello()),
+                ToDevice::Start(start) if !self.knows.contains(start.streams) => {
+                    result = AckResult::BadArgument;
+                }
                 // A start while the same streams run changes nothing.
                 ToDevice::Start(_) if self.streaming => {}
                 ToDevice::Start(_) => {
@@ -154,15 +172,12 @@ impl Board {
                     self.streaming = false;
                     answers.extend(self.stats(Streams::empty()));
                 }
-                ToDevice::Ping
-                | ToDevice::SelfTest
-                | ToDevice::SyncTime { .. }
-                | ToDevice::Reset(_) => {}
+                ToDevice::Ping => {}
+                ToDevice::SelfTest | ToDevice::SyncTime { .. } | ToDevice::Reset(_) => {
+                    result = self.answers;
+                }
             }
-            let ack = Ack {
-                of: seq,
-                result: AckResult::Done,
-            };
+            let ack = Ack { of: seq, result };
             answers.extend(self.frame(0, &ToHost::Ack(ack)));
         }
         answers

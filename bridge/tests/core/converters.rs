@@ -1,0 +1,101 @@
+//! The device's reports about its converters, in `/diagnostics`.
+
+use link::{Converters, ToHost};
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
+
+use crate::board::Board;
+use crate::recorder::{Desk, SETTINGS};
+
+/// A report of two chips in order, but for what `change` changes.
+fn told(desk: &mut Desk, change: impl FnOnce(&mut Converters)) -> DiagnosticStatus {
+    let mut converters = Converters {
+        fault: "",
+        ready_mhz: 512_010,
+        off_positive: 0,
+        off_negative: 0,
+        frames_bad: [0, 0].into_iter().collect(),
+    };
+    change(&mut converters);
+    desk.say(0, &ToHost::Converters(converters));
+    desk.status("converters").unwrap()
+}
+
+fn value<'a>(status: &'a DiagnosticStatus, key: &str) -> &'a str {
+    let pair = status.values.iter().find(|pair| pair.key == key);
+    &pair.unwrap_or_else(|| panic!("{key} of {status:?}")).value
+}
+
+#[test]
+fn chips_in_order_are_no_warning() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    assert_eq!(desk.status("converters"), None);
+    let status = told(&mut desk, |_| {});
+    assert_eq!(
+        (status.level, &*status.message),
+        (DiagnosticLevel::Ok, "2 chips convert")
+    );
+    assert_eq!(
+        value(&status, "DRDY"),
+        "512.010 Hz, +20 ppm off the 512 Hz that were set"
+    );
+    assert_eq!(value(&status, "positive electrodes off"), "none");
+    assert_eq!(value(&status, "chip 1: frames bad"), "0");
+    let status = told(&mut desk, |converters| converters.ready_mhz = 0);
+    assert_eq!(value(&status, "DRDY"), "not known");
+}
+
+#[test]
+fn bad_frames_are_a_warning_that_names_the_chip_until_there_are_no_new_ones() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let mut bad = |count| told(&mut desk, |converters| converters.frames_bad[1] = count);
+    let status = bad(3);
+    assert_eq!(
+        (status.level, &*status.message),
+        (
+            DiagnosticLevel::Warn,
+            "frames bad since the last report: chip 1 (3)"
+        )
+    );
+    assert_eq!(bad(3).level, DiagnosticLevel::Ok);
+    assert!(bad(8).message.ends_with("chip 1 (5)"));
+    // Nothing new, nothing told.
+    assert_eq!(
+        desk.status("converters").unwrap().level,
+        DiagnosticLevel::Ok
+    );
+}
+
+#[test]
+fn electrodes_that_are_off_are_named_spare_channels_too() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let status = told(&mut desk, |converters| {
+        converters.off_positive = 0b11;
+        converters.off_negative = 1 | 1 << 63;
+    });
+    assert_eq!(
+        (status.level, &*status.message),
+        (DiagnosticLevel::Warn, "electrodes off: F3 F1 exg3")
+    );
+    assert_eq!(value(&status, "positive electrodes off"), "F3 F1");
+    assert_eq!(value(&status, "negative electrodes off"), "F3 exg3");
+}
+
+#[test]
+fn a_chain_that_does_not_run_is_an_error_for_as_long_as_it_does_not() {
+    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let fault = "chip 2: ID 0x00";
+    let status = told(&mut desk, |converters| converters.fault = fault);
+    assert_eq!(
+        (status.level, &*status.message),
+        (DiagnosticLevel::Error, fault)
+    );
+    assert_eq!(
+        desk.status("converters").unwrap().level,
+        DiagnosticLevel::Error
+    );
+    assert_eq!(told(&mut desk, |_| {}).level, DiagnosticLevel::Ok);
+    desk.board.reboot();
+    let hello = desk.board.hello();
+    desk.receive(&hello);
+    assert_eq!(desk.status("converters"), None, "of the boot before");
+}

@@ -1,0 +1,122 @@
+//! Edges of the trigger input: events on the bus, and a level beside every sample.
+
+use bridge::Settings;
+use link::{Event, EventKind, Flags, Raw, Streams, ToHost};
+use neuro_ros::DiagnosticLevel;
+
+use crate::board::{Board, WALL_START_NS};
+use crate::recorder::{Desk, SETTINGS};
+
+const EVENTS: Settings = Settings {
+    streams: Streams::from_bits(0b10011),
+    ..SETTINGS
+};
+
+fn event(kind: EventKind, number: u32, sample: u64) -> ToHost<'static> {
+    ToHost::Event(Event {
+        kind,
+        number,
+        sample,
+    })
+}
+
+#[test]
+fn an_edge_becomes_an_event_at_its_own_time() {
+    let mut desk = Desk::streaming(EVENTS, Board::new());
+    desk.code(1, false);
+    // Between two codes, and read later than it happened.
+    let happened = desk.now_us.unsigned_abs() + 10_123;
+    desk.now_us += 30_000;
+    desk.say(happened, &event(EventKind::TriggerRise, 7, 40));
+    desk.say(happened + 5_000, &event(EventKind::TriggerFall, 8, 42));
+    let [rise, fall] = &desk.recorder.events[..] else {
+        panic!("{:?}", desk.recorder.events)
+    };
+    // A user's code of GDF's event table, and the same with the bit that ends an event.
+    assert_eq!((rise.event, fall.event), (1, 0x8001));
+    assert_eq!(
+        (&*rise.description, &*fall.description),
+        ("trigger high", "trigger low")
+    );
+    assert_eq!((rise.duration, rise.family, &*rise.version), (0.0, 0, "1"));
+    let since = rise.header.stamp.nanoseconds() - WALL_START_NS;
+    assert_eq!(since, happened.cast_signed() * 1000);
+    assert_eq!(
+        fall.header.stamp.nanoseconds() - rise.header.stamp.nanoseconds(),
+        5_000_000
+    );
+}
+
+#[test]
+fn events_that_were_lost_are_counted_and_told_of_once() {
+    let mut desk = Desk::streaming(EVENTS, Board::new());
+    desk.code(1, false);
+    let now = desk.now_us.unsigned_abs();
+    for number in [u32::MAX, 0, 4] {
+        desk.say(now, &event(EventKind::TriggerRise, number, 0));
+    }
+    let status = desk.status("loss").unwrap();
+    assert_eq!(
+        (status.level, &*status.message),
+        (DiagnosticLevel::Warn, "3 events lost since the last report")
+    );
+    assert_eq!(desk.status("loss").unwrap().level, DiagnosticLevel::Ok);
+    assert_eq!(desk.recorder.events.len(), 3);
+    // The same one again, and one of a later release, are no events of ours.
+    desk.say(now, &event(EventKind::TriggerRise, 4, 0));
+    desk.say(now, &event(EventKind::Newer(9), 5, 0));
+    assert_eq!(desk.recorder.events.len(), 3);
+    let status = desk.status("loss").unwrap();
+    let unknown = status
+        .values
+        .iter()
+        .find(|pair| pair.key == "events of unknown kinds");
+    assert_eq!(unknown.unwrap().value, "1");
+}
+
+#[test]
+fn every_sample_and_code_says_how_the_trigger_stood() {
+    let mut desk = Desk::streaming(EVENTS, Board::new());
+    let now = desk.now_us.unsigned_abs();
+    desk.say(now, &event(EventKind::TriggerRise, 0, 10));
+    desk.say(now, &event(EventKind::TriggerFall, 1, 70));
+    for first in [0, 8, 16, 24] {
+        let counts = [0; 8 * 64 * 3];
+        let raw = Raw {
+            first_sample: first,
+            channels: 64,
+            flags: Flags::empty(),
+            counts: &counts,
+        };
+        desk.now_us += 15_625;
+        desk.say(desk.now_us.unsigned_abs(), &ToHost::Raw(raw));
+    }
+    let words = desk.recorder.raw[0].tri.data.chunks(8);
+    let levels: Vec<i32> = words.map(|words| words[7]).collect();
+    assert_eq!(levels[..10], [0; 10]);
+    assert_eq!(levels[10..], [1; 22]);
+    // Windows 0 and 1 end at samples 60 and 92.
+    desk.code(1, false);
+    desk.code(1, false);
+    let level = |frame: usize| desk.recorder.encoded[frame].tri.data[7];
+    assert_eq!((level(0), level(1)), (1, 0));
+    assert_eq!(desk.recorder.windows[0].words.trigger, 1);
+}
+
+#[test]
+fn an_event_of_an_impossible_time_is_stamped_with_its_arrival() {
+    let mut desk = Desk::streaming(EVENTS, Board::new());
+    desk.code(1, false);
+    desk.say(u64::MAX, &event(EventKind::TriggerRise, 0, u64::MAX));
+    let stamp = desk.recorder.events[0].header.stamp.nanoseconds();
+    assert_eq!(stamp, crate::board::at(desk.now_us).wall_ns);
+}
+
+#[test]
+fn events_before_an_introduction_are_not_published() {
+    let mut desk = Desk::new(EVENTS, Board::new());
+    desk.core
+        .connected(crate::board::at(desk.now_us), &mut desk.recorder);
+    desk.say(0, &event(EventKind::TriggerRise, 0, 0));
+    assert!(desk.recorder.events.is_empty());
+}

@@ -1,0 +1,400 @@
+//! The ADC's samples and filtered steps on their topics.
+
+use bridge::{FillerPolicy, Settings, StampPoint};
+use link::{Filtered, Flags, Raw, Streams, ToHost};
+use neuro_ros::{DiagnosticLevel, NeuroFrame};
+
+use crate::board::{Board, WALL_START_NS};
+use crate::recorder::{Desk, SETTINGS};
+
+const SAMPLES: Settings = Settings {
+    streams: Streams::from_bits(0b00111),
+    ..SETTINGS
+};
+
+/// Nanovolt per count of the board, as f32 keeps it; microvolt per count.
+const COUNT_UV: f64 = 22.351_742_f32 as f64 / 1000.0;
+
+/// Counts of `samples` samples of `channels` channels from sample `first` on: each says where it is.
+fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
+    let count = |sample: u64, channel: u8| (sample % 50_000 * 100) as i32 - i32::from(channel);
+    let samples = (first..first + samples)
+        .flat_map(|sample| (0..channels).map(move |channel| count(sample, channel)));
+    samples
+        .flat_map(|count| {
+            let [low, middle, high, _] = count.to_le_bytes();
+            [low, middle, high]
+        })
+        .collect()
+}
+
+/// A desk whose clock is known: a code was read when it was made.
+fn desk(settings: Settings) -> Desk {
+    let mut desk = Desk::streaming(settings, Board::new());
+    desk.code(0, false);
+    desk
+}
+
+/// Device time of a sample, microseconds: sample 0 at 2 s.
+fn time(sample: u64) -> u64 {
+    2_000_000 + sample * 1_000_000 / 512
+}
+
+/// Eight samples from `first` on, read when the last was taken.
+fn say(desk: &mut Desk, first: u64, flags: Flags) {
+    let counts = counts(first, 8, 64);
+    let raw = Raw {
+        first_sample: first,
+        channels: 64,
+        flags,
+        counts: &counts,
+    };
+    desk.now_us = time(first + 7).cast_signed();
+    desk.say(time(first + 7), &ToHost::Raw(raw));
+}
+
+/// Row of a frame: eeg, exg.
+fn row(frame: &NeuroFrame, sample: usize) -> (&[f32], &[f32]) {
+    let (eeg, exg) = (&frame.eeg.data, &frame.exg.data);
+    (&eeg[sample * 61..][..61], &exg[sample * 3..][..3])
+}
+
+fn microvolt(sample: u64, channel: u64) -> f32 {
+    (((sample % 50_000 * 100) as f64 - channel as f64) * COUNT_UV) as f32
+}
+
+#[test]
+fn raw_samples_become_frames_of_a_hop_with_the_spare_channels_apart() {
+    let mut desk = desk(SAMPLES);
+    for message in 0..8 {
+        say(&mut desk, message * 8, Flags::empty());
+    }
+    assert_eq!(desk.recorder.raw.len(), 2);
+    let frame = &desk.recorder.raw[1];
+    assert_eq!((frame.sr, frame.eeg.info.nsamples), (512, 32));
+    let info = &frame.eeg.info;
+    assert_eq!((info.nchannels, info.stride, &*info.unit), (61, 244, "uV"));
+    assert_eq!(info.labels, crate::board::model().electrodes());
+    assert_eq!(&*info.prefiltering, "none");
+    assert!((info.minmax[1] - 8_388_608.0 * COUNT_UV).abs() < 1e-6);
+    let exg = &frame.exg.info;
+    assert_eq!((exg.nchannels, exg.stride, exg.nsamples), (3, 12, 32));
+    assert_eq!(
+        (&exg.labels[..], &*exg.unit),
+        (&["exg1", "exg2", "exg3"].map(str::to_owned)[..], "uV")
+    );
+    for sample in 0..32 {
+        let (eeg, exg) = row(frame, sample);
+        let index = 32 + sample as u64;
+        assert_eq!(
+            (eeg[0], eeg[60]),
+            (microvolt(index, 0), microvolt(index, 60))
+        );
+        assert_eq!(
+            (exg[0], exg[2]),
+            (microvolt(index, 61), microvolt(index, 63))
+        );
+        let words = &frame.tri.data[sample * 8..][..8];
+        let us = i64::from(words[3]) | i64::from(words[4]) << 16 | i64::from(words[5]) << 32;
+        assert!(
+            (us - time(index).cast_signed()).abs() <= 1,
+            "sample {index}: {us}"
+        );
+        assert_eq!((words[0], words[1], words[6], words[7]), (0, 1, 0, 0));
+    }
+}
+
+#[test]
+fn stamps_of_samples_are_those_of_the_adc_and_of_steps_those_of_the_scalp() {
+    for (stamp, raw_us, filtered_us) in [
+        // The second frame: sample 32, step 8; filters delay by 10 ms.
+        (StampPoint::First, 62_500, 52_500),
+        // 31 samples and 7 steps later.
+        (StampPoint::Last, 62_500 + 60_546, 52_500 + 54_687),
+    ] {
+        let mut desk = desk(Settings { stamp, ..SAMPLES });
+        for message in 0..8 {
+            say(&mut desk, message * 8, Flags::empty());
+            if message % 2 == 1 {
+                steps(&mut desk, (message - 1) * 2, 61, 5);
+            }
+        }
+        for (frame, expected) in [
+            (&desk.recorder.raw[1], raw_us),
+            (&desk.recorder.filtered[1], filtered_us),
+        ] {
+            let since = frame.header.stamp.nanoseconds() - WALL_START_NS - 2_000_000_000;
+            assert!(
+                (since / 1000 - expected).abs() <= 2,
+                "{stamp:?}: {since} ns"
+            );
+        }
+    }
+}
+
+/// Four steps from `first` on, each value its step in counts.
+fn steps(desk: &mut Desk, first: u64, electrodes: u8, fraction_bits: u8) {
+    let values = (first..first + 4).flat_map(|step| {
+        let value = i32::try_from(step << fraction_bits).unwrap();
+        (0..electrodes).flat_map(move |_| value.to_le_bytes())
+    });
+    let values: Vec<u8> = values.collect();
+    let filtered = Filtered {
+        first_step: first,
+        electrodes,
+        fraction_bits,
+        flags: Flags::SETTLING,
+        values: &values,
+    };
+    let last_us = time((first + 3) * 4);
+    desk.say(last_us, &ToHost::Filtered(filtered));
+}
+
+#[test]
+fn filtered_steps_become_frames_of_a_hop_in_microvolts() {
+    let mut desk = desk(SAMPLES);
+    for message in 0..4 {
+        steps(&mut desk, message * 4, 61, 5);
+    }
+    assert_eq!(desk.recorder.filtered.len(), 2);
+    let frame = &desk.recorder.filtered[1];
+    let info = &frame.eeg.info;
+    assert_eq!((frame.sr, info.nsamples, info.nchannels), (128, 8, 61));
+    assert_eq!((&*info.prefiltering, frame.exg.info.nchannels), ("none", 0));
+    for step in 0..8 {
+        let expected = ((8 + step) as f64 * COUNT_UV) as f32;
+        assert_eq!(frame.eeg.data[step * 61 + 60], expected);
+        assert_eq!(frame.tri.data[step * 8], i32::from(Flags::SETTLING.bits()));
+    }
+    assert!(desk.recorder.raw.is_empty());
+}
+
+#[test]
+fn steps_beyond_the_announced_range_are_held_within_it() {
+    let mut desk = desk(SAMPLES);
+    let values = [i32::MAX.to_le_bytes(), i32::MIN.to_le_bytes()].concat();
+    let values = values.repeat(61 * 4);
+    for first_step in [0, 8] {
+        let filtered = Filtered {
+            first_step,
+            electrodes: 61,
+            fraction_bits: 0,
+            flags: Flags::empty(),
+            values: &values,
+        };
+        desk.say(time(28), &ToHost::Filtered(filtered));
+    }
+    let frame = &desk.recorder.filtered[0];
+    for value in &frame.eeg.data {
+        assert!(f64::from(value.abs()) <= frame.eeg.info.minmax[1] + 0.01);
+    }
+}
+
+#[test]
+fn lost_samples_are_filled_flagged_and_counted_so_that_the_count_is_that_of_time() {
+    for (filler, value) in [
+        (FillerPolicy::Last, microvolt(39, 0)),
+        (FillerPolicy::Zeros, 0.0),
+    ] {
+        let mut desk = desk(Settings { filler, ..SAMPLES });
+        for first in (0..40).chain(56..96).step_by(8) {
+            say(&mut desk, first, Flags::empty());
+        }
+        assert_eq!(desk.recorder.raw.len(), 3, "96 samples");
+        let frame = &desk.recorder.raw[1];
+        for sample in 0..32 {
+            let index = 32 + sample as u64;
+            let lost = (40..56).contains(&index);
+            let flags = frame.tri.data[sample * 8];
+            assert_eq!(flags & 0x8000 != 0, lost, "sample {index}");
+            let expected = if lost { value } else { microvolt(index, 0) };
+            assert_eq!(row(frame, sample).0[0], expected, "sample {index}");
+            assert_eq!(
+                frame.tri.data[sample * 8 + 6],
+                if index < 40 { 0 } else { 16 }
+            );
+        }
+        let status = desk.status("loss").unwrap();
+        assert_eq!(status.level, DiagnosticLevel::Warn);
+        assert_eq!(status.message, "16 raw samples lost since the last report");
+        let status = desk.status("loss").unwrap();
+        assert_eq!(status.level, DiagnosticLevel::Ok);
+        let lost = status
+            .values
+            .iter()
+            .find(|pair| pair.key == "raw samples lost");
+        assert_eq!(lost.unwrap().value, "16");
+    }
+}
+
+#[test]
+fn without_fillers_a_frame_that_would_hold_one_does_not_come() {
+    let mut desk = desk(Settings {
+        filler: FillerPolicy::Off,
+        ..SAMPLES
+    });
+    for first in (0..40)
+        .chain(56..32_000)
+        .step_by(8)
+        .chain([96_000, 96_008, 96_016, 96_024])
+    {
+        if !(512..9_600).contains(&first) {
+            say(&mut desk, first, Flags::empty());
+        }
+    }
+    let frames = &desk.recorder.raw;
+    assert!(
+        frames
+            .iter()
+            .all(|frame| frame.tri.data.iter().step_by(8).all(|flags| *flags == 0))
+    );
+    let of = |frame: &NeuroFrame| frame.tri.data[1];
+    let expected: Vec<i32> = [0]
+        .into_iter()
+        .chain(2..16)
+        .chain(300..1000)
+        .chain([3000])
+        .collect();
+    assert_eq!(frames.iter().map(of).collect::<Vec<_>>(), expected);
+}
+
+#[test]
+fn an_outage_too_long_to_fill_is_counted_and_frames_stay_in_step() {
+    let mut desk = desk(SAMPLES);
+    say(&mut desk, 0, Flags::empty());
+    // 200 s and a bit.
+    let first = 512 * 200 + 8;
+    for message in 0..7 {
+        say(&mut desk, first + message * 8, Flags::empty());
+    }
+    let frames = desk.recorder.raw.clone();
+    // What is left of the first frame, 120 s, and the frame at hand.
+    let last = frames.last().unwrap();
+    assert_eq!(row(last, 31).0[0], microvolt(first + 55, 0));
+    assert!((1921..=1923).contains(&frames.len()), "{}", frames.len());
+    let status = desk.status("loss").unwrap();
+    let figure = |key: &str| {
+        let pair = status.values.iter().find(|pair| pair.key == key).unwrap();
+        pair.value.parse::<u64>().unwrap()
+    };
+    assert_eq!(figure("raw samples lost"), 512 * 200);
+    let published = frames.len() as u64 * 32;
+    assert_eq!(figure("raw samples not published") + published, first + 56);
+}
+
+#[test]
+fn samples_that_do_not_fit_the_device_are_counted_and_never_published() {
+    let mut desk = desk(SAMPLES);
+    let good = counts(0, 8, 64);
+    for (channels, bytes) in [
+        (64, &good[..good.len() - 1]),
+        (64, &good[..64]),
+        (63, &good[..63 * 3]),
+        (0, &good[..0]),
+        (0, &good[..64]),
+        (64, &good[..0]),
+        (255, &good[..255]),
+    ] {
+        let raw = Raw {
+            first_sample: 0,
+            channels,
+            flags: Flags::empty(),
+            counts: bytes,
+        };
+        desk.say(2_000_000, &ToHost::Raw(raw));
+    }
+    for (first_sample, electrodes) in [(u64::MAX, 64), (u64::MAX - 7, 64)] {
+        let raw = Raw {
+            first_sample,
+            channels: electrodes,
+            flags: Flags::empty(),
+            counts: &good,
+        };
+        desk.say(2_000_000, &ToHost::Raw(raw));
+    }
+    for (electrodes, values) in [
+        (61, &good[..61 * 4 + 2]),
+        (60, &good[..240]),
+        (0, &good[..0]),
+    ] {
+        let filtered = Filtered {
+            first_step: 0,
+            electrodes,
+            fraction_bits: 200,
+            flags: Flags::empty(),
+            values,
+        };
+        desk.say(2_000_000, &ToHost::Filtered(filtered));
+    }
+    assert!(desk.recorder.filtered.is_empty());
+    let status = desk.status("loss").unwrap();
+    let figure = |key: &str| {
+        let pair = status.values.iter().find(|pair| pair.key == key).unwrap();
+        pair.value.clone()
+    };
+    assert_eq!(figure("raw samples messages malformed"), "9");
+    assert_eq!(figure("filtered steps messages malformed"), "3");
+    assert_eq!(figure("raw samples received"), "0");
+    assert!(desk.recorder.raw.is_empty());
+    // Codes are not affected.
+    desk.code(1, false);
+    assert_eq!(desk.core.summary().received, 2);
+}
+
+#[test]
+fn a_stream_that_begins_anew_begins_a_frame_anew() {
+    let mut desk = desk(SAMPLES);
+    for first in [0, 8, 16] {
+        say(&mut desk, first, Flags::empty());
+    }
+    desk.core.want(false);
+    desk.core
+        .tick(crate::board::at(desk.now_us), &mut desk.recorder);
+    desk.converse();
+    desk.core.want(true);
+    desk.core
+        .tick(crate::board::at(desk.now_us), &mut desk.recorder);
+    desk.converse();
+    for first in [0, 8, 16, 24] {
+        let counts = counts(first, 8, 64);
+        let raw = Raw {
+            first_sample: first,
+            channels: 64,
+            flags: Flags::empty(),
+            counts: &counts,
+        };
+        desk.say(3_000_000 + first * 1953, &ToHost::Raw(raw));
+    }
+    assert_eq!(desk.recorder.raw.len(), 1);
+    assert!(
+        desk.recorder.raw[0]
+            .tri
+            .data
+            .iter()
+            .step_by(8)
+            .all(|flags| *flags == 0)
+    );
+}
+
+#[test]
+fn samples_that_nobody_asked_for_are_counted() {
+    let mut desk = desk(SETTINGS);
+    say(&mut desk, 0, Flags::empty());
+    let status = desk.status("device").unwrap();
+    let unused = status
+        .values
+        .iter()
+        .find(|pair| pair.key == "other messages unused");
+    assert_eq!(unused.unwrap().value, "1");
+}
+
+#[test]
+fn samples_that_come_before_the_first_code_have_a_time() {
+    let mut desk = Desk::streaming(SAMPLES, Board::new());
+    for first in [0, 8, 16, 24] {
+        say(&mut desk, first, Flags::empty());
+    }
+    let stamp = desk.recorder.raw[0].header.stamp.nanoseconds();
+    let off = stamp - WALL_START_NS - 2_000_000_000;
+    assert!(off.abs() < 2_000, "{off} ns");
+}
