@@ -253,13 +253,13 @@ fn clock(session: &Session, now: HostTime) -> DiagnosticStatus {
         KeyValue::new("impossible answers", &session.round_trips.impossible()),
     ];
     if let Some(trip) = session.round_trips.shortest(now) {
-        let (under_way, half) = (trip.under_way_us, trip.under_way_us / 2.0);
+        let (under_way, half) = (trip.under_way, trip.under_way / 2.0);
         values.push(KeyValue::new("round trip us", &format!("{under_way:.0}")));
         values.push(KeyValue::new(
             "offset known to +- us",
             &format!("{half:.0}"),
         ));
-        if let Some([least, most]) = trip.late_us {
+        if let Some([least, most]) = trip.late {
             let late = format!("{:.0} to {:.0}", least.max(0.0), most.max(0.0));
             values.push(KeyValue::new("stamps late by us", &late));
         }

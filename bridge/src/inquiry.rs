@@ -214,13 +214,12 @@ impl Inquiry {
             return Some(Err(BridgeError::Silent { what, seconds }));
         }
         let command = match (self.stage, self.question) {
-            (Stage::Identify, _) => ToDevice::Identify,
+            // After a reset its Hello may have come while nobody listened.
+            (Stage::Identify, _) | (Stage::Wait, Question::Reset(_)) => ToDevice::Identify,
             (Stage::Stop, _) => ToDevice::Stop,
             (Stage::Ask, Question::SelfTest) => ToDevice::SelfTest,
             (Stage::Ask, Question::Reset(into)) => ToDevice::Reset(into),
             (Stage::Wait, Question::SelfTest) => return None,
-            // Its Hello may have come while nobody listened.
-            (Stage::Wait, Question::Reset(_)) => ToDevice::Identify,
         };
         let waits = |pending: Pending| now_us - pending.sent_us < RETRY_US;
         if !self.pending.is_some_and(waits) {

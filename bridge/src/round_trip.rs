@@ -32,11 +32,11 @@ pub(crate) struct RoundTrips {
 /// One question and its answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RoundTrip {
-    read_us: i64,
+    read: HostTime,
     /// Microseconds under way, both directions together.
-    pub(crate) under_way_us: f64,
+    pub(crate) under_way: f64,
     /// The least and the most that the fit's times can be late by, microseconds.
-    pub(crate) late_us: Option<[f64; 2]>,
+    pub(crate) late: Option<[f64; 2]>,
 }
 
 impl RoundTrips {
@@ -58,24 +58,24 @@ impl RoundTrips {
         let answer = sent_us
             .filter(asked)
             .zip(made_us.checked_sub(reading.received_us));
-        let under_way_us = answer.map(|(sent_us, inside_us)| {
+        let under_way = answer.map(|(sent_us, inside_us)| {
             #[expect(clippy::cast_precision_loss, reason = "seconds, in microseconds")]
             let us = (i128::from(read.monotonic_us) - i128::from(sent_us) - i128::from(inside_us))
                 as f64;
             (sent_us, us)
         });
-        let Some((sent_us, under_way_us)) = under_way_us.filter(|(_, us)| *us >= 0.0) else {
+        let Some((sent_us, under_way)) = under_way.filter(|(_, us)| *us >= 0.0) else {
             self.impossible += 1;
             return;
         };
         let least = clock.lag_us(made_us, read.monotonic_us);
         let most = clock.lag_us(reading.received_us, sent_us);
         self.recent.push_back(RoundTrip {
-            read_us: read.monotonic_us,
-            under_way_us,
-            late_us: least.zip(most).map(|(least, most)| [-least, -most]),
+            read,
+            under_way,
+            late: least.zip(most).map(|(least, most)| [-least, -most]),
         });
-        let old = |trip: &RoundTrip| trip.read_us < read.monotonic_us - KEPT_US;
+        let old = |trip: &RoundTrip| trip.read.monotonic_us < read.monotonic_us - KEPT_US;
         while self.recent.front().is_some_and(old) {
             self.recent.pop_front();
         }
@@ -83,8 +83,8 @@ impl RoundTrips {
 
     /// The shortest of the last minute.
     pub(crate) fn shortest(&self, now: HostTime) -> Option<RoundTrip> {
-        let fresh = |trip: &&RoundTrip| trip.read_us >= now.monotonic_us - KEPT_US;
-        let by_length = |a: &&RoundTrip, b: &&RoundTrip| a.under_way_us.total_cmp(&b.under_way_us);
+        let fresh = |trip: &&RoundTrip| trip.read.monotonic_us >= now.monotonic_us - KEPT_US;
+        let by_length = |a: &&RoundTrip, b: &&RoundTrip| a.under_way.total_cmp(&b.under_way);
         self.recent.iter().filter(fresh).min_by(by_length).copied()
     }
 

@@ -151,11 +151,15 @@ impl SelfTestReport {
 
 impl DeviceLine {
     pub(crate) fn new(hello: &Hello) -> DeviceLine {
-        let uid = hello.chip_uid.iter();
+        let uid: Vec<String> = hello
+            .chip_uid
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect();
         DeviceLine {
             board: hello.board.to_owned(),
             firmware: hello.firmware.to_owned(),
-            uid: uid.map(|byte| format!("{byte:02x}")).collect(),
+            uid: uid.concat(),
             reset_cause: reset_cause(hello.reset_cause),
             fault: hello.fault.to_owned(),
         }

@@ -116,9 +116,12 @@ fn columns<const N: usize>(
     for row in &table {
         let cells = row.iter().zip(widths).zip(right);
         let cells: Vec<String> = cells
-            .map(|((cell, width), right)| match right {
-                true => format!("{cell:>width$}"),
-                false => format!("{cell:<width$}"),
+            .map(|((cell, width), right)| {
+                if right {
+                    format!("{cell:>width$}")
+                } else {
+                    format!("{cell:<width$}")
+                }
             })
             .collect();
         writeln!(formatter, "{}", cells.join("  ").trim_end())?;

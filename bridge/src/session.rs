@@ -54,9 +54,16 @@ pub(crate) struct Session {
     pub(crate) worst_stage: Option<StageTiming>,
     /// The newest report about the converters.
     pub(crate) converters: Option<ChainReport>,
-    warned_of_newer: bool,
-    warned_of_version: bool,
-    warned_of_refusal: bool,
+    warned: Warned,
+}
+
+/// What the log has been told of, once.
+#[derive(Clone, Copy, Debug, Default)]
+struct Warned {
+    newer: bool,
+    version: bool,
+    /// Of streams that this device refuses.
+    refusal: bool,
 }
 
 /// What is counted beside codes and frames.
@@ -97,9 +104,7 @@ impl Session {
             timing: None,
             worst_stage: None,
             converters: None,
-            warned_of_newer: false,
-            warned_of_version: false,
-            warned_of_refusal: false,
+            warned: Warned::default(),
         }
     }
 
@@ -136,7 +141,7 @@ impl Session {
             if self.introduced {
                 self.numbered(header);
             }
-            if !std::mem::replace(&mut self.warned_of_newer, true) {
+            if !std::mem::replace(&mut self.warned.newer, true) {
                 tracing::warn!(
                     kind,
                     "the device sends messages that are newer than this bridge; they are left \
@@ -144,7 +149,7 @@ impl Session {
                 );
             }
         } else if let FrameError::Version(_) = error
-            && !std::mem::replace(&mut self.warned_of_version, true)
+            && !std::mem::replace(&mut self.warned.version, true)
         {
             tracing::error!("the device cannot be understood: {error}");
         } else {
@@ -168,7 +173,8 @@ impl Session {
             return;
         }
         match &frame.message {
-            ToHost::Hello(_) => {}
+            // The one was entered above; nobody has asked for the other.
+            ToHost::Hello(_) | ToHost::SelfTest(_) => {}
             ToHost::Capabilities(capabilities) => self.capabilities(capabilities, effects),
             ToHost::Code(code) => match &mut self.codes {
                 Some(codes) if self.introduced && self.commands.accepts_codes() => {
@@ -206,8 +212,6 @@ impl Session {
                 read,
                 &self.clock,
             ),
-            // Nobody has asked for it.
-            ToHost::SelfTest(_) => {}
         }
     }
 
@@ -219,10 +223,10 @@ impl Session {
         }
         // Codes are what the clock is fitted to; samples only help when there were none yet.
         let samples = matches!(message, ToHost::Raw(_) | ToHost::Filtered(_));
-        let possible = if !self.clock.is_known() {
-            !samples || self.clock.observe(made_us, read)
-        } else {
+        let possible = if self.clock.is_known() {
             self.clock.is_possible(made_us, read)
+        } else {
+            !samples || self.clock.observe(made_us, read)
         };
         let times = Times {
             device_us: possible.then_some(made_us),
@@ -304,7 +308,7 @@ impl Session {
             Acknowledged::Started => {
                 tracing::info!("streaming {}", StreamKind::names(self.commands.streams()));
                 let refused = self.commands.refused_streams();
-                if !refused.is_empty() && !std::mem::replace(&mut self.warned_of_refusal, true) {
+                if !refused.is_empty() && !std::mem::replace(&mut self.warned.refusal, true) {
                     tracing::warn!(
                         "the device does not stream {}: its firmware is older than this bridge, \
                          or its port too slow; update the firmware, or leave them out of --streams",

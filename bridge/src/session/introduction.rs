@@ -26,7 +26,7 @@ impl Session {
         self.timing = None;
         self.converters = None;
         self.round_trips.begin();
-        self.warned_of_refusal = false;
+        self.warned.refusal = false;
         if reset {
             tracing::warn!("the device was reset, or is another one: {identity}");
             self.counts.resets += 1;

@@ -1,4 +1,8 @@
 //! Windows and codes computed again.
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "scales and zero points within their types"
+)]
 
 use std::path::Path;
 use std::sync::Arc;
@@ -47,7 +51,7 @@ fn device(artifact: &Artifact) -> Device {
     let mut board = Board::new();
     for value in 0..CODE_LEN {
         let scale = (high[value] - low[value]) / 2.0 * 2.0 / 127.0;
-        let middle = (high[value] + low[value]) / 2.0;
+        let middle = f64::midpoint(high[value], low[value]);
         board.code_scale[value] = scale as f32;
         board.code_zero_point[value] = (-middle / scale).round() as i8;
     }
@@ -137,12 +141,12 @@ fn the_limits_widen_with_the_exponent_of_a_code() {
     assert!((wide.largest_limit - narrow.largest_limit - 7.5).abs() < 1e-9);
 }
 
-fn audit(model_id: [u8; 8], planes: &[u8], values: CodeValues) -> ToHost<'_> {
+fn audit(model_id: [u8; 8], planes: &[u8], values: &CodeValues) -> ToHost<'_> {
     ToHost::Audit(Audit {
         model_id,
         window: 3,
         planes,
-        values,
+        values: *values,
     })
 }
 
@@ -151,7 +155,7 @@ fn audits_go_to_the_encoder_unless_they_cannot_be_compared() {
     let mut desk = Desk::streaming(AUDIT, Board::new());
     let (id, values) = (model().id(), CodeValues::Int8([5; CODE_LEN]));
     let planes = [0xFE; 1440];
-    desk.say(0, &audit(id, &planes, values));
+    desk.say(0, &audit(id, &planes, &values));
     let [audited] = &desk.recorder.audits[..] else {
         panic!("{:?}", desk.recorder.audits)
     };
@@ -162,10 +166,10 @@ fn audits_go_to_the_encoder_unless_they_cannot_be_compared() {
     );
     let wide = CodeValues::Int16([5; CODE_LEN]);
     for wrong in [
-        audit([9; 8], &planes, values),
-        audit(id, &planes[1..], values),
-        audit(id, &[], values),
-        audit(id, &planes, wide),
+        audit([9; 8], &planes, &values),
+        audit(id, &planes[1..], &values),
+        audit(id, &[], &values),
+        audit(id, &planes, &wide),
     ] {
         desk.say(0, &wrong);
     }
@@ -185,6 +189,6 @@ fn a_bridge_without_the_devices_model_compares_nothing() {
     let mut desk = Desk::new(AUDIT, board);
     desk.connect();
     let values = CodeValues::Int8([5; CODE_LEN]);
-    desk.say(0, &audit([9; 8], &[0; 1440], values));
+    desk.say(0, &audit([9; 8], &[0; 1440], &values));
     assert!(desk.recorder.audits.is_empty());
 }

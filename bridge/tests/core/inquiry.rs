@@ -317,7 +317,7 @@ fn a_device_in_its_loader_is_not_waited_for() {
 fn noise_is_no_answer() {
     let mut desk = Desk::new(Question::SelfTest, Board::new());
     let noise: Vec<u8> = (0..50_000_u32)
-        .map(|n| (n * n >> 3).to_le_bytes()[1])
+        .map(|n| ((n * n) >> 3).to_le_bytes()[1])
         .collect();
     assert!(desk.inquiry.receive(&noise, 0).is_none());
     assert!(desk.talk(2_000_000).is_none());

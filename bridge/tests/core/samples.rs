@@ -1,4 +1,10 @@
 //! The ADC's samples and filtered steps on their topics.
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    clippy::float_cmp,
+    reason = "counts of 24 bits; the expected values are computed as the bridge does"
+)]
 
 use bridge::{FillerPolicy, Settings, StampPoint};
 use link::{Filtered, Flags, Raw, Streams, ToHost};
