@@ -21,15 +21,15 @@ pub(crate) struct ChainReport {
 impl ChainReport {
     /// The next report; what was told stays told.
     pub(crate) fn next(before: Option<&ChainReport>, converters: &Converters) -> ChainReport {
-        let said = before.is_some_and(|before| before.fault == converters.fault);
+        let said = before.is_some_and(|before| before.fault == *converters.fault);
         if !said && !converters.fault.is_empty() {
             tracing::error!(
-                fault = converters.fault,
+                fault = %converters.fault,
                 "the device's converters do not run"
             );
         }
         ChainReport {
-            fault: converters.fault.to_owned(),
+            fault: converters.fault.as_str().to_owned(),
             ready_mhz: converters.ready_mhz,
             off_positive: converters.off_positive,
             off_negative: converters.off_negative,

@@ -119,7 +119,7 @@ impl SelfTestReport {
         let bad_channels = tested.iter().filter(|channel| !channel.in_order).count();
         let untested = channels.saturating_sub(tested.len());
         let faults: Vec<String> = [
-            (!test.fault.is_empty()).then(|| test.fault.to_owned()),
+            (!test.fault.is_empty()).then(|| test.fault.as_str().to_owned()),
             bad(bad_chips, chips.len(), "chips"),
             bad(bad_channels, tested.len(), "channels"),
             (untested > 0).then(|| format!("{untested} of {channels} channels not tested")),
@@ -139,7 +139,7 @@ impl SelfTestReport {
         };
         SelfTestReport {
             device,
-            fault: test.fault.to_owned(),
+            fault: test.fault.as_str().to_owned(),
             ready: ReadyReport::new(test),
             chips,
             channels: tested,

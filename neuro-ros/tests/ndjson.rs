@@ -84,6 +84,27 @@ fn an_output_that_takes_nothing_costs_lines_but_never_time() {
 }
 
 #[test]
+fn a_topic_of_large_lines_takes_no_room_from_another_one() {
+    let (release, stuck) = channel();
+    let writer = NdjsonWriter::start(Stuck(stuck));
+    let (mut raw, mut encoded) = (writer.sink("/neurodata"), writer.sink("/encoded"));
+    let mut large = NeuroFrame::default();
+    // 11 bytes each: 1.1 MB a line.
+    large.eeg.data = vec![0.123_456_79; 100_000];
+    for _ in 0..70 {
+        raw.publish(&large).unwrap();
+    }
+    // 64 MiB wait, one may be with the output.
+    assert!((8..=13).contains(&raw.dropped()), "{}", raw.dropped());
+    for _ in 0..10_000 {
+        encoded.publish(&NeuroFrame::default()).unwrap();
+    }
+    assert_eq!(encoded.dropped(), 0);
+    drop((raw, encoded, release));
+    writer.finish(PATIENCE).unwrap();
+}
+
+#[test]
 fn a_reader_that_has_gone_ends_the_sink() {
     let (probe, written) = channel();
     drop(written);

@@ -141,7 +141,7 @@ fn the_limits_widen_with_the_exponent_of_a_code() {
     assert!((wide.largest_limit - narrow.largest_limit - 7.5).abs() < 1e-9);
 }
 
-fn audit(model_id: [u8; 8], planes: &[u8], values: &CodeValues) -> ToHost<'_> {
+fn audit<'p>(model_id: [u8; 8], planes: &'p [u8], values: &CodeValues) -> ToHost<'p> {
     ToHost::Audit(Audit {
         model_id,
         window: 3,

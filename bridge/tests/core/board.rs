@@ -5,7 +5,7 @@ use std::sync::{Arc, LazyLock};
 use bridge::{HostTime, Model};
 use link::{
     Ack, AckResult, CODE_LEN, Capabilities, Code, CodeFormat, CodeValues, Decoder, Encoder, Flags,
-    Hello, MAX_FRAME, ResetCause, Stats, Streams, ToDevice, ToHost,
+    Hello, MAX_FRAME, ResetCause, SelfTest, Stats, Streams, ToDevice, ToHost,
 };
 
 /// Wall clock when host and device start, nanoseconds.
@@ -47,6 +47,12 @@ pub(crate) struct Board {
     pub(crate) knows: Streams,
     /// What it answers to self-test, clock question and reset.
     pub(crate) answers: AckResult,
+    /// What it finds out about its converters, at once.
+    pub(crate) self_test: Option<SelfTest>,
+    /// A reset is another boot, at once.
+    pub(crate) resets: bool,
+    /// What it streams.
+    pub(crate) streams: Streams,
     /// Commands that came, oldest first.
     pub(crate) seen: Vec<(u32, ToDevice)>,
 }
@@ -69,8 +75,11 @@ impl Board {
             streaming: false,
             chip_uid: [7; 12],
             now_us: 0,
-            knows: Streams::from_bits(0b1_1111),
+            knows: Streams::ALL,
             answers: AckResult::Done,
+            self_test: None,
+            resets: false,
+            streams: Streams::empty(),
             seen: Vec::new(),
         }
     }
@@ -164,8 +173,9 @@ impl Board {
                 }
                 // A start while the same streams run changes nothing.
                 ToDevice::Start(_) if self.streaming => {}
-                ToDevice::Start(_) => {
+                ToDevice::Start(start) => {
                     self.next_window = 0;
+                    self.streams = start.streams;
                     self.streaming = true;
                 }
                 ToDevice::Stop => {
@@ -179,6 +189,15 @@ impl Board {
             }
             let ack = Ack { of: seq, result };
             answers.extend(self.frame(0, &ToHost::Ack(ack)));
+            if let ToDevice::Reset(_) = command
+                && self.resets
+            {
+                self.reboot();
+                answers.extend(self.hello());
+            }
+            if let (ToDevice::SelfTest, Some(test)) = (command, self.self_test.clone()) {
+                answers.extend(self.frame(0, &ToHost::SelfTest(test)));
+            }
         }
         answers
     }

@@ -9,7 +9,7 @@ use crate::recorder::{Desk, SETTINGS};
 /// A report of two chips in order, but for what `change` changes.
 fn told(desk: &mut Desk, change: impl FnOnce(&mut Converters)) -> DiagnosticStatus {
     let mut converters = Converters {
-        fault: "",
+        fault: heapless::String::new(),
         ready_mhz: 512_010,
         off_positive: 0,
         off_negative: 0,
@@ -84,7 +84,9 @@ fn electrodes_that_are_off_are_named_spare_channels_too() {
 fn a_chain_that_does_not_run_is_an_error_for_as_long_as_it_does_not() {
     let mut desk = Desk::streaming(SETTINGS, Board::new());
     let fault = "chip 2: ID 0x00";
-    let status = told(&mut desk, |converters| converters.fault = fault);
+    let status = told(&mut desk, |converters| {
+        converters.fault.push_str(fault).unwrap()
+    });
     assert_eq!(
         (status.level, &*status.message),
         (DiagnosticLevel::Error, fault)

@@ -16,13 +16,13 @@ const FINE: ChannelTest = ChannelTest {
 };
 
 /// What a device of eight chips in order says, but for what `change` changes.
-fn result(change: impl FnOnce(&mut SelfTest)) -> SelfTest<'static> {
+fn result(change: impl FnOnce(&mut SelfTest)) -> SelfTest {
     let chip = ChipTest {
         id: 0x3E,
         ..ChipTest::default()
     };
     let mut test = SelfTest {
-        fault: "",
+        fault: heapless::String::new(),
         ready_mhz: 512_005,
         expected_mhz: 512_000,
         ready_early: 0,
@@ -152,7 +152,7 @@ fn a_device_in_order_gets_a_table_that_says_so_at_its_end() {
 #[test]
 fn what_is_wrong_stands_in_its_row_and_in_the_last_line() {
     let report = report(result(|test| {
-        test.fault = "chip 1, channel 3: gain";
+        test.fault.push_str("chip 1, channel 3: gain").unwrap();
         test.chips[1].registers_wrong = 2;
         test.chips[1].first_wrong = 0x05;
         test.chips[1].frames_bad = 17;

@@ -7,7 +7,7 @@ use neuro_ros::DiagnosticLevel;
 use crate::board::Board;
 use crate::recorder::{Desk, SETTINGS, commands};
 
-const EVERYTHING: Streams = Streams::from_bits(0b1_1111);
+const EVERYTHING: Streams = Streams::ALL;
 
 /// Streams of every start that the board saw, as bits.
 fn starts(desk: &Desk) -> Vec<u16> {

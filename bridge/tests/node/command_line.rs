@@ -50,6 +50,9 @@ fn help_names_every_option() {
         "--filler",
         "--low-latency",
         "--announce",
+        "--streams",
+        "selftest",
+        "reset",
         "/diagnostics keeps its name",
     ] {
         assert!(help.contains(option), "{help}");

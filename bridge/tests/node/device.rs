@@ -8,7 +8,8 @@ use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-use link::ToDevice;
+use link::{Audit, CODE_LEN, CodeValues, Event, EventKind, Filtered, Flags, Raw, Streams};
+use link::{ToDevice, ToHost};
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
@@ -93,7 +94,8 @@ impl Device {
                 if board.streaming && now >= next_code {
                     next_code += PACE;
                     let device_us = u64::try_from(start.elapsed().as_micros()).unwrap();
-                    let bytes = board.code(device_us, 3);
+                    let mut bytes = board.code(device_us, 3);
+                    bytes.extend(beside(&mut board, device_us));
                     shared.made.store(board.next_window, Relaxed);
                     let lose = |left: u32| left.checked_sub(1);
                     if shared.lose.fetch_update(Relaxed, Relaxed, lose).is_err() {
@@ -140,6 +142,55 @@ impl Drop for Device {
             let _ = thread.join();
         }
     }
+}
+
+/// What the board streams beside the newest code: the samples and steps of its hop, and every tenth
+/// time an edge and an audit.
+fn beside(board: &mut Board, device_us: u64) -> Vec<u8> {
+    let window = board.next_window - 1;
+    let streams = board.streams;
+    let mut bytes = Vec::new();
+    for part in 0..4 {
+        let raw = Raw {
+            first_sample: u64::from(window) * 32 + part * 8,
+            channels: 64,
+            flags: Flags::empty(),
+            counts: &[1; 8 * 64 * 3],
+        };
+        if streams.contains(Streams::RAW) {
+            bytes.extend(board.frame(device_us, &ToHost::Raw(raw)));
+        }
+    }
+    for part in 0..2 {
+        let filtered = Filtered {
+            first_step: u64::from(window) * 8 + part * 4,
+            electrodes: 61,
+            fraction_bits: 5,
+            flags: Flags::empty(),
+            values: &[2; 4 * 61 * 4],
+        };
+        if streams.contains(Streams::FILTERED) {
+            bytes.extend(board.frame(device_us, &ToHost::Filtered(filtered)));
+        }
+    }
+    if window % 10 == 9 && streams.contains(Streams::EVENTS) {
+        let event = Event {
+            kind: EventKind::TriggerRise,
+            number: window / 10,
+            sample: u64::from(window) * 32,
+        };
+        bytes.extend(board.frame(device_us, &ToHost::Event(event)));
+    }
+    if window % 10 == 9 && streams.contains(Streams::AUDIT) {
+        let audit = Audit {
+            model_id: board.model_id,
+            window,
+            planes: &[7; 1440],
+            values: CodeValues::Int8([3; CODE_LEN]),
+        };
+        bytes.extend(board.frame(device_us, &ToHost::Audit(audit)));
+    }
+    bytes
 }
 
 trait Line: Read + Write + Send {}

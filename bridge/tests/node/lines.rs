@@ -89,3 +89,54 @@ fn a_reader_that_does_not_read_cannot_keep_the_bridge() {
     assert!(log.contains("lines are lost"), "{log}");
     drop(stdout);
 }
+
+#[test]
+fn every_stream_comes_as_lines_and_a_device_that_computes_nonsense_is_told_of() {
+    let device = Device::tcp(Board::new());
+    let streams = "codes,raw,filtered,audit,events";
+    let mut bridge = Bridge::start(&[
+        "--port",
+        &device.port,
+        "--sink",
+        "ndjson",
+        "--streams",
+        streams,
+    ]);
+    let lines = BufReader::new(bridge.stdout()).lines();
+    let mut counts = std::collections::HashMap::new();
+    let mut next_raw = 1;
+    let mut verdict = None;
+    for line in lines {
+        let line: Value = serde_json::from_str(&line.unwrap()).unwrap();
+        let topic = line["topic"].as_str().unwrap().to_owned();
+        let message = &line["message"];
+        match &*topic {
+            "/neurodata" => {
+                assert_eq!(message["neuroheader"]["seq"], next_raw);
+                next_raw += 1;
+                assert_eq!(message["eeg"]["data"].as_array().unwrap().len(), 32 * 61);
+                assert_eq!(message["exg"]["data"].as_array().unwrap().len(), 32 * 3);
+            }
+            "/events/bus" => assert_eq!(message["event"], 1),
+            "/diagnostics" => {
+                let statuses = message["status"].as_array().unwrap();
+                let audit = statuses.iter().find(|s| s["name"] == "corticode: audit");
+                verdict = audit.map(|audit| audit["level"].as_str().unwrap().to_owned());
+            }
+            _ => {}
+        }
+        *counts.entry(topic).or_insert(0_u32) += 1;
+        if verdict.is_some() && counts["/encoded"] > 60 {
+            break;
+        }
+    }
+    bridge.signal(Signal::TERM);
+    assert_eq!(verdict.unwrap(), "error");
+    let (encoded, raw) = (counts["/encoded"], counts["/neurodata"]);
+    assert!(raw.abs_diff(encoded) <= 8, "{counts:?}");
+    assert!(
+        counts["/neurodata_filtered"].abs_diff(encoded) <= 8,
+        "{counts:?}"
+    );
+    assert!(counts["/events/bus"] >= 4, "{counts:?}");
+}
