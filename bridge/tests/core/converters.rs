@@ -85,7 +85,7 @@ fn a_chain_that_does_not_run_is_an_error_for_as_long_as_it_does_not() {
     let mut desk = Desk::streaming(SETTINGS, Board::new());
     let fault = "chip 2: ID 0x00";
     let status = told(&mut desk, |converters| {
-        converters.fault.push_str(fault).unwrap()
+        converters.fault.push_str(fault).unwrap();
     });
     assert_eq!(
         (status.level, &*status.message),

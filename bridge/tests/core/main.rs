@@ -12,6 +12,7 @@ mod formats;
 mod inquiry;
 mod ledger;
 mod loss;
+mod odd_samples;
 mod reconstruction;
 mod recorder;
 mod round_trip;

@@ -13,7 +13,7 @@ use neuro_ros::{DiagnosticLevel, NeuroFrame};
 use crate::board::{Board, WALL_START_NS};
 use crate::recorder::{Desk, SETTINGS};
 
-const SAMPLES: Settings = Settings {
+pub(crate) const SAMPLES: Settings = Settings {
     streams: Streams::from_bits(0b00111),
     ..SETTINGS
 };
@@ -22,7 +22,7 @@ const SAMPLES: Settings = Settings {
 const COUNT_UV: f64 = 22.351_742_f32 as f64 / 1000.0;
 
 /// Counts of `samples` samples of `channels` channels from sample `first` on: each says where it is.
-fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
+pub(crate) fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
     let count = |sample: u64, channel: u8| (sample % 50_000 * 100) as i32 - i32::from(channel);
     let samples = (first..first + samples)
         .flat_map(|sample| (0..channels).map(move |channel| count(sample, channel)));
@@ -35,7 +35,7 @@ fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
 }
 
 /// A desk whose clock is known: a code was read when it was made.
-fn desk(settings: Settings) -> Desk {
+pub(crate) fn desk(settings: Settings) -> Desk {
     let mut desk = Desk::streaming(settings, Board::new());
     desk.code(0, false);
     desk
@@ -47,7 +47,7 @@ fn time(sample: u64) -> u64 {
 }
 
 /// Eight samples from `first` on, read when the last was taken.
-fn say(desk: &mut Desk, first: u64, flags: Flags) {
+pub(crate) fn say(desk: &mut Desk, first: u64, flags: Flags) {
     let counts = counts(first, 8, 64);
     let raw = Raw {
         first_sample: first,
@@ -286,112 +286,6 @@ fn an_outage_too_long_to_fill_is_counted_and_frames_stay_in_step() {
     assert_eq!(figure("raw samples lost"), 512 * 200);
     let published = frames.len() as u64 * 32;
     assert_eq!(figure("raw samples not published") + published, first + 56);
-}
-
-#[test]
-fn samples_that_do_not_fit_the_device_are_counted_and_never_published() {
-    let mut desk = desk(SAMPLES);
-    let good = counts(0, 8, 64);
-    for (channels, bytes) in [
-        (64, &good[..good.len() - 1]),
-        (64, &good[..64]),
-        (63, &good[..63 * 3]),
-        (0, &good[..0]),
-        (0, &good[..64]),
-        (64, &good[..0]),
-        (255, &good[..255]),
-    ] {
-        let raw = Raw {
-            first_sample: 0,
-            channels,
-            flags: Flags::empty(),
-            counts: bytes,
-        };
-        desk.say(2_000_000, &ToHost::Raw(raw));
-    }
-    for (first_sample, electrodes) in [(u64::MAX, 64), (u64::MAX - 7, 64)] {
-        let raw = Raw {
-            first_sample,
-            channels: electrodes,
-            flags: Flags::empty(),
-            counts: &good,
-        };
-        desk.say(2_000_000, &ToHost::Raw(raw));
-    }
-    for (electrodes, values) in [
-        (61, &good[..61 * 4 + 2]),
-        (60, &good[..240]),
-        (0, &good[..0]),
-    ] {
-        let filtered = Filtered {
-            first_step: 0,
-            electrodes,
-            fraction_bits: 200,
-            flags: Flags::empty(),
-            values,
-        };
-        desk.say(2_000_000, &ToHost::Filtered(filtered));
-    }
-    assert!(desk.recorder.filtered.is_empty());
-    let status = desk.status("loss").unwrap();
-    let figure = |key: &str| {
-        let pair = status.values.iter().find(|pair| pair.key == key).unwrap();
-        pair.value.clone()
-    };
-    assert_eq!(figure("raw samples messages malformed"), "9");
-    assert_eq!(figure("filtered steps messages malformed"), "3");
-    assert_eq!(figure("raw samples received"), "0");
-    assert!(desk.recorder.raw.is_empty());
-    // Codes are not affected.
-    desk.code(1, false);
-    assert_eq!(desk.core.summary().received, 2);
-}
-
-#[test]
-fn a_stream_that_begins_anew_begins_a_frame_anew() {
-    let mut desk = desk(SAMPLES);
-    for first in [0, 8, 16] {
-        say(&mut desk, first, Flags::empty());
-    }
-    desk.core.want(false);
-    desk.core
-        .tick(crate::board::at(desk.now_us), &mut desk.recorder);
-    desk.converse();
-    desk.core.want(true);
-    desk.core
-        .tick(crate::board::at(desk.now_us), &mut desk.recorder);
-    desk.converse();
-    for first in [0, 8, 16, 24] {
-        let counts = counts(first, 8, 64);
-        let raw = Raw {
-            first_sample: first,
-            channels: 64,
-            flags: Flags::empty(),
-            counts: &counts,
-        };
-        desk.say(3_000_000 + first * 1953, &ToHost::Raw(raw));
-    }
-    assert_eq!(desk.recorder.raw.len(), 1);
-    assert!(
-        desk.recorder.raw[0]
-            .tri
-            .data
-            .iter()
-            .step_by(8)
-            .all(|flags| *flags == 0)
-    );
-}
-
-#[test]
-fn samples_that_nobody_asked_for_are_counted() {
-    let mut desk = desk(SETTINGS);
-    say(&mut desk, 0, Flags::empty());
-    let status = desk.status("device").unwrap();
-    let unused = status
-        .values
-        .iter()
-        .find(|pair| pair.key == "other messages unused");
-    assert_eq!(unused.unwrap().value, "1");
 }
 
 #[test]
