@@ -23,6 +23,9 @@ pub mod priority {
     pub const DRDY: u8 = 1;
     /// The task that takes samples.
     pub const ACQUIRE: u8 = 2;
+    /// An edge of the trigger: a timer has stamped it already, so that it may wait for a sample; the
+    /// timer keeps one edge, so that it does not wait for anything slower.
+    pub const TRIGGER: u8 = 3;
     /// Time driver: alarms of the tasks below.
     pub const TIME: u8 = 4;
     /// USB and UART, and the tasks that converse with the host.
@@ -43,6 +46,11 @@ pub const MADE_WAITING: usize = 4;
 /// long has told what it had to tell.
 pub const EVENTS_WAITING: usize = 16;
 
+/// Edges of the trigger that are looked at between two samples, at most: more have no room to wait. The
+/// rest, of a line that bounces or floats, costs no time: an edge takes some 300 instructions, 16 of them
+/// 30 us of [`SAMPLE`] at 168 MHz, reckoned.
+pub const TRIGGER_EDGES: usize = EVENTS_WAITING;
+
 /// From an order to start anew until the device does: time for the answer to go out.
 pub const FAREWELL: Duration = Duration::from_millis(100);
 
@@ -61,7 +69,9 @@ const _: () = {
     assert!(2 * PROGRESS.as_micros() < WATCHDOG.as_micros());
     assert!(
         priority::DRDY < priority::ACQUIRE
-            && priority::ACQUIRE < priority::CONVERSE
+            && priority::ACQUIRE < priority::TRIGGER
+            && priority::TRIGGER < priority::TIME
+            && priority::TIME < priority::CONVERSE
             && priority::CONVERSE < priority::ENCODE
     );
 };

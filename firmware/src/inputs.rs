@@ -43,6 +43,11 @@ impl Inputs {
         });
     }
 
+    /// Events have happened that nobody saw; a gap in the numbers tells so.
+    pub fn lost(&self, events: u32) {
+        self.number.fetch_add(events, Relaxed);
+    }
+
     pub(crate) fn next(&self) -> Option<Captured> {
         self.with(Deque::pop_front).flatten()
     }
@@ -76,7 +81,8 @@ mod tests {
             assert_eq!(inputs.next().map(|event| event.number), Some(number));
         }
         assert_eq!(inputs.next(), None);
+        inputs.lost(2);
         inputs.captured(EventKind::TriggerFall, 99);
-        assert_eq!(inputs.next().map(|event| event.number), Some(more));
+        assert_eq!(inputs.next().map(|event| event.number), Some(more + 2));
     }
 }

@@ -16,6 +16,7 @@ board_stm32::parts! {
         start: PC6, "START", "all chips";
         reset: PC12, "RESET", "all chips";
         drdy: PC7, "DRDY", "chip 0";
+        trigger: PB10, "TRIGGER", "your trigger, 3.3 V";
         usb_dp: PA12, "USB D+", "a socket of your own, without the feature `uart`";
         usb_dm: PA11, "USB D-", "a socket of your own, without the feature `uart`";
         uart_tx: PA2, "UART TX", "the ST-LINK (USART2)";
@@ -26,6 +27,7 @@ board_stm32::parts! {
         spi_tx: DMA1_CH4;
         spi_rx: DMA1_CH3;
         drdy_line: EXTI7;
+        trigger_line: EXTI10;
         usb: USB_OTG_FS;
         uart: USART2;
         adc: ADC1;

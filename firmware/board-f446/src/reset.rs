@@ -1,6 +1,6 @@
 //! Why the chip has started.
 
-use embassy_stm32::pac::{DBGMCU, RCC};
+use embassy_stm32::pac::{DBGMCU, RCC, SYSCFG};
 use link::ResetCause;
 
 /// Reads the cause and clears it for the next time (RM0390, RCC_CSR). A watchdog and software pull the reset
@@ -21,6 +21,14 @@ pub(crate) fn cause() -> ResetCause {
     } else {
         ResetCause::NotKnown
     }
+}
+
+/// Shows the system memory where the core looks for its vectors (RM0390, SYSCFG_MEMRMP), as its loader wants it.
+pub(crate) fn map_system_memory() {
+    RCC.apb2enr().modify(|enable| enable.set_syscfgen(true));
+    // The clock runs a little later; a read from the register waits for it.
+    let _ = RCC.apb2enr().read();
+    SYSCFG.memrm().modify(|map| map.set_mem_mode(0b001));
 }
 
 /// Lets the watchdog wait while a debugger holds the core.

@@ -1,6 +1,6 @@
 //! The board's start.
 
-use board_stm32::{Board, Bus, Port, SHARED, Wires, begin, sleep};
+use board_stm32::{Board, Bus, Loader, Port, SHARED, Trigger, Wires, begin, sleep};
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;
 use embassy_stm32::{
@@ -29,6 +29,8 @@ bind_interrupts!(struct UartIrqs {
 
 #[entry]
 fn main() -> ! {
+    // Before anything is what it was not at the reset.
+    Loader::Stm32H743.run_if_asked(|| {});
     let parts = Parts::of(embassy_stm32::init(clocks::config()));
     // There are no tasks yet that could answer for a failure.
     start(parts).expect("every task is spawned once");
@@ -81,6 +83,10 @@ fn start(parts: Parts) -> Result<(), SpawnError> {
         reset: Output::new(parts.reset, Level::High, Speed::Low),
         drdy: ExtiInput::new_blocking(parts.drdy, parts.drdy_line, Pull::Up, TriggerEdge::Falling),
     };
+    let trigger = Trigger {
+        pin: parts.trigger,
+        line: parts.trigger_line,
+    };
     #[cfg(not(feature = "uart"))]
     let port = Port {
         otg: parts.usb,
@@ -110,6 +116,7 @@ fn start(parts: Parts) -> Result<(), SpawnError> {
         reset_cause,
         session_id: Rng::new(parts.rng, Irqs).next_u32(),
         wires,
+        trigger,
         port,
     })?;
     spawner.spawn(watch(parts.watchdog)?);

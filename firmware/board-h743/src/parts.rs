@@ -16,6 +16,7 @@ board_stm32::parts! {
         start: PE10, "START", "all chips";
         reset: PE12, "RESET", "all chips";
         drdy: PE7, "DRDY", "chip 0";
+        trigger: PB10, "TRIGGER", "your trigger, 3.3 V";
         usb_dp: PA12, "USB D+", "the socket `USB`";
         usb_dm: PA11, "USB D-", "the socket `USB`";
         uart_tx: PD8, "UART TX", "the ST-LINK (USART3), feature `uart`";
@@ -26,6 +27,7 @@ board_stm32::parts! {
         spi_tx: DMA1_CH0;
         spi_rx: DMA1_CH1;
         drdy_line: EXTI7;
+        trigger_line: EXTI10;
         usb: USB_OTG_FS;
         uart: USART3;
         rng: RNG;

@@ -13,7 +13,7 @@ use link::{ResetCause, Streams};
 use pipeline::{Acquisition, Mains};
 
 use crate::{
-    Port, Wires,
+    Port, Trigger, Wires,
     converter::Adc,
     failure,
     interrupts::{self, ACQUIRE, CONVERSE, ENCODE},
@@ -39,7 +39,7 @@ static MEMORY: Memory = Memory::new();
 const ABILITIES: Abilities = Abilities {
     streams: Streams::ALL,
     self_test: false,
-    bootloader: false,
+    bootloader: true,
 };
 
 /// What a board gives.
@@ -54,6 +54,8 @@ pub struct Board {
     pub session_id: u32,
     /// To the converters.
     pub wires: Wires,
+    /// From whatever the host's experiment has to mark.
+    pub trigger: Trigger,
     /// To the host.
     pub port: Port,
 }
@@ -86,6 +88,7 @@ pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
         reset_cause: before.map_or(board.reset_cause, |before| before.cause()),
     };
     interrupts::begin();
+    board.trigger.begin();
 
     let shares = MEMORY.take();
     let conversation = CONVERSE.start(interrupt::UART5);

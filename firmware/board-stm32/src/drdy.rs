@@ -7,6 +7,8 @@ use embassy_stm32::pac::{EXTI, exti::regs::Lines};
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::Instant;
 
+use crate::trigger;
+
 /// The lines of the interrupt `EXTI9_5`; DRDY is the only one of them that is enabled.
 const LINES: u32 = 0b11_1110_0000;
 
@@ -54,8 +56,10 @@ pub(crate) struct Edge {
     pub(crate) missed: u32,
 }
 
-/// Waits for the next edge that was not taken; gives the newest.
+/// Waits for the next edge that was not taken; gives the newest. The trigger may have new edges until it
+/// has come.
 pub(crate) async fn next() -> Edge {
+    trigger::allow();
     poll_fn(|context| {
         WAKER.register(context.waker());
         let before = critical_section::with(|section| {

@@ -36,6 +36,21 @@ pub(crate) fn of_the_run_before() -> Option<FaultRecord> {
     critical_section::with(|section| KEPT.take(section))
 }
 
+/// Whether the run before has ended so that the microcontroller's own loader runs, once. Any other end
+/// stays what it was.
+pub(crate) fn asks_for_loader() -> bool {
+    critical_section::with(|section| {
+        let Some(record) = KEPT.take(section) else {
+            return false;
+        };
+        let asks = record.asks_for_bootloader();
+        if !asks {
+            KEPT.put(section, record);
+        }
+        asks
+    })
+}
+
 fn fail(record: FaultRecord) -> ! {
     critical_section::with(|section| KEPT.put(section, record));
     SCB::sys_reset()

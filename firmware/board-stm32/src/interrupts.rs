@@ -5,7 +5,7 @@ use embassy_executor::InterruptExecutor;
 use embassy_stm32::interrupt::{self, InterruptExt, Priority};
 use firmware::deadlines::priority;
 
-use crate::drdy;
+use crate::{drdy, trigger};
 
 pub(crate) static ACQUIRE: InterruptExecutor = InterruptExecutor::new();
 pub(crate) static CONVERSE: InterruptExecutor = InterruptExecutor::new();
@@ -19,7 +19,8 @@ pub fn prioritise(level: u8) -> Priority {
 /// Gives each interrupt its priority; a peripheral that only one board uses gets its own from there.
 pub(crate) fn begin() {
     interrupt::EXTI9_5.set_priority(prioritise(priority::DRDY));
-    interrupt::TIM5.set_priority(prioritise(priority::TIME));
+    interrupt::EXTI15_10.set_priority(prioritise(priority::TRIGGER));
+    interrupt::TIM2.set_priority(prioritise(priority::TIME));
     interrupt::OTG_FS.set_priority(prioritise(priority::CONVERSE));
     interrupt::UART4.set_priority(prioritise(priority::ACQUIRE));
     interrupt::UART5.set_priority(prioritise(priority::CONVERSE));
@@ -28,9 +29,20 @@ pub(crate) fn begin() {
     unsafe { interrupt::EXTI9_5.enable() };
 }
 
+/// From now on the trigger's edges are looked at, one that waits first.
+pub(crate) fn listen_to_trigger() {
+    // SAFETY: its handler is below, and no critical section relies on its silence.
+    unsafe { interrupt::EXTI15_10.enable() };
+}
+
 #[embassy_stm32::interrupt]
 fn EXTI9_5() {
     drdy::edge();
+}
+
+#[embassy_stm32::interrupt]
+fn EXTI15_10() {
+    trigger::edge();
 }
 
 /// A spare interrupt.

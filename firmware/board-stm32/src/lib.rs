@@ -9,6 +9,8 @@
 extern crate std;
 
 mod parts;
+#[cfg(any(test, target_os = "none"))]
+mod trigger_line;
 
 pub use parts::{Pin, are_documented};
 
@@ -26,12 +28,16 @@ mod drdy;
 mod failure;
 #[cfg(target_os = "none")]
 mod interrupts;
+#[cfg(target_os = "none")]
+mod loader;
 #[cfg(all(target_os = "none", feature = "uart"))]
 #[path = "uart.rs"]
 mod port;
 #[cfg(all(target_os = "none", not(feature = "uart")))]
 #[path = "usb.rs"]
 mod port;
+#[cfg(target_os = "none")]
+mod trigger;
 
 #[cfg(target_os = "none")]
 pub use {
@@ -39,5 +45,7 @@ pub use {
     bus::{Bus, FRAME_BYTES},
     converter::{CHIPS, Wires},
     interrupts::prioritise,
+    loader::Loader,
     port::Port,
+    trigger::Trigger,
 };
