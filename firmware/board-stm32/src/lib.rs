@@ -11,6 +11,8 @@ extern crate std;
 mod parts;
 #[cfg(any(test, target_os = "none"))]
 mod trigger_line;
+#[cfg(any(test, all(target_os = "none", not(feature = "uart"))))]
+mod usb_port;
 
 pub use parts::{Pin, are_documented};
 

@@ -1,10 +1,7 @@
 //! USB: a serial port of the communications device class (CDC-ACM) at full speed.
 
 use device::Session;
-use embassy_futures::{
-    join::join,
-    select::{Either, select},
-};
+use embassy_futures::join::join;
 use embassy_stm32::{
     Peri, bind_interrupts,
     peripherals::{PA11, PA12, USB_OTG_FS},
@@ -16,18 +13,18 @@ use embassy_usb::{
     Builder, Config,
     class::cdc_acm::{self, CdcAcmClass, State},
 };
-use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use firmware::{Frames, HandedOut, Machine};
 use static_cell::{ConstStaticCell, StaticCell};
 
-use crate::application::SHARED;
+use crate::{
+    application::SHARED,
+    usb_port::{Closed, FromHost, PACKET, Receiver, ToHost, Transmitter},
+};
 
 /// Of pid.codes, for development only: whoever gives devices away needs a number of their own.
 const VENDOR: u16 = 0x1209;
 const PRODUCT: u16 = 0x0001;
 
-/// Bytes of a packet at full speed (USB 2.0, 5.8.3).
-const PACKET: usize = 64;
 const _: () = assert!(PACKET <= u16::MAX as usize);
 
 /// How often a port that is closed is looked at.
@@ -81,103 +78,34 @@ impl Port {
         let (sender, receiver) = class.split();
         let port = firmware::Port {
             input: Receiver(receiver),
-            output: Transmitter {
-                sender,
-                last_was_full: false,
-            },
+            output: Transmitter::new(sender),
         };
         let conversation = firmware::converse(port, session, None, share, &SHARED, machine);
         join(builder.build().run(), conversation).await.0
     }
 }
 
-/// The host is not there, or has closed the port.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Closed;
-
-impl core::fmt::Display for Closed {
-    fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        formatter.write_str("the host has closed the port")
+impl FromHost for cdc_acm::Receiver<'static, Driver<'static, USB_OTG_FS>> {
+    async fn receive(&mut self, packet: &mut [u8]) -> Result<usize, Closed> {
+        self.read_packet(packet).await.map_err(|_| Closed)
     }
 }
 
-impl core::error::Error for Closed {}
-
-impl embedded_io_async::Error for Closed {
-    fn kind(&self) -> ErrorKind {
-        ErrorKind::NotConnected
-    }
-}
-
-struct Receiver(cdc_acm::Receiver<'static, Driver<'static, USB_OTG_FS>>);
-
-impl ErrorType for Receiver {
-    type Error = Closed;
-}
-
-impl Read for Receiver {
-    /// `bytes` has room for a packet.
-    async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Closed> {
-        loop {
-            match self.0.read_packet(bytes).await {
-                // A packet of no length says no more than that there is no more.
-                Ok(0) => {}
-                Ok(length) => return Ok(length),
-                Err(_) => return Err(Closed),
-            }
-        }
-    }
-}
-
-/// Sends while the host holds the port open (DTR): what it does not read waits as frames, of which the
-/// oldest are dropped.
-struct Transmitter {
-    sender: cdc_acm::Sender<'static, Driver<'static, USB_OTG_FS>>,
-    /// A full packet was the last: the host's driver waits for more until a shorter one ends it.
-    last_was_full: bool,
-}
-
-impl Transmitter {
-    async fn opened(&mut self) {
-        self.sender.wait_connection().await;
-        while !self.sender.dtr() {
-            Timer::after(TICK).await;
-        }
+impl ToHost for cdc_acm::Sender<'static, Driver<'static, USB_OTG_FS>> {
+    fn is_open(&self) -> bool {
+        self.dtr()
     }
 
-    /// Sends a packet, unless the port closes before the host takes it.
-    async fn packet(&mut self, bytes: &[u8]) -> Result<(), Closed> {
-        loop {
-            // Looks at DTR again and again while the host takes nothing.
-            match select(self.sender.write_packet(bytes), Timer::after(TICK)).await {
-                Either::First(Ok(())) => return Ok(()),
-                Either::First(Err(_)) => return Err(Closed),
-                Either::Second(()) if !self.sender.dtr() => return Err(Closed),
-                Either::Second(()) => {}
-            }
-        }
-    }
-}
-
-impl ErrorType for Transmitter {
-    type Error = Closed;
-}
-
-impl Write for Transmitter {
-    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Closed> {
-        if !self.sender.dtr() {
-            self.opened().await;
-        }
-        let length = bytes.len().min(PACKET);
-        self.packet(&bytes[..length]).await?;
-        self.last_was_full = length == PACKET;
-        Ok(length)
+    async fn set_up(&mut self) {
+        self.wait_connection().await;
     }
 
-    async fn flush(&mut self) -> Result<(), Closed> {
-        if core::mem::take(&mut self.last_was_full) && self.sender.dtr() {
-            self.packet(&[]).await?;
-        }
-        Ok(())
+    /// Given up while it waits, it has given nothing to the peripheral yet.
+    async fn send(&mut self, packet: &[u8]) -> Result<(), Closed> {
+        self.write_packet(packet).await.map_err(|_| Closed)
+    }
+
+    fn tick(&self) -> impl Future<Output = ()> + use<> {
+        Timer::after(TICK)
     }
 }

@@ -1,0 +1,275 @@
+//! A host that opens, reads, stalls and closes as each test says, and the frames that it gets.
+
+use core::{cell::RefCell, future::poll_fn, task::Poll};
+use std::{boxed::Box, collections::VecDeque, rc::Rc, vec::Vec};
+
+use embassy_futures::block_on;
+use link::{Decoder, Encoder, Hello, MAX_FRAME, ResetCause, ToHost as Message};
+
+use super::*;
+
+/// Packets that a host reads which never stalls.
+const ALL: usize = usize::MAX;
+
+/// What a host does at a tick.
+type Act = Box<dyn FnOnce(&mut Host)>;
+
+/// The host, with its cable.
+#[derive(Default)]
+struct Host {
+    is_open: bool,
+    /// Packets that it reads before it stalls.
+    reads: usize,
+    /// What it does next, at a tick each.
+    acts: VecDeque<Act>,
+    /// The packet in the device's buffer.
+    waiting: Option<Vec<u8>>,
+    /// The packets that a program has read.
+    packets: Vec<Vec<u8>>,
+}
+
+impl Host {
+    fn open(&mut self, reads: usize) {
+        self.is_open = true;
+        self.reads = reads;
+        self.read();
+    }
+
+    fn read(&mut self) {
+        if self.is_open && self.reads > 0 {
+            self.packets.extend(self.waiting.take().inspect(|_| {
+                self.reads -= 1;
+            }));
+        }
+    }
+
+    fn act(&mut self) {
+        let act = self.acts.pop_front();
+        act.expect("the test says what the host does")(self);
+    }
+
+    /// Numbers of the frames that came whole, and stretches that were none.
+    fn heard(&self) -> (Vec<u32>, u32) {
+        let mut decoder = Decoder::<MAX_FRAME>::new();
+        let mut seqs = Vec::new();
+        let bytes = self.packets.concat();
+        let mut bytes = &bytes[..];
+        while let Some(outcome) = decoder.next::<Message<'_>>(&mut bytes) {
+            seqs.extend(outcome.ok().map(|frame| frame.header.seq));
+        }
+        (seqs, decoder.counters().resyncs)
+    }
+}
+
+#[derive(Clone, Default)]
+struct Cable(Rc<RefCell<Host>>);
+
+impl ToHost for Cable {
+    fn is_open(&self) -> bool {
+        self.0.borrow().is_open
+    }
+
+    async fn set_up(&mut self) {}
+
+    async fn send(&mut self, packet: &[u8]) -> Result<(), Closed> {
+        poll_fn(|_| {
+            let mut host = self.0.borrow_mut();
+            host.read();
+            if host.waiting.is_some() {
+                return Poll::Pending;
+            }
+            host.waiting = Some(packet.to_vec());
+            host.read();
+            Poll::Ready(Ok(()))
+        })
+        .await
+    }
+
+    fn tick(&self) -> impl Future<Output = ()> + use<> {
+        let host = Rc::clone(&self.0);
+        async move { host.borrow_mut().act() }
+    }
+}
+
+/// The device's side: frames with numbers, and how many of them were dropped, as the conversation does it.
+struct Device {
+    transmitter: Transmitter<Cable>,
+    encoder: Encoder,
+    dropped: u32,
+}
+
+impl Device {
+    fn new(cable: &Cable) -> Self {
+        Self {
+            transmitter: Transmitter::new(cable.clone()),
+            encoder: Encoder::starting_at(0),
+            dropped: 0,
+        }
+    }
+
+    /// Sends a frame of three packets.
+    fn send(&mut self) {
+        let hello = Hello {
+            firmware: "0.1.0 1234567",
+            board: "a board of a test",
+            chip_uid: [7; 12],
+            model_id: [1; 8],
+            session_id: 1,
+            reset_cause: ResetCause::PowerOn,
+            fault: "words enough to fill three packets, so that a host can go away between any two",
+        };
+        let mut buffer = [0; MAX_FRAME];
+        let frame = self.encoder.encode(0, &Message::Hello(hello), &mut buffer);
+        let frame = frame.expect("it fits");
+        assert!((2 * PACKET..3 * PACKET).contains(&frame.len()));
+        if block_on(self.transmitter.write_all(frame)).is_err() {
+            self.dropped += 1;
+        }
+        // As the conversation does: what ends a transfer is no part of a frame.
+        let _ = block_on(self.transmitter.flush());
+    }
+}
+
+fn act(what: impl FnOnce(&mut Host) + 'static) -> Act {
+    Box::new(what)
+}
+
+#[test]
+fn a_frame_that_the_host_leaves_is_dropped_and_counted_and_the_next_one_is_whole() {
+    let cable = Cable::default();
+    let mut device = Device::new(&cable);
+    let mut host = cable.0.borrow_mut();
+    host.acts = VecDeque::from([
+        act(|host| host.open(1)),
+        // The second packet lies in the device's buffer, and the third one waits.
+        act(|host| host.is_open = false),
+        act(|_| {}),
+        act(|host| host.open(ALL)),
+    ]);
+    drop(host);
+    device.send();
+    assert_eq!(device.dropped, 1);
+    device.send();
+    device.send();
+    assert_eq!(cable.0.borrow().heard(), (Vec::from([1, 2]), 1));
+    assert_eq!(device.dropped, 1);
+}
+
+#[test]
+fn a_frame_that_has_begun_is_not_ended_in_another_opening() {
+    let cable = Cable::default();
+    let mut device = Device::new(&cable);
+    cable.0.borrow_mut().open(ALL);
+    block_on(device.transmitter.write_all(&[0, 1, 2])).expect("open");
+    cable.0.borrow_mut().is_open = false;
+    assert_eq!(
+        block_on(device.transmitter.write_all(&[3, 0])),
+        Err(Closed),
+        "it does not wait for the next one"
+    );
+    let opens = act(|host| host.open(ALL));
+    cable.0.borrow_mut().acts = VecDeque::from([opens]);
+    device.send();
+    assert_eq!(cable.0.borrow().heard(), (Vec::from([0]), 1));
+}
+
+#[test]
+fn a_host_that_reads_nothing_gets_everything_when_it_reads_again() {
+    let cable = Cable::default();
+    let mut device = Device::new(&cable);
+    let mut host = cable.0.borrow_mut();
+    host.open(0);
+    host.acts.extend((0..500).map(|_| act(|_| {})));
+    host.acts.push_back(act(|host| host.open(ALL)));
+    drop(host);
+    device.send();
+    device.send();
+    assert_eq!(cable.0.borrow().heard(), (Vec::from([0, 1]), 0));
+    assert_eq!(device.dropped, 0);
+}
+
+#[test]
+fn a_port_that_closes_and_opens_between_two_looks_loses_nothing() {
+    let cable = Cable::default();
+    let mut device = Device::new(&cable);
+    let mut host = cable.0.borrow_mut();
+    host.open(1);
+    host.acts.push_back(act(|host| {
+        host.is_open = false;
+        host.open(ALL);
+    }));
+    drop(host);
+    device.send();
+    assert_eq!(cable.0.borrow().heard(), (Vec::from([0]), 0));
+    assert_eq!(device.dropped, 0);
+}
+
+#[test]
+fn a_thousand_openings_account_for_every_frame() {
+    let cable = Cable::default();
+    let mut device = Device::new(&cable);
+    let mut host = cable.0.borrow_mut();
+    for opening in 0..1_000_usize {
+        // From nothing to more than two frames, in an order without a pattern.
+        let reads = opening * 7919 % 8;
+        host.acts.push_back(act(move |host| host.open(reads)));
+        host.acts.push_back(act(|host| host.is_open = false));
+    }
+    host.acts.push_back(act(|host| host.open(ALL)));
+    drop(host);
+    let mut sent = 0;
+    while !cable.0.borrow().acts.is_empty() {
+        device.send();
+        sent += 1;
+    }
+    device.send();
+    sent += 1;
+    let (seqs, damaged) = cable.0.borrow().heard();
+    assert!(seqs.is_sorted_by(|before, after| before < after));
+    let received = u32::try_from(seqs.len()).expect("thousands");
+    assert_eq!(received + device.dropped, sent);
+    // A frame of which nothing has gone when the port closes is dropped as well, and leaves no trace.
+    assert!(device.dropped > 500 && damaged <= device.dropped);
+    assert!(received > 500, "{received}");
+}
+
+#[test]
+fn an_empty_packet_ends_what_ends_with_a_full_one_and_nothing_else() {
+    let lengths = |frame: &[u8]| {
+        let cable = Cable::default();
+        cable.0.borrow_mut().open(ALL);
+        let mut transmitter = Transmitter::new(cable.clone());
+        block_on(transmitter.write_all(frame)).expect("open");
+        for _ in 0..2 {
+            block_on(transmitter.flush()).expect("open");
+        }
+        let host = cable.0.borrow();
+        host.packets.iter().map(Vec::len).collect::<Vec<_>>()
+    };
+    assert_eq!(lengths(&[1; PACKET - 1]), [PACKET - 1]);
+    assert_eq!(lengths(&[1; PACKET]), [PACKET, 0]);
+    assert_eq!(lengths(&[1; 2 * PACKET]), [PACKET, PACKET, 0]);
+    assert_eq!(lengths(&[1; 2 * PACKET + 1]), [PACKET, PACKET, 1]);
+}
+
+#[test]
+fn an_empty_packet_from_the_host_is_no_end() {
+    struct Packets(VecDeque<Vec<u8>>);
+
+    impl FromHost for Packets {
+        async fn receive(&mut self, packet: &mut [u8]) -> Result<usize, Closed> {
+            let bytes = self.0.pop_front().ok_or(Closed)?;
+            packet[..bytes.len()].copy_from_slice(&bytes);
+            Ok(bytes.len())
+        }
+    }
+
+    let mut receiver = Receiver(Packets(VecDeque::from([
+        Vec::new(),
+        Vec::new(),
+        Vec::from([5]),
+    ])));
+    let mut packet = [0; PACKET];
+    assert_eq!(block_on(receiver.read(&mut packet)), Ok(1));
+    assert_eq!(block_on(receiver.read(&mut packet)), Err(Closed));
+}
