@@ -29,6 +29,7 @@ mod chain;
 mod clock;
 mod command;
 mod configured;
+mod decimal;
 mod decoder;
 mod error;
 mod gain;

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::decimal::Decimal;
 use crate::{Gain, Rate};
 
 /// What a channel in order stays within.
@@ -135,24 +136,28 @@ impl fmt::Display for SelfTestFault {
             ),
             Self::Gain { measured, limit } => write!(
                 formatter,
-                "gain off by {:.2} %, {:.1} % allowed; check the gain set and AVDD (the test signal follows the reference, so a \
+                "gain off by {} %, {} % allowed; check the gain set and AVDD (the test signal follows the reference, so a \
                  wrong reference does not show here)",
-                measured * 100.0,
-                limit * 100.0
+                Decimal(measured * 100.0, 2),
+                Decimal(limit * 100.0, 1)
             ),
             Self::Offset { measured, limit } => write!(
                 formatter,
-                "offset of {measured:.1} uV, {limit:.0} uV allowed; check the analogue supplies"
+                "offset of {} uV, {} uV allowed; check the analogue supplies",
+                Decimal(*measured, 1),
+                Decimal(*limit, 0)
             ),
             Self::Noisy { measured, limit } => write!(
                 formatter,
-                "noise of {measured:.3} uV rms, {limit:.3} uV allowed; check supplies, reference, \
-                 and what runs beside them"
+                "noise of {} uV rms, {} uV allowed; check supplies, reference, and what runs beside them",
+                Decimal(*measured, 3),
+                Decimal(*limit, 3)
             ),
             Self::Silent { measured, limit } => write!(
                 formatter,
-                "noise of {measured:.3} uV rms, at least {limit:.3} uV are in every channel; the \
-                 channel is dead or off"
+                "noise of {} uV rms, at least {} uV are in every channel; the channel is dead or off",
+                Decimal(*measured, 3),
+                Decimal(*limit, 3)
             ),
         }
     }

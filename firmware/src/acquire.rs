@@ -52,11 +52,17 @@ pub async fn acquire(
             running.marks.overrun |= conversion.missed > 0;
             running.marks.adc_status_bad |= conversion.status_bad;
             running.marks.lead_off |= conversion.lead_off;
-            let step = acquisition.push(&sample);
+            let step = push(acquisition, &sample);
             running.take(&sample, step.as_ref(), &conversion, shared, &mut taken);
             shared.timing.end(Stage::Acquire, conversion.drdy_ticks);
         }
     }
+}
+
+/// The filters, apart from the board's task, which is compiled to be small.
+#[inline(never)]
+fn push(acquisition: &mut Acquisition, sample: &Sample) -> Option<Step> {
+    acquisition.push(sample)
 }
 
 /// Leaves a note of how the converters are.

@@ -1,5 +1,6 @@
 //! The start: queues, executors, tasks.
 
+use ads1299::SelfTest;
 use defmt::{info, warn};
 use defmt_rtt as _;
 use device::{Abilities, Identity, Producer, Session};
@@ -7,13 +8,15 @@ use embassy_executor::{SendSpawner, SpawnError};
 use embassy_stm32::{interrupt, uid};
 use embassy_time::{Instant, TICK_HZ};
 use firmware::{
-    Clock, FaultRecord, Frames, HandedIn, HandedOut, Machine, Memory, Shared, StampedIn, StampedOut,
+    Clock, FaultRecord, Frames, HandedIn, HandedOut, Machine, Memory, Shared, Shares, StampedIn,
+    StampedOut,
 };
 use link::{ResetCause, Streams};
 use pipeline::{Acquisition, Mains};
+use static_cell::StaticCell;
 
 use crate::{
-    Port, Trigger, Wires,
+    CHIPS, Port, Trigger, Wires,
     converter::Adc,
     failure,
     interrupts::{self, ACQUIRE, CONVERSE, ENCODE},
@@ -34,11 +37,12 @@ fn ticks() -> u32 {
 }
 
 static MEMORY: Memory = Memory::new();
+static TEST: StaticCell<SelfTest<CHIPS>> = StaticCell::new();
 
 /// What these boards can do.
 const ABILITIES: Abilities = Abilities {
     streams: Streams::ALL,
-    self_test: false,
+    self_test: true,
     bootloader: true,
 };
 
@@ -90,14 +94,20 @@ pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
     interrupts::begin();
     board.trigger.begin();
 
-    let shares = MEMORY.take();
+    let (shares, test) = memory();
     let conversation = CONVERSE.start(interrupt::UART5);
     conversation.spawn(converse(board.port, name, before, shares.converse)?);
     let encoding = ENCODE.start(interrupt::SAI1);
     encoding.spawn(encode(shares.encode)?);
     let acquisition = ACQUIRE.start(interrupt::UART4);
-    acquisition.spawn(acquire(board.wires, shares.acquire)?);
+    acquisition.spawn(acquire(board.wires, test, shares.acquire)?);
     Ok(conversation)
+}
+
+/// The tasks' memory. What it is made of passes over the stack: that is over before the first of them runs.
+#[inline(never)]
+fn memory() -> (Shares, &'static mut SelfTest<CHIPS>) {
+    (MEMORY.take(), TEST.init_with(SelfTest::new))
 }
 
 /// What is left for `main`: to halt the core between interrupts.
@@ -108,9 +118,13 @@ pub fn sleep() -> ! {
 }
 
 #[embassy_executor::task]
-async fn acquire(wires: Wires, share: (StampedIn, &'static mut Acquisition)) {
+async fn acquire(
+    wires: Wires,
+    test: &'static mut SelfTest<CHIPS>,
+    share: (StampedIn, &'static mut Acquisition),
+) {
     let (chain, mut drdy) = wires.into_chain();
-    let adc = Adc::start(chain, &mut drdy).await;
+    let adc = Adc::start(chain, &mut drdy, test).await;
     firmware::acquire(adc, &SHARED, share).await;
 }
 

@@ -1,6 +1,6 @@
 //! The chain of converters behind [`firmware::Converter`].
 
-use ads1299::{CHANNELS, Chain, Reading, SILENCE, Sampler, Settings};
+use ads1299::{CHANNELS, Chain, Error, Reading, SILENCE, Sampler, SelfTest, Settings};
 use defmt::{Display2Format, error, info};
 use embassy_stm32::{exti::ExtiInput, gpio::Output, mode::Blocking};
 use embassy_time::{Instant, with_deadline};
@@ -10,7 +10,7 @@ use pipeline::Sample;
 use crate::{
     Bus, FRAME_BYTES,
     delay::Delay,
-    drdy::{self, Edge},
+    drdy::{self, Edge, Falls},
 };
 
 /// Converters in the chain.
@@ -52,22 +52,30 @@ impl Wires {
 /// A chain that converts, or one that could not be brought up.
 pub(crate) struct Adc {
     sampler: Sampler<Bus, Output<'static>, Delay, CHIPS, FRAME_BYTES>,
+    test: &'static mut SelfTest<CHIPS>,
+    /// Why the chain did not come up as it should, the last time.
+    failure: Option<Error>,
     /// Until when the next edge must come.
     due: Instant,
     silent: bool,
 }
 
 impl Adc {
-    /// Brings the chain up and starts it; what is wrong is logged, and then flagged in every sample.
-    pub(crate) async fn start(chain: Wired, drdy: &mut ExtiInput<'static, Blocking>) -> Self {
+    /// Brings the chain up and starts it; what is wrong is told, and flagged in every sample.
+    /// `test` is memory for the self-test.
+    pub(crate) async fn start(
+        chain: Wired,
+        drdy: &mut ExtiInput<'static, Blocking>,
+        test: &'static mut SelfTest<CHIPS>,
+    ) -> Self {
         let mut sampler = Sampler::new(chain, Settings::EEG);
         drdy.enable_interrupt();
-        match sampler.begin(|| ()).await {
-            Ok(()) => info!("{} converters run", CHIPS),
-            Err(error) => error!("{}", Display2Format(&error)),
-        }
+        let failure = sampler.begin(|| ()).await.err();
+        log(failure.as_ref());
         Self {
             sampler,
+            test,
+            failure,
             due: Instant::now() + SILENCE * deadlines::SAMPLE,
             silent: false,
         }
@@ -91,6 +99,13 @@ impl Adc {
     }
 }
 
+fn log(failure: Option<&Error>) {
+    match failure {
+        None => info!("{} converters run", CHIPS),
+        Some(error) => error!("{}", Display2Format(error)),
+    }
+}
+
 impl Converter for Adc {
     async fn next(&mut self, sample: &mut Sample) -> Conversion {
         if let Ok(edge) = with_deadline(self.due, drdy::next()).await {
@@ -105,5 +120,29 @@ impl Converter for Adc {
         let before = core::mem::replace(&mut self.silent, true);
         let reading = self.sampler.silence(if before { 0 } else { SILENCE - 1 });
         self.hand_over(&reading, sample, &Edge { us, missed: 0 })
+    }
+
+    fn state(&self) -> Option<link::Converters> {
+        let sampler = &self.sampler;
+        Some(device::converters(
+            self.failure.as_ref(),
+            sampler.millihertz(),
+            sampler.last(),
+            sampler.counters(),
+        ))
+    }
+
+    /// A chain that did not come up is reset and set up as well, so that it need not be the board.
+    async fn self_test(&mut self, alive: impl FnMut()) -> Option<link::SelfTest> {
+        let falls = Falls::default();
+        self.sampler
+            .self_test(self.test, &mut &falls, || falls.us.get(), alive)
+            .await;
+        let report = self.test.report();
+        self.failure = report.not_restored;
+        log(self.failure.as_ref());
+        self.due = Instant::now() + SILENCE * deadlines::SAMPLE;
+        self.silent = false;
+        Some(device::self_test(report))
     }
 }

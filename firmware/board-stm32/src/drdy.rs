@@ -2,10 +2,12 @@
 
 use core::{cell::Cell, future::poll_fn, task::Poll};
 
-use critical_section::Mutex;
+use critical_section::{CriticalSection, Mutex};
 use embassy_stm32::pac::{EXTI, exti::regs::Lines};
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::Instant;
+use embedded_hal::digital::{self, ErrorKind, ErrorType};
+use embedded_hal_async::digital::Wait;
 
 use crate::trigger;
 
@@ -48,6 +50,17 @@ pub(crate) fn edge() {
     WAKER.wake();
 }
 
+/// Takes all edges that came; gives what was before.
+fn take(section: CriticalSection<'_>) -> Edges {
+    let edges = EDGES.borrow(section);
+    let before = edges.get();
+    edges.set(Edges {
+        taken: before.came,
+        ..before
+    });
+    before
+}
+
 /// An edge.
 pub(crate) struct Edge {
     /// Device time, microseconds since boot.
@@ -62,15 +75,7 @@ pub(crate) async fn next() -> Edge {
     trigger::allow();
     poll_fn(|context| {
         WAKER.register(context.waker());
-        let before = critical_section::with(|section| {
-            let edges = EDGES.borrow(section);
-            let before = edges.get();
-            edges.set(Edges {
-                taken: before.came,
-                ..before
-            });
-            before
-        });
+        let before = critical_section::with(take);
         match before.came.wrapping_sub(before.taken) {
             0 => Poll::Pending,
             new => Poll::Ready(Edge {
@@ -80,4 +85,50 @@ pub(crate) async fn next() -> Edge {
         }
     })
     .await
+}
+
+/// DRDY as the driver's self-test waits for it: for its falling edges alone, of which it notes the times.
+#[derive(Debug, Default)]
+pub(crate) struct Falls {
+    /// Of the last one, microseconds since boot.
+    pub(crate) us: Cell<u64>,
+}
+
+/// Nobody waits for anything but an edge that falls: the input is set for no other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OnlyFalls;
+
+impl digital::Error for OnlyFalls {
+    fn kind(&self) -> ErrorKind {
+        ErrorKind::Other
+    }
+}
+
+impl ErrorType for &Falls {
+    type Error = OnlyFalls;
+}
+
+impl Wait for &Falls {
+    /// The next one: those that came before are forgotten.
+    async fn wait_for_falling_edge(&mut self) -> Result<(), OnlyFalls> {
+        critical_section::with(take);
+        self.us.set(next().await.us);
+        Ok(())
+    }
+
+    async fn wait_for_high(&mut self) -> Result<(), OnlyFalls> {
+        Err(OnlyFalls)
+    }
+
+    async fn wait_for_low(&mut self) -> Result<(), OnlyFalls> {
+        Err(OnlyFalls)
+    }
+
+    async fn wait_for_rising_edge(&mut self) -> Result<(), OnlyFalls> {
+        Err(OnlyFalls)
+    }
+
+    async fn wait_for_any_edge(&mut self) -> Result<(), OnlyFalls> {
+        Err(OnlyFalls)
+    }
 }

@@ -77,23 +77,29 @@ impl TriggerLine {
 mod tests {
     use super::*;
 
-    fn edge(is_rise: bool, at_us: u64, lost: u32) -> Option<Edge> {
-        Some(Edge {
+    const fn edge(is_rise: bool, at_us: u64, lost: u32) -> Edge {
+        Edge {
             is_rise,
             at_us,
             lost,
-        })
+        }
     }
 
     #[test]
     fn a_stamp_of_16_bits_is_placed_beside_the_time_across_every_wrap() {
         let mut line = TriggerLine::new();
-        assert_eq!(line.look(true, 0xfff0, 0x1_0005), edge(true, 0xfff0, 0));
-        assert_eq!(line.look(false, 3, 0x1_0009), edge(false, 0x1_0003, 0));
+        assert_eq!(
+            line.look(true, 0xfff0, 0x1_0005),
+            Some(edge(true, 0xfff0, 0))
+        );
+        assert_eq!(
+            line.look(false, 3, 0x1_0009),
+            Some(edge(false, 0x1_0003, 0))
+        );
         // An edge between the reading of the time and that of the stamp.
         assert_eq!(
             line.look(true, 1, 0x7_ffff_ffff),
-            edge(true, 0x8_0000_0001, 0)
+            Some(edge(true, 0x8_0000_0001, 0))
         );
     }
 
@@ -102,9 +108,13 @@ mod tests {
         let mut line = TriggerLine::new();
         line.begin(true, 7);
         assert_eq!(line.look(true, 7, 20), None, "how it was at the start");
-        assert_eq!(line.look(true, 30, 31), edge(true, 30, 1), "it was low");
+        assert_eq!(
+            line.look(true, 30, 31),
+            Some(edge(true, 30, 1)),
+            "it was low"
+        );
         assert_eq!(line.look(true, 30, 40), None);
-        assert_eq!(line.look(false, 50, 51), edge(false, 50, 0));
+        assert_eq!(line.look(false, 50, 51), Some(edge(false, 50, 0)));
     }
 
     #[test]
