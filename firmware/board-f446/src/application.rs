@@ -1,19 +1,15 @@
 //! The board's start.
 
-use board_stm32::{Board, Bus, FRAME_BYTES, Loader, Port, SHARED, Trigger, Wires, begin, sleep};
+use board_stm32::{Board, Bus, FRAME_BYTES, Loader, Port, Trigger, Wires, begin, sleep};
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;
 use embassy_stm32::{
     Peri,
     adc::{Adc, SampleTime},
     bind_interrupts, dma,
-    exti::{ExtiInput, TriggerEdge},
-    gpio::{Level, Output, Pull, Speed},
     peripherals::{ADC1, DMA1_CH3, DMA1_CH4, IWDG},
     spi::Spi,
-    wdg::IndependentWatchdog,
 };
-use firmware::deadlines;
 use static_cell::ConstStaticCell;
 
 use crate::{clocks, parts::Parts, reset};
@@ -23,6 +19,8 @@ bind_interrupts!(struct Irqs {
     DMA1_STREAM3 => dma::InterruptHandler<DMA1_CH3>;
 });
 
+#[cfg(feature = "uart")]
+use embassy_stm32::{interrupt, usart::BufferedUart};
 #[cfg(feature = "uart")]
 bind_interrupts!(struct UartIrqs {
     USART2 => embassy_stm32::usart::BufferedInterruptHandler<embassy_stm32::peripherals::USART2>;
@@ -38,18 +36,9 @@ fn main() -> ! {
     sleep()
 }
 
-/// Feeds the watchdog while all tasks move; it starts when they have moved for the first time, because
-/// the converters take longer to come up than it waits.
 #[embassy_executor::task]
 async fn watch(watchdog: Peri<'static, IWDG>) {
-    let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
-    let mut watchdog = IndependentWatchdog::new(watchdog, us);
-    // Starting it again does no harm.
-    firmware::keep_alive(&SHARED, || {
-        watchdog.unleash();
-        watchdog.pet();
-    })
-    .await;
+    board_stm32::watch(watchdog).await;
 }
 
 /// Where the converters' DMA reads and writes.
@@ -70,22 +59,22 @@ fn start(parts: Parts) -> Result<(), SpawnError> {
         Irqs,
         Bus::config(),
     );
-    let wires = Wires {
-        bus: Bus::new(spi, BUFFER.take()),
-        selects: [
-            Output::new(parts.select0, Level::High, Speed::High),
-            Output::new(parts.select1, Level::High, Speed::High),
-            Output::new(parts.select2, Level::High, Speed::High),
-            Output::new(parts.select3, Level::High, Speed::High),
-            Output::new(parts.select4, Level::High, Speed::High),
-            Output::new(parts.select5, Level::High, Speed::High),
-            Output::new(parts.select6, Level::High, Speed::High),
-            Output::new(parts.select7, Level::High, Speed::High),
+    let wires = Wires::new(
+        Bus::new(spi, BUFFER.take()),
+        [
+            parts.select0.into(),
+            parts.select1.into(),
+            parts.select2.into(),
+            parts.select3.into(),
+            parts.select4.into(),
+            parts.select5.into(),
+            parts.select6.into(),
+            parts.select7.into(),
         ],
-        start: Output::new(parts.start, Level::Low, Speed::Low),
-        reset: Output::new(parts.reset, Level::High, Speed::Low),
-        drdy: ExtiInput::new_blocking(parts.drdy, parts.drdy_line, Pull::Up, TriggerEdge::Falling),
-    };
+        [parts.start.into(), parts.reset.into()],
+        parts.drdy,
+        parts.drdy_line,
+    );
     let trigger = Trigger {
         pin: parts.trigger,
         line: parts.trigger_line,
@@ -97,12 +86,7 @@ fn start(parts: Parts) -> Result<(), SpawnError> {
         dm: parts.usb_dm,
     };
     #[cfg(feature = "uart")]
-    let port = Port::new(|sending, received| {
-        use embassy_stm32::{
-            interrupt::{self, InterruptExt},
-            usart::BufferedUart,
-        };
-        interrupt::USART2.set_priority(board_stm32::prioritise(deadlines::priority::CONVERSE));
+    let port = Port::new(interrupt::USART2, |sending, received| {
         BufferedUart::new(
             parts.uart,
             parts.uart_rx,

@@ -5,11 +5,14 @@ use defmt::{info, warn};
 use defmt_rtt as _;
 use device::{Abilities, Identity, Producer, Session};
 use embassy_executor::{SendSpawner, SpawnError};
-use embassy_stm32::{interrupt, uid};
+use embassy_stm32::{
+    Peri, interrupt, uid,
+    wdg::{self, IndependentWatchdog},
+};
 use embassy_time::{Instant, TICK_HZ};
 use firmware::{
     Clock, FaultRecord, Frames, HandedIn, HandedOut, Machine, Memory, Shared, Shares, StampedIn,
-    StampedOut,
+    StampedOut, deadlines,
 };
 use link::{ResetCause, Streams};
 use pipeline::{Acquisition, Mains};
@@ -24,7 +27,7 @@ use crate::{
 
 /// What the tasks tell each other. Stages are timed by the device's clock: the core's own counter stops
 /// while the core sleeps.
-pub static SHARED: Shared = Shared::new(Clock {
+pub(crate) static SHARED: Shared = Shared::new(Clock {
     now: ticks,
     #[expect(clippy::cast_possible_truncation, reason = "1 MHz")]
     hz: TICK_HZ as u32,
@@ -108,6 +111,19 @@ pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
 #[inline(never)]
 fn memory() -> (Shares, &'static mut SelfTest<CHIPS>) {
     (MEMORY.take(), TEST.init_with(SelfTest::new))
+}
+
+/// Feeds the watchdog while all tasks move; it starts when they have moved for the first time, because
+/// the converters take longer to come up than it waits.
+pub async fn watch(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
+    let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
+    let mut watchdog = IndependentWatchdog::new(watchdog, us);
+    // Starting it again does no harm.
+    firmware::keep_alive(&SHARED, || {
+        watchdog.unleash();
+        watchdog.pet();
+    })
+    .await
 }
 
 /// What is left for `main`: to halt the core between interrupts.

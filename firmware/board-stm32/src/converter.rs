@@ -2,7 +2,12 @@
 
 use ads1299::{CHANNELS, Chain, Error, Reading, SILENCE, Sampler, SelfTest, Settings};
 use defmt::{Display2Format, error, info};
-use embassy_stm32::{exti::ExtiInput, gpio::Output, mode::Blocking};
+use embassy_stm32::{
+    Peri,
+    exti::{ExtiInput, TriggerEdge},
+    gpio::{AnyPin, ExtiPin, Level, Output, Pin, Pull, Speed},
+    mode::Blocking,
+};
 use embassy_time::{Instant, with_deadline};
 use firmware::{Conversion, Converter, deadlines};
 use pipeline::Sample;
@@ -20,21 +25,35 @@ const _: () = assert!(model::CHANNELS == CHIPS * CHANNELS);
 
 /// The wires between microcontroller and chain.
 pub struct Wires {
-    /// SPI of all chips.
-    pub bus: Bus,
-    /// Their selects; chip 0 is the one at MISO.
-    pub selects: [Output<'static>; CHIPS],
-    /// START of all chips.
-    pub start: Output<'static>,
-    /// RESET of all chips.
-    pub reset: Output<'static>,
-    /// DRDY of chip 0, for falling edges, on one of EXTI's lines 5 to 9.
-    pub drdy: ExtiInput<'static, Blocking>,
+    bus: Bus,
+    /// Chip 0 is the one at MISO.
+    selects: [Output<'static>; CHIPS],
+    start: Output<'static>,
+    reset: Output<'static>,
+    drdy: ExtiInput<'static, Blocking>,
 }
 
 type Wired = Chain<Bus, Output<'static>, Delay, CHIPS>;
 
 impl Wires {
+    /// The chain at rest: SPI, START and RESET are those of all chips, DRDY that of chip 0, on one of
+    /// EXTI's lines 5 to 9; the first select is that of chip 0, the one at MISO.
+    pub fn new<Drdy: Pin + ExtiPin>(
+        bus: Bus,
+        selects: [Peri<'static, AnyPin>; CHIPS],
+        [start, reset]: [Peri<'static, AnyPin>; 2],
+        drdy: Peri<'static, Drdy>,
+        drdy_line: Peri<'static, Drdy::ExtiChannel>,
+    ) -> Self {
+        Self {
+            bus,
+            selects: selects.map(|select| Output::new(select, Level::High, Speed::High)),
+            start: Output::new(start, Level::Low, Speed::Low),
+            reset: Output::new(reset, Level::High, Speed::Low),
+            drdy: ExtiInput::new_blocking(drdy, drdy_line, Pull::Up, TriggerEdge::Falling),
+        }
+    }
+
     /// The chain, and the input that tells of its samples, asleep.
     pub(crate) fn into_chain(mut self) -> (Wired, ExtiInput<'static, Blocking>) {
         self.drdy.disable_interrupt();

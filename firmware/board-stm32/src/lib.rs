@@ -43,7 +43,7 @@ mod trigger;
 
 #[cfg(target_os = "none")]
 pub use {
-    application::{Board, SHARED, begin, sleep},
+    application::{Board, begin, sleep, watch},
     bus::{Bus, FRAME_BYTES},
     converter::{CHIPS, Wires},
     interrupts::prioritise,

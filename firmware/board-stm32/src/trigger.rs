@@ -27,7 +27,7 @@ use embassy_time::Instant;
 use firmware::deadlines;
 use link::EventKind;
 
-use crate::{SHARED, interrupts, trigger_line::TriggerLine};
+use crate::{application::SHARED, interrupts, trigger_line::TriggerLine};
 
 /// The trigger's input; a line that nobody drives is low.
 pub struct Trigger {
