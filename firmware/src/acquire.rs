@@ -65,7 +65,8 @@ fn push(acquisition: &mut Acquisition, sample: &Sample) -> Option<Step> {
     acquisition.push(sample)
 }
 
-/// Leaves a note of how the converters are.
+/// Leaves a note of how the converters are; its text stays off the task's frame.
+#[inline(never)]
 fn tell(converter: &impl Converter, shared: &Shared) {
     if let Some(state) = converter.state() {
         shared.converters.signal(state);
