@@ -44,9 +44,11 @@ impl<const BYTES: usize> FrameRing<BYTES> {
             return None;
         }
         let frame = &mut frame[..self.length()];
-        for (at, byte) in frame.iter_mut().enumerate() {
-            *byte = self.bytes[(self.first + LENGTH + at) % BYTES];
-        }
+        let (wrapped, up_to_end) = self.bytes.split_at((self.first + LENGTH) % BYTES);
+        // What lies before the ring's end, and what lies at its beginning.
+        let (head, rest) = frame.split_at_mut(frame.len().min(up_to_end.len()));
+        head.copy_from_slice(&up_to_end[..head.len()]);
+        rest.copy_from_slice(&wrapped[..rest.len()]);
         self.forget_oldest();
         Some(frame)
     }
@@ -64,10 +66,11 @@ impl<const BYTES: usize> FrameRing<BYTES> {
     }
 
     fn append(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            self.bytes[(self.first + self.used) % BYTES] = byte;
-            self.used += 1;
-        }
+        let (wrapped, up_to_end) = self.bytes.split_at_mut((self.first + self.used) % BYTES);
+        let (head, rest) = bytes.split_at(bytes.len().min(up_to_end.len()));
+        up_to_end[..head.len()].copy_from_slice(head);
+        wrapped[..rest.len()].copy_from_slice(rest);
+        self.used += bytes.len();
     }
 }
 

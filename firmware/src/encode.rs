@@ -23,7 +23,7 @@ pub async fn encode(
             }
         };
         if item.taken.begun.is_some() {
-            shared.inputs.forget();
+            shared.inputs.forget_before(item.taken.drdy_us);
         }
         producer.take(&item.taken, &mut hand_on);
         producer.place(&item.taken, || shared.inputs.next(), &mut hand_on);

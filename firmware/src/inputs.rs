@@ -52,9 +52,13 @@ impl Inputs {
         self.with(Deque::pop_front).flatten()
     }
 
-    /// What happened before a run is of no interest to it.
-    pub(crate) fn forget(&self) {
-        self.with(Deque::clear);
+    /// What happened before a run is of no interest to it; `begin_us` is its first sample's device time.
+    pub(crate) fn forget_before(&self, begin_us: u64) {
+        self.with(|waiting| {
+            while waiting.front().is_some_and(|event| event.at_us < begin_us) {
+                waiting.pop_front();
+            }
+        });
     }
 
     /// Does something with what waits, alone: nobody else has it, so that it is always done.
@@ -69,6 +73,18 @@ impl Inputs {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_run_begins_with_what_happens_from_its_first_sample_on() {
+        let inputs = Inputs::new();
+        for at_us in [10, 19, 20, 21] {
+            inputs.captured(EventKind::TriggerRise, at_us);
+        }
+        inputs.forget_before(20);
+        assert_eq!(inputs.next().map(|event| event.at_us), Some(20));
+        assert_eq!(inputs.next().map(|event| event.number), Some(3));
+        assert_eq!(inputs.next(), None);
+    }
 
     #[test]
     fn events_come_out_in_order_and_what_does_not_fit_is_a_gap_in_the_numbers() {

@@ -4,14 +4,20 @@
 mod damage;
 mod failures;
 mod figures;
+mod frames;
 mod heard;
 mod host;
 mod input;
 mod live;
 mod pipes;
 mod report;
+mod restart;
+mod script;
 mod stages;
 mod stall;
+mod storm;
+mod streams;
+mod triggers;
 
 use std::fs;
 use std::path::Path;
@@ -26,7 +32,10 @@ use self::figures::MachineFigures;
 use self::heard::Heard;
 use self::input::Input;
 use self::report::Report;
+use self::restart::Restart;
 use self::stall::Stall;
+use self::storm::Storm;
+use self::streams::AllStreams;
 use crate::benchmark::emulator::{self, Image, MACHINES, Machine};
 use crate::benchmark::{cannot_write, make_folder};
 use crate::failure::Failure;
@@ -82,9 +91,10 @@ pub(crate) fn qemu(options: QemuOptions) -> Result<(), Failure> {
     }
     let input = Input::make(options.codes as usize)?;
     let expected = Heard::boots(&host::sent(&input.samples)?).swap_remove(0);
+    let streams = streams::Expected::of(&input)?;
     let mut figures = Vec::new();
     for machine in MACHINES {
-        let runs = run(machine, &input, &expected)?;
+        let runs = run(machine, &input, &expected, &streams)?;
         figures.push(MachineFigures::new(machine, runs, &input, &expected));
     }
     let report = Report::new(&input, figures);
@@ -109,6 +119,12 @@ struct Runs {
     failures: Vec<Recovery>,
     /// With a damaged model.
     damage: Damage,
+    /// With everything that there is to send, and a trigger.
+    streams: AllStreams,
+    /// With a host that gives commands all the time.
+    storm: Storm,
+    /// With a host that changes its mind.
+    restart: Restart,
 }
 
 /// A run in virtual time.
@@ -121,7 +137,12 @@ struct Run {
     wall: Duration,
 }
 
-fn run(machine: Machine, input: &Input, expected: &Heard) -> Result<Runs, Failure> {
+fn run(
+    machine: Machine,
+    input: &Input,
+    expected: &Heard,
+    streams: &streams::Expected,
+) -> Result<Runs, Failure> {
     let image = Image::build(IMAGE, IMAGE, machine.features)?;
     let folder = image.target_folder().join("qemu").join(machine.name);
     make_folder(&folder)?;
@@ -137,7 +158,17 @@ fn run(machine: Machine, input: &Input, expected: &Heard) -> Result<Runs, Failur
     });
     let undisturbed = [first?, second?];
     let wall = undisturbed[0].wall;
+    let (streams, storm) = thread::scope(|scope| {
+        let streams = scope.spawn(|| AllStreams::of(&image, machine, &folder, streams));
+        let storm = Storm::of(&image, machine, &folder, input, expected);
+        let streams = streams.join();
+        let streams = streams.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        (streams, storm)
+    });
     Ok(Runs {
+        streams: streams?,
+        storm: storm?,
+        restart: Restart::of(&image, machine, &folder, input)?,
         stalled: Stall::of(&image, machine, &folder, input, expected, wall)?,
         failures: Recovery::of_every_failure(&image, machine, &folder, input, expected)?,
         damage: Damage::of(&image, machine, &folder, input)?,

@@ -16,12 +16,13 @@ use pipeline::{Acquisition, Mains};
 
 use crate::{
     arguments::Arguments,
-    drdy,
+    commands, drdy,
     failure::{self, Failure},
+    host_file::HostFile,
     interrupts::{self, ACQUIRE, CONVERSE, ENCODE, Interrupt},
     recording::{ENDED, Recording},
     registers::CLOCK_HZ,
-    time_driver,
+    time_driver, trigger,
     uart::{self, Receiver, Transmitter},
 };
 
@@ -29,7 +30,7 @@ use crate::{
 /// misses the samples, does not end yet.
 const FAREWELL: Duration = Duration::from_millis(60);
 
-static SHARED: Shared = Shared::new(Clock {
+pub(crate) static SHARED: Shared = Shared::new(Clock {
     now: time_driver::ticks,
     hz: CLOCK_HZ,
 });
@@ -88,6 +89,12 @@ async fn end() {
     debug::exit(debug::EXIT_SUCCESS);
 }
 
+/// Says what the host's file says.
+#[embassy_executor::task]
+async fn say(file: HostFile, boot: u32) {
+    commands::say(file, boot).await;
+}
+
 /// Feeds the watchdog while all tasks move.
 #[embassy_executor::task]
 async fn watch() {
@@ -136,10 +143,13 @@ fn main() -> ! {
 fn begin() -> Result<(), SpawnError> {
     let arguments = Arguments::of_emulator();
     let before = failure::of_the_run_before();
-    let start = arguments.has("start").then_some(Start {
-        streams: Streams::CODES,
-        mains_hz: 0,
-    });
+    let start = [("start", Streams::CODES), ("start-all", Streams::ALL)]
+        .into_iter()
+        .find(|(word, _)| arguments.has(word))
+        .map(|(_, streams)| Start {
+            streams,
+            mains_hz: 0,
+        });
     let recording = Recording::open();
     if let Some(mut core) = cortex_m::Peripherals::take() {
         interrupts::prioritise(&mut core.NVIC);
@@ -152,6 +162,10 @@ fn begin() -> Result<(), SpawnError> {
     conversation.spawn(converse(before, start, shares.converse)?);
     conversation.spawn(end()?);
     conversation.spawn(watch()?);
+    if let Some(file) = open_for(&arguments, "commands", commands::COMMANDS) {
+        let boot = if before.is_some() { 2 } else { 1 };
+        conversation.spawn(say(file, boot)?);
+    }
     let encoding = ENCODE.start(Interrupt::Encode);
     if before.is_none()
         && let Some(failure) = Failure::ALL
@@ -163,6 +177,14 @@ fn begin() -> Result<(), SpawnError> {
     encoding.spawn(encode(shares.encode)?);
     let acquisition = ACQUIRE.start(Interrupt::Acquire);
     acquisition.spawn(acquire(recording, shares.acquire)?);
-    drdy::begin();
+    let origin = drdy::begin();
+    if let Some(file) = open_for(&arguments, "trigger", trigger::EDGES) {
+        trigger::begin(file, origin);
+    }
     Ok(())
+}
+
+/// The host's file, where the emulator was started with the word for it.
+fn open_for(arguments: &Arguments, word: &str, name: &core::ffi::CStr) -> Option<HostFile> {
+    arguments.has(word).then(|| HostFile::open(name)).flatten()
 }

@@ -32,8 +32,8 @@ fn due(first: u64, index: u64) -> u64 {
     first + index * u64::from(CLOCK_HZ) / u64::from(ADC_RATE_HZ)
 }
 
-/// Lets the converter run; the first edge comes after a period.
-pub(crate) fn begin() {
+/// Lets the converter run; the first edge comes after a period, at these ticks.
+pub(crate) fn begin() -> u64 {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
         edges.set(Edges {
@@ -41,7 +41,8 @@ pub(crate) fn begin() {
             ..edges.get()
         });
         arm(edges.get());
-    });
+        edges.get().first
+    })
 }
 
 /// Timer 1 has rung: an edge.

@@ -5,7 +5,7 @@ use cortex_m::peripheral::NVIC;
 use embassy_executor::InterruptExecutor;
 use firmware::deadlines::priority;
 
-use crate::{drdy, time_driver, uart};
+use crate::{application, drdy, time_driver, trigger, uart};
 
 /// Interrupts of the MPS2 that are used; the spare ones run executors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,6 +15,7 @@ pub(crate) enum Interrupt {
     Uart0Transmit = 1,
     Timer0 = 8,
     Timer1 = 9,
+    DualTimer = 10,
     Encode = 29,
     Acquire = 30,
     Converse = 31,
@@ -35,6 +36,7 @@ pub(crate) static ENCODE: InterruptExecutor = InterruptExecutor::new();
 pub(crate) fn prioritise(nvic: &mut NVIC) {
     for (interrupt, level) in [
         (Interrupt::Timer1, priority::DRDY),
+        (Interrupt::DualTimer, priority::DRDY),
         (Interrupt::Acquire, priority::ACQUIRE),
         (Interrupt::Timer0, priority::TIME),
         (Interrupt::Uart0Receive, priority::CONVERSE),
@@ -48,6 +50,7 @@ pub(crate) fn prioritise(nvic: &mut NVIC) {
     for interrupt in [
         Interrupt::Timer0,
         Interrupt::Timer1,
+        Interrupt::DualTimer,
         Interrupt::Uart0Receive,
         Interrupt::Uart0Transmit,
     ] {
@@ -79,6 +82,12 @@ unsafe extern "C" fn timer1() {
     drdy::edge();
 }
 
+unsafe extern "C" fn dual_timer() {
+    if let Some((kind, at_us)) = trigger::edge() {
+        application::SHARED.inputs.captured(kind, at_us);
+    }
+}
+
 unsafe extern "C" fn uart0_receive() {
     uart::receive();
 }
@@ -100,6 +109,7 @@ static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {
     table[Interrupt::Uart0Transmit as usize] = uart0_transmit;
     table[Interrupt::Timer0 as usize] = timer0;
     table[Interrupt::Timer1 as usize] = timer1;
+    table[Interrupt::DualTimer as usize] = dual_timer;
     table[Interrupt::Encode as usize] = encode;
     table[Interrupt::Acquire as usize] = acquire;
     table[Interrupt::Converse as usize] = converse;

@@ -5,8 +5,10 @@
 //! come from a file of the host, [`recording::SAMPLES`] in QEMU's working folder, or are made up where
 //! there is none. The emulation ends with the file. Under `-icount` a run repeats itself byte for byte.
 //!
-//! Arguments: `start` starts the codes without a host; `hang`, `panic` and `fault` let a task do so
-//! after a second of the first run, to see what the second says of it.
+//! Arguments: `start` starts the codes without a host, `start-all` everything that there is; `hang`,
+//! `panic` and `fault` let a task do so after a second of the first run, to see what the second says of
+//! it; `commands` takes commands from [`commands::COMMANDS`] and `trigger` edges of the trigger input
+//! from [`trigger::EDGES`], each at its time.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 #![deny(unsafe_code)]
@@ -21,6 +23,8 @@ fn main() {
 mod application;
 #[cfg(target_os = "none")]
 mod arguments;
+#[cfg(target_os = "none")]
+mod commands;
 #[cfg(target_os = "none")]
 mod drdy;
 #[cfg(target_os = "none")]
@@ -37,5 +41,7 @@ mod recording;
 mod registers;
 #[cfg(target_os = "none")]
 mod time_driver;
+#[cfg(target_os = "none")]
+mod trigger;
 #[cfg(target_os = "none")]
 mod uart;

@@ -15,6 +15,8 @@ pub(crate) const TIMER0: Registers = Registers { base: 0x4000_0000 };
 pub(crate) const TIMER1: Registers = Registers { base: 0x4000_1000 };
 /// First half of the dual timer (section 4.5): load, value, control.
 pub(crate) const DUAL_TIMER: Registers = Registers { base: 0x4000_2000 };
+/// And the second one.
+pub(crate) const DUAL_TIMER_SECOND: Registers = Registers { base: 0x4000_2020 };
 /// UART 0 (section 4.3): data, state, control, interrupt, baud divider.
 pub(crate) const UART0: Registers = Registers { base: 0x4000_4000 };
 /// Watchdog (section 4.6): load, value, control, interrupt clear.
@@ -37,6 +39,18 @@ pub(crate) mod timer {
     pub(crate) const INTERRUPT: usize = 0xc;
     /// Enabled, with interrupt.
     pub(crate) const RUN: u32 = 0b1001;
+}
+
+/// Of a half of the dual timer.
+pub(crate) mod dual_timer {
+    pub(crate) const LOAD: usize = 0x0;
+    pub(crate) const VALUE: usize = 0x4;
+    pub(crate) const CONTROL: usize = 0x8;
+    pub(crate) const CLEAR: usize = 0xc;
+    /// Enabled, free running, 32 bits, no interrupt.
+    pub(crate) const RUN_FREELY: u32 = 0b1000_0010;
+    /// Enabled, 32 bits, with interrupt, and still after it.
+    pub(crate) const RING_ONCE: u32 = 0b1010_0011;
 }
 
 /// Of a UART.

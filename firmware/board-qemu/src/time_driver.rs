@@ -9,12 +9,10 @@ use critical_section::{CriticalSection, Mutex};
 use embassy_time_driver::Driver as _;
 use embassy_time_queue_utils::Queue;
 
-use crate::registers::{CLOCK_HZ, DUAL_TIMER, TIMER0, timer};
+use crate::registers::{CLOCK_HZ, DUAL_TIMER, TIMER0, dual_timer, timer};
 
 /// Ticks of the timers in a microsecond.
 pub(crate) const TICKS_PER_US: u32 = CLOCK_HZ / 1_000_000;
-/// Enabled, free running, 32 bits, no interrupt.
-const FREE_RUNNING: u32 = 0b1000_0010;
 /// The longest wait for an alarm, microseconds: the free-running half, which wraps after 171 s, is read
 /// at least so often.
 const LONGEST_US: u64 = 40_000_000;
@@ -32,8 +30,8 @@ embassy_time_driver::time_driver_impl!(static TIME: Time = Time {
 
 /// Lets time begin.
 pub(crate) fn begin() {
-    DUAL_TIMER.write(timer::CONTROL, u32::MAX);
-    DUAL_TIMER.write(timer::RELOAD, FREE_RUNNING);
+    DUAL_TIMER.write(dual_timer::LOAD, u32::MAX);
+    DUAL_TIMER.write(dual_timer::CONTROL, dual_timer::RUN_FREELY);
     critical_section::with(|section| {
         TIME.arm(section, LONGEST_US, &mut TIME.queue.borrow_ref_mut(section));
     });
@@ -42,7 +40,7 @@ pub(crate) fn begin() {
 /// Ticks of the board's clock since the beginning, 32 bits; wraps after 171 s.
 #[inline]
 pub(crate) fn ticks() -> u32 {
-    !DUAL_TIMER.read(timer::VALUE)
+    !DUAL_TIMER.read(dual_timer::VALUE)
 }
 
 /// The same, for ever.

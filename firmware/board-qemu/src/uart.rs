@@ -1,6 +1,6 @@
 //! UART 0, by interrupts, behind embedded-io-async.
 
-use core::convert::Infallible;
+use core::{cell::RefCell, convert::Infallible};
 
 use embassy_sync::pipe::Pipe;
 use embedded_io_async::{ErrorType, Read, Write};
@@ -18,12 +18,19 @@ pub(crate) fn begin() {
     UART0.write(uart::CONTROL, 0b1111);
 }
 
-/// A byte has come. What finds no room is lost, and its frame with it: the host sends it again.
+/// A byte has come.
 pub(crate) fn receive() {
     UART0.write(uart::INTERRUPT, 0b10);
     while UART0.read(uart::STATE) & uart::RECEIVED != 0 {
         let [byte, ..] = UART0.read(uart::DATA).to_le_bytes();
-        let _ = RECEIVED.try_write(&[byte]);
+        take_in(&[byte]);
+    }
+}
+
+/// These bytes have come. What finds no room is lost, and its frame with it: the host sends it again.
+pub(crate) fn take_in(bytes: &[u8]) {
+    for byte in bytes {
+        let _ = RECEIVED.try_write(&[*byte]);
     }
 }
 
@@ -34,15 +41,39 @@ pub(crate) fn transmit() {
 }
 
 fn pump() {
-    critical_section::with(|_| {
+    critical_section::with(|section| {
+        let leaving = &mut *LEAVING.borrow_ref_mut(section);
         while UART0.read(uart::STATE) & uart::SENDING == 0 {
-            let mut byte = [0];
-            if SENDING.try_read(&mut byte) != Ok(1) {
-                return;
-            }
-            UART0.write(uart::DATA, byte[0].into());
+            let Some(byte) = leaving.next() else { return };
+            UART0.write(uart::DATA, byte.into());
         }
     });
+}
+
+/// Bytes that have left the pipe for the UART: some at once, because a pipe costs the same for one.
+struct Leaving {
+    bytes: [u8; 64],
+    next: usize,
+    end: usize,
+}
+
+static LEAVING: critical_section::Mutex<RefCell<Leaving>> =
+    critical_section::Mutex::new(RefCell::new(Leaving {
+        bytes: [0; 64],
+        next: 0,
+        end: 0,
+    }));
+
+impl Leaving {
+    fn next(&mut self) -> Option<u8> {
+        if self.next == self.end {
+            self.next = 0;
+            self.end = SENDING.try_read(&mut self.bytes).unwrap_or(0);
+        }
+        let byte = self.bytes[..self.end].get(self.next).copied()?;
+        self.next += 1;
+        Some(byte)
+    }
 }
 
 /// From the host.

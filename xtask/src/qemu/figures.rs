@@ -10,8 +10,11 @@ use super::damage::Damage;
 use super::failures::Recovery;
 use super::heard::{Heard, Hello, but_times};
 use super::input::Input;
+use super::restart::Restart;
 use super::stages::Stages;
 use super::stall::Stall;
+use super::storm::Storm;
+use super::streams::AllStreams;
 use crate::benchmark::emulator::Machine;
 
 /// The board's name in `Hello`.
@@ -53,6 +56,12 @@ pub(super) struct MachineFigures {
     failures: Vec<Recovery>,
     /// A run with a damaged model.
     damaged_model: Damage,
+    /// A run with all streams and a trigger.
+    pub(super) all_streams: AllStreams,
+    /// A run within a storm of commands.
+    storm: Storm,
+    /// Runs that a host begins anew.
+    restart: Restart,
     /// What is wrong.
     #[serde(skip)]
     pub(super) faults: Vec<String>,
@@ -88,6 +97,9 @@ impl MachineFigures {
             stalled_host: runs.stalled,
             failures: runs.failures,
             damaged_model: runs.damage,
+            all_streams: runs.streams,
+            storm: runs.storm,
+            restart: runs.restart,
             faults: Vec::new(),
         };
         figures.faults = figures.find_faults(input, expected, heard, &last);
@@ -98,6 +110,14 @@ impl MachineFigures {
                 .push(format!("it has reset itself: {hellos:?}"));
         }
         figures
+    }
+
+    /// The worst stage of the runs that go on to their end, over its deadline.
+    pub(super) fn worst_over_deadline(&self) -> Option<f64> {
+        [&self.stages, &self.all_streams.stages, &self.storm.stages]
+            .into_iter()
+            .filter_map(Stages::worst_over_deadline)
+            .reduce(f64::max)
     }
 
     fn find_faults(
@@ -160,6 +180,9 @@ impl MachineFigures {
         let failures = self.failures.iter().flat_map(|failure| &failure.faults);
         faults.extend(failures.cloned());
         faults.extend(self.damaged_model.faults.iter().cloned());
+        faults.extend(self.all_streams.faults.iter().cloned());
+        faults.extend(self.storm.faults.iter().cloned());
+        faults.extend(self.restart.faults.iter().cloned());
         faults
     }
 }
@@ -182,19 +205,21 @@ impl fmt::Display for MachineFigures {
         for failure in &self.failures {
             write!(f, "\n  {failure}")?;
         }
-        write!(f, "\n  {}\n  {}", self.damaged_model, self.stalled_host)
+        write!(f, "\n  {}\n  {}", self.damaged_model, self.stalled_host)?;
+        write!(f, "\n  {}\n  {}", self.all_streams, self.storm)?;
+        write!(f, "\n  {}", self.restart)
     }
 }
 
 /// What an image says at its end; what it does not say is 0, and missing samples are a fault.
 #[derive(Debug, Default)]
-struct Said {
-    samples: u64,
-    overruns: u32,
+pub(super) struct Said {
+    pub(super) samples: u64,
+    pub(super) overruns: u32,
 }
 
 impl Said {
-    fn of(lines: &[String]) -> Self {
+    pub(super) fn of(lines: &[String]) -> Self {
         let number = |name| {
             let words = lines.iter().find_map(|line| line.strip_prefix(name));
             words.and_then(|number| number.trim().parse::<u64>().ok())
@@ -266,6 +291,9 @@ mod tests {
             stalled: Stall::default(),
             failures: Vec::new(),
             damage: Damage::default(),
+            streams: AllStreams::default(),
+            storm: Storm::default(),
+            restart: Restart::default(),
         };
         let figures = MachineFigures::new(MACHINES[0], runs, &input, &expected);
         let left_out = [

@@ -1,8 +1,12 @@
 //! The frames that a board has sent.
 
 use link::{
-    Ack, Code, Decoder, Encoder, FrameError, MAX_FRAME, Quality, ResetCause, Stats, Timing, ToHost,
+use link::{
+    Ack, Code, Decoder, FrameError, MAX_FRAME, Quality, ResetCause, Stats, Timing, ToHost,
 };
+};
+
+use super::frames;
 
 /// What a board has sent, by kind, in order.
 #[derive(Debug, Default)]
@@ -77,7 +81,7 @@ impl Heard {
                 cause: hello.reset_cause,
                 fault: hello.fault.to_owned(),
             }),
-            ToHost::Capabilities(_) => self.capabilities.push(alone(message)),
+            ToHost::Capabilities(_) => self.capabilities.push(frames::alone(message)),
             ToHost::Code(code) => self.codes.push((device_us, *code)),
             ToHost::Stats(stats) => self.stats.push(*stats),
             ToHost::Quality(quality) => self.quality.push(quality.clone()),
@@ -123,15 +127,9 @@ pub(super) fn but_times(sent: &[u8]) -> Vec<&[u8]> {
     frames.filter(|frame| !is_timing(frame)).collect()
 }
 
-/// The message as the first frame of a device at time 0.
-fn alone(message: &ToHost<'_>) -> Vec<u8> {
-    let mut buffer = [0; MAX_FRAME];
-    let frame = Encoder::starting_at(0).encode(0, message, &mut buffer);
-    frame.map(<[u8]>::to_vec).unwrap_or_default()
-}
-
 #[cfg(test)]
 mod tests {
+    use link::Encoder;
     use pipeline::Sample;
 
     use super::super::host;

@@ -17,8 +17,16 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// What a virtual board sends when it takes the samples, with the start that the image gives itself.
 ///
 /// # Errors
-/// It refuses the start, or drops a frame.
+/// It drops a frame.
 pub(super) fn sent(samples: &[Sample]) -> Result<Vec<u8>, Failure> {
+    sent_of(Streams::CODES, samples)
+}
+
+/// The same of other streams.
+///
+/// # Errors
+/// It drops a frame.
+pub(super) fn sent_of(streams: Streams, samples: &[Sample]) -> Result<Vec<u8>, Failure> {
     let outbox = Outbox::new(WhenFull::Wait);
     let identity = Identity {
         session_id: 0,
@@ -35,7 +43,7 @@ pub(super) fn sent(samples: &[Sample]) -> Result<Vec<u8>, Failure> {
             sent
         });
         let start = Start {
-            streams: Streams::CODES,
+            streams,
             mains_hz: 0,
         };
         board.start(start, 0);

@@ -66,15 +66,19 @@ impl Input {
 
     /// So many of them at most, as the image reads them.
     pub(super) fn bytes_of_first(&self, samples: usize) -> Vec<u8> {
-        let samples = self.samples.iter().take(samples);
-        let counts = samples.flat_map(|sample| sample.counts);
-        counts.flat_map(i32::to_le_bytes).collect()
+        bytes_of(&self.samples[..samples.min(self.samples.len())])
     }
 
     /// How long they last.
     pub(super) fn duration(&self) -> Duration {
         Duration::from_secs((self.samples.len() / usize::from(ADC_RATE_HZ)) as u64)
     }
+}
+
+/// As the image reads them.
+pub(super) fn bytes_of(samples: &[Sample]) -> Vec<u8> {
+    let counts = samples.iter().flat_map(|sample| sample.counts);
+    counts.flat_map(i32::to_le_bytes).collect()
 }
 
 #[cfg(test)]

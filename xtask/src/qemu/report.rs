@@ -16,11 +16,14 @@ pub(super) struct Report {
     /// Whether all of them, and what the boards say of their electrodes, are host-sim's: values, window,
     /// first sample, flags.
     equal_to_host: bool,
+    /// Whether everything that the boards send when asked for all streams at once is host-sim's, and the
+    /// raw samples are those that went in.
+    streams_equal: bool,
     /// Whether a second run of each machine has sent the same bytes, but for its times.
     repeatable: bool,
     /// Samples that were not read in time, on both machines.
     overruns: u32,
-    /// The worst time of any stage over its deadline, other tasks and interrupts included; simulated, at
+    /// The worst time of any stage in any run over its deadline, other tasks and interrupts included; simulated, at
     /// 62.5 million instructions per second.
     worst_path_over_deadline: Option<f64>,
     machines: Vec<MachineFigures>,
@@ -45,11 +48,12 @@ impl Report {
                 .min()
                 .unwrap_or(0),
             equal_to_host: all(|machine| machine.different_codes + machine.different_reports == 0),
+            streams_equal: all(|machine| machine.all_streams.equal),
             repeatable: all(|machine| machine.repeatable),
             overruns: machines.iter().map(|machine| machine.overruns).sum(),
             worst_path_over_deadline: machines
                 .iter()
-                .filter_map(|machine| machine.stages.worst_over_deadline())
+                .filter_map(MachineFigures::worst_over_deadline)
                 .reduce(f64::max),
             faults: faults.collect(),
             machines,
