@@ -67,10 +67,7 @@ impl Trigger {
         self.next = (kind, due);
         let wait = due.saturating_sub(all_ticks()).max(1);
         DUAL_TIMER_SECOND.write(dual_timer::CONTROL, 0);
-        DUAL_TIMER_SECOND.write(
-            dual_timer::LOAD,
-            u32::try_from(wait).unwrap_or(u32::MAX),
-        );
+        DUAL_TIMER_SECOND.write(dual_timer::LOAD, u32::try_from(wait).unwrap_or(u32::MAX));
         DUAL_TIMER_SECOND.write(dual_timer::CONTROL, dual_timer::RING_ONCE);
         Some(self)
     }

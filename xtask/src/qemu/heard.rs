@@ -1,10 +1,6 @@
 //! The frames that a board has sent.
 
-use link::{
-use link::{
-    Ack, Code, Decoder, FrameError, MAX_FRAME, Quality, ResetCause, Stats, Timing, ToHost,
-};
-};
+use link::{Ack, Code, Decoder, FrameError, MAX_FRAME, Quality, ResetCause, Stats, Timing, ToHost};
 
 use super::frames;
 

@@ -51,7 +51,11 @@ const TALK: [&[(u64, ToDevice, AckResult)]; 2] = [
             AckResult::Done,
         ),
         (800_000, start(CODES_AND_STEPS), AckResult::Done),
-        (1_300_000, ToDevice::Reset(ResetInto::Firmware), AckResult::Done),
+        (
+            1_300_000,
+            ToDevice::Reset(ResetInto::Firmware),
+            AckResult::Done,
+        ),
     ],
     &[
         (200_000, start(Streams::CODES), AckResult::Done),
@@ -154,7 +158,10 @@ impl Restart {
         let waited = farewell.clone().max().zip(farewell.clone().min());
         let waited = waited.map(|(last, first)| last - first);
         let checks = [
-            (boots.len() == 2, format!("{} boots, 2 expected", boots.len())),
+            (
+                boots.len() == 2,
+                format!("{} boots, 2 expected", boots.len()),
+            ),
             (acks == expected, format!("it answers {acks:?}")),
             (
                 causes == [(ResetCause::PowerOn, ""), (ResetCause::Software, "")],
@@ -180,7 +187,9 @@ impl Restart {
                 format!("after the end it counts {counts_at_end:?}"),
             ),
             (
-                boots.iter().all(|boot| boot.missing == 0 && boot.damaged == 0),
+                boots
+                    .iter()
+                    .all(|boot| boot.missing == 0 && boot.damaged == 0),
                 "frames are missing or damaged".to_owned(),
             ),
         ];
@@ -210,7 +219,10 @@ fn script() -> Script {
 fn runs(sent: &[u8]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
     let mut of_now = |begins: bool, take: &mut dyn FnMut(&mut Run)| {
-        if runs.last().is_none_or(|run| begins && !run.windows.is_empty()) {
+        if runs
+            .last()
+            .is_none_or(|run| begins && !run.windows.is_empty())
+        {
             runs.push(Run::default());
         }
         runs.last_mut().into_iter().for_each(take);

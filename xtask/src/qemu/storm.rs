@@ -90,7 +90,8 @@ impl Storm {
         let storm = storm(samples);
         storm.put_into(&folder)?;
         let path = folder.join(input::FILE);
-        fs::write(&path, input.bytes_of_first(samples)).map_err(|error| cannot_write(&path, &error))?;
+        fs::write(&path, input.bytes_of_first(samples))
+            .map_err(|error| cannot_write(&path, &error))?;
         let [first, second] = thread::scope(|scope| {
             ["first.uart", "second.uart"]
                 .map(|uart| scope.spawn(|| run(image, machine, &folder, uart)))
@@ -385,7 +386,11 @@ mod tests {
             said: vec![format!("samples {samples}")],
         };
         let faults = Storm::new(&[run(), run()], &storm, samples, &expected).faults;
-        let left_out = ["it counts 0 commands", "it has not said", "of stack were used"];
+        let left_out = [
+            "it counts 0 commands",
+            "it has not said",
+            "of stack were used",
+        ];
         let faults = faults.into_iter();
         let faults = faults.filter(|fault| !left_out.iter().any(|words| fault.contains(words)));
         faults.collect::<Vec<_>>().join("; ")

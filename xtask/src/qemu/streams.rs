@@ -304,7 +304,10 @@ mod tests {
         let input = Input::make(40).expect("an input");
         let samples = input.samples;
         let sent = host::sent_of(Streams::ALL, &samples).expect("host-sim");
-        let said = [format!("samples {}", samples.len()), "overruns 0".to_owned()];
+        let said = [
+            format!("samples {}", samples.len()),
+            "overruns 0".to_owned(),
+        ];
         let expected = Expected { samples, sent };
         let sent = changed(&expected.sent, change);
         let found = AllStreams::new(&sent, &said, &expected, &[]);

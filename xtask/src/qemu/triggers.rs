@@ -175,7 +175,11 @@ mod tests {
         let mut events = Vec::new();
         let mut waiting = 0;
         for (number, edge) in edges.iter().enumerate() {
-            waiting = if is_in_burst(edges, number) { waiting + 1 } else { 0 };
+            waiting = if is_in_burst(edges, number) {
+                waiting + 1
+            } else {
+                0
+            };
             if waiting <= KEPT {
                 let kinds = [EventKind::TriggerRise, EventKind::TriggerFall];
                 events.push((
