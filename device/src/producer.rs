@@ -16,6 +16,8 @@ pub struct Producer {
     encoder: Encoder<'static>,
     quality: SignalQuality,
     windows: WindowMarks,
+    /// What went wrong since the last step that was filtered.
+    since_step: Marks,
     /// The last step, in place of one that is missing.
     last: Step,
     raw: RawChunk,
@@ -44,6 +46,7 @@ impl Producer {
             encoder: Encoder::new(),
             quality: SignalQuality::new(Run::NONE.mains),
             windows: WindowMarks::NONE,
+            since_step: Marks::NONE,
             last: Step::SILENCE,
             raw: RawChunk::EMPTY,
             filtered: FilteredChunk::EMPTY,
@@ -58,6 +61,7 @@ impl Producer {
             self.begin(run);
         }
         self.windows.mark(taken.marks);
+        self.since_step = self.since_step.or(taken.marks);
         if self.wants(Streams::RAW) {
             self.take_raw(taken, hand_on);
         }
@@ -71,8 +75,9 @@ impl Producer {
                 self.encode(&substitute, taken.drdy_us, hand_on);
             }
             self.last = *step;
+            let marks = core::mem::take(&mut self.since_step);
             if self.wants(Streams::FILTERED) {
-                self.take_filtered(*index, step, taken, hand_on);
+                self.take_filtered((*index, step), marks, taken.drdy_us, hand_on);
             }
             self.encode(step, taken.drdy_us, hand_on);
         }
@@ -111,6 +116,7 @@ impl Producer {
         self.encoder.restart();
         self.quality.restart(run.mains);
         self.windows = WindowMarks::NONE;
+        self.since_step = Marks::NONE;
         self.raw.clear();
         self.filtered.clear();
         // What happened before the run is of no interest.
@@ -164,16 +170,16 @@ impl Producer {
 
     fn take_filtered(
         &mut self,
-        index: u64,
-        step: &Step,
-        taken: &Taken,
+        (index, step): (u64, &Step),
+        marks: Marks,
+        drdy_us: u64,
         hand_on: &mut impl FnMut(Made),
     ) {
         if !self.filtered.is_empty() && !self.filtered.goes_on_with(index) {
             self.give_filtered(hand_on);
         }
-        let at_us = taken.drdy_us + u64::from(step.offset_us);
-        self.filtered.push(step, index, taken.marks, at_us);
+        let at_us = drdy_us + u64::from(step.offset_us);
+        self.filtered.push(step, index, marks, at_us);
         if self.filtered.is_full() {
             self.give_filtered(hand_on);
         }
@@ -199,3 +205,6 @@ impl Default for Producer {
         Self::new()
     }
 }
+
+#[cfg(test)]
+mod tests;
