@@ -32,12 +32,14 @@ fn due(first: u64, index: u64) -> u64 {
     first + index * u64::from(CLOCK_HZ) / u64::from(ADC_RATE_HZ)
 }
 
-/// Lets the converter run; the first edge comes after a period, at these ticks.
+/// Lets the converter run; the first edge comes after a period, at these ticks. It falls on a whole
+/// microsecond, so that the device times of all edges are those of any clock, but for where it began.
 pub(crate) fn begin() -> u64 {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
+        let first = all_ticks() + due(0, 1);
         edges.set(Edges {
-            first: all_ticks() + due(0, 1),
+            first: first.next_multiple_of(u64::from(TICKS_PER_US)),
             ..edges.get()
         });
         arm(edges.get());

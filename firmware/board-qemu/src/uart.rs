@@ -28,9 +28,12 @@ pub(crate) fn receive() {
 }
 
 /// These bytes have come. What finds no room is lost, and its frame with it: the host sends it again.
-pub(crate) fn take_in(bytes: &[u8]) {
-    for byte in bytes {
-        let _ = RECEIVED.try_write(&[*byte]);
+pub(crate) fn take_in(mut bytes: &[u8]) {
+    // In parts, because the pipe's end is not its room's.
+    while let Ok(taken) = RECEIVED.try_write(bytes)
+        && taken > 0
+    {
+        bytes = &bytes[taken..];
     }
 }
 

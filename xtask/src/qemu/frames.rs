@@ -103,10 +103,9 @@ mod tests {
         // A board that has started later.
         let later = |made: &mut Vec<Made>| made.iter_mut().for_each(|made| made.at_us += 9);
         assert_eq!(found(later), "");
-        assert_eq!(
-            found(|made| made[5].at_us += 1),
-            "frame 5, raw samples, is at 78126 us, not 78125"
-        );
+        let late = found(|made| made[5].at_us += 1);
+        assert!(late.starts_with("frame 5, "), "{late}");
+        assert!(late.contains(" us, not "), "{late}");
         assert!(found(|made| made[3].bytes[9] ^= 1).ends_with("has other content"));
         assert!(found(|made| made.swap(1, 2)).starts_with("frame 1 is of"));
         assert!(found(|made| made.truncate(9)).starts_with("9 frames,"));

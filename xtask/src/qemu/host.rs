@@ -47,7 +47,7 @@ pub(super) fn sent_of(streams: Streams, samples: &[Sample]) -> Result<Vec<u8>, F
             mains_hz: 0,
         };
         board.start(start, 0);
-        for (index, sample) in (1..).zip(samples) {
+        for (index, sample) in (0..).zip(samples) {
             board.sample(sample, index * 1_000_000 / u64::from(ADC_RATE_HZ));
         }
         outbox.drain(PATIENCE);

@@ -161,7 +161,9 @@ impl Storm {
             (repeatable, "a second run has sent other frames".to_owned()),
         ];
         let faults = checks.into_iter().filter(|(sound, _)| !sound);
-        let faults = faults.map(|(_, what)| what).chain(stages.faults());
+        let faults = faults
+            .map(|(_, what)| what)
+            .chain(stages.faults_when_busy());
         Self {
             seconds,
             commands: storm.answers.len(),
@@ -375,7 +377,7 @@ mod tests {
         let storm = storm(samples);
         let mut answers = storm.answers.clone();
         break_it(&mut answers, &mut sent);
-        let mut encoder = link::Encoder::starting_at(Heard::boots(&sent)[0].frames);
+        let mut encoder = link::Encoder::starting_at(expected.frames);
         for ack in answers {
             let mut buffer = [0; MAX_FRAME];
             let frame = encoder.encode(0, &ToHost::Ack(ack), &mut buffer);

@@ -152,7 +152,7 @@ impl AllStreams {
         ];
         let faults = checks.into_iter().filter(|(sound, _)| !sound);
         let faults = faults.map(|(_, what)| what);
-        let faults = faults.chain(stages.faults());
+        let faults = faults.chain(stages.faults_when_busy());
         let faults = faults.chain(triggers.faults.iter().cloned());
         Self {
             equal: difference.is_none() && raw == expected.samples,

@@ -99,15 +99,18 @@ impl Triggers {
                 .any(|(_, event)| event.number as usize == number)
         };
         let lost: Vec<usize> = (0..edges.len()).filter(|number| !came(*number)).collect();
-        for number in lost.iter().filter(|number| !is_in_burst(edges, **number)) {
+        let (in_bursts, alone): (Vec<usize>, _) =
+            lost.iter().partition(|number| is_in_burst(edges, **number));
+        for number in alone {
             faults.push(format!("event {number} is lost, which had room"));
         }
-        let bursts = (0..edges.len()).filter(|number| is_in_burst(edges, *number));
-        let (in_bursts, lost_count) = (bursts.count(), lost.len());
-        let bursts = in_bursts / usize::try_from(BURST).unwrap_or(1);
-        if lost_count < bursts || in_bursts - lost_count.min(in_bursts) < bursts * KEPT {
+        let bouncing = (0..edges.len()).filter(|number| is_in_burst(edges, *number));
+        let bouncing = bouncing.count();
+        let bursts = bouncing / usize::try_from(BURST).unwrap_or(1);
+        if in_bursts.len() < bursts || bouncing - in_bursts.len() < bursts * KEPT {
+            let lost = in_bursts.len();
             faults.push(format!(
-                "{lost_count} of {in_bursts} events of {bursts} bursts are lost"
+                "{lost} of {bouncing} events of {bursts} bursts are lost"
             ));
         }
         if events.is_empty() {
@@ -116,7 +119,7 @@ impl Triggers {
         Self {
             edges: edges.len(),
             events: events.len(),
-            lost: lost_count,
+            lost: lost.len(),
             faults,
         }
     }
