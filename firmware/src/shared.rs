@@ -93,3 +93,55 @@ impl Shared {
         self.clipped.fetch_add(clipped.into(), Relaxed);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use device::Run;
+    use link::Streams;
+
+    use super::*;
+
+    fn shared() -> Shared {
+        Shared::new(Clock {
+            now: || 0,
+            hz: 1_000_000,
+        })
+    }
+
+    #[test]
+    fn a_newer_order_displaces_one_that_was_not_obeyed_yet() {
+        let shared = shared();
+        let run = |number| {
+            Order::Start(Run {
+                number,
+                streams: Streams::CODES,
+                ..Run::NONE
+            })
+        };
+        shared.order(run(1));
+        shared.order(Order::Stop);
+        assert_eq!(shared.orders.try_take(), Some(Order::Stop));
+        assert_eq!(shared.orders.try_take(), None);
+        for order in [Order::Stop, run(2), run(3)] {
+            shared.order(order);
+        }
+        assert_eq!(shared.orders.try_take(), Some(run(3)));
+        assert_eq!(shared.orders.try_take(), None);
+    }
+
+    #[test]
+    fn samples_are_counted_in_64_bits_and_the_other_counts_wrap() {
+        let shared = shared();
+        shared.samples[0].store(u32::MAX, Relaxed);
+        shared.overruns.store(u32::MAX, Relaxed);
+        shared.clipped.store(u32::MAX - 1, Relaxed);
+        shared.count_sample();
+        shared.count_overruns(3);
+        shared.count_clipped(4);
+        let counts = shared.counts();
+        assert_eq!(counts.samples, 1 << 32);
+        assert_eq!((counts.overruns, counts.clipped), (2, 2));
+        shared.count_sample();
+        assert_eq!(shared.counts().samples, (1 << 32) + 1);
+    }
+}

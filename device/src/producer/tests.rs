@@ -16,12 +16,12 @@ const OVERRUN: Marks = Marks {
     ..Marks::NONE
 };
 
-fn run(number: u32, streams: Streams) -> Option<Run> {
-    Some(Run {
+fn run(number: u32, streams: Streams) -> Run {
+    Run {
         number,
         streams,
         ..Run::NONE
-    })
+    }
 }
 
 /// Sample number `index` of a run, at a thousand microseconds for each, and its step, if one is due.
@@ -62,7 +62,7 @@ fn made_of(samples: impl IntoIterator<Item = Taken>) -> Vec<Made> {
 fn samples(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = Taken> {
     let came = (0..count).filter(move |index| !lost.contains(index));
     came.enumerate().map(move |(place, index)| Taken {
-        begun: if place == 0 { run(1, streams) } else { None },
+        begun: (place == 0).then(|| run(1, streams)),
         marks: if index > 0 && lost.contains(&(index - 1)) {
             OVERRUN
         } else {
@@ -263,7 +263,7 @@ fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
     let mut captured = captured.iter().peekable();
     for index in 0..6 {
         let mut sample = taken(index);
-        sample.begun = if index == 0 { run(1, streams) } else { None };
+        sample.begun = (index == 0).then(|| run(1, streams));
         producer.take(&sample, &mut |what| made.push(what));
         // When it was captured is when the encoder may find it.
         let next = || {
@@ -328,7 +328,7 @@ fn an_event_that_waits_for_its_sample_does_not_reach_into_the_next_run() {
     for (begun, captured) in [(1, Some(late)), (2, None)] {
         let mut sample = taken(0);
         sample.sample = Sample::default();
-        sample.begun = run(begun, Streams::EVENTS);
+        sample.begun = Some(run(begun, Streams::EVENTS));
         sample.drdy_us = u64::from(begun) * 1_000;
         let mut captured = captured;
         producer.take(&sample, &mut |what| made.push(what));

@@ -14,7 +14,7 @@ pub(super) const FILE: &str = "trigger.u64";
 /// Samples in whole microseconds: at 512 Hz, eight last 15,625 us.
 const SAMPLES: u64 = 8;
 const SAMPLES_US: u64 = SAMPLES * 1_000_000 / ADC_RATE_HZ as u64;
-const _: () = assert!(SAMPLES * 1_000_000 % ADC_RATE_HZ as u64 == 0);
+const _: () = assert!((SAMPLES * 1_000_000).is_multiple_of(ADC_RATE_HZ as u64));
 
 /// Samples from one group of edges to the next: a fifth of a second, and another part of a window each
 /// time.
@@ -130,7 +130,7 @@ fn wrong(at_us: u64, event: &Event, edges: &[u64], origin: u64) -> Option<String
     let Some(&edge) = edges.get(event.number as usize) else {
         return Some("there was no such edge".to_owned());
     };
-    let kind = if event.number % 2 == 0 {
+    let kind = if event.number.is_multiple_of(2) {
         EventKind::TriggerRise
     } else {
         EventKind::TriggerFall
