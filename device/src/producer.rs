@@ -1,7 +1,9 @@
 //! What is made of samples and steps.
 
+use core::borrow::BorrowMut;
+
 use link::{Event, EventKind, Streams};
-use pipeline::{Encoder, SignalQuality, Step};
+use pipeline::{Encoder, EncoderMemory, SignalQuality, Step};
 
 use crate::marks::WindowMarks;
 use crate::{AuditedWindow, FilteredChunk, Made, Marks, RawChunk, Run, Taken, What};
@@ -10,10 +12,12 @@ use crate::{AuditedWindow, FilteredChunk, Made, Marks, RawChunk, Run, Taken, Wha
 ///
 /// A step for which there was no room is filled in by the one before it, so that a window's index
 /// stays that of its time; its codes are marked.
+///
+/// `M` is the encoder's memory, or a reference to it: a board keeps it in a static.
 #[derive(Debug)]
-pub struct Producer {
+pub struct Producer<M = &'static mut EncoderMemory> {
     run: Run,
-    encoder: Encoder<'static>,
+    encoder: Encoder<'static, M>,
     quality: SignalQuality,
     windows: WindowMarks,
     /// What went wrong since the last step that was filtered.
@@ -38,12 +42,12 @@ pub struct Captured {
     pub at_us: u64,
 }
 
-impl Producer {
-    /// Before the first run.
-    pub const fn new() -> Self {
+impl<M: BorrowMut<EncoderMemory>> Producer<M> {
+    /// Before the first run; with the encoder's memory, which is empty.
+    pub const fn new(memory: M) -> Self {
         Self {
             run: Run::NONE,
-            encoder: Encoder::new(),
+            encoder: Encoder::remembering_in(memory),
             quality: SignalQuality::new(Run::NONE.mains),
             windows: WindowMarks::NONE,
             since_step: Marks::NONE,
@@ -197,12 +201,6 @@ impl Producer {
             at_us,
             what,
         });
-    }
-}
-
-impl Default for Producer {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

@@ -2,8 +2,8 @@
 
 use device::{FrameRing, Producer, Sender};
 use embassy_sync::zerocopy_channel::{self, Channel};
-use pipeline::{Acquisition, Mains};
-use static_cell::StaticCell;
+use pipeline::{Acquisition, EncoderMemory, Mains};
+use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::{Handed, Mutex, Stamped, deadlines};
 
@@ -11,10 +11,12 @@ use crate::{Handed, Mutex, Stamped, deadlines};
 pub type Frames = Sender<FrameRing<{ deadlines::FRAMES_WAITING }>>;
 
 /// The memory of a board's tasks and of the queues between them, a static of the board. It is made
-/// when it is [taken](Self::take): what lies in it costs no flash.
+/// when it is [taken](Self::take), on the stack and then moved, but for the largest part, which is zero
+/// as long as nobody needs it: what lies in it costs no flash.
 pub struct Memory {
     frames: StaticCell<Frames>,
     acquisition: StaticCell<Acquisition>,
+    encoder: ConstStaticCell<EncoderMemory>,
     producer: StaticCell<Producer>,
     stamped: StaticCell<[Stamped; deadlines::SAMPLES_WAITING]>,
     stamped_channel: StaticCell<Channel<'static, Mutex, Stamped>>,
@@ -47,6 +49,7 @@ impl Memory {
         Self {
             frames: StaticCell::new(),
             acquisition: StaticCell::new(),
+            encoder: ConstStaticCell::new(EncoderMemory::EMPTY),
             producer: StaticCell::new(),
             stamped: StaticCell::new(),
             stamped_channel: StaticCell::new(),
@@ -77,7 +80,8 @@ impl Memory {
             encode: (
                 stamped_out,
                 handed_in,
-                self.producer.init_with(Producer::new),
+                self.producer
+                    .init_with(|| Producer::new(self.encoder.take())),
             ),
             converse: (
                 self.frames.init_with(|| Sender::new(FrameRing::new())),

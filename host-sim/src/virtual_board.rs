@@ -5,7 +5,7 @@ use device::{
     Abilities, Counts, FrameQueue, Made, Marks, Order, Producer, Run, Sender, Session, Taken, What,
 };
 use link::{AckResult, ResetCause, Start, Stats, Streams};
-use pipeline::{Acquisition, Mains, Sample};
+use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
 
 use crate::{CHIPS, Converted, Converters, Faults, Outbox};
 
@@ -50,7 +50,7 @@ pub struct VirtualBoard {
     sender: Sender<Outbox>,
     converters: Converters,
     acquisition: Acquisition,
-    producer: Box<Producer>,
+    producer: Box<Producer<EncoderMemory>>,
     /// Told to the producer with the next sample.
     begun: Option<Run>,
     /// Since boot.
@@ -79,7 +79,7 @@ impl VirtualBoard {
             sender: Sender::new(outbox),
             converters: Converters::new(faults),
             acquisition: Acquisition::new(mains),
-            producer: Box::default(),
+            producer: Box::new(Producer::new(EncoderMemory::EMPTY)),
             begun: None,
             samples: 0,
             overruns: 0,

@@ -5,6 +5,8 @@ mod edges;
 mod hidden_plane;
 mod pool;
 
+use core::borrow::BorrowMut;
+
 use int8_nn::Pair;
 use model::{ELECTRODE_PAIRS, GRID_CELL, HAS_CONVOLUTIONS, HAS_SHORTCUT, NETWORK, Network, STEPS};
 
@@ -22,14 +24,42 @@ use convolutions::Convolutions;
 /// where time is padded, a window has planes of its own, at its ends. The work is the same in every
 /// step but for them and the fully connected layer: of a pooled plane that belongs to two windows, the
 /// newer one's share waits for the next step.
+///
+/// `M` is its memory, or a reference to it.
 #[derive(Clone, Debug)]
-pub struct Encoder<'w> {
+pub struct Encoder<'w, M = EncoderMemory> {
     network: &'w Network<'w>,
+    memory: M,
+}
+
+/// What an encoder remembers: some 16 KB, which a static holds better than a stack. Nothing in it is
+/// other than zero at first, so that it takes no flash there.
+#[derive(Clone, Debug)]
+pub struct EncoderMemory {
     /// One, if the network has them.
     convolutions: [Convolutions; HAS_CONVOLUTIONS as usize],
     windows: [OpenWindow; OPEN],
     /// Steps taken so far; 2^64 of them last four billion years.
     step: u64,
+}
+
+impl EncoderMemory {
+    /// Nothing seen.
+    pub const EMPTY: Self = Self {
+        convolutions: [Convolutions::EMPTY; HAS_CONVOLUTIONS as usize],
+        windows: [OpenWindow::EMPTY; OPEN],
+        step: 0,
+    };
+}
+
+impl<M: BorrowMut<EncoderMemory>> Encoder<'static, M> {
+    /// An encoder with the built-in network and this memory, which has seen nothing.
+    pub const fn remembering_in(memory: M) -> Self {
+        Self {
+            network: &NETWORK,
+            memory,
+        }
+    }
 }
 
 impl Encoder<'static> {
@@ -50,14 +80,25 @@ impl<'w> Encoder<'w> {
     pub const fn with(network: &'w Network<'w>) -> Self {
         Self {
             network,
-            convolutions: [Convolutions::EMPTY; HAS_CONVOLUTIONS as usize],
-            windows: [OpenWindow::EMPTY; OPEN],
-            step: 0,
+            memory: EncoderMemory::EMPTY,
         }
     }
+}
 
+impl<M: BorrowMut<EncoderMemory>> Encoder<'_, M> {
     /// Forgets what it has seen, in place: the next step is the first.
     pub fn restart(&mut self) {
+        self.memory.borrow_mut().restart();
+    }
+
+    /// Takes the next step; gives a code when it completes a window.
+    pub fn push(&mut self, step: &Step) -> Option<Code> {
+        self.memory.borrow_mut().push(step, self.network)
+    }
+}
+
+impl EncoderMemory {
+    fn restart(&mut self) {
         // Planes of the past are overwritten before anything reads them.
         for convolutions in &mut self.convolutions {
             convolutions.restart();
@@ -66,35 +107,35 @@ impl<'w> Encoder<'w> {
         self.step = 0;
     }
 
-    /// Takes the next step; gives a code when it completes a window.
-    pub fn push(&mut self, step: &Step) -> Option<Code> {
+    #[inline]
+    fn push(&mut self, step: &Step, network: &Network<'_>) -> Option<Code> {
         let index = self.step;
         self.step += 1;
-        self.add_to_windows(index, step);
+        self.add_to_windows(index, step, network);
         for convolutions in &mut self.convolutions {
-            convolutions.push(index, &step.plane, self.network, &mut self.windows);
+            convolutions.push(index, &step.plane, network, &mut self.windows);
         }
-        self.complete(index)
+        self.complete(index, network)
     }
 
-    fn add_to_windows(&mut self, index: u64, step: &Step) {
+    fn add_to_windows(&mut self, index: u64, step: &Step, network: &Network<'_>) {
         let electrodes = gather(&step.plane);
-        for (slot, offset) in places(index, self.network.hop, STEPS) {
+        for (slot, offset) in places(index, network.hop, STEPS) {
             let window = &mut self.windows[slot];
             if offset == 0 {
-                *window = OpenWindow::starting_with(step, self.network);
+                *window = OpenWindow::starting_with(step, network);
             }
             window.count(step);
             if HAS_SHORTCUT {
-                window.add_electrodes(self.network.shortcut[offset], &electrodes);
+                window.add_electrodes(network.shortcut[offset], &electrodes);
             }
         }
     }
 
     /// The code of the window that ends with step `index`, if one does.
-    fn complete(&self, index: u64) -> Option<Code> {
+    fn complete(&self, index: u64, network: &Network<'_>) -> Option<Code> {
         let first = (index + 1).checked_sub(STEPS as u64)?;
-        let hop = self.network.hop as u64;
+        let hop = network.hop as u64;
         if first & (hop - 1) != 0 {
             return None;
         }
@@ -104,7 +145,7 @@ impl<'w> Encoder<'w> {
             reason = "the window index wraps at 2^32"
         )]
         let number = window as u32;
-        Some(self.windows[slot_of(window)].code(number, self.network))
+        Some(self.windows[slot_of(window)].code(number, network))
     }
 }
 

@@ -43,7 +43,7 @@ mod window;
 pub use acquisition::Acquisition;
 pub use code::Code;
 pub use code_values::CodeValues;
-pub use encoder::Encoder;
+pub use encoder::{Encoder, EncoderMemory};
 pub use front_end::{Electrodes, FrontEnd};
 pub use mains::Mains;
 pub use model::{CELLS, CHANNELS, ELECTRODES};

@@ -50,7 +50,7 @@ fn taken(index: u64) -> Taken {
 
 /// What a new producer makes of these samples.
 fn made_of(samples: impl IntoIterator<Item = Taken>) -> Vec<Made> {
-    let mut producer = Box::new(Producer::new());
+    let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
     let mut made = Vec::new();
     for sample in samples {
         producer.take(&sample, &mut |what| made.push(what));
@@ -258,7 +258,7 @@ fn a_new_run_takes_nothing_over_from_the_one_before() {
 /// Places what was captured at these times around the samples of a run; gives time and sample of the
 /// events.
 fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
-    let mut producer = Box::new(Producer::new());
+    let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
     let mut made = Vec::new();
     let mut captured = captured.iter().peekable();
     for index in 0..6 {
@@ -318,7 +318,7 @@ fn events_that_the_host_does_not_want_are_taken_out_and_not_sent() {
 
 #[test]
 fn an_event_that_waits_for_its_sample_does_not_reach_into_the_next_run() {
-    let mut producer = Box::new(Producer::new());
+    let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
     let mut made = Vec::new();
     let late = Captured {
         kind: EventKind::TriggerFall,
