@@ -3,7 +3,7 @@
 use core::borrow::BorrowMut;
 
 use link::{Event, EventKind, Streams};
-use pipeline::{Encoder, EncoderMemory, SignalQuality, Step};
+use pipeline::{Code, CodeValues, Encoder, EncoderMemory, Quality, SignalQuality, Step};
 
 use crate::marks::WindowMarks;
 use crate::{AuditedWindow, FilteredChunk, Made, Marks, RawChunk, Run, Taken, What};
@@ -12,6 +12,9 @@ use crate::{AuditedWindow, FilteredChunk, Made, Marks, RawChunk, Run, Taken, Wha
 ///
 /// A step for which there was no room is filled in by the one before it, so that a window's index
 /// stays that of its time; its codes are marked.
+///
+/// What is made takes two kilobytes on its way out, whatever it is: what gives it is never part of its
+/// caller, so that a task's frame does not hold all of them at once.
 ///
 /// `M` is the encoder's memory, or a reference to it: a board keeps it in a static.
 #[derive(Debug)]
@@ -87,7 +90,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         }
         let step = taken.step.as_ref().map(|(_, step)| step);
         if let Some(quality) = self.quality.push(&taken.sample, step) {
-            self.give(taken.drdy_us, What::Quality(quality), hand_on);
+            self.give_quality(taken.drdy_us, quality, hand_on);
         }
     }
 
@@ -110,7 +113,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
                     number: captured.number,
                     sample: taken.index,
                 };
-                self.give(captured.at_us, What::Event(event), hand_on);
+                self.give_event(captured.at_us, event, hand_on);
             }
         }
     }
@@ -142,11 +145,10 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         let at_us = drdy_us + u64::from(code.offset_us);
         let (window, values) = (code.window, code.values);
         if self.wants(Streams::CODES) {
-            self.give(at_us, What::Code(code, marks), hand_on);
+            self.give_code(at_us, code, marks, hand_on);
         }
         if audits && AuditedWindow::is_due(window) {
-            let audited = self.audited.complete(window, &values).clone();
-            self.give(at_us, What::Audit(audited), hand_on);
+            self.give_audit((at_us, window), &values, hand_on);
         }
     }
 
@@ -167,6 +169,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         }
     }
 
+    #[inline(never)]
     fn give_raw(&mut self, hand_on: &mut impl FnMut(Made)) {
         self.give(self.raw.last_us(), What::Raw(self.raw.clone()), hand_on);
         self.raw.clear();
@@ -189,10 +192,37 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         }
     }
 
+    #[inline(never)]
     fn give_filtered(&mut self, hand_on: &mut impl FnMut(Made)) {
         let what = What::Filtered(self.filtered.clone());
         self.give(self.filtered.last_us(), what, hand_on);
         self.filtered.clear();
+    }
+
+    #[inline(never)]
+    fn give_audit(
+        &mut self,
+        (at_us, window): (u64, u32),
+        values: &CodeValues,
+        hand_on: &mut impl FnMut(Made),
+    ) {
+        let audited = self.audited.complete(window, values).clone();
+        self.give(at_us, What::Audit(audited), hand_on);
+    }
+
+    #[inline(never)]
+    fn give_code(&self, at_us: u64, code: Code, marks: Marks, hand_on: &mut impl FnMut(Made)) {
+        self.give(at_us, What::Code(code, marks), hand_on);
+    }
+
+    #[inline(never)]
+    fn give_event(&self, at_us: u64, event: Event, hand_on: &mut impl FnMut(Made)) {
+        self.give(at_us, What::Event(event), hand_on);
+    }
+
+    #[inline(never)]
+    fn give_quality(&self, at_us: u64, quality: Quality, hand_on: &mut impl FnMut(Made)) {
+        self.give(at_us, What::Quality(quality), hand_on);
     }
 
     fn give(&self, at_us: u64, what: What, hand_on: &mut impl FnMut(Made)) {

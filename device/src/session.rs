@@ -1,12 +1,15 @@
 //! The device's side of the conversation with its host.
 
 use link::{
-    Ack, AckResult, ClockReading, Converters, Counters, Decoder, FrameError, ResetInto, SelfTest,
-    Start, Stats, Streams, Timing, ToDevice, ToHost,
+    Ack, AckResult, ClockReading, Converters, Counters, Decoder, Event, FrameError, ResetInto,
+    SelfTest, Start, Stats, Streams, Timing, ToDevice, ToHost,
 };
 use pipeline::{Code, Mains, Quality};
 
-use crate::{Abilities, AuditedWindow, FrameQueue, Identity, Made, Marks, Sender, What, message};
+use crate::{
+    Abilities, AuditedWindow, FilteredChunk, FrameQueue, Identity, Made, Marks, RawChunk, Sender,
+    What, message,
+};
 
 /// From one start to the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -247,10 +250,10 @@ impl<'i> Session<'i> {
             What::Nothing => {}
             What::Code(code, marks) => self.code(code, *marks, made.at_us, sender),
             What::Quality(quality) => send_quality(quality, made.at_us, sender),
-            What::Raw(samples) => sender.send(made.at_us, &ToHost::Raw(samples.message())),
-            What::Filtered(steps) => sender.send(made.at_us, &ToHost::Filtered(steps.message())),
+            What::Raw(samples) => send_raw(samples, made.at_us, sender),
+            What::Filtered(steps) => send_filtered(steps, made.at_us, sender),
             What::Audit(window) => send_audit(window, made.at_us, sender),
-            What::Event(event) => sender.send(made.at_us, &ToHost::Event(*event)),
+            What::Event(event) => send_event(*event, made.at_us, sender),
         }
     }
 
@@ -352,6 +355,21 @@ fn send_quality(quality: &Quality, at_us: u64, sender: &mut Sender<impl FrameQue
 #[inline(never)]
 fn send_audit(window: &AuditedWindow, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
     sender.send(at_us, &ToHost::Audit(window.message()));
+}
+
+#[inline(never)]
+fn send_raw(samples: &RawChunk, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
+    sender.send(at_us, &ToHost::Raw(samples.message()));
+}
+
+#[inline(never)]
+fn send_filtered(steps: &FilteredChunk, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
+    sender.send(at_us, &ToHost::Filtered(steps.message()));
+}
+
+#[inline(never)]
+fn send_event(event: Event, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
+    sender.send(at_us, &ToHost::Event(event));
 }
 
 /// Frames from the host that could not be used.

@@ -7,10 +7,7 @@ use core::{
 };
 
 use device::{Order, Session, What};
-use embassy_futures::{
-    join::join4,
-    select::{Either, select},
-};
+use embassy_futures::join::join5;
 use embassy_sync::{blocking_mutex::raw::NoopRawMutex, signal::Signal};
 use embassy_time::{Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
@@ -71,14 +68,15 @@ pub async fn converse(
     };
     conversation.waiting.signal(());
     // In place: what is moved takes room on the stack as well, for ever.
-    join4(
+    join5(
         pin!(conversation.read(input)),
         pin!(conversation.make(made)),
         pin!(conversation.write(output)),
-        pin!(conversation.tell()),
+        pin!(conversation.tell_of_converters()),
+        pin!(conversation.tell_of_self_test()),
     )
     .await;
-    unreachable!("none of the four ends")
+    unreachable!("none of the five ends")
 }
 
 /// What reading, making and writing share.
@@ -136,6 +134,8 @@ impl Conversation<'_, '_> {
         }
     }
 
+    /// No part of its caller: what a message takes of the stack must not lie in the task's frame.
+    #[inline(never)]
     fn put(&self, handed: &Handed) {
         let (session, frames) = &mut *self.state.borrow_mut();
         for _ in 0..self.shared.made_lost.swap(0, Relaxed) {
@@ -177,15 +177,24 @@ impl Conversation<'_, '_> {
     }
 
     /// Tells of the converters what the acquisition leaves notes of.
-    async fn tell(&self) {
+    async fn tell_of_converters(&self) {
         loop {
-            let what = select(self.shared.converters.wait(), self.shared.self_test.wait()).await;
+            let converters = self.shared.converters.wait().await;
             {
                 let (session, frames) = &mut *self.state.borrow_mut();
-                match what {
-                    Either::First(converters) => session.converters(converters, now_us(), frames),
-                    Either::Second(result) => session.self_test(&result, now_us(), frames),
-                }
+                session.converters(converters, now_us(), frames);
+            }
+            self.waiting.signal(());
+        }
+    }
+
+    /// Tells what came of a self-test.
+    async fn tell_of_self_test(&self) {
+        loop {
+            let result = self.shared.self_test.wait().await;
+            {
+                let (session, frames) = &mut *self.state.borrow_mut();
+                session.self_test(&result, now_us(), frames);
             }
             self.waiting.signal(());
         }

@@ -60,8 +60,12 @@ impl Memory {
 
     /// Makes everything and shares it out.
     ///
+    /// No part of its caller: the first tasks run before a start has returned, and what is moved here
+    /// would lie below them.
+    ///
     /// # Panics
     /// When it is taken twice.
+    #[inline(never)]
     pub fn take(&'static self) -> Shares {
         let stamped = self
             .stamped
