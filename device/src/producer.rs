@@ -90,7 +90,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         }
         let step = taken.step.as_ref().map(|(_, step)| step);
         if let Some(quality) = self.quality.push(&taken.sample, step) {
-            self.give_quality(taken.drdy_us, quality, hand_on);
+            self.give_quality(taken.drdy_us, &quality, hand_on);
         }
     }
 
@@ -145,7 +145,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         let at_us = drdy_us + u64::from(code.offset_us);
         let (window, values) = (code.window, code.values);
         if self.wants(Streams::CODES) {
-            self.give_code(at_us, code, marks, hand_on);
+            self.give_code(at_us, &code, marks, hand_on);
         }
         if audits && AuditedWindow::is_due(window) {
             self.give_audit((at_us, window), &values, hand_on);
@@ -211,8 +211,8 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
     }
 
     #[inline(never)]
-    fn give_code(&self, at_us: u64, code: Code, marks: Marks, hand_on: &mut impl FnMut(Made)) {
-        self.give(at_us, What::Code(code, marks), hand_on);
+    fn give_code(&self, at_us: u64, code: &Code, marks: Marks, hand_on: &mut impl FnMut(Made)) {
+        self.give(at_us, What::Code(*code, marks), hand_on);
     }
 
     #[inline(never)]
@@ -221,8 +221,8 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
     }
 
     #[inline(never)]
-    fn give_quality(&self, at_us: u64, quality: Quality, hand_on: &mut impl FnMut(Made)) {
-        self.give(at_us, What::Quality(quality), hand_on);
+    fn give_quality(&self, at_us: u64, quality: &Quality, hand_on: &mut impl FnMut(Made)) {
+        self.give(at_us, What::Quality(*quality), hand_on);
     }
 
     fn give(&self, at_us: u64, what: What, hand_on: &mut impl FnMut(Made)) {

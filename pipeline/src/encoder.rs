@@ -107,7 +107,6 @@ impl EncoderMemory {
         self.step = 0;
     }
 
-    #[inline]
     fn push(&mut self, step: &Step, network: &Network<'_>) -> Option<Code> {
         let index = self.step;
         self.step += 1;

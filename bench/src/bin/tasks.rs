@@ -26,8 +26,8 @@ mod image {
     use firmware::{
         Clock, Conversion, Converter, Handed, Mutex, Shared, Stamped, acquire, deadlines, encode,
     };
-    use pipeline::{Acquisition, Sample};
-    use static_cell::StaticCell;
+    use pipeline::{Acquisition, EncoderMemory, Sample};
+    use static_cell::{ConstStaticCell, StaticCell};
 
     /// Converters in the chain.
     const CHIPS: usize = 8;
@@ -37,6 +37,7 @@ mod image {
         hz: 1_000_000,
     });
 
+    static ENCODER: ConstStaticCell<EncoderMemory> = ConstStaticCell::new(EncoderMemory::EMPTY);
     static PRODUCER: StaticCell<Producer> = StaticCell::new();
     static ACQUISITION: StaticCell<Acquisition> = StaticCell::new();
     static STAMPED: StaticCell<[Stamped; deadlines::SAMPLES_WAITING]> = StaticCell::new();
@@ -88,7 +89,8 @@ mod image {
         let handed = HANDED_CHANNEL.try_init(Channel::new(handed))?;
         let (handed_in, mut handed_out) = handed.split();
         let acquisition = ACQUISITION.try_init_with(|| Acquisition::new(run.mains))?;
-        let producer = PRODUCER.try_init_with(Producer::new)?;
+        let encoder = ENCODER.try_take()?;
+        let producer = PRODUCER.try_init_with(|| Producer::new(encoder))?;
 
         let unknown = Unknown {
             decoder: Decoder::new(),
