@@ -51,6 +51,12 @@ impl Streams {
         self.0
     }
 
+    /// This set without the bits of `other`.
+    #[must_use]
+    pub const fn without(self, other: Streams) -> Streams {
+        Streams(self.0 & !other.0)
+    }
+
     /// Whether every bit of `other` is set.
     pub const fn contains(self, other: Streams) -> bool {
         self.0 & other.0 == other.0
