@@ -113,19 +113,32 @@ impl<'a> Chain<'a> {
         Self::start_at(folder, &port(folder).to_string_lossy())
     }
 
+    /// The same with other options of the bridge.
+    ///
+    /// # Panics
+    /// When a part does not come up.
+    pub fn start_with(folder: &'a Path, options: &[&str]) -> Self {
+        Self::up(folder, &port(folder).to_string_lossy(), options)
+    }
+
     /// The same for a board that will be at this address, as the bridge names it.
     ///
     /// # Panics
     /// When a part does not come up.
     pub fn start_at(folder: &'a Path, address: &str) -> Self {
+        Self::up(folder, address, &[])
+    }
+
+    fn up(folder: &'a Path, address: &str, options: &[&str]) -> Self {
         let ros = Ros::start(folder).expect("roscore starts");
         let mut bridge = Command::new(&programs().bridge);
         bridge
             .args(["--ros-master-uri", &ros.master_uri(), "--port", address])
+            .args(options)
             .env("ROS_HOSTNAME", "127.0.0.1")
             .env_remove("ROS_IP");
         let bridge = Process::start("bridge", &mut bridge, folder).expect("the bridge starts");
-        let subscriber = subscribe(&ros, folder, "subscriber");
+        let subscriber = subscribe(&ros, folder, "subscriber", "/encoded");
         let mut record = ros.command("rosbag");
         record.args(["record", "--output-name=run.bag", "/encoded"]);
         let recorder = Process::start("recorder", &mut record, folder).expect("rosbag starts");
@@ -153,7 +166,16 @@ impl<'a> Chain<'a> {
 
     /// Another subscriber.
     pub fn another_subscriber(&self) -> Process {
-        subscribe(&self.ros, self.folder, "another")
+        self.subscriber_of("/encoded")
+    }
+
+    /// A subscriber of another topic of NeuroFrames.
+    ///
+    /// # Panics
+    /// When it does not start.
+    pub fn subscriber_of(&self, topic: &str) -> Process {
+        let name = topic.trim_start_matches('/').replace('/', "-");
+        subscribe(&self.ros, self.folder, &format!("of-{name}"), topic)
     }
 
     /// What the first subscriber has heard so far.
@@ -216,12 +238,12 @@ fn port(folder: &Path) -> PathBuf {
     folder.join("board-port")
 }
 
-/// A rospy subscriber to `/encoded`, with the class that genpy makes from our definition.
-fn subscribe(ros: &Ros<'_>, folder: &Path, name: &str) -> Process {
+/// A rospy subscriber to a topic, with the class that genpy makes from our definition.
+fn subscribe(ros: &Ros<'_>, folder: &Path, name: &str, topic: &str) -> Process {
     let script = workspace::root().join("tests/ros/subscribe.py");
     let script = script.canonicalize().expect("the script is there");
     let mut python = ros.command("python3");
-    python.arg(script).arg("/encoded");
+    python.arg(script).arg(topic);
     let mut subscriber = Process::start(name, &mut python, folder).expect("python3 starts");
     subscriber.wait_until("rospy subscribes", PATIENCE, |subscriber| {
         subscriber.output().contains('\n')
