@@ -118,6 +118,12 @@ impl CodeStream {
         self.encoded_stamps.held() + self.window_stamps.held()
     }
 
+    /// Whether the device has begun its stream anew with this code, though nobody told it to: its frame
+    /// is new, its index is not.
+    pub(crate) fn begins_anew(&self, code: &Code) -> bool {
+        self.counts.ledger.is_behind(code.window)
+    }
+
     /// A code came, made at `device_us`. A time that the clock did not take for one is replaced by
     /// that of the code's place in the stream.
     pub(crate) fn code(
@@ -134,7 +140,6 @@ impl CodeStream {
         }
         let mut arrival = self.counts.ledger.arrived(code.window);
         if arrival == Arrival::Behind {
-            // Its frame is new, its index is not: the device began its stream anew.
             tracing::warn!(window = code.window, "the device began its stream anew");
             self.begin();
             arrival = self.counts.ledger.arrived(code.window);

@@ -4,7 +4,7 @@ use link::{Counters, Streams};
 use neuro_ros::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, Header, KeyValue, Stamp};
 
 use crate::code_stream::CodeStream;
-use crate::sample_stream::SampleCounts;
+use crate::sample_stream::{SampleCounts, SampleStream};
 use crate::session::Session;
 use crate::signal_quality::signal_quality;
 use crate::timing::timing;
@@ -152,6 +152,7 @@ fn loss(session: &mut Session) -> DiagnosticStatus {
     let side_events = [
         KeyValue::new("events received", &events.ledger().received()),
         KeyValue::new("events lost", &events.ledger().lost()),
+        KeyValue::new("events behind others", &events.ledger().replays()),
         KeyValue::new("events of unknown kinds", &events.unknown),
     ];
     if session.commands.streams().contains(Streams::EVENTS) {
@@ -238,7 +239,10 @@ fn link(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
 
 fn clock(session: &Session, now: HostTime) -> DiagnosticStatus {
     let clock = &session.clock;
-    let held = session.codes.as_ref().map_or(0, CodeStream::held_stamps);
+    let samples = [&session.side.raw, &session.side.filtered];
+    let samples = samples.into_iter().flatten().map(SampleStream::held_stamps);
+    let codes = session.codes.as_ref().map(CodeStream::held_stamps);
+    let held: u64 = samples.chain(codes).sum();
     let message = format!("{:+.1} ppm", clock.drift_ppm());
     let mut values = vec![
         KeyValue::new("drift ppm", &format!("{:+.2}", clock.drift_ppm())),

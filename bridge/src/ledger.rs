@@ -37,13 +37,22 @@ impl Ledger {
         self.expected = None;
     }
 
+    /// Whether this number lies behind what came already.
+    pub fn is_behind(&self, number: u32) -> bool {
+        self.missing_before(number) >= 1 << 31
+    }
+
+    fn missing_before(&self, number: u32) -> u32 {
+        number.wrapping_sub(self.expected.unwrap_or(number))
+    }
+
     /// A numbered thing arrived. One that lies behind is counted as a replay, not as received.
     pub fn arrived(&mut self, number: u32) -> Arrival {
-        let lost = number.wrapping_sub(self.expected.unwrap_or(number));
-        if lost >= 1 << 31 {
+        if self.is_behind(number) {
             self.replays += 1;
             return Arrival::Behind;
         }
+        let lost = self.missing_before(number);
         self.expected = Some(number.wrapping_add(1));
         self.received += 1;
         self.add_lost(lost);
@@ -53,10 +62,10 @@ impl Ledger {
     /// The sender says that `next` will be its next number: everything before it that has not
     /// arrived is lost. Returns how many that are.
     pub fn close(&mut self, next: u32) -> u32 {
-        let lost = next.wrapping_sub(self.expected.unwrap_or(next));
-        if lost >= 1 << 31 {
+        if self.is_behind(next) {
             return 0;
         }
+        let lost = self.missing_before(next);
         self.expected = Some(next);
         self.add_lost(lost);
         lost

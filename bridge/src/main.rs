@@ -3,6 +3,7 @@
 
 use std::error::Error;
 use std::fs::File;
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -49,23 +50,27 @@ fn ask(at: &PortOptions, question: Question, json: bool) -> Result<ExitCode, Bri
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
-    match runtime.block_on(bridge::inquire(at, question))? {
-        Answer::SelfTest(report) => {
-            if json {
-                let json = serde_json::to_string_pretty(&report).map_err(std::io::Error::from)?;
-                println!("{json}");
-            } else {
-                println!("{report}");
-            }
-            return Ok(ExitCode::from(u8::from(!report.passed)));
+    let (text, passed) = match runtime.block_on(bridge::inquire(at, question))? {
+        Answer::SelfTest(report) if json => {
+            let json = serde_json::to_string_pretty(&report).map_err(std::io::Error::from)?;
+            (json, report.passed)
         }
-        Answer::Back(device) => println!("{device}"),
-        Answer::InLoader(device) => println!(
-            "{} starts its loader; flash it over USB, such as with dfu-util",
-            device.board
+        Answer::SelfTest(report) => (report.to_string(), report.passed),
+        Answer::Back(device) => (device.to_string(), true),
+        Answer::InLoader(device) => (
+            format!(
+                "{} starts its loader; flash it over USB, such as with dfu-util",
+                device.board
+            ),
+            true,
         ),
+    };
+    match writeln!(std::io::stdout(), "{text}") {
+        // Whoever reads it, such as `head`, has had enough.
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
+        written => written?,
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(ExitCode::from(u8::from(!passed)))
 }
 
 /// The log goes to stderr, and to the file that roslaunch names.

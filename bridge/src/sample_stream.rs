@@ -41,8 +41,9 @@ pub(crate) struct SampleStream {
 pub(crate) struct SampleCounts {
     pub(crate) received: u64,
     pub(crate) lost: u64,
-    /// Samples that are in no frame: lost ones beyond [`MAX_FILL_SECONDS`] of one gap; without
-    /// fillers, all of a frame that would hold a lost one.
+    /// Samples that are in no frame: what was in an unfinished one when its stream ended; lost ones
+    /// beyond [`MAX_FILL_SECONDS`] of one gap; without fillers, all of a frame that would hold a lost
+    /// one.
     pub(crate) unpublished: u64,
     /// Messages whose content does not fit the device.
     pub(crate) malformed: u64,
@@ -114,6 +115,7 @@ impl SampleStream {
     /// The device begins its stream anew: samples count from 0. What was in an unfinished frame
     /// stays away.
     pub(crate) fn begin(&mut self) {
+        self.counts.unpublished += self.filled as u64;
         self.next = 0;
         self.filled = 0;
         self.known = None;
@@ -127,6 +129,11 @@ impl SampleStream {
 
     pub(crate) fn counts(&self) -> &SampleCounts {
         &self.counts
+    }
+
+    /// Stamps that had to be moved forwards.
+    pub(crate) fn held_stamps(&self) -> u64 {
+        self.stamps.held()
     }
 
     /// Lost samples since this was asked last.

@@ -85,17 +85,18 @@ pub struct ChannelReport {
     pub channel: usize,
     /// Its electrode, or exg1, exg2.. of a spare one.
     pub label: String,
-    /// Amplitude of the chip's square wave off what was set, percent.
-    pub gain_error_percent: f64,
+    /// Amplitude of the chip's square wave off what was set, percent; this and the figures below are
+    /// none where they were not measured.
+    pub gain_error_percent: Option<f64>,
     /// Middle of the square wave, microvolt.
-    pub offset_uv: f32,
+    pub offset_uv: Option<f32>,
     /// Around the square wave's levels, microvolt RMS.
-    pub noise_uv: f32,
+    pub noise_uv: Option<f32>,
     /// With the input shorted, microvolt RMS.
-    pub shorted_noise_uv: f32,
-    /// What is wrong with it, or "in order".
+    pub shorted_noise_uv: Option<f32>,
+    /// What is wrong with it, "not measured", or "in order".
     pub verdict: String,
-    /// Whether nothing is.
+    /// Whether it was measured and nothing is wrong.
     pub in_order: bool,
 }
 
@@ -116,13 +117,21 @@ impl SelfTestReport {
         let bad =
             |count: usize, of: usize, what| (count > 0).then(|| format!("{count} of {of} {what}"));
         let bad_chips = chips.iter().filter(|chip| !chip.in_order).count();
-        let bad_channels = tested.iter().filter(|channel| !channel.in_order).count();
-        let untested = channels.saturating_sub(tested.len());
+        let measured = test.channels.iter().filter(|test| !is_unmeasured(test));
+        let measured = measured.count();
+        let bad_channels = test.channels.iter();
+        let bad_channels = bad_channels.filter(|test| test.fault != ChannelFault::None);
+        let bad_channels = bad_channels.count();
+        let untested = channels.max(tested.len()) - measured;
         let faults: Vec<String> = [
             (!test.fault.is_empty()).then(|| test.fault.as_str().to_owned()),
             bad(bad_chips, chips.len(), "chips"),
             bad(bad_channels, tested.len(), "channels"),
-            (untested > 0).then(|| format!("{untested} of {channels} channels not tested")),
+            bad(
+                untested,
+                channels.max(tested.len()),
+                "channels not measured",
+            ),
         ]
         .into_iter()
         .flatten()
@@ -215,15 +224,30 @@ fn part(id: u8) -> &'static str {
     }
 }
 
+/// Whether a channel has no fault only because it was not measured, in whole or in part: the test
+/// could not go on. A channel that is measured is never without noise and without a fault.
+fn is_unmeasured(test: &ChannelTest) -> bool {
+    let silent = test.noise_uv == 0.0 || test.shorted_noise_uv == 0.0;
+    test.fault == ChannelFault::None && silent
+}
+
 fn channel(index: usize, test: &ChannelTest, label: String) -> ChannelReport {
+    let too_few = test.fault == ChannelFault::Samples;
+    // Without samples the device says 0, and -1 of the gain. With a few, the square wave's levels
+    // were not both seen: then it says -1 of the gain as well.
+    let nothing = test.offset_uv == 0.0 && test.noise_uv == 0.0;
+    let square_wave = !(nothing || too_few && test.gain_error <= -1.0);
+    let nothing = test.shorted_noise_uv == 0.0;
+    let shorted = !(nothing && (too_few || !square_wave || is_unmeasured(test)));
     ChannelReport {
         channel: index + 1,
         label,
-        gain_error_percent: f64::from(test.gain_error) * 100.0,
-        offset_uv: test.offset_uv,
-        noise_uv: test.noise_uv,
-        shorted_noise_uv: test.shorted_noise_uv,
+        gain_error_percent: square_wave.then(|| f64::from(test.gain_error) * 100.0),
+        offset_uv: square_wave.then_some(test.offset_uv),
+        noise_uv: square_wave.then_some(test.noise_uv),
+        shorted_noise_uv: shorted.then_some(test.shorted_noise_uv),
         verdict: match test.fault {
+            ChannelFault::None if is_unmeasured(test) => "not measured".to_owned(),
             ChannelFault::None => "in order".to_owned(),
             ChannelFault::Samples => "too few samples".to_owned(),
             ChannelFault::Gain => "wrong gain".to_owned(),
@@ -232,7 +256,7 @@ fn channel(index: usize, test: &ChannelTest, label: String) -> ChannelReport {
             ChannelFault::Silent => "too quiet to be alive".to_owned(),
             ChannelFault::Newer(number) => format!("fault {number}, newer than this bridge"),
         },
-        in_order: test.fault == ChannelFault::None,
+        in_order: test.fault == ChannelFault::None && !is_unmeasured(test),
     }
 }
 

@@ -88,15 +88,21 @@ fn chip(chip: &ChipReport) -> [String; 4] {
 }
 
 fn channel(channel: &ChannelReport) -> [String; 7] {
+    let noise = |uv: Option<f32>| figure(uv.map(|uv| format!("{uv:.2}")));
     [
         channel.channel.to_string(),
         channel.label.clone(),
-        format!("{:+.2}", channel.gain_error_percent),
-        format!("{:+.1}", channel.offset_uv),
-        format!("{:.2}", channel.noise_uv),
-        format!("{:.2}", channel.shorted_noise_uv),
+        figure(channel.gain_error_percent.map(|off| format!("{off:+.2}"))),
+        figure(channel.offset_uv.map(|uv| format!("{uv:+.1}"))),
+        noise(channel.noise_uv),
+        noise(channel.shorted_noise_uv),
         channel.verdict.clone(),
     ]
+}
+
+/// "-" for what was not measured.
+fn figure(measured: Option<String>) -> String {
+    measured.unwrap_or_else(|| "-".to_owned())
 }
 
 /// Rows under a head, each column as wide as its widest cell, numbers to the right.

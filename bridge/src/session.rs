@@ -179,6 +179,9 @@ impl Session {
             ToHost::Code(code) => match &mut self.codes {
                 Some(codes) if self.introduced && self.commands.accepts_codes() => {
                     self.commands.fed(read.monotonic_us);
+                    if codes.begins_anew(code) {
+                        self.side.began_anew();
+                    }
                     let trusted = self.clock.observe(header.device_time_us, read);
                     let device_us = trusted.then_some(header.device_time_us);
                     let moment = Moment {

@@ -81,6 +81,12 @@ impl SideStreams {
         for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
             stream.begin();
         }
+        self.began_anew();
+    }
+
+    /// The device has begun its streams anew and only its codes told so; samples and steps see it by
+    /// themselves, and may have done before.
+    pub(crate) fn began_anew(&mut self) {
         self.events.begin();
         self.trigger.begin();
     }

@@ -22,11 +22,17 @@ pub async fn encode(
                 shared.timing.end(Stage::Code, item.drdy_ticks);
             }
         };
-        if item.taken.begun.is_some() {
+        // Events first: what is made of the sample says how the input stood. A run must have begun.
+        let begins = item.taken.begun.is_some();
+        if begins {
             shared.inputs.forget_before(item.taken.drdy_us);
+        } else {
+            producer.place(&item.taken, || shared.inputs.next(), &mut hand_on);
         }
         producer.take(&item.taken, &mut hand_on);
-        producer.place(&item.taken, || shared.inputs.next(), &mut hand_on);
+        if begins {
+            producer.place(&item.taken, || shared.inputs.next(), &mut hand_on);
+        }
         if item.taken.step.is_some() {
             shared.timing.end(Stage::Step, begin);
         }

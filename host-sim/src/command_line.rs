@@ -1,9 +1,9 @@
 //! What can be asked for on the command line.
 
-use std::{convert::Infallible, path::PathBuf, str::FromStr};
+use std::{convert::Infallible, path::PathBuf, str::FromStr, time::Duration};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use host_sim::{FAULTS, Fault, Output};
+use host_sim::{FAULTS, Fault, Output, Trigger};
 use recordings::Missing;
 
 /// The board without a board: plays EEG through the pipeline of the firmware, bit for bit.
@@ -102,6 +102,10 @@ pub(crate) struct RunOptions {
     /// can break.
     #[arg(long, value_name = "FAULT", long_help = FAULTS)]
     pub(crate) fault: Vec<Fault>,
+    /// Make up edges of the trigger, one every so many seconds of device time, high and low in turn; a
+    /// bridge has them on /events/bus.
+    #[arg(long, value_name = "SECONDS", value_parser = parse_trigger)]
+    pub(crate) trigger_every: Option<Trigger>,
     /// Session id that the board reports; drawn from the clock in real time, 1 otherwise.
     #[arg(long, value_name = "NUMBER")]
     pub(crate) session_id: Option<u32>,
@@ -131,6 +135,12 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
         Ok(seconds) if f64::is_finite(seconds) && seconds > 0.0 => Ok(seconds),
         _ => Err("write a positive number of seconds, such as 15 or 0.5".to_owned()),
     }
+}
+
+fn parse_trigger(text: &str) -> Result<Trigger, String> {
+    let seconds = Duration::try_from_secs_f64(parse_seconds(text)?);
+    let trigger = seconds.map_err(|error| error.to_string())?;
+    Trigger::every(trigger).map_err(|error| error.to_string())
 }
 
 impl MainsHz {

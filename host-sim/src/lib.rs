@@ -18,6 +18,7 @@ mod port;
 mod session;
 mod source;
 pub mod synthetic;
+mod trigger;
 mod virtual_board;
 
 pub use converters::{CHIPS, Converted, Converters};
@@ -27,4 +28,5 @@ pub use outbox::{Outbox, WhenFull};
 pub use port::{Output, Port, PortError};
 pub use session::{Report, Session, SessionError};
 pub use source::Source;
+pub use trigger::{Trigger, TriggerError};
 pub use virtual_board::{Identity, VirtualBoard};

@@ -90,6 +90,7 @@ fn session(options: &RunOptions, faults: Faults) -> Session {
         },
         limit,
         faults,
+        trigger: options.trigger_every,
     }
 }
 

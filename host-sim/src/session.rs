@@ -11,7 +11,7 @@ use pipeline::Mains;
 use recordings::RecordingError;
 
 use crate::{
-    CHIPS, DeviceClock, Faults, Identity, Outbox, Output, Pace, Port, PortError, Source,
+    CHIPS, DeviceClock, Faults, Identity, Outbox, Output, Pace, Port, PortError, Source, Trigger,
     VirtualBoard, WhenFull,
 };
 
@@ -36,6 +36,8 @@ pub struct Session {
     pub limit: Option<u64>,
     /// What breaks.
     pub faults: Faults,
+    /// Edges that are made up.
+    pub trigger: Option<Trigger>,
 }
 
 /// Why a run ended early.
@@ -122,7 +124,8 @@ impl Session {
         })?;
         let faults = self.faults.clone();
         let mut board =
-            VirtualBoard::with_faults(self.identity, self.mains, faults, outbox.clone());
+            VirtualBoard::with_faults(self.identity, self.mains, faults, outbox.clone())
+                .with_trigger(self.trigger);
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into());
         if let Output::File(_) = self.output {
             // Nobody can send a command.

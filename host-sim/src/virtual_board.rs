@@ -7,7 +7,7 @@ use device::{
 use link::{AckResult, ResetCause, Start, Stats, Streams};
 use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
 
-use crate::{CHIPS, Converted, Converters, Faults, Outbox};
+use crate::{CHIPS, Converted, Converters, Faults, Outbox, Trigger};
 
 /// Who the virtual board says it is.
 #[derive(Clone, Copy, Debug)]
@@ -49,6 +49,8 @@ pub struct VirtualBoard {
     session: Session<'static>,
     sender: Sender<Outbox>,
     converters: Converters,
+    /// None where nothing happens at the inputs.
+    trigger: Option<Trigger>,
     acquisition: Acquisition,
     producer: Box<Producer<EncoderMemory>>,
     /// Told to the producer with the next sample.
@@ -78,6 +80,7 @@ impl VirtualBoard {
             session: Session::new(boot, ABILITIES, mains),
             sender: Sender::new(outbox),
             converters: Converters::new(faults),
+            trigger: None,
             acquisition: Acquisition::new(mains),
             producer: Box::new(Producer::new(EncoderMemory::EMPTY)),
             begun: None,
@@ -89,6 +92,13 @@ impl VirtualBoard {
         };
         board.introduce(0);
         board
+    }
+
+    /// The same with edges that are made up.
+    #[must_use]
+    pub fn with_trigger(mut self, trigger: Option<Trigger>) -> Self {
+        self.trigger = trigger;
+        self
     }
 
     /// Takes bytes from the host and answers the commands that they complete.
@@ -139,6 +149,13 @@ impl VirtualBoard {
         let identity = self.identity.after(ResetCause::Software);
         self.session = Session::new(identity, ABILITIES, self.mains);
         self.sender = Sender::new(outbox);
+        self.acquisition = Acquisition::new(self.mains);
+        self.begun = None;
+        (self.samples, self.overruns, self.adc_status_bad) = (0, 0, 0);
+        self.clipped_before = 0;
+        if let Some(trigger) = &mut self.trigger {
+            trigger.restart(now_us);
+        }
         self.introduce(now_us);
     }
 
@@ -197,13 +214,24 @@ impl VirtualBoard {
         let counts = self.counts();
         let (session, sender) = (&mut self.session, &mut self.sender);
         let converters = &self.converters;
-        self.producer.take(&taken, &mut |made: Made| {
+        let mut hand_on = |made: Made| {
             if matches!(made.what, What::Quality(_)) {
                 session.send_stats(made.at_us, counts, sender);
                 session.converters(converters.message(), made.at_us, sender);
             }
             session.send(&made, sender);
-        });
+        };
+        // Events first: what is made of the sample says how the input stood. What happened before the
+        // run is of no interest to it.
+        match &mut self.trigger {
+            Some(trigger) if taken.begun.is_some() => trigger.forget(now_us),
+            Some(trigger) => {
+                let next = || trigger.next(now_us);
+                self.producer.place(&taken, next, &mut hand_on);
+            }
+            None => {}
+        }
+        self.producer.take(&taken, &mut hand_on);
     }
 
     /// Whether a host has started the codes.

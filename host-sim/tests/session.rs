@@ -34,6 +34,7 @@ fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
         },
         limit: seconds.map(|seconds| 512 * seconds),
         faults: Faults::NONE,
+        trigger: None,
     }
 }
 

@@ -120,3 +120,66 @@ fn events_before_an_introduction_are_not_published() {
     desk.say(0, &event(EventKind::TriggerRise, 0, 0));
     assert!(desk.recorder.events.is_empty());
 }
+
+/// What `/diagnostics` says of lost events, and of events that are behind others.
+fn figures(desk: &mut Desk) -> [String; 2] {
+    let values = desk.status("loss").unwrap().values;
+    ["events lost", "events behind others"].map(|key| {
+        let pair = values.iter().find(|pair| pair.key == key);
+        pair.unwrap().value.clone()
+    })
+}
+
+fn wants(desk: &mut Desk, streaming: bool) {
+    desk.core.want(streaming);
+    desk.core
+        .tick(crate::board::at(desk.now_us), &mut desk.recorder);
+    desk.converse();
+}
+
+#[test]
+fn numbers_that_go_on_while_nothing_streams_or_begin_anew_with_a_boot_are_no_loss() {
+    let mut desk = Desk::streaming(EVENTS, Board::new());
+    desk.code(1, false);
+    let rise = |desk: &mut Desk, number| {
+        let now = desk.now_us.unsigned_abs();
+        desk.say(now, &event(EventKind::TriggerRise, number, 0));
+    };
+    rise(&mut desk, 1_000);
+    wants(&mut desk, false);
+    wants(&mut desk, true);
+    rise(&mut desk, 1_007);
+    desk.board.reboot();
+    let hello = desk.board.hello();
+    desk.receive(&hello);
+    desk.now_us += 600_000;
+    wants(&mut desk, true);
+    rise(&mut desk, 3);
+    assert_eq!(desk.recorder.events.len(), 3);
+    assert_eq!(figures(&mut desk), ["0", "0"]);
+    // The port goes and comes back, and the device has streamed on.
+    desk.core.disconnected();
+    desk.connect();
+    rise(&mut desk, 6);
+    rise(&mut desk, 6);
+    assert_eq!(desk.recorder.events.len(), 4);
+    assert_eq!(figures(&mut desk), ["2", "1"]);
+}
+
+#[test]
+fn a_stream_that_only_its_codes_tell_to_be_new_keeps_the_level_and_loses_no_event() {
+    let mut desk = Desk::streaming(EVENTS, Board::new());
+    desk.code(1, false);
+    let now = desk.now_us.unsigned_abs();
+    desk.say(now, &event(EventKind::TriggerRise, 0, 5_000));
+    for _ in 0..10 {
+        desk.code(1, false);
+    }
+    desk.board.next_window = 0;
+    desk.code(1, false);
+    let words = &desk.recorder.encoded.last().unwrap().tri.data;
+    assert_eq!(words[7], 1, "the level stays: {words:?}");
+    let now = desk.now_us.unsigned_abs();
+    desk.say(now, &event(EventKind::TriggerFall, 9, 100));
+    assert_eq!(figures(&mut desk), ["0", "0"]);
+}

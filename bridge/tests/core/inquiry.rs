@@ -187,8 +187,61 @@ fn a_test_that_could_not_go_on_is_not_in_order() {
         test.channels.clear();
     }));
     assert!(!report.passed);
-    assert_eq!(report.verdict, "NOT IN ORDER: 64 of 64 channels not tested");
+    assert_eq!(
+        report.verdict,
+        "NOT IN ORDER: 64 of 64 channels not measured"
+    );
     assert!(!report.to_string().contains("electrode"));
+}
+
+#[test]
+fn a_figure_that_was_not_measured_is_a_dash_and_in_json_null_and_never_in_order() {
+    let report = report(result(|test| {
+        // No DRDY, so no test; nothing but bad frames; levels of both kinds in too few samples; stopped
+        // before the inputs were shorted; dead, and measured to be.
+        test.channels[0] = ChannelTest::default();
+        test.channels[1] = ChannelTest {
+            gain_error: -1.0,
+            fault: ChannelFault::Samples,
+            ..ChannelTest::default()
+        };
+        test.channels[2] = ChannelTest {
+            gain_error: -1.0,
+            offset_uv: 900.0,
+            fault: ChannelFault::Samples,
+            ..FINE
+        };
+        test.channels[3].shorted_noise_uv = 0.0;
+        test.channels[4] = ChannelTest {
+            gain_error: -1.0,
+            offset_uv: -937.5,
+            noise_uv: 0.0,
+            shorted_noise_uv: 0.0,
+            fault: ChannelFault::Gain,
+        };
+    }));
+    let text = report.to_string();
+    for line in [
+        "      1  F3                    -          -             -               -  not measured",
+        "      2  F1                    -          -             -               -  too few samples",
+        "      3  Fz                    -          -             -            0.14  too few samples",
+        "      4  F2                +1.23      -41.3          0.14               -  not measured",
+        "      5  F4              -100.00     -937.5          0.00            0.00  wrong gain",
+        "NOT IN ORDER: 3 of 64 channels; 2 of 64 channels not measured",
+    ] {
+        assert!(text.lines().any(|found| found == line), "{line}\n{text}");
+    }
+    let json: serde_json::Value = serde_json::to_value(&report).unwrap();
+    let first = &json["channels"][0];
+    for figure in [
+        "gain_error_percent",
+        "offset_uv",
+        "noise_uv",
+        "shorted_noise_uv",
+    ] {
+        assert!(first[figure].is_null(), "{figure}");
+    }
+    assert_eq!(first["in_order"], false);
 }
 
 #[test]

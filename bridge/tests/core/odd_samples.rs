@@ -74,6 +74,10 @@ fn a_stream_that_begins_anew_begins_a_frame_anew() {
     desk.core
         .tick(crate::board::at(desk.now_us), &mut desk.recorder);
     desk.converse();
+    let status = desk.status("loss").unwrap();
+    let mut values = status.values.iter();
+    let unpublished = values.find(|pair| pair.key == "raw samples not published");
+    assert_eq!(unpublished.unwrap().value, "24", "those of no whole frame");
     desk.core.want(true);
     desk.core
         .tick(crate::board::at(desk.now_us), &mut desk.recorder);
@@ -109,4 +113,27 @@ fn samples_that_nobody_asked_for_are_counted() {
         .iter()
         .find(|pair| pair.key == "other messages unused");
     assert_eq!(unused.unwrap().value, "1");
+}
+
+#[test]
+fn stamps_of_samples_that_had_to_be_moved_are_counted() {
+    let mut desk = desk(SAMPLES);
+    for first in (0..32).step_by(8) {
+        say(&mut desk, first, Flags::empty());
+    }
+    // A device that says that the next frame was taken a second before.
+    for first in (32..64).step_by(8) {
+        let counts = counts(first, 8, 64);
+        let raw = Raw {
+            first_sample: first,
+            channels: 64,
+            flags: Flags::empty(),
+            counts: &counts,
+        };
+        desk.say(1_000_000, &ToHost::Raw(raw));
+    }
+    assert_eq!(desk.recorder.raw.len(), 2);
+    let status = desk.status("clock").unwrap();
+    let held = status.values.iter().find(|pair| pair.key == "stamps held");
+    assert_eq!(held.unwrap().value, "1");
 }

@@ -16,6 +16,7 @@ fn result(fault: ChannelFault) -> SelfTest {
     };
     let channel = ChannelTest {
         noise_uv: 0.14,
+        shorted_noise_uv: 0.14,
         fault,
         ..ChannelTest::default()
     };
@@ -67,6 +68,15 @@ fn a_device_with_a_fault_is_status_1_and_json_says_which() {
     let report: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(report["passed"], false);
     assert_eq!(report["channels"][60]["verdict"], "too loud");
+}
+
+#[test]
+fn a_reader_who_has_seen_enough_of_the_table_is_no_error() {
+    let device = Device::tcp(board(ChannelFault::Noisy));
+    let mut bridge = Bridge::start(&["selftest", "--port", &device.port]);
+    drop(bridge.stdout());
+    let (status, log) = bridge.wait();
+    assert_eq!((status.code(), &*log), (Some(1), ""));
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! What a host may ask for beside codes.
 
-use link::{ResetInto, Streams};
+use std::time::Duration;
+
+use link::{Event, EventKind, ResetInto, Streams};
 use pipeline::{Acquisition, CodeValues, Step};
 
 use super::*;
@@ -187,4 +189,60 @@ fn after_a_reset_the_board_introduces_itself_as_another_boot() {
         ]
     );
     assert!(!board.is_streaming());
+    let samples = |message: ToHost<'_>| match message {
+        ToHost::Stats(stats) => Some((stats.samples, stats.codes_made)),
+        _ => None,
+    };
+    send(&mut board, &mut host, START);
+    board.sample(&Sample::default(), 2_000);
+    send(&mut board, &mut host, ToDevice::Reset(ResetInto::Firmware));
+    send(&mut board, &mut host, ToDevice::Stop);
+    assert_eq!(frames(&outbox, samples), [(0, 0)], "counted since boot");
+}
+
+#[test]
+fn edges_that_are_made_up_come_before_the_samples_that_they_precede() {
+    let (board, outbox) = board();
+    let trigger = crate::Trigger::every(Duration::from_micros(15_625));
+    let mut board = board.with_trigger(Some(trigger.expect("slow enough")));
+    let mut host = Encoder::default();
+    let mut seen = Vec::new();
+    let mut stream = |from: u64| {
+        send(&mut board, &mut host, start(Streams::RAW | Streams::EVENTS));
+        for index in 0..17 {
+            board.sample(&Sample::default(), from + index * 1_000_000 / 512);
+            seen.extend(frames(&outbox, |message| match message {
+                ToHost::Event(event) => Some(Ok(event)),
+                ToHost::Raw(raw) => Some(Err(raw.first_sample)),
+                _ => None,
+            }));
+        }
+        send(&mut board, &mut host, ToDevice::Stop);
+        frames(&outbox, |_| Some(()));
+    };
+    // Edge 0 comes a microsecond after sample 0; edges 64 and 65 right before samples 7 and 15, which
+    // end a frame each. Of those in between nobody is told, but they have numbers.
+    stream(15_625 - 1);
+    stream(1_002_000);
+    let event = |kind, number, sample| {
+        Ok(Event {
+            kind,
+            number,
+            sample,
+        })
+    };
+    let (rise, fall) = (EventKind::TriggerRise, EventKind::TriggerFall);
+    assert_eq!(
+        seen,
+        [
+            event(rise, 0, 1),
+            Err(0),
+            event(fall, 1, 9),
+            Err(8),
+            event(rise, 64, 7),
+            Err(0),
+            event(fall, 65, 15),
+            Err(8),
+        ]
+    );
 }
