@@ -10,7 +10,7 @@ use std::{
 /// What to do when the host does not take frames as fast as they are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhenFull {
-    /// Drop the oldest whole frame and count it: what a board does, whose time does not wait.
+    /// Drop the oldest whole frames and count them: what a board does, whose time does not wait.
     DropOldest,
     /// Wait for room: for virtual time, which can.
     Wait,
@@ -33,7 +33,8 @@ struct Shared {
 
 #[derive(Debug, Default)]
 struct Queue {
-    frames: VecDeque<Vec<u8>>,
+    /// With the time when each was made.
+    frames: VecDeque<(Instant, Vec<u8>)>,
     /// A frame was taken and is neither written nor lost yet.
     writing: bool,
     closed: bool,
@@ -41,8 +42,16 @@ struct Queue {
     failure: Option<io::Error>,
 }
 
-/// Frames that wait at most: 4 s of codes.
+/// Frames that wait at most where time can wait: 4 s of codes.
 const CAPACITY: usize = 64;
+
+/// How old a frame gets where it cannot. Not a number of frames: then samples on request, of which
+/// there are four times as many, would push codes out in a stall that codes alone outlast.
+const OLDEST: Duration = Duration::from_secs(4);
+
+/// Frames that wait at most where time cannot: more than 4 s of every stream, 64 raw ones, 32
+/// filtered, 16 codes and 5 reports a second; 0.5 MB.
+const MOST: usize = 512;
 
 impl Outbox {
     /// An empty queue.
@@ -69,19 +78,22 @@ impl Outbox {
         self.when_full == WhenFull::DropOldest || self.wait_while(patience, full)
     }
 
-    /// Puts a frame at the end. A full queue drops its oldest frame, or, if it is one that waits,
-    /// grows: wait for room before a frame is made. Frames for a closed outbox count as dropped.
+    /// Puts a frame at the end. A queue that drops loses what is older than 4 s; one that waits grows:
+    /// wait for room before a frame is made. Frames for a closed outbox count as dropped.
     pub fn push(&self, frame: &[u8]) {
+        self.push_at(frame, Instant::now());
+    }
+
+    fn push_at(&self, frame: &[u8], now: Instant) {
         let mut queue = self.lock();
         if queue.closed {
             queue.drop_frames(1);
             return;
         }
-        if queue.frames.len() >= CAPACITY && self.when_full == WhenFull::DropOldest {
-            queue.frames.pop_front();
-            queue.drop_frames(1);
+        if self.when_full == WhenFull::DropOldest {
+            queue.make_room(now);
         }
-        queue.frames.push_back(frame.to_vec());
+        queue.frames.push_back((now, frame.to_vec()));
         self.shared.changed.notify_all();
     }
 
@@ -96,7 +108,7 @@ impl Outbox {
                 .wait(queue)
                 .unwrap_or_else(PoisonError::into_inner);
         }
-        let frame = queue.frames.pop_front();
+        let frame = queue.frames.pop_front().map(|(_, frame)| frame);
         queue.writing = frame.is_some();
         self.shared.changed.notify_all();
         frame
@@ -177,6 +189,15 @@ impl Outbox {
 }
 
 impl Queue {
+    fn make_room(&mut self, now: Instant) {
+        while let Some((made, _)) = self.frames.front()
+            && (self.frames.len() >= MOST || now.duration_since(*made) > OLDEST)
+        {
+            self.frames.pop_front();
+            self.drop_frames(1);
+        }
+    }
+
     fn drop_frames(&mut self, frames: usize) {
         let frames = u32::try_from(frames).expect("the queue is bounded");
         self.dropped = self.dropped.wrapping_add(frames);
@@ -192,12 +213,39 @@ mod tests {
     #[test]
     fn a_full_outbox_drops_the_oldest_whole_frame_and_counts_it() {
         let outbox = Outbox::new(WhenFull::DropOldest);
-        for index in 0..CAPACITY + 3 {
+        for index in 0..MOST + 3 {
             assert!(outbox.wait_for_room(SOON));
             outbox.push(&index.to_le_bytes());
         }
         assert_eq!(outbox.dropped(), 3);
         assert_eq!(outbox.take(), Some(3_usize.to_le_bytes().to_vec()));
+    }
+
+    #[test]
+    fn a_stall_of_four_seconds_loses_nothing_however_much_is_streamed_and_a_longer_one_the_oldest()
+    {
+        let outbox = Outbox::new(WhenFull::DropOldest);
+        let begun = Instant::now();
+        // Every stream: 117 frames a second.
+        for index in 0..6 * 117_u32 {
+            outbox.push_at(
+                &index.to_le_bytes(),
+                begun + index * Duration::from_secs(1) / 117,
+            );
+            if index == 4 * 117 {
+                assert_eq!(outbox.dropped(), 0);
+            }
+        }
+        assert_eq!(outbox.dropped(), 2 * 117 - 1);
+        // Codes alone: 16 and 5 reports.
+        let outbox = Outbox::new(WhenFull::DropOldest);
+        for index in 0..6 * 21_u32 {
+            outbox.push_at(
+                &index.to_le_bytes(),
+                begun + index * Duration::from_secs(1) / 21,
+            );
+        }
+        assert_eq!(outbox.dropped(), 2 * 21 - 1);
     }
 
     #[test]
