@@ -7,6 +7,8 @@ use neuro_ros::SinkError;
 use neuro_ros::ros1::NodeError;
 use thiserror::Error;
 
+use crate::self_test_report::DeviceLine;
+
 /// What ends the bridge other than its work being done. A device or a master that is away does
 /// not: the bridge waits for them.
 #[derive(Debug, Error)]
@@ -67,6 +69,15 @@ pub enum BridgeError {
         /// Why, and what to do next.
         why: &'static str,
     },
+    /// The device began anew in the middle of what it was asked for.
+    #[error(
+        "the device started anew in the middle of its self-test and found out nothing: {device}; try \
+         again, and report what it says if it does so again"
+    )]
+    Restarted {
+        /// Who it is, why it started, and what its last run left behind.
+        device: DeviceLine,
+    },
     /// ROS does not let us in.
     #[error("the ROS node cannot be had; check the name, ROS_IP and ROS_MASTER_URI")]
     Node(#[from] NodeError),
@@ -91,7 +102,7 @@ impl BridgeError {
     /// and refuses.
     pub fn exit_code(&self) -> u8 {
         match self {
-            BridgeError::Sink(_) | BridgeError::System(_) => 1,
+            BridgeError::Sink(_) | BridgeError::System(_) | BridgeError::Restarted { .. } => 1,
             BridgeError::Port { .. }
             | BridgeError::Speed { .. }
             | BridgeError::Model(_)

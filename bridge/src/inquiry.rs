@@ -136,10 +136,10 @@ impl Inquiry {
                 let before = self.device.replace((hello.session_id, device.clone()));
                 let other = before.is_some_and(|(session_id, _)| session_id != hello.session_id);
                 let asked = matches!(self.stage, Stage::Ask | Stage::Wait);
-                if matches!(self.question, Question::Reset(_)) && asked && other {
-                    return Some(Ok(Answer::Back(device)));
-                }
-                None
+                (asked && other).then(|| match self.question {
+                    Question::Reset(_) => Ok(Answer::Back(device)),
+                    Question::SelfTest => Err(BridgeError::Restarted { device }),
+                })
             }
             ToHost::Capabilities(capabilities) => {
                 let labels = capabilities.labels.split_whitespace();

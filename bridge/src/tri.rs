@@ -18,7 +18,8 @@ pub struct TriWords {
     /// Device time of the window's last sample, microseconds; the words hold its low 48 bits
     /// (8.9 years).
     pub device_time_us: u64,
-    /// Codes lost since the bridge began, modulo 2^16.
+    /// Codes lost since the bridge began, modulo 2^16; beside samples and steps, those of their own
+    /// stream.
     pub lost: u64,
     /// Trigger input; 0 as long as the device sends no events.
     pub trigger: u16,

@@ -353,6 +353,20 @@ fn a_device_that_was_reset_is_back_when_it_says_hello_in_another_session() {
 }
 
 #[test]
+fn a_device_that_starts_anew_in_the_middle_of_its_test_says_why() {
+    let mut desk = Desk::new(Question::SelfTest, Board::new());
+    assert!(desk.talk(2_000_000).is_none());
+    desk.board.reboot();
+    let hello = desk.board.hello();
+    let outcome = desk.inquiry.receive(&hello, desk.now_us);
+    let Some(Err(error)) = outcome else {
+        panic!("{outcome:?}")
+    };
+    assert_eq!(error.exit_code(), 1);
+    assert!(error.to_string().contains("started by power on"), "{error}");
+}
+
+#[test]
 fn a_device_in_its_loader_is_not_waited_for() {
     let mut desk = Desk::new(Question::Reset(ResetInto::Bootloader), Board::new());
     let outcome = desk.talk(1_000_000);
