@@ -115,11 +115,17 @@ impl SampleStream {
     /// The device begins its stream anew: samples count from 0. What was in an unfinished frame
     /// stays away.
     pub(crate) fn begin(&mut self) {
-        self.counts.unpublished += self.filled as u64;
+        self.leave_out(self.filled as u64);
         self.next = 0;
         self.filled = 0;
         self.known = None;
         self.newest.fill(0.0);
+    }
+
+    /// Samples that will be in no frame; a device that jumps by 2^63 samples has more than can be
+    /// counted.
+    fn leave_out(&mut self, samples: u64) {
+        self.counts.unpublished = self.counts.unpublished.saturating_add(samples);
     }
 
     /// Channels of a sample.
@@ -229,7 +235,7 @@ impl SampleStream {
             let skipped = (left - most) / nsamples * nsamples;
             self.next += skipped;
             left -= skipped;
-            self.counts.unpublished = self.counts.unpublished.saturating_add(skipped);
+            self.leave_out(skipped);
             if most > 0 && skipped > 0 {
                 tracing::error!(
                     unfilled = skipped,
@@ -275,8 +281,7 @@ impl SampleStream {
 
     fn publish(&mut self, flow: &mut Flow<'_>) {
         if self.holds_filler && self.filler == FillerPolicy::Off {
-            self.counts.unpublished += self.nsamples as u64;
-            return;
+            return self.leave_out(self.nsamples as u64);
         }
         let Moment { read, clock, .. } = flow.moment;
         let length_us = self.nsamples.saturating_sub(1) as i128 * 1_000_000;

@@ -8,6 +8,7 @@ mod compatibility;
 mod contract;
 mod converters;
 mod events;
+mod extremes;
 mod formats;
 mod inquiry;
 mod ledger;
