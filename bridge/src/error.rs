@@ -76,7 +76,7 @@ pub enum BridgeError {
     )]
     Restarted {
         /// Who it is, why it started, and what its last run left behind.
-        device: DeviceLine,
+        device: Box<DeviceLine>,
     },
     /// ROS does not let us in.
     #[error("the ROS node cannot be had; check the name, ROS_IP and ROS_MASTER_URI")]

@@ -136,9 +136,11 @@ impl Inquiry {
                 let before = self.device.replace((hello.session_id, device.clone()));
                 let other = before.is_some_and(|(session_id, _)| session_id != hello.session_id);
                 let asked = matches!(self.stage, Stage::Ask | Stage::Wait);
-                (asked && other).then(|| match self.question {
+                (asked && other).then_some(match self.question {
                     Question::Reset(_) => Ok(Answer::Back(device)),
-                    Question::SelfTest => Err(BridgeError::Restarted { device }),
+                    Question::SelfTest => Err(BridgeError::Restarted {
+                        device: Box::new(device),
+                    }),
                 })
             }
             ToHost::Capabilities(capabilities) => {
