@@ -146,19 +146,10 @@ impl Connection {
             return;
         }
         self.told = Some(error.kind());
-        let remedy = match (error.kind(), &self.address) {
-            (io::ErrorKind::NotFound, _) => "plug the device in, or start host-sim".to_owned(),
-            (io::ErrorKind::PermissionDenied, _) => {
-                "you may not use it: sudo usermod -aG dialout $USER, then log in again".to_owned()
-            }
-            (io::ErrorKind::ResourceBusy, PortAddress::Tty(path)) => {
-                format!("another program has it: fuser -v {}", path.display())
-            }
-            _ => "check --port".to_owned(),
-        };
         tracing::warn!(
-            "{} does not open ({error}); waiting for it; {remedy}",
-            self.address
+            "{} does not open ({error}); waiting for it; {}",
+            self.address,
+            self.address.remedy(error.kind())
         );
     }
 }

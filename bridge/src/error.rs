@@ -42,11 +42,15 @@ pub enum BridgeError {
          --streams codes,raw --announce raw"
     )]
     Announced,
-    /// The port does not open, and nobody waits for it.
-    #[error("{port} does not open; plug the device in, or check --port: {source}")]
+    /// The port does not open or has gone, and nobody waits for it.
+    #[error("{port} {what}; {remedy}")]
     Unreachable {
         /// As it was given.
         port: String,
+        /// Which of both.
+        what: &'static str,
+        /// What to do.
+        remedy: String,
         /// What the system said.
         source: std::io::Error,
     },

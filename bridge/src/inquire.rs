@@ -63,8 +63,12 @@ async fn ask(
             Ok(Ok(Exchanged::Written(count))) => drop(outgoing.drain(..count)),
             Ok(Err(_)) if inquiry.may_lose_port() => port = None,
             Ok(Err(source)) => {
-                let port = at.port.to_string();
-                return Err(BridgeError::Unreachable { port, source });
+                return Err(BridgeError::Unreachable {
+                    port: at.port.to_string(),
+                    what: "has gone before it answered",
+                    remedy: "check cable and power, and whether another program took it".to_owned(),
+                    source,
+                });
             }
         }
     }
@@ -77,7 +81,12 @@ async fn open(at: &PortOptions) -> Result<Port, BridgeError> {
         match source.kind() {
             io::ErrorKind::InvalidInput => BridgeError::Port { port, source },
             io::ErrorKind::Unsupported => BridgeError::Speed { port, source },
-            _ => BridgeError::Unreachable { port, source },
+            kind => BridgeError::Unreachable {
+                port,
+                what: "does not open",
+                remedy: at.port.remedy(kind),
+                source,
+            },
         }
     })
 }

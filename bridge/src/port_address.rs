@@ -1,6 +1,7 @@
 //! Where the device is.
 
 use std::fmt;
+use std::io;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -35,6 +36,24 @@ impl FromStr for PortAddress {
             Some(("pty", path)) if !path.is_empty() => Ok(PortAddress::Tty(path.into())),
             _ if text.is_empty() => Err("an empty path; write /dev/ttyACM0".to_owned()),
             _ => Ok(PortAddress::Tty(text.into())),
+        }
+    }
+}
+
+impl PortAddress {
+    /// What to do when it does not open.
+    pub(crate) fn remedy(&self, error: io::ErrorKind) -> String {
+        match (error, self) {
+            (io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused, _) => {
+                "plug the device in, or start host-sim".to_owned()
+            }
+            (io::ErrorKind::PermissionDenied, _) => {
+                "you may not use it: sudo usermod -aG dialout $USER, then log in again".to_owned()
+            }
+            (io::ErrorKind::ResourceBusy, PortAddress::Tty(path)) => {
+                format!("another program has it: fuser -v {}", path.display())
+            }
+            _ => "check --port".to_owned(),
         }
     }
 }

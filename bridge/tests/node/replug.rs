@@ -150,6 +150,9 @@ fn a_port_belongs_to_one_bridge_and_is_free_when_that_one_dies() {
     let frames = encoded(&mut second);
     let while_taken = frames.recv_timeout(Duration::from_secs(1));
     assert!(while_taken.is_err(), "both have it");
+    let (status, log) = Bridge::start(&["selftest", "--port", &device.port]).wait();
+    assert_eq!(status.code(), Some(3), "{log}");
+    assert!(log.contains("another program has it: fuser -v"), "{log}");
     first.signal(Signal::KILL);
     drop(first);
     frames.recv_timeout(PATIENCE).unwrap();
