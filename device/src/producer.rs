@@ -96,7 +96,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
 
     /// Places what has happened at an input before a sample; `next` gives what was captured, the oldest
     /// first. Comes before [`Self::take`] of the same sample, so that the host knows of an edge when it
-    /// reads what was made of the sample; not with the first sample of a run, which has none before.
+    /// reads what was made of the sample; but after that of a run's first sample, which begins the run.
     pub fn place(
         &mut self,
         taken: &Taken,

@@ -50,9 +50,10 @@ impl Trigger {
         self.edges = 0;
     }
 
-    /// What has happened until `now_us` has its number and is told to nobody.
-    pub(crate) fn forget(&mut self, now_us: u64) {
-        self.edges = now_us.saturating_sub(self.boot_us) / self.every_us;
+    /// What has happened before `begin_us` has its number and is told to nobody.
+    pub(crate) fn forget_before(&mut self, begin_us: u64) {
+        let since_boot_us = begin_us.saturating_sub(self.boot_us);
+        self.edges = since_boot_us.saturating_sub(1) / self.every_us;
     }
 
     /// The next edge that came until `now_us`, device time in microseconds; each once.
@@ -104,10 +105,12 @@ mod tests {
     #[test]
     fn what_nobody_is_told_of_keeps_its_number_and_a_boot_begins_anew() {
         let mut trigger = Trigger::every(Duration::from_secs(1)).expect("slow enough");
-        trigger.forget(5_500_000);
+        trigger.forget_before(6_000_000);
         let next = trigger.next(6_000_000).expect("an edge");
         assert_eq!((next.number, next.at_us), (5, 6_000_000));
         assert_eq!(next.kind, EventKind::TriggerFall);
+        trigger.forget_before(7_000_001);
+        assert_eq!(trigger.next(7_999_999), None);
         trigger.restart(6_500_000);
         assert_eq!(trigger.next(7_499_999), None);
         let first = trigger.next(7_500_000).expect("an edge");

@@ -221,17 +221,20 @@ impl VirtualBoard {
             }
             session.send(&made, sender);
         };
-        // Events first: what is made of the sample says how the input stood. What happened before the
-        // run is of no interest to it.
-        match &mut self.trigger {
-            Some(trigger) if taken.begun.is_some() => trigger.forget(now_us),
-            Some(trigger) => {
-                let next = || trigger.next(now_us);
-                self.producer.place(&taken, next, &mut hand_on);
-            }
-            None => {}
+        let mut trigger = self.trigger.as_mut();
+        let begins = taken.begun.is_some();
+        if let (true, Some(trigger)) = (begins, &mut trigger) {
+            trigger.forget_before(now_us);
+        }
+        let mut next = || trigger.as_mut()?.next(now_us);
+        // Events first: what is made of the sample says how the input stood. A run must have begun.
+        if !begins {
+            self.producer.place(&taken, &mut next, &mut hand_on);
         }
         self.producer.take(&taken, &mut hand_on);
+        if begins {
+            self.producer.place(&taken, &mut next, &mut hand_on);
+        }
     }
 
     /// Whether a host has started the codes.
