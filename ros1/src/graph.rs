@@ -35,6 +35,8 @@ pub(crate) struct Graph {
     pub(crate) subscribers: BTreeMap<String, Arc<IncomingTopic>>,
     pub(crate) services: BTreeMap<String, Arc<Provider>>,
     pub(crate) registered: HashSet<Key>,
+    /// What was dropped and the master has not been told of.
+    pub(crate) leaving: HashSet<Key>,
     /// What the master refused last time, so that the log says it once.
     pub(crate) refused: HashSet<Key>,
     /// The node has shut down: nothing comes in any more.

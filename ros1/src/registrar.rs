@@ -220,6 +220,7 @@ impl Registrar {
         let mut graph = lock(&self.graph);
         if !graph.closed {
             graph.remove(key);
+            graph.leaving.insert(key.clone());
             // Nobody receives once the node is gone.
             let _ = self.released.send(key.clone());
         }
@@ -228,12 +229,12 @@ impl Registrar {
     async fn withdraw(&self, key: &Key) {
         let _conversation = self.conversation.lock().await;
         // Offered again since: the registration stands.
-        if lock(&self.graph).contains(key) {
-            return;
-        }
-        if let Err(error) = self.unregister(key).await {
+        if !lock(&self.graph).contains(key)
+            && let Err(error) = self.unregister(key).await
+        {
             tracing::debug!(node = self.node, "{key} could not be unregistered: {error}");
         }
+        lock(&self.graph).leaving.remove(key);
     }
 
     async fn unregister(&self, key: &Key) -> Result<Value, CallError> {
@@ -246,15 +247,17 @@ impl Registrar {
             .await
     }
 
-    /// Closes the graph and unregisters everything, within the time limit.
+    /// Closes the graph and unregisters everything, within the time limit; also what was dropped just
+    /// before, because the keeper ends.
     pub(crate) async fn farewell(&self) {
         let keys = {
             let mut graph = lock(&self.graph);
             graph.closed = true;
-            let keys = graph.keys();
+            let mut keys = graph.keys();
             for key in &keys {
                 graph.remove(key);
             }
+            keys.extend(std::mem::take(&mut graph.leaving));
             keys
         };
         let unregister_all = async {

@@ -73,6 +73,22 @@ async fn a_client_that_asks_nothing_is_closed_and_a_persistent_one_may_take_its_
     assert_eq!(lasting.call(&[0]).await.unwrap(), [1, 0, 0, 0, 0]);
 }
 
+#[tokio::test]
+async fn a_service_that_is_dropped_right_before_its_node_ends_is_unregistered() {
+    let master = master().await;
+    let server = node("server", &master).await;
+    let service = server
+        .serve("/negate", &SET_BOOL, |_| Ok(Vec::new()))
+        .await
+        .unwrap();
+    tcpros_service(&master).await;
+    drop(service);
+    server.shutdown().await;
+    let arguments = [Value::from("/test"), "/negate".into()];
+    let found = call_ros(master.uri(), "lookupService", &arguments).await;
+    assert!(found.is_err(), "{found:?}");
+}
+
 async fn tcpros_service(master: &ros1::Master) -> String {
     let arguments = [Value::from("/test"), "/negate".into()];
     let uri = call_ros(master.uri(), "lookupService", &arguments)
