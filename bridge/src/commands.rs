@@ -313,13 +313,17 @@ impl Commands {
     }
 
     /// What to ask for after the device refused to stream what was asked for: raw samples are too
-    /// much for some ports, and firmware from before 0.2 knows codes alone.
+    /// much for a UART, and firmware from before 0.2 knows codes alone.
     fn fewer_streams(&self) -> Option<Streams> {
-        let samples = (Streams::RAW | Streams::FILTERED).bits();
-        let without = Streams::from_bits(self.streams.bits() & !samples);
-        [without, Streams::CODES]
+        let costly = [Streams::RAW, Streams::FILTERED];
+        let costly = costly
             .into_iter()
-            .find(|fewer| *fewer != self.streams)
+            .find(|stream| self.streams.contains(*stream));
+        match costly {
+            Some(stream) => Some(self.streams.without(stream)),
+            None if self.streams == Streams::CODES => None,
+            None => Some(Streams::CODES),
+        }
     }
 
     /// The device acknowledged the command with number `of`.

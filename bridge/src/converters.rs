@@ -34,7 +34,11 @@ impl ChainReport {
             off_positive: converters.off_positive,
             off_negative: converters.off_negative,
             frames_bad: converters.frames_bad.to_vec(),
-            told: before.map_or_else(Vec::new, |before| before.told.clone()),
+            // What was counted before anybody listened is no news.
+            told: before.map_or_else(
+                || converters.frames_bad.to_vec(),
+                |before| before.told.clone(),
+            ),
         }
     }
 

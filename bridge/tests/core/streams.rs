@@ -67,9 +67,15 @@ fn an_older_device_is_asked_again_for_codes_alone_and_that_is_no_warning() {
 
 #[test]
 fn a_port_too_slow_for_samples_still_gives_events_and_the_missing_ones_are_a_warning() {
+    let mut uart = desk(EVERYTHING, EVERYTHING.without(Streams::RAW));
+    assert_eq!(starts(&uart), [0b11111, 0b11101]);
+    uart.code(1, false);
+    let status = uart.status("device").unwrap();
+    assert!(status.message.contains(" raw "), "{}", status.message);
+
     let knows = Streams::CODES | Streams::AUDIT | Streams::EVENTS;
     let mut desk = desk(EVERYTHING, knows);
-    assert_eq!(starts(&desk), [0b11111, 0b11001]);
+    assert_eq!(starts(&desk), [0b11111, 0b11101, 0b11001]);
     desk.code(1, false);
     let status = desk.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
