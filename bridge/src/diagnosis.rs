@@ -126,7 +126,12 @@ fn streaming(session: &Session) -> (DiagnosticLevel, String) {
         DiagnosticLevel::Ok
     };
     let names = StreamKind::names(refused);
-    let message = format!("streaming; the device does not stream {names}: update its firmware");
+    let remedy = if refused == Streams::RAW {
+        "its port may be too slow for it; use its USB, or ask for filtered"
+    } else {
+        "update its firmware"
+    };
+    let message = format!("streaming; the device does not stream {names}: {remedy}");
     (level, message)
 }
 

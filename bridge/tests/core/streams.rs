@@ -71,7 +71,11 @@ fn a_port_too_slow_for_samples_still_gives_events_and_the_missing_ones_are_a_war
     assert_eq!(starts(&uart), [0b11111, 0b11101]);
     uart.code(1, false);
     let status = uart.status("device").unwrap();
-    assert!(status.message.contains(" raw "), "{}", status.message);
+    assert!(
+        status.message.contains("raw: its port"),
+        "{}",
+        status.message
+    );
 
     let knows = Streams::CODES | Streams::AUDIT | Streams::EVENTS;
     let mut desk = desk(EVERYTHING, knows);
