@@ -95,6 +95,15 @@ impl<const BYTES: usize> FrameQueue for FrameRing<BYTES> {
         self.append(frame);
     }
 
+    /// Samples may fill three quarters of the ring; what is left is for codes and answers.
+    fn push_aside(&mut self, frame: &[u8]) {
+        if self.used + LENGTH + frame.len() > BYTES / 4 * 3 {
+            self.count_dropped();
+        } else {
+            self.push(frame);
+        }
+    }
+
     fn count_dropped(&mut self) {
         self.dropped = self.dropped.wrapping_add(1);
     }
@@ -149,6 +158,26 @@ mod tests {
                 prop_assert_eq!(ring.is_empty(), expected.is_empty());
             }
         }
+    }
+
+    #[test]
+    fn samples_displace_no_codes_and_codes_displace_the_oldest() {
+        let mut ring = FrameRing::<64>::new();
+        for number in 0..9 {
+            ring.push_aside(&[number; 10]);
+        }
+        // Four of 12 bytes fill three quarters.
+        assert_eq!(ring.dropped(), 5);
+        ring.push(&[100; 10]);
+        assert_eq!(ring.dropped(), 5);
+        ring.push(&[101; 10]);
+        assert_eq!(ring.dropped(), 6);
+        let mut buffer = [0; 16];
+        let mut firsts = Vec::new();
+        while let Some(frame) = ring.take(&mut buffer) {
+            firsts.push(frame[0]);
+        }
+        assert_eq!(firsts, [1, 2, 3, 100, 101]);
     }
 
     #[test]

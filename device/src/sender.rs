@@ -7,6 +7,12 @@ pub trait FrameQueue {
     /// Puts a frame at the end.
     fn push(&mut self, frame: &[u8]);
 
+    /// The same with a frame that may not displace others: samples and steps come fast enough to push
+    /// out the codes of a host that looks away for a moment.
+    fn push_aside(&mut self, frame: &[u8]) {
+        self.push(frame);
+    }
+
     /// Counts a frame that was numbered but never pushed.
     fn count_dropped(&mut self);
 
@@ -38,6 +44,7 @@ impl<Q: FrameQueue> Sender<Q> {
             .encoder
             .encode(device_time_us, message, &mut self.buffer)
         {
+            Ok(frame) if is_aside(message) => self.queue.push_aside(frame),
             Ok(frame) => self.queue.push(frame),
             // Numbered but not sendable: the host sees the gap, the count says why.
             Err(_) => self.queue.count_dropped(),
@@ -59,4 +66,12 @@ impl<Q: FrameQueue> Sender<Q> {
     pub fn dropped(&self) -> u32 {
         self.queue.dropped()
     }
+}
+
+/// Whether a message is of those that stream beside the codes and take most of the port.
+const fn is_aside(message: &ToHost<'_>) -> bool {
+    matches!(
+        message,
+        ToHost::Raw(_) | ToHost::Filtered(_) | ToHost::Audit(_)
+    )
 }

@@ -54,8 +54,9 @@ pub const TRIGGER_EDGES: usize = EVENTS_WAITING;
 /// From an order to start anew until the device does: time for the answer to go out.
 pub const FAREWELL: Duration = Duration::from_millis(100);
 
-/// Bytes of frames that wait for the host: 2 s of codes and a report, or 80 ms of raw samples.
-pub const FRAMES_WAITING: usize = 8_192;
+/// Bytes of frames that wait for the host: 3 s of codes and reports. Raw samples may take three quarters
+/// of it, 90 ms; a host that looks away for longer loses samples, and codes only after a second.
+pub const FRAMES_WAITING: usize = 12_288;
 
 /// A task that has made no progress for so long has hung: the watchdog is not fed any more. Eight
 /// steps.

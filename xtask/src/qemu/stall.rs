@@ -13,7 +13,7 @@ use super::{IMAGE, PATIENCE, VIRTUAL_TIME, pipes};
 use crate::benchmark::emulator::{Image, Machine};
 use crate::failure::Failure;
 
-/// The full pipe is left alone for this part of the run; the board's queue is full after two seconds.
+/// The full pipe is left alone for this part of the run; the board's queue is full after three seconds.
 const STALLED: u32 = 3;
 
 /// What came through a port that was stuck for a while.
