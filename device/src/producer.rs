@@ -65,7 +65,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
     /// Takes a sample, and gives what there is with it for the host.
     pub fn take(&mut self, taken: &Taken, hand_on: &mut impl FnMut(Made)) {
         if let Some(run) = taken.begun {
-            self.begin(run);
+            self.begin(run, taken.drdy_us);
         }
         self.windows.mark(taken.marks);
         self.since_step = self.since_step.or(taken.marks);
@@ -119,7 +119,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         }
     }
 
-    fn begin(&mut self, run: Run) {
+    fn begin(&mut self, run: Run, begin_us: u64) {
         self.run = run;
         self.encoder.restart();
         self.quality.restart(run.mains);
@@ -127,8 +127,8 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         self.since_step = Marks::NONE;
         self.raw.clear();
         self.filtered.clear();
-        // What happened before the run is of no interest.
-        self.ahead = None;
+        // What happened before the run is of no interest; what is ahead of its first sample as well is.
+        self.ahead = self.ahead.take_if(|event| event.at_us >= begin_us);
     }
 
     const fn wants(&self, stream: Streams) -> bool {

@@ -7,8 +7,8 @@ use link::{
 use pipeline::{Code, Mains, Quality};
 
 use crate::{
-    Abilities, AuditedWindow, FilteredChunk, FrameQueue, Identity, Made, Marks, RawChunk, Sender,
-    What, message,
+    Abilities, AuditedWindow, Counts, FilteredChunk, FrameQueue, Identity, Made, Marks, RawChunk,
+    Sender, What, message,
 };
 
 /// From one start to the next.
@@ -42,19 +42,6 @@ pub enum Order {
     SelfTest,
     /// Start anew, when what waits for the host has had a tenth of a second to go out.
     Reset(ResetInto),
-}
-
-/// What the acquisition has counted since boot; everything wraps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Samples taken.
-    pub samples: u64,
-    /// Samples that were not read in time.
-    pub overruns: u32,
-    /// Samples with a wrong status word.
-    pub adc_status_bad: u32,
-    /// Values clipped on their way into int8, each once.
-    pub clipped: u32,
 }
 
 /// Obeys commands and puts what happens into messages.
@@ -109,9 +96,8 @@ impl<'i> Session<'i> {
     }
 
     /// Says who the device is and what it measures.
-    #[inline(never)]
     pub fn introduce(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
-        sender.send(now_us, &ToHost::Hello(self.identity.hello()));
+        self.send_hello(now_us, sender);
         self.send_capabilities(now_us, sender);
         self.send_converters(now_us, sender);
     }
@@ -139,7 +125,7 @@ impl<'i> Session<'i> {
                 // Counted by the decoder; there is no seq to acknowledge.
                 Err(_) => continue,
             };
-            sender.send(now_us, &ToHost::Ack(Ack { of, result }));
+            send_ack(Ack { of, result }, now_us, sender);
         }
     }
 
@@ -161,7 +147,7 @@ impl<'i> Session<'i> {
                     host_time_us,
                     received_us: now_us,
                 };
-                sender.send(now_us, &ToHost::ClockReading(reading));
+                send_clock_reading(reading, now_us, sender);
             }
             ToDevice::Reset(into) => return self.reset(into),
         }
@@ -341,10 +327,25 @@ impl<'i> Session<'i> {
     }
 
     #[inline(never)]
+    fn send_hello(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
+        sender.send(now_us, &ToHost::Hello(self.identity.hello()));
+    }
+
+    #[inline(never)]
     fn send_capabilities(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         let capabilities = message::capabilities(self.run.mains);
         sender.send(now_us, &ToHost::Capabilities(capabilities));
     }
+}
+
+#[inline(never)]
+fn send_ack(ack: Ack, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
+    sender.send(now_us, &ToHost::Ack(ack));
+}
+
+#[inline(never)]
+fn send_clock_reading(reading: ClockReading, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
+    sender.send(now_us, &ToHost::ClockReading(reading));
 }
 
 #[inline(never)]

@@ -112,6 +112,8 @@ impl Conversation<'_, '_> {
     /// Hands bytes to the session; gives what the device shall start anew with, if it shall.
     fn receive(&self, bytes: &[u8]) -> Option<ResetInto> {
         let (session, frames) = &mut *self.state.borrow_mut();
+        // What a Stop is answered with counts what was lost before it.
+        self.skip_lost(frames);
         let counts = self.shared.counts();
         let mut restart = None;
         session.receive(bytes, now_us(), counts, frames, |order| match order {
@@ -138,9 +140,7 @@ impl Conversation<'_, '_> {
     #[inline(never)]
     fn put(&self, handed: &Handed) {
         let (session, frames) = &mut *self.state.borrow_mut();
-        for _ in 0..self.shared.made_lost.swap(0, Relaxed) {
-            frames.skip();
-        }
+        self.skip_lost(frames);
         if matches!(handed.made.what, What::Quality(_)) && session.is_streaming() {
             let at_us = handed.made.at_us;
             session.send_stats(at_us, self.shared.counts(), frames);
@@ -150,6 +150,13 @@ impl Conversation<'_, '_> {
         session.send(&handed.made, frames);
         if let What::Code(..) = handed.made.what {
             self.made_ticks.set(Some(handed.ticks));
+        }
+    }
+
+    /// Numbers and counts what the encoder could not hand on.
+    fn skip_lost(&self, frames: &mut Frames) {
+        for _ in 0..self.shared.made_lost.swap(0, Relaxed) {
+            frames.skip();
         }
     }
 
@@ -204,3 +211,6 @@ impl Conversation<'_, '_> {
 fn now_us() -> u64 {
     Instant::now().as_micros()
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,7 +4,6 @@ use std::{boxed::Box, vec, vec::Vec};
 
 use link::{Flags, RAW_SAMPLES};
 use model::{CELLS, HOP, STEPS};
-use pipeline::Sample;
 
 use super::*;
 
@@ -316,23 +315,34 @@ fn events_that_the_host_does_not_want_are_taken_out_and_not_sent() {
     assert_eq!(events(Streams::CODES, &[(0, 0), (1_500, 2)]), []);
 }
 
-#[test]
-fn an_event_that_waits_for_its_sample_does_not_reach_into_the_next_run() {
+/// An event that was captured at this time, after the first sample of a run at 1,000 us, which is the only
+/// one: the next begins at 2,000 us. Gives its run and sample.
+fn event_before_a_new_run(at_us: u64) -> Option<(u32, u64)> {
     let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
     let mut made = Vec::new();
-    let late = Captured {
+    let mut captured = Some(Captured {
         kind: EventKind::TriggerFall,
         number: 3,
-        at_us: 1_500,
-    };
-    for (begun, captured) in [(1, Some(late)), (2, None)] {
-        let mut sample = taken(0);
-        sample.sample = Sample::default();
-        sample.begun = Some(run(begun, Streams::EVENTS));
-        sample.drdy_us = u64::from(begun) * 1_000;
-        let mut captured = captured;
+        at_us,
+    });
+    for (index, begun) in [(0, Some(1)), (0, Some(2)), (1, None)] {
+        let mut sample = taken(index);
+        sample.begun = begun.map(|number| run(number, Streams::EVENTS));
+        sample.drdy_us = 1_000 * (index + u64::from(begun.unwrap_or(2)));
         producer.take(&sample, &mut |what| made.push(what));
         producer.place(&sample, || captured.take(), &mut |what| made.push(what));
     }
-    assert!(made.is_empty(), "{made:?}");
+    assert!(made.len() < 2, "{made:?}");
+    made.first().map(|made| match &made.what {
+        What::Event(event) => (made.run, event.sample),
+        what => panic!("{what:?}"),
+    })
+}
+
+#[test]
+fn an_event_that_waits_for_its_sample_reaches_into_the_next_run_if_it_happened_in_it() {
+    assert_eq!(event_before_a_new_run(1_500), None);
+    assert_eq!(event_before_a_new_run(1_999), None);
+    assert_eq!(event_before_a_new_run(2_000), Some((2, 0)));
+    assert_eq!(event_before_a_new_run(2_500), Some((2, 1)));
 }

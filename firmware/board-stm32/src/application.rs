@@ -11,7 +11,7 @@ use embassy_stm32::{
 };
 use embassy_time::{Instant, TICK_HZ};
 use firmware::{
-    Clock, FaultRecord, Frames, HandedIn, HandedOut, Machine, Memory, Shared, Shares, StampedIn,
+    Clock, FaultRecord, Frames, HandedIn, HandedOut, Machine, Memory, Shared, StampedIn,
     StampedOut, deadlines,
 };
 use link::{ResetCause, Streams};
@@ -41,6 +41,7 @@ fn ticks() -> u32 {
 
 static MEMORY: Memory = Memory::new();
 static TEST: StaticCell<SelfTest<CHIPS>> = StaticCell::new();
+static ADC: StaticCell<Adc> = StaticCell::new();
 
 /// What these boards can do. The UART carries 92 kB/s, and raw samples are 101.
 const ABILITIES: Abilities = Abilities {
@@ -101,20 +102,28 @@ pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
     interrupts::begin();
     board.trigger.begin();
 
-    let (shares, test) = memory();
+    let shares = MEMORY.take();
+    let adc = converters(board.wires);
     let conversation = CONVERSE.start(interrupt::UART5);
     conversation.spawn(converse(board.port, name, before, shares.converse)?);
     let encoding = ENCODE.start(interrupt::SAI1);
     encoding.spawn(encode(shares.encode)?);
     let acquisition = ACQUIRE.start(interrupt::UART4);
-    acquisition.spawn(acquire(board.wires, test, shares.acquire)?);
+    acquisition.spawn(acquire(adc, shares.acquire)?);
     Ok(conversation)
 }
 
-/// The tasks' memory. What it is made of passes over the stack: that is over before the first of them runs.
+/// The converters' memory. What it is made of passes over the stack, each part for itself: that is over
+/// before the first task runs.
 #[inline(never)]
-fn memory() -> (Shares, &'static mut SelfTest<CHIPS>) {
-    (MEMORY.take(), TEST.init_with(SelfTest::new))
+fn converters(wires: Wires) -> &'static mut Adc {
+    let test = test();
+    ADC.init_with(|| Adc::new(wires, test))
+}
+
+#[inline(never)]
+fn test() -> &'static mut SelfTest<CHIPS> {
+    TEST.init_with(SelfTest::new)
 }
 
 /// Feeds the watchdog while all tasks move; it starts when they have moved for the first time, because
@@ -138,13 +147,8 @@ pub fn sleep() -> ! {
 }
 
 #[embassy_executor::task]
-async fn acquire(
-    wires: Wires,
-    test: &'static mut SelfTest<CHIPS>,
-    share: (StampedIn, &'static mut Acquisition),
-) {
-    let (chain, mut drdy) = wires.into_chain();
-    let adc = Adc::start(chain, &mut drdy, test).await;
+async fn acquire(adc: &'static mut Adc, share: (StampedIn, &'static mut Acquisition)) {
+    adc.begin().await;
     firmware::acquire(adc, &SHARED, share).await;
 }
 

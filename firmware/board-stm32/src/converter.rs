@@ -55,7 +55,7 @@ impl Wires {
     }
 
     /// The chain, and the input that tells of its samples, asleep.
-    pub(crate) fn into_chain(mut self) -> (Wired, ExtiInput<'static, Blocking>) {
+    fn into_chain(mut self) -> (Wired, ExtiInput<'static, Blocking>) {
         self.drdy.disable_interrupt();
         let chain = Chain {
             spi: self.bus,
@@ -68,9 +68,11 @@ impl Wires {
     }
 }
 
-/// A chain that converts, or one that could not be brought up.
+/// A chain that converts, or one that could not be brought up. It belongs in a static: what a task holds
+/// by value passes over its stack.
 pub(crate) struct Adc {
     sampler: Sampler<Bus, Output<'static>, Delay, CHIPS, FRAME_BYTES>,
+    drdy: ExtiInput<'static, Blocking>,
     test: &'static mut SelfTest<CHIPS>,
     /// Why the chain did not come up as it should, the last time.
     failure: Option<Error>,
@@ -80,24 +82,25 @@ pub(crate) struct Adc {
 }
 
 impl Adc {
-    /// Brings the chain up and starts it; what is wrong is told, and flagged in every sample.
-    /// `test` is memory for the self-test.
-    pub(crate) async fn start(
-        chain: Wired,
-        drdy: &mut ExtiInput<'static, Blocking>,
-        test: &'static mut SelfTest<CHIPS>,
-    ) -> Self {
-        let mut sampler = Sampler::new(chain, Settings::EEG);
-        drdy.enable_interrupt();
-        let failure = sampler.begin(|| ()).await.err();
-        log(failure.as_ref());
+    /// A chain at rest; `test` is memory for the self-test.
+    pub(crate) fn new(wires: Wires, test: &'static mut SelfTest<CHIPS>) -> Self {
+        let (chain, drdy) = wires.into_chain();
         Self {
-            sampler,
+            sampler: Sampler::new(chain, Settings::EEG),
+            drdy,
             test,
-            failure,
-            due: Instant::now() + SILENCE * deadlines::SAMPLE,
+            failure: None,
+            due: Instant::MIN,
             silent: false,
         }
+    }
+
+    /// Brings the chain up and starts it; what is wrong is told, and flagged in every sample.
+    pub(crate) async fn begin(&mut self) {
+        self.drdy.enable_interrupt();
+        self.failure = self.sampler.begin(|| ()).await.err();
+        log(self.failure.as_ref());
+        self.due = Instant::now() + SILENCE * deadlines::SAMPLE;
     }
 
     /// Hands over the counts, and says what was found with them.
@@ -125,7 +128,7 @@ fn log(failure: Option<&Error>) {
     }
 }
 
-impl Converter for Adc {
+impl Converter for &mut Adc {
     async fn next(&mut self, sample: &mut Sample) -> Conversion {
         if let Ok(edge) = with_deadline(self.due, drdy::next()).await {
             self.silent = false;
@@ -152,16 +155,18 @@ impl Converter for Adc {
     }
 
     /// A chain that did not come up is reset and set up as well, so that it need not be the board.
-    async fn self_test(&mut self, alive: impl FnMut()) -> Option<link::SelfTest> {
+    async fn self_test(&mut self, alive: impl FnMut()) {
         let falls = Falls::default();
         self.sampler
             .self_test(self.test, &mut &falls, || falls.us.get(), alive)
             .await;
-        let report = self.test.report();
-        self.failure = report.not_restored;
+        self.failure = self.test.report().not_restored;
         log(self.failure.as_ref());
         self.due = Instant::now() + SILENCE * deadlines::SAMPLE;
         self.silent = false;
-        Some(device::self_test(report))
+    }
+
+    fn tested(&self) -> Option<link::SelfTest> {
+        Some(device::self_test(self.test.report()))
     }
 }
