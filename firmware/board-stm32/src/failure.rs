@@ -67,15 +67,15 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     fail(FaultRecord::failed(info))
 }
 
-/// Begins the stack anew where less than 1 KiB of it is left: after an overflow a handler that pushes
-/// would lock the core up.
+/// Begins the stack anew where less than 2 KiB of it are left: after an overflow a handler that pushes
+/// would lock the core up. What it pushes is about half of that, from the frames of an image.
 #[unsafe(export_name = "HardFault")]
 #[unsafe(naked)]
 unsafe extern "C" fn hard_fault() -> ! {
     naked_asm!(
         "mrs r0, msp",
         "ldr r1, =_stack_end",
-        "add r1, r1, #1024",
+        "add r1, r1, #2048",
         "cmp r0, r1",
         "bhs 2f",
         "ldr r1, =_stack_start",

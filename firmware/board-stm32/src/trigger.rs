@@ -90,7 +90,7 @@ pub(crate) fn allow() {
 
 /// The line has an edge; called by its interrupt. After as many as are allowed it is called no more: the
 /// timer goes on to capture, and the last edge is looked at when it may be. While no samples are taken,
-/// its stamp is wrong by some 65 ms then; nothing streams.
+/// its stamp is wrong by whole periods of 65.536 ms then; nothing streams.
 pub(crate) fn edge() {
     EXTI.pr(0).write_value(Lines(1 << PIN));
     let edge = critical_section::with(|section| {
