@@ -19,15 +19,16 @@ pub const CODE: Duration = Duration::from_micros(HOP as u64 * 1_000_000 / STEP_R
 /// Rate-monotonic: the shorter the period, the more urgent. Only the port's interrupts lie between
 /// the tasks, so that a host cannot delay a sample.
 pub mod priority {
+    /// Time driver: counts half periods of 32.768 ms and wakes what waits for an alarm. Above everything
+    /// that reads the time, so that no reader can hold up a count; some 100 instructions.
+    pub const TIME: u8 = 1;
     /// DRDY's edge and the transfer that it starts: the stamp is taken here.
-    pub const DRDY: u8 = 1;
+    pub const DRDY: u8 = 2;
     /// The task that takes samples.
-    pub const ACQUIRE: u8 = 2;
+    pub const ACQUIRE: u8 = 3;
     /// An edge of the trigger: a timer has stamped it already, so that it may wait for a sample; the
     /// timer keeps one edge, so that it does not wait for anything slower.
-    pub const TRIGGER: u8 = 3;
-    /// Time driver: alarms of the tasks below.
-    pub const TIME: u8 = 4;
+    pub const TRIGGER: u8 = 4;
     /// USB and UART, and the tasks that converse with the host.
     pub const CONVERSE: u8 = 6;
     /// The encoder: longest work, longest deadline.
@@ -69,10 +70,10 @@ const _: () = {
     assert!(SAMPLE.as_micros() < STEP.as_micros());
     assert!(2 * PROGRESS.as_micros() < WATCHDOG.as_micros());
     assert!(
-        priority::DRDY < priority::ACQUIRE
+        priority::TIME < priority::DRDY
+            && priority::DRDY < priority::ACQUIRE
             && priority::ACQUIRE < priority::TRIGGER
-            && priority::TRIGGER < priority::TIME
-            && priority::TIME < priority::CONVERSE
+            && priority::TRIGGER < priority::CONVERSE
             && priority::CONVERSE < priority::ENCODE
     );
 };

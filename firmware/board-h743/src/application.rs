@@ -1,6 +1,6 @@
 //! The board's start.
 
-use board_stm32::{Board, Bus, Loader, Port, Trigger, Wires, begin, sleep};
+use board_stm32::{Board, Bus, Loader, Port, Trigger, Wires, begin, init, sleep};
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;
 use embassy_stm32::{
@@ -29,7 +29,7 @@ bind_interrupts!(struct UartIrqs {
 fn main() -> ! {
     // Before anything is what it was not at the reset.
     Loader::Stm32H743.run_if_asked(|| {});
-    let parts = Parts::of(embassy_stm32::init(clocks::config()));
+    let parts = Parts::of(init(clocks::config()));
     // There are no tasks yet that could answer for a failure.
     start(parts).expect("every task is spawned once");
     sleep()

@@ -39,6 +39,8 @@ mod port;
 #[path = "usb.rs"]
 mod port;
 #[cfg(target_os = "none")]
+mod time_driver;
+#[cfg(target_os = "none")]
 mod trigger;
 
 #[cfg(target_os = "none")]
@@ -49,5 +51,6 @@ pub use {
     interrupts::prioritise,
     loader::Loader,
     port::Port,
+    time_driver::init,
     trigger::Trigger,
 };
