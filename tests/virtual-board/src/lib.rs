@@ -1,0 +1,1 @@
+//! The NUCLEO boards on emulated microcontrollers.
