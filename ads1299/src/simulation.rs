@@ -13,6 +13,7 @@ mod analogue;
 mod board;
 mod burst;
 mod chip;
+mod external_clock;
 mod fault;
 mod noise;
 mod wires;

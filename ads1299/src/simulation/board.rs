@@ -100,6 +100,14 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.violations
     }
 
+    pub(super) const fn edges(&self) -> u64 {
+        self.edges
+    }
+
+    pub(super) const fn delivered(&self) -> u64 {
+        self.delivered
+    }
+
     pub(super) fn events(&self) -> &[(u64, Event)] {
         &self.events
     }
@@ -177,15 +185,20 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    /// A byte each way.
+    /// A byte each way, clocked now at the speed that was set.
     pub(super) fn transfer(&mut self, byte: u8) -> u8 {
-        let answer = self.output();
-        self.clocked += 1;
         let byte_ns = match self.speed {
             Speed::Registers => self.register_byte_ns,
             Speed::Bursts => self.burst_byte_ns,
         };
-        self.advance(self.now_ns + byte_ns);
+        self.clock_byte(byte, self.now_ns + byte_ns, self.speed)
+    }
+
+    /// A byte each way, whose last bit is through at `end_ns`.
+    pub(super) fn clock_byte(&mut self, byte: u8, end_ns: u64, speed: Speed) -> u8 {
+        let answer = self.output();
+        self.clocked += 1;
+        self.advance(end_ns);
         let moment = self.moment();
         if byte == 0 && self.is_deaf_to_zeros(moment) {
             return answer;
@@ -196,7 +209,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             if !chip.selected {
                 continue;
             }
-            self.violations += u32::from(self.speed == Speed::Bursts && chip.is_read());
+            self.violations += u32::from(speed == Speed::Bursts && chip.is_read());
             match chip.receive(byte, moment) {
                 Heard::Nothing => {}
                 Heard::Violation => self.violations += 1,

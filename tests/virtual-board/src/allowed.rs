@@ -1,0 +1,1 @@
+//! What the emulator may notice without a fault of the firmware.

@@ -1,0 +1,194 @@
+//! The STM32F446: the emulator's STM32F427, which shares its peripherals, with an EXTI.
+
+mod exti;
+
+use std::mem;
+use std::num::{NonZeroU32, NonZeroU64};
+
+use rigless::chip::uart;
+use rigless::cpu::armv7m::windows;
+use rigless::device::{ErasedDevice, Level, ResetCause};
+use rigless::emulator::CoreSpec;
+use rigless::machine::armv7m::{Config, Core, Fpu, MpuRegions, Variant};
+use rigless::mcu::{Mcu, Operate};
+use rigless::soc::Bus;
+use rigless::soc::stm32f427::Stm32f427;
+use rigless::soc::stm32f427::generated::{gpioa, spi1, syscfg};
+use rigless::soc::stm32f427::peripherals::gpio::{Gpio, Pin as PartPin};
+use rigless::soc::stm32f427::peripherals::TIMERS;
+use rigless::soc::stm32f427::peripherals::tim::{Channel, Tim};
+use rigless::time::VirtualNanos;
+
+use crate::Model;
+use crate::chain::Chain;
+use crate::chip::{Chip, Pin};
+
+use exti::Exti;
+
+/// SPI2, which clocks the converters.
+const SPI: usize = 1;
+/// USART2, which the ST-LINK carries.
+const UART: usize = 1;
+/// TIM2, whose channel 3 is on the trigger's pin.
+const TIMER: usize = 0;
+/// TIM2's alternate function on PB10 (DS10693, table 11).
+const TIMER_FUNCTION: u8 = 1;
+/// The ports, A first.
+const PORTS: [&str; 8] = [
+    "GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH",
+];
+
+/// An STM32F446.
+#[derive(Debug)]
+pub(crate) struct F446 {
+    part: Stm32f427,
+    exti: Exti,
+    exti_slot: usize,
+}
+
+impl F446 {
+    /// A chip with a supply, without a clock from outside.
+    ///
+    /// # Panics
+    /// When the emulator's description of the part contradicts itself.
+    pub(crate) fn new() -> Self {
+        let mut part = Stm32f427::new().expect("the emulator's own part");
+        part.set_supply(3300);
+        let exti_slot = part.bus().slot("EXTI").expect("the part has an EXTI");
+        Self {
+            part,
+            exti: Exti::default(),
+            exti_slot,
+        }
+    }
+
+    /// The level at TIM2's channel 3, where the pin carries it.
+    fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
+        let registers = self.part.bus().registers(PORTS[pin.port()]);
+        let function = registers.and_then(|registers| Gpio::function(part_pin(pin), registers));
+        if function != Some(TIMER_FUNCTION) {
+            return;
+        }
+        let channel = Channel::new(3).expect("it has four");
+        let slot = self.part.bus().slot(TIMERS[TIMER].instance);
+        let slot = slot.expect("the part has TIM2");
+        // The timer leaves the part while its registers are borrowed from it.
+        let spare = Tim::with_clock(1, TIMERS[TIMER].counter);
+        let mut timer = mem::replace(&mut self.part.tim[TIMER], spare);
+        let (registers, mut context) = self.part.bus_mut().drive(at, slot);
+        timer.drive_input(channel, Level::from(is_high), registers, &mut context);
+        self.part.tim[TIMER] = timer;
+    }
+
+    /// The port that SYSCFG routes to an EXTI line (RM0390, SYSCFG_EXTICR1 to 4).
+    fn routed_port(&self, line: u8) -> u64 {
+        let registers = self.bus().registers("SYSCFG").expect("the part has it");
+        let register = match line / 4 {
+            0 => syscfg::Register::Exticr1,
+            1 => syscfg::Register::Exticr2,
+            2 => syscfg::Register::Exticr3,
+            _ => syscfg::Register::Exticr4,
+        };
+        registers.get(register) >> (4 * u32::from(line % 4)) & 0xF
+    }
+}
+
+fn part_pin(pin: Pin) -> PartPin {
+    PartPin::new(pin.1).expect("a port has 16 pins")
+}
+
+impl Mcu for F446 {
+    fn bus(&self) -> &Bus {
+        self.part.bus()
+    }
+
+    fn bus_mut(&mut self) -> &mut Bus {
+        self.part.bus_mut()
+    }
+
+    fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
+        self.part.reset(at, cause);
+        self.exti.reset_registers();
+    }
+
+    fn poll(&mut self, now: VirtualNanos) {
+        self.part.poll(now);
+    }
+
+    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
+        let (bus, model) = self.part.split(slot);
+        if slot == self.exti_slot {
+            return (bus, Some(&mut self.exti));
+        }
+        (bus, model)
+    }
+}
+
+impl Chip for F446 {
+    /// A Cortex-M4F (DS10693, 3.1), which boots from flash, aliased to 0 (RM0390, 2.4).
+    fn core(&self) -> CoreSpec {
+        let lines = u32::from(self.cpu().interrupt_lines);
+        let core = Core {
+            variant: Variant::M4,
+            clock_hz: NonZeroU64::new(Model::F446.core_hz()).expect("a clock"),
+            interrupt_lines: NonZeroU32::new(lines).expect("interrupts"),
+            priority_bits: 4,
+            refclk_divider: NonZeroU32::new(8).expect("8"),
+            instructions_per_second: Model::F446.instructions_per_second(),
+            boot: "flash",
+        };
+        let mut config = Config::new(core, &windows(self.bus()));
+        config.fpu = Fpu::FpV4Sp;
+        config.mpu_regions = MpuRegions::Eight;
+        config.spec()
+    }
+
+    fn fit_clock(&mut self, hz: u64) {
+        self.part.rcc.attach_crystals(hz, 0);
+    }
+
+    fn set_lsi(&mut self, hz: u64) {
+        self.part.rcc.calibrate_lsi(hz);
+    }
+
+    fn attach_spi(&mut self, chain: Chain) {
+        self.part.spi[SPI].attach(chain);
+    }
+
+    fn attach_uart(&mut self, peer: Box<dyn uart::Peer>) {
+        self.part.usart[UART].attach_boxed(peer);
+    }
+
+    /// PCLK1 by 2^(BR + 1) (RM0390, SPI_CR1).
+    fn sclk_hz(&self) -> u32 {
+        let spi = self.bus().registers("SPI2").expect("the part has SPI2");
+        let rcc = self.bus().registers("RCC").expect("the part has an RCC");
+        let divider = spi1::cr1::BR.get(spi.get(spi1::Register::Cr1)) + 1;
+        let hz = self.part.rcc.pclk1(rcc) >> divider;
+        u32::try_from(hz).unwrap_or(u32::MAX)
+    }
+
+    fn core_hz(&self) -> u64 {
+        let registers = self.bus().registers("RCC").expect("the part has an RCC");
+        self.part.rcc.hclk(registers)
+    }
+
+    fn output(&self, pin: Pin) -> Option<bool> {
+        let registers = self.bus().registers(PORTS[pin.port()])?;
+        let mode = registers.get(gpioa::Register::Moder) >> (2 * u32::from(pin.1)) & 0b11;
+        let is_high = registers.get(gpioa::Register::Odr) >> u32::from(pin.1) & 1 != 0;
+        (mode == 0b01).then_some(is_high)
+    }
+
+    fn drive(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
+        self.drive_timer(at, pin, is_high);
+        let level = Level::from(is_high);
+        self.part.drive_port(at, pin.port(), |gpio, registers, context| {
+            gpio.drive(part_pin(pin), Some(level), registers, context);
+        });
+        if self.routed_port(pin.1) == u64::from(pin.0) {
+            let (registers, mut context) = self.part.bus_mut().drive(at, self.exti_slot);
+            self.exti.level(pin.1, is_high, registers, &mut context);
+        }
+    }
+}

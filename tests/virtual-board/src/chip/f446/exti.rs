@@ -1,0 +1,92 @@
+//! The external interrupt controller (RM0390 rev 6, chapter 10), which the emulator's part lacks.
+
+use rigless::device::{Device, DeviceContext, Level, RegisterFile};
+use rigless::soc::stm32f427::generated::exti::Register;
+
+/// Lines of pins.
+const LINES: usize = 16;
+
+/// The first and last line of each interrupt, with its position among the instance's (RM0390, table 38):
+/// tamper and wake-up come first and last, lines 0 to 4 have one each.
+const ROUTES: [(usize, u8, u8); 7] = [
+    (1, 0, 0),
+    (2, 1, 1),
+    (3, 2, 2),
+    (4, 3, 3),
+    (5, 4, 4),
+    (6, 5, 9),
+    (7, 10, 15),
+];
+
+/// The controller, for the lines of pins. A pin that the firmware drives itself causes no edge.
+#[derive(Debug, Default)]
+pub(super) struct Exti {
+    /// The emulator's register file stores what is written to PR, which clears bits.
+    pending: u64,
+    levels: [bool; LINES],
+    raised: [bool; 8],
+}
+
+impl Exti {
+    /// The system reset: the pins keep their levels.
+    pub(super) fn reset_registers(&mut self) {
+        self.pending = 0;
+        self.raised = [false; 8];
+    }
+
+    /// The level of the pin that is routed to a line.
+    pub(super) fn level(
+        &mut self,
+        line: u8,
+        is_high: bool,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        let Some(level) = self.levels.get_mut(usize::from(line)) else {
+            return;
+        };
+        if std::mem::replace(level, is_high) == is_high {
+            return;
+        }
+        let selected = if is_high { Register::Rtsr } else { Register::Ftsr };
+        let edge = registers.get(selected) & 1 << line;
+        self.pend(edge, registers, context);
+    }
+
+    /// A pending bit is set whatever the mask; the mask gates the interrupt (RM0390, 10.2.1).
+    fn pend(&mut self, lines: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.pending |= lines;
+        self.drive_interrupts(registers, context);
+    }
+
+    fn drive_interrupts(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        registers.set(Register::Pr, self.pending);
+        let active = self.pending & registers.get(Register::Imr);
+        for (position, first, last) in ROUTES {
+            let is_active = (first..=last).any(|line| active >> line & 1 != 0);
+            if std::mem::replace(&mut self.raised[position], is_active) != is_active {
+                context.interrupt(position, Level::from(is_active));
+            }
+        }
+    }
+}
+
+impl Device for Exti {
+    type Register = Register;
+
+    fn write(
+        &mut self,
+        register: Register,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        match register {
+            // Written 1 to clear.
+            Register::Pr => self.pending &= !value,
+            Register::Swier => self.pending |= value & registers.get(Register::Imr),
+            Register::Imr | Register::Emr | Register::Rtsr | Register::Ftsr => {}
+        }
+        self.drive_interrupts(registers, context);
+    }
+}

@@ -1,0 +1,185 @@
+//! The STM32H743: the emulator's part, with a watchdog.
+
+mod watchdog;
+
+use std::mem;
+use std::num::{NonZeroU32, NonZeroU64};
+
+use rigless::chip::uart;
+use rigless::cpu::armv7m::windows;
+use rigless::device::{ErasedDevice, Level, ResetCause};
+use rigless::emulator::CoreSpec;
+use rigless::machine::armv7m::{
+    BranchPrediction, Caches, Config, Core, Fpu, MpuRegions, Variant,
+};
+use rigless::mcu::{Mcu, Operate};
+use rigless::soc::Bus;
+use rigless::soc::stm32h743::Stm32h743;
+use rigless::soc::stm32h743::generated::{gpioa, rcc, spi1};
+use rigless::soc::stm32h743::peripherals::gpio::{Gpio, PORTS, Pin as PartPin};
+use rigless::soc::stm32h743::peripherals::tim::{Channel, TIMERS, Tim};
+use rigless::time::VirtualNanos;
+
+use crate::Model;
+use crate::chain::Chain;
+use crate::chip::{Chip, Pin};
+
+use watchdog::Watchdog;
+
+/// SPI1, which clocks the converters.
+const SPI: usize = 0;
+/// USART3, which the ST-LINK carries.
+const UART: usize = 2;
+/// TIM2, whose channel 3 is on the trigger's pin.
+const TIMER: usize = 0;
+/// TIM2's alternate function on PB10 (DS12110, table 10).
+const TIMER_FUNCTION: u8 = 1;
+
+/// An STM32H743.
+#[derive(Debug)]
+pub(crate) struct H743 {
+    part: Stm32h743,
+    watchdog: Watchdog,
+    watchdog_slot: usize,
+}
+
+impl H743 {
+    /// A chip with a supply, without a clock from outside.
+    ///
+    /// # Panics
+    /// When the emulator's description of the part contradicts itself.
+    pub(crate) fn new() -> Self {
+        let mut part = Stm32h743::new().expect("the emulator's own part");
+        part.set_supply(3300);
+        part.set_analog_supply(3300);
+        let watchdog_slot = part.bus().slot("IWDG").expect("the part has a watchdog");
+        Self {
+            part,
+            watchdog: Watchdog::default(),
+            watchdog_slot,
+        }
+    }
+
+    /// The level at TIM2's channel 3, where the pin carries it.
+    fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
+        let registers = self.part.bus().registers(PORTS[pin.port()]);
+        let function = registers.and_then(|registers| Gpio::function(part_pin(pin), registers));
+        if function != Some(TIMER_FUNCTION) {
+            return;
+        }
+        let channel = Channel::new(3).expect("it has four");
+        let slot = self.part.bus().slot(TIMERS[TIMER].instance);
+        let slot = slot.expect("the part has TIM2");
+        // The timer leaves the part while its registers are borrowed from it.
+        let spare = Tim::new(TIMERS[TIMER]);
+        let mut timer = mem::replace(&mut self.part.tim[TIMER], spare);
+        let (registers, mut context) = self.part.bus_mut().drive(at, slot);
+        timer.drive_input(channel, Level::from(is_high), registers, &mut context);
+        self.part.tim[TIMER] = timer;
+    }
+}
+
+fn part_pin(pin: Pin) -> PartPin {
+    PartPin::new(pin.1).expect("a port has 16 pins")
+}
+
+impl Mcu for H743 {
+    fn bus(&self) -> &Bus {
+        self.part.bus()
+    }
+
+    fn bus_mut(&mut self) -> &mut Bus {
+        self.part.bus_mut()
+    }
+
+    fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
+        self.part.reset(at, cause);
+        self.watchdog = Watchdog::default();
+    }
+
+    fn poll(&mut self, now: VirtualNanos) {
+        self.part.poll(now);
+    }
+
+    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
+        let (bus, model) = self.part.split(slot);
+        if slot == self.watchdog_slot {
+            return (bus, Some(&mut self.watchdog));
+        }
+        (bus, model)
+    }
+}
+
+impl Chip for H743 {
+    /// A Cortex-M7 r1p1 with 16 KiB of each cache (DS12110, 3.1; PM0253, tables 52, 77 and 81), which boots
+    /// from flash (RM0433, 2.6).
+    fn core(&self) -> CoreSpec {
+        let lines = u32::from(self.cpu().interrupt_lines);
+        let core = Core {
+            variant: Variant::M7,
+            clock_hz: NonZeroU64::new(Model::H743.core_hz()).expect("a clock"),
+            interrupt_lines: NonZeroU32::new(lines).expect("interrupts"),
+            priority_bits: 4,
+            refclk_divider: NonZeroU32::new(8).expect("8"),
+            instructions_per_second: Model::H743.instructions_per_second(),
+            boot: "flash",
+        };
+        let mut config = Config::new(core, &windows(self.bus()));
+        config.fpu = Fpu::FpV5Dp;
+        config.mpu_regions = MpuRegions::Sixteen;
+        config.cpuid = 0x411F_C271;
+        config.caches = Some(Caches {
+            clidr: 0x0900_0003,
+            ctr: 0x8303_C003,
+            ccsidr: &[0xF00F_E019, 0xF01F_E009],
+        });
+        config.branch_prediction = BranchPrediction::Always;
+        config.vector_table = Some(0x0800_0000);
+        config.spec()
+    }
+
+    fn fit_clock(&mut self, hz: u64) {
+        self.part.rcc.attach_crystals(hz, 0);
+    }
+
+    fn set_lsi(&mut self, hz: u64) {
+        self.part.rcc.calibrate_lsi(hz);
+    }
+
+    fn attach_spi(&mut self, chain: Chain) {
+        self.part.spi[SPI].attach(chain);
+    }
+
+    fn attach_uart(&mut self, peer: Box<dyn uart::Peer>) {
+        self.part.usart[UART].attach_boxed(peer);
+    }
+
+    /// The kernel clock by 2^(MBR + 1) (RM0433, SPI_CFG1).
+    fn sclk_hz(&self) -> u32 {
+        let registers = self.bus().registers("SPI1").expect("the part has SPI1");
+        let divider = spi1::cfg1::MBR.get(registers.get(spi1::Register::Cfg1)) + 1;
+        let hz = self.part.spi[SPI].kernel_hz() >> divider;
+        u32::try_from(hz).unwrap_or(u32::MAX)
+    }
+
+    fn core_hz(&self) -> u64 {
+        let registers = self.bus().registers("RCC").expect("the part has an RCC");
+        let _: u64 = registers.get(rcc::Register::Cr);
+        self.part.rcc.cpu_clock(registers)
+    }
+
+    fn output(&self, pin: Pin) -> Option<bool> {
+        let registers = self.bus().registers(PORTS[pin.port()])?;
+        let mode = registers.get(gpioa::Register::Moder) >> (2 * u32::from(pin.1)) & 0b11;
+        let is_high = registers.get(gpioa::Register::Odr) >> u32::from(pin.1) & 1 != 0;
+        (mode == 0b01).then_some(is_high)
+    }
+
+    fn drive(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
+        self.drive_timer(at, pin, is_high);
+        let level = Level::from(is_high);
+        self.part.drive_port(at, pin.port(), |gpio, registers, context| {
+            gpio.drive(part_pin(pin), Some(level), registers, context);
+        });
+    }
+}

@@ -1,0 +1,130 @@
+//! The independent watchdog of the STM32H743 (RM0433 rev 9, chapter 45), which the emulator lacks.
+
+use rigless::device::{Device, DeviceContext, RegisterFile};
+use rigless::soc::stm32h743::generated::iwdg::Register;
+use rigless::time::{EventId, VirtualNanos};
+
+/// The request by which it starts its oscillator (RM0433, 8.5.2), in the emulator's clock controller.
+const STARTED: usize = 0;
+
+/// Keys of KR (RM0433, 45.4.1).
+const UNLOCK: u64 = 0x5555;
+const START: u64 = 0xCCCC;
+const RELOAD: u64 = 0xAAAA;
+
+/// What the counter starts from before RLR has arrived in its own clock domain (RM0433, 45.3).
+const RESET_RELOAD: u64 = 0xFFF;
+
+/// Cycles of the low-speed oscillator until PR and RLR have arrived (RM0433, 45.4.4).
+const CROSSING: u64 = 5;
+
+/// The watchdog. WINR's window is not modelled: the firmware leaves it at its reset value, which is none.
+#[derive(Debug, Default)]
+pub(super) struct Watchdog {
+    unlocked: bool,
+    started: bool,
+    clock_hz: u64,
+    /// PR and RLR as the counter sees them, once they have arrived.
+    prescaler: u64,
+    reload: Option<u64>,
+    crossing: Option<EventId>,
+    /// When the count ends.
+    expiry: Option<EventId>,
+    /// When and with how many ticks it was last loaded.
+    loaded: Option<(VirtualNanos, u64)>,
+}
+
+impl Watchdog {
+    /// Nanoseconds of a number of ticks of the prescaled clock.
+    fn nanoseconds(&self, ticks: u64) -> u64 {
+        let divider = 4 << self.prescaler.min(6);
+        ticks * divider * 1_000_000_000 / self.clock_hz.max(1)
+    }
+
+    fn load(&mut self, ticks: u64, context: &mut DeviceContext<'_>) {
+        self.loaded = Some((context.now(), ticks));
+        self.schedule(context);
+    }
+
+    fn schedule(&mut self, context: &mut DeviceContext<'_>) {
+        self.expiry = None;
+        if let Some((at, ticks)) = self.loaded
+            && self.started
+            && self.clock_hz > 0
+        {
+            let end = VirtualNanos(at.0 + self.nanoseconds(ticks));
+            self.expiry = Some(context.schedule(end));
+        }
+    }
+
+    /// PR and RLR travel to the counter's clock domain, as soon as it has a clock.
+    fn cross(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        registers.set(Register::Sr, 0b011);
+        if self.clock_hz > 0 {
+            let arrives = context.now().0 + CROSSING * 1_000_000_000 / self.clock_hz;
+            self.crossing = Some(context.schedule(VirtualNanos(arrives)));
+        }
+    }
+}
+
+impl Device for Watchdog {
+    type Register = Register;
+
+    fn write(
+        &mut self,
+        register: Register,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        match register {
+            Register::Kr => {
+                let key = value & 0xFFFF;
+                self.unlocked = key == UNLOCK;
+                registers.set(Register::Kr, 0);
+                if key == START && !self.started {
+                    self.started = true;
+                    context.request(STARTED, true.into());
+                    self.load(RESET_RELOAD + 1, context);
+                } else if key == RELOAD && self.started {
+                    self.load(self.reload.unwrap_or(RESET_RELOAD) + 1, context);
+                }
+            }
+            Register::Pr | Register::Rlr if self.unlocked => self.cross(registers, context),
+            Register::Pr | Register::Rlr => {
+                context.tell("PR", "RM0433 rev 9 45.4.2: PR and RLR are write-protected until KR unlocks them");
+            }
+            Register::Sr | Register::Winr => {}
+        }
+    }
+
+    fn on_clock(
+        &mut self,
+        hz: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.clock_hz = hz;
+        if registers.get(Register::Sr) != 0 {
+            self.cross(registers, context);
+        }
+        self.schedule(context);
+    }
+
+    fn on_event(
+        &mut self,
+        event: EventId,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        if self.crossing == Some(event) {
+            self.crossing = None;
+            self.prescaler = registers.get(Register::Pr) & 0b111;
+            self.reload = Some(registers.get(Register::Rlr) & 0xFFF);
+            registers.set(Register::Sr, 0);
+            self.schedule(context);
+        } else if self.expiry == Some(event) {
+            context.request_reset();
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! Frames from the device.
+
+use link::{Ack, Code, Converters, Decoder, Event, MAX_FRAME, ResetCause, SelfTest, Stats, Timing, ToHost};
+
+/// A frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Its number.
+    pub seq: u32,
+    /// The device's clock when it was made, us since boot.
+    pub device_us: u64,
+    /// Its message.
+    pub kind: Kind,
+}
+
+/// A message, without a lifetime.
+#[derive(Clone, Debug, PartialEq)]
+#[expect(missing_docs, reason = "named as in `link`")]
+pub enum Kind {
+    Hello {
+        board: String,
+        firmware: String,
+        session_id: u32,
+        reset_cause: ResetCause,
+        fault: String,
+    },
+    Capabilities,
+    Code(Box<Code>),
+    Stats(Box<Stats>),
+    Ack(Ack),
+    Timing(Box<Timing>),
+    Event(Event),
+    Converters(Box<Converters>),
+    SelfTest(Box<SelfTest>),
+    Raw { first_sample: u64 },
+    /// Any other.
+    Other,
+}
+
+/// Turns the device's bytes into frames.
+#[derive(Debug)]
+pub struct Inbox {
+    decoder: Decoder<MAX_FRAME>,
+    frames: Vec<Frame>,
+    bad: Vec<String>,
+}
+
+impl Default for Inbox {
+    fn default() -> Self {
+        Self {
+            decoder: Decoder::new(),
+            frames: Vec::new(),
+            bad: Vec::new(),
+        }
+    }
+}
+
+impl Inbox {
+    /// Takes bytes, cut anywhere.
+    pub fn push(&mut self, mut bytes: &[u8]) {
+        while let Some(outcome) = self.decoder.next::<ToHost<'_>>(&mut bytes) {
+            match outcome {
+                Ok(frame) => self.frames.push(Frame {
+                    seq: frame.header.seq,
+                    device_us: frame.header.device_time_us,
+                    kind: Kind::of(&frame.message),
+                }),
+                Err(error) => self.bad.push(format!("{error:?}")),
+            }
+        }
+    }
+
+    /// Frames so far, in order.
+    pub fn frames(&self) -> &[Frame] {
+        &self.frames
+    }
+
+    /// What could not be used, in words.
+    pub fn bad(&self) -> &[String] {
+        &self.bad
+    }
+
+    /// Codes so far, in order.
+    pub fn codes(&self) -> impl Iterator<Item = (&Frame, &Code)> {
+        self.frames.iter().filter_map(|frame| match &frame.kind {
+            Kind::Code(code) => Some((frame, &**code)),
+            _ => None,
+        })
+    }
+}
+
+impl Kind {
+    fn of(message: &ToHost<'_>) -> Self {
+        match message {
+            ToHost::Hello(hello) => Self::Hello {
+                board: hello.board.to_owned(),
+                firmware: hello.firmware.to_owned(),
+                session_id: hello.session_id,
+                reset_cause: hello.reset_cause,
+                fault: hello.fault.to_owned(),
+            },
+            ToHost::Capabilities(_) => Self::Capabilities,
+            ToHost::Code(code) => Self::Code(Box::new(code.clone())),
+            ToHost::Stats(stats) => Self::Stats(Box::new(stats.clone())),
+            ToHost::Ack(ack) => Self::Ack(*ack),
+            ToHost::Timing(timing) => Self::Timing(Box::new(timing.clone())),
+            ToHost::Event(event) => Self::Event(*event),
+            ToHost::Converters(converters) => Self::Converters(Box::new(converters.clone())),
+            ToHost::SelfTest(test) => Self::SelfTest(Box::new(test.clone())),
+            ToHost::Raw(raw) => Self::Raw {
+                first_sample: raw.first_sample,
+            },
+            _ => Self::Other,
+        }
+    }
+}

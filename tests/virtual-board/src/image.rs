@@ -1,0 +1,174 @@
+//! The image that `cargo flash` writes.
+
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+use object::{Object, ObjectSegment, ObjectSymbol};
+use thiserror::Error;
+
+use crate::Model;
+
+/// An image, checked against the board that it shall run on.
+#[derive(Clone, Debug)]
+pub struct Image {
+    path: PathBuf,
+    bytes: Vec<u8>,
+    /// Functions: address, size, name, by address.
+    functions: Vec<(u64, u64, String)>,
+    symbols: Vec<(String, u64)>,
+}
+
+/// Why an image cannot run on a board.
+#[derive(Debug, Error)]
+pub enum ImageError {
+    /// The file cannot be read.
+    #[error("cannot read the image {path}: {error}; build it with `{build}`")]
+    Missing {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        error: io::Error,
+        /// The command that makes it.
+        build: String,
+    },
+    /// The file is no program for this processor.
+    #[error("{path} is no 32-bit ELF file for ARM ({why}); build it with `{build}`")]
+    NoImage {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        why: String,
+        /// The command that makes it.
+        build: String,
+    },
+    /// The file is linked for another chip's memories.
+    #[error(
+        "{path} is not for the {board}: it places {bytes} bytes at {address:#010x}, where the chip has no \
+         memory; build the board's own image with `{build}`"
+    )]
+    OtherChip {
+        /// The file.
+        path: PathBuf,
+        /// The board.
+        board: &'static str,
+        /// Where something is placed.
+        address: u64,
+        /// How many bytes.
+        bytes: u64,
+        /// The command that makes it.
+        build: String,
+    },
+}
+
+/// The command that builds a board's image.
+fn build_command(model: Model) -> String {
+    format!(
+        "cargo build --package board-{} --profile firmware --target thumbv7em-none-eabihf",
+        model.key()
+    )
+}
+
+impl Image {
+    /// Reads an image for a board.
+    ///
+    /// # Errors
+    /// The file cannot be read, is no ELF file for ARM, or places something where the chip has no memory.
+    pub fn read(path: &Path, model: Model) -> Result<Self, ImageError> {
+        let path = path.to_path_buf();
+        let build = build_command(model);
+        let bytes = match fs::read(&path) {
+            Ok(bytes) => bytes,
+            Err(error) => return Err(ImageError::Missing { path, error, build }),
+        };
+        Self::parse(path, bytes, model)
+    }
+
+    fn parse(path: PathBuf, bytes: Vec<u8>, model: Model) -> Result<Self, ImageError> {
+        let build = build_command(model);
+        let file = match object::File::parse(&*bytes) {
+            Ok(file) if file.architecture() == object::Architecture::Arm => file,
+            Ok(file) => {
+                let why = format!("it is for {:?}", file.architecture());
+                return Err(ImageError::NoImage { path, why, build });
+            }
+            Err(error) => {
+                let why = error.to_string();
+                return Err(ImageError::NoImage { path, why, build });
+            }
+        };
+        for segment in file.segments() {
+            let (address, bytes) = (segment.address(), segment.size());
+            let fits = |&(_, origin, length): &(&str, u64, u64)| {
+                address >= origin && address + bytes <= origin + length
+            };
+            if bytes > 0 && !model.memories().iter().any(fits) {
+                let board = model.name();
+                return Err(ImageError::OtherChip {
+                    path,
+                    board,
+                    address,
+                    bytes,
+                    build,
+                });
+            }
+        }
+        let mut functions: Vec<_> = file
+            .symbols()
+            .filter(|symbol| symbol.kind() == object::SymbolKind::Text)
+            .filter_map(|symbol| Some((symbol.address() & !1, symbol.size(), symbol.name().ok()?)))
+            .map(|(address, size, name)| (address, size, name.to_owned()))
+            .collect();
+        functions.sort();
+        let symbols = file
+            .symbols()
+            .filter_map(|symbol| Some((symbol.name().ok()?.to_owned(), symbol.address())))
+            .collect();
+        Ok(Self {
+            path,
+            functions,
+            symbols,
+            bytes,
+        })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The file's contents.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// The address of a symbol; of a function without the bit that says thumb.
+    pub fn address(&self, name: &str) -> Option<u64> {
+        let found = self.symbols.iter().find(|(symbol, _)| symbol == name);
+        found.map(|(_, address)| address & !1)
+    }
+
+    /// The address of the first function whose name contains all of these words.
+    pub fn function(&self, words: &[&str]) -> Option<u64> {
+        let mut functions = self.functions.iter();
+        let found = functions.find(|(_, _, name)| words.iter().all(|word| name.contains(word)));
+        found.map(|(address, _, _)| *address)
+    }
+
+    /// The function at an address, with the distance from its beginning; the address alone where there is
+    /// none.
+    pub fn describe(&self, address: u64) -> String {
+        let after = self.functions.partition_point(|(start, _, _)| *start <= address);
+        let found = after.checked_sub(1).and_then(|index| self.functions.get(index));
+        match found {
+            Some((start, size, name)) if address < start + size.max(&1) => {
+                format!("{address:#010x} {}+{:#x}", readable(name), address - start)
+            }
+            _ => format!("{address:#010x}"),
+        }
+    }
+}
+
+/// A mangled name as its path, without the hash.
+fn readable(name: &str) -> String {
+    rustc_demangle::demangle(name).to_string().split("::h").next().unwrap_or(name).to_owned()
+}

@@ -1,0 +1,263 @@
+//! The emulated core, with a look at its registers and at its own address space.
+#![expect(unsafe_code, reason = "hands memory on from the emulator to its core")]
+
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rigless::device::Level;
+use rigless::emulator::{
+    BitAlias, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason, HostCall, InterruptLine,
+    Processor, Queued,
+};
+use rigless::soc::{Endian, Width};
+use rigless::time::VirtualNanos;
+
+/// Program counters that are kept.
+const TRAIL: usize = 16;
+
+/// What is seen of the core, and what it shall do at its next stretch; clones are the same.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Observer(Arc<Mutex<Observed>>);
+
+#[derive(Debug, Default)]
+struct Observed {
+    /// Where the core stood after each of the last stretches.
+    trail: VecDeque<u64>,
+    /// Registers to set before the next instruction: GDB's number and value.
+    set: Vec<(usize, u32)>,
+    /// Addresses in the core's own space to read before the next instruction, and what was read.
+    wanted: Vec<u64>,
+    read: Vec<(u64, u32)>,
+    /// Interrupt lines that were raised.
+    raised: Vec<(u16, u64)>,
+}
+
+impl Observer {
+    fn state(&self) -> MutexGuard<'_, Observed> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Where the core stood, the newest last.
+    pub(crate) fn trail(&self) -> Vec<u64> {
+        self.state().trail.iter().copied().collect()
+    }
+
+    /// Sets registers before the next instruction: r0 to r12, sp 13, lr 14, pc 15.
+    pub(crate) fn set_registers(&self, registers: &[(usize, u32)]) {
+        self.state().set.extend(registers);
+    }
+
+    /// Reads words of the core's own space, such as the NVIC's, before the next instruction.
+    pub(crate) fn want(&self, addresses: &[u64]) {
+        let mut state = self.state();
+        state.wanted = addresses.to_vec();
+        state.read.clear();
+    }
+
+    /// What [`Self::want`] has asked for, once an instruction has run.
+    pub(crate) fn read(&self) -> Vec<(u64, u32)> {
+        self.state().read.clone()
+    }
+}
+
+/// A core that is observed.
+pub(crate) fn observed(mut core: CoreSpec, observer: &Observer) -> CoreSpec {
+    let (make, observer) = (core.processor, observer.clone());
+    core.processor = Arc::new(move |endian: Endian| {
+        let core = make(endian)?;
+        let observer = observer.clone();
+        Ok(Box::new(Core { core, observer }) as Box<dyn Processor>)
+    });
+    core
+}
+
+/// The emulator's core; everything but [`Processor::run`] is passed on.
+#[derive(Debug)]
+struct Core {
+    core: Box<dyn Processor>,
+    observer: Observer,
+}
+
+impl Core {
+    fn prepare(&mut self, now: VirtualNanos) {
+        let mut state = self.observer.state();
+        for (number, value) in std::mem::take(&mut state.set) {
+            self.core.set_gdb_register(number, &value.to_le_bytes());
+        }
+        for address in std::mem::take(&mut state.wanted) {
+            let value = self.core.debugger_access(None, address, Width::W32, now);
+            let value = value.and_then(|value| u32::try_from(value).ok());
+            state.read.push((address, value.unwrap_or(0)));
+        }
+    }
+}
+
+impl Processor for Core {
+    fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        self.prepare(bus.time(self.core.retired()));
+        let ran = self.core.run(budget, bus);
+        let mut state = self.observer.state();
+        if state.trail.len() == TRAIL {
+            state.trail.pop_front();
+        }
+        state.trail.push_back(self.core.pc());
+        ran
+    }
+
+    fn retired(&self) -> u64 {
+        self.core.retired()
+    }
+
+    fn ask(&mut self, queued: Queued) {
+        if let Queued::Line(line, Level::High) = queued {
+            let instructions = self.core.retired();
+            self.observer.note(line, instructions);
+        }
+        self.core.ask(queued);
+    }
+
+    fn maps(&self, start: u64, length: u64) -> bool {
+        self.core.maps(start, length)
+    }
+
+    fn page_size(&self) -> u64 {
+        self.core.page_size()
+    }
+
+    unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
+        // SAFETY: the caller's promises are those that the emulator's core asks for.
+        unsafe { self.core.map(start, length, host, writable) }
+    }
+
+    fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>) {
+        self.core.boot(table, read);
+    }
+
+    fn reset(&mut self) {
+        self.core.reset();
+    }
+
+    fn take_reset_request(&mut self) -> bool {
+        self.core.take_reset_request()
+    }
+
+    fn next_event(&self) -> Option<VirtualNanos> {
+        self.core.next_event()
+    }
+
+    fn on_event(&mut self, now: VirtualNanos) {
+        self.core.on_event(now);
+    }
+
+    fn waiting(&self) -> bool {
+        self.core.waiting()
+    }
+
+    fn pc(&self) -> u64 {
+        self.core.pc()
+    }
+
+    fn add_breakpoint(&mut self, address: u64) -> bool {
+        self.core.add_breakpoint(address)
+    }
+
+    fn remove_breakpoint(&mut self, address: u64) {
+        self.core.remove_breakpoint(address);
+    }
+
+    fn pass_breakpoint(&mut self, address: u64) {
+        self.core.pass_breakpoint(address);
+    }
+
+    fn attach_debugger(&mut self, attached: bool) {
+        self.core.attach_debugger(attached);
+    }
+
+    fn hold_interrupts(&mut self, held: bool) {
+        self.core.hold_interrupts(held);
+    }
+
+    fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
+        self.core.gdb_register(number)
+    }
+
+    fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool {
+        self.core.set_gdb_register(number, bytes)
+    }
+
+    fn debugger_access(
+        &mut self,
+        write: Option<u64>,
+        address: u64,
+        width: Width,
+        now: VirtualNanos,
+    ) -> Option<u64> {
+        self.core.debugger_access(write, address, width, now)
+    }
+
+    fn take_debugger_trace(&mut self) -> Vec<u8> {
+        self.core.take_debugger_trace()
+    }
+
+    fn target_xml(&self) -> &'static str {
+        self.core.target_xml()
+    }
+
+    fn data_model(&self) -> DataModel {
+        self.core.data_model()
+    }
+
+    fn byte_order(&self, address: u64) -> Endian {
+        self.core.byte_order(address)
+    }
+
+    fn save(&self) -> Vec<u8> {
+        self.core.save()
+    }
+
+    fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.core.load(bytes)
+    }
+
+    fn monitor_command(&mut self, command: &str) -> Option<String> {
+        self.core.monitor_command(command)
+    }
+
+    fn debugger_halted(&mut self, why: HaltReason) -> bool {
+        self.core.debugger_halted(why)
+    }
+
+    fn bit_alias(&self, address: u64, width: Width) -> Option<BitAlias> {
+        self.core.bit_alias(address, width)
+    }
+
+    fn own_ranges(&self) -> Vec<Range<u64>> {
+        self.core.own_ranges()
+    }
+
+    fn check_reads(&mut self, every: bool) {
+        self.core.check_reads(every);
+    }
+
+    fn check_words(&mut self, words: &[u64]) {
+        self.core.check_words(words);
+    }
+
+    fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall> {
+        self.core.host_call(read)
+    }
+
+    fn answer_host_call(&mut self, answer: Option<u64>) {
+        self.core.answer_host_call(answer);
+    }
+}
+
+impl Observer {
+    fn note(&self, line: InterruptLine, instructions: u64) {
+        let mut state = self.state();
+        if state.raised.len() < 64 {
+            state.raised.push((line.index(), instructions));
+        }
+    }
+}

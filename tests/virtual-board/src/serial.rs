@@ -1,0 +1,61 @@
+//! The far end of the UART: the ST-LINK's serial port.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rigless::chip::{Timeline, uart};
+use rigless::snapshot::Store;
+use rigless::time::VirtualNanos;
+
+/// Both directions of the line; clones are the same.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Serial(Arc<Mutex<Line>>);
+
+/// What is on the line.
+#[derive(Debug, Default)]
+pub(crate) struct Line {
+    to_host: Vec<u8>,
+    to_device: VecDeque<u8>,
+    /// Shortest time from one byte of the device to the next, ns.
+    shortest_ns: Option<u64>,
+    last_ns: u64,
+}
+
+impl Serial {
+    pub(crate) fn line(&self) -> MutexGuard<'_, Line> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Line {
+    pub(crate) fn send(&mut self, bytes: &[u8]) {
+        self.to_device.extend(bytes);
+    }
+
+    pub(crate) fn take(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.to_host)
+    }
+
+    /// Baud rate of the device: ten bits in the shortest time between two bytes.
+    pub(crate) fn baud(&self) -> Option<u64> {
+        self.shortest_ns.map(|ns| 10_000_000_000 / ns.max(1))
+    }
+}
+
+impl Store for Serial {}
+
+impl uart::Peer for Serial {
+    fn receive(&mut self, word: u16, context: &mut Timeline<'_, '_>) {
+        let mut line = self.line();
+        let now = context.now().0;
+        let since = now - line.last_ns;
+        line.last_ns = now;
+        line.shortest_ns = Some(line.shortest_ns.map_or(since, |least| least.min(since)));
+        let [byte, _] = word.to_le_bytes();
+        line.to_host.push(byte);
+    }
+
+    fn transmit(&mut self, _: VirtualNanos) -> Option<u16> {
+        self.line().to_device.pop_front().map(u16::from)
+    }
+}

@@ -1,0 +1,28 @@
+//! What a virtual board is like when its power comes on.
+
+use ads1299::Alignment;
+
+/// What a virtual board is like when its power comes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Setup {
+    /// The ST-LINK's clock, Hz; 0 where it is missing.
+    pub clock_hz: u64,
+    /// The internal low-speed oscillator, Hz; none leaves it at its typical rate. 17 to 47 kHz on an
+    /// STM32F446, 31.4 to 32.6 on an STM32H743 (data sheets).
+    pub lsi_hz: Option<u64>,
+    /// Whether the chain puts a don't-care bit between two chips.
+    pub alignment: Alignment,
+    /// Whether the converters have power from the beginning; `Simulation::power_on` switches it on later.
+    pub converters_on: bool,
+}
+
+impl Default for Setup {
+    fn default() -> Self {
+        Self {
+            clock_hz: 8_000_000,
+            lsi_hz: None,
+            alignment: Alignment::Spaced,
+            converters_on: true,
+        }
+    }
+}
