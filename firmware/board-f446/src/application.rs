@@ -20,10 +20,19 @@ bind_interrupts!(struct Irqs {
 });
 
 #[cfg(feature = "uart")]
-use embassy_stm32::{interrupt, usart::BufferedUart};
+use {
+    crate::uart::Usart2,
+    board_stm32::{PortMemory, UartInterrupt},
+    embassy_stm32::{
+        peripherals::{DMA1_CH5, DMA1_CH6},
+        usart::UartTx,
+    },
+};
 #[cfg(feature = "uart")]
 bind_interrupts!(struct UartIrqs {
-    USART2 => embassy_stm32::usart::BufferedInterruptHandler<embassy_stm32::peripherals::USART2>;
+    USART2 => UartInterrupt<Usart2>;
+    DMA1_STREAM6 => dma::InterruptHandler<DMA1_CH6>;
+    DMA1_STREAM5 => dma::InterruptHandler<DMA1_CH5>;
 });
 
 #[entry]
@@ -43,6 +52,9 @@ async fn watch(watchdog: Peri<'static, IWDG>) {
 
 /// Where the converters' DMA reads and writes.
 static BUFFER: ConstStaticCell<[u8; FRAME_BYTES]> = ConstStaticCell::new([0; FRAME_BYTES]);
+
+#[cfg(feature = "uart")]
+static PORT_MEMORY: ConstStaticCell<PortMemory> = ConstStaticCell::new(PortMemory::EMPTY);
 
 fn start(parts: Parts) -> Result<(), SpawnError> {
     let reset_cause = reset::cause();
@@ -86,17 +98,20 @@ fn start(parts: Parts) -> Result<(), SpawnError> {
         dm: parts.usb_dm,
     };
     #[cfg(feature = "uart")]
-    let port = Port::new(interrupt::USART2, |sending, received| {
-        BufferedUart::new(
+    let port = Port::new::<Usart2, _>(
+        UartTx::new(
             parts.uart,
-            parts.uart_rx,
             parts.uart_tx,
-            sending,
-            received,
+            parts.uart_to_host,
             UartIrqs,
             Port::config(),
         )
-    });
+        .expect("921600 baud"),
+        parts.uart_rx,
+        parts.uart_from_host,
+        UartIrqs,
+        PORT_MEMORY.take(),
+    );
     let spawner = begin(Board {
         name: "NUCLEO-F446RE",
         firmware: env!("CORTICODE_FIRMWARE"),

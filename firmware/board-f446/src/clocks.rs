@@ -36,7 +36,11 @@ pub(crate) fn config() -> Config {
     rcc.mux.clk48sel = mux::Clk48sel::PLL1_Q;
     rcc.ahb_pre = AHBPrescaler::DIV1;
     // 21 MHz. SPI divides it by 256, 82 kHz for registers, and by 2, 10.5 MHz for bursts: 165 us for a
-    // sample.
+    // sample. 42 MHz would clock registers at 164 kHz, which is too fast.
+    // The UART divides it by 23: 913,043 baud, -0.93 %; 42 MHz / 46 and oversampling by 8 are no nearer.
+    // The ST-LINK has 923,077 (36 MHz / 39, from memory): 1.1 % apart of the 3.33 % that a receiver
+    // tolerates (RM0390, USART, tolerance of the receiver to clock deviation). A core at 162 MHz would
+    // have -0.12 %, and no 48 MHz for USB.
     rcc.apb1_pre = APBPrescaler::DIV8;
     rcc.apb2_pre = APBPrescaler::DIV2;
     config

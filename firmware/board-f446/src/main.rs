@@ -13,6 +13,8 @@ mod application;
 mod clocks;
 #[cfg(target_os = "none")]
 mod reset;
+#[cfg(all(target_os = "none", feature = "uart"))]
+mod uart;
 
 /// The pins.
 #[cfg(not(target_os = "none"))]

@@ -30,6 +30,8 @@ board_stm32::parts! {
         trigger_line: EXTI10;
         usb: USB_OTG_FS;
         uart: USART2;
+        uart_to_host: DMA1_CH6;
+        uart_from_host: DMA1_CH5;
         adc: ADC1;
         watchdog: IWDG;
     }

@@ -19,10 +19,19 @@ bind_interrupts!(struct Irqs {
 });
 
 #[cfg(feature = "uart")]
-use embassy_stm32::{interrupt, usart::BufferedUart};
+use {
+    crate::uart::Usart3,
+    board_stm32::UartInterrupt,
+    embassy_stm32::{
+        peripherals::{DMA1_CH2, DMA1_CH3},
+        usart::UartTx,
+    },
+};
 #[cfg(feature = "uart")]
 bind_interrupts!(struct UartIrqs {
-    USART3 => embassy_stm32::usart::BufferedInterruptHandler<embassy_stm32::peripherals::USART3>;
+    USART3 => UartInterrupt<Usart3>;
+    DMA1_STREAM2 => dma::InterruptHandler<DMA1_CH2>;
+    DMA1_STREAM3 => dma::InterruptHandler<DMA1_CH3>;
 });
 
 #[entry]
@@ -44,7 +53,7 @@ fn start(parts: Parts) -> Result<(), SpawnError> {
     let reset_cause = reset::cause();
     reset::spare_the_debugger();
     let core = cortex_m::Peripherals::take().expect("nobody has taken them");
-    let buffer = memory::begin(core);
+    let memory = memory::begin(core);
 
     let spi = Spi::new(
         parts.spi,
@@ -57,7 +66,7 @@ fn start(parts: Parts) -> Result<(), SpawnError> {
         Bus::config(),
     );
     let wires = Wires::new(
-        Bus::new(spi, buffer),
+        Bus::new(spi, &mut memory.converters),
         [
             parts.select0.into(),
             parts.select1.into(),
@@ -83,17 +92,20 @@ fn start(parts: Parts) -> Result<(), SpawnError> {
         dm: parts.usb_dm,
     };
     #[cfg(feature = "uart")]
-    let port = Port::new(interrupt::USART3, |sending, received| {
-        BufferedUart::new(
+    let port = Port::new::<Usart3, _>(
+        UartTx::new(
             parts.uart,
-            parts.uart_rx,
             parts.uart_tx,
-            sending,
-            received,
+            parts.uart_to_host,
             UartIrqs,
             Port::config(),
         )
-    });
+        .expect("921600 baud"),
+        parts.uart_rx,
+        parts.uart_from_host,
+        UartIrqs,
+        &mut memory.port,
+    );
     let spawner = begin(Board {
         name: "NUCLEO-H743ZI2",
         firmware: env!("CORTICODE_FIRMWARE"),

@@ -1,11 +1,11 @@
-//! The clock tree: 480 MHz for the core, 25.6 MHz for SPI.
+//! The clock tree: 480 MHz for the core, 25.6 MHz for SPI, 48 MHz for USB.
 
 use board_stm32::prioritise;
 use embassy_stm32::{
     Config,
     rcc::{
-        AHBPrescaler, APBPrescaler, Hse, HseMode, Hsi48Config, Pll, PllDiv, PllMul, PllPreDiv,
-        PllSource, Sysclk, VoltageScale, mux,
+        AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource,
+        Sysclk, VoltageScale, mux,
     },
     time::Hertz,
 };
@@ -21,21 +21,22 @@ pub(crate) fn config() -> Config {
         freq: Hertz(8_000_000),
         mode: HseMode::Bypass,
     });
-    // USB, locked to its host.
-    rcc.hsi48 = Some(Hsi48Config {
-        sync_from_usb: true,
-    });
-    rcc.mux.usbsel = mux::Usbsel::HSI48;
     // 8 MHz * 120 / 2: the most that revision V does, at the highest core voltage (DS12110, 6.3.1).
+    // A twentieth of the 960 MHz is USB's 48, as exact as the ST-LINK's quartz, and the generator of
+    // random numbers has it too. HSI48 would need CRS: embassy-stm32 0.6.0 synchronises that to the
+    // start of frame of USB1, and PA11 and PA12 are USB2 (RM0433, CRS_CFGR, SYNCSRC).
     rcc.pll1 = Some(Pll {
         source: PllSource::HSE,
         prediv: PllPreDiv::DIV1,
         mul: PllMul::MUL120,
         fracn: None,
         divp: Some(PllDiv::DIV2),
-        divq: None,
+        divq: Some(PllDiv::DIV20),
         divr: None,
     });
+    rcc.hsi48 = None;
+    rcc.mux.usbsel = mux::Usbsel::PLL1_Q;
+    rcc.mux.rngsel = mux::Rngsel::PLL1_Q;
     rcc.voltage_scale = VoltageScale::Scale0;
     rcc.sys = Sysclk::PLL1_P;
     rcc.ahb_pre = AHBPrescaler::DIV2;

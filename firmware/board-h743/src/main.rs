@@ -15,6 +15,8 @@ mod clocks;
 mod memory;
 #[cfg(target_os = "none")]
 mod reset;
+#[cfg(all(target_os = "none", feature = "uart"))]
+mod uart;
 
 /// The pins.
 #[cfg(not(target_os = "none"))]

@@ -2,13 +2,24 @@
 #![expect(unsafe_code, reason = "the MPU, and memory that nothing initialises")]
 
 use board_stm32::FRAME_BYTES;
+#[cfg(feature = "uart")]
+use board_stm32::PortMemory;
 use cortex_m::Peripherals;
 use embassy_stm32::pac::RCC;
-use grounded::uninit::GroundedArrayCell;
+use grounded::uninit::GroundedCell;
+
+/// What DMA1 reads and writes.
+pub(crate) struct Reachable {
+    /// Frames of the converters.
+    pub(crate) converters: [u8; FRAME_BYTES],
+    /// Bytes from and to the host.
+    #[cfg(feature = "uart")]
+    pub(crate) port: PortMemory,
+}
 
 /// In the D2 domain: DMA1 does not reach the DTCM, where all other variables are.
 #[unsafe(link_section = ".dma")]
-static BUFFER: GroundedArrayCell<u8, FRAME_BYTES> = GroundedArrayCell::uninit();
+static REACHABLE: GroundedCell<Reachable> = GroundedCell::uninit();
 
 /// SRAM1 (RM0433, 2.3).
 const SRAM1: u32 = 0x3000_0000;
@@ -18,9 +29,9 @@ const SRAM1_UNCACHED: u32 = 1 << 28 | 0b011 << 24 | 0b001 << 19 | 1 << 18 | 16 <
 /// The MPU on; what has no region stays as the architecture has it.
 const ON_WITH_DEFAULTS: u32 = 0b101;
 
-/// Switches SRAM1 and the caches on; gives a buffer that core and DMA see alike. The core's peripherals
-/// are taken, because there is one such buffer.
-pub(crate) fn begin(mut core: Peripherals) -> &'static mut [u8; FRAME_BYTES] {
+/// Switches SRAM1 and the caches on; returns memory that core and DMA see alike. It takes the core's
+/// peripherals, because there is one such memory.
+pub(crate) fn begin(mut core: Peripherals) -> &'static mut Reachable {
     RCC.ahb2enr().modify(|enable| enable.set_sram1en(true));
     // The clock runs a little later; a read from the register waits for it (RM0433, RCC).
     let _ = RCC.ahb2enr().read();
@@ -39,9 +50,15 @@ pub(crate) fn begin(mut core: Peripherals) -> &'static mut [u8; FRAME_BYTES] {
     core.SCB.enable_icache();
     core.SCB.enable_dcache(&mut core.CPUID);
 
-    // SAFETY: its memory has a clock now, and nobody else has seen it.
-    unsafe { BUFFER.initialize_all_copied(0) };
-    let (buffer, _) = BUFFER.get_ptr_len();
-    // SAFETY: initialised above; the only reference, because `core` is given away once.
-    unsafe { &mut *buffer.cast::<[u8; FRAME_BYTES]>() }
+    let memory = REACHABLE.get();
+    // SAFETY: SRAM1 has a clock now, and nothing else refers to it.
+    unsafe {
+        memory.write(Reachable {
+            converters: [0; FRAME_BYTES],
+            #[cfg(feature = "uart")]
+            port: PortMemory::EMPTY,
+        });
+    }
+    // SAFETY: initialised above; the only reference, because `core` exists once.
+    unsafe { &mut *memory }
 }

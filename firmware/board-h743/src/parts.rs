@@ -30,6 +30,8 @@ board_stm32::parts! {
         trigger_line: EXTI10;
         usb: USB_OTG_FS;
         uart: USART3;
+        uart_to_host: DMA1_CH2;
+        uart_from_host: DMA1_CH3;
         rng: RNG;
         watchdog: IWDG1;
     }

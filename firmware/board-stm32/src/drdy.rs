@@ -3,13 +3,12 @@
 use core::{cell::Cell, future::poll_fn, task::Poll};
 
 use critical_section::{CriticalSection, Mutex};
-use embassy_stm32::pac::{EXTI, exti::regs::Lines};
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::Instant;
 use embedded_hal::digital::{self, ErrorKind, ErrorType};
 use embedded_hal_async::digital::Wait;
 
-use crate::trigger;
+use crate::{interrupts, trigger};
 
 /// The lines of the interrupt `EXTI9_5`; DRDY is the only one of them that is enabled.
 const LINES: u32 = 0b11_1110_0000;
@@ -37,7 +36,7 @@ static WAKER: AtomicWaker = AtomicWaker::new();
 /// section that may be open.
 pub(crate) fn edge() {
     let us = Instant::now().as_micros();
-    EXTI.pr(0).write_value(Lines(LINES));
+    interrupts::acknowledge(LINES);
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
         let before = edges.get();

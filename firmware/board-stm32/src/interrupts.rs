@@ -2,7 +2,10 @@
 #![expect(unsafe_code, reason = "an executor is run by its own interrupt alone")]
 
 use embassy_executor::InterruptExecutor;
-use embassy_stm32::interrupt::{self, InterruptExt, Priority};
+use embassy_stm32::{
+    interrupt::{self, InterruptExt, Priority},
+    pac::{EXTI, exti::regs::Lines},
+};
 use firmware::deadlines::priority;
 
 use crate::{drdy, trigger};
@@ -27,6 +30,14 @@ pub(crate) fn begin() {
     interrupt::SAI1.set_priority(prioritise(priority::ENCODE));
     // SAFETY: no critical section is open, and its handler is below.
     unsafe { interrupt::EXTI9_5.enable() };
+}
+
+/// Clears pending bits of EXTI's lines, so that their interrupt does not come twice for one edge.
+pub(crate) fn acknowledge(lines: u32) {
+    EXTI.pr(0).write_value(Lines(lines));
+    // The write is posted: a handler that returns before it has arrived is entered again, and would
+    // count an edge that nobody made. A read from the same peripheral waits for it.
+    let _ = EXTI.pr(0).read();
 }
 
 /// From now on the trigger's edges are looked at, one that waits first.

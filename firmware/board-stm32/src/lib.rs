@@ -11,6 +11,8 @@ extern crate std;
 mod parts;
 #[cfg(any(test, target_os = "none"))]
 mod trigger_line;
+#[cfg(any(test, all(target_os = "none", feature = "uart")))]
+mod uart_port;
 #[cfg(any(test, all(target_os = "none", not(feature = "uart"))))]
 mod usb_port;
 
@@ -43,6 +45,8 @@ mod time_driver;
 #[cfg(target_os = "none")]
 mod trigger;
 
+#[cfg(all(target_os = "none", feature = "uart"))]
+pub use port::{PortMemory, Uart, UartInterrupt};
 #[cfg(target_os = "none")]
 pub use {
     application::{Board, begin, sleep, watch},

@@ -16,8 +16,7 @@ use embassy_stm32::{
     interrupt::{self, InterruptExt},
     mode::Blocking,
     pac::{
-        EXTI, GPIOB, TIM2,
-        exti::regs::Lines,
+        GPIOB, TIM2,
         gpio::vals::{Idr, Moder},
         timer::vals::CcmrInputCcs,
     },
@@ -92,7 +91,7 @@ pub(crate) fn allow() {
 /// timer goes on to capture, and the last edge is looked at when it may be. While no samples are taken,
 /// its stamp is wrong by whole periods of 65.536 ms then; nothing streams.
 pub(crate) fn edge() {
-    EXTI.pr(0).write_value(Lines(1 << PIN));
+    interrupts::acknowledge(1 << PIN);
     let edge = critical_section::with(|section| {
         let mut line = LINE.borrow_ref_mut(section);
         // The level first: an edge after it comes again, as one of its own.

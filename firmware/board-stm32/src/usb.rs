@@ -27,6 +27,10 @@ const PRODUCT: u16 = 0x0001;
 
 const _: () = assert!(PACKET <= u16::MAX as usize);
 
+/// Bytes of the binary device object store, which a device of USB 2.1 must have: its header, and the
+/// extension for USB 2.0 (USB 3.2, 9.6.2 and 9.6.2.1). Without room embassy-usb sends an empty one.
+const OBJECT_STORE: usize = 5 + 7;
+
 /// How often a port that is closed is looked at.
 const TICK: Duration = Duration::from_millis(20);
 
@@ -53,6 +57,7 @@ impl Port {
     ) -> ! {
         static RECEIVED: ConstStaticCell<[u8; 4 * PACKET]> = ConstStaticCell::new([0; 4 * PACKET]);
         static CONFIGURATION: ConstStaticCell<[u8; 128]> = ConstStaticCell::new([0; 128]);
+        static STORE: ConstStaticCell<[u8; OBJECT_STORE]> = ConstStaticCell::new([0; OBJECT_STORE]);
         static CONTROL: ConstStaticCell<[u8; PACKET]> = ConstStaticCell::new([0; PACKET]);
         static STATE: StaticCell<State<'static>> = StaticCell::new();
 
@@ -68,7 +73,8 @@ impl Port {
             driver,
             config,
             CONFIGURATION.take(),
-            &mut [],
+            STORE.take(),
+            // No descriptors of Microsoft's: Windows knows the class.
             &mut [],
             CONTROL.take(),
         );
