@@ -40,7 +40,7 @@ pub struct DeviceLine {
     pub uid: String,
     /// Why it started.
     pub reset_cause: String,
-    /// What its last run left behind when it failed, else empty.
+    /// What is wrong with its start, or left by a last run that failed; else empty.
     pub fault: String,
 }
 

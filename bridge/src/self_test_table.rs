@@ -49,7 +49,7 @@ impl fmt::Display for DeviceLine {
         if fault.is_empty() {
             return Ok(());
         }
-        write!(formatter, "; its last run failed: {fault}")
+        write!(formatter, "; it reports: {fault}")
     }
 }
 

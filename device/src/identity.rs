@@ -15,7 +15,7 @@ pub struct Identity<'i> {
     pub session_id: u32,
     /// Why the device started.
     pub reset_cause: ResetCause,
-    /// What the last run left behind when it failed, empty when there was nothing; at most
+    /// What is wrong with the start, or was with the last run; empty when nothing is. At most
     /// [`link::MAX_TEXT_BYTES`].
     pub fault: &'i str,
 }

@@ -31,6 +31,7 @@ mod progress;
 mod shared;
 mod stack;
 mod stamped;
+mod start_fault;
 mod timing;
 
 pub use acquire::acquire;
@@ -46,4 +47,5 @@ pub use progress::{Progress, keep_alive};
 pub use shared::{Mutex, Shared};
 pub use stack::Stack;
 pub use stamped::{Handed, Stamped};
+pub use start_fault::start_fault;
 pub use timing::Clock;

@@ -21,8 +21,8 @@ pub struct Hello<'a> {
     pub session_id: u32,
     /// Why the device started.
     pub reset_cause: ResetCause,
-    /// What the last run left behind when it failed (panic message, fault registers), empty when
-    /// there was nothing. At most [`MAX_TEXT_BYTES`].
+    /// What is wrong: a damaged model, a board without its clock, what the last run left when it failed
+    /// (panic message, fault registers). Empty when nothing is. At most [`MAX_TEXT_BYTES`].
     pub fault: &'a str,
 }
 

@@ -37,7 +37,7 @@ impl Session {
             tracing::info!("device: {identity}");
         }
         if !hello.fault.is_empty() {
-            tracing::error!(fault = hello.fault, "the device's last run failed");
+            tracing::error!(fault = hello.fault, "the device reports a fault");
         }
         self.identity = Some(identity);
     }

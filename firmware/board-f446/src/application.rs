@@ -1,6 +1,8 @@
 //! The board's start.
 
-use board_stm32::{Board, Bus, FRAME_BYTES, Loader, Port, Trigger, Wires, begin, init, sleep};
+use board_stm32::{
+    Board, Bus, ClockSource, FRAME_BYTES, Loader, Port, Trigger, Wires, begin, init, sleep,
+};
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;
 use embassy_stm32::{
@@ -39,9 +41,10 @@ bind_interrupts!(struct UartIrqs {
 fn main() -> ! {
     // Before anything is what it was not at the reset.
     Loader::Stm32F446.run_if_asked(reset::map_system_memory);
-    let parts = Parts::of(init(clocks::config()));
+    let clock = ClockSource::find(clocks::AFTER_RESET_HZ);
+    let parts = Parts::of(init(clocks::config(clock)));
     // There are no tasks yet that could answer for a failure.
-    start(parts).expect("every task is spawned once");
+    start(parts, clock).expect("every task is spawned once");
     sleep()
 }
 
@@ -56,7 +59,7 @@ static BUFFER: ConstStaticCell<[u8; FRAME_BYTES]> = ConstStaticCell::new([0; FRA
 #[cfg(feature = "uart")]
 static PORT_MEMORY: ConstStaticCell<PortMemory> = ConstStaticCell::new(PortMemory::EMPTY);
 
-fn start(parts: Parts) -> Result<(), SpawnError> {
+fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
     let reset_cause = reset::cause();
     reset::spare_the_debugger();
     clocks::accelerate();
@@ -116,6 +119,7 @@ fn start(parts: Parts) -> Result<(), SpawnError> {
         name: "NUCLEO-F446RE",
         firmware: env!("CORTICODE_FIRMWARE"),
         reset_cause,
+        clock,
         session_id: session_id(parts.adc),
         wires,
         trigger,

@@ -1,6 +1,6 @@
 //! The clock tree: 168 MHz for the core, 21 MHz for SPI, 48 MHz for USB.
 
-use board_stm32::prioritise;
+use board_stm32::{ClockSource, prioritise};
 use embassy_stm32::{
     Config,
     pac::FLASH,
@@ -12,21 +12,30 @@ use embassy_stm32::{
 };
 use firmware::deadlines::priority;
 
-/// What the chip starts with.
-pub(crate) fn config() -> Config {
+/// The core's clock after a reset: HSI (RM0390, RCC).
+pub(crate) const AFTER_RESET_HZ: u32 = 16_000_000;
+
+/// The clocks, the same from either source.
+pub(crate) fn config(source: ClockSource) -> Config {
     let mut config = Config::default();
     config.dma_interrupt_priority = prioritise(priority::DRDY);
     let rcc = &mut config.rcc;
-    // The ST-LINK gives 8 MHz (UM1724).
-    rcc.hse = Some(Hse {
-        freq: Hertz(8_000_000),
-        mode: HseMode::Bypass,
-    });
-    // 8 MHz / 4 * 168 = 336 MHz; the core has half of it, and USB a seventh. 180 MHz would want another
+    // Both are the PLL's 2 MHz: a quarter of the ST-LINK's 8 (UM1724), and an eighth of HSI's 16.
+    let (source, prediv) = match source {
+        ClockSource::StLink => {
+            rcc.hse = Some(Hse {
+                freq: Hertz(8_000_000),
+                mode: HseMode::Bypass,
+            });
+            (PllSource::HSE, PllPreDiv::DIV4)
+        }
+        ClockSource::Internal => (PllSource::HSI, PllPreDiv::DIV8),
+    };
+    // 2 MHz * 168 = 336 MHz; the core has half of it, and USB a seventh. 180 MHz would want another
     // PLL for USB's 48.
-    rcc.pll_src = PllSource::HSE;
+    rcc.pll_src = source;
     rcc.pll = Some(Pll {
-        prediv: PllPreDiv::DIV4,
+        prediv,
         mul: PllMul::MUL168,
         divp: Some(PllPDiv::DIV2),
         divq: Some(PllQDiv::DIV7),

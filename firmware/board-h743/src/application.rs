@@ -1,6 +1,6 @@
 //! The board's start.
 
-use board_stm32::{Board, Bus, Loader, Port, Trigger, Wires, begin, init, sleep};
+use board_stm32::{Board, Bus, ClockSource, Loader, Port, Trigger, Wires, begin, init, sleep};
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;
 use embassy_stm32::{
@@ -38,9 +38,10 @@ bind_interrupts!(struct UartIrqs {
 fn main() -> ! {
     // Before anything is what it was not at the reset.
     Loader::Stm32H743.run_if_asked(|| {});
-    let parts = Parts::of(init(clocks::config()));
+    let clock = ClockSource::find(clocks::AFTER_RESET_HZ);
+    let parts = Parts::of(init(clocks::config(clock)));
     // There are no tasks yet that could answer for a failure.
-    start(parts).expect("every task is spawned once");
+    start(parts, clock).expect("every task is spawned once");
     sleep()
 }
 
@@ -49,7 +50,7 @@ async fn watch(watchdog: Peri<'static, IWDG1>) {
     board_stm32::watch(watchdog).await;
 }
 
-fn start(parts: Parts) -> Result<(), SpawnError> {
+fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
     let reset_cause = reset::cause();
     reset::spare_the_debugger();
     let core = cortex_m::Peripherals::take().expect("nobody has taken them");
@@ -110,6 +111,7 @@ fn start(parts: Parts) -> Result<(), SpawnError> {
         name: "NUCLEO-H743ZI2",
         firmware: env!("CORTICODE_FIRMWARE"),
         reset_cause,
+        clock,
         session_id: Rng::new(parts.rng, Irqs).next_u32(),
         wires,
         trigger,

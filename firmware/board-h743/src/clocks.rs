@@ -1,6 +1,6 @@
 //! The clock tree: 480 MHz for the core, 25.6 MHz for SPI, 48 MHz for USB.
 
-use board_stm32::prioritise;
+use board_stm32::{ClockSource, prioritise};
 use embassy_stm32::{
     Config,
     rcc::{
@@ -11,23 +11,32 @@ use embassy_stm32::{
 };
 use firmware::deadlines::priority;
 
-/// What the chip starts with.
-pub(crate) fn config() -> Config {
+/// The core's clock after a reset: HSI (RM0433, RCC).
+pub(crate) const AFTER_RESET_HZ: u32 = 64_000_000;
+
+/// The clocks, the same from either source.
+pub(crate) fn config(source: ClockSource) -> Config {
     let mut config = Config::default();
     config.dma_interrupt_priority = prioritise(priority::DRDY);
     let rcc = &mut config.rcc;
-    // The ST-LINK gives 8 MHz (UM2407).
-    rcc.hse = Some(Hse {
-        freq: Hertz(8_000_000),
-        mode: HseMode::Bypass,
-    });
+    // Both are the PLLs' 8 MHz: the ST-LINK's (UM2407), and an eighth of HSI's 64.
+    let (source, prediv) = match source {
+        ClockSource::StLink => {
+            rcc.hse = Some(Hse {
+                freq: Hertz(8_000_000),
+                mode: HseMode::Bypass,
+            });
+            (PllSource::HSE, PllPreDiv::DIV1)
+        }
+        ClockSource::Internal => (PllSource::HSI, PllPreDiv::DIV8),
+    };
     // 8 MHz * 120 / 2: the most that revision V does, at the highest core voltage (DS12110, 6.3.1).
     // A twentieth of the 960 MHz is USB's 48, as exact as the ST-LINK's quartz, and the generator of
     // random numbers has it too. HSI48 would need CRS: embassy-stm32 0.6.0 synchronises that to the
     // start of frame of USB1, and PA11 and PA12 are USB2 (RM0433, CRS_CFGR, SYNCSRC).
     rcc.pll1 = Some(Pll {
-        source: PllSource::HSE,
-        prediv: PllPreDiv::DIV1,
+        source,
+        prediv,
         mul: PllMul::MUL120,
         fracn: None,
         divp: Some(PllDiv::DIV2),
@@ -47,8 +56,8 @@ pub(crate) fn config() -> Config {
     // 8 MHz * 64 / 20 = 25.6 MHz. SPI divides it by 256, 100 kHz for registers, and by 2, 12.8 MHz for
     // bursts: 136 us for a sample.
     rcc.pll2 = Some(Pll {
-        source: PllSource::HSE,
-        prediv: PllPreDiv::DIV1,
+        source,
+        prediv,
         mul: PllMul::MUL64,
         fracn: None,
         divp: Some(PllDiv::DIV20),

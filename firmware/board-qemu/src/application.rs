@@ -60,7 +60,8 @@ async fn converse(
     share: (&'static mut Frames, HandedOut),
 ) {
     let is_sound = firmware::model_is_sound();
-    let identity = identity(before.as_ref(), is_sound);
+    let fault = firmware::start_fault(is_sound, "", before.as_ref());
+    let identity = identity(before.as_ref(), &fault);
     let mut session = Session::new(identity, ABILITIES, Mains::default());
     if !is_sound {
         session.refuse_starts();
@@ -109,19 +110,14 @@ async fn fail(how: Failure) {
     how.happen();
 }
 
-fn identity(before: Option<&FaultRecord>, is_sound: bool) -> Identity<'_> {
-    let fault = before.map_or("", FaultRecord::text);
+fn identity<'f>(before: Option<&FaultRecord>, fault: &'f str) -> Identity<'f> {
     Identity {
         firmware: env!("CARGO_PKG_VERSION"),
         board: "qemu-mps2",
         chip_uid: *b"qemu-mps2\0\0\0",
         session_id: if before.is_some() { 2 } else { 1 },
         reset_cause: before.map_or(ResetCause::PowerOn, FaultRecord::cause),
-        fault: if is_sound {
-            fault
-        } else {
-            firmware::MODEL_DAMAGED
-        },
+        fault,
     }
 }
 

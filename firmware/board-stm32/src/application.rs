@@ -19,7 +19,7 @@ use pipeline::{Acquisition, Mains};
 use static_cell::StaticCell;
 
 use crate::{
-    CHIPS, Port, Trigger, Wires,
+    CHIPS, ClockSource, Port, Trigger, Wires,
     converter::Adc,
     failure,
     interrupts::{self, ACQUIRE, CONVERSE, ENCODE},
@@ -62,6 +62,8 @@ pub struct Board {
     pub firmware: &'static str,
     /// Why it has started.
     pub reset_cause: ResetCause,
+    /// What its clocks are derived from.
+    pub clock: ClockSource,
     /// Differs from boot to boot.
     pub session_id: u32,
     /// To the converters.
@@ -78,6 +80,7 @@ struct Name {
     board: &'static str,
     session_id: u32,
     reset_cause: ResetCause,
+    clock: ClockSource,
 }
 
 /// Starts the tasks; gives the spawner of the conversation's priority.
@@ -93,11 +96,16 @@ pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
     if let Some(before) = &before {
         warn!("the run before failed: {=str}", before.text());
     }
+    let clock_fault = board.clock.fault();
+    if !clock_fault.is_empty() {
+        warn!("{=str}", clock_fault);
+    }
     let name = Name {
         firmware: board.firmware,
         board: board.name,
         session_id: board.session_id,
         reset_cause: before.map_or(board.reset_cause, |before| before.cause()),
+        clock: board.clock,
     };
     interrupts::begin();
     board.trigger.begin();
@@ -165,17 +173,14 @@ async fn converse(
     share: (&'static mut Frames, HandedOut),
 ) {
     let is_sound = firmware::model_is_sound();
+    let fault = firmware::start_fault(is_sound, name.clock.fault(), before.as_ref());
     let identity = Identity {
         firmware: name.firmware,
         board: name.board,
         chip_uid: uid::uid(),
         session_id: name.session_id,
         reset_cause: name.reset_cause,
-        fault: if is_sound {
-            before.as_ref().map_or("", FaultRecord::text)
-        } else {
-            firmware::MODEL_DAMAGED
-        },
+        fault: &fault,
     };
     let mut session = Session::new(identity, ABILITIES, Mains::default());
     if !is_sound {

@@ -8,6 +8,8 @@
 #[cfg(test)]
 extern crate std;
 
+#[cfg(any(test, target_os = "none"))]
+mod clock_source;
 mod parts;
 #[cfg(any(test, target_os = "none"))]
 mod trigger_line;
@@ -51,6 +53,7 @@ pub use port::{PortMemory, Uart, UartInterrupt};
 pub use {
     application::{Board, begin, sleep, watch},
     bus::{Bus, FRAME_BYTES},
+    clock_source::ClockSource,
     converter::{CHIPS, Wires},
     interrupts::prioritise,
     loader::Loader,
