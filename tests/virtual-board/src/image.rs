@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-use object::{Object, ObjectSegment, ObjectSymbol};
+use object::{Object, ObjectSection, ObjectSegment, ObjectSymbol};
 use thiserror::Error;
 
 use crate::Model;
@@ -59,6 +59,9 @@ pub enum ImageError {
         build: String,
     },
 }
+
+/// A branch to itself, in thumb.
+pub(crate) const LOOP: u16 = 0xE7FE;
 
 /// The command that builds a board's image.
 fn build_command(model: Model) -> String {
@@ -152,6 +155,27 @@ impl Image {
         let mut functions = self.functions.iter();
         let found = functions.find(|(_, _, name)| words.iter().all(|word| name.contains(word)));
         found.map(|(address, _, _)| *address)
+    }
+
+    /// The address of the first instruction of 16 bits with this code.
+    pub(crate) fn instruction(&self, code: u16) -> Option<u64> {
+        let file = object::File::parse(&*self.bytes).ok()?;
+        let text = file.section_by_name(".text")?;
+        let bytes = text.data().ok()?;
+        let place = bytes.chunks_exact(2).position(|half| half == code.to_le_bytes())?;
+        Some(text.address() + 2 * place as u64)
+    }
+
+    /// A function that panics, and the register in which it takes the place of the panic: `core`'s own,
+    /// which an image keeps where an `Option` or a result is unwrapped.
+    pub(crate) fn panic(&self) -> Option<(u64, usize)> {
+        let functions: [(&[&str], usize); 3] = [
+            (&["4core", "6option", "13unwrap_failed"], 0),
+            (&["4core", "panicking", "panic_const"], 0),
+            (&["4core", "6option", "13expect_failed"], 2),
+        ];
+        let mut found = functions.iter();
+        found.find_map(|(words, register)| Some((self.function(words)?, *register)))
     }
 
     /// The function at an address, with the distance from its beginning; the address alone where there is

@@ -17,7 +17,7 @@ use crate::machine::clockwork::{Clockwork, Order, Reached};
 use crate::port::Port;
 use crate::processor::Observer;
 use crate::serial::Serial;
-use crate::{Findings, Image, Model, Setup};
+use crate::{Findings, Image, Injection, Model, Setup};
 
 mod clockwork;
 
@@ -53,7 +53,7 @@ impl VirtualBoard {
     pub fn power_on(model: Model, image: &Image, setup: &Setup) -> Result<Self, Trouble> {
         let chain = Chain::new(setup);
         if !setup.converters_on {
-            // TODO power_off
+            // POWER_OFF
         }
         let serial = Serial::default();
         let observer = Observer::default();
@@ -66,7 +66,7 @@ impl VirtualBoard {
         );
         let (orders, taken) = channel();
         let (answers, reached) = channel();
-        let clockwork = Clockwork::new(model.pins(), chain.clone(), taken, answers);
+        let clockwork = Clockwork::new(model.pins(), chain.clone(), observer.clone(), taken, answers);
         let file = image.clone();
         let thread = thread::spawn(move || {
             let image = rigless::image::Image::new(file.path(), file.bytes().to_vec(), None);
@@ -164,6 +164,26 @@ impl VirtualBoard {
         self.port.send(bytes.expect("commands are short"));
     }
 
+    /// Lets a failure happen when the core next arrives at a symbol.
+    ///
+    /// # Errors
+    /// The image has no such symbol or no code that could fail so, or the emulator has ended.
+    pub fn inject_at(&mut self, symbol: &str, injection: Injection) -> Result<(), Trouble> {
+        let change = injection.change(&self.image);
+        let (Some(address), Some(change)) = (self.image.address(symbol), change) else {
+            let what = format!("the image has no {symbol}, or nothing that could {injection:?}");
+            return Err(Trouble::new(what, self.diagnosis()));
+        };
+        if self.orders.send(Order::Inject(address, change)).is_err() {
+            return Err(self.ended());
+        }
+        Ok(())
+    }
+
+    pub(crate) const fn observer(&self) -> &Observer {
+        &self.observer
+    }
+
     /// Runs up to a time, us since power on, and takes in what the device sends.
     ///
     /// # Errors
@@ -221,7 +241,7 @@ impl VirtualBoard {
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn inspect<T: Send + 'static>(
+    pub(crate) fn inspect<T: Send + 'static>(
         &mut self,
         look: impl FnOnce(&mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,
     ) -> Result<T, Trouble> {

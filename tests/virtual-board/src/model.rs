@@ -110,16 +110,28 @@ impl Model {
         }
     }
 
-    /// Memories that DMA1 reaches (RM0433, 2.1; RM0390, 2.1): on the STM32H743 not the TCMs.
-    pub(crate) const fn dma_memories(self) -> &'static [(u64, u64)] {
+    /// Whether DMA1 reaches an address (RM0433, 2.1; RM0390, 2.1): on the STM32H743 not the TCMs.
+    pub fn dma_reaches(self, address: u64) -> bool {
+        let memories = match self {
+            Self::H743 => &[
+                0x2400_0000..0x2408_0000_u64,
+                0x3000_0000..0x3004_8000,
+            ][..],
+            Self::F446 => &[0x2000_0000..0x2002_0000][..],
+        };
+        memories.iter().any(|memory| memory.contains(&address))
+    }
+
+    /// Where DMA1 is.
+    pub(crate) const fn dma(self) -> u64 {
         match self {
-            Self::H743 => &[(0x2400_0000, 512 << 10), (0x3000_0000, 288 << 10)],
-            Self::F446 => &[(0x2000_0000, 128 << 10)],
+            Self::H743 => 0x4002_0000,
+            Self::F446 => 0x4002_6000,
         }
     }
 
     /// Core clock that the firmware sets, Hz.
-    pub(crate) const fn core_hz(self) -> u64 {
+    pub const fn core_hz(self) -> u64 {
         match self {
             Self::H743 => 480_000_000,
             Self::F446 => 168_000_000,

@@ -4,13 +4,16 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::sync::mpsc::{Receiver, Sender};
 
-use rigless::emulator::{AccessKind, Driver, Host, Settled, Stop};
+use rigless::emulator::{AccessKind, Driver, HitKind, Host, Settled, Stop, Watch};
 use rigless::session::Session;
+use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
 use crate::board::Nucleo;
 use crate::chain::Chain;
+use crate::injection::Change;
 use crate::model::Pins;
+use crate::processor::Observer;
 
 /// Longest time between two stops, ns: bytes that wait for the UART are looked for at each.
 const LONGEST_NS: u64 = 250_000;
@@ -21,6 +24,8 @@ pub(super) enum Order {
     Run(u64),
     /// Edges of the trigger: when, ns, and the level.
     Trigger(Vec<(u64, bool)>),
+    /// Change the core when it arrives at an address.
+    Inject(u64, Change),
     /// Look at the session.
     Look(Look),
     /// Power off.
@@ -35,6 +40,7 @@ impl fmt::Debug for Order {
         match self {
             Self::Run(ns) => write!(formatter, "Run({ns})"),
             Self::Trigger(edges) => write!(formatter, "Trigger({})", edges.len()),
+            Self::Inject(address, _) => write!(formatter, "Inject({address:#x})"),
             Self::Look(_) => formatter.write_str("Look"),
             Self::End => formatter.write_str("End"),
         }
@@ -51,6 +57,9 @@ pub(super) struct Reached {
 pub(super) struct Clockwork {
     pins: &'static Pins,
     chain: Chain,
+    observer: Observer,
+    /// What to change, and at which address.
+    injection: Option<(u64, Change)>,
     orders: Receiver<Order>,
     reached: Sender<Reached>,
     /// Up to when it may run, ns.
@@ -66,12 +75,15 @@ impl Clockwork {
     pub(super) fn new(
         pins: &'static Pins,
         chain: Chain,
+        observer: Observer,
         orders: Receiver<Order>,
         reached: Sender<Reached>,
     ) -> Self {
         Self {
             pins,
             chain,
+            observer,
+            injection: None,
             orders,
             reached,
             until_ns: 0,
@@ -112,6 +124,22 @@ impl Clockwork {
         self.driven = [Some(ready.is_high), Some(self.trigger_is_high)];
     }
 
+    fn inject(&mut self, host: &mut dyn Host) {
+        let Some((address, change)) = self.injection.take() else {
+            return;
+        };
+        host.unwatch(Watch::Instruction(address));
+        for (place, byte) in change
+            .memory
+            .iter()
+            .flat_map(|(start, bytes)| (*start..).zip(bytes))
+        {
+            host.write(place, Width::W8, u64::from(*byte))
+                .expect("the spare memory is there");
+        }
+        self.observer.set_registers(&change.registers);
+    }
+
     /// The next moment that matters.
     fn next(&self, now: VirtualNanos) -> VirtualNanos {
         let mut next = (now.0 + LONGEST_NS).min(self.until_ns);
@@ -125,9 +153,11 @@ impl Clockwork {
 
 impl Driver<Nucleo> for Clockwork {
     /// Follows what the firmware does to the converters' wires.
-    fn on_settled(&mut self, session: &mut Session<Nucleo>, _: &mut dyn Host, settled: Settled) {
-        let Settled::Access { access, .. } = settled else {
-            return;
+    fn on_settled(&mut self, session: &mut Session<Nucleo>, host: &mut dyn Host, settled: Settled) {
+        let access = match settled {
+            Settled::Access { access, .. } => access,
+            Settled::Hit(hit) if hit.kind == HitKind::Instruction => return self.inject(host),
+            _ => return,
         };
         if access.kind != AccessKind::Write {
             return;
@@ -169,6 +199,10 @@ impl Driver<Nucleo> for Clockwork {
                         self.reached.send(reached).ok()?;
                     }
                     Order::Trigger(edges) => self.trigger.extend(edges),
+                    Order::Inject(address, change) => {
+                        host.watch(Watch::Instruction(address));
+                        self.injection = Some((address, change));
+                    }
                     Order::Look(look) => look(session, host),
                     Order::End => return None,
                 }

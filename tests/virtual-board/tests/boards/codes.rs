@@ -1,0 +1,113 @@
+//! Codes of the image against host-sim's.
+
+use std::thread;
+use std::time::Duration;
+
+use host_sim::{Identity, Outbox, VirtualBoard as Simulator, WhenFull};
+use link::{Code, Start, Streams};
+use pipeline::{Mains, Sample};
+use virtual_board::{Inbox, Kind, Model, eeg};
+
+use crate::figures::record;
+use crate::session::{assert_sound, run_codes, running, start};
+
+/// Codes to compare: 16 s.
+const CODES: usize = 256;
+
+/// Samples of a hop.
+const HOP: u64 = 32;
+
+/// Sixteen seconds of codes equal host-sim's bit for bit, are 62.5 ms apart by their stamps, and nothing
+/// was late or lost.
+pub(crate) fn codes_equal_the_simulators(model: Model) {
+    let mut board = running(model);
+    let before = board.converters().samples_delivered();
+    start(&mut board, Streams::CODES);
+    let after = board.converters().samples_delivered();
+    run_codes(&mut board, CODES).unwrap_or_else(|trouble| panic!("{trouble}"));
+
+    let codes: Vec<Code> = board.inbox().codes().map(|(_, code)| code.clone()).collect();
+    // The run begins with one of the samples between the command and its answer.
+    let begins = (before.saturating_sub(1)..=after + 1)
+        .find(|&sample| simulated(sample, 2 * HOP)[..1] == codes[..1]);
+    let begin = begins.expect("the first code is none of host-sim's");
+    let simulated = simulated(begin, HOP * (CODES as u64 + 2));
+    let equal = codes.iter().zip(&simulated).filter(|(image, host)| image == host);
+    assert_eq!(equal.count(), codes.len());
+    let stamps: Vec<u64> = board.inbox().codes().map(|(frame, _)| frame.device_us).collect();
+    for pair in stamps.windows(2) {
+        assert_eq!(pair[1] - pair[0], 62_500);
+    }
+
+    for frame in board.inbox().frames() {
+        match &frame.kind {
+            Kind::Stats(stats) => {
+                let lost = [stats.frames_dropped, stats.overruns, stats.adc_status_bad, stats.input_bad];
+                assert_eq!(lost, [0; 4], "dropped, overruns, bad status, bad input");
+            }
+            Kind::Timing(timing) => {
+                for stage in &timing.stages {
+                    let late = stage.histogram.last().copied();
+                    assert_eq!(late, Some(0), "{} is late: {stage:?}", stage.stage);
+                }
+            }
+            _ => {}
+        }
+    }
+    let timing = board.inbox().frames().iter().rev().find_map(|frame| match &frame.kind {
+        Kind::Timing(timing) => Some(timing.clone()),
+        _ => None,
+    });
+    let timing = timing.expect("a report each second");
+    let worst = timing.stages.iter().map(|stage| {
+        f64::from(stage.worst_ns) / f64::from(stage.deadline_ns)
+    });
+    let worst = worst.fold(0.0, f64::max);
+    assert!(timing.stack_used < timing.stack_size * 3 / 4, "{timing:?}");
+    assert_sound(&mut board);
+    record(model, "codes", codes.len());
+    record(model, "equal_to_host", codes.len());
+    record(model, "worst_path_over_deadline", format!("{worst:.3}"));
+    record(model, "stack_used", timing.stack_used);
+    let used = board.stack_used().expect("the board is there");
+    assert_eq!(used, u64::from(timing.stack_used).max(used), "the report is older");
+    record(model, "instructions_per_virtual_second", board.instructions() * 1_000_000 / board.now_us());
+}
+
+/// What host-sim makes of so many samples from one on.
+fn simulated(first: u64, samples: u64) -> Vec<Code> {
+    let outbox = Outbox::new(WhenFull::Wait);
+    let identity = Identity {
+        session_id: 0,
+        chip_uid: [0; 12],
+    };
+    let mut board = Simulator::new(identity, Mains::default(), outbox.clone());
+    let bytes = thread::scope(|scope| {
+        let reader = scope.spawn(|| {
+            let mut bytes = Vec::new();
+            while let Some(frame) = outbox.take() {
+                bytes.extend(frame);
+                outbox.written();
+            }
+            bytes
+        });
+        let start = Start {
+            streams: Streams::CODES,
+            mains_hz: 0,
+        };
+        board.start(start, 0);
+        for number in 0..samples {
+            let mut sample = Sample::default();
+            for (channel, count) in sample.counts.iter_mut().enumerate() {
+                *count = eeg::count(first + number, channel);
+            }
+            board.sample(&sample, number * 1_000_000 / 512);
+        }
+        outbox.drain(Duration::from_secs(20));
+        outbox.close();
+        reader.join().expect("the reader ends")
+    });
+    let mut inbox = Inbox::default();
+    inbox.push(&bytes);
+    inbox.codes().map(|(_, code)| code.clone()).collect()
+}

@@ -1,0 +1,108 @@
+//! Faults of the converters, as the host learns of them.
+
+use ads1299::simulation::Fault;
+use link::{Flags, Streams};
+use virtual_board::{Kind, Model, Setup, VirtualBoard};
+
+use crate::figures::record;
+use crate::session::{assert_sound, converters, power_on, run_codes, running, start};
+
+/// A chip that is not chip 0.
+const CHIP: usize = 5;
+
+/// Flags of the codes so far.
+fn flags(board: &VirtualBoard) -> Vec<Flags> {
+    board.inbox().codes().map(|(_, code)| code.flags).collect()
+}
+
+/// Frames of each chip that were not to be trusted, by the newest status.
+fn frames_bad(board: &VirtualBoard) -> Vec<u32> {
+    let mut frames = board.inbox().frames().iter().rev();
+    let newest = frames.find_map(|frame| match &frame.kind {
+        Kind::Converters(converters) => Some(converters.frames_bad.to_vec()),
+        _ => None,
+    });
+    newest.expect("a status each second")
+}
+
+/// Breaks the chip while codes stream, and returns which chips the host is told of.
+fn broken(board: &mut VirtualBoard, fault: Fault) -> Vec<usize> {
+    start(board, Streams::CODES);
+    run_codes(board, 8).unwrap_or_else(|trouble| panic!("{trouble}"));
+    let bad = Flags::ADC_STATUS_BAD;
+    assert!(flags(board).iter().all(|flags| !flags.contains(bad)));
+    board.converters().inject(CHIP, fault);
+    run_codes(board, 24).unwrap_or_else(|trouble| panic!("{trouble}"));
+    // The first window that ends after the fault holds it.
+    let flagged: Vec<_> = flags(board).iter().map(|flags| flags.contains(bad)).collect();
+    let first = flagged.iter().position(|&bad| bad).expect("no code is flagged");
+    assert!((8..=9).contains(&first), "code {first} is the first that is flagged");
+    assert!(flagged[first..].iter().all(|&bad| bad), "{flagged:?}");
+    let counts = frames_bad(board);
+    (0..counts.len()).filter(|&chip| counts[chip] > 0).collect()
+}
+
+/// Nothing gets past a chip without power: it and the chips that send through it are named.
+pub(crate) fn a_dead_chip_is_named(model: Model) {
+    let mut board = running(model);
+    let named = broken(&mut board, Fault::Dead);
+    assert_eq!(named, (CHIP..8).collect::<Vec<_>>());
+    assert_sound(&mut board);
+    record(model, "fault_dead_chip", true);
+}
+
+/// A chip that sends a bit late shifts the chips that send through it.
+pub(crate) fn a_shifted_bit_is_named(model: Model) {
+    let mut board = running(model);
+    let named = broken(&mut board, Fault::ShiftedBit);
+    assert_eq!(named.first(), Some(&CHIP), "{named:?}");
+    assert_sound(&mut board);
+    record(model, "fault_shifted_bit", true);
+}
+
+/// DRDY does not move any more: codes go on, flagged, and all chips are counted as bad; when it moves
+/// again, so do the codes.
+pub(crate) fn a_silent_chain_is_flagged(model: Model) {
+    let mut board = running(model);
+    start(&mut board, Streams::CODES);
+    run_codes(&mut board, 8).unwrap_or_else(|trouble| panic!("{trouble}"));
+    board.hold_ready(Some(true));
+    run_codes(&mut board, 24).unwrap_or_else(|trouble| panic!("{trouble}"));
+    let flagged = flags(&board);
+    let bad = Flags::ADC_STATUS_BAD;
+    assert!(flagged[10..].iter().all(|flags| flags.contains(bad)), "{flagged:?}");
+    assert!(frames_bad(&board).iter().all(|&frames| frames > 0));
+    board.hold_ready(None);
+    run_codes(&mut board, 8).unwrap_or_else(|trouble| panic!("{trouble}"));
+    let last = flags(&board).pop().expect("codes");
+    assert!(!last.contains(bad), "{last:?}");
+    assert_sound(&mut board);
+    record(model, "fault_silent_drdy", true);
+}
+
+/// The converters' board gets its power seconds after the microcontroller: the firmware says what is
+/// wrong, tries again, and streams without anybody's help.
+pub(crate) fn converters_may_be_powered_late(model: Model) {
+    let setup = Setup {
+        converters_on: false,
+        ..Setup::default()
+    };
+    let mut board = power_on(model, &setup);
+    let said = board.run_until("a fault of the converters", 3_000_000, |frames| {
+        converters(frames).is_some_and(|fault| !fault.is_empty())
+    });
+    said.unwrap_or_else(|trouble| panic!("{trouble}"));
+    let fault = converters(board.inbox().frames()).unwrap_or_default().to_owned();
+    assert!(fault.contains("ADS1299 0"), "it says {fault:?}");
+    // POWER_ON
+    let mended = board.run_until("converters run", 10_000_000, |frames| {
+        converters(frames) == Some("")
+    });
+    mended.unwrap_or_else(|trouble| panic!("{trouble}"));
+    start(&mut board, Streams::CODES);
+    run_codes(&mut board, 8).unwrap_or_else(|trouble| panic!("{trouble}"));
+    let last = flags(&board).pop().expect("codes");
+    assert!(!last.contains(Flags::ADC_STATUS_BAD), "{last:?}");
+    assert_sound(&mut board);
+    record(model, "fault_late_power", true);
+}

@@ -1,0 +1,56 @@
+//! Interrupt priorities as the NVIC has them.
+
+use firmware::deadlines::priority;
+use virtual_board::Model;
+
+use crate::session::{assert_sound, running};
+
+/// Interrupts that are the same on both chips (RM0433, table 149; RM0390, table 38).
+const COMMON: [(&str, u16, u8); 6] = [
+    ("EXTI9_5, DRDY", 23, priority::DRDY),
+    ("TIM2, time driver", 28, priority::TIME),
+    ("EXTI15_10, trigger", 40, priority::TRIGGER),
+    ("UART4, acquire", 52, priority::ACQUIRE),
+    ("UART5, converse", 53, priority::CONVERSE),
+    ("SAI1, encode", 87, priority::ENCODE),
+];
+
+/// DMA of the converters' SPI, then what belongs to the port.
+fn own(model: Model) -> &'static [(&'static str, u16, u8)] {
+    match model {
+        Model::H743 => &[
+            ("DMA1 stream 0, SPI", 11, priority::DRDY),
+            ("DMA1 stream 1, SPI", 12, priority::DRDY),
+        ],
+        Model::F446 => &[
+            ("DMA1 stream 3, SPI", 14, priority::DRDY),
+            ("DMA1 stream 4, SPI", 15, priority::DRDY),
+            ("USART2", 38, priority::CONVERSE),
+        ],
+    }
+}
+
+/// Every interrupt of the application has the priority of `firmware::deadlines`, and nothing that is
+/// enabled is as urgent as the converters unless it is on this list.
+pub(crate) fn interrupts_have_their_priorities(model: Model) {
+    let mut board = running(model);
+    let enabled = board.interrupts().expect("the board is there");
+    let wanted: Vec<_> = COMMON.iter().chain(own(model)).collect();
+    for (name, line, level) in &wanted {
+        let found = enabled.iter().find(|interrupt| interrupt.0 == *line);
+        assert_eq!(found.map(|interrupt| interrupt.1), Some(*level), "{name}");
+    }
+    let urgent = enabled.iter().filter(|(line, level)| {
+        *level <= priority::ACQUIRE && !wanted.iter().any(|(_, known, _)| known == line)
+    });
+    // embassy enables the interrupts of all EXTI lines and DMA streams; nothing raises those that are not
+    // in use, and their masks are checked here.
+    let unknown: Vec<_> = urgent.filter(|(line, _)| !is_masked(*line)).collect();
+    assert!(unknown.is_empty(), "as urgent as a sample: {unknown:?}");
+    assert_sound(&mut board);
+}
+
+/// EXTI lines 0 to 4 and DMA streams without a channel.
+fn is_masked(line: u16) -> bool {
+    matches!(line, 6..=10 | 11..=17 | 47 | 56..=60 | 68..=70)
+}

@@ -1,0 +1,26 @@
+//! Restarts that the host asks for.
+
+use link::{ResetCause, ResetInto, Streams, ToDevice};
+use virtual_board::Model;
+
+use crate::session::{assert_sound, greetings, run_codes, start, streaming};
+
+/// Longest time from the command to the next `Hello`, us: a tenth of a second for the answer, clocks.
+const LONGEST_US: u64 = 300_000;
+
+/// The device answers, restarts, says why, and streams again.
+pub(crate) fn restarts_on_command(model: Model) {
+    let mut board = streaming(model, Streams::CODES);
+    run_codes(&mut board, 4).unwrap_or_else(|trouble| panic!("{trouble}"));
+    board.send(&ToDevice::Reset(ResetInto::Firmware));
+    let back = board.run_until("Hello after a Reset", LONGEST_US, |frames| {
+        greetings(frames).len() == 2
+    });
+    back.unwrap_or_else(|trouble| panic!("{trouble}"));
+    let (cause, fault) = greetings(board.inbox().frames()).remove(1);
+    assert_eq!((cause, fault.as_str()), (ResetCause::Software, ""));
+    board.run_for_us(2_000_000).unwrap_or_else(|trouble| panic!("{trouble}"));
+    start(&mut board, Streams::CODES);
+    run_codes(&mut board, 4).unwrap_or_else(|trouble| panic!("{trouble}"));
+    assert_sound(&mut board);
+}

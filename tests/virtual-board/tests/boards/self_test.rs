@@ -1,0 +1,36 @@
+//! The converters' self-test.
+
+use link::ToDevice;
+use virtual_board::{Frame, Kind, Model};
+
+use crate::figures::record;
+use crate::session::{assert_sound, converters, running};
+
+/// Longest time of a self-test, us: 4.5 s (docs/hardware.md).
+const LONGEST_US: u64 = 6_000_000;
+
+/// All eight chips and 64 channels are in order, and the chain converts again.
+pub(crate) fn self_test_passes(model: Model) {
+    let mut board = running(model);
+    board.send(&ToDevice::SelfTest);
+    let is_result = |frame: &Frame| matches!(frame.kind, Kind::SelfTest(_));
+    let done = board.run_until("the result of a self-test", LONGEST_US, |frames| {
+        frames.iter().any(is_result)
+    });
+    done.unwrap_or_else(|trouble| panic!("{trouble}"));
+    let results = board.inbox().frames().iter().filter_map(|frame| match &frame.kind {
+        Kind::SelfTest(result) => Some(result),
+        _ => None,
+    });
+    let results: Vec<_> = results.collect();
+    let result = results[0];
+    assert_eq!(result.fault, "", "{result:?}");
+    assert_eq!((result.chips.len(), result.channels.len()), (8, 64));
+    assert_eq!((result.ready_early, result.ready_missed), (0, 0));
+    let edges = board.converters().ready_edges();
+    board.run_for_us(100_000).unwrap_or_else(|trouble| panic!("{trouble}"));
+    assert!(board.converters().ready_edges() > edges + 45, "it converts again");
+    assert_eq!(converters(board.inbox().frames()), Some(""));
+    assert_sound(&mut board);
+    record(model, "selftest_ok", true);
+}

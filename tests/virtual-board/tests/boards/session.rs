@@ -1,0 +1,91 @@
+//! What every scenario begins and ends with.
+
+use link::{Start, Streams, ToDevice};
+use virtual_board::{Frame, Kind, Model, Setup, Trouble, VirtualBoard, allowed};
+
+use crate::images::image;
+
+/// Longest time from power on until the converters run, us: 0.18 s for their power, 0.15 s for their
+/// reference, registers, and the second that the firmware waits from cold.
+pub(crate) const UP_US: u64 = 2_000_000;
+
+/// A board with power.
+pub(crate) fn power_on(model: Model, setup: &Setup) -> VirtualBoard {
+    VirtualBoard::power_on(model, &image(model), setup).expect("the emulator takes the image")
+}
+
+/// A board whose converters run.
+pub(crate) fn running(model: Model) -> VirtualBoard {
+    let mut board = power_on(model, &Setup::default());
+    let up = board.run_until("converters run", UP_US, |frames| {
+        converters(frames).is_some_and(|fault| fault.is_empty())
+    });
+    up.unwrap_or_else(|trouble| panic!("{trouble}"));
+    board
+}
+
+/// A board that streams.
+pub(crate) fn streaming(model: Model, streams: Streams) -> VirtualBoard {
+    let mut board = running(model);
+    start(&mut board, streams);
+    board
+}
+
+/// Starts streams and waits for the answer.
+pub(crate) fn start(board: &mut VirtualBoard, streams: Streams) {
+    let before = acks(board.inbox().frames());
+    board.send(&ToDevice::Start(Start {
+        streams,
+        mains_hz: 0,
+    }));
+    let answered = board.run_until("an answer to Start", 100_000, |frames| acks(frames) > before);
+    answered.unwrap_or_else(|trouble| panic!("{trouble}"));
+}
+
+/// Answers so far.
+pub(crate) fn acks(frames: &[Frame]) -> usize {
+    let is_ack = |frame: &&Frame| matches!(frame.kind, Kind::Ack(_));
+    frames.iter().filter(is_ack).count()
+}
+
+/// Runs until so many codes have come.
+pub(crate) fn run_codes(board: &mut VirtualBoard, codes: usize) -> Result<(), Trouble> {
+    let before = board.inbox().codes().count();
+    let limit_us = codes as u64 * 62_500 + 300_000;
+    board.run_until(&format!("{codes} codes"), limit_us, |frames| {
+        let is_code = |frame: &&Frame| matches!(frame.kind, Kind::Code(_));
+        frames.iter().filter(is_code).count() >= before + codes
+    })
+}
+
+/// What the newest status of the converters says is wrong with them; none before the first.
+pub(crate) fn converters(frames: &[Frame]) -> Option<&str> {
+    frames.iter().rev().find_map(|frame| match &frame.kind {
+        Kind::Converters(converters) => Some(converters.fault.as_str()),
+        _ => None,
+    })
+}
+
+/// Greetings so far, as (reset cause, fault of the run before), in order.
+pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
+    let hello = |frame: &Frame| match &frame.kind {
+        Kind::Hello {
+            reset_cause, fault, ..
+        } => Some((*reset_cause, fault.clone())),
+        _ => None,
+    };
+    frames.iter().filter_map(hello).collect()
+}
+
+/// What holds at the end of every scenario: no address that nothing answers, no access refused, nothing
+/// that is not on the list of what is allowed, no frame damaged, no rule of the converters broken.
+pub(crate) fn assert_sound(board: &mut VirtualBoard) {
+    let findings = board.findings().expect("the board is there");
+    assert_eq!(findings.unmapped, [""; 0], "addresses that nothing answers");
+    assert_eq!(findings.refused, [""; 0], "accesses that were refused");
+    assert_eq!(findings.unrouted, [""; 0], "interrupts without a line");
+    assert_eq!(allowed::surprises(board.model(), &findings), [""; 0]);
+    assert_eq!(board.inbox().bad(), [""; 0], "frames that cannot be used");
+    assert_eq!(board.converters().violations(), 0, "rules of the converters");
+    assert_eq!(board.odd_words(), 0, "words on SPI that are no bytes");
+}
