@@ -28,6 +28,14 @@ impl Stack {
         self.start - self.end
     }
 
+    /// Whether words from an address on are aligned and wholly in it: what a handler may read of them.
+    pub const fn contains_words(self, address: usize, words: usize) -> bool {
+        address.is_multiple_of(size_of::<u32>())
+            && address >= self.end
+            && address <= self.start
+            && words <= (self.start - address) / size_of::<u32>()
+    }
+
     /// Bytes that were used at most since boot: what lies above the lowest word that is no paint. It
     /// reads as many words as were never used: not for a task with a short deadline.
     pub fn used(self) -> usize {
@@ -38,5 +46,31 @@ impl Stack {
             value == PAINT
         });
         self.size() - size_of::<u32>() * untouched.count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_in_the_stack_only_with_all_of_them_and_aligned() {
+        // SAFETY: nothing reads it.
+        let stack = unsafe { Stack::between(0x2000_0000, 0x2000_8000) };
+        for (address, is_inside) in [
+            (0x2000_0000, true),
+            (0x2000_7fe0, true),
+            (0x2000_7fe4, false),
+            (0x2000_8000, false),
+            (0x1fff_fffc, false),
+            (0x2000_0002, false),
+            (0x3000_0000, false),
+            (0, false),
+            (usize::MAX - 3, false),
+        ] {
+            assert_eq!(stack.contains_words(address, 8), is_inside, "{address:#x}");
+        }
+        assert!(stack.contains_words(0x2000_8000, 0));
+        assert!(!stack.contains_words(0x2000_0000, usize::MAX));
     }
 }

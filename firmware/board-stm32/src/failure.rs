@@ -67,8 +67,9 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     fail(FaultRecord::failed(info))
 }
 
-/// Begins the stack anew where less than 2 KiB of it are left: after an overflow a handler that pushes
-/// would lock the core up. What it pushes is about half of that, from the frames of an image.
+/// Starts the stack from its beginning where the pointer is outside it or has less than 2 KiB left: a
+/// handler that pushes there would lock the core up. What it pushes is about half of that, from the
+/// frames of an image.
 #[unsafe(export_name = "HardFault")]
 #[unsafe(naked)]
 unsafe extern "C" fn hard_fault() -> ! {
@@ -76,17 +77,21 @@ unsafe extern "C" fn hard_fault() -> ! {
         "mrs r0, msp",
         "ldr r1, =_stack_end",
         "add r1, r1, #2048",
+        "ldr r2, =_stack_start",
         "cmp r0, r1",
-        "bhs 2f",
-        "ldr r1, =_stack_start",
-        "msr msp, r1",
+        "blo 2f",
+        "cmp r0, r2",
+        "bls 3f",
         "2:",
+        "msr msp, r2",
+        "3:",
         "b {record}",
         record = sym record,
     )
 }
 
-/// `stacked` is where the core has put its registers: r0 to r3, r12, lr, pc, xpsr.
+/// `stacked` is where the core has put its registers: r0 to r3, r12, lr, pc, xpsr. Where that is not in
+/// the stack nothing is read: it may be no memory at all, and a fault in here locks the core up.
 unsafe extern "C" fn record(stacked: *const [u32; 8]) -> ! {
     // SAFETY: the core's own registers; reading them changes nothing.
     let scb = unsafe { &*SCB::PTR };
@@ -96,8 +101,13 @@ unsafe extern "C" fn record(stacked: *const [u32; 8]) -> ! {
             "stack overflow (CFSR {cfsr:#010x})"
         )))
     }
-    // SAFETY: the core has just written there, and what this handler pushes lies below, or at the other
-    // end of the stack.
+    if !stack().contains_words(stacked.addr(), 8) {
+        fail(FaultRecord::failed(format_args!(
+            "hard fault, stack pointer {stacked:p} outside the stack (CFSR {cfsr:#010x})"
+        )))
+    }
+    // SAFETY: aligned words of the stack, where the core has just written; what this handler pushes is
+    // below, or at the other end of the stack.
     let [.., lr, pc, _] = unsafe { stacked.read_volatile() };
     fail(FaultRecord::failed(format_args!(
         "hard fault at {pc:#010x}, called from {lr:#010x} (CFSR {cfsr:#010x})"
