@@ -8,6 +8,7 @@ use rigless::snapshot::Store;
 use crate::Model;
 use crate::chain::Chain;
 use crate::chip::Chip;
+use crate::core_bus::{Cleared, Differences};
 use crate::processor::{Observer, observed};
 use crate::serial::Serial;
 use crate::setup::Setup;
@@ -18,6 +19,7 @@ pub(crate) struct Nucleo {
     pub(crate) chip: Box<dyn Chip>,
     model: Model,
     observer: Observer,
+    cleared: Vec<Cleared>,
 }
 
 impl Nucleo {
@@ -33,12 +35,15 @@ impl Nucleo {
         if let Some(hz) = setup.lsi_hz {
             chip.set_lsi(hz);
         }
+        // The emulator has HSERDY rise with nothing at the pins.
+        let cleared = (setup.clock_hz == 0).then(|| chip.clock_ready());
         chip.attach_spi(chain);
         chip.attach_uart(Box::new(serial));
         Self {
             chip,
             model,
             observer,
+            cleared: cleared.into_iter().collect(),
         }
     }
 }
@@ -51,7 +56,11 @@ impl Board for Nucleo {
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
-        let core = observed(self.chip.core(), &self.observer);
+        let differences = Differences {
+            redirects: self.chip.redirects(),
+            cleared: self.cleared.clone(),
+        };
+        let core = observed(self.chip.core(), &self.observer, differences);
         let mcu: &mut dyn Mcu = &mut *self.chip;
         vec![Target::new(self.model.key(), mcu, core)]
     }

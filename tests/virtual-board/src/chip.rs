@@ -11,6 +11,7 @@ use rigless::mcu::Mcu;
 use rigless::time::VirtualNanos;
 
 use crate::chain::Chain;
+use crate::core_bus::{Cleared, Redirect};
 
 pub(crate) use f446::F446;
 pub(crate) use h743::H743;
@@ -38,6 +39,12 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
 
     /// Fits a crystal or an external clock, Hz; 0 is none.
     fn fit_clock(&mut self, hz: u64);
+
+    /// The flag that says that the clock from outside is ready.
+    fn clock_ready(&self) -> Cleared;
+
+    /// Addresses at which the emulator's part has something else than the chip.
+    fn redirects(&self) -> Vec<Redirect>;
 
     /// Sets the rate of the internal low-speed oscillator, which the watchdog counts, Hz.
     fn set_lsi(&mut self, hz: u64);

@@ -21,6 +21,7 @@ pub mod allowed;
 mod board;
 mod chain;
 mod chip;
+mod core_bus;
 mod diagnosis;
 pub mod eeg;
 mod findings;

@@ -261,7 +261,15 @@ impl VirtualBoard {
     /// # Errors
     /// The emulator has ended.
     pub fn findings(&mut self) -> Result<Findings, Trouble> {
-        self.inspect(|session, _| Findings::of(session))
+        let failed = self.observer.failed().into_iter();
+        let failed = failed.map(|(address, pc)| match pc {
+            Some(pc) => format!("{address:#010x} from {}", self.image.describe(pc)),
+            None => format!("{address:#010x} by the core itself"),
+        });
+        let failed: Vec<String> = failed.collect();
+        let mut findings = self.inspect(|session, _| Findings::of(session))?;
+        findings.unmapped.extend(failed);
+        Ok(findings)
     }
 
     /// Where the core stands, what was not mapped, what has reset it.

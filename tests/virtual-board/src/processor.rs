@@ -5,13 +5,14 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use rigless::device::Level;
 use rigless::emulator::{
-    BitAlias, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason, HostCall, InterruptLine,
-    Processor, Queued,
+    BitAlias, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason, HostCall, Processor,
+    Queued,
 };
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
+
+use crate::core_bus::{Bus, Differences};
 
 /// Program counters that are kept.
 const TRAIL: usize = 16;
@@ -29,8 +30,8 @@ struct Observed {
     /// Addresses in the core's own space to read before the next instruction, and what was read.
     wanted: Vec<u64>,
     read: Vec<(u64, u32)>,
-    /// Interrupt lines that were raised.
-    raised: Vec<(u16, u64)>,
+    /// Accesses to memory that is not there: address, and the instruction.
+    failed: Vec<(u64, Option<u64>)>,
 }
 
 impl Observer {
@@ -41,6 +42,11 @@ impl Observer {
     /// Where the core stood, the newest last.
     pub(crate) fn trail(&self) -> Vec<u64> {
         self.state().trail.iter().copied().collect()
+    }
+
+    /// Accesses to memory that is not there: address, and the instruction.
+    pub(crate) fn failed(&self) -> Vec<(u64, Option<u64>)> {
+        self.state().failed.clone()
     }
 
     /// Sets registers before the next instruction: r0 to r12, sp 13, lr 14, pc 15.
@@ -61,13 +67,20 @@ impl Observer {
     }
 }
 
-/// A core that is observed.
-pub(crate) fn observed(mut core: CoreSpec, observer: &Observer) -> CoreSpec {
+/// A core that is observed, and whose accesses differ from those of the emulator's part.
+pub(crate) fn observed(
+    mut core: CoreSpec,
+    observer: &Observer,
+    differences: Differences,
+) -> CoreSpec {
     let (make, observer) = (core.processor, observer.clone());
+    let differences = Arc::new(differences);
     core.processor = Arc::new(move |endian: Endian| {
-        let core = make(endian)?;
-        let observer = observer.clone();
-        Ok(Box::new(Core { core, observer }) as Box<dyn Processor>)
+        Ok(Box::new(Core {
+            core: make(endian)?,
+            observer: observer.clone(),
+            differences: Arc::clone(&differences),
+        }) as Box<dyn Processor>)
     });
     core
 }
@@ -77,6 +90,7 @@ pub(crate) fn observed(mut core: CoreSpec, observer: &Observer) -> CoreSpec {
 struct Core {
     core: Box<dyn Processor>,
     observer: Observer,
+    differences: Arc<Differences>,
 }
 
 impl Core {
@@ -96,8 +110,18 @@ impl Core {
 impl Processor for Core {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
         self.prepare(bus.time(self.core.retired()));
-        let ran = self.core.run(budget, bus);
+        let mut failed = Vec::new();
+        let mut bus = Bus {
+            bus,
+            differences: &self.differences,
+            failed: &mut failed,
+        };
+        let ran = self.core.run(budget, &mut bus);
         let mut state = self.observer.state();
+        // The first ones tell most.
+        if state.failed.len() < TRAIL {
+            state.failed.extend(failed);
+        }
         if state.trail.len() == TRAIL {
             state.trail.pop_front();
         }
@@ -110,10 +134,6 @@ impl Processor for Core {
     }
 
     fn ask(&mut self, queued: Queued) {
-        if let Queued::Line(line, Level::High) = queued {
-            let instructions = self.core.retired();
-            self.observer.note(line, instructions);
-        }
         self.core.ask(queued);
     }
 
@@ -250,14 +270,5 @@ impl Processor for Core {
 
     fn answer_host_call(&mut self, answer: Option<u64>) {
         self.core.answer_host_call(answer);
-    }
-}
-
-impl Observer {
-    fn note(&self, line: InterruptLine, instructions: u64) {
-        let mut state = self.state();
-        if state.raised.len() < 64 {
-            state.raised.push((line.index(), instructions));
-        }
     }
 }

@@ -11,7 +11,7 @@ use rigless::device::{ErasedDevice, Level, ResetCause};
 use rigless::emulator::CoreSpec;
 use rigless::machine::armv7m::{Config, Core, Fpu, MpuRegions, Variant};
 use rigless::mcu::{Mcu, Operate};
-use rigless::soc::Bus;
+use rigless::soc::{Bus, Region};
 use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::{gpioa, spi1, syscfg};
 use rigless::soc::stm32f427::peripherals::gpio::{Gpio, Pin as PartPin};
@@ -22,6 +22,7 @@ use rigless::time::VirtualNanos;
 use crate::Model;
 use crate::chain::Chain;
 use crate::chip::{Chip, Pin};
+use crate::core_bus::{Cleared, Redirect};
 
 use exti::Exti;
 
@@ -37,6 +38,16 @@ const TIMER_FUNCTION: u8 = 1;
 const PORTS: [&str; 8] = [
     "GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH",
 ];
+
+/// RCC_CR and its flag (RM0390, 6.3.1).
+const RCC_CR: u64 = 0x4002_3800;
+const HSERDY: u64 = 1 << 17;
+
+/// RCC_DCKCFGR2 (RM0390, 6.3.28), which the STM32F427 lacks. It keeps what is written: the clocks that it
+/// chooses are those of its reset value, and USB's, whose rate nothing here depends on.
+const DCKCFGR2: u64 = 0x4002_3894;
+/// Where it is kept, an address that the chip has nothing at.
+const SPARE: u64 = 0x5700_0000;
 
 /// An STM32F446.
 #[derive(Debug)]
@@ -54,6 +65,8 @@ impl F446 {
     pub(crate) fn new() -> Self {
         let mut part = Stm32f427::new().expect("the emulator's own part");
         part.set_supply(3300);
+        let spare = Region::ram("DCKCFGR2", SPARE, 0x1000);
+        part.bus_mut().add_region(spare).expect("nothing is there");
         let exti_slot = part.bus().slot("EXTI").expect("the part has an EXTI");
         Self {
             part,
@@ -147,6 +160,20 @@ impl Chip for F446 {
         self.part.rcc.attach_crystals(hz, 0);
     }
 
+    fn clock_ready(&self) -> Cleared {
+        Cleared {
+            address: RCC_CR,
+            bits: HSERDY,
+        }
+    }
+
+    fn redirects(&self) -> Vec<Redirect> {
+        vec![Redirect {
+            from: DCKCFGR2..DCKCFGR2 + 4,
+            to: SPARE,
+        }]
+    }
+
     fn set_lsi(&mut self, hz: u64) {
         self.part.rcc.calibrate_lsi(hz);
     }
@@ -186,9 +213,8 @@ impl Chip for F446 {
         self.part.drive_port(at, pin.port(), |gpio, registers, context| {
             gpio.drive(part_pin(pin), Some(level), registers, context);
         });
-        if self.routed_port(pin.1) == u64::from(pin.0) {
-            let (registers, mut context) = self.part.bus_mut().drive(at, self.exti_slot);
-            self.exti.level(pin.1, is_high, registers, &mut context);
-        }
+        let is_routed = self.routed_port(pin.1) == u64::from(pin.0);
+        let (registers, mut context) = self.part.bus_mut().drive(at, self.exti_slot);
+        self.exti.level(pin, is_high, is_routed, registers, &mut context);
     }
 }

@@ -15,7 +15,7 @@ use rigless::machine::armv7m::{
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::Bus;
 use rigless::soc::stm32h743::Stm32h743;
-use rigless::soc::stm32h743::generated::{gpioa, rcc, spi1};
+use rigless::soc::stm32h743::generated::{gpioa, spi1};
 use rigless::soc::stm32h743::peripherals::gpio::{Gpio, PORTS, Pin as PartPin};
 use rigless::soc::stm32h743::peripherals::tim::{Channel, TIMERS, Tim};
 use rigless::time::VirtualNanos;
@@ -23,6 +23,7 @@ use rigless::time::VirtualNanos;
 use crate::Model;
 use crate::chain::Chain;
 use crate::chip::{Chip, Pin};
+use crate::core_bus::{Cleared, Redirect};
 
 use watchdog::Watchdog;
 
@@ -34,6 +35,10 @@ const UART: usize = 2;
 const TIMER: usize = 0;
 /// TIM2's alternate function on PB10 (DS12110, table 10).
 const TIMER_FUNCTION: u8 = 1;
+
+/// RCC_CR and its flag (RM0433, 8.7.2).
+const RCC_CR: u64 = 0x5802_4400;
+const HSERDY: u64 = 1 << 17;
 
 /// An STM32H743.
 #[derive(Debug)]
@@ -142,6 +147,17 @@ impl Chip for H743 {
         self.part.rcc.attach_crystals(hz, 0);
     }
 
+    fn clock_ready(&self) -> Cleared {
+        Cleared {
+            address: RCC_CR,
+            bits: HSERDY,
+        }
+    }
+
+    fn redirects(&self) -> Vec<Redirect> {
+        Vec::new()
+    }
+
     fn set_lsi(&mut self, hz: u64) {
         self.part.rcc.calibrate_lsi(hz);
     }
@@ -164,7 +180,6 @@ impl Chip for H743 {
 
     fn core_hz(&self) -> u64 {
         let registers = self.bus().registers("RCC").expect("the part has an RCC");
-        let _: u64 = registers.get(rcc::Register::Cr);
         self.part.rcc.cpu_clock(registers)
     }
 

@@ -56,6 +56,6 @@ pub(crate) fn starts_up_without_the_clock(model: Model) {
     let greetings = greetings(board.inbox().frames());
     let (cause, fault) = &greetings[0];
     assert_eq!(*cause, ResetCause::PowerOn);
-    assert!(fault.contains("clock"), "it says {fault:?}");
+    assert!(fault.contains("8 MHz from the ST-LINK"), "it says {fault:?}");
     assert_eq!(board.core_hz().expect("the board is there"), model.core_hz());
 }

@@ -3,8 +3,13 @@
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::soc::stm32f427::generated::exti::Register;
 
+use crate::chip::Pin;
+
 /// Lines of pins.
 const LINES: usize = 16;
+
+/// Ports, A to H.
+const PORTS: usize = 8;
 
 /// The first and last line of each interrupt, with its position among the instance's (RM0390, table 38):
 /// tamper and wake-up come first and last, lines 0 to 4 have one each.
@@ -23,7 +28,8 @@ const ROUTES: [(usize, u8, u8); 7] = [
 pub(super) struct Exti {
     /// The emulator's register file stores what is written to PR, which clears bits.
     pending: u64,
-    levels: [bool; LINES],
+    /// Of each port's pins.
+    levels: [[bool; LINES]; PORTS],
     raised: [bool; 8],
 }
 
@@ -34,22 +40,28 @@ impl Exti {
         self.raised = [false; 8];
     }
 
-    /// The level of the pin that is routed to a line.
+    /// The level of a pin; `is_routed` says whether SYSCFG routes it to the line of its number.
     pub(super) fn level(
         &mut self,
-        line: u8,
+        pin: Pin,
         is_high: bool,
+        is_routed: bool,
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
-        let Some(level) = self.levels.get_mut(usize::from(line)) else {
+        let ports = self.levels.get_mut(pin.port());
+        let Some(level) = ports.and_then(|port| port.get_mut(usize::from(pin.1))) else {
             return;
         };
-        if std::mem::replace(level, is_high) == is_high {
+        if std::mem::replace(level, is_high) == is_high || !is_routed {
             return;
         }
-        let selected = if is_high { Register::Rtsr } else { Register::Ftsr };
-        let edge = registers.get(selected) & 1 << line;
+        let selected = if is_high {
+            Register::Rtsr
+        } else {
+            Register::Ftsr
+        };
+        let edge = registers.get(selected) & 1 << pin.1;
         self.pend(edge, registers, context);
     }
 

@@ -1,0 +1,105 @@
+//! What lies between the emulated core and the emulator's bus.
+
+use std::ops::Range;
+
+use rigless::emulator::{Access, AccessKind, Checked, CoreBus, InterruptLine, Queued};
+use rigless::time::VirtualNanos;
+
+/// A range of addresses and where it is redirected to.
+///
+/// The emulator's register tables cover a peripheral's whole block; what they lack is modelled at a free
+/// address, and the program does not notice.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Redirect {
+    /// The addresses the program uses.
+    pub from: Range<u64>,
+    /// The address that stands for the first of them.
+    pub to: u64,
+}
+
+/// Bits of a register that read as 0, whatever the emulator's model has there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Cleared {
+    /// The register.
+    pub(crate) address: u64,
+    /// Its bits.
+    pub(crate) bits: u64,
+}
+
+/// How the core's accesses differ from the emulator's part.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Differences {
+    pub(crate) redirects: Vec<Redirect>,
+    pub(crate) cleared: Vec<Cleared>,
+}
+
+/// The end of code and SRAM in the address map (ARM DDI 0403, B3.1): memory, which answers by itself.
+const MEMORY_END: u64 = 0x4000_0000;
+
+/// The bus that the core is lent.
+pub(crate) struct Bus<'a> {
+    pub(crate) bus: &'a mut dyn CoreBus,
+    pub(crate) differences: &'a Differences,
+    /// Accesses to memory that is not there: address, and the instruction.
+    pub(crate) failed: &'a mut Vec<(u64, Option<u64>)>,
+}
+
+impl Bus<'_> {
+    fn redirected(&self, mut access: Access) -> Access {
+        let mut redirects = self.differences.redirects.iter();
+        if let Some(redirect) = redirects.find(|redirect| redirect.from.contains(&access.address)) {
+            access.address = access.address - redirect.from.start + redirect.to;
+        }
+        access
+    }
+}
+
+impl CoreBus for Bus<'_> {
+    /// Memory that the part has is answered before; below its end nothing else does, and the bus fails the
+    /// access. The emulator's own bus would answer 0.
+    fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
+        if access.address < MEMORY_END && access.kind == AccessKind::Write
+            || access.address < MEMORY_END && from_code
+        {
+            self.failed.push((access.address, access.program_counter));
+            return None;
+        }
+        let value = self.bus.access(self.redirected(access), from_code)?;
+        let mut cleared = self.differences.cleared.iter();
+        let bits = cleared.find(|cleared| cleared.address == access.address & !3);
+        let shift = 8 * (access.address & 3);
+        Some(bits.map_or(value, |cleared| value & !(cleared.bits >> shift)))
+    }
+
+    fn time(&self, instructions: u64) -> VirtualNanos {
+        self.bus.time(instructions)
+    }
+
+    fn queued(&mut self) -> Vec<Queued> {
+        self.bus.queued()
+    }
+
+    fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
+        self.bus.carry_on(instructions, event)
+    }
+
+    fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
+        self.bus.acknowledge(line, instructions)
+    }
+
+    fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
+        self.bus.read_checked(self.redirected(access), report)
+    }
+
+    fn write_checked(&mut self, access: Access) -> Option<bool> {
+        self.bus.write_checked(self.redirected(access))
+    }
+
+    fn stops_before(&mut self, access: &Access) -> bool {
+        self.bus.stops_before(&self.redirected(*access))
+    }
+
+    fn send_trace(&mut self, bytes: &[u8]) {
+        self.bus.send_trace(bytes);
+    }
+}
