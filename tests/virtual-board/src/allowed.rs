@@ -44,5 +44,7 @@ pub fn surprises(model: Model, findings: &Findings) -> Vec<String> {
     let is_allowed = |finding: &&String| list.iter().any(|(begin, _)| finding.starts_with(begin));
     let all = [&findings.told, &findings.unimplemented, &findings.undefined];
     let all = all.into_iter().flatten();
-    all.filter(|finding| !is_allowed(finding)).cloned().collect()
+    all.filter(|finding| !is_allowed(finding))
+        .cloned()
+        .collect()
 }

@@ -10,7 +10,7 @@ use rigless::time::VirtualNanos;
 /// The emulator's register tables cover a peripheral's whole block; what they lack is modelled at a free
 /// address, and the program does not notice.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Redirect {
+pub(crate) struct Redirect {
     /// The addresses the program uses.
     pub from: Range<u64>,
     /// The address that stands for the first of them.

@@ -35,7 +35,10 @@ impl fmt::Display for Diagnosis {
             self.bad.len()
         )?;
         let resets: Vec<_> = self.findings.resets.iter().collect();
-        let resets: Vec<_> = resets.iter().map(|(us, why)| format!("{us} us: {why}")).collect();
+        let resets: Vec<_> = resets
+            .iter()
+            .map(|(us, why)| format!("{us} us: {why}"))
+            .collect();
         for (title, lines) in [
             ("program counters, the newest last", &self.places),
             ("resets", &resets),

@@ -1,6 +1,8 @@
 //! Frames from the device.
 
-use link::{Ack, Code, Converters, Decoder, Event, MAX_FRAME, ResetCause, SelfTest, Stats, Timing, ToHost};
+use link::{
+    Ack, Code, Converters, Decoder, Event, MAX_FRAME, ResetCause, SelfTest, Stats, Timing, ToHost,
+};
 
 /// A frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,7 +34,9 @@ pub enum Kind {
     Event(Event),
     Converters(Box<Converters>),
     SelfTest(Box<SelfTest>),
-    Raw { first_sample: u64 },
+    Raw {
+        first_sample: u64,
+    },
     /// Any other.
     Other,
 }

@@ -162,7 +162,9 @@ impl Image {
         let file = object::File::parse(&*self.bytes).ok()?;
         let text = file.section_by_name(".text")?;
         let bytes = text.data().ok()?;
-        let place = bytes.chunks_exact(2).position(|half| half == code.to_le_bytes())?;
+        let place = bytes
+            .chunks_exact(2)
+            .position(|half| half == code.to_le_bytes())?;
         Some(text.address() + 2 * place as u64)
     }
 
@@ -181,8 +183,12 @@ impl Image {
     /// The function at an address, with the distance from its beginning; the address alone where there is
     /// none.
     pub fn describe(&self, address: u64) -> String {
-        let after = self.functions.partition_point(|(start, _, _)| *start <= address);
-        let found = after.checked_sub(1).and_then(|index| self.functions.get(index));
+        let after = self
+            .functions
+            .partition_point(|(start, _, _)| *start <= address);
+        let found = after
+            .checked_sub(1)
+            .and_then(|index| self.functions.get(index));
         match found {
             Some((start, size, name)) if address < start + size.max(&1) => {
                 format!("{address:#010x} {}+{:#x}", readable(name), address - start)
@@ -194,5 +200,10 @@ impl Image {
 
 /// A mangled name as its path, without the hash.
 fn readable(name: &str) -> String {
-    rustc_demangle::demangle(name).to_string().split("::h").next().unwrap_or(name).to_owned()
+    rustc_demangle::demangle(name)
+        .to_string()
+        .split("::h")
+        .next()
+        .unwrap_or(name)
+        .to_owned()
 }

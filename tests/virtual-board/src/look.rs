@@ -43,7 +43,8 @@ impl VirtualBoard {
         let (end, start) = (end.unwrap_or(0), start.unwrap_or(0));
         self.inspect(move |_, host| {
             let words = (end..start).step_by(4);
-            let untouched = words.take_while(|&word| host.read(word, Width::W32).is_ok_and(|word| word == PAINT));
+            let untouched = words
+                .take_while(|&word| host.read(word, Width::W32).is_ok_and(|word| word == PAINT));
             start - end - 4 * untouched.count() as u64
         })
     }
@@ -66,7 +67,9 @@ impl VirtualBoard {
         };
         let is_enabled = |line: &u16| byte(ISER + u64::from(line / 8)) >> (line % 8) & 1 != 0;
         let lines = (0..LINES).filter(is_enabled);
-        Ok(lines.map(|line| (line, byte(IPR + u64::from(line)) >> 4)).collect())
+        Ok(lines
+            .map(|line| (line, byte(IPR + u64::from(line)) >> 4))
+            .collect())
     }
 
     /// Memory addresses of DMA1's streams that have a peripheral.
@@ -82,7 +85,9 @@ impl VirtualBoard {
             let streams = (0..STREAMS).map(|stream| dma + stream * STREAM_BYTES);
             let used = streams.filter(|stream| read(stream + PERIPHERAL) != 0);
             let used: Vec<u64> = used.collect();
-            used.into_iter().map(|stream| read(stream + MEMORY)).collect()
+            used.into_iter()
+                .map(|stream| read(stream + MEMORY))
+                .collect()
         })
     }
 }

@@ -66,7 +66,13 @@ impl VirtualBoard {
         );
         let (orders, taken) = channel();
         let (answers, reached) = channel();
-        let clockwork = Clockwork::new(model.pins(), chain.clone(), observer.clone(), taken, answers);
+        let clockwork = Clockwork::new(
+            model.pins(),
+            chain.clone(),
+            observer.clone(),
+            taken,
+            answers,
+        );
         let file = image.clone();
         let thread = thread::spawn(move || {
             let image = rigless::image::Image::new(file.path(), file.bytes().to_vec(), None);
@@ -172,7 +178,7 @@ impl VirtualBoard {
         let change = injection.change(&self.image);
         let (Some(address), Some(change)) = (self.image.address(symbol), change) else {
             let what = format!("the image has no {symbol}, or nothing that could {injection:?}");
-            return Err(Trouble::new(what, self.diagnosis()));
+            return Err(self.trouble(what));
         };
         if self.orders.send(Order::Inject(address, change)).is_err() {
             return Err(self.ended());
@@ -227,11 +233,8 @@ impl VirtualBoard {
                 return Ok(());
             }
             if self.now_us() >= end {
-                let diagnosis = self.diagnosis();
-                return Err(Trouble::new(
-                    format!("{what}: not within {limit_us} us of virtual time"),
-                    diagnosis,
-                ));
+                let what = format!("{what}: not within {limit_us} us of virtual time");
+                return Err(self.trouble(what));
             }
             self.run_until_us((self.now_us() + LOOK_US).min(end))?;
         }
@@ -270,6 +273,12 @@ impl VirtualBoard {
         let mut findings = self.inspect(|session, _| Findings::of(session))?;
         findings.unmapped.extend(failed);
         Ok(findings)
+    }
+
+    /// What went wrong, with the diagnosis of now.
+    pub fn trouble(&mut self, what: String) -> Trouble {
+        let diagnosis = self.diagnosis();
+        Trouble::new(what, diagnosis)
     }
 
     /// Where the core stands, what was not mapped, what has reset it.

@@ -113,10 +113,7 @@ impl Model {
     /// Whether DMA1 reaches an address (RM0433, 2.1; RM0390, 2.1): on the STM32H743 not the TCMs.
     pub fn dma_reaches(self, address: u64) -> bool {
         let memories = match self {
-            Self::H743 => &[
-                0x2400_0000..0x2408_0000_u64,
-                0x3000_0000..0x3004_8000,
-            ][..],
+            Self::H743 => &[0x2400_0000..0x2408_0000_u64, 0x3000_0000..0x3004_8000][..],
             Self::F446 => &[0x2000_0000..0x2002_0000][..],
         };
         memories.iter().any(|memory| memory.contains(&address))

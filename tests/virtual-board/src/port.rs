@@ -17,6 +17,12 @@ impl Port {
         self.0.line().take()
     }
 
+    /// A host opens the port. A UART has no way to tell the device.
+    pub const fn open(&self) {}
+
+    /// The host closes it.
+    pub const fn close(&self) {}
+
     /// Baud rate that the device sends with, once it has sent two bytes; none over USB.
     pub fn baud(&self) -> Option<u64> {
         self.0.line().baud()

@@ -6,8 +6,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rigless::emulator::{
-    BitAlias, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason, HostCall, Processor,
-    Queued,
+    BitAlias, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason, HostCall, Processor, Queued,
 };
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;

@@ -11,12 +11,12 @@ use rigless::device::{ErasedDevice, Level, ResetCause};
 use rigless::emulator::CoreSpec;
 use rigless::machine::armv7m::{Config, Core, Fpu, MpuRegions, Variant};
 use rigless::mcu::{Mcu, Operate};
-use rigless::soc::{Bus, Region};
 use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::{gpioa, spi1, syscfg};
-use rigless::soc::stm32f427::peripherals::gpio::{Gpio, Pin as PartPin};
 use rigless::soc::stm32f427::peripherals::TIMERS;
+use rigless::soc::stm32f427::peripherals::gpio::{Gpio, Pin as PartPin};
 use rigless::soc::stm32f427::peripherals::tim::{Channel, Tim};
+use rigless::soc::{Bus, Region};
 use rigless::time::VirtualNanos;
 
 use crate::Model;
@@ -210,11 +210,13 @@ impl Chip for F446 {
     fn drive(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
         self.drive_timer(at, pin, is_high);
         let level = Level::from(is_high);
-        self.part.drive_port(at, pin.port(), |gpio, registers, context| {
-            gpio.drive(part_pin(pin), Some(level), registers, context);
-        });
+        self.part
+            .drive_port(at, pin.port(), |gpio, registers, context| {
+                gpio.drive(part_pin(pin), Some(level), registers, context);
+            });
         let is_routed = self.routed_port(pin.1) == u64::from(pin.0);
         let (registers, mut context) = self.part.bus_mut().drive(at, self.exti_slot);
-        self.exti.level(pin, is_high, is_routed, registers, &mut context);
+        self.exti
+            .level(pin, is_high, is_routed, registers, &mut context);
     }
 }

@@ -9,9 +9,7 @@ use rigless::chip::uart;
 use rigless::cpu::armv7m::windows;
 use rigless::device::{ErasedDevice, Level, ResetCause};
 use rigless::emulator::CoreSpec;
-use rigless::machine::armv7m::{
-    BranchPrediction, Caches, Config, Core, Fpu, MpuRegions, Variant,
-};
+use rigless::machine::armv7m::{BranchPrediction, Caches, Config, Core, Fpu, MpuRegions, Variant};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::Bus;
 use rigless::soc::stm32h743::Stm32h743;
@@ -193,8 +191,9 @@ impl Chip for H743 {
     fn drive(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
         self.drive_timer(at, pin, is_high);
         let level = Level::from(is_high);
-        self.part.drive_port(at, pin.port(), |gpio, registers, context| {
-            gpio.drive(part_pin(pin), Some(level), registers, context);
-        });
+        self.part
+            .drive_port(at, pin.port(), |gpio, registers, context| {
+                gpio.drive(part_pin(pin), Some(level), registers, context);
+            });
     }
 }

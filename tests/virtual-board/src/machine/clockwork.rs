@@ -144,7 +144,10 @@ impl Clockwork {
     fn next(&self, now: VirtualNanos) -> VirtualNanos {
         let mut next = (now.0 + LONGEST_NS).min(self.until_ns);
         let trigger = self.trigger.front().map(|&(at, _)| at);
-        for at in [self.chain.wires().next_edge_ns(), trigger].into_iter().flatten() {
+        for at in [self.chain.wires().next_edge_ns(), trigger]
+            .into_iter()
+            .flatten()
+        {
             next = next.min(at);
         }
         VirtualNanos(next.max(now.0 + 1))

@@ -26,15 +26,26 @@ pub(crate) fn codes_equal_the_simulators(model: Model) {
     let after = board.converters().samples_delivered();
     run_codes(&mut board, CODES).unwrap_or_else(|trouble| panic!("{trouble}"));
 
-    let codes: Vec<Code> = board.inbox().codes().map(|(_, code)| code.clone()).collect();
+    let codes: Vec<Code> = board
+        .inbox()
+        .codes()
+        .map(|(_, code)| code.clone())
+        .collect();
     // The run begins with one of the samples between the command and its answer.
     let begins = (before.saturating_sub(1)..=after + 1)
         .find(|&sample| simulated(sample, 2 * HOP)[..1] == codes[..1]);
     let begin = begins.expect("the first code is none of host-sim's");
     let simulated = simulated(begin, HOP * (CODES as u64 + 2));
-    let equal = codes.iter().zip(&simulated).filter(|(image, host)| image == host);
+    let equal = codes
+        .iter()
+        .zip(&simulated)
+        .filter(|(image, host)| image == host);
     assert_eq!(equal.count(), codes.len());
-    let stamps: Vec<u64> = board.inbox().codes().map(|(frame, _)| frame.device_us).collect();
+    let stamps: Vec<u64> = board
+        .inbox()
+        .codes()
+        .map(|(frame, _)| frame.device_us)
+        .collect();
     for pair in stamps.windows(2) {
         assert_eq!(pair[1] - pair[0], 62_500);
     }
@@ -42,7 +53,12 @@ pub(crate) fn codes_equal_the_simulators(model: Model) {
     for frame in board.inbox().frames() {
         match &frame.kind {
             Kind::Stats(stats) => {
-                let lost = [stats.frames_dropped, stats.overruns, stats.adc_status_bad, stats.input_bad];
+                let lost = [
+                    stats.frames_dropped,
+                    stats.overruns,
+                    stats.adc_status_bad,
+                    stats.input_bad,
+                ];
                 assert_eq!(lost, [0; 4], "dropped, overruns, bad status, bad input");
             }
             Kind::Timing(timing) => {
@@ -54,14 +70,20 @@ pub(crate) fn codes_equal_the_simulators(model: Model) {
             _ => {}
         }
     }
-    let timing = board.inbox().frames().iter().rev().find_map(|frame| match &frame.kind {
-        Kind::Timing(timing) => Some(timing.clone()),
-        _ => None,
-    });
+    let timing = board
+        .inbox()
+        .frames()
+        .iter()
+        .rev()
+        .find_map(|frame| match &frame.kind {
+            Kind::Timing(timing) => Some(timing.clone()),
+            _ => None,
+        });
     let timing = timing.expect("a report each second");
-    let worst = timing.stages.iter().map(|stage| {
-        f64::from(stage.worst_ns) / f64::from(stage.deadline_ns)
-    });
+    let worst = timing
+        .stages
+        .iter()
+        .map(|stage| f64::from(stage.worst_ns) / f64::from(stage.deadline_ns));
     let worst = worst.fold(0.0, f64::max);
     assert!(timing.stack_used < timing.stack_size * 3 / 4, "{timing:?}");
     assert_sound(&mut board);
@@ -70,8 +92,16 @@ pub(crate) fn codes_equal_the_simulators(model: Model) {
     record(model, "worst_path_over_deadline", format!("{worst:.3}"));
     record(model, "stack_used", timing.stack_used);
     let used = board.stack_used().expect("the board is there");
-    assert_eq!(used, u64::from(timing.stack_used).max(used), "the report is older");
-    record(model, "instructions_per_virtual_second", board.instructions() * 1_000_000 / board.now_us());
+    assert_eq!(
+        used,
+        u64::from(timing.stack_used).max(used),
+        "the report is older"
+    );
+    record(
+        model,
+        "instructions_per_virtual_second",
+        board.instructions() * 1_000_000 / board.now_us(),
+    );
 }
 
 /// What host-sim makes of so many samples from one on.

@@ -34,9 +34,18 @@ fn broken(board: &mut VirtualBoard, fault: Fault) -> Vec<usize> {
     board.converters().inject(CHIP, fault);
     run_codes(board, 24).unwrap_or_else(|trouble| panic!("{trouble}"));
     // The first window that ends after the fault holds it.
-    let flagged: Vec<_> = flags(board).iter().map(|flags| flags.contains(bad)).collect();
-    let first = flagged.iter().position(|&bad| bad).expect("no code is flagged");
-    assert!((8..=9).contains(&first), "code {first} is the first that is flagged");
+    let flagged: Vec<_> = flags(board)
+        .iter()
+        .map(|flags| flags.contains(bad))
+        .collect();
+    let first = flagged
+        .iter()
+        .position(|&bad| bad)
+        .expect("no code is flagged");
+    assert!(
+        (8..=9).contains(&first),
+        "code {first} is the first that is flagged"
+    );
     assert!(flagged[first..].iter().all(|&bad| bad), "{flagged:?}");
     let counts = frames_bad(board);
     (0..counts.len()).filter(|&chip| counts[chip] > 0).collect()
@@ -70,7 +79,10 @@ pub(crate) fn a_silent_chain_is_flagged(model: Model) {
     run_codes(&mut board, 24).unwrap_or_else(|trouble| panic!("{trouble}"));
     let flagged = flags(&board);
     let bad = Flags::ADC_STATUS_BAD;
-    assert!(flagged[10..].iter().all(|flags| flags.contains(bad)), "{flagged:?}");
+    assert!(
+        flagged[10..].iter().all(|flags| flags.contains(bad)),
+        "{flagged:?}"
+    );
     assert!(frames_bad(&board).iter().all(|&frames| frames > 0));
     board.hold_ready(None);
     run_codes(&mut board, 8).unwrap_or_else(|trouble| panic!("{trouble}"));
@@ -92,7 +104,9 @@ pub(crate) fn converters_may_be_powered_late(model: Model) {
         converters(frames).is_some_and(|fault| !fault.is_empty())
     });
     said.unwrap_or_else(|trouble| panic!("{trouble}"));
-    let fault = converters(board.inbox().frames()).unwrap_or_default().to_owned();
+    let fault = converters(board.inbox().frames())
+        .unwrap_or_default()
+        .to_owned();
     assert!(fault.contains("ADS1299 0"), "it says {fault:?}");
     // POWER_ON
     let mended = board.run_until("converters run", 10_000_000, |frames| {

@@ -17,19 +17,26 @@ fn fail(model: Model, injection: Injection) -> (VirtualBoard, ResetCause, String
     run_codes(&mut board, 4).unwrap_or_else(|trouble| panic!("{trouble}"));
     let at_us = board.now_us();
     // The interrupt in which the encoder runs.
-    board.inject_at("SAI1", injection).unwrap_or_else(|trouble| panic!("{trouble}"));
+    board
+        .inject_at("SAI1", injection)
+        .unwrap_or_else(|trouble| panic!("{trouble}"));
     let back = board.run_until("Hello after a failure", LONGEST_US, |frames| {
         greetings(frames).len() == 2
     });
     back.unwrap_or_else(|trouble| panic!("{trouble}"));
-    println!("{model}: {injection:?}, back after {} us", board.now_us() - at_us);
+    println!(
+        "{model}: {injection:?}, back after {} us",
+        board.now_us() - at_us
+    );
     let (cause, fault) = greetings(board.inbox().frames()).remove(1);
     (board, cause, fault)
 }
 
 /// The device streams again after its restart.
 fn assert_streams(mut board: VirtualBoard) {
-    board.run_for_us(2_000_000).unwrap_or_else(|trouble| panic!("{trouble}"));
+    board
+        .run_for_us(2_000_000)
+        .unwrap_or_else(|trouble| panic!("{trouble}"));
     start(&mut board, Streams::CODES);
     run_codes(&mut board, 4).unwrap_or_else(|trouble| panic!("{trouble}"));
 }
@@ -55,7 +62,10 @@ pub(crate) fn a_panic_is_told_after_the_restart(model: Model) {
 pub(crate) fn a_hard_fault_is_told_after_the_restart(model: Model) {
     let (board, cause, fault) = fail(model, Injection::HardFault);
     assert_eq!(cause, ResetCause::Fault);
-    assert!(fault.contains("hard fault at 0x5fffff"), "it says {fault:?}");
+    assert!(
+        fault.contains("hard fault at 0x5fffff"),
+        "it says {fault:?}"
+    );
     assert_streams(board);
     record(model, "reset_cause_fault", true);
 }

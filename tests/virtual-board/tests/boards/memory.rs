@@ -11,9 +11,15 @@ pub(crate) fn dma_reaches_its_buffers(model: Model) {
     let mut board = streaming(model, Streams::CODES);
     run_codes(&mut board, 2).unwrap_or_else(|trouble| panic!("{trouble}"));
     let addresses = board.dma_addresses().expect("the board is there");
-    assert!(addresses.len() >= 2, "SPI in both directions at least: {addresses:x?}");
+    assert!(
+        addresses.len() >= 2,
+        "SPI in both directions at least: {addresses:x?}"
+    );
     for address in addresses {
-        assert!(model.dma_reaches(address), "DMA1 does not reach {address:#010x}");
+        assert!(
+            model.dma_reaches(address),
+            "DMA1 does not reach {address:#010x}"
+        );
     }
     assert_sound(&mut board);
 }

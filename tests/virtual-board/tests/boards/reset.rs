@@ -19,7 +19,9 @@ pub(crate) fn restarts_on_command(model: Model) {
     back.unwrap_or_else(|trouble| panic!("{trouble}"));
     let (cause, fault) = greetings(board.inbox().frames()).remove(1);
     assert_eq!((cause, fault.as_str()), (ResetCause::Software, ""));
-    board.run_for_us(2_000_000).unwrap_or_else(|trouble| panic!("{trouble}"));
+    board
+        .run_for_us(2_000_000)
+        .unwrap_or_else(|trouble| panic!("{trouble}"));
     start(&mut board, Streams::CODES);
     run_codes(&mut board, 4).unwrap_or_else(|trouble| panic!("{trouble}"));
     assert_sound(&mut board);

@@ -18,18 +18,27 @@ pub(crate) fn self_test_passes(model: Model) {
         frames.iter().any(is_result)
     });
     done.unwrap_or_else(|trouble| panic!("{trouble}"));
-    let results = board.inbox().frames().iter().filter_map(|frame| match &frame.kind {
-        Kind::SelfTest(result) => Some(result),
-        _ => None,
-    });
+    let results = board
+        .inbox()
+        .frames()
+        .iter()
+        .filter_map(|frame| match &frame.kind {
+            Kind::SelfTest(result) => Some(result),
+            _ => None,
+        });
     let results: Vec<_> = results.collect();
     let result = results[0];
     assert_eq!(result.fault, "", "{result:?}");
     assert_eq!((result.chips.len(), result.channels.len()), (8, 64));
     assert_eq!((result.ready_early, result.ready_missed), (0, 0));
     let edges = board.converters().ready_edges();
-    board.run_for_us(100_000).unwrap_or_else(|trouble| panic!("{trouble}"));
-    assert!(board.converters().ready_edges() > edges + 45, "it converts again");
+    board
+        .run_for_us(100_000)
+        .unwrap_or_else(|trouble| panic!("{trouble}"));
+    assert!(
+        board.converters().ready_edges() > edges + 45,
+        "it converts again"
+    );
     assert_eq!(converters(board.inbox().frames()), Some(""));
     assert_sound(&mut board);
     record(model, "selftest_ok", true);

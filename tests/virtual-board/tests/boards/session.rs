@@ -38,7 +38,9 @@ pub(crate) fn start(board: &mut VirtualBoard, streams: Streams) {
         streams,
         mains_hz: 0,
     }));
-    let answered = board.run_until("an answer to Start", 100_000, |frames| acks(frames) > before);
+    let answered = board.run_until("an answer to Start", 100_000, |frames| {
+        acks(frames) > before
+    });
     answered.unwrap_or_else(|trouble| panic!("{trouble}"));
 }
 
@@ -86,6 +88,10 @@ pub(crate) fn assert_sound(board: &mut VirtualBoard) {
     assert_eq!(findings.unrouted, [""; 0], "interrupts without a line");
     assert_eq!(allowed::surprises(board.model(), &findings), [""; 0]);
     assert_eq!(board.inbox().bad(), [""; 0], "frames that cannot be used");
-    assert_eq!(board.converters().violations(), 0, "rules of the converters");
+    assert_eq!(
+        board.converters().violations(),
+        0,
+        "rules of the converters"
+    );
     assert_eq!(board.odd_words(), 0, "words on SPI that are no bytes");
 }

@@ -15,20 +15,45 @@ pub(crate) fn starts_up(model: Model) {
     let mut board = running(model);
     let frames = board.inbox().frames();
     let hello = &frames[0];
-    let Kind::Hello { board: name, reset_cause, fault, .. } = &hello.kind else {
+    let Kind::Hello {
+        board: name,
+        reset_cause,
+        fault,
+        ..
+    } = &hello.kind
+    else {
         panic!("the first frame is {hello:?}");
     };
-    assert_eq!((name.as_str(), *reset_cause, fault.as_str()), (model.name(), ResetCause::PowerOn, ""));
-    assert!(hello.device_us < HELLO_US, "Hello at {} us", hello.device_us);
-    let capabilities = frames.iter().filter(|frame| frame.kind == Kind::Capabilities);
-    assert_eq!(capabilities.count(), 1, "1,074 bytes, longer than any buffer of the port");
+    assert_eq!(
+        (name.as_str(), *reset_cause, fault.as_str()),
+        (model.name(), ResetCause::PowerOn, "")
+    );
+    assert!(
+        hello.device_us < HELLO_US,
+        "Hello at {} us",
+        hello.device_us
+    );
+    let capabilities = frames
+        .iter()
+        .filter(|frame| frame.kind == Kind::Capabilities);
+    assert_eq!(
+        capabilities.count(),
+        1,
+        "1,074 bytes, longer than any buffer of the port"
+    );
     for (number, frame) in (0..).zip(frames) {
         assert_eq!(frame.seq, number, "a frame is missing");
     }
-    assert_eq!(board.core_hz().expect("the board is there"), model.core_hz());
+    assert_eq!(
+        board.core_hz().expect("the board is there"),
+        model.core_hz()
+    );
     // 100 kHz and 12.8 MHz, 82 kHz and 10.5 MHz (docs/hardware.md): registers are done, bursts run.
     let burst_hz = board.sclk_hz();
-    assert!((10_000_000..=20_000_000).contains(&burst_hz), "SCLK of {burst_hz} Hz");
+    assert!(
+        (10_000_000..=20_000_000).contains(&burst_hz),
+        "SCLK of {burst_hz} Hz"
+    );
     if let Some(baud) = board.port().baud() {
         // Ten bits of the sender and of the ST-LINK may differ by half a bit, less what noise takes: 2 %
         // for each of them is the usual budget.
@@ -39,7 +64,11 @@ pub(crate) fn starts_up(model: Model) {
     record(model, "booted", true);
     record(model, "hello_us", board.inbox().frames()[0].device_us);
     record(model, "violations", board.converters().violations());
-    record(model, "unmapped", board.findings().expect("the board is there").unmapped.len());
+    record(
+        model,
+        "unmapped",
+        board.findings().expect("the board is there").unmapped.len(),
+    );
 }
 
 /// Without the ST-LINK's clock the board runs from its own oscillator and says so.
@@ -56,6 +85,12 @@ pub(crate) fn starts_up_without_the_clock(model: Model) {
     let greetings = greetings(board.inbox().frames());
     let (cause, fault) = &greetings[0];
     assert_eq!(*cause, ResetCause::PowerOn);
-    assert!(fault.contains("8 MHz from the ST-LINK"), "it says {fault:?}");
-    assert_eq!(board.core_hz().expect("the board is there"), model.core_hz());
+    assert!(
+        fault.contains("8 MHz from the ST-LINK"),
+        "it says {fault:?}"
+    );
+    assert_eq!(
+        board.core_hz().expect("the board is there"),
+        model.core_hz()
+    );
 }

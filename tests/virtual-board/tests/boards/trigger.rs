@@ -12,7 +12,9 @@ const EDGES: usize = 200;
 /// Each edge becomes an event with the microsecond at which the pin changed, by the device's clock.
 pub(crate) fn trigger_edges_have_their_microsecond(model: Model) {
     let mut board = streaming(model, Streams::CODES | Streams::EVENTS);
-    board.run_for_us(100_000).unwrap_or_else(|trouble| panic!("{trouble}"));
+    board
+        .run_for_us(100_000)
+        .unwrap_or_else(|trouble| panic!("{trouble}"));
     let begin = board.now_us();
     // Odd distances, so that edges fall everywhere between samples and half periods of the time driver.
     let edges: Vec<(u64, bool)> = (0..EDGES)
@@ -20,23 +22,41 @@ pub(crate) fn trigger_edges_have_their_microsecond(model: Model) {
         .collect();
     board.plan_trigger(&edges);
     let end = edges[EDGES - 1].0 + 200_000;
-    board.run_until_us(end).unwrap_or_else(|trouble| panic!("{trouble}"));
+    board
+        .run_until_us(end)
+        .unwrap_or_else(|trouble| panic!("{trouble}"));
 
-    let events: Vec<_> = board.inbox().frames().iter().filter_map(|frame| match &frame.kind {
-        Kind::Event(event) => Some((frame.device_us, *event)),
-        _ => None,
-    }).collect();
+    let events: Vec<_> = board
+        .inbox()
+        .frames()
+        .iter()
+        .filter_map(|frame| match &frame.kind {
+            Kind::Event(event) => Some((frame.device_us, *event)),
+            _ => None,
+        })
+        .collect();
     assert_eq!(events.len(), EDGES);
     // The device's clock starts some milliseconds after power on: its counter tells how many.
     let offset = edges[0].0.wrapping_sub(events[0].0);
     for ((at_us, event), (edge_us, is_high)) in events.iter().zip(&edges) {
-        let kind = if *is_high { EventKind::TriggerRise } else { EventKind::TriggerFall };
+        let kind = if *is_high {
+            EventKind::TriggerRise
+        } else {
+            EventKind::TriggerFall
+        };
         assert_eq!(event.kind, kind);
         let off = edge_us.wrapping_sub(offset).abs_diff(*at_us);
-        assert!(off <= 1, "an edge at {edge_us} us is said to be at {at_us}, {off} us off");
+        assert!(
+            off <= 1,
+            "an edge at {edge_us} us is said to be at {at_us}, {off} us off"
+        );
     }
     for (pair, number) in events.windows(2).zip(1..) {
-        assert_eq!(pair[1].1.number, pair[0].1.number.wrapping_add(1), "event {number}");
+        assert_eq!(
+            pair[1].1.number,
+            pair[0].1.number.wrapping_add(1),
+            "event {number}"
+        );
     }
     assert_sound(&mut board);
     record(model, "trigger_edges", EDGES);

@@ -92,18 +92,16 @@ impl Device for Watchdog {
             }
             Register::Pr | Register::Rlr if self.unlocked => self.cross(registers, context),
             Register::Pr | Register::Rlr => {
-                context.tell("PR", "RM0433 rev 9 45.4.2: PR and RLR are write-protected until KR unlocks them");
+                context.tell(
+                    "PR",
+                    "RM0433 rev 9 45.4.2: PR and RLR are write-protected until KR unlocks them",
+                );
             }
             Register::Sr | Register::Winr => {}
         }
     }
 
-    fn on_clock(
-        &mut self,
-        hz: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.clock_hz = hz;
         if registers.get(Register::Sr) != 0 {
             self.cross(registers, context);

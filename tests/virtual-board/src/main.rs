@@ -1,0 +1,79 @@
+//! A virtual NUCLEO at a TCP port: `cargo xtask board h743 --live` runs it.
+#![forbid(unsafe_code)]
+
+use std::io;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, ValueEnum};
+use virtual_board::{Image, Model, Setup, TcpPort, VirtualBoard, live};
+
+/// Runs the image that is flashed on an emulated board, behind a TCP port for a bridge.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Options {
+    /// The board.
+    board: Board,
+    /// The image: the ELF file that `cargo flash` writes.
+    #[arg(long)]
+    image: PathBuf,
+    /// TCP port of 127.0.0.1 for the bridge (`--port tcp:127.0.0.1:5556`); 0 takes any free one.
+    #[arg(long, default_value_t = 5556)]
+    port: u16,
+    /// Seconds of virtual time; without end if it is left out.
+    #[arg(long)]
+    seconds: Option<u64>,
+}
+
+/// A board by its word.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Board {
+    /// NUCLEO-H743ZI2.
+    H743,
+    /// NUCLEO-F446RE.
+    F446,
+}
+
+/// Something is missing on this machine, or wrong with the arguments.
+const USAGE: u8 = 2;
+
+fn main() -> ExitCode {
+    let options = Options::parse();
+    let model = match options.board {
+        Board::H743 => Model::H743,
+        Board::F446 => Model::F446,
+    };
+    let image = match Image::read(&options.image, model) {
+        Ok(image) => image,
+        Err(error) => return fail(USAGE, &error.to_string()),
+    };
+    let mut tcp = match TcpPort::listen(options.port) {
+        Ok(tcp) => tcp,
+        Err(error) => {
+            let port = options.port;
+            let why = format!(
+                "cannot listen at 127.0.0.1:{port}: {error}; another virtual board may have it: stop that \
+                 one, or choose another port with `--port`"
+            );
+            return fail(USAGE, &why);
+        }
+    };
+    let number = tcp.number().unwrap_or(options.port);
+    println!(
+        "{model} with {} at tcp:127.0.0.1:{number}",
+        image.path().display()
+    );
+    println!("  corticode-bridge --port tcp:127.0.0.1:{number} --sink ndjson");
+    let board = VirtualBoard::power_on(model, &image, &Setup::default());
+    let run =
+        board.and_then(|mut board| live::run(&mut board, &mut tcp, options.seconds, io::stderr()));
+    match run {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(trouble) => fail(1, &trouble.to_string()),
+    }
+}
+
+fn fail(status: u8, why: &str) -> ExitCode {
+    eprintln!("error: {why}");
+    ExitCode::from(status)
+}
