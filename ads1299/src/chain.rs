@@ -1,10 +1,13 @@
 //! The wires of a chain, and the words on them.
 
+use core::ops::Range;
+
 use embedded_hal::digital::{Error as _, OutputPin};
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::spi::Error as _;
 
-use crate::command::{AFTER_RESET, DECODE, DESELECTED, POWER_ON, REFERENCE_US, RESET_LOW, opcode};
+use crate::bring_up::BringUp;
+use crate::command::{AFTER_RESET, DECODE, DESELECTED, POWER_ON_US, RESET_LOW, opcode};
 use crate::register::ID_MASK;
 use crate::{
     Bus, Clock, Configured, Error, ID, Image, MAX_CHIPS, Pin, ReadBack, Register, Settings, Speed,
@@ -62,12 +65,21 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
 
     /// Waits for the power, resets the chips and stops them; `progress` is called every 20 ms.
     pub(crate) async fn reset(&mut self, progress: &mut impl FnMut()) -> Result<(), Error> {
+        self.rest_pins()?;
+        self.rest(POWER_ON_US, progress).await;
+        self.pulse_reset().await
+    }
+
+    /// All pins at rest, SCLK for registers.
+    pub(crate) fn rest_pins(&mut self) -> Result<(), Error> {
         self.set_speed(Speed::Registers)?;
         self.set_start(false)?;
         self.set_reset(true)?;
-        self.select(0..CHIPS, false)?;
-        let power_on_us = const { Clock::SLOWEST.microseconds(POWER_ON) };
-        self.rest(power_on_us, progress).await;
+        self.select(0..CHIPS, false)
+    }
+
+    /// Resets the chips and stops them.
+    pub(crate) async fn pulse_reset(&mut self) -> Result<(), Error> {
         self.set_reset(false)?;
         self.wait(RESET_LOW).await;
         self.set_reset(true)?;
@@ -88,41 +100,51 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         settings: &Settings<CHIPS>,
         progress: &mut impl FnMut(),
     ) -> Result<[ReadBack; CHIPS], Error> {
-        self.set_start(false)?;
-        self.set_speed(Speed::Registers)?;
-        self.command_all(opcode::SDATAC).await?;
-        let mut reference_was_on = true;
-        for chip in 0..CHIPS {
-            let image = settings.image(chip);
-            let mut old = [0];
-            self.read_registers(chip, Register::CONFIG3, &mut old)
-                .await?;
-            reference_was_on &= old[0] & 0x80 != 0;
-            let own = &image.0[Register::CONFIG3.index()..=Register::CONFIG3.index()];
-            self.write_registers(chip, (Register::CONFIG3, own)).await?;
-            progress();
-        }
-        if !reference_was_on {
-            self.rest(REFERENCE_US, progress).await;
-        }
-        for chip in 0..CHIPS {
-            let image = settings.image(chip);
-            // Two runs around the read-only status of lead-off.
-            for (first, end) in [
-                (Register::CONFIG1, Register::LOFF_STATP.index()),
-                (Register::GPIO, Register::COUNT),
-            ] {
-                let run = (first, &image.0[first.index()..end]);
-                self.write_registers(chip, run).await?;
-            }
-            progress();
-        }
-        let mut backs = [ReadBack::NONE; CHIPS];
-        for (chip, back) in backs.iter_mut().enumerate() {
-            *back = self.read_back(chip, &settings.image(chip)).await?;
-            progress();
-        }
-        Ok(backs)
+        let mut steps = BringUp::from_reset();
+        self.finish(settings, &mut steps, progress).await?;
+        Ok(steps.backs)
+    }
+
+    /// Writes CONFIG3 of a chip; returns whether its reference was on before.
+    pub(crate) async fn switch_reference_on(
+        &mut self,
+        chip: usize,
+        settings: &Settings<CHIPS>,
+    ) -> Result<bool, Error> {
+        let image = settings.image(chip);
+        let mut old = [0];
+        self.read_registers(chip, Register::CONFIG3, &mut old)
+            .await?;
+        let own = &image.0[Register::CONFIG3.index()..=Register::CONFIG3.index()];
+        self.write_registers(chip, (Register::CONFIG3, own)).await?;
+        Ok(old[0] & 0x80 != 0)
+    }
+
+    /// Writes registers of a chip.
+    pub(crate) async fn write_part(
+        &mut self,
+        chip: usize,
+        settings: &Settings<CHIPS>,
+        part: Range<usize>,
+    ) -> Result<(), Error> {
+        let image = settings.image(chip);
+        let Some(first) = register(&part) else {
+            return Ok(());
+        };
+        self.write_registers(chip, (first, &image.0[part])).await
+    }
+
+    /// Reads registers of a chip to their places.
+    pub(crate) async fn read_part(
+        &mut self,
+        chip: usize,
+        image: &mut Image,
+        part: Range<usize>,
+    ) -> Result<(), Error> {
+        let Some(first) = register(&part) else {
+            return Ok(());
+        };
+        self.read_registers(chip, first, &mut image.0[part]).await
     }
 
     /// START for all chips at once, RDATAC, and SCLK for bursts.
@@ -187,7 +209,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     /// Selects, sends, receives, deselects; four cycles behind every byte.
     async fn exchange(
         &mut self,
-        chips: core::ops::Range<usize>,
+        chips: Range<usize>,
         send: &[u8],
         receive: &mut [u8],
     ) -> Result<(), Error> {
@@ -220,11 +242,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     }
 
     /// Selects chips or lets them go.
-    pub(crate) fn select(
-        &mut self,
-        chips: core::ops::Range<usize>,
-        selected: bool,
-    ) -> Result<(), Error> {
+    pub(crate) fn select(&mut self, chips: Range<usize>, selected: bool) -> Result<(), Error> {
         let mut result = Ok(());
         for (chip, line) in self.selects.iter_mut().enumerate() {
             if chips.contains(&chip) {
@@ -252,7 +270,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     }
 
     /// Waits long, and shows every 20 ms that it lives.
-    async fn rest(&mut self, mut us: u32, progress: &mut impl FnMut()) {
+    pub(crate) async fn rest(&mut self, mut us: u32, progress: &mut impl FnMut()) {
         while us > 0 {
             let slice = us.min(SLICE_US);
             self.delay.delay_us(slice).await;
@@ -275,6 +293,12 @@ pub(crate) fn check<const CHIPS: usize>(
 ) -> Result<(), Error> {
     let mut chips = backs.iter().enumerate();
     chips.try_for_each(|(chip, back)| back.check(number(chip), &settings.image(chip)))
+}
+
+/// The first register of a part.
+#[expect(clippy::cast_possible_truncation, reason = "at most 24 registers")]
+fn register(part: &Range<usize>) -> Option<Register> {
+    Register::at(part.start as u8)
 }
 
 /// The second byte of RREG and WREG; 1 to 24 values.

@@ -1,4 +1,6 @@
-//! The words that a chip understands.
+//! The words that a chip understands, and the times it needs.
+
+use crate::Clock;
 
 /// Opcodes (9.5.3). START and RESET have pins here, and RDATA and STANDBY are not used.
 pub(crate) mod opcode {
@@ -24,6 +26,15 @@ pub(crate) const DESELECTED: u32 = 2;
 
 /// Cycles from power-up to the reset (11.1, tPOR); VCAP1 must have reached 1.1 V as well.
 pub(crate) const POWER_ON: u32 = 1 << 18;
+
+/// The same by the slowest clock, us: 175 ms.
+pub(crate) const POWER_ON_US: u32 = Clock::SLOWEST.microseconds(POWER_ON);
+
+/// From the supplies to the reset where nobody measures VCAP1, us. The data sheet has no time for its
+/// capacitor, and 1 s in the flow of an initial start (11.1, figure 67; from memory).
+pub(crate) const COLD_US: u32 = 1_000_000;
+
+const _: () = assert!(POWER_ON_US < COLD_US);
 
 /// Cycles that RESET must stay low (11.1, tRST).
 pub(crate) const RESET_LOW: u32 = 2;

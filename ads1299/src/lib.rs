@@ -9,7 +9,7 @@
 //! [`Streaming`]; whoever clocks the frame ([`Streaming::read`] or the firmware's own DMA) hands its
 //! bytes to [`Decoder`], which is pure. [`Sampler`] does all of this for a device: it owns the chain,
 //! keeps the last good counts, counts what was wrong, watches the rate, and runs the whole self-test
-//! ([`Sampler::self_test`]). [`ReadyMeter`] judges the times of DRDY's edges, [`SquareWaveTest`] and
+//! ([`Sampler::self_test`]). [`RetryingSampler`] brings a chain up again of which no chip delivers. [`ReadyMeter`] judges the times of DRDY's edges, [`SquareWaveTest`] and
 //! [`ShortedTest`] judge samples of the chips' own signals.
 //!
 //! Sections and figures without more are those of the data sheet, Texas Instruments SBAS499C.
@@ -24,6 +24,7 @@
 extern crate std;
 
 mod alignment;
+mod bring_up;
 mod bus;
 mod chain;
 mod clock;
@@ -31,6 +32,7 @@ mod command;
 mod configured;
 mod decimal;
 mod decoder;
+mod drdy;
 mod error;
 mod gain;
 mod image;
@@ -42,6 +44,7 @@ mod rate_watch;
 mod reading;
 mod ready;
 mod register;
+mod retrying_sampler;
 mod sampler;
 mod self_test;
 mod self_test_report;
@@ -63,6 +66,7 @@ pub use chain::Chain;
 pub use clock::Clock;
 pub use configured::Configured;
 pub use decoder::{Counters, Decoder, FrameStatus};
+pub use drdy::{Drdy, DrdyEdge};
 pub use error::{Error, Pin};
 pub use gain::Gain;
 pub use image::{Image, ReadBack};
@@ -73,6 +77,7 @@ pub use rate::Rate;
 pub use reading::Reading;
 pub use ready::{Edge, RateError, ReadyMeter};
 pub use register::{ID, Register};
+pub use retrying_sampler::RetryingSampler;
 pub use sampler::{SILENCE, Sampler, SamplerCounters};
 pub use self_test::SelfTest;
 pub use self_test_report::{ChannelReport, ChipReport, Finding, ReadyReport, SelfTestReport};

@@ -3,7 +3,9 @@
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 
+use crate::bring_up::BringUp;
 use crate::chain::{check, number};
+use crate::command::{COLD_US, POWER_ON_US};
 use crate::rate_watch::RateWatch;
 use crate::{Bus, CHANNELS, Chain, Decoder, Error, MAX_CHIPS, Reading, Settings, Streaming};
 
@@ -78,26 +80,58 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     ///
     /// # Errors
     /// The first thing wrong. If it is a chip, the chain runs nevertheless, and that chip is bad in
-    /// every reading, so that the others are not lost. If it is the bus or a pin, nothing runs.
+    /// every reading, so that the others are not lost. If it is every chip, the bus or a pin, nothing
+    /// runs.
     pub async fn begin(&mut self, mut progress: impl FnMut()) -> Result<(), Error> {
-        self.runs = false;
-        self.chain.reset(&mut progress).await?;
-        self.resume(&mut progress).await
+        let mut steps = BringUp::from_power(POWER_ON_US);
+        self.finish(&mut steps, &mut progress).await
+    }
+
+    /// The same for supplies that may have come on just now: it waits 1 s for VCAP1.
+    ///
+    /// # Errors
+    /// Those of [`Self::begin`].
+    pub async fn begin_cold(&mut self, mut progress: impl FnMut()) -> Result<(), Error> {
+        let mut steps = BringUp::from_power(COLD_US);
+        self.finish(&mut steps, &mut progress).await
     }
 
     /// Sets the chips up, which must have been reset since power-on, and starts them.
     pub(crate) async fn resume(&mut self, progress: &mut impl FnMut()) -> Result<(), Error> {
+        self.finish(&mut BringUp::from_reset(), progress).await
+    }
+
+    async fn finish(
+        &mut self,
+        steps: &mut BringUp<CHIPS>,
+        progress: &mut impl FnMut(),
+    ) -> Result<(), Error> {
+        while let Some(wait_us) = self.step(steps).await? {
+            progress();
+            self.chain.rest(wait_us, progress).await;
+        }
+        Ok(())
+    }
+
+    /// Takes the next step of a bring-up; nothing runs until the last one, which starts the chain.
+    /// Returns how long to wait before the next step, us, or none after the last one.
+    pub(crate) async fn step(&mut self, steps: &mut BringUp<CHIPS>) -> Result<Option<u32>, Error> {
         self.runs = false;
-        let backs = self.chain.set_up(&self.settings, progress).await?;
+        let wait_us = self.chain.step(&self.settings, steps).await?;
+        if wait_us.is_some() {
+            return Ok(wait_us);
+        }
         self.unfit = 0;
-        for (chip, back) in backs.iter().enumerate() {
+        for (chip, back) in steps.backs.iter().enumerate() {
             let fits = back.check(number(chip), &self.settings.image(chip));
             self.unfit |= u8::from(fits.is_err()) << chip;
         }
-        self.chain.run().await?;
-        self.runs = true;
+        if self.unfit != Reading::<CHIPS>::ALL {
+            self.chain.run().await?;
+            self.runs = true;
+        }
         self.watch = RateWatch::new(self.settings.clock, self.settings.rate);
-        check(&backs, &self.settings)
+        check(&steps.backs, &self.settings).map(|()| None)
     }
 
     /// Whether the chips convert.

@@ -96,7 +96,7 @@ impl<const CHIPS: usize> Electrodes<CHIPS> {
 }
 
 /// A simulated chain; clones are the same chain. It has been off until now: its power comes on as it
-/// is made.
+/// is made ([`Simulation::power_off`] undoes that).
 #[derive(Clone)]
 pub struct Simulation<const CHIPS: usize>(Arc<Mutex<Board<CHIPS>>>);
 
@@ -160,6 +160,17 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
     /// Mends a chip; registers that it lost stay lost.
     pub fn repair(&self, chip: usize) {
         self.board().set_fault(chip, None);
+    }
+
+    /// Switches the chips' supplies off: registers are lost, nothing answers, DRDY stays high. The
+    /// driver's pins may do what they want meanwhile.
+    pub fn power_off(&self) {
+        self.board().power_off();
+    }
+
+    /// Switches them on again; the time until a reset is allowed begins anew.
+    pub fn power_on(&self) {
+        self.board().power_on();
     }
 
     /// Takes an electrode off or puts it back; chip and channel from 0.

@@ -52,6 +52,11 @@ pub const EVENTS_WAITING: usize = 16;
 /// 30 us of [`SAMPLE`] at 168 MHz, reckoned.
 pub const TRIGGER_EDGES: usize = EVENTS_WAITING;
 
+/// How long no converter may deliver a sample until all are reset and set up again: nothing is lost by
+/// an attempt then, and an analogue board that gets its supply late is found soon enough for somebody who
+/// waits for it.
+pub const CONVERTERS_RETRY: Duration = Duration::from_secs(5);
+
 /// From an order to start anew until the device does: time for the answer to go out.
 pub const FAREWELL: Duration = Duration::from_millis(100);
 

@@ -131,8 +131,11 @@ impl Converters {
             .as_flattened_mut()
             .copy_from_slice(&sample.counts);
         drop(electrodes);
-        // The first one comes when the filter has settled.
-        let first_ns = || self.simulation.next_edge_ns();
+        // The first one comes when the filter has settled; of a chain that does not run none does.
+        let first_ns = || {
+            let now_ns = self.simulation.time_us() * 1_000;
+            Some(self.simulation.next_edge_ns().unwrap_or(now_ns + PERIOD_NS))
+        };
         let next_ns = |due_ns| Some(due_ns + PERIOD_NS);
         self.due_ns = self.due_ns.map_or_else(first_ns, next_ns);
         self.is_done = false;

@@ -1,5 +1,7 @@
 //! The wires between the chips, and their time.
 
+mod power;
+
 use std::vec::Vec;
 
 use crate::command::{AFTER_RESET, DECODE, POWER_ON, RESET_LOW};
@@ -8,7 +10,8 @@ use crate::simulation::burst::Burst;
 use crate::simulation::chip::{Chip, Heard, Moment};
 use crate::simulation::noise::Noise;
 use crate::simulation::{Electrodes, Fault, Options};
-use crate::{CHANNELS, CHIP_BYTES, Rate, Register, Speed};
+use crate::{CHANNELS, Rate, Register, Speed};
+use power::Supply;
 
 /// What came over the wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +32,7 @@ pub enum Event {
 /// The board.
 pub(super) struct Board<const CHIPS: usize> {
     options: Options,
+    supply: Supply,
     speed: Speed,
     /// What a byte takes at each speed, tSDECODE, ns.
     register_byte_ns: u64,
@@ -66,6 +70,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         let byte_ns = |hz: u32| 8_000_000_000 / u64::from(hz);
         let mut board = Self {
             options,
+            supply: Supply::On(0),
             speed: Speed::Registers,
             register_byte_ns: byte_ns(options.register_hz),
             burst_byte_ns: byte_ns(options.burst_hz),
@@ -162,7 +167,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             self.start = high;
             self.note(Event::Start(high));
             let settled = self.cycles() + u64::from(self.rate().settling());
-            self.convert_at(high.then_some(settled));
+            self.convert_at((high && self.supply.is_on()).then_some(settled));
         }
     }
 
@@ -172,14 +177,18 @@ impl<const CHIPS: usize> Board<CHIPS> {
             (false, None) => self.reset_low_ns = Some(self.now_ns),
             (true, Some(since)) => {
                 self.reset_low_ns = None;
-                let in_time = since >= self.nanoseconds(u64::from(POWER_ON))
-                    && self.now_ns - since >= self.nanoseconds(u64::from(RESET_LOW));
+                self.note(Event::Reset);
+                let power_on_ns = self.nanoseconds(u64::from(POWER_ON));
+                let Some(in_time) = self.may_reset_at(since, power_on_ns) else {
+                    return;
+                };
+                let in_time =
+                    in_time && self.now_ns - since >= self.nanoseconds(u64::from(RESET_LOW));
                 self.violations += u32::from(!in_time);
                 let awake_ns = self.now_ns + self.nanoseconds(u64::from(AFTER_RESET));
                 if in_time {
                     self.chips.iter_mut().for_each(|chip| chip.reset(awake_ns));
                 }
-                self.note(Event::Reset);
             }
             _ => {}
         }
@@ -199,6 +208,9 @@ impl<const CHIPS: usize> Board<CHIPS> {
         let answer = self.output();
         self.clocked += 1;
         self.advance(end_ns);
+        if !self.supply.is_on() {
+            return answer;
+        }
         let moment = self.moment();
         if byte == 0 && self.is_deaf_to_zeros(moment) {
             return answer;
@@ -238,7 +250,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             return 0xFF;
         }
         let chip = &self.chips[first];
-        if chip.is_dead() {
+        if chip.is_dead() || !self.supply.is_on() {
             return 0;
         }
         if !chip.is_continuous() {
@@ -319,9 +331,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
                 conversion,
                 &mut self.noise,
             );
-            if chip.fault != Some(Fault::StuckData) {
-                chip.frame = frame(chip, &counts);
-            }
+            chip.take(&counts);
         }
         self.clocked = 0;
         self.burst = None;
@@ -380,22 +390,4 @@ impl<const CHIPS: usize> Board<CHIPS> {
     fn note(&mut self, event: Event) {
         self.events.push((self.now_ns, event));
     }
-}
-
-/// Status word and counts as bytes.
-fn frame(chip: &Chip, counts: &[i32; CHANNELS]) -> [u8; CHIP_BYTES] {
-    let nibble = match chip.fault {
-        Some(Fault::WrongNibble(nibble)) => u32::from(nibble & 0xF),
-        _ => 0b1100,
-    };
-    let status = nibble << 20
-        | u32::from(chip.register(Register::LOFF_STATP)) << 12
-        | u32::from(chip.register(Register::LOFF_STATN)) << 4
-        | u32::from(chip.register(Register::GPIO) >> 4);
-    let words = [status].into_iter().chain(counts.map(i32::cast_unsigned));
-    let mut bytes = [0; CHIP_BYTES];
-    for (place, word) in bytes.chunks_exact_mut(3).zip(words) {
-        place.copy_from_slice(&word.to_be_bytes()[1..]);
-    }
-    bytes
 }

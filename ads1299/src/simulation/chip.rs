@@ -2,7 +2,7 @@
 
 use crate::command::opcode;
 use crate::simulation::Fault;
-use crate::{CHIP_BYTES, Register};
+use crate::{CHANNELS, CHIP_BYTES, Register};
 
 /// A chip.
 #[derive(Clone, Debug)]
@@ -92,6 +92,23 @@ impl Chip {
             fault: self.fault,
             ..Self::new(awake_ns)
         };
+    }
+
+    /// Takes the counts of a conversion: status word and counts as bytes, for the next frame.
+    pub(super) fn take(&mut self, counts: &[i32; CHANNELS]) {
+        let nibble = match self.fault {
+            Some(Fault::StuckData) => return,
+            Some(Fault::WrongNibble(nibble)) => u32::from(nibble & 0xF),
+            _ => 0b1100,
+        };
+        let status = nibble << 20
+            | u32::from(self.register(Register::LOFF_STATP)) << 12
+            | u32::from(self.register(Register::LOFF_STATN)) << 4
+            | u32::from(self.register(Register::GPIO) >> 4);
+        let words = [status].into_iter().chain(counts.map(i32::cast_unsigned));
+        for (place, word) in self.frame.chunks_exact_mut(3).zip(words) {
+            place.copy_from_slice(&word.to_be_bytes()[1..]);
+        }
     }
 
     pub(super) fn is_dead(&self) -> bool {

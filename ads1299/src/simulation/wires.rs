@@ -10,7 +10,7 @@ use embedded_hal_async::digital::Wait;
 use embedded_hal_async::spi::SpiBus;
 
 use crate::simulation::Simulation;
-use crate::{Bus, Speed, TooFast};
+use crate::{Bus, Drdy, DrdyEdge, Speed, TooFast};
 
 /// SCLK, MOSI and MISO.
 #[derive(Debug)]
@@ -138,6 +138,27 @@ impl<const CHIPS: usize> DelayNs for SimulatedDelay<CHIPS> {
         let then = board.now_ns() + u64::from(ns);
         board.advance(then);
     }
+}
+
+impl<const CHIPS: usize> Drdy for SimulatedReady<CHIPS> {
+    fn now_us(&self) -> u64 {
+        self.0.time_us()
+    }
+
+    async fn next_until(&mut self, us: u64) -> Option<DrdyEdge> {
+        let edge_ns = self.0.pass_to_edge(us * 1000)?;
+        Some(DrdyEdge {
+            us: edge_ns / 1000,
+            missed: 0,
+        })
+    }
+
+    async fn wait_until(&mut self, us: u64) {
+        self.0.board().advance(us * 1000);
+    }
+
+    /// Edges are seen as they come: there are none before.
+    fn forget(&mut self) {}
 }
 
 impl<const CHIPS: usize> digital::ErrorType for SimulatedReady<CHIPS> {

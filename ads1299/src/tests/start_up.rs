@@ -47,7 +47,9 @@ fn the_order_and_the_times_are_the_data_sheets() {
                 opcodes.push(*opcode);
             }
         }
-        let order = [0x11, 0x20, 0x11, 0x43, 0x41, 0x54, 0x20, 0x10];
+        let order = [
+            0x11, 0x20, 0x11, 0x43, 0x41, 0x49, 0x54, 0x20, 0x28, 0x30, 0x10,
+        ];
         assert_eq!(opcodes, order, "chip {chip}");
         assert!(time_of(command(chip, 0x41)) - time_of(command(7, 0x43)) >= 150_000_000);
     }

@@ -104,9 +104,16 @@ pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
         firmware: board.firmware,
         board: board.name,
         session_id: board.session_id,
-        reset_cause: before.map_or(board.reset_cause, |before| before.cause()),
+        reset_cause: before
+            .as_ref()
+            .map_or(board.reset_cause, FaultRecord::cause),
         clock: board.clock,
     };
+    // After all other resets the converters have had their supply for long.
+    let is_cold = matches!(
+        board.reset_cause,
+        ResetCause::PowerOn | ResetCause::BrownOut | ResetCause::NotKnown
+    );
     interrupts::begin();
     board.trigger.begin();
 
@@ -117,7 +124,7 @@ pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
     let encoding = ENCODE.start(interrupt::SAI1);
     encoding.spawn(encode(shares.encode)?);
     let acquisition = ACQUIRE.start(interrupt::UART4);
-    acquisition.spawn(acquire(adc, shares.acquire)?);
+    acquisition.spawn(acquire(adc, is_cold, shares.acquire)?);
     Ok(conversation)
 }
 
@@ -155,8 +162,12 @@ pub fn sleep() -> ! {
 }
 
 #[embassy_executor::task]
-async fn acquire(adc: &'static mut Adc, share: (StampedIn, &'static mut Acquisition)) {
-    adc.begin().await;
+async fn acquire(
+    adc: &'static mut Adc,
+    is_cold: bool,
+    share: (StampedIn, &'static mut Acquisition),
+) {
+    adc.begin(is_cold).await;
     firmware::acquire(adc, &SHARED, share).await;
 }
 

@@ -1,6 +1,8 @@
 //! The chain of converters behind [`firmware::Converter`].
 
-use ads1299::{CHANNELS, Chain, Error, Reading, SILENCE, Sampler, SelfTest, Settings};
+use ads1299::{
+    CHANNELS, Chain, DrdyEdge, Error, Reading, RetryingSampler, Sampler, SelfTest, Settings,
+};
 use defmt::{Display2Format, error, info};
 use embassy_stm32::{
     Peri,
@@ -8,14 +10,13 @@ use embassy_stm32::{
     gpio::{AnyPin, ExtiPin, Level, Output, Pin, Pull, Speed},
     mode::Blocking,
 };
-use embassy_time::{Instant, with_deadline};
 use firmware::{Conversion, Converter, deadlines};
 use pipeline::Sample;
 
 use crate::{
     Bus, FRAME_BYTES,
     delay::Delay,
-    drdy::{self, Edge, Falls},
+    drdy::{Edges, Falls},
 };
 
 /// Converters in the chain.
@@ -68,44 +69,54 @@ impl Wires {
     }
 }
 
-/// A chain that converts, or one that could not be brought up. It belongs in a static: what a task holds
-/// by value passes over its stack.
+/// A chain that converts, or one that could not be brought up and is tried again. It belongs in a static:
+/// what a task holds by value passes over its stack.
 pub(crate) struct Adc {
-    sampler: Sampler<Bus, Output<'static>, Delay, CHIPS, FRAME_BYTES>,
+    chain: RetryingSampler<Bus, Output<'static>, Delay, CHIPS, FRAME_BYTES>,
     drdy: ExtiInput<'static, Blocking>,
     test: &'static mut SelfTest<CHIPS>,
-    /// Why the chain did not come up as it should, the last time.
-    failure: Option<Error>,
-    /// Until when the next edge must come.
-    due: Instant,
-    silent: bool,
+    /// What the log has of the chain.
+    logged: Option<Error>,
 }
 
 impl Adc {
     /// A chain at rest; `test` is memory for the self-test.
     pub(crate) fn new(wires: Wires, test: &'static mut SelfTest<CHIPS>) -> Self {
         let (chain, drdy) = wires.into_chain();
+        let sampler = Sampler::new(chain, Settings::EEG);
         Self {
-            sampler: Sampler::new(chain, Settings::EEG),
+            chain: RetryingSampler::new(sampler, deadlines::CONVERTERS_RETRY.as_micros()),
             drdy,
             test,
-            failure: None,
-            due: Instant::MIN,
-            silent: false,
+            logged: None,
         }
     }
 
-    /// Brings the chain up and starts it; what is wrong is told, and flagged in every sample.
-    pub(crate) async fn begin(&mut self) {
+    /// Brings the chain up and starts it; `is_cold` after a start by its supply. What is wrong is logged,
+    /// and flagged in every sample.
+    pub(crate) async fn begin(&mut self, is_cold: bool) {
         self.drdy.enable_interrupt();
-        self.failure = self.sampler.begin(|| ()).await.err();
-        log(self.failure.as_ref());
-        self.due = Instant::now() + SILENCE * deadlines::SAMPLE;
+        self.chain.begin(is_cold, &mut Edges).await;
+        self.log();
     }
 
-    /// Hands over the counts, and says what was found with them.
-    fn hand_over(&self, reading: &Reading<CHIPS>, sample: &mut Sample, edge: &Edge) -> Conversion {
-        let counts = self.sampler.counts().as_flattened();
+    /// Logs how the last attempt ended.
+    fn log(&mut self) {
+        self.logged = self.chain.failure().copied();
+        match self.logged {
+            None => info!("{} converters run", CHIPS),
+            Some(error) => error!("{}", Display2Format(&error)),
+        }
+    }
+
+    /// Hands over the counts, with what was found with them.
+    fn hand_over(
+        &self,
+        reading: &Reading<CHIPS>,
+        sample: &mut Sample,
+        edge: DrdyEdge,
+    ) -> Conversion {
+        let counts = self.chain.sampler().counts().as_flattened();
         for (place, count) in sample.counts.iter_mut().zip(counts) {
             *place = *count;
         }
@@ -121,49 +132,35 @@ impl Adc {
     }
 }
 
-fn log(failure: Option<&Error>) {
-    match failure {
-        None => info!("{} converters run", CHIPS),
-        Some(error) => error!("{}", Display2Format(error)),
-    }
-}
-
 impl Converter for &mut Adc {
     async fn next(&mut self, sample: &mut Sample) -> Conversion {
-        if let Ok(edge) = with_deadline(self.due, drdy::next()).await {
-            self.silent = false;
-            self.due = Instant::from_micros(edge.us) + SILENCE * deadlines::SAMPLE;
-            let reading = self.sampler.read(edge.us).await;
-            return self.hand_over(&reading, sample, &edge);
+        let (reading, edge) = self.chain.next(&mut Edges).await;
+        if self.chain.failure() != self.logged.as_ref() {
+            self.log();
         }
-        // Nothing converts: samples that say so, in their rhythm.
-        let us = self.due.as_micros();
-        self.due += deadlines::SAMPLE;
-        let before = core::mem::replace(&mut self.silent, true);
-        let reading = self.sampler.silence(if before { 0 } else { SILENCE - 1 });
-        self.hand_over(&reading, sample, &Edge { us, missed: 0 })
+        self.hand_over(&reading, sample, edge)
     }
 
     fn state(&self) -> Option<link::Converters> {
-        let sampler = &self.sampler;
+        let sampler = self.chain.sampler();
         Some(device::converters(
-            self.failure.as_ref(),
+            self.chain.failure(),
             sampler.millihertz(),
             sampler.last(),
             sampler.counters(),
         ))
     }
 
-    /// A chain that did not come up is reset and set up as well, so that it need not be the board.
+    /// Also resets and sets up a chain that did not come up, at once.
     async fn self_test(&mut self, alive: impl FnMut()) {
         let falls = Falls::default();
-        self.sampler
+        self.chain
+            .sampler_mut()
             .self_test(self.test, &mut &falls, || falls.us.get(), alive)
             .await;
-        self.failure = self.test.report().not_restored;
-        log(self.failure.as_ref());
-        self.due = Instant::now() + SILENCE * deadlines::SAMPLE;
-        self.silent = false;
+        let failure = self.test.report().not_restored;
+        self.chain.begun(failure, &mut Edges);
+        self.log();
     }
 
     fn tested(&self) -> Option<link::SelfTest> {

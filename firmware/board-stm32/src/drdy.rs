@@ -2,9 +2,10 @@
 
 use core::{cell::Cell, future::poll_fn, task::Poll};
 
+use ads1299::{Drdy, DrdyEdge};
 use critical_section::{CriticalSection, Mutex};
 use embassy_sync::waitqueue::AtomicWaker;
-use embassy_time::Instant;
+use embassy_time::{Instant, Timer, with_deadline};
 use embedded_hal::digital::{self, ErrorKind, ErrorType};
 use embedded_hal_async::digital::Wait;
 
@@ -14,7 +15,7 @@ use crate::{interrupts, trigger};
 const LINES: u32 = 0b11_1110_0000;
 
 #[derive(Clone, Copy)]
-struct Edges {
+struct Seen {
     /// When the last one came, microseconds since boot.
     us: u64,
     /// Edges so far, and those of them that somebody waited for.
@@ -22,7 +23,7 @@ struct Edges {
     taken: u32,
 }
 
-static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
+static SEEN: Mutex<Cell<Seen>> = Mutex::new(Cell::new(Seen {
     us: 0,
     came: 0,
     taken: 0,
@@ -38,9 +39,9 @@ pub(crate) fn edge() {
     let us = Instant::now().as_micros();
     interrupts::acknowledge(LINES);
     critical_section::with(|section| {
-        let edges = EDGES.borrow(section);
-        let before = edges.get();
-        edges.set(Edges {
+        let seen = SEEN.borrow(section);
+        let before = seen.get();
+        seen.set(Seen {
             us,
             came: before.came.wrapping_add(1),
             ..before
@@ -50,40 +51,55 @@ pub(crate) fn edge() {
 }
 
 /// Takes all edges that came; gives what was before.
-fn take(section: CriticalSection<'_>) -> Edges {
-    let edges = EDGES.borrow(section);
-    let before = edges.get();
-    edges.set(Edges {
+fn take(section: CriticalSection<'_>) -> Seen {
+    let seen = SEEN.borrow(section);
+    let before = seen.get();
+    seen.set(Seen {
         taken: before.came,
         ..before
     });
     before
 }
 
-/// An edge.
-pub(crate) struct Edge {
-    /// Device time, microseconds since boot.
-    pub(crate) us: u64,
-    /// Edges before it for which nobody came in time.
-    pub(crate) missed: u32,
-}
-
-/// Waits for the next edge that was not taken; gives the newest. The trigger may have new edges until it
-/// has come.
-pub(crate) async fn next() -> Edge {
+/// Waits for the next edge that was not taken; returns the newest. The trigger may have new edges until
+/// it has come.
+async fn next() -> DrdyEdge {
     trigger::allow();
     poll_fn(|context| {
         WAKER.register(context.waker());
         let before = critical_section::with(take);
         match before.came.wrapping_sub(before.taken) {
             0 => Poll::Pending,
-            new => Poll::Ready(Edge {
+            new => Poll::Ready(DrdyEdge {
                 us: before.us,
                 missed: new - 1,
             }),
         }
     })
     .await
+}
+
+/// DRDY, stamped in device time.
+pub(crate) struct Edges;
+
+impl Drdy for Edges {
+    fn now_us(&self) -> u64 {
+        Instant::now().as_micros()
+    }
+
+    async fn next_until(&mut self, us: u64) -> Option<DrdyEdge> {
+        with_deadline(Instant::from_micros(us), next()).await.ok()
+    }
+
+    /// The trigger may have new edges meanwhile.
+    async fn wait_until(&mut self, us: u64) {
+        trigger::allow();
+        Timer::at(Instant::from_micros(us)).await;
+    }
+
+    fn forget(&mut self) {
+        critical_section::with(take);
+    }
 }
 
 /// DRDY as the driver's self-test waits for it: for its falling edges alone, of which it notes the times.

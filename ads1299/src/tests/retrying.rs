@@ -1,0 +1,169 @@
+//! A chain whose supplies come late or go, and one that is broken for good.
+
+use std::vec::Vec;
+
+use crate::simulation::{
+    Electrodes, Event, Fault, Options, SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady,
+    Simulation, finish,
+};
+use crate::{Drdy as _, Reading, RetryingSampler, Sampler, Settings};
+
+const CHIPS: usize = 8;
+const RETRY_US: u64 = 5_000_000;
+const PERIOD_US: u64 = 1_953;
+
+type Retrying =
+    RetryingSampler<SimulatedBus<CHIPS>, SimulatedLine<CHIPS>, SimulatedDelay<CHIPS>, CHIPS, 217>;
+
+struct Bench {
+    simulation: Simulation<CHIPS>,
+    chain: Retrying,
+    drdy: SimulatedReady<CHIPS>,
+}
+
+impl Bench {
+    fn new(prepare: impl FnOnce(&Simulation<CHIPS>)) -> Self {
+        let simulation = Simulation::new(Options::default(), Electrodes::silent());
+        prepare(&simulation);
+        let sampler = Sampler::new(simulation.chain(), Settings::EEG);
+        let mut chain = RetryingSampler::new(sampler, RETRY_US);
+        let mut drdy = simulation.drdy();
+        finish(chain.begin(true, &mut drdy)).unwrap();
+        Self {
+            simulation,
+            chain,
+            drdy,
+        }
+    }
+
+    /// Samples until a time, with what was found and their stamps. Each comes before the next one is due.
+    fn until(&mut self, us: u64) -> Vec<(Reading<CHIPS>, u64)> {
+        let mut found = Vec::new();
+        let mut before_us = self.drdy.now_us();
+        while before_us < us {
+            let (reading, edge) = finish(self.chain.next(&mut self.drdy)).unwrap();
+            let now_us = self.drdy.now_us();
+            assert!(now_us - before_us < 5 * PERIOD_US, "at {now_us} us");
+            assert!(now_us - edge.us < PERIOD_US, "late at {now_us} us");
+            found.push((reading, edge.us));
+            before_us = now_us;
+        }
+        found
+    }
+
+    fn resets(&self) -> usize {
+        let events = self.simulation.events();
+        let is_reset = |(_, event): &&(u64, Event)| *event == Event::Reset;
+        events.iter().filter(is_reset).count()
+    }
+}
+
+/// The number of samples that were missed.
+fn missed(found: &[(Reading<CHIPS>, u64)]) -> u32 {
+    found.iter().map(|(reading, _)| reading.missed).sum()
+}
+
+/// Whether stamps follow each other like samples: none left out, none twice.
+fn assert_rhythm(found: &[(Reading<CHIPS>, u64)]) {
+    for pair in found.windows(2) {
+        let [(_, before), (_, after)] = pair else {
+            continue;
+        };
+        // Where flagged samples pass into real ones the phase changes, by less than a period.
+        let interval = after - before;
+        assert!(
+            (1..2 * PERIOD_US).contains(&interval),
+            "{interval} us at {after}"
+        );
+    }
+}
+
+#[test]
+fn a_chain_whose_power_comes_late_streams_without_a_self_test() {
+    let mut bench = Bench::new(Simulation::power_off);
+    assert!(bench.chain.failure().is_some());
+    let found = bench.until(9_000_000);
+    assert!(found.iter().all(|(reading, _)| reading.bad == 0xFF));
+    assert!(bench.resets() > 1, "it was tried again");
+    bench.simulation.power_on();
+    // At worst an attempt has just begun: its end, the pause, and a whole one.
+    let found = [found, bench.until(9_000_000 + RETRY_US + 3_000_000)].concat();
+    assert!(found.last().is_some_and(|(reading, _)| reading.is_sound()));
+    assert_eq!(bench.chain.failure(), None);
+    assert_rhythm(&found);
+    // The silence after the first attempt: three periods went by before it was one.
+    assert_eq!(missed(&found), 3);
+    assert_eq!(bench.simulation.violations(), 0);
+}
+
+#[test]
+fn a_chain_that_loses_its_power_while_it_runs_comes_back() {
+    let mut bench = Bench::new(|_| ());
+    let running = bench.until(3_000_000);
+    assert!(running.iter().all(|(reading, _)| reading.is_sound()));
+    bench.simulation.power_off();
+    let off = bench.until(4_000_000);
+    assert_eq!(missed(&off), 3, "until it is called a silence");
+    // START is high: chips that nobody has set up convert, at 256 Hz, and their frames look sound.
+    bench.simulation.power_on();
+    let found = bench.until(4_000_000 + RETRY_US + 3_000_000);
+    assert!(found.iter().any(|(reading, _)| reading.missed == 1));
+    assert!(found.last().is_some_and(|(reading, _)| reading.is_sound()));
+    assert_eq!(missed(&found[found.len() - 500..]), 0);
+    assert_eq!(bench.simulation.violations(), 0);
+}
+
+#[test]
+fn a_broken_chip_costs_the_others_no_sample() {
+    for fault in [Fault::Dead, Fault::WrongId(0x3C), Fault::StuckData] {
+        let mut bench = Bench::new(|simulation| simulation.inject(5, fault));
+        let resets = bench.resets();
+        let found = bench.until(20_000_000);
+        // The frame's status repeats only from the second sample on.
+        let is_broken = |(reading, _): &(Reading<CHIPS>, u64)| {
+            reading.culprit() == Some(5) && reading.missed == 0
+        };
+        assert!(found.iter().skip(8).all(is_broken), "{fault:?}");
+        assert_eq!(bench.resets(), resets, "{fault:?}");
+    }
+}
+
+#[test]
+fn a_chain_without_its_first_chip_is_tried_again_and_costs_nobody_anything() {
+    let mut bench = Bench::new(|simulation| simulation.inject(0, Fault::Dead));
+    let found = bench.until(14_000_000);
+    assert!(found.iter().all(|(reading, _)| reading.bad == 0xFF));
+    assert!(bench.resets() >= 3);
+    assert_rhythm(&found);
+    // Its own registers are those of a reset: it converts at 256 Hz until the chain is set up again.
+    bench.simulation.repair(0);
+    let found = bench.until(23_000_000);
+    assert!(found.last().is_some_and(|(reading, _)| reading.is_sound()));
+    assert_eq!(missed(&found[found.len() - 500..]), 0);
+    assert_eq!(bench.simulation.violations(), 0);
+}
+
+#[test]
+fn supplies_that_go_take_the_registers_along_and_begin_the_wait_for_a_reset_anew() {
+    let simulation = Simulation::<2>::new(Options::default(), Electrodes::silent());
+    let mut chain = simulation.chain();
+    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
+    finish(configured.start()).unwrap().unwrap();
+    assert!(simulation.next_edge_ns().is_some());
+    simulation.power_off();
+    assert_eq!(simulation.next_edge_ns(), None);
+    // Without power nothing is too early, and nothing answers.
+    let power_up = || {
+        let mut chain = simulation.chain();
+        finish(chain.power_up(&Settings::EEG)).unwrap().map(|_| ())
+    };
+    assert!(power_up().is_err());
+    assert_eq!(simulation.violations(), 0);
+    simulation.power_on();
+    simulation.pass_us(50_000);
+    // 125 ms at 2^21 Hz; a reset after 50 ms is refused.
+    let mut lines = simulation.chain();
+    finish(lines.pulse_reset()).unwrap().unwrap();
+    assert!(simulation.violations() > 0);
+    assert_eq!(power_up(), Ok(()));
+}
