@@ -53,7 +53,7 @@ impl VirtualBoard {
     pub fn power_on(model: Model, image: &Image, setup: &Setup) -> Result<Self, Trouble> {
         let chain = Chain::new(setup);
         if !setup.converters_on {
-            // POWER_OFF
+            chain.wires().simulation().power_off();
         }
         let serial = Serial::default();
         let observer = Observer::default();

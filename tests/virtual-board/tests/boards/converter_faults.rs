@@ -108,7 +108,7 @@ pub(crate) fn converters_may_be_powered_late(model: Model) {
         .unwrap_or_default()
         .to_owned();
     assert!(fault.contains("ADS1299 0"), "it says {fault:?}");
-    // POWER_ON
+    board.converters().power_on();
     let mended = board.run_until("converters run", 10_000_000, |frames| {
         converters(frames) == Some("")
     });
