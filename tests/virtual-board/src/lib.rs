@@ -1,1 +1,3 @@
 //! The NUCLEO boards on emulated microcontrollers.
+
+pub mod usb;
