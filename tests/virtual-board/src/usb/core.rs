@@ -9,7 +9,7 @@ mod write;
 use rigless::soc::Width;
 
 use super::endpoint::{InEndpoint, OutEndpoint};
-use super::fifo::{Extent, RxFifo};
+use super::fifo::{Extent, PacketStatus, RxFifo};
 use super::instance::Instance;
 use super::register::{MAX_ENDPOINTS, Register, bit, dctl, epint, gintsts, grstctl};
 use super::violation::Violations;
@@ -184,7 +184,11 @@ impl Core {
     /// Whether software may access the registers now, from `register` on.
     fn is_reachable(&mut self, register: Register, width: Width) -> bool {
         if !self.supply.clocked {
-            self.breach(register, "access while the core's bus clock is off", "8.5.10");
+            self.breach(
+                register,
+                "access while the core's bus clock is off",
+                "8.5.10",
+            );
             return false;
         }
         if width != Width::W32 {
@@ -247,7 +251,11 @@ impl Core {
             Register::Diepempmsk => held.diepempmsk,
             Register::Diepctl(n) => self.inputs[n].registers.control,
             Register::Diepint(n) => {
-                let txfe = if self.tx_fifo_has_room(n) { epint::TXFE } else { 0 };
+                let txfe = if self.tx_fifo_has_room(n) {
+                    epint::TXFE
+                } else {
+                    0
+                };
                 self.inputs[n].registers.flags | txfe
             }
             Register::Dieptsiz(n) => self.inputs[n].registers.size,
@@ -314,12 +322,16 @@ impl Core {
             self.breach(Register::Grxstsp, what, "57.14, OTG_GRXSTSP");
             return 0;
         };
+        if word >> 17 & 0xF == PacketStatus::GlobalOutNak as u32 {
+            self.registers.dctl |= dctl::GONSTS;
+        }
         let endpoint = (word & 0xF) as usize;
         if let Some(output) = self.outputs.get_mut(endpoint) {
-            match word >> 17 & 0xF {
-                3 => output.complete(),
-                4 => output.registers.flags |= epint::STUP,
-                _ => {}
+            let status = word >> 17 & 0xF;
+            if status == PacketStatus::OutDone as u32 {
+                output.complete();
+            } else if status == PacketStatus::SetupDone as u32 {
+                output.registers.flags |= epint::STUP;
             }
         }
         word

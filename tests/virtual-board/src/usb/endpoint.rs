@@ -8,7 +8,10 @@ use super::register::{epctl, epint};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Offer {
     /// The packet, and whether its PID is DATA1.
-    Packet { bytes: Vec<u8>, data1: bool },
+    Packet {
+        bytes: Vec<u8>,
+        data1: bool,
+    },
     Nak,
     Stall,
 }
@@ -192,8 +195,7 @@ impl InEndpoint {
 
     /// Whether an IN token would be answered with other than NAK.
     pub(super) fn answers(&self) -> bool {
-        self.registers.has(epctl::STALL)
-            || (!self.registers.has(epctl::NAKSTS) && self.is_loaded())
+        self.registers.has(epctl::STALL) || (!self.registers.has(epctl::NAKSTS) && self.is_loaded())
     }
 
     /// Answers an IN token; the host acknowledges what it gets.

@@ -6,6 +6,7 @@ use std::collections::VecDeque;
 /// What `PKTSTS` of an entry of the receive FIFO says (RM0433 57.14, `OTG_GRXSTSP` in device mode).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PacketStatus {
+    GlobalOutNak = 1,
     OutData = 2,
     OutDone = 3,
     SetupDone = 4,
@@ -55,8 +56,7 @@ impl RxFifo {
         let endpoint = u32::try_from(endpoint & 0xF).unwrap_or_default();
         let count = u32::try_from(bytes.len() & 0x7FF).unwrap_or_default();
         let pid = if data1 { 0b10 } else { 0b00 };
-        let word =
-            endpoint | count << 4 | pid << 15 | (status as u32) << 17 | (frame & 0xF) << 21;
+        let word = endpoint | count << 4 | pid << 15 | (status as u32) << 17 | (frame & 0xF) << 21;
         self.0.push_back(Entry::Status(word));
         self.0.extend(bytes.chunks(4).map(|chunk| {
             let mut word = [0; 4];
@@ -132,7 +132,9 @@ pub(super) fn layout_error(fifos: &[(String, Extent)], words: u32) -> Option<Str
                 extent.end()
             ));
         }
-        let over = fifos[..n].iter().find(|(_, before)| before.overlaps(*extent));
+        let over = fifos[..n]
+            .iter()
+            .find(|(_, before)| before.overlaps(*extent));
         if let Some((other, _)) = over {
             return Some(format!("{name} overlaps {other}"));
         }

@@ -172,7 +172,8 @@ impl Host {
                 next => return next,
             }
         }
-        self.violations.record(now, "the model of the host does not come to rest");
+        self.violations
+            .record(now, "the model of the host does not come to rest");
         None
     }
 
@@ -305,7 +306,12 @@ impl Host {
                 core.resume();
                 self.power = Power::Resuming(now + RESUME_NS);
             }
-            _ if self.idle_since.is_some_and(|since| since + SUSPEND_NS <= now) => core.suspend(),
+            _ if self
+                .idle_since
+                .is_some_and(|since| since + SUSPEND_NS <= now) =>
+            {
+                core.suspend()
+            }
             _ => self.advance_traffic(now, core),
         }
     }
@@ -323,3 +329,6 @@ impl Host {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

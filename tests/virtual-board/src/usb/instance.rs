@@ -147,6 +147,9 @@ mod tests {
     fn both_pins_must_carry_the_alternate_function() {
         assert!(pins_are_usb(0b1010 << 22, 0xAA << 12));
         assert!(!pins_are_usb(0b1011 << 22, 0xAA << 12), "PA11 is analogue");
-        assert!(!pins_are_usb(0b1010 << 22, 0x0A << 12), "PA12 is function 0");
+        assert!(
+            !pins_are_usb(0b1010 << 22, 0x0A << 12),
+            "PA12 is function 0"
+        );
     }
 }

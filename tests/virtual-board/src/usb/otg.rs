@@ -35,7 +35,10 @@ impl Link {
         let now = context.now().0;
         self.core.set_now(now);
         let host = self.host.step(now, &mut self.core);
-        let wanted = host.into_iter().chain(self.core.next_frame_interrupt()).min();
+        let wanted = host
+            .into_iter()
+            .chain(self.core.next_frame_interrupt())
+            .min();
         if self.scheduled.is_some_and(|at| at <= now) {
             self.scheduled = None;
         }
@@ -110,7 +113,10 @@ impl ErasedDevice for Registers {
     ) {
         let mut link = lock(&self.link);
         link.core.set_now(context.now().0);
-        #[expect(clippy::cast_possible_truncation, reason = "the width is judged by the core")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "the width is judged by the core"
+        )]
         link.core.write(offset, width, value as u32);
         link.settle(context);
     }
@@ -246,3 +252,6 @@ impl Otg {
         supply.unwired = (self.instance.unwired)(bus, &self.slots);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -73,9 +73,7 @@ impl Register {
             0x2C => Self::Gnptxsts,
             0x38 => Self::Gccfg,
             0x3C => Self::Cid,
-            0x40 | 0x44 | 0x48 | 0x4C | 0x50 => {
-                Self::Undocumented(u32::try_from(offset).ok()?)
-            }
+            0x40 | 0x44 | 0x48 | 0x4C | 0x50 => Self::Undocumented(u32::try_from(offset).ok()?),
             0x54 => Self::Glpmcfg,
             0x104..=0x120 => Self::Dieptxf(index(offset, 0x104, 4)? + 1),
             0x800 => Self::Dcfg,

@@ -33,7 +33,9 @@ fn redirected(redirects: &[Redirect], address: u64) -> u64 {
     redirects
         .iter()
         .find(|redirect| redirect.from.contains(&address))
-        .map_or(address, |redirect| address - redirect.from.start + redirect.to)
+        .map_or(address, |redirect| {
+            address - redirect.from.start + redirect.to
+        })
 }
 
 /// Makes the processor of `core` use `redirects`.

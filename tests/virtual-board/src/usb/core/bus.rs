@@ -144,7 +144,8 @@ impl Core {
         self.inputs[0].setup();
         self.outputs[0].setup();
         let frame = self.frame();
-        self.rx.push(PacketStatus::SetupData, 0, false, frame, &bytes);
+        self.rx
+            .push(PacketStatus::SetupData, 0, false, frame, &bytes);
         Handshake::Ack
     }
 
@@ -203,9 +204,11 @@ impl Core {
         }
         let done = output.take(bytes.len());
         let frame = self.frame();
-        self.rx.push(PacketStatus::OutData, endpoint, data1, frame, bytes);
+        self.rx
+            .push(PacketStatus::OutData, endpoint, data1, frame, bytes);
         if done {
-            self.rx.push(PacketStatus::OutDone, endpoint, data1, frame, &[]);
+            self.rx
+                .push(PacketStatus::OutDone, endpoint, data1, frame, &[]);
         }
         Handshake::Ack
     }

@@ -21,7 +21,10 @@ impl Core {
     /// Whether an instant `offset` ns into a frame has passed since `cleared`.
     fn frame_instant_since(&self, cleared: u64, offset: u64) -> bool {
         self.line.frames_from.is_some_and(|from| {
-            let count = |at: u64| at.checked_sub(from + offset).map_or(0, |d| d / FRAME_NS + 1);
+            let count = |at: u64| {
+                at.checked_sub(from + offset)
+                    .map_or(0, |d| d / FRAME_NS + 1)
+            };
             count(self.now) > count(cleared)
         })
     }
@@ -55,8 +58,14 @@ impl Core {
         );
         set(gintsts::RXFLVL, !self.rx.is_empty());
         set(gintsts::NPTXFE, self.tx_fifo_has_room(0));
-        set(gintsts::GINAKEFF, self.registers.dctl & super::dctl::GINSTS != 0);
-        set(gintsts::GONAKEFF, self.registers.dctl & super::dctl::GONSTS != 0);
+        set(
+            gintsts::GINAKEFF,
+            self.registers.dctl & super::dctl::GINSTS != 0,
+        );
+        set(
+            gintsts::GONAKEFF,
+            self.registers.dctl & super::dctl::GONSTS != 0,
+        );
         let endpoints = self.daint() & self.registers.daintmsk;
         set(gintsts::IEPINT, endpoints & 0xFFFF != 0);
         set(gintsts::OEPINT, endpoints >> 16 != 0);

@@ -3,7 +3,7 @@
 use rigless::soc::Width;
 
 use super::{Core, FLUSH_NS, SOFT_RESET_NS};
-use crate::usb::fifo::{Extent, layout_error};
+use crate::usb::fifo::{Extent, PacketStatus, layout_error};
 use crate::usb::register::{Register, bit, dctl, epctl, gintsts, grstctl};
 
 /// Kernel clock that full speed allows, Hz: 48 MHz +- 0.25 % (USB 2.0, 7.1.11).
@@ -50,18 +50,22 @@ impl Core {
             Register::Diepctl(n) => self.write_diepctl(n, value),
             Register::Diepint(n) => self.inputs[n].registers.flags &= !value,
             Register::Dieptsiz(n) => {
-                if self.inputs[n].registers.has(epctl::EPENA) {
-                    self.breach(register, "written while the endpoint is enabled", "57.14");
+                let endpoint = &mut self.inputs[n].registers;
+                let changes = endpoint.has(epctl::EPENA) && endpoint.size != value;
+                endpoint.size = value;
+                if changes {
+                    self.breach(register, "changed while the endpoint is enabled", "57.14");
                 }
-                self.inputs[n].registers.size = value;
             }
             Register::Doepctl(n) => self.write_doepctl(n, value),
             Register::Doepint(n) => self.outputs[n].registers.flags &= !value,
             Register::Doeptsiz(n) => {
-                if self.outputs[n].registers.has(epctl::EPENA) {
-                    self.breach(register, "written while the endpoint is enabled", "57.14");
+                let endpoint = &mut self.outputs[n].registers;
+                let changes = endpoint.has(epctl::EPENA) && endpoint.size != value;
+                endpoint.size = value;
+                if changes {
+                    self.breach(register, "changed while the endpoint is enabled", "57.14");
                 }
-                self.outputs[n].registers.size = value;
             }
             Register::Pcgcctl => held.pcgcctl = value & 0x3,
             Register::Fifo(n) => self.push_data(n, value),
@@ -72,7 +76,9 @@ impl Core {
             | Register::Undocumented(_)
             | Register::Dsts
             | Register::Daint
-            | Register::Dtxfsts(_) => self.breach(register, "write to a read-only register", "57.14"),
+            | Register::Dtxfsts(_) => {
+                self.breach(register, "write to a read-only register", "57.14")
+            }
         }
     }
 
@@ -97,7 +103,11 @@ impl Core {
         }
         let flushes = value & (grstctl::RXFFLSH | grstctl::TXFFLSH);
         if flushes != 0 && self.now < self.flush_until {
-            self.breach(Register::Grstctl, "flush before the last one has ended", "57.14.5");
+            self.breach(
+                Register::Grstctl,
+                "flush before the last one has ended",
+                "57.14.5",
+            );
         }
         self.registers.grstctl = value & (0x1F << 6) | flushes;
         if value & grstctl::RXFFLSH != 0 {
@@ -155,12 +165,22 @@ impl Core {
             (dctl::SGONAK, dctl::CGONAK, dctl::GONSTS),
         ] {
             if value & set != 0 && value & clear != 0 {
-                self.breach(Register::Dctl, "a global NAK set and cleared at once", "57.14");
+                self.breach(
+                    Register::Dctl,
+                    "a global NAK set and cleared at once",
+                    "57.14",
+                );
             }
-            let stands = before & state != 0 || value & set != 0;
-            if stands && value & clear == 0 {
+            // The OUT NAK is effective once software has taken its report from the receive FIFO.
+            let sets = value & set != 0 && state == dctl::GINSTS;
+            if (before & state != 0 || sets) && value & clear == 0 {
                 now |= state;
             }
+        }
+        if value & dctl::SGONAK != 0 {
+            let frame = self.frame();
+            self.rx
+                .push(PacketStatus::GlobalOutNak, 0, false, frame, &[]);
         }
         self.registers.dctl = now;
         if before & dctl::SDIS != 0 && now & dctl::SDIS == 0 {
@@ -174,10 +194,19 @@ impl Core {
         let (gusbcfg, pcgcctl) = (self.registers.gusbcfg, self.registers.pcgcctl);
         let kernel = self.supply.kernel_hz;
         let faults = [
-            (gccfg & bit::PWRDWN == 0, "connected with the transceiver off (OTG_GCCFG.PWRDWN)"),
+            (
+                gccfg & bit::PWRDWN == 0,
+                "connected with the transceiver off (OTG_GCCFG.PWRDWN)",
+            ),
             (dcfg & 3 != 3, "connected with OTG_DCFG.DSPD not full speed"),
-            (gusbcfg & bit::FDMOD == 0, "connected without OTG_GUSBCFG.FDMOD on a board without ID"),
-            (pcgcctl & bit::STPPCLK != 0, "connected with the PHY's clock stopped"),
+            (
+                gusbcfg & bit::FDMOD == 0,
+                "connected without OTG_GUSBCFG.FDMOD on a board without ID",
+            ),
+            (
+                pcgcctl & bit::STPPCLK != 0,
+                "connected with the PHY's clock stopped",
+            ),
         ];
         for (_, what) in faults.into_iter().filter(|(is_wrong, _)| *is_wrong) {
             self.breach(Register::Dctl, what, "57.15.3");
@@ -196,9 +225,17 @@ impl Core {
         let before = self.inputs[n].registers.control;
         self.check_pairs(register, value);
         if value & epctl::EPDIS != 0 && before & epctl::EPENA == 0 {
-            self.breach(register, "EPDIS of an endpoint that is not enabled", "57.14");
+            self.breach(
+                register,
+                "EPDIS of an endpoint that is not enabled",
+                "57.14",
+            );
         } else if value & epctl::EPDIS != 0 && before & epctl::NAKSTS == 0 {
-            self.breach(register, "EPDIS before the endpoint's NAK is effective", PROGRAMMING);
+            self.breach(
+                register,
+                "EPDIS before the endpoint's NAK is effective",
+                PROGRAMMING,
+            );
         }
         let arms = value & epctl::EPENA != 0 && before & epctl::EPENA == 0;
         self.inputs[n].write_control(value);
@@ -222,7 +259,11 @@ impl Core {
             self.breach(register, &what, PROGRAMMING);
         }
         if !is_active {
-            self.breach(register, "enabled while it is not active (USBAEP)", PROGRAMMING);
+            self.breach(
+                register,
+                "enabled while it is not active (USBAEP)",
+                PROGRAMMING,
+            );
         }
         if turnaround < 6 {
             let what = format!("TRDT is {turnaround}, less than 6");
@@ -238,9 +279,18 @@ impl Core {
             depth: self.registers.rx_depth,
         };
         let mut used = vec![("the receive FIFO".to_owned(), rx)];
-        for endpoint in self.inputs.iter().filter(|e| e.registers.has(epctl::USBAEP)) {
+        for endpoint in self
+            .inputs
+            .iter()
+            .filter(|e| e.registers.has(epctl::USBAEP))
+        {
             let name = format!("transmit FIFO {}", endpoint.fifo());
-            let value = self.registers.tx.get(endpoint.fifo()).copied().unwrap_or_default();
+            let value = self
+                .registers
+                .tx
+                .get(endpoint.fifo())
+                .copied()
+                .unwrap_or_default();
             if used.iter().all(|(known, _)| *known != name) {
                 used.push((name, Extent::of_dieptxf(value)));
             }
@@ -260,7 +310,11 @@ impl Core {
                 return;
             }
             if before & epctl::EPENA == 0 {
-                self.breach(register, "EPDIS of an endpoint that is not enabled", "57.14");
+                self.breach(
+                    register,
+                    "EPDIS of an endpoint that is not enabled",
+                    "57.14",
+                );
             } else if self.registers.dctl & dctl::GONSTS == 0 {
                 let what = "EPDIS of an OUT endpoint without the global OUT NAK";
                 self.breach(register, what, PROGRAMMING);
@@ -272,7 +326,11 @@ impl Core {
         if arms && n != 0 && endpoint.packet_count() == 0 {
             self.breach(register, "enabled with PKTCNT 0", PROGRAMMING);
         } else if arms && !endpoint.has(epctl::USBAEP) {
-            self.breach(register, "enabled while it is not active (USBAEP)", PROGRAMMING);
+            self.breach(
+                register,
+                "enabled while it is not active (USBAEP)",
+                PROGRAMMING,
+            );
         }
     }
 
@@ -294,7 +352,11 @@ impl Core {
             self.breach(register, "written during a flush", "57.14.5");
         }
         if self.inputs[n].words() >= self.tx_depth(n) {
-            self.breach(register, "written while it is full (OTG_DTXFSTSx)", PROGRAMMING);
+            self.breach(
+                register,
+                "written while it is full (OTG_DTXFSTSx)",
+                PROGRAMMING,
+            );
             return;
         }
         if !self.inputs[n].push(value) {

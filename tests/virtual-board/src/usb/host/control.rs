@@ -96,7 +96,13 @@ pub(super) struct Transfer {
 
 impl Transfer {
     /// A transfer to `address`, whose endpoint 0 has packets of `max_packet` bytes; `data` goes out.
-    pub(super) fn new(setup: Setup, address: u8, max_packet: usize, data: Vec<u8>, now: u64) -> Self {
+    pub(super) fn new(
+        setup: Setup,
+        address: u8,
+        max_packet: usize,
+        data: Vec<u8>,
+        now: u64,
+    ) -> Self {
         debug_assert!(setup.is_in() || data.len() == usize::from(setup.length));
         Self {
             setup,
@@ -212,7 +218,8 @@ impl Transfer {
         data1: bool,
         violations: &mut Violations,
     ) -> Outcome {
-        if data1 != self.data1 && self.stage == Stage::DataIn || self.stage == Stage::StatusIn && !data1
+        if data1 != self.data1 && self.stage == Stage::DataIn
+            || self.stage == Stage::StatusIn && !data1
         {
             let text = format!("{}: wrong data toggle (USB 2.0, 8.5.3)", self.describe());
             violations.record(now, text);

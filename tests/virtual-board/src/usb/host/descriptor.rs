@@ -126,7 +126,11 @@ impl Descriptors {
         let mut judge = Judge { now, violations };
         let section = "device descriptor, USB 2.0, 9.6.1";
         let (length, kind) = (byte(bytes, 0), byte(bytes, 1));
-        judge.expect(bytes.len() == 18 && length == 18, "its length is not 18", section);
+        judge.expect(
+            bytes.len() == 18 && length == 18,
+            "its length is not 18",
+            section,
+        );
         judge.expect(kind == kind::DEVICE, "its type is not 1", section);
         self.usb = word(bytes, 2);
         self.class = [byte(bytes, 4), byte(bytes, 5), byte(bytes, 6)];
@@ -138,8 +142,16 @@ impl Descriptors {
         let known = [0x0110, 0x0200, 0x0201, 0x0210].contains(&self.usb);
         judge.expect(known, &format!("bcdUSB is {:#06x}", self.usb), section);
         let sized = [8, 16, 32, 64].contains(&self.max_packet_0);
-        judge.expect(sized, &format!("bMaxPacketSize0 is {}", self.max_packet_0), section);
-        judge.expect(byte(bytes, 17) == 1, "it has not one configuration", section);
+        judge.expect(
+            sized,
+            &format!("bMaxPacketSize0 is {}", self.max_packet_0),
+            section,
+        );
+        judge.expect(
+            byte(bytes, 17) == 1,
+            "it has not one configuration",
+            section,
+        );
         judge.expect(self.vendor != 0, "idVendor is 0", section);
     }
 
@@ -149,17 +161,33 @@ impl Descriptors {
         let section = "configuration descriptor, USB 2.0, 9.6.3";
         judge.expect(byte(bytes, 0) == 9, "its length is not 9", section);
         let total = usize::from(word(bytes, 2));
-        judge.expect(total == bytes.len(), "wTotalLength is not its length", section);
+        judge.expect(
+            total == bytes.len(),
+            "wTotalLength is not its length",
+            section,
+        );
         let attributes = byte(bytes, 7);
-        judge.expect(attributes & 0x9F == 0x80, "reserved bits of bmAttributes", section);
+        judge.expect(
+            attributes & 0x9F == 0x80,
+            "reserved bits of bmAttributes",
+            section,
+        );
         let mut configuration = Configuration {
             value: byte(bytes, 5),
             attributes,
             max_current_ma: u16::from(byte(bytes, 8)) * 2,
             interfaces: Vec::new(),
         };
-        judge.expect(configuration.value != 0, "bConfigurationValue is 0", section);
-        judge.expect(configuration.max_current_ma <= 500, "more than 500 mA", section);
+        judge.expect(
+            configuration.value != 0,
+            "bConfigurationValue is 0",
+            section,
+        );
+        judge.expect(
+            configuration.max_current_ma <= 500,
+            "more than 500 mA",
+            section,
+        );
         let mut rest = bytes.get(9..).unwrap_or_default();
         let mut expected = 0;
         while !rest.is_empty() {
@@ -172,11 +200,23 @@ impl Descriptors {
             expected += configuration.add(one, &mut judge);
             rest = after;
         }
-        let found: usize = configuration.interfaces.iter().map(|i| i.endpoints.len()).sum();
-        judge.expect(found == expected, "bNumEndpoints is not the number of endpoints", section);
+        let found: usize = configuration
+            .interfaces
+            .iter()
+            .map(|i| i.endpoints.len())
+            .sum();
+        judge.expect(
+            found == expected,
+            "bNumEndpoints is not the number of endpoints",
+            section,
+        );
         let interfaces = configuration.interfaces.len();
         let named = usize::from(byte(bytes, 4)) == interfaces;
-        judge.expect(named, "bNumInterfaces is not the number of interfaces", section);
+        judge.expect(
+            named,
+            "bNumInterfaces is not the number of interfaces",
+            section,
+        );
         self.configuration = configuration;
     }
 
@@ -187,7 +227,11 @@ impl Descriptors {
         judge.expect(byte(bytes, 0) == 5, "its length is not 5", section);
         judge.expect(byte(bytes, 1) == kind::BOS, "its type is not 15", section);
         let total = usize::from(word(bytes, 2));
-        judge.expect(total == bytes.len(), "wTotalLength is not its length", section);
+        judge.expect(
+            total == bytes.len(),
+            "wTotalLength is not its length",
+            section,
+        );
         let mut capabilities = 0;
         let mut rest = bytes.get(5..).unwrap_or_default();
         while rest.len() >= 3 {
@@ -215,7 +259,11 @@ impl Descriptors {
             judge.expect(control.functions.contains(&subtype), &what, section);
         }
         let header_first = control.functions.first() == Some(&0);
-        judge.expect(header_first, "the header is not the first functional descriptor", section);
+        judge.expect(
+            header_first,
+            "the header is not the first functional descriptor",
+            section,
+        );
         let find = |interface: &Interface, attributes: u8, is_in: bool| {
             let fits = |e: &&EndpointDescriptor| {
                 e.attributes & 3 == attributes && (e.address & 0x80 != 0) == is_in
@@ -240,7 +288,11 @@ impl Configuration {
                 judge.expect(bytes.len() == 9, "its length is not 9", section);
                 let number = byte(bytes, 2);
                 let next = usize::from(number) == self.interfaces.len();
-                judge.expect(next || byte(bytes, 3) != 0, "its number is not the next", section);
+                judge.expect(
+                    next || byte(bytes, 3) != 0,
+                    "its number is not the next",
+                    section,
+                );
                 if byte(bytes, 3) == 0 {
                     self.interfaces.push(Interface {
                         number,
@@ -299,6 +351,3 @@ pub(super) fn text(bytes: &[u8], now: u64, violations: &mut Violations) -> Strin
     let units: Vec<u16> = units.map(|unit| word(unit, 0)).collect();
     String::from_utf16_lossy(&units)
 }
-
-#[cfg(test)]
-mod tests;

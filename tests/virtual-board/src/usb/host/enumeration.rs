@@ -132,7 +132,11 @@ impl Enumeration {
                     }
                     _ => return Next::Failed(format!("device descriptor {data:02x?}")),
                 }
-                self.step = if is_first { Step::SetAddress } else { Step::Device };
+                self.step = if is_first {
+                    Step::SetAddress
+                } else {
+                    Step::Device
+                };
                 if is_first { Next::Reset } else { Next::Request }
             }
             Step::SetAddress => {

@@ -240,7 +240,10 @@ impl Serial {
         }
     }
 
-    #[expect(clippy::too_many_arguments, reason = "what every transaction is handed")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "what every transaction is handed"
+    )]
     fn receive(
         &mut self,
         endpoint: EndpointDescriptor,

@@ -30,7 +30,10 @@ impl Host {
         if transaction.is_none() {
             self.busy_until = None;
         }
-        let deadline = self.transfer.as_ref().map(|(_, transfer)| transfer.deadline());
+        let deadline = self
+            .transfer
+            .as_ref()
+            .map(|(_, transfer)| transfer.deadline());
         transaction.into_iter().chain(deadline).min()
     }
 
@@ -72,14 +75,19 @@ impl Host {
             } else {
                 return;
             };
-        let device = self.enumeration.as_ref().map(|e| &e.device).or(self.device.as_ref());
+        let device = self
+            .enumeration
+            .as_ref()
+            .map(|e| &e.device)
+            .or(self.device.as_ref());
         let max_packet = device.map_or(64, |device| device.max_packet_0).into();
         let transfer = Transfer::new(setup, self.address, max_packet, data, now);
         self.transfer = Some((purpose, transfer));
     }
 
     fn transact(&mut self, now: u64, core: &mut Core) {
-        let Some((purpose, mut transfer)) = self.transfer.take_if(|(_, t)| t.next_len(core).is_some())
+        let Some((purpose, mut transfer)) =
+            self.transfer.take_if(|(_, t)| t.next_len(core).is_some())
         else {
             if let Some((pipe, _)) = self.serial.candidate(core) {
                 self.transact_serial(pipe, now, core);
@@ -102,7 +110,9 @@ impl Host {
 
     fn transact_serial(&mut self, pipe: Pipe, now: u64, core: &mut Core) {
         let violations = &mut self.violations;
-        let event = self.serial.perform(pipe, self.address, now, core, violations);
+        let event = self
+            .serial
+            .perform(pipe, self.address, now, core, violations);
         if let Some(event) = event {
             self.note(now, event);
         }
