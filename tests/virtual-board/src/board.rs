@@ -12,6 +12,7 @@ use crate::core_bus::{Cleared, Differences};
 use crate::processor::{Observer, observed};
 use crate::serial::Serial;
 use crate::setup::Setup;
+use crate::usb::UsbHost;
 
 /// A NUCLEO with the converters' board on its headers.
 #[derive(Debug)]
@@ -28,9 +29,10 @@ impl Nucleo {
         setup: &Setup,
         chain: Chain,
         serial: Serial,
+        host: &UsbHost,
         observer: Observer,
     ) -> Self {
-        let mut chip = model.chip();
+        let mut chip = model.chip(host);
         chip.fit_clock(setup.clock_hz);
         if let Some(hz) = setup.lsi_hz {
             chip.set_lsi(hz);

@@ -37,6 +37,7 @@ mod processor;
 mod serial;
 mod setup;
 mod tcp;
+pub mod usb;
 
 pub use diagnosis::{Diagnosis, Trouble};
 pub use findings::Findings;
@@ -46,5 +47,5 @@ pub use injection::Injection;
 pub use machine::VirtualBoard;
 pub use model::Model;
 pub use port::Port;
-pub use setup::Setup;
+pub use setup::{Cable, Setup};
 pub use tcp::TcpPort;

@@ -17,6 +17,8 @@ use crate::machine::clockwork::{Clockwork, Order, Reached};
 use crate::port::Port;
 use crate::processor::Observer;
 use crate::serial::Serial;
+use crate::setup::Cable;
+use crate::usb::UsbHost;
 use crate::{Findings, Image, Injection, Model, Setup};
 
 mod clockwork;
@@ -56,14 +58,24 @@ impl VirtualBoard {
             chain.wires().simulation().power_off();
         }
         let serial = Serial::default();
+        let host = UsbHost::new();
         let observer = Observer::default();
         let board = Nucleo::new(
             model,
             setup,
             chain.clone(),
             serial.clone(),
+            &host,
             observer.clone(),
         );
+        let port = match setup.cable {
+            Cable::Uart => Port::Uart(serial),
+            Cable::Usb => {
+                host.plug();
+                host.open();
+                Port::Usb(host)
+            }
+        };
         let (orders, taken) = channel();
         let (answers, reached) = channel();
         let clockwork = Clockwork::new(
@@ -86,7 +98,7 @@ impl VirtualBoard {
             model,
             image: image.clone(),
             chain,
-            port: Port(serial),
+            port,
             inbox: Inbox::default(),
             observer,
             orders,
@@ -196,6 +208,7 @@ impl VirtualBoard {
     /// The emulator has failed or hangs.
     pub fn run_until_us(&mut self, us: u64) -> Result<(), Trouble> {
         self.advance(us * 1000)?;
+        self.port.keep_open();
         let bytes = self.port.take();
         self.inbox.push(&bytes);
         Ok(())

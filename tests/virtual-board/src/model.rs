@@ -4,6 +4,7 @@ use std::fmt;
 use std::num::NonZeroU64;
 
 use crate::chip::{Chip, F446, H743, Pin};
+use crate::usb::UsbHost;
 
 /// A board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -153,9 +154,10 @@ impl Model {
         }
     }
 
-    pub(crate) fn chip(self) -> Box<dyn Chip> {
+    /// The chip, with `host` at its USB cable where the board has a socket for one.
+    pub(crate) fn chip(self, host: &UsbHost) -> Box<dyn Chip> {
         match self {
-            Self::H743 => Box::new(H743::new()),
+            Self::H743 => Box::new(H743::new(host)),
             Self::F446 => Box::new(F446::new()),
         }
     }

@@ -1,30 +1,70 @@
 //! The host's end of a board's port.
 
 use crate::serial::Serial;
+use crate::usb::{State, UsbHost};
 
 /// The host's end of a board's port; clones are the same.
 #[derive(Clone, Debug)]
-pub struct Port(pub(crate) Serial);
+pub enum Port {
+    /// The ST-LINK's serial port.
+    Uart(Serial),
+    /// A host at the USB cable.
+    Usb(UsbHost),
+}
 
 impl Port {
-    /// Puts bytes on their way to the device.
+    /// Puts bytes on their way to the device; over USB once the port is open.
     pub fn send(&self, bytes: &[u8]) {
-        self.0.line().send(bytes);
+        match self {
+            Self::Uart(serial) => serial.line().send(bytes),
+            Self::Usb(host) => host.send(bytes),
+        }
     }
 
     /// Takes what the device has sent.
     pub fn take(&self) -> Vec<u8> {
-        self.0.line().take()
+        match self {
+            Self::Uart(serial) => serial.line().take(),
+            Self::Usb(host) => host.take_received(),
+        }
     }
 
     /// A host opens the port. A UART has no way to tell the device.
-    pub const fn open(&self) {}
+    pub fn open(&self) {
+        if let Self::Usb(host) = self {
+            host.open();
+        }
+    }
+
+    /// Opens the port again after the device has been away, as a program does that waits for it.
+    pub(crate) fn keep_open(&self) {
+        if let Self::Usb(host) = self
+            && host.state() == State::Configured
+        {
+            host.open();
+        }
+    }
 
     /// The host closes it.
-    pub const fn close(&self) {}
+    pub fn close(&self) {
+        if let Self::Usb(host) = self {
+            host.close();
+        }
+    }
 
     /// Baud rate that the device sends with, once it has sent two bytes; none over USB.
     pub fn baud(&self) -> Option<u64> {
-        self.0.line().baud()
+        match self {
+            Self::Uart(serial) => serial.line().baud(),
+            Self::Usb(_) => None,
+        }
+    }
+
+    /// The host at the USB cable, if there is one.
+    pub const fn usb(&self) -> Option<&UsbHost> {
+        match self {
+            Self::Uart(_) => None,
+            Self::Usb(host) => Some(host),
+        }
     }
 }

@@ -9,7 +9,7 @@ use rigless::time::VirtualNanos;
 
 /// Both directions of the line; clones are the same.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Serial(Arc<Mutex<Line>>);
+pub struct Serial(Arc<Mutex<Line>>);
 
 /// What is on the line.
 #[derive(Debug, Default)]

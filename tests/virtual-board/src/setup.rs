@@ -2,6 +2,15 @@
 
 use ads1299::Alignment;
 
+/// The cable between a board and its host: an image talks over one of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cable {
+    /// The ST-LINK's, which carries the UART.
+    Uart,
+    /// A cable at the microcontroller's own USB.
+    Usb,
+}
+
 /// What a virtual board is like when its power comes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setup {
@@ -12,6 +21,8 @@ pub struct Setup {
     pub lsi_hz: Option<u64>,
     /// Whether the chain puts a don't-care bit between two chips.
     pub alignment: Alignment,
+    /// The cable between the board and the host.
+    pub cable: Cable,
     /// Whether the converters have power from the beginning; `Simulation::power_on` switches it on later.
     pub converters_on: bool,
 }
@@ -22,6 +33,7 @@ impl Default for Setup {
             clock_hz: 8_000_000,
             lsi_hz: None,
             alignment: Alignment::Spaced,
+            cable: Cable::Uart,
             converters_on: true,
         }
     }

@@ -13,7 +13,7 @@ use rigless::machine::armv7m::{BranchPrediction, Caches, Config, Core, Fpu, MpuR
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::Bus;
 use rigless::soc::stm32h743::Stm32h743;
-use rigless::soc::stm32h743::generated::{gpioa, spi1};
+use rigless::soc::stm32h743::generated::{gpioa, otg1_hs_global, spi1};
 use rigless::soc::stm32h743::peripherals::gpio::{Gpio, PORTS, Pin as PartPin};
 use rigless::soc::stm32h743::peripherals::tim::{Channel, TIMERS, Tim};
 use rigless::time::VirtualNanos;
@@ -22,6 +22,7 @@ use crate::Model;
 use crate::chain::Chain;
 use crate::chip::{Chip, Pin};
 use crate::core_bus::{Cleared, Redirect};
+use crate::usb::{H743_USB2, Otg, UsbHost};
 
 use watchdog::Watchdog;
 
@@ -98,16 +99,17 @@ pub(crate) struct H743 {
     part: Stm32h743,
     watchdog: Watchdog,
     watchdog_slot: usize,
+    otg: Otg,
     /// Whether the model of each slot is left out.
     left_out: Box<[bool]>,
 }
 
 impl H743 {
-    /// A chip with a supply, without a clock from outside.
+    /// A chip with a supply, without a clock from outside, and `host` at its USB cable.
     ///
     /// # Panics
     /// When the emulator's description of the part contradicts itself.
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(host: &UsbHost) -> Self {
         let mut part = Stm32h743::new().expect("the emulator's own part");
         part.set_supply(3300);
         part.set_analog_supply(3300);
@@ -115,10 +117,12 @@ impl H743 {
         let slots = part.bus().slots().iter();
         let left_out = slots.map(|slot| LEFT_OUT.contains(&slot.peripheral().name));
         let left_out = left_out.collect();
+        let otg = Otg::new::<otg1_hs_global::Register>(&H743_USB2, host, part.bus_mut());
         Self {
             part,
             watchdog: Watchdog::default(),
             watchdog_slot,
+            otg: otg.expect("nothing is at the window's addresses"),
             left_out,
         }
     }
@@ -158,16 +162,21 @@ impl Mcu for H743 {
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
         self.watchdog = Watchdog::default();
+        self.otg.reset();
     }
 
     fn poll(&mut self, now: VirtualNanos) {
         self.part.poll(now);
+        self.otg.poll(now, self.part.bus_mut());
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
         let (bus, model) = self.part.split(slot);
         if slot == self.watchdog_slot {
             return (bus, Some(&mut self.watchdog));
+        }
+        if let Some(model) = self.otg.model(slot, bus) {
+            return (bus, Some(model));
         }
         let is_left_out = self.left_out.get(slot).copied().unwrap_or(false);
         (bus, model.filter(|_| !is_left_out))
@@ -214,7 +223,7 @@ impl Chip for H743 {
     }
 
     fn redirects(&self) -> Vec<Redirect> {
-        Vec::new()
+        vec![self.otg.redirect()]
     }
 
     fn set_lsi(&mut self, hz: u64) {

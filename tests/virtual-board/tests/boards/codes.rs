@@ -6,9 +6,10 @@ use std::time::Duration;
 use host_sim::{Identity, Outbox, VirtualBoard as Simulator, WhenFull};
 use link::{Code, Start, Streams};
 use pipeline::{Mains, Sample};
-use virtual_board::{Inbox, Kind, Model, eeg};
+use virtual_board::{Inbox, Kind, eeg};
 
 use crate::figures::record;
+use crate::images::Subject;
 use crate::session::{assert_sound, run_codes, running, start};
 
 /// Codes to compare: 16 s.
@@ -19,8 +20,8 @@ const HOP: u64 = 32;
 
 /// Sixteen seconds of codes equal host-sim's bit for bit, are 62.5 ms apart by their stamps, and nothing
 /// was late or lost.
-pub(crate) fn codes_equal_the_simulators(model: Model) {
-    let mut board = running(model);
+pub(crate) fn codes_equal_the_simulators(subject: Subject) {
+    let mut board = running(subject);
     let before = board.converters().samples_delivered();
     start(&mut board, Streams::CODES);
     let after = board.converters().samples_delivered();
@@ -87,10 +88,10 @@ pub(crate) fn codes_equal_the_simulators(model: Model) {
     let worst = worst.fold(0.0, f64::max);
     assert!(timing.stack_used < timing.stack_size * 3 / 4, "{timing:?}");
     assert_sound(&mut board);
-    record(model, "codes", codes.len());
-    record(model, "equal_to_host", codes.len());
-    record(model, "worst_path_over_deadline", format!("{worst:.3}"));
-    record(model, "stack_used", timing.stack_used);
+    record(subject, "codes", codes.len());
+    record(subject, "equal_to_host", codes.len());
+    record(subject, "worst_path_over_deadline", format!("{worst:.3}"));
+    record(subject, "stack_used", timing.stack_used);
     let used = board.stack_used().expect("the board is there");
     assert_eq!(
         used,
@@ -98,7 +99,7 @@ pub(crate) fn codes_equal_the_simulators(model: Model) {
         "the report is older"
     );
     record(
-        model,
+        subject,
         "instructions_per_virtual_second",
         board.instructions() * 1_000_000 / board.now_us(),
     );

@@ -2,9 +2,10 @@
 
 use ads1299::simulation::Fault;
 use link::{Flags, Streams};
-use virtual_board::{Kind, Model, Setup, VirtualBoard};
+use virtual_board::{Kind, Setup, VirtualBoard};
 
 use crate::figures::record;
+use crate::images::Subject;
 use crate::session::{assert_sound, converters, power_on, run_codes, running, start};
 
 /// A chip that is not chip 0.
@@ -52,27 +53,27 @@ fn broken(board: &mut VirtualBoard, fault: Fault) -> Vec<usize> {
 }
 
 /// Nothing gets past a chip without power: it and the chips that send through it are named.
-pub(crate) fn a_dead_chip_is_named(model: Model) {
-    let mut board = running(model);
+pub(crate) fn a_dead_chip_is_named(subject: Subject) {
+    let mut board = running(subject);
     let named = broken(&mut board, Fault::Dead);
     assert_eq!(named, (CHIP..8).collect::<Vec<_>>());
     assert_sound(&mut board);
-    record(model, "fault_dead_chip", true);
+    record(subject, "fault_dead_chip", true);
 }
 
 /// A chip that sends a bit late shifts the chips that send through it.
-pub(crate) fn a_shifted_bit_is_named(model: Model) {
-    let mut board = running(model);
+pub(crate) fn a_shifted_bit_is_named(subject: Subject) {
+    let mut board = running(subject);
     let named = broken(&mut board, Fault::ShiftedBit);
     assert_eq!(named.first(), Some(&CHIP), "{named:?}");
     assert_sound(&mut board);
-    record(model, "fault_shifted_bit", true);
+    record(subject, "fault_shifted_bit", true);
 }
 
 /// DRDY does not move any more: codes go on, flagged, and all chips are counted as bad; when it moves
 /// again, so do the codes.
-pub(crate) fn a_silent_chain_is_flagged(model: Model) {
-    let mut board = running(model);
+pub(crate) fn a_silent_chain_is_flagged(subject: Subject) {
+    let mut board = running(subject);
     start(&mut board, Streams::CODES);
     run_codes(&mut board, 8).unwrap_or_else(|trouble| panic!("{trouble}"));
     board.hold_ready(Some(true));
@@ -89,17 +90,17 @@ pub(crate) fn a_silent_chain_is_flagged(model: Model) {
     let last = flags(&board).pop().expect("codes");
     assert!(!last.contains(bad), "{last:?}");
     assert_sound(&mut board);
-    record(model, "fault_silent_drdy", true);
+    record(subject, "fault_silent_drdy", true);
 }
 
 /// The converters' board gets its power seconds after the microcontroller: the firmware says what is
 /// wrong, tries again, and streams without anybody's help.
-pub(crate) fn converters_may_be_powered_late(model: Model) {
+pub(crate) fn converters_may_be_powered_late(subject: Subject) {
     let setup = Setup {
         converters_on: false,
-        ..Setup::default()
+        ..subject.setup()
     };
-    let mut board = power_on(model, &setup);
+    let mut board = power_on(subject, &setup);
     let said = board.run_until("a fault of the converters", 3_000_000, |frames| {
         converters(frames).is_some_and(|fault| !fault.is_empty())
     });
@@ -118,5 +119,5 @@ pub(crate) fn converters_may_be_powered_late(model: Model) {
     let last = flags(&board).pop().expect("codes");
     assert!(!last.contains(Flags::ADC_STATUS_BAD), "{last:?}");
     assert_sound(&mut board);
-    record(model, "fault_late_power", true);
+    record(subject, "fault_late_power", true);
 }

@@ -1,9 +1,10 @@
 //! What failures leave behind.
 
 use link::{ResetCause, Streams};
-use virtual_board::{Injection, Model, VirtualBoard};
+use virtual_board::{Injection, VirtualBoard};
 
 use crate::figures::record;
+use crate::images::Subject;
 use crate::session::{greetings, run_codes, start, streaming};
 
 /// Longest time from a failure to the next `Hello`, us: the watchdog's 200 ms with an oscillator that is
@@ -12,8 +13,8 @@ const LONGEST_US: u64 = 600_000;
 
 /// Lets a failure happen in the encoder's task while codes stream, and returns what the device says of it
 /// after its restart.
-fn fail(model: Model, injection: Injection) -> (VirtualBoard, ResetCause, String) {
-    let mut board = streaming(model, Streams::CODES);
+fn fail(subject: Subject, injection: Injection) -> (VirtualBoard, ResetCause, String) {
+    let mut board = streaming(subject, Streams::CODES);
     run_codes(&mut board, 4).unwrap_or_else(|trouble| panic!("{trouble}"));
     let at_us = board.now_us();
     // The interrupt in which the encoder runs.
@@ -25,7 +26,7 @@ fn fail(model: Model, injection: Injection) -> (VirtualBoard, ResetCause, String
     });
     back.unwrap_or_else(|trouble| panic!("{trouble}"));
     println!(
-        "{model}: {injection:?}, back after {} us",
+        "{subject}: {injection:?}, back after {} us",
         board.now_us() - at_us
     );
     let (cause, fault) = greetings(board.inbox().frames()).remove(1);
@@ -42,39 +43,39 @@ fn assert_streams(mut board: VirtualBoard) {
 }
 
 /// An encoder that does not return: the watchdog resets the chip, and `Hello` says that it did.
-pub(crate) fn a_hang_is_ended_by_the_watchdog(model: Model) {
-    let (board, cause, fault) = fail(model, Injection::Hang);
+pub(crate) fn a_hang_is_ended_by_the_watchdog(subject: Subject) {
+    let (board, cause, fault) = fail(subject, Injection::Hang);
     assert_eq!((cause, fault.as_str()), (ResetCause::Watchdog, ""));
     assert_streams(board);
-    record(model, "reset_cause_hang", true);
+    record(subject, "reset_cause_hang", true);
 }
 
 /// A panic: `Hello` has its message.
-pub(crate) fn a_panic_is_told_after_the_restart(model: Model) {
-    let (board, cause, fault) = fail(model, Injection::Panic);
+pub(crate) fn a_panic_is_reported_after_the_restart(subject: Subject) {
+    let (board, cause, fault) = fail(subject, Injection::Panic);
     assert_eq!(cause, ResetCause::Fault);
     assert!(fault.contains("injected.rs:7:3"), "it says {fault:?}");
     assert_streams(board);
-    record(model, "reset_cause_panic", true);
+    record(subject, "reset_cause_panic", true);
 }
 
 /// A jump to where there is no memory: `Hello` has the fault's registers.
-pub(crate) fn a_hard_fault_is_told_after_the_restart(model: Model) {
-    let (board, cause, fault) = fail(model, Injection::HardFault);
+pub(crate) fn a_hard_fault_is_reported_after_the_restart(subject: Subject) {
+    let (board, cause, fault) = fail(subject, Injection::HardFault);
     assert_eq!(cause, ResetCause::Fault);
     assert!(
         fault.contains("hard fault at 0x5fffff"),
         "it says {fault:?}"
     );
     assert_streams(board);
-    record(model, "reset_cause_fault", true);
+    record(subject, "reset_cause_fault", true);
 }
 
 /// A stack that is used up: `Hello` says so.
-pub(crate) fn a_stack_overflow_is_told_after_the_restart(model: Model) {
-    let (board, cause, fault) = fail(model, Injection::StackOverflow);
+pub(crate) fn a_stack_overflow_is_reported_after_the_restart(subject: Subject) {
+    let (board, cause, fault) = fail(subject, Injection::StackOverflow);
     assert_eq!(cause, ResetCause::Fault);
     assert!(fault.contains("stack"), "it says {fault:?}");
     assert_streams(board);
-    record(model, "reset_cause_overflow", true);
+    record(subject, "reset_cause_overflow", true);
 }

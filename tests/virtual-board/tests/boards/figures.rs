@@ -5,16 +5,16 @@ use std::fmt::Display;
 use std::fs::OpenOptions;
 use std::io::Write;
 
-use virtual_board::Model;
+use crate::images::Subject;
 
 /// Writes a figure down: a number or a truth value.
-pub(crate) fn record(model: Model, key: &str, value: impl Display) {
-    println!("{model}: {key} {value}");
+pub(crate) fn record(subject: Subject, key: &str, value: impl Display) {
+    println!("{subject}: {key} {value}");
     let Some(path) = env::var_os("CORTICODE_FIGURES") else {
         return;
     };
     let file = OpenOptions::new().append(true).create(true).open(path);
-    let board = model.key();
+    let board = subject.key();
     // One write: tests run side by side.
     let line = format!("{{\"board\":\"{board}\",\"key\":\"{key}\",\"value\":{value}}}\n");
     let written = file.and_then(|mut file| file.write_all(line.as_bytes()));

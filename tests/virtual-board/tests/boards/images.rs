@@ -1,21 +1,55 @@
 //! The images that run, by environment.
 
 use std::env;
+use std::fmt;
 use std::path::Path;
 
-use virtual_board::{Image, Model};
+use virtual_board::{Cable, Image, Model, Setup};
 
-/// The image of a board: the file that `CORTICODE_IMAGE_H743` or `CORTICODE_IMAGE_F446` names.
-///
-/// # Panics
-/// When there is none, or it is stale or for another chip: these tests are about an image.
-pub(crate) fn image(model: Model) -> Image {
-    let variable = format!("CORTICODE_IMAGE_{}", model.key().to_uppercase());
-    let path = env::var_os(&variable).unwrap_or_else(|| {
-        panic!(
-            "{variable} names no image; `cargo xtask board {}` builds one and runs these tests with it",
-            model.key()
-        )
-    });
-    Image::read(Path::new(&path), model).unwrap_or_else(|error| panic!("{error}"))
+/// An image on its board.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Subject {
+    pub(crate) model: Model,
+    pub(crate) cable: Cable,
+}
+
+impl Subject {
+    /// The word for it in figures.
+    pub(crate) const fn key(self) -> &'static str {
+        match (self.model, self.cable) {
+            (Model::H743, Cable::Usb) => "h743",
+            (Model::H743, Cable::Uart) => "h743-uart",
+            (Model::F446, _) => "f446",
+        }
+    }
+
+    /// Power on with everything in order.
+    pub(crate) fn setup(self) -> Setup {
+        Setup {
+            cable: self.cable,
+            ..Setup::default()
+        }
+    }
+
+    /// The image: the file that `CORTICODE_IMAGE_H743`, `.._H743_UART` or `.._F446` names.
+    ///
+    /// # Panics
+    /// When there is none, or it is stale or for another chip: these tests are about an image.
+    pub(crate) fn image(self) -> Image {
+        let word = self.key().to_uppercase().replace('-', "_");
+        let variable = format!("CORTICODE_IMAGE_{word}");
+        let path = env::var_os(&variable).unwrap_or_else(|| {
+            panic!(
+                "{variable} names no image; `cargo xtask board {}` builds the images and runs these tests",
+                self.model.key()
+            )
+        });
+        Image::read(Path::new(&path), self.model).unwrap_or_else(|error| panic!("{error}"))
+    }
+}
+
+impl fmt::Display for Subject {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.key())
+    }
 }

@@ -14,53 +14,70 @@ mod session;
 mod start_up;
 mod trigger;
 
-/// A module for each board with a test for each scenario, a function of [`Model`](virtual_board::Model).
+use images::Subject;
+use virtual_board::{Cable, Model};
+
+/// The default image of the default board.
+const H743: Subject = Subject {
+    model: Model::H743,
+    cable: Cable::Usb,
+};
+
+/// The same with the feature `uart`.
+const H743_UART: Subject = Subject {
+    model: Model::H743,
+    cable: Cable::Uart,
+};
+
+/// The default image of the small board.
+const F446: Subject = Subject {
+    model: Model::F446,
+    cable: Cable::Uart,
+};
+
+/// A module for each subject with a test for each scenario, a function of [`Subject`].
 macro_rules! scenarios {
-    ($($board:ident = $model:ident { $($name:ident: $scenario:path,)* })*) => {
-        $(mod $board {
-            $(#[test]
-            fn $name() {
-                $scenario(virtual_board::Model::$model);
-            })*
+    ($($module:ident = $subject:ident { $($room:ident: $($scenario:ident)+;)* })*) => {
+        $(mod $module {
+            $($(#[test]
+            fn $scenario() {
+                crate::$room::$scenario(crate::$subject);
+            })+)*
         })*
     };
 }
 
 scenarios! {
     h743 = H743 {
-        starts_up: crate::start_up::starts_up,
-        starts_up_without_the_clock: crate::start_up::starts_up_without_the_clock,
-        codes_equal_the_simulators: crate::codes::codes_equal_the_simulators,
-        self_test_passes: crate::self_test::self_test_passes,
-        trigger_edges_have_their_microsecond: crate::trigger::trigger_edges_have_their_microsecond,
-        restarts_on_command: crate::reset::restarts_on_command,
-        a_dead_chip_is_named: crate::converter_faults::a_dead_chip_is_named,
-        converters_may_be_powered_late: crate::converter_faults::converters_may_be_powered_late,
-        a_silent_chain_is_flagged: crate::converter_faults::a_silent_chain_is_flagged,
-        a_shifted_bit_is_named: crate::converter_faults::a_shifted_bit_is_named,
-        a_hang_is_ended_by_the_watchdog: crate::failures::a_hang_is_ended_by_the_watchdog,
-        a_panic_is_told_after_the_restart: crate::failures::a_panic_is_told_after_the_restart,
-        a_hard_fault_is_told_after_the_restart: crate::failures::a_hard_fault_is_told_after_the_restart,
-        a_stack_overflow_is_told_after_the_restart: crate::failures::a_stack_overflow_is_told_after_the_restart,
-        interrupts_have_their_priorities: crate::priorities::interrupts_have_their_priorities,
-        dma_reaches_its_buffers: crate::memory::dma_reaches_its_buffers,
+        start_up: starts_up starts_up_without_the_clock;
+        codes: codes_equal_the_simulators;
+        self_test: self_test_passes;
+        trigger: trigger_edges_have_their_microsecond;
+        reset: restarts_on_command;
+        converter_faults: a_dead_chip_is_named converters_may_be_powered_late a_silent_chain_is_flagged
+            a_shifted_bit_is_named;
+        failures: a_hang_is_ended_by_the_watchdog a_panic_is_reported_after_the_restart
+            a_hard_fault_is_reported_after_the_restart a_stack_overflow_is_reported_after_the_restart;
+        priorities: interrupts_have_their_priorities;
+        memory: dma_reaches_its_buffers;
+    }
+    h743_uart = H743_UART {
+        start_up: starts_up;
+        codes: codes_equal_the_simulators;
+        priorities: interrupts_have_their_priorities;
+        memory: dma_reaches_its_buffers;
     }
     f446 = F446 {
-        starts_up: crate::start_up::starts_up,
-        starts_up_without_the_clock: crate::start_up::starts_up_without_the_clock,
-        codes_equal_the_simulators: crate::codes::codes_equal_the_simulators,
-        self_test_passes: crate::self_test::self_test_passes,
-        trigger_edges_have_their_microsecond: crate::trigger::trigger_edges_have_their_microsecond,
-        restarts_on_command: crate::reset::restarts_on_command,
-        a_dead_chip_is_named: crate::converter_faults::a_dead_chip_is_named,
-        converters_may_be_powered_late: crate::converter_faults::converters_may_be_powered_late,
-        a_silent_chain_is_flagged: crate::converter_faults::a_silent_chain_is_flagged,
-        a_shifted_bit_is_named: crate::converter_faults::a_shifted_bit_is_named,
-        a_hang_is_ended_by_the_watchdog: crate::failures::a_hang_is_ended_by_the_watchdog,
-        a_panic_is_told_after_the_restart: crate::failures::a_panic_is_told_after_the_restart,
-        a_hard_fault_is_told_after_the_restart: crate::failures::a_hard_fault_is_told_after_the_restart,
-        a_stack_overflow_is_told_after_the_restart: crate::failures::a_stack_overflow_is_told_after_the_restart,
-        interrupts_have_their_priorities: crate::priorities::interrupts_have_their_priorities,
-        dma_reaches_its_buffers: crate::memory::dma_reaches_its_buffers,
+        start_up: starts_up starts_up_without_the_clock;
+        codes: codes_equal_the_simulators;
+        self_test: self_test_passes;
+        trigger: trigger_edges_have_their_microsecond;
+        reset: restarts_on_command;
+        converter_faults: a_dead_chip_is_named converters_may_be_powered_late a_silent_chain_is_flagged
+            a_shifted_bit_is_named;
+        failures: a_hang_is_ended_by_the_watchdog a_panic_is_reported_after_the_restart
+            a_hard_fault_is_reported_after_the_restart a_stack_overflow_is_reported_after_the_restart;
+        priorities: interrupts_have_their_priorities;
+        memory: dma_reaches_its_buffers;
     }
 }

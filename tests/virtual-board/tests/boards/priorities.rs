@@ -3,6 +3,7 @@
 use firmware::deadlines::priority;
 use virtual_board::Model;
 
+use crate::images::Subject;
 use crate::session::{assert_sound, running};
 
 /// Interrupts that are the same on both chips (RM0433, table 149; RM0390, table 38).
@@ -32,10 +33,10 @@ fn own(model: Model) -> &'static [(&'static str, u16, u8)] {
 
 /// Every interrupt of the application has the priority of `firmware::deadlines`, and nothing that is
 /// enabled is as urgent as the converters unless it is on this list.
-pub(crate) fn interrupts_have_their_priorities(model: Model) {
-    let mut board = running(model);
+pub(crate) fn interrupts_have_their_priorities(subject: Subject) {
+    let mut board = running(subject);
     let enabled = board.interrupts().expect("the board is there");
-    let wanted: Vec<_> = COMMON.iter().chain(own(model)).collect();
+    let wanted: Vec<_> = COMMON.iter().chain(own(subject.model)).collect();
     for (name, line, level) in &wanted {
         let found = enabled.iter().find(|interrupt| interrupt.0 == *line);
         assert_eq!(found.map(|interrupt| interrupt.1), Some(*level), "{name}");

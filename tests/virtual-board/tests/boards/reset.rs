@@ -1,16 +1,16 @@
 //! Restarts that the host asks for.
 
 use link::{ResetCause, ResetInto, Streams, ToDevice};
-use virtual_board::Model;
 
+use crate::images::Subject;
 use crate::session::{assert_sound, greetings, run_codes, start, streaming};
 
 /// Longest time from the command to the next `Hello`, us: a tenth of a second for the answer, clocks.
 const LONGEST_US: u64 = 300_000;
 
 /// The device answers, restarts, says why, and streams again.
-pub(crate) fn restarts_on_command(model: Model) {
-    let mut board = streaming(model, Streams::CODES);
+pub(crate) fn restarts_on_command(subject: Subject) {
+    let mut board = streaming(subject, Streams::CODES);
     run_codes(&mut board, 4).unwrap_or_else(|trouble| panic!("{trouble}"));
     board.send(&ToDevice::Reset(ResetInto::Firmware));
     let back = board.run_until("Hello after a Reset", LONGEST_US, |frames| {

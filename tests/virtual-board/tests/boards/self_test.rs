@@ -1,17 +1,18 @@
 //! The converters' self-test.
 
 use link::ToDevice;
-use virtual_board::{Frame, Kind, Model};
+use virtual_board::{Frame, Kind};
 
 use crate::figures::record;
+use crate::images::Subject;
 use crate::session::{assert_sound, converters, running};
 
 /// Longest time of a self-test, us: 4.5 s (docs/hardware.md).
 const LONGEST_US: u64 = 6_000_000;
 
 /// All eight chips and 64 channels are in order, and the chain converts again.
-pub(crate) fn self_test_passes(model: Model) {
-    let mut board = running(model);
+pub(crate) fn self_test_passes(subject: Subject) {
+    let mut board = running(subject);
     board.send(&ToDevice::SelfTest);
     let is_result = |frame: &Frame| matches!(frame.kind, Kind::SelfTest(_));
     let done = board.run_until("the result of a self-test", LONGEST_US, |frames| {
@@ -41,5 +42,5 @@ pub(crate) fn self_test_passes(model: Model) {
     );
     assert_eq!(converters(board.inbox().frames()), Some(""));
     assert_sound(&mut board);
-    record(model, "selftest_ok", true);
+    record(subject, "selftest_ok", true);
 }

@@ -1,22 +1,23 @@
 //! What every scenario begins and ends with.
 
 use link::{Start, Streams, ToDevice};
-use virtual_board::{Frame, Kind, Model, Setup, Trouble, VirtualBoard, allowed};
+use virtual_board::{Frame, Kind, Setup, Trouble, VirtualBoard, allowed};
 
-use crate::images::image;
+use crate::images::Subject;
 
 /// Longest time from power on until the converters run, us: 0.18 s for their power, 0.15 s for their
 /// reference, registers, and the second that the firmware waits from cold.
 pub(crate) const UP_US: u64 = 2_000_000;
 
 /// A board with power.
-pub(crate) fn power_on(model: Model, setup: &Setup) -> VirtualBoard {
-    VirtualBoard::power_on(model, &image(model), setup).expect("the emulator takes the image")
+pub(crate) fn power_on(subject: Subject, setup: &Setup) -> VirtualBoard {
+    VirtualBoard::power_on(subject.model, &subject.image(), setup)
+        .expect("the emulator takes the image")
 }
 
 /// A board whose converters run.
-pub(crate) fn running(model: Model) -> VirtualBoard {
-    let mut board = power_on(model, &Setup::default());
+pub(crate) fn running(subject: Subject) -> VirtualBoard {
+    let mut board = power_on(subject, &subject.setup());
     let up = board.run_until("converters run", UP_US, |frames| {
         converters(frames).is_some_and(|fault| fault.is_empty())
     });
@@ -25,8 +26,8 @@ pub(crate) fn running(model: Model) -> VirtualBoard {
 }
 
 /// A board that streams.
-pub(crate) fn streaming(model: Model, streams: Streams) -> VirtualBoard {
-    let mut board = running(model);
+pub(crate) fn streaming(subject: Subject, streams: Streams) -> VirtualBoard {
+    let mut board = running(subject);
     start(&mut board, streams);
     board
 }
@@ -93,5 +94,9 @@ pub(crate) fn assert_sound(board: &mut VirtualBoard) {
         0,
         "rules of the converters"
     );
+    if let Some(host) = board.port().usb() {
+        let violations: Vec<String> = host.violations().iter().map(ToString::to_string).collect();
+        assert_eq!(violations, [""; 0], "rules of USB");
+    }
     assert_eq!(board.odd_words(), 0, "words on SPI that are no bytes");
 }

@@ -1,9 +1,10 @@
 //! From power on to converters that run.
 
 use link::ResetCause;
-use virtual_board::{Kind, Model, Setup};
+use virtual_board::{Kind, Setup};
 
 use crate::figures::record;
+use crate::images::Subject;
 use crate::session::{UP_US, assert_sound, converters, greetings, power_on, running};
 
 /// Longest time from power on to `Hello`, us of the device's clock: clocks and the encoder's memory. An
@@ -11,8 +12,8 @@ use crate::session::{UP_US, assert_sound, converters, greetings, power_on, runni
 const HELLO_US: u64 = 20_000;
 
 /// Clocks, port and converters come up, within their rules, and the first words are complete.
-pub(crate) fn starts_up(model: Model) {
-    let mut board = running(model);
+pub(crate) fn starts_up(subject: Subject) {
+    let mut board = running(subject);
     let frames = board.inbox().frames();
     let hello = &frames[0];
     let Kind::Hello {
@@ -26,7 +27,7 @@ pub(crate) fn starts_up(model: Model) {
     };
     assert_eq!(
         (name.as_str(), *reset_cause, fault.as_str()),
-        (model.name(), ResetCause::PowerOn, "")
+        (subject.model.name(), ResetCause::PowerOn, "")
     );
     assert!(
         hello.device_us < HELLO_US,
@@ -46,7 +47,7 @@ pub(crate) fn starts_up(model: Model) {
     }
     assert_eq!(
         board.core_hz().expect("the board is there"),
-        model.core_hz()
+        subject.model.core_hz()
     );
     // 100 kHz and 12.8 MHz, 82 kHz and 10.5 MHz (docs/hardware.md): registers are done, bursts run.
     let burst_hz = board.sclk_hz();
@@ -58,26 +59,26 @@ pub(crate) fn starts_up(model: Model) {
         // Ten bits of the sender and of the ST-LINK may differ by half a bit, less what noise takes: 2 %
         // for each of them is the usual budget.
         assert!(baud.abs_diff(921_600) <= 921_600 / 50, "{baud} baud");
-        record(model, "baud", baud);
+        record(subject, "baud", baud);
     }
     assert_sound(&mut board);
-    record(model, "booted", true);
-    record(model, "hello_us", board.inbox().frames()[0].device_us);
-    record(model, "violations", board.converters().violations());
+    record(subject, "booted", true);
+    record(subject, "hello_us", board.inbox().frames()[0].device_us);
+    record(subject, "violations", board.converters().violations());
     record(
-        model,
+        subject,
         "unmapped",
         board.findings().expect("the board is there").unmapped.len(),
     );
 }
 
 /// Without the ST-LINK's clock the board runs from its own oscillator and says so.
-pub(crate) fn starts_up_without_the_clock(model: Model) {
+pub(crate) fn starts_up_without_the_clock(subject: Subject) {
     let setup = Setup {
         clock_hz: 0,
-        ..Setup::default()
+        ..subject.setup()
     };
-    let mut board = power_on(model, &setup);
+    let mut board = power_on(subject, &setup);
     let up = board.run_until("converters run", UP_US, |frames| {
         converters(frames).is_some_and(|fault| fault.is_empty())
     });
@@ -91,6 +92,6 @@ pub(crate) fn starts_up_without_the_clock(model: Model) {
     );
     assert_eq!(
         board.core_hz().expect("the board is there"),
-        model.core_hz()
+        subject.model.core_hz()
     );
 }

@@ -1,17 +1,18 @@
 //! Edges at the trigger's pin.
 
 use link::{EventKind, Streams};
-use virtual_board::{Kind, Model};
+use virtual_board::Kind;
 
 use crate::figures::record;
+use crate::images::Subject;
 use crate::session::{assert_sound, streaming};
 
 /// Edges in a run.
 const EDGES: usize = 200;
 
 /// Each edge becomes an event with the microsecond at which the pin changed, by the device's clock.
-pub(crate) fn trigger_edges_have_their_microsecond(model: Model) {
-    let mut board = streaming(model, Streams::CODES | Streams::EVENTS);
+pub(crate) fn trigger_edges_have_their_microsecond(subject: Subject) {
+    let mut board = streaming(subject, Streams::CODES | Streams::EVENTS);
     board
         .run_for_us(100_000)
         .unwrap_or_else(|trouble| panic!("{trouble}"));
@@ -59,5 +60,5 @@ pub(crate) fn trigger_edges_have_their_microsecond(model: Model) {
         );
     }
     assert_sound(&mut board);
-    record(model, "trigger_edges", EDGES);
+    record(subject, "trigger_edges", EDGES);
 }

@@ -1,0 +1,356 @@
+use super::*;
+use crate::usb::instance::H743_USB2;
+use crate::usb::register::epctl;
+
+const GAHBCFG: u64 = 0x08;
+const GUSBCFG: u64 = 0x0C;
+const GRSTCTL: u64 = 0x10;
+const GINTSTS: u64 = 0x14;
+const GINTMSK: u64 = 0x18;
+const GRXSTSP: u64 = 0x20;
+const GRXFSIZ: u64 = 0x24;
+const GCCFG: u64 = 0x38;
+const DCFG: u64 = 0x800;
+const DCTL: u64 = 0x804;
+const DAINTMSK: u64 = 0x81C;
+const DOEPMSK: u64 = 0x814;
+const FIFO_2: u64 = 0x3000;
+
+const fn dieptxf(n: u64) -> u64 {
+    0x100 + 4 * n
+}
+const fn diepctl(n: u64) -> u64 {
+    0x900 + 0x20 * n
+}
+const fn dieptsiz(n: u64) -> u64 {
+    0x910 + 0x20 * n
+}
+const fn doepctl(n: u64) -> u64 {
+    0xB00 + 0x20 * n
+}
+const fn doeptsiz(n: u64) -> u64 {
+    0xB10 + 0x20 * n
+}
+
+/// A core whose clock is on and whose pins reach the connector.
+fn supplied() -> Core {
+    let mut core = Core::new(&H743_USB2);
+    core.supply = Supply {
+        clocked: true,
+        unwired: None,
+        kernel_hz: Some(48_000_000),
+    };
+    core.set_vbus(true);
+    core
+}
+
+impl Core {
+    fn put(&mut self, offset: u64, value: u32) {
+        self.write(offset, Width::W32, value);
+    }
+
+    fn get(&mut self, offset: u64) -> u32 {
+        self.read(offset, Width::W32)
+    }
+
+    /// The texts of the breaches since the last call.
+    fn breaches(&mut self) -> Vec<String> {
+        let taken = std::mem::take(&mut self.violations).to_vec();
+        taken.into_iter().map(|violation| violation.text).collect()
+    }
+
+    #[track_caller]
+    fn expect_breach(&mut self, part: &str) {
+        let breaches = self.breaches();
+        assert!(
+            breaches.len() == 1 && breaches[0].contains(part),
+            "{breaches:?} is not one with {part:?}"
+        );
+    }
+}
+
+/// A core as a driver sets it up, with bulk endpoints 1 OUT and 2 IN.
+fn configured() -> Core {
+    let mut core = supplied();
+    core.put(GUSBCFG, 1 << 30 | 6 << 10 | 1 << 6);
+    core.put(GCCFG, bit::PWRDWN);
+    core.put(0x00, bit::BVALOEN | bit::BVALOVAL);
+    core.put(DCFG, 3);
+    core.put(GINTMSK, gintsts::RXFLVL | gintsts::USBRST | gintsts::OEPINT);
+    core.put(GAHBCFG, bit::GINT);
+    core.put(DCTL, 0);
+    core.begin_reset();
+    core.put(GRXFSIZ, 64);
+    core.put(0x28, 16 << 16 | 64);
+    core.put(dieptxf(2), 16 << 16 | 80);
+    core.end_reset();
+    core.set_frames(true);
+    core.put(GINTSTS, u32::MAX);
+    core.put(diepctl(2), epctl::USBAEP | 2 << 18 | 2 << 22 | 64);
+    core.put(doepctl(1), epctl::USBAEP | 2 << 18 | 64);
+    assert_eq!(core.breaches(), [] as [String; 0]);
+    core
+}
+
+#[test]
+fn a_device_shows_itself_once_it_has_connected() {
+    let mut core = supplied();
+    assert!(!core.is_attached(), "out of reset");
+    core.put(DCTL, 0);
+    assert_eq!(core.breaches().len(), 3, "nothing was set up before");
+    assert!(configured().is_attached());
+}
+
+#[test]
+fn a_kernel_clock_that_is_not_48_mhz_is_noticed_at_the_connection() {
+    let mut core = configured();
+    core.put(DCTL, dctl::SDIS);
+    core.supply.kernel_hz = Some(48_480_000);
+    core.put(DCTL, 0);
+    core.expect_breach("48480000 Hz");
+}
+
+#[test]
+fn accesses_without_clock_in_bytes_or_of_nothing_are_noticed() {
+    let mut core = supplied();
+    core.read(GINTSTS, Width::W8);
+    core.expect_breach("not a word");
+    core.get(0x30);
+    core.expect_breach("reserved");
+    core.put(0x3C, 1);
+    core.expect_breach("OTG_CID: write to a read-only register");
+    core.supply.clocked = false;
+    assert_eq!(core.get(GINTSTS), 0);
+    core.expect_breach("clock is off");
+}
+
+#[test]
+fn the_core_soft_reset_takes_its_time() {
+    let mut core = configured();
+    core.put(GRSTCTL, grstctl::CSRST);
+    assert_ne!(core.get(GRSTCTL) & grstctl::CSRST, 0);
+    core.get(GINTSTS);
+    core.expect_breach("during the core soft reset");
+    core.set_now(SOFT_RESET_NS);
+    assert_eq!(core.get(GRSTCTL), grstctl::AHBIDL);
+    assert_eq!(core.get(DCTL), dctl::SDIS);
+}
+
+#[test]
+fn a_setup_packet_comes_with_its_stage_report_after_the_next_token() {
+    let mut core = configured();
+    let setup = [0x80, 6, 0, 1, 0, 0, 64, 0];
+    assert_eq!(core.setup(0, setup), Handshake::Ack);
+    assert!(core.interrupt());
+    assert_eq!(core.get(GRXSTSP), 8 << 4 | 6 << 17);
+    assert_eq!(core.get(0x1000), 0x0100_0680);
+    assert_eq!(core.get(0x1000), 0x0040_0000);
+    assert_eq!(core.get(GINTSTS) & gintsts::RXFLVL, 0);
+    core.put(DOEPMSK, epint::STUP);
+    core.put(DAINTMSK, 1 << 16);
+    assert_eq!(core.input(0, 0), Input::Nak);
+    assert_eq!(core.get(GRXSTSP), 4 << 17);
+    assert_ne!(core.get(GINTSTS) & gintsts::OEPINT, 0);
+    core.put(0xB08, epint::STUP);
+    assert_eq!(core.get(GINTSTS) & gintsts::OEPINT, 0);
+    assert_eq!(core.breaches(), [] as [String; 0]);
+}
+
+#[test]
+fn popping_what_is_not_there_is_noticed() {
+    let mut core = configured();
+    core.get(GRXSTSP);
+    core.expect_breach("OTG_GRXSTSP: read while RXFLVL is clear");
+    core.get(0x1000);
+    core.expect_breach("the receive FIFO is empty");
+    core.setup(0, [0; 8]);
+    core.get(GRXSTSP);
+    core.get(GRXSTSP);
+    core.expect_breach("before the packet's data was taken");
+    core.get(0x1000);
+    core.get(0x1000);
+    core.input(0, 0);
+    core.get(0x1000);
+    core.expect_breach("past the end of the packet");
+}
+
+#[test]
+fn an_out_packet_is_taken_once_and_its_transfer_is_reported() {
+    let mut core = configured();
+    core.put(doeptsiz(1), 1 << 19 | 64);
+    core.put(
+        doepctl(1),
+        core.peek(Register::Doepctl(1)) | epctl::CNAK | epctl::EPENA,
+    );
+    assert_eq!(core.output(0, 1, false, &[1, 2, 3]), Handshake::Ack);
+    assert_eq!(
+        core.output(0, 1, true, &[4]),
+        Handshake::Nak,
+        "one packet was asked for"
+    );
+    assert_eq!(core.get(GRXSTSP), 1 | 3 << 4 | 2 << 17);
+    assert_eq!(core.get(0x1000), 0x0003_0201);
+    assert_ne!(core.peek(Register::Doepctl(1)) & epctl::EPENA, 0);
+    assert_eq!(core.get(GRXSTSP), 1 | 3 << 17);
+    assert_eq!(core.peek(Register::Doepctl(1)) & epctl::EPENA, 0);
+    core.put(doepctl(1), core.peek(Register::Doepctl(1)) | epctl::CNAK);
+    assert_eq!(
+        core.output(0, 1, false, &[1, 2, 3]),
+        Handshake::Ack,
+        "repeated"
+    );
+    assert_eq!(core.get(GINTSTS) & gintsts::RXFLVL, 0, "and dropped");
+}
+
+#[test]
+fn an_in_transfer_is_enabled_loaded_and_sent() {
+    let mut core = configured();
+    core.put(dieptsiz(2), 1 << 29 | 1 << 19 | 5);
+    core.put(
+        diepctl(2),
+        core.peek(Register::Diepctl(2)) | epctl::CNAK | epctl::EPENA,
+    );
+    core.put(FIFO_2, 0x0403_0201);
+    assert!(!core.answers_in(2));
+    core.put(FIFO_2, 5);
+    let bytes = vec![1, 2, 3, 4, 5];
+    let data1 = false;
+    assert_eq!(core.input(0, 2), Input::Packet { bytes, data1 });
+    assert_eq!(core.input(0, 2), Input::Nak);
+    assert_eq!(core.breaches(), [] as [String; 0]);
+}
+
+#[test]
+fn writes_to_a_transmit_fifo_out_of_place_are_noticed() {
+    let mut core = configured();
+    core.put(FIFO_2, 1);
+    core.expect_breach("FIFO 2: written with no transfer enabled");
+    for word in 0..15 {
+        core.put(FIFO_2, word);
+    }
+    core.breaches();
+    core.put(FIFO_2, 16);
+    core.expect_breach("FIFO 2: written while it is full");
+}
+
+#[test]
+fn enabling_an_endpoint_out_of_order_is_noticed() {
+    let mut core = configured();
+    core.put(diepctl(2), core.peek(Register::Diepctl(2)) | epctl::EPENA);
+    core.expect_breach("OTG_DIEPCTL2: enabled with PKTCNT 0");
+    core.put(dieptsiz(2), 1 << 19 | 5);
+    core.expect_breach("OTG_DIEPTSIZ2: changed while the endpoint is enabled");
+    core.put(diepctl(1), epctl::EPDIS | epctl::SNAK);
+    core.expect_breach("OTG_DIEPCTL1: EPDIS of an endpoint that is not enabled");
+    core.put(diepctl(1), epctl::SNAK | epctl::CNAK);
+    core.expect_breach("CNAK and SNAK at once");
+}
+
+#[test]
+fn a_fifo_layout_that_overlaps_is_noticed_when_an_endpoint_is_enabled() {
+    let mut core = configured();
+    core.put(dieptxf(2), 16 << 16 | 70);
+    core.put(dieptsiz(2), 1 << 19);
+    core.put(
+        diepctl(2),
+        core.peek(Register::Diepctl(2)) | epctl::CNAK | epctl::EPENA,
+    );
+    core.expect_breach("transmit FIFO 2 overlaps transmit FIFO 0");
+}
+
+#[test]
+fn an_out_endpoint_is_disabled_after_the_global_nak_only() {
+    let mut core = configured();
+    let enable = |core: &mut Core| {
+        core.put(doeptsiz(1), 1 << 19 | 64);
+        core.put(
+            doepctl(1),
+            core.peek(Register::Doepctl(1)) | epctl::CNAK | epctl::EPENA,
+        );
+    };
+    enable(&mut core);
+    core.put(
+        doepctl(1),
+        core.peek(Register::Doepctl(1)) | epctl::SNAK | epctl::EPDIS,
+    );
+    core.expect_breach("without the global OUT NAK");
+    enable(&mut core);
+    core.put(DCTL, dctl::SGONAK);
+    assert_eq!(
+        core.get(GINTSTS) & gintsts::GONAKEFF,
+        0,
+        "not before its report"
+    );
+    assert_eq!(core.get(GRXSTSP), 1 << 17);
+    assert_ne!(core.get(GINTSTS) & gintsts::GONAKEFF, 0);
+    core.put(
+        doepctl(1),
+        core.peek(Register::Doepctl(1)) | epctl::SNAK | epctl::EPDIS,
+    );
+    assert_eq!(core.breaches(), [] as [String; 0]);
+    assert_ne!(core.peek(Register::Doepint(1)) & epint::EPDISD, 0);
+}
+
+#[test]
+fn an_address_counts_after_the_status_stage_of_its_request() {
+    let mut core = configured();
+    core.setup(0, [0, 5, 9, 0, 0, 0, 0, 0]);
+    core.input(0, 0);
+    core.put(DCFG, 3 | 9 << 4);
+    core.put(0x910, 1 << 19);
+    core.put(diepctl(0), epctl::CNAK | epctl::EPENA);
+    assert_eq!(core.input(9, 0), Input::Silent);
+    assert!(matches!(core.input(0, 0), Input::Packet { .. }));
+    assert_eq!(core.input(0, 0), Input::Silent);
+    assert_eq!(core.input(9, 0), Input::Nak);
+}
+
+#[test]
+fn frames_count_and_set_their_flags_without_events() {
+    let mut core = configured();
+    core.set_now(700_000);
+    assert_eq!(core.get(0x808) >> 8, 0);
+    assert_eq!(core.get(GINTSTS) & (gintsts::SOF | gintsts::EOPF), 0);
+    core.set_now(1_000_000);
+    assert_eq!(core.get(0x808) >> 8, 1);
+    let flags = core.get(GINTSTS) & (gintsts::SOF | gintsts::EOPF);
+    assert_eq!(flags, gintsts::SOF | gintsts::EOPF);
+    core.put(GINTSTS, gintsts::SOF);
+    assert_eq!(
+        core.get(GINTSTS) & (gintsts::SOF | gintsts::EOPF),
+        gintsts::EOPF
+    );
+    assert_eq!(core.next_frame_interrupt(), None, "masked");
+    core.put(GINTMSK, gintsts::SOF);
+    assert_eq!(core.next_frame_interrupt(), Some(2_000_000));
+}
+
+#[test]
+fn suspend_resume_and_reset_are_reported() {
+    let mut core = configured();
+    core.set_frames(false);
+    core.suspend();
+    assert_eq!(core.get(GINTSTS) & gintsts::USBSUSP, gintsts::USBSUSP);
+    assert_eq!(core.get(0x808) & 1, 1);
+    core.resume();
+    assert_eq!(core.get(GINTSTS) & gintsts::WKUPINT, gintsts::WKUPINT);
+    core.begin_reset();
+    assert_eq!(core.get(GINTSTS) & gintsts::USBRST, gintsts::USBRST);
+    assert!(core.interrupt());
+    assert_eq!(core.peek(Register::Diepctl(2)) & epctl::USBAEP, 0);
+}
+
+#[test]
+fn vbus_is_sensed_unless_it_is_overridden() {
+    let mut core = supplied();
+    core.put(GCCFG, bit::PWRDWN | bit::VBDEN);
+    core.set_vbus(false);
+    core.put(GINTSTS, u32::MAX);
+    core.set_vbus(true);
+    assert_ne!(core.get(GINTSTS) & gintsts::SRQINT, 0);
+    core.set_vbus(false);
+    assert_eq!(core.get(0x04), bit::SEDET);
+    assert_ne!(core.get(GINTSTS) & gintsts::OTGINT, 0);
+    core.put(0x00, bit::BVALOEN | bit::BVALOVAL);
+    assert_ne!(core.get(0x00) & bit::BSVLD, 0);
+}

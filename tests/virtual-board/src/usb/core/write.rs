@@ -1,0 +1,367 @@
+//! What software's writes do.
+
+use rigless::soc::Width;
+
+use super::{Core, FLUSH_NS, SOFT_RESET_NS};
+use crate::usb::fifo::{Extent, PacketStatus, layout_error};
+use crate::usb::register::{Register, bit, dctl, epctl, gintsts, grstctl};
+
+/// Kernel clock that full speed allows, Hz: 48 MHz +- 0.25 % (USB 2.0, 7.1.11).
+const KERNEL_HZ: std::ops::RangeInclusive<u64> = 47_880_000..=48_120_000;
+/// Section on endpoints and transfers in device mode.
+const PROGRAMMING: &str = "57.15.6";
+
+impl Core {
+    /// Takes a write of `width` at `offset` bytes from the base.
+    pub(in crate::usb) fn write(&mut self, offset: u64, width: Width, value: u32) {
+        let Some(register) = Register::at(offset, self.instance.endpoints) else {
+            let text = format!("OTG + {offset:#05x}: write to a reserved address (RM0433 57.14)");
+            self.violations.record(self.now, text);
+            return;
+        };
+        if self.is_reachable(register, width) {
+            self.write_register(register, value);
+        }
+    }
+
+    fn write_register(&mut self, register: Register, value: u32) {
+        let held = &mut self.registers;
+        match register {
+            Register::Gotgctl => self.write_gotgctl(value),
+            Register::Gotgint => held.gotgint &= !value,
+            Register::Gahbcfg => held.gahbcfg = value & 0x1BF,
+            Register::Gusbcfg => self.write_gusbcfg(value),
+            Register::Grstctl => self.write_grstctl(value),
+            Register::Gintsts => self.clear_flags(value),
+            Register::Gintmsk => held.gintmsk = value,
+            Register::Grxfsiz => held.rx_depth = value & 0xFFFF,
+            Register::Dieptxf(n) => held.tx[n] = value,
+            Register::Gccfg => held.gccfg = value,
+            Register::Glpmcfg => held.glpmcfg = value,
+            Register::Dcfg => self.write_dcfg(value),
+            Register::Dctl => self.write_dctl(value),
+            Register::Diepmsk => held.diepmsk = value,
+            Register::Doepmsk => held.doepmsk = value,
+            Register::Daintmsk => held.daintmsk = value,
+            Register::Dvbusdis => held.dvbusdis = value & 0xFFFF,
+            Register::Dvbuspulse => held.dvbuspulse = value & 0xFFFF,
+            Register::Dthrctl => held.dthrctl = value,
+            Register::Diepempmsk => held.diepempmsk = value & 0xFFFF,
+            Register::Diepctl(n) => self.write_diepctl(n, value),
+            Register::Diepint(n) => self.inputs[n].registers.flags &= !value,
+            Register::Dieptsiz(n) => {
+                let endpoint = &mut self.inputs[n].registers;
+                let changes = endpoint.has(epctl::EPENA) && endpoint.size != value;
+                endpoint.size = value;
+                if changes {
+                    self.breach(register, "changed while the endpoint is enabled", "57.14");
+                }
+            }
+            Register::Doepctl(n) => self.write_doepctl(n, value),
+            Register::Doepint(n) => self.outputs[n].registers.flags &= !value,
+            Register::Doeptsiz(n) => {
+                let endpoint = &mut self.outputs[n].registers;
+                let changes = endpoint.has(epctl::EPENA) && endpoint.size != value;
+                endpoint.size = value;
+                if changes {
+                    self.breach(register, "changed while the endpoint is enabled", "57.14");
+                }
+            }
+            Register::Pcgcctl => held.pcgcctl = value & 0x3,
+            Register::Fifo(n) => self.push_data(n, value),
+            Register::Grxstsr
+            | Register::Grxstsp
+            | Register::Gnptxsts
+            | Register::Cid
+            | Register::Undocumented(_)
+            | Register::Dsts
+            | Register::Daint
+            | Register::Dtxfsts(_) => {
+                self.breach(register, "write to a read-only register", "57.14")
+            }
+        }
+    }
+
+    fn write_gotgctl(&mut self, value: u32) {
+        let before = self.session_valid();
+        self.registers.gotgctl = value & 0x0010_1EFE;
+        self.session_changed(before);
+    }
+
+    fn write_gusbcfg(&mut self, value: u32) {
+        if value & bit::FHMOD != 0 {
+            self.breach(Register::Gusbcfg, "host mode is not modelled", "57.14");
+        }
+        self.registers.gusbcfg = value;
+    }
+
+    fn write_grstctl(&mut self, value: u32) {
+        if value & grstctl::CSRST != 0 {
+            self.reset();
+            self.soft_reset_until = self.now + SOFT_RESET_NS;
+            return;
+        }
+        let flushes = value & (grstctl::RXFFLSH | grstctl::TXFFLSH);
+        if flushes != 0 && self.now < self.flush_until {
+            self.breach(
+                Register::Grstctl,
+                "flush before the last one has ended",
+                "57.14.5",
+            );
+        }
+        self.registers.grstctl = value & (0x1F << 6) | flushes;
+        if value & grstctl::RXFFLSH != 0 {
+            self.rx.clear();
+        }
+        if value & grstctl::TXFFLSH != 0 {
+            self.flush_tx(grstctl::txfnum(value));
+        }
+        if flushes != 0 {
+            self.flush_until = self.now + FLUSH_NS;
+        }
+    }
+
+    fn flush_tx(&mut self, which: u32) {
+        let all = which == grstctl::ALL_FIFOS;
+        for n in 0..self.inputs.len() {
+            if !all && self.inputs[n].fifo() != which as usize {
+                continue;
+            }
+            let endpoint = &self.inputs[n].registers;
+            let sends = endpoint.has(epctl::EPENA) && !endpoint.has(epctl::NAKSTS);
+            if sends && self.line.frames_from.is_some() && endpoint.has(epctl::USBAEP) {
+                let what = format!("flush of FIFO {which} while IN endpoint {n} sends from it");
+                self.breach(Register::Grstctl, &what, "57.14.5, TXFFLSH");
+            }
+            self.inputs[n].flush();
+        }
+        if all {
+            self.check_layout();
+        }
+    }
+
+    fn clear_flags(&mut self, value: u32) {
+        self.registers.gintsts &= !(value & gintsts::CLEARABLE);
+        if value & gintsts::SOF != 0 {
+            self.sof_cleared = self.now;
+        }
+        if value & gintsts::EOPF != 0 {
+            self.eopf_cleared = self.now;
+        }
+    }
+
+    fn write_dcfg(&mut self, value: u32) {
+        self.registers.dcfg = value;
+        if !self.line.addressing {
+            self.line.address = value >> 4 & 0x7F;
+        }
+    }
+
+    fn write_dctl(&mut self, value: u32) {
+        let before = self.registers.dctl;
+        let mut now = value & (dctl::RWUSIG | dctl::SDIS | dctl::POPRGDNE | 7 << 4);
+        for (set, clear, state) in [
+            (dctl::SGINAK, dctl::CGINAK, dctl::GINSTS),
+            (dctl::SGONAK, dctl::CGONAK, dctl::GONSTS),
+        ] {
+            if value & set != 0 && value & clear != 0 {
+                self.breach(
+                    Register::Dctl,
+                    "a global NAK set and cleared at once",
+                    "57.14",
+                );
+            }
+            // The OUT NAK is effective once software has taken its report from the receive FIFO.
+            let sets = value & set != 0 && state == dctl::GINSTS;
+            if (before & state != 0 || sets) && value & clear == 0 {
+                now |= state;
+            }
+        }
+        if value & dctl::SGONAK != 0 {
+            let frame = self.frame();
+            self.rx
+                .push(PacketStatus::GlobalOutNak, 0, false, frame, &[]);
+        }
+        self.registers.dctl = now;
+        if before & dctl::SDIS != 0 && now & dctl::SDIS == 0 {
+            self.check_connection();
+        }
+    }
+
+    /// Judges what has to be set up before the device shows itself to the host.
+    fn check_connection(&mut self) {
+        let (gccfg, dcfg) = (self.registers.gccfg, self.registers.dcfg);
+        let (gusbcfg, pcgcctl) = (self.registers.gusbcfg, self.registers.pcgcctl);
+        let kernel = self.supply.kernel_hz;
+        let faults = [
+            (
+                gccfg & bit::PWRDWN == 0,
+                "connected with the transceiver off (OTG_GCCFG.PWRDWN)",
+            ),
+            (dcfg & 3 != 3, "connected with OTG_DCFG.DSPD not full speed"),
+            (
+                gusbcfg & bit::FDMOD == 0,
+                "connected without OTG_GUSBCFG.FDMOD on a board without ID",
+            ),
+            (
+                pcgcctl & bit::STPPCLK != 0,
+                "connected with the PHY's clock stopped",
+            ),
+        ];
+        for (_, what) in faults.into_iter().filter(|(is_wrong, _)| *is_wrong) {
+            self.breach(Register::Dctl, what, "57.15.3");
+        }
+        if let Some(why) = self.supply.unwired {
+            self.breach(Register::Dctl, &format!("connected, but {why}"), "57.4");
+        }
+        if let Some(hz) = kernel.filter(|hz| !KERNEL_HZ.contains(hz)) {
+            let what = format!("connected with a kernel clock of {hz} Hz, not 48 MHz +- 0.25 %");
+            self.breach(Register::Dctl, &what, "57.4; USB 2.0, 7.1.11");
+        }
+    }
+
+    fn write_diepctl(&mut self, n: usize, value: u32) {
+        let register = Register::Diepctl(n);
+        let before = self.inputs[n].registers.control;
+        self.check_pairs(register, value);
+        if value & epctl::EPDIS != 0 && before & epctl::EPENA == 0 {
+            self.breach(
+                register,
+                "EPDIS of an endpoint that is not enabled",
+                "57.14",
+            );
+        } else if value & epctl::EPDIS != 0 && before & epctl::NAKSTS == 0 {
+            self.breach(
+                register,
+                "EPDIS before the endpoint's NAK is effective",
+                PROGRAMMING,
+            );
+        }
+        let arms = value & epctl::EPENA != 0 && before & epctl::EPENA == 0;
+        self.inputs[n].write_control(value);
+        if arms {
+            self.check_enabled(n);
+        }
+    }
+
+    /// Judges an IN endpoint that has just been enabled.
+    fn check_enabled(&mut self, n: usize) {
+        let register = Register::Diepctl(n);
+        let endpoint = &self.inputs[n].registers;
+        let (packets, bytes) = (endpoint.packet_count(), endpoint.transfer_size());
+        let room = packets * u32::try_from(endpoint.max_packet()).unwrap_or_default();
+        let is_active = endpoint.has(epctl::USBAEP);
+        let turnaround = self.registers.gusbcfg >> 10 & 0xF;
+        if packets == 0 {
+            self.breach(register, "enabled with PKTCNT 0", PROGRAMMING);
+        } else if bytes > room {
+            let what = format!("enabled for {bytes} bytes in {packets} packets");
+            self.breach(register, &what, PROGRAMMING);
+        }
+        if !is_active {
+            self.breach(
+                register,
+                "enabled while it is not active (USBAEP)",
+                PROGRAMMING,
+            );
+        }
+        if turnaround < 6 {
+            let what = format!("TRDT is {turnaround}, less than 6");
+            self.breach(Register::Gusbcfg, &what, "57.14, OTG_GUSBCFG");
+        }
+        self.check_layout();
+    }
+
+    /// Judges the places of the FIFOs that are in use.
+    fn check_layout(&mut self) {
+        let rx = Extent {
+            start: 0,
+            depth: self.registers.rx_depth,
+        };
+        let mut used = vec![("the receive FIFO".to_owned(), rx)];
+        for endpoint in self
+            .inputs
+            .iter()
+            .filter(|e| e.registers.has(epctl::USBAEP))
+        {
+            let name = format!("transmit FIFO {}", endpoint.fifo());
+            let value = self
+                .registers
+                .tx
+                .get(endpoint.fifo())
+                .copied()
+                .unwrap_or_default();
+            if used.iter().all(|(known, _)| *known != name) {
+                used.push((name, Extent::of_dieptxf(value)));
+            }
+        }
+        if let Some(what) = layout_error(&used, self.instance.fifo_words) {
+            self.breach(Register::Grxfsiz, &what, "57.14, OTG_DIEPTXFx");
+        }
+    }
+
+    fn write_doepctl(&mut self, n: usize, value: u32) {
+        let register = Register::Doepctl(n);
+        let before = self.outputs[n].registers.control;
+        self.check_pairs(register, value);
+        if value & epctl::EPDIS != 0 {
+            if n == 0 {
+                self.breach(register, "OUT endpoint 0 cannot be disabled", "57.14");
+                return;
+            }
+            if before & epctl::EPENA == 0 {
+                self.breach(
+                    register,
+                    "EPDIS of an endpoint that is not enabled",
+                    "57.14",
+                );
+            } else if self.registers.dctl & dctl::GONSTS == 0 {
+                let what = "EPDIS of an OUT endpoint without the global OUT NAK";
+                self.breach(register, what, PROGRAMMING);
+            }
+        }
+        let arms = value & epctl::EPENA != 0 && before & epctl::EPENA == 0;
+        self.outputs[n].write_control(value);
+        let endpoint = &self.outputs[n].registers;
+        if arms && n != 0 && endpoint.packet_count() == 0 {
+            self.breach(register, "enabled with PKTCNT 0", PROGRAMMING);
+        } else if arms && !endpoint.has(epctl::USBAEP) {
+            self.breach(
+                register,
+                "enabled while it is not active (USBAEP)",
+                PROGRAMMING,
+            );
+        }
+    }
+
+    /// Judges bits that exclude each other.
+    fn check_pairs(&mut self, register: Register, value: u32) {
+        for (pair, what) in [
+            (epctl::CNAK | epctl::SNAK, "CNAK and SNAK at once"),
+            (epctl::SD0PID | epctl::SD1PID, "SD0PID and SD1PID at once"),
+        ] {
+            if value & pair == pair {
+                self.breach(register, what, "57.14");
+            }
+        }
+    }
+
+    fn push_data(&mut self, n: usize, value: u32) {
+        let register = Register::Fifo(n);
+        if self.now < self.flush_until {
+            self.breach(register, "written during a flush", "57.14.5");
+        }
+        if self.inputs[n].words() >= self.tx_depth(n) {
+            self.breach(
+                register,
+                "written while it is full (OTG_DTXFSTSx)",
+                PROGRAMMING,
+            );
+            return;
+        }
+        if !self.inputs[n].push(value) {
+            let what = "written with no transfer enabled that needs the word";
+            self.breach(register, what, PROGRAMMING);
+        }
+    }
+}

@@ -1,0 +1,390 @@
+//! One endpoint of the core in one direction: its control, interrupt and size registers.
+
+use std::collections::VecDeque;
+
+use super::register::{epctl, epint};
+
+/// Data of the packet that an IN token found, or why there was none.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Offer {
+    /// The packet, and whether its PID is DATA1.
+    Packet {
+        bytes: Vec<u8>,
+        data1: bool,
+    },
+    Nak,
+    Stall,
+}
+
+/// Registers that both directions have.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Endpoint {
+    /// `DIEPCTLx` or `DOEPCTLx` without the bits that only act.
+    pub(super) control: u32,
+    /// The latched bits of `DIEPINTx` or `DOEPINTx`.
+    pub(super) flags: u32,
+    /// `DIEPTSIZx` or `DOEPTSIZx`.
+    pub(super) size: u32,
+    number: usize,
+}
+
+impl Endpoint {
+    fn new(number: usize) -> Self {
+        Self {
+            // Endpoint 0 is always active.
+            control: if number == 0 { epctl::USBAEP } else { 0 },
+            number,
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn has(&self, bit: u32) -> bool {
+        self.control & bit != 0
+    }
+
+    fn set(&mut self, bit: u32, on: bool) {
+        if on {
+            self.control |= bit;
+        } else {
+            self.control &= !bit;
+        }
+    }
+
+    /// Longest packet, bytes; endpoint 0 has codes for four of them.
+    pub(super) fn max_packet(&self) -> usize {
+        let field = self.control & epctl::MPSIZ;
+        if self.number == 0 {
+            64 >> (field & 3)
+        } else {
+            field as usize
+        }
+    }
+
+    /// Bytes left of the transfer.
+    pub(super) fn transfer_size(&self) -> u32 {
+        self.size & 0x7_FFFF
+    }
+
+    /// Packets left of the transfer.
+    pub(super) fn packet_count(&self) -> u32 {
+        self.size >> 19 & 0x3FF
+    }
+
+    fn count_down(&mut self, bytes: usize) {
+        let bytes = u32::try_from(bytes).unwrap_or(u32::MAX);
+        let left = self.transfer_size().saturating_sub(bytes);
+        let packets = self.packet_count().saturating_sub(1);
+        self.size = self.size & 0x6000_0000 | packets << 19 | left;
+    }
+
+    pub(super) fn is_control(&self) -> bool {
+        self.number == 0 || self.control & epctl::EPTYP == 0
+    }
+
+    /// The bits of a written control register that stay or act: everything but enable and disable, which
+    /// the core decides about.
+    ///
+    /// `writable` are the fields that this direction has.
+    fn write(&mut self, value: u32, writable: u32) {
+        let writable = if self.number == 0 {
+            writable & !(epctl::USBAEP | epctl::EPTYP) & !(epctl::MPSIZ & !3)
+        } else {
+            writable
+        };
+        // STALL of a control endpoint is cleared by the next SETUP only.
+        let stall = epctl::STALL & self.control;
+        self.control = self.control & !writable | value & writable;
+        if self.is_control() {
+            self.control |= stall;
+        }
+        if value & epctl::SD0PID != 0 {
+            self.set(epctl::DPID, false);
+        }
+        if value & epctl::SD1PID != 0 && self.number != 0 {
+            self.set(epctl::DPID, true);
+        }
+        if value & epctl::CNAK != 0 {
+            self.set(epctl::NAKSTS, false);
+        }
+        if value & epctl::SNAK != 0 {
+            self.set(epctl::NAKSTS, true);
+        }
+    }
+
+    /// A USB reset deactivates every endpoint but 0. It does not disarm them: `EPENA` stays as it is, as
+    /// drivers for the core found on silicon (Zephyr pull 99958, TinyUSB pull 2607, NuttX pull 4505).
+    pub(super) fn bus_reset(&mut self) {
+        if self.number != 0 {
+            self.set(epctl::USBAEP, false);
+        }
+    }
+}
+
+/// An IN endpoint with its transmit FIFO's contents.
+#[derive(Clone, Debug)]
+pub(super) struct InEndpoint {
+    pub(super) registers: Endpoint,
+    words: VecDeque<u32>,
+    /// Words pushed for the transfer that is enabled.
+    pushed: u32,
+    /// Words that the transfer that is enabled needs in all.
+    needed: u32,
+}
+
+impl InEndpoint {
+    pub(super) fn new(number: usize) -> Self {
+        Self {
+            registers: Endpoint::new(number),
+            words: VecDeque::new(),
+            pushed: 0,
+            needed: 0,
+        }
+    }
+
+    /// Number of the FIFO it sends from.
+    pub(super) fn fifo(&self) -> usize {
+        ((self.registers.control & epctl::TXFNUM) >> 22) as usize
+    }
+
+    /// Words in the FIFO.
+    pub(super) fn words(&self) -> usize {
+        self.words.len()
+    }
+
+    pub(super) fn flush(&mut self) {
+        self.words.clear();
+    }
+
+    /// Writes the control register; the caller has judged enable and disable.
+    pub(super) fn write_control(&mut self, value: u32) {
+        let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::TXFNUM;
+        self.registers.write(value, fields);
+        if value & epctl::SNAK != 0 {
+            self.registers.flags |= epint::INEPNE;
+        }
+        if value & epctl::CNAK != 0 {
+            self.registers.flags &= !epint::INEPNE;
+        }
+        if value & epctl::EPENA != 0 && !self.registers.has(epctl::EPENA) {
+            self.registers.set(epctl::EPENA, true);
+            self.pushed = 0;
+            self.needed = self.registers.transfer_size().div_ceil(4);
+        }
+        if value & epctl::EPDIS != 0 && self.registers.has(epctl::EPENA) {
+            self.registers.set(epctl::EPENA, false);
+            self.registers.flags |= epint::EPDISD;
+        }
+    }
+
+    /// Puts a word into the FIFO. Whether the enabled transfer has a use for it.
+    pub(super) fn push(&mut self, word: u32) -> bool {
+        self.words.push_back(word);
+        self.pushed += 1;
+        self.registers.has(epctl::EPENA) && self.pushed <= self.needed
+    }
+
+    /// Bytes of the next packet.
+    pub(super) fn next_len(&self) -> usize {
+        (self.registers.transfer_size() as usize).min(self.registers.max_packet())
+    }
+
+    /// Whether the next packet is complete in the FIFO.
+    fn is_loaded(&self) -> bool {
+        self.registers.has(epctl::EPENA) && self.words.len() >= self.next_len().div_ceil(4)
+    }
+
+    /// Whether an IN token would be answered with other than NAK.
+    pub(super) fn answers(&self) -> bool {
+        self.registers.has(epctl::STALL) || (!self.registers.has(epctl::NAKSTS) && self.is_loaded())
+    }
+
+    /// Answers an IN token; the host acknowledges what it gets.
+    pub(super) fn token(&mut self) -> Offer {
+        if self.registers.has(epctl::STALL) {
+            return Offer::Stall;
+        }
+        if self.registers.has(epctl::NAKSTS) {
+            return Offer::Nak;
+        }
+        if !self.is_loaded() {
+            self.registers.flags |= epint::ITTXFE;
+            return Offer::Nak;
+        }
+        let len = self.next_len();
+        let bytes = self
+            .words
+            .drain(..len.div_ceil(4))
+            .flat_map(u32::to_le_bytes)
+            .take(len)
+            .collect();
+        let data1 = self.registers.has(epctl::DPID);
+        self.registers.set(epctl::DPID, !data1);
+        self.registers.count_down(len);
+        if self.registers.packet_count() == 0 {
+            self.registers.set(epctl::EPENA, false);
+            self.registers.flags |= epint::XFRC;
+        }
+        Offer::Packet { bytes, data1 }
+    }
+
+    /// A SETUP has come: the next data is DATA1, nothing is sent until software clears the NAK.
+    pub(super) fn setup(&mut self) {
+        self.registers.set(epctl::DPID, true);
+        self.registers.set(epctl::NAKSTS, true);
+        self.registers.set(epctl::STALL, false);
+    }
+}
+
+/// An OUT endpoint; its data goes to the receive FIFO.
+#[derive(Clone, Debug)]
+pub(super) struct OutEndpoint {
+    pub(super) registers: Endpoint,
+}
+
+impl OutEndpoint {
+    pub(super) fn new(number: usize) -> Self {
+        Self {
+            registers: Endpoint::new(number),
+        }
+    }
+
+    /// Writes the control register; the caller has judged enable and disable.
+    pub(super) fn write_control(&mut self, value: u32) {
+        let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::SNPM;
+        self.registers.write(value, fields);
+        if value & epctl::EPENA != 0 {
+            self.registers.set(epctl::EPENA, true);
+        }
+        if value & epctl::EPDIS != 0 && self.registers.has(epctl::EPENA) {
+            self.registers.set(epctl::EPENA, false);
+            self.registers.flags |= epint::EPDISD;
+        }
+    }
+
+    /// Whether a packet would be taken, if the receive FIFO has room.
+    ///
+    /// Only the NAK decides: with FIFO access by the processor the core takes packets of an active endpoint
+    /// whose `EPENA` is clear, as every driver relies on that never sets it on endpoint 0 (embassy's).
+    pub(super) fn takes(&self) -> bool {
+        !self.registers.has(epctl::NAKSTS)
+    }
+
+    /// Whether the packet's PID is the one that comes next; a repeated packet is acknowledged and dropped.
+    pub(super) fn expects(&self, data1: bool) -> bool {
+        self.registers.has(epctl::DPID) == data1
+    }
+
+    /// Takes a packet. Whether the transfer is complete, which the core reports in the receive FIFO.
+    pub(super) fn take(&mut self, bytes: usize) -> bool {
+        let data1 = self.registers.has(epctl::DPID);
+        self.registers.set(epctl::DPID, !data1);
+        self.registers.count_down(bytes);
+        let done = self.registers.packet_count() == 0 || bytes < self.registers.max_packet();
+        if done {
+            self.registers.set(epctl::NAKSTS, true);
+        }
+        done
+    }
+
+    /// Software has taken the report that the transfer is complete.
+    pub(super) fn complete(&mut self) {
+        self.registers.set(epctl::EPENA, false);
+        self.registers.flags |= epint::XFRC;
+    }
+
+    /// A SETUP has come: the next data is DATA1, nothing is taken until software clears the NAK.
+    pub(super) fn setup(&mut self) {
+        self.registers.set(epctl::DPID, true);
+        self.registers.set(epctl::NAKSTS, true);
+        self.registers.set(epctl::STALL, false);
+        let left = (self.registers.size >> 29 & 3).saturating_sub(1);
+        self.registers.size = self.registers.size & 0x1FFF_FFFF | left << 29;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bulk_in(max_packet: u32) -> InEndpoint {
+        let mut endpoint = InEndpoint::new(2);
+        endpoint.write_control(epctl::USBAEP | 2 << 18 | 2 << 22 | epctl::SD0PID | max_packet);
+        endpoint
+    }
+
+    fn load(endpoint: &mut InEndpoint, bytes: u32) {
+        endpoint.registers.size = 1 << 19 | bytes;
+        let control = endpoint.registers.control;
+        endpoint.write_control(control | epctl::CNAK | epctl::EPENA);
+        for word in 0..bytes.div_ceil(4) {
+            assert!(endpoint.push(word), "word {word} belongs to the transfer");
+        }
+    }
+
+    #[test]
+    fn an_in_endpoint_sends_once_the_whole_packet_is_in_its_fifo() {
+        let mut endpoint = bulk_in(64);
+        endpoint.registers.size = 1 << 19 | 6;
+        let control = endpoint.registers.control;
+        endpoint.write_control(control | epctl::CNAK | epctl::EPENA);
+        endpoint.push(0x0403_0201);
+        assert!(!endpoint.answers());
+        assert_eq!(endpoint.token(), Offer::Nak);
+        endpoint.push(0x0605);
+        assert!(endpoint.answers());
+        let bytes = vec![1, 2, 3, 4, 5, 6];
+        let data1 = false;
+        assert_eq!(endpoint.token(), Offer::Packet { bytes, data1 });
+        assert!(!endpoint.registers.has(epctl::EPENA), "transfer complete");
+        assert_eq!(endpoint.registers.flags, epint::ITTXFE | epint::XFRC);
+    }
+
+    #[test]
+    fn data_toggles_and_an_empty_packet_needs_no_words() {
+        let mut endpoint = bulk_in(64);
+        for data1 in [false, true, false] {
+            load(&mut endpoint, 0);
+            let bytes = Vec::new();
+            assert_eq!(endpoint.token(), Offer::Packet { bytes, data1 });
+        }
+    }
+
+    #[test]
+    fn more_words_than_the_transfer_needs_are_noticed() {
+        let mut endpoint = bulk_in(64);
+        load(&mut endpoint, 4);
+        assert!(!endpoint.push(9));
+    }
+
+    #[test]
+    fn a_bus_reset_deactivates_an_endpoint_and_leaves_it_enabled() {
+        let mut endpoint = bulk_in(64);
+        load(&mut endpoint, 4);
+        endpoint.registers.bus_reset();
+        assert!(!endpoint.registers.has(epctl::USBAEP));
+        assert!(endpoint.registers.has(epctl::EPENA));
+    }
+
+    #[test]
+    fn the_stall_of_endpoint_0_goes_with_the_next_setup() {
+        let mut endpoint = OutEndpoint::new(0);
+        endpoint.write_control(epctl::STALL);
+        endpoint.write_control(0);
+        assert!(endpoint.registers.has(epctl::STALL), "not with a write");
+        endpoint.setup();
+        assert!(!endpoint.registers.has(epctl::STALL));
+    }
+
+    #[test]
+    fn an_out_endpoint_naks_after_its_transfer_until_software_clears_it() {
+        let mut endpoint = OutEndpoint::new(1);
+        endpoint.write_control(epctl::USBAEP | 2 << 18 | 64);
+        endpoint.registers.size = 1 << 19 | 64;
+        assert!(endpoint.takes() && endpoint.expects(false));
+        assert!(endpoint.take(64), "one packet was asked for");
+        assert!(!endpoint.takes());
+        let control = endpoint.registers.control;
+        endpoint.write_control(control | epctl::CNAK);
+        assert!(endpoint.takes() && endpoint.expects(true));
+    }
+}

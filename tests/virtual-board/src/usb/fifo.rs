@@ -1,0 +1,186 @@
+//! The core's FIFO memory: one receive FIFO that all OUT endpoints share, a transmit FIFO for each IN
+//! endpoint, and where they are in the memory.
+
+use std::collections::VecDeque;
+
+/// What `PKTSTS` of an entry of the receive FIFO says (RM0433 57.14, `OTG_GRXSTSP` in device mode).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PacketStatus {
+    GlobalOutNak = 1,
+    OutData = 2,
+    OutDone = 3,
+    SetupDone = 4,
+    SetupData = 6,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Entry {
+    Status(u32),
+    Data(u32),
+}
+
+/// The receive FIFO: for each packet a status word, then its bytes in words.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RxFifo(VecDeque<Entry>);
+
+impl RxFifo {
+    pub(super) fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Words in use.
+    pub(super) fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Words that a packet of `bytes` takes: its status, its data, and the status that ends the transfer.
+    pub(super) fn words_of(bytes: usize) -> usize {
+        1 + bytes.div_ceil(4) + 1
+    }
+
+    /// Puts a packet, or a status without data, at the end.
+    ///
+    /// `data1` is the packet's data PID, `frame` the number of its frame.
+    pub(super) fn push(
+        &mut self,
+        status: PacketStatus,
+        endpoint: usize,
+        data1: bool,
+        frame: u32,
+        bytes: &[u8],
+    ) {
+        let endpoint = u32::try_from(endpoint & 0xF).unwrap_or_default();
+        let count = u32::try_from(bytes.len() & 0x7FF).unwrap_or_default();
+        let pid = if data1 { 0b10 } else { 0b00 };
+        let word = endpoint | count << 4 | pid << 15 | (status as u32) << 17 | (frame & 0xF) << 21;
+        self.0.push_back(Entry::Status(word));
+        self.0.extend(bytes.chunks(4).map(|chunk| {
+            let mut word = [0; 4];
+            word[..chunk.len()].copy_from_slice(chunk);
+            Entry::Data(u32::from_le_bytes(word))
+        }));
+    }
+
+    /// The status word at the front, if one is there.
+    pub(super) fn peek_status(&self) -> Option<u32> {
+        match self.0.front() {
+            Some(&Entry::Status(word)) => Some(word),
+            _ => None,
+        }
+    }
+
+    /// Takes the status word at the front, if one is there.
+    pub(super) fn pop_status(&mut self) -> Option<u32> {
+        let word = self.peek_status()?;
+        self.0.pop_front();
+        Some(word)
+    }
+
+    /// Takes the data word at the front, if one is there.
+    pub(super) fn pop_data(&mut self) -> Option<u32> {
+        match self.0.front() {
+            Some(&Entry::Data(word)) => {
+                self.0.pop_front();
+                Some(word)
+            }
+            _ => None,
+        }
+    }
+}
+
+/// One FIFO's place in the memory, in words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Extent {
+    pub(super) start: u32,
+    pub(super) depth: u32,
+}
+
+impl Extent {
+    /// From `OTG_DIEPTXFx`: the start in the lower half, the depth in the upper.
+    pub(super) fn of_dieptxf(value: u32) -> Self {
+        Self {
+            start: value & 0xFFFF,
+            depth: value >> 16,
+        }
+    }
+
+    fn end(self) -> u32 {
+        self.start + self.depth
+    }
+
+    fn overlaps(self, other: Self) -> bool {
+        self.start < other.end() && other.start < self.end()
+    }
+}
+
+/// Fewest words of a FIFO (RM0433 57.14, `OTG_GRXFSIZ` and `OTG_DIEPTXFx`).
+const MIN_DEPTH: u32 = 16;
+
+/// What is wrong with the FIFOs' places in a memory of `words`, if anything. The receive FIFO comes first.
+pub(super) fn layout_error(fifos: &[(String, Extent)], words: u32) -> Option<String> {
+    for (n, (name, extent)) in fifos.iter().enumerate() {
+        if extent.depth < MIN_DEPTH {
+            return Some(format!("{name} has {} words, fewer than 16", extent.depth));
+        }
+        if extent.end() > words {
+            return Some(format!(
+                "{name} ends at word {}, after the {words} words of the memory",
+                extent.end()
+            ));
+        }
+        let over = fifos[..n]
+            .iter()
+            .find(|(_, before)| before.overlaps(*extent));
+        if let Some((other, _)) = over {
+            return Some(format!("{name} overlaps {other}"));
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_packet_is_a_status_word_and_its_bytes_in_words() {
+        let mut fifo = RxFifo::default();
+        fifo.push(PacketStatus::OutData, 1, true, 5, &[1, 2, 3, 4, 5]);
+        assert_eq!(fifo.pop_data(), None, "the status comes first");
+        let status = 1 | 5 << 4 | 0b10 << 15 | 2 << 17 | 5 << 21;
+        assert_eq!(fifo.pop_status(), Some(status));
+        assert_eq!(fifo.pop_status(), None, "data before the next status");
+        assert_eq!(fifo.pop_data(), Some(0x0403_0201));
+        assert_eq!(fifo.pop_data(), Some(5));
+        assert!(fifo.is_empty());
+    }
+
+    #[test]
+    fn fifos_that_overlap_or_end_outside_the_memory_are_named() {
+        let layout = |extents: &[(u32, u32)]| {
+            let named: Vec<_> = extents
+                .iter()
+                .enumerate()
+                .map(|(n, &(start, depth))| (format!("FIFO {n}"), Extent { start, depth }))
+                .collect();
+            layout_error(&named, 320)
+        };
+        assert_eq!(layout(&[(0, 64), (64, 16), (80, 240)]), None);
+        assert_eq!(
+            layout(&[(0, 64), (63, 16)]).as_deref(),
+            Some("FIFO 1 overlaps FIFO 0")
+        );
+        assert_eq!(
+            layout(&[(0, 64), (310, 16)]).as_deref(),
+            Some("FIFO 1 ends at word 326, after the 320 words of the memory")
+        );
+        assert_eq!(
+            layout(&[(0, 15)]).as_deref(),
+            Some("FIFO 0 has 15 words, fewer than 16")
+        );
+    }
+}

@@ -1,0 +1,353 @@
+//! What the device says of itself, parsed and judged (USB 2.0, 9.6; CDC 1.2, 5.2).
+
+use crate::usb::violation::Violations;
+
+/// Descriptor types (USB 2.0, table 9-5; BOS: USB 3.2, table 9-6).
+pub(super) mod kind {
+    pub(in crate::usb::host) const DEVICE: u8 = 1;
+    pub(in crate::usb::host) const CONFIGURATION: u8 = 2;
+    pub(in crate::usb::host) const STRING: u8 = 3;
+    pub(in crate::usb::host) const INTERFACE: u8 = 4;
+    pub(in crate::usb::host) const ENDPOINT: u8 = 5;
+    pub(in crate::usb::host) const QUALIFIER: u8 = 6;
+    pub(in crate::usb::host) const BOS: u8 = 15;
+    pub(in crate::usb::host) const DEVICE_CAPABILITY: u8 = 16;
+    pub(in crate::usb::host) const CLASS_INTERFACE: u8 = 0x24;
+}
+
+/// Class, subclass and protocol of an interface that a serial port has for control (CDC 1.2, 4.2).
+const COMMUNICATIONS: [u8; 2] = [0x02, 0x02];
+/// Class of an interface for its data.
+const DATA: u8 = 0x0A;
+
+/// The device as its descriptors describe it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Descriptors {
+    /// `bcdUSB`.
+    pub usb: u16,
+    /// Class, subclass and protocol of the device.
+    pub class: [u8; 3],
+    /// Longest packet of endpoint 0, bytes.
+    pub max_packet_0: u8,
+    /// `idVendor`.
+    pub vendor: u16,
+    /// `idProduct`.
+    pub product: u16,
+    /// `bcdDevice`.
+    pub release: u16,
+    /// Name of the manufacturer, empty without one.
+    pub manufacturer: String,
+    /// Name of the product, empty without one.
+    pub product_name: String,
+    /// Serial number, empty without one.
+    pub serial_number: String,
+    /// Capabilities of the BOS descriptor; `None` without one.
+    pub capabilities: Option<u8>,
+    /// The configuration.
+    pub configuration: Configuration,
+    /// Indices of the three strings.
+    pub(super) strings: [u8; 3],
+}
+
+/// The device's configuration.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Configuration {
+    /// `bConfigurationValue`.
+    pub value: u8,
+    /// `bmAttributes`.
+    pub attributes: u8,
+    /// Current from the bus, mA.
+    pub max_current_ma: u16,
+    /// Interfaces in alternate setting 0.
+    pub interfaces: Vec<Interface>,
+}
+
+/// One interface.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Interface {
+    /// `bInterfaceNumber`.
+    pub number: u8,
+    /// Class, subclass and protocol.
+    pub class: [u8; 3],
+    /// Its endpoints.
+    pub endpoints: Vec<EndpointDescriptor>,
+    /// `bDescriptorSubtype` of its class-specific descriptors.
+    pub functions: Vec<u8>,
+}
+
+/// One endpoint.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct EndpointDescriptor {
+    /// `bEndpointAddress`: bit 7 is set for IN.
+    pub address: u8,
+    /// `bmAttributes`: 2 is bulk, 3 interrupt.
+    pub attributes: u8,
+    /// Longest packet, bytes.
+    pub max_packet: u16,
+    /// `bInterval`, frames.
+    pub interval: u8,
+}
+
+/// The endpoints of a serial port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Ports {
+    pub(super) control_interface: u8,
+    pub(super) input: EndpointDescriptor,
+    pub(super) output: EndpointDescriptor,
+    pub(super) notification: EndpointDescriptor,
+}
+
+/// Records a fault of a descriptor.
+struct Judge<'a> {
+    now: u64,
+    violations: &'a mut Violations,
+}
+
+impl Judge<'_> {
+    fn expect(&mut self, holds: bool, what: &str, section: &str) {
+        if !holds {
+            let text = format!("{what} ({section})");
+            self.violations.record(self.now, text);
+        }
+    }
+}
+
+fn word(bytes: &[u8], at: usize) -> u16 {
+    u16::from_le_bytes([byte(bytes, at), byte(bytes, at + 1)])
+}
+
+fn byte(bytes: &[u8], at: usize) -> u8 {
+    bytes.get(at).copied().unwrap_or_default()
+}
+
+impl Descriptors {
+    /// Takes the whole device descriptor.
+    pub(super) fn device(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
+        let mut judge = Judge { now, violations };
+        let section = "device descriptor, USB 2.0, 9.6.1";
+        let (length, kind) = (byte(bytes, 0), byte(bytes, 1));
+        judge.expect(
+            bytes.len() == 18 && length == 18,
+            "its length is not 18",
+            section,
+        );
+        judge.expect(kind == kind::DEVICE, "its type is not 1", section);
+        self.usb = word(bytes, 2);
+        self.class = [byte(bytes, 4), byte(bytes, 5), byte(bytes, 6)];
+        self.max_packet_0 = byte(bytes, 7);
+        self.vendor = word(bytes, 8);
+        self.product = word(bytes, 10);
+        self.release = word(bytes, 12);
+        self.strings = [byte(bytes, 14), byte(bytes, 15), byte(bytes, 16)];
+        let known = [0x0110, 0x0200, 0x0201, 0x0210].contains(&self.usb);
+        judge.expect(known, &format!("bcdUSB is {:#06x}", self.usb), section);
+        let sized = [8, 16, 32, 64].contains(&self.max_packet_0);
+        judge.expect(
+            sized,
+            &format!("bMaxPacketSize0 is {}", self.max_packet_0),
+            section,
+        );
+        judge.expect(
+            byte(bytes, 17) == 1,
+            "it has not one configuration",
+            section,
+        );
+        judge.expect(self.vendor != 0, "idVendor is 0", section);
+    }
+
+    /// Takes the whole configuration descriptor and those in it.
+    pub(super) fn configuration(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
+        let mut judge = Judge { now, violations };
+        let section = "configuration descriptor, USB 2.0, 9.6.3";
+        judge.expect(byte(bytes, 0) == 9, "its length is not 9", section);
+        let total = usize::from(word(bytes, 2));
+        judge.expect(
+            total == bytes.len(),
+            "wTotalLength is not its length",
+            section,
+        );
+        let attributes = byte(bytes, 7);
+        judge.expect(
+            attributes & 0x9F == 0x80,
+            "reserved bits of bmAttributes",
+            section,
+        );
+        let mut configuration = Configuration {
+            value: byte(bytes, 5),
+            attributes,
+            max_current_ma: u16::from(byte(bytes, 8)) * 2,
+            interfaces: Vec::new(),
+        };
+        judge.expect(
+            configuration.value != 0,
+            "bConfigurationValue is 0",
+            section,
+        );
+        judge.expect(
+            configuration.max_current_ma <= 500,
+            "more than 500 mA",
+            section,
+        );
+        let mut rest = bytes.get(9..).unwrap_or_default();
+        let mut expected = 0;
+        while !rest.is_empty() {
+            let length = usize::from(byte(rest, 0));
+            if length < 2 || length > rest.len() {
+                judge.expect(false, "a descriptor in it has a wrong length", section);
+                break;
+            }
+            let (one, after) = rest.split_at(length);
+            expected += configuration.add(one, &mut judge);
+            rest = after;
+        }
+        let found: usize = configuration
+            .interfaces
+            .iter()
+            .map(|i| i.endpoints.len())
+            .sum();
+        judge.expect(
+            found == expected,
+            "bNumEndpoints is not the number of endpoints",
+            section,
+        );
+        let interfaces = configuration.interfaces.len();
+        let named = usize::from(byte(bytes, 4)) == interfaces;
+        judge.expect(
+            named,
+            "bNumInterfaces is not the number of interfaces",
+            section,
+        );
+        self.configuration = configuration;
+    }
+
+    /// Takes the whole BOS descriptor.
+    pub(super) fn bos(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
+        let mut judge = Judge { now, violations };
+        let section = "BOS descriptor, USB 3.2, 9.6.2";
+        judge.expect(byte(bytes, 0) == 5, "its length is not 5", section);
+        judge.expect(byte(bytes, 1) == kind::BOS, "its type is not 15", section);
+        let total = usize::from(word(bytes, 2));
+        judge.expect(
+            total == bytes.len(),
+            "wTotalLength is not its length",
+            section,
+        );
+        let mut capabilities = 0;
+        let mut rest = bytes.get(5..).unwrap_or_default();
+        while rest.len() >= 3 {
+            let length = usize::from(byte(rest, 0)).clamp(1, rest.len());
+            let is_capability = byte(rest, 1) == kind::DEVICE_CAPABILITY;
+            judge.expect(is_capability, "it holds another descriptor", section);
+            capabilities += 1;
+            rest = &rest[length..];
+        }
+        let named = byte(bytes, 4) == capabilities;
+        judge.expect(named, "bNumDeviceCaps is not their number", section);
+        self.capabilities = Some(capabilities);
+    }
+
+    /// The serial port's endpoints, if the device has one.
+    pub(super) fn ports(&self, now: u64, violations: &mut Violations) -> Option<Ports> {
+        let mut judge = Judge { now, violations };
+        let section = "CDC 1.2, 3.4 and 5.2";
+        let interfaces = &self.configuration.interfaces;
+        let control = interfaces.iter().find(|i| i.class[..2] == COMMUNICATIONS)?;
+        let data = interfaces.iter().find(|i| i.class[0] == DATA)?;
+        // Header, abstract control management, union.
+        for subtype in [0x00, 0x02, 0x06] {
+            let what = format!("no functional descriptor {subtype:#04x}");
+            judge.expect(control.functions.contains(&subtype), &what, section);
+        }
+        let header_first = control.functions.first() == Some(&0);
+        judge.expect(
+            header_first,
+            "the header is not the first functional descriptor",
+            section,
+        );
+        let find = |interface: &Interface, attributes: u8, is_in: bool| {
+            let fits = |e: &&EndpointDescriptor| {
+                e.attributes & 3 == attributes && (e.address & 0x80 != 0) == is_in
+            };
+            interface.endpoints.iter().find(fits).copied()
+        };
+        Some(Ports {
+            control_interface: control.number,
+            input: find(data, 2, true)?,
+            output: find(data, 2, false)?,
+            notification: find(control, 3, true)?,
+        })
+    }
+}
+
+impl Configuration {
+    /// Adds one descriptor. The endpoints that it announces.
+    fn add(&mut self, bytes: &[u8], judge: &mut Judge<'_>) -> usize {
+        match byte(bytes, 1) {
+            kind::INTERFACE => {
+                let section = "interface descriptor, USB 2.0, 9.6.5";
+                judge.expect(bytes.len() == 9, "its length is not 9", section);
+                let number = byte(bytes, 2);
+                let next = usize::from(number) == self.interfaces.len();
+                judge.expect(
+                    next || byte(bytes, 3) != 0,
+                    "its number is not the next",
+                    section,
+                );
+                if byte(bytes, 3) == 0 {
+                    self.interfaces.push(Interface {
+                        number,
+                        class: [byte(bytes, 5), byte(bytes, 6), byte(bytes, 7)],
+                        ..Interface::default()
+                    });
+                }
+                usize::from(byte(bytes, 4))
+            }
+            kind::ENDPOINT => {
+                let endpoint = EndpointDescriptor {
+                    address: byte(bytes, 2),
+                    attributes: byte(bytes, 3),
+                    max_packet: word(bytes, 4),
+                    interval: byte(bytes, 6),
+                };
+                let section = "endpoint descriptor, USB 2.0, 9.6.6";
+                judge.expect(bytes.len() == 7, "its length is not 7", section);
+                let numbered = endpoint.address & 0x70 == 0 && endpoint.address & 0xF != 0;
+                judge.expect(numbered, "bEndpointAddress", section);
+                let sized = match endpoint.attributes & 3 {
+                    2 => [8, 16, 32, 64].contains(&endpoint.max_packet),
+                    3 => (1..=64).contains(&endpoint.max_packet) && endpoint.interval > 0,
+                    _ => false,
+                };
+                judge.expect(sized, "its packet size or interval at full speed", section);
+                let all = self.interfaces.iter().flat_map(|i| &i.endpoints);
+                let is_new = all.into_iter().all(|e| e.address != endpoint.address);
+                judge.expect(is_new, "its address is taken", section);
+                match self.interfaces.last_mut() {
+                    Some(interface) => interface.endpoints.push(endpoint),
+                    None => judge.expect(false, "it comes before any interface", section),
+                }
+                0
+            }
+            kind::CLASS_INTERFACE => {
+                if let Some(interface) = self.interfaces.last_mut() {
+                    interface.functions.push(byte(bytes, 2));
+                }
+                0
+            }
+            _ => 0,
+        }
+    }
+}
+
+/// The text of a string descriptor.
+pub(super) fn text(bytes: &[u8], now: u64, violations: &mut Violations) -> String {
+    let mut judge = Judge { now, violations };
+    let section = "string descriptor, USB 2.0, 9.6.7";
+    let length = usize::from(byte(bytes, 0));
+    judge.expect(length == bytes.len() && length >= 2, "its length", section);
+    judge.expect(length.is_multiple_of(2), "its length is odd", section);
+    judge.expect(byte(bytes, 1) == kind::STRING, "its type is not 3", section);
+    let units = bytes.get(2..).unwrap_or_default().chunks_exact(2);
+    let units: Vec<u16> = units.map(|unit| word(unit, 0)).collect();
+    String::from_utf16_lossy(&units)
+}

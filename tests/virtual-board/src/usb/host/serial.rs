@@ -1,0 +1,283 @@
+//! The host's driver of the serial port: opening and closing, bulk data in both directions.
+
+use std::collections::VecDeque;
+
+use super::control::Setup;
+use super::descriptor::{EndpointDescriptor, Ports};
+use super::event::Event;
+use crate::usb::core::{Core, Handshake, Input};
+use crate::usb::handle::Counters;
+use crate::usb::violation::Violations;
+
+/// Bytes of one read request of the driver: its data reaches the program when it is full, or when a
+/// packet ends it that is shorter than the longest. Windows' driver asks for that many.
+const READ_BYTES: usize = 4_096;
+/// Rate that the driver sets when the device appears and when a program opens it, bit/s.
+const RATES: [u32; 2] = [9_600, 115_200];
+
+/// Requests of the class (CDC PSTN 1.2, 6.3).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Request {
+    SetLineCoding(u32),
+    GetLineCoding(u32),
+    /// DTR and RTS.
+    LineState(bool),
+}
+
+/// A transaction on one of the port's endpoints.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pipe {
+    Input,
+    Output,
+    Notification,
+}
+
+/// Seven bytes of line coding: rate, one stop bit, no parity, eight bits (CDC PSTN 1.2, table 17).
+fn line_coding(rate: u32) -> Vec<u8> {
+    [rate.to_le_bytes().as_slice(), &[0, 0, 8]].concat()
+}
+
+/// The driver.
+#[derive(Debug, Default)]
+pub(super) struct Serial {
+    ports: Option<Ports>,
+    /// A program wants the port open.
+    pub(super) wanted: bool,
+    /// DTR is on.
+    pub(super) is_open: bool,
+    /// Takes data from the bulk IN endpoint, from just before DTR is on until just after it is off.
+    is_reading: bool,
+    /// The bulk IN endpoint has not been asked since the port was opened.
+    is_unasked: bool,
+    /// Takes no data although it is open.
+    pub(super) stalled: bool,
+    /// Next data PIDs are DATA1.
+    toggles: [bool; 3],
+    was_output: bool,
+    read: Vec<u8>,
+    pub(super) received: Vec<u8>,
+    pub(super) outgoing: VecDeque<u8>,
+    requests: VecDeque<Request>,
+    pub(super) counters: Counters,
+}
+
+impl Serial {
+    /// The device is configured.
+    pub(super) fn connect(&mut self, ports: Ports) {
+        self.ports = Some(ports);
+        self.toggles = [false; 3];
+        self.requests = [Request::SetLineCoding(RATES[0]), Request::LineState(false)].into();
+    }
+
+    /// The device is gone, or about to be reset: programs that had the port open have lost it.
+    pub(super) fn disconnect(&mut self) {
+        self.received.append(&mut self.read);
+        self.outgoing.clear();
+        self.requests.clear();
+        self.ports = None;
+        self.wanted = false;
+        self.is_open = false;
+        self.is_reading = false;
+    }
+
+    pub(super) fn is_connected(&self) -> bool {
+        self.ports.is_some()
+    }
+
+    /// The next request to make, which stays until [`Serial::requested`].
+    pub(super) fn next_request(&mut self) -> Option<Request> {
+        self.ports?;
+        if self.requests.is_empty() && self.wanted != self.is_open {
+            self.requests = if self.wanted {
+                self.is_reading = true;
+                self.is_unasked = true;
+                [
+                    Request::SetLineCoding(RATES[1]),
+                    Request::GetLineCoding(RATES[1]),
+                    Request::LineState(true),
+                ]
+                .into()
+            } else {
+                [Request::LineState(false)].into()
+            };
+        }
+        self.requests.front().copied()
+    }
+
+    /// `request` as a SETUP packet, with the data that goes out.
+    pub(super) fn setup(&self, request: Request) -> (Setup, Vec<u8>) {
+        let index = self.ports.map_or(0, |ports| ports.control_interface).into();
+        let setup = |request_type, request, value, length| Setup {
+            request_type,
+            request,
+            value,
+            index,
+            length,
+        };
+        match request {
+            Request::SetLineCoding(rate) => (setup(0x21, 0x20, 0, 7), line_coding(rate)),
+            Request::GetLineCoding(_) => (setup(0xA1, 0x21, 0, 7), Vec::new()),
+            Request::LineState(on) => (setup(0x21, 0x22, if on { 3 } else { 0 }, 0), Vec::new()),
+        }
+    }
+
+    /// The request at the front has been answered with `data`.
+    pub(super) fn requested(
+        &mut self,
+        data: &[u8],
+        now: u64,
+        violations: &mut Violations,
+    ) -> Option<Event> {
+        match self.requests.pop_front()? {
+            Request::SetLineCoding(_) => None,
+            Request::GetLineCoding(rate) => {
+                if data != line_coding(rate) {
+                    let text = format!("GET_LINE_CODING: {data:02x?} (CDC PSTN 1.2, 6.3.11)");
+                    violations.record(now, text);
+                }
+                None
+            }
+            Request::LineState(on) if on == self.is_open => None,
+            Request::LineState(true) => {
+                self.is_open = true;
+                Some(Event::Opened)
+            }
+            Request::LineState(false) => {
+                self.is_open = false;
+                self.is_reading = false;
+                self.received.append(&mut self.read);
+                Some(Event::Closed)
+            }
+        }
+    }
+
+    /// The next transaction that the device would not answer with NAK, and its bytes on the wire.
+    pub(super) fn candidate(&self, core: &Core) -> Option<(Pipe, usize)> {
+        let ports = self.ports?;
+        let input = || {
+            let endpoint = number(ports.input);
+            let asks = self.is_reading && !self.stalled;
+            (asks && (self.is_unasked || core.answers_in(endpoint)))
+                .then(|| (Pipe::Input, core.next_in_len(endpoint)))
+        };
+        let output = || {
+            let len = self.outgoing.len().min(ports.output.max_packet.into());
+            let sends = self.is_open && len > 0;
+            (sends && core.answers_out(number(ports.output), len)).then_some((Pipe::Output, len))
+        };
+        let notification = || {
+            let endpoint = number(ports.notification);
+            core.answers_in(endpoint)
+                .then(|| (Pipe::Notification, core.next_in_len(endpoint)))
+        };
+        let bulk = if self.was_output {
+            input().or_else(output)
+        } else {
+            output().or_else(input)
+        };
+        bulk.or_else(notification)
+    }
+
+    /// Makes a transaction on `pipe`.
+    pub(super) fn perform(
+        &mut self,
+        pipe: Pipe,
+        address: u8,
+        now: u64,
+        core: &mut Core,
+        violations: &mut Violations,
+    ) -> Option<Event> {
+        let ports = self.ports?;
+        self.was_output = pipe == Pipe::Output;
+        match pipe {
+            Pipe::Output => {
+                self.send(ports.output, address, now, core, violations);
+                None
+            }
+            Pipe::Input => {
+                self.is_unasked = false;
+                let bytes = self.receive(ports.input, pipe, address, now, core, violations)?;
+                self.counters.packets_in += 1;
+                self.counters.bytes_in += bytes.len() as u64;
+                self.counters.empty_packets_in += u64::from(bytes.is_empty());
+                let ends = bytes.len() < ports.input.max_packet.into();
+                self.read.extend(bytes);
+                if ends || self.read.len() >= READ_BYTES {
+                    self.received.append(&mut self.read);
+                }
+                None
+            }
+            Pipe::Notification => self
+                .receive(ports.notification, pipe, address, now, core, violations)
+                .map(Event::Notification),
+        }
+    }
+
+    fn send(
+        &mut self,
+        endpoint: EndpointDescriptor,
+        address: u8,
+        now: u64,
+        core: &mut Core,
+        violations: &mut Violations,
+    ) {
+        let len = self.outgoing.len().min(endpoint.max_packet.into());
+        let bytes: Vec<u8> = self.outgoing.iter().copied().take(len).collect();
+        let toggle = &mut self.toggles[Pipe::Output as usize];
+        match core.output(address, number(endpoint), *toggle, &bytes) {
+            Handshake::Ack => {
+                *toggle = !*toggle;
+                self.outgoing.drain(..len);
+                self.counters.packets_out += 1;
+                self.counters.bytes_out += len as u64;
+            }
+            Handshake::Nak => {}
+            refused => {
+                let text = format!("OUT endpoint {}: {refused:?}", number(endpoint));
+                violations.record(now, text);
+                self.outgoing.clear();
+            }
+        }
+    }
+
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "what every transaction is handed"
+    )]
+    fn receive(
+        &mut self,
+        endpoint: EndpointDescriptor,
+        pipe: Pipe,
+        address: u8,
+        now: u64,
+        core: &mut Core,
+        violations: &mut Violations,
+    ) -> Option<Vec<u8>> {
+        let n = number(endpoint);
+        let toggle = &mut self.toggles[pipe as usize];
+        let fault = match core.input(address, n) {
+            Input::Nak => return None,
+            Input::Packet { data1, .. } if data1 != *toggle => {
+                "packet with the wrong data toggle, dropped (USB 2.0, 8.6.4)".to_owned()
+            }
+            Input::Packet { bytes, .. } if bytes.len() > endpoint.max_packet.into() => {
+                format!("packet of {} bytes (USB 2.0, 5.8.3)", bytes.len())
+            }
+            Input::Packet { bytes, .. } => {
+                *toggle = !*toggle;
+                return Some(bytes);
+            }
+            refused @ (Input::Stall | Input::Silent) => {
+                self.is_reading &= pipe != Pipe::Input;
+                format!("{refused:?}")
+            }
+        };
+        violations.record(now, format!("IN endpoint {n}: {fault}"));
+        None
+    }
+}
+
+/// Number of an endpoint without its direction.
+fn number(endpoint: EndpointDescriptor) -> usize {
+    usize::from(endpoint.address & 0xF)
+}

@@ -1,0 +1,253 @@
+//! The host with a device that a small driver runs on the model of the core.
+
+mod gadget;
+
+use self::gadget::{Fault, Gadget};
+use super::*;
+use crate::usb::core::Supply;
+use crate::usb::instance::H743_USB2;
+
+const MS: u64 = 1_000_000;
+
+/// A host, a core and its driver in virtual time.
+struct Bench {
+    host: Host,
+    core: Core,
+    gadget: Gadget,
+    now: u64,
+}
+
+impl Bench {
+    fn new(fault: Fault) -> Self {
+        let mut core = Core::new(&H743_USB2);
+        core.supply = Supply {
+            clocked: true,
+            ..Supply::default()
+        };
+        let gadget = Gadget::start(&mut core, fault);
+        let mut host = Host::new();
+        host.commands.push_back(Command::Plug);
+        let now = 0;
+        Self {
+            host,
+            core,
+            gadget,
+            now,
+        }
+    }
+
+    fn command(&mut self, command: Command) {
+        self.host.commands.push_back(command);
+    }
+
+    /// Runs for `ns`.
+    fn run(&mut self, ns: u64) {
+        let end = self.now + ns;
+        loop {
+            self.core.set_now(self.now);
+            self.host.step(self.now, &mut self.core);
+            self.gadget.service(&mut self.core);
+            let next = self.host.step(self.now, &mut self.core);
+            match next.filter(|&at| at < end) {
+                Some(at) => self.now = at.max(self.now + 1),
+                None => break,
+            }
+        }
+        self.now = end;
+    }
+
+    fn violations(&self) -> Vec<String> {
+        let all = self.host.violations().to_vec();
+        all.into_iter().map(|violation| violation.text).collect()
+    }
+
+    /// A device that is configured and whose port is open.
+    fn opened() -> Self {
+        let mut bench = Self::new(Fault::None);
+        bench.run(400 * MS);
+        bench.command(Command::Open(true));
+        bench.run(50 * MS);
+        assert_eq!(bench.host.state(), State::Open);
+        bench
+    }
+}
+
+const NONE: [String; 0] = [];
+
+#[test]
+fn a_device_is_enumerated_and_described() {
+    let mut bench = Bench::new(Fault::None);
+    bench.run(90 * MS);
+    assert_eq!(bench.host.state(), State::Attached, "debouncing");
+    bench.run(310 * MS);
+    assert_eq!(bench.host.state(), State::Configured);
+    let device = bench.host.device().unwrap();
+    assert_eq!((device.vendor, device.product), (0x1209, 0x0001));
+    assert_eq!(device.product_name, "Gadget");
+    assert_eq!(device.capabilities, Some(0));
+    assert_eq!(device.configuration.interfaces.len(), 2);
+    assert_eq!(bench.violations(), NONE);
+}
+
+#[test]
+fn the_port_opens_with_its_line_coding_and_dtr_and_closes() {
+    let mut bench = Bench::opened();
+    assert!(bench.gadget.dtr);
+    assert_eq!(bench.gadget.line_coding, [0, 0xC2, 1, 0, 0, 0, 8]);
+    bench.command(Command::Open(false));
+    bench.run(10 * MS);
+    assert!(!bench.gadget.dtr);
+    assert_eq!(bench.host.state(), State::Configured);
+    assert_eq!(bench.violations(), NONE);
+}
+
+#[test]
+fn bytes_pass_once_and_in_order_in_both_directions() {
+    let mut bench = Bench::opened();
+    let bytes: Vec<u8> = (0..1_000_u32).map(|n| n.to_le_bytes()[0]).collect();
+    bench.command(Command::Send(bytes.clone()));
+    bench.gadget.send(&bytes);
+    bench.run(100 * MS);
+    assert_eq!(bench.gadget.received, bytes);
+    assert_eq!(bench.host.take_received(), bytes);
+    assert_eq!(bench.host.take_received(), []);
+    assert_eq!(bench.host.counters().packets_in, 16);
+    assert_eq!(bench.violations(), NONE);
+}
+
+#[test]
+fn a_full_packet_reaches_the_program_only_with_a_shorter_one() {
+    let mut bench = Bench::opened();
+    bench.gadget.ends_transfers = false;
+    bench.gadget.send(&[7; 64]);
+    bench.run(10 * MS);
+    assert_eq!(bench.host.take_received(), []);
+    bench.gadget.ends_transfers = true;
+    bench.gadget.send(&[8; 64]);
+    bench.run(10 * MS);
+    let received = bench.host.take_received();
+    assert_eq!(
+        (received[..64].to_vec(), received.len()),
+        (vec![7; 64], 128)
+    );
+    assert_eq!(bench.host.counters().empty_packets_in, 1);
+}
+
+#[test]
+fn a_stalled_host_takes_nothing_until_it_goes_on() {
+    let mut bench = Bench::opened();
+    bench.command(Command::Stall(true));
+    bench.gadget.send(&[1; 200]);
+    bench.run(3_000 * MS);
+    assert_eq!(bench.host.take_received(), []);
+    bench.command(Command::Stall(false));
+    bench.run(10 * MS);
+    assert_eq!(bench.host.take_received(), [1; 200]);
+    assert_eq!(bench.violations(), NONE);
+}
+
+#[test]
+fn an_idle_bus_asks_for_no_events() {
+    let mut bench = Bench::opened();
+    assert_eq!(bench.host.step(bench.now, &mut bench.core), None);
+}
+
+#[test]
+fn a_device_is_suspended_and_resumed() {
+    let mut bench = Bench::opened();
+    bench.command(Command::Suspend(true));
+    bench.run(2 * MS);
+    assert!(!bench.gadget.suspended, "3 ms of an idle bus");
+    bench.run(2 * MS);
+    assert!(bench.gadget.suspended);
+    bench.command(Command::Suspend(false));
+    bench.gadget.send(&[5]);
+    bench.run(25 * MS);
+    assert!(!bench.gadget.suspended);
+    assert_eq!(bench.host.take_received(), [], "still recovering");
+    bench.run(10 * MS);
+    assert_eq!(bench.host.take_received(), [5]);
+    assert_eq!(bench.violations(), NONE);
+}
+
+#[test]
+fn an_unplugged_device_is_forgotten_and_enumerated_again() {
+    let mut bench = Bench::opened();
+    bench.command(Command::Unplug);
+    bench.run(10 * MS);
+    assert_eq!(bench.host.state(), State::Detached);
+    assert!(
+        bench.gadget.suspended,
+        "without VBUS sensing an open line is an idle bus"
+    );
+    assert_eq!(bench.host.device(), None);
+    bench.command(Command::Plug);
+    bench.run(400 * MS);
+    assert_eq!(bench.host.state(), State::Configured);
+    assert_eq!(bench.violations(), NONE);
+}
+
+#[test]
+fn a_device_that_is_reset_itself_leaves_the_bus() {
+    let mut bench = Bench::opened();
+    bench.core.reset();
+    bench.run(MS);
+    assert_eq!(bench.host.state(), State::Detached);
+    bench.gadget = Gadget::start(&mut bench.core, Fault::None);
+    bench.run(400 * MS);
+    assert_eq!(bench.host.state(), State::Configured);
+    assert_eq!(bench.violations(), NONE);
+}
+
+#[test]
+fn a_bus_reset_enumerates_again() {
+    let mut bench = Bench::opened();
+    bench.command(Command::ResetBus);
+    bench.run(10 * MS);
+    assert_eq!(bench.host.state(), State::Attached);
+    bench.run(300 * MS);
+    assert_eq!(bench.host.state(), State::Configured, "and closed");
+    assert_eq!(bench.violations(), NONE);
+}
+
+#[test]
+fn a_device_that_does_not_answer_is_tried_three_times() {
+    let mut bench = Bench::new(Fault::Mute);
+    bench.run(20_000 * MS);
+    let resets = bench
+        .host
+        .log()
+        .iter()
+        .filter(|l| l.event == Event::BusReset);
+    assert_eq!(resets.count(), 3);
+    let violations = bench.violations();
+    assert_eq!(violations.len(), 1);
+    assert!(
+        violations[0].contains("timeout: request 80 06 value 0100"),
+        "{violations:?}"
+    );
+}
+
+#[test]
+fn faults_of_descriptors_and_protocol_are_named() {
+    for (fault, named) in [
+        (
+            Fault::TotalLength,
+            "wTotalLength is not its length (configuration descriptor",
+        ),
+        (Fault::NoBos, "the BOS descriptor has 0 bytes"),
+        (
+            Fault::PacketSize,
+            "its packet size or interval at full speed",
+        ),
+        (Fault::Toggle, "wrong data toggle (USB 2.0, 8.5.3)"),
+    ] {
+        let mut bench = Bench::new(fault);
+        bench.run(7_000 * MS);
+        let violations = bench.violations();
+        assert!(
+            violations.iter().any(|v| v.contains(named)),
+            "{fault:?}: {violations:?}"
+        );
+    }
+}

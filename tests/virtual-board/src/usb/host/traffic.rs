@@ -1,0 +1,173 @@
+//! The host's transactions, one at a time on the wire.
+
+use super::control::{Outcome, Setup, Transfer};
+use super::enumeration::Next;
+use super::serial::Pipe;
+use super::{Event, Host, Phase, Purpose};
+use crate::usb::core::Core;
+
+/// Time of a byte at 12 Mbit/s, ns.
+const BYTE_NS: u64 = 667;
+/// Bytes on the wire of a transaction without its data: token, data header and CRC, handshake, gaps (USB
+/// 2.0, table 5-9: 13 bytes of overhead).
+const OVERHEAD_BYTES: u64 = 13;
+
+/// How long a transaction with `len` bytes takes, ns: 51 us for the longest packet.
+fn wire_ns(len: usize) -> u64 {
+    (OVERHEAD_BYTES + len as u64) * BYTE_NS
+}
+
+impl Host {
+    /// When the next transaction, or its absence, is due.
+    pub(super) fn traffic_due(&mut self, now: u64, core: &Core) -> Option<u64> {
+        if self.transfer.is_none() && self.has_request() {
+            return Some(now);
+        }
+        let transaction = self.candidate_len(core).map(|len| {
+            let start = now.max(self.free_at);
+            *self.busy_until.get_or_insert(start + wire_ns(len))
+        });
+        if transaction.is_none() {
+            self.busy_until = None;
+        }
+        let deadline = self
+            .transfer
+            .as_ref()
+            .map(|(_, transfer)| transfer.deadline());
+        transaction.into_iter().chain(deadline).min()
+    }
+
+    fn has_request(&mut self) -> bool {
+        self.enumeration.is_some() || self.serial.next_request().is_some()
+    }
+
+    /// Bytes of the next transaction that the device would not answer with NAK.
+    fn candidate_len(&self, core: &Core) -> Option<usize> {
+        let control = self.transfer.as_ref();
+        control
+            .and_then(|(_, transfer)| transfer.next_len(core))
+            .or_else(|| self.serial.candidate(core).map(|(_, len)| len))
+    }
+
+    /// Starts the next control transfer, or ends the transaction that is on the wire.
+    pub(super) fn advance_traffic(&mut self, now: u64, core: &mut Core) {
+        if self.transfer.is_none() && self.has_request() {
+            self.start_transfer(now);
+            return;
+        }
+        if self.busy_until.is_some_and(|until| until <= now) {
+            self.busy_until = None;
+            self.free_at = now;
+            self.transact(now, core);
+        } else if let Some((purpose, transfer)) = self.transfer.take() {
+            let why = format!("timeout: {}", transfer.describe());
+            self.transfer_failed(purpose, why, now, core);
+        }
+    }
+
+    fn start_transfer(&mut self, now: u64) {
+        let (purpose, setup, data): (Purpose, Setup, Vec<u8>) =
+            if let Some(enumeration) = &self.enumeration {
+                (Purpose::Enumerate, enumeration.request(), Vec::new())
+            } else if let Some(request) = self.serial.next_request() {
+                let (setup, data) = self.serial.setup(request);
+                (Purpose::Serial(request), setup, data)
+            } else {
+                return;
+            };
+        let device = self
+            .enumeration
+            .as_ref()
+            .map(|e| &e.device)
+            .or(self.device.as_ref());
+        let max_packet = device.map_or(64, |device| device.max_packet_0).into();
+        let transfer = Transfer::new(setup, self.address, max_packet, data, now);
+        self.transfer = Some((purpose, transfer));
+    }
+
+    fn transact(&mut self, now: u64, core: &mut Core) {
+        let Some((purpose, mut transfer)) =
+            self.transfer.take_if(|(_, t)| t.next_len(core).is_some())
+        else {
+            if let Some((pipe, _)) = self.serial.candidate(core) {
+                self.transact_serial(pipe, now, core);
+            }
+            return;
+        };
+        match transfer.perform(now, core, &mut self.violations) {
+            Outcome::Pending => self.transfer = Some((purpose, transfer)),
+            Outcome::Done(data) => self.transfer_done(purpose, &data, now, core),
+            Outcome::Failed(why) => self.transfer_failed(purpose, why, now, core),
+            Outcome::Stalled => match (purpose, &mut self.enumeration) {
+                (Purpose::Enumerate, Some(enumeration)) => {
+                    let next = enumeration.stalled();
+                    self.go_on(next, now, core);
+                }
+                _ => self.transfer_failed(purpose, "refused".to_owned(), now, core),
+            },
+        }
+    }
+
+    fn transact_serial(&mut self, pipe: Pipe, now: u64, core: &mut Core) {
+        let violations = &mut self.violations;
+        let event = self
+            .serial
+            .perform(pipe, self.address, now, core, violations);
+        if let Some(event) = event {
+            self.note(now, event);
+        }
+    }
+
+    fn transfer_done(&mut self, purpose: Purpose, data: &[u8], now: u64, core: &mut Core) {
+        if let Purpose::Serial(_) = purpose {
+            let event = self.serial.requested(data, now, &mut self.violations);
+            if let Some(event) = event {
+                self.note(now, event);
+            }
+            return;
+        }
+        let mut events = Vec::new();
+        if let Some(enumeration) = &mut self.enumeration {
+            let next = enumeration.answered(data, now, &mut self.violations, &mut events);
+            for event in events {
+                self.note(now, event);
+            }
+            self.go_on(next, now, core);
+        }
+    }
+
+    /// Goes on with the enumeration.
+    fn go_on(&mut self, next: Next, now: u64, core: &mut Core) {
+        let address = self.enumeration.as_ref().map_or(0, |e| e.address);
+        if address != 0 && self.address == 0 {
+            self.note(now, Event::Addressed(address));
+        }
+        self.address = address;
+        match next {
+            Next::Request => {}
+            Next::Pause(ns) => self.phase = Phase::Recovery(now + ns),
+            Next::Reset => self.reset_bus(now, core),
+            Next::Failed(why) => self.enumeration_failed(why, now, core),
+            Next::Finished(ports) => {
+                self.device = self.enumeration.take().map(|e| e.device);
+                self.note(now, Event::Configured);
+                match ports {
+                    Some(ports) => self.serial.connect(ports),
+                    None => self.violations.record(now, "the device has no serial port"),
+                }
+            }
+        }
+    }
+
+    fn transfer_failed(&mut self, purpose: Purpose, why: String, now: u64, core: &mut Core) {
+        if purpose == Purpose::Enumerate {
+            self.enumeration_failed(why, now, core);
+        } else {
+            self.violations.record(now, format!("serial port: {why}"));
+            let event = self.serial.requested(&[], now, &mut self.violations);
+            if let Some(event) = event {
+                self.note(now, event);
+            }
+        }
+    }
+}

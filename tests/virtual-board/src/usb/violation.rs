@@ -1,0 +1,77 @@
+//! What a real core or a real host would not have accepted.
+
+use std::fmt;
+
+/// One breach of the manual or of the USB specification, and how often it happened.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Violation {
+    /// Virtual time of the first occurrence, ns.
+    pub at_ns: u64,
+    /// The register or the request, what happened, and the section that forbids it.
+    pub text: String,
+    /// Occurrences with the same text, at least 1.
+    pub count: u64,
+}
+
+impl fmt::Display for Violation {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{} ns: {}", self.at_ns, self.text)?;
+        if self.count > 1 {
+            write!(formatter, " ({} times)", self.count)?;
+        }
+        Ok(())
+    }
+}
+
+/// Every breach so far, each text once, in the order of their first occurrence.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Violations(Vec<Violation>);
+
+impl Violations {
+    pub(super) fn record(&mut self, at_ns: u64, text: impl Into<String>) {
+        let text = text.into();
+        match self.0.iter_mut().find(|known| known.text == text) {
+            Some(known) => known.count += 1,
+            None => self.0.push(Violation {
+                at_ns,
+                text,
+                count: 1,
+            }),
+        }
+    }
+
+    /// Adds the breaches of `other` and empties it.
+    pub(super) fn take_from(&mut self, other: &mut Self) {
+        for violation in other.0.drain(..) {
+            match self.0.iter_mut().find(|known| known.text == violation.text) {
+                Some(known) => known.count += violation.count,
+                None => self.0.push(violation),
+            }
+        }
+    }
+
+    pub(super) fn to_vec(&self) -> Vec<Violation> {
+        self.0.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_breach_that_repeats_is_listed_once_with_its_count() {
+        let mut violations = Violations::default();
+        violations.record(5, "a");
+        violations.record(6, "b");
+        violations.record(7, "a");
+        let mut more = Violations::default();
+        more.record(8, "a");
+        violations.take_from(&mut more);
+        assert!(more.to_vec().is_empty());
+        let listed = violations.to_vec();
+        assert_eq!(listed.len(), 2);
+        assert_eq!(listed[0].to_string(), "5 ns: a (3 times)");
+        assert_eq!(listed[1].to_string(), "6 ns: b");
+    }
+}
