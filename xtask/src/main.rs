@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod benchmark;
+mod board;
 mod budget;
 mod command;
 mod debian;
@@ -48,6 +49,9 @@ enum Verb {
     Qemu(qemu::QemuOptions),
     /// Let a microcontroller check the golden vectors itself: emulated ones, or a board behind probe-rs.
     Hil(hil::HilOptions),
+    /// Run the images that are flashed on emulated boards and test what they do, or leave one running for a
+    /// bridge.
+    Board(board::BoardOptions),
     /// Build the boards' images; print what they take of flash and RAM, and fail above the limits.
     Budget(budget::BudgetOptions),
     /// Check licences, advisories and sources with cargo-deny, where it is installed.
@@ -61,6 +65,7 @@ fn main() -> ExitCode {
         Verb::Bench(options) => benchmark::bench(options),
         Verb::Qemu(options) => qemu::qemu(options),
         Verb::Hil(options) => hil::hil(options),
+        Verb::Board(options) => board::board(&options),
         Verb::Budget(options) => budget::budget(options),
         Verb::Deny => verify::deny(),
     };

@@ -4,8 +4,9 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use crate::benchmark::{self, BenchOptions};
+use crate::board::{self, BoardOptions};
 use crate::budget::{self, BudgetOptions};
-use crate::command::{cargo_with, run, succeeds};
+use crate::command::{cargo_with, root, run, succeeds};
 use crate::debian;
 use crate::failure::Failure;
 use crate::hil::{self, HilOptions};
@@ -80,6 +81,7 @@ pub(crate) fn verify(fast: bool) -> Result<(), Failure> {
             application_on_emulator,
         ));
         steps.push(("boards", boards));
+        steps.push(("boards, emulated", boards_on_emulator));
         steps.push(("trainer", trainer_tests));
         steps.push(("tests, and acceptance with ROS", tests_with_ros));
     }
@@ -255,6 +257,17 @@ fn boards() -> Result<(), Failure> {
         }
     }
     budget::budget(BudgetOptions::TABLE)
+}
+
+fn boards_on_emulator() -> Result<(), Failure> {
+    let manifest = root().join("tests/virtual-board/Cargo.toml");
+    let manifest = format!("--manifest-path={}", manifest.display());
+    run(
+        &mut cargo_with(&["fmt", &manifest, "--check"]),
+        "`cargo fmt --manifest-path tests/virtual-board/Cargo.toml`",
+    )?;
+    board::models()?;
+    board::board(&BoardOptions::TESTS)
 }
 
 fn trainer_tests() -> Result<(), Failure> {

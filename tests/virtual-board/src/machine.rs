@@ -72,7 +72,6 @@ impl VirtualBoard {
             Cable::Uart => Port::Uart(serial),
             Cable::Usb => {
                 host.plug();
-                host.open();
                 Port::Usb(host)
             }
         };

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
-use virtual_board::{Image, Model, Setup, TcpPort, VirtualBoard, live};
+use virtual_board::{Cable, Image, Model, Setup, TcpPort, VirtualBoard, live};
 
 /// Runs the image that is flashed on an emulated board, behind a TCP port for a bridge.
 #[derive(Debug, Parser)]
@@ -20,6 +20,10 @@ struct Options {
     /// TCP port of 127.0.0.1 for the bridge (`--port tcp:127.0.0.1:5556`); 0 takes any free one.
     #[arg(long, default_value_t = 5556)]
     port: u16,
+    /// The cable to the host; USB for the NUCLEO-H743ZI2 and the UART for the NUCLEO-F446RE if it is left
+    /// out, as their default images have it.
+    #[arg(long)]
+    cable: Option<CableOption>,
     /// Seconds of virtual time; without end if it is left out.
     #[arg(long)]
     seconds: Option<u64>,
@@ -32,6 +36,15 @@ enum Board {
     H743,
     /// NUCLEO-F446RE.
     F446,
+}
+
+/// A cable by its word.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum CableOption {
+    /// The ST-LINK's.
+    Uart,
+    /// The microcontroller's own.
+    Usb,
 }
 
 /// Something is missing on this machine, or wrong with the arguments.
@@ -64,7 +77,17 @@ fn main() -> ExitCode {
         image.path().display()
     );
     println!("  corticode-bridge --port tcp:127.0.0.1:{number} --sink ndjson");
-    let board = VirtualBoard::power_on(model, &image, &Setup::default());
+    let cable = match options.cable {
+        Some(CableOption::Uart) => Cable::Uart,
+        Some(CableOption::Usb) => Cable::Usb,
+        None if model == Model::H743 => Cable::Usb,
+        None => Cable::Uart,
+    };
+    let setup = Setup {
+        cable,
+        ..Setup::default()
+    };
+    let board = VirtualBoard::power_on(model, &image, &setup);
     let run =
         board.and_then(|mut board| live::run(&mut board, &mut tcp, options.seconds, io::stderr()));
     match run {

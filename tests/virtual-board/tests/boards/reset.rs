@@ -5,8 +5,9 @@ use link::{ResetCause, ResetInto, Streams, ToDevice};
 use crate::images::Subject;
 use crate::session::{assert_sound, greetings, run_codes, start, streaming};
 
-/// Longest time from the command to the next `Hello`, us: a tenth of a second for the answer, clocks.
-const LONGEST_US: u64 = 300_000;
+/// Longest time from the command to the next `Hello`, us: a tenth of a second for the answer, clocks, and a
+/// USB host that enumerates.
+const LONGEST_US: u64 = 1_000_000;
 
 /// The device answers, restarts, says why, and streams again.
 pub(crate) fn restarts_on_command(subject: Subject) {
