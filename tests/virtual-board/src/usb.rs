@@ -7,6 +7,10 @@
 //! The host enumerates the device as Linux does, drives it as a CDC-ACM serial port, and judges what it
 //! gets: descriptors, data toggles, lengths and times.
 //!
+//! [`Otg`] goes into a part as a field: `split` asks [`Otg::model`] first, `poll` and `reset` call those of
+//! the part and then [`Otg::poll`] and [`Otg::reset`], and [`redirect`] lets the processor reach the window
+//! by the core's own addresses.
+//!
 //! Not modelled: host mode, DMA, isochronous endpoints, LPM, battery charging, transmission errors and lost
 //! handshakes, and signals on the wires.
 

@@ -94,6 +94,7 @@ impl Registers {
 }
 
 /// What the core knows of the bus.
+#[expect(clippy::struct_excessive_bools, reason = "each is a signal of its own")]
 #[derive(Clone, Debug, Default)]
 struct Line {
     /// VBUS is there.
@@ -175,8 +176,8 @@ impl Core {
         self.now = now;
     }
 
-    /// Records a breach: `register`, `what` and the section of RM0433 that forbids it.
-    fn breach(&mut self, register: Register, what: &str, section: &str) {
+    /// Records a violation: `register`, `what` and the section of RM0433 that forbids it.
+    fn report(&mut self, register: Register, what: &str, section: &str) {
         let text = format!("{register}: {what} (RM0433 {section})");
         self.violations.record(self.now, text);
     }
@@ -184,7 +185,7 @@ impl Core {
     /// Whether software may access the registers now, from `register` on.
     fn is_reachable(&mut self, register: Register, width: Width) -> bool {
         if !self.supply.clocked {
-            self.breach(
+            self.report(
                 register,
                 "access while the core's bus clock is off",
                 "8.5.10",
@@ -192,11 +193,11 @@ impl Core {
             return false;
         }
         if width != Width::W32 {
-            self.breach(register, "access that is not a word", "57.14");
+            self.report(register, "access that is not a word", "57.14");
             return false;
         }
         if self.now < self.soft_reset_until && register != Register::Grstctl {
-            self.breach(register, "access during the core soft reset", "57.14.5");
+            self.report(register, "access during the core soft reset", "57.14.5");
             return false;
         }
         true
@@ -319,7 +320,7 @@ impl Core {
             } else {
                 "read before the packet's data was taken"
             };
-            self.breach(Register::Grxstsp, what, "57.14, OTG_GRXSTSP");
+            self.report(Register::Grxstsp, what, "57.14, OTG_GRXSTSP");
             return 0;
         };
         if word >> 17 & 0xF == PacketStatus::GlobalOutNak as u32 {
@@ -339,7 +340,7 @@ impl Core {
 
     fn pop_data(&mut self, register: Register) -> u32 {
         if self.now < self.flush_until {
-            self.breach(register, "read during a flush", "57.14.5");
+            self.report(register, "read during a flush", "57.14.5");
         }
         self.rx.pop_data().unwrap_or_else(|| {
             let what = if self.rx.is_empty() {
@@ -347,7 +348,7 @@ impl Core {
             } else {
                 "read past the end of the packet"
             };
-            self.breach(register, what, "57.15.6");
+            self.report(register, what, "57.15.6");
             0
         })
     }

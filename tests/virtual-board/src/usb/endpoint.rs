@@ -6,7 +6,7 @@ use super::register::{epctl, epint};
 
 /// Data of the packet that an IN token found, or why there was none.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Offer {
+pub(super) enum Reply {
     /// The packet, and whether its PID is DATA1.
     Packet {
         bytes: Vec<u8>,
@@ -155,7 +155,7 @@ impl InEndpoint {
         self.words.clear();
     }
 
-    /// Writes the control register; the caller has judged enable and disable.
+    /// Writes the control register; the caller has checked enable and disable.
     pub(super) fn write_control(&mut self, value: u32) {
         let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::TXFNUM;
         self.registers.write(value, fields);
@@ -199,16 +199,16 @@ impl InEndpoint {
     }
 
     /// Answers an IN token; the host acknowledges what it gets.
-    pub(super) fn token(&mut self) -> Offer {
+    pub(super) fn token(&mut self) -> Reply {
         if self.registers.has(epctl::STALL) {
-            return Offer::Stall;
+            return Reply::Stall;
         }
         if self.registers.has(epctl::NAKSTS) {
-            return Offer::Nak;
+            return Reply::Nak;
         }
         if !self.is_loaded() {
             self.registers.flags |= epint::ITTXFE;
-            return Offer::Nak;
+            return Reply::Nak;
         }
         let len = self.next_len();
         let bytes = self
@@ -224,7 +224,7 @@ impl InEndpoint {
             self.registers.set(epctl::EPENA, false);
             self.registers.flags |= epint::XFRC;
         }
-        Offer::Packet { bytes, data1 }
+        Reply::Packet { bytes, data1 }
     }
 
     /// A SETUP has come: the next data is DATA1, nothing is sent until software clears the NAK.
@@ -248,7 +248,7 @@ impl OutEndpoint {
         }
     }
 
-    /// Writes the control register; the caller has judged enable and disable.
+    /// Writes the control register; the caller has checked enable and disable.
     pub(super) fn write_control(&mut self, value: u32) {
         let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::SNPM;
         self.registers.write(value, fields);
@@ -329,12 +329,12 @@ mod tests {
         endpoint.write_control(control | epctl::CNAK | epctl::EPENA);
         endpoint.push(0x0403_0201);
         assert!(!endpoint.answers());
-        assert_eq!(endpoint.token(), Offer::Nak);
+        assert_eq!(endpoint.token(), Reply::Nak);
         endpoint.push(0x0605);
         assert!(endpoint.answers());
         let bytes = vec![1, 2, 3, 4, 5, 6];
         let data1 = false;
-        assert_eq!(endpoint.token(), Offer::Packet { bytes, data1 });
+        assert_eq!(endpoint.token(), Reply::Packet { bytes, data1 });
         assert!(!endpoint.registers.has(epctl::EPENA), "transfer complete");
         assert_eq!(endpoint.registers.flags, epint::ITTXFE | epint::XFRC);
     }
@@ -345,7 +345,7 @@ mod tests {
         for data1 in [false, true, false] {
             load(&mut endpoint, 0);
             let bytes = Vec::new();
-            assert_eq!(endpoint.token(), Offer::Packet { bytes, data1 });
+            assert_eq!(endpoint.token(), Reply::Packet { bytes, data1 });
         }
     }
 

@@ -234,13 +234,12 @@ impl Host {
     fn watch(&mut self, now: u64, core: &mut Core) {
         let attached = core.is_attached();
         match self.phase {
-            Phase::Unplugged => {}
             Phase::Empty if attached => {
                 self.attempts = 0;
                 self.phase = Phase::Debounce(now + DEBOUNCE_NS);
                 self.note(now, Event::Attached);
             }
-            Phase::Empty => {}
+            Phase::Unplugged | Phase::Empty => {}
             _ if !attached => {
                 self.forget(core);
                 self.phase = Phase::Empty;
@@ -310,7 +309,7 @@ impl Host {
                 .idle_since
                 .is_some_and(|since| since + SUSPEND_NS <= now) =>
             {
-                core.suspend()
+                core.suspend();
             }
             _ => self.advance_traffic(now, core),
         }

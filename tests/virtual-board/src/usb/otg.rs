@@ -1,5 +1,5 @@
 //! The USB core as a part carries it: a window with the registers and FIFOs, and a front for the instance
-//! of the part's own that hears the clock and the reset line.
+//! of the part's own that receives the clock and the reset line.
 
 use std::marker::PhantomData;
 use std::num::NonZeroU64;
@@ -115,7 +115,7 @@ impl ErasedDevice for Registers {
         link.core.set_now(context.now().0);
         #[expect(
             clippy::cast_possible_truncation,
-            reason = "the width is judged by the core"
+            reason = "the width is checked by the core"
         )]
         link.core.write(offset, width, value as u32);
         link.settle(context);

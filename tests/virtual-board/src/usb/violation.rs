@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// One breach of the manual or of the USB specification, and how often it happened.
+/// One violation of the manual or of the USB specification, and how often it happened.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
     /// Virtual time of the first occurrence, ns.
@@ -23,7 +23,7 @@ impl fmt::Display for Violation {
     }
 }
 
-/// Every breach so far, each text once, in the order of their first occurrence.
+/// Every violation so far, each text once, in the order of their first occurrence.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Violations(Vec<Violation>);
 
@@ -40,7 +40,7 @@ impl Violations {
         }
     }
 
-    /// Adds the breaches of `other` and empties it.
+    /// Adds the violations of `other` and empties it.
     pub(super) fn take_from(&mut self, other: &mut Self) {
         for violation in other.0.drain(..) {
             match self.0.iter_mut().find(|known| known.text == violation.text) {
@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_breach_that_repeats_is_listed_once_with_its_count() {
+    fn a_violation_that_repeats_is_listed_once_with_its_count() {
         let mut violations = Violations::default();
         violations.record(5, "a");
         violations.record(6, "b");

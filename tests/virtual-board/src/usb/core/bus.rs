@@ -1,7 +1,7 @@
 //! The core as the bus sees it: its pull-up, resets, suspend and tokens.
 
 use super::Core;
-use crate::usb::endpoint::Offer;
+use crate::usb::endpoint::Reply;
 use crate::usb::fifo::{PacketStatus, RxFifo};
 use crate::usb::register::{bit, dctl, epctl, epint, gintsts};
 
@@ -127,7 +127,7 @@ impl Core {
     }
 
     /// Whether a token for `address` reaches the device.
-    fn hears(&self, address: u8) -> bool {
+    fn accepts(&self, address: u8) -> bool {
         self.is_attached()
             && !self.line.in_reset
             && !self.line.suspended
@@ -136,7 +136,7 @@ impl Core {
 
     /// A SETUP packet to endpoint 0, which a device never refuses.
     pub(in crate::usb) fn setup(&mut self, address: u8, bytes: [u8; 8]) -> Handshake {
-        if !self.hears(address) || !self.has_room(bytes.len()) {
+        if !self.accepts(address) || !self.has_room(bytes.len()) {
             return Handshake::Silent;
         }
         self.line.addressing = bytes[..2] == SET_ADDRESS;
@@ -179,7 +179,7 @@ impl Core {
         data1: bool,
         bytes: &[u8],
     ) -> Handshake {
-        if !self.hears(address) || !self.outputs[endpoint].registers.has(epctl::USBAEP) {
+        if !self.accepts(address) || !self.outputs[endpoint].registers.has(epctl::USBAEP) {
             return Handshake::Silent;
         }
         let fresh_setup = endpoint == 0 && self.line.setup_open;
@@ -226,7 +226,7 @@ impl Core {
 
     /// An IN token; the host acknowledges a packet it gets.
     pub(in crate::usb) fn input(&mut self, address: u8, endpoint: usize) -> Input {
-        if !self.hears(address) || !self.inputs[endpoint].registers.has(epctl::USBAEP) {
+        if !self.accepts(address) || !self.inputs[endpoint].registers.has(epctl::USBAEP) {
             return Input::Silent;
         }
         self.close_setup(endpoint);
@@ -234,9 +234,9 @@ impl Core {
             return Input::Nak;
         }
         match self.inputs[endpoint].token() {
-            Offer::Nak => Input::Nak,
-            Offer::Stall => Input::Stall,
-            Offer::Packet { bytes, data1 } => {
+            Reply::Nak => Input::Nak,
+            Reply::Stall => Input::Stall,
+            Reply::Packet { bytes, data1 } => {
                 if endpoint == 0 && self.line.addressing && bytes.is_empty() {
                     self.line.addressing = false;
                     self.line.address = self.registers.dcfg >> 4 & 0x7F;

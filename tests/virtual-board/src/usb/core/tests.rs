@@ -53,18 +53,18 @@ impl Core {
         self.read(offset, Width::W32)
     }
 
-    /// The texts of the breaches since the last call.
-    fn breaches(&mut self) -> Vec<String> {
+    /// The texts of the violations since the last call.
+    fn violation_texts(&mut self) -> Vec<String> {
         let taken = std::mem::take(&mut self.violations).to_vec();
         taken.into_iter().map(|violation| violation.text).collect()
     }
 
     #[track_caller]
-    fn expect_breach(&mut self, part: &str) {
-        let breaches = self.breaches();
+    fn expect_violation(&mut self, part: &str) {
+        let texts = self.violation_texts();
         assert!(
-            breaches.len() == 1 && breaches[0].contains(part),
-            "{breaches:?} is not one with {part:?}"
+            texts.len() == 1 && texts[0].contains(part),
+            "{texts:?} is not one with {part:?}"
         );
     }
 }
@@ -82,13 +82,13 @@ fn configured() -> Core {
     core.begin_reset();
     core.put(GRXFSIZ, 64);
     core.put(0x28, 16 << 16 | 64);
-    core.put(dieptxf(2), 16 << 16 | 80);
+    core.put(dieptxf(2), 0x0010_0050);
     core.end_reset();
     core.set_frames(true);
     core.put(GINTSTS, u32::MAX);
     core.put(diepctl(2), epctl::USBAEP | 2 << 18 | 2 << 22 | 64);
     core.put(doepctl(1), epctl::USBAEP | 2 << 18 | 64);
-    assert_eq!(core.breaches(), [] as [String; 0]);
+    assert_eq!(core.violation_texts(), [] as [String; 0]);
     core
 }
 
@@ -97,7 +97,7 @@ fn a_device_shows_itself_once_it_has_connected() {
     let mut core = supplied();
     assert!(!core.is_attached(), "out of reset");
     core.put(DCTL, 0);
-    assert_eq!(core.breaches().len(), 3, "nothing was set up before");
+    assert_eq!(core.violation_texts().len(), 3, "nothing was set up before");
     assert!(configured().is_attached());
 }
 
@@ -107,21 +107,21 @@ fn a_kernel_clock_that_is_not_48_mhz_is_noticed_at_the_connection() {
     core.put(DCTL, dctl::SDIS);
     core.supply.kernel_hz = Some(48_480_000);
     core.put(DCTL, 0);
-    core.expect_breach("48480000 Hz");
+    core.expect_violation("48480000 Hz");
 }
 
 #[test]
 fn accesses_without_clock_in_bytes_or_of_nothing_are_noticed() {
     let mut core = supplied();
     core.read(GINTSTS, Width::W8);
-    core.expect_breach("not a word");
+    core.expect_violation("not a word");
     core.get(0x30);
-    core.expect_breach("reserved");
+    core.expect_violation("reserved");
     core.put(0x3C, 1);
-    core.expect_breach("OTG_CID: write to a read-only register");
+    core.expect_violation("OTG_CID: write to a read-only register");
     core.supply.clocked = false;
     assert_eq!(core.get(GINTSTS), 0);
-    core.expect_breach("clock is off");
+    core.expect_violation("clock is off");
 }
 
 #[test]
@@ -130,7 +130,7 @@ fn the_core_soft_reset_takes_its_time() {
     core.put(GRSTCTL, grstctl::CSRST);
     assert_ne!(core.get(GRSTCTL) & grstctl::CSRST, 0);
     core.get(GINTSTS);
-    core.expect_breach("during the core soft reset");
+    core.expect_violation("during the core soft reset");
     core.set_now(SOFT_RESET_NS);
     assert_eq!(core.get(GRSTCTL), grstctl::AHBIDL);
     assert_eq!(core.get(DCTL), dctl::SDIS);
@@ -153,25 +153,25 @@ fn a_setup_packet_comes_with_its_stage_report_after_the_next_token() {
     assert_ne!(core.get(GINTSTS) & gintsts::OEPINT, 0);
     core.put(0xB08, epint::STUP);
     assert_eq!(core.get(GINTSTS) & gintsts::OEPINT, 0);
-    assert_eq!(core.breaches(), [] as [String; 0]);
+    assert_eq!(core.violation_texts(), [] as [String; 0]);
 }
 
 #[test]
 fn popping_what_is_not_there_is_noticed() {
     let mut core = configured();
     core.get(GRXSTSP);
-    core.expect_breach("OTG_GRXSTSP: read while RXFLVL is clear");
+    core.expect_violation("OTG_GRXSTSP: read while RXFLVL is clear");
     core.get(0x1000);
-    core.expect_breach("the receive FIFO is empty");
+    core.expect_violation("the receive FIFO is empty");
     core.setup(0, [0; 8]);
     core.get(GRXSTSP);
     core.get(GRXSTSP);
-    core.expect_breach("before the packet's data was taken");
+    core.expect_violation("before the packet's data was taken");
     core.get(0x1000);
     core.get(0x1000);
     core.input(0, 0);
     core.get(0x1000);
-    core.expect_breach("past the end of the packet");
+    core.expect_violation("past the end of the packet");
 }
 
 #[test]
@@ -217,45 +217,45 @@ fn an_in_transfer_is_enabled_loaded_and_sent() {
     let data1 = false;
     assert_eq!(core.input(0, 2), Input::Packet { bytes, data1 });
     assert_eq!(core.input(0, 2), Input::Nak);
-    assert_eq!(core.breaches(), [] as [String; 0]);
+    assert_eq!(core.violation_texts(), [] as [String; 0]);
 }
 
 #[test]
 fn writes_to_a_transmit_fifo_out_of_place_are_noticed() {
     let mut core = configured();
     core.put(FIFO_2, 1);
-    core.expect_breach("FIFO 2: written with no transfer enabled");
+    core.expect_violation("FIFO 2: written with no transfer enabled");
     for word in 0..15 {
         core.put(FIFO_2, word);
     }
-    core.breaches();
+    core.violation_texts();
     core.put(FIFO_2, 16);
-    core.expect_breach("FIFO 2: written while it is full");
+    core.expect_violation("FIFO 2: written while it is full");
 }
 
 #[test]
 fn enabling_an_endpoint_out_of_order_is_noticed() {
     let mut core = configured();
     core.put(diepctl(2), core.peek(Register::Diepctl(2)) | epctl::EPENA);
-    core.expect_breach("OTG_DIEPCTL2: enabled with PKTCNT 0");
+    core.expect_violation("OTG_DIEPCTL2: enabled with PKTCNT 0");
     core.put(dieptsiz(2), 1 << 19 | 5);
-    core.expect_breach("OTG_DIEPTSIZ2: changed while the endpoint is enabled");
+    core.expect_violation("OTG_DIEPTSIZ2: changed while the endpoint is enabled");
     core.put(diepctl(1), epctl::EPDIS | epctl::SNAK);
-    core.expect_breach("OTG_DIEPCTL1: EPDIS of an endpoint that is not enabled");
+    core.expect_violation("OTG_DIEPCTL1: EPDIS of an endpoint that is not enabled");
     core.put(diepctl(1), epctl::SNAK | epctl::CNAK);
-    core.expect_breach("CNAK and SNAK at once");
+    core.expect_violation("CNAK and SNAK at once");
 }
 
 #[test]
 fn a_fifo_layout_that_overlaps_is_noticed_when_an_endpoint_is_enabled() {
     let mut core = configured();
-    core.put(dieptxf(2), 16 << 16 | 70);
+    core.put(dieptxf(2), 0x0010_0046);
     core.put(dieptsiz(2), 1 << 19);
     core.put(
         diepctl(2),
         core.peek(Register::Diepctl(2)) | epctl::CNAK | epctl::EPENA,
     );
-    core.expect_breach("transmit FIFO 2 overlaps transmit FIFO 0");
+    core.expect_violation("transmit FIFO 2 overlaps transmit FIFO 0");
 }
 
 #[test]
@@ -273,7 +273,7 @@ fn an_out_endpoint_is_disabled_after_the_global_nak_only() {
         doepctl(1),
         core.peek(Register::Doepctl(1)) | epctl::SNAK | epctl::EPDIS,
     );
-    core.expect_breach("without the global OUT NAK");
+    core.expect_violation("without the global OUT NAK");
     enable(&mut core);
     core.put(DCTL, dctl::SGONAK);
     assert_eq!(
@@ -287,7 +287,7 @@ fn an_out_endpoint_is_disabled_after_the_global_nak_only() {
         doepctl(1),
         core.peek(Register::Doepctl(1)) | epctl::SNAK | epctl::EPDIS,
     );
-    assert_eq!(core.breaches(), [] as [String; 0]);
+    assert_eq!(core.violation_texts(), [] as [String; 0]);
     assert_ne!(core.peek(Register::Doepint(1)) & epint::EPDISD, 0);
 }
 

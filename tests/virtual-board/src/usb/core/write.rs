@@ -54,7 +54,7 @@ impl Core {
                 let changes = endpoint.has(epctl::EPENA) && endpoint.size != value;
                 endpoint.size = value;
                 if changes {
-                    self.breach(register, "changed while the endpoint is enabled", "57.14");
+                    self.report(register, "changed while the endpoint is enabled", "57.14");
                 }
             }
             Register::Doepctl(n) => self.write_doepctl(n, value),
@@ -64,7 +64,7 @@ impl Core {
                 let changes = endpoint.has(epctl::EPENA) && endpoint.size != value;
                 endpoint.size = value;
                 if changes {
-                    self.breach(register, "changed while the endpoint is enabled", "57.14");
+                    self.report(register, "changed while the endpoint is enabled", "57.14");
                 }
             }
             Register::Pcgcctl => held.pcgcctl = value & 0x3,
@@ -77,7 +77,7 @@ impl Core {
             | Register::Dsts
             | Register::Daint
             | Register::Dtxfsts(_) => {
-                self.breach(register, "write to a read-only register", "57.14")
+                self.report(register, "write to a read-only register", "57.14");
             }
         }
     }
@@ -90,7 +90,7 @@ impl Core {
 
     fn write_gusbcfg(&mut self, value: u32) {
         if value & bit::FHMOD != 0 {
-            self.breach(Register::Gusbcfg, "host mode is not modelled", "57.14");
+            self.report(Register::Gusbcfg, "host mode is not modelled", "57.14");
         }
         self.registers.gusbcfg = value;
     }
@@ -103,7 +103,7 @@ impl Core {
         }
         let flushes = value & (grstctl::RXFFLSH | grstctl::TXFFLSH);
         if flushes != 0 && self.now < self.flush_until {
-            self.breach(
+            self.report(
                 Register::Grstctl,
                 "flush before the last one has ended",
                 "57.14.5",
@@ -131,7 +131,7 @@ impl Core {
             let sends = endpoint.has(epctl::EPENA) && !endpoint.has(epctl::NAKSTS);
             if sends && self.line.frames_from.is_some() && endpoint.has(epctl::USBAEP) {
                 let what = format!("flush of FIFO {which} while IN endpoint {n} sends from it");
-                self.breach(Register::Grstctl, &what, "57.14.5, TXFFLSH");
+                self.report(Register::Grstctl, &what, "57.14.5, TXFFLSH");
             }
             self.inputs[n].flush();
         }
@@ -165,7 +165,7 @@ impl Core {
             (dctl::SGONAK, dctl::CGONAK, dctl::GONSTS),
         ] {
             if value & set != 0 && value & clear != 0 {
-                self.breach(
+                self.report(
                     Register::Dctl,
                     "a global NAK set and cleared at once",
                     "57.14",
@@ -188,7 +188,7 @@ impl Core {
         }
     }
 
-    /// Judges what has to be set up before the device shows itself to the host.
+    /// Checks what has to be set up before the device shows itself to the host.
     fn check_connection(&mut self) {
         let (gccfg, dcfg) = (self.registers.gccfg, self.registers.dcfg);
         let (gusbcfg, pcgcctl) = (self.registers.gusbcfg, self.registers.pcgcctl);
@@ -209,14 +209,14 @@ impl Core {
             ),
         ];
         for (_, what) in faults.into_iter().filter(|(is_wrong, _)| *is_wrong) {
-            self.breach(Register::Dctl, what, "57.15.3");
+            self.report(Register::Dctl, what, "57.15.3");
         }
         if let Some(why) = self.supply.unwired {
-            self.breach(Register::Dctl, &format!("connected, but {why}"), "57.4");
+            self.report(Register::Dctl, &format!("connected, but {why}"), "57.4");
         }
         if let Some(hz) = kernel.filter(|hz| !KERNEL_HZ.contains(hz)) {
             let what = format!("connected with a kernel clock of {hz} Hz, not 48 MHz +- 0.25 %");
-            self.breach(Register::Dctl, &what, "57.4; USB 2.0, 7.1.11");
+            self.report(Register::Dctl, &what, "57.4; USB 2.0, 7.1.11");
         }
     }
 
@@ -225,13 +225,13 @@ impl Core {
         let before = self.inputs[n].registers.control;
         self.check_pairs(register, value);
         if value & epctl::EPDIS != 0 && before & epctl::EPENA == 0 {
-            self.breach(
+            self.report(
                 register,
                 "EPDIS of an endpoint that is not enabled",
                 "57.14",
             );
         } else if value & epctl::EPDIS != 0 && before & epctl::NAKSTS == 0 {
-            self.breach(
+            self.report(
                 register,
                 "EPDIS before the endpoint's NAK is effective",
                 PROGRAMMING,
@@ -244,7 +244,7 @@ impl Core {
         }
     }
 
-    /// Judges an IN endpoint that has just been enabled.
+    /// Checks an IN endpoint that has just been enabled.
     fn check_enabled(&mut self, n: usize) {
         let register = Register::Diepctl(n);
         let endpoint = &self.inputs[n].registers;
@@ -253,13 +253,13 @@ impl Core {
         let is_active = endpoint.has(epctl::USBAEP);
         let turnaround = self.registers.gusbcfg >> 10 & 0xF;
         if packets == 0 {
-            self.breach(register, "enabled with PKTCNT 0", PROGRAMMING);
+            self.report(register, "enabled with PKTCNT 0", PROGRAMMING);
         } else if bytes > room {
             let what = format!("enabled for {bytes} bytes in {packets} packets");
-            self.breach(register, &what, PROGRAMMING);
+            self.report(register, &what, PROGRAMMING);
         }
         if !is_active {
-            self.breach(
+            self.report(
                 register,
                 "enabled while it is not active (USBAEP)",
                 PROGRAMMING,
@@ -267,12 +267,12 @@ impl Core {
         }
         if turnaround < 6 {
             let what = format!("TRDT is {turnaround}, less than 6");
-            self.breach(Register::Gusbcfg, &what, "57.14, OTG_GUSBCFG");
+            self.report(Register::Gusbcfg, &what, "57.14, OTG_GUSBCFG");
         }
         self.check_layout();
     }
 
-    /// Judges the places of the FIFOs that are in use.
+    /// Checks the places of the FIFOs that are in use.
     fn check_layout(&mut self) {
         let rx = Extent {
             start: 0,
@@ -296,7 +296,7 @@ impl Core {
             }
         }
         if let Some(what) = layout_error(&used, self.instance.fifo_words) {
-            self.breach(Register::Grxfsiz, &what, "57.14, OTG_DIEPTXFx");
+            self.report(Register::Grxfsiz, &what, "57.14, OTG_DIEPTXFx");
         }
     }
 
@@ -306,27 +306,27 @@ impl Core {
         self.check_pairs(register, value);
         if value & epctl::EPDIS != 0 {
             if n == 0 {
-                self.breach(register, "OUT endpoint 0 cannot be disabled", "57.14");
+                self.report(register, "OUT endpoint 0 cannot be disabled", "57.14");
                 return;
             }
             if before & epctl::EPENA == 0 {
-                self.breach(
+                self.report(
                     register,
                     "EPDIS of an endpoint that is not enabled",
                     "57.14",
                 );
             } else if self.registers.dctl & dctl::GONSTS == 0 {
                 let what = "EPDIS of an OUT endpoint without the global OUT NAK";
-                self.breach(register, what, PROGRAMMING);
+                self.report(register, what, PROGRAMMING);
             }
         }
         let arms = value & epctl::EPENA != 0 && before & epctl::EPENA == 0;
         self.outputs[n].write_control(value);
         let endpoint = &self.outputs[n].registers;
         if arms && n != 0 && endpoint.packet_count() == 0 {
-            self.breach(register, "enabled with PKTCNT 0", PROGRAMMING);
+            self.report(register, "enabled with PKTCNT 0", PROGRAMMING);
         } else if arms && !endpoint.has(epctl::USBAEP) {
-            self.breach(
+            self.report(
                 register,
                 "enabled while it is not active (USBAEP)",
                 PROGRAMMING,
@@ -334,14 +334,14 @@ impl Core {
         }
     }
 
-    /// Judges bits that exclude each other.
+    /// Checks bits that exclude each other.
     fn check_pairs(&mut self, register: Register, value: u32) {
         for (pair, what) in [
             (epctl::CNAK | epctl::SNAK, "CNAK and SNAK at once"),
             (epctl::SD0PID | epctl::SD1PID, "SD0PID and SD1PID at once"),
         ] {
             if value & pair == pair {
-                self.breach(register, what, "57.14");
+                self.report(register, what, "57.14");
             }
         }
     }
@@ -349,10 +349,10 @@ impl Core {
     fn push_data(&mut self, n: usize, value: u32) {
         let register = Register::Fifo(n);
         if self.now < self.flush_until {
-            self.breach(register, "written during a flush", "57.14.5");
+            self.report(register, "written during a flush", "57.14.5");
         }
         if self.inputs[n].words() >= self.tx_depth(n) {
-            self.breach(
+            self.report(
                 register,
                 "written while it is full (OTG_DTXFSTSx)",
                 PROGRAMMING,
@@ -361,7 +361,7 @@ impl Core {
         }
         if !self.inputs[n].push(value) {
             let what = "written with no transfer enabled that needs the word";
-            self.breach(register, what, PROGRAMMING);
+            self.report(register, what, PROGRAMMING);
         }
     }
 }

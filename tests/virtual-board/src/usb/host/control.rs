@@ -118,7 +118,7 @@ impl Transfer {
         }
     }
 
-    /// When the host gives up, ns.
+    /// When the transfer times out, ns.
     pub(super) fn deadline(&self) -> u64 {
         self.started + TIMEOUT_NS
     }
@@ -249,7 +249,7 @@ impl Transfer {
         Outcome::Pending
     }
 
-    /// Judges how long the device took since the last progress.
+    /// Checks how long the device took since the last progress.
     fn check_time(&mut self, now: u64, limit: u64, violations: &mut Violations) {
         let took = now - self.progress;
         self.progress = now;

@@ -1,4 +1,4 @@
-//! What the device says of itself, parsed and judged (USB 2.0, 9.6; CDC 1.2, 5.2).
+//! What the device says of itself, parsed and checked (USB 2.0, 9.6; CDC 1.2, 5.2).
 
 use crate::usb::violation::Violations;
 
@@ -98,12 +98,12 @@ pub(super) struct Ports {
 }
 
 /// Records a fault of a descriptor.
-struct Judge<'a> {
+struct Checker<'a> {
     now: u64,
     violations: &'a mut Violations,
 }
 
-impl Judge<'_> {
+impl Checker<'_> {
     fn expect(&mut self, holds: bool, what: &str, section: &str) {
         if !holds {
             let text = format!("{what} ({section})");
@@ -123,15 +123,15 @@ fn byte(bytes: &[u8], at: usize) -> u8 {
 impl Descriptors {
     /// Takes the whole device descriptor.
     pub(super) fn device(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
-        let mut judge = Judge { now, violations };
+        let mut checker = Checker { now, violations };
         let section = "device descriptor, USB 2.0, 9.6.1";
         let (length, kind) = (byte(bytes, 0), byte(bytes, 1));
-        judge.expect(
+        checker.expect(
             bytes.len() == 18 && length == 18,
             "its length is not 18",
             section,
         );
-        judge.expect(kind == kind::DEVICE, "its type is not 1", section);
+        checker.expect(kind == kind::DEVICE, "its type is not 1", section);
         self.usb = word(bytes, 2);
         self.class = [byte(bytes, 4), byte(bytes, 5), byte(bytes, 6)];
         self.max_packet_0 = byte(bytes, 7);
@@ -140,34 +140,34 @@ impl Descriptors {
         self.release = word(bytes, 12);
         self.strings = [byte(bytes, 14), byte(bytes, 15), byte(bytes, 16)];
         let known = [0x0110, 0x0200, 0x0201, 0x0210].contains(&self.usb);
-        judge.expect(known, &format!("bcdUSB is {:#06x}", self.usb), section);
+        checker.expect(known, &format!("bcdUSB is {:#06x}", self.usb), section);
         let sized = [8, 16, 32, 64].contains(&self.max_packet_0);
-        judge.expect(
+        checker.expect(
             sized,
             &format!("bMaxPacketSize0 is {}", self.max_packet_0),
             section,
         );
-        judge.expect(
+        checker.expect(
             byte(bytes, 17) == 1,
             "it has not one configuration",
             section,
         );
-        judge.expect(self.vendor != 0, "idVendor is 0", section);
+        checker.expect(self.vendor != 0, "idVendor is 0", section);
     }
 
     /// Takes the whole configuration descriptor and those in it.
     pub(super) fn configuration(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
-        let mut judge = Judge { now, violations };
+        let mut checker = Checker { now, violations };
         let section = "configuration descriptor, USB 2.0, 9.6.3";
-        judge.expect(byte(bytes, 0) == 9, "its length is not 9", section);
+        checker.expect(byte(bytes, 0) == 9, "its length is not 9", section);
         let total = usize::from(word(bytes, 2));
-        judge.expect(
+        checker.expect(
             total == bytes.len(),
             "wTotalLength is not its length",
             section,
         );
         let attributes = byte(bytes, 7);
-        judge.expect(
+        checker.expect(
             attributes & 0x9F == 0x80,
             "reserved bits of bmAttributes",
             section,
@@ -178,12 +178,12 @@ impl Descriptors {
             max_current_ma: u16::from(byte(bytes, 8)) * 2,
             interfaces: Vec::new(),
         };
-        judge.expect(
+        checker.expect(
             configuration.value != 0,
             "bConfigurationValue is 0",
             section,
         );
-        judge.expect(
+        checker.expect(
             configuration.max_current_ma <= 500,
             "more than 500 mA",
             section,
@@ -193,11 +193,11 @@ impl Descriptors {
         while !rest.is_empty() {
             let length = usize::from(byte(rest, 0));
             if length < 2 || length > rest.len() {
-                judge.expect(false, "a descriptor in it has a wrong length", section);
+                checker.expect(false, "a descriptor in it has a wrong length", section);
                 break;
             }
             let (one, after) = rest.split_at(length);
-            expected += configuration.add(one, &mut judge);
+            expected += configuration.add(one, &mut checker);
             rest = after;
         }
         let found: usize = configuration
@@ -205,14 +205,14 @@ impl Descriptors {
             .iter()
             .map(|i| i.endpoints.len())
             .sum();
-        judge.expect(
+        checker.expect(
             found == expected,
             "bNumEndpoints is not the number of endpoints",
             section,
         );
         let interfaces = configuration.interfaces.len();
         let named = usize::from(byte(bytes, 4)) == interfaces;
-        judge.expect(
+        checker.expect(
             named,
             "bNumInterfaces is not the number of interfaces",
             section,
@@ -222,12 +222,12 @@ impl Descriptors {
 
     /// Takes the whole BOS descriptor.
     pub(super) fn bos(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
-        let mut judge = Judge { now, violations };
+        let mut checker = Checker { now, violations };
         let section = "BOS descriptor, USB 3.2, 9.6.2";
-        judge.expect(byte(bytes, 0) == 5, "its length is not 5", section);
-        judge.expect(byte(bytes, 1) == kind::BOS, "its type is not 15", section);
+        checker.expect(byte(bytes, 0) == 5, "its length is not 5", section);
+        checker.expect(byte(bytes, 1) == kind::BOS, "its type is not 15", section);
         let total = usize::from(word(bytes, 2));
-        judge.expect(
+        checker.expect(
             total == bytes.len(),
             "wTotalLength is not its length",
             section,
@@ -237,18 +237,18 @@ impl Descriptors {
         while rest.len() >= 3 {
             let length = usize::from(byte(rest, 0)).clamp(1, rest.len());
             let is_capability = byte(rest, 1) == kind::DEVICE_CAPABILITY;
-            judge.expect(is_capability, "it holds another descriptor", section);
+            checker.expect(is_capability, "it holds another descriptor", section);
             capabilities += 1;
             rest = &rest[length..];
         }
         let named = byte(bytes, 4) == capabilities;
-        judge.expect(named, "bNumDeviceCaps is not their number", section);
+        checker.expect(named, "bNumDeviceCaps is not their number", section);
         self.capabilities = Some(capabilities);
     }
 
     /// The serial port's endpoints, if the device has one.
     pub(super) fn ports(&self, now: u64, violations: &mut Violations) -> Option<Ports> {
-        let mut judge = Judge { now, violations };
+        let mut checker = Checker { now, violations };
         let section = "CDC 1.2, 3.4 and 5.2";
         let interfaces = &self.configuration.interfaces;
         let control = interfaces.iter().find(|i| i.class[..2] == COMMUNICATIONS)?;
@@ -256,10 +256,10 @@ impl Descriptors {
         // Header, abstract control management, union.
         for subtype in [0x00, 0x02, 0x06] {
             let what = format!("no functional descriptor {subtype:#04x}");
-            judge.expect(control.functions.contains(&subtype), &what, section);
+            checker.expect(control.functions.contains(&subtype), &what, section);
         }
         let header_first = control.functions.first() == Some(&0);
-        judge.expect(
+        checker.expect(
             header_first,
             "the header is not the first functional descriptor",
             section,
@@ -281,14 +281,14 @@ impl Descriptors {
 
 impl Configuration {
     /// Adds one descriptor. The endpoints that it announces.
-    fn add(&mut self, bytes: &[u8], judge: &mut Judge<'_>) -> usize {
+    fn add(&mut self, bytes: &[u8], checker: &mut Checker<'_>) -> usize {
         match byte(bytes, 1) {
             kind::INTERFACE => {
                 let section = "interface descriptor, USB 2.0, 9.6.5";
-                judge.expect(bytes.len() == 9, "its length is not 9", section);
+                checker.expect(bytes.len() == 9, "its length is not 9", section);
                 let number = byte(bytes, 2);
                 let next = usize::from(number) == self.interfaces.len();
-                judge.expect(
+                checker.expect(
                     next || byte(bytes, 3) != 0,
                     "its number is not the next",
                     section,
@@ -310,21 +310,21 @@ impl Configuration {
                     interval: byte(bytes, 6),
                 };
                 let section = "endpoint descriptor, USB 2.0, 9.6.6";
-                judge.expect(bytes.len() == 7, "its length is not 7", section);
+                checker.expect(bytes.len() == 7, "its length is not 7", section);
                 let numbered = endpoint.address & 0x70 == 0 && endpoint.address & 0xF != 0;
-                judge.expect(numbered, "bEndpointAddress", section);
+                checker.expect(numbered, "bEndpointAddress", section);
                 let sized = match endpoint.attributes & 3 {
                     2 => [8, 16, 32, 64].contains(&endpoint.max_packet),
                     3 => (1..=64).contains(&endpoint.max_packet) && endpoint.interval > 0,
                     _ => false,
                 };
-                judge.expect(sized, "its packet size or interval at full speed", section);
+                checker.expect(sized, "its packet size or interval at full speed", section);
                 let all = self.interfaces.iter().flat_map(|i| &i.endpoints);
                 let is_new = all.into_iter().all(|e| e.address != endpoint.address);
-                judge.expect(is_new, "its address is taken", section);
+                checker.expect(is_new, "its address is taken", section);
                 match self.interfaces.last_mut() {
                     Some(interface) => interface.endpoints.push(endpoint),
-                    None => judge.expect(false, "it comes before any interface", section),
+                    None => checker.expect(false, "it comes before any interface", section),
                 }
                 0
             }
@@ -341,12 +341,12 @@ impl Configuration {
 
 /// The text of a string descriptor.
 pub(super) fn text(bytes: &[u8], now: u64, violations: &mut Violations) -> String {
-    let mut judge = Judge { now, violations };
+    let mut checker = Checker { now, violations };
     let section = "string descriptor, USB 2.0, 9.6.7";
     let length = usize::from(byte(bytes, 0));
-    judge.expect(length == bytes.len() && length >= 2, "its length", section);
-    judge.expect(length.is_multiple_of(2), "its length is odd", section);
-    judge.expect(byte(bytes, 1) == kind::STRING, "its type is not 3", section);
+    checker.expect(length == bytes.len() && length >= 2, "its length", section);
+    checker.expect(length.is_multiple_of(2), "its length is odd", section);
+    checker.expect(byte(bytes, 1) == kind::STRING, "its type is not 3", section);
     let units = bytes.get(2..).unwrap_or_default().chunks_exact(2);
     let units: Vec<u16> = units.map(|unit| word(unit, 0)).collect();
     String::from_utf16_lossy(&units)

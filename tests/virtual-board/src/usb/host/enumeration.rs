@@ -5,7 +5,7 @@ use super::descriptor::{Descriptors, Ports, kind, text};
 use super::event::Event;
 use crate::usb::violation::Violations;
 
-/// Address that the host gives the device.
+/// Address that the host assigns to the device.
 pub(super) const ADDRESS: u8 = 7;
 /// How long a device may take to change its address, ns (USB 2.0, 9.2.6.3).
 const SET_ADDRESS_RECOVERY_NS: u64 = 2_000_000;

@@ -38,6 +38,10 @@ fn line_coding(rate: u32) -> Vec<u8> {
 }
 
 /// The driver.
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "what a program wants and what the device has"
+)]
 #[derive(Debug, Default)]
 pub(super) struct Serial {
     ports: Option<Ports>,
@@ -240,10 +244,6 @@ impl Serial {
         }
     }
 
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "what every transaction is handed"
-    )]
     fn receive(
         &mut self,
         endpoint: EndpointDescriptor,

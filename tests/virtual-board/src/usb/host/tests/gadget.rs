@@ -137,8 +137,8 @@ impl Gadget {
         }
         put(core, 0x24, 64);
         put(core, 0x28, 16 << 16 | 64);
-        put(core, 0x104, 16 << 16 | 80);
-        put(core, 0x108, 16 << 16 | 96);
+        put(core, 0x104, 0x0010_0050);
+        put(core, 0x108, 0x0010_0060);
         put(core, 0x10, 0x430);
         put(core, 0x800, 3);
         put(core, 0xB10, 3 << 29 | 64);
@@ -238,7 +238,7 @@ fn take_next(core: &mut Core) {
     put(core, 0xB20, control | CNAK | EPENA);
 }
 
-/// Gives the core a packet to send.
+/// Loads a packet into the core, to be sent.
 fn load(core: &mut Core, endpoint: u64, packet: &[u8]) {
     let size = u32::try_from(packet.len()).unwrap();
     put(core, 0x910 + 0x20 * endpoint, 1 << 19 | size);
