@@ -31,7 +31,7 @@ pub struct Chain<Spi, Line, Delay, const CHIPS: usize> {
     pub delay: Delay,
 }
 
-/// Longest wait without a sign of life, us: a watchdog of 200 ms sees one in time.
+/// Longest wait without a sign of life, us: a watchdog of 136 ms sees one in time.
 const SLICE_US: u32 = 20_000;
 
 /// Values of a run of registers.

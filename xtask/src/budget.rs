@@ -1,6 +1,8 @@
-//! `cargo xtask budget`: what the boards' images take of flash and RAM, and what is left.
+//! `cargo xtask budget`: what the boards' images take of flash and RAM, what is left, and whether their
+//! variables are where their memory maps want them.
 
 mod image;
+mod layout;
 mod limits;
 mod memory_map;
 
@@ -73,25 +75,20 @@ pub(crate) fn budget(options: BudgetOptions) -> Result<(), Failure> {
         faults: Vec::new(),
     };
     for limits in &BOARDS {
-        let target = format!("--target={BOARD_TARGET}");
-        let package = format!("--package={}", limits.package);
-        // One after the other: one chip's features must not be another's.
-        run(
-            &mut cargo_with(&["build", "--profile=firmware", &target, &package]),
-            "read the compiler's message above",
-        )?;
-        let path = emulator::target_folder()?
-            .join(BOARD_TARGET)
-            .join("firmware")
-            .join(limits.package);
-        let image = Image::read(&path)?;
         let script = root().join(limits.memory_map);
         let script = fs::read_to_string(&script).map_err(|error| Failure::Check {
             what: format!("reading {}", script.display()),
             why: error.to_string(),
             next: "`git status`".to_owned(),
         })?;
-        let (board, faults) = judge(limits, &image, &memory_map::regions(&script));
+        let regions = memory_map::regions(&script);
+        for port in PORTS {
+            let faults = layout::faults(&build(limits, port)?, &regions);
+            let named = |fault| format!("{} with {}: {fault}", limits.name, port.concat());
+            budget.faults.extend(faults.into_iter().map(named));
+        }
+        // The default port comes last: its image is the one that stays.
+        let (board, faults) = judge(limits, &build(limits, &[])?, &regions);
         budget.boards.push(board);
         budget.faults.extend(faults);
     }
@@ -114,6 +111,19 @@ pub(crate) fn budget(options: BudgetOptions) -> Result<(), Failure> {
                xtask/src/budget/limits.rs"
             .to_owned(),
     })
+}
+
+/// A board's image with a port. One after the other: one chip's features must not be another's.
+fn build(limits: &Limits, port: &[&str]) -> Result<Image, Failure> {
+    let target = format!("--target={BOARD_TARGET}");
+    let package = format!("--package={}", limits.package);
+    let mut cargo = cargo_with(&["build", "--profile=firmware", &target, &package]);
+    run(cargo.args(port), "read the compiler's message above")?;
+    let path = emulator::target_folder()?
+        .join(BOARD_TARGET)
+        .join("firmware")
+        .join(limits.package);
+    Image::read(&path)
 }
 
 /// An image's figures, and what is wrong with them.
@@ -240,6 +250,8 @@ mod tests {
         };
         Image {
             segments: vec![code, variables],
+            sections: Vec::new(),
+            symbols: Vec::new(),
         }
     }
 

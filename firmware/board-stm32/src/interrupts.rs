@@ -19,6 +19,26 @@ pub fn prioritise(level: u8) -> Priority {
     Priority::from(level << 4)
 }
 
+/// Disables the interrupts of all pins, for a start.
+///
+/// embassy's feature `exti`, which [`ExtiInput`](embassy_stm32::exti::ExtiInput) is part of, enables them
+/// all when the chip is initialised, at the highest priority and whether they have a handler or not. Until
+/// then only EXTI's mask (IMR), which is zero for all pins after a reset, keeps them silent. DRDY's is enabled
+/// by [`begin`] and the trigger's by [`listen_to_trigger`]; the others stay disabled and masked.
+pub(crate) fn silence_pins() {
+    for line in [
+        interrupt::EXTI0,
+        interrupt::EXTI1,
+        interrupt::EXTI2,
+        interrupt::EXTI3,
+        interrupt::EXTI4,
+        interrupt::EXTI9_5,
+        interrupt::EXTI15_10,
+    ] {
+        line.disable();
+    }
+}
+
 /// Gives each interrupt its priority; a peripheral that only one board uses gets its own from there.
 pub(crate) fn begin() {
     interrupt::EXTI9_5.set_priority(prioritise(priority::DRDY));

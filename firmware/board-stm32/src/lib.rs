@@ -18,6 +18,8 @@ mod uart_port;
 #[cfg(any(test, all(target_os = "none", not(feature = "uart"))))]
 mod usb_port;
 
+#[cfg(any(test, target_os = "none"))]
+pub use clock_source::ClockSource;
 pub use parts::{Pin, are_documented};
 
 #[cfg(target_os = "none")]
@@ -53,7 +55,6 @@ pub use port::{PortMemory, Uart, UartInterrupt};
 pub use {
     application::{Board, begin, sleep, watch},
     bus::{Bus, FRAME_BYTES},
-    clock_source::ClockSource,
     converter::{CHIPS, Wires},
     interrupts::prioritise,
     loader::Loader,

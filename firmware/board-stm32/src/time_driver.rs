@@ -1,10 +1,13 @@
-//! The chip's first initialisation, with the time driver's counter and its periods in step.
+//! The chip's first initialisation, with the time driver's counter and its periods in step and no
+//! interrupt of a pin.
 
 use embassy_stm32::{
     Config, Peripherals,
     interrupt::{self, InterruptExt},
     pac::TIM2,
 };
+
+use crate::interrupts;
 
 /// Initialises the chip: clocks, DMA, GPIO, time driver.
 ///
@@ -15,6 +18,8 @@ use embassy_stm32::{
 /// interrupt runs for the first time; the counter has been running for some microseconds, far from its
 /// first half period of 32.768 ms.
 ///
+/// The interrupts of all pins are disabled ([`interrupts::silence_pins`]).
+///
 /// # Panics
 /// When it is called twice.
 pub fn init(config: Config) -> Peripherals {
@@ -24,6 +29,7 @@ pub fn init(config: Config) -> Peripherals {
         // Flags of this register are cleared by writing 0 (RM0433 and RM0390, TIMx_SR).
         TIM2.sr().write(|flags| flags.0 = 0);
         interrupt::TIM2.unpend();
+        interrupts::silence_pins();
         peripherals
     })
 }

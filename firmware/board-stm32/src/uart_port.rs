@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn a_frame_longer_than_the_buffer_goes_out_whole_in_pieces_that_fit() {
-        let frame: Vec<u8> = (0..link::MAX_FRAME).map(|n| (n % 251) as u8).collect();
+        let frame: Vec<u8> = (0..=250).cycle().take(link::MAX_FRAME).collect();
         assert!(frame.len() > 2 * ROOM);
         let mut transfers = Transfers::default();
         let mut port = Bounced::new(&mut transfers, Box::leak(Box::new([0; ROOM])));

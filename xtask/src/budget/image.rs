@@ -3,25 +3,11 @@
 use std::fs;
 use std::path::Path;
 
-use crate::failure::Failure;
+use object::LittleEndian;
+use object::elf::{EM_ARM, FileHeader32, PF_X, PT_LOAD, SHF_ALLOC, SHT_SYMTAB};
+use object::read::elf::{FileHeader as _, ProgramHeader as _, SectionHeader as _, Sym as _};
 
-/// Offsets in the file's header and in a program header (System V ABI, chapters 4 and 5).
-const MACHINE: usize = 18;
-const PROGRAM_HEADERS: usize = 28;
-const HEADER_SIZE: usize = 42;
-const HEADER_COUNT: usize = 44;
-const FILE_OFFSET: usize = 4;
-const ADDRESS: usize = 8;
-const LOAD_ADDRESS: usize = 12;
-const FILE_SIZE: usize = 16;
-const MEMORY_SIZE: usize = 20;
-const FLAGS: usize = 24;
-/// A segment that is loaded, or has a place in memory.
-const LOAD: u32 = 1;
-/// Its contents are executed.
-const EXECUTED: u32 = 1;
-/// ARM.
-const ARM: usize = 40;
+use crate::failure::Failure;
 
 /// A piece of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,11 +26,26 @@ pub(crate) struct Segment {
     pub(crate) first_words: [u32; 2],
 }
 
+/// A section that takes room when the program runs, or a symbol.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Named {
+    /// Its name.
+    pub(crate) name: String,
+    /// Its address.
+    pub(crate) address: u64,
+    /// Its bytes.
+    pub(crate) size: u64,
+}
+
 /// An image.
 #[derive(Debug)]
 pub(crate) struct Image {
     /// Its pieces that take room.
     pub(crate) segments: Vec<Segment>,
+    /// Its sections that take room when the program runs.
+    pub(crate) sections: Vec<Named>,
+    /// Its symbols that have a name.
+    pub(crate) symbols: Vec<Named>,
 }
 
 impl Image {
@@ -63,19 +64,57 @@ impl Image {
     }
 
     fn parse(bytes: &[u8]) -> Option<Self> {
-        // Magic number, 32 bits, little endian.
-        if !bytes.starts_with(b"\x7fELF\x01\x01") || half_word(bytes, MACHINE)? != ARM {
+        let header = FileHeader32::<LittleEndian>::parse(bytes).ok()?;
+        let endian = header.endian().ok()?;
+        if header.e_machine(endian) != EM_ARM {
             return None;
         }
-        let first = word(bytes, PROGRAM_HEADERS)? as usize;
-        let size = half_word(bytes, HEADER_SIZE)?.max(1);
-        let headers = bytes.get(first..)?.chunks_exact(size);
-        let segments = headers
-            .take(half_word(bytes, HEADER_COUNT)?)
-            .filter(|header| word(header, 0) == Some(LOAD))
-            .map(|header| segment(bytes, header))
+        let segments = header.program_headers(endian, bytes).ok()?.iter();
+        let segments = segments
+            .filter(|segment| segment.p_type(endian) == PT_LOAD)
+            .map(|segment| {
+                let contents = segment.data(endian, bytes).ok()?;
+                Some(Segment {
+                    address: segment.p_vaddr(endian).into(),
+                    load_address: segment.p_paddr(endian).into(),
+                    file_size: segment.p_filesz(endian).into(),
+                    memory_size: segment.p_memsz(endian).into(),
+                    executed: segment.p_flags(endian) & PF_X != 0,
+                    first_words: [0, 4].map(|at| word(contents, at).unwrap_or(0)),
+                })
+            })
             .collect::<Option<_>>()?;
-        Some(Self { segments })
+        let table = header.sections(endian, bytes).ok()?;
+        let text = |name: &[u8]| String::from_utf8_lossy(name).into_owned();
+        let sections = table
+            .iter()
+            .filter(|section| section.sh_flags(endian) & SHF_ALLOC != 0)
+            .filter(|section| section.sh_size(endian) > 0)
+            .map(|section| {
+                Some(Named {
+                    name: text(table.section_name(endian, section).ok()?),
+                    address: section.sh_addr(endian).into(),
+                    size: section.sh_size(endian).into(),
+                })
+            })
+            .collect::<Option<_>>()?;
+        let symbols = table.symbols(endian, bytes, SHT_SYMTAB).ok()?;
+        let symbols = symbols
+            .iter()
+            .map(|symbol| {
+                Some(Named {
+                    name: text(symbol.name(endian, symbols.strings()).ok()?),
+                    address: symbol.st_value(endian).into(),
+                    size: symbol.st_size(endian).into(),
+                })
+            })
+            .filter(|symbol| symbol.as_ref().is_none_or(|symbol| !symbol.name.is_empty()))
+            .collect::<Option<_>>()?;
+        Some(Self {
+            segments,
+            sections,
+            symbols,
+        })
     }
 
     /// What is wrong with an image that shall start at `flash` with the stack's end behind `stack_start`.
@@ -100,31 +139,19 @@ impl Image {
     }
 }
 
-fn segment(image: &[u8], header: &[u8]) -> Option<Segment> {
-    let field = |at| word(header, at).map(u64::from);
-    let offset = word(header, FILE_OFFSET)? as usize;
-    Some(Segment {
-        address: field(ADDRESS)?,
-        load_address: field(LOAD_ADDRESS)?,
-        file_size: field(FILE_SIZE)?,
-        memory_size: field(MEMORY_SIZE)?,
-        executed: word(header, FLAGS)? & EXECUTED != 0,
-        first_words: [0, 4].map(|at| word(image, offset + at).unwrap_or(0)),
-    })
-}
-
 fn word(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?))
-}
-
-fn half_word(bytes: &[u8], at: usize) -> Option<usize> {
-    let half = u16::from_le_bytes(*bytes.get(at..)?.first_chunk()?);
-    Some(half.into())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Offsets in the file's header (System V ABI, chapter 4).
+    const MACHINE: usize = 18;
+    const PROGRAM_HEADERS: usize = 28;
+    const HEADER_SIZE: usize = 42;
+    const HEADER_COUNT: usize = 44;
 
     const FLASH_AT: u32 = 0x0800_0000;
     const STACK: u32 = 0x2000_8000;
@@ -132,12 +159,12 @@ mod tests {
     /// A header, one program header, then the vector table and a page of code.
     fn elf(machine: u16, words: [u32; 2]) -> Vec<u8> {
         let mut image = vec![0; 52];
-        image[..6].copy_from_slice(b"\x7fELF\x01\x01");
+        image[..7].copy_from_slice(b"\x7fELF\x01\x01\x01");
         image[MACHINE..MACHINE + 2].copy_from_slice(&machine.to_le_bytes());
         image[PROGRAM_HEADERS] = 52;
         image[HEADER_SIZE] = 32;
         image[HEADER_COUNT] = 1;
-        for field in [LOAD, 84, FLASH_AT, FLASH_AT, 256, 256, EXECUTED, 4] {
+        for field in [PT_LOAD, 84, FLASH_AT, FLASH_AT, 256, 256, PF_X, 4] {
             image.extend(field.to_le_bytes());
         }
         image.extend(words.into_iter().flat_map(u32::to_le_bytes));
