@@ -48,6 +48,8 @@ mod port;
 mod time_driver;
 #[cfg(target_os = "none")]
 mod trigger;
+#[cfg(all(target_os = "none", not(feature = "uart")))]
+mod usb_recovery;
 
 #[cfg(all(target_os = "none", feature = "uart"))]
 pub use port::{PortMemory, Uart, UartInterrupt};

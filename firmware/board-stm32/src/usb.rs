@@ -1,7 +1,7 @@
 //! USB: a serial port of the communications device class (CDC-ACM) at full speed.
 
 use device::Session;
-use embassy_futures::join::join;
+use embassy_futures::{join::join, select::select};
 use embassy_stm32::{
     Peri, bind_interrupts,
     peripherals::{PA11, PA12, USB_OTG_FS},
@@ -19,6 +19,7 @@ use static_cell::{ConstStaticCell, StaticCell};
 use crate::{
     application::SHARED,
     usb_port::{Closed, FromHost, PACKET, Receiver, ToHost, Transmitter},
+    usb_recovery::{DisableEndpoints, reset_overlooked},
 };
 
 /// Of pid.codes, for development only: whoever gives devices away needs a number of their own.
@@ -59,6 +60,7 @@ impl Port {
         static CONFIGURATION: ConstStaticCell<[u8; 128]> = ConstStaticCell::new([0; 128]);
         static STORE: ConstStaticCell<[u8; OBJECT_STORE]> = ConstStaticCell::new([0; OBJECT_STORE]);
         static CONTROL: ConstStaticCell<[u8; PACKET]> = ConstStaticCell::new([0; PACKET]);
+        static ENDPOINTS: StaticCell<DisableEndpoints> = StaticCell::new();
         static STATE: StaticCell<State<'static>> = StaticCell::new();
 
         let mut config = usb::Config::default();
@@ -78,6 +80,7 @@ impl Port {
             &mut [],
             CONTROL.take(),
         );
+        builder.handler(ENDPOINTS.init(DisableEndpoints));
         let state = STATE.init(State::new());
         #[expect(clippy::cast_possible_truncation, reason = "asserted")]
         let class = CdcAcmClass::new(&mut builder, state, PACKET as u16);
@@ -87,7 +90,14 @@ impl Port {
             output: Transmitter::new(sender),
         };
         let conversation = firmware::converse(port, session, None, share, &SHARED, machine);
-        join(builder.build().run(), conversation).await.0
+        let mut device = builder.build();
+        let run = async {
+            loop {
+                // It does not end by itself.
+                select(device.run(), reset_overlooked()).await;
+            }
+        };
+        join(run, conversation).await.0
     }
 }
 
