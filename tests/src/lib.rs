@@ -12,4 +12,5 @@ pub mod real_data;
 pub mod ros;
 pub mod ros_messages;
 pub mod skip;
+pub mod virtual_board;
 pub mod workspace;

@@ -1,6 +1,7 @@
 //! A board that runs for a host, in real time or as fast as this machine can.
 
 use std::io::Write;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -21,7 +22,8 @@ const RESETS: usize = 20;
 /// How often the console is told, us of virtual time.
 const REPORT_US: u64 = 10_000_000;
 
-/// Runs a board for whoever connects to the port, for so long or without end; never faster than real time.
+/// Runs a board for whoever connects to the port, for some seconds of virtual time or until `stop`; never
+/// faster than real time.
 ///
 /// # Errors
 /// The emulator fails, or the board makes no progress any more: the diagnosis says where it stands.
@@ -29,13 +31,16 @@ pub fn run(
     board: &mut VirtualBoard,
     tcp: &mut TcpPort,
     seconds: Option<u64>,
+    stop: &AtomicBool,
     mut console: impl Write,
 ) -> Result<(), Trouble> {
     let begin = Instant::now();
-    let (mut moved, mut bytes, mut sent) = (0, 0, 0_u64);
+    let first_us = board.now_us();
+    let (mut moved, mut bytes, mut sent) = (first_us, 0, 0_u64);
     let mut resets = 0;
-    let mut reported = 0;
-    while seconds.is_none_or(|seconds| board.now_us() < seconds * 1_000_000) {
+    let mut reported = first_us;
+    while !stop.load(Relaxed) && seconds.is_none_or(|seconds| board.now_us() < seconds * 1_000_000)
+    {
         board.pass_us(SLICE_US)?;
         let now = board.now_us();
         sent += tcp.serve(board.port()) as u64;
@@ -71,7 +76,7 @@ pub fn run(
                 now / 1_000_000,
             );
         }
-        let ahead = Duration::from_micros(now).saturating_sub(begin.elapsed());
+        let ahead = Duration::from_micros(now - first_us).saturating_sub(begin.elapsed());
         // A millisecond at a time would be a thousand wake-ups a second.
         if ahead > Duration::from_millis(5) {
             thread::sleep(ahead);

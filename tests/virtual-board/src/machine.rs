@@ -45,6 +45,7 @@ pub struct VirtualBoard {
     now_ns: u64,
     encoder: link::Encoder,
     last: Reached,
+    keep_open: bool,
 }
 
 impl VirtualBoard {
@@ -106,6 +107,7 @@ impl VirtualBoard {
             now_ns: 0,
             encoder: link::Encoder::starting_at(0),
             last: Reached::default(),
+            keep_open: true,
         })
     }
 
@@ -171,6 +173,11 @@ impl VirtualBoard {
         let _ = self.orders.send(Order::Trigger(edges.collect()));
     }
 
+    /// Whether the host opens the port whenever the device is there; at first it does.
+    pub const fn keep_open(&mut self, keep_open: bool) {
+        self.keep_open = keep_open;
+    }
+
     /// Sends a command.
     ///
     /// # Panics
@@ -207,7 +214,9 @@ impl VirtualBoard {
     /// The emulator has failed or hangs.
     pub fn run_until_us(&mut self, us: u64) -> Result<(), Trouble> {
         self.advance(us * 1000)?;
-        self.port.keep_open();
+        if self.keep_open {
+            self.port.keep_open();
+        }
         let bytes = self.port.take();
         self.inbox.push(&bytes);
         Ok(())

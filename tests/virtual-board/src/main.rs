@@ -4,6 +4,7 @@
 use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
 
 use clap::{Parser, ValueEnum};
 use virtual_board::{Cable, Image, Model, Setup, TcpPort, VirtualBoard, live};
@@ -88,8 +89,15 @@ fn main() -> ExitCode {
         ..Setup::default()
     };
     let board = VirtualBoard::power_on(model, &image, &setup);
-    let run =
-        board.and_then(|mut board| live::run(&mut board, &mut tcp, options.seconds, io::stderr()));
+    let run = board.and_then(|mut board| {
+        live::run(
+            &mut board,
+            &mut tcp,
+            options.seconds,
+            &AtomicBool::new(false),
+            io::stderr(),
+        )
+    });
     match run {
         Ok(()) => ExitCode::SUCCESS,
         Err(trouble) => fail(1, &trouble.to_string()),

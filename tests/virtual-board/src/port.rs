@@ -45,6 +45,14 @@ impl Port {
         }
     }
 
+    /// Whether what the host sends reaches the device.
+    pub fn is_open(&self) -> bool {
+        match self {
+            Self::Uart(_) => true,
+            Self::Usb(host) => host.state() == State::Open,
+        }
+    }
+
     /// The host closes it.
     pub fn close(&self) {
         if let Self::Usb(host) = self {

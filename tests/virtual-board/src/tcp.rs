@@ -56,12 +56,13 @@ impl TcpPort {
             let _ = host.set_nodelay(true);
             self.host = Some(host);
             self.waiting.clear();
-            port.open();
         }
         let sent = port.take();
         let Some(host) = &mut self.host else {
             return sent.len();
         };
+        // A device that is not there yet, or restarts, is opened when it is.
+        port.keep_open();
         self.waiting.extend_from_slice(&sent);
         if exchange(host, &mut self.waiting, port).is_err() {
             self.host = None;
@@ -81,6 +82,14 @@ fn exchange(host: &mut TcpStream, waiting: &mut Vec<u8>, port: &Port) -> io::Res
         }
     }
     let mut bytes = [0; CHUNK];
+    if !port.is_open() {
+        // What the host sends waits in the socket; its end is seen all the same.
+        let mut byte = [0];
+        return match host.peek(&mut byte) {
+            Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
+            _ => Ok(()),
+        };
+    }
     loop {
         match host.read(&mut bytes) {
             Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),

@@ -1,6 +1,7 @@
 //! What the images that are flashed do on their boards. `cargo xtask board` builds the images and runs
 //! these tests.
 
+mod bridge;
 mod codes;
 mod converter_faults;
 mod failures;
@@ -13,6 +14,7 @@ mod self_test;
 mod session;
 mod start_up;
 mod trigger;
+mod usb;
 
 use images::Subject;
 use virtual_board::{Cable, Model};
@@ -60,6 +62,8 @@ scenarios! {
             a_hard_fault_is_reported_after_the_restart a_stack_overflow_is_reported_after_the_restart;
         priorities: interrupts_have_their_priorities;
         memory: dma_reaches_its_buffers;
+        usb: enumerates outlasts_its_host comes_back_when_it_is_replugged;
+        bridge: connects;
     }
     h743_uart = H743_UART {
         start_up: starts_up;
@@ -79,5 +83,6 @@ scenarios! {
             a_hard_fault_is_reported_after_the_restart a_stack_overflow_is_reported_after_the_restart;
         priorities: interrupts_have_their_priorities;
         memory: dma_reaches_its_buffers;
+        bridge: connects;
     }
 }

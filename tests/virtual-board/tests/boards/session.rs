@@ -69,6 +69,14 @@ pub(crate) fn converters(frames: &[Frame]) -> Option<&str> {
     })
 }
 
+/// The newest of the device's counts.
+pub(crate) fn stats(frames: &[Frame]) -> Option<&link::Stats> {
+    frames.iter().rev().find_map(|frame| match &frame.kind {
+        Kind::Stats(stats) => Some(&**stats),
+        _ => None,
+    })
+}
+
 /// Greetings so far, as (reset cause, fault of the run before), in order.
 pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
     let hello = |frame: &Frame| match &frame.kind {
