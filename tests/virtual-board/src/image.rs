@@ -41,6 +41,16 @@ pub enum ImageError {
         /// The command that makes it.
         build: String,
     },
+    /// A source of the image is newer.
+    #[error("{path} is older than {newer}, which it is built from; build it again with `{build}`")]
+    Stale {
+        /// The file.
+        path: PathBuf,
+        /// The source.
+        newer: PathBuf,
+        /// The command that makes it.
+        build: String,
+    },
     /// The file is linked for another chip's memories.
     #[error(
         "{path} is not for the {board}: it places {bytes} bytes at {address:#010x}, where the chip has no \
@@ -75,7 +85,8 @@ impl Image {
     /// Reads an image for a board.
     ///
     /// # Errors
-    /// The file cannot be read, is no ELF file for ARM, or places something where the chip has no memory.
+    /// The file cannot be read, is older than a source of it, is no ELF file for ARM, or places something where
+    /// the chip has no memory.
     pub fn read(path: &Path, model: Model) -> Result<Self, ImageError> {
         let path = path.to_path_buf();
         let build = build_command(model);
@@ -83,6 +94,9 @@ impl Image {
             Ok(bytes) => bytes,
             Err(error) => return Err(ImageError::Missing { path, error, build }),
         };
+        if let Some(newer) = newer_source(&path) {
+            return Err(ImageError::Stale { path, newer, build });
+        }
         Self::parse(path, bytes, model)
     }
 
@@ -196,6 +210,18 @@ impl Image {
             _ => format!("{address:#010x}"),
         }
     }
+}
+
+/// A source that is newer than the image, by the list that cargo leaves next to it (`.d`); none without one.
+fn newer_source(image: &Path) -> Option<PathBuf> {
+    let built = fs::metadata(image).and_then(|file| file.modified()).ok()?;
+    let list = fs::read_to_string(image.with_extension("d")).ok()?;
+    let (_, sources) = list.lines().next()?.split_once(": ")?;
+    let is_newer = |source: &&str| {
+        let modified = fs::metadata(source).and_then(|file| file.modified());
+        modified.is_ok_and(|modified| modified > built)
+    };
+    sources.split(' ').find(is_newer).map(PathBuf::from)
 }
 
 /// A mangled name as its path, without the hash.

@@ -328,6 +328,10 @@ impl VirtualBoard {
             Ok(reached) => {
                 self.last = reached;
                 self.now_ns = ns;
+                if reached.restarts {
+                    let what = "it restarts again and again".to_owned();
+                    return Err(self.trouble(what));
+                }
                 Ok(())
             }
             Err(RecvTimeoutError::Disconnected) => Err(self.ended()),

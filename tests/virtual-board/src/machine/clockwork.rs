@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::sync::mpsc::{Receiver, Sender};
 
-use rigless::emulator::{AccessKind, Driver, HitKind, Host, Settled, Stop, Watch};
+use rigless::emulator::{AccessKind, Driver, HitKind, Host, Settled, Stop, StopReason, Watch};
 use rigless::session::Session;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
@@ -14,6 +14,10 @@ use crate::chain::Chain;
 use crate::injection::Change;
 use crate::model::Pins;
 use crate::processor::Observer;
+
+/// Resets within [`RESTARTS_NS`] that are no longer restarts but a loop.
+const RESTARTS: usize = 20;
+const RESTARTS_NS: u64 = 1_000_000_000;
 
 /// Longest time between two stops, ns: bytes that wait for the UART are looked for at each.
 const LONGEST_NS: u64 = 250_000;
@@ -51,6 +55,8 @@ impl fmt::Debug for Order {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Reached {
     pub(super) instructions: u64,
+    /// The board restarts again and again: it stands at the last of these resets.
+    pub(super) restarts: bool,
 }
 
 /// The board's own time.
@@ -69,6 +75,7 @@ pub(super) struct Clockwork {
     /// Levels of DRDY and trigger that the pins have.
     driven: [Option<bool>; 2],
     resets: usize,
+    restarts: bool,
 }
 
 impl Clockwork {
@@ -91,6 +98,7 @@ impl Clockwork {
             trigger_is_high: false,
             driven: [None; 2],
             resets: 0,
+            restarts: false,
         }
     }
 
@@ -122,6 +130,19 @@ impl Clockwork {
             chip.drive(now, self.pins.trigger, self.trigger_is_high);
         }
         self.driven = [Some(ready.is_high), Some(self.trigger_is_high)];
+    }
+
+    /// Stops a board that does nothing but restart: each takes the emulator far longer than the board.
+    fn count_reset(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
+        let resets = session.resets();
+        let first = resets
+            .len()
+            .checked_sub(RESTARTS)
+            .and_then(|index| resets.get(index));
+        if first.is_some_and(|first| now.0 - first.at.0 < RESTARTS_NS) {
+            self.restarts = true;
+            session.pause_at(Some(now));
+        }
     }
 
     fn inject(&mut self, host: &mut dyn Host) {
@@ -159,6 +180,9 @@ impl Driver<Nucleo> for Clockwork {
     fn on_settled(&mut self, session: &mut Session<Nucleo>, host: &mut dyn Host, settled: Settled) {
         let access = match settled {
             Settled::Access { access, .. } => access,
+            Settled::Stop(stop) if stop.reason == StopReason::Reset => {
+                return self.count_reset(session, stop.at);
+            }
             Settled::Hit(hit) if hit.kind == HitKind::Instruction => return self.inject(host),
             _ => return,
         };
@@ -182,11 +206,12 @@ impl Driver<Nucleo> for Clockwork {
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {
         self.drive(session, stop.at);
-        if stop.at.0 >= self.until_ns {
+        if stop.at.0 >= self.until_ns || self.restarts {
+            let reached = Reached {
+                instructions: stop.instruction_count,
+                restarts: std::mem::take(&mut self.restarts),
+            };
             if self.until_ns > 0 {
-                let reached = Reached {
-                    instructions: stop.instruction_count,
-                };
                 self.reached.send(reached).ok()?;
             }
             loop {
@@ -195,12 +220,7 @@ impl Driver<Nucleo> for Clockwork {
                         self.until_ns = ns;
                         break;
                     }
-                    Order::Run(_) => {
-                        let reached = Reached {
-                            instructions: stop.instruction_count,
-                        };
-                        self.reached.send(reached).ok()?;
-                    }
+                    Order::Run(_) => self.reached.send(reached).ok()?,
                     Order::Trigger(edges) => self.trigger.extend(edges),
                     Order::Inject(address, change) => {
                         host.watch(Watch::Instruction(address));

@@ -3,6 +3,7 @@
 
 mod bridge;
 mod codes;
+mod commands;
 mod converter_faults;
 mod failures;
 mod figures;
@@ -15,6 +16,7 @@ mod session;
 mod start_up;
 mod trigger;
 mod usb;
+mod watchdog;
 
 use images::Subject;
 use virtual_board::{Cable, Model};
@@ -62,14 +64,17 @@ scenarios! {
             a_hard_fault_is_reported_after_the_restart a_stack_overflow_is_reported_after_the_restart;
         priorities: interrupts_have_their_priorities;
         memory: dma_reaches_its_buffers;
+        commands: commands_arrive_while_codes_stream;
         usb: enumerates outlasts_its_host comes_back_when_it_is_replugged;
         bridge: connects;
+        watchdog: watchdog_suits_its_oscillator;
     }
     h743_uart = H743_UART {
         start_up: starts_up;
         codes: codes_equal_the_simulators;
         priorities: interrupts_have_their_priorities;
         memory: dma_reaches_its_buffers;
+        commands: commands_arrive_while_codes_stream;
     }
     f446 = F446 {
         start_up: starts_up starts_up_without_the_clock;
@@ -83,6 +88,8 @@ scenarios! {
             a_hard_fault_is_reported_after_the_restart a_stack_overflow_is_reported_after_the_restart;
         priorities: interrupts_have_their_priorities;
         memory: dma_reaches_its_buffers;
+        commands: commands_arrive_while_codes_stream;
         bridge: connects;
+        watchdog: watchdog_suits_its_oscillator;
     }
 }

@@ -44,15 +44,14 @@ pub(crate) fn interrupts_have_their_priorities(subject: Subject) {
     let urgent = enabled.iter().filter(|(line, level)| {
         *level <= priority::ACQUIRE && !wanted.iter().any(|(_, known, _)| known == line)
     });
-    // embassy enables the interrupts of all EXTI lines and DMA streams; nothing raises those that are not
-    // in use, and their masks are checked here.
+    // embassy enables the interrupts of all DMA streams; nothing raises those that are not in use.
     let unknown: Vec<_> = urgent.filter(|(line, _)| !is_masked(*line)).collect();
     assert!(unknown.is_empty(), "as urgent as a sample: {unknown:?}");
     assert_sound(&mut board);
 }
 
-/// EXTI lines 0 to 4; streams of DMA1 and DMA2, and the STM32H743's MDMA and BDMA, which no transfer uses;
+/// Streams of DMA1 and DMA2, and the STM32H743's MDMA and BDMA, which no transfer uses;
 /// its RNG, which is asked once, before the first task.
 fn is_masked(line: u16) -> bool {
-    matches!(line, 6..=10 | 11..=17 | 47 | 56..=60 | 68..=70 | 80 | 122 | 129..=136)
+    matches!(line, 11..=17 | 47 | 56..=60 | 68..=70 | 80 | 122 | 129..=136)
 }

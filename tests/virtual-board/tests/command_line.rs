@@ -1,0 +1,140 @@
+//! What the program says when something is wrong, and how it ends.
+
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::{fs, io};
+
+/// A program for a Cortex-M in flash: a vector table with stack and entry, then this code.
+fn elf(machine: u16, flash: u32, code: &[u16]) -> Vec<u8> {
+    const HEADERS: u32 = 84;
+    let length = 8 + 2 * u32::try_from(code.len()).expect("short");
+    let mut file = b"\x7fELF\x01\x01\x01".to_vec();
+    file.resize(16, 0);
+    // An executable file; entry, program headers after this header.
+    file.extend([2_u16, machine].map(u16::to_le_bytes).concat());
+    let words = [1, flash + 9, 52, 0, 0x0500_0400];
+    file.extend(words.map(u32::to_le_bytes).concat());
+    file.extend([52_u16, 32, 1, 40, 0, 0].map(u16::to_le_bytes).concat());
+    // A segment that is loaded, read and executed.
+    let segment = [1, HEADERS, flash, flash, length, length, 5, 4];
+    file.extend(segment.map(u32::to_le_bytes).concat());
+    file.extend([0x2000_1000, flash + 9].map(u32::to_le_bytes).concat());
+    file.extend(code.iter().flat_map(|half| half.to_le_bytes()));
+    file
+}
+
+const ARM: u16 = 40;
+const FLASH: u32 = 0x0800_0000;
+/// `wfi`, and back to it.
+const SLEEP: [u16; 2] = [0xBF30, 0xE7FD];
+/// `ldr r0, =AIRCR; ldr r1, =key and SYSRESETREQ; str r1, [r0]; b .`, and the two words.
+const RESET: [u16; 8] = [
+    0x4801, 0x4902, 0x6001, 0xE7FE, 0xED0C, 0xE000, 0x0004, 0x05FA,
+];
+
+fn written(name: &str, bytes: &[u8]) -> io::Result<std::path::PathBuf> {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    fs::write(&path, bytes)?;
+    Ok(path)
+}
+
+fn run(arguments: &[&str]) -> (Option<i32>, String) {
+    let mut program = Command::new(env!("CARGO_BIN_EXE_virtual-board"));
+    let Output { status, stderr, .. } = program.args(arguments).output().expect("it starts");
+    (status.code(), String::from_utf8_lossy(&stderr).into_owned())
+}
+
+/// Runs an image on the NUCLEO-H743ZI2 at any free port.
+fn run_image(path: &Path) -> (Option<i32>, String) {
+    run(&["h743", "--port", "0", "--image", &path.to_string_lossy()])
+}
+
+#[test]
+fn a_missing_image_is_named_with_the_command_that_builds_it() {
+    let (status, error) = run_image(Path::new("/nowhere/board-h743"));
+    assert_eq!(status, Some(2));
+    assert!(error.contains("/nowhere/board-h743"), "{error}");
+    assert!(
+        error.contains("cargo build --package board-h743 --profile firmware"),
+        "{error}"
+    );
+}
+
+#[test]
+fn what_is_no_program_for_arm_is_refused() {
+    for bytes in [&b"plain text"[..], &elf(62, FLASH, &SLEEP)] {
+        let path = written("no-image.elf", bytes).expect("a file");
+        let (status, error) = run_image(&path);
+        assert_eq!(status, Some(2));
+        assert!(error.contains("no 32-bit ELF file for ARM"), "{error}");
+    }
+}
+
+#[test]
+fn an_image_for_another_chip_is_refused_with_the_address_that_is_not_there() {
+    let path = written("other-chip.elf", &elf(ARM, 0x0010_0000, &SLEEP)).expect("a file");
+    let (status, error) = run_image(&path);
+    assert_eq!(status, Some(2));
+    assert!(
+        error.contains("not for the NUCLEO-H743ZI2") && error.contains("0x00100000"),
+        "{error}"
+    );
+}
+
+#[test]
+fn an_image_older_than_its_sources_is_refused() {
+    let source = written("source.rs", b"").expect("a file");
+    let path = written("stale.elf", &elf(ARM, FLASH, &SLEEP)).expect("a file");
+    let depends = format!("{}: {}\n", path.display(), source.display());
+    written("stale.d", depends.as_bytes()).expect("a file");
+    let later = fs::metadata(&path)
+        .expect("it is there")
+        .modified()
+        .expect("a time");
+    let later = later + std::time::Duration::from_secs(60);
+    let file = fs::File::options()
+        .write(true)
+        .open(&source)
+        .expect("a file");
+    file.set_modified(later).expect("a time");
+    let (status, error) = run_image(&path);
+    assert_eq!(status, Some(2));
+    assert!(
+        error.contains("older than") && error.contains("source.rs"),
+        "{error}"
+    );
+}
+
+#[test]
+fn an_occupied_port_is_named_with_what_to_do() {
+    let path = written("sleep.elf", &elf(ARM, FLASH, &SLEEP)).expect("a file");
+    let taken = TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let port = taken.local_addr().expect("a number").port().to_string();
+    let (status, error) = run(&["f446", "--port", &port, "--image", &path.to_string_lossy()]);
+    assert_eq!(status, Some(2));
+    assert!(error.contains(&port) && error.contains("--port"), "{error}");
+}
+
+#[test]
+fn a_board_that_does_nothing_ends_with_where_it_stands() {
+    let path = written("nothing.elf", &elf(ARM, FLASH, &SLEEP)).expect("a file");
+    let (status, error) = run_image(&path);
+    assert_eq!(status, Some(1));
+    assert!(error.contains("no progress for 10 s"), "{error}");
+    assert!(
+        error.contains("program counters") && error.contains("0x0800000"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_board_that_restarts_again_and_again_ends_with_the_causes() {
+    let path = written("restarts.elf", &elf(ARM, FLASH, &RESET)).expect("a file");
+    let (status, error) = run_image(&path);
+    assert_eq!(status, Some(1));
+    assert!(
+        error.contains("resets") && error.contains("Core"),
+        "{error}"
+    );
+}
