@@ -14,43 +14,51 @@ const MODE: ParseMode = ParseMode {
     ..ParseMode::STRICT
 };
 
-#[test]
-fn every_dependency_has_an_allowed_licence() {
-    let allowed = allowed();
-    let refused: Vec<String> = dependencies()
-        .into_iter()
-        .filter(|(_, licence)| !accepts(&allowed, licence))
-        .map(|(package, licence)| format!("{package}: {licence:?}"))
-        .collect();
-    assert!(
-        refused.is_empty(),
-        "not on deny.toml's list; choose another crate or argue for the licence there:\n{}",
-        refused.join("\n")
-    );
-}
+/// Folders with a manifest and a deny.toml: everything that is built and shipped, and the emulated boards,
+/// which only tests run.
+const WORKSPACES: [&str; 2] = [".", "tests/virtual-board"];
 
 #[test]
-fn every_allowed_licence_is_needed() {
-    let allowed = allowed();
-    let dependencies = dependencies();
-    for name in &allowed {
-        let without = allowed
-            .iter()
-            .filter(|other| *other != name)
-            .cloned()
+fn every_dependency_has_an_allowed_licence() {
+    for workspace in WORKSPACES {
+        let allowed = allowed(workspace);
+        let refused: Vec<String> = dependencies(workspace)
+            .into_iter()
+            .filter(|(_, licence)| !accepts(&allowed, licence))
+            .map(|(package, licence)| format!("{package}: {licence:?}"))
             .collect();
         assert!(
-            dependencies
-                .values()
-                .any(|licence| !accepts(&without, licence)),
-            "deny.toml allows {name}, and nothing needs it: take it off the list"
+            refused.is_empty(),
+            "not on the list of {workspace}/deny.toml; choose another crate or argue for the licence there:\n{}",
+            refused.join("\n")
         );
     }
 }
 
 #[test]
+fn every_allowed_licence_is_needed() {
+    for workspace in WORKSPACES {
+        let allowed = allowed(workspace);
+        let dependencies = dependencies(workspace);
+        for name in &allowed {
+            let without = allowed
+                .iter()
+                .filter(|other| *other != name)
+                .cloned()
+                .collect();
+            assert!(
+                dependencies
+                    .values()
+                    .any(|licence| !accepts(&without, licence)),
+                "{workspace}/deny.toml allows {name}, and nothing needs it: take it off the list"
+            );
+        }
+    }
+}
+
+#[test]
 fn a_copyleft_licence_and_a_missing_one_are_refused() {
-    let allowed = allowed();
+    let allowed = allowed(".");
     assert!(accepts(&allowed, "MIT/Apache-2.0"));
     assert!(accepts(&allowed, "GPL-3.0-only OR MIT"));
     assert!(!accepts(&allowed, "GPL-3.0-only AND MIT"));
@@ -60,8 +68,9 @@ fn a_copyleft_licence_and_a_missing_one_are_refused() {
 }
 
 /// The list under `[licenses] allow`.
-fn allowed() -> BTreeSet<String> {
-    let text = fs::read_to_string(workspace::root().join("deny.toml")).expect("deny.toml");
+fn allowed(workspace: &str) -> BTreeSet<String> {
+    let file = workspace::root().join(workspace).join("deny.toml");
+    let text = fs::read_to_string(file).expect("deny.toml");
     let table: toml::Table = text.parse().expect("deny.toml is TOML");
     let list = table["licenses"]["allow"].as_array().expect("a list");
     list.iter()
@@ -72,11 +81,11 @@ fn allowed() -> BTreeSet<String> {
 /// Licence expression of every package that any target, build script or test of ours links.
 ///
 /// `cargo tree` and not `cargo metadata`: the latter also lists what no enabled feature reaches.
-fn dependencies() -> BTreeMap<String, String> {
-    let all = tree(&["--target=all"]).or_else(|error| {
+fn dependencies(workspace: &str) -> BTreeMap<String, String> {
+    let all = tree(workspace, &["--target=all"]).or_else(|error| {
         // Packages of other systems are not on this machine until cargo fetches them.
         skipped("licences of other systems' packages", &error.to_string());
-        tree(&["--offline"])
+        tree(workspace, &["--offline"])
     });
     let packages: BTreeMap<String, String> = all
         .expect("cargo tree")
@@ -93,9 +102,11 @@ fn dependencies() -> BTreeMap<String, String> {
 }
 
 /// Every package and its licence, one per line.
-fn tree(choice: &[&str]) -> Result<String, WorkspaceError> {
+fn tree(workspace: &str, choice: &[&str]) -> Result<String, WorkspaceError> {
+    let manifest = format!("--manifest-path={workspace}/Cargo.toml");
     let arguments = [
         "tree",
+        &manifest,
         "--workspace",
         "--edges=normal,build,dev",
         "--prefix=none",

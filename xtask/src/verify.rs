@@ -129,10 +129,14 @@ pub(crate) fn deny() -> Result<(), Failure> {
             next: "`cargo install --locked cargo-deny`".to_owned(),
         });
     }
-    run(
-        &mut cargo_with(&["deny", "check"]),
-        "read its report above, then deny.toml",
-    )
+    // The emulated boards are a workspace of their own.
+    for manifest in ["Cargo.toml", "tests/virtual-board/Cargo.toml"] {
+        run(
+            &mut cargo_with(&["deny", "--manifest-path", manifest, "check"]),
+            "read its report above, then the deny.toml next to that manifest",
+        )?;
+    }
+    Ok(())
 }
 
 /// Makes sure that the target's standard library is there.

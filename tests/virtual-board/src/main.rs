@@ -1,5 +1,5 @@
 //! A virtual NUCLEO at a TCP port: `cargo xtask board h743 --live` runs it.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 use std::io;
 use std::path::PathBuf;

@@ -168,3 +168,49 @@ impl fmt::Display for Model {
         formatter.write_str(self.name())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The cells of the rows below a board's heading: signal and pin.
+    fn documented(model: Model) -> Vec<(String, String)> {
+        let text = include_str!("../../../docs/hardware.md");
+        let heading = format!("### {model}");
+        let section = text.split(&heading).nth(1).expect("the board's section");
+        let rows = section.split("\n#").next().unwrap_or(section).lines();
+        let rows = rows.filter(|line| line.starts_with('|')).skip(2);
+        let cells = rows.map(|row| row.trim_matches('|').split('|').map(str::trim));
+        cells
+            .map(|mut cells| {
+                let mut next = || cells.next().unwrap_or_default().to_owned();
+                (next(), next())
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_wires_go_where_the_documentation_says() {
+        for model in Model::ALL {
+            let pins = model.pins();
+            let mut wires: Vec<(String, Pin)> = (0..)
+                .zip(pins.selects)
+                .map(|(chip, pin)| (format!("CS {chip}"), pin))
+                .collect();
+            for (signal, pin) in [
+                ("START", pins.start),
+                ("RESET", pins.reset),
+                ("DRDY", pins.drdy),
+                ("TRIGGER", pins.trigger),
+            ] {
+                wires.push((signal.to_owned(), pin));
+            }
+            let documented = documented(model);
+            for (signal, pin) in wires {
+                let row = documented.iter().find(|(name, _)| *name == signal);
+                let name = row.map(|(_, pin)| pin.as_str());
+                assert_eq!(name, Some(pin.to_string().as_str()), "{model}: {signal}");
+            }
+        }
+    }
+}

@@ -17,7 +17,7 @@ pub struct Setup {
     /// The ST-LINK's clock, Hz; 0 where it is missing.
     pub clock_hz: u64,
     /// The internal low-speed oscillator, Hz; none leaves it at its typical rate. 17 to 47 kHz on an
-    /// STM32F446, 31.4 to 32.6 on an STM32H743 (data sheets).
+    /// STM32F446, 29.4 to 33.6 on an STM32H743 (DS10693 and DS12110, LSI characteristics).
     pub lsi_hz: Option<u64>,
     /// Whether the chain puts a don't-care bit between two chips.
     pub alignment: Alignment,

@@ -1,12 +1,13 @@
 //! Faults of the converters, as the host learns of them.
 
+use ads1299::Alignment;
 use ads1299::simulation::Fault;
 use link::{Flags, Streams};
 use virtual_board::{Kind, Setup, VirtualBoard};
 
 use crate::figures::record;
 use crate::images::Subject;
-use crate::session::{assert_sound, converters, power_on, run_codes, running, start};
+use crate::session::{UP_US, assert_sound, converters, power_on, run_codes, running, start};
 
 /// A chip that is not chip 0.
 const CHIP: usize = 5;
@@ -91,6 +92,24 @@ pub(crate) fn a_silent_chain_is_flagged(subject: Subject) {
     assert!(!last.contains(bad), "{last:?}");
     assert_sound(&mut board);
     record(subject, "fault_silent_drdy", true);
+}
+
+/// A chain that puts no don't-care bit between two chips is understood as well.
+pub(crate) fn a_packed_chain_is_understood(subject: Subject) {
+    let setup = Setup {
+        alignment: Alignment::Packed,
+        ..subject.setup()
+    };
+    let mut board = power_on(subject, &setup);
+    let up = board.run_until("converters run", UP_US, |frames| {
+        converters(frames) == Some("")
+    });
+    up.unwrap_or_else(|trouble| panic!("{trouble}"));
+    start(&mut board, Streams::CODES);
+    run_codes(&mut board, 8).unwrap_or_else(|trouble| panic!("{trouble}"));
+    let bad = Flags::ADC_STATUS_BAD;
+    assert!(flags(&board).iter().all(|flags| !flags.contains(bad)));
+    assert_sound(&mut board);
 }
 
 /// The converters' board gets its power seconds after the microcontroller: the firmware says what is

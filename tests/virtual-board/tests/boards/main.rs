@@ -58,7 +58,7 @@ scenarios! {
         self_test: self_test_passes;
         trigger: trigger_edges_have_their_microsecond;
         reset: restarts_on_command;
-        converter_faults: a_dead_chip_is_named converters_may_be_powered_late a_silent_chain_is_flagged
+        converter_faults: a_dead_chip_is_named a_packed_chain_is_understood converters_may_be_powered_late a_silent_chain_is_flagged
             a_shifted_bit_is_named;
         failures: a_hang_is_ended_by_the_watchdog a_panic_is_reported_after_the_restart
             a_hard_fault_is_reported_after_the_restart a_stack_overflow_is_reported_after_the_restart;
@@ -82,7 +82,7 @@ scenarios! {
         self_test: self_test_passes;
         trigger: trigger_edges_have_their_microsecond;
         reset: restarts_on_command;
-        converter_faults: a_dead_chip_is_named converters_may_be_powered_late a_silent_chain_is_flagged
+        converter_faults: a_dead_chip_is_named a_packed_chain_is_understood converters_may_be_powered_late a_silent_chain_is_flagged
             a_shifted_bit_is_named;
         failures: a_hang_is_ended_by_the_watchdog a_panic_is_reported_after_the_restart
             a_hard_fault_is_reported_after_the_restart a_stack_overflow_is_reported_after_the_restart;
