@@ -30,7 +30,7 @@ static SEEN: Mutex<Cell<Seen>> = Mutex::new(Cell::new(Seen {
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// DRDY has fallen; called by its interrupt, the most urgent one.
+/// DRDY has fallen; called by its interrupt, the most urgent one after the time driver.
 ///
 /// # Timing
 /// The stamp is late by the time from the edge to here: the entry of an interrupt, and a critical

@@ -30,10 +30,16 @@ const H743: &[Reason] = &[
 ];
 
 /// Of the STM32F446, which the emulator's STM32F427 stands in for.
-const F446: &[Reason] = &[(
-    "SYSCFG.EXTICR",
-    "a register that keeps what is written; the model of EXTI reads it",
-)];
+const F446: &[Reason] = &[
+    (
+        "SYSCFG.EXTICR",
+        "a register that keeps what is written; the model of EXTI reads it",
+    ),
+    (
+        "SYSCFG.MEMRM",
+        "shows the loader's memory at address 0 on the chip; the core reads its vectors where they are",
+    ),
+];
 
 /// What is not on the list.
 pub fn surprises(model: Model, findings: &Findings) -> Vec<String> {

@@ -5,7 +5,6 @@ use rigless::machine::{Board, Target};
 use rigless::mcu::Mcu;
 use rigless::snapshot::Store;
 
-use crate::Model;
 use crate::chain::Chain;
 use crate::chip::Chip;
 use crate::core_bus::{Cleared, Differences};
@@ -13,6 +12,7 @@ use crate::processor::{Observer, observed};
 use crate::serial::Serial;
 use crate::setup::Setup;
 use crate::usb::UsbHost;
+use crate::{Model, loader_stub};
 
 /// A NUCLEO with the converters' board on its headers.
 #[derive(Debug)]
@@ -62,7 +62,8 @@ impl Board for Nucleo {
             redirects: self.chip.redirects(),
             cleared: self.cleared.clone(),
         };
-        let core = observed(self.chip.core(), &self.observer, differences);
+        let mut core = observed(self.chip.core(), &self.observer, differences);
+        core.factory_images.extend(loader_stub::image(self.model));
         let mcu: &mut dyn Mcu = &mut *self.chip;
         vec![Target::new(self.model.key(), mcu, core)]
     }

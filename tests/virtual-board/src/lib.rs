@@ -29,6 +29,7 @@ mod frames;
 mod image;
 mod injection;
 pub mod live;
+mod loader_stub;
 mod look;
 mod machine;
 mod model;

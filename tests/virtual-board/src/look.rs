@@ -5,6 +5,7 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
 use crate::diagnosis::Trouble;
+use crate::loader_stub;
 use crate::machine::VirtualBoard;
 
 /// What cortex-m-rt fills the stack with.
@@ -31,6 +32,13 @@ impl VirtualBoard {
     /// The emulator has ended.
     pub fn core_hz(&mut self) -> Result<u64, Trouble> {
         self.inspect(|session, _| session.board().chip.core_hz())
+    }
+
+    /// Whether the core runs the chip's own loader, or what stands in for it here.
+    pub fn is_in_loader(&self) -> bool {
+        let vectors = u64::from(loader_stub::vectors(self.model()));
+        let last = self.observer().trail().pop();
+        last.is_some_and(|place| (vectors..vectors + 16).contains(&place))
     }
 
     /// Deepest use of the stack since power on or reset, bytes: what is above the lowest word that has

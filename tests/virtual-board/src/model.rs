@@ -136,6 +136,14 @@ impl Model {
         }
     }
 
+    /// Core clock after a reset, from the internal oscillator, Hz (RM0433, 8.5.2; RM0390, 6.2.2).
+    pub const fn reset_hz(self) -> u64 {
+        match self {
+            Self::H743 => 64_000_000,
+            Self::F446 => 16_000_000,
+        }
+    }
+
     /// Instructions that the emulated core retires in a second of virtual time. Assumed: about half an
     /// instruction in a cycle, from flash with the caches on. It decides how late the firmware is, not
     /// what it computes.

@@ -57,7 +57,7 @@ scenarios! {
         codes: codes_equal_the_simulators;
         self_test: self_test_passes;
         trigger: trigger_edges_have_their_microsecond;
-        reset: restarts_on_command;
+        reset: restarts_on_command restarts_into_the_loader;
         converter_faults: a_dead_chip_is_named a_packed_chain_is_understood converters_may_be_powered_late a_silent_chain_is_flagged
             a_shifted_bit_is_named;
         failures: a_hang_is_ended_by_the_watchdog a_panic_is_reported_after_the_restart
@@ -81,7 +81,7 @@ scenarios! {
         codes: codes_equal_the_simulators;
         self_test: self_test_passes;
         trigger: trigger_edges_have_their_microsecond;
-        reset: restarts_on_command;
+        reset: restarts_on_command restarts_into_the_loader;
         converter_faults: a_dead_chip_is_named a_packed_chain_is_understood converters_may_be_powered_late a_silent_chain_is_flagged
             a_shifted_bit_is_named;
         failures: a_hang_is_ended_by_the_watchdog a_panic_is_reported_after_the_restart

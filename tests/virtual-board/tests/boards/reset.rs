@@ -3,7 +3,7 @@
 use link::{ResetCause, ResetInto, Streams, ToDevice};
 
 use crate::images::Subject;
-use crate::session::{assert_sound, greetings, run_codes, start, streaming};
+use crate::session::{acks, assert_sound, greetings, run_codes, running, start, streaming};
 
 /// Longest time from the command to the next `Hello`, us: a tenth of a second for the answer, clocks, and a
 /// USB host that enumerates.
@@ -25,5 +25,20 @@ pub(crate) fn restarts_on_command(subject: Subject) {
         .unwrap_or_else(|trouble| panic!("{trouble}"));
     start(&mut board, Streams::CODES);
     run_codes(&mut board, 4).unwrap_or_else(|trouble| panic!("{trouble}"));
+    assert_sound(&mut board);
+}
+
+/// The device answers, restarts, and runs the chip's own loader, with the clocks that a reset leaves.
+pub(crate) fn restarts_into_the_loader(subject: Subject) {
+    let mut board = running(subject);
+    let before = acks(board.inbox().frames());
+    board.send(&ToDevice::Reset(ResetInto::Bootloader));
+    board
+        .run_for_us(LONGEST_US)
+        .unwrap_or_else(|trouble| panic!("{trouble}"));
+    assert_eq!(acks(board.inbox().frames()), before + 1);
+    assert!(board.is_in_loader(), "{}", board.diagnosis());
+    let hz = board.core_hz().expect("the board is there");
+    assert_eq!(hz, subject.model.reset_hz());
     assert_sound(&mut board);
 }

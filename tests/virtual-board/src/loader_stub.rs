@@ -1,0 +1,45 @@
+//! A stand-in for the chip's own loader: where its vectors are, and a loop.
+
+use std::path::Path;
+
+use rigless::image::Image;
+
+use crate::Model;
+
+/// `b .`, in thumb, twice.
+const LOOP: u32 = 0xE7FE_E7FE;
+
+/// Bytes of an ELF header and one program header.
+const HEADERS: u32 = 84;
+
+/// Where the loader's vectors are (AN2606).
+pub(crate) const fn vectors(model: Model) -> u32 {
+    match model {
+        Model::H743 => 0x1FF0_9800,
+        Model::F446 => 0x1FFF_0000,
+    }
+}
+
+/// The stand-in, as the factory would have written it.
+pub(crate) fn image(model: Model) -> Option<Image> {
+    let base = vectors(model);
+    // Stack, entry, and the loop.
+    let contents = [0x2000_1000, base + 9, LOOP].map(u32::to_le_bytes).concat();
+    let file = elf(base, &contents);
+    Image::new(Path::new("loader"), file, None).ok()
+}
+
+/// An ELF file for ARM with one segment, whose third word is code (System V ABI, chapters 4 and 5).
+fn elf(base: u32, contents: &[u8]) -> Vec<u8> {
+    let mut file = b"\x7fELF\x01\x01\x01".to_vec();
+    file.resize(16, 0);
+    file.extend([2_u16, 40].map(u16::to_le_bytes).concat());
+    let header = [1, base + 9, 52, 0, 0x0500_0400];
+    file.extend(header.map(u32::to_le_bytes).concat());
+    file.extend([52_u16, 32, 1, 40, 0, 0].map(u16::to_le_bytes).concat());
+    let length = u32::try_from(contents.len()).unwrap_or(0);
+    let segment = [1, HEADERS, base, base, length, length, 5, 4];
+    file.extend(segment.map(u32::to_le_bytes).concat());
+    file.extend(contents);
+    file
+}
