@@ -27,9 +27,9 @@ pub(crate) struct BoardOptions {
     /// TCP port of 127.0.0.1 for --live.
     #[arg(long, default_value_t = 5556, requires = "live")]
     port: u16,
-    /// Run the image of the NUCLEO-H743ZI2 that talks over the ST-LINK's UART, for --live.
+    /// Run the image with the other port, for --live: the UART of the NUCLEO-H743ZI2, USB of the NUCLEO-F446RE.
     #[arg(long, requires = "live")]
-    uart: bool,
+    other_port: bool,
     /// Print one JSON object in place of a table.
     #[arg(long, conflicts_with = "live")]
     json: bool,
@@ -41,7 +41,7 @@ impl BoardOptions {
         board: None,
         live: false,
         port: 0,
-        uart: false,
+        other_port: false,
         json: false,
     };
 }
@@ -146,12 +146,14 @@ fn emulated(arguments: &[&str]) -> Command {
 }
 
 fn live(board: Board, images: &Images, options: &BoardOptions) -> Result<(), Failure> {
-    let image: PathBuf = images.of(board, options.uart);
+    let image: PathBuf = images.of(board, options.other_port);
+    let cable = if (board == Board::H743) == options.other_port {
+        "uart"
+    } else {
+        "usb"
+    };
     let mut command = emulated(&["run", "--release", "--quiet", "--", board.key()]);
     command.arg("--image").arg(&image);
-    command.args(["--port", &options.port.to_string()]);
-    if options.uart || board == Board::F446 {
-        command.args(["--cable", "uart"]);
-    }
+    command.args(["--port", &options.port.to_string(), "--cable", cable]);
     run(&mut command, "the message above says what to do")
 }

@@ -162,11 +162,11 @@ impl Model {
         }
     }
 
-    /// The chip, with `host` at its USB cable where the board has a socket for one.
+    /// The chip, with `host` at its USB cable.
     pub(crate) fn chip(self, host: &UsbHost) -> Box<dyn Chip> {
         match self {
             Self::H743 => Box::new(H743::new(host)),
-            Self::F446 => Box::new(F446::new()),
+            Self::F446 => Box::new(F446::new(host)),
         }
     }
 }

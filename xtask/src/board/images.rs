@@ -12,14 +12,15 @@ use crate::verify::{self, BOARD_TARGET};
 /// The folder of the emulated boards, below the root.
 pub(super) const PROGRAM: &str = "tests/virtual-board";
 
-/// An image: the board, whether it talks over the UART where the board's default is USB, the word for it
+/// An image: the board, whether it is the one with the other port than the board's default, the word for it
 /// and what cargo is told.
 type Recipe = (Board, bool, &'static str, &'static [&'static str]);
 
 /// The default image of a board comes last: it stays where `cargo flash` looks for it.
-const RECIPES: [Recipe; 3] = [
+const RECIPES: [Recipe; 4] = [
     (Board::H743, true, "h743-uart", &["--features=uart"]),
     (Board::H743, false, "h743", &[]),
+    (Board::F446, true, "f446-usb", &["--no-default-features"]),
     (Board::F446, false, "f446", &[]),
 ];
 
@@ -79,10 +80,9 @@ impl Images {
         &self.folder
     }
 
-    /// A board's image.
-    pub(super) fn of(&self, board: Board, uart: bool) -> PathBuf {
-        let wanted =
-            |recipe: &&Recipe| recipe.0 == board && recipe.1 == (uart && board == Board::H743);
+    /// A board's image, with its default port or the other one.
+    pub(super) fn of(&self, board: Board, other_port: bool) -> PathBuf {
+        let wanted = |recipe: &&Recipe| recipe.0 == board && recipe.1 == other_port;
         let word = self
             .built
             .iter()

@@ -12,7 +12,7 @@ use rigless::emulator::CoreSpec;
 use rigless::machine::armv7m::{Config, Core, Fpu, MpuRegions, Variant};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32f427::Stm32f427;
-use rigless::soc::stm32f427::generated::{gpioa, spi1, syscfg};
+use rigless::soc::stm32f427::generated::{gpioa, otg_fs_global, spi1, syscfg};
 use rigless::soc::stm32f427::peripherals::TIMERS;
 use rigless::soc::stm32f427::peripherals::gpio::{Gpio, Pin as PartPin};
 use rigless::soc::stm32f427::peripherals::tim::{Channel, Tim};
@@ -23,6 +23,7 @@ use crate::Model;
 use crate::chain::Chain;
 use crate::chip::{Chip, Pin};
 use crate::core_bus::{Cleared, Redirect};
+use crate::usb::{F446_OTG_FS, Otg, UsbHost};
 
 use exti::Exti;
 
@@ -55,23 +56,26 @@ pub(crate) struct F446 {
     part: Stm32f427,
     exti: Exti,
     exti_slot: usize,
+    otg: Otg,
 }
 
 impl F446 {
-    /// A chip with a supply, without a clock from outside.
+    /// A chip with a supply, without a clock from outside, and `host` at its USB cable.
     ///
     /// # Panics
     /// When the emulator's description of the part contradicts itself.
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(host: &UsbHost) -> Self {
         let mut part = Stm32f427::new().expect("the emulator's own part");
         part.set_supply(3300);
         let spare = Region::ram("DCKCFGR2", SPARE, 0x1000);
         part.bus_mut().add_region(spare).expect("nothing is there");
         let exti_slot = part.bus().slot("EXTI").expect("the part has an EXTI");
+        let otg = Otg::new::<otg_fs_global::Register>(&F446_OTG_FS, host, part.bus_mut());
         Self {
             part,
             exti: Exti::default(),
             exti_slot,
+            otg: otg.expect("nothing is at the window's addresses"),
         }
     }
 
@@ -122,16 +126,21 @@ impl Mcu for F446 {
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
         self.exti.reset_registers();
+        self.otg.reset();
     }
 
     fn poll(&mut self, now: VirtualNanos) {
         self.part.poll(now);
+        self.otg.poll(now, self.part.bus_mut());
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
         let (bus, model) = self.part.split(slot);
         if slot == self.exti_slot {
             return (bus, Some(&mut self.exti));
+        }
+        if let Some(model) = self.otg.model(slot, bus) {
+            return (bus, Some(model));
         }
         (bus, model)
     }
@@ -168,10 +177,11 @@ impl Chip for F446 {
     }
 
     fn redirects(&self) -> Vec<Redirect> {
-        vec![Redirect {
+        let spare = Redirect {
             from: DCKCFGR2..DCKCFGR2 + 4,
             to: SPARE,
-        }]
+        };
+        vec![spare, self.otg.redirect()]
     }
 
     fn set_lsi(&mut self, hz: u64) {

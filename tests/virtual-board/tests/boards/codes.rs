@@ -12,10 +12,10 @@ use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{assert_sound, run_codes, running, start};
 
-/// Codes to compare: 16 s of each board's default image, and 3 s of the other, whose port alone differs.
+/// Codes to compare: 16 s of each board's default image, and 3 s of the other one, of which only the port differs.
 const fn codes(subject: Subject) -> usize {
     match (subject.model, subject.cable) {
-        (Model::H743, Cable::Uart) => 48,
+        (Model::H743, Cable::Uart) | (Model::F446, Cable::Usb) => 48,
         _ => 256,
     }
 }

@@ -19,7 +19,8 @@ impl Subject {
         match (self.model, self.cable) {
             (Model::H743, Cable::Usb) => "h743",
             (Model::H743, Cable::Uart) => "h743-uart",
-            (Model::F446, _) => "f446",
+            (Model::F446, Cable::Uart) => "f446",
+            (Model::F446, Cable::Usb) => "f446-usb",
         }
     }
 
@@ -31,7 +32,8 @@ impl Subject {
         }
     }
 
-    /// The image: the file that `CORTICODE_IMAGE_H743`, `.._H743_UART` or `.._F446` names.
+    /// The image: the file that `CORTICODE_IMAGE_H743`, `.._H743_UART`, `.._F446` or `.._F446_USB`
+    /// names.
     ///
     /// # Panics
     /// When there is none, or it is stale or for another chip: these tests are about an image.

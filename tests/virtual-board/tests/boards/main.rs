@@ -39,6 +39,12 @@ const F446: Subject = Subject {
     cable: Cable::Uart,
 };
 
+/// The same for a USB socket of the user's own.
+const F446_USB: Subject = Subject {
+    model: Model::F446,
+    cable: Cable::Usb,
+};
+
 /// A module for each subject with a test for each scenario, a function of [`Subject`].
 macro_rules! scenarios {
     ($($module:ident = $subject:ident { $($room:ident: $($scenario:ident)+;)* })*) => {
@@ -91,5 +97,12 @@ scenarios! {
         commands: commands_arrive_while_codes_stream;
         bridge: connects;
         watchdog: watchdog_suits_its_oscillator;
+    }
+    f446_usb = F446_USB {
+        start_up: starts_up;
+        codes: codes_equal_the_simulators;
+        priorities: interrupts_have_their_priorities;
+        memory: dma_reaches_its_buffers;
+        usb: enumerates comes_back_when_it_is_replugged;
     }
 }

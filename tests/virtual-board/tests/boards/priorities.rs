@@ -1,13 +1,13 @@
 //! Interrupt priorities as the NVIC has them.
 
 use firmware::deadlines::priority;
-use virtual_board::Model;
+use virtual_board::{Cable, Model};
 
 use crate::images::Subject;
 use crate::session::{assert_sound, running};
 
 /// Interrupts that are the same on both chips (RM0433, table 149; RM0390, table 38).
-const COMMON: [(&str, u16, u8); 6] = [
+const COMMON: [Wanted; 6] = [
     ("EXTI9_5, DRDY", 23, priority::DRDY),
     ("TIM2, time driver", 28, priority::TIME),
     ("EXTI15_10, trigger", 40, priority::TRIGGER),
@@ -16,17 +16,37 @@ const COMMON: [(&str, u16, u8); 6] = [
     ("SAI1, encode", 87, priority::ENCODE),
 ];
 
-/// DMA of the converters' SPI, then what belongs to the port.
-fn own(model: Model) -> &'static [(&'static str, u16, u8)] {
+/// An interrupt: what raises it, its line, its priority.
+type Wanted = (&'static str, u16, u8);
+
+/// DMA of the converters' SPI (RM0433, table 149; RM0390, table 38).
+fn of_spi(model: Model) -> [Wanted; 2] {
     match model {
-        Model::H743 => &[
+        Model::H743 => [
             ("DMA1 stream 0, SPI", 11, priority::DRDY),
             ("DMA1 stream 1, SPI", 12, priority::DRDY),
         ],
-        Model::F446 => &[
+        Model::F446 => [
             ("DMA1 stream 3, SPI", 14, priority::DRDY),
             ("DMA1 stream 4, SPI", 15, priority::DRDY),
+        ],
+    }
+}
+
+/// Those of the port.
+fn of_port(subject: Subject) -> &'static [Wanted] {
+    match (subject.model, subject.cable) {
+        (Model::H743, Cable::Usb) => &[("OTG_FS", 101, priority::CONVERSE)],
+        (Model::H743, Cable::Uart) => &[
+            ("USART3", 39, priority::CONVERSE),
+            ("DMA1 stream 2, UART", 13, priority::CONVERSE),
+            ("DMA1 stream 3, UART", 14, priority::CONVERSE),
+        ],
+        (Model::F446, Cable::Usb) => &[("OTG_FS", 67, priority::CONVERSE)],
+        (Model::F446, Cable::Uart) => &[
             ("USART2", 38, priority::CONVERSE),
+            ("DMA1 stream 5, UART", 16, priority::CONVERSE),
+            ("DMA1 stream 6, UART", 17, priority::CONVERSE),
         ],
     }
 }
@@ -36,7 +56,8 @@ fn own(model: Model) -> &'static [(&'static str, u16, u8)] {
 pub(crate) fn interrupts_have_their_priorities(subject: Subject) {
     let mut board = running(subject);
     let enabled = board.interrupts().expect("the board is there");
-    let wanted: Vec<_> = COMMON.iter().chain(own(subject.model)).collect();
+    let spi = of_spi(subject.model);
+    let wanted: Vec<_> = COMMON.iter().chain(&spi).chain(of_port(subject)).collect();
     for (name, line, level) in &wanted {
         let found = enabled.iter().find(|interrupt| interrupt.0 == *line);
         assert_eq!(found.map(|interrupt| interrupt.1), Some(*level), "{name}");
