@@ -9,8 +9,12 @@ use crate::programs::executable;
 use crate::skip::skipped;
 use crate::workspace::{cargo, root};
 
-/// The toolchain that the emulated boards are built with.
-const TOOLCHAIN: &str = "1.98.0";
+/// The toolchain that the emulated boards are built with: the channel in their rust-toolchain.toml.
+fn toolchain() -> &'static str {
+    let file = include_str!("../virtual-board/rust-toolchain.toml");
+    let channel = file.split("channel = \"").nth(1).expect("a channel");
+    channel.split('"').next().expect("its end")
+}
 
 /// The microcontroller's target.
 const TARGET: &str = "thumbv7em-none-eabihf";
@@ -21,13 +25,13 @@ const TARGET: &str = "thumbv7em-none-eabihf";
 /// When they cannot and `CORTICODE_REQUIRE_ROS=1`.
 pub fn available(test: &str) -> bool {
     let mut version = Command::new("rustup");
-    version.args(["run", TOOLCHAIN, "cargo", "--version"]);
+    version.args(["run", toolchain(), "cargo", "--version"]);
     let silent = version.stdout(Stdio::null()).stderr(Stdio::null());
     if silent.status().is_ok_and(|status| status.success()) {
         return true;
     }
-    let why =
-        format!("no Rust {TOOLCHAIN}; `rustup toolchain install {TOOLCHAIN} --profile minimal`");
+    let channel = toolchain();
+    let why = format!("no Rust {channel}; `rustup toolchain install {channel} --profile minimal`");
     let required = env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
     assert!(
         !required,
@@ -64,7 +68,7 @@ impl Board {
         // Beside the images' target folder, where `cargo xtask board` builds it, too.
         let target = image.ancestors().nth(3).expect("a target folder");
         let output = Command::new("rustup")
-            .args(["run", TOOLCHAIN, "cargo", "build", "--release"])
+            .args(["run", toolchain(), "cargo", "build", "--release"])
             .arg("--message-format=json")
             .current_dir(root().join("tests/virtual-board"))
             .env("CARGO_TARGET_DIR", target.join("virtual-board"))

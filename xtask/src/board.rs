@@ -5,6 +5,7 @@ mod report;
 
 use std::path::PathBuf;
 use std::process::Command;
+use std::sync::LazyLock;
 
 use clap::{Args, ValueEnum};
 
@@ -13,7 +14,12 @@ use crate::command::{root, run, succeeds, typed};
 use crate::failure::Failure;
 
 /// The toolchain that builds the emulated boards: their emulator needs a newer Rust than the rest.
-const TOOLCHAIN: &str = "1.98.0";
+static TOOLCHAIN: LazyLock<String> = LazyLock::new(|| {
+    let file = include_str!("../../tests/virtual-board/rust-toolchain.toml");
+    let channel = file.split("channel = \"").nth(1);
+    let channel = channel.and_then(|rest| rest.split('"').next());
+    channel.unwrap_or("stable").to_owned()
+});
 
 /// What the verb can be told.
 #[derive(Debug, Clone, Args)]
@@ -97,36 +103,57 @@ pub(crate) fn board(options: &BoardOptions) -> Result<(), Failure> {
     }
     let passed = run(
         &mut test,
-        "run the failed test alone: the command above with its name after `--`; docs/bring-up.md says \
-         what each step needs",
+        "run the failed test alone, as docs/bring-up.md has it under \"Reproduce a fault on a virtual board\"",
     );
     report::print(&boards, &figures, passed.is_ok(), options.json)?;
     passed
 }
 
-/// Runs the unit tests of the emulated boards: their models of what the emulator lacks.
+/// Lints the emulated boards and runs their own tests: models of what the emulator lacks, and bad input.
 ///
 /// # Errors
-/// The toolchain is missing, or a test fails.
+/// The toolchain is missing, a lint fires, or a test fails.
 pub(crate) fn models() -> Result<(), Failure> {
     ensure_toolchain()?;
     run(
-        &mut emulated(&["test", "--release", "--lib"]),
-        "a model of the emulated board is wrong: run the failed test alone",
+        &mut emulated(&[
+            "clippy",
+            "--release",
+            "--all-targets",
+            "--",
+            "-D",
+            "warnings",
+        ]),
+        "mend what clippy names above",
+    )?;
+    run(
+        &mut emulated(&[
+            "test",
+            "--release",
+            "--lib",
+            "--bins",
+            "--test",
+            "command_line",
+        ]),
+        "a model of the emulated board is wrong, or a message: run the failed test alone",
     )
 }
 
 /// Makes sure that the toolchain is there; rustup's own way of installing on demand is off on many machines.
 fn ensure_toolchain() -> Result<(), Failure> {
     let mut version = Command::new("rustup");
-    if succeeds(version.args(["run", TOOLCHAIN, "cargo", "--version"])) {
+    if succeeds(version.args(["run", &TOOLCHAIN, "cargo", "clippy", "--version"])) {
         return Ok(());
     }
     let mut install = Command::new("rustup");
-    install.args(["toolchain", "install", TOOLCHAIN, "--profile", "minimal"]);
+    install.args(["toolchain", "install", &TOOLCHAIN, "--profile", "minimal"]);
+    install.args(["--component", "clippy"]);
     let line = typed(&install);
     run(&mut install, "").map_err(|failure| Failure::Missing {
-        what: format!("Rust {TOOLCHAIN}, which the emulated boards are built with"),
+        what: format!(
+            "Rust {}, which the emulated boards are built with",
+            *TOOLCHAIN
+        ),
         why: failure.to_string(),
         next: format!("`{line}`"),
     })
@@ -136,7 +163,7 @@ fn ensure_toolchain() -> Result<(), Failure> {
 fn emulated(arguments: &[&str]) -> Command {
     let mut command = Command::new("rustup");
     command
-        .args(["run", TOOLCHAIN, "cargo"])
+        .args(["run", &TOOLCHAIN, "cargo"])
         .args(arguments)
         .current_dir(root().join(PROGRAM));
     if let Ok(target) = crate::benchmark::emulator::target_folder() {

@@ -32,7 +32,7 @@ pub(crate) struct Wires {
     ready: bool,
     /// DRDY stays at this level, whatever the converters do.
     stuck: Option<bool>,
-    /// Bytes that were clocked with a chip selected.
+    /// Bytes that were clocked.
     bytes: u64,
     /// Widths that were clocked and are no byte.
     odd_words: u64,
@@ -63,7 +63,7 @@ impl Chain {
         Self(Arc::new(Mutex::new(Wires {
             simulation,
             chain,
-            levels: [None; CHIPS + 2],
+            levels: core::array::from_fn(|index| Some(index != CHIPS)),
             sclk_hz: 0,
             edges: 0,
             ready: false,
@@ -104,8 +104,8 @@ impl Wires {
         self.stuck = level;
     }
 
-    /// Takes the levels that the microcontroller drives now. A pin that is no output leaves its wire as it
-    /// was: selects and RESET have pull-ups on the converters' board, START a pull-down.
+    /// Takes the levels that the microcontroller drives now. Where a pin is no output, the resistors of the
+    /// converters' board hold the wire: selects and RESET high, START low (docs/hardware.md).
     pub(crate) fn follow(
         &mut self,
         now_ns: u64,
@@ -114,8 +114,8 @@ impl Wires {
     ) {
         let all = pins.selects.iter().chain([&pins.start, &pins.reset]);
         for (index, pin) in all.enumerate() {
-            let level = output(*pin);
-            if level.is_none() || level == self.levels[index] {
+            let level = Some(output(*pin).unwrap_or(index != CHIPS));
+            if level == self.levels[index] {
                 continue;
             }
             self.levels[index] = level;

@@ -55,6 +55,10 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     /// Attaches the far end of the UART.
     fn attach_uart(&mut self, peer: Box<dyn uart::Peer>);
 
+    /// Damages words on their way to the UART: `per_million` of them arrive with a framing error, and as many with
+    /// noise, all with wrong bits.
+    fn damage_uart(&mut self, per_million: u32);
+
     /// SCLK as the registers set it, Hz.
     fn sclk_hz(&self) -> u32;
 

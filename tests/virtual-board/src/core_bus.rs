@@ -1,4 +1,4 @@
-//! What lies between the emulated core and the emulator's bus.
+//! Adapter between the emulated core and the emulator's bus.
 
 use std::ops::Range;
 
@@ -38,7 +38,7 @@ const MEMORY_END: u64 = 0x4000_0000;
 
 /// The bus that the core is lent.
 pub(crate) struct Bus<'a> {
-    pub(crate) bus: &'a mut dyn CoreBus,
+    pub(crate) inner: &'a mut dyn CoreBus,
     pub(crate) differences: &'a Differences,
     /// Accesses to memory that is not there: address, and the instruction.
     pub(crate) failed: &'a mut Vec<(u64, Option<u64>)>,
@@ -58,13 +58,13 @@ impl CoreBus for Bus<'_> {
     /// Memory that the part has is answered before; below its end nothing else does, and the bus fails the
     /// access. The emulator's own bus would answer 0.
     fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
-        if access.address < MEMORY_END && access.kind == AccessKind::Write
-            || access.address < MEMORY_END && from_code
-        {
+        let reads = access.kind == AccessKind::Read;
+        // The core's own reads, of vectors, are left to the emulator.
+        if access.address < MEMORY_END && (from_code || !reads) {
             self.failed.push((access.address, access.program_counter));
             return None;
         }
-        let value = self.bus.access(self.redirected(access), from_code)?;
+        let value = self.inner.access(self.redirected(access), from_code)?;
         let mut cleared = self.differences.cleared.iter();
         let bits = cleared.find(|cleared| cleared.address == access.address & !3);
         let shift = 8 * (access.address & 3);
@@ -72,34 +72,34 @@ impl CoreBus for Bus<'_> {
     }
 
     fn time(&self, instructions: u64) -> VirtualNanos {
-        self.bus.time(instructions)
+        self.inner.time(instructions)
     }
 
     fn queued(&mut self) -> Vec<Queued> {
-        self.bus.queued()
+        self.inner.queued()
     }
 
     fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
-        self.bus.carry_on(instructions, event)
+        self.inner.carry_on(instructions, event)
     }
 
     fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
-        self.bus.acknowledge(line, instructions)
+        self.inner.acknowledge(line, instructions)
     }
 
     fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
-        self.bus.read_checked(self.redirected(access), report)
+        self.inner.read_checked(self.redirected(access), report)
     }
 
     fn write_checked(&mut self, access: Access) -> Option<bool> {
-        self.bus.write_checked(self.redirected(access))
+        self.inner.write_checked(self.redirected(access))
     }
 
     fn stops_before(&mut self, access: &Access) -> bool {
-        self.bus.stops_before(&self.redirected(*access))
+        self.inner.stops_before(&self.redirected(*access))
     }
 
     fn send_trace(&mut self, bytes: &[u8]) {
-        self.bus.send_trace(bytes);
+        self.inner.send_trace(bytes);
     }
 }

@@ -142,9 +142,9 @@ impl Image {
             .collect();
         Ok(Self {
             path,
+            bytes,
             functions,
             symbols,
-            bytes,
         })
     }
 
@@ -176,9 +176,8 @@ impl Image {
         let file = object::File::parse(&*self.bytes).ok()?;
         let text = file.section_by_name(".text")?;
         let bytes = text.data().ok()?;
-        let place = bytes
-            .chunks_exact(2)
-            .position(|half| half == code.to_le_bytes())?;
+        let (halves, _) = bytes.as_chunks::<2>();
+        let place = halves.iter().position(|half| *half == code.to_le_bytes())?;
         Some(text.address() + 2 * place as u64)
     }
 

@@ -12,6 +12,8 @@ pub enum Injection {
     Panic,
     /// A jump to where nothing is.
     HardFault,
+    /// A stack pointer among the variables, and a jump to where nothing is.
+    WildStack,
     /// A stack with 16 bytes left.
     StackOverflow,
 }
@@ -38,6 +40,11 @@ impl Injection {
         match self {
             Self::Hang => change.registers.push((PC, word(image.instruction(LOOP)?))),
             Self::HardFault => change.registers.push((PC, 0x5FFF_FF00)),
+            Self::WildStack => {
+                // The memory of the failure's record and after it: nothing there is in use.
+                let spare = word(image.address("_kept")? + SPARE + 0xF0);
+                change.registers.extend([(SP, spare), (PC, 0x5FFF_FF00)]);
+            }
             Self::StackOverflow => {
                 let end = word(image.address("_stack_end")?);
                 change.registers.push((SP, end + 16));

@@ -21,7 +21,8 @@ const LINES: u16 = 160;
 /// Streams of a DMA controller, and the distance of their registers (RM0433, 15.5; RM0390, 9.5).
 const STREAMS: u64 = 8;
 const STREAM_BYTES: u64 = 0x18;
-/// Peripheral and memory address of a stream, from its first register, which stands at 0x10.
+/// Bytes left, peripheral's and memory's address of a stream, after its first register at 0x10.
+const LEFT: u64 = 0x10 + 0x04;
 const PERIPHERAL: u64 = 0x10 + 0x08;
 const MEMORY: u64 = 0x10 + 0x0C;
 
@@ -80,11 +81,12 @@ impl VirtualBoard {
             .collect())
     }
 
-    /// Memory addresses of DMA1's streams that have a peripheral.
+    /// Memory of DMA1's streams that have a peripheral: first address, and the bytes that are left of the
+    /// transfer, 0 between two of them.
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn dma_addresses(&mut self) -> Result<Vec<u64>, Trouble> {
+    pub fn dma_memory(&mut self) -> Result<Vec<(u64, u64)>, Trouble> {
         let dma = self.model().dma();
         let now = VirtualNanos(self.now_us() * 1000);
         self.inspect(move |session, _| {
@@ -94,7 +96,7 @@ impl VirtualBoard {
             let used = streams.filter(|stream| read(stream + PERIPHERAL) != 0);
             let used: Vec<u64> = used.collect();
             used.into_iter()
-                .map(|stream| read(stream + MEMORY))
+                .map(|stream| (read(stream + MEMORY), read(stream + LEFT)))
                 .collect()
         })
     }

@@ -166,6 +166,14 @@ impl VirtualBoard {
         self.chain.wires().hold_ready(level);
     }
 
+    /// Damages bytes on their way to the UART: `per_million` of them with a framing error, as many with noise.
+    ///
+    /// # Errors
+    /// The emulator has ended.
+    pub fn damage_uart(&mut self, per_million: u32) -> Result<(), Trouble> {
+        self.inspect(move |session, _| session.board_mut().chip.damage_uart(per_million))
+    }
+
     /// Lets the trigger's line change at these times, us of virtual time, in order.
     pub fn plan_trigger(&self, edges: &[(u64, bool)]) {
         let edges = edges.iter().map(|&(us, is_high)| (us * 1000, is_high));
@@ -336,6 +344,8 @@ impl VirtualBoard {
             }
             Err(RecvTimeoutError::Disconnected) => Err(self.ended()),
             Err(RecvTimeoutError::Timeout) => {
+                // It would not end: the process leaves it behind.
+                self.thread = None;
                 let places = self.observer.trail();
                 let places = places.iter().map(|&pc| self.image.describe(pc)).collect();
                 Err(Trouble::new(

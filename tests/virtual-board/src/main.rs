@@ -81,8 +81,7 @@ fn main() -> ExitCode {
     let cable = match options.cable {
         Some(CableOption::Uart) => Cable::Uart,
         Some(CableOption::Usb) => Cable::Usb,
-        None if model == Model::H743 => Cable::Usb,
-        None => Cable::Uart,
+        None => model.default_cable(),
     };
     let setup = Setup {
         cable,

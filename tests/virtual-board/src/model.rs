@@ -4,6 +4,7 @@ use std::fmt;
 use std::num::NonZeroU64;
 
 use crate::chip::{Chip, F446, H743, Pin};
+use crate::setup::Cable;
 use crate::usb::UsbHost;
 
 /// A board.
@@ -85,6 +86,14 @@ impl Model {
         }
     }
 
+    /// The cable that its default image talks over.
+    pub const fn default_cable(self) -> Cable {
+        match self {
+            Self::H743 => Cable::Usb,
+            Self::F446 => Cable::Uart,
+        }
+    }
+
     /// The board's name, as in `Hello`.
     pub const fn name(self) -> &'static str {
         match self {
@@ -113,11 +122,15 @@ impl Model {
 
     /// Whether DMA1 reaches an address (RM0433, 2.1; RM0390, 2.1): on the STM32H743 not the TCMs.
     pub fn dma_reaches(self, address: u64) -> bool {
-        let memories = match self {
-            Self::H743 => &[0x2400_0000..0x2408_0000_u64, 0x3000_0000..0x3004_8000][..],
-            Self::F446 => &[0x2000_0000..0x2002_0000][..],
-        };
-        memories.iter().any(|memory| memory.contains(&address))
+        let [axi, sram1_to_3, f446] = [
+            0x2400_0000..0x2408_0000,
+            0x3000_0000..0x3004_8000,
+            0x2000_0000..0x2002_0000_u64,
+        ];
+        match self {
+            Self::H743 => axi.contains(&address) || sram1_to_3.contains(&address),
+            Self::F446 => f446.contains(&address),
+        }
     }
 
     /// Where DMA1 is.
@@ -147,6 +160,9 @@ impl Model {
     /// Instructions that the emulated core retires in a second of virtual time. Assumed: about half an
     /// instruction in a cycle, from flash with the caches on. It decides how late the firmware is, not
     /// what it computes.
+    ///
+    /// # Panics
+    /// Never: the rates are not 0.
     pub const fn instructions_per_second(self) -> NonZeroU64 {
         let rate = match self {
             Self::H743 => 250_000_000,

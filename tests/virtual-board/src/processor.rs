@@ -76,7 +76,7 @@ pub(crate) fn observed(
     let differences = Arc::new(differences);
     core.processor = Arc::new(move |endian: Endian| {
         Ok(Box::new(Core {
-            core: make(endian)?,
+            inner: make(endian)?,
             observer: observer.clone(),
             differences: Arc::clone(&differences),
         }) as Box<dyn Processor>)
@@ -87,7 +87,7 @@ pub(crate) fn observed(
 /// The emulator's core; everything but [`Processor::run`] is passed on.
 #[derive(Debug)]
 struct Core {
-    core: Box<dyn Processor>,
+    inner: Box<dyn Processor>,
     observer: Observer,
     differences: Arc<Differences>,
 }
@@ -96,10 +96,10 @@ impl Core {
     fn prepare(&mut self, now: VirtualNanos) {
         let mut state = self.observer.state();
         for (number, value) in std::mem::take(&mut state.set) {
-            self.core.set_gdb_register(number, &value.to_le_bytes());
+            self.inner.set_gdb_register(number, &value.to_le_bytes());
         }
         for address in std::mem::take(&mut state.wanted) {
-            let value = self.core.debugger_access(None, address, Width::W32, now);
+            let value = self.inner.debugger_access(None, address, Width::W32, now);
             let value = value.and_then(|value| u32::try_from(value).ok());
             state.read.push((address, value.unwrap_or(0)));
         }
@@ -108,14 +108,14 @@ impl Core {
 
 impl Processor for Core {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
-        self.prepare(bus.time(self.core.retired()));
+        self.prepare(bus.time(self.inner.retired()));
         let mut failed = Vec::new();
         let mut bus = Bus {
-            bus,
+            inner: bus,
             differences: &self.differences,
             failed: &mut failed,
         };
-        let ran = self.core.run(budget, &mut bus);
+        let ran = self.inner.run(budget, &mut bus);
         let mut state = self.observer.state();
         // The first ones tell most.
         if state.failed.len() < TRAIL {
@@ -124,85 +124,85 @@ impl Processor for Core {
         if state.trail.len() == TRAIL {
             state.trail.pop_front();
         }
-        state.trail.push_back(self.core.pc());
+        state.trail.push_back(self.inner.pc());
         ran
     }
 
     fn retired(&self) -> u64 {
-        self.core.retired()
+        self.inner.retired()
     }
 
     fn ask(&mut self, queued: Queued) {
-        self.core.ask(queued);
+        self.inner.ask(queued);
     }
 
     fn maps(&self, start: u64, length: u64) -> bool {
-        self.core.maps(start, length)
+        self.inner.maps(start, length)
     }
 
     fn page_size(&self) -> u64 {
-        self.core.page_size()
+        self.inner.page_size()
     }
 
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
         // SAFETY: the caller's promises are those that the emulator's core asks for.
-        unsafe { self.core.map(start, length, host, writable) }
+        unsafe { self.inner.map(start, length, host, writable) }
     }
 
     fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>) {
-        self.core.boot(table, read);
+        self.inner.boot(table, read);
     }
 
     fn reset(&mut self) {
-        self.core.reset();
+        self.inner.reset();
     }
 
     fn take_reset_request(&mut self) -> bool {
-        self.core.take_reset_request()
+        self.inner.take_reset_request()
     }
 
     fn next_event(&self) -> Option<VirtualNanos> {
-        self.core.next_event()
+        self.inner.next_event()
     }
 
     fn on_event(&mut self, now: VirtualNanos) {
-        self.core.on_event(now);
+        self.inner.on_event(now);
     }
 
     fn waiting(&self) -> bool {
-        self.core.waiting()
+        self.inner.waiting()
     }
 
     fn pc(&self) -> u64 {
-        self.core.pc()
+        self.inner.pc()
     }
 
     fn add_breakpoint(&mut self, address: u64) -> bool {
-        self.core.add_breakpoint(address)
+        self.inner.add_breakpoint(address)
     }
 
     fn remove_breakpoint(&mut self, address: u64) {
-        self.core.remove_breakpoint(address);
+        self.inner.remove_breakpoint(address);
     }
 
     fn pass_breakpoint(&mut self, address: u64) {
-        self.core.pass_breakpoint(address);
+        self.inner.pass_breakpoint(address);
     }
 
     fn attach_debugger(&mut self, attached: bool) {
-        self.core.attach_debugger(attached);
+        self.inner.attach_debugger(attached);
     }
 
     fn hold_interrupts(&mut self, held: bool) {
-        self.core.hold_interrupts(held);
+        self.inner.hold_interrupts(held);
     }
 
     fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
-        self.core.gdb_register(number)
+        self.inner.gdb_register(number)
     }
 
     fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool {
-        self.core.set_gdb_register(number, bytes)
+        self.inner.set_gdb_register(number, bytes)
     }
 
     fn debugger_access(
@@ -212,62 +212,62 @@ impl Processor for Core {
         width: Width,
         now: VirtualNanos,
     ) -> Option<u64> {
-        self.core.debugger_access(write, address, width, now)
+        self.inner.debugger_access(write, address, width, now)
     }
 
     fn take_debugger_trace(&mut self) -> Vec<u8> {
-        self.core.take_debugger_trace()
+        self.inner.take_debugger_trace()
     }
 
     fn target_xml(&self) -> &'static str {
-        self.core.target_xml()
+        self.inner.target_xml()
     }
 
     fn data_model(&self) -> DataModel {
-        self.core.data_model()
+        self.inner.data_model()
     }
 
     fn byte_order(&self, address: u64) -> Endian {
-        self.core.byte_order(address)
+        self.inner.byte_order(address)
     }
 
     fn save(&self) -> Vec<u8> {
-        self.core.save()
+        self.inner.save()
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        self.core.load(bytes)
+        self.inner.load(bytes)
     }
 
     fn monitor_command(&mut self, command: &str) -> Option<String> {
-        self.core.monitor_command(command)
+        self.inner.monitor_command(command)
     }
 
     fn debugger_halted(&mut self, why: HaltReason) -> bool {
-        self.core.debugger_halted(why)
+        self.inner.debugger_halted(why)
     }
 
     fn bit_alias(&self, address: u64, width: Width) -> Option<BitAlias> {
-        self.core.bit_alias(address, width)
+        self.inner.bit_alias(address, width)
     }
 
     fn own_ranges(&self) -> Vec<Range<u64>> {
-        self.core.own_ranges()
+        self.inner.own_ranges()
     }
 
     fn check_reads(&mut self, every: bool) {
-        self.core.check_reads(every);
+        self.inner.check_reads(every);
     }
 
     fn check_words(&mut self, words: &[u64]) {
-        self.core.check_words(words);
+        self.inner.check_words(words);
     }
 
     fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall> {
-        self.core.host_call(read)
+        self.inner.host_call(read)
     }
 
     fn answer_host_call(&mut self, answer: Option<u64>) {
-        self.core.answer_host_call(answer);
+        self.inner.answer_host_call(answer);
     }
 }

@@ -5,7 +5,7 @@ mod exti;
 use std::mem;
 use std::num::{NonZeroU32, NonZeroU64};
 
-use rigless::chip::uart;
+use rigless::chip::uart::{self, Rate};
 use rigless::cpu::armv7m::windows;
 use rigless::device::{ErasedDevice, Level, ResetCause};
 use rigless::emulator::CoreSpec;
@@ -194,6 +194,12 @@ impl Chip for F446 {
 
     fn attach_uart(&mut self, peer: Box<dyn uart::Peer>) {
         self.part.usart[UART].attach_boxed(peer);
+    }
+
+    fn damage_uart(&mut self, per_million: u32) {
+        let errors = self.part.usart[UART].errors_mut();
+        [errors.framing, errors.noise] =
+            ["framing", "noise"].map(|name| Rate { name, per_million });
     }
 
     /// PCLK1 by 2^(BR + 1) (RM0390, SPI_CR1).

@@ -134,6 +134,10 @@ impl Clockwork {
 
     /// Stops a board that does nothing but restart: each takes the emulator far longer than the board.
     fn count_reset(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
+        let chip = &session.board().chip;
+        let mut wires = self.chain.wires();
+        wires.follow(now.0, self.pins, |pin| chip.output(pin));
+        drop(wires);
         let resets = session.resets();
         let first = resets
             .len()

@@ -50,8 +50,8 @@ macro_rules! scenarios {
     ($($module:ident = $subject:ident { $($room:ident: $($scenario:ident)+;)* })*) => {
         $(mod $module {
             $($(#[test]
-            fn $scenario() {
-                crate::$room::$scenario(crate::$subject);
+            fn $scenario() -> Result<(), virtual_board::Trouble> {
+                crate::$room::$scenario(crate::$subject)
             })+)*
         })*
     };
@@ -67,7 +67,7 @@ scenarios! {
         converter_faults: a_dead_chip_is_named a_packed_chain_is_understood converters_may_be_powered_late a_silent_chain_is_flagged
             a_shifted_bit_is_named;
         failures: a_hang_is_ended_by_the_watchdog a_panic_is_reported_after_the_restart
-            a_hard_fault_is_reported_after_the_restart a_stack_overflow_is_reported_after_the_restart;
+            a_hard_fault_is_reported_after_the_restart a_stack_overflow_is_reported_after_the_restart a_wild_stack_is_reported_after_the_restart;
         priorities: interrupts_have_their_priorities;
         memory: dma_reaches_its_buffers;
         commands: commands_arrive_while_codes_stream;
@@ -80,7 +80,7 @@ scenarios! {
         codes: codes_equal_the_simulators;
         priorities: interrupts_have_their_priorities;
         memory: dma_reaches_its_buffers;
-        commands: commands_arrive_while_codes_stream;
+        commands: commands_arrive_while_codes_stream a_damaged_line_costs_what_it_damages;
     }
     f446 = F446 {
         start_up: starts_up starts_up_without_the_clock;
@@ -91,10 +91,10 @@ scenarios! {
         converter_faults: a_dead_chip_is_named a_packed_chain_is_understood converters_may_be_powered_late a_silent_chain_is_flagged
             a_shifted_bit_is_named;
         failures: a_hang_is_ended_by_the_watchdog a_panic_is_reported_after_the_restart
-            a_hard_fault_is_reported_after_the_restart a_stack_overflow_is_reported_after_the_restart;
+            a_hard_fault_is_reported_after_the_restart a_stack_overflow_is_reported_after_the_restart a_wild_stack_is_reported_after_the_restart;
         priorities: interrupts_have_their_priorities;
         memory: dma_reaches_its_buffers;
-        commands: commands_arrive_while_codes_stream;
+        commands: commands_arrive_while_codes_stream a_damaged_line_costs_what_it_damages;
         bridge: connects;
         watchdog: watchdog_suits_its_oscillator;
     }

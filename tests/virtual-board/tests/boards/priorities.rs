@@ -1,7 +1,7 @@
 //! Interrupt priorities as the NVIC has them.
 
 use firmware::deadlines::priority;
-use virtual_board::{Cable, Model};
+use virtual_board::{Cable, Model, Trouble};
 
 use crate::images::Subject;
 use crate::session::{assert_sound, running};
@@ -53,9 +53,9 @@ fn of_port(subject: Subject) -> &'static [Wanted] {
 
 /// Every interrupt of the application has the priority of `firmware::deadlines`, and nothing that is
 /// enabled is as urgent as the converters unless it is on this list.
-pub(crate) fn interrupts_have_their_priorities(subject: Subject) {
-    let mut board = running(subject);
-    let enabled = board.interrupts().expect("the board is there");
+pub(crate) fn interrupts_have_their_priorities(subject: Subject) -> Result<(), Trouble> {
+    let mut board = running(subject)?;
+    let enabled = board.interrupts()?;
     let spi = of_spi(subject.model);
     let wanted: Vec<_> = COMMON.iter().chain(&spi).chain(of_port(subject)).collect();
     for (name, line, level) in &wanted {
@@ -68,7 +68,8 @@ pub(crate) fn interrupts_have_their_priorities(subject: Subject) {
     // embassy enables the interrupts of all DMA streams; nothing raises those that are not in use.
     let unknown: Vec<_> = urgent.filter(|(line, _)| !is_masked(*line)).collect();
     assert!(unknown.is_empty(), "as urgent as a sample: {unknown:?}");
-    assert_sound(&mut board);
+    assert_sound(&mut board)?;
+    Ok(())
 }
 
 /// Streams of DMA1 and DMA2, and the STM32H743's MDMA and BDMA, which no transfer uses;

@@ -2,6 +2,8 @@
 
 use link::{ResetCause, ResetInto, Streams, ToDevice};
 
+use virtual_board::Trouble;
+
 use crate::images::Subject;
 use crate::session::{acks, assert_sound, greetings, run_codes, running, start, streaming};
 
@@ -10,35 +12,32 @@ use crate::session::{acks, assert_sound, greetings, run_codes, running, start, s
 const LONGEST_US: u64 = 1_000_000;
 
 /// The device answers, restarts, says why, and streams again.
-pub(crate) fn restarts_on_command(subject: Subject) {
-    let mut board = streaming(subject, Streams::CODES);
-    run_codes(&mut board, 4).unwrap_or_else(|trouble| panic!("{trouble}"));
+pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), Trouble> {
+    let mut board = streaming(subject, Streams::CODES)?;
+    run_codes(&mut board, 4)?;
     board.send(&ToDevice::Reset(ResetInto::Firmware));
-    let back = board.run_until("Hello after a Reset", LONGEST_US, |frames| {
+    board.run_until("Hello after a Reset", LONGEST_US, |frames| {
         greetings(frames).len() == 2
-    });
-    back.unwrap_or_else(|trouble| panic!("{trouble}"));
+    })?;
     let (cause, fault) = greetings(board.inbox().frames()).remove(1);
     assert_eq!((cause, fault.as_str()), (ResetCause::Software, ""));
-    board
-        .run_for_us(2_000_000)
-        .unwrap_or_else(|trouble| panic!("{trouble}"));
-    start(&mut board, Streams::CODES);
-    run_codes(&mut board, 4).unwrap_or_else(|trouble| panic!("{trouble}"));
-    assert_sound(&mut board);
+    board.run_for_us(2_000_000)?;
+    start(&mut board, Streams::CODES)?;
+    run_codes(&mut board, 4)?;
+    assert_sound(&mut board)?;
+    Ok(())
 }
 
 /// The device answers, restarts, and runs the chip's own loader, with the clocks that a reset leaves.
-pub(crate) fn restarts_into_the_loader(subject: Subject) {
-    let mut board = running(subject);
+pub(crate) fn restarts_into_the_loader(subject: Subject) -> Result<(), Trouble> {
+    let mut board = running(subject)?;
     let before = acks(board.inbox().frames());
     board.send(&ToDevice::Reset(ResetInto::Bootloader));
-    board
-        .run_for_us(LONGEST_US)
-        .unwrap_or_else(|trouble| panic!("{trouble}"));
+    board.run_for_us(LONGEST_US)?;
     assert_eq!(acks(board.inbox().frames()), before + 1);
     assert!(board.is_in_loader(), "{}", board.diagnosis());
-    let hz = board.core_hz().expect("the board is there");
+    let hz = board.core_hz()?;
     assert_eq!(hz, subject.model.reset_hz());
-    assert_sound(&mut board);
+    assert_sound(&mut board)?;
+    Ok(())
 }

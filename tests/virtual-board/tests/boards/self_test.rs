@@ -1,7 +1,7 @@
 //! The converters' self-test.
 
 use link::ToDevice;
-use virtual_board::{Frame, Kind};
+use virtual_board::{Frame, Kind, Trouble};
 
 use crate::figures::record;
 use crate::images::Subject;
@@ -11,14 +11,13 @@ use crate::session::{assert_sound, converters, running};
 const LONGEST_US: u64 = 6_000_000;
 
 /// All eight chips and 64 channels are in order, and the chain converts again.
-pub(crate) fn self_test_passes(subject: Subject) {
-    let mut board = running(subject);
+pub(crate) fn self_test_passes(subject: Subject) -> Result<(), Trouble> {
+    let mut board = running(subject)?;
     board.send(&ToDevice::SelfTest);
     let is_result = |frame: &Frame| matches!(frame.kind, Kind::SelfTest(_));
-    let done = board.run_until("the result of a self-test", LONGEST_US, |frames| {
+    board.run_until("the result of a self-test", LONGEST_US, |frames| {
         frames.iter().any(is_result)
-    });
-    done.unwrap_or_else(|trouble| panic!("{trouble}"));
+    })?;
     let results = board
         .inbox()
         .frames()
@@ -33,14 +32,13 @@ pub(crate) fn self_test_passes(subject: Subject) {
     assert_eq!((result.chips.len(), result.channels.len()), (8, 64));
     assert_eq!((result.ready_early, result.ready_missed), (0, 0));
     let edges = board.converters().ready_edges();
-    board
-        .run_for_us(100_000)
-        .unwrap_or_else(|trouble| panic!("{trouble}"));
+    board.run_for_us(100_000)?;
     assert!(
         board.converters().ready_edges() > edges + 45,
         "it converts again"
     );
     assert_eq!(converters(board.inbox().frames()), Some(""));
-    assert_sound(&mut board);
+    assert_sound(&mut board)?;
     record(subject, "selftest_ok", true);
+    Ok(())
 }

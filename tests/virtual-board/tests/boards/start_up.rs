@@ -1,19 +1,21 @@
 //! From power on to converters that run.
 
 use link::ResetCause;
-use virtual_board::{Kind, Setup};
+use virtual_board::{Kind, Setup, Trouble};
 
 use crate::figures::record;
 use crate::images::Subject;
-use crate::session::{UP_US, assert_sound, converters, greetings, power_on, running};
+use crate::session::{
+    UP_US, assert_no_findings, assert_sound, converters, greetings, power_on, running,
+};
 
 /// Longest time from power on to `Hello`, us of the device's clock: clocks and the encoder's memory. An
 /// image whose time driver starts half a period ahead says 65,536 more.
 const HELLO_US: u64 = 20_000;
 
 /// Clocks, port and converters come up, within their rules, and the first words are complete.
-pub(crate) fn starts_up(subject: Subject) {
-    let mut board = running(subject);
+pub(crate) fn starts_up(subject: Subject) -> Result<(), Trouble> {
+    let mut board = running(subject)?;
     let frames = board.inbox().frames();
     let hello = &frames[0];
     let Kind::Hello {
@@ -45,10 +47,7 @@ pub(crate) fn starts_up(subject: Subject) {
     for (number, frame) in (0..).zip(frames) {
         assert_eq!(frame.seq, number, "a frame is missing");
     }
-    assert_eq!(
-        board.core_hz().expect("the board is there"),
-        subject.model.core_hz()
-    );
+    assert_eq!(board.core_hz()?, subject.model.core_hz());
     // 100 kHz and 12.8 MHz, 82 kHz and 10.5 MHz (docs/hardware.md): registers are done, bursts run.
     let burst_hz = board.sclk_hz();
     assert!(
@@ -61,28 +60,23 @@ pub(crate) fn starts_up(subject: Subject) {
         assert!(baud.abs_diff(921_600) <= 921_600 / 50, "{baud} baud");
         record(subject, "baud", baud);
     }
-    assert_sound(&mut board);
     record(subject, "booted", true);
     record(subject, "hello_us", board.inbox().frames()[0].device_us);
     record(subject, "violations", board.converters().violations());
-    record(
-        subject,
-        "unmapped",
-        board.findings().expect("the board is there").unmapped.len(),
-    );
+    record(subject, "unmapped", board.findings()?.unmapped.len());
+    assert_sound(&mut board)
 }
 
 /// Without the ST-LINK's clock the board runs from its own oscillator and says so.
-pub(crate) fn starts_up_without_the_clock(subject: Subject) {
+pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), Trouble> {
     let setup = Setup {
         clock_hz: 0,
         ..subject.setup()
     };
-    let mut board = power_on(subject, &setup);
-    let up = board.run_until("converters run", UP_US, |frames| {
-        converters(frames).is_some_and(|fault| fault.is_empty())
-    });
-    up.unwrap_or_else(|trouble| panic!("{trouble}"));
+    let mut board = power_on(subject, &setup)?;
+    board.run_until("converters run", UP_US, |frames| {
+        converters(frames) == Some("")
+    })?;
     let greetings = greetings(board.inbox().frames());
     let (cause, fault) = &greetings[0];
     assert_eq!(*cause, ResetCause::PowerOn);
@@ -90,8 +84,6 @@ pub(crate) fn starts_up_without_the_clock(subject: Subject) {
         fault.contains("8 MHz from the ST-LINK"),
         "it says {fault:?}"
     );
-    assert_eq!(
-        board.core_hz().expect("the board is there"),
-        subject.model.core_hz()
-    );
+    assert_eq!(board.core_hz()?, subject.model.core_hz());
+    assert_no_findings(&mut board)
 }

@@ -3,19 +3,22 @@
 use link::{EventKind, Streams};
 use virtual_board::Kind;
 
+use virtual_board::Trouble;
+
 use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{assert_sound, streaming};
+
+/// Latest start of the device's clock after power on, us.
+const STARTS_US: u64 = 20_000;
 
 /// Edges in a run.
 const EDGES: usize = 200;
 
 /// Each edge becomes an event with the microsecond at which the pin changed, by the device's clock.
-pub(crate) fn trigger_edges_have_their_microsecond(subject: Subject) {
-    let mut board = streaming(subject, Streams::CODES | Streams::EVENTS);
-    board
-        .run_for_us(100_000)
-        .unwrap_or_else(|trouble| panic!("{trouble}"));
+pub(crate) fn trigger_edges_have_their_microsecond(subject: Subject) -> Result<(), Trouble> {
+    let mut board = streaming(subject, Streams::CODES | Streams::EVENTS)?;
+    board.run_for_us(100_000)?;
     let begin = board.now_us();
     // Odd distances, so that edges fall everywhere between samples and half periods of the time driver.
     let edges: Vec<(u64, bool)> = (0..EDGES)
@@ -23,9 +26,7 @@ pub(crate) fn trigger_edges_have_their_microsecond(subject: Subject) {
         .collect();
     board.plan_trigger(&edges);
     let end = edges[EDGES - 1].0 + 200_000;
-    board
-        .run_until_us(end)
-        .unwrap_or_else(|trouble| panic!("{trouble}"));
+    board.run_until_us(end)?;
 
     let events: Vec<_> = board
         .inbox()
@@ -37,8 +38,13 @@ pub(crate) fn trigger_edges_have_their_microsecond(subject: Subject) {
         })
         .collect();
     assert_eq!(events.len(), EDGES);
-    // The device's clock starts some milliseconds after power on: its counter tells how many.
+    // The device's clock starts after its PLLs: power on is this much before. A clock that is half a period
+    // ahead, or an edge with another one's stamp, is far outside.
     let offset = edges[0].0.wrapping_sub(events[0].0);
+    assert!(
+        (1..STARTS_US).contains(&offset),
+        "the clock is {offset} us behind power on"
+    );
     for ((at_us, event), (edge_us, is_high)) in events.iter().zip(&edges) {
         let kind = if *is_high {
             EventKind::TriggerRise
@@ -59,6 +65,7 @@ pub(crate) fn trigger_edges_have_their_microsecond(subject: Subject) {
             "event {number}"
         );
     }
-    assert_sound(&mut board);
+    assert_sound(&mut board)?;
     record(subject, "trigger_edges", EDGES);
+    Ok(())
 }

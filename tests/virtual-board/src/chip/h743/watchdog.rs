@@ -60,9 +60,9 @@ impl Watchdog {
     /// PR and RLR travel to the counter's clock domain, as soon as it has a clock.
     fn cross(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         registers.set(Register::Sr, 0b011);
-        if self.clock_hz > 0 {
-            let arrives = context.now().0 + CROSSING * 1_000_000_000 / self.clock_hz;
-            self.crossing = Some(context.schedule(VirtualNanos(arrives)));
+        if let Some(wait) = (CROSSING * 1_000_000_000).checked_div(self.clock_hz) {
+            let arrives = VirtualNanos(context.now().0 + wait);
+            self.crossing = Some(context.schedule(arrives));
         }
     }
 }

@@ -347,7 +347,8 @@ pub(super) fn text(bytes: &[u8], now: u64, violations: &mut Violations) -> Strin
     checker.expect(length == bytes.len() && length >= 2, "its length", section);
     checker.expect(length.is_multiple_of(2), "its length is odd", section);
     checker.expect(byte(bytes, 1) == kind::STRING, "its type is not 3", section);
-    let units = bytes.get(2..).unwrap_or_default().chunks_exact(2);
+    let (units, _) = bytes.get(2..).unwrap_or_default().as_chunks::<2>();
+    let units = units.iter();
     let units: Vec<u16> = units.map(|unit| word(unit, 0)).collect();
     String::from_utf16_lossy(&units)
 }
