@@ -30,11 +30,30 @@ impl Uart for Usart2 {
         });
     }
 
-    /// A read of SR and then one of DR clears the flags (RM0390, USART_SR). While a byte waits in DR,
-    /// the DMA's read is the second one: the byte is the DMA's.
+    /// Masks the flags until the next byte, which interrupts instead (RXNEIE) and unmasks them.
+    ///
+    /// IDLE, FE and NF are cleared by a read of SR and then one of DR (RM0390, USART_SR). DR is left to
+    /// the DMA: between the two reads a byte may come, and a byte that the CPU reads is missing in the
+    /// ring. So the CPU reads SR, and the DMA reads DR when it moves the next byte. If that did not clear
+    /// the flags, each byte would interrupt and wake the reader: slower, but nothing is lost.
+    ///
+    /// With ORE set a byte is lost already, and with RXNEIE it would interrupt without end: it is cleared
+    /// at once.
     fn acknowledge() {
-        if !pac::USART2.sr().read().rxne() {
-            let _ = pac::USART2.dr().read();
+        let uart = pac::USART2;
+        let status = uart.sr().read();
+        // A byte in DR: the DMA is about to read it, which clears the flags that were read.
+        let is_moved = !status.rxne();
+        if status.ore() && is_moved {
+            let _ = uart.dr().read();
         }
+        let is_flagged = status.idle() || status.fe() || status.ne();
+        let waits_for_byte = is_flagged && is_moved && !status.ore();
+        uart.cr3()
+            .modify(|control| control.set_eie(!waits_for_byte));
+        uart.cr1().modify(|control| {
+            control.set_idleie(!waits_for_byte);
+            control.set_rxneie(waits_for_byte);
+        });
     }
 }

@@ -39,7 +39,8 @@ const BAUD: u32 = 921_600;
 /// Bytes of each direction's buffer: 5.5 ms of the line. The reader may be held up for as long.
 const BUFFER: usize = 512;
 
-/// The line has become idle after bytes, or one was damaged.
+/// Woken when the line becomes idle after bytes and when a byte is damaged; on an STM32F446 also by the
+/// first byte after that.
 static IDLE: AtomicWaker = AtomicWaker::new();
 
 /// Memory of both directions, where the DMA can reach it.
@@ -70,7 +71,8 @@ pub trait Uart {
     /// Enables receiver, DMA requests, and interrupts at an idle line and at damaged bytes.
     fn listen();
 
-    /// Clears the flags of an idle line and of damaged bytes; nothing interrupts it.
+    /// Clears the flags of an idle line and of damaged bytes, or masks them until the next byte; called by
+    /// the interrupt, in a critical section. The reader is woken after it.
     fn acknowledge();
 }
 
@@ -113,7 +115,7 @@ impl Port {
         mem::forget(pin);
         let request = stream.request();
         let channel = Channel::new(stream, interrupts);
-        // SAFETY: the register is this UART's and holds bytes; the ring's memory is its own for ever.
+        // SAFETY: the register is this UART's and holds bytes; the ring's memory is its own for the whole run.
         let mut ring = unsafe {
             ReadableRingBuffer::new(
                 channel,
