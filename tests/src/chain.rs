@@ -15,6 +15,13 @@ use crate::workspace;
 /// ROS-Neuro's MD5 sum of NeuroFrame.
 pub const NEURO_FRAME_MD5: &str = "797997e5036eb017437ce855856d3bad";
 
+/// From one code to the next by the device's stamps, microseconds.
+const HOP_US: u64 = 62_500;
+
+/// Flags that no code of a sound run has, by their place: adc_status_bad, overrun, filler
+/// (docs/wire-format.md).
+const BAD_FLAGS: u64 = 1 << 0 | 1 << 5 | 1 << 15;
+
 /// What ends a program that behaves.
 const FAREWELL: Duration = Duration::from_secs(20);
 
@@ -218,6 +225,39 @@ impl<'a> Chain<'a> {
         });
         std::thread::sleep(Duration::from_secs(1));
     }
+}
+
+/// Every code of the stream, each a hop after the one before, from a network that has an input; stamps may
+/// be `off_us` off.
+///
+/// # Panics
+/// When one is missing, wrong or repeated.
+pub fn assert_whole(messages: &[Message], off_us: u64) {
+    let begin = messages[0].status.device_us();
+    for (index, message) in (0..).zip(messages) {
+        assert_eq!(message.md5, NEURO_FRAME_MD5);
+        assert_eq!((message.sr, message.eeg.nchannels), (16, 128));
+        assert_eq!(u64::from(message.seq), index + 1);
+        assert_eq!(message.status.window(), index, "a gap");
+        assert_eq!(message.status.lost, 0);
+        assert_eq!(message.status.flags & BAD_FLAGS, 0, "code {index}");
+        let off = (message.status.device_us() - begin).abs_diff(index * HOP_US);
+        assert!(off <= off_us, "code {index} is {off} us off");
+    }
+    for pair in messages.windows(2) {
+        assert_ne!(pair[0].values, pair[1].values, "two codes are the same");
+        assert!(pair[1].stamp > pair[0].stamp, "stamps go back: {pair:?}");
+    }
+}
+
+/// Codes per second, by the stamps of the first and the last; not a number for fewer than two.
+#[expect(clippy::cast_precision_loss, reason = "microseconds of minutes")]
+pub fn rate(messages: &[Message]) -> f64 {
+    let time = |message: &Message| message.status.device_us() as f64 * 1e-6;
+    let [first, .., last] = messages else {
+        return f64::NAN;
+    };
+    (messages.len() - 1) as f64 / (time(last) - time(first))
 }
 
 /// Messages that a subscriber has printed.

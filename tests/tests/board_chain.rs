@@ -3,14 +3,11 @@
 
 use std::time::{Duration, Instant};
 
-use acceptance::chain::{Chain, Message, NEURO_FRAME_MD5};
+use acceptance::chain::{Chain, NEURO_FRAME_MD5, assert_whole, rate};
 use acceptance::{ros, virtual_board};
-use link::Flags;
 
 /// Codes to see: 16 s of the board's time.
 const CODES: usize = 256;
-/// From one code to the next by the device's stamps, microseconds.
-const HOP_US: u64 = 62_500;
 /// Real time for them: a busy machine runs a board at a fraction of real time.
 const LONGEST: Duration = Duration::from_mins(4);
 
@@ -46,7 +43,8 @@ fn streams_to_rospy(word: &'static str, test: &str) {
         messages.len(),
         board.log()
     );
-    assert_whole(&messages);
+    // The device's clock counts whole microseconds of its own quartz.
+    assert_whole(&messages, 1);
     println!(
         "{test}: {} codes in {:.1} s of the wall, none lost, {:.3} Hz by device stamps",
         messages.len(),
@@ -55,35 +53,4 @@ fn streams_to_rospy(word: &'static str, test: &str) {
     );
     let bag = chain.end();
     assert!(bag.contains(NEURO_FRAME_MD5), "{bag}");
-}
-
-/// Every code of the stream, each a hop after the one before, with nothing wrong in it.
-fn assert_whole(messages: &[Message]) {
-    let begin = messages[0].status.device_us();
-    let bad = [Flags::FILLER, Flags::OVERRUN, Flags::ADC_STATUS_BAD];
-    for (index, message) in (0..).zip(messages) {
-        assert_eq!(message.md5, NEURO_FRAME_MD5);
-        assert_eq!((message.sr, message.eeg.nchannels), (16, 128));
-        assert_eq!(u64::from(message.seq), index + 1);
-        assert_eq!(message.status.window(), index, "a gap");
-        assert_eq!(message.status.lost, 0);
-        let flags = message.status.flags;
-        assert!(
-            bad.iter().all(|bad| flags & u64::from(bad.bits()) == 0),
-            "{flags:#b}"
-        );
-        // The device's clock counts its own quartz; a converter's sample is 1,953.125 us.
-        let off = (message.status.device_us() - begin).abs_diff(index * HOP_US);
-        assert!(off <= 1, "code {index} is {off} us off");
-    }
-}
-
-/// Codes per second, by the stamps of the first and the last.
-#[expect(clippy::cast_precision_loss, reason = "microseconds of minutes")]
-fn rate(messages: &[Message]) -> f64 {
-    let time = |message: &Message| message.status.device_us() as f64 * 1e-6;
-    let [first, .., last] = messages else {
-        return f64::NAN;
-    };
-    (messages.len() - 1) as f64 / (time(last) - time(first))
 }

@@ -3,17 +3,14 @@
 
 use std::time::{Duration, Instant};
 
-use acceptance::chain::{Chain, Message, NEURO_FRAME_MD5};
+use acceptance::chain::{Chain, NEURO_FRAME_MD5, assert_whole, rate};
 use acceptance::{emulator, ros};
 use host_sim::synthetic::{Generator, SyntheticSpec};
-use link::Flags;
 
 /// Seconds of codes; `CORTICODE_QEMU_SECONDS` asks for more.
 const SECONDS: u32 = 12;
 /// Codes in a second.
 const RATE: u32 = 16;
-/// From one code to the next by the device's stamps, microseconds.
-const HOP_US: u64 = 62_500;
 
 #[test]
 fn an_emulated_microcontroller_streams_to_rospy_code_by_code() {
@@ -41,7 +38,7 @@ fn an_emulated_microcontroller_streams_to_rospy_code_by_code() {
     assert!(board.is_running(), "{}", board.log());
     let messages = chain.heard();
     assert!(messages.len() >= codes, "{} of {codes}", messages.len());
-    assert_whole(&messages);
+    assert_whole(&messages, 0);
     println!(
         "{test}: {} codes in {:.1} s of the wall, none lost, {:.3} Hz by device stamps",
         messages.len(),
@@ -51,37 +48,4 @@ fn an_emulated_microcontroller_streams_to_rospy_code_by_code() {
 
     let bag = chain.end();
     assert!(bag.contains(NEURO_FRAME_MD5), "{bag}");
-}
-
-/// Every code of the stream, each a hop behind the one before, from a network that hears something.
-fn assert_whole(messages: &[Message]) {
-    let begin = messages[0].status.device_us();
-    let bad = [Flags::FILLER, Flags::OVERRUN, Flags::ADC_STATUS_BAD];
-    for (index, message) in (0..).zip(messages) {
-        assert_eq!(message.md5, NEURO_FRAME_MD5);
-        assert_eq!((message.sr, message.eeg.nchannels), (16, 128));
-        assert_eq!(u64::from(message.seq), index + 1);
-        assert_eq!(message.status.window(), index, "a gap");
-        assert_eq!(message.status.lost, 0);
-        let flags = message.status.flags;
-        assert!(
-            bad.iter().all(|bad| flags & u64::from(bad.bits()) == 0),
-            "{flags:#b}"
-        );
-        assert_eq!(message.status.device_us() - begin, index * HOP_US);
-    }
-    for pair in messages.windows(2) {
-        assert_ne!(pair[0].values, pair[1].values, "two codes are the same");
-        assert!(pair[1].stamp > pair[0].stamp, "stamps go back: {pair:?}");
-    }
-}
-
-/// Codes per second, by the stamps of the first and the last.
-#[expect(clippy::cast_precision_loss, reason = "microseconds of minutes")]
-fn rate(messages: &[Message]) -> f64 {
-    let time = |message: &Message| message.status.device_us() as f64 * 1e-6;
-    let [first, .., last] = messages else {
-        return f64::NAN;
-    };
-    (messages.len() - 1) as f64 / (time(last) - time(first))
 }

@@ -116,7 +116,7 @@ pub(crate) fn codes_equal_the_simulators(subject: Subject) -> Result<(), Trouble
     Ok(())
 }
 
-/// What host-sim makes of so many samples from one on.
+/// Codes that host-sim makes of `samples` samples from number `first` on.
 fn simulated(first: u64, samples: u64) -> Vec<Code> {
     let outbox = Outbox::new(WhenFull::Wait);
     let identity = Identity {

@@ -27,7 +27,7 @@ fn frames_bad(board: &VirtualBoard) -> Vec<u32> {
     newest.expect("a status each second")
 }
 
-/// Breaks the chip while codes stream, and returns which chips the host is told of.
+/// Breaks the chip while codes stream, and returns the chips that the device reports.
 fn broken(board: &mut VirtualBoard, fault: Fault) -> Result<Vec<usize>, Trouble> {
     start(board, Streams::CODES)?;
     run_codes(board, 8)?;

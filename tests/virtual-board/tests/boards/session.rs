@@ -49,7 +49,7 @@ pub(crate) fn acks(frames: &[Frame]) -> usize {
     frames.iter().filter(is_ack).count()
 }
 
-/// Runs until so many codes have come.
+/// Runs until `codes` more codes have come.
 pub(crate) fn run_codes(board: &mut VirtualBoard, codes: usize) -> Result<(), Trouble> {
     let before = board.inbox().codes().count();
     let limit_us = codes as u64 * 62_500 + 300_000;
