@@ -16,8 +16,9 @@ pub const CODE: Duration = Duration::from_micros(HOP as u64 * 1_000_000 / STEP_R
 
 /// Interrupt priorities, smaller is more urgent, in the 16 levels of an STM32 (4 bits).
 ///
-/// Rate-monotonic: the shorter the period, the more urgent. Only the port's interrupts lie between
-/// the tasks, so that a host cannot delay a sample.
+/// Rate-monotonic (the shorter the period, the more urgent), except for the time driver, which comes first
+/// because everything that reads the time relies on its count. Of the interrupts only the port's have a
+/// priority between those of the tasks, so that a host cannot delay a sample.
 pub mod priority {
     /// Time driver: counts half periods of 32.768 ms and wakes what waits for an alarm. Above everything
     /// that reads the time, so that no reader can hold up a count; some 100 instructions.
