@@ -10,8 +10,8 @@ use crate::{Bus, Chain, Error, ReadBack, Register, Settings};
 
 /// How far a chain has been brought up.
 ///
-/// A step clocks at most ten bytes, 1.2 ms at 82 kHz, so that a device that samples every 1.9 ms is not
-/// late by it; the waits, which are most of a bring-up, are the caller's.
+/// A step clocks at most [`STEP_BYTES`], 1.1 ms at 82 kHz with the times to decode them, so that a device
+/// that samples every 1.9 ms is not late by it; the waits, which are most of a bring-up, are the caller's.
 #[derive(Clone, Debug)]
 pub(crate) struct BringUp<const CHIPS: usize> {
     next: Step,
@@ -33,6 +33,28 @@ const READ: [Range<usize>; 3] = [0..8, 8..16, 16..Register::COUNT];
 
 /// Parts of a chip's registers.
 const PARTS: usize = 3;
+
+/// Bytes that a step clocks at most.
+const STEP_BYTES: usize = 11;
+
+/// Bytes of RREG and WREG before the values: opcode and number.
+const OPCODE_BYTES: usize = 2;
+
+/// RDATAC, which follows the last part that is read in the same step.
+const RDATAC_BYTES: usize = 1;
+
+const _: () = {
+    let mut part = 0;
+    while part < PARTS {
+        let written = WRITTEN[part].end - WRITTEN[part].start;
+        let read = READ[part].end - READ[part].start;
+        assert!(OPCODE_BYTES + written <= STEP_BYTES);
+        assert!(OPCODE_BYTES + read + RDATAC_BYTES <= STEP_BYTES);
+        part += 1;
+    }
+    // CONFIG3 is read and written in one step.
+    assert!(2 * (OPCODE_BYTES + 1) <= STEP_BYTES);
+};
 
 /// The order is the data sheet's (11.1, figure 67).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -30,7 +30,7 @@ pub(crate) const POWER_ON: u32 = 1 << 18;
 /// The same by the slowest clock, us: 175 ms.
 pub(crate) const POWER_ON_US: u32 = Clock::SLOWEST.microseconds(POWER_ON);
 
-/// From the supplies to the reset where nobody measures VCAP1, us. The data sheet has no time for its
+/// From the supplies to the reset where VCAP1 is not measured, us. The data sheet has no time for its
 /// capacitor, and 1 s in the flow of an initial start (11.1, figure 67; from memory).
 pub(crate) const COLD_US: u32 = 1_000_000;
 

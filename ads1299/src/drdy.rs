@@ -5,7 +5,7 @@
 pub struct DrdyEdge {
     /// When it came, us.
     pub us: u64,
-    /// Edges before it that nobody waited for in time.
+    /// Earlier edges that were missed: none of them was waited for in time.
     pub missed: u32,
 }
 

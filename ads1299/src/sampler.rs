@@ -106,11 +106,9 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         steps: &mut BringUp<CHIPS>,
         progress: &mut impl FnMut(),
     ) -> Result<(), Error> {
-        while let Some(wait_us) = self.step(steps).await? {
-            progress();
-            self.chain.rest(wait_us, progress).await;
-        }
-        Ok(())
+        self.runs = false;
+        self.chain.finish(&self.settings, steps, progress).await?;
+        self.run_checked(steps).await
     }
 
     /// Takes the next step of a bring-up; nothing runs until the last one, which starts the chain.
@@ -118,9 +116,14 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     pub(crate) async fn step(&mut self, steps: &mut BringUp<CHIPS>) -> Result<Option<u32>, Error> {
         self.runs = false;
         let wait_us = self.chain.step(&self.settings, steps).await?;
-        if wait_us.is_some() {
-            return Ok(wait_us);
+        if wait_us.is_none() {
+            self.run_checked(steps).await?;
         }
+        Ok(wait_us)
+    }
+
+    /// Checks the registers of a chain that has been set up, and starts it unless every chip is unfit.
+    async fn run_checked(&mut self, steps: &BringUp<CHIPS>) -> Result<(), Error> {
         self.unfit = 0;
         for (chip, back) in steps.backs.iter().enumerate() {
             let fits = back.check(number(chip), &self.settings.image(chip));
@@ -131,7 +134,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             self.runs = true;
         }
         self.watch = RateWatch::new(self.settings.clock, self.settings.rate);
-        check(&steps.backs, &self.settings).map(|()| None)
+        check(&steps.backs, &self.settings)
     }
 
     /// Whether the chips convert.

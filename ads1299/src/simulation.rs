@@ -168,7 +168,7 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().power_off();
     }
 
-    /// Switches them on again; the time until a reset is allowed begins anew.
+    /// Switches them on again; the time until a reset is allowed starts again from zero.
     pub fn power_on(&self) {
         self.board().power_on();
     }

@@ -16,8 +16,9 @@ pub const CODE: Duration = Duration::from_micros(HOP as u64 * 1_000_000 / STEP_R
 
 /// Interrupt priorities, smaller is more urgent, in the 16 levels of an STM32 (4 bits).
 ///
-/// Rate-monotonic: the shorter the period, the more urgent. Only the port's interrupts lie between
-/// the tasks, so that a host cannot delay a sample.
+/// Rate-monotonic (the shorter the period, the more urgent), except for the time driver, which comes first
+/// because everything that reads the time relies on its count. Of the interrupts only the port's have a
+/// priority between those of the tasks, so that a host cannot delay a sample.
 pub mod priority {
     /// Time driver: counts half periods of 32.768 ms and wakes what waits for an alarm. Above everything
     /// that reads the time, so that no reader can hold up a count; some 100 instructions.
@@ -52,9 +53,9 @@ pub const EVENTS_WAITING: usize = 16;
 /// 30 us of [`SAMPLE`] at 168 MHz, reckoned.
 pub const TRIGGER_EDGES: usize = EVENTS_WAITING;
 
-/// How long no converter may deliver a sample until all are reset and set up again: nothing is lost by
-/// an attempt then, and an analogue board that gets its supply late is found soon enough for somebody who
-/// waits for it.
+/// From the last sample of any converter, or the end of the last attempt, until all converters are reset
+/// and set up again. An attempt loses nothing then, and an analogue board whose supply comes late is in use
+/// within seconds.
 pub const CONVERTERS_RETRY: Duration = Duration::from_secs(5);
 
 /// From an order to start anew until the device does: time for the answer to go out.
@@ -79,7 +80,7 @@ const LSI_FASTEST_HZ: u64 = 47_000;
 
 const _: () = {
     assert!(SAMPLE.as_micros() < STEP.as_micros());
-    // A task that moves just after it was looked at is seen to move at the next look but one.
+    // A task that makes progress just after a check is seen to have done so at the next check but one.
     assert!(2 * PROGRESS.as_micros() * LSI_FASTEST_HZ < WATCHDOG.as_micros() * LSI_HZ);
     assert!(
         priority::TIME < priority::DRDY

@@ -28,7 +28,8 @@ impl Stack {
         self.start - self.end
     }
 
-    /// Whether words from an address on are aligned and wholly in it: what a handler may read of them.
+    /// Returns whether `words` words that start at `address` are aligned and all within the stack, so that
+    /// a fault handler may read them.
     pub const fn contains_words(self, address: usize, words: usize) -> bool {
         address.is_multiple_of(size_of::<u32>())
             && address >= self.end

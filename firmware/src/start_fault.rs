@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_that_is_wrong_is_told_the_gravest_first() {
+    fn all_that_is_wrong_is_reported_the_gravest_first() {
         let failed = FaultRecord::failed("panicked");
         let previous = Some(&failed);
         assert_eq!(start_fault(true, "", None), "");

@@ -144,7 +144,7 @@ fn a_chain_without_its_first_chip_is_tried_again_and_costs_nobody_anything() {
 }
 
 #[test]
-fn supplies_that_go_take_the_registers_along_and_begin_the_wait_for_a_reset_anew() {
+fn a_loss_of_supply_clears_the_registers_and_restarts_the_wait_for_a_reset() {
     let simulation = Simulation::<2>::new(Options::default(), Electrodes::silent());
     let mut chain = simulation.chain();
     let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();

@@ -45,7 +45,7 @@ impl ClockSource {
     }
 }
 
-/// Whether something becomes ready within so many pauses.
+/// Returns whether `is_ready` becomes true within `pauses` pauses.
 fn comes(pauses: u32, mut is_ready: impl FnMut() -> bool, mut pause: impl FnMut()) -> bool {
     for _ in 0..pauses {
         if is_ready() {

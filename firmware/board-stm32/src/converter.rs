@@ -75,7 +75,7 @@ pub(crate) struct Adc {
     chain: RetryingSampler<Bus, Output<'static>, Delay, CHIPS, FRAME_BYTES>,
     drdy: ExtiInput<'static, Blocking>,
     test: &'static mut SelfTest<CHIPS>,
-    /// What the log has of the chain.
+    /// The error that was logged last; none after a success.
     logged: Option<Error>,
 }
 

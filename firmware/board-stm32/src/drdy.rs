@@ -33,8 +33,8 @@ static WAKER: AtomicWaker = AtomicWaker::new();
 /// DRDY has fallen; called by its interrupt, the most urgent one after the time driver.
 ///
 /// # Timing
-/// The stamp is late by the time from the edge to here: the entry of an interrupt, and a critical
-/// section that may be open.
+/// The stamp is late by the time from the edge to here: the entry of an interrupt, a critical section
+/// that may be open, and the time driver's interrupt, some 100 instructions.
 pub(crate) fn edge() {
     let us = Instant::now().as_micros();
     interrupts::acknowledge(LINES);

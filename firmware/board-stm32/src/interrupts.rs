@@ -56,7 +56,7 @@ pub(crate) fn begin() {
 pub(crate) fn acknowledge(lines: u32) {
     EXTI.pr(0).write_value(Lines(lines));
     // The write is posted: a handler that returns before it has arrived is entered again, and would
-    // count an edge that nobody made. A read from the same peripheral waits for it.
+    // count an edge that did not happen. A read from the same peripheral waits for it.
     let _ = EXTI.pr(0).read();
 }
 

@@ -22,7 +22,7 @@ pub(crate) trait Ring {
     /// Takes the oldest bytes; 0 if there are none.
     fn take(&mut self, bytes: &mut [u8]) -> Result<usize, Overrun>;
 
-    /// Wakes whoever waits for bytes.
+    /// Registers the waker of the reader, which is woken after new bytes.
     fn wake_with(&mut self, waker: &Waker);
 }
 

@@ -76,7 +76,7 @@ impl Port {
             config,
             CONFIGURATION.take(),
             STORE.take(),
-            // No descriptors of Microsoft's: Windows knows the class.
+            // No Microsoft OS descriptors: Windows has a driver for the class.
             &mut [],
             CONTROL.take(),
         );

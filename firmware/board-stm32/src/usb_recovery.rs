@@ -8,11 +8,11 @@ use embassy_usb::Handler;
 const OTG: Otg = USB_OTG_FS;
 const IN_ENDPOINTS: usize = 3;
 
-/// How often a flag of the core is read before it is given up. It answers within some cycles of the PHY's
+/// How often a flag of the core is polled at most. The core answers within some cycles of the PHY's
 /// 48 MHz, a few reads.
 const READS: usize = 1_000;
 
-/// How often a reset of the bus is looked for. The driver handles one at once unless it waits for the rest
+/// Period at which the flag of a bus reset is polled. The driver handles one at once unless it waits for the rest
 /// of a control transfer.
 const LOOK: Duration = Duration::from_millis(5);
 
@@ -53,7 +53,7 @@ fn wait_for(flag: impl Fn() -> bool) {
 /// Waits until the driver overlooks a reset of the bus.
 ///
 /// In the middle of a control transfer it waits for the host, which is gone; the next host's reset stays
-/// pending then. Whoever waits for this starts the device anew.
+/// pending then. The caller restarts the device.
 pub(crate) async fn reset_overlooked() {
     let mut was_pending = false;
     loop {
