@@ -6,7 +6,7 @@ use virtual_board::{Cable, Kind, Trouble};
 
 use crate::figures::record;
 use crate::images::Subject;
-use crate::session::{acks, assert_sound, run_codes, stats, streaming};
+use crate::session::{acks, assert_sound, run_codes, running, stats, streaming};
 
 /// Commands, back to back: the line is busy for some 50 ms.
 const COMMANDS: u32 = 300;
@@ -85,4 +85,21 @@ pub(crate) fn a_damaged_line_costs_what_it_damages(subject: Subject) -> Result<(
     assert_sound(&mut board)?;
     record(subject, "commands_damaged", counted.input_bad);
     Ok(())
+}
+
+/// Longest time for an answer on an idle line, us: the command's bytes, the answer's, and what a host looks at
+/// every half millisecond. The conversation's own tick of 20 ms would be far later.
+const ANSWER_US: u64 = 4_000;
+
+/// A command wakes the conversation by itself, each time, while nothing streams.
+pub(crate) fn an_idle_board_answers_at_once(subject: Subject) -> Result<(), Trouble> {
+    let mut board = running(subject)?;
+    for _ in 0..20 {
+        let before = acks(board.inbox().frames());
+        board.send(&ToDevice::Ping);
+        board.run_until("an answer", ANSWER_US, |frames| acks(frames) > before)?;
+        // No multiple of any period of the firmware.
+        board.run_for_us(3_777)?;
+    }
+    assert_sound(&mut board)
 }

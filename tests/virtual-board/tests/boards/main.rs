@@ -77,7 +77,7 @@ macro_rules! default_image {
             start_up: starts_up_without_the_clock;
             self_test: self_test_passes;
             trigger: trigger_edges_have_their_microsecond;
-            commands: commands_arrive_while_codes_stream;
+            commands: commands_arrive_while_codes_stream an_idle_board_answers_at_once;
             reset: restarts_on_command restarts_into_the_loader;
             converter_faults: a_dead_chip_is_named a_packed_chain_is_understood
                 converters_may_be_powered_late a_silent_chain_is_flagged a_shifted_bit_is_named;
