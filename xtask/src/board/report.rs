@@ -103,11 +103,7 @@ pub(super) fn print(
 
 /// A board's figures; those of its other image have its word before them.
 fn row(board: &str, lines: &[Line]) -> BTreeMap<String, Value> {
-    let mut row: BTreeMap<String, Value> = ALWAYS
-        .map(|key| (key.to_owned(), Value::from(false)))
-        .into();
-    row.insert("codes".to_owned(), 0.into());
-    row.insert("equal_to_host".to_owned(), 0.into());
+    let mut row: BTreeMap<String, Value> = ALWAYS.map(|key| (key.to_owned(), Value::Null)).into();
     for line in lines {
         if line.board == board {
             row.insert(line.key.clone(), line.value.clone());
