@@ -4,6 +4,7 @@
 pub mod any_artifact;
 pub mod chain;
 pub mod emulator;
+pub mod modules;
 pub mod npz;
 pub mod numpy_reference;
 pub mod process;

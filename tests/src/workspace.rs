@@ -108,8 +108,90 @@ pub fn arrows() -> Result<BTreeMap<String, Arrows>, WorkspaceError> {
     Ok(all)
 }
 
+/// One member of a workspace, with the roots that cargo compiles.
+#[derive(Debug, Clone)]
+pub struct Package {
+    /// Name in its manifest.
+    pub name: String,
+    /// Folder of its manifest.
+    pub folder: PathBuf,
+    /// Library, programs, tests, examples and build script.
+    pub targets: Vec<Target>,
+}
+
+/// One crate that cargo compiles from a package.
+#[derive(Debug, Clone)]
+pub struct Target {
+    /// Cargo's word: "lib", "bin", "test", "example", "custom-build".
+    pub kind: String,
+    /// Its root file.
+    pub root: PathBuf,
+}
+
+impl Package {
+    /// Every `.rs` file below the package's folder; a folder with a manifest of its own is another package.
+    ///
+    /// # Errors
+    /// A folder cannot be read.
+    pub fn sources(&self) -> std::io::Result<Vec<PathBuf>> {
+        let mut sources = Vec::new();
+        let mut folders = vec![self.folder.clone()];
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(&folder)? {
+                let path = entry?.path();
+                let own = path.file_name().is_none_or(|name| name != "target")
+                    && !path.join("Cargo.toml").exists();
+                if path.is_dir() && own {
+                    folders.push(path);
+                } else if path.extension().is_some_and(|extension| extension == "rs") {
+                    sources.push(path);
+                }
+            }
+        }
+        Ok(sources)
+    }
+}
+
+/// The members of the workspace with this manifest, given below the root folder.
+///
+/// # Errors
+/// Cargo is missing, fails, or answers in another format.
+pub fn members(manifest: &str) -> Result<Vec<Package>, WorkspaceError> {
+    let member = |package: &Value| {
+        let manifest = Path::new(text(package, "manifest_path")?);
+        let folder = manifest
+            .parent()
+            .ok_or(WorkspaceError::Field("manifest_path"))?;
+        let targets = package["targets"]
+            .as_array()
+            .ok_or(WorkspaceError::Field("targets"))?;
+        let targets = targets.iter().map(|target| {
+            Ok::<_, WorkspaceError>(Target {
+                kind: target["kind"][0].as_str().unwrap_or_default().to_owned(),
+                root: text(target, "src_path")?.into(),
+            })
+        });
+        Ok(Package {
+            name: text(package, "name")?.to_owned(),
+            folder: folder.to_path_buf(),
+            targets: targets.collect::<Result<_, _>>()?,
+        })
+    };
+    packages_of(manifest)?.iter().map(member).collect()
+}
+
 fn packages() -> Result<Vec<Value>, WorkspaceError> {
-    let answer = cargo(&["metadata", "--no-deps", "--format-version", "1"])?;
+    packages_of("Cargo.toml")
+}
+
+fn packages_of(manifest: &str) -> Result<Vec<Value>, WorkspaceError> {
+    let answer = cargo(&[
+        "metadata",
+        "--no-deps",
+        "--format-version=1",
+        "--manifest-path",
+        manifest,
+    ])?;
     let mut metadata: Value = serde_json::from_str(&answer)?;
     match metadata["packages"].take() {
         Value::Array(packages) => Ok(packages),
