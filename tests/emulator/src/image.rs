@@ -116,7 +116,7 @@ fn executable(messages: &str, bin: &str) -> Option<PathBuf> {
     messages
         .filter(|message| message.target.as_ref().is_some_and(|t| t.name == bin))
         .filter_map(|message| message.executable)
-        .last()
+        .next_back()
 }
 
 #[cfg(test)]
