@@ -5,10 +5,12 @@ use std::path::PathBuf;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use emulator::{EmulatorError, Image, MACHINES, Machine, Qemu, Uart, skip};
+use emulator::{EmulatorError, Image, MACHINES, Machine, Qemu, Uart, figures, skip};
 use model::ADC_RATE_HZ;
 use pipeline::Sample;
+use serde::Serialize;
 
+use crate::frames::Boot;
 use crate::input;
 
 /// Package and program of the application's image.
@@ -80,6 +82,28 @@ impl Run {
         let number = words.and_then(|words| words.trim().parse().ok());
         number.unwrap_or_else(|| panic!("the image printed no `{name}`: {:?}", self.lines))
     }
+
+    /// Overruns that the image printed at its end or reported in `Stats`, whichever are more.
+    pub fn overruns(&self, boot: &Boot) -> u64 {
+        let reported = u64::from(boot.last_stats().overruns);
+        self.printed("overruns").max(reported)
+    }
+
+    /// Checks that the board has acquired every sample, and that every frame has arrived intact.
+    ///
+    /// # Panics
+    /// When a sample was not acquired in time, or a frame was dropped, is missing or is damaged.
+    pub fn assert_complete(&self, boot: &Boot, samples: usize) {
+        assert_eq!(self.printed("samples"), samples as u64, "samples");
+        assert_eq!(self.overruns(boot), 0, "overruns");
+        let dropped = boot.last_stats().frames_dropped;
+        assert_eq!(
+            (dropped, boot.missing, boot.damaged),
+            (0, 0, 0),
+            "frames dropped, missing, damaged; the first damage: {:?}",
+            boot.first_damage
+        );
+    }
 }
 
 /// A folder with the files of a run, and the board that runs in it.
@@ -94,6 +118,14 @@ pub struct Scenario {
 }
 
 impl Board {
+    /// Records figures of this machine.
+    ///
+    /// # Panics
+    /// When they cannot be written.
+    pub fn record(&self, figures: &impl Serialize) {
+        figures::record(Some(self.machine.name), figures);
+    }
+
     /// Prepares the folder of a scenario, in which the image reads these samples.
     ///
     /// # Panics

@@ -3,17 +3,15 @@
 
 use std::collections::HashMap;
 
-use emulated::board::{APPLICATION, Run, boards};
+use emulated::board::{APPLICATION, boards};
 use emulated::frames::{self, Boot};
 use emulated::input::Input;
 use emulated::stages::{self, Stages};
-use emulated::trigger::{self, Counts, Triggers};
+use emulated::trigger::{self, Triggers};
 use emulated::{compare, host};
-use emulator::figures;
 use link::{Stats, Streams, ToHost};
 use model::{ADC_RATE_HZ, CELLS, CHANNELS, STEPS};
 use pipeline::{Encoder, Sample, Step};
-use serde::Serialize;
 use serde_json::json;
 
 const TEST: &str = "all streams of the emulated application";
@@ -24,26 +22,6 @@ const SAMPLES: usize = 15_872;
 
 /// Samples that a board may have acquired beyond its report: those that wait for the encoder.
 const MAX_AHEAD: u64 = 16;
-
-/// Figures of one machine.
-#[derive(Debug, Serialize)]
-struct Figures {
-    /// Whether all outputs are host-sim's, and the raw samples those of the input.
-    equal: bool,
-    codes: usize,
-    raw_frames: usize,
-    filtered_frames: usize,
-    reports: usize,
-    audits: usize,
-    raw_samples: usize,
-    overruns: u64,
-    frames_dropped: u32,
-    bytes: usize,
-    /// Bytes per second of virtual time.
-    bytes_per_second: usize,
-    triggers: Counts,
-    stages: Stages,
-}
 
 #[test]
 fn everything_that_is_sent_at_once_is_host_sims() {
@@ -59,63 +37,51 @@ fn everything_that_is_sent_at_once_is_host_sims() {
         let run = scenario.run(&["start-all", "trigger"], "uart");
         let boot = Boot::only(&run.sent);
         let triggers = Triggers::new(&run.sent, edges);
-        let figures = figures(&run, &boot, &triggers, samples, &expected);
-        figures::record(Some(board.machine.name), &json!({"all_streams": figures}));
-        check(&run, samples, &expected);
-        boot.assert_whole();
+        let stages = Stages::from_last(&boot.timing);
+        let outputs = Output::all(&run.sent);
+        let count = |kind| outputs.iter().filter(|output| output.kind == kind).count();
+        let difference = first_difference(&Output::all(&expected), &outputs);
+        let raw = raw_samples(&run.sent);
+        let seconds = samples.len() / usize::from(ADC_RATE_HZ);
+        let figures = json!({
+            "equal": difference.is_none() && raw == samples,
+            "codes": count("code"),
+            "raw_frames": count("raw samples"),
+            "filtered_frames": count("filtered steps"),
+            "reports": count("report"),
+            "audits": count("audit"),
+            "raw_samples": raw.len(),
+            "overruns": run.overruns(&boot),
+            "frames_dropped": boot.last_stats().frames_dropped,
+            "bytes": run.sent.len(),
+            "bytes_per_second": run.sent.len() / seconds.max(1),
+            "triggers": triggers.counts(),
+            "stages": stages,
+        });
+        board.record(&json!({"all_streams": figures}));
+        check(&run.sent, samples, &expected);
+        run.assert_complete(&boot, samples.len());
         triggers.assert_right();
-        figures.stages.assert_within(stages::LIMIT_BUSY);
-    }
-}
-
-fn figures(
-    run: &Run,
-    boot: &Boot,
-    triggers: &Triggers,
-    samples: &[Sample],
-    expected: &[u8],
-) -> Figures {
-    let outputs = Output::all(&run.sent);
-    let raw = raw_samples(&run.sent);
-    let count = |kind| outputs.iter().filter(|output| output.kind == kind).count();
-    let last = boot.last_stats();
-    Figures {
-        equal: first_difference(&Output::all(expected), &outputs).is_none() && raw == samples,
-        codes: count("code"),
-        raw_frames: count("raw samples"),
-        filtered_frames: count("filtered steps"),
-        reports: count("report"),
-        audits: count("audit"),
-        raw_samples: raw.len(),
-        overruns: run.printed("overruns").max(last.overruns.into()),
-        frames_dropped: last.frames_dropped,
-        bytes: run.sent.len(),
-        bytes_per_second: run.sent.len() / (samples.len() / usize::from(ADC_RATE_HZ)).max(1),
-        triggers: triggers.counts(),
-        stages: Stages::from_last(&boot.timing),
+        stages.assert_within(stages::LIMIT_BUSY);
     }
 }
 
 /// Checks what a board and host-sim have in common.
-fn check(run: &Run, samples: &[Sample], expected: &[u8]) {
-    let difference = first_difference(&Output::all(expected), &Output::all(&run.sent));
+fn check(sent: &[u8], samples: &[Sample], expected: &[u8]) {
+    let difference = first_difference(&Output::all(expected), &Output::all(sent));
     assert_eq!(difference, None, "an output is not host-sim's");
-    let audits = audits(&run.sent);
+    let audits = audits(sent);
     assert!(
         !audits.is_empty() && audits.iter().all(|sound| *sound),
         "{audits:?}: false for each audit whose code is not that of its planes"
     );
-    let raw = raw_samples(&run.sent);
-    let count = samples.len();
+    let raw = raw_samples(sent);
+    let counts = (raw.len(), samples.len());
     assert!(
         raw == samples,
-        "{} raw samples are not the {count} that went in",
-        raw.len()
+        "raw samples are not the input's: {counts:?}"
     );
-    assert_eq!(run.printed("samples"), count as u64, "samples");
-    assert_eq!(run.printed("overruns"), 0, "overruns");
-    let [expected, found] = [expected, &run.sent].map(|sent| Boot::only(sent).stats);
-    assert_eq!(found.last().map_or(0, |last| last.overruns), 0, "overruns");
+    let [expected, found] = [expected, sent].map(|sent| Boot::only(sent).stats);
     let difference = first_different_count(&expected, &found);
     assert_eq!(difference, None, "Stats are not host-sim's");
 }
@@ -257,64 +223,57 @@ fn first_different_count(expected: &[Stats], found: &[Stats]) -> Option<String> 
 
 mod checks {
     use emulated::refusal;
-    use link::MAX_FRAME;
+    use link::{Header, MAX_FRAME};
 
     use super::*;
 
-    fn changed_frame(seq: u32, at_us: u64, message: &ToHost<'_>) -> Vec<u8> {
+    fn frame(header: Header, message: &ToHost<'_>) -> Vec<u8> {
         let mut buffer = [0; MAX_FRAME];
-        let frame = link::Encoder::starting_at(seq).encode(at_us, message, &mut buffer);
+        let frame = link::encode(&header, message, &mut buffer);
         frame.expect("a frame").to_vec()
     }
 
-    /// What host-sim sends, with the message of some frames replaced.
-    fn changed(sent: &[u8], mut change: impl FnMut(ToHost<'_>) -> Option<Vec<u8>>) -> Vec<u8> {
+    /// What was sent, with some frames replaced.
+    fn changed(
+        sent: &[u8],
+        mut change: impl FnMut(Header, ToHost<'_>) -> Option<Vec<u8>>,
+    ) -> Vec<u8> {
         let mut changed = Vec::new();
         frames::for_each(sent, |header, message| {
-            let frame = change(message.clone());
-            changed.extend(
-                frame.unwrap_or_else(|| changed_frame(header.seq, header.device_time_us, message)),
-            );
+            let replaced = change(header, message.clone());
+            changed.extend(replaced.unwrap_or_else(|| frame(header, message)));
         });
         changed
     }
 
-    /// Why a board is refused that sends what host-sim does, with some frames replaced.
-    fn refusal(change: impl FnMut(ToHost<'_>) -> Option<Vec<u8>>) -> String {
-        let samples = Input::new(40).samples;
-        let expected = host::sent(Streams::ALL, &samples);
-        let run = Run {
-            sent: changed(&expected, change),
-            lines: vec![
-                format!("samples {}", samples.len()),
-                "overruns 0".to_owned(),
-            ],
-            wall: std::time::Duration::ZERO,
-        };
-        refusal::message(|| check(&run, &samples, &expected))
-    }
-
     #[test]
     fn a_raw_count_and_a_counter_that_differ_are_refused() {
-        assert_eq!(refusal(|_| None), "");
-        let wrong = refusal(|message| match message {
+        let samples = Input::new(40).samples;
+        let expected = host::sent(Streams::ALL, &samples);
+        check(&expected, &samples, &expected);
+        let wrong = changed(&expected, |header, message| match message {
             ToHost::Raw(mut raw) if raw.first_sample == 64 => {
                 let mut counts = raw.counts.to_vec();
                 counts[100] ^= 1;
                 raw.counts = &counts;
-                Some(changed_frame(9, 140_625, &ToHost::Raw(raw)))
+                Some(frame(header, &ToHost::Raw(raw)))
             }
             _ => None,
         });
-        assert!(wrong.contains("raw samples, has other content"), "{wrong}");
-        let wrong = refusal(|message| match message {
+        assert!(raw_samples(&wrong) != samples);
+        refusal::assert_refused("raw samples, has other content", || {
+            check(&wrong, &samples, &expected);
+        });
+        let wrong = changed(&expected, |header, message| match message {
             ToHost::Stats(mut stats) => {
                 stats.codes_made += 1;
-                Some(changed_frame(9, 0, &ToHost::Stats(stats)))
+                Some(frame(header, &ToHost::Stats(stats)))
             }
             _ => None,
         });
-        assert!(wrong.contains("Stats are not host-sim's"), "{wrong}");
+        refusal::assert_refused("Stats are not host-sim's", || {
+            check(&wrong, &samples, &expected);
+        });
     }
 
     #[test]
@@ -322,12 +281,12 @@ mod checks {
         let samples = Input::new(40).samples;
         let sent = host::sent(Streams::ALL, &samples);
         assert_eq!(audits(&sent), [true]);
-        let wrong = changed(&sent, |message| match message {
+        let wrong = changed(&sent, |header, message| match message {
             ToHost::Audit(mut audit) => {
                 let mut planes = audit.planes.to_vec();
                 planes[7 * CELLS + 40] ^= 0x40;
                 audit.planes = &planes;
-                Some(changed_frame(9, 0, &ToHost::Audit(audit)))
+                Some(frame(header, &ToHost::Audit(audit)))
             }
             _ => None,
         });
@@ -339,7 +298,7 @@ mod checks {
         let samples = Input::new(40).samples;
         let sent = host::sent(Streams::ALL, &samples);
         assert!(raw_samples(&sent) == samples);
-        let gap = changed(&sent, |message| match message {
+        let gap = changed(&sent, |_, message| match message {
             ToHost::Raw(raw) if raw.first_sample == 64 => Some(Vec::new()),
             _ => None,
         });

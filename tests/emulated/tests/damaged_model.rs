@@ -7,7 +7,7 @@ use emulated::board::{APPLICATION, Scenario, boards, or_panic};
 use emulated::frames::Boot;
 use emulated::input::Input;
 use emulated::{host, script};
-use emulator::{EmulatorError, Image, figures, pipes};
+use emulator::{EmulatorError, Image, pipes};
 use link::{AckResult, Start, Streams, ToDevice, VERSION};
 use object::{Object, ObjectSection};
 use serde_json::json;
@@ -32,7 +32,7 @@ fn a_board_with_one_wrong_bit_in_its_model_reports_it_and_does_not_start() {
         let damaged = run(&scenario.with_image(Image::at(path)));
         let codes = [&intact, &damaged].map(|boot| boot.timed_codes.len());
         let figures = json!({"said": faults(&damaged), "codes": codes});
-        figures::record(Some(board.machine.name), &json!({"damaged_model": figures}));
+        board.record(&json!({"damaged_model": figures}));
         check(&intact, &damaged);
     }
 }
@@ -108,17 +108,18 @@ fn a_damaged_board_that_starts_or_reports_nothing_is_refused() {
         boot.hellos[0].fault = fault.to_owned();
         boot
     };
+    let refuses = |words, intact: &Boot, damaged: &Boot| {
+        emulated::refusal::assert_refused(words, || check(intact, damaged));
+    };
     let intact = boot(AckResult::Done, "");
-    let mut refusing = boot(AckResult::NotSupported, FAULT);
-    let refusal =
-        |intact: &Boot, damaged: &Boot| emulated::refusal::message(|| check(intact, damaged));
-    assert!(refusal(&intact, &refusing).contains("codes of a damaged board\n  left: 40"));
-    refusing.timed_codes.clear();
-    assert_eq!(refusal(&intact, &refusing), "");
-    assert!(refusal(&refusing, &refusing).contains("of an intact board"));
-    assert!(refusal(&intact, &intact).contains("to Start\n  left: [Done]"));
-    refusing.hellos[0].fault.clear();
-    assert_eq!(refusal(&intact, &refusing), "reported: \"\"");
+    let mut damaged = boot(AckResult::NotSupported, FAULT);
+    refuses("codes of a damaged board\n  left: 40", &intact, &damaged);
+    damaged.timed_codes.clear();
+    check(&intact, &damaged);
+    refuses("of an intact board", &damaged, &damaged);
+    refuses("to Start\n  left: [Done]", &intact, &intact);
+    damaged.hellos[0].fault.clear();
+    refuses("reported: \"\"", &intact, &damaged);
 }
 
 #[test]

@@ -1,12 +1,11 @@
-//! A host that starts, refuses to leave well alone, and resets a board: each run starts at window 0, and commands
-//! that the board cannot execute change nothing.
+//! A host that changes the streams, resets the board and starts it again: each run starts at window 0, and a
+//! refused command changes nothing.
 #![forbid(unsafe_code)]
 
 use emulated::board::{APPLICATION, boards};
 use emulated::frames::{self, Boot};
 use emulated::input::Input;
 use emulated::script::{self, Script};
-use emulator::figures;
 use link::{Ack, AckResult, ResetCause, ResetInto, Start, Streams, ToDevice, ToHost};
 use serde_json::json;
 
@@ -26,40 +25,30 @@ const HOST_US: u64 = 1 << 50;
 /// Commands of the first boot and of the second: device time in microseconds, command, answer.
 const COMMANDS: [&[(u64, ToDevice, AckResult)]; 2] = [
     &[
-        (200_000, start(Streams::CODES), AckResult::Done),
+        (200_000, START_CODES, AckResult::Done),
         (600_000, ToDevice::SelfTest, AckResult::NotSupported),
-        (
-            610_000,
-            ToDevice::Reset(ResetInto::Bootloader),
-            AckResult::NotSupported,
-        ),
-        (
-            620_000,
-            ToDevice::Reset(ResetInto::Newer(7)),
-            AckResult::BadArgument,
-        ),
-        (
-            630_000,
-            ToDevice::SyncTime {
-                host_time_us: HOST_US,
-            },
-            AckResult::Done,
-        ),
-        (800_000, start(CODES_AND_STEPS), AckResult::Done),
-        (
-            1_300_000,
-            ToDevice::Reset(ResetInto::Firmware),
-            AckResult::Done,
-        ),
+        (610_000, RESET_TO_LOADER, AckResult::NotSupported),
+        (620_000, RESET_UNKNOWN, AckResult::BadArgument),
+        (630_000, SYNC_TIME, AckResult::Done),
+        (800_000, START_CODES_AND_STEPS, AckResult::Done),
+        (1_300_000, RESET, AckResult::Done),
     ],
     &[
-        (200_000, start(Streams::CODES), AckResult::Done),
+        (200_000, START_CODES, AckResult::Done),
         (900_000, ToDevice::Stop, AckResult::Done),
     ],
 ];
 
-const CODES_AND_STEPS: Streams =
-    Streams::from_bits(Streams::CODES.bits() | Streams::FILTERED.bits());
+const START_CODES: ToDevice = start(Streams::CODES);
+const START_CODES_AND_STEPS: ToDevice = start(Streams::from_bits(
+    Streams::CODES.bits() | Streams::FILTERED.bits(),
+));
+const RESET: ToDevice = ToDevice::Reset(ResetInto::Firmware);
+const RESET_TO_LOADER: ToDevice = ToDevice::Reset(ResetInto::Bootloader);
+const RESET_UNKNOWN: ToDevice = ToDevice::Reset(ResetInto::Newer(7));
+const SYNC_TIME: ToDevice = ToDevice::SyncTime {
+    host_time_us: HOST_US,
+};
 
 const fn start(streams: Streams) -> ToDevice {
     ToDevice::Start(Start {
@@ -78,10 +67,7 @@ fn each_run_starts_at_window_0_and_refused_commands_change_nothing() {
         let sent = scenario.run(&["commands"], "uart").sent;
         let codes: Vec<usize> = runs(&sent).iter().map(|run| run.windows.len()).collect();
         let answers: usize = Boot::split(&sent).iter().map(|boot| boot.acks.len()).sum();
-        figures::record(
-            Some(board.machine.name),
-            &json!({"restart": {"codes": codes, "answers": answers}}),
-        );
+        board.record(&json!({"restart": {"codes": codes, "answers": answers}}));
         check(&sent, &script.answers);
     }
 }
@@ -261,8 +247,8 @@ mod checks {
         (at_us, ToHost::Code(code))
     }
 
-    /// Why a board is refused that sends the frames of a correct one, after `change`.
-    fn refusal(change: impl FnOnce(&mut [Frames; 2])) -> String {
+    /// Checks a board that sends the frames of a correct one, after `change`.
+    fn check_changed(change: impl FnOnce(&mut [Frames; 2])) {
         let mut boots = boots();
         change(&mut boots);
         let mut sent = Vec::new();
@@ -274,30 +260,27 @@ mod checks {
                 sent.extend(frame.expect("a frame"));
             }
         }
-        refusal::message(|| check(&sent, &script().answers))
+        check(&sent, &script().answers);
+    }
+
+    fn assert_refused(words: &str, change: impl FnOnce(&mut [Frames; 2])) {
+        refusal::assert_refused(words, || check_changed(change));
     }
 
     #[test]
     fn a_board_that_does_not_reset_or_continues_the_run_before_is_refused() {
-        assert_eq!(refusal(|_| ()), "");
-        let once = refusal(|boots| boots[1].clear());
-        assert_eq!(once, "1 boots, 2 expected");
-        let cause = refusal(|boots| boots[1][0] = boots[0][0].clone());
-        assert!(cause.contains("causes and faults in Hello"), "{cause}");
-        let continued = refusal(|boots| boots[0][12] = code(930_000, 2));
-        assert!(
-            continued.contains("three runs that start at 0"),
-            "{continued}"
-        );
-        let refused = refusal(|boots| {
-            if let ToHost::Ack(ack) = &mut boots[0][5].1 {
-                ack.result = AckResult::Done;
-            }
+        check_changed(|_| ());
+        assert_refused("1 boots, 2 expected", |boots| boots[1].clear());
+        assert_refused("causes and faults in Hello", |boots| {
+            boots[1][0] = boots[0][0].clone();
         });
-        assert!(refused.contains("answers"), "{refused}");
-        let late = refusal(|boots| boots[0][15].0 += DRAIN_US);
-        assert!(late.contains("150000 us after the answer"), "{late}");
-        let abrupt = refusal(|boots| drop(boots[0].pop()));
-        assert!(abrupt.contains("is 0 us after the answer"), "{abrupt}");
+        assert_refused("three runs that start at 0", |boots| {
+            boots[0][12] = code(930_000, 2);
+        });
+        assert_refused("answers", |boots| boots[0][5] = boots[0][4].clone());
+        assert_refused("150000 us after the answer", |boots| {
+            boots[0][15].0 += DRAIN_US;
+        });
+        assert_refused("is 0 us after the answer", |boots| drop(boots[0].pop()));
     }
 }

@@ -2,7 +2,7 @@
 //! is answered.
 #![forbid(unsafe_code)]
 
-use emulated::board::{APPLICATION, Run, boards};
+use emulated::board::{APPLICATION, boards};
 use emulated::compare::{count_differences, first_difference};
 use emulated::frames::{self, Boot};
 use emulated::host;
@@ -10,10 +10,8 @@ use emulated::input::Input;
 use emulated::script::{self, Script};
 use emulated::stages::{self, Stages};
 use emulated::storm::{self, PERIOD_US};
-use emulator::figures;
-use link::{ClockReading, Streams, ToHost};
+use link::{AckResult, ClockReading, Streams, ToHost};
 use model::ADC_RATE_HZ;
-use serde::Serialize;
 use serde_json::json;
 
 const TEST: &str = "a storm of commands";
@@ -23,22 +21,6 @@ const SECONDS: usize = 60;
 
 /// Longest time in microseconds from a command to its reading by the board, which acquires samples first.
 const READ_WITHIN_US: u64 = 5_000;
-
-/// Figures of one machine.
-#[derive(Debug, Serialize)]
-struct Figures {
-    seconds: usize,
-    /// Commands that must be answered, repetitions included.
-    commands: usize,
-    /// Frames that must not be answered.
-    unusable: u32,
-    different_answers: usize,
-    codes: usize,
-    different_codes: usize,
-    overruns: u64,
-    repeatable: bool,
-    stages: Stages,
-}
 
 #[test]
 fn a_storm_of_commands_is_answered_and_costs_the_stream_nothing() {
@@ -51,59 +33,43 @@ fn a_storm_of_commands_is_answered_and_costs_the_stream_nothing() {
         scenario.write(script::FILE, &script.file);
         let runs = scenario.run_twice(&["start", "commands"]);
         let boot = Boot::only(&runs[0].sent);
-        let last = boot.last_stats();
-        let figures = Figures {
-            seconds: samples.len() / usize::from(ADC_RATE_HZ),
-            commands: script.answers.len(),
-            unusable: script.decodable_and_unusable().1,
-            different_answers: count_differences(&script.answers, &boot.acks),
-            codes: boot.timed_codes.len(),
-            different_codes: count_differences(&expected.codes(), &boot.codes()),
-            overruns: runs[0].printed("overruns").max(last.overruns.into()),
-            repeatable: contents(&runs[0].sent) == contents(&runs[1].sent),
-            stages: Stages::from_last(&boot.timing),
-        };
-        figures::record(Some(board.machine.name), &json!({"storm": figures}));
+        let (_, unusable) = script.decodable_and_unusable();
+        let repeatable = contents(&runs[0].sent) == contents(&runs[1].sent);
+        let stages = Stages::from_last(&boot.timing);
+        let figures = json!({
+            "seconds": samples.len() / usize::from(ADC_RATE_HZ),
+            "commands": script.answers.len(),
+            "unusable": unusable,
+            "different_answers": count_differences(&script.answers, &boot.acks),
+            "codes": boot.timed_codes.len(),
+            "different_codes": count_differences(&expected.codes(), &boot.codes()),
+            "overruns": runs[0].overruns(&boot),
+            "repeatable": repeatable,
+            "stages": stages,
+        });
+        board.record(&json!({"storm": figures}));
         check(&boot, &script, &expected);
-        check_counters(&runs[0], &boot, &script, samples.len());
-        assert!(figures.repeatable, "a second run has sent other frames");
-        figures.stages.assert_within(stages::LIMIT_BUSY);
+        runs[0].assert_complete(&boot, samples.len());
+        let last = boot.last_stats();
+        assert_eq!(
+            (last.commands, last.input_bad),
+            script.decodable_and_unusable(),
+            "commands, and frames that are unusable"
+        );
+        assert!(repeatable, "a second run has sent other frames");
+        stages.assert_within(stages::LIMIT_BUSY);
     }
 }
 
 /// Checks answers, codes and reports.
 fn check(boot: &Boot, script: &Script, expected: &Boot) {
     let difference = first_difference(&script.answers, &boot.acks);
-    assert_eq!(difference, None, "the first answer that is not expected");
-    let late = boot.clock_readings.iter();
-    let late: Vec<_> = late
-        .filter(|(at_us, reading)| !is_prompt(*at_us, reading))
-        .collect();
-    assert!(
-        late.is_empty(),
-        "late clock readings, with their device times: {late:?}"
-    );
-    boot.assert_codes(&expected.codes());
-    assert_eq!(
-        count_differences(&expected.quality, &boot.quality),
-        0,
-        "reports on electrodes that are not host-sim's"
-    );
+    assert_eq!(difference, None, "the first unexpected answer");
+    for (at_us, reading) in &boot.clock_readings {
+        assert!(is_prompt(*at_us, reading), "at {at_us} us: {reading:?}");
+    }
+    boot.assert_equal_outputs(expected);
     assert_eq!(boot.jitter_us(), 0, "jitter of the codes' times");
-    boot.assert_whole();
-}
-
-/// Checks what the board has counted.
-fn check_counters(run: &Run, boot: &Boot, script: &Script, samples: usize) {
-    let last = boot.last_stats();
-    assert_eq!(run.printed("samples"), samples as u64, "samples");
-    assert_eq!(run.printed("overruns"), 0, "overruns");
-    assert_eq!(last.overruns, 0, "overruns in Stats");
-    assert_eq!(
-        (last.commands, last.input_bad),
-        script.decodable_and_unusable(),
-        "commands, and frames that are unusable"
-    );
 }
 
 /// Whether the clock was read soon after the host has asked, and sent afterwards. The host's clock is the board's
@@ -130,31 +96,28 @@ fn contents(sent: &[u8]) -> Vec<Vec<u8>> {
     all
 }
 
-/// Why a board is refused that answers as expected and sends host-sim's codes, after `change`.
-fn refusal(change: impl Fn(&mut Boot)) -> String {
+/// Checks a board that answers as expected and sends host-sim's codes, after `change`.
+fn check_changed(change: impl Fn(&mut Boot)) {
     let samples = Input::new(60).samples;
     let script = storm::script(samples.len());
     let expected = Boot::only(&host::sent(Streams::CODES, &samples));
     let mut boot = expected.clone();
     boot.acks.clone_from(&script.answers);
     change(&mut boot);
-    emulated::refusal::message(|| check(&boot, &script, &expected))
+    check(&boot, &script, &expected);
+}
+
+fn assert_refused(words: &str, change: impl Fn(&mut Boot)) {
+    emulated::refusal::assert_refused(words, || check_changed(change));
 }
 
 #[test]
 fn an_answer_too_few_too_many_or_of_another_kind_is_refused() {
-    assert_eq!(refusal(|_| ()), "");
-    let few = refusal(|boot| boot.acks.truncate(200));
-    assert!(few.contains("200 of "), "{few}");
-    let twice = refusal(|boot| boot.acks.insert(9, boot.acks[9]));
-    assert!(twice.contains("10: Ack"), "{twice}");
-    let wrong = refusal(|boot| boot.acks[40].result = link::AckResult::Failed);
-    assert!(
-        wrong.contains("40: Ack") && wrong.contains("Failed"),
-        "{wrong}"
-    );
-    let code = refusal(|boot| boot.timed_codes[5].1.window += 1);
-    assert!(code.starts_with("the codes are not host-sim's"), "{code}");
+    check_changed(|_| ());
+    assert_refused("200 of ", |boot| boot.acks.truncate(200));
+    assert_refused("10: Ack", |boot| boot.acks.insert(9, boot.acks[9]));
+    assert_refused("40: Ack", |boot| boot.acks[40].result = AckResult::Failed);
+    assert_refused("not host-sim's", |boot| boot.timed_codes[5].1.window += 1);
 }
 
 #[test]
@@ -168,6 +131,7 @@ fn a_clock_that_is_read_late_is_refused() {
     assert!(!is_prompt(50_100, &reading(50_200)));
     assert!(!is_prompt(58_000, &reading(57_000)));
     assert!(!is_prompt(58_000, &reading(49_000)));
-    let late = refusal(|boot| boot.clock_readings.push((58_000, reading(57_000))));
-    assert!(late.contains("clock readings"), "{late}");
+    assert_refused("at 58000 us: ClockReading", |boot| {
+        boot.clock_readings.push((58_000, reading(57_000)));
+    });
 }
