@@ -127,7 +127,7 @@ impl Running {
             return;
         };
         let place = &mut slot.taken;
-        place.begun = self.begun.take();
+        place.new_run = self.begun.take();
         place.sample = *sample;
         place.index = index;
         place.step = step.map(|step| (step_index, *step));

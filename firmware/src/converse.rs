@@ -6,7 +6,7 @@ use core::{
     sync::atomic::Ordering::Relaxed,
 };
 
-use device::{Order, Session, What};
+use device::{Order, Payload, Session};
 use embassy_futures::join::join5;
 use embassy_sync::{blocking_mutex::raw::NoopRawMutex, signal::Signal};
 use embassy_time::{Instant, Timer, with_timeout};
@@ -141,14 +141,14 @@ impl Conversation<'_, '_> {
     fn put(&self, handed: &Handed) {
         let (session, frames) = &mut *self.state.borrow_mut();
         self.skip_lost(frames);
-        if matches!(handed.made.what, What::Quality(_)) && session.is_streaming() {
+        if handed.made.ends_second() && session.is_streaming() {
             let at_us = handed.made.at_us;
             session.send_stats(at_us, self.shared.counts(), frames);
             let timing = self.shared.timing.report(self.machine.stack);
-            session.timing(&timing, at_us, frames);
+            session.send_timing(&timing, at_us, frames);
         }
         session.send(&handed.made, frames);
-        if let What::Code(..) = handed.made.what {
+        if let Payload::Code(..) = handed.made.payload {
             self.made_ticks.set(Some(handed.ticks));
         }
     }
@@ -168,7 +168,7 @@ impl Conversation<'_, '_> {
             loop {
                 let frame = {
                     let (_, frames) = &mut *self.state.borrow_mut();
-                    frames.queue().take(&mut buffer).map(<[u8]>::len)
+                    frames.queue().pop(&mut buffer).map(<[u8]>::len)
                 };
                 let Some(length) = frame else { break };
                 if output.write_all(&buffer[..length]).await.is_err() {
@@ -189,7 +189,7 @@ impl Conversation<'_, '_> {
             let converters = self.shared.converters.wait().await;
             {
                 let (session, frames) = &mut *self.state.borrow_mut();
-                session.converters(converters, now_us(), frames);
+                session.update_converters(converters, now_us(), frames);
             }
             self.waiting.signal(());
         }
@@ -201,7 +201,7 @@ impl Conversation<'_, '_> {
             let result = self.shared.self_test.wait().await;
             {
                 let (session, frames) = &mut *self.state.borrow_mut();
-                session.self_test(&result, now_us(), frames);
+                session.send_self_test(&result, now_us(), frames);
             }
             self.waiting.signal(());
         }

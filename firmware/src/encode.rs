@@ -2,7 +2,7 @@
 
 use core::sync::atomic::Ordering::Relaxed;
 
-use device::{Made, Producer, What};
+use device::{Output, Payload, Producer};
 use link::Stage;
 
 use crate::{HandedIn, Shared, StampedOut};
@@ -15,23 +15,23 @@ pub async fn encode(
     loop {
         let item = taken.receive().await;
         let begin = shared.timing.now();
-        let mut hand_on = |what: Made| {
-            let is_code = matches!(what.what, What::Code(..));
+        let mut hand_on = |what: Output| {
+            let is_code = matches!(what.payload, Payload::Code(..));
             hand_on(shared, &mut made, what);
             if is_code {
                 shared.timing.end(Stage::Code, item.drdy_ticks);
             }
         };
         // Events first: what is made of the sample says how the input stood. A run must have begun.
-        let begins = item.taken.begun.is_some();
+        let begins = item.taken.new_run.is_some();
         if begins {
             shared.inputs.forget_before(item.taken.drdy_us);
         } else {
-            producer.place(&item.taken, || shared.inputs.next(), &mut hand_on);
+            producer.place_events(&item.taken, || shared.inputs.next(), &mut hand_on);
         }
-        producer.take(&item.taken, &mut hand_on);
+        producer.process(&item.taken, &mut hand_on);
         if begins {
-            producer.place(&item.taken, || shared.inputs.next(), &mut hand_on);
+            producer.place_events(&item.taken, || shared.inputs.next(), &mut hand_on);
         }
         if item.taken.step.is_some() {
             shared.timing.end(Stage::Step, begin);
@@ -41,7 +41,7 @@ pub async fn encode(
     }
 }
 
-fn hand_on(shared: &Shared, made: &mut HandedIn, what: Made) {
+fn hand_on(shared: &Shared, made: &mut HandedIn, what: Output) {
     if let Some(slot) = made.try_send() {
         slot.made = what;
         slot.ticks = shared.timing.now();

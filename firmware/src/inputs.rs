@@ -5,14 +5,14 @@ use core::{
     sync::atomic::{AtomicU32, Ordering::Relaxed},
 };
 
-use device::Captured;
+use device::CapturedEvent;
 use embassy_sync::blocking_mutex;
 use heapless::Deque;
 use link::EventKind;
 
 use crate::{Mutex, deadlines};
 
-type Waiting = Deque<Captured, { deadlines::EVENTS_WAITING }>;
+type Waiting = Deque<CapturedEvent, { deadlines::EVENTS_WAITING }>;
 
 /// What was captured at the inputs and not yet placed between samples.
 pub struct Inputs {
@@ -35,7 +35,7 @@ impl Inputs {
         let number = self.number.fetch_add(1, Relaxed);
         // Full: counted by its number.
         let _ = self.with(|waiting| {
-            waiting.push_back(Captured {
+            waiting.push_back(CapturedEvent {
                 kind,
                 number,
                 at_us,
@@ -48,7 +48,7 @@ impl Inputs {
         self.number.fetch_add(events, Relaxed);
     }
 
-    pub(crate) fn next(&self) -> Option<Captured> {
+    pub(crate) fn next(&self) -> Option<CapturedEvent> {
         self.with(Deque::pop_front).flatten()
     }
 

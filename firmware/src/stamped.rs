@@ -1,12 +1,12 @@
 //! What goes from task to task, with the board's own time.
 
-use device::{Made, Taken};
+use device::{AcquiredSample, Output};
 
 /// From the acquisition to the encoder.
 #[derive(Clone, Debug, Default)]
 pub struct Stamped {
     /// A sample, and its step.
-    pub taken: Taken,
+    pub taken: AcquiredSample,
     /// The sample's DRDY edge on the board's [`Clock`](crate::Clock), ticks.
     pub drdy_ticks: u32,
 }
@@ -15,7 +15,7 @@ pub struct Stamped {
 #[derive(Clone, Debug, Default)]
 pub struct Handed {
     /// Something for the host.
-    pub made: Made,
+    pub made: Output,
     /// When it was handed on, on the board's [`Clock`](crate::Clock), ticks.
     pub ticks: u32,
 }

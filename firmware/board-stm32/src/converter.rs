@@ -143,7 +143,7 @@ impl Converter for &mut Adc {
 
     fn state(&self) -> Option<link::Converters> {
         let sampler = self.chain.sampler();
-        Some(device::converters(
+        Some(device::converters_message(
             self.chain.failure(),
             sampler.millihertz(),
             sampler.last(),
@@ -164,6 +164,6 @@ impl Converter for &mut Adc {
     }
 
     fn tested(&self) -> Option<link::SelfTest> {
-        Some(device::self_test(self.test.report()))
+        Some(device::self_test_message(self.test.report()))
     }
 }
