@@ -5,8 +5,13 @@ use std::sync::Arc;
 use link::{Counters, Decoder, MAX_FRAME, ToHost};
 use neuro_ros::DiagnosticArray;
 
-use crate::session::Session;
-use crate::{Effects, HostTime, Model, Settings, Summary};
+use crate::decoder::model::Model;
+use crate::diagnostics::diagnose;
+use crate::diagnostics::summary::Summary;
+use crate::effects::Effects;
+use crate::session::state::Session;
+use crate::settings::Settings;
+use crate::time::host_time::HostTime;
 
 /// The bridge without the world: bytes and times in, [`Effects`] out. Pure, so that everything
 /// that can go wrong on a link is tested without one.
@@ -79,6 +84,6 @@ impl Core {
 
     /// What goes to `/diagnostics`. Call it once a second: a loss is a warning for one call.
     pub fn diagnostics(&mut self, now: HostTime) -> DiagnosticArray {
-        crate::diagnosis::diagnose(&mut self.session, self.decoder.counters(), now)
+        diagnose(&mut self.session, self.decoder.counters(), now)
     }
 }

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use neuro_ros::{AcquisitionInfo, NeuroEvent, NeuroFrame};
 
-use crate::{AuditedWindow, Device, TimedCode};
+use crate::decoder::audit::AuditedWindow;
+use crate::decoder::reconstruction::TimedCode;
+use crate::device::Device;
 
 /// What the core asks of the world. None of these may wait.
 pub trait Effects {

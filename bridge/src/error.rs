@@ -7,7 +7,7 @@ use neuro_ros::SinkError;
 use neuro_ros::ros1::NodeError;
 use thiserror::Error;
 
-use crate::self_test_report::DeviceLine;
+use crate::query::report::DeviceLine;
 
 /// What ends the bridge other than its work being done. A device or a master that is away does
 /// not: the bridge waits for them.

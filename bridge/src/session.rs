@@ -1,113 +1,26 @@
 //! What the bridge knows about the device, from frame to frame.
 
 mod introduction;
+pub(crate) mod state;
 
-use std::sync::Arc;
+use link::{Ack, Frame, FrameError, Header, MAX_FRAME, Stats, Streams, ToDevice, ToHost};
 
-use link::{
-    Ack, Encoder, Frame, FrameError, Header, MAX_FRAME, Quality, StageTiming, Stats, Streams,
-    Timing, ToDevice, ToHost,
-};
-
-use crate::code_stream::CodeStream;
-use crate::commands::{Acknowledged, Commands};
-use crate::converters::ChainReport;
-use crate::identity::Identity;
-use crate::ledger::{Arrival, Ledger};
-use crate::moment::Moment;
-use crate::round_trip::RoundTrips;
-use crate::side_streams::{SideStreams, Times};
-use crate::{Clock, Device, Effects, HostTime, Model, Settings, StreamKind, timing};
+use crate::diagnostics::converters::ChainReport;
+use crate::diagnostics::timing;
+use crate::effects::Effects;
+use crate::session::state::Session;
+use crate::settings::StreamKind;
+use crate::streams::ledger::Arrival;
+use crate::streams::side::Times;
+use crate::streams::stamps::Moment;
+use crate::time::host_time::HostTime;
+use crate::wire::commands::Acknowledged;
 
 /// Frames behind in a row after which the device is asked anew who it is: it may have been reset
 /// and its `Hello` lost.
 const BEHIND_BEFORE_ASKING: u32 = 8;
 
-/// What the bridge knows about the device, from frame to frame.
-#[derive(Debug)]
-pub(crate) struct Session {
-    settings: Settings,
-    model: Option<Arc<Model>>,
-    encoder: Encoder,
-    pub(crate) commands: Commands,
-    pub(crate) identity: Option<Identity>,
-    /// The device said `Hello` since the port was opened; until then its numbers mean nothing.
-    pub(crate) introduced: bool,
-    pub(crate) codes: Option<CodeStream>,
-    pub(crate) side: SideStreams,
-    /// What was announced first; a device whose codes mean anything else is refused for the rest
-    /// of the session.
-    first: Option<Arc<Device>>,
-    pub(crate) clock: Clock,
-    pub(crate) round_trips: RoundTrips,
-    pub(crate) frames: Ledger,
-    behind_in_a_row: u32,
-    pub(crate) counts: SessionCounts,
-    /// What keeps codes or their reconstruction from being published, in words.
-    pub(crate) objection: Option<String>,
-    pub(crate) stats: Option<Stats>,
-    /// The newest report about the electrodes that `/diagnostics` has not told of.
-    pub(crate) quality: Option<Quality>,
-    /// The newest report about the deadlines that `/diagnostics` has not told of.
-    pub(crate) timing: Option<Timing>,
-    /// The stage that came closest to its deadline in any report, or missed it by most.
-    pub(crate) worst_stage: Option<StageTiming>,
-    /// The newest report about the converters.
-    pub(crate) converters: Option<ChainReport>,
-    warned: Warned,
-}
-
-/// What the log has been told of, once.
-#[derive(Clone, Copy, Debug, Default)]
-struct Warned {
-    newer: bool,
-    version: bool,
-    /// Of streams that this device refuses.
-    refusal: bool,
-}
-
-/// What is counted beside codes and frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct SessionCounts {
-    /// Times that a port was opened.
-    pub(crate) connections: u64,
-    /// Resets of the device that were noticed.
-    pub(crate) resets: u64,
-    /// Codes that came before the device had introduced itself, or from one that was refused.
-    pub(crate) early: u64,
-    /// Lost codes that `/diagnostics` has told of.
-    pub(crate) lost_told: u64,
-    /// Frames that could not be used that `/diagnostics` has told of.
-    pub(crate) damaged_told: u32,
-}
-
 impl Session {
-    pub(crate) fn new(settings: Settings, model: Option<Arc<Model>>) -> Session {
-        Session {
-            settings,
-            model,
-            encoder: Encoder::default(),
-            commands: Commands::new(settings.mains_hz, settings.streams),
-            identity: None,
-            introduced: false,
-            codes: None,
-            side: SideStreams::new(settings),
-            first: None,
-            clock: Clock::default(),
-            round_trips: RoundTrips::default(),
-            frames: Ledger::default(),
-            behind_in_a_row: 0,
-            counts: SessionCounts::default(),
-            objection: None,
-            stats: None,
-            quality: None,
-            timing: None,
-            worst_stage: None,
-            converters: None,
-            warned: Warned::default(),
-        }
-    }
-
     pub(crate) fn connected(&mut self, now: HostTime, effects: &mut dyn Effects) {
         self.introduced = false;
         self.counts.connections += 1;

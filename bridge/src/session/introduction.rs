@@ -5,10 +5,12 @@ use std::sync::Arc;
 use link::{Capabilities, Header, Hello};
 use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
-use super::Session;
-use crate::code_stream::CodeStream;
-use crate::identity::Identity;
-use crate::{AnnouncedStream, Announcement, Device, Effects};
+use crate::device::Device;
+use crate::effects::{Announcement, Effects};
+use crate::session::state::Session;
+use crate::settings::AnnouncedStream;
+use crate::streams::code::CodeStream;
+use crate::wire::identity::Identity;
 
 impl Session {
     pub(super) fn hello(&mut self, hello: &Hello, header: Header) {

@@ -1,0 +1,173 @@
+//! The bridge in the world.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use neuro_ros::ros1::NodeOptions;
+use neuro_ros::{AcquisitionCommand, NdjsonWriter};
+use tokio::sync::mpsc;
+use tokio::time::{Instant, MissedTickBehavior, interval};
+
+use crate::app::command_line::{Options, SinkKind};
+use crate::app::outlets::Outlets;
+use crate::app::ros_node::Ros;
+use crate::app::shutdown::Leave;
+use crate::app::sinks::Sinks;
+use crate::core::Core;
+use crate::decoder::model::Model;
+use crate::diagnostics::summary::Summary;
+use crate::error::BridgeError;
+use crate::time::host_time::HostTime;
+use crate::wire::connection::{Connection, Event};
+
+/// How often the core looks at the time.
+const TICK: Duration = Duration::from_millis(100);
+/// Ticks between reports to `/diagnostics`: 1 s.
+const TICKS_PER_REPORT: u32 = 10;
+/// How long a device may take to stop when the bridge leaves.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// Run the bridge until it is asked to leave: SIGTERM, Ctrl-C, `~quit`, `rosnode kill`, or the
+/// reader of its lines going away. Then the device is stopped, the node unregistered, the port
+/// closed.
+///
+/// # Errors
+///
+/// [`BridgeError`]; a device or a master that is away is none, it is waited for.
+pub(super) async fn stream(
+    options: Options,
+    mut ros_options: NodeOptions,
+) -> Result<Summary, BridgeError> {
+    let mut leave = Leave::new()?;
+    let model = match &options.model {
+        Some(folder) => Model::read(folder),
+        None => Model::embedded(),
+    };
+    let model = Arc::new(model.map_err(BridgeError::Model)?);
+    if let Some(uri) = &options.ros_master_uri {
+        ros_options.master_uri.clone_from(uri);
+    }
+    let settings = options.settings();
+    if !settings.streams.contains(settings.announced.needs()) {
+        return Err(BridgeError::Announced);
+    }
+    let (commands_in, commands) = mpsc::unbounded_channel();
+    let mut outlets;
+    let (mut ros, mut writer) = (None, None);
+    match options.sink {
+        SinkKind::Ros => {
+            let node = Ros::start(ros_options).await?;
+            let sinks = Sinks::ros(&node, &options).await?;
+            let (announcements_in, announcements) = mpsc::unbounded_channel();
+            let model = Arc::clone(&model);
+            outlets = Outlets::new(sinks, settings, model, Some(announcements_in))?;
+            node.serve(announcements, commands_in);
+            leave.watch(Arc::clone(&node.node));
+            ros = Some(node);
+        }
+        SinkKind::Ndjson => {
+            let lines = NdjsonWriter::start(std::io::stdout());
+            let sinks = Sinks::ndjson(&lines, &options);
+            outlets = Outlets::new(sinks, settings, Arc::clone(&model), None)?;
+            writer = Some(lines);
+        }
+    }
+    let mut bridge = Bridge {
+        core: Core::new(settings, Some(model)),
+        connection: Connection::new(options.at.port.clone(), options.at.baud),
+        commands,
+        outlets: &mut outlets,
+    };
+    let outcome = bridge.work(&mut leave).await;
+    let summary = bridge.core.summary();
+    outlets.finish();
+    if let Some(ros) = ros {
+        ros.shutdown().await;
+    }
+    let written = writer.map_or(Ok(()), |writer| writer.finish(FAREWELL));
+    match outcome.and(written.map_err(BridgeError::Sink)) {
+        // Whoever read the lines has had enough.
+        Ok(()) | Err(BridgeError::Sink(neuro_ros::SinkError::Closed)) => Ok(summary),
+        Err(error) => Err(error),
+    }
+}
+
+/// The core, its port and its outlets.
+struct Bridge<'a> {
+    core: Core,
+    connection: Connection,
+    commands: mpsc::UnboundedReceiver<AcquisitionCommand>,
+    outlets: &'a mut Outlets,
+}
+
+impl Bridge<'_> {
+    async fn work(&mut self, leave: &mut Leave) -> Result<(), BridgeError> {
+        let mut buffer = vec![0; 4096];
+        let mut ticks = interval(TICK);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        let mut until_report = TICKS_PER_REPORT;
+        let mut deadline: Option<Instant> = None;
+        let mut failure = None;
+        loop {
+            tokio::select! {
+                event = self.connection.next(&mut buffer, &mut self.outlets.outgoing) => self.connection_event(event?, &buffer),
+                Some(command) = self.commands.recv() => match command {
+                    AcquisitionCommand::Start => self.core.want(true),
+                    AcquisitionCommand::Stop => self.core.want(false),
+                    AcquisitionCommand::Quit => leave.now("~quit was called"),
+                },
+                reason = leave.asked(), if deadline.is_none() => {
+                    tracing::info!("leaving: {reason}");
+                    self.core.want(false);
+                    self.core.tick(HostTime::now(), self.outlets);
+                    deadline = Some(Instant::now() + FAREWELL);
+                }
+                _ = ticks.tick() => {
+                    let now = HostTime::now();
+                    self.core.tick(now, self.outlets);
+                    until_report -= 1;
+                    if until_report == 0 {
+                        until_report = TICKS_PER_REPORT;
+                        let report = self.core.diagnostics(now);
+                        self.outlets.diagnose(report);
+                    }
+                    if self.connection.is_open() && self.core.is_dead(now) {
+                        tracing::warn!("the device is silent; opening the port anew");
+                        self.close();
+                    }
+                }
+            }
+            if let Some(error) = self.outlets.ended.take()
+                && failure.is_none()
+            {
+                leave.now("nothing takes the frames any more");
+                failure = Some(BridgeError::Sink(error));
+            }
+            let gone = !self.connection.is_open() || self.core.is_stopped();
+            if deadline.is_some_and(|deadline| gone || Instant::now() >= deadline) {
+                let report = self.core.diagnostics(HostTime::now());
+                self.outlets.diagnose(report);
+                return failure.map_or(Ok(()), Err);
+            }
+        }
+    }
+
+    fn connection_event(&mut self, event: Event, buffer: &[u8]) {
+        // As close to the read as can be: this is what the clock is fitted to.
+        let now = HostTime::now();
+        match event {
+            Event::Opened => self.core.connected(now, self.outlets),
+            Event::Bytes(count) => self.core.receive(&buffer[..count], now, self.outlets),
+            Event::Closed => {
+                self.core.disconnected();
+                self.outlets.outgoing.clear();
+            }
+        }
+    }
+
+    fn close(&mut self) {
+        self.connection.close();
+        self.core.disconnected();
+        self.outlets.outgoing.clear();
+    }
+}

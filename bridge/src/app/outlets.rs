@@ -1,0 +1,198 @@
+//! Where the core's effects go.
+
+use std::sync::Arc;
+
+use neuro_ros::{
+    AcquisitionInfo, DiagnosticArray, DiagnosticLevel, DiagnosticStatus, FrameSink, KeyValue,
+    NeuroEvent, NeuroFrame, Sink, SinkError,
+};
+use tokio::sync::mpsc::UnboundedSender;
+
+use crate::app::sinks::Sinks;
+use crate::decoder::audit::AuditedWindow;
+use crate::decoder::model::Model;
+use crate::decoder::reconstruction::{Reconstruction, TimedCode};
+use crate::decoder::thread::Decoding;
+use crate::effects::{Announcement, Effects};
+use crate::settings::Settings;
+
+/// Where the core's effects go. Nothing here waits for the network or the device.
+pub(crate) struct Outlets {
+    settings: Settings,
+    model: Arc<Model>,
+    encoded: Box<dyn FrameSink>,
+    raw: Option<Box<dyn FrameSink>>,
+    filtered: Option<Box<dyn FrameSink>>,
+    events: Option<Box<dyn Sink<NeuroEvent>>>,
+    diagnostics: Box<dyn Sink<DiagnosticArray>>,
+    decoding: Decoding,
+    /// To whoever serves `/acquisition/get_info`; none without ROS.
+    announcements: Option<UnboundedSender<AcquisitionInfo>>,
+    /// What was announced last.
+    announced: Option<AcquisitionInfo>,
+    /// Figures of the last report.
+    told: u64,
+    /// Bytes for the device that wait to be written.
+    pub(crate) outgoing: Vec<u8>,
+    /// The sink has ended for good.
+    pub(crate) ended: Option<SinkError>,
+}
+
+impl Outlets {
+    pub(crate) fn new(
+        sinks: Sinks,
+        settings: Settings,
+        model: Arc<Model>,
+        announcements: Option<UnboundedSender<AcquisitionInfo>>,
+    ) -> std::io::Result<Outlets> {
+        Ok(Outlets {
+            settings,
+            model,
+            encoded: sinks.encoded,
+            raw: sinks.raw,
+            filtered: sinks.filtered,
+            events: sinks.events,
+            diagnostics: sinks.diagnostics,
+            decoding: Decoding::start(sinks.reconstructed)?,
+            announcements,
+            announced: None,
+            told: 0,
+            outgoing: Vec::new(),
+            ended: None,
+        })
+    }
+
+    /// Finish what is queued and say what did not reach its receivers.
+    pub(crate) fn finish(self) {
+        let dropped = self.encoded.dropped();
+        let undecoded = self.decoding.finish();
+        if undecoded > 0 {
+            tracing::warn!(
+                undecoded,
+                "windows that became fillers: the decoder was too slow"
+            );
+        }
+        if dropped > 0 {
+            tracing::warn!(dropped, "codes that slow subscribers did not get");
+        }
+    }
+
+    /// Publish the core's report and what the outlets have to add.
+    pub(crate) fn diagnose(&mut self, mut report: DiagnosticArray) {
+        report.status.push(self.status());
+        if let Some(mut audits) = self.decoding.audits() {
+            audits.name.insert_str(0, "corticode: ");
+            report.status.push(audits);
+        }
+        let published = self.diagnostics.publish(&report);
+        self.note(published);
+    }
+
+    /// What did not reach its receivers.
+    fn status(&mut self) -> DiagnosticStatus {
+        let dropped = |sink: &Option<Box<dyn FrameSink>>| sink.as_ref().map(|sink| sink.dropped());
+        let events = self.events.as_ref().map(|sink| sink.dropped());
+        let figures = [
+            ("encoded frames dropped", Some(self.encoded.dropped())),
+            (
+                "reconstructed frames dropped",
+                Some(self.decoding.dropped()),
+            ),
+            ("windows not decoded", Some(self.decoding.undecoded())),
+            ("raw frames dropped", dropped(&self.raw)),
+            ("filtered frames dropped", dropped(&self.filtered)),
+            ("events dropped", events),
+        ];
+        let now = figures.iter().filter_map(|(_, figure)| *figure).sum();
+        let lost = now > std::mem::replace(&mut self.told, now);
+        let (level, message) = if self.decoding.is_dead() {
+            let message = "the decoder has ended; restart the bridge for reconstructed frames";
+            (DiagnosticLevel::Error, message)
+        } else if lost {
+            let message = "frames dropped since the last report: a subscriber or the host is slow";
+            (DiagnosticLevel::Warn, message)
+        } else {
+            (DiagnosticLevel::Ok, "everything was taken")
+        };
+        let figures = figures.into_iter();
+        let values = figures.filter_map(|(name, figure)| Some(KeyValue::new(name, &figure?)));
+        DiagnosticStatus {
+            level,
+            name: "corticode: outlets".to_owned(),
+            message: message.to_owned(),
+            hardware_id: String::new(),
+            values: values.collect(),
+        }
+    }
+
+    fn note(&mut self, published: Result<(), SinkError>) {
+        if let Err(error) = published {
+            self.ended = Some(error);
+        }
+    }
+}
+
+impl Effects for Outlets {
+    fn send(&mut self, frame: &[u8]) {
+        self.outgoing.extend_from_slice(frame);
+    }
+
+    fn announce(&mut self, announcement: &Announcement) {
+        if announcement.decodable {
+            let model = Arc::clone(&self.model);
+            self.decoding.begin(Reconstruction::new(
+                &announcement.device,
+                model,
+                self.settings,
+            ));
+        }
+        let Some(announcements) = &self.announcements else {
+            return;
+        };
+        let Some(info) = &announcement.info else {
+            tracing::error!(
+                "nothing is announced: --announce names a stream that is not published"
+            );
+            return;
+        };
+        if self.announced.as_ref() != Some(info) {
+            self.announced = Some(info.clone());
+            // An error means that the node is leaving: then nobody asks any more.
+            let _ = announcements.send(info.clone());
+        }
+    }
+
+    fn encoded(&mut self, frame: &NeuroFrame) {
+        let published = self.encoded.publish(frame);
+        self.note(published);
+    }
+
+    fn window(&mut self, window: TimedCode) {
+        self.decoding.window(window);
+    }
+
+    fn raw(&mut self, frame: &NeuroFrame) {
+        if let Some(sink) = &mut self.raw {
+            let published = sink.publish(frame);
+            self.note(published);
+        }
+    }
+
+    fn filtered(&mut self, frame: &NeuroFrame) {
+        if let Some(sink) = &mut self.filtered {
+            let published = sink.publish(frame);
+            self.note(published);
+        }
+    }
+
+    fn event(&mut self, event: &NeuroEvent) {
+        if let Some(sink) = &mut self.events {
+            let published = sink.publish(event);
+            self.note(published);
+        }
+    }
+
+    fn audit(&mut self, window: AuditedWindow) {
+        self.decoding.audit(window, Arc::clone(&self.model));
+    }
+}

@@ -1,0 +1,276 @@
+//! The thread that reconstructs.
+
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+use neuro_ros::{DiagnosticStatus, FrameSink};
+
+use crate::decoder::audit::AuditedWindow;
+use crate::decoder::model::Model;
+use crate::decoder::reconstruction::{Reconstruction, TimedCode};
+use crate::diagnostics::audit::AuditCounts;
+
+/// Windows that may wait for the decoder: 16 s at 16 Hz. One takes some milliseconds.
+const QUEUE_WINDOWS: usize = 256;
+
+/// Audits that may wait for the encoder; one comes every 10 s and takes some ten milliseconds.
+const QUEUE_AUDITS: usize = 4;
+
+/// The thread that reconstructs and publishes, and that computes audited codes again, so that
+/// neither delays a byte of the link.
+#[derive(Debug)]
+pub(crate) struct Decoding {
+    work: Sender<Work>,
+    waiting: Arc<AtomicUsize>,
+    dropped: Arc<AtomicU64>,
+    thread: JoinHandle<()>,
+    undecoded: u64,
+    audits: Arc<Audits>,
+    skipped_audits: u64,
+}
+
+/// What the thread has found out.
+#[derive(Debug, Default)]
+struct Audits {
+    waiting: AtomicUsize,
+    counts: Mutex<AuditCounts>,
+}
+
+enum Work {
+    /// Another device.
+    Begin(Box<Reconstruction>),
+    Code(TimedCode),
+    Audit(Box<AuditedWindow>, Arc<Model>),
+}
+
+impl Decoding {
+    pub(crate) fn start(sink: Box<dyn FrameSink>) -> std::io::Result<Decoding> {
+        let (work, receiver) = channel();
+        let waiting = Arc::new(AtomicUsize::new(0));
+        let left = Arc::clone(&waiting);
+        let dropped = Arc::new(AtomicU64::new(0));
+        let told = Arc::clone(&dropped);
+        let audits = Arc::new(Audits::default());
+        let results = Arc::clone(&audits);
+        let thread = std::thread::Builder::new()
+            .name("decoder".to_owned())
+            .spawn(move || decode(sink, &receiver, &left, &told, &results))?;
+        Ok(Decoding {
+            work,
+            waiting,
+            dropped,
+            thread,
+            undecoded: 0,
+            audits,
+            skipped_audits: 0,
+        })
+    }
+
+    /// Windows from here on belong to this device.
+    pub(crate) fn begin(&self, reconstruction: Reconstruction) {
+        // An error means that the thread has gone because its sink ended.
+        let _ = self.work.send(Work::Begin(Box::new(reconstruction)));
+    }
+
+    /// Never waits. When too many wait already, the window's code is taken out and counted: the
+    /// frame becomes a filler, which costs no time, and the number of samples stays right.
+    pub(crate) fn window(&mut self, mut window: TimedCode) {
+        if self.waiting.fetch_add(1, Ordering::Relaxed) >= QUEUE_WINDOWS && window.z.is_some() {
+            window.z = None;
+            self.undecoded += 1;
+        }
+        let _ = self.work.send(Work::Code(window));
+    }
+
+    /// Never waits. When too many wait already, the audit is left out and counted.
+    pub(crate) fn audit(&mut self, window: AuditedWindow, model: Arc<Model>) {
+        if self.audits.waiting.load(Ordering::Relaxed) >= QUEUE_AUDITS {
+            self.skipped_audits += 1;
+            return;
+        }
+        self.audits.waiting.fetch_add(1, Ordering::Relaxed);
+        let _ = self.work.send(Work::Audit(Box::new(window), model));
+    }
+
+    /// What audits have found, for `/diagnostics`.
+    pub(crate) fn audits(&self) -> Option<DiagnosticStatus> {
+        let counts = self.audits.counts.lock();
+        let counts = counts.unwrap_or_else(PoisonError::into_inner);
+        counts.status(self.skipped_audits)
+    }
+
+    /// Windows that were not decoded because too many waited.
+    pub(crate) fn undecoded(&self) -> u64 {
+        self.undecoded
+    }
+
+    /// Frames that slow subscribers did not get.
+    pub(crate) fn dropped(&self) -> u64 {
+        self.dropped.load(Ordering::Relaxed)
+    }
+
+    /// Whether the thread has gone: nothing is reconstructed any more.
+    pub(crate) fn is_dead(&self) -> bool {
+        self.thread.is_finished()
+    }
+
+    /// Finish what is queued; returns how many windows were not decoded.
+    pub(crate) fn finish(self) -> u64 {
+        drop(self.work);
+        if self.thread.join().is_err() {
+            tracing::error!("the decoder failed; reconstructed frames are missing");
+        }
+        self.undecoded
+    }
+}
+
+fn decode(
+    mut sink: Box<dyn FrameSink>,
+    work: &Receiver<Work>,
+    waiting: &AtomicUsize,
+    dropped: &AtomicU64,
+    audits: &Audits,
+) {
+    let mut reconstruction: Option<Box<Reconstruction>> = None;
+    for work in work {
+        let window = match work {
+            Work::Begin(mut new) => {
+                if let Some(before) = &reconstruction {
+                    new.continues(before);
+                }
+                reconstruction = Some(new);
+                continue;
+            }
+            Work::Audit(window, model) => {
+                let result = window.compare(&model);
+                audits.waiting.fetch_sub(1, Ordering::Relaxed);
+                if result.is_wrong() {
+                    tracing::error!(?result, "the device does not compute its model");
+                }
+                let counts = audits.counts.lock();
+                counts.unwrap_or_else(PoisonError::into_inner).add(result);
+                continue;
+            }
+            Work::Code(window) => window,
+        };
+        waiting.fetch_sub(1, Ordering::Relaxed);
+        let Some(frame) = reconstruction
+            .as_mut()
+            .and_then(|known| known.push(&window))
+        else {
+            continue;
+        };
+        if let Err(error) = sink.publish(frame) {
+            tracing::error!(%error, "reconstructed frames end here");
+            return;
+        }
+        dropped.store(sink.dropped(), Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use link::{CODE_LEN, Capabilities, Hello, ResetCause};
+    use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp};
+
+    use super::{Decoding, Ordering, QUEUE_WINDOWS};
+    use crate::decoder::model::Model;
+    use crate::decoder::reconstruction::{Reconstruction, TimedCode};
+    use crate::device::Device;
+    use crate::settings::{AnnouncedStream, FillerPolicy, Settings, StampPoint};
+    use crate::streams::tri::TriWords;
+
+    /// Keeps the numbers of frames.
+    struct Numbers(Arc<Mutex<Vec<u32>>>);
+
+    impl Sink<NeuroFrame> for Numbers {
+        fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
+            self.0.lock().unwrap().push(frame.neuroheader.seq);
+            Ok(())
+        }
+
+        fn dropped(&self) -> u64 {
+            0
+        }
+    }
+
+    fn reconstruction() -> Reconstruction {
+        let model = Arc::new(Model::embedded().unwrap());
+        let labels = model.electrodes().join(" ");
+        let hello = Hello {
+            firmware: "test",
+            board: "board",
+            chip_uid: [7; 12],
+            model_id: model.id(),
+            session_id: 1,
+            reset_cause: ResetCause::PowerOn,
+            fault: "",
+        };
+        let capabilities = Capabilities {
+            adc_rate_hz: 512,
+            step_rate_hz: 128,
+            window_steps: 16,
+            hop_steps: 8,
+            channels: 64,
+            lsb_nv: 22.351_742,
+            mains_hz: 50,
+            group_delay_us: 10_000,
+            labels: &labels,
+            filters: "none",
+            code_format: link::CodeFormat::Int8,
+            code_scale: heapless::Vec::from_array([0.5; CODE_LEN]),
+            code_zero_point: heapless::Vec::from_array([1; CODE_LEN]),
+        };
+        let device = Device::new(&hello, &capabilities).unwrap();
+        let settings = Settings {
+            stamp: StampPoint::First,
+            mains_hz: 0,
+            filler: FillerPolicy::Last,
+            low_latency: false,
+            announced: AnnouncedStream::Encoded,
+            streams: link::Streams::CODES,
+        };
+        Reconstruction::new(&device, model, settings)
+    }
+
+    #[test]
+    fn windows_that_find_no_room_are_counted() {
+        let count = Arc::new(Mutex::new(Vec::new()));
+        let mut decoding = Decoding::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+        // More than the thread takes away meanwhile.
+        decoding.waiting.store(2 * QUEUE_WINDOWS, Ordering::Relaxed);
+        let (stamp, words) = (Stamp::default(), TriWords::default());
+        for _ in 0..3 {
+            let z = Some(Box::new([0.0; 128]));
+            decoding.window(TimedCode { z, stamp, words });
+        }
+        // No device was announced, so there is nothing to publish.
+        assert_eq!(decoding.finish(), 3);
+        assert!(count.lock().unwrap().is_empty());
+    }
+    #[test]
+    fn every_filler_of_a_long_outage_is_published_and_numbers_go_on_with_another_device() {
+        let count = Arc::new(Mutex::new(Vec::new()));
+        let mut decoding = Decoding::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+        for _ in 0..2 {
+            decoding.begin(reconstruction());
+            for window in 0..2500 {
+                decoding.window(TimedCode {
+                    z: None,
+                    stamp: Stamp::default(),
+                    words: TriWords {
+                        window,
+                        ..TriWords::default()
+                    },
+                });
+            }
+        }
+        assert_eq!((decoding.undecoded(), decoding.dropped()), (0, 0));
+        assert_eq!(decoding.finish(), 0);
+        assert_eq!(*count.lock().unwrap(), (1..=5000).collect::<Vec<u32>>());
+    }
+}

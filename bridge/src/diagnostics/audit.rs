@@ -1,0 +1,105 @@
+//! What audits have found, for `/diagnostics`.
+
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
+
+use crate::decoder::audit::AuditResult;
+use crate::diagnostics::status::entry;
+
+/// Audits in a row that could not be judged before it is a warning: a minute's.
+const BLIND: u64 = 6;
+
+/// What audits have found until now.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct AuditCounts {
+    pub(crate) compared: u64,
+    pub(crate) wrong: u64,
+    pub(crate) at_rail: u64,
+    /// Of these, the ones since the last that was judged.
+    unjudged: u64,
+    pub(crate) newest: Option<AuditResult>,
+}
+
+impl AuditCounts {
+    pub(crate) fn add(&mut self, result: AuditResult) {
+        self.compared += 1;
+        self.wrong += u64::from(result.is_wrong());
+        self.at_rail += u64::from(result.at_rail);
+        self.unjudged = if result.at_rail { self.unjudged + 1 } else { 0 };
+        self.newest = Some(result);
+    }
+
+    /// One status, from the first audit on; `skipped` ones found no time.
+    pub(crate) fn status(&self, skipped: u64) -> Option<DiagnosticStatus> {
+        let newest = self.newest?;
+        let AuditResult {
+            window,
+            rms,
+            rms_limit,
+            largest,
+            largest_limit,
+            value,
+            at_rail,
+        } = newest;
+        let state = if newest.is_wrong() {
+            let message = format!(
+                "the device does not compute its model: window {window} differs by {rms:.2} steps \
+                 RMS (limit {rms_limit:.2}), value z{value:03} by {largest:.2} (limit \
+                 {largest_limit:.2}); reset the device, and flash it again if this stays"
+            );
+            (DiagnosticLevel::Error, message)
+        } else if self.unjudged >= BLIND {
+            let message = format!(
+                "the last {} windows stood at the rail and were not judged; see `signal quality` \
+                 for the electrode",
+                self.unjudged
+            );
+            (DiagnosticLevel::Warn, message)
+        } else if at_rail {
+            let message = "the newest window stood at the rail and was not judged";
+            (DiagnosticLevel::Ok, message.to_owned())
+        } else {
+            let message = format!("the device computes its model, {rms:.2} steps RMS from floats");
+            (DiagnosticLevel::Ok, message)
+        };
+        let values = vec![
+            KeyValue::new("windows compared", &self.compared),
+            KeyValue::new("windows wrong", &self.wrong),
+            KeyValue::new("windows at the rail, not judged", &self.at_rail),
+            KeyValue::new("windows skipped", &skipped),
+            KeyValue::new("rms steps", &format!("{rms:.3}")),
+            KeyValue::new("rms limit", &format!("{rms_limit:.3}")),
+            KeyValue::new("largest steps", &format!("{largest:.3}")),
+            KeyValue::new("largest limit", &format!("{largest_limit:.3}")),
+        ];
+        Some(entry("audit", state, values))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_minute_in_which_nothing_could_be_judged_is_a_warning_until_something_is() {
+        let result = |at_rail| AuditResult {
+            window: 0,
+            rms: 0.3,
+            rms_limit: 0.6,
+            largest: 1.0,
+            largest_limit: 1.5,
+            value: 0,
+            at_rail,
+        };
+        let mut counts = AuditCounts::default();
+        let mut level = |at_rail| {
+            counts.add(result(at_rail));
+            counts.status(0).map(|status| status.level)
+        };
+        for _ in 1..BLIND {
+            assert_eq!(level(true), Some(DiagnosticLevel::Ok));
+        }
+        assert_eq!(level(true), Some(DiagnosticLevel::Warn));
+        assert_eq!(level(false), Some(DiagnosticLevel::Ok));
+        assert_eq!(level(true), Some(DiagnosticLevel::Ok));
+    }
+}

@@ -1,0 +1,18 @@
+//! One status of `/diagnostics`.
+
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
+
+pub(crate) fn entry(
+    name: &str,
+    (level, message): (DiagnosticLevel, String),
+    values: Vec<KeyValue>,
+) -> DiagnosticStatus {
+    let hardware_id = String::new();
+    DiagnosticStatus {
+        level,
+        name: name.to_owned(),
+        message,
+        hardware_id,
+        values,
+    }
+}

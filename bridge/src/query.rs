@@ -1,0 +1,99 @@
+//! One question to the device at a port.
+
+pub(crate) mod protocol;
+pub(crate) mod report;
+mod table;
+
+use std::io;
+use std::time::Duration;
+
+use indicatif::ProgressBar;
+use tokio::time::{sleep, timeout};
+
+use crate::error::BridgeError;
+use crate::query::protocol::{Answer, Inquiry, Outcome, Question};
+use crate::time::host_time::HostTime;
+use crate::wire::address::PortAddress;
+use crate::wire::port::{Exchanged, Port};
+
+/// How often the inquiry looks at the time, and how soon a port is opened again.
+const TICK: Duration = Duration::from_millis(100);
+
+/// Ask the device at a port, with a spinner on a terminal meanwhile.
+///
+/// # Errors
+///
+/// [`BridgeError`]: the port cannot be used, nothing answers, or the device refuses.
+pub(crate) async fn query_port(address: &PortAddress, baud: u32, question: Question) -> Outcome {
+    let spinner = ProgressBar::new_spinner();
+    spinner.enable_steady_tick(TICK);
+    let outcome = ask(address, baud, question, &spinner).await;
+    spinner.finish_and_clear();
+    outcome
+}
+
+async fn ask(
+    address: &PortAddress,
+    baud: u32,
+    question: Question,
+    spinner: &ProgressBar,
+) -> Result<Answer, BridgeError> {
+    let mut inquiry = Inquiry::new(question);
+    let mut port = Some(open(address, baud).await?);
+    inquiry.connected(HostTime::now().monotonic_us);
+    let (mut buffer, mut outgoing) = (vec![0; 4096], Vec::new());
+    loop {
+        spinner.set_message(inquiry.words());
+        let now_us = HostTime::now().monotonic_us;
+        if let Some(outcome) = inquiry.tick(now_us) {
+            return outcome;
+        }
+        let Some(open_port) = &mut port else {
+            sleep(TICK).await;
+            // Away until it has started; the inquiry knows when that takes too long.
+            port = Port::open(address, baud).await.ok();
+            if port.is_some() {
+                outgoing.clear();
+                inquiry.connected(HostTime::now().monotonic_us);
+            }
+            continue;
+        };
+        outgoing.extend(inquiry.outgoing());
+        match timeout(TICK, open_port.exchange(&mut buffer, &outgoing)).await {
+            Err(_) => {}
+            Ok(Ok(Exchanged::Read(count))) => {
+                let now_us = HostTime::now().monotonic_us;
+                if let Some(outcome) = inquiry.receive(&buffer[..count], now_us) {
+                    return outcome;
+                }
+            }
+            Ok(Ok(Exchanged::Written(count))) => drop(outgoing.drain(..count)),
+            Ok(Err(_)) if inquiry.may_lose_port() => port = None,
+            Ok(Err(source)) => {
+                return Err(BridgeError::Unreachable {
+                    port: address.to_string(),
+                    what: "has gone before it answered",
+                    remedy: "check cable and power, and whether another program took it".to_owned(),
+                    source,
+                });
+            }
+        }
+    }
+}
+
+async fn open(address: &PortAddress, baud: u32) -> Result<Port, BridgeError> {
+    let opened = Port::open(address, baud).await;
+    opened.map_err(|source| {
+        let port = address.to_string();
+        match source.kind() {
+            io::ErrorKind::InvalidInput => BridgeError::Port { port, source },
+            io::ErrorKind::Unsupported => BridgeError::Speed { port, source },
+            kind => BridgeError::Unreachable {
+                port,
+                what: "does not open",
+                remedy: address.remedy(kind),
+                source,
+            },
+        }
+    })
+}

@@ -1,0 +1,136 @@
+//! The report of a self-test as a table.
+
+use std::fmt;
+
+use crate::query::report::{ChannelReport, ChipReport, DeviceLine, ReadyReport, SelfTestReport};
+
+/// Prints the device, the edges of DRDY, the chips, the channels, and the verdict as the last line.
+impl fmt::Display for SelfTestReport {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(formatter, "device  {}", self.device)?;
+        writeln!(formatter, "DRDY    {}", self.ready)?;
+        if !self.chips.is_empty() {
+            writeln!(formatter)?;
+            let head = ["chip", "ID", "registers", "frames bad"];
+            let rows = self.chips.iter().map(chip);
+            columns(formatter, head, [true, false, false, true], rows)?;
+        }
+        if !self.channels.is_empty() {
+            writeln!(formatter)?;
+            let head = [
+                "channel",
+                "electrode",
+                "gain error %",
+                "offset uV",
+                "noise uV rms",
+                "shorted uV rms",
+                "verdict",
+            ];
+            let right = [true, false, true, true, true, true, false];
+            columns(formatter, head, right, self.channels.iter().map(channel))?;
+        }
+        write!(formatter, "\n{}", self.verdict)
+    }
+}
+
+impl fmt::Display for DeviceLine {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let DeviceLine {
+            board,
+            firmware,
+            uid,
+            reset_cause,
+            fault,
+        } = self;
+        write!(
+            formatter,
+            "{board}, firmware {firmware}, uid {uid}, started by {reset_cause}"
+        )?;
+        if fault.is_empty() {
+            return Ok(());
+        }
+        write!(formatter, "; it reports: {fault}")
+    }
+}
+
+impl fmt::Display for ReadyReport {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ReadyReport {
+            rate_hz,
+            expected_hz,
+            ppm,
+            early,
+            missed,
+        } = self;
+        match (rate_hz, ppm) {
+            (Some(rate_hz), Some(ppm)) => write!(
+                formatter,
+                "{rate_hz:.3} Hz, {ppm:+.0} ppm off the {expected_hz} Hz that were set"
+            )?,
+            (Some(rate_hz), None) => write!(formatter, "{rate_hz:.3} Hz")?,
+            (None, _) => write!(formatter, "not measured, {expected_hz} Hz were set")?,
+        }
+        write!(formatter, "; {early} early, {missed} missed")
+    }
+}
+
+fn chip(chip: &ChipReport) -> [String; 4] {
+    let registers = match &chip.first_wrong {
+        None => "all kept".to_owned(),
+        Some(first) => format!("{} wrong, the first is {first}", chip.registers_wrong),
+    };
+    [
+        chip.chip.to_string(),
+        format!("0x{:02X} {}", chip.id, chip.part),
+        registers,
+        chip.frames_bad.to_string(),
+    ]
+}
+
+fn channel(channel: &ChannelReport) -> [String; 7] {
+    let noise = |uv: Option<f32>| figure(uv.map(|uv| format!("{uv:.2}")));
+    [
+        channel.channel.to_string(),
+        channel.label.clone(),
+        figure(channel.gain_error_percent.map(|off| format!("{off:+.2}"))),
+        figure(channel.offset_uv.map(|uv| format!("{uv:+.1}"))),
+        noise(channel.noise_uv),
+        noise(channel.shorted_noise_uv),
+        channel.verdict.clone(),
+    ]
+}
+
+/// "-" for what was not measured.
+fn figure(measured: Option<String>) -> String {
+    measured.unwrap_or_else(|| "-".to_owned())
+}
+
+/// Rows under a head, each column as wide as its widest cell, numbers to the right.
+fn columns<const N: usize>(
+    formatter: &mut fmt::Formatter<'_>,
+    head: [&str; N],
+    right: [bool; N],
+    rows: impl Iterator<Item = [String; N]>,
+) -> fmt::Result {
+    let mut table = vec![head.map(str::to_owned)];
+    table.extend(rows);
+    let widest = |column: usize| {
+        let cells = table.iter().map(|row| row[column].chars().count());
+        cells.max().unwrap_or(0)
+    };
+    let widths: [usize; N] = std::array::from_fn(widest);
+    for row in &table {
+        let cells = row.iter().zip(widths).zip(right);
+        let cells: Vec<String> = cells
+            .map(|((cell, width), right)| {
+                if right {
+                    format!("{cell:>width$}")
+                } else {
+                    format!("{cell:<width$}")
+                }
+            })
+            .collect();
+        writeln!(formatter, "{}", cells.join("  ").trim_end())?;
+    }
+    Ok(())
+}

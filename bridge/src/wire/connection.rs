@@ -1,0 +1,156 @@
+//! A port that comes and goes.
+
+use std::io;
+use std::time::Duration;
+
+use tokio::task::JoinHandle;
+use tokio::time::{Instant, sleep_until};
+
+use crate::error::BridgeError;
+use crate::wire::address::PortAddress;
+use crate::wire::port::{Exchanged, PATIENCE, Port};
+
+/// How long after a failure the port is tried again; well below the second within which a
+/// replugged device is to be back.
+const RETRY: Duration = Duration::from_millis(250);
+
+/// A port that comes and goes: opened again until it opens, as often as it goes.
+#[derive(Debug)]
+pub(crate) struct Connection {
+    address: PortAddress,
+    baud: u32,
+    state: State,
+    /// Since when the device has taken none of the bytes for it.
+    stuck_since: Option<Instant>,
+    /// The last failure that was told of, so that a device that is away fills no log.
+    told: Option<io::ErrorKind>,
+}
+
+#[derive(Debug)]
+enum State {
+    Closed { retry_at: Instant },
+    Opening(JoinHandle<io::Result<Port>>),
+    Open(Port),
+}
+
+/// What happened to the port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Event {
+    Opened,
+    /// So many bytes are at the front of the buffer.
+    Bytes(usize),
+    Closed,
+}
+
+impl Connection {
+    pub(crate) fn new(address: PortAddress, baud: u32) -> Connection {
+        Connection {
+            address,
+            baud,
+            state: State::Closed {
+                retry_at: Instant::now(),
+            },
+            stuck_since: None,
+            told: None,
+        }
+    }
+
+    pub(crate) fn is_open(&self) -> bool {
+        matches!(self.state, State::Open(_))
+    }
+
+    pub(crate) fn close(&mut self) {
+        self.state = State::Closed {
+            retry_at: Instant::now() + RETRY,
+        };
+    }
+
+    /// What happens next; waits for it, and meanwhile writes `outgoing`, so that a device that
+    /// does not read costs nothing of what it sends. Safe to cancel.
+    ///
+    /// # Errors
+    ///
+    /// [`BridgeError::Port`] if what the address names can never be a port,
+    /// [`BridgeError::Speed`] if it can, but not at this speed.
+    pub(crate) async fn next(
+        &mut self,
+        buffer: &mut [u8],
+        outgoing: &mut Vec<u8>,
+    ) -> Result<Event, BridgeError> {
+        loop {
+            match &mut self.state {
+                State::Closed { retry_at } => {
+                    sleep_until(*retry_at).await;
+                    let (address, baud) = (self.address.clone(), self.baud);
+                    let opening = tokio::spawn(async move { Port::open(&address, baud).await });
+                    self.state = State::Opening(opening);
+                }
+                State::Opening(opening) => {
+                    // A task fails only if it panics or the program ends.
+                    let opened = opening
+                        .await
+                        .unwrap_or_else(|error| Err(io::Error::other(error)));
+                    match opened {
+                        Ok(port) => {
+                            tracing::info!("{} is open", self.address);
+                            self.told = None;
+                            self.stuck_since = None;
+                            self.state = State::Open(port);
+                            return Ok(Event::Opened);
+                        }
+                        Err(source) if source.kind() == io::ErrorKind::InvalidInput => {
+                            let port = self.address.to_string();
+                            return Err(BridgeError::Port { port, source });
+                        }
+                        Err(source) if source.kind() == io::ErrorKind::Unsupported => {
+                            let port = self.address.to_string();
+                            return Err(BridgeError::Speed { port, source });
+                        }
+                        Err(error) => self.failed(&error),
+                    }
+                }
+                State::Open(port) => {
+                    let stuck_for = self.stuck_since.map(|since| since.elapsed());
+                    if outgoing.is_empty() {
+                        self.stuck_since = None;
+                    } else if self.stuck_since.is_none() {
+                        self.stuck_since = Some(Instant::now());
+                    }
+                    let exchanged = if stuck_for.is_some_and(|time| time > PATIENCE) {
+                        Err(io::Error::new(
+                            io::ErrorKind::TimedOut,
+                            "it takes no commands",
+                        ))
+                    } else {
+                        port.exchange(buffer, outgoing).await
+                    };
+                    match exchanged {
+                        Ok(Exchanged::Read(count)) => return Ok(Event::Bytes(count)),
+                        Ok(Exchanged::Written(count)) => {
+                            outgoing.drain(..count);
+                            self.stuck_since = None;
+                        }
+                        Err(error) => {
+                            tracing::warn!("{} has gone ({error}); waiting for it", self.address);
+                            self.close();
+                            return Ok(Event::Closed);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn failed(&mut self, error: &io::Error) {
+        self.close();
+        if self.told == Some(error.kind()) {
+            return;
+        }
+        self.told = Some(error.kind());
+        tracing::warn!(
+            "{} does not open ({error}); waiting for it; {}",
+            self.address,
+            self.address.remedy(error.kind())
+        );
+    }
+}
