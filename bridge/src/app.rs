@@ -19,7 +19,7 @@ use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
 
 use crate::app::command_line::{Options, PortOptions, Task};
 use crate::error::BridgeError;
-use crate::query::protocol::{Answer, Question};
+use crate::query::protocol::{Answer, Request};
 use crate::query::query_port;
 
 /// Runs `corticode-bridge` with the arguments and environment of this process and returns its exit
@@ -27,15 +27,15 @@ use crate::query::query_port;
 ///
 /// Status 0 means success, 1 a failed check, 2 wrong usage, 3 that the device or ROS is not
 /// reachable, and 4 that the device refuses. Without a subcommand the bridge streams until it is
-/// asked to shut down; `selftest` and `reset` ask the device once and print its answer.
+/// requested to shut down; `selftest` and `reset` ask the device once and print its answer.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
     let task = Task::parse_from(arguments.into_iter().map(Into::into));
     let task = task.unwrap_or_else(|error| error.exit());
     let done = match task {
         Task::Bridge(options) => stream(*options, ros).map(|()| ExitCode::SUCCESS),
-        Task::SelfTest(options) => ask(&options.at, Question::SelfTest, options.json),
-        Task::Reset(options) => ask(&options.at, Question::Reset(options.target()), false),
+        Task::SelfTest(options) => ask(&options.at, Request::SelfTest, options.json),
+        Task::Reset(options) => ask(&options.at, Request::Reset(options.target()), false),
     };
     match done {
         Ok(code) => code,
@@ -62,18 +62,18 @@ fn stream(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {
 }
 
 /// Sends one request and prints the answer. The exit status is 1 if a self-test failed.
-fn ask(at: &PortOptions, question: Question, json: bool) -> Result<ExitCode, BridgeError> {
+fn ask(at: &PortOptions, request: Request, json: bool) -> Result<ExitCode, BridgeError> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
-    let (text, passed) = match runtime.block_on(query_port(&at.port, at.baud, question))? {
+    let (text, passed) = match runtime.block_on(query_port(&at.port, at.baud, request))? {
         Answer::SelfTest(report) if json => {
             let json = serde_json::to_string_pretty(&report).map_err(std::io::Error::from)?;
             (json, report.passed)
         }
         Answer::SelfTest(report) => (report.to_string(), report.passed),
-        Answer::Back(device) => (device.to_string(), true),
-        Answer::InLoader(device) => (
+        Answer::Restarted(device) => (device.to_string(), true),
+        Answer::InBootloader(device) => (
             format!(
                 "{} starts its loader; flash it over USB, such as with dfu-util",
                 device.board

@@ -45,8 +45,8 @@ impl Core {
     pub fn receive(&mut self, mut bytes: &[u8], read: HostTime, effects: &mut dyn Effects) {
         while let Some(outcome) = self.decoder.next::<ToHost>(&mut bytes) {
             match outcome {
-                Ok(frame) => self.session.frame(&frame, read, effects),
-                Err(error) => self.session.unusable(error, read),
+                Ok(frame) => self.session.handle_frame(&frame, read, effects),
+                Err(error) => self.session.handle_error(error, read),
             }
         }
         self.session.tick(read, effects);
@@ -58,8 +58,8 @@ impl Core {
     }
 
     /// Frames shall come, or not.
-    pub fn want(&mut self, streaming: bool) {
-        self.session.commands.want(streaming);
+    pub fn set_streaming(&mut self, streaming: bool) {
+        self.session.commands.set_streaming(streaming);
     }
 
     /// Whether the device has stopped as wanted.
@@ -68,8 +68,8 @@ impl Core {
     }
 
     /// Whether the port has been silent for so long that it should be opened anew.
-    pub fn is_dead(&self, now: HostTime) -> bool {
-        self.session.commands.is_dead(now.monotonic_us)
+    pub fn is_unresponsive(&self, now: HostTime) -> bool {
+        self.session.commands.is_unresponsive(now.monotonic_us)
     }
 
     /// What the frame decoder has counted.

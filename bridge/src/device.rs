@@ -35,7 +35,7 @@ pub struct Device {
     /// Largest value the ADC can give, microvolt.
     pub full_scale_uv: f64,
     /// Microvolt per count of the ADC.
-    pub count_uv: f64,
+    pub uv_per_count: f64,
     /// Format of its codes; [`CodeFormat::Newer`] never.
     pub code_format: CodeFormat,
     scale: [f32; CODE_LEN],
@@ -169,7 +169,7 @@ impl Device {
             filters: capabilities.filters.to_owned(),
             // 24 bits: 2^23 counts; nanovolt to microvolt.
             full_scale_uv: f64::from(capabilities.lsb_nv) * 8_388_608.0 / 1000.0,
-            count_uv: f64::from(capabilities.lsb_nv) / 1000.0,
+            uv_per_count: f64::from(capabilities.lsb_nv) / 1000.0,
             code_format,
             scale,
             zero_point,
@@ -183,7 +183,7 @@ impl Device {
     /// # Errors
     ///
     /// [`DeviceError::Changed`].
-    pub fn admit(&self, other: &Device) -> Result<(), DeviceError> {
+    pub fn check_compatible(&self, other: &Device) -> Result<(), DeviceError> {
         let differs = [
             ("model", self.model_id != other.model_id),
             ("rate and window", self.rates() != other.rates()),
@@ -239,7 +239,7 @@ impl Device {
 
     /// A float code in steps of this device's codes, within the range of their format:
     /// `step = z / scale + zero_point`, not rounded.
-    pub fn steps_of(&self, z: &[f32; CODE_LEN]) -> [f64; CODE_LEN] {
+    pub fn code_levels(&self, z: &[f32; CODE_LEN]) -> [f64; CODE_LEN] {
         let range = self.code_format.range().unwrap_or_default().map(f64::from);
         std::array::from_fn(|index| {
             let step = f64::from(z[index]) / f64::from(self.scale[index]);

@@ -10,9 +10,9 @@ pub(crate) mod timing;
 use link::{Counters, Streams};
 use neuro_ros::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, Header, KeyValue, Stamp};
 
-use crate::diagnostics::signal_quality::signal_quality;
-use crate::diagnostics::status::entry;
-use crate::diagnostics::timing::timing;
+use crate::diagnostics::signal_quality::signal_quality_status;
+use crate::diagnostics::status::new_status;
+use crate::diagnostics::timing::timing_status;
 use crate::session::state::Session;
 use crate::settings::StreamKind;
 use crate::streams::code::CodeStream;
@@ -31,20 +31,20 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
         format!("{} {}", device.board, device.uid)
     });
     let mut status = vec![
-        device(session, now),
-        loss(session),
-        link(session, wire),
-        clock(session, now),
+        device_status(session, now),
+        loss_status(session),
+        link_status(session, wire),
+        clock_status(session, now),
     ];
     if let Some((report, codes)) = session.converters.as_mut().zip(session.codes.as_ref()) {
         let device = codes.device();
         status.push(report.status(device.adc_rate_hz, &device.labels));
     }
     if let Some((quality, codes)) = session.quality.take().zip(session.codes.as_ref()) {
-        status.push(signal_quality(&quality, &codes.device().labels));
+        status.push(signal_quality_status(&quality, &codes.device().labels));
     }
     if let Some(report) = session.timing.take() {
-        status.push(timing(&report));
+        status.push(timing_status(&report));
     }
     for status in &mut status {
         status.name.insert_str(0, "corticode: ");
@@ -53,7 +53,7 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
     DiagnosticArray { header, status }
 }
 
-fn device(session: &Session, now: HostTime) -> DiagnosticStatus {
+fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     let usable = session.commands.accepts_codes();
     let (level, message) = match (&session.objection, session.introduced) {
         (_, false) => (DiagnosticLevel::Stale, "no device answers".to_owned()),
@@ -63,13 +63,13 @@ fn device(session: &Session, now: HostTime) -> DiagnosticStatus {
             DiagnosticLevel::Warn,
             "the device should stream and sends no codes; it is asked again".to_owned(),
         ),
-        (None, true) if session.commands.streaming() => streaming(session),
+        (None, true) if session.commands.is_streaming() => streaming_state(session),
         (None, true) => (DiagnosticLevel::Ok, "not streaming".to_owned()),
     };
     let mut values = vec![
         KeyValue::new("connections", &session.counts.connections),
         KeyValue::new("resets", &session.counts.resets),
-        KeyValue::new("codes unused", &session.counts.early),
+        KeyValue::new("codes unused", &session.counts.codes_unused),
         KeyValue::new("other messages unused", &session.side.unused),
         KeyValue::new(
             "audits of another model or size",
@@ -103,12 +103,12 @@ fn device(session: &Session, now: HostTime) -> DiagnosticStatus {
             KeyValue::new("device: bad frames from here", &stats.input_bad),
         ]);
     }
-    entry("device", (level, message), values)
+    new_status("device", (level, message), values)
 }
 
 /// A device that does not stream what the user wants to see is a warning; one without audits and
 /// events, as older ones are, is not.
-fn streaming(session: &Session) -> (DiagnosticLevel, String) {
+fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
     let refused = session.commands.refused_streams();
     if refused.is_empty() {
         return (DiagnosticLevel::Ok, "streaming".to_owned());
@@ -129,12 +129,12 @@ fn streaming(session: &Session) -> (DiagnosticLevel, String) {
     (level, message)
 }
 
-fn loss(session: &mut Session) -> DiagnosticStatus {
+fn loss_status(session: &mut Session) -> DiagnosticStatus {
     let counts = session.codes.as_ref().map(|codes| codes.counts().clone());
     let counts = counts.unwrap_or_default();
     let ledger = &counts.ledger;
-    let since = ledger.lost() - session.counts.lost_told;
-    session.counts.lost_told = ledger.lost();
+    let since = ledger.lost() - session.counts.lost_reported;
+    session.counts.lost_reported = ledger.lost();
     let mut losses = vec![(since, "codes")];
     let mut side_values = Vec::new();
     for (stream, name) in [
@@ -142,12 +142,12 @@ fn loss(session: &mut Session) -> DiagnosticStatus {
         (&mut session.side.filtered, "filtered steps"),
     ] {
         if let Some(stream) = stream {
-            losses.push((stream.lost_since_told(), name));
-            side_values.extend(samples(stream.counts(), name));
+            losses.push((stream.lost_since_report(), name));
+            side_values.extend(sample_values(stream.counts(), name));
         }
     }
     let events = &mut session.side.events;
-    losses.push((events.lost_since_told(), "events"));
+    losses.push((events.lost_since_report(), "events"));
     let side_events = [
         KeyValue::new("events received", &events.ledger().received()),
         KeyValue::new("events lost", &events.ledger().lost()),
@@ -180,16 +180,16 @@ fn loss(session: &mut Session) -> DiagnosticStatus {
         KeyValue::new("code values clipped", &counts.clipped_values),
     ];
     values.extend(side_values);
-    entry("loss", state, values)
+    new_status("loss", state, values)
 }
 
-fn samples(counts: &SampleCounts, name: &str) -> [KeyValue; 4] {
+fn sample_values(counts: &SampleCounts, name: &str) -> [KeyValue; 4] {
     let SampleCounts {
         received,
         lost,
         unpublished,
         malformed,
-        told: _,
+        reported: _,
     } = counts;
     [
         ("received", received),
@@ -200,11 +200,11 @@ fn samples(counts: &SampleCounts, name: &str) -> [KeyValue; 4] {
     .map(|(what, count)| KeyValue::new(&format!("{name} {what}"), count))
 }
 
-fn link(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
+fn link_status(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
     let damaged = [wire.crc, wire.cobs, wire.oversize, wire.malformed];
     let damaged = damaged.into_iter().fold(0, u32::wrapping_add);
-    let since = damaged.wrapping_sub(session.counts.damaged_told);
-    session.counts.damaged_told = damaged;
+    let since = damaged.wrapping_sub(session.counts.damaged_reported);
+    session.counts.damaged_reported = damaged;
     if since > 0 {
         tracing::warn!(since, "frames damaged; check cable, connectors and --baud");
     }
@@ -233,15 +233,18 @@ fn link(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
         KeyValue::new("malformed", &wire.malformed),
         KeyValue::new("resyncs", &wire.resyncs),
     ];
-    entry("link", state, values)
+    new_status("link", state, values)
 }
 
-fn clock(session: &Session, now: HostTime) -> DiagnosticStatus {
+fn clock_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     let clock = &session.clock;
     let samples = [&session.side.raw, &session.side.filtered];
-    let samples = samples.into_iter().flatten().map(SampleStream::held_stamps);
-    let codes = session.codes.as_ref().map(CodeStream::held_stamps);
-    let held: u64 = samples.chain(codes).sum();
+    let samples = samples
+        .into_iter()
+        .flatten()
+        .map(SampleStream::moved_stamps);
+    let codes = session.codes.as_ref().map(CodeStream::moved_stamps);
+    let moved: u64 = samples.chain(codes).sum();
     let message = format!("{:+.1} ppm", clock.drift_ppm());
     let mut values = vec![
         KeyValue::new("drift ppm", &format!("{:+.2}", clock.drift_ppm())),
@@ -252,20 +255,20 @@ fn clock(session: &Session, now: HostTime) -> DiagnosticStatus {
         ),
         KeyValue::new("host clock steps", &clock.wall_steps()),
         KeyValue::new("impossible device times", &clock.refused()),
-        KeyValue::new("stamps held", &held),
+        KeyValue::new("stamps held", &moved),
         KeyValue::new("impossible answers", &session.round_trips.impossible()),
     ];
     if let Some(trip) = session.round_trips.shortest(now) {
-        let (under_way, half) = (trip.under_way, trip.under_way / 2.0);
-        values.push(KeyValue::new("round trip us", &format!("{under_way:.0}")));
+        let (transit_us, half) = (trip.transit_us, trip.transit_us / 2.0);
+        values.push(KeyValue::new("round trip us", &format!("{transit_us:.0}")));
         values.push(KeyValue::new(
             "offset known to +- us",
             &format!("{half:.0}"),
         ));
-        if let Some([least, most]) = trip.late {
+        if let Some([least, most]) = trip.late_us {
             let late = format!("{:.0} to {:.0}", least.max(0.0), most.max(0.0));
             values.push(KeyValue::new("stamps late by us", &late));
         }
     }
-    entry("clock", (DiagnosticLevel::Ok, message), values)
+    new_status("clock", (DiagnosticLevel::Ok, message), values)
 }

@@ -18,19 +18,19 @@ pub trait Effects {
     fn announce(&mut self, announcement: &Announcement);
 
     /// A frame of `/encoded`.
-    fn encoded(&mut self, frame: &NeuroFrame);
+    fn publish_encoded(&mut self, frame: &NeuroFrame);
 
     /// A window for the decoder; called only if the announcement says that the model fits.
-    fn window(&mut self, window: TimedCode);
+    fn decode(&mut self, window: TimedCode);
 
     /// A frame of `/neurodata`.
-    fn raw(&mut self, frame: &NeuroFrame);
+    fn publish_raw(&mut self, frame: &NeuroFrame);
 
     /// A frame of `/neurodata_filtered`.
-    fn filtered(&mut self, frame: &NeuroFrame);
+    fn publish_filtered(&mut self, frame: &NeuroFrame);
 
     /// An event of `/events/bus`.
-    fn event(&mut self, event: &NeuroEvent);
+    fn publish_event(&mut self, event: &NeuroEvent);
 
     /// A window for the float encoder; comes only if the announcement says that the model fits.
     fn audit(&mut self, window: AuditedWindow);

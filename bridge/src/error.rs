@@ -7,7 +7,7 @@ use neuro_ros::SinkError;
 use neuro_ros::ros1::NodeError;
 use thiserror::Error;
 
-use crate::query::report::DeviceLine;
+use crate::query::report::DeviceSummary;
 
 /// What ends the bridge other than its work being done. A device or a master that is away does
 /// not: the bridge waits for them.
@@ -41,7 +41,7 @@ pub enum BridgeError {
         "--announce names a stream that --streams leaves out; add it to --streams, such as \
          --streams codes,raw --announce raw"
     )]
-    Announced,
+    AnnouncedNotStreamed,
     /// The port does not open or has gone, and nobody waits for it.
     #[error("{port} {what}; {remedy}")]
     Unreachable {
@@ -59,7 +59,7 @@ pub enum BridgeError {
         "no answer {what} within {seconds} s; check cable, power and --baud, and that no other \
          program uses the port"
     )]
-    Silent {
+    NoAnswer {
         /// To what.
         what: &'static str,
         /// How long it was waited for.
@@ -78,9 +78,9 @@ pub enum BridgeError {
         "the device started anew in the middle of its self-test and found out nothing: {device}; try \
          again, and report what it says if it does so again"
     )]
-    Restarted {
+    RestartedDuringTest {
         /// Who it is, why it started, and what its last run left behind.
-        device: Box<DeviceLine>,
+        device: Box<DeviceSummary>,
     },
     /// ROS does not let us in.
     #[error("the ROS node cannot be had; check the name, ROS_IP and ROS_MASTER_URI")]
@@ -106,16 +106,18 @@ impl BridgeError {
     /// and refuses.
     pub fn exit_code(&self) -> u8 {
         match self {
-            BridgeError::Sink(_) | BridgeError::System(_) | BridgeError::Restarted { .. } => 1,
+            BridgeError::Sink(_)
+            | BridgeError::System(_)
+            | BridgeError::RestartedDuringTest { .. } => 1,
             BridgeError::Port { .. }
             | BridgeError::Speed { .. }
             | BridgeError::Model(_)
             | BridgeError::Log { .. }
-            | BridgeError::Announced
+            | BridgeError::AnnouncedNotStreamed
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
-            BridgeError::Node(_) | BridgeError::Unreachable { .. } | BridgeError::Silent { .. } => {
-                3
-            }
+            BridgeError::Node(_)
+            | BridgeError::Unreachable { .. }
+            | BridgeError::NoAnswer { .. } => 3,
             BridgeError::Refused { .. } => 4,
         }
     }

@@ -1,4 +1,4 @@
-//! One question to the device at a port.
+//! One request to the device at a port.
 
 pub(crate) mod protocol;
 pub(crate) mod report;
@@ -11,12 +11,12 @@ use indicatif::ProgressBar;
 use tokio::time::{sleep, timeout};
 
 use crate::error::BridgeError;
-use crate::query::protocol::{Answer, Inquiry, Outcome, Question};
+use crate::query::protocol::{Answer, Query, QueryResult, Request};
 use crate::time::host_time::HostTime;
 use crate::wire::address::PortAddress;
-use crate::wire::port::{Exchanged, Port};
+use crate::wire::port::{Port, Transfer};
 
-/// How often the inquiry looks at the time, and how soon a port is opened again.
+/// How often the query looks at the time, and how soon a port is opened again.
 const TICK: Duration = Duration::from_millis(100);
 
 /// Ask the device at a port, with a spinner on a terminal meanwhile.
@@ -24,10 +24,10 @@ const TICK: Duration = Duration::from_millis(100);
 /// # Errors
 ///
 /// [`BridgeError`]: the port cannot be used, nothing answers, or the device refuses.
-pub(crate) async fn query_port(address: &PortAddress, baud: u32, question: Question) -> Outcome {
+pub(crate) async fn query_port(address: &PortAddress, baud: u32, request: Request) -> QueryResult {
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(TICK);
-    let outcome = ask(address, baud, question, &spinner).await;
+    let outcome = ask(address, baud, request, &spinner).await;
     spinner.finish_and_clear();
     outcome
 }
@@ -35,40 +35,40 @@ pub(crate) async fn query_port(address: &PortAddress, baud: u32, question: Quest
 async fn ask(
     address: &PortAddress,
     baud: u32,
-    question: Question,
+    request: Request,
     spinner: &ProgressBar,
 ) -> Result<Answer, BridgeError> {
-    let mut inquiry = Inquiry::new(question);
+    let mut query = Query::new(request);
     let mut port = Some(open(address, baud).await?);
-    inquiry.connected(HostTime::now().monotonic_us);
+    query.connected(HostTime::now().monotonic_us);
     let (mut buffer, mut outgoing) = (vec![0; 4096], Vec::new());
     loop {
-        spinner.set_message(inquiry.words());
+        spinner.set_message(query.progress_text());
         let now_us = HostTime::now().monotonic_us;
-        if let Some(outcome) = inquiry.tick(now_us) {
+        if let Some(outcome) = query.tick(now_us) {
             return outcome;
         }
         let Some(open_port) = &mut port else {
             sleep(TICK).await;
-            // Away until it has started; the inquiry knows when that takes too long.
+            // Away until it has started; the query knows when that takes too long.
             port = Port::open(address, baud).await.ok();
             if port.is_some() {
                 outgoing.clear();
-                inquiry.connected(HostTime::now().monotonic_us);
+                query.connected(HostTime::now().monotonic_us);
             }
             continue;
         };
-        outgoing.extend(inquiry.outgoing());
+        outgoing.extend(query.outgoing());
         match timeout(TICK, open_port.exchange(&mut buffer, &outgoing)).await {
             Err(_) => {}
-            Ok(Ok(Exchanged::Read(count))) => {
+            Ok(Ok(Transfer::Read(count))) => {
                 let now_us = HostTime::now().monotonic_us;
-                if let Some(outcome) = inquiry.receive(&buffer[..count], now_us) {
+                if let Some(outcome) = query.receive(&buffer[..count], now_us) {
                     return outcome;
                 }
             }
-            Ok(Ok(Exchanged::Written(count))) => drop(outgoing.drain(..count)),
-            Ok(Err(_)) if inquiry.may_lose_port() => port = None,
+            Ok(Ok(Transfer::Written(count))) => drop(outgoing.drain(..count)),
+            Ok(Err(_)) if query.expects_reconnect() => port = None,
             Ok(Err(source)) => {
                 return Err(BridgeError::Unreachable {
                     port: address.to_string(),

@@ -10,8 +10,8 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use crate::app::command_line::{Options, SinkKind};
 use crate::app::outlets::Outlets;
-use crate::app::ros_node::Ros;
-use crate::app::shutdown::Leave;
+use crate::app::ros_node::RosNode;
+use crate::app::shutdown::Shutdown;
 use crate::app::sinks::Sinks;
 use crate::core::Core;
 use crate::decoder::model::Model;
@@ -25,9 +25,9 @@ const TICK: Duration = Duration::from_millis(100);
 /// Ticks between reports to `/diagnostics`: 1 s.
 const TICKS_PER_REPORT: u32 = 10;
 /// How long a device may take to stop when the bridge leaves.
-const FAREWELL: Duration = Duration::from_secs(1);
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Run the bridge until it is asked to leave: SIGTERM, Ctrl-C, `~quit`, `rosnode kill`, or the
+/// Run the bridge until it is asked to shutdown: SIGTERM, Ctrl-C, `~quit`, `rosnode kill`, or the
 /// reader of its lines going away. Then the device is stopped, the node unregistered, the port
 /// closed.
 ///
@@ -38,7 +38,7 @@ pub(super) async fn stream(
     options: Options,
     mut ros_options: NodeOptions,
 ) -> Result<Summary, BridgeError> {
-    let mut leave = Leave::new()?;
+    let mut shutdown = Shutdown::new()?;
     let model = match &options.model {
         Some(folder) => Model::read(folder),
         None => Model::embedded(),
@@ -49,20 +49,20 @@ pub(super) async fn stream(
     }
     let settings = options.settings();
     if !settings.streams.contains(settings.announced.needs()) {
-        return Err(BridgeError::Announced);
+        return Err(BridgeError::AnnouncedNotStreamed);
     }
     let (commands_in, commands) = mpsc::unbounded_channel();
     let mut outlets;
     let (mut ros, mut writer) = (None, None);
     match options.sink {
         SinkKind::Ros => {
-            let node = Ros::start(ros_options).await?;
+            let node = RosNode::start(ros_options).await?;
             let sinks = Sinks::ros(&node, &options).await?;
             let (announcements_in, announcements) = mpsc::unbounded_channel();
             let model = Arc::clone(&model);
             outlets = Outlets::new(sinks, settings, model, Some(announcements_in))?;
-            node.serve(announcements, commands_in);
-            leave.watch(Arc::clone(&node.node));
+            node.serve_announcements(announcements, commands_in);
+            shutdown.watch_node(Arc::clone(&node.node));
             ros = Some(node);
         }
         SinkKind::Ndjson => {
@@ -78,13 +78,13 @@ pub(super) async fn stream(
         commands,
         outlets: &mut outlets,
     };
-    let outcome = bridge.work(&mut leave).await;
+    let outcome = bridge.run(&mut shutdown).await;
     let summary = bridge.core.summary();
     outlets.finish();
     if let Some(ros) = ros {
         ros.shutdown().await;
     }
-    let written = writer.map_or(Ok(()), |writer| writer.finish(FAREWELL));
+    let written = writer.map_or(Ok(()), |writer| writer.finish(DRAIN_TIMEOUT));
     match outcome.and(written.map_err(BridgeError::Sink)) {
         // Whoever read the lines has had enough.
         Ok(()) | Err(BridgeError::Sink(neuro_ros::SinkError::Closed)) => Ok(summary),
@@ -101,7 +101,7 @@ struct Bridge<'a> {
 }
 
 impl Bridge<'_> {
-    async fn work(&mut self, leave: &mut Leave) -> Result<(), BridgeError> {
+    async fn run(&mut self, shutdown: &mut Shutdown) -> Result<(), BridgeError> {
         let mut buffer = vec![0; 4096];
         let mut ticks = interval(TICK);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -110,17 +110,17 @@ impl Bridge<'_> {
         let mut failure = None;
         loop {
             tokio::select! {
-                event = self.connection.next(&mut buffer, &mut self.outlets.outgoing) => self.connection_event(event?, &buffer),
+                event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing) => self.handle_connection(event?, &buffer),
                 Some(command) = self.commands.recv() => match command {
-                    AcquisitionCommand::Start => self.core.want(true),
-                    AcquisitionCommand::Stop => self.core.want(false),
-                    AcquisitionCommand::Quit => leave.now("~quit was called"),
+                    AcquisitionCommand::Start => self.core.set_streaming(true),
+                    AcquisitionCommand::Stop => self.core.set_streaming(false),
+                    AcquisitionCommand::Quit => shutdown.request("~quit was called"),
                 },
-                reason = leave.asked(), if deadline.is_none() => {
+                reason = shutdown.requested(), if deadline.is_none() => {
                     tracing::info!("leaving: {reason}");
-                    self.core.want(false);
+                    self.core.set_streaming(false);
                     self.core.tick(HostTime::now(), self.outlets);
-                    deadline = Some(Instant::now() + FAREWELL);
+                    deadline = Some(Instant::now() + DRAIN_TIMEOUT);
                 }
                 _ = ticks.tick() => {
                     let now = HostTime::now();
@@ -129,30 +129,30 @@ impl Bridge<'_> {
                     if until_report == 0 {
                         until_report = TICKS_PER_REPORT;
                         let report = self.core.diagnostics(now);
-                        self.outlets.diagnose(report);
+                        self.outlets.publish_diagnostics(report);
                     }
-                    if self.connection.is_open() && self.core.is_dead(now) {
+                    if self.connection.is_open() && self.core.is_unresponsive(now) {
                         tracing::warn!("the device is silent; opening the port anew");
                         self.close();
                     }
                 }
             }
-            if let Some(error) = self.outlets.ended.take()
+            if let Some(error) = self.outlets.sink_error.take()
                 && failure.is_none()
             {
-                leave.now("nothing takes the frames any more");
+                shutdown.request("nothing takes the frames any more");
                 failure = Some(BridgeError::Sink(error));
             }
             let gone = !self.connection.is_open() || self.core.is_stopped();
             if deadline.is_some_and(|deadline| gone || Instant::now() >= deadline) {
                 let report = self.core.diagnostics(HostTime::now());
-                self.outlets.diagnose(report);
+                self.outlets.publish_diagnostics(report);
                 return failure.map_or(Ok(()), Err);
             }
         }
     }
 
-    fn connection_event(&mut self, event: Event, buffer: &[u8]) {
+    fn handle_connection(&mut self, event: Event, buffer: &[u8]) {
         // As close to the read as can be: this is what the clock is fitted to.
         let now = HostTime::now();
         match event {

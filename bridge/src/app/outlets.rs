@@ -12,7 +12,7 @@ use crate::app::sinks::Sinks;
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::model::Model;
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
-use crate::decoder::thread::Decoding;
+use crate::decoder::thread::DecoderThread;
 use crate::effects::{Announcement, Effects};
 use crate::settings::Settings;
 
@@ -25,17 +25,17 @@ pub(crate) struct Outlets {
     filtered: Option<Box<dyn FrameSink>>,
     events: Option<Box<dyn Sink<NeuroEvent>>>,
     diagnostics: Box<dyn Sink<DiagnosticArray>>,
-    decoding: Decoding,
+    decoder: DecoderThread,
     /// To whoever serves `/acquisition/get_info`; none without ROS.
     announcements: Option<UnboundedSender<AcquisitionInfo>>,
     /// What was announced last.
     announced: Option<AcquisitionInfo>,
     /// Figures of the last report.
-    told: u64,
+    reported: u64,
     /// Bytes for the device that wait to be written.
     pub(crate) outgoing: Vec<u8>,
     /// The sink has ended for good.
-    pub(crate) ended: Option<SinkError>,
+    pub(crate) sink_error: Option<SinkError>,
 }
 
 impl Outlets {
@@ -53,19 +53,19 @@ impl Outlets {
             filtered: sinks.filtered,
             events: sinks.events,
             diagnostics: sinks.diagnostics,
-            decoding: Decoding::start(sinks.reconstructed)?,
+            decoder: DecoderThread::start(sinks.reconstructed)?,
             announcements,
             announced: None,
-            told: 0,
+            reported: 0,
             outgoing: Vec::new(),
-            ended: None,
+            sink_error: None,
         })
     }
 
     /// Finish what is queued and say what did not reach its receivers.
     pub(crate) fn finish(self) {
         let dropped = self.encoded.dropped();
-        let undecoded = self.decoding.finish();
+        let undecoded = self.decoder.finish();
         if undecoded > 0 {
             tracing::warn!(
                 undecoded,
@@ -78,14 +78,14 @@ impl Outlets {
     }
 
     /// Publish the core's report and what the outlets have to add.
-    pub(crate) fn diagnose(&mut self, mut report: DiagnosticArray) {
+    pub(crate) fn publish_diagnostics(&mut self, mut report: DiagnosticArray) {
         report.status.push(self.status());
-        if let Some(mut audits) = self.decoding.audits() {
+        if let Some(mut audits) = self.decoder.audit_status() {
             audits.name.insert_str(0, "corticode: ");
             report.status.push(audits);
         }
         let published = self.diagnostics.publish(&report);
-        self.note(published);
+        self.record(published);
     }
 
     /// What did not reach its receivers.
@@ -94,18 +94,15 @@ impl Outlets {
         let events = self.events.as_ref().map(|sink| sink.dropped());
         let figures = [
             ("encoded frames dropped", Some(self.encoded.dropped())),
-            (
-                "reconstructed frames dropped",
-                Some(self.decoding.dropped()),
-            ),
-            ("windows not decoded", Some(self.decoding.undecoded())),
+            ("reconstructed frames dropped", Some(self.decoder.dropped())),
+            ("windows not decoded", Some(self.decoder.undecoded())),
             ("raw frames dropped", dropped(&self.raw)),
             ("filtered frames dropped", dropped(&self.filtered)),
             ("events dropped", events),
         ];
         let now = figures.iter().filter_map(|(_, figure)| *figure).sum();
-        let lost = now > std::mem::replace(&mut self.told, now);
-        let (level, message) = if self.decoding.is_dead() {
+        let lost = now > std::mem::replace(&mut self.reported, now);
+        let (level, message) = if self.decoder.has_ended() {
             let message = "the decoder has ended; restart the bridge for reconstructed frames";
             (DiagnosticLevel::Error, message)
         } else if lost {
@@ -125,9 +122,9 @@ impl Outlets {
         }
     }
 
-    fn note(&mut self, published: Result<(), SinkError>) {
+    fn record(&mut self, published: Result<(), SinkError>) {
         if let Err(error) = published {
-            self.ended = Some(error);
+            self.sink_error = Some(error);
         }
     }
 }
@@ -140,7 +137,7 @@ impl Effects for Outlets {
     fn announce(&mut self, announcement: &Announcement) {
         if announcement.decodable {
             let model = Arc::clone(&self.model);
-            self.decoding.begin(Reconstruction::new(
+            self.decoder.start_device(Reconstruction::new(
                 &announcement.device,
                 model,
                 self.settings,
@@ -162,37 +159,37 @@ impl Effects for Outlets {
         }
     }
 
-    fn encoded(&mut self, frame: &NeuroFrame) {
+    fn publish_encoded(&mut self, frame: &NeuroFrame) {
         let published = self.encoded.publish(frame);
-        self.note(published);
+        self.record(published);
     }
 
-    fn window(&mut self, window: TimedCode) {
-        self.decoding.window(window);
+    fn decode(&mut self, window: TimedCode) {
+        self.decoder.decode(window);
     }
 
-    fn raw(&mut self, frame: &NeuroFrame) {
+    fn publish_raw(&mut self, frame: &NeuroFrame) {
         if let Some(sink) = &mut self.raw {
             let published = sink.publish(frame);
-            self.note(published);
+            self.record(published);
         }
     }
 
-    fn filtered(&mut self, frame: &NeuroFrame) {
+    fn publish_filtered(&mut self, frame: &NeuroFrame) {
         if let Some(sink) = &mut self.filtered {
             let published = sink.publish(frame);
-            self.note(published);
+            self.record(published);
         }
     }
 
-    fn event(&mut self, event: &NeuroEvent) {
+    fn publish_event(&mut self, event: &NeuroEvent) {
         if let Some(sink) = &mut self.events {
             let published = sink.publish(event);
-            self.note(published);
+            self.record(published);
         }
     }
 
     fn audit(&mut self, window: AuditedWindow) {
-        self.decoding.audit(window, Arc::clone(&self.model));
+        self.decoder.audit(window, Arc::clone(&self.model));
     }
 }

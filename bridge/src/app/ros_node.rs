@@ -9,28 +9,28 @@ use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender};
 use tokio::sync::watch::Receiver;
 use tokio::task::JoinHandle;
 
-/// How long a master may take to answer before its absence is told of.
-const TIME_TO_REGISTER: Duration = Duration::from_secs(1);
+/// How long a master may take to answer before its absence is logged of.
+const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
 
 /// The bridge as a ROS node.
 #[derive(Debug)]
-pub(crate) struct Ros {
+pub(crate) struct RosNode {
     pub(crate) node: Arc<Node>,
-    teller: JoinHandle<()>,
+    master_log: JoinHandle<()>,
 }
 
-impl Ros {
-    pub(crate) async fn start(options: NodeOptions) -> Result<Ros, NodeError> {
+impl RosNode {
+    pub(crate) async fn start(options: NodeOptions) -> Result<RosNode, NodeError> {
         let uri = options.master_uri.clone();
         let node = Arc::new(Node::start(options).await?);
         tracing::info!("node {} at {}", node.name(), node.uri());
-        let teller = tokio::spawn(tell_of_master(node.master_online(), uri));
-        Ok(Ros { node, teller })
+        let master_log = tokio::spawn(log_master_changes(node.master_online(), uri));
+        Ok(RosNode { node, master_log })
     }
 
     /// Unregister everything and close.
     pub(crate) async fn shutdown(self) {
-        self.teller.abort();
+        self.master_log.abort();
         self.node.shutdown().await;
     }
 
@@ -44,7 +44,7 @@ impl Ros {
     }
 
     /// Serve the newest announcement, beside the link, because registering it may take time.
-    pub(crate) fn serve(
+    pub(crate) fn serve_announcements(
         &self,
         mut announcements: UnboundedReceiver<AcquisitionInfo>,
         commands: UnboundedSender<AcquisitionCommand>,
@@ -74,13 +74,13 @@ impl Ros {
 
 /// Tell of the master when it comes and goes; of one that is missing only after a while, because
 /// the first answer takes some milliseconds.
-async fn tell_of_master(mut online: Receiver<bool>, uri: String) {
-    let mut told = None;
-    tokio::time::sleep(TIME_TO_REGISTER).await;
+async fn log_master_changes(mut online: Receiver<bool>, uri: String) {
+    let mut logged = None;
+    tokio::time::sleep(REGISTRATION_GRACE).await;
     loop {
         let now = *online.borrow_and_update();
-        if told != Some(now) {
-            told = Some(now);
+        if logged != Some(now) {
+            logged = Some(now);
             if now {
                 tracing::info!("registered with the ROS master at {uri}");
             } else {

@@ -5,7 +5,7 @@ use neuro_ros::ros1::NodeError;
 use neuro_ros::{DiagnosticArray, FrameSink, NdjsonWriter, NeuroEvent, Sink};
 
 use crate::app::command_line::Options;
-use crate::app::ros_node::Ros;
+use crate::app::ros_node::RosNode;
 
 /// Frames of codes, and of what is decoded of them, that may wait for each subscriber: 8 min at 16
 /// Hz, so that even the fillers of a long outage, which come at once, reach a recorder. About 3 KB
@@ -57,7 +57,7 @@ impl Names {
 
 impl Sinks {
     /// Topics of a ROS node.
-    pub(crate) async fn ros(ros: &Ros, options: &Options) -> Result<Sinks, NodeError> {
+    pub(crate) async fn ros(ros: &RosNode, options: &Options) -> Result<Sinks, NodeError> {
         let names = Names::new(options);
         let mut sinks = Sinks {
             encoded: Box::new(ros.sink(&names.encoded, QUEUE_FRAMES).await?),

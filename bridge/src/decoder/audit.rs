@@ -15,14 +15,14 @@ use crate::device::Device;
 /// 0.29 RMS in the median (1/sqrt(12) is rounding) and 0.46 at most, where the signal has 21; int16
 /// codes by 1.4 and 12.5, where it has 669. Half a step taken out that is at most 0.018 of the
 /// signal; this is nearly three times as much.
-const RMS_OF_SIGNAL: f64 = 0.05;
+const RMS_LIMIT: f64 = 0.05;
 
 /// The same for the value that differs most: there 1.76 steps at most where the signal has 20
 /// (int8), 41.9 where it has 669 (int16); half a step taken out 0.064 of the signal. The sign bit of
 /// a single weight of the shortcut moves one value by 1.4 to 2.7 steps on the loudest of 42 windows;
 /// the limit is 1.05 at the median signal of 5.5. One of a convolution moves none by more than
 /// rounding does, because this model's convolutions add a hair: it matters as little as it shows.
-const LARGEST_OF_SIGNAL: f64 = 0.1;
+const LARGEST_LIMIT: f64 = 0.1;
 
 /// A window that the device's encoder read, and the code that it made of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +34,7 @@ pub struct AuditedWindow {
     /// Its planes, the oldest first, row-major; steps of the encoder's input.
     pub planes: Vec<i8>,
     /// The code, in steps of its format.
-    pub steps: Box<[i32; CODE_LEN]>,
+    pub levels: Box<[i32; CODE_LEN]>,
     /// Steps from one value of the code to the next: a power of two with an exponent, else 1.
     pub resolution: u16,
 }
@@ -50,7 +50,7 @@ impl AuditedWindow {
             device,
             window: audit.window,
             planes: planes.collect(),
-            steps: Box::new(audit.values.steps()),
+            levels: Box::new(audit.values.steps()),
             resolution,
         }
     }
@@ -58,12 +58,12 @@ impl AuditedWindow {
     /// The code of the same planes by the float network, beside the device's. Takes some
     /// milliseconds.
     pub fn compare(&self, model: &Model) -> AuditResult {
-        let float = self.device.steps_of(&model.encode(&self.planes));
+        let float = self.device.code_levels(&model.encode(&self.planes));
         let (mut squares, mut signal) = (0.0, 0.0);
         let (mut largest, mut value) = (0.0, 0);
-        let device = self.steps.iter().zip(self.device.zero_points());
-        for (index, (float, (step, zero_point))) in float.iter().zip(device).enumerate() {
-            let difference = (f64::from(*step) - float).abs();
+        let device = self.levels.iter().zip(self.device.zero_points());
+        for (index, (float, (level, zero_point))) in float.iter().zip(device).enumerate() {
+            let difference = (f64::from(*level) - float).abs();
             squares += difference * difference;
             signal += (float - f64::from(*zero_point)).powi(2);
             if difference > largest {
@@ -77,11 +77,11 @@ impl AuditedWindow {
         AuditResult {
             window: self.window,
             rms,
-            rms_limit: rounding + RMS_OF_SIGNAL * signal,
+            rms_limit: rounding + RMS_LIMIT * signal,
             largest,
-            largest_limit: rounding + LARGEST_OF_SIGNAL * signal,
+            largest_limit: rounding + LARGEST_LIMIT * signal,
             value,
-            at_rail: self.planes.iter().any(|step| *step == 127 || *step == -128),
+            at_rail: self.planes.iter().any(|cell| *cell == 127 || *cell == -128),
         }
     }
 }

@@ -30,9 +30,9 @@ impl Model {
     /// [`ArtifactError`] if its codes do not decode by themselves.
     pub fn embedded() -> Result<Model, ArtifactError> {
         Model::new(&Artifact::from_bytes(
-            include_str!("../../model/artifact/model.toml"),
-            include_bytes!("../../model/artifact/weights.safetensors"),
-            include_bytes!("../../model/artifact/calibration.safetensors"),
+            include_str!("../../../model/artifact/model.toml"),
+            include_bytes!("../../../model/artifact/weights.safetensors"),
+            include_bytes!("../../../model/artifact/calibration.safetensors"),
         )?)
     }
 

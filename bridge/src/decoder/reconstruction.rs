@@ -62,7 +62,7 @@ impl Reconstruction {
     }
 
     /// Steps from the first step of the frame that a window completes to the window's last step.
-    pub(crate) fn reach(device: &Device, low_latency: bool) -> u32 {
+    pub(crate) fn lookback_steps(device: &Device, low_latency: bool) -> u32 {
         let steps = if low_latency {
             device.hop_steps
         } else {
@@ -72,7 +72,7 @@ impl Reconstruction {
     }
 
     /// Go on where the frames of `before` end, which have the same shape.
-    pub(crate) fn continues(&mut self, before: &Reconstruction) {
+    pub(crate) fn continue_from(&mut self, before: &Reconstruction) {
         self.frame.header.seq = before.frame.header.seq;
         self.frame.neuroheader.seq = before.frame.neuroheader.seq;
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
@@ -81,7 +81,7 @@ impl Reconstruction {
     /// The frame that `window` completes: its own last `hop` steps (low latency), or the `hop`
     /// steps that it shares with the window before. `None` if there is nothing to say and lost
     /// codes are not filled.
-    pub fn push(&mut self, window: &TimedCode) -> Option<&NeuroFrame> {
+    pub fn next_frame(&mut self, window: &TimedCode) -> Option<&NeuroFrame> {
         let decoded = window.z.as_ref().map(|z| self.model.decode(z));
         let values = self.hop * self.electrodes;
         let data = &mut self.frame.eeg.data;
@@ -125,11 +125,11 @@ impl Reconstruction {
             flags: window.words.flags,
             microvolts,
         });
-        self.number(window.stamp, &words);
+        self.finish_frame(window.stamp, &words);
         Some(&self.frame)
     }
 
-    fn number(&mut self, stamp: Stamp, words: &TriWords) {
+    fn finish_frame(&mut self, stamp: Stamp, words: &TriWords) {
         let frame = &mut self.frame;
         frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
         frame.header.seq = frame.neuroheader.seq;

@@ -21,7 +21,7 @@ const QUEUE_AUDITS: usize = 4;
 /// The thread that reconstructs and publishes, and that computes audited codes again, so that
 /// neither delays a byte of the link.
 #[derive(Debug)]
-pub(crate) struct Decoding {
+pub(crate) struct DecoderThread {
     work: Sender<Work>,
     waiting: Arc<AtomicUsize>,
     dropped: Arc<AtomicU64>,
@@ -40,24 +40,24 @@ struct Audits {
 
 enum Work {
     /// Another device.
-    Begin(Box<Reconstruction>),
+    Device(Box<Reconstruction>),
     Code(TimedCode),
     Audit(Box<AuditedWindow>, Arc<Model>),
 }
 
-impl Decoding {
-    pub(crate) fn start(sink: Box<dyn FrameSink>) -> std::io::Result<Decoding> {
+impl DecoderThread {
+    pub(crate) fn start(sink: Box<dyn FrameSink>) -> std::io::Result<DecoderThread> {
         let (work, receiver) = channel();
         let waiting = Arc::new(AtomicUsize::new(0));
-        let left = Arc::clone(&waiting);
+        let thread_waiting = Arc::clone(&waiting);
         let dropped = Arc::new(AtomicU64::new(0));
-        let told = Arc::clone(&dropped);
+        let thread_dropped = Arc::clone(&dropped);
         let audits = Arc::new(Audits::default());
         let results = Arc::clone(&audits);
         let thread = std::thread::Builder::new()
             .name("decoder".to_owned())
-            .spawn(move || decode(sink, &receiver, &left, &told, &results))?;
-        Ok(Decoding {
+            .spawn(move || run(sink, &receiver, &thread_waiting, &thread_dropped, &results))?;
+        Ok(DecoderThread {
             work,
             waiting,
             dropped,
@@ -69,14 +69,14 @@ impl Decoding {
     }
 
     /// Windows from here on belong to this device.
-    pub(crate) fn begin(&self, reconstruction: Reconstruction) {
+    pub(crate) fn start_device(&self, reconstruction: Reconstruction) {
         // An error means that the thread has gone because its sink ended.
-        let _ = self.work.send(Work::Begin(Box::new(reconstruction)));
+        let _ = self.work.send(Work::Device(Box::new(reconstruction)));
     }
 
     /// Never waits. When too many wait already, the window's code is taken out and counted: the
     /// frame becomes a filler, which costs no time, and the number of samples stays right.
-    pub(crate) fn window(&mut self, mut window: TimedCode) {
+    pub(crate) fn decode(&mut self, mut window: TimedCode) {
         if self.waiting.fetch_add(1, Ordering::Relaxed) >= QUEUE_WINDOWS && window.z.is_some() {
             window.z = None;
             self.undecoded += 1;
@@ -84,7 +84,7 @@ impl Decoding {
         let _ = self.work.send(Work::Code(window));
     }
 
-    /// Never waits. When too many wait already, the audit is left out and counted.
+    /// Never waits. When too many wait already, the audit is thread_waiting out and counted.
     pub(crate) fn audit(&mut self, window: AuditedWindow, model: Arc<Model>) {
         if self.audits.waiting.load(Ordering::Relaxed) >= QUEUE_AUDITS {
             self.skipped_audits += 1;
@@ -95,7 +95,7 @@ impl Decoding {
     }
 
     /// What audits have found, for `/diagnostics`.
-    pub(crate) fn audits(&self) -> Option<DiagnosticStatus> {
+    pub(crate) fn audit_status(&self) -> Option<DiagnosticStatus> {
         let counts = self.audits.counts.lock();
         let counts = counts.unwrap_or_else(PoisonError::into_inner);
         counts.status(self.skipped_audits)
@@ -112,7 +112,7 @@ impl Decoding {
     }
 
     /// Whether the thread has gone: nothing is reconstructed any more.
-    pub(crate) fn is_dead(&self) -> bool {
+    pub(crate) fn has_ended(&self) -> bool {
         self.thread.is_finished()
     }
 
@@ -126,7 +126,7 @@ impl Decoding {
     }
 }
 
-fn decode(
+fn run(
     mut sink: Box<dyn FrameSink>,
     work: &Receiver<Work>,
     waiting: &AtomicUsize,
@@ -136,9 +136,9 @@ fn decode(
     let mut reconstruction: Option<Box<Reconstruction>> = None;
     for work in work {
         let window = match work {
-            Work::Begin(mut new) => {
+            Work::Device(mut new) => {
                 if let Some(before) = &reconstruction {
-                    new.continues(before);
+                    new.continue_from(before);
                 }
                 reconstruction = Some(new);
                 continue;
@@ -150,7 +150,9 @@ fn decode(
                     tracing::error!(?result, "the device does not compute its model");
                 }
                 let counts = audits.counts.lock();
-                counts.unwrap_or_else(PoisonError::into_inner).add(result);
+                counts
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .record(result);
                 continue;
             }
             Work::Code(window) => window,
@@ -158,7 +160,7 @@ fn decode(
         waiting.fetch_sub(1, Ordering::Relaxed);
         let Some(frame) = reconstruction
             .as_mut()
-            .and_then(|known| known.push(&window))
+            .and_then(|known| known.next_frame(&window))
         else {
             continue;
         };
@@ -177,7 +179,7 @@ mod tests {
     use link::{CODE_LEN, Capabilities, Hello, ResetCause};
     use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp};
 
-    use super::{Decoding, Ordering, QUEUE_WINDOWS};
+    use super::{DecoderThread, Ordering, QUEUE_WINDOWS};
     use crate::decoder::model::Model;
     use crate::decoder::reconstruction::{Reconstruction, TimedCode};
     use crate::device::Device;
@@ -240,26 +242,26 @@ mod tests {
     #[test]
     fn windows_that_find_no_room_are_counted() {
         let count = Arc::new(Mutex::new(Vec::new()));
-        let mut decoding = Decoding::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+        let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
         // More than the thread takes away meanwhile.
-        decoding.waiting.store(2 * QUEUE_WINDOWS, Ordering::Relaxed);
+        decoder.waiting.store(2 * QUEUE_WINDOWS, Ordering::Relaxed);
         let (stamp, words) = (Stamp::default(), TriWords::default());
         for _ in 0..3 {
             let z = Some(Box::new([0.0; 128]));
-            decoding.window(TimedCode { z, stamp, words });
+            decoder.decode(TimedCode { z, stamp, words });
         }
         // No device was announced, so there is nothing to publish.
-        assert_eq!(decoding.finish(), 3);
+        assert_eq!(decoder.finish(), 3);
         assert!(count.lock().unwrap().is_empty());
     }
     #[test]
     fn every_filler_of_a_long_outage_is_published_and_numbers_go_on_with_another_device() {
         let count = Arc::new(Mutex::new(Vec::new()));
-        let mut decoding = Decoding::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+        let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
         for _ in 0..2 {
-            decoding.begin(reconstruction());
+            decoder.start_device(reconstruction());
             for window in 0..2500 {
-                decoding.window(TimedCode {
+                decoder.decode(TimedCode {
                     z: None,
                     stamp: Stamp::default(),
                     words: TriWords {
@@ -269,8 +271,8 @@ mod tests {
                 });
             }
         }
-        assert_eq!((decoding.undecoded(), decoding.dropped()), (0, 0));
-        assert_eq!(decoding.finish(), 0);
+        assert_eq!((decoder.undecoded(), decoder.dropped()), (0, 0));
+        assert_eq!(decoder.finish(), 0);
         assert_eq!(*count.lock().unwrap(), (1..=5000).collect::<Vec<u32>>());
     }
 }

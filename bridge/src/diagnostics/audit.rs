@@ -3,10 +3,10 @@
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::decoder::audit::AuditResult;
-use crate::diagnostics::status::entry;
+use crate::diagnostics::status::new_status;
 
 /// Audits in a row that could not be judged before it is a warning: a minute's.
-const BLIND: u64 = 6;
+const UNJUDGED_BEFORE_WARNING: u64 = 6;
 
 /// What audits have found until now.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,7 +20,7 @@ pub(crate) struct AuditCounts {
 }
 
 impl AuditCounts {
-    pub(crate) fn add(&mut self, result: AuditResult) {
+    pub(crate) fn record(&mut self, result: AuditResult) {
         self.compared += 1;
         self.wrong += u64::from(result.is_wrong());
         self.at_rail += u64::from(result.at_rail);
@@ -47,7 +47,7 @@ impl AuditCounts {
                  {largest_limit:.2}); reset the device, and flash it again if this stays"
             );
             (DiagnosticLevel::Error, message)
-        } else if self.unjudged >= BLIND {
+        } else if self.unjudged >= UNJUDGED_BEFORE_WARNING {
             let message = format!(
                 "the last {} windows stood at the rail and were not judged; see `signal quality` \
                  for the electrode",
@@ -71,7 +71,7 @@ impl AuditCounts {
             KeyValue::new("largest steps", &format!("{largest:.3}")),
             KeyValue::new("largest limit", &format!("{largest_limit:.3}")),
         ];
-        Some(entry("audit", state, values))
+        Some(new_status("audit", state, values))
     }
 }
 
@@ -92,10 +92,10 @@ mod tests {
         };
         let mut counts = AuditCounts::default();
         let mut level = |at_rail| {
-            counts.add(result(at_rail));
+            counts.record(result(at_rail));
             counts.status(0).map(|status| status.level)
         };
-        for _ in 1..BLIND {
+        for _ in 1..UNJUDGED_BEFORE_WARNING {
             assert_eq!(level(true), Some(DiagnosticLevel::Ok));
         }
         assert_eq!(level(true), Some(DiagnosticLevel::Warn));

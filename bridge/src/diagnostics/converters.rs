@@ -4,25 +4,28 @@ use link::Converters;
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::device::channel_label;
-use crate::diagnostics::status::entry;
+use crate::diagnostics::status::new_status;
 
-/// The newest report about the chain of converters, and what was told of it.
+/// The newest report about the chain of converters, and what was reported of it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ChainReport {
     fault: String,
-    ready_mhz: u32,
+    drdy_millihertz: u32,
     off_positive: u64,
     off_negative: u64,
     frames_bad: Vec<u32>,
-    /// Bad frames of each chip that `/diagnostics` has told of.
-    told: Vec<u32>,
+    /// Bad frames of each chip that `/diagnostics` has reported of.
+    reported: Vec<u32>,
 }
 
 impl ChainReport {
-    /// The next report; what was told stays told.
-    pub(crate) fn next(before: Option<&ChainReport>, converters: &Converters) -> ChainReport {
-        let said = before.is_some_and(|before| before.fault == *converters.fault);
-        if !said && !converters.fault.is_empty() {
+    /// The next report; what was reported stays reported.
+    pub(crate) fn from_message(
+        before: Option<&ChainReport>,
+        converters: &Converters,
+    ) -> ChainReport {
+        let unchanged = before.is_some_and(|before| before.fault == *converters.fault);
+        if !unchanged && !converters.fault.is_empty() {
             tracing::error!(
                 fault = %converters.fault,
                 "the device's converters do not run"
@@ -30,14 +33,14 @@ impl ChainReport {
         }
         ChainReport {
             fault: converters.fault.as_str().to_owned(),
-            ready_mhz: converters.ready_mhz,
+            drdy_millihertz: converters.ready_mhz,
             off_positive: converters.off_positive,
             off_negative: converters.off_negative,
             frames_bad: converters.frames_bad.to_vec(),
             // What was counted before anybody listened is no news.
-            told: before.map_or_else(
+            reported: before.map_or_else(
                 || converters.frames_bad.to_vec(),
-                |before| before.told.clone(),
+                |before| before.reported.clone(),
             ),
         }
     }
@@ -45,13 +48,13 @@ impl ChainReport {
     /// One status: its message says what is wrong, its values are rate, contacts and chips.
     pub(crate) fn status(&mut self, adc_rate_hz: u16, labels: &[String]) -> DiagnosticStatus {
         let new = |(chip, bad): (usize, &u32)| {
-            let told = self.told.get(chip).copied().unwrap_or(0);
-            let since = bad.wrapping_sub(told);
+            let reported = self.reported.get(chip).copied().unwrap_or(0);
+            let since = bad.wrapping_sub(reported);
             (since > 0).then(|| format!("chip {chip} ({since})"))
         };
         let frames = self.frames_bad.iter().enumerate();
         let frames: Vec<String> = frames.filter_map(new).collect();
-        self.told.clone_from(&self.frames_bad);
+        self.reported.clone_from(&self.frames_bad);
         let off = off(self.off_positive | self.off_negative, labels);
         let warnings: Vec<String> = [
             ("frames bad since the last report", frames),
@@ -69,7 +72,10 @@ impl ChainReport {
             let chips = self.frames_bad.len();
             (DiagnosticLevel::Ok, format!("{chips} chips convert"))
         };
-        let mut values = vec![KeyValue::new("DRDY", &rate(self.ready_mhz, adc_rate_hz))];
+        let mut values = vec![KeyValue::new(
+            "DRDY",
+            &rate(self.drdy_millihertz, adc_rate_hz),
+        )];
         for (name, channels) in [
             ("positive electrodes off", self.off_positive),
             ("negative electrodes off", self.off_negative),
@@ -80,16 +86,16 @@ impl ChainReport {
         values.extend(
             chips.map(|(chip, bad)| KeyValue::new(&format!("chip {chip}: frames bad"), bad)),
         );
-        entry("converters", state, values)
+        new_status("converters", state, values)
     }
 }
 
 /// "512.010 Hz, +20 ppm off the 512 Hz that were set".
-fn rate(ready_mhz: u32, adc_rate_hz: u16) -> String {
-    if ready_mhz == 0 {
+fn rate(drdy_millihertz: u32, adc_rate_hz: u16) -> String {
+    if drdy_millihertz == 0 {
         return "not known".to_owned();
     }
-    let hz = f64::from(ready_mhz) / 1000.0;
+    let hz = f64::from(drdy_millihertz) / 1000.0;
     let ppm = (hz / f64::from(adc_rate_hz) - 1.0) * 1e6;
     format!("{hz:.3} Hz, {ppm:+.0} ppm off the {adc_rate_hz} Hz that were set")
 }

@@ -3,7 +3,7 @@
 use link::{ElectrodeQuality, Quality};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
-use crate::diagnostics::status::entry;
+use crate::diagnostics::status::new_status;
 
 /// Mains at an electrode's input above which it is named, microvolt RMS.
 ///
@@ -13,7 +13,7 @@ use crate::diagnostics::status::entry;
 const MAINS_LIMIT_UV: f32 = 100.0;
 
 /// One status: its message names the electrodes to look after, its values are those of all.
-pub(crate) fn signal_quality(quality: &Quality, labels: &[String]) -> DiagnosticStatus {
+pub(crate) fn signal_quality_status(quality: &Quality, labels: &[String]) -> DiagnosticStatus {
     let electrodes: Vec<(String, &ElectrodeQuality)> = quality
         .electrodes
         .iter()
@@ -53,7 +53,7 @@ pub(crate) fn signal_quality(quality: &Quality, labels: &[String]) -> Diagnostic
         .iter()
         .map(|(label, electrode)| KeyValue::new(label, &figures(electrode)))
         .collect();
-    entry("signal quality", state, values)
+    new_status("signal quality", state, values)
 }
 
 fn figures(electrode: &ElectrodeQuality) -> String {

@@ -2,7 +2,7 @@
 
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
-pub(crate) fn entry(
+pub(crate) fn new_status(
     name: &str,
     (level, message): (DiagnosticLevel, String),
     values: Vec<KeyValue>,

@@ -26,7 +26,7 @@ pub struct Summary {
     pub frames_lost: u64,
     /// What the frame decoder has counted.
     pub wire: Counters,
-    /// Times that a port was opened.
+    /// MessageTime that a port was opened.
     pub connections: u64,
     /// Resets of the device that were noticed.
     pub resets: u64,
@@ -55,7 +55,7 @@ impl Summary {
             wire: *wire,
             connections: session.counts.connections,
             resets: session.counts.resets,
-            unused: session.counts.early + counts.foreign,
+            unused: session.counts.codes_unused + counts.foreign,
             drift_ppm: session.clock.drift_ppm(),
             worst_stage: session.worst_stage,
         }

@@ -3,11 +3,11 @@
 use link::{StageTiming, Timing};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
-use crate::diagnostics::status::entry;
+use crate::diagnostics::status::new_status;
 
 /// One status: its message names the stages that were late since the device's boot, and a stack of
 /// which more than 3/4 was used; its values are those of all stages.
-pub(crate) fn timing(timing: &Timing) -> DiagnosticStatus {
+pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     let Timing {
         stages,
         stack_used,
@@ -37,11 +37,13 @@ pub(crate) fn timing(timing: &Timing) -> DiagnosticStatus {
     if *stack_size > 0 {
         values.push(KeyValue::new("stack", &stack));
     }
-    entry("timing", state, values)
+    new_status("timing", state, values)
 }
 
 /// The stage that came closest to its deadline, or missed it by most.
-pub(crate) fn worst<'t>(stages: impl Iterator<Item = &'t StageTiming>) -> Option<StageTiming> {
+pub(crate) fn closest_to_deadline<'t>(
+    stages: impl Iterator<Item = &'t StageTiming>,
+) -> Option<StageTiming> {
     // Of two fractions that is greater whose numerator times the other's denominator is.
     let product = |worst: &StageTiming, deadline: &StageTiming| {
         u64::from(worst.worst_ns) * u64::from(deadline.deadline_ns)

@@ -1,20 +1,20 @@
-//! One question to a device, without the world.
+//! One request to a device, without the world.
 
 use link::{Ack, AckResult, Decoder, Encoder, MAX_FRAME, ResetInto, ToDevice, ToHost};
 
 use crate::error::BridgeError;
-use crate::query::report::{DeviceLine, SelfTestReport};
+use crate::query::report::{DeviceSummary, SelfTestReport};
 
 /// How long an answer may take before the command is sent again, microseconds.
 const RETRY_US: i64 = 500_000;
 /// How long a device may take to acknowledge a command, seconds.
-const ACK_S: u32 = 5;
+const ACK_TIMEOUT_S: u32 = 5;
 /// How long it may take to test its converters, or to come back after a reset, seconds.
-const RESULT_S: u32 = 15;
+const RESULT_TIMEOUT_S: u32 = 15;
 
-/// What a device is asked to do once.
+/// What a device is requested to do once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Question {
+pub enum Request {
     /// Try its converters with their own signals.
     SelfTest,
     /// Start anew.
@@ -27,22 +27,22 @@ pub enum Answer {
     /// What it found out.
     SelfTest(Box<SelfTestReport>),
     /// It is back, and says why it started.
-    Back(DeviceLine),
+    Restarted(DeviceSummary),
     /// It is in its loader and says nothing more.
-    InLoader(DeviceLine),
+    InBootloader(DeviceSummary),
 }
 
-/// One question to a device: who are you, stop, do it, and what came of it. Bytes and times in,
+/// One request to a device: who are you, stop, do it, and what came of it. Bytes and times in,
 /// bytes and an outcome out.
 #[derive(Debug)]
-pub struct Inquiry {
-    question: Question,
+pub struct Query {
+    request: Request,
     decoder: Decoder<MAX_FRAME>,
     encoder: Encoder,
     stage: Stage,
     since_us: i64,
     pending: Option<Pending>,
-    device: Option<(u32, DeviceLine)>,
+    device: Option<(u32, DeviceSummary)>,
     /// ADC channels and the labels of the first ones.
     montage: Option<(usize, Vec<String>)>,
     outgoing: Vec<u8>,
@@ -52,7 +52,7 @@ pub struct Inquiry {
 enum Stage {
     Identify,
     Stop,
-    Ask,
+    Request,
     Wait,
 }
 
@@ -64,14 +64,14 @@ struct Pending {
     sent_us: i64,
 }
 
-/// How an inquiry ends.
-pub type Outcome = Result<Answer, BridgeError>;
+/// How an query ends.
+pub type QueryResult = Result<Answer, BridgeError>;
 
-impl Inquiry {
+impl Query {
     /// Before the port is open.
-    pub fn new(question: Question) -> Inquiry {
-        Inquiry {
-            question,
+    pub fn new(request: Request) -> Query {
+        Query {
+            request,
             decoder: Decoder::new(),
             encoder: Encoder::default(),
             stage: Stage::Identify,
@@ -94,17 +94,17 @@ impl Inquiry {
     }
 
     /// Whether the port may go and come back meanwhile: a device that starts anew leaves USB.
-    pub fn may_lose_port(&self) -> bool {
-        self.stage == Stage::Wait && matches!(self.question, Question::Reset(_))
+    pub fn expects_reconnect(&self) -> bool {
+        self.stage == Stage::Wait && matches!(self.request, Request::Reset(_))
     }
 
     /// What happens now, for a person.
-    pub fn words(&self) -> &'static str {
-        match (self.stage, self.question) {
+    pub fn progress_text(&self) -> &'static str {
+        match (self.stage, self.request) {
             (Stage::Identify, _) => "asking who is there",
             (Stage::Stop, _) => "stopping its streams",
-            (_, Question::SelfTest) => "the device tests its converters",
-            (_, Question::Reset(_)) => "the device starts anew",
+            (_, Request::SelfTest) => "the device tests its converters",
+            (_, Request::Reset(_)) => "the device starts anew",
         }
     }
 
@@ -114,7 +114,7 @@ impl Inquiry {
     }
 
     /// Bytes came from the device.
-    pub fn receive(&mut self, mut bytes: &[u8], now_us: i64) -> Option<Outcome> {
+    pub fn receive(&mut self, mut bytes: &[u8], now_us: i64) -> Option<QueryResult> {
         // The decoder lends what it decodes, so it stays outside meanwhile.
         let mut decoder = std::mem::replace(&mut self.decoder, Decoder::new());
         let mut outcome = None;
@@ -122,23 +122,23 @@ impl Inquiry {
             && let Some(frame) = decoder.next::<ToHost>(&mut bytes)
         {
             if let Ok(frame) = frame {
-                outcome = self.message(&frame.message, now_us);
+                outcome = self.handle_message(&frame.message, now_us);
             }
         }
         self.decoder = decoder;
         outcome
     }
 
-    fn message(&mut self, message: &ToHost, now_us: i64) -> Option<Outcome> {
+    fn handle_message(&mut self, message: &ToHost, now_us: i64) -> Option<QueryResult> {
         match message {
             ToHost::Hello(hello) => {
-                let device = DeviceLine::new(hello);
+                let device = DeviceSummary::new(hello);
                 let before = self.device.replace((hello.session_id, device.clone()));
                 let other = before.is_some_and(|(session_id, _)| session_id != hello.session_id);
-                let asked = matches!(self.stage, Stage::Ask | Stage::Wait);
-                (asked && other).then_some(match self.question {
-                    Question::Reset(_) => Ok(Answer::Back(device)),
-                    Question::SelfTest => Err(BridgeError::Restarted {
+                let requested = matches!(self.stage, Stage::Request | Stage::Wait);
+                (requested && other).then_some(match self.request {
+                    Request::Reset(_) => Ok(Answer::Restarted(device)),
+                    Request::SelfTest => Err(BridgeError::RestartedDuringTest {
                         device: Box::new(device),
                     }),
                 })
@@ -149,12 +149,12 @@ impl Inquiry {
                 self.montage = Some((usize::from(capabilities.channels), labels));
                 None
             }
-            ToHost::Ack(ack) => self.acknowledged(*ack, now_us),
-            ToHost::SelfTest(test) if self.question == Question::SelfTest => {
+            ToHost::Ack(ack) => self.handle_ack(*ack, now_us),
+            ToHost::SelfTest(test) if self.request == Request::SelfTest => {
                 let (_, device) = self.device.clone()?;
                 let (channels, labels) = self.montage.as_ref()?;
-                // One that somebody else asked for before says nothing of now.
-                matches!(self.stage, Stage::Ask | Stage::Wait).then(|| {
+                // One that somebody else requested for before says nothing of now.
+                matches!(self.stage, Stage::Request | Stage::Wait).then(|| {
                     let report = SelfTestReport::new(device, test, *channels, labels);
                     Ok(Answer::SelfTest(Box::new(report)))
                 })
@@ -163,7 +163,7 @@ impl Inquiry {
         }
     }
 
-    fn acknowledged(&mut self, ack: Ack, now_us: i64) -> Option<Outcome> {
+    fn handle_ack(&mut self, ack: Ack, now_us: i64) -> Option<QueryResult> {
         let ours = |pending: &Pending| {
             let span = pending.last_seq.wrapping_sub(pending.first_seq);
             ack.of.wrapping_sub(pending.first_seq) <= span
@@ -176,19 +176,19 @@ impl Inquiry {
                     self.enter(Stage::Stop, now_us);
                 }
             }
-            (Stage::Stop, _) => self.enter(Stage::Ask, now_us),
-            (Stage::Ask, AckResult::Done) => {
+            (Stage::Stop, _) => self.enter(Stage::Request, now_us),
+            (Stage::Request, AckResult::Done) => {
                 self.enter(Stage::Wait, now_us);
-                if let (Question::Reset(ResetInto::Bootloader), Some((_, device))) =
-                    (self.question, &self.device)
+                if let (Request::Reset(ResetInto::Bootloader), Some((_, device))) =
+                    (self.request, &self.device)
                 {
-                    return Some(Ok(Answer::InLoader(device.clone())));
+                    return Some(Ok(Answer::InBootloader(device.clone())));
                 }
             }
             // The first one arrived, its acknowledgement did not.
-            (Stage::Ask, AckResult::Busy) if repeated => self.enter(Stage::Wait, now_us),
-            (Stage::Ask, refused) => {
-                let (what, why) = refusal(self.question, refused);
+            (Stage::Request, AckResult::Busy) if repeated => self.enter(Stage::Wait, now_us),
+            (Stage::Request, refused) => {
+                let (what, why) = refusal(self.request, refused);
                 return Some(Err(BridgeError::Refused { what, why }));
             }
             (Stage::Wait, _) => {}
@@ -203,25 +203,27 @@ impl Inquiry {
     }
 
     /// Time passes: the command that is due goes out; who waits too long gives up.
-    pub fn tick(&mut self, now_us: i64) -> Option<Outcome> {
-        let (what, seconds) = match (self.stage, self.question) {
-            (Stage::Identify, _) => ("to the question who is there", ACK_S),
-            (Stage::Stop, _) => ("to the command to stop", ACK_S),
-            (Stage::Ask, Question::SelfTest) => ("to the command to test itself", ACK_S),
-            (Stage::Ask, Question::Reset(_)) => ("to the command to start anew", ACK_S),
-            (Stage::Wait, Question::SelfTest) => ("with the result of the self-test", RESULT_S),
-            (Stage::Wait, Question::Reset(_)) => ("after the restart", RESULT_S),
+    pub fn tick(&mut self, now_us: i64) -> Option<QueryResult> {
+        let (what, seconds) = match (self.stage, self.request) {
+            (Stage::Identify, _) => ("to the request who is there", ACK_TIMEOUT_S),
+            (Stage::Stop, _) => ("to the command to stop", ACK_TIMEOUT_S),
+            (Stage::Request, Request::SelfTest) => ("to the command to test itself", ACK_TIMEOUT_S),
+            (Stage::Request, Request::Reset(_)) => ("to the command to start anew", ACK_TIMEOUT_S),
+            (Stage::Wait, Request::SelfTest) => {
+                ("with the result of the self-test", RESULT_TIMEOUT_S)
+            }
+            (Stage::Wait, Request::Reset(_)) => ("after the restart", RESULT_TIMEOUT_S),
         };
         if now_us - self.since_us > i64::from(seconds) * 1_000_000 {
-            return Some(Err(BridgeError::Silent { what, seconds }));
+            return Some(Err(BridgeError::NoAnswer { what, seconds }));
         }
-        let command = match (self.stage, self.question) {
+        let command = match (self.stage, self.request) {
             // After a reset its Hello may have come while nobody listened.
-            (Stage::Identify, _) | (Stage::Wait, Question::Reset(_)) => ToDevice::Identify,
+            (Stage::Identify, _) | (Stage::Wait, Request::Reset(_)) => ToDevice::Identify,
             (Stage::Stop, _) => ToDevice::Stop,
-            (Stage::Ask, Question::SelfTest) => ToDevice::SelfTest,
-            (Stage::Ask, Question::Reset(into)) => ToDevice::Reset(into),
-            (Stage::Wait, Question::SelfTest) => return None,
+            (Stage::Request, Request::SelfTest) => ToDevice::SelfTest,
+            (Stage::Request, Request::Reset(into)) => ToDevice::Reset(into),
+            (Stage::Wait, Request::SelfTest) => return None,
         };
         let waits = |pending: Pending| now_us - pending.sent_us < RETRY_US;
         if !self.pending.is_some_and(waits) {
@@ -246,20 +248,20 @@ impl Inquiry {
 }
 
 /// What was refused; why, and what to do next.
-fn refusal(question: Question, result: AckResult) -> (&'static str, &'static str) {
-    let what = match question {
-        Question::SelfTest => "to test itself",
-        Question::Reset(ResetInto::Bootloader) => "to start its loader",
-        Question::Reset(_) => "to start anew",
+fn refusal(request: Request, result: AckResult) -> (&'static str, &'static str) {
+    let what = match request {
+        Request::SelfTest => "to test itself",
+        Request::Reset(ResetInto::Bootloader) => "to start its loader",
+        Request::Reset(_) => "to start anew",
     };
-    let why = match (result, question) {
+    let why = match (result, request) {
         (AckResult::UnknownCommand, _) => {
             "its firmware is older than this command; update the firmware"
         }
-        (AckResult::NotSupported, Question::SelfTest) => {
+        (AckResult::NotSupported, Request::SelfTest) => {
             "its board has no converters that can be tested; nothing can be said about them"
         }
-        (AckResult::NotSupported | AckResult::BadArgument, Question::Reset(_)) => {
+        (AckResult::NotSupported | AckResult::BadArgument, Request::Reset(_)) => {
             "its board cannot do that by a command; use its reset button, with BOOT0 high for the \
              loader"
         }

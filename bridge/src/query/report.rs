@@ -8,17 +8,17 @@ use crate::device::channel_label;
 
 /// The part's bits of an ID register: bit 4 is 1, DEV_ID 11, NU_CH 00, 01 or 10 for 4, 6 or 8
 /// channels; above them the revision (data sheet SBAS499, 9.6.1.1).
-const PART: u8 = 0x1F;
+const PART_MASK: u8 = 0x1F;
 
 /// What a device found out about its converters, judged and in words.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SelfTestReport {
     /// Who was tested.
-    pub device: DeviceLine,
+    pub device: DeviceSummary,
     /// The first thing that is wrong, in the device's words; empty where all is well.
     pub fault: String,
     /// The edges of DRDY.
-    pub ready: ReadyReport,
+    pub ready: DrdyReport,
     /// The chips, the first being the one at MISO.
     pub chips: Vec<ChipReport>,
     /// Their channels, in the order of the ADC's.
@@ -31,7 +31,7 @@ pub struct SelfTestReport {
 
 /// Who a device is.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct DeviceLine {
+pub struct DeviceSummary {
     /// Board.
     pub board: String,
     /// Version of the firmware.
@@ -46,7 +46,7 @@ pub struct DeviceLine {
 
 /// The edges of DRDY, which time everything.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ReadyReport {
+pub struct DrdyReport {
     /// Rate on the device's clock, Hz; none where it was not measured.
     pub rate_hz: Option<f64>,
     /// Rate that was set, Hz.
@@ -104,15 +104,15 @@ impl SelfTestReport {
     /// The report of a device that has `channels` ADC channels, the first ones at electrodes of these
     /// labels.
     pub(crate) fn new(
-        device: DeviceLine,
+        device: DeviceSummary,
         test: &SelfTest,
         channels: usize,
         labels: &[String],
     ) -> SelfTestReport {
-        let chips: Vec<ChipReport> = test.chips.iter().enumerate().map(chip).collect();
+        let chips: Vec<ChipReport> = test.chips.iter().enumerate().map(chip_report).collect();
         let tests = test.channels.iter().enumerate();
         let tested: Vec<ChannelReport> = tests
-            .map(|(index, test)| channel(index, test, channel_label(labels, index)))
+            .map(|(index, test)| channel_report(index, test, channel_label(labels, index)))
             .collect();
         let bad =
             |count: usize, of: usize, what| (count > 0).then(|| format!("{count} of {of} {what}"));
@@ -149,7 +149,7 @@ impl SelfTestReport {
         SelfTestReport {
             device,
             fault: test.fault.as_str().to_owned(),
-            ready: ReadyReport::new(test),
+            ready: DrdyReport::new(test),
             chips,
             channels: tested,
             passed,
@@ -158,14 +158,14 @@ impl SelfTestReport {
     }
 }
 
-impl DeviceLine {
-    pub(crate) fn new(hello: &Hello) -> DeviceLine {
+impl DeviceSummary {
+    pub(crate) fn new(hello: &Hello) -> DeviceSummary {
         let uid: Vec<String> = hello
             .chip_uid
             .iter()
             .map(|byte| format!("{byte:02x}"))
             .collect();
-        DeviceLine {
+        DeviceSummary {
             board: hello.board.to_owned(),
             firmware: hello.firmware.to_owned(),
             uid: uid.concat(),
@@ -175,13 +175,13 @@ impl DeviceLine {
     }
 }
 
-impl ReadyReport {
-    fn new(test: &SelfTest) -> ReadyReport {
+impl DrdyReport {
+    fn new(test: &SelfTest) -> DrdyReport {
         let hz = |mhz: u32| f64::from(mhz) / 1000.0;
         let expected_hz = hz(test.expected_mhz);
         let rate_hz = (test.ready_mhz > 0).then(|| hz(test.ready_mhz));
         let known = rate_hz.filter(|_| test.expected_mhz > 0);
-        ReadyReport {
+        DrdyReport {
             rate_hz,
             expected_hz,
             ppm: known.map(|rate_hz| (rate_hz / expected_hz - 1.0) * 1e6),
@@ -191,7 +191,7 @@ impl ReadyReport {
     }
 }
 
-fn chip((chip, test): (usize, &ChipTest)) -> ChipReport {
+fn chip_report((chip, test): (usize, &ChipTest)) -> ChipReport {
     let ChipTest {
         id,
         registers_wrong,
@@ -205,17 +205,17 @@ fn chip((chip, test): (usize, &ChipTest)) -> ChipReport {
     ChipReport {
         chip,
         id,
-        part: part(id).to_owned(),
+        part: part_name(id).to_owned(),
         registers_wrong,
         first_wrong: (registers_wrong > 0).then(name),
         frames_bad,
-        in_order: id & PART == ads1299::ID & PART && registers_wrong == 0,
+        in_order: id & PART_MASK == ads1299::ID & PART_MASK && registers_wrong == 0,
     }
 }
 
 /// An ID register in words.
-fn part(id: u8) -> &'static str {
-    match (id, id & PART) {
+fn part_name(id: u8) -> &'static str {
+    match (id, id & PART_MASK) {
         (0x00 | 0xFF, _) => "no answer",
         (_, 0x1E) => "ADS1299, 8 channels",
         (_, 0x1D) => "ADS1299-6, 6 channels",
@@ -231,7 +231,7 @@ fn is_unmeasured(test: &ChannelTest) -> bool {
     test.fault == ChannelFault::None && silent
 }
 
-fn channel(index: usize, test: &ChannelTest, label: String) -> ChannelReport {
+fn channel_report(index: usize, test: &ChannelTest, label: String) -> ChannelReport {
     let too_few = test.fault == ChannelFault::Samples;
     // Without samples the device says 0, and -1 of the gain. With a few, the square wave's levels
     // were not both seen: then it says -1 of the gain as well.

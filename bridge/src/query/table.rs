@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::query::report::{ChannelReport, ChipReport, DeviceLine, ReadyReport, SelfTestReport};
+use crate::query::report::{ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport};
 
 /// Prints the device, the edges of DRDY, the chips, the channels, and the verdict as the last line.
 impl fmt::Display for SelfTestReport {
@@ -11,13 +11,13 @@ impl fmt::Display for SelfTestReport {
         writeln!(formatter, "DRDY    {}", self.ready)?;
         if !self.chips.is_empty() {
             writeln!(formatter)?;
-            let head = ["chip", "ID", "registers", "frames bad"];
-            let rows = self.chips.iter().map(chip);
-            columns(formatter, head, [true, false, false, true], rows)?;
+            let header = ["chip", "ID", "registers", "frames bad"];
+            let rows = self.chips.iter().map(chip_row);
+            write_columns(formatter, header, [true, false, false, true], rows)?;
         }
         if !self.channels.is_empty() {
             writeln!(formatter)?;
-            let head = [
+            let header = [
                 "channel",
                 "electrode",
                 "gain error %",
@@ -27,15 +27,20 @@ impl fmt::Display for SelfTestReport {
                 "verdict",
             ];
             let right = [true, false, true, true, true, true, false];
-            columns(formatter, head, right, self.channels.iter().map(channel))?;
+            write_columns(
+                formatter,
+                header,
+                right,
+                self.channels.iter().map(channel_row),
+            )?;
         }
         write!(formatter, "\n{}", self.verdict)
     }
 }
 
-impl fmt::Display for DeviceLine {
+impl fmt::Display for DeviceSummary {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let DeviceLine {
+        let DeviceSummary {
             board,
             firmware,
             uid,
@@ -53,9 +58,9 @@ impl fmt::Display for DeviceLine {
     }
 }
 
-impl fmt::Display for ReadyReport {
+impl fmt::Display for DrdyReport {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ReadyReport {
+        let DrdyReport {
             rate_hz,
             expected_hz,
             ppm,
@@ -74,7 +79,7 @@ impl fmt::Display for ReadyReport {
     }
 }
 
-fn chip(chip: &ChipReport) -> [String; 4] {
+fn chip_row(chip: &ChipReport) -> [String; 4] {
     let registers = match &chip.first_wrong {
         None => "all kept".to_owned(),
         Some(first) => format!("{} wrong, the first is {first}", chip.registers_wrong),
@@ -87,13 +92,13 @@ fn chip(chip: &ChipReport) -> [String; 4] {
     ]
 }
 
-fn channel(channel: &ChannelReport) -> [String; 7] {
-    let noise = |uv: Option<f32>| figure(uv.map(|uv| format!("{uv:.2}")));
+fn channel_row(channel: &ChannelReport) -> [String; 7] {
+    let noise = |uv: Option<f32>| or_dash(uv.map(|uv| format!("{uv:.2}")));
     [
         channel.channel.to_string(),
         channel.label.clone(),
-        figure(channel.gain_error_percent.map(|off| format!("{off:+.2}"))),
-        figure(channel.offset_uv.map(|uv| format!("{uv:+.1}"))),
+        or_dash(channel.gain_error_percent.map(|off| format!("{off:+.2}"))),
+        or_dash(channel.offset_uv.map(|uv| format!("{uv:+.1}"))),
         noise(channel.noise_uv),
         noise(channel.shorted_noise_uv),
         channel.verdict.clone(),
@@ -101,18 +106,18 @@ fn channel(channel: &ChannelReport) -> [String; 7] {
 }
 
 /// "-" for what was not measured.
-fn figure(measured: Option<String>) -> String {
+fn or_dash(measured: Option<String>) -> String {
     measured.unwrap_or_else(|| "-".to_owned())
 }
 
-/// Rows under a head, each column as wide as its widest cell, numbers to the right.
-fn columns<const N: usize>(
+/// Rows under a header, each column as wide as its widest cell, numbers to the right.
+fn write_columns<const N: usize>(
     formatter: &mut fmt::Formatter<'_>,
-    head: [&str; N],
+    header: [&str; N],
     right: [bool; N],
     rows: impl Iterator<Item = [String; N]>,
 ) -> fmt::Result {
-    let mut table = vec![head.map(str::to_owned)];
+    let mut table = vec![header.map(str::to_owned)];
     table.extend(rows);
     let widest = |column: usize| {
         let cells = table.iter().map(|row| row[column].chars().count());

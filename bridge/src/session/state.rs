@@ -29,11 +29,11 @@ pub(crate) struct Session {
     pub(crate) side: SideStreams,
     /// What was announced first; a device whose codes mean anything else is refused for the rest
     /// of the session.
-    pub(super) first: Option<Arc<Device>>,
+    pub(super) announced: Option<Arc<Device>>,
     pub(crate) clock: Clock,
     pub(crate) round_trips: RoundTrips,
     pub(crate) frames: Ledger,
-    pub(super) behind_in_a_row: u32,
+    pub(super) old_frames_in_a_row: u32,
     pub(crate) counts: SessionCounts,
     /// What keeps codes or their reconstruction from being published, in words.
     pub(crate) objection: Option<String>,
@@ -46,31 +46,31 @@ pub(crate) struct Session {
     pub(crate) worst_stage: Option<StageTiming>,
     /// The newest report about the converters.
     pub(crate) converters: Option<ChainReport>,
-    pub(super) warned: Warned,
+    pub(super) logged: LoggedOnce,
 }
 
 /// What the log has been told of, once.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Warned {
-    pub(super) newer: bool,
-    pub(super) version: bool,
+pub(super) struct LoggedOnce {
+    pub(super) newer_messages: bool,
+    pub(super) wire_version: bool,
     /// Of streams that this device refuses.
-    pub(super) refusal: bool,
+    pub(super) refused_streams: bool,
 }
 
 /// What is counted beside codes and frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SessionCounts {
-    /// Times that a port was opened.
+    /// MessageTime that a port was opened.
     pub(crate) connections: u64,
     /// Resets of the device that were noticed.
     pub(crate) resets: u64,
     /// Codes that came before the device had introduced itself, or from one that was refused.
-    pub(crate) early: u64,
+    pub(crate) codes_unused: u64,
     /// Lost codes that `/diagnostics` has told of.
-    pub(crate) lost_told: u64,
+    pub(crate) lost_reported: u64,
     /// Frames that could not be used that `/diagnostics` has told of.
-    pub(crate) damaged_told: u32,
+    pub(crate) damaged_reported: u32,
 }
 
 impl Session {
@@ -84,11 +84,11 @@ impl Session {
             introduced: false,
             codes: None,
             side: SideStreams::new(settings),
-            first: None,
+            announced: None,
             clock: Clock::default(),
             round_trips: RoundTrips::default(),
             frames: Ledger::default(),
-            behind_in_a_row: 0,
+            old_frames_in_a_row: 0,
             counts: SessionCounts::default(),
             objection: None,
             stats: None,
@@ -96,7 +96,7 @@ impl Session {
             timing: None,
             worst_stage: None,
             converters: None,
-            warned: Warned::default(),
+            logged: LoggedOnce::default(),
         }
     }
 }

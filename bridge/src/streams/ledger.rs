@@ -23,12 +23,12 @@ pub enum Arrival {
         lost: u32,
     },
     /// Behind what came already: a duplicate, or a sender that began anew.
-    Behind,
+    Old,
 }
 
 impl Ledger {
     /// Expect `number` next; what came before stays counted.
-    pub fn expect(&mut self, number: u32) {
+    pub fn expect_next(&mut self, number: u32) {
         self.expected = Some(number);
     }
 
@@ -38,7 +38,7 @@ impl Ledger {
     }
 
     /// Whether this number lies behind what came already.
-    pub fn is_behind(&self, number: u32) -> bool {
+    pub fn is_old(&self, number: u32) -> bool {
         self.missing_before(number) >= 1 << 31
     }
 
@@ -47,10 +47,10 @@ impl Ledger {
     }
 
     /// A numbered thing arrived. One that lies behind is counted as a replay, not as received.
-    pub fn arrived(&mut self, number: u32) -> Arrival {
-        if self.is_behind(number) {
+    pub fn record(&mut self, number: u32) -> Arrival {
+        if self.is_old(number) {
             self.replays += 1;
-            return Arrival::Behind;
+            return Arrival::Old;
         }
         let lost = self.missing_before(number);
         self.expected = Some(number.wrapping_add(1));
@@ -61,8 +61,8 @@ impl Ledger {
 
     /// The sender says that `next` will be its next number: everything before it that has not
     /// arrived is lost. Returns how many that are.
-    pub fn close(&mut self, next: u32) -> u32 {
-        if self.is_behind(next) {
+    pub fn count_lost_before(&mut self, next: u32) -> u32 {
+        if self.is_old(next) {
             return 0;
         }
         let lost = self.missing_before(next);

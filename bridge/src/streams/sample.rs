@@ -4,7 +4,7 @@ use link::Flags;
 use neuro_ros::NeuroFrame;
 
 use crate::settings::{FillerPolicy, Settings, StampPoint};
-use crate::streams::stamps::{Moment, Monotone};
+use crate::streams::stamps::{MonotoneStamps, Reception};
 use crate::streams::tri::TriWords;
 
 /// Longest gap that is filled, seconds of samples: 1920 frames at 16 per second, fewer than wait for
@@ -21,11 +21,11 @@ pub(crate) struct SampleStream {
     delay_us: u32,
     frame: NeuroFrame,
     nsamples: usize,
-    eeg: usize,
+    electrodes: usize,
     /// The newest sample of this stream; zeros before the first.
     newest: Vec<f32>,
     /// Where and when the newest sample that came was taken.
-    known: Option<Line>,
+    timeline: Option<SampleTimeline>,
     /// Samples in the frame.
     filled: usize,
     holds_filler: bool,
@@ -33,7 +33,7 @@ pub(crate) struct SampleStream {
     /// Index of the next sample.
     next: u64,
     counts: SampleCounts,
-    stamps: Monotone,
+    stamps: MonotoneStamps,
 }
 
 /// What happened to samples.
@@ -48,7 +48,7 @@ pub(crate) struct SampleCounts {
     /// Messages whose content does not fit the device.
     pub(crate) malformed: u64,
     /// Lost samples that `/diagnostics` has told of.
-    pub(crate) told: u64,
+    pub(crate) reported: u64,
 }
 
 /// Samples that came.
@@ -65,15 +65,15 @@ pub(crate) struct Samples<'a> {
 
 /// Where in time each sample lies.
 #[derive(Clone, Copy, Debug)]
-struct Line {
+struct SampleTimeline {
     index: u64,
     us: u64,
     rate_hz: u16,
 }
 
-impl Line {
+impl SampleTimeline {
     /// Device time of a sample, microseconds, rounded towards that of the known one.
-    fn us_of(self, index: u64) -> i128 {
+    fn device_us_at(self, index: u64) -> i128 {
         let samples = i128::from(index) - i128::from(self.index);
         i128::from(self.us) + samples * 1_000_000 / i128::from(self.rate_hz.max(1))
     }
@@ -89,16 +89,16 @@ impl SampleStream {
             stamp: settings.stamp,
             delay_us,
             nsamples: usize::from(frame.eeg.info.nsamples),
-            eeg,
+            electrodes: eeg,
             frame,
             newest: vec![0.0; width],
-            known: None,
+            timeline: None,
             filled: 0,
             holds_filler: false,
             first_us: 0,
             next: 0,
             counts: SampleCounts::default(),
-            stamps: Monotone::default(),
+            stamps: MonotoneStamps::default(),
         }
     }
 
@@ -109,22 +109,22 @@ impl SampleStream {
         self.frame = frame;
         (self.frame.header.seq, self.frame.neuroheader.seq) = numbers;
         self.delay_us = delay_us;
-        self.begin();
+        self.restart();
     }
 
     /// The device begins its stream anew: samples count from 0. What was in an unfinished frame
     /// stays away.
-    pub(crate) fn begin(&mut self) {
-        self.leave_out(self.filled as u64);
+    pub(crate) fn restart(&mut self) {
+        self.count_unpublished(self.filled as u64);
         self.next = 0;
         self.filled = 0;
-        self.known = None;
+        self.timeline = None;
         self.newest.fill(0.0);
     }
 
     /// Samples that will be in no frame; a device that jumps by 2^63 samples has more than can be
     /// counted.
-    fn leave_out(&mut self, samples: u64) {
+    fn count_unpublished(&mut self, samples: u64) {
         self.counts.unpublished = self.counts.unpublished.saturating_add(samples);
     }
 
@@ -138,18 +138,18 @@ impl SampleStream {
     }
 
     /// Stamps that had to be moved forwards.
-    pub(crate) fn held_stamps(&self) -> u64 {
-        self.stamps.held()
+    pub(crate) fn moved_stamps(&self) -> u64 {
+        self.stamps.moved()
     }
 
     /// Lost samples since this was asked last.
-    pub(crate) fn lost_since_told(&mut self) -> u64 {
-        let told = std::mem::replace(&mut self.counts.told, self.counts.lost);
-        self.counts.lost - told
+    pub(crate) fn lost_since_report(&mut self) -> u64 {
+        let reported = std::mem::replace(&mut self.counts.reported, self.counts.lost);
+        self.counts.lost - reported
     }
 
     /// A message came whose content does not fit the device: its samples will be missing.
-    pub(crate) fn malformed(&mut self, why: &str) {
+    pub(crate) fn reject(&mut self, why: &str) {
         if self.counts.malformed == 0 {
             tracing::error!(
                 "the device sends samples that do not fit its capabilities ({why}); they are left \
@@ -160,11 +160,11 @@ impl SampleStream {
     }
 
     /// Samples came, whole ones: `trigger_sample` says which ADC sample belongs to an index.
-    pub(crate) fn push(
+    pub(crate) fn receive(
         &mut self,
         samples: Samples<'_>,
         trigger_sample: impl Fn(u64) -> u64,
-        moment: Moment<'_>,
+        reception: Reception<'_>,
         publish: &mut dyn FnMut(&NeuroFrame),
     ) {
         let width = self.width();
@@ -174,43 +174,43 @@ impl SampleStream {
             .checked_add(count as u64)
             .filter(|_| count > 0)
         else {
-            return self.malformed("no samples, or an index that cannot be");
+            return self.reject("no samples, or an index that cannot be");
         };
         let last = last - 1;
         if samples.first < self.next {
             tracing::warn!(sample = samples.first, "the device began its samples anew");
-            self.begin();
+            self.restart();
         }
         let rate_hz = self.frame.sr;
-        let otherwise = |known: Line| {
-            let us = known.us_of(last).max(0);
+        let extrapolated = |known: SampleTimeline| {
+            let us = known.device_us_at(last).max(0);
             u64::try_from(us).unwrap_or(u64::MAX)
         };
-        let Some(us) = samples.last_us.or_else(|| self.known.map(otherwise)) else {
-            return self.malformed("a time that cannot be");
+        let Some(us) = samples.last_us.or_else(|| self.timeline.map(extrapolated)) else {
+            return self.reject("a time that cannot be");
         };
-        let line = Line {
+        let timeline = SampleTimeline {
             index: last,
             us,
             rate_hz,
         };
-        let mut flow = Flow {
-            line,
+        let mut batch = Batch {
+            timeline,
             trigger_sample: &trigger_sample,
-            moment,
+            reception,
             publish,
         };
-        self.fill(samples.first - self.next, &mut flow);
+        self.fill_gap(samples.first - self.next, &mut batch);
         for sample in samples.microvolts.chunks_exact(width) {
             self.newest.copy_from_slice(sample);
-            self.add(samples.flags, &mut flow);
+            self.append(samples.flags, &mut batch);
         }
         self.counts.received += count as u64;
-        self.known = Some(line);
+        self.timeline = Some(timeline);
     }
 
     /// Made-up samples in place of the `lost` ones before those that came.
-    fn fill(&mut self, lost: u64, flow: &mut Flow<'_>) {
+    fn fill_gap(&mut self, lost: u64, batch: &mut Batch<'_>) {
         if lost == 0 {
             return;
         }
@@ -223,7 +223,7 @@ impl SampleStream {
         let to_boundary = (nsamples - self.filled as u64) % nsamples;
         let mut left = lost;
         for _ in 0..to_boundary.min(left) {
-            self.add(Flags::FILLER, flow);
+            self.append(Flags::FILLER, batch);
             left -= 1;
         }
         // Nothing is published of a gap that is not filled, but for what is left of its last frame.
@@ -235,7 +235,7 @@ impl SampleStream {
             let skipped = (left - most) / nsamples * nsamples;
             self.next += skipped;
             left -= skipped;
-            self.leave_out(skipped);
+            self.count_unpublished(skipped);
             if most > 0 && skipped > 0 {
                 tracing::error!(
                     unfilled = skipped,
@@ -244,19 +244,19 @@ impl SampleStream {
             }
         }
         for _ in 0..left {
-            self.add(Flags::FILLER, flow);
+            self.append(Flags::FILLER, batch);
         }
     }
 
     /// The newest sample is the next one of the frame.
-    fn add(&mut self, flags: Flags, flow: &mut Flow<'_>) {
-        let us = flow.line.us_of(self.next);
+    fn append(&mut self, flags: Flags, batch: &mut Batch<'_>) {
+        let us = batch.timeline.device_us_at(self.next);
         if self.filled == 0 {
             self.first_us = us;
             self.holds_filler = false;
         }
         self.holds_filler |= flags.contains(Flags::FILLER);
-        let (eeg, exg) = self.newest.split_at(self.eeg);
+        let (eeg, exg) = self.newest.split_at(self.electrodes);
         let frame = &mut self.frame;
         let row = |width: usize| self.filled * width..(self.filled + 1) * width;
         frame.eeg.data[row(eeg.len())].copy_from_slice(eeg);
@@ -268,22 +268,25 @@ impl SampleStream {
             window: frames as u32,
             device_time_us: u64::try_from(us).unwrap_or(0),
             lost: self.counts.lost,
-            trigger: flow.moment.trigger.at((flow.trigger_sample)(self.next)),
+            trigger: batch
+                .reception
+                .trigger
+                .level_at((batch.trigger_sample)(self.next)),
         };
         frame.tri.data[row(8)].copy_from_slice(&words.words());
         self.next += 1;
         self.filled += 1;
         if self.filled == self.nsamples {
             self.filled = 0;
-            self.publish(flow);
+            self.publish(batch);
         }
     }
 
-    fn publish(&mut self, flow: &mut Flow<'_>) {
+    fn publish(&mut self, batch: &mut Batch<'_>) {
         if self.holds_filler && self.filler == FillerPolicy::Off {
-            return self.leave_out(self.nsamples as u64);
+            return self.count_unpublished(self.nsamples as u64);
         }
-        let Moment { read, clock, .. } = flow.moment;
+        let Reception { read, clock, .. } = batch.reception;
         let length_us = self.nsamples.saturating_sub(1) as i128 * 1_000_000;
         let on_scalp_us = self.first_us - i128::from(self.delay_us);
         let time = match self.stamp {
@@ -296,17 +299,17 @@ impl SampleStream {
         };
         let time = time.unwrap_or(read.wall_ns);
         let frame = &mut self.frame;
-        frame.header.stamp = self.stamps.stamp(time, clock.wall_steps_back());
+        frame.header.stamp = self.stamps.next(time, clock.wall_steps_back());
         frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
         frame.header.seq = frame.neuroheader.seq;
-        (flow.publish)(frame);
+        (batch.publish)(frame);
     }
 }
 
 /// What samples meet on their way into a frame.
-struct Flow<'a> {
-    line: Line,
+struct Batch<'a> {
+    timeline: SampleTimeline,
     trigger_sample: &'a dyn Fn(u64) -> u64,
-    moment: Moment<'a>,
+    reception: Reception<'a>,
     publish: &'a mut dyn FnMut(&NeuroFrame),
 }

@@ -11,7 +11,7 @@ use crate::effects::Effects;
 use crate::settings::Settings;
 use crate::streams::event::EventStream;
 use crate::streams::sample::{SampleStream, Samples};
-use crate::streams::stamps::Moment;
+use crate::streams::stamps::Reception;
 use crate::streams::trigger::Trigger;
 use crate::time::clock::Clock;
 use crate::time::host_time::HostTime;
@@ -35,7 +35,7 @@ pub(crate) struct SideStreams {
 
 /// When a message was made and read.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Times<'a> {
+pub(crate) struct MessageTime<'a> {
     /// The header's time; none if it cannot be right.
     pub(crate) device_us: Option<u64>,
     pub(crate) read: HostTime,
@@ -58,7 +58,7 @@ impl SideStreams {
     }
 
     /// From here on messages are this device's.
-    pub(crate) fn device(&mut self, device: &Arc<Device>) {
+    pub(crate) fn set_device(&mut self, device: &Arc<Device>) {
         let wanted = |stream| self.settings.streams.contains(stream);
         // What the ADC measured was not delayed by any filter.
         let streams = [
@@ -83,32 +83,37 @@ impl SideStreams {
     }
 
     /// The device begins its streams anew: samples and steps count from 0.
-    pub(crate) fn begin(&mut self) {
+    pub(crate) fn restart(&mut self) {
         for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
-            stream.begin();
+            stream.restart();
         }
-        self.began_anew();
+        self.restart_events();
     }
 
     /// The device has begun its streams anew and only its codes told so; samples and steps see it by
     /// themselves, and may have done before.
-    pub(crate) fn began_anew(&mut self) {
-        self.events.begin();
-        self.trigger.begin();
+    pub(crate) fn restart_events(&mut self) {
+        self.events.restart();
+        self.trigger.restart();
     }
 
     /// ADC samples came.
-    pub(crate) fn raw(&mut self, raw: &Raw, times: Times<'_>, effects: &mut dyn Effects) {
+    pub(crate) fn receive_raw(
+        &mut self,
+        raw: &Raw,
+        times: MessageTime<'_>,
+        effects: &mut dyn Effects,
+    ) {
         let Some((stream, device)) = self.raw.as_mut().zip(self.device.as_ref()) else {
             self.unused += 1;
             return;
         };
         let bytes = usize::from(raw.channels) * COUNT_BYTES;
         if usize::from(raw.channels) != stream.width() || !raw.counts.len().is_multiple_of(bytes) {
-            return stream.malformed("raw samples of other channels, or cut");
+            return stream.reject("raw samples of other channels, or cut");
         }
         #[expect(clippy::cast_possible_truncation, reason = "a range, 187500 uV")]
-        let microvolt = |count| (f64::from(count) * device.count_uv) as f32;
+        let microvolt = |count| (f64::from(count) * device.uv_per_count) as f32;
         self.microvolts.clear();
         self.microvolts.extend(raw.counts().map(microvolt));
         let samples = Samples {
@@ -117,17 +122,17 @@ impl SideStreams {
             last_us: times.device_us,
             microvolts: &self.microvolts,
         };
-        let moment = times.moment(&self.trigger);
-        stream.push(samples, |sample| sample, moment, &mut |frame| {
-            effects.raw(frame);
+        let reception = times.reception(&self.trigger);
+        stream.receive(samples, |sample| sample, reception, &mut |frame| {
+            effects.publish_raw(frame);
         });
     }
 
     /// Filtered steps came.
-    pub(crate) fn filtered(
+    pub(crate) fn receive_filtered(
         &mut self,
         filtered: &Filtered,
-        times: Times<'_>,
+        times: MessageTime<'_>,
         effects: &mut dyn Effects,
     ) {
         let Some((stream, device)) = self.filtered.as_mut().zip(self.device.as_ref()) else {
@@ -138,9 +143,9 @@ impl SideStreams {
         let fits = usize::from(filtered.electrodes) == stream.width()
             && filtered.values.len().is_multiple_of(bytes);
         if !fits {
-            return stream.malformed("filtered steps of other electrodes, or cut");
+            return stream.reject("filtered steps of other electrodes, or cut");
         }
-        let value_uv = device.count_uv * 2_f64.powi(-i32::from(filtered.fraction_bits));
+        let value_uv = device.uv_per_count * 2_f64.powi(-i32::from(filtered.fraction_bits));
         let range_uv = device.full_scale_uv;
         #[expect(clippy::cast_possible_truncation, reason = "a range, 187500 uV")]
         let microvolt =
@@ -154,25 +159,33 @@ impl SideStreams {
             last_us: times.device_us,
             microvolts: &self.microvolts,
         };
-        let moment = times.moment(&self.trigger);
+        let reception = times.reception(&self.trigger);
         let of_step = |step| device.sample_of_step(step);
-        stream.push(samples, of_step, moment, &mut |frame| {
-            effects.filtered(frame);
+        stream.receive(samples, of_step, reception, &mut |frame| {
+            effects.publish_filtered(frame);
         });
     }
 
     /// Something happened at the device.
-    pub(crate) fn event(&mut self, event: Event, times: Times<'_>, effects: &mut dyn Effects) {
-        let moment = times.moment(&self.trigger);
+    pub(crate) fn receive_event(
+        &mut self,
+        event: Event,
+        times: MessageTime<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let reception = times.reception(&self.trigger);
         if !self.settings.streams.contains(Streams::EVENTS) {
             self.unused += 1;
-        } else if let Some(level) = self.events.event(event, times.device_us, moment, effects) {
-            self.trigger.edge(event.sample, level);
+        } else if let Some(level) = self
+            .events
+            .receive(event, times.device_us, reception, effects)
+        {
+            self.trigger.record_edge(event.sample, level);
         }
     }
 
     /// A window came with its code; `model` is the device's, if this bridge has it.
-    pub(crate) fn audit(
+    pub(crate) fn receive_audit(
         &mut self,
         audit: &Audit,
         model: Option<&Model>,
@@ -206,9 +219,9 @@ impl SideStreams {
     }
 }
 
-impl<'a> Times<'a> {
-    fn moment(self, trigger: &'a Trigger) -> Moment<'a> {
-        Moment {
+impl<'a> MessageTime<'a> {
+    fn reception(self, trigger: &'a Trigger) -> Reception<'a> {
+        Reception {
             read: self.read,
             clock: self.clock,
             trigger,

@@ -10,7 +10,7 @@ const MAX_EDGES: usize = 256;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Trigger {
     /// Level before the oldest edge that is remembered.
-    before: u16,
+    level_before: u16,
     edges: VecDeque<Edge>,
 }
 
@@ -22,28 +22,28 @@ struct Edge {
 
 impl Trigger {
     /// From `sample` on the level is `level`.
-    pub(crate) fn edge(&mut self, sample: u64, level: u16) {
+    pub(crate) fn record_edge(&mut self, sample: u64, level: u16) {
         if self.edges.len() == MAX_EDGES
             && let Some(oldest) = self.edges.pop_front()
         {
-            self.before = oldest.level;
+            self.level_before = oldest.level;
         }
         self.edges.push_back(Edge { sample, level });
     }
 
     /// Samples count from 0 again; the level stays.
-    pub(crate) fn begin(&mut self) {
+    pub(crate) fn restart(&mut self) {
         if let Some(newest) = self.edges.back() {
-            self.before = newest.level;
+            self.level_before = newest.level;
         }
         self.edges.clear();
     }
 
     /// 0 or 1: the level when an ADC sample was taken, by its index since Start; 0 before the first
     /// edge ever.
-    pub(crate) fn at(&self, sample: u64) -> u16 {
+    pub(crate) fn level_at(&self, sample: u64) -> u16 {
         let newest = self.edges.iter().rev().find(|edge| edge.sample <= sample);
-        newest.map_or(self.before, |edge| edge.level)
+        newest.map_or(self.level_before, |edge| edge.level)
     }
 }
 
@@ -54,10 +54,10 @@ mod tests {
     #[test]
     fn the_level_changes_at_the_sample_of_its_edge() {
         let mut trigger = Trigger::default();
-        trigger.edge(10, 1);
-        trigger.edge(20, 0);
+        trigger.record_edge(10, 1);
+        trigger.record_edge(20, 0);
         assert_eq!(
-            [9, 10, 19, 20].map(|sample| trigger.at(sample)),
+            [9, 10, 19, 20].map(|sample| trigger.level_at(sample)),
             [0, 1, 1, 0]
         );
     }
@@ -65,12 +65,12 @@ mod tests {
     #[test]
     fn the_level_outlives_a_restart_and_edges_that_are_forgotten() {
         let mut trigger = Trigger::default();
-        trigger.edge(10, 1);
-        trigger.begin();
-        assert_eq!(trigger.at(0), 1);
+        trigger.record_edge(10, 1);
+        trigger.restart();
+        assert_eq!(trigger.level_at(0), 1);
         for edge in 0..=MAX_EDGES as u64 {
-            trigger.edge(100 + edge, 0);
+            trigger.record_edge(100 + edge, 0);
         }
-        assert_eq!((trigger.at(100), trigger.edges.len()), (0, MAX_EDGES));
+        assert_eq!((trigger.level_at(100), trigger.edges.len()), (0, MAX_EDGES));
     }
 }

@@ -26,7 +26,7 @@ const BLOCK_US: f64 = 2e6;
 /// Blocks that the drift is fitted over: 2 minutes.
 const BLOCKS: usize = 60;
 /// Blocks before the drift is believed: 10 s; 1 ms of jitter is 100 ppm over them.
-const BLOCKS_TO_BEGIN: usize = 5;
+const MIN_BLOCKS: usize = 5;
 /// Two clocks that differ by more are not crystals: bound of the fitted drift.
 const MAX_DRIFT: f64 = 500e-6;
 /// How fast the offset may rise: the bound of what is left of the drift.
@@ -42,7 +42,7 @@ const WALL_CATCH_UP: f64 = 0.1;
 const WALL_WAIT_NS: i64 = 30_000_000_000;
 /// A frame that was read so much before it was made has a wrong time, microseconds: the clocks
 /// agree to some milliseconds.
-const BEFORE_MADE_US: f64 = 1e6;
+const MAX_EARLY_US: f64 = 1e6;
 /// So many refused times in a row are right, and what the fit knows is wrong: half a second.
 const REFUSED_TO_RESTART: u32 = 8;
 
@@ -73,7 +73,7 @@ struct Wall {
     offset_ns: i64,
     read_at_us: i64,
     /// A step backwards is being caught up.
-    waits: bool,
+    catching_up: bool,
 }
 
 impl Clock {
@@ -99,7 +99,7 @@ impl Clock {
     /// after it was read. False also as long as nothing is known.
     pub fn is_possible(&self, device_us: u64, read: HostTime) -> bool {
         let lag_us = self.lag_us(device_us, read.monotonic_us);
-        lag_us.is_some_and(|lag| lag >= -BEFORE_MADE_US)
+        lag_us.is_some_and(|lag| lag >= -MAX_EARLY_US)
     }
 
     /// Whether the clock has seen any frame since it was made or restarted.
@@ -130,7 +130,7 @@ impl Clock {
             self.restart();
         }
         self.refused_in_a_row = 0;
-        let begins = self.origin.is_none();
+        let is_first = self.origin.is_none();
         let (device_origin, host_origin) =
             *self.origin.get_or_insert((device_us, read.monotonic_us));
         let point = Point {
@@ -146,7 +146,7 @@ impl Clock {
             self.recent.pop_front();
         }
         self.add_to_block(point);
-        self.settle_offset(point, begins);
+        self.update_offset(point, is_first);
         true
     }
 
@@ -165,7 +165,7 @@ impl Clock {
                 if self.blocks.len() > BLOCKS {
                     self.blocks.pop_front();
                 }
-                if self.blocks.len() >= BLOCKS_TO_BEGIN {
+                if self.blocks.len() >= MIN_BLOCKS {
                     let drift = slope_at_middle(self.blocks.make_contiguous()) - 1.0;
                     let drift = drift.clamp(-MAX_DRIFT, MAX_DRIFT);
                     // The line turns about the newest point, so that stamps do not jump.
@@ -176,14 +176,14 @@ impl Clock {
         }
     }
 
-    fn settle_offset(&mut self, point: Point, begins: bool) {
+    fn update_offset(&mut self, point: Point, is_first: bool) {
         let lags = self
             .recent
             .iter()
             .map(|point| point.host - point.device * (1.0 + self.drift));
         let least = lags.fold(f64::INFINITY, f64::min);
         let elapsed = (point.device - self.newest).max(0.0);
-        self.offset = if begins {
+        self.offset = if is_first {
             least
         } else {
             least.min(self.offset + MAX_RISE * elapsed)
@@ -197,7 +197,7 @@ impl Clock {
             self.wall = Some(Wall {
                 offset_ns: observed,
                 read_at_us: read.monotonic_us,
-                waits: false,
+                catching_up: false,
             });
             return;
         };
@@ -205,14 +205,14 @@ impl Clock {
         wall.read_at_us = read.monotonic_us;
         let off = observed.saturating_sub(wall.offset_ns);
         let behind = off < -WALL_STEP_NS;
-        if off > WALL_STEP_NS || (behind && !wall.waits) {
+        if off > WALL_STEP_NS || (behind && !wall.catching_up) {
             self.wall_steps = self.wall_steps.wrapping_add(1);
             tracing::warn!(
                 milliseconds = off / 1_000_000,
                 "the host's clock was stepped"
             );
         }
-        wall.waits = behind && off >= -WALL_WAIT_NS;
+        wall.catching_up = behind && off >= -WALL_WAIT_NS;
         if !(-WALL_WAIT_NS..=WALL_STEP_NS).contains(&off) {
             self.wall_steps_back = self.wall_steps_back.wrapping_add(u32::from(behind));
             wall.offset_ns = observed;

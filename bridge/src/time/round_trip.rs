@@ -20,13 +20,13 @@ use crate::time::clock::Clock;
 use crate::time::host_time::HostTime;
 
 /// Readings are kept so long, microseconds.
-const KEPT_US: i64 = 60_000_000;
+const RETENTION_US: i64 = 60_000_000;
 
 /// Round trips of the last minute.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RoundTrips {
     recent: VecDeque<RoundTrip>,
-    /// Answers that fit no question, or with times that cannot be.
+    /// Answers that fit no request, or with times that cannot be.
     impossible: u64,
 }
 
@@ -35,19 +35,19 @@ pub(crate) struct RoundTrips {
 pub(crate) struct RoundTrip {
     read: HostTime,
     /// Microseconds under way, both directions together.
-    pub(crate) under_way: f64,
+    pub(crate) transit_us: f64,
     /// The least and the most that the fit's times can be late by, microseconds.
-    pub(crate) late: Option<[f64; 2]>,
+    pub(crate) late_us: Option<[f64; 2]>,
 }
 
 impl RoundTrips {
     /// Another boot or another device.
-    pub(crate) fn begin(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.recent.clear();
     }
 
     /// An answer, made at `made_us`, to what was asked at `sent_us`; none if nothing was asked.
-    pub(crate) fn reading(
+    pub(crate) fn record(
         &mut self,
         sent_us: Option<i64>,
         reading: ClockReading,
@@ -59,13 +59,13 @@ impl RoundTrips {
         let answer = sent_us
             .filter(asked)
             .zip(made_us.checked_sub(reading.received_us));
-        let under_way = answer.map(|(sent_us, inside_us)| {
+        let transit_us = answer.map(|(sent_us, inside_us)| {
             #[expect(clippy::cast_precision_loss, reason = "seconds, in microseconds")]
             let us = (i128::from(read.monotonic_us) - i128::from(sent_us) - i128::from(inside_us))
                 as f64;
             (sent_us, us)
         });
-        let Some((sent_us, under_way)) = under_way.filter(|(_, us)| *us >= 0.0) else {
+        let Some((sent_us, transit_us)) = transit_us.filter(|(_, us)| *us >= 0.0) else {
             self.impossible += 1;
             return;
         };
@@ -73,10 +73,10 @@ impl RoundTrips {
         let most = clock.lag_us(reading.received_us, sent_us);
         self.recent.push_back(RoundTrip {
             read,
-            under_way,
-            late: least.zip(most).map(|(least, most)| [-least, -most]),
+            transit_us,
+            late_us: least.zip(most).map(|(least, most)| [-least, -most]),
         });
-        let old = |trip: &RoundTrip| trip.read.monotonic_us < read.monotonic_us - KEPT_US;
+        let old = |trip: &RoundTrip| trip.read.monotonic_us < read.monotonic_us - RETENTION_US;
         while self.recent.front().is_some_and(old) {
             self.recent.pop_front();
         }
@@ -84,8 +84,8 @@ impl RoundTrips {
 
     /// The shortest of the last minute.
     pub(crate) fn shortest(&self, now: HostTime) -> Option<RoundTrip> {
-        let fresh = |trip: &&RoundTrip| trip.read.monotonic_us >= now.monotonic_us - KEPT_US;
-        let by_length = |a: &&RoundTrip, b: &&RoundTrip| a.under_way.total_cmp(&b.under_way);
+        let fresh = |trip: &&RoundTrip| trip.read.monotonic_us >= now.monotonic_us - RETENTION_US;
+        let by_length = |a: &&RoundTrip, b: &&RoundTrip| a.transit_us.total_cmp(&b.transit_us);
         self.recent.iter().filter(fresh).min_by(by_length).copied()
     }
 

@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 /// Where the device is: a serial port, a pseudoterminal or a TCP address.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum PortAddress {
+pub(crate) enum PortAddress {
     /// A serial port or a pseudoterminal.
     Tty(PathBuf),
     /// Host and port of a TCP server, written `tcp:HOST:PORT`.

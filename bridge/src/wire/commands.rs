@@ -9,19 +9,19 @@ const REFUSED_RETRY_US: i64 = 10_000_000;
 /// Silence after which the device is pinged, microseconds; `Stats` comes every second.
 const PING_AFTER_US: i64 = 2_000_000;
 /// Silence after which the port is taken for dead, microseconds; pings were sent meanwhile.
-const DEAD_AFTER_US: i64 = 5_000_000;
+const UNRESPONSIVE_AFTER_US: i64 = 5_000_000;
 /// Time without a code or `Stats` after which a device that streams is asked who it is,
 /// microseconds: it may have been reset and its `Hello` lost, or stopped by someone else.
 const STARVED_AFTER_US: i64 = 2_000_000;
 
 /// Time between two looks at the clock from which on it was the host that was silent: it slept, or
 /// this program was stopped. What the device said meanwhile waits to be read.
-const ASLEEP_AFTER_US: i64 = 1_000_000;
+const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
 /// How long after the start of a stream the device's clock is first asked for, microseconds: codes
 /// come by then.
-const FIRST_SYNC_US: i64 = 2_000_000;
+const FIRST_CLOCK_QUERY_US: i64 = 2_000_000;
 /// How often it is asked for then, microseconds.
-const SYNC_EVERY_US: i64 = 10_000_000;
+const CLOCK_QUERY_INTERVAL_US: i64 = 10_000_000;
 
 /// What the bridge asks of the device: to say who it is, to stop what it may have been doing
 /// before the bridge came, to start. Every command is repeated until it is acknowledged.
@@ -32,29 +32,29 @@ pub(crate) struct Commands {
     wanted_streams: Streams,
     /// What the device is asked for: less than that, after it refused.
     streams: Streams,
-    wanted: bool,
-    device: Introduced,
+    streaming_wanted: bool,
+    device: Introduction,
     /// What the device streams, if anything, was begun by this bridge: it was stopped or reset
     /// since it is known.
-    ours: bool,
-    stream: Stream,
+    owns_stream: bool,
+    stream: StreamState,
     pending: Option<Pending>,
     connected: bool,
     /// A refused `Start` is not sent again before.
     start_not_before_us: i64,
-    heard_us: i64,
+    last_frame_us: i64,
     /// When the newest code or `Stats` came, or the stream began; `None` while none is due.
-    fed_us: Option<i64>,
+    last_stream_us: Option<i64>,
     /// When a starved device was last asked who it is.
-    asked_us: i64,
-    sync: Sync,
-    looked_us: i64,
+    last_identify_us: i64,
+    clock_query: ClockQuery,
+    last_tick_us: i64,
 }
 
 /// What is known about the device since the port was opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Introduced {
-    Not,
+enum Introduction {
+    Missing,
     Usable,
     /// Its codes cannot be published.
     Unusable,
@@ -62,20 +62,20 @@ enum Introduced {
 
 /// Whether the device streams.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stream {
-    No,
+enum StreamState {
+    Stopped,
     /// It was asked to, or was streaming when it was last heard of.
-    Perhaps,
-    Yes,
+    Unconfirmed,
+    Running,
 }
 
 /// The question for the device's clock, which is not repeated: the next one is as good.
 #[derive(Clone, Copy, Debug, Default)]
-struct Sync {
+struct ClockQuery {
     /// When it is due; none while nothing streams.
     due_us: Option<i64>,
     /// Number and host time of the newest one.
-    asked: Option<(u32, i64)>,
+    sent: Option<(u32, i64)>,
     /// The device does not know it.
     refused: bool,
 }
@@ -91,9 +91,9 @@ struct Pending {
 
 /// What an acknowledgement means to the rest of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Acknowledged {
+pub(crate) enum AckEffect {
     /// Nothing that anyone needs to know.
-    Expected,
+    NoChange,
     /// The stream begins now.
     Started,
     /// The stream has ended.
@@ -103,103 +103,105 @@ pub(crate) enum Acknowledged {
 }
 
 impl Commands {
-    /// Nothing is connected yet; streaming is wanted.
+    /// Nothing is connected yet; streaming is streaming_wanted.
     pub(crate) fn new(mains_hz: u8, streams: Streams) -> Commands {
         let streams = streams | Streams::CODES;
         Commands {
             mains_hz,
             wanted_streams: streams,
             streams,
-            wanted: true,
-            device: Introduced::Not,
-            ours: false,
-            stream: Stream::No,
+            streaming_wanted: true,
+            device: Introduction::Missing,
+            owns_stream: false,
+            stream: StreamState::Stopped,
             pending: None,
             connected: false,
             start_not_before_us: 0,
-            heard_us: 0,
-            fed_us: None,
-            asked_us: 0,
-            sync: Sync::default(),
-            looked_us: 0,
+            last_frame_us: 0,
+            last_stream_us: None,
+            last_identify_us: 0,
+            clock_query: ClockQuery::default(),
+            last_tick_us: 0,
         }
     }
 
     /// A port was opened: ask who is there. A stream that was ours may still be running.
     pub(crate) fn connected(&mut self, now_us: i64) {
-        self.device = Introduced::Not;
-        self.stream = Stream::Perhaps;
+        self.device = Introduction::Missing;
+        self.stream = StreamState::Unconfirmed;
         self.pending = None;
         self.connected = true;
         self.start_not_before_us = now_us;
-        self.heard_us = now_us;
-        self.fed_us = None;
+        self.last_frame_us = now_us;
+        self.last_stream_us = None;
     }
 
     /// The port has gone: there is nobody to ask.
     pub(crate) fn disconnected(&mut self) {
-        self.device = Introduced::Not;
-        self.stream = Stream::No;
+        self.device = Introduction::Missing;
+        self.stream = StreamState::Stopped;
         self.pending = None;
         self.connected = false;
-        self.fed_us = None;
+        self.last_stream_us = None;
     }
 
-    /// Streaming is wanted, or not.
-    pub(crate) fn want(&mut self, streaming: bool) {
-        self.wanted = streaming;
+    /// Streaming is streaming_wanted, or not.
+    pub(crate) fn set_streaming(&mut self, streaming: bool) {
+        self.streaming_wanted = streaming;
     }
 
     /// The device introduced itself; `usable` if its codes can be published.
-    pub(crate) fn identified(&mut self, usable: bool) {
+    pub(crate) fn device_introduced(&mut self, usable: bool) {
         self.device = if usable {
-            Introduced::Usable
+            Introduction::Usable
         } else {
-            Introduced::Unusable
+            Introduction::Unusable
         };
     }
 
     /// Another boot, or another device: who it is must be asked, and what it may be streaming,
     /// since it may have been started by someone else, stopped.
-    pub(crate) fn reset(&mut self) {
-        self.device = Introduced::Not;
-        self.ours = false;
+    pub(crate) fn device_restarted(&mut self) {
+        self.device = Introduction::Missing;
+        self.owns_stream = false;
         self.streams = self.wanted_streams;
-        self.stream = Stream::Perhaps;
+        self.stream = StreamState::Unconfirmed;
         self.pending = None;
         self.start_not_before_us = 0;
-        self.fed_us = None;
-        self.sync = Sync::default();
+        self.last_stream_us = None;
+        self.clock_query = ClockQuery::default();
     }
 
     /// Ask again who is there: the frames do not fit what is known.
     pub(crate) fn identify_again(&mut self) {
-        self.device = Introduced::Not;
+        self.device = Introduction::Missing;
     }
 
     /// A sound frame came.
-    pub(crate) fn heard(&mut self, now_us: i64) {
-        self.heard_us = now_us;
+    pub(crate) fn frame_received(&mut self, now_us: i64) {
+        self.last_frame_us = now_us;
     }
 
     /// A code came, or `Stats` of a running stream.
-    pub(crate) fn fed(&mut self, now_us: i64) {
-        self.fed_us = Some(now_us);
+    pub(crate) fn stream_received(&mut self, now_us: i64) {
+        self.last_stream_us = Some(now_us);
     }
 
     /// The device says by itself that it does not stream.
-    pub(crate) fn stopped_by_itself(&mut self) {
-        self.stream = Stream::No;
-        self.fed_us = None;
+    pub(crate) fn device_stopped(&mut self) {
+        self.stream = StreamState::Stopped;
+        self.last_stream_us = None;
     }
 
     /// Whether the device should be streaming, answers perhaps, and sends nothing of a stream.
     pub(crate) fn is_starved(&self, now_us: i64) -> bool {
-        let fed_us = self.fed_us.filter(|_| self.stream != Stream::No);
-        fed_us.is_some_and(|fed_us| now_us - fed_us > STARVED_AFTER_US)
+        let last_stream_us = self
+            .last_stream_us
+            .filter(|_| self.stream != StreamState::Stopped);
+        last_stream_us.is_some_and(|last_stream_us| now_us - last_stream_us > STARVED_AFTER_US)
     }
 
-    /// What the device is asked to stream: what is wanted, or what an older one has left of it.
+    /// What the device is asked to stream: what is streaming_wanted, or what an older one has left of it.
     pub(crate) fn streams(&self) -> Streams {
         self.streams
     }
@@ -210,65 +212,65 @@ impl Commands {
     }
 
     /// When the device's clock was asked for last, microseconds of the host's.
-    pub(crate) fn clock_asked_us(&self) -> Option<i64> {
-        self.sync.asked.map(|(_, host_us)| host_us)
+    pub(crate) fn clock_query_sent_us(&self) -> Option<i64> {
+        self.clock_query.sent.map(|(_, host_us)| host_us)
     }
 
-    /// Whether streaming is wanted.
-    pub(crate) fn wants(&self) -> bool {
-        self.wanted && self.device != Introduced::Unusable
+    /// Whether streaming is streaming_wanted.
+    pub(crate) fn wants_stream(&self) -> bool {
+        self.streaming_wanted && self.device != Introduction::Unusable
     }
 
     /// Whether the device introduced itself since the port was opened, and what it streams was
     /// begun by this bridge.
     pub(crate) fn accepts_codes(&self) -> bool {
-        self.device == Introduced::Usable && self.ours
+        self.device == Introduction::Usable && self.owns_stream
     }
 
     /// Whether a start was acknowledged and no stop since.
-    pub(crate) fn streaming(&self) -> bool {
-        self.stream == Stream::Yes
+    pub(crate) fn is_streaming(&self) -> bool {
+        self.stream == StreamState::Running
     }
 
     /// Whether the device may be streaming for this bridge.
-    pub(crate) fn may_stream(&self) -> bool {
-        self.accepts_codes() && self.stream != Stream::No
+    pub(crate) fn is_possibly_streaming(&self) -> bool {
+        self.accepts_codes() && self.stream != StreamState::Stopped
     }
 
-    /// Whether the device has stopped as wanted, or there is nothing to stop.
+    /// Whether the device has stopped as streaming_wanted, or there is nothing to stop.
     pub(crate) fn is_stopped(&self) -> bool {
-        !self.wanted && self.stream == Stream::No
+        !self.streaming_wanted && self.stream == StreamState::Stopped
     }
 
     /// Whether the port has been silent for so long that it is dead.
-    pub(crate) fn is_dead(&self, now_us: i64) -> bool {
-        self.connected && now_us - self.heard_us > DEAD_AFTER_US
+    pub(crate) fn is_unresponsive(&self, now_us: i64) -> bool {
+        self.connected && now_us - self.last_frame_us > UNRESPONSIVE_AFTER_US
     }
 
     /// The command that is due now, if any; it goes out with `seq`.
-    pub(crate) fn due(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
-        if now_us - self.looked_us > ASLEEP_AFTER_US {
-            self.heard_us = now_us;
-            self.fed_us = self.fed_us.map(|_| now_us);
+    pub(crate) fn next_command(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+        if now_us - self.last_tick_us > HOST_SUSPENDED_AFTER_US {
+            self.last_frame_us = now_us;
+            self.last_stream_us = self.last_stream_us.map(|_| now_us);
         }
-        self.looked_us = now_us;
+        self.last_tick_us = now_us;
         if !self.connected {
             return None;
         }
-        let Some(command) = self.needed(now_us) else {
-            return self.sync(now_us, seq);
+        let Some(command) = self.required_command(now_us) else {
+            return self.clock_query(now_us, seq);
         };
-        let repeats = self.pending.filter(|pending| pending.command == command);
-        if repeats.is_some_and(|pending| now_us < pending.sent_us + RETRY_US) {
+        let repeated = self.pending.filter(|pending| pending.command == command);
+        if repeated.is_some_and(|pending| now_us < pending.sent_us + RETRY_US) {
             return None;
         }
         if command == ToDevice::Identify {
-            self.asked_us = now_us;
+            self.last_identify_us = now_us;
         }
         if matches!(command, ToDevice::Start(_)) {
-            self.stream = Stream::Perhaps;
+            self.stream = StreamState::Unconfirmed;
         }
-        let first_seq = repeats.map_or(seq, |pending| pending.first_seq);
+        let first_seq = repeated.map_or(seq, |pending| pending.first_seq);
         self.pending = Some(Pending {
             command,
             first_seq,
@@ -278,36 +280,51 @@ impl Commands {
         Some(command)
     }
 
-    fn needed(&self, now_us: i64) -> Option<ToDevice> {
-        if self.device == Introduced::Not {
+    fn required_command(&self, now_us: i64) -> Option<ToDevice> {
+        if self.device == Introduction::Missing {
             return Some(ToDevice::Identify);
         }
-        let since_asked_us = now_us - self.asked_us;
+        let since_asked_us = now_us - self.last_identify_us;
         let refused = now_us < self.start_not_before_us;
-        match (self.wants(), self.stream) {
-            (true, Stream::No | Stream::Perhaps) if !self.ours => Some(ToDevice::Stop),
-            (true, Stream::No | Stream::Perhaps) if !refused => Some(ToDevice::Start(Start {
-                streams: self.streams,
-                mains_hz: self.mains_hz,
-            })),
-            (false, Stream::Perhaps | Stream::Yes) => Some(ToDevice::Stop),
-            (true, Stream::Yes) if self.is_starved(now_us) && since_asked_us < RETRY_US => None,
-            (true, Stream::Yes) if self.is_starved(now_us) && since_asked_us > STARVED_AFTER_US => {
+        match (self.wants_stream(), self.stream) {
+            (true, StreamState::Stopped | StreamState::Unconfirmed) if !self.owns_stream => {
+                Some(ToDevice::Stop)
+            }
+            (true, StreamState::Stopped | StreamState::Unconfirmed) if !refused => {
+                Some(ToDevice::Start(Start {
+                    streams: self.streams,
+                    mains_hz: self.mains_hz,
+                }))
+            }
+            (false, StreamState::Unconfirmed | StreamState::Running) => Some(ToDevice::Stop),
+            (true, StreamState::Running)
+                if self.is_starved(now_us) && since_asked_us < RETRY_US =>
+            {
+                None
+            }
+            (true, StreamState::Running)
+                if self.is_starved(now_us) && since_asked_us > STARVED_AFTER_US =>
+            {
                 Some(ToDevice::Identify)
             }
-            _ => (now_us - self.heard_us > PING_AFTER_US).then_some(ToDevice::Ping),
+            _ => (now_us - self.last_frame_us > PING_AFTER_US).then_some(ToDevice::Ping),
         }
     }
 
     /// The question for the device's clock, when it is due; one that says nothing is not asked.
-    fn sync(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
-        let due = self.sync.due_us.is_some_and(|due_us| now_us >= due_us);
-        let fed = self.fed_us.is_some_and(|fed_us| now_us - fed_us < RETRY_US);
-        if !due || !fed || self.sync.refused || self.stream != Stream::Yes {
+    fn clock_query(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+        let due = self
+            .clock_query
+            .due_us
+            .is_some_and(|due_us| now_us >= due_us);
+        let fed = self
+            .last_stream_us
+            .is_some_and(|last_stream_us| now_us - last_stream_us < RETRY_US);
+        if !due || !fed || self.clock_query.refused || self.stream != StreamState::Running {
             return None;
         }
-        self.sync.due_us = Some(now_us + SYNC_EVERY_US);
-        self.sync.asked = Some((seq, now_us));
+        self.clock_query.due_us = Some(now_us + CLOCK_QUERY_INTERVAL_US);
+        self.clock_query.sent = Some((seq, now_us));
         let host_time_us = now_us.unsigned_abs();
         Some(ToDevice::SyncTime { host_time_us })
     }
@@ -315,11 +332,11 @@ impl Commands {
     /// What to ask for after the device refused to stream what was asked for: raw samples are too
     /// much for a UART, and firmware from before 0.2 knows codes alone.
     fn fewer_streams(&self) -> Option<Streams> {
-        let costly = [Streams::RAW, Streams::FILTERED];
-        let costly = costly
+        let removable = [Streams::RAW, Streams::FILTERED];
+        let removable = removable
             .into_iter()
             .find(|stream| self.streams.contains(*stream));
-        match costly {
+        match removable {
             Some(stream) => Some(self.streams.without(stream)),
             None if self.streams == Streams::CODES => None,
             None => Some(Streams::CODES),
@@ -327,39 +344,41 @@ impl Commands {
     }
 
     /// The device acknowledged the command with number `of`.
-    pub(crate) fn acknowledged(&mut self, of: u32, result: AckResult, now_us: i64) -> Acknowledged {
-        if self.sync.asked.is_some_and(|(seq, _)| seq == of) {
-            self.sync.refused |= !matches!(result, AckResult::Done | AckResult::Busy);
-            return Acknowledged::Expected;
+    pub(crate) fn handle_ack(&mut self, of: u32, result: AckResult, now_us: i64) -> AckEffect {
+        if self.clock_query.sent.is_some_and(|(seq, _)| seq == of) {
+            self.clock_query.refused |= !matches!(result, AckResult::Done | AckResult::Busy);
+            return AckEffect::NoChange;
         }
         let ours = |pending: &Pending| {
             of.wrapping_sub(pending.first_seq) <= pending.last_seq.wrapping_sub(pending.first_seq)
         };
         let Some(pending) = self.pending.filter(ours) else {
-            return Acknowledged::Expected;
+            return AckEffect::NoChange;
         };
         match (pending.command, result) {
-            (_, AckResult::Busy | AckResult::Failed) => return Acknowledged::Expected,
+            (_, AckResult::Busy | AckResult::Failed) => return AckEffect::NoChange,
             (ToDevice::Start(_), AckResult::Done) => {
                 self.pending = None;
-                self.stream = Stream::Yes;
-                self.fed_us.get_or_insert(now_us);
-                self.sync.due_us.get_or_insert(now_us + FIRST_SYNC_US);
-                return Acknowledged::Started;
+                self.stream = StreamState::Running;
+                self.last_stream_us.get_or_insert(now_us);
+                self.clock_query
+                    .due_us
+                    .get_or_insert(now_us + FIRST_CLOCK_QUERY_US);
+                return AckEffect::Started;
             }
             (ToDevice::Stop, result) => {
                 self.pending = None;
-                self.ours = true;
-                self.stream = Stream::No;
-                self.fed_us = None;
+                self.owns_stream = true;
+                self.stream = StreamState::Stopped;
+                self.last_stream_us = None;
                 if result == AckResult::Done {
-                    return Acknowledged::Stopped;
+                    return AckEffect::Stopped;
                 }
             }
             (ToDevice::Start(_), AckResult::BadArgument) if self.fewer_streams().is_some() => {
                 self.streams = self.fewer_streams().unwrap_or(Streams::CODES);
                 self.pending = None;
-                return Acknowledged::Expected;
+                return AckEffect::NoChange;
             }
             (ToDevice::Start(_), _) => {
                 self.start_not_before_us = now_us + REFUSED_RETRY_US;
@@ -367,7 +386,9 @@ impl Commands {
             }
             // The same boot of the same device: someone else may have stopped it. A start changes
             // nothing if it streams after all.
-            (ToDevice::Identify, _) if self.is_starved(now_us) => self.stream = Stream::Perhaps,
+            (ToDevice::Identify, _) if self.is_starved(now_us) => {
+                self.stream = StreamState::Unconfirmed
+            }
             (ToDevice::Identify, _) => {}
             (
                 ToDevice::Ping
@@ -378,8 +399,8 @@ impl Commands {
             ) => self.pending = None,
         }
         match result {
-            AckResult::Done => Acknowledged::Expected,
-            result => Acknowledged::Refused(pending.command, result),
+            AckResult::Done => AckEffect::NoChange,
+            result => AckEffect::Refused(pending.command, result),
         }
     }
 }

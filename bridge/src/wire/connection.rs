@@ -8,7 +8,7 @@ use tokio::time::{Instant, sleep_until};
 
 use crate::error::BridgeError;
 use crate::wire::address::PortAddress;
-use crate::wire::port::{Exchanged, PATIENCE, Port};
+use crate::wire::port::{PORT_TIMEOUT, Port, Transfer};
 
 /// How long after a failure the port is tried again; well below the second within which a
 /// replugged device is to be back.
@@ -22,8 +22,8 @@ pub(crate) struct Connection {
     state: State,
     /// Since when the device has taken none of the bytes for it.
     stuck_since: Option<Instant>,
-    /// The last failure that was told of, so that a device that is away fills no log.
-    told: Option<io::ErrorKind>,
+    /// The last failure that was reported of, so that a device that is away fills no log.
+    reported: Option<io::ErrorKind>,
 }
 
 #[derive(Debug)]
@@ -51,7 +51,7 @@ impl Connection {
                 retry_at: Instant::now(),
             },
             stuck_since: None,
-            told: None,
+            reported: None,
         }
     }
 
@@ -72,7 +72,7 @@ impl Connection {
     ///
     /// [`BridgeError::Port`] if what the address names can never be a port,
     /// [`BridgeError::Speed`] if it can, but not at this speed.
-    pub(crate) async fn next(
+    pub(crate) async fn next_event(
         &mut self,
         buffer: &mut [u8],
         outgoing: &mut Vec<u8>,
@@ -93,7 +93,7 @@ impl Connection {
                     match opened {
                         Ok(port) => {
                             tracing::info!("{} is open", self.address);
-                            self.told = None;
+                            self.reported = None;
                             self.stuck_since = None;
                             self.state = State::Open(port);
                             return Ok(Event::Opened);
@@ -106,7 +106,7 @@ impl Connection {
                             let port = self.address.to_string();
                             return Err(BridgeError::Speed { port, source });
                         }
-                        Err(error) => self.failed(&error),
+                        Err(error) => self.report_failure(&error),
                     }
                 }
                 State::Open(port) => {
@@ -116,7 +116,7 @@ impl Connection {
                     } else if self.stuck_since.is_none() {
                         self.stuck_since = Some(Instant::now());
                     }
-                    let exchanged = if stuck_for.is_some_and(|time| time > PATIENCE) {
+                    let exchanged = if stuck_for.is_some_and(|time| time > PORT_TIMEOUT) {
                         Err(io::Error::new(
                             io::ErrorKind::TimedOut,
                             "it takes no commands",
@@ -125,8 +125,8 @@ impl Connection {
                         port.exchange(buffer, outgoing).await
                     };
                     match exchanged {
-                        Ok(Exchanged::Read(count)) => return Ok(Event::Bytes(count)),
-                        Ok(Exchanged::Written(count)) => {
+                        Ok(Transfer::Read(count)) => return Ok(Event::Bytes(count)),
+                        Ok(Transfer::Written(count)) => {
                             outgoing.drain(..count);
                             self.stuck_since = None;
                         }
@@ -141,12 +141,12 @@ impl Connection {
         }
     }
 
-    fn failed(&mut self, error: &io::Error) {
+    fn report_failure(&mut self, error: &io::Error) {
         self.close();
-        if self.told == Some(error.kind()) {
+        if self.reported == Some(error.kind()) {
             return;
         }
-        self.told = Some(error.kind());
+        self.reported = Some(error.kind());
         tracing::warn!(
             "{} does not open ({error}); waiting for it; {}",
             self.address,

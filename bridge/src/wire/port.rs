@@ -16,7 +16,7 @@ use tokio::time::timeout;
 use crate::wire::address::PortAddress;
 
 /// How long opening, or writing one command, may take.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(3);
+pub(crate) const PORT_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// The open port: bytes in both directions.
 #[derive(Debug)]
@@ -38,7 +38,7 @@ impl Port {
     pub(crate) async fn open(address: &PortAddress, baud: u32) -> io::Result<Port> {
         match address {
             PortAddress::Tcp(address) => {
-                let stream = timeout(PATIENCE, TcpStream::connect(address)).await??;
+                let stream = timeout(PORT_TIMEOUT, TcpStream::connect(address)).await??;
                 stream.set_nodelay(true)?;
                 Ok(Port::Tcp(stream))
             }
@@ -60,7 +60,7 @@ impl Port {
         &mut self,
         buffer: &mut [u8],
         outgoing: &[u8],
-    ) -> io::Result<Exchanged> {
+    ) -> io::Result<Transfer> {
         match self {
             Port::Tcp(stream) => {
                 let (reader, writer) = stream.split();
@@ -73,7 +73,7 @@ impl Port {
 
 /// What went through a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Exchanged {
+pub(crate) enum Transfer {
     /// So many bytes are at the front of the buffer.
     Read(usize),
     /// So many bytes were written.
@@ -85,13 +85,13 @@ async fn exchange(
     buffer: &mut [u8],
     mut writer: impl AsyncWrite + Unpin,
     outgoing: &[u8],
-) -> io::Result<Exchanged> {
+) -> io::Result<Transfer> {
     tokio::select! {
         count = reader.read(buffer) => match count? {
             0 => Err(io::ErrorKind::UnexpectedEof.into()),
-            count => Ok(Exchanged::Read(count)),
+            count => Ok(Transfer::Read(count)),
         },
-        count = writer.write(outgoing), if !outgoing.is_empty() => count.map(Exchanged::Written),
+        count = writer.write(outgoing), if !outgoing.is_empty() => count.map(Transfer::Written),
     }
 }
 
@@ -117,13 +117,14 @@ fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
     settings.control_modes |= ControlModes::CLOCAL | ControlModes::CREAD;
     settings
         .set_speed(baud)
-        .map_err(|error| speed(error, baud))?;
-    termios::tcsetattr(&fd, OptionalActions::Now, &settings).map_err(|error| speed(error, baud))?;
+        .map_err(|error| speed_error(error, baud))?;
+    termios::tcsetattr(&fd, OptionalActions::Now, &settings)
+        .map_err(|error| speed_error(error, baud))?;
     Ok(fd.into())
 }
 
 /// What a refused speed means to the user.
-fn speed(error: Errno, baud: u32) -> io::Error {
+fn speed_error(error: Errno, baud: u32) -> io::Error {
     match error {
         Errno::INVAL => io::Error::new(
             io::ErrorKind::Unsupported,
@@ -135,13 +136,13 @@ fn speed(error: Errno, baud: u32) -> io::Error {
 
 #[cfg(test)]
 mod tests {
-    use super::{Errno, io, speed};
+    use super::{Errno, io, speed_error};
 
     #[test]
     fn a_speed_that_the_port_refuses_is_named() {
-        let error = speed(Errno::INVAL, 12_345);
+        let error = speed_error(Errno::INVAL, 12_345);
         assert_eq!(error.kind(), io::ErrorKind::Unsupported);
         assert!(error.to_string().contains("12345 baud"));
-        assert_eq!(speed(Errno::IO, 9600).raw_os_error(), Some(5));
+        assert_eq!(speed_error(Errno::IO, 9600).raw_os_error(), Some(5));
     }
 }

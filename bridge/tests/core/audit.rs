@@ -12,7 +12,7 @@ use bridge::{AuditResult, AuditedWindow, Device, Model, Settings};
 use link::{Audit, CODE_LEN, CodeValues, Streams, ToHost};
 
 use crate::board::{Board, model};
-use crate::recorder::{Desk, SETTINGS};
+use crate::recorder::{Harness, SETTINGS};
 
 const AUDIT: Settings = Settings {
     streams: Streams::from_bits(0b01001),
@@ -35,7 +35,7 @@ fn golden() -> Vec<AuditedWindow> {
             device: Arc::clone(&device),
             window: 0,
             planes: window.as_flattened().to_vec(),
-            steps: Box::new(code.values.map(i32::from)),
+            levels: Box::new(code.values.map(i32::from)),
             resolution: 1,
         })
         .collect()
@@ -55,8 +55,8 @@ fn device(artifact: &Artifact) -> Device {
         board.code_scale[value] = scale as f32;
         board.code_zero_point[value] = (-middle / scale).round() as i8;
     }
-    let desk = Desk::streaming(SETTINGS, board);
-    let device = &desk.recorder.announced[0].device;
+    let harness = Harness::streaming(SETTINGS, board);
+    let device = &harness.recorder.announced[0].device;
     Device::clone(device)
 }
 
@@ -123,9 +123,9 @@ fn a_device_that_computes_something_else_is_found_on_every_window() {
     // The codes of each window under the next one's: right numbers of a wrong window.
     for pair in windows.windows(2) {
         let mut wrong = pair[0].clone();
-        wrong.steps.clone_from(&pair[1].steps);
+        wrong.levels.clone_from(&pair[1].levels);
         let result = wrong.compare(&model());
-        if !result.at_rail && pair[0].steps != pair[1].steps {
+        if !result.at_rail && pair[0].levels != pair[1].levels {
             assert!(result.is_wrong(), "{result:?}");
         }
     }
@@ -152,16 +152,16 @@ fn audit<'p>(model_id: [u8; 8], planes: &'p [u8], values: &CodeValues) -> ToHost
 
 #[test]
 fn audits_go_to_the_encoder_unless_they_cannot_be_compared() {
-    let mut desk = Desk::streaming(AUDIT, Board::new());
+    let mut harness = Harness::streaming(AUDIT, Board::new());
     let (id, values) = (model().id(), CodeValues::Int8([5; CODE_LEN]));
     let planes = [0xFE; 1440];
-    desk.say(0, &audit(id, &planes, &values));
-    let [audited] = &desk.recorder.audits[..] else {
-        panic!("{:?}", desk.recorder.audits)
+    harness.send(0, &audit(id, &planes, &values));
+    let [audited] = &harness.recorder.audits[..] else {
+        panic!("{:?}", harness.recorder.audits)
     };
     assert_eq!((audited.window, audited.resolution), (3, 1));
     assert_eq!(
-        (&audited.planes[..], audited.steps[127]),
+        (&audited.planes[..], audited.levels[127]),
         (&[-2; 1440][..], 5)
     );
     let wide = CodeValues::Int16([5; CODE_LEN]);
@@ -171,10 +171,10 @@ fn audits_go_to_the_encoder_unless_they_cannot_be_compared() {
         audit(id, &[], &values),
         audit(id, &planes, &wide),
     ] {
-        desk.say(0, &wrong);
+        harness.send(0, &wrong);
     }
-    assert_eq!(desk.recorder.audits.len(), 1);
-    let status = desk.status("device").unwrap();
+    assert_eq!(harness.recorder.audits.len(), 1);
+    let status = harness.status("device").unwrap();
     let key = "audits of another model or size";
     let unusable = status.values.iter().find(|pair| pair.key == key);
     assert_eq!(unusable.unwrap().value, "4");
@@ -186,9 +186,9 @@ fn a_bridge_without_the_devices_model_compares_nothing() {
         model_id: [9; 8],
         ..Board::new()
     };
-    let mut desk = Desk::new(AUDIT, board);
-    desk.connect();
+    let mut harness = Harness::new(AUDIT, board);
+    harness.connect();
     let values = CodeValues::Int8([5; CODE_LEN]);
-    desk.say(0, &audit([9; 8], &[0; 1440], &values));
-    assert!(desk.recorder.audits.is_empty());
+    harness.send(0, &audit([9; 8], &[0; 1440], &values));
+    assert!(harness.recorder.audits.is_empty());
 }

@@ -44,17 +44,17 @@ pub(crate) struct Board {
     /// Device time of the last code made.
     pub(crate) now_us: u64,
     /// What it can stream; a start with more is a bad argument.
-    pub(crate) knows: Streams,
+    pub(crate) supported: Streams,
     /// What it answers to self-test, clock question and reset.
-    pub(crate) answers: AckResult,
+    pub(crate) ack_result: AckResult,
     /// What it finds out about its converters, at once.
     pub(crate) self_test: Option<SelfTest>,
     /// A reset is another boot, at once.
-    pub(crate) resets: bool,
+    pub(crate) restarts_on_reset: bool,
     /// What it streams.
     pub(crate) streams: Streams,
     /// Commands that came, oldest first.
-    pub(crate) seen: Vec<(u32, ToDevice)>,
+    pub(crate) received: Vec<(u32, ToDevice)>,
 }
 
 impl Board {
@@ -75,12 +75,12 @@ impl Board {
             streaming: false,
             chip_uid: [7; 12],
             now_us: 0,
-            knows: Streams::ALL,
-            answers: AckResult::Done,
+            supported: Streams::ALL,
+            ack_result: AckResult::Done,
             self_test: None,
-            resets: false,
+            restarts_on_reset: false,
             streams: Streams::empty(),
-            seen: Vec::new(),
+            received: Vec::new(),
         }
     }
 
@@ -164,11 +164,11 @@ impl Board {
             commands.push((frame.header.seq, frame.message));
         }
         for (seq, command) in commands {
-            self.seen.push((seq, command));
+            self.received.push((seq, command));
             let mut result = AckResult::Done;
             match command {
                 ToDevice::Identify => answers.extend(self.hello()),
-                ToDevice::Start(start) if !self.knows.contains(start.streams) => {
+                ToDevice::Start(start) if !self.supported.contains(start.streams) => {
                     result = AckResult::BadArgument;
                 }
                 // A start while the same streams run changes nothing.
@@ -184,13 +184,13 @@ impl Board {
                 }
                 ToDevice::Ping => {}
                 ToDevice::SelfTest | ToDevice::SyncTime { .. } | ToDevice::Reset(_) => {
-                    result = self.answers;
+                    result = self.ack_result;
                 }
             }
             let ack = Ack { of: seq, result };
             answers.extend(self.frame(0, &ToHost::Ack(ack)));
             if let ToDevice::Reset(_) = command
-                && self.resets
+                && self.restarts_on_reset
             {
                 self.reboot();
                 answers.extend(self.hello());

@@ -24,21 +24,21 @@ impl Effects for Counter {
 
     fn announce(&mut self, _: &Announcement) {}
 
-    fn encoded(&mut self, _: &NeuroFrame) {
+    fn publish_encoded(&mut self, _: &NeuroFrame) {
         self.published += 1;
     }
 
-    fn window(&mut self, _: TimedCode) {}
+    fn decode(&mut self, _: TimedCode) {}
 
-    fn raw(&mut self, _: &NeuroFrame) {
+    fn publish_raw(&mut self, _: &NeuroFrame) {
         self.published += 1;
     }
 
-    fn filtered(&mut self, _: &NeuroFrame) {
+    fn publish_filtered(&mut self, _: &NeuroFrame) {
         self.published += 1;
     }
 
-    fn event(&mut self, _: &NeuroEvent) {
+    fn publish_event(&mut self, _: &NeuroEvent) {
         self.published += 1;
     }
 

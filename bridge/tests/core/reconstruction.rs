@@ -6,11 +6,11 @@ use bridge::{Device, FillerPolicy, Reconstruction, Settings, TimedCode, TriWords
 use neuro_ros::{Shape, Stamp};
 
 use crate::board::{Board, model};
-use crate::recorder::{Desk, SETTINGS};
+use crate::recorder::{Harness, SETTINGS};
 
 fn device(board: Board) -> Arc<Device> {
-    let desk = Desk::streaming(SETTINGS, board);
-    Arc::clone(&desk.recorder.announced[0].device)
+    let harness = Harness::streaming(SETTINGS, board);
+    Arc::clone(&harness.recorder.announced[0].device)
 }
 
 /// A code that differs from window to window.
@@ -39,7 +39,8 @@ fn frames(settings: Settings, windows: &[bool]) -> Vec<Option<Vec<f32>>> {
     windows
         .iter()
         .map(|received| {
-            let frame = reconstruction.push(&window(index.into(), received.then(|| z(index))));
+            let frame =
+                reconstruction.next_frame(&window(index.into(), received.then(|| z(index))));
             index += 1;
             frame.map(|frame| frame.eeg.data.clone())
         })
@@ -53,7 +54,10 @@ fn steps(window: u16, range: std::ops::Range<usize>) -> Vec<f32> {
 #[test]
 fn frames_keep_the_contract_and_are_numbered() {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
-    let first = reconstruction.push(&window(0, Some(z(0)))).unwrap().clone();
+    let first = reconstruction
+        .next_frame(&window(0, Some(z(0))))
+        .unwrap()
+        .clone();
     let shape = Shape::of(&first).unwrap();
     assert_eq!(
         shape,
@@ -71,7 +75,7 @@ fn frames_keep_the_contract_and_are_numbered() {
         ("uV", "F3")
     );
     assert!((first.eeg.info.minmax[1] - 187_500.0).abs() < 0.01);
-    let second = reconstruction.push(&window(1, Some(z(1)))).unwrap();
+    let second = reconstruction.next_frame(&window(1, Some(z(1)))).unwrap();
     assert_eq!(
         (
             first.neuroheader.seq,
@@ -130,10 +134,10 @@ fn what_no_window_holds_is_filled_and_flagged() {
     ] {
         let settings = Settings { filler, ..SETTINGS };
         let mut reconstruction = Reconstruction::new(&device, model(), settings);
-        reconstruction.push(&window(0, Some(z(0))));
-        let held = reconstruction.push(&window(1, None)).unwrap().clone();
+        reconstruction.next_frame(&window(0, Some(z(0))));
+        let held = reconstruction.next_frame(&window(1, None)).unwrap().clone();
         assert_eq!(held.tri.data[0] & 0x8000, 0, "real data");
-        let filled = reconstruction.push(&window(2, None)).cloned();
+        let filled = reconstruction.next_frame(&window(2, None)).cloned();
         assert_eq!(filled.is_some(), expected.is_some(), "{filler:?}");
         let (Some(filled), Some(holds)) = (filled, expected) else {
             continue;
@@ -157,8 +161,8 @@ fn hop_16_gives_whole_windows() {
         ..Board::new()
     });
     let mut reconstruction = Reconstruction::new(&device, model(), SETTINGS);
-    reconstruction.push(&window(0, Some(z(0))));
-    let frame = reconstruction.push(&window(1, Some(z(1)))).unwrap();
+    reconstruction.next_frame(&window(0, Some(z(0))));
+    let frame = reconstruction.next_frame(&window(1, Some(z(1)))).unwrap();
     assert_eq!((frame.sr, frame.eeg.info.nsamples), (128, 16));
     assert_eq!(frame.eeg.data, steps(1, 0..16));
 }
@@ -167,7 +171,7 @@ fn hop_16_gives_whole_windows() {
 fn what_exceeds_the_announced_range_is_held_within_it() {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
     let frame = reconstruction
-        .push(&window(0, Some(Box::new([1e6; 128]))))
+        .next_frame(&window(0, Some(Box::new([1e6; 128]))))
         .unwrap();
     assert!(frame.eeg.data.iter().all(|value| value.abs() <= 187_500.01));
 }
@@ -175,11 +179,11 @@ fn what_exceeds_the_announced_range_is_held_within_it() {
 #[test]
 fn windows_of_two_streams_are_not_averaged() {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
-    reconstruction.push(&window(7, Some(z(0))));
-    let frame = reconstruction.push(&window(0, Some(z(1)))).unwrap();
+    reconstruction.next_frame(&window(7, Some(z(0))));
+    let frame = reconstruction.next_frame(&window(0, Some(z(1)))).unwrap();
     assert_eq!(frame.eeg.data, steps(1, 0..8));
-    reconstruction.push(&window(0, Some(z(0))));
-    let frame = reconstruction.push(&window(0, None)).unwrap();
+    reconstruction.next_frame(&window(0, Some(z(0))));
+    let frame = reconstruction.next_frame(&window(0, None)).unwrap();
     assert_eq!(frame.tri.data[0] & 0x8000, 0x8000, "it tells of no other");
 }
 
@@ -191,7 +195,7 @@ fn a_frame_carries_the_flags_of_both_windows_that_it_is_made_of() {
         window
     };
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
-    let mut flags = |window: &TimedCode| reconstruction.push(window).unwrap().tri.data[0];
+    let mut flags = |window: &TimedCode| reconstruction.next_frame(window).unwrap().tri.data[0];
     assert_eq!(flags(&flagged(0, 2)), 2);
     assert_eq!(flags(&flagged(1, 4)), 6);
     assert_eq!(flags(&flagged(2, 0)), 4);

@@ -40,24 +40,24 @@ impl Effects for Recorder {
         self.announced.push(announcement.clone());
     }
 
-    fn encoded(&mut self, frame: &NeuroFrame) {
+    fn publish_encoded(&mut self, frame: &NeuroFrame) {
         assert_eq!(Shape::of(frame).unwrap().nchannels, [128, 0, 8]);
         keep(&mut self.encoded, frame);
     }
 
-    fn window(&mut self, window: TimedCode) {
+    fn decode(&mut self, window: TimedCode) {
         self.windows.push(window);
     }
 
-    fn raw(&mut self, frame: &NeuroFrame) {
+    fn publish_raw(&mut self, frame: &NeuroFrame) {
         keep(&mut self.raw, frame);
     }
 
-    fn filtered(&mut self, frame: &NeuroFrame) {
+    fn publish_filtered(&mut self, frame: &NeuroFrame) {
         keep(&mut self.filtered, frame);
     }
 
-    fn event(&mut self, event: &NeuroEvent) {
+    fn publish_event(&mut self, event: &NeuroEvent) {
         assert_eq!(event.neuroheader.seq as usize, self.events.len() + 1);
         assert_eq!(event.header.seq, event.neuroheader.seq);
         self.events.push(event.clone());
@@ -84,31 +84,31 @@ fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
     frames.push(frame.clone());
 }
 
-/// A core and a board on one desk.
-pub(crate) struct Desk {
+/// A core and a board on one harness.
+pub(crate) struct Harness {
     pub(crate) core: Core,
     pub(crate) board: Board,
     pub(crate) recorder: Recorder,
     pub(crate) now_us: i64,
 }
 
-impl Desk {
+impl Harness {
     /// A board that was identified and started.
-    pub(crate) fn streaming(settings: Settings, board: Board) -> Desk {
-        let mut desk = Desk::new(settings, board);
-        desk.connect();
+    pub(crate) fn streaming(settings: Settings, board: Board) -> Harness {
+        let mut harness = Harness::new(settings, board);
+        harness.connect();
         assert_eq!(
-            desk.board.seen.len(),
+            harness.board.received.len(),
             3,
             "Identify, Stop, Start: {:?}",
-            desk.board.seen
+            harness.board.received
         );
-        desk
+        harness
     }
 
-    pub(crate) fn new(settings: Settings, board: Board) -> Desk {
+    pub(crate) fn new(settings: Settings, board: Board) -> Harness {
         let core = Core::new(settings, Some(model()));
-        Desk {
+        Harness {
             core,
             board,
             recorder: Recorder::default(),
@@ -118,11 +118,11 @@ impl Desk {
 
     pub(crate) fn connect(&mut self) {
         self.core.connected(at(self.now_us), &mut self.recorder);
-        self.converse();
+        self.exchange();
     }
 
     /// Let both talk until nobody has anything more to say.
-    pub(crate) fn converse(&mut self) {
+    pub(crate) fn exchange(&mut self) {
         loop {
             let commands = std::mem::take(&mut self.recorder.sent);
             if commands.is_empty() {
@@ -155,7 +155,7 @@ impl Desk {
     }
 
     /// The board says something that it made at `device_us`.
-    pub(crate) fn say(&mut self, device_us: u64, message: &ToHost) {
+    pub(crate) fn send(&mut self, device_us: u64, message: &ToHost) {
         let bytes = self.board.frame(device_us, message);
         self.receive(&bytes);
     }
@@ -178,7 +178,7 @@ impl Desk {
 }
 
 /// What the board was asked, in order.
-pub(crate) fn commands(desk: &Desk) -> Vec<&'static str> {
+pub(crate) fn commands(harness: &Harness) -> Vec<&'static str> {
     let name = |(_, command): &(u32, ToDevice)| match command {
         ToDevice::Start(_) => "start",
         ToDevice::Stop => "stop",
@@ -188,5 +188,5 @@ pub(crate) fn commands(desk: &Desk) -> Vec<&'static str> {
         ToDevice::SyncTime { .. } => "sync time",
         ToDevice::Reset(_) => "reset",
     };
-    desk.board.seen.iter().map(name).collect()
+    harness.board.received.iter().map(name).collect()
 }

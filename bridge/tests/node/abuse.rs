@@ -13,7 +13,7 @@ use tokio::time::timeout;
 use crate::board::Board;
 use crate::device::Device;
 use crate::graph::{frame, master, node, until};
-use crate::process::{Bridge, PATIENCE};
+use crate::process::{Bridge, TIMEOUT};
 
 /// The URI of the bridge's XML-RPC server.
 async fn bridge_uri(master: &str) -> Option<String> {
@@ -97,7 +97,7 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
     // A subscriber built from another definition is told so.
     let mut wrong = send(&topic, &subscription("00000000000000000000000000000000")).await;
     let mut answer = Vec::new();
-    timeout(PATIENCE, wrong.read_to_end(&mut answer))
+    timeout(TIMEOUT, wrong.read_to_end(&mut answer))
         .await
         .unwrap()
         .unwrap();

@@ -30,7 +30,7 @@ pub(crate) struct Controls {
     /// Nobody is there to connect to.
     pub(crate) unplugged: AtomicBool,
     stop: AtomicBool,
-    seen: Mutex<Vec<ToDevice>>,
+    received: Mutex<Vec<ToDevice>>,
 }
 
 /// A board behind a port.
@@ -95,7 +95,7 @@ impl Device {
                     next_code += PACE;
                     let device_us = u64::try_from(start.elapsed().as_micros()).unwrap();
                     let mut bytes = board.code(device_us, 3);
-                    bytes.extend(beside(&mut board, device_us));
+                    bytes.extend(side_messages(&mut board, device_us));
                     shared.made.store(board.next_window, Relaxed);
                     let lose = |left: u32| left.checked_sub(1);
                     if shared.lose.fetch_update(Relaxed, Relaxed, lose).is_err() {
@@ -105,17 +105,17 @@ impl Device {
                 let mut buffer = [0; 1024];
                 match line.as_mut().map(|line| line.read(&mut buffer)) {
                     Some(Ok(count)) if count > 0 => {
-                        let seen = board.seen.len();
+                        let seen = board.received.len();
                         let streaming = board.streaming;
                         let answers = board.answer(&buffer[..count]);
-                        let new = board.seen[seen..].iter().map(|(_, command)| *command);
+                        let new = board.received[seen..].iter().map(|(_, command)| *command);
                         if board.streaming && !streaming {
                             next_code = Instant::now();
                         }
-                        shared.seen.lock().unwrap().extend(new);
+                        shared.received.lock().unwrap().extend(new);
                         send(&mut line, &answers);
                     }
-                    Some(Err(error)) if is_patience(&error) => {}
+                    Some(Err(error)) if is_not_ready(&error) => {}
                     Some(_) => line = None,
                     None => {}
                 }
@@ -130,8 +130,8 @@ impl Device {
     }
 
     /// Commands that came, oldest first.
-    pub(crate) fn seen(&self) -> Vec<ToDevice> {
-        self.controls.seen.lock().unwrap().clone()
+    pub(crate) fn received(&self) -> Vec<ToDevice> {
+        self.controls.received.lock().unwrap().clone()
     }
 }
 
@@ -146,7 +146,7 @@ impl Drop for Device {
 
 /// What the board streams beside the newest code: the samples and steps of its hop, and every tenth
 /// time an edge and an audit.
-fn beside(board: &mut Board, device_us: u64) -> Vec<u8> {
+fn side_messages(board: &mut Board, device_us: u64) -> Vec<u8> {
     let window = board.next_window - 1;
     let streams = board.streams;
     let mut bytes = Vec::new();
@@ -198,7 +198,7 @@ trait Line: Read + Write + Send {}
 impl<T: Read + Write + Send> Line for T {}
 
 /// Nothing there yet; a pseudoterminal that nobody has opened says EIO.
-fn is_patience(error: &io::Error) -> bool {
+fn is_not_ready(error: &io::Error) -> bool {
     error.kind() == ErrorKind::WouldBlock || error.raw_os_error() == Some(5)
 }
 
@@ -206,7 +206,7 @@ fn is_patience(error: &io::Error) -> bool {
 fn send(line: &mut Option<Box<dyn Line>>, bytes: &[u8]) {
     if let Some(open) = line
         && let Err(error) = open.write_all(bytes)
-        && !is_patience(&error)
+        && !is_not_ready(&error)
     {
         *line = None;
     }

@@ -16,7 +16,7 @@ use tokio::time::{sleep, timeout};
 
 use crate::board::Board;
 use crate::device::Device;
-use crate::process::{Bridge, PATIENCE};
+use crate::process::{Bridge, TIMEOUT};
 
 pub(crate) async fn master() -> Master {
     Master::start(SocketAddr::from(([127, 0, 0, 1], 0)))
@@ -35,7 +35,7 @@ pub(crate) async fn node(name: &str, uri: &str) -> Node {
 }
 
 pub(crate) async fn frame(subscriber: &mut Subscriber) -> NeuroFrame {
-    let body = timeout(PATIENCE, subscriber.recv())
+    let body = timeout(TIMEOUT, subscriber.recv())
         .await
         .expect("no frame came")
         .unwrap();
@@ -43,9 +43,9 @@ pub(crate) async fn frame(subscriber: &mut Subscriber) -> NeuroFrame {
 }
 
 pub(crate) async fn until(what: &str, mut holds: impl AsyncFnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + TIMEOUT;
     while !holds().await {
-        assert!(Instant::now() < deadline, "{what}: not within {PATIENCE:?}");
+        assert!(Instant::now() < deadline, "{what}: not within {TIMEOUT:?}");
         sleep(Duration::from_millis(20)).await;
     }
 }
@@ -94,10 +94,7 @@ async fn codes_reach_a_subscriber_and_the_announcement_fits_them() {
         (frame.sr, frame.eeg.info.nsamples, frame.eeg.data.len()),
         (128, 8, 8 * 61)
     );
-    let report = timeout(PATIENCE, diagnostics.recv())
-        .await
-        .unwrap()
-        .unwrap();
+    let report = timeout(TIMEOUT, diagnostics.recv()).await.unwrap().unwrap();
     let report = DiagnosticArray::from_bytes(&report).unwrap();
     let names: Vec<&str> = report.status.iter().map(|status| &*status.name).collect();
     let parts = ["device", "loss", "link", "clock", "outlets"];
@@ -105,19 +102,19 @@ async fn codes_reach_a_subscriber_and_the_announcement_fits_them() {
 
     node.call("/acquisition/stop", &EMPTY, &[]).await.unwrap();
     until("Stop", async || {
-        device.seen().last() == Some(&ToDevice::Stop)
+        device.received().last() == Some(&ToDevice::Stop)
     })
     .await;
     node.call("/acquisition/start", &EMPTY, &[]).await.unwrap();
     until("Start", async || {
-        matches!(device.seen().last(), Some(ToDevice::Start(_)))
+        matches!(device.received().last(), Some(ToDevice::Start(_)))
     })
     .await;
     node.call("/acquisition/quit", &EMPTY, &[]).await.unwrap();
     let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
     assert!(status.success(), "{log}");
     assert!(log.contains("lost 0 "), "{log}");
-    assert_eq!(device.seen().last(), Some(&ToDevice::Stop));
+    assert_eq!(device.received().last(), Some(&ToDevice::Stop));
     assert!(!registered(master.uri()).await, "left without a word");
 }
 
@@ -173,7 +170,7 @@ async fn a_namesake_takes_over_and_the_bridge_leaves() {
     let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
     assert!(status.success(), "{log}");
     assert!(log.contains("asks this node to leave"), "{log}");
-    assert_eq!(device.seen().last(), Some(&ToDevice::Stop));
+    assert_eq!(device.received().last(), Some(&ToDevice::Stop));
 }
 
 #[tokio::test]

@@ -2,7 +2,6 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod abuse;
-mod asked;
 #[path = "../core/board.rs"]
 #[allow(dead_code, reason = "the other tests use more of it")]
 mod board;
@@ -11,4 +10,5 @@ mod device;
 mod graph;
 mod lines;
 mod process;
+mod query;
 mod replug;

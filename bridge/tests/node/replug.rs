@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use crate::board::Board;
 use crate::device::Device;
-use crate::process::{Bridge, PATIENCE};
+use crate::process::{Bridge, TIMEOUT};
 
 /// Frames of `/encoded` as they come, with the time when they did.
 fn encoded(bridge: &mut Bridge) -> Receiver<(Instant, Value)> {
@@ -34,14 +34,14 @@ fn replug(device: &Device, mut bridge: Bridge, times: u32) -> (Vec<Duration>, St
     let mut outages = Vec::new();
     for _ in 0..times {
         for _ in 0..5 {
-            frames.recv_timeout(PATIENCE).unwrap();
+            frames.recv_timeout(TIMEOUT).unwrap();
         }
         device.controls.unplugged.store(true, Relaxed);
         device.controls.hang_up.store(true, Relaxed);
         std::thread::sleep(Duration::from_millis(150));
         let plugged = Instant::now();
         device.controls.unplugged.store(false, Relaxed);
-        while frames.recv_timeout(PATIENCE).unwrap().0 < plugged {}
+        while frames.recv_timeout(TIMEOUT).unwrap().0 < plugged {}
         outages.push(plugged.elapsed());
     }
     bridge.signal(Signal::TERM);
@@ -104,13 +104,13 @@ fn a_bridge_that_was_stopped_accounts_for_every_code() {
     let device = Device::tcp(Board::new());
     let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
     let frames = encoded(&mut bridge);
-    frames.recv_timeout(PATIENCE).unwrap();
+    frames.recv_timeout(TIMEOUT).unwrap();
     bridge.signal(Signal::STOP);
     std::thread::sleep(Duration::from_secs(2));
     bridge.signal(Signal::CONT);
     let made = device.controls.made.load(Relaxed);
     let caught_up = |frame: &Value| frame["message"]["tri"]["data"][1].as_u64().unwrap();
-    while caught_up(&frames.recv_timeout(PATIENCE).unwrap().1) < u64::from(made) {}
+    while caught_up(&frames.recv_timeout(TIMEOUT).unwrap().1) < u64::from(made) {}
     bridge.signal(Signal::TERM);
     let (status, log) = bridge.wait();
     assert!(status.success(), "{log}");
@@ -128,7 +128,7 @@ fn a_device_that_is_not_there_yet_is_waited_for() {
     let frames = encoded(&mut bridge);
     std::thread::sleep(Duration::from_millis(300));
     let _device = Device::pty(Board::new(), &path);
-    frames.recv_timeout(PATIENCE).unwrap();
+    frames.recv_timeout(TIMEOUT).unwrap();
     bridge.signal(Signal::TERM);
     let (status, log) = bridge.wait();
     assert!(status.success(), "{log}");
@@ -142,7 +142,7 @@ fn a_port_belongs_to_one_bridge_and_is_free_when_that_one_dies() {
     let device = Device::pty(Board::new(), &path);
     let mut first = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
     let of_first = encoded(&mut first);
-    of_first.recv_timeout(PATIENCE).unwrap();
+    of_first.recv_timeout(TIMEOUT).unwrap();
     // Someone else holds the terminal open all the time, as host-sim does.
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
     let held = rustix::fs::open(&path, flags, Mode::empty()).unwrap();
@@ -155,7 +155,7 @@ fn a_port_belongs_to_one_bridge_and_is_free_when_that_one_dies() {
     assert!(log.contains("another program has it: fuser -v"), "{log}");
     first.signal(Signal::KILL);
     drop(first);
-    frames.recv_timeout(PATIENCE).unwrap();
+    frames.recv_timeout(TIMEOUT).unwrap();
     second.signal(Signal::TERM);
     let (status, log) = second.wait();
     assert!(status.success() && log.contains("fuser -v"), "{log}");

@@ -37,7 +37,7 @@ fn board(fault: ChannelFault) -> Board {
 }
 
 /// Exit status, stdout and stderr.
-fn ask(arguments: &[&str]) -> (Option<i32>, String, String) {
+fn run_query(arguments: &[&str]) -> (Option<i32>, String, String) {
     let mut bridge = Bridge::start(arguments);
     let mut stdout = bridge.stdout();
     let (status, log) = bridge.wait();
@@ -49,7 +49,7 @@ fn ask(arguments: &[&str]) -> (Option<i32>, String, String) {
 #[test]
 fn a_device_in_order_is_status_0_and_its_table_is_all_that_stdout_gets() {
     let device = Device::tcp(board(ChannelFault::None));
-    let (code, text, log) = ask(&["selftest", "--port", &device.port]);
+    let (code, text, log) = run_query(&["selftest", "--port", &device.port]);
     assert_eq!((code, &*log), (Some(0), ""), "{text}");
     assert!(text.starts_with("device  board, firmware test"), "{text}");
     assert!(
@@ -57,13 +57,13 @@ fn a_device_in_order_is_status_0_and_its_table_is_all_that_stdout_gets() {
         "{text}"
     );
     let stopped = [ToDevice::Identify, ToDevice::Stop, ToDevice::SelfTest];
-    assert_eq!(device.seen(), stopped);
+    assert_eq!(device.received(), stopped);
 }
 
 #[test]
 fn a_device_with_a_fault_is_status_1_and_json_says_which() {
     let device = Device::tcp(board(ChannelFault::Noisy));
-    let (code, text, _) = ask(&["selftest", "--json", "--port", &device.port]);
+    let (code, text, _) = run_query(&["selftest", "--json", "--port", &device.port]);
     assert_eq!(code, Some(1));
     let report: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(report["passed"], false);
@@ -85,15 +85,15 @@ fn nobody_there_is_status_3_and_a_refusal_status_4() {
     let nobody = format!("tcp:{}", free.local_addr().unwrap());
     drop(free);
     for port in [&*nobody, "/dev/ttyNOBODY"] {
-        let (code, _, log) = ask(&["selftest", "--port", port]);
+        let (code, _, log) = run_query(&["selftest", "--port", port]);
         assert_eq!(code, Some(3), "{log}");
         assert!(log.contains("plug the device in"), "{log}");
     }
     let device = Device::tcp(Board {
-        answers: AckResult::NotSupported,
+        ack_result: AckResult::NotSupported,
         ..Board::new()
     });
-    let (code, _, log) = ask(&["selftest", "--port", &device.port]);
+    let (code, _, log) = run_query(&["selftest", "--port", &device.port]);
     assert_eq!(code, Some(4), "{log}");
     assert!(log.contains("no converters"), "{log}");
 }
@@ -101,14 +101,14 @@ fn nobody_there_is_status_3_and_a_refusal_status_4() {
 #[test]
 fn a_reset_is_agreed_to_and_a_device_that_comes_back_is_reported() {
     let device = Device::tcp(Board::new());
-    let (code, text, _) = ask(&["reset", "--bootloader", "--port", &device.port]);
+    let (code, text, _) = run_query(&["reset", "--bootloader", "--port", &device.port]);
     assert_eq!(code, Some(0));
     assert!(text.contains("starts its loader"), "{text}");
     let device = Device::tcp(Board {
-        resets: true,
+        restarts_on_reset: true,
         ..Board::new()
     });
-    let (code, text, log) = ask(&["reset", "--port", &device.port]);
+    let (code, text, log) = run_query(&["reset", "--port", &device.port]);
     assert_eq!(code, Some(0), "{log}");
     assert!(text.contains("started by power on"), "{text}");
 }
@@ -135,7 +135,7 @@ fn what_a_subcommand_cannot_use_is_status_2() {
             "--streams codes,raw",
         ),
     ] {
-        let (code, _, log) = ask(arguments);
+        let (code, _, log) = run_query(arguments);
         assert_eq!(code, Some(2), "{arguments:?}: {log}");
         assert!(log.contains(expected), "{arguments:?}: {log}");
     }

@@ -3,11 +3,11 @@
 use link::{Filtered, Flags, Raw, ToHost};
 
 use crate::recorder::SETTINGS;
-use crate::samples::{SAMPLES, counts, desk, say};
+use crate::samples::{SAMPLES, counts, harness, send_samples};
 
 #[test]
 fn samples_that_do_not_fit_the_device_are_counted_and_never_published() {
-    let mut desk = desk(SAMPLES);
+    let mut harness = harness(SAMPLES);
     let good = counts(0, 8, 64);
     for (channels, bytes) in [
         (64, &good[..good.len() - 1]),
@@ -24,7 +24,7 @@ fn samples_that_do_not_fit_the_device_are_counted_and_never_published() {
             flags: Flags::empty(),
             counts: bytes,
         };
-        desk.say(2_000_000, &ToHost::Raw(raw));
+        harness.send(2_000_000, &ToHost::Raw(raw));
     }
     for (first_sample, electrodes) in [(u64::MAX, 64), (u64::MAX - 7, 64)] {
         let raw = Raw {
@@ -33,7 +33,7 @@ fn samples_that_do_not_fit_the_device_are_counted_and_never_published() {
             flags: Flags::empty(),
             counts: &good,
         };
-        desk.say(2_000_000, &ToHost::Raw(raw));
+        harness.send(2_000_000, &ToHost::Raw(raw));
     }
     for (electrodes, values) in [
         (61, &good[..61 * 4 + 2]),
@@ -47,10 +47,10 @@ fn samples_that_do_not_fit_the_device_are_counted_and_never_published() {
             flags: Flags::empty(),
             values,
         };
-        desk.say(2_000_000, &ToHost::Filtered(filtered));
+        harness.send(2_000_000, &ToHost::Filtered(filtered));
     }
-    assert!(desk.recorder.filtered.is_empty());
-    let status = desk.status("loss").unwrap();
+    assert!(harness.recorder.filtered.is_empty());
+    let status = harness.status("loss").unwrap();
     let figure = |key: &str| {
         let pair = status.values.iter().find(|pair| pair.key == key).unwrap();
         pair.value.clone()
@@ -58,30 +58,32 @@ fn samples_that_do_not_fit_the_device_are_counted_and_never_published() {
     assert_eq!(figure("raw samples messages malformed"), "9");
     assert_eq!(figure("filtered steps messages malformed"), "3");
     assert_eq!(figure("raw samples received"), "0");
-    assert!(desk.recorder.raw.is_empty());
+    assert!(harness.recorder.raw.is_empty());
     // Codes are not affected.
-    desk.code(1, false);
-    assert_eq!(desk.core.summary().received, 2);
+    harness.code(1, false);
+    assert_eq!(harness.core.summary().received, 2);
 }
 
 #[test]
 fn a_stream_that_begins_anew_begins_a_frame_anew() {
-    let mut desk = desk(SAMPLES);
+    let mut harness = harness(SAMPLES);
     for first in [0, 8, 16] {
-        say(&mut desk, first, Flags::empty());
+        send_samples(&mut harness, first, Flags::empty());
     }
-    desk.core.want(false);
-    desk.core
-        .tick(crate::board::at(desk.now_us), &mut desk.recorder);
-    desk.converse();
-    let status = desk.status("loss").unwrap();
+    harness.core.set_streaming(false);
+    harness
+        .core
+        .tick(crate::board::at(harness.now_us), &mut harness.recorder);
+    harness.exchange();
+    let status = harness.status("loss").unwrap();
     let mut values = status.values.iter();
     let unpublished = values.find(|pair| pair.key == "raw samples not published");
     assert_eq!(unpublished.unwrap().value, "24", "those of no whole frame");
-    desk.core.want(true);
-    desk.core
-        .tick(crate::board::at(desk.now_us), &mut desk.recorder);
-    desk.converse();
+    harness.core.set_streaming(true);
+    harness
+        .core
+        .tick(crate::board::at(harness.now_us), &mut harness.recorder);
+    harness.exchange();
     for first in [0, 8, 16, 24] {
         let counts = counts(first, 8, 64);
         let raw = Raw {
@@ -90,11 +92,11 @@ fn a_stream_that_begins_anew_begins_a_frame_anew() {
             flags: Flags::empty(),
             counts: &counts,
         };
-        desk.say(3_000_000 + first * 1953, &ToHost::Raw(raw));
+        harness.send(3_000_000 + first * 1953, &ToHost::Raw(raw));
     }
-    assert_eq!(desk.recorder.raw.len(), 1);
+    assert_eq!(harness.recorder.raw.len(), 1);
     assert!(
-        desk.recorder.raw[0]
+        harness.recorder.raw[0]
             .tri
             .data
             .iter()
@@ -105,9 +107,9 @@ fn a_stream_that_begins_anew_begins_a_frame_anew() {
 
 #[test]
 fn samples_that_nobody_asked_for_are_counted() {
-    let mut desk = desk(SETTINGS);
-    say(&mut desk, 0, Flags::empty());
-    let status = desk.status("device").unwrap();
+    let mut harness = harness(SETTINGS);
+    send_samples(&mut harness, 0, Flags::empty());
+    let status = harness.status("device").unwrap();
     let unused = status
         .values
         .iter()
@@ -117,9 +119,9 @@ fn samples_that_nobody_asked_for_are_counted() {
 
 #[test]
 fn stamps_of_samples_that_had_to_be_moved_are_counted() {
-    let mut desk = desk(SAMPLES);
+    let mut harness = harness(SAMPLES);
     for first in (0..32).step_by(8) {
-        say(&mut desk, first, Flags::empty());
+        send_samples(&mut harness, first, Flags::empty());
     }
     // A device that says that the next frame was taken a second before.
     for first in (32..64).step_by(8) {
@@ -130,10 +132,10 @@ fn stamps_of_samples_that_had_to_be_moved_are_counted() {
             flags: Flags::empty(),
             counts: &counts,
         };
-        desk.say(1_000_000, &ToHost::Raw(raw));
+        harness.send(1_000_000, &ToHost::Raw(raw));
     }
-    assert_eq!(desk.recorder.raw.len(), 2);
-    let status = desk.status("clock").unwrap();
+    assert_eq!(harness.recorder.raw.len(), 2);
+    let status = harness.status("clock").unwrap();
     let held = status.values.iter().find(|pair| pair.key == "stamps held");
     assert_eq!(held.unwrap().value, "1");
 }

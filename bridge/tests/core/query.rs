@@ -1,6 +1,6 @@
-//! One question to a device: a self-test, a reset.
+//! One request to a device: a self-test, a reset.
 
-use bridge::{Answer, BridgeError, Inquiry, Outcome, Question, SelfTestReport};
+use bridge::{Answer, BridgeError, Query, QueryResult, Request, SelfTestReport};
 use link::{
     AckResult, ChannelFault, ChannelTest, ChipTest, ResetInto, SelfTest, Streams, ToDevice, ToHost,
 };
@@ -34,33 +34,33 @@ fn result(change: impl FnOnce(&mut SelfTest)) -> SelfTest {
     test
 }
 
-/// An inquiry and a board.
-struct Desk {
-    inquiry: Inquiry,
+/// An query and a board.
+struct Harness {
+    query: Query,
     board: Board,
     now_us: i64,
 }
 
-impl Desk {
-    fn new(question: Question, board: Board) -> Desk {
-        let mut inquiry = Inquiry::new(question);
-        inquiry.connected(0);
-        Desk {
-            inquiry,
+impl Harness {
+    fn new(request: Request, board: Board) -> Harness {
+        let mut query = Query::new(request);
+        query.connected(0);
+        Harness {
+            query,
             board,
             now_us: 0,
         }
     }
 
     /// Let both talk for so long; the outcome, if there is one.
-    fn talk(&mut self, us: i64) -> Option<Outcome> {
+    fn exchange_for(&mut self, us: i64) -> Option<QueryResult> {
         let end_us = self.now_us + us;
         while self.now_us < end_us {
-            if let Some(outcome) = self.inquiry.tick(self.now_us) {
+            if let Some(outcome) = self.query.tick(self.now_us) {
                 return Some(outcome);
             }
-            let answers = self.board.answer(&self.inquiry.outgoing());
-            if let Some(outcome) = self.inquiry.receive(&answers, self.now_us) {
+            let answers = self.board.answer(&self.query.outgoing());
+            if let Some(outcome) = self.query.receive(&answers, self.now_us) {
                 return Some(outcome);
             }
             self.now_us += 100_000;
@@ -68,14 +68,14 @@ impl Desk {
         None
     }
 
-    fn say(&mut self, message: &ToHost) -> Option<Outcome> {
+    fn send(&mut self, message: &ToHost) -> Option<QueryResult> {
         let bytes = self.board.frame(0, message);
-        self.inquiry.receive(&bytes, self.now_us)
+        self.query.receive(&bytes, self.now_us)
     }
 
-    fn asked(&self) -> Vec<ToDevice> {
+    fn requested(&self) -> Vec<ToDevice> {
         self.board
-            .seen
+            .received
             .iter()
             .map(|(_, command)| *command)
             .collect()
@@ -83,20 +83,20 @@ impl Desk {
 }
 
 fn report(test: SelfTest) -> SelfTestReport {
-    let mut desk = Desk::new(Question::SelfTest, Board::new());
-    assert!(desk.talk(1_000_000).is_none());
-    match desk.say(&ToHost::SelfTest(test)) {
+    let mut harness = Harness::new(Request::SelfTest, Board::new());
+    assert!(harness.exchange_for(1_000_000).is_none());
+    match harness.send(&ToHost::SelfTest(test)) {
         Some(Ok(Answer::SelfTest(report))) => *report,
         other => panic!("{other:?}"),
     }
 }
 
-fn refusal(question: Question, answers: AckResult) -> BridgeError {
+fn refusal(request: Request, ack_result: AckResult) -> BridgeError {
     let board = Board {
-        answers,
+        ack_result,
         ..Board::new()
     };
-    match Desk::new(question, board).talk(10_000_000) {
+    match Harness::new(request, board).exchange_for(10_000_000) {
         Some(Err(error)) => error,
         other => panic!("{other:?}"),
     }
@@ -104,18 +104,18 @@ fn refusal(question: Question, answers: AckResult) -> BridgeError {
 
 #[test]
 fn a_device_is_asked_who_it_is_stopped_and_tested() {
-    let mut desk = Desk::new(Question::SelfTest, Board::new());
-    desk.board.streaming = true;
-    assert!(desk.talk(3_000_000).is_none());
+    let mut harness = Harness::new(Request::SelfTest, Board::new());
+    harness.board.streaming = true;
+    assert!(harness.exchange_for(3_000_000).is_none());
     assert_eq!(
-        desk.asked(),
+        harness.requested(),
         [ToDevice::Identify, ToDevice::Stop, ToDevice::SelfTest]
     );
-    assert!(!desk.board.streaming);
+    assert!(!harness.board.streaming);
     // What else it says is no answer.
-    let stats = desk.board.stats(Streams::empty());
-    assert!(desk.inquiry.receive(&stats, desk.now_us).is_none());
-    let outcome = desk.say(&ToHost::SelfTest(result(|_| {})));
+    let stats = harness.board.stats(Streams::empty());
+    assert!(harness.query.receive(&stats, harness.now_us).is_none());
+    let outcome = harness.send(&ToHost::SelfTest(result(|_| {})));
     assert!(matches!(outcome, Some(Ok(Answer::SelfTest(_)))));
 }
 
@@ -259,32 +259,32 @@ fn the_report_is_json_with_the_same_figures() {
 
 #[test]
 fn refusals_say_why_and_what_to_do() {
-    for (question, answer, expected) in [
+    for (request, answer, expected) in [
         (
-            Question::SelfTest,
+            Request::SelfTest,
             AckResult::UnknownCommand,
             "update the firmware",
         ),
-        (Question::SelfTest, AckResult::NotSupported, "no converters"),
-        (Question::SelfTest, AckResult::Busy, "end that program"),
+        (Request::SelfTest, AckResult::NotSupported, "no converters"),
+        (Request::SelfTest, AckResult::Busy, "end that program"),
         (
-            Question::SelfTest,
+            Request::SelfTest,
             AckResult::Failed,
             "corticode-bridge reset",
         ),
-        (Question::SelfTest, AckResult::Newer(77), "one release"),
+        (Request::SelfTest, AckResult::Newer(77), "one release"),
         (
-            Question::Reset(ResetInto::Bootloader),
+            Request::Reset(ResetInto::Bootloader),
             AckResult::NotSupported,
             "BOOT0",
         ),
         (
-            Question::Reset(ResetInto::Firmware),
+            Request::Reset(ResetInto::Firmware),
             AckResult::UnknownCommand,
             "update the firmware",
         ),
     ] {
-        let error = refusal(question, answer);
+        let error = refusal(request, answer);
         assert_eq!(error.exit_code(), 4, "{error}");
         assert!(error.to_string().contains(expected), "{error}");
     }
@@ -292,25 +292,25 @@ fn refusals_say_why_and_what_to_do() {
 
 #[test]
 fn a_device_that_says_nothing_is_given_up() {
-    let mut desk = Desk::new(Question::SelfTest, Board::new());
-    let silent = |desk: &mut Desk| {
+    let mut harness = Harness::new(Request::SelfTest, Board::new());
+    let silent = |harness: &mut Harness| {
         let mut us = 0;
         loop {
             us += 100_000;
-            match desk.inquiry.tick(us) {
+            match harness.query.tick(us) {
                 Some(Err(error)) => return (us, error),
                 Some(Ok(answer)) => panic!("{answer:?}"),
-                None => drop(desk.inquiry.outgoing()),
+                None => drop(harness.query.outgoing()),
             }
         }
     };
-    let (us, error) = silent(&mut desk);
+    let (us, error) = silent(&mut harness);
     assert_eq!((us, error.exit_code()), (5_100_000, 3));
     assert!(error.to_string().contains("who is there"), "{error}");
     // One that acknowledges and never finishes has 15 s.
-    let mut desk = Desk::new(Question::SelfTest, Board::new());
-    assert!(desk.talk(15_000_000).is_none());
-    let outcome = desk.talk(1_000_000);
+    let mut harness = Harness::new(Request::SelfTest, Board::new());
+    assert!(harness.exchange_for(15_000_000).is_none());
+    let outcome = harness.exchange_for(1_000_000);
     let Some(Err(error)) = outcome else {
         panic!("{outcome:?}")
     };
@@ -322,31 +322,34 @@ fn a_device_that_says_nothing_is_given_up() {
 
 #[test]
 fn a_lost_acknowledgement_of_the_test_is_no_refusal() {
-    let mut desk = Desk::new(Question::SelfTest, Board::new());
-    while desk.asked().last() != Some(&ToDevice::SelfTest) {
-        assert!(desk.inquiry.tick(desk.now_us).is_none());
-        let answers = desk.board.answer(&desk.inquiry.outgoing());
-        if desk.asked().last() != Some(&ToDevice::SelfTest) {
-            assert!(desk.inquiry.receive(&answers, desk.now_us).is_none());
+    let mut harness = Harness::new(Request::SelfTest, Board::new());
+    while harness.requested().last() != Some(&ToDevice::SelfTest) {
+        assert!(harness.query.tick(harness.now_us).is_none());
+        let answers = harness.board.answer(&harness.query.outgoing());
+        if harness.requested().last() != Some(&ToDevice::SelfTest) {
+            assert!(harness.query.receive(&answers, harness.now_us).is_none());
         }
-        desk.now_us += 100_000;
+        harness.now_us += 100_000;
     }
     // It is at it, so the repeated command is refused.
-    desk.board.answers = AckResult::Busy;
-    assert!(desk.talk(2_000_000).is_none());
-    let outcome = desk.say(&ToHost::SelfTest(result(|_| {})));
+    harness.board.ack_result = AckResult::Busy;
+    assert!(harness.exchange_for(2_000_000).is_none());
+    let outcome = harness.send(&ToHost::SelfTest(result(|_| {})));
     assert!(matches!(outcome, Some(Ok(Answer::SelfTest(_)))));
 }
 
 #[test]
 fn a_device_that_was_reset_is_back_when_it_says_hello_in_another_session() {
-    let mut desk = Desk::new(Question::Reset(ResetInto::Firmware), Board::new());
-    assert!(desk.talk(2_000_000).is_none(), "it has not gone yet");
-    assert!(desk.inquiry.may_lose_port());
-    desk.board.reboot();
-    desk.inquiry.connected(desk.now_us);
-    let outcome = desk.talk(1_000_000);
-    let Some(Ok(Answer::Back(device))) = outcome else {
+    let mut harness = Harness::new(Request::Reset(ResetInto::Firmware), Board::new());
+    assert!(
+        harness.exchange_for(2_000_000).is_none(),
+        "it has not gone yet"
+    );
+    assert!(harness.query.expects_reconnect());
+    harness.board.reboot();
+    harness.query.connected(harness.now_us);
+    let outcome = harness.exchange_for(1_000_000);
+    let Some(Ok(Answer::Restarted(device))) = outcome else {
         panic!("{outcome:?}")
     };
     assert_eq!(device.reset_cause, "power on");
@@ -354,11 +357,11 @@ fn a_device_that_was_reset_is_back_when_it_says_hello_in_another_session() {
 
 #[test]
 fn a_device_that_starts_anew_in_the_middle_of_its_test_says_why() {
-    let mut desk = Desk::new(Question::SelfTest, Board::new());
-    assert!(desk.talk(2_000_000).is_none());
-    desk.board.reboot();
-    let hello = desk.board.hello();
-    let outcome = desk.inquiry.receive(&hello, desk.now_us);
+    let mut harness = Harness::new(Request::SelfTest, Board::new());
+    assert!(harness.exchange_for(2_000_000).is_none());
+    harness.board.reboot();
+    let hello = harness.board.hello();
+    let outcome = harness.query.receive(&hello, harness.now_us);
     let Some(Err(error)) = outcome else {
         panic!("{outcome:?}")
     };
@@ -368,25 +371,25 @@ fn a_device_that_starts_anew_in_the_middle_of_its_test_says_why() {
 
 #[test]
 fn a_device_in_its_loader_is_not_waited_for() {
-    let mut desk = Desk::new(Question::Reset(ResetInto::Bootloader), Board::new());
-    let outcome = desk.talk(1_000_000);
+    let mut harness = Harness::new(Request::Reset(ResetInto::Bootloader), Board::new());
+    let outcome = harness.exchange_for(1_000_000);
     assert!(
-        matches!(outcome, Some(Ok(Answer::InLoader(_)))),
+        matches!(outcome, Some(Ok(Answer::InBootloader(_)))),
         "{outcome:?}"
     );
     assert_eq!(
-        desk.asked().last(),
+        harness.requested().last(),
         Some(&ToDevice::Reset(ResetInto::Bootloader))
     );
 }
 
 #[test]
 fn noise_is_no_answer() {
-    let mut desk = Desk::new(Question::SelfTest, Board::new());
+    let mut harness = Harness::new(Request::SelfTest, Board::new());
     let noise: Vec<u8> = (0..50_000_u32)
         .map(|n| ((n * n) >> 3).to_le_bytes()[1])
         .collect();
-    assert!(desk.inquiry.receive(&noise, 0).is_none());
-    assert!(desk.talk(2_000_000).is_none());
-    assert_eq!(desk.asked().last(), Some(&ToDevice::SelfTest));
+    assert!(harness.query.receive(&noise, 0).is_none());
+    assert!(harness.exchange_for(2_000_000).is_none());
+    assert_eq!(harness.requested().last(), Some(&ToDevice::SelfTest));
 }
