@@ -1,4 +1,4 @@
-//! The program `corticode-bridge`: command line, log and exit status.
+//! The program `corticode-bridge`: tasks, log and exit status.
 
 mod bridge;
 mod command_line;
@@ -27,7 +27,7 @@ use crate::query::query_port;
 ///
 /// Status 0 means success, 1 a failed check, 2 wrong usage, 3 that the device or ROS is not
 /// reachable, and 4 that the device refuses. Without a subcommand the bridge streams until it is
-/// requested to shut down; `selftest` and `reset` ask the device once and print its answer.
+/// asked to shut down. `selftest` and `reset` send the device one request and print its answer.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
     let task = Task::parse_from(arguments.into_iter().map(Into::into));
@@ -75,7 +75,7 @@ fn ask(at: &PortOptions, request: Request, json: bool) -> Result<ExitCode, Bridg
         Answer::Restarted(device) => (device.to_string(), true),
         Answer::InBootloader(device) => (
             format!(
-                "{} starts its loader; flash it over USB, such as with dfu-util",
+                "{} starts its bootloader; flash it over USB, for example with dfu-util",
                 device.board
             ),
             true,

@@ -1,4 +1,4 @@
-//! The float network on the host: codes back to microvolts, and audits of the device's codes.
+//! The float network: decodes codes to microvolts and audits the device's codes.
 
 pub(crate) mod audit;
 pub(crate) mod model;

@@ -1,4 +1,4 @@
-//! What goes to `/diagnostics`.
+//! The report for `/diagnostics`, once per second.
 
 pub(crate) mod audit;
 pub(crate) mod converters;
@@ -19,8 +19,8 @@ use crate::streams::code::CodeStream;
 use crate::streams::sample::{SampleCounts, SampleStream};
 use crate::time::host_time::HostTime;
 
-/// What goes to `/diagnostics`: device, loss, link, clock, and the converters of a device that has
-/// them; the electrodes and the deadlines once per report of the device.
+/// Builds the report for `/diagnostics`: device, loss, link, clock, and the converters of a device that
+/// has any. Electrodes and deadlines are included once per report of the device.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
         stamp: Stamp::from_nanoseconds(now.wall_ns),
@@ -61,7 +61,7 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
         (Some(objection), _) => (DiagnosticLevel::Error, objection.clone()),
         (None, true) if session.commands.is_starved(now.monotonic_us) => (
             DiagnosticLevel::Warn,
-            "the device should stream and sends no codes; it is asked again".to_owned(),
+            "the device should stream and sends no codes; the bridge asks it again".to_owned(),
         ),
         (None, true) if session.commands.is_streaming() => streaming_state(session),
         (None, true) => (DiagnosticLevel::Ok, "not streaming".to_owned()),
@@ -106,8 +106,8 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     new_status("device", (level, message), values)
 }
 
-/// A device that does not stream what the user wants to see is a warning; one without audits and
-/// events, as older ones are, is not.
+/// Returns the state of a streaming device. Missing raw samples or filtered steps are a warning;
+/// missing audits or events, as on older devices, are not.
 fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
     let refused = session.commands.refused_streams();
     if refused.is_empty() {
@@ -121,7 +121,7 @@ fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
     };
     let names = StreamKind::names(refused);
     let remedy = if refused == Streams::RAW {
-        "its port may be too slow for it; use its USB, or ask for filtered"
+        "its port may be too slow; use its USB port, or choose filtered instead"
     } else {
         "update its firmware"
     };

@@ -1,4 +1,64 @@
-//! Frames from the board, republished as ROS-Neuro NeuroFrames.
+//! Publishes the codes and signals of a Corticode board as ROS-Neuro messages.
+//!
+//! A board sends codes (compressed EEG) and, on request, ADC samples, filtered steps, events and
+//! audits. The bridge fits the board's clock to the host's, fills and counts lost data, decodes codes
+//! to microvolts, and publishes the result as `NeuroFrame` and `NeuroEvent`.
+//!
+//! ```text
+//! port ──bytes──► Core: session ─┬─ streams ─── NeuroFrame, NeuroEvent ─┬─► ROS topics
+//!  ▲                │            ├─ decoder thread: codes to uV ────────┤   or lines of JSON
+//!  │                │            └─ diagnostics ────────────────────────┘
+//!  └─── commands ───┘          clock: device time to host time, for all stamps
+//! ```
+//!
+//! [`Core`] is pure: bytes and times in, [`Effects`] out. Tests drive it without a port or a clock.
+//! [`run`] is the program `corticode-bridge`, which connects the core to a port and to ROS. [`Query`]
+//! is the pure part of its subcommands `selftest` and `reset`.
+//!
+//! # Example
+//!
+//! The first command to a connected device asks it to identify itself:
+//!
+//! ```
+//! # use bridge::{Announcement, AuditedWindow, TimedCode};
+//! # use neuro_ros::{NeuroEvent, NeuroFrame};
+//! use bridge::{AnnouncedStream, Core, Effects, FillerPolicy, HostTime, Settings, StampPoint};
+//! use link::{Decoder, MAX_FRAME, Streams, ToDevice};
+//!
+//! /// Keeps the bytes for the device and ignores all other effects.
+//! #[derive(Default)]
+//! struct ToPort(Vec<u8>);
+//!
+//! impl Effects for ToPort {
+//!     fn send(&mut self, frame: &[u8]) {
+//!         self.0.extend_from_slice(frame);
+//!     }
+//! #   fn announce(&mut self, _: &Announcement) {}
+//! #   fn publish_encoded(&mut self, _: &NeuroFrame) {}
+//! #   fn decode(&mut self, _: TimedCode) {}
+//! #   fn publish_raw(&mut self, _: &NeuroFrame) {}
+//! #   fn publish_filtered(&mut self, _: &NeuroFrame) {}
+//! #   fn publish_event(&mut self, _: &NeuroEvent) {}
+//! #   fn audit(&mut self, _: AuditedWindow) {}
+//!     // The other methods publish frames and events.
+//! }
+//!
+//! let settings = Settings {
+//!     stamp: StampPoint::First,
+//!     mains_hz: 50,
+//!     filler: FillerPolicy::Last,
+//!     low_latency: false,
+//!     announced: AnnouncedStream::Encoded,
+//!     streams: Streams::CODES,
+//! };
+//! let mut core = Core::new(settings, None);
+//! let mut port = ToPort::default();
+//! core.connected(HostTime::now(), &mut port);
+//!
+//! let mut decoder = Decoder::<MAX_FRAME>::new();
+//! let command = decoder.next::<ToDevice>(&mut &port.0[..]).unwrap().unwrap();
+//! assert_eq!(command.message, ToDevice::Identify);
+//! ```
 #![forbid(unsafe_code)]
 
 mod app;

@@ -1,4 +1,4 @@
-//! One request to the device at a port.
+//! A single request to the device at a port.
 
 pub(crate) mod protocol;
 pub(crate) mod report;
@@ -16,14 +16,14 @@ use crate::time::host_time::HostTime;
 use crate::wire::address::PortAddress;
 use crate::wire::port::{Port, Transfer};
 
-/// How often the query looks at the time, and how soon a port is opened again.
+/// Interval of the timeout checks, and delay before a lost port is reopened.
 const TICK: Duration = Duration::from_millis(100);
 
-/// Ask the device at a port, with a spinner on a terminal meanwhile.
+/// Sends a request to the device at a port and waits for the answer, with a spinner on a terminal.
 ///
 /// # Errors
 ///
-/// [`BridgeError`]: the port cannot be used, nothing answers, or the device refuses.
+/// [`BridgeError`] if the port cannot be used, nothing answers, or the device refuses.
 pub(crate) async fn query_port(address: &PortAddress, baud: u32, request: Request) -> QueryResult {
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(TICK);
@@ -50,7 +50,7 @@ async fn ask(
         }
         let Some(open_port) = &mut port else {
             sleep(TICK).await;
-            // Away until it has started; the query knows when that takes too long.
+            // The port is absent while the device restarts; `query` times out if that takes too long.
             port = Port::open(address, baud).await.ok();
             if port.is_some() {
                 outgoing.clear();
@@ -72,8 +72,8 @@ async fn ask(
             Ok(Err(source)) => {
                 return Err(BridgeError::Unreachable {
                     port: address.to_string(),
-                    what: "has gone before it answered",
-                    remedy: "check cable and power, and whether another program took it".to_owned(),
+                    what: "was lost before the device answered",
+                    remedy: "check cable and power, and whether another program uses it".to_owned(),
                     source,
                 });
             }

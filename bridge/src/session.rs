@@ -1,4 +1,4 @@
-//! What the bridge knows about the device, from frame to frame.
+//! Handling of the device's messages, and of the commands to it.
 
 mod introduction;
 pub(crate) mod state;
@@ -16,8 +16,8 @@ use crate::streams::stamps::Reception;
 use crate::time::host_time::HostTime;
 use crate::wire::commands::AckEffect;
 
-/// Frames behind in a row after which the device is asked anew who it is: it may have been reset
-/// and its `Hello` lost.
+/// Number of frames in a row with an old sequence number after which the device must identify itself
+/// again. It may have been reset and its `Hello` lost.
 const OLD_FRAMES_BEFORE_IDENTIFY: u32 = 8;
 
 impl Session {
@@ -33,7 +33,7 @@ impl Session {
         self.commands.disconnected();
     }
 
-    /// Send the command that is due.
+    /// Sends the command that is due, if any.
     pub(crate) fn tick(&mut self, now: HostTime, effects: &mut dyn Effects) {
         let seq = self.encoder.next_seq();
         let Some(command) = self.commands.next_command(now.monotonic_us, seq) else {
@@ -47,7 +47,7 @@ impl Session {
         }
     }
 
-    /// Bytes that are no frame, or a frame that cannot be used.
+    /// Handles bytes that are not a valid frame, or a frame that this bridge does not know.
     pub(crate) fn handle_error(&mut self, error: FrameError, read: HostTime) {
         if let FrameError::Unknown { header, kind } = error {
             self.commands.frame_received(read.monotonic_us);
@@ -57,17 +57,17 @@ impl Session {
             if !std::mem::replace(&mut self.logged.newer_messages, true) {
                 tracing::warn!(
                     kind,
-                    "the device sends messages that are newer than this bridge; they are left \
-                     out and codes are not affected; update the bridge to see them"
+                    "the device sends messages that are newer than this bridge; they are ignored \
+                     and codes are not affected; update the bridge to receive them"
                 );
             }
         } else if let FrameError::Version(_) = error
             && !std::mem::replace(&mut self.logged.wire_version, true)
         {
-            tracing::error!("the device cannot be understood: {error}");
+            tracing::error!("the device's frames cannot be decoded: {error}");
         } else {
-            // Noise on a line would fill the log; a report per second tells how much it was.
-            tracing::debug!(%error, "frame left out");
+            // At debug level, because noise would fill the log; `/diagnostics` counts these frames.
+            tracing::debug!(%error, "frame ignored");
         }
     }
 
@@ -86,7 +86,7 @@ impl Session {
             return;
         }
         match &frame.message {
-            // The one was entered above; nobody has asked for the other.
+            // `Hello` was handled above, and a session never requests a self-test.
             ToHost::Hello(_) | ToHost::SelfTest(_) => {}
             ToHost::Capabilities(capabilities) => self.handle_capabilities(capabilities, effects),
             ToHost::Code(code) => match &mut self.codes {
@@ -131,7 +131,7 @@ impl Session {
         }
     }
 
-    /// Something of a stream beside the codes.
+    /// Handles a message of an optional stream.
     fn handle_side(
         &mut self,
         message: &ToHost,
@@ -143,7 +143,7 @@ impl Session {
             self.side.unused += 1;
             return;
         }
-        // Codes are what the clock is fitted to; samples only help when there were none yet.
+        // The clock is fitted to codes; samples are used only until the first code arrives.
         let samples = matches!(message, ToHost::Raw(_) | ToHost::Filtered(_));
         let possible = if self.clock.is_known() {
             self.clock.is_possible(made_us, read)
@@ -168,7 +168,7 @@ impl Session {
         }
     }
 
-    /// The device begins its streams anew.
+    /// Restarts all streams, because the device counts from 0 again.
     fn restart_streams(&mut self) {
         if let Some(codes) = &mut self.codes {
             codes.restart();
@@ -176,7 +176,7 @@ impl Session {
         self.side.restart();
     }
 
-    /// Enter a frame into the ledger; false if it is a replay.
+    /// Records the sequence number of a frame and returns false if the frame is a replay.
     fn record_frame(&mut self, header: Header) -> bool {
         if let Arrival::New { .. } = self.frames.record(header.seq) {
             self.old_frames_in_a_row = 0;
@@ -210,7 +210,7 @@ impl Session {
         if !codes.is_running() {
             return;
         }
-        // Codes are what the clock is fitted to; a report only helps when there were none yet.
+        // The clock is fitted to codes; a report is used only until the first code arrives.
         if !self.clock.admits(device_us, read) && !self.clock.observe(device_us, read) {
             return;
         }
@@ -240,7 +240,7 @@ impl Session {
                 {
                     tracing::warn!(
                         "the device does not stream {}: its firmware is older than this bridge, \
-                         or its port too slow; update the firmware, or leave them out of --streams",
+                         or its port is too slow; update the firmware, or remove them from --streams",
                         StreamKind::names(refused)
                     );
                 }

@@ -1,4 +1,5 @@
-//! From the device's messages to ROS-Neuro's frames and events, with lost data filled and counted.
+//! Conversion of the device's messages to NeuroFrames and NeuroEvents, with lost data filled and
+//! counted.
 
 pub(crate) mod code;
 pub(crate) mod event;

@@ -1,4 +1,4 @@
-//! The host's clocks, and the device's clock expressed in them.
+//! The host's clocks, and the device's clock fitted to them.
 
 pub(crate) mod clock;
 pub(crate) mod host_time;

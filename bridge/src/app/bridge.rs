@@ -1,4 +1,4 @@
-//! The bridge in the world.
+//! The streaming bridge: connects the core to the port, to ROS and to the clock.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,20 +20,19 @@ use crate::error::BridgeError;
 use crate::time::host_time::HostTime;
 use crate::wire::connection::{Connection, Event};
 
-/// How often the core looks at the time.
+/// Interval of the core's ticks.
 const TICK: Duration = Duration::from_millis(100);
-/// Ticks between reports to `/diagnostics`: 1 s.
+/// Number of ticks between two reports to `/diagnostics`: 1 s.
 const TICKS_PER_REPORT: u32 = 10;
-/// How long a device may take to stop when the bridge leaves.
+/// Longest time at shutdown for the device to stop, and for queued lines to be written.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Run the bridge until it is asked to shutdown: SIGTERM, Ctrl-C, `~quit`, `rosnode kill`, or the
-/// reader of its lines going away. Then the device is stopped, the node unregistered, the port
-/// closed.
+/// Runs the bridge until SIGTERM, Ctrl-C, `~quit`, `rosnode kill`, or until the reader of its lines
+/// closes the pipe. Then it stops the device, unregisters the node and closes the port.
 ///
 /// # Errors
 ///
-/// [`BridgeError`]; a device or a master that is away is none, it is waited for.
+/// [`BridgeError`] if the bridge cannot run. It waits for an absent device or ROS master.
 pub(super) async fn stream(
     options: Options,
     mut ros_options: NodeOptions,
@@ -51,17 +50,17 @@ pub(super) async fn stream(
     if !settings.streams.contains(settings.announced.needs()) {
         return Err(BridgeError::AnnouncedNotStreamed);
     }
-    let (commands_in, commands) = mpsc::unbounded_channel();
+    let (command_sender, commands) = mpsc::unbounded_channel();
     let mut outlets;
     let (mut ros, mut writer) = (None, None);
     match options.sink {
         SinkKind::Ros => {
             let node = RosNode::start(ros_options).await?;
             let sinks = Sinks::ros(&node, &options).await?;
-            let (announcements_in, announcements) = mpsc::unbounded_channel();
+            let (announcement_sender, announcements) = mpsc::unbounded_channel();
             let model = Arc::clone(&model);
-            outlets = Outlets::new(sinks, settings, model, Some(announcements_in))?;
-            node.serve_announcements(announcements, commands_in);
+            outlets = Outlets::new(sinks, settings, model, Some(announcement_sender))?;
+            node.serve_announcements(announcements, command_sender);
             shutdown.watch_node(Arc::clone(&node.node));
             ros = Some(node);
         }
@@ -86,13 +85,13 @@ pub(super) async fn stream(
     }
     let written = writer.map_or(Ok(()), |writer| writer.finish(DRAIN_TIMEOUT));
     match outcome.and(written.map_err(BridgeError::Sink)) {
-        // Whoever read the lines has had enough.
+        // The reader of the lines has closed the pipe.
         Ok(()) | Err(BridgeError::Sink(neuro_ros::SinkError::Closed)) => Ok(summary),
         Err(error) => Err(error),
     }
 }
 
-/// The core, its port and its outlets.
+/// The core with its port, the commands from ROS services, and its outlets.
 struct Bridge<'a> {
     core: Core,
     connection: Connection,
@@ -117,7 +116,7 @@ impl Bridge<'_> {
                     AcquisitionCommand::Quit => shutdown.request("~quit was called"),
                 },
                 reason = shutdown.requested(), if deadline.is_none() => {
-                    tracing::info!("leaving: {reason}");
+                    tracing::info!("shutting down: {reason}");
                     self.core.set_streaming(false);
                     self.core.tick(HostTime::now(), self.outlets);
                     deadline = Some(Instant::now() + DRAIN_TIMEOUT);
@@ -132,7 +131,7 @@ impl Bridge<'_> {
                         self.outlets.publish_diagnostics(report);
                     }
                     if self.connection.is_open() && self.core.is_unresponsive(now) {
-                        tracing::warn!("the device is silent; opening the port anew");
+                        tracing::warn!("the device is silent; reopening the port");
                         self.close();
                     }
                 }
@@ -140,7 +139,7 @@ impl Bridge<'_> {
             if let Some(error) = self.outlets.sink_error.take()
                 && failure.is_none()
             {
-                shutdown.request("nothing takes the frames any more");
+                shutdown.request("frames cannot be published any more");
                 failure = Some(BridgeError::Sink(error));
             }
             let gone = !self.connection.is_open() || self.core.is_stopped();
@@ -153,7 +152,7 @@ impl Bridge<'_> {
     }
 
     fn handle_connection(&mut self, event: Event, buffer: &[u8]) {
-        // As close to the read as can be: this is what the clock is fitted to.
+        // Taken directly after the read, because the clock is fitted to this time.
         let now = HostTime::now();
         match event {
             Event::Opened => self.core.connected(now, self.outlets),

@@ -1,4 +1,4 @@
-//! The command line.
+//! Command-line options and subcommands.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -9,31 +9,30 @@ use link::{ResetInto, Streams};
 use crate::settings::{AnnouncedStream, FillerPolicy, Settings, StampPoint, StreamKind};
 use crate::wire::address::PortAddress;
 
-/// Frames from the board, republished as ROS-Neuro NeuroFrames.
+/// Publish the codes and signals of a Corticode board as ROS-Neuro NeuroFrames.
 ///
-/// Publishes /encoded, /neurodata_reconstructed, /events/bus and /diagnostics, on request
-/// /neurodata and /neurodata_filtered, and serves /acquisition/get_info, ~start, ~stop and ~quit,
-/// as the node `acquisition`. The answer of get_info describes ONE of the streams, /encoded unless
-/// --announce says otherwise: a rosneuro_recorder or visualizer that is remapped to another one
-/// gets frames that are larger than it allocated for. Waits for a device and for a ROS master that
-/// are not there yet, and comes back when they do. ROS's own arguments work too: __name:=, __ns:=,
-/// /encoded:=/neurodata. Its log goes to stderr; RUST_LOG=debug shows more.
+/// Publishes /encoded, /neurodata_reconstructed, /events/bus and /diagnostics, on request also
+/// /neurodata and /neurodata_filtered, and serves /acquisition/get_info, ~start, ~stop and ~quit, as
+/// the node `acquisition`. The answer of get_info describes ONE of the streams, /encoded unless
+/// --announce selects another: a rosneuro_recorder or visualizer that is remapped to another stream
+/// receives frames that are larger than it allocated. Waits for an absent device or ROS master and
+/// reconnects when it returns. ROS's own arguments work too: __name:=, __ns:=, /encoded:=/neurodata.
+/// The log goes to stderr; RUST_LOG=debug shows more.
 ///
-/// Ends with 0, 1 (a check failed), 2 (usage), 3 (device or ROS not reachable) or 4 (the device
-/// refuses).
+/// Exit status: 0 done, 1 a check failed, 2 wrong usage, 3 device or ROS not reachable, 4 the device
+/// refuses.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "corticode-bridge", version)]
 pub(crate) struct Options {
-    /// Where the device is.
     #[command(flatten)]
     pub(crate) at: PortOptions,
     /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
     #[arg(long, value_name = "URI")]
     pub(crate) ros_master_uri: Option<String>,
-    /// Where frames go: a ROS master's topics, or lines of JSON on stdout
+    /// Destination of the frames: ROS topics, or lines of JSON on stdout
     #[arg(long, env = "CORTICODE_SINK", value_enum, default_value_t)]
     pub(crate) sink: SinkKind,
-    /// Put before the names of the streams, such as /left; /diagnostics keeps its name, and so does
+    /// Prefix of the names of the streams, such as /left; /diagnostics keeps its name, and so does
     /// /events/bus
     #[arg(
         long,
@@ -42,23 +41,23 @@ pub(crate) struct Options {
         value_name = "PREFIX"
     )]
     pub(crate) topic_prefix: String,
-    /// Folder of the model to decode with, in place of the built-in one
+    /// Folder of the model to decode with, instead of the built-in one
     #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
-    /// What a frame's stamp is the time of
+    /// Point of a frame that its stamp refers to
     #[arg(long, env = "CORTICODE_STAMP", value_enum, default_value_t)]
     pub(crate) stamp: StampPoint,
-    /// Mains that the device shall remove, Hz; without it the device chooses
+    /// Mains frequency that the device shall remove, Hz; the device chooses by default
     #[arg(long, env = "CORTICODE_MAINS", value_parser = mains)]
     pub(crate) mains: Option<u8>,
-    /// What stands in for a lost code, sample or step
+    /// Replacement of a lost code, sample or step
     #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
     pub(crate) filler: FillerPolicy,
-    /// Reconstruct from the newest window alone: 62.5 ms sooner, and about 6 % more error
+    /// Reconstruct from the newest window alone: 62.5 ms earlier, with about 6 % more error
     #[arg(long, env = "CORTICODE_LOW_LATENCY")]
     pub(crate) low_latency: bool,
-    /// What the device streams, comma-separated; codes always. A device that has not all of it is
-    /// asked for less
+    /// Streams of the device, comma-separated; codes are always included. A device that refuses some
+    /// is asked for fewer
     #[arg(
         long,
         env = "CORTICODE_STREAMS",
@@ -67,18 +66,18 @@ pub(crate) struct Options {
         default_value = "codes,audit,events"
     )]
     pub(crate) streams: Vec<StreamKind>,
-    /// Stream that /acquisition/get_info announces; record this one and no other
+    /// Stream that /acquisition/get_info describes; record this one and no other
     #[arg(long, env = "CORTICODE_ANNOUNCE", value_enum, default_value_t)]
     pub(crate) announce: AnnouncedStream,
 }
 
-/// Where the device is.
+/// Address and speed of the port.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct PortOptions {
     /// Serial port, pseudoterminal, or tcp:HOST:PORT
     #[arg(long, env = "CORTICODE_PORT", value_name = "PATH|tcp:HOST:PORT")]
     pub(crate) port: PortAddress,
-    /// Speed of a serial port; USB and pseudoterminals ignore it
+    /// Baud rate of a serial port; USB and pseudoterminals ignore it
     #[arg(
         long,
         env = "CORTICODE_BAUD",
@@ -88,7 +87,7 @@ pub(crate) struct PortOptions {
     pub(crate) baud: u32,
 }
 
-/// Where frames go.
+/// Destination of the frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum SinkKind {
     /// ROS 1 topics.
@@ -99,7 +98,7 @@ pub(crate) enum SinkKind {
 }
 
 impl Options {
-    /// What concerns the frames.
+    /// Returns the choices that the core needs.
     pub(crate) fn settings(&self) -> Settings {
         Settings {
             stamp: self.stamp,
@@ -114,7 +113,7 @@ impl Options {
         }
     }
 
-    /// Full name of a stream's topic.
+    /// Returns the full topic name of a stream.
     pub(crate) fn topic(&self, name: &str) -> String {
         format!("{}/{name}", self.topic_prefix.trim_end_matches('/'))
     }
@@ -124,52 +123,50 @@ fn mains(text: &str) -> Result<u8, String> {
     match text {
         "50" => Ok(50),
         "60" => Ok(60),
-        _ => Err("mains are 50 or 60 Hz".to_owned()),
+        _ => Err("the mains frequency is 50 or 60 Hz".to_owned()),
     }
 }
 
-/// What the command line asks for.
+/// Task that the command line selects.
 #[derive(Clone, Debug)]
 pub(crate) enum Task {
-    /// Without a subcommand: frames from the board.
+    /// Stream until shutdown; the default without a subcommand.
     Bridge(Box<Options>),
-    /// The device tests its converters.
+    /// `selftest`: the device tests its converters.
     SelfTest(SelfTestOptions),
-    /// The device starts anew.
+    /// `reset`: the device restarts.
     Reset(ResetOptions),
 }
 
-/// Let the device test its converters with their own signals, and print what it found.
+/// Test the device's converters with their internal signals, and print the results.
 ///
-/// Ends with 0 if everything is in order, 1 if not, 3 if nothing answers, 4 if the device refuses.
+/// Exit status: 0 everything in order, 1 a fault was found, 3 no answer, 4 the device refuses.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "selftest")]
 pub(crate) struct SelfTestOptions {
-    /// Where the device is.
     #[command(flatten)]
     pub(crate) at: PortOptions,
-    /// Print JSON in place of the table
+    /// Print JSON instead of a table
     #[arg(long)]
     pub(crate) json: bool,
 }
 
-/// Let the device start anew, and say why it says that it did.
+/// Restart the device, and print the cause of the start that it reports.
 ///
-/// Ends with 0 when it is back (with --bootloader: when it has agreed), 3 if nothing answers, 4 if
-/// the device refuses.
+/// Exit status: 0 the device has restarted (with --bootloader: has agreed to), 3 no answer, 4 the
+/// device refuses.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "reset")]
 pub(crate) struct ResetOptions {
-    /// Where the device is.
     #[command(flatten)]
     pub(crate) at: PortOptions,
-    /// Start the microcontroller's own loader, which takes new firmware over USB
+    /// Start the microcontroller's built-in bootloader, which accepts firmware over USB
     #[arg(long)]
     pub(crate) bootloader: bool,
 }
 
 impl ResetOptions {
-    /// What the device shall start.
+    /// Returns what the device shall start.
     pub(crate) fn target(&self) -> ResetInto {
         if self.bootloader {
             ResetInto::Bootloader
@@ -180,11 +177,11 @@ impl ResetOptions {
 }
 
 impl Task {
-    /// What these arguments ask for; the first is the program's name.
+    /// Parses the arguments, of which the first is the program's name.
     ///
     /// # Errors
     ///
-    /// [`Error`], which prints itself: usage, or the help that was asked for.
+    /// [`Error`] for wrong usage or a request for help; [`Error::exit`] prints it.
     pub(crate) fn parse_from(arguments: impl IntoIterator<Item = OsString>) -> Result<Task, Error> {
         let mut command = Options::command()
             .args_conflicts_with_subcommands(true)

@@ -1,4 +1,4 @@
-//! Where the core's effects go.
+//! Execution of the core's effects: sinks, decoder thread, bytes for the device.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use crate::decoder::thread::DecoderThread;
 use crate::effects::{Announcement, Effects};
 use crate::settings::Settings;
 
-/// Where the core's effects go. Nothing here waits for the network or the device.
+/// Executes the core's effects. No method waits for the network or the device.
 pub(crate) struct Outlets {
     settings: Settings,
     model: Arc<Model>,
@@ -26,15 +26,15 @@ pub(crate) struct Outlets {
     events: Option<Box<dyn Sink<NeuroEvent>>>,
     diagnostics: Box<dyn Sink<DiagnosticArray>>,
     decoder: DecoderThread,
-    /// To whoever serves `/acquisition/get_info`; none without ROS.
+    /// Channel to the task that serves `/acquisition/get_info`; `None` without ROS.
     announcements: Option<UnboundedSender<AcquisitionInfo>>,
-    /// What was announced last.
+    /// Last announcement that was sent, so that an equal one is not sent again.
     announced: Option<AcquisitionInfo>,
-    /// Figures of the last report.
+    /// Sum of the dropped and undecoded counts at the last report to `/diagnostics`.
     reported: u64,
-    /// Bytes for the device that wait to be written.
+    /// Bytes for the device that are not written yet.
     pub(crate) outgoing: Vec<u8>,
-    /// The sink has ended for good.
+    /// Error of a sink that accepts nothing any more.
     pub(crate) sink_error: Option<SinkError>,
 }
 
@@ -62,22 +62,22 @@ impl Outlets {
         })
     }
 
-    /// Finish what is queued and say what did not reach its receivers.
+    /// Finishes queued work and logs what was not decoded or not delivered.
     pub(crate) fn finish(self) {
         let dropped = self.encoded.dropped();
         let undecoded = self.decoder.finish();
         if undecoded > 0 {
             tracing::warn!(
                 undecoded,
-                "windows that became fillers: the decoder was too slow"
+                "codes replaced by fillers because the decoder was too slow"
             );
         }
         if dropped > 0 {
-            tracing::warn!(dropped, "codes that slow subscribers did not get");
+            tracing::warn!(dropped, "codes dropped for slow subscribers");
         }
     }
 
-    /// Publish the core's report and what the outlets have to add.
+    /// Publishes the core's report with the statuses of outlets and audits added.
     pub(crate) fn publish_diagnostics(&mut self, mut report: DiagnosticArray) {
         report.status.push(self.status());
         if let Some(mut audits) = self.decoder.audit_status() {
@@ -85,10 +85,10 @@ impl Outlets {
             report.status.push(audits);
         }
         let published = self.diagnostics.publish(&report);
-        self.record(published);
+        self.record_error(published);
     }
 
-    /// What did not reach its receivers.
+    /// Returns the status of the sinks and the decoder: dropped and undecoded frames.
     fn status(&mut self) -> DiagnosticStatus {
         let dropped = |sink: &Option<Box<dyn FrameSink>>| sink.as_ref().map(|sink| sink.dropped());
         let events = self.events.as_ref().map(|sink| sink.dropped());
@@ -109,7 +109,7 @@ impl Outlets {
             let message = "frames dropped since the last report: a subscriber or the host is slow";
             (DiagnosticLevel::Warn, message)
         } else {
-            (DiagnosticLevel::Ok, "everything was taken")
+            (DiagnosticLevel::Ok, "nothing dropped")
         };
         let figures = figures.into_iter();
         let values = figures.filter_map(|(name, figure)| Some(KeyValue::new(name, &figure?)));
@@ -122,7 +122,7 @@ impl Outlets {
         }
     }
 
-    fn record(&mut self, published: Result<(), SinkError>) {
+    fn record_error(&mut self, published: Result<(), SinkError>) {
         if let Err(error) = published {
             self.sink_error = Some(error);
         }
@@ -148,20 +148,20 @@ impl Effects for Outlets {
         };
         let Some(info) = &announcement.info else {
             tracing::error!(
-                "nothing is announced: --announce names a stream that is not published"
+                "nothing is announced, because --announce names a stream that is not published"
             );
             return;
         };
         if self.announced.as_ref() != Some(info) {
             self.announced = Some(info.clone());
-            // An error means that the node is leaving: then nobody asks any more.
+            // Fails only while the node shuts down, when nobody calls the service any more.
             let _ = announcements.send(info.clone());
         }
     }
 
     fn publish_encoded(&mut self, frame: &NeuroFrame) {
         let published = self.encoded.publish(frame);
-        self.record(published);
+        self.record_error(published);
     }
 
     fn decode(&mut self, window: TimedCode) {
@@ -171,21 +171,21 @@ impl Effects for Outlets {
     fn publish_raw(&mut self, frame: &NeuroFrame) {
         if let Some(sink) = &mut self.raw {
             let published = sink.publish(frame);
-            self.record(published);
+            self.record_error(published);
         }
     }
 
     fn publish_filtered(&mut self, frame: &NeuroFrame) {
         if let Some(sink) = &mut self.filtered {
             let published = sink.publish(frame);
-            self.record(published);
+            self.record_error(published);
         }
     }
 
     fn publish_event(&mut self, event: &NeuroEvent) {
         if let Some(sink) = &mut self.events {
             let published = sink.publish(event);
-            self.record(published);
+            self.record_error(published);
         }
     }
 

@@ -9,10 +9,10 @@ use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender};
 use tokio::sync::watch::Receiver;
 use tokio::task::JoinHandle;
 
-/// How long a master may take to answer before its absence is logged of.
+/// Time for the first answer of a ROS master before its absence is logged.
 const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
 
-/// The bridge as a ROS node.
+/// The bridge's ROS node, with a task that logs when the master appears or disappears.
 #[derive(Debug)]
 pub(crate) struct RosNode {
     pub(crate) node: Arc<Node>,
@@ -28,13 +28,13 @@ impl RosNode {
         Ok(RosNode { node, master_log })
     }
 
-    /// Unregister everything and close.
+    /// Unregisters topics and services and closes all connections.
     pub(crate) async fn shutdown(self) {
         self.master_log.abort();
         self.node.shutdown().await;
     }
 
-    /// Offer a topic; `queue` messages may wait for each subscriber.
+    /// Advertises a topic with a queue of `queue` messages for each subscriber.
     pub(crate) async fn sink<M: RosMessage>(
         &self,
         topic: &str,
@@ -43,7 +43,8 @@ impl RosNode {
         RosSink::advertise(&self.node, topic, queue).await
     }
 
-    /// Serve the newest announcement, beside the link, because registering it may take time.
+    /// Serves the newest announcement and passes calls of `~start`, `~stop` and `~quit` on. This runs in
+    /// a task of its own, because registration can take long.
     pub(crate) fn serve_announcements(
         &self,
         mut announcements: UnboundedReceiver<AcquisitionInfo>,
@@ -58,13 +59,13 @@ impl RosNode {
                 let on_command = move |command| {
                     commands
                         .send(command)
-                        .map_err(|_| "the bridge is leaving".to_owned())
+                        .map_err(|_| "the bridge is shutting down".to_owned())
                 };
                 match AcquisitionServices::serve(&node, &info, on_command).await {
                     Ok(new) => services = Some(new),
                     Err(error) => tracing::error!(
                         %error,
-                        "recorders will not find this acquisition: its services cannot be served"
+                        "the services cannot be registered, so recorders will not find this acquisition"
                     ),
                 }
             }
@@ -72,8 +73,8 @@ impl RosNode {
     }
 }
 
-/// Tell of the master when it comes and goes; of one that is missing only after a while, because
-/// the first answer takes some milliseconds.
+/// Logs when the master appears or disappears. A missing master is logged after
+/// [`REGISTRATION_GRACE`], because the first answer takes several milliseconds.
 async fn log_master_changes(mut online: Receiver<bool>, uri: String) {
     let mut logged = None;
     tokio::time::sleep(REGISTRATION_GRACE).await;
@@ -85,7 +86,7 @@ async fn log_master_changes(mut online: Receiver<bool>, uri: String) {
                 tracing::info!("registered with the ROS master at {uri}");
             } else {
                 tracing::warn!(
-                    "no ROS master answers at {uri}; waiting for it: start roscore, or give \
+                    "no ROS master answers at {uri}; waiting for it: start roscore, or set \
                      --ros-master-uri"
                 );
             }

@@ -1,4 +1,4 @@
-//! What makes the bridge leave.
+//! Requests to shut down.
 
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -7,11 +7,11 @@ use neuro_ros::ros1::Node;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 
-/// A closing terminal sends several signals at once; a later one comes from someone who does not
-/// want to wait any more.
+/// Time after the first signal from which another one ends the process at once. A closing terminal
+/// sends several signals within this time; a later one comes from a user who does not want to wait.
 const FORCE_EXIT_AFTER: Duration = Duration::from_millis(500);
 
-/// What makes the bridge leave: signals, the ROS master, a service.
+/// Collects requests to shut down from signals, the ROS master and the service `~quit`.
 #[derive(Debug)]
 pub(crate) struct Shutdown {
     reason_sender: UnboundedSender<&'static str>,
@@ -25,7 +25,7 @@ impl Shutdown {
         for (kind, reason) in [
             (SignalKind::interrupt(), "interrupted"),
             (SignalKind::terminate(), "terminated"),
-            (SignalKind::hangup(), "the terminal has gone"),
+            (SignalKind::hangup(), "the terminal was closed"),
         ] {
             let mut signals = signal(kind)?;
             let reason_sender = reason_sender.clone();
@@ -34,10 +34,10 @@ impl Shutdown {
                 while signals.recv().await.is_some() {
                     let first: &Instant = first.get_or_init(Instant::now);
                     if first.elapsed() > FORCE_EXIT_AFTER {
-                        tracing::error!("asked again ({reason}): leaving at once");
+                        tracing::error!("second signal ({reason}): exiting at once");
                         std::process::exit(1);
                     }
-                    // An error means that the bridge is leaving; a second signal still counts.
+                    // Fails only during the shutdown; a second signal is still handled above.
                     let _ = reason_sender.send(reason);
                 }
             });
@@ -48,26 +48,26 @@ impl Shutdown {
         })
     }
 
-    /// Shutdown when the master says so.
+    /// Requests a shutdown when the ROS master asks the node to shut down.
     pub(crate) fn watch_node(&self, node: Arc<Node>) {
         let reason_sender = self.reason_sender.clone();
         tokio::spawn(async move {
             node.shutdown_requested().await;
-            // An error means that the bridge has left already.
-            let _ = reason_sender.send("the ROS master asks this node to leave");
+            // Fails only if the bridge has shut down already.
+            let _ = reason_sender.send("the ROS master asks this node to shut down");
         });
     }
 
     pub(crate) fn request(&self, reason: &'static str) {
-        // Cannot fail: the receiving end is beside it.
+        // Cannot fail, because `self` holds the receiver.
         let _ = self.reason_sender.send(reason);
     }
 
-    /// The next reason to leave. Safe to cancel.
+    /// Waits for the next request and returns its reason. Cancel safe.
     pub(crate) async fn requested(&mut self) -> &'static str {
         match self.reasons.recv().await {
             Some(reason) => reason,
-            // Cannot happen: the sending end is beside it.
+            // Unreachable, because `self` holds a sender.
             None => std::future::pending().await,
         }
     }

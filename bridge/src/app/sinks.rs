@@ -1,4 +1,4 @@
-//! Where every topic goes.
+//! Sinks of all topics: a ROS node or lines of JSON.
 
 use link::Streams;
 use neuro_ros::ros1::NodeError;
@@ -7,18 +7,18 @@ use neuro_ros::{DiagnosticArray, FrameSink, NdjsonWriter, NeuroEvent, Sink};
 use crate::app::command_line::Options;
 use crate::app::ros_node::RosNode;
 
-/// Frames of codes, and of what is decoded of them, that may wait for each subscriber: 8 min at 16
-/// Hz, so that even the fillers of a long outage, which come at once, reach a recorder. About 3 KB
-/// each, and only if it is slow.
+/// Queue length per subscriber for codes and their reconstruction: 8 min at 16 Hz, so that a recorder
+/// also receives the fillers of a long outage, which are published at once. A frame takes about 3 KB,
+/// and only slow subscribers have frames waiting.
 const QUEUE_FRAMES: usize = 8192;
-/// Frames of samples: as many as fill the longest gap that is filled (120 s at 16 Hz), about 9 KB
-/// each.
+/// Queue length per subscriber for samples and steps: the longest gap that is filled, 120 s at 16 Hz.
+/// A frame takes about 9 KB.
 const QUEUE_SAMPLES: usize = 2048;
-/// Events: more than a recorder takes in at once.
+/// Queue length per subscriber for events and diagnostics, more than arrive while a recorder writes.
 const QUEUE_EVENTS: usize = 1024;
 
-/// Where every topic goes. Each has a queue of its own: a slow reader of samples loses samples, and
-/// nobody a code. Streams that are not asked for are not offered either.
+/// One sink per topic, each with a queue of its own, so that a slow reader of samples loses samples and
+/// no codes. Topics of streams that are not requested do not exist.
 pub(crate) struct Sinks {
     pub(crate) encoded: Box<dyn FrameSink>,
     pub(crate) reconstructed: Box<dyn FrameSink>,
@@ -41,14 +41,14 @@ struct Names {
 impl Names {
     fn new(options: &Options) -> Names {
         let streams = options.settings().streams;
-        let asked = |stream, name| streams.contains(stream).then(|| options.topic(name));
+        let requested = |stream, name| streams.contains(stream).then(|| options.topic(name));
         Names {
             encoded: options.topic("encoded"),
             reconstructed: options.topic("neurodata_reconstructed"),
-            raw: asked(Streams::RAW, "neurodata"),
-            filtered: asked(Streams::FILTERED, "neurodata_filtered"),
-            // One bus for all of ROS-Neuro, and one place where diagnostics are aggregated: both
-            // keep their names.
+            raw: requested(Streams::RAW, "neurodata"),
+            filtered: requested(Streams::FILTERED, "neurodata_filtered"),
+            // Without prefix: all of ROS-Neuro shares one event bus, and one aggregator collects all
+            // diagnostics.
             events: streams.contains(Streams::EVENTS).then_some("/events/bus"),
             diagnostics: "/diagnostics",
         }
@@ -56,7 +56,7 @@ impl Names {
 }
 
 impl Sinks {
-    /// Topics of a ROS node.
+    /// Advertises the topics at a ROS node.
     pub(crate) async fn ros(ros: &RosNode, options: &Options) -> Result<Sinks, NodeError> {
         let names = Names::new(options);
         let mut sinks = Sinks {
@@ -79,7 +79,7 @@ impl Sinks {
         Ok(sinks)
     }
 
-    /// Lines of JSON.
+    /// Creates sinks that write lines of JSON.
     pub(crate) fn ndjson(lines: &NdjsonWriter, options: &Options) -> Sinks {
         let names = Names::new(options);
         let frames = |name: String| Box::new(lines.sink(&name)) as Box<dyn FrameSink>;

@@ -1,4 +1,4 @@
-//! Whether the device still computes what its model says.
+//! Comparison of a device's code with the float network's code of the same window.
 
 use std::sync::Arc;
 
@@ -7,35 +7,41 @@ use link::{Audit, CODE_LEN, CodeValues, MAX_EXPONENT};
 use crate::decoder::model::Model;
 use crate::device::Device;
 
-/// How far a code may lie from the float network's, beside half a step of rounding, as a part of the
-/// code's own RMS: what int8 weights and activations add grows with the signal.
+/// Limit of the RMS difference between a device's code and the float network's, beyond half a level
+/// of rounding, as a fraction of the code's RMS. The error of int8 weights and activations grows with
+/// the signal.
 ///
-/// Measured with model 2baa001418a09107 on the 3,998 windows of EEGMMIDB S001 R11 and R12, none of
-/// which has a cell at the rail, integer reference against floats, in steps: int8 codes differ by
-/// 0.29 RMS in the median (1/sqrt(12) is rounding) and 0.46 at most, where the signal has 21; int16
-/// codes by 1.4 and 12.5, where it has 669. Half a step taken out that is at most 0.018 of the
-/// signal; this is nearly three times as much.
+/// Measured with model 2baa001418a09107 on the 3,998 windows of EEGMMIDB S001 R11 and R12, none with a
+/// cell at the rail, integer reference against floats, in quantisation levels. The RMS difference of
+/// int8 codes is 0.29 in the median (rounding alone: 1/sqrt(12)) and at most 0.46, where the signal's
+/// RMS is 21; that of int16 codes is 1.4 and at most 12.5, where it is 669. Without half a level of
+/// rounding that is at most 0.018 of the signal; the limit is nearly three times as high.
 const RMS_LIMIT: f64 = 0.05;
 
-/// The same for the value that differs most: there 1.76 steps at most where the signal has 20
-/// (int8), 41.9 where it has 669 (int16); half a step taken out 0.064 of the signal. The sign bit of
-/// a single weight of the shortcut moves one value by 1.4 to 2.7 steps on the loudest of 42 windows;
-/// the limit is 1.05 at the median signal of 5.5. One of a convolution moves none by more than
-/// rounding does, because this model's convolutions add a hair: it matters as little as it shows.
+/// Limit of the largest difference of a single value, beyond half a level of rounding, as a fraction
+/// of the code's RMS.
+///
+/// In the measurement above, the largest difference is 1.76 levels where the signal's RMS is 20 (int8),
+/// and 41.9 levels where it is 669 (int16). Without half a level of rounding that is 0.064 of the
+/// signal. A flipped sign bit of one weight of the shortcut changes one value by 1.4 to 2.7 levels on
+/// the loudest of 42 windows; the limit is 1.05 at the median RMS of 5.5. A flipped sign bit in a
+/// convolution changes no value by more than rounding does, because this model's convolutions
+/// contribute little to the code.
 const LARGEST_LIMIT: f64 = 0.1;
 
-/// A window that the device's encoder read, and the code that it made of it.
+/// A window that the device's encoder read, and the code that it computed from the window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AuditedWindow {
-    /// Whose.
+    /// Device that sent the audit; its scales apply to the code.
     pub device: Arc<Device>,
     /// Index of the window since Start.
     pub window: u32,
-    /// Its planes, the oldest first, row-major; steps of the encoder's input.
+    /// Planes of the window, oldest first, row-major; int8 levels of the encoder's input.
     pub planes: Vec<i8>,
-    /// The code, in steps of its format.
+    /// The device's code, in quantisation levels of its format.
     pub levels: Box<[i32; CODE_LEN]>,
-    /// Steps from one value of the code to the next: a power of two with an exponent, else 1.
+    /// Distance between adjacent values of the code, in levels: a power of two for codes with an
+    /// exponent, else 1.
     pub resolution: u16,
 }
 
@@ -55,8 +61,8 @@ impl AuditedWindow {
         }
     }
 
-    /// The code of the same planes by the float network, beside the device's. Takes some
-    /// milliseconds.
+    /// Computes the float network's code of the same planes and compares the device's with it. Takes
+    /// several milliseconds.
     pub fn compare(&self, model: &Model) -> AuditResult {
         let float = self.device.code_levels(&model.encode(&self.planes));
         let (mut squares, mut signal) = (0.0, 0.0);
@@ -70,7 +76,7 @@ impl AuditedWindow {
                 (largest, value) = (difference, index);
             }
         }
-        #[expect(clippy::cast_precision_loss, reason = "128")]
+        #[expect(clippy::cast_precision_loss, reason = "128 values")]
         let rms = |squares: f64| (squares / CODE_LEN as f64).sqrt();
         let (rms, signal) = (rms(squares), rms(signal));
         let rounding = f64::from(self.resolution) / 2.0;
@@ -86,28 +92,28 @@ impl AuditedWindow {
     }
 }
 
-/// How far a device's code lies from the float network's, in steps of the code's format.
+/// Difference between a device's code and the float network's, in levels of the code's format.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AuditResult {
-    /// Index of the window.
+    /// Index of the audited window since `Start`.
     pub window: u32,
-    /// RMS over the values.
+    /// RMS difference over all values.
     pub rms: f64,
-    /// What `rms` stays below as long as the device computes what it was built for.
+    /// Largest `rms` of a device that computes its model correctly.
     pub rms_limit: f64,
-    /// Of the value that differs most.
+    /// Largest difference of any value.
     pub largest: f64,
-    /// What `largest` stays below.
+    /// Largest `largest` of a device that computes its model correctly.
     pub largest_limit: f64,
-    /// The value that differs most.
+    /// Index in the code of the value with the largest difference.
     pub value: usize,
-    /// A cell of the window stood at the rail of int8: then activations saturate as well, and the
-    /// limits say nothing.
+    /// Whether a cell of the window is at the rail of int8. Activations saturate then, so the limits
+    /// do not apply.
     pub at_rail: bool,
 }
 
 impl AuditResult {
-    /// Whether the device computed something else than its model.
+    /// Returns whether the difference exceeds a limit and the window has no cell at the rail.
     pub fn is_wrong(&self) -> bool {
         !self.at_rail && (self.rms > self.rms_limit || self.largest > self.largest_limit)
     }

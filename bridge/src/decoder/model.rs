@@ -1,4 +1,4 @@
-//! The device's model on this side.
+//! The float network of one model.
 
 use std::path::Path;
 
@@ -7,14 +7,14 @@ use link::CODE_LEN;
 
 use crate::device::Device;
 
-/// What turns codes of one model id back into microvolts, and windows into the codes that a device
-/// of that id should make of them.
+/// The float network of one model: decodes the codes of devices with that model, and computes the code
+/// that such a device should make of a window.
 #[derive(Clone, Debug)]
 pub struct Model {
     id: ModelId,
     encoder: FloatEncoder,
     decoder: FloatDecoder,
-    /// Float input per step of the device's int8 input.
+    /// Float input of the network per level of the device's int8 input.
     input_scale: f32,
     sd_uv: f32,
     steps: usize,
@@ -23,11 +23,11 @@ pub struct Model {
 }
 
 impl Model {
-    /// The model that this program was built with.
+    /// Reads the model that this program was built with.
     ///
     /// # Errors
     ///
-    /// [`ArtifactError`] if its codes do not decode by themselves.
+    /// [`ArtifactError`] if the model's decoder needs more than the code.
     pub fn embedded() -> Result<Model, ArtifactError> {
         Model::new(&Artifact::from_bytes(
             include_str!("../../../model/artifact/model.toml"),
@@ -36,20 +36,20 @@ impl Model {
         )?)
     }
 
-    /// The model in a folder.
+    /// Reads the model in a folder with `model.toml` and its weights.
     ///
     /// # Errors
     ///
-    /// [`ArtifactError`] if the folder holds no model, or one whose codes do not decode.
+    /// [`ArtifactError`] if the folder holds no valid model, or its decoder needs more than the code.
     pub fn read(folder: &Path) -> Result<Model, ArtifactError> {
         Model::new(&Artifact::read(folder)?)
     }
 
-    /// Decoder and encoder of an artifact.
+    /// Builds decoder and encoder from an artifact.
     ///
     /// # Errors
     ///
-    /// [`ArtifactError`] if its codes do not decode by themselves.
+    /// [`ArtifactError`] if a tensor is missing or the model's decoder needs more than the code.
     pub fn new(artifact: &Artifact) -> Result<Model, ArtifactError> {
         let description = &artifact.description;
         #[expect(
@@ -71,23 +71,23 @@ impl Model {
         })
     }
 
-    /// Its id, as codes and `Hello` carry it.
+    /// Returns the model id, as codes and `Hello` carry it.
     pub fn id(&self) -> [u8; 8] {
         self.id.0
     }
 
-    /// Electrodes in the order of the montage.
+    /// Returns the electrode labels in the order of the montage.
     pub fn electrodes(&self) -> &[String] {
         &self.electrodes
     }
 
-    /// Why this model cannot decode the device's codes; `None` if it can.
+    /// Returns why this model cannot decode the device's codes, or `None` if it can.
     pub fn objection(&self, device: &Device) -> Option<String> {
         if device.model_id != self.id.0 {
             return Some(format!(
                 "the device runs model {} and this bridge decodes {}; codes are published, their \
-                 reconstruction is not: start again with --model and the folder of the device's \
-                 model, or bring that model to the device",
+                 reconstruction is not: restart the bridge with --model and the folder of the \
+                 device's model, or flash firmware with the bridge's model",
                 ModelId(device.model_id),
                 self.id
             ));
@@ -97,15 +97,14 @@ impl Model {
             && device.labels == self.electrodes;
         (!same).then(|| {
             format!(
-                "the device names model {} but describes another montage or window; codes are \
-                 published, their reconstruction is not: bring firmware and bridge to the same \
+                "the device reports model {} but another montage or window; codes are published, their reconstruction is not: bring firmware and bridge to the same \
                  release",
                 self.id
             )
         })
     }
 
-    /// The window of a code in microvolts, electrode fastest.
+    /// Decodes a code to its window in microvolts, step by step, all electrodes of a step in a row.
     pub fn decode(&self, z: &[f32; CODE_LEN]) -> Vec<f32> {
         let mut window = self.decoder.decode(z);
         for value in &mut window {
@@ -114,13 +113,13 @@ impl Model {
         window
     }
 
-    /// Cells of a window.
+    /// Number of scalp-grid cells in a window, all steps together.
     pub fn window_cells(&self) -> usize {
         WINDOW_CELLS
     }
 
-    /// The code that the float network makes of a window as a device reads it: int8 cells, plane by
-    /// plane; missing ones count as 0.
+    /// Computes the code of a window in the device's input format: int8 cells, plane by plane. Missing
+    /// cells count as 0.
     pub fn encode(&self, planes: &[i8]) -> [f32; CODE_LEN] {
         let mut window = [0.0; WINDOW_CELLS];
         for (cell, step) in window.iter_mut().zip(planes) {

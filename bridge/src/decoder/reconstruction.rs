@@ -1,4 +1,4 @@
-//! From codes back to electrodes.
+//! Reconstruction of electrode signals from codes.
 
 use std::sync::Arc;
 
@@ -10,27 +10,27 @@ use crate::device::Device;
 use crate::settings::{FillerPolicy, Settings};
 use crate::streams::tri::TriWords;
 
-/// A code on its way to the decoder, or the gap that a lost one left, and when it belongs.
+/// A code for the decoder, or a lost one, with its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimedCode {
     /// The code, dequantised; `None` if it was lost.
     pub z: Option<Box<[f32; CODE_LEN]>>,
-    /// Stamp of the frame that this window completes.
+    /// Stamp of the frame that this code's window completes.
     pub stamp: Stamp,
-    /// Its status.
+    /// Status words of the code.
     pub words: TriWords,
 }
 
-/// A window that was decoded.
+/// A decoded window.
 #[derive(Debug)]
 struct Decoded {
     window: u32,
     flags: u16,
-    /// Electrode fastest.
+    /// Values step by step, all electrodes of a step in a row.
     microvolts: Vec<f32>,
 }
 
-/// Turns windows into frames of `/neurodata_reconstructed`: one frame of `hop` steps per window.
+/// Decodes codes to frames of `/neurodata_reconstructed`, one frame with the steps of one hop per code.
 #[derive(Debug)]
 pub struct Reconstruction {
     model: Arc<Model>,
@@ -39,15 +39,15 @@ pub struct Reconstruction {
     hop: usize,
     electrodes: usize,
     full_scale_uv: f32,
-    /// The previous window, unless it was lost.
+    /// The previous window; `None` if it was lost.
     previous: Option<Decoded>,
     frame: NeuroFrame,
 }
 
 impl Reconstruction {
-    /// For a device that the model fits ([`Model::objection`]).
+    /// Creates a reconstruction for a device whose codes `model` can decode ([`Model::objection`]).
     pub fn new(device: &Device, model: Arc<Model>, settings: Settings) -> Reconstruction {
-        #[expect(clippy::cast_possible_truncation, reason = "a bound, 187500")]
+        #[expect(clippy::cast_possible_truncation, reason = "187500, exact in f32")]
         let full_scale_uv = device.full_scale_uv as f32;
         Reconstruction {
             model,
@@ -61,7 +61,8 @@ impl Reconstruction {
         }
     }
 
-    /// Steps from the first step of the frame that a window completes to the window's last step.
+    /// Returns the number of steps from the first step of the frame that a window completes to the
+    /// window's last step.
     pub(crate) fn lookback_steps(device: &Device, low_latency: bool) -> u32 {
         let steps = if low_latency {
             device.hop_steps
@@ -71,15 +72,15 @@ impl Reconstruction {
         u32::from(steps) - 1
     }
 
-    /// Go on where the frames of `before` end, which have the same shape.
+    /// Continues the sequence numbers and the last values of `before`, whose frames have the same shape.
     pub(crate) fn continue_from(&mut self, before: &Reconstruction) {
         self.frame.header.seq = before.frame.header.seq;
         self.frame.neuroheader.seq = before.frame.neuroheader.seq;
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
     }
 
-    /// The frame that `window` completes: its own last `hop` steps (low latency), or the `hop`
-    /// steps that it shares with the window before. `None` if there is nothing to say and lost
+    /// Returns the frame that `window` completes: the window's last hop of steps (low latency), or the
+    /// hop of steps that it shares with the previous window. `None` if both windows are lost and lost
     /// codes are not filled.
     pub fn next_frame(&mut self, window: &TimedCode) -> Option<&NeuroFrame> {
         let decoded = window.z.as_ref().map(|z| self.model.decode(z));
@@ -87,8 +88,8 @@ impl Reconstruction {
         let data = &mut self.frame.eeg.data;
         let mut words = window.words;
         words.flags &= !Flags::FILLER.bits();
-        // The window before began one hop earlier, so this one begins at its second hop. After a
-        // restart of the stream the last one that came is not the one before.
+        // The previous window started one hop earlier, so this one starts at its second hop. After a
+        // restart of the stream the last received window is not the previous one.
         let before = self
             .previous
             .take()
@@ -105,7 +106,7 @@ impl Reconstruction {
             }
             (Some(new), Some(old)) => average(old, new, data),
             (Some(new), None) => data.copy_from_slice(&new[..values]),
-            // A window lost: the one before still tells of the half that they share.
+            // This window is lost, and the previous one contains the steps that they share.
             (None, Some(old)) => data.copy_from_slice(old),
             (None, None) => {
                 words.flags |= Flags::FILLER.bits();
@@ -117,7 +118,7 @@ impl Reconstruction {
             }
         }
         for value in data.iter_mut() {
-            // What lies beyond the announced range reads back as infinite from a recording.
+            // A recorder stores values outside the announced range as infinite.
             *value = value.clamp(-self.full_scale_uv, self.full_scale_uv);
         }
         self.previous = decoded.map(|microvolts| Decoded {
@@ -140,9 +141,8 @@ impl Reconstruction {
     }
 }
 
-/// The mean of the older window's last steps and the newer one's first. On EEGMMIDB S001 R11 and
-/// R12 with the built-in model the normalised error of the shared steps is 0.00971, and 0.01034
-/// from one window alone: 6 % less.
+/// Averages the shared steps of two windows. On EEGMMIDB S001 R11 and R12 with the built-in model the
+/// normalised error of these steps is 0.00971, against 0.01034 from one window alone: 6 % less.
 fn average(old: &[f32], new: &[f32], out: &mut [f32]) {
     for (out, (old, new)) in out.iter_mut().zip(old.iter().zip(new)) {
         *out = 0.5 * (old + new);

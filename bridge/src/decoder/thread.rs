@@ -1,4 +1,4 @@
-//! The thread that reconstructs.
+//! Thread that decodes codes and audits windows.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -12,14 +12,14 @@ use crate::decoder::model::Model;
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::diagnostics::audit::AuditCounts;
 
-/// Windows that may wait for the decoder: 16 s at 16 Hz. One takes some milliseconds.
+/// Maximum number of codes that wait for the decoder: 16 s at 16 Hz. One takes several milliseconds.
 const QUEUE_WINDOWS: usize = 256;
 
-/// Audits that may wait for the encoder; one comes every 10 s and takes some ten milliseconds.
+/// Maximum number of audits that wait for the encoder. One arrives every 10 s and takes about 10 ms.
 const QUEUE_AUDITS: usize = 4;
 
-/// The thread that reconstructs and publishes, and that computes audited codes again, so that
-/// neither delays a byte of the link.
+/// Thread that decodes codes, publishes the reconstruction and audits windows, so that neither delays
+/// the link.
 #[derive(Debug)]
 pub(crate) struct DecoderThread {
     work: Sender<Work>,
@@ -31,7 +31,7 @@ pub(crate) struct DecoderThread {
     skipped_audits: u64,
 }
 
-/// What the thread has found out.
+/// Audits that wait for the thread, and its results.
 #[derive(Debug, Default)]
 struct Audits {
     waiting: AtomicUsize,
@@ -39,7 +39,7 @@ struct Audits {
 }
 
 enum Work {
-    /// Another device.
+    /// Reconstruction for the device that the following codes belong to.
     Device(Box<Reconstruction>),
     Code(TimedCode),
     Audit(Box<AuditedWindow>, Arc<Model>),
@@ -68,14 +68,14 @@ impl DecoderThread {
         })
     }
 
-    /// Windows from here on belong to this device.
+    /// Sets the reconstruction for the device that the following codes belong to.
     pub(crate) fn start_device(&self, reconstruction: Reconstruction) {
-        // An error means that the thread has gone because its sink ended.
+        // Fails only if the thread has ended because its sink failed.
         let _ = self.work.send(Work::Device(Box::new(reconstruction)));
     }
 
-    /// Never waits. When too many wait already, the window's code is taken out and counted: the
-    /// frame becomes a filler, which costs no time, and the number of samples stays right.
+    /// Queues a code without blocking. If the queue is full, the code is removed and counted: its frame
+    /// becomes a filler, which takes no decoding, so the number of samples stays correct.
     pub(crate) fn decode(&mut self, mut window: TimedCode) {
         if self.waiting.fetch_add(1, Ordering::Relaxed) >= QUEUE_WINDOWS && window.z.is_some() {
             window.z = None;
@@ -84,7 +84,7 @@ impl DecoderThread {
         let _ = self.work.send(Work::Code(window));
     }
 
-    /// Never waits. When too many wait already, the audit is thread_waiting out and counted.
+    /// Queues an audit without blocking. If the queue is full, the audit is skipped and counted.
     pub(crate) fn audit(&mut self, window: AuditedWindow, model: Arc<Model>) {
         if self.audits.waiting.load(Ordering::Relaxed) >= QUEUE_AUDITS {
             self.skipped_audits += 1;
@@ -94,33 +94,33 @@ impl DecoderThread {
         let _ = self.work.send(Work::Audit(Box::new(window), model));
     }
 
-    /// What audits have found, for `/diagnostics`.
+    /// Returns the results of the audits for `/diagnostics`; `None` before the first.
     pub(crate) fn audit_status(&self) -> Option<DiagnosticStatus> {
         let counts = self.audits.counts.lock();
         let counts = counts.unwrap_or_else(PoisonError::into_inner);
         counts.status(self.skipped_audits)
     }
 
-    /// Windows that were not decoded because too many waited.
+    /// Number of codes that were not decoded because the queue was full.
     pub(crate) fn undecoded(&self) -> u64 {
         self.undecoded
     }
 
-    /// Frames that slow subscribers did not get.
+    /// Number of frames that were dropped for slow subscribers.
     pub(crate) fn dropped(&self) -> u64 {
         self.dropped.load(Ordering::Relaxed)
     }
 
-    /// Whether the thread has gone: nothing is reconstructed any more.
+    /// Returns whether the thread has ended, so that nothing is reconstructed any more.
     pub(crate) fn has_ended(&self) -> bool {
         self.thread.is_finished()
     }
 
-    /// Finish what is queued; returns how many windows were not decoded.
+    /// Waits until the queue is empty and returns the number of codes that were not decoded.
     pub(crate) fn finish(self) -> u64 {
         drop(self.work);
         if self.thread.join().is_err() {
-            tracing::error!("the decoder failed; reconstructed frames are missing");
+            tracing::error!("the decoder thread panicked; reconstructed frames are missing");
         }
         self.undecoded
     }
@@ -147,7 +147,7 @@ fn run(
                 let result = window.compare(&model);
                 audits.waiting.fetch_sub(1, Ordering::Relaxed);
                 if result.is_wrong() {
-                    tracing::error!(?result, "the device does not compute its model");
+                    tracing::error!(?result, "the device's code differs from its model");
                 }
                 let counts = audits.counts.lock();
                 counts
@@ -165,7 +165,7 @@ fn run(
             continue;
         };
         if let Err(error) = sink.publish(frame) {
-            tracing::error!(%error, "reconstructed frames end here");
+            tracing::error!(%error, "reconstructed frames cannot be published any more");
             return;
         }
         dropped.store(sink.dropped(), Ordering::Relaxed);
@@ -186,7 +186,7 @@ mod tests {
     use crate::settings::{AnnouncedStream, FillerPolicy, Settings, StampPoint};
     use crate::streams::tri::TriWords;
 
-    /// Keeps the numbers of frames.
+    /// A sink that records the sequence numbers of frames.
     struct Numbers(Arc<Mutex<Vec<u32>>>);
 
     impl Sink<NeuroFrame> for Numbers {
@@ -240,10 +240,10 @@ mod tests {
     }
 
     #[test]
-    fn windows_that_find_no_room_are_counted() {
+    fn codes_beyond_a_full_queue_are_counted() {
         let count = Arc::new(Mutex::new(Vec::new()));
         let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
-        // More than the thread takes away meanwhile.
+        // More than the thread can decode meanwhile.
         decoder.waiting.store(2 * QUEUE_WINDOWS, Ordering::Relaxed);
         let (stamp, words) = (Stamp::default(), TriWords::default());
         for _ in 0..3 {
@@ -254,8 +254,9 @@ mod tests {
         assert_eq!(decoder.finish(), 3);
         assert!(count.lock().unwrap().is_empty());
     }
+
     #[test]
-    fn every_filler_of_a_long_outage_is_published_and_numbers_go_on_with_another_device() {
+    fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_device() {
         let count = Arc::new(Mutex::new(Vec::new()));
         let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
         for _ in 0..2 {

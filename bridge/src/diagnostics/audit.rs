@@ -1,20 +1,20 @@
-//! What audits have found, for `/diagnostics`.
+//! Results of audits, for `/diagnostics`.
 
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::decoder::audit::AuditResult;
 use crate::diagnostics::status::new_status;
 
-/// Audits in a row that could not be judged before it is a warning: a minute's.
+/// Number of audits in a row with a cell at the rail that is a warning: one minute of audits.
 const UNJUDGED_BEFORE_WARNING: u64 = 6;
 
-/// What audits have found until now.
+/// Counts of audit results, and the newest result.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct AuditCounts {
     pub(crate) compared: u64,
     pub(crate) wrong: u64,
     pub(crate) at_rail: u64,
-    /// Of these, the ones since the last that was judged.
+    /// Audits with a cell at the rail since the last one without.
     unjudged: u64,
     pub(crate) newest: Option<AuditResult>,
 }
@@ -28,7 +28,7 @@ impl AuditCounts {
         self.newest = Some(result);
     }
 
-    /// One status, from the first audit on; `skipped` ones found no time.
+    /// Returns the status from the first audit on. `skipped` audits found the queue full.
     pub(crate) fn status(&self, skipped: u64) -> Option<DiagnosticStatus> {
         let newest = self.newest?;
         let AuditResult {
@@ -42,23 +42,23 @@ impl AuditCounts {
         } = newest;
         let state = if newest.is_wrong() {
             let message = format!(
-                "the device does not compute its model: window {window} differs by {rms:.2} steps \
-                 RMS (limit {rms_limit:.2}), value z{value:03} by {largest:.2} (limit \
-                 {largest_limit:.2}); reset the device, and flash it again if this stays"
+                "the device's code differs from its model: window {window} by {rms:.2} steps RMS \
+                 (limit {rms_limit:.2}), value z{value:03} by {largest:.2} (limit \
+                 {largest_limit:.2}); reset the device, and flash it again if this persists"
             );
             (DiagnosticLevel::Error, message)
         } else if self.unjudged >= UNJUDGED_BEFORE_WARNING {
             let message = format!(
-                "the last {} windows stood at the rail and were not judged; see `signal quality` \
-                 for the electrode",
+                "the last {} windows had cells at the rail and were not judged; see `signal \
+                 quality` for the electrode",
                 self.unjudged
             );
             (DiagnosticLevel::Warn, message)
         } else if at_rail {
-            let message = "the newest window stood at the rail and was not judged";
+            let message = "the newest window had cells at the rail and was not judged";
             (DiagnosticLevel::Ok, message.to_owned())
         } else {
-            let message = format!("the device computes its model, {rms:.2} steps RMS from floats");
+            let message = format!("the device's code matches its model within {rms:.2} steps RMS");
             (DiagnosticLevel::Ok, message)
         };
         let values = vec![
@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_minute_in_which_nothing_could_be_judged_is_a_warning_until_something_is() {
+    fn a_minute_of_audits_at_the_rail_is_a_warning_until_one_is_judged() {
         let result = |at_rail| AuditResult {
             window: 0,
             rms: 0.3,

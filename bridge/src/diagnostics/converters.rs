@@ -1,4 +1,4 @@
-//! The device's report about its converters, for `/diagnostics`.
+//! Report of the device's converters, for `/diagnostics`.
 
 use link::Converters;
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
@@ -6,7 +6,7 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 use crate::device::channel_label;
 use crate::diagnostics::status::new_status;
 
-/// The newest report about the chain of converters, and what was reported of it.
+/// Newest report about the chain of converters, and the counts that were reported before.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ChainReport {
     fault: String,
@@ -14,12 +14,13 @@ pub(crate) struct ChainReport {
     off_positive: u64,
     off_negative: u64,
     frames_bad: Vec<u32>,
-    /// Bad frames of each chip that `/diagnostics` has reported of.
+    /// Bad frames of each chip at the last report to `/diagnostics`.
     reported: Vec<u32>,
 }
 
 impl ChainReport {
-    /// The next report; what was reported stays reported.
+    /// Creates the report from the device's message. Counts that `before` has reported already are not
+    /// reported again.
     pub(crate) fn from_message(
         before: Option<&ChainReport>,
         converters: &Converters,
@@ -37,7 +38,7 @@ impl ChainReport {
             off_positive: converters.off_positive,
             off_negative: converters.off_negative,
             frames_bad: converters.frames_bad.to_vec(),
-            // What was counted before anybody listened is no news.
+            // Bad frames from before the bridge connected are not reported as new.
             reported: before.map_or_else(
                 || converters.frames_bad.to_vec(),
                 |before| before.reported.clone(),
@@ -45,7 +46,7 @@ impl ChainReport {
         }
     }
 
-    /// One status: its message says what is wrong, its values are rate, contacts and chips.
+    /// Returns the status: its message names faults, its values are rate, contacts and chips.
     pub(crate) fn status(&mut self, adc_rate_hz: u16, labels: &[String]) -> DiagnosticStatus {
         let new = |(chip, bad): (usize, &u32)| {
             let reported = self.reported.get(chip).copied().unwrap_or(0);
@@ -90,7 +91,7 @@ impl ChainReport {
     }
 }
 
-/// "512.010 Hz, +20 ppm off the 512 Hz that were set".
+/// Formats the rate of DRDY, such as "512.010 Hz, +20 ppm off the 512 Hz that were set".
 fn rate(drdy_millihertz: u32, adc_rate_hz: u16) -> String {
     if drdy_millihertz == 0 {
         return "not known".to_owned();

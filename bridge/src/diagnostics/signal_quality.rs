@@ -1,18 +1,19 @@
-//! The device's report about its electrodes, for `/diagnostics`.
+//! Report of the device's electrodes, for `/diagnostics`.
 
 use link::{ElectrodeQuality, Quality};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::diagnostics::status::new_status;
 
-/// Mains at an electrode's input above which it is named, microvolt RMS.
+/// Amplitude of mains at an electrode's input above which the status names it, microvolt RMS.
 ///
-/// The grid of continental Europe keeps within 50 mHz of 50 Hz (Regulation (EU) 2017/1485, annex
-/// III, standard frequency range); there a notch of Q 30 still passes `2 Q df / f` = 6 %. Of 100 uV
-/// 6 uV are left, about one step of the encoder's int8 input (5.1 uV).
+/// The grid of continental Europe stays within 50 mHz of 50 Hz (Regulation (EU) 2017/1485, annex III,
+/// standard frequency range). At that deviation a notch of Q 30 passes `2 Q df / f` = 6 %. Of 100 uV
+/// it leaves 6 uV, about one level of the encoder's int8 input (5.1 uV).
 const MAINS_LIMIT_UV: f32 = 100.0;
 
-/// One status: its message names the electrodes to look after, its values are those of all.
+/// Returns the status: its message names electrodes with faults, its values are the figures of all
+/// electrodes.
 pub(crate) fn signal_quality_status(quality: &Quality, labels: &[String]) -> DiagnosticStatus {
     let electrodes: Vec<(String, &ElectrodeQuality)> = quality
         .electrodes
@@ -44,9 +45,9 @@ pub(crate) fn signal_quality_status(quality: &Quality, labels: &[String]) -> Dia
     let state = if !faults.is_empty() {
         (DiagnosticLevel::Warn, faults.join("; "))
     } else if quality.settling {
-        (DiagnosticLevel::Ok, "the filters settle".to_owned())
+        (DiagnosticLevel::Ok, "the filters are settling".to_owned())
     } else {
-        let message = format!("{} electrodes deliver", electrodes.len());
+        let message = format!("{} electrodes in order", electrodes.len());
         (DiagnosticLevel::Ok, message)
     };
     let values = electrodes
@@ -70,7 +71,7 @@ fn figures(electrode: &ElectrodeQuality) -> String {
     };
     let flat = if *flat { ", flat" } else { "" };
     format!(
-        "rms {rms_uv:.1} uV, mains {mains_uv:.1} uV, {mains_residual_uv:.2} uV behind the \
+        "rms {rms_uv:.1} uV, mains {mains_uv:.1} uV, {mains_residual_uv:.2} uV after the \
          filters{rail}{flat}"
     )
 }

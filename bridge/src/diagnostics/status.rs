@@ -1,7 +1,9 @@
-//! One status of `/diagnostics`.
+//! Construction of one status of `/diagnostics`.
 
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
+/// Creates a status without the prefix of its name and without a hardware id; both are set when the
+/// report is complete.
 pub(crate) fn new_status(
     name: &str,
     (level, message): (DiagnosticLevel, String),

@@ -1,4 +1,4 @@
-//! What was received, lost and filled, in one line.
+//! Counts of received, lost and filled data, as the last line of the program.
 
 use std::fmt;
 
@@ -7,36 +7,36 @@ use link::{Counters, StageTiming};
 use crate::diagnostics::timing::worst_of_deadline;
 use crate::session::state::Session;
 
-/// What was received, lost and filled until now; prints as one line.
+/// Counts of received, lost and filled data so far; prints as one line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// Codes that the device made, as far as their numbers tell: received + lost.
+    /// Codes that the device has made, as far as their indices show: received + lost.
     pub made: u64,
-    /// Codes that arrived.
+    /// Codes that arrived, each once.
     pub received: u64,
-    /// Codes that did not.
+    /// Codes that did not arrive.
     pub lost: u64,
-    /// Runs of lost codes.
+    /// Number of runs of consecutive lost codes.
     pub bursts: u64,
-    /// Longest run of lost codes.
+    /// Length of the longest run of lost codes.
     pub longest_burst: u32,
-    /// Fillers published in place of lost codes.
+    /// Number of fillers published in place of lost codes.
     pub fillers: u64,
-    /// Frames of any kind that did not arrive.
+    /// Wire frames of any kind that did not arrive.
     pub frames_lost: u64,
-    /// What the frame decoder has counted.
+    /// Counts of the frame decoder: bytes, frames, errors by kind.
     pub wire: Counters,
-    /// MessageTime that a port was opened.
+    /// Number of times that the port was opened.
     pub connections: u64,
-    /// Resets of the device that were noticed.
+    /// Number of detected resets of the device.
     pub resets: u64,
-    /// Codes that could not be used: from before an introduction, from a refused device, or of
-    /// another model or format than the device named.
+    /// Codes that were not published: from before the device's introduction, from a refused device, or
+    /// of another model or format than the device introduced itself with.
     pub unused: u64,
-    /// Host's clock against the device's, parts per million.
+    /// Rate of the host's clock relative to the device's, minus 1, in parts per million.
     pub drift_ppm: f64,
-    /// The device's stage that came closest to its deadline, or missed it by most; none of a device
-    /// that measures none.
+    /// The device's stage with the largest ratio of worst time to deadline; `None` if the device
+    /// measures no stages.
     pub worst_stage: Option<StageTiming>,
 }
 

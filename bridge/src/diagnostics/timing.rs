@@ -1,12 +1,12 @@
-//! The device's report about its deadlines and its stack, for `/diagnostics`.
+//! Report of the device's deadlines and stack, for `/diagnostics`.
 
 use link::{StageTiming, Timing};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::diagnostics::status::new_status;
 
-/// One status: its message names the stages that were late since the device's boot, and a stack of
-/// which more than 3/4 was used; its values are those of all stages.
+/// Returns the status: its message names stages that missed a deadline since the device's boot, and a
+/// stack of which more than 3/4 was used. Its values are the figures of all stages.
 pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     let Timing {
         stages,
@@ -40,11 +40,11 @@ pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     new_status("timing", state, values)
 }
 
-/// The stage that came closest to its deadline, or missed it by most.
+/// Returns the stage with the largest ratio of worst time to deadline.
 pub(crate) fn closest_to_deadline<'t>(
     stages: impl Iterator<Item = &'t StageTiming>,
 ) -> Option<StageTiming> {
-    // Of two fractions that is greater whose numerator times the other's denominator is.
+    // Compares two ratios without division: a/b > c/d if a*d > c*b.
     let product = |worst: &StageTiming, deadline: &StageTiming| {
         u64::from(worst.worst_ns) * u64::from(deadline.deadline_ns)
     };
@@ -53,7 +53,7 @@ pub(crate) fn closest_to_deadline<'t>(
         .copied()
 }
 
-/// "worst 122.5 us of 1953 us", to the nanosecond.
+/// Formats the worst time and the deadline of a stage, such as "worst 122.5 us of 1953 us".
 pub(crate) fn worst_of_deadline(stage: &StageTiming) -> String {
     format!(
         "worst {} us of {} us",

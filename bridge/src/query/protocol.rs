@@ -1,39 +1,38 @@
-//! One request to a device, without the world.
+//! Protocol of a single request to a device, without input and output.
 
 use link::{Ack, AckResult, Decoder, Encoder, MAX_FRAME, ResetInto, ToDevice, ToHost};
 
 use crate::error::BridgeError;
 use crate::query::report::{DeviceSummary, SelfTestReport};
+use crate::wire::pending::PendingCommand;
 
-/// How long an answer may take before the command is sent again, microseconds.
-const RETRY_US: i64 = 500_000;
-/// How long a device may take to acknowledge a command, seconds.
+/// Longest time for the device to acknowledge a command, seconds.
 const ACK_TIMEOUT_S: u32 = 5;
-/// How long it may take to test its converters, or to come back after a reset, seconds.
+/// Longest time for the device to test its converters, or to return after a reset, seconds.
 const RESULT_TIMEOUT_S: u32 = 15;
 
-/// What a device is requested to do once.
+/// A request that a device executes once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// Try its converters with their own signals.
+    /// Test the converters with their internal signals.
     SelfTest,
-    /// Start anew.
+    /// Restart the device into its firmware or its bootloader.
     Reset(ResetInto),
 }
 
-/// What came of it.
+/// Outcome of a [`Request`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
-    /// What it found out.
+    /// Result of the self-test.
     SelfTest(Box<SelfTestReport>),
-    /// It is back, and says why it started.
+    /// The device has restarted; its summary has the cause of the start.
     Restarted(DeviceSummary),
-    /// It is in its loader and says nothing more.
+    /// The device has agreed to start its bootloader, which does not answer any more.
     InBootloader(DeviceSummary),
 }
 
-/// One request to a device: who are you, stop, do it, and what came of it. Bytes and times in,
-/// bytes and an outcome out.
+/// State machine of a single request: identify the device, stop its streams, send the request, wait
+/// for the result. Bytes and times in, bytes and a [`QueryResult`] out.
 #[derive(Debug)]
 pub struct Query {
     request: Request,
@@ -41,9 +40,9 @@ pub struct Query {
     encoder: Encoder,
     stage: Stage,
     since_us: i64,
-    pending: Option<Pending>,
+    pending: Option<PendingCommand>,
     device: Option<(u32, DeviceSummary)>,
-    /// ADC channels and the labels of the first ones.
+    /// Number of ADC channels, and the electrode labels of the first ones.
     montage: Option<(usize, Vec<String>)>,
     outgoing: Vec<u8>,
 }
@@ -56,19 +55,11 @@ enum Stage {
     Wait,
 }
 
-/// A command that has no answer yet.
-#[derive(Clone, Copy, Debug)]
-struct Pending {
-    first_seq: u32,
-    last_seq: u32,
-    sent_us: i64,
-}
-
-/// How an query ends.
+/// Final result of a [`Query`].
 pub type QueryResult = Result<Answer, BridgeError>;
 
 impl Query {
-    /// Before the port is open.
+    /// Creates a query. Call [`Query::connected`] once the port is open.
     pub fn new(request: Request) -> Query {
         Query {
             request,
@@ -83,7 +74,7 @@ impl Query {
         }
     }
 
-    /// A port was opened, for the first time or again.
+    /// Handles the opening or reopening of the port.
     pub fn connected(&mut self, now_us: i64) {
         self.decoder.reset();
         self.outgoing.clear();
@@ -93,29 +84,29 @@ impl Query {
         }
     }
 
-    /// Whether the port may go and come back meanwhile: a device that starts anew leaves USB.
+    /// Returns whether the port can disappear and return now: a restarting device disconnects from USB.
     pub fn expects_reconnect(&self) -> bool {
         self.stage == Stage::Wait && matches!(self.request, Request::Reset(_))
     }
 
-    /// What happens now, for a person.
+    /// Returns what the query is doing, for display.
     pub fn progress_text(&self) -> &'static str {
         match (self.stage, self.request) {
-            (Stage::Identify, _) => "asking who is there",
+            (Stage::Identify, _) => "identifying the device",
             (Stage::Stop, _) => "stopping its streams",
             (_, Request::SelfTest) => "the device tests its converters",
-            (_, Request::Reset(_)) => "the device starts anew",
+            (_, Request::Reset(_)) => "the device restarts",
         }
     }
 
-    /// Bytes for the device.
+    /// Returns the bytes to send to the device and clears them.
     pub fn outgoing(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.outgoing)
     }
 
-    /// Bytes came from the device.
+    /// Handles bytes from the device and returns the result if they complete the query.
     pub fn receive(&mut self, mut bytes: &[u8], now_us: i64) -> Option<QueryResult> {
-        // The decoder lends what it decodes, so it stays outside meanwhile.
+        // Frames borrow from the decoder, so it is moved out of `self` while they are handled.
         let mut decoder = std::mem::replace(&mut self.decoder, Decoder::new());
         let mut outcome = None;
         while outcome.is_none()
@@ -153,7 +144,7 @@ impl Query {
             ToHost::SelfTest(test) if self.request == Request::SelfTest => {
                 let (_, device) = self.device.clone()?;
                 let (channels, labels) = self.montage.as_ref()?;
-                // One that somebody else requested for before says nothing of now.
+                // A result that arrives earlier belongs to another program's request.
                 matches!(self.stage, Stage::Request | Stage::Wait).then(|| {
                     let report = SelfTestReport::new(device, test, *channels, labels);
                     Ok(Answer::SelfTest(Box::new(report)))
@@ -164,12 +155,9 @@ impl Query {
     }
 
     fn handle_ack(&mut self, ack: Ack, now_us: i64) -> Option<QueryResult> {
-        let ours = |pending: &Pending| {
-            let span = pending.last_seq.wrapping_sub(pending.first_seq);
-            ack.of.wrapping_sub(pending.first_seq) <= span
-        };
-        let pending = self.pending.filter(ours)?;
-        let repeated = pending.first_seq != pending.last_seq;
+        let pending = self
+            .pending
+            .filter(|pending| pending.is_acknowledged_by(ack.of))?;
         match (self.stage, ack.result) {
             (Stage::Identify, _) => {
                 if self.device.is_some() && self.montage.is_some() {
@@ -185,8 +173,10 @@ impl Query {
                     return Some(Ok(Answer::InBootloader(device.clone())));
                 }
             }
-            // The first one arrived, its acknowledgement did not.
-            (Stage::Request, AckResult::Busy) if repeated => self.enter(Stage::Wait, now_us),
+            // The first transmission arrived, and its acknowledgement was lost.
+            (Stage::Request, AckResult::Busy) if pending.was_sent_again() => {
+                self.enter(Stage::Wait, now_us)
+            }
             (Stage::Request, refused) => {
                 let (what, why) = refusal(self.request, refused);
                 return Some(Err(BridgeError::Refused { what, why }));
@@ -202,13 +192,13 @@ impl Query {
         self.pending = None;
     }
 
-    /// Time passes: the command that is due goes out; who waits too long gives up.
+    /// Queues the command that is due, and returns an error after the timeout of the current stage.
     pub fn tick(&mut self, now_us: i64) -> Option<QueryResult> {
         let (what, seconds) = match (self.stage, self.request) {
-            (Stage::Identify, _) => ("to the request who is there", ACK_TIMEOUT_S),
-            (Stage::Stop, _) => ("to the command to stop", ACK_TIMEOUT_S),
-            (Stage::Request, Request::SelfTest) => ("to the command to test itself", ACK_TIMEOUT_S),
-            (Stage::Request, Request::Reset(_)) => ("to the command to start anew", ACK_TIMEOUT_S),
+            (Stage::Identify, _) => ("to the identification request", ACK_TIMEOUT_S),
+            (Stage::Stop, _) => ("to the stop command", ACK_TIMEOUT_S),
+            (Stage::Request, Request::SelfTest) => ("to the self-test command", ACK_TIMEOUT_S),
+            (Stage::Request, Request::Reset(_)) => ("to the reset command", ACK_TIMEOUT_S),
             (Stage::Wait, Request::SelfTest) => {
                 ("with the result of the self-test", RESULT_TIMEOUT_S)
             }
@@ -218,61 +208,62 @@ impl Query {
             return Some(Err(BridgeError::NoAnswer { what, seconds }));
         }
         let command = match (self.stage, self.request) {
-            // After a reset its Hello may have come while nobody listened.
+            // After a reset, `Hello` may have been sent before the port was reopened.
             (Stage::Identify, _) | (Stage::Wait, Request::Reset(_)) => ToDevice::Identify,
             (Stage::Stop, _) => ToDevice::Stop,
             (Stage::Request, Request::SelfTest) => ToDevice::SelfTest,
             (Stage::Request, Request::Reset(into)) => ToDevice::Reset(into),
             (Stage::Wait, Request::SelfTest) => return None,
         };
-        let waits = |pending: Pending| now_us - pending.sent_us < RETRY_US;
-        if !self.pending.is_some_and(waits) {
-            self.send(&command, now_us);
+        if self
+            .pending
+            .is_none_or(|pending| pending.retry_is_due(now_us))
+        {
+            self.send(command, now_us);
         }
         None
     }
 
-    fn send(&mut self, command: &ToDevice, now_us: i64) {
+    fn send(&mut self, command: ToDevice, now_us: i64) {
         let seq = self.encoder.next_seq();
-        self.pending = Some(Pending {
-            first_seq: self.pending.map_or(seq, |pending| pending.first_seq),
-            last_seq: seq,
-            sent_us: now_us,
+        self.pending = Some(match self.pending {
+            Some(pending) => pending.sent_again(seq, now_us),
+            None => PendingCommand::new(command, seq, now_us),
         });
         let mut buffer = [0; MAX_FRAME];
-        match self.encoder.encode(0, command, &mut buffer) {
+        match self.encoder.encode(0, &command, &mut buffer) {
             Ok(frame) => self.outgoing.extend_from_slice(frame),
             Err(error) => tracing::error!(%error, ?command, "a command cannot be sent"),
         }
     }
 }
 
-/// What was refused; why, and what to do next.
+/// Returns the refused request as an infinitive, and the reason with what the user can do next.
 fn refusal(request: Request, result: AckResult) -> (&'static str, &'static str) {
     let what = match request {
         Request::SelfTest => "to test itself",
-        Request::Reset(ResetInto::Bootloader) => "to start its loader",
-        Request::Reset(_) => "to start anew",
+        Request::Reset(ResetInto::Bootloader) => "to start its bootloader",
+        Request::Reset(_) => "to restart",
     };
     let why = match (result, request) {
         (AckResult::UnknownCommand, _) => {
             "its firmware is older than this command; update the firmware"
         }
         (AckResult::NotSupported, Request::SelfTest) => {
-            "its board has no converters that can be tested; nothing can be said about them"
+            "its board has no converters that can be tested"
         }
         (AckResult::NotSupported | AckResult::BadArgument, Request::Reset(_)) => {
             "its board cannot do that by a command; use its reset button, with BOOT0 high for the \
-             loader"
+             bootloader"
         }
         (AckResult::Busy, _) => {
-            "it is busy: it streams for another program, or tests itself already; end that program, \
-             or try again in some seconds"
+            "it is busy: it streams for another program, or is testing itself already; end that \
+             program, or try again in a few seconds"
         }
         (AckResult::Failed, _) => {
-            "it tried and could not; start it anew (corticode-bridge reset) and try again"
+            "it tried and failed; reset it (corticode-bridge reset) and try again"
         }
-        _ => "it gives no reason that this bridge knows; bring firmware and bridge to one release",
+        _ => "its reason is newer than this bridge; bring firmware and bridge to the same release",
     };
     (what, why)
 }

@@ -1,4 +1,4 @@
-//! What a device found out about its converters, judged and in words.
+//! Report of a self-test: results, verdicts and their text.
 
 use ads1299::Register;
 use link::{ChannelFault, ChannelTest, ChipTest, Hello, ResetCause, SelfTest};
@@ -6,103 +6,103 @@ use serde::Serialize;
 
 use crate::device::channel_label;
 
-/// The part's bits of an ID register: bit 4 is 1, DEV_ID 11, NU_CH 00, 01 or 10 for 4, 6 or 8
-/// channels; above them the revision (data sheet SBAS499, 9.6.1.1).
+/// Mask of the ID register's bits that name the part: bit 4 is 1, DEV_ID is 11, and NU_CH is 00, 01 or
+/// 10 for 4, 6 or 8 channels. The bits above are the revision (data sheet SBAS499, 9.6.1.1).
 const PART_MASK: u8 = 0x1F;
 
-/// What a device found out about its converters, judged and in words.
+/// Report of a device's self-test, with a verdict for each chip, each channel and the whole.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SelfTestReport {
-    /// Who was tested.
+    /// Device that was tested.
     pub device: DeviceSummary,
-    /// The first thing that is wrong, in the device's words; empty where all is well.
+    /// First fault, as the device reports it; empty if there is none.
     pub fault: String,
-    /// The edges of DRDY.
+    /// Rate and faults of the data-ready signal (DRDY).
     pub ready: DrdyReport,
-    /// The chips, the first being the one at MISO.
+    /// Chips in the order of the daisy chain, starting with the chip at MISO.
     pub chips: Vec<ChipReport>,
-    /// Their channels, in the order of the ADC's.
+    /// Channels of all chips, in the order of the ADC's channels.
     pub channels: Vec<ChannelReport>,
-    /// Whether everything is in order.
+    /// Whether all chips and channels were tested and have no fault.
     pub passed: bool,
-    /// The last line.
+    /// One-line summary, the last line of the table.
     pub verdict: String,
 }
 
-/// Who a device is.
+/// Identity and last start of a device; prints as one line.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct DeviceSummary {
-    /// Board.
+    /// Name of the board, such as `NUCLEO-H743ZI2`.
     pub board: String,
-    /// Version of the firmware.
+    /// Firmware version, including the commit.
     pub firmware: String,
-    /// Unique id of its microcontroller, hexadecimal.
+    /// Unique id of the microcontroller, 24 hexadecimal digits.
     pub uid: String,
-    /// Why it started.
+    /// Cause of the last start, in words.
     pub reset_cause: String,
-    /// What is wrong with its start, or left by a last run that failed; else empty.
+    /// Fault of this start or of the previous run; empty if there is none.
     pub fault: String,
 }
 
-/// The edges of DRDY, which time everything.
+/// Rate and faults of the data-ready signal (DRDY), which times all samples.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DrdyReport {
-    /// Rate on the device's clock, Hz; none where it was not measured.
+    /// Measured rate, Hz of the device's clock; `None` if it was not measured.
     pub rate_hz: Option<f64>,
-    /// Rate that was set, Hz.
+    /// Configured rate, Hz.
     pub expected_hz: f64,
-    /// How far the one is off the other, parts per million.
+    /// Deviation of the measured rate from the configured one, parts per million.
     pub ppm: Option<f64>,
-    /// Edges that came too early.
+    /// Number of edges that came too early.
     pub early: u32,
-    /// Edges that are missing.
+    /// Number of missing edges.
     pub missed: u32,
 }
 
-/// One chip.
+/// Result of one chip.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ChipReport {
-    /// Its place in the chain, from 0.
+    /// Position in the daisy chain, from 0 at MISO.
     pub chip: usize,
-    /// What its ID register says.
+    /// Content of the ID register.
     pub id: u8,
-    /// The same in words.
+    /// Part that the ID register names, in words.
     pub part: String,
-    /// Registers that did not keep what was written.
+    /// Number of registers that did not keep the value that was written.
     pub registers_wrong: u8,
-    /// The first of them; none where there is none.
+    /// Name and address of the first wrong register; `None` if all registers are right.
     pub first_wrong: Option<String>,
-    /// Frames that were not to be trusted.
+    /// Number of damaged or repeated frames from the chip.
     pub frames_bad: u32,
-    /// Whether ID and registers are right.
+    /// Whether the part is an 8-channel ADS1299 and all registers are right.
     pub in_order: bool,
 }
 
-/// One channel.
+/// Result of one channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ChannelReport {
-    /// Its number, from 1.
+    /// Number of the channel, from 1.
     pub channel: usize,
-    /// Its electrode, or exg1, exg2.. of a spare one.
+    /// Label of the electrode, or exg1, exg2, ... for spare channels.
     pub label: String,
-    /// Amplitude of the chip's square wave off what was set, percent; this and the figures below are
-    /// none where they were not measured.
+    /// Error of the amplitude of the chip's square wave, percent. This and the figures below are `None`
+    /// if they were not measured.
     pub gain_error_percent: Option<f64>,
-    /// Middle of the square wave, microvolt.
+    /// Mean of the two levels of the square wave, microvolt.
     pub offset_uv: Option<f32>,
-    /// Around the square wave's levels, microvolt RMS.
+    /// Noise around the levels of the square wave, microvolt RMS.
     pub noise_uv: Option<f32>,
-    /// With the input shorted, microvolt RMS.
+    /// Noise with the input shorted, microvolt RMS.
     pub shorted_noise_uv: Option<f32>,
-    /// What is wrong with it, "not measured", or "in order".
+    /// The fault in words, "not measured", or "in order".
     pub verdict: String,
-    /// Whether it was measured and nothing is wrong.
+    /// Whether the channel was measured and has no fault.
     pub in_order: bool,
 }
 
 impl SelfTestReport {
-    /// The report of a device that has `channels` ADC channels, the first ones at electrodes of these
-    /// labels.
+    /// Creates the report of a device with `channels` ADC channels, of which the first ones have the
+    /// electrode labels `labels`.
     pub(crate) fn new(
         device: DeviceSummary,
         test: &SelfTest,
@@ -213,7 +213,7 @@ fn chip_report((chip, test): (usize, &ChipTest)) -> ChipReport {
     }
 }
 
-/// An ID register in words.
+/// Returns the part that an ID register names, in words.
 fn part_name(id: u8) -> &'static str {
     match (id, id & PART_MASK) {
         (0x00 | 0xFF, _) => "no answer",
@@ -224,8 +224,8 @@ fn part_name(id: u8) -> &'static str {
     }
 }
 
-/// Whether a channel has no fault only because it was not measured, in whole or in part: the test
-/// could not go on. A channel that is measured is never without noise and without a fault.
+/// Returns whether a channel was not measured, or only in part, because the test stopped early. A
+/// measured channel has noise or a fault.
 fn is_unmeasured(test: &ChannelTest) -> bool {
     let silent = test.noise_uv == 0.0 || test.shorted_noise_uv == 0.0;
     test.fault == ChannelFault::None && silent
@@ -233,8 +233,8 @@ fn is_unmeasured(test: &ChannelTest) -> bool {
 
 fn channel_report(index: usize, test: &ChannelTest, label: String) -> ChannelReport {
     let too_few = test.fault == ChannelFault::Samples;
-    // Without samples the device says 0, and -1 of the gain. With a few, the square wave's levels
-    // were not both seen: then it says -1 of the gain as well.
+    // Without samples the device reports 0, and a gain error of -1. It reports that gain error also if
+    // it got too few samples to measure both levels of the square wave.
     let nothing = test.offset_uv == 0.0 && test.noise_uv == 0.0;
     let square_wave = !(nothing || too_few && test.gain_error <= -1.0);
     let nothing = test.shorted_noise_uv == 0.0;
@@ -253,7 +253,7 @@ fn channel_report(index: usize, test: &ChannelTest, label: String) -> ChannelRep
             ChannelFault::Gain => "wrong gain".to_owned(),
             ChannelFault::Offset => "wrong offset".to_owned(),
             ChannelFault::Noisy => "too loud".to_owned(),
-            ChannelFault::Silent => "too quiet to be alive".to_owned(),
+            ChannelFault::Silent => "too quiet (dead channel)".to_owned(),
             ChannelFault::Newer(number) => format!("fault {number}, newer than this bridge"),
         },
         in_order: test.fault == ChannelFault::None && !is_unmeasured(test),
@@ -262,10 +262,10 @@ fn channel_report(index: usize, test: &ChannelTest, label: String) -> ChannelRep
 
 fn reset_cause(cause: ResetCause) -> String {
     match cause {
-        ResetCause::NotKnown => "a cause that it cannot tell".to_owned(),
+        ResetCause::NotKnown => "an unknown cause".to_owned(),
         ResetCause::PowerOn => "power on".to_owned(),
         ResetCause::Pin => "the reset pin".to_owned(),
-        ResetCause::BrownOut => "a sagging supply".to_owned(),
+        ResetCause::BrownOut => "a supply voltage dip (brown-out)".to_owned(),
         ResetCause::Watchdog => "its watchdog".to_owned(),
         ResetCause::Software => "a command".to_owned(),
         ResetCause::Fault => "a fault".to_owned(),

@@ -1,10 +1,10 @@
-//! The report of a self-test as a table.
+//! Display of a self-test's report as a table.
 
 use std::fmt;
 
 use crate::query::report::{ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport};
 
-/// Prints the device, the edges of DRDY, the chips, the channels, and the verdict as the last line.
+/// Prints the device, the DRDY line, a table of the chips, a table of the channels, and the verdict.
 impl fmt::Display for SelfTestReport {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(formatter, "device  {}", self.device)?;
@@ -105,12 +105,13 @@ fn channel_row(channel: &ChannelReport) -> [String; 7] {
     ]
 }
 
-/// "-" for what was not measured.
+/// Returns the figure, or "-" if it was not measured.
 fn or_dash(measured: Option<String>) -> String {
     measured.unwrap_or_else(|| "-".to_owned())
 }
 
-/// Rows under a header, each column as wide as its widest cell, numbers to the right.
+/// Writes a header and rows, each column as wide as its widest cell; columns in `right` are aligned to
+/// the right.
 fn write_columns<const N: usize>(
     formatter: &mut fmt::Formatter<'_>,
     header: [&str; N],

@@ -1,4 +1,4 @@
-//! A device says who it is.
+//! Handling of `Hello` and `Capabilities`: a device introduces itself.
 
 use std::sync::Arc;
 
@@ -30,9 +30,9 @@ impl Session {
         self.round_trips.clear();
         self.logged.refused_streams = false;
         if reset {
-            tracing::warn!("the device was reset, or is another one: {identity}");
+            tracing::warn!("the device was reset or replaced: {identity}");
             self.counts.resets += 1;
-            // Until its capabilities are known its codes mean nothing.
+            // Its codes cannot be interpreted until its capabilities arrive.
             self.commands.device_restarted();
             self.restart_streams();
         } else {
@@ -106,7 +106,7 @@ impl Session {
         });
     }
 
-    /// What is announced of a device: nothing if the announced stream is not published.
+    /// Returns what `/acquisition/get_info` announces: `None` if the announced stream is not published.
     fn acquisition_info(
         &self,
         device: &Device,

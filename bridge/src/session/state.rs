@@ -1,4 +1,4 @@
-//! What the bridge knows about the device, from frame to frame.
+//! State that the bridge keeps about the device.
 
 use std::sync::Arc;
 
@@ -15,7 +15,8 @@ use crate::time::clock::Clock;
 use crate::time::round_trip::RoundTrips;
 use crate::wire::commands::Commands;
 use crate::wire::identity::Identity;
-/// What the bridge knows about the device, from frame to frame.
+
+/// State that the bridge keeps about the device, across reconnections.
 #[derive(Debug)]
 pub(crate) struct Session {
     pub(super) settings: Settings,
@@ -23,11 +24,11 @@ pub(crate) struct Session {
     pub(super) encoder: Encoder,
     pub(crate) commands: Commands,
     pub(crate) identity: Option<Identity>,
-    /// The device said `Hello` since the port was opened; until then its numbers mean nothing.
+    /// Whether `Hello` arrived since the port was opened. Sequence numbers are ignored until then.
     pub(crate) introduced: bool,
     pub(crate) codes: Option<CodeStream>,
     pub(crate) side: SideStreams,
-    /// What was announced first; a device whose codes mean anything else is refused for the rest
+    /// The device that was announced first. A device with incompatible codes is refused for the rest
     /// of the session.
     pub(super) announced: Option<Arc<Device>>,
     pub(crate) clock: Clock,
@@ -35,41 +36,40 @@ pub(crate) struct Session {
     pub(crate) frames: Ledger,
     pub(super) old_frames_in_a_row: u32,
     pub(crate) counts: SessionCounts,
-    /// What keeps codes or their reconstruction from being published, in words.
+    /// Reason why codes or their reconstruction are not published, for the user.
     pub(crate) objection: Option<String>,
     pub(crate) stats: Option<Stats>,
-    /// The newest report about the electrodes that `/diagnostics` has not told of.
+    /// Newest report about the electrodes, until `/diagnostics` takes it.
     pub(crate) quality: Option<Quality>,
-    /// The newest report about the deadlines that `/diagnostics` has not told of.
+    /// Newest report about the deadlines, until `/diagnostics` takes it.
     pub(crate) timing: Option<Timing>,
-    /// The stage that came closest to its deadline in any report, or missed it by most.
+    /// The stage with the largest ratio of worst time to deadline in any report.
     pub(crate) worst_stage: Option<StageTiming>,
-    /// The newest report about the converters.
     pub(crate) converters: Option<ChainReport>,
     pub(super) logged: LoggedOnce,
 }
 
-/// What the log has been told of, once.
+/// Warnings that were logged already; each is logged once.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LoggedOnce {
     pub(super) newer_messages: bool,
     pub(super) wire_version: bool,
-    /// Of streams that this device refuses.
+    /// Reset with each device, unlike the others.
     pub(super) refused_streams: bool,
 }
 
-/// What is counted beside codes and frames.
+/// Counts that no stream or ledger holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SessionCounts {
-    /// MessageTime that a port was opened.
+    /// Number of times that the port was opened.
     pub(crate) connections: u64,
-    /// Resets of the device that were noticed.
+    /// Number of detected resets of the device, including changes of the device.
     pub(crate) resets: u64,
-    /// Codes that came before the device had introduced itself, or from one that was refused.
+    /// Codes that arrived before the device's introduction, or from a refused device.
     pub(crate) codes_unused: u64,
-    /// Lost codes that `/diagnostics` has told of.
+    /// Lost codes at the last report to `/diagnostics`.
     pub(crate) lost_reported: u64,
-    /// Frames that could not be used that `/diagnostics` has told of.
+    /// Damaged frames at the last report to `/diagnostics`.
     pub(crate) damaged_reported: u32,
 }
 

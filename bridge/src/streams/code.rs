@@ -1,4 +1,4 @@
-//! From codes to frames of `/encoded`, losses filled.
+//! Conversion of codes to NeuroFrames of `/encoded`, with lost codes filled.
 
 use std::sync::Arc;
 
@@ -13,10 +13,12 @@ use crate::streams::ledger::{Arrival, Ledger};
 use crate::streams::stamps::{MonotoneStamps, Reception};
 use crate::streams::tri::TriWords;
 
-/// Most fillers for one gap: 68 min at 16 Hz. A longer outage is a new recording.
+/// Maximum number of fillers for one gap: 68 min at 16 Hz. A longer outage needs a new recording.
 const MAX_FILLERS: u32 = 65_536;
 
-/// From codes to frames of `/encoded`, losses filled; shape and numbering of one session.
+/// Converts codes to NeuroFrames of `/encoded` and to windows for the decoder, with lost codes filled.
+///
+/// Shape, numbers and counts persist for the whole session, across restarts of the device.
 #[derive(Debug)]
 pub(crate) struct CodeStream {
     settings: Settings,
@@ -24,9 +26,9 @@ pub(crate) struct CodeStream {
     decodable: bool,
     frame: NeuroFrame,
     z: [f32; CODE_LEN],
-    /// Whether `z` holds a code of this stream.
+    /// Whether `z` holds a code received since the last restart of the stream.
     has_last: bool,
-    /// The device streams since the last begin: a code, a report or an acknowledgement said so.
+    /// Whether a code, a report or an acknowledgement has shown that the stream runs.
     running: bool,
     /// Device time of the newest code of this stream, received or filled.
     last_device_us: Option<u64>,
@@ -35,22 +37,22 @@ pub(crate) struct CodeStream {
     window_stamps: MonotoneStamps,
 }
 
-/// What happened to codes.
+/// Counts of received, lost and unusable codes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CodeCounts {
     pub(crate) ledger: Ledger,
     pub(crate) fillers: u64,
-    /// Lost codes beyond [`MAX_FILLERS`] of one gap.
+    /// Lost codes that were not filled, because their gap exceeds [`MAX_FILLERS`].
     pub(crate) unfilled: u64,
-    /// Codes of another model or format than the device said it has.
+    /// Codes of another model or format than the device introduced itself with.
     pub(crate) foreign: u64,
-    /// Values that the device clipped on their way into int8, once for each window.
+    /// Cells of the encoder's input that the device clipped to int8, counted in each window they are in.
     pub(crate) clipped: u64,
-    /// Values of codes that the device clipped.
+    /// Values of codes that the device clipped to the code's format.
     pub(crate) clipped_values: u64,
 }
 
-/// Where and when a code belongs.
+/// Index, time and status of a published code or filler.
 #[derive(Clone, Copy, Debug)]
 struct CodePosition {
     window: u32,
@@ -76,8 +78,8 @@ impl CodeStream {
         }
     }
 
-    /// Another device of the same shape, or the same one with other mains: numbers, counts and
-    /// stamps go on.
+    /// Switches to another device of the same shape, or to the same one with another mains frequency.
+    /// Sequence numbers, counts and stamps continue.
     pub(crate) fn replace_device(&mut self, device: Arc<Device>, decodable: bool) {
         let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
         self.frame = device.encoded_frame();
@@ -86,7 +88,7 @@ impl CodeStream {
         self.decodable = decodable;
     }
 
-    /// The device begins its stream anew: windows count from 0.
+    /// Restarts the stream: the device counts windows from 0 again.
     pub(crate) fn restart(&mut self) {
         self.counts.ledger.expect_next(0);
         self.has_last = false;
@@ -95,13 +97,13 @@ impl CodeStream {
         self.z = [0.0; CODE_LEN];
     }
 
-    /// The device streams: from here on its reports count this stream's codes.
+    /// Records that the stream runs: from now on the device's reports count its codes.
     pub(crate) fn mark_running(&mut self) {
         self.running = true;
     }
 
-    /// Whether the device streams since the last begin. Until then a report without streams is
-    /// the late answer to a stop, and counts the codes of the stream before.
+    /// Returns whether the stream is known to run since the last restart. Before that, a report without
+    /// streams is the late answer to a `Stop` and counts the codes of the previous stream.
     pub(crate) fn is_running(&self) -> bool {
         self.running
     }
@@ -114,19 +116,21 @@ impl CodeStream {
         &self.counts
     }
 
-    /// Stamps that had to be moved forwards.
+    /// Number of stamps that were moved forwards.
     pub(crate) fn moved_stamps(&self) -> u64 {
         self.encoded_stamps.moved() + self.window_stamps.moved()
     }
 
-    /// Whether the device has begun its stream anew with this code, though nobody told it to: its frame
-    /// is new, its index is not.
+    /// Returns whether this code shows that the device restarted its stream by itself: its frame is
+    /// new, and its window index is old.
     pub(crate) fn is_restart(&self, code: &Code) -> bool {
         self.counts.ledger.is_old(code.window)
     }
 
-    /// A code came, made at `device_us`. A time that the clock did not take for one is replaced by
-    /// that of the code's position in the stream.
+    /// Publishes a code that was made at `device_us`, after fillers for the codes lost before it.
+    ///
+    /// If `device_us` is `None` because the device's time was impossible, the time follows from the
+    /// window index.
     pub(crate) fn receive(
         &mut self,
         code: &Code,
@@ -141,7 +145,7 @@ impl CodeStream {
         }
         let mut arrival = self.counts.ledger.record(code.window);
         if arrival == Arrival::Old {
-            tracing::warn!(window = code.window, "the device began its stream anew");
+            tracing::warn!(window = code.window, "the device restarted its stream");
             self.restart();
             arrival = self.counts.ledger.record(code.window);
         }
@@ -167,8 +171,8 @@ impl CodeStream {
         self.publish(position, true, reception, effects);
     }
 
-    /// The device says at `device_us` that its next code will be `next`: what has not come until
-    /// here is lost.
+    /// Publishes fillers for all codes before `next` that have not arrived. The device reported at
+    /// `device_us` that `next` will be its next code.
     pub(crate) fn fill_before(
         &mut self,
         next: u32,
@@ -177,8 +181,8 @@ impl CodeStream {
         effects: &mut dyn Effects,
     ) {
         let lost = self.counts.ledger.count_lost_before(next);
-        // Before the first code of a stream the report's own time is the best there is: the last
-        // code was made within a hop before it.
+        // Before the first code of a stream only the report's time is known; the last code was made at
+        // most one hop before it.
         let next_us = self.time_of_next(lost, device_us);
         self.fill(next, lost, next_us, reception, effects);
         if lost > 0 {
@@ -186,8 +190,8 @@ impl CodeStream {
         }
     }
 
-    /// Device time of the code that follows `lost` lost ones; if no code's time is known, one hop
-    /// after `fallback_us`.
+    /// Returns the device time of the code that follows `lost` lost ones; if no code's time is known,
+    /// the time one hop after `fallback_us`.
     fn time_of_next(&self, lost: u32, fallback_us: u64) -> u64 {
         let (known_us, hops) = match self.last_device_us {
             Some(last_us) => (last_us, i64::from(lost) + 1),
@@ -200,7 +204,7 @@ impl CodeStream {
         self.device.steps_us(u32::from(self.device.hop_steps))
     }
 
-    /// Publish fillers for the `lost` codes right before `window`, which was made at `device_us`.
+    /// Publishes fillers for the `lost` codes directly before `window`, which was made at `device_us`.
     fn fill(
         &mut self,
         window: u32,
@@ -275,8 +279,8 @@ impl CodeStream {
         }
     }
 
-    /// Wall clock time of a frame that begins `lookback` steps before the window's last step and
-    /// ends `length` steps later, nanoseconds.
+    /// Returns the stamp, nanoseconds since 1970, of a frame that starts `lookback` steps before the
+    /// window's last step and ends `length` steps after its start.
     fn wall_time_ns(
         &self,
         position: CodePosition,

@@ -1,4 +1,4 @@
-//! From edges of the trigger input to events of `/events/bus`.
+//! Conversion of trigger edges to events of `/events/bus`.
 
 use link::{Event, EventKind};
 use neuro_ros::{NeuroEvent, Stamp};
@@ -7,18 +7,19 @@ use crate::effects::Effects;
 use crate::streams::ledger::{Arrival, Ledger};
 use crate::streams::stamps::Reception;
 
-/// Code of a rising edge: the first of those that GDF's event table leaves to the user.
+/// Event code of a rising edge: the first user code of GDF's event table.
 const TRIGGER_RISE: i32 = 0x0001;
-/// Ends an event, in GDF's event table as on ROS-Neuro's bus (its protocols name it END_OF_EVENT, 32768).
+/// Bit that marks the end of an event, in GDF's event table and on ROS-Neuro's bus (there OFF, 32768).
 const END_OF_EVENT: i32 = 0x8000;
 
-/// From edges of the trigger input to events of `/events/bus`, and to the level between them.
+/// Converts trigger edges to events of `/events/bus` and counts lost ones.
 #[derive(Debug)]
 pub(crate) struct EventStream {
     message: NeuroEvent,
     ledger: Ledger,
-    /// Events of a kind that this bridge does not know.
+    /// Number of events of a kind that this bridge does not know.
     pub(crate) unknown: u64,
+    /// Lost events at the last report to `/diagnostics`.
     reported: u64,
 }
 
@@ -37,7 +38,8 @@ impl EventStream {
         }
     }
 
-    /// What happens while nothing streams is numbered and not sent.
+    /// Accepts any event number next: events that happen while nothing streams are numbered and not
+    /// sent.
     pub(crate) fn restart(&mut self) {
         self.ledger.expect_any();
     }
@@ -46,14 +48,16 @@ impl EventStream {
         &self.ledger
     }
 
-    /// Lost events since this was asked last.
+    /// Returns the number of events lost since the last call.
     pub(crate) fn lost_since_report(&mut self) -> u64 {
         let reported = std::mem::replace(&mut self.reported, self.ledger.lost());
         self.ledger.lost() - reported
     }
 
-    /// An event came, which happened at `device_us` unless that cannot be; returns the trigger's
-    /// new level.
+    /// Publishes an event that happened at `device_us` and returns the trigger's new level.
+    ///
+    /// If `device_us` is `None` because the device's time was impossible, the stamp is the time of
+    /// arrival. A replay, or an event of an unknown kind, is not published and returns `None`.
     pub(crate) fn receive(
         &mut self,
         event: Event,
@@ -72,7 +76,10 @@ impl EventStream {
             EventKind::TriggerFall => (TRIGGER_RISE | END_OF_EVENT, 0, "trigger low"),
             EventKind::Newer(kind) => {
                 if self.unknown == 0 {
-                    tracing::warn!(kind, "events that are newer than this bridge are left out");
+                    tracing::warn!(
+                        kind,
+                        "the device sends events of a kind that is newer than this bridge; they are not published"
+                    );
                 }
                 self.unknown += 1;
                 return None;

@@ -1,9 +1,10 @@
-//! Exact account of what was made, received and lost.
+//! Exact count of what was made, received and lost, from sequence numbers.
 
-/// Exact account of something numbered: made = received + lost, always, over any wrap.
+/// Counts numbered items so that made = received + lost always holds, also across a wrap of the
+/// numbers.
 ///
-/// Counts by the numbers alone, so it needs no clock and no assumption about rates. A gap of up
-/// to 2^31 - 1 is a loss; a number that lies behind is a replay.
+/// The counts depend on the numbers alone, not on time or rates. A gap of up to 2^31 - 1 is a loss; a
+/// number below the expected one is a replay.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ledger {
     expected: Option<u32>,
@@ -14,30 +15,30 @@ pub struct Ledger {
     replays: u64,
 }
 
-/// What a number says about those before it.
+/// Result of recording a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
-    /// In its turn, after this many lost ones (usually 0).
+    /// A number that was not received before.
     New {
-        /// Numbers that are missing right before it.
+        /// Count of missing numbers directly before this one; usually 0.
         lost: u32,
     },
-    /// Behind what came already: a duplicate, or a sender that began anew.
+    /// A number below the expected one: a duplicate, or a sender that restarted.
     Old,
 }
 
 impl Ledger {
-    /// Expect `number` next; what came before stays counted.
+    /// Expects `number` next, without counting a loss or a replay. All counts stay.
     pub fn expect_next(&mut self, number: u32) {
         self.expected = Some(number);
     }
 
-    /// Take any number as the next one.
+    /// Accepts any number as the next one.
     pub fn expect_any(&mut self) {
         self.expected = None;
     }
 
-    /// Whether this number lies behind what came already.
+    /// Returns whether `number` is below the expected one, modulo 2^32.
     pub fn is_old(&self, number: u32) -> bool {
         self.missing_before(number) >= 1 << 31
     }
@@ -46,7 +47,7 @@ impl Ledger {
         number.wrapping_sub(self.expected.unwrap_or(number))
     }
 
-    /// A numbered thing arrived. One that lies behind is counted as a replay, not as received.
+    /// Records the arrival of `number`. An old number is counted as a replay, not as received.
     pub fn record(&mut self, number: u32) -> Arrival {
         if self.is_old(number) {
             self.replays += 1;
@@ -59,8 +60,8 @@ impl Ledger {
         Arrival::New { lost }
     }
 
-    /// The sender says that `next` will be its next number: everything before it that has not
-    /// arrived is lost. Returns how many that are.
+    /// Counts every number before `next` that has not arrived as lost and returns how many those are.
+    /// The sender reports `next` as its next number.
     pub fn count_lost_before(&mut self, next: u32) -> u32 {
         if self.is_old(next) {
             return 0;
@@ -77,32 +78,32 @@ impl Ledger {
         self.longest_burst = self.longest_burst.max(lost);
     }
 
-    /// Made by the sender, as far as its numbers tell.
+    /// Number of items that the sender has made, as far as its numbers show: received + lost.
     pub fn made(&self) -> u64 {
         self.received + self.lost
     }
 
-    /// Arrived, each number once.
+    /// Number of items that arrived, without replays.
     pub fn received(&self) -> u64 {
         self.received
     }
 
-    /// Never arrived.
+    /// Number of items that never arrived.
     pub fn lost(&self) -> u64 {
         self.lost
     }
 
-    /// Runs of lost numbers.
+    /// Number of runs of consecutive lost items.
     pub fn bursts(&self) -> u64 {
         self.bursts
     }
 
-    /// Length of the longest run of lost numbers.
+    /// Length of the longest run of consecutive lost items.
     pub fn longest_burst(&self) -> u32 {
         self.longest_burst
     }
 
-    /// Arrived behind others.
+    /// Number of arrivals with an old number.
     pub fn replays(&self) -> u64 {
         self.replays
     }

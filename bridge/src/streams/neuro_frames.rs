@@ -1,4 +1,4 @@
-//! The frames of a device's topics, zeros in place of data.
+//! Templates of the NeuroFrames that are published for a device.
 
 use link::CODE_LEN;
 use neuro_ros::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
@@ -6,13 +6,13 @@ use neuro_ros::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
 use crate::device::Device;
 use crate::streams::tri::tri_info;
 
-/// Name that ROS-Neuro sees in `transducter` and `header.frame_id` of what the network made.
+/// Value of `transducter` and `header.frame_id` in frames that the network produced.
 const NETWORK: &str = "autoencoder";
-/// The same of what the amplifier measured.
+/// Value of `transducter` and `header.frame_id` in frames that the amplifier measured.
 const AMPLIFIER: &str = "electrodes";
 
 impl Device {
-    /// A frame of `/encoded`, zeros in place of data: one code.
+    /// Returns a frame of `/encoded` that holds one code, all zeros.
     pub fn encoded_frame(&self) -> NeuroFrame {
         let labels = (0..CODE_LEN).map(|index| format!("z{index:03}")).collect();
         let eeg = NeuroDataInfo {
@@ -29,7 +29,7 @@ impl Device {
         frame(self.codes_per_second(), eeg, NeuroDataInfo::default())
     }
 
-    /// A frame of `/neurodata_reconstructed`, zeros in place of data: a hop of steps.
+    /// Returns a frame of `/neurodata_reconstructed` that holds the steps of one hop, all zeros.
     pub fn reconstructed_frame(&self) -> NeuroFrame {
         let eeg = NeuroDataInfo {
             transducter: NETWORK.to_owned(),
@@ -38,14 +38,14 @@ impl Device {
         frame(self.step_rate_hz, eeg, NeuroDataInfo::default())
     }
 
-    /// A frame of `/neurodata_filtered`, zeros in place of data: a hop of steps.
+    /// Returns a frame of `/neurodata_filtered` that holds the steps of one hop, all zeros.
     pub fn filtered_frame(&self) -> NeuroFrame {
         let eeg = self.electrodes(u16::from(self.hop_steps));
         frame(self.step_rate_hz, eeg, NeuroDataInfo::default())
     }
 
-    /// A frame of `/neurodata`, zeros in place of data: the samples of a hop, spare channels in
-    /// `exg`.
+    /// Returns a frame of `/neurodata` that holds the samples of about one hop, all zeros, with the
+    /// spare channels in `exg`.
     pub fn raw_frame(&self) -> NeuroFrame {
         let eeg = NeuroDataInfo {
             prefiltering: "none".to_owned(),
@@ -58,8 +58,8 @@ impl Device {
         frame(self.adc_rate_hz, eeg, exg)
     }
 
-    /// Samples in a frame of `/neurodata`: those of a hop, or where they are no divisor of the
-    /// ADC's rate the next fewer that are, because consumers compute the frame rate in integers.
+    /// Returns the number of samples in a frame of `/neurodata`: the largest divisor of the ADC's rate
+    /// that is not above the samples of a hop. Consumers compute the frame rate in integers.
     fn raw_samples(&self) -> u16 {
         let hop = u32::from(self.adc_rate_hz) * u32::from(self.hop_steps);
         let most = u16::try_from(hop / u32::from(self.step_rate_hz)).unwrap_or(u16::MAX);
@@ -80,7 +80,7 @@ impl Device {
     }
 }
 
-/// Other channels of the same samples.
+/// Returns `info` with other channels.
 fn channels_like(info: &NeuroDataInfo, labels: Vec<String>) -> NeuroDataInfo {
     let nchannels = u16::try_from(labels.len()).unwrap_or(u16::MAX);
     NeuroDataInfo {

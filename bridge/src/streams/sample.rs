@@ -1,4 +1,4 @@
-//! From samples to frames of `/neurodata` or `/neurodata_filtered`, losses filled.
+//! Conversion of samples and steps to NeuroFrames, with lost ones filled.
 
 use link::Flags;
 use neuro_ros::NeuroFrame;
@@ -7,13 +7,15 @@ use crate::settings::{FillerPolicy, Settings, StampPoint};
 use crate::streams::stamps::{MonotoneStamps, Reception};
 use crate::streams::tri::TriWords;
 
-/// Longest gap that is filled, seconds of samples: 1920 frames at 16 per second, fewer than wait for
-/// a slow subscriber. A longer outage is a new recording.
+/// Longest gap that is filled, seconds: 1,920 frames at 16 Hz, which fit into a subscriber's queue. A
+/// longer outage needs a new recording.
 const MAX_FILL_SECONDS: u64 = 120;
 
-/// From samples (or steps) to frames, losses filled; shape and numbering of one session.
+/// Converts ADC samples to NeuroFrames of `/neurodata`, or filtered steps to NeuroFrames of
+/// `/neurodata_filtered`, with lost ones filled. "Sample" below means either.
 ///
-/// Every frame begins at a multiple of its length, so the samples on the topic are those of time.
+/// Every frame starts at an index that is a multiple of its length, so the number of samples on the
+/// topic matches the time that has passed. Numbers and counts persist for the whole session.
 #[derive(Debug)]
 pub(crate) struct SampleStream {
     filler: FillerPolicy,
@@ -22,11 +24,11 @@ pub(crate) struct SampleStream {
     frame: NeuroFrame,
     nsamples: usize,
     electrodes: usize,
-    /// The newest sample of this stream; zeros before the first.
+    /// Values of the newest sample, uV; zeros before the first.
     newest: Vec<f32>,
-    /// Where and when the newest sample that came was taken.
+    /// Index and device time of the newest sample that arrived.
     timeline: Option<SampleTimeline>,
-    /// Samples in the frame.
+    /// Number of samples in the unfinished frame.
     filled: usize,
     holds_filler: bool,
     first_us: i128,
@@ -36,34 +38,34 @@ pub(crate) struct SampleStream {
     stamps: MonotoneStamps,
 }
 
-/// What happened to samples.
+/// Counts of received, lost and unpublished samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SampleCounts {
     pub(crate) received: u64,
     pub(crate) lost: u64,
-    /// Samples that are in no frame: what was in an unfinished one when its stream ended; lost ones
-    /// beyond [`MAX_FILL_SECONDS`] of one gap; without fillers, all of a frame that would hold a lost
-    /// one.
+    /// Samples that were published in no frame: those of an unfinished frame when the stream ended,
+    /// lost ones beyond [`MAX_FILL_SECONDS`] of one gap, and, without fillers, all samples of a frame
+    /// that would contain a lost one.
     pub(crate) unpublished: u64,
-    /// Messages whose content does not fit the device.
+    /// Messages whose content does not match the device's capabilities.
     pub(crate) malformed: u64,
-    /// Lost samples that `/diagnostics` has told of.
+    /// Lost samples at the last report to `/diagnostics`.
     pub(crate) reported: u64,
 }
 
-/// Samples that came.
+/// Samples of one message.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Samples<'a> {
-    /// Index since Start of the first one.
+    /// Index since `Start` of the first sample.
     pub(crate) first: u64,
     pub(crate) flags: Flags,
-    /// Device time of the last one; none if it cannot be right.
+    /// Device time of the last sample, microseconds; `None` if it is impossible.
     pub(crate) last_us: Option<u64>,
-    /// Sample by sample, electrodes and then spare channels, uV.
+    /// Values in uV, sample by sample; within a sample the electrodes, then the spare channels.
     pub(crate) microvolts: &'a [f32],
 }
 
-/// Where in time each sample lies.
+/// Device time of every sample, extrapolated from one known sample.
 #[derive(Clone, Copy, Debug)]
 struct SampleTimeline {
     index: u64,
@@ -72,7 +74,7 @@ struct SampleTimeline {
 }
 
 impl SampleTimeline {
-    /// Device time of a sample, microseconds, rounded towards that of the known one.
+    /// Returns the device time of a sample, microseconds, rounded towards the known sample's time.
     fn device_us_at(self, index: u64) -> i128 {
         let samples = i128::from(index) - i128::from(self.index);
         i128::from(self.us) + samples * 1_000_000 / i128::from(self.rate_hz.max(1))
@@ -80,7 +82,8 @@ impl SampleTimeline {
 }
 
 impl SampleStream {
-    /// For frames like `frame`, whose samples show what happened `delay_us` before.
+    /// Creates a stream that publishes frames shaped like `frame`. `delay_us` is the delay of the
+    /// filters, which stamps are corrected by.
     pub(crate) fn new(frame: NeuroFrame, delay_us: u32, settings: Settings) -> SampleStream {
         let eeg = usize::from(frame.eeg.info.nchannels);
         let width = eeg + usize::from(frame.exg.info.nchannels);
@@ -102,8 +105,8 @@ impl SampleStream {
         }
     }
 
-    /// Another device of the same shape, or the same one with other mains: numbers, counts and
-    /// stamps go on.
+    /// Switches to another device of the same shape, or to the same one with another mains frequency.
+    /// Sequence numbers, counts and stamps continue.
     pub(crate) fn replace_device(&mut self, frame: NeuroFrame, delay_us: u32) {
         let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
         self.frame = frame;
@@ -112,8 +115,8 @@ impl SampleStream {
         self.restart();
     }
 
-    /// The device begins its stream anew: samples count from 0. What was in an unfinished frame
-    /// stays away.
+    /// Restarts the stream: the device counts samples from 0 again. Samples of an unfinished frame are
+    /// not published.
     pub(crate) fn restart(&mut self) {
         self.count_unpublished(self.filled as u64);
         self.next = 0;
@@ -122,13 +125,13 @@ impl SampleStream {
         self.newest.fill(0.0);
     }
 
-    /// Samples that will be in no frame; a device that jumps by 2^63 samples has more than can be
-    /// counted.
+    /// Counts samples that no frame will contain. Saturates, because a faulty device can jump by 2^63
+    /// samples.
     fn count_unpublished(&mut self, samples: u64) {
         self.counts.unpublished = self.counts.unpublished.saturating_add(samples);
     }
 
-    /// Channels of a sample.
+    /// Number of channels of a sample, electrodes and spare channels.
     pub(crate) fn width(&self) -> usize {
         self.newest.len()
     }
@@ -137,29 +140,30 @@ impl SampleStream {
         &self.counts
     }
 
-    /// Stamps that had to be moved forwards.
+    /// Number of stamps that were moved forwards.
     pub(crate) fn moved_stamps(&self) -> u64 {
         self.stamps.moved()
     }
 
-    /// Lost samples since this was asked last.
+    /// Returns the number of samples lost since the last call.
     pub(crate) fn lost_since_report(&mut self) -> u64 {
         let reported = std::mem::replace(&mut self.counts.reported, self.counts.lost);
         self.counts.lost - reported
     }
 
-    /// A message came whose content does not fit the device: its samples will be missing.
+    /// Counts a message whose content does not match the device. Its samples will be missing.
     pub(crate) fn reject(&mut self, why: &str) {
         if self.counts.malformed == 0 {
             tracing::error!(
-                "the device sends samples that do not fit its capabilities ({why}); they are left \
-                 out and counted; bring firmware and bridge to the same release"
+                "the device sends samples that do not match its capabilities ({why}); they are \
+                 counted and not published; bring firmware and bridge to the same release"
             );
         }
         self.counts.malformed += 1;
     }
 
-    /// Samples came, whole ones: `trigger_sample` says which ADC sample belongs to an index.
+    /// Publishes the samples of a message, after fillers for those lost before them. `trigger_sample`
+    /// maps an index of this stream to the index of an ADC sample.
     pub(crate) fn receive(
         &mut self,
         samples: Samples<'_>,
@@ -174,11 +178,11 @@ impl SampleStream {
             .checked_add(count as u64)
             .filter(|_| count > 0)
         else {
-            return self.reject("no samples, or an index that cannot be");
+            return self.reject("there are no samples, or their index is impossible");
         };
         let last = last - 1;
         if samples.first < self.next {
-            tracing::warn!(sample = samples.first, "the device began its samples anew");
+            tracing::warn!(sample = samples.first, "the device restarted its samples");
             self.restart();
         }
         let rate_hz = self.frame.sr;
@@ -187,7 +191,7 @@ impl SampleStream {
             u64::try_from(us).unwrap_or(u64::MAX)
         };
         let Some(us) = samples.last_us.or_else(|| self.timeline.map(extrapolated)) else {
-            return self.reject("a time that cannot be");
+            return self.reject("their time is impossible");
         };
         let timeline = SampleTimeline {
             index: last,
@@ -209,7 +213,7 @@ impl SampleStream {
         self.timeline = Some(timeline);
     }
 
-    /// Made-up samples in place of the `lost` ones before those that came.
+    /// Appends fillers for the `lost` samples before the ones that arrived.
     fn fill_gap(&mut self, lost: u64, batch: &mut Batch<'_>) {
         if lost == 0 {
             return;
@@ -226,7 +230,7 @@ impl SampleStream {
             self.append(Flags::FILLER, batch);
             left -= 1;
         }
-        // Nothing is published of a gap that is not filled, but for what is left of its last frame.
+        // A gap that is not filled is skipped in whole frames; only the frames at its ends get fillers.
         let most = match self.filler {
             FillerPolicy::Off => 0,
             FillerPolicy::Last | FillerPolicy::Zeros => u64::from(self.frame.sr) * MAX_FILL_SECONDS,
@@ -248,7 +252,7 @@ impl SampleStream {
         }
     }
 
-    /// The newest sample is the next one of the frame.
+    /// Appends the newest sample to the frame, and publishes the frame when it is full.
     fn append(&mut self, flags: Flags, batch: &mut Batch<'_>) {
         let us = batch.timeline.device_us_at(self.next);
         if self.filled == 0 {
@@ -262,7 +266,10 @@ impl SampleStream {
         frame.eeg.data[row(eeg.len())].copy_from_slice(eeg);
         frame.exg.data[row(exg.len())].copy_from_slice(exg);
         let frames = self.next / self.nsamples as u64;
-        #[expect(clippy::cast_possible_truncation, reason = "wraps, as windows do")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "wraps, like window indices"
+        )]
         let words = TriWords {
             flags: flags.bits(),
             window: frames as u32,
@@ -306,7 +313,7 @@ impl SampleStream {
     }
 }
 
-/// What samples meet on their way into a frame.
+/// Context of the samples of one message.
 struct Batch<'a> {
     timeline: SampleTimeline,
     trigger_sample: &'a dyn Fn(u64) -> u64,

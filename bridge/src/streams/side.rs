@@ -1,4 +1,4 @@
-//! What a device streams beside its codes.
+//! Optional streams of a device: samples, filtered steps, events, audits.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use crate::streams::trigger::Trigger;
 use crate::time::clock::Clock;
 use crate::time::host_time::HostTime;
 
-/// What a device streams beside its codes: samples, filtered steps, events, audited windows.
+/// Converts and checks the messages of the optional streams: samples, filtered steps, events, audits.
 #[derive(Debug)]
 pub(crate) struct SideStreams {
     settings: Settings,
@@ -25,18 +25,18 @@ pub(crate) struct SideStreams {
     pub(crate) filtered: Option<SampleStream>,
     pub(crate) events: EventStream,
     pub(crate) trigger: Trigger,
-    /// Messages that nobody asked for, or that came before the device introduced itself.
+    /// Number of messages that were not requested, or that arrived before the device's introduction.
     pub(crate) unused: u64,
-    /// Audits that cannot be compared: of another model, format or size.
+    /// Number of audits that cannot be compared, because their model, format or size differs.
     pub(crate) audits_unusable: u64,
-    /// Samples of the message at hand, uV.
+    /// Samples of the current message, uV; a buffer that is reused.
     microvolts: Vec<f32>,
 }
 
-/// When a message was made and read.
+/// Device time and host time of a message, with the clock that relates them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MessageTime<'a> {
-    /// The header's time; none if it cannot be right.
+    /// Device time in the header, microseconds; `None` if it is impossible.
     pub(crate) device_us: Option<u64>,
     pub(crate) read: HostTime,
     pub(crate) clock: &'a Clock,
@@ -57,10 +57,10 @@ impl SideStreams {
         }
     }
 
-    /// From here on messages are this device's.
+    /// Sets the device that the following messages belong to.
     pub(crate) fn set_device(&mut self, device: &Arc<Device>) {
         let wanted = |stream| self.settings.streams.contains(stream);
-        // What the ADC measured was not delayed by any filter.
+        // Raw samples have not passed the filters, so their delay is 0.
         let streams = [
             (&mut self.raw, Streams::RAW, device.raw_frame(), 0),
             (
@@ -82,7 +82,7 @@ impl SideStreams {
         self.device = Some(Arc::clone(device));
     }
 
-    /// The device begins its streams anew: samples and steps count from 0.
+    /// Restarts all streams: the device counts samples and steps from 0 again.
     pub(crate) fn restart(&mut self) {
         for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
             stream.restart();
@@ -90,14 +90,14 @@ impl SideStreams {
         self.restart_events();
     }
 
-    /// The device has begun its streams anew and only its codes told so; samples and steps see it by
-    /// themselves, and may have done before.
+    /// Restarts events and trigger after a restart that only the codes revealed. Samples and steps
+    /// detect it from their own indices, perhaps earlier.
     pub(crate) fn restart_events(&mut self) {
         self.events.restart();
         self.trigger.restart();
     }
 
-    /// ADC samples came.
+    /// Publishes the ADC samples of a message, scaled to uV.
     pub(crate) fn receive_raw(
         &mut self,
         raw: &Raw,
@@ -110,9 +110,9 @@ impl SideStreams {
         };
         let bytes = usize::from(raw.channels) * COUNT_BYTES;
         if usize::from(raw.channels) != stream.width() || !raw.counts.len().is_multiple_of(bytes) {
-            return stream.reject("raw samples of other channels, or cut");
+            return stream.reject("raw samples have another number of channels, or are cut off");
         }
-        #[expect(clippy::cast_possible_truncation, reason = "a range, 187500 uV")]
+        #[expect(clippy::cast_possible_truncation, reason = "within 187500 uV")]
         let microvolt = |count| (f64::from(count) * device.uv_per_count) as f32;
         self.microvolts.clear();
         self.microvolts.extend(raw.counts().map(microvolt));
@@ -128,7 +128,7 @@ impl SideStreams {
         });
     }
 
-    /// Filtered steps came.
+    /// Publishes the filtered steps of a message, scaled to uV.
     pub(crate) fn receive_filtered(
         &mut self,
         filtered: &Filtered,
@@ -143,13 +143,14 @@ impl SideStreams {
         let fits = usize::from(filtered.electrodes) == stream.width()
             && filtered.values.len().is_multiple_of(bytes);
         if !fits {
-            return stream.reject("filtered steps of other electrodes, or cut");
+            return stream
+                .reject("filtered steps have another number of electrodes, or are cut off");
         }
         let value_uv = device.uv_per_count * 2_f64.powi(-i32::from(filtered.fraction_bits));
         let range_uv = device.full_scale_uv;
-        #[expect(clippy::cast_possible_truncation, reason = "a range, 187500 uV")]
+        #[expect(clippy::cast_possible_truncation, reason = "clamped to 187500 uV")]
         let microvolt =
-            // What lies beyond the announced range reads back as infinite from a recording.
+            // A recorder stores values outside the announced range as infinite.
             |value| (f64::from(value) * value_uv).clamp(-range_uv, range_uv) as f32;
         self.microvolts.clear();
         self.microvolts.extend(filtered.values().map(microvolt));
@@ -166,7 +167,7 @@ impl SideStreams {
         });
     }
 
-    /// Something happened at the device.
+    /// Publishes an event and records the trigger's new level.
     pub(crate) fn receive_event(
         &mut self,
         event: Event,
@@ -184,7 +185,7 @@ impl SideStreams {
         }
     }
 
-    /// A window came with its code; `model` is the device's, if this bridge has it.
+    /// Passes an audited window on for comparison. `model` is the device's model, if this bridge has it.
     pub(crate) fn receive_audit(
         &mut self,
         audit: &Audit,
@@ -196,7 +197,7 @@ impl SideStreams {
             self.unused += 1;
             return;
         };
-        // Without its model nothing can be said; `/diagnostics` says that it is missing.
+        // `/diagnostics` reports the missing model already.
         let Some(model) = model else {
             self.unused += 1;
             return;
@@ -208,8 +209,8 @@ impl SideStreams {
             if self.audits_unusable == 0 {
                 tracing::error!(
                     planes = audit.planes.len(),
-                    "the device's audits are of another model, format or size than its codes; \
-                     they are counted and not compared"
+                    "the device's audits differ from its codes in model, format or size; they are \
+                     counted and not compared"
                 );
             }
             self.audits_unusable += 1;

@@ -1,4 +1,4 @@
-//! Stamps that only go forwards.
+//! Time stamps of published frames.
 
 use neuro_ros::Stamp;
 
@@ -6,27 +6,30 @@ use crate::streams::trigger::Trigger;
 use crate::time::clock::Clock;
 use crate::time::host_time::HostTime;
 
-/// When something came, and what tells of the times before it.
+/// Context in which a message is converted: when it was read, the fitted clock, the trigger input.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reception<'a> {
-    /// When it was read.
+    /// Host time at which the message was read.
     pub(crate) read: HostTime,
     pub(crate) clock: &'a Clock,
     pub(crate) trigger: &'a Trigger,
 }
 
-/// Stamps that only go forwards, whatever the clocks do: each at least 1 us after the last.
+/// Stamps that increase by at least 1 us each, whatever the clocks do.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MonotoneStamps {
     last_ns: i64,
     moved: u64,
-    /// Steps back of the wall clock that the stamps have followed.
+    /// Number of steps back of the wall clock that the stamps have followed.
     steps_back: u32,
 }
 
 impl MonotoneStamps {
-    /// The stamp of a time on a wall clock that was stepped back `steps_back` times, each time too
-    /// far to wait for it: after such a step a stamp may lie before the last.
+    /// Returns the stamp for `nanoseconds` on the wall clock, moved forwards if it does not exceed the
+    /// last stamp.
+    ///
+    /// `steps_back` counts the wall clock's long steps back ([`Clock::wall_steps_back`]). After such a
+    /// step the stamp goes back with the clock.
     pub(crate) fn next(&mut self, nanoseconds: i64, steps_back: u32) -> Stamp {
         if std::mem::replace(&mut self.steps_back, steps_back) != steps_back {
             self.last_ns = 0;
@@ -37,7 +40,7 @@ impl MonotoneStamps {
         Stamp::from_nanoseconds(self.last_ns)
     }
 
-    /// Stamps that had to be moved forwards.
+    /// Number of stamps that were moved forwards.
     pub(crate) fn moved(&self) -> u64 {
         self.moved
     }

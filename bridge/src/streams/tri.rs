@@ -1,32 +1,33 @@
-//! The status words beside every sample.
+//! Status words in the `tri` block of every NeuroFrame.
 
 use neuro_ros::NeuroDataInfo;
 
-/// Labels of the words, in order.
+/// Labels of the eight `tri` channels, in the order of [`TriWords::words`].
 pub const TRI_LABELS: [&str; 8] = [
     "flags", "seq_lo", "seq_hi", "t_us_0", "t_us_1", "t_us_2", "lost", "trigger",
 ];
 
-/// The status of one code. Every word is 16 bits, 0 to 65535, because the recorder stores `tri`
-/// as float32, which holds integers exactly only up to 2^24.
+/// Status of one code, sample or step, published as eight `tri` words.
+///
+/// Every word has 16 bits (0 to 65535), because the recorder stores `tri` as float32, which is exact
+/// for integers up to 2^24 only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TriWords {
-    /// [`link::Flags`], `filler` included.
+    /// Bits of [`link::Flags`], including `filler`.
     pub flags: u16,
-    /// Index of the code since the device's start of the stream.
+    /// Index since `Start`: of the code's window, or of the frame of samples or steps.
     pub window: u32,
-    /// Device time of the window's last sample, microseconds; the words hold its low 48 bits
-    /// (8.9 years).
+    /// Device time of the window's last sample, or of the sample or step itself, microseconds. The
+    /// words hold its low 48 bits (8.9 years).
     pub device_time_us: u64,
-    /// Codes lost since the bridge began, modulo 2^16; beside samples and steps, those of their own
-    /// stream.
+    /// Codes, samples or steps of this stream that were lost since the bridge started, modulo 2^16.
     pub lost: u64,
-    /// Trigger input; 0 as long as the device sends no events.
+    /// Level of the trigger input, 0 or 1; 0 while the device sends no events.
     pub trigger: u16,
 }
 
 impl TriWords {
-    /// The words in the order of [`TRI_LABELS`].
+    /// Returns the words in the order of [`TRI_LABELS`].
     pub fn words(&self) -> [i32; 8] {
         let [t0, t1, t2, _] = sixteen_bits(self.device_time_us);
         let [lost, ..] = sixteen_bits(self.lost);
@@ -40,7 +41,7 @@ fn sixteen_bits(value: u64) -> [u16; 4] {
     std::array::from_fn(|word| u16::from_le_bytes([bytes[2 * word], bytes[2 * word + 1]]))
 }
 
-/// The block's description for frames of `nsamples` samples.
+/// Returns the description of a `tri` block with `nsamples` samples.
 pub(crate) fn tri_info(nsamples: u16) -> NeuroDataInfo {
     NeuroDataInfo {
         nsamples,
@@ -60,7 +61,7 @@ mod tests {
     use super::{TRI_LABELS, TriWords};
 
     #[test]
-    fn words_put_together_give_the_values_back() {
+    fn values_are_split_into_words_low_word_first() {
         let words = TriWords {
             flags: 0x8011,
             window: 0xDEAD_BEEF,

@@ -1,15 +1,15 @@
-//! The level of the trigger input.
+//! Level of the trigger input.
 
 use std::collections::VecDeque;
 
-/// Edges that are remembered: samples are published within a frame of their edges, and no
-/// experiment has this many edges in one.
+/// Number of edges that are kept. Samples are published within one frame of their edges, and no
+/// experiment has this many edges in one frame.
 const MAX_EDGES: usize = 256;
 
-/// The level of the trigger input from sample to sample, as far as edges have come.
+/// Level of the trigger input at each sample, reconstructed from the edges that arrived.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Trigger {
-    /// Level before the oldest edge that is remembered.
+    /// Level before the oldest edge in `edges`.
     level_before: u16,
     edges: VecDeque<Edge>,
 }
@@ -21,7 +21,7 @@ struct Edge {
 }
 
 impl Trigger {
-    /// From `sample` on the level is `level`.
+    /// Records that the level is `level` from `sample` on.
     pub(crate) fn record_edge(&mut self, sample: u64, level: u16) {
         if self.edges.len() == MAX_EDGES
             && let Some(oldest) = self.edges.pop_front()
@@ -31,7 +31,7 @@ impl Trigger {
         self.edges.push_back(Edge { sample, level });
     }
 
-    /// Samples count from 0 again; the level stays.
+    /// Restarts the sample index at 0 and keeps the current level.
     pub(crate) fn restart(&mut self) {
         if let Some(newest) = self.edges.back() {
             self.level_before = newest.level;
@@ -39,8 +39,8 @@ impl Trigger {
         self.edges.clear();
     }
 
-    /// 0 or 1: the level when an ADC sample was taken, by its index since Start; 0 before the first
-    /// edge ever.
+    /// Returns the level, 0 or 1, at an ADC sample, given by its index since `Start`; 0 before the
+    /// first edge.
     pub(crate) fn level_at(&self, sample: u64) -> u16 {
         let newest = self.edges.iter().rev().find(|edge| edge.sample <= sample);
         newest.map_or(self.level_before, |edge| edge.level)
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn the_level_outlives_a_restart_and_edges_that_are_forgotten() {
+    fn the_level_survives_a_restart_and_discarded_edges() {
         let mut trigger = Trigger::default();
         trigger.record_edge(10, 1);
         trigger.restart();

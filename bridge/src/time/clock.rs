@@ -1,64 +1,70 @@
-//! The device's clock in terms of the host's.
+//! Fit of the device's clock to the host's.
 //!
-//! Every code carries the device's time of its last sample and arrives after some delay that is
-//! never negative and sometimes close to its minimum. The drift of the device's clock is the slope
-//! of the lower edge of all points (device time, host time) of the last two minutes: the edge of
-//! their lower convex hull that spans the middle, which is the line under all points with the
-//! least mean distance to them (Moon, Skelly, Towsley, INFOCOM 1999). The offset is the least
-//! lag of the last 10 s once the drift is taken out, so that a change of drift shows within
-//! seconds; it falls at once but rises no faster than a clock can drift, so that a stalled host
-//! does not shift it. Host times are monotonic ones; the wall clock is added last.
+//! Every code carries the device time of its last sample. It arrives after a delay that is never
+//! negative and sometimes close to its minimum.
 //!
-//! Delays of one direction alone cannot tell the least delay from an offset of the clocks, so every
-//! stamp is late by the least time from a code's last sample to its reading: the encoder's run and
-//! the link's transfer. That is a constant, which shifts all frames of a recording alike.
+//! * Drift: the slope of the lower convex hull of the points (device time, host time) of the last
+//!   two minutes, at the edge that spans the middle. That edge is the line below all points with the
+//!   least mean distance to them (Moon, Skelly, Towsley, INFOCOM 1999).
+//! * Offset: the least lag of the last 10 s with the drift removed, so that a change of drift shows
+//!   within seconds. The offset falls at once but rises no faster than a clock can drift, so that a
+//!   stalled host does not shift it.
+//!
+//! The fit uses monotonic host times; the wall clock's offset is added last.
+//!
+//! One-way delays cannot separate the least delay from an offset between the clocks. Every stamp is
+//! therefore late by the least time from a code's last sample to its reading: the encoder's run and
+//! the transfer. That delay is constant and shifts all frames of a recording alike.
 
 use std::collections::VecDeque;
 
 use crate::time::host_time::HostTime;
 use crate::time::hull::{Point, slope_at_middle};
 
-/// Device time over which the least lag is taken, microseconds. A 20 ppm change of drift costs
-/// 0.2 ms over it; bunching by 16 ms meets every phase of a 62.5 ms interval in 2 s.
+/// Device time over which the least lag is searched, microseconds. A 20 ppm change of drift costs
+/// 0.2 ms over it. Reads in multiples of 16 ms meet every phase of a 62.5 ms interval within 2 s.
 const OFFSET_SPAN_US: f64 = 10e6;
-/// Device time of one block; each gives the drift one point, its earliest arrival.
+/// Device time of one block, microseconds. The earliest arrival of each block is one point of the
+/// drift's fit.
 const BLOCK_US: f64 = 2e6;
-/// Blocks that the drift is fitted over: 2 minutes.
+/// Number of blocks in the drift's fit: 2 minutes.
 const BLOCKS: usize = 60;
-/// Blocks before the drift is believed: 10 s; 1 ms of jitter is 100 ppm over them.
+/// Number of blocks before the drift is fitted: 10 s, over which 1 ms of jitter is 100 ppm.
 const MIN_BLOCKS: usize = 5;
-/// Two clocks that differ by more are not crystals: bound of the fitted drift.
+/// Bound of the fitted drift. Two crystals never differ by more.
 const MAX_DRIFT: f64 = 500e-6;
-/// How fast the offset may rise: the bound of what is left of the drift.
+/// Fastest rise of the offset: the bound of the drift that the fit has left.
 const MAX_RISE: f64 = 200e-6;
-/// How fast the wall clock is followed while it is slewed; NTP slews by at most 500 ppm.
+/// Fastest change of the wall clock's offset while the wall clock is slewed. NTP slews by at most
+/// 500 ppm.
 const WALL_SLEW: f64 = 600e-6;
-/// A wall clock that is off by more was stepped, nanoseconds.
+/// Deviation of the wall clock above which it was stepped, nanoseconds.
 const WALL_STEP_NS: i64 = 20_000_000;
-/// After a step backwards time goes on at 0.9 of its speed until it is caught up: monotone.
+/// Fraction by which time is slowed after a step backwards until the wall clock has caught up, so
+/// that stamps never go backwards.
 const WALL_CATCH_UP: f64 = 0.1;
-/// A longer step backwards is followed at once, and stamps go back with it: waiting would make
-/// them wrong for more than 5 minutes. Nanoseconds.
+/// Longest step backwards that is caught up by slowing time, nanoseconds. A longer one is followed at
+/// once and stamps go back with it, because catching up would take more than 5 minutes.
 const WALL_WAIT_NS: i64 = 30_000_000_000;
-/// A frame that was read so much before it was made has a wrong time, microseconds: the clocks
-/// agree to some milliseconds.
+/// Longest time by which a frame can seem to be read before it was made, microseconds. The clocks
+/// agree to some milliseconds, so a frame above this has a wrong device time.
 const MAX_EARLY_US: f64 = 1e6;
-/// So many refused times in a row are right, and what the fit knows is wrong: half a second.
+/// Number of refused times in a row after which the fit itself is taken for wrong: half a second.
 const REFUSED_TO_RESTART: u32 = 8;
 
-/// The device's clock in terms of the host's.
+/// Fit of the device's clock to the host's monotonic clock, and the smoothed wall clock.
 #[derive(Clone, Debug, Default)]
 pub struct Clock {
-    /// Where device time and host time are counted from; keeps the numbers small.
+    /// Device time and host time that the points are relative to, which keeps their f64 exact.
     origin: Option<(u64, i64)>,
     recent: VecDeque<Point>,
     blocks: VecDeque<Point>,
     block: Option<Point>,
-    /// Host seconds per device second, minus 1.
+    /// Host seconds per device second, minus 1; dimensionless.
     drift: f64,
     /// Host time minus device time times (1 + drift), at the origin, microseconds.
     offset: f64,
-    /// Device time of the last point.
+    /// Latest device time of any point, microseconds since the origin.
     newest: f64,
     wall: Option<Wall>,
     wall_steps: u32,
@@ -67,17 +73,17 @@ pub struct Clock {
     refused_in_a_row: u32,
 }
 
-/// Wall clock minus monotonic clock, as used.
+/// Smoothed offset of the wall clock from the monotonic clock.
 #[derive(Clone, Copy, Debug)]
 struct Wall {
     offset_ns: i64,
     read_at_us: i64,
-    /// A step backwards is being caught up.
+    /// Whether a step backwards is being caught up.
     catching_up: bool,
 }
 
 impl Clock {
-    /// Forget the device's clock (it was reset); the wall clock stays known.
+    /// Discards the fit, because the device was reset. The wall clock's state stays.
     pub fn restart(&mut self) {
         *self = Clock {
             wall: self.wall,
@@ -88,27 +94,27 @@ impl Clock {
         };
     }
 
-    /// Whether a frame can have been made at this device time: not before the newest one, and
-    /// not after it was read. False also as long as nothing is known.
+    /// Returns whether a frame can have been made at this device time: not before the newest frame and
+    /// not after it was read. False before the first observation.
     pub fn admits(&self, device_us: u64, read: HostTime) -> bool {
         let behind = |(origin, _)| difference(device_us, origin) < self.newest;
         !self.origin.is_some_and(behind) && self.is_possible(device_us, read)
     }
 
-    /// Whether a frame that was read at this host time can have been made at this device time: not
-    /// after it was read. False also as long as nothing is known.
+    /// Returns whether a frame that was read at this host time can have been made at this device time,
+    /// that is, not after it was read. False before the first observation.
     pub fn is_possible(&self, device_us: u64, read: HostTime) -> bool {
         let lag_us = self.lag_us(device_us, read.monotonic_us);
         lag_us.is_some_and(|lag| lag >= -MAX_EARLY_US)
     }
 
-    /// Whether the clock has seen any frame since it was made or restarted.
+    /// Returns whether any frame was observed since creation or the last restart.
     pub fn is_known(&self) -> bool {
         self.origin.is_some()
     }
 
-    /// Host time minus what the fit says for a device time, microseconds; `None` before the first
-    /// observation.
+    /// Returns the host time minus the fitted host time of a device time, microseconds; `None` before
+    /// the first observation.
     pub(crate) fn lag_us(&self, device_us: u64, host_us: i64) -> Option<f64> {
         let (device_origin, host_origin) = self.origin?;
         let device = difference(device_us, device_origin);
@@ -116,8 +122,9 @@ impl Clock {
         Some(host - device * (1.0 + self.drift) - self.offset)
     }
 
-    /// A frame of this device time was read at this host time. Returns false if the time cannot
-    /// be right; then it is not used, unless several in a row agree that the fit is wrong.
+    /// Adds a frame with this device time, read at this host time, to the fit. Returns false and
+    /// ignores the frame if its time is impossible; the eighth impossible time in a row restarts the
+    /// fit instead.
     pub fn observe(&mut self, device_us: u64, read: HostTime) -> bool {
         self.follow_wall(read);
         if self.origin.is_some() && !self.admits(device_us, read) {
@@ -126,7 +133,7 @@ impl Clock {
             if self.refused_in_a_row < REFUSED_TO_RESTART {
                 return false;
             }
-            tracing::warn!("the device's clock jumped; it is fitted anew");
+            tracing::warn!("the device's clock jumped; its fit restarts");
             self.restart();
         }
         self.refused_in_a_row = 0;
@@ -168,7 +175,7 @@ impl Clock {
                 if self.blocks.len() >= MIN_BLOCKS {
                     let drift = slope_at_middle(self.blocks.make_contiguous()) - 1.0;
                     let drift = drift.clamp(-MAX_DRIFT, MAX_DRIFT);
-                    // The line turns about the newest point, so that stamps do not jump.
+                    // Rotate the line about the newest point, so that stamps do not jump.
                     self.offset += (self.drift - drift) * self.newest;
                     self.drift = drift;
                 }
@@ -227,7 +234,8 @@ impl Clock {
         wall.offset_ns += off.clamp(-most, most);
     }
 
-    /// Wall clock at a device time, nanoseconds since 1970; `None` before the first observation.
+    /// Returns the wall clock at a device time, nanoseconds since 1970; `None` before the first
+    /// observation.
     pub fn wall_ns(&self, device_us: i128) -> Option<i64> {
         let (device_origin, host_origin) = self.origin?;
         let wall = self.wall?;
@@ -243,7 +251,7 @@ impl Clock {
         Some(host_ns.saturating_add(wall.offset_ns))
     }
 
-    /// Wall clock at a host time, nanoseconds since 1970: as read, but followed smoothly.
+    /// Returns the smoothed wall clock at a host time, nanoseconds since 1970.
     pub fn wall_of_host_ns(&self, read: HostTime) -> i64 {
         let offset_ns = self
             .wall
@@ -252,12 +260,12 @@ impl Clock {
         host_ns.saturating_add(offset_ns)
     }
 
-    /// How much faster the host's clock runs than the device's, parts per million.
+    /// Rate of the host's clock relative to the device's, minus 1, in parts per million.
     pub fn drift_ppm(&self) -> f64 {
         self.drift * 1e6
     }
 
-    /// Median of what the blocks' earliest arrivals lie above the fit, microseconds.
+    /// Median delay of the blocks' earliest arrivals after the fit, microseconds.
     pub fn residual_us(&self) -> f64 {
         let mut residuals: Vec<f64> = self
             .blocks
@@ -268,7 +276,7 @@ impl Clock {
         residuals.get(residuals.len() / 2).copied().unwrap_or(0.0)
     }
 
-    /// How much later than the fit the newest frame came, microseconds.
+    /// Delay of the newest frame after the fit, microseconds.
     pub fn newest_delay_us(&self) -> f64 {
         let newest = self.recent.back();
         newest.map_or(0.0, |point| {
@@ -276,17 +284,17 @@ impl Clock {
         })
     }
 
-    /// How often the host's wall clock was stepped, either way.
+    /// Number of steps of the host's wall clock in either direction.
     pub fn wall_steps(&self) -> u32 {
         self.wall_steps
     }
 
-    /// How often it was stepped back by more than is waited for, so that time went backwards.
+    /// Number of steps back of the wall clock by more than 30 s, each of which moved stamps back.
     pub fn wall_steps_back(&self) -> u32 {
         self.wall_steps_back
     }
 
-    /// Frames whose device time could not be right.
+    /// Number of frames whose device time was impossible.
     pub fn refused(&self) -> u64 {
         self.refused
     }

@@ -1,21 +1,21 @@
-//! The host's two clocks, read together.
+//! A reading of the host's two clocks.
 
 use std::sync::OnceLock;
 use std::time::Instant;
 
 use neuro_ros::Stamp;
 
-/// The host's two clocks, read together.
+/// A reading of the host's monotonic clock and wall clock at the same instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostTime {
-    /// Monotonic, microseconds since the program began; never steps.
+    /// Monotonic clock, microseconds since the first reading in this process; never steps.
     pub monotonic_us: i64,
-    /// Wall clock, nanoseconds since 1970; can be stepped by NTP or by hand.
+    /// Wall clock, nanoseconds since 1970; NTP or the user can step it.
     pub wall_ns: i64,
 }
 
 impl HostTime {
-    /// Both clocks now.
+    /// Reads both clocks.
     pub fn now() -> HostTime {
         static START: OnceLock<Instant> = OnceLock::new();
         let since = START.get_or_init(Instant::now).elapsed();

@@ -1,16 +1,17 @@
-//! The line under a cloud of points.
+//! Lower convex hull of points in time, for the fit of a clock's drift.
 
-/// When the device says it happened, and when the host saw it; microseconds since some origin.
+/// Device time of an event and host time of its reading, both in microseconds since an origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Point {
     pub(crate) device: f64,
     pub(crate) host: f64,
 }
 
-/// Slope of the line that lies under all points and has the least mean distance to them: the
-/// edge of the lower convex hull above which the mean of the device times lies.
+/// Returns the slope of the line below all points that has the least mean distance to them: the edge
+/// of the lower convex hull that spans the mean device time.
 ///
-/// Points come in the order of device time (Andrew's monotone chain). One point has slope 1.
+/// `points` must be sorted by device time (Andrew's monotone chain). Fewer than two distinct device
+/// times have slope 1.
 pub(crate) fn slope_at_middle(points: &[Point]) -> f64 {
     let mut hull: Vec<Point> = Vec::with_capacity(points.len());
     for &point in points {
@@ -48,7 +49,7 @@ mod tests {
     }
 
     #[test]
-    fn points_above_the_line_do_not_turn_it() {
+    fn points_above_the_hull_do_not_change_the_slope() {
         let cloud = [
             (0.0, 0.0),
             (1.0, 9.0),
@@ -61,14 +62,14 @@ mod tests {
     }
 
     #[test]
-    fn no_line_is_the_line_of_equal_clocks() {
+    fn too_few_points_have_the_slope_of_equal_clocks() {
         for points in [&[][..], &[(3.0, 7.0)], &[(3.0, 7.0), (3.0, 8.0)]] {
             assert!((slope(points) - 1.0).abs() < 1e-12);
         }
     }
 
     #[test]
-    fn of_a_bend_the_middle_counts() {
+    fn a_bent_hull_has_the_slope_of_its_middle() {
         let bend = [(0.0, 0.0), (1.0, 1.0), (2.0, 3.0), (3.0, 5.0), (4.0, 7.0)];
         assert!((slope(&bend) - 2.0).abs() < 1e-12);
     }

@@ -1,16 +1,16 @@
-//! How long a question to the device and its answer take.
+//! Round trips of clock queries, which bound the constant delay of the stamps.
 //!
-//! The fit of [`Clock`] sees one direction alone: every device time that it gives is late by the
-//! least delay from a code's last sample to its reading, and no code can tell by how much. A round
-//! trip bounds it. The device read the question after the host had sent it, and the host read the
-//! answer after the device had made it; so of the fit's times H(t)
+//! The fit of [`Clock`] sees one direction only: its host times are late by the least delay from a
+//! code's last sample to its reading, and codes alone cannot show how large that delay is. A round
+//! trip bounds it. The device read the query after the host had sent it, and the host read the answer
+//! after the device had made it. With the fitted host time H(t) of a device time t:
 //!
 //! ```text
-//! H(answer made) - answer read  <=  late by  <=  H(question read) - question sent
+//! H(answer made) - answer read  <=  stamps late by  <=  H(query read) - query sent
 //! ```
 //!
-//! and the two bounds are as far apart as the round trip is long, the device's own part of it taken
-//! out. Half of it is what the clocks' offset is known to.
+//! The distance between the bounds is the round trip less the time inside the device. Half of it is
+//! the uncertainty of the offset between the clocks.
 
 use std::collections::VecDeque;
 
@@ -19,34 +19,35 @@ use link::ClockReading;
 use crate::time::clock::Clock;
 use crate::time::host_time::HostTime;
 
-/// Readings are kept so long, microseconds.
+/// Time for which a round trip is kept, microseconds.
 const RETENTION_US: i64 = 60_000_000;
 
-/// Round trips of the last minute.
+/// Clock queries of the last minute with their answers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RoundTrips {
     recent: VecDeque<RoundTrip>,
-    /// Answers that fit no request, or with times that cannot be.
+    /// Number of answers without a matching query, or with impossible times.
     impossible: u64,
 }
 
-/// One question and its answer.
+/// One clock query with its answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RoundTrip {
     read: HostTime,
-    /// Microseconds under way, both directions together.
+    /// Transfer time of query and answer together, without the time inside the device, microseconds.
     pub(crate) transit_us: f64,
-    /// The least and the most that the fit's times can be late by, microseconds.
+    /// Lower and upper bound of the delay of the fitted times, microseconds; `None` without a fit.
     pub(crate) late_us: Option<[f64; 2]>,
 }
 
 impl RoundTrips {
-    /// Another boot or another device.
+    /// Discards the round trips of another boot or another device.
     pub(crate) fn clear(&mut self) {
         self.recent.clear();
     }
 
-    /// An answer, made at `made_us`, to what was asked at `sent_us`; none if nothing was asked.
+    /// Records an answer that the device made at `made_us` (device time) to the query that was sent at
+    /// `sent_us` (host time), if any was sent.
     pub(crate) fn record(
         &mut self,
         sent_us: Option<i64>,
@@ -55,9 +56,9 @@ impl RoundTrips {
         read: HostTime,
         clock: &Clock,
     ) {
-        let asked = |sent: &i64| u64::try_from(*sent) == Ok(reading.host_time_us);
+        let matches_query = |sent: &i64| u64::try_from(*sent) == Ok(reading.host_time_us);
         let answer = sent_us
-            .filter(asked)
+            .filter(matches_query)
             .zip(made_us.checked_sub(reading.received_us));
         let transit_us = answer.map(|(sent_us, inside_us)| {
             #[expect(clippy::cast_precision_loss, reason = "seconds, in microseconds")]
@@ -82,7 +83,7 @@ impl RoundTrips {
         }
     }
 
-    /// The shortest of the last minute.
+    /// Returns the shortest round trip of the minute before `now`.
     pub(crate) fn shortest(&self, now: HostTime) -> Option<RoundTrip> {
         let fresh = |trip: &&RoundTrip| trip.read.monotonic_us >= now.monotonic_us - RETENTION_US;
         let by_length = |a: &&RoundTrip, b: &&RoundTrip| a.transit_us.total_cmp(&b.transit_us);

@@ -1,14 +1,14 @@
-//! Where the device is.
+//! Address of the device: serial port, pseudoterminal or TCP server.
 
 use std::fmt;
 use std::io;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-/// Where the device is: a serial port, a pseudoterminal or a TCP address.
+/// Address of the device, as `--port` takes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum PortAddress {
-    /// A serial port or a pseudoterminal.
+    /// Path of a serial port or a pseudoterminal.
     Tty(PathBuf),
     /// Host and port of a TCP server, written `tcp:HOST:PORT`.
     Tcp(String),
@@ -28,30 +28,31 @@ impl FromStr for PortAddress {
                         Ok(PortAddress::Tcp(address.to_owned()))
                     }
                     _ => Err(format!(
-                        "`{address}` is no host and port; write tcp:127.0.0.1:5555"
+                        "`{address}` is not a host and a port; write tcp:127.0.0.1:5555"
                     )),
                 }
             }
-            // host-sim names its ports so; the path alone is meant.
+            // host-sim prints its pseudoterminals as `pty:PATH`.
             Some(("pty", path)) if !path.is_empty() => Ok(PortAddress::Tty(path.into())),
-            _ if text.is_empty() => Err("an empty path; write /dev/ttyACM0".to_owned()),
+            _ if text.is_empty() => Err("the path is empty; write /dev/ttyACM0".to_owned()),
             _ => Ok(PortAddress::Tty(text.into())),
         }
     }
 }
 
 impl PortAddress {
-    /// What to do when it does not open.
+    /// Returns advice for the user when the port does not open.
     pub(crate) fn remedy(&self, error: io::ErrorKind) -> String {
         match (error, self) {
             (io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused, _) => {
                 "plug the device in, or start host-sim".to_owned()
             }
             (io::ErrorKind::PermissionDenied, _) => {
-                "you may not use it: sudo usermod -aG dialout $USER, then log in again".to_owned()
+                "permission denied: run sudo usermod -aG dialout $USER, then log in again"
+                    .to_owned()
             }
             (io::ErrorKind::ResourceBusy, PortAddress::Tty(path)) => {
-                format!("another program has it: fuser -v {}", path.display())
+                format!("another program uses it: fuser -v {}", path.display())
             }
             _ => "check --port".to_owned(),
         }
@@ -72,7 +73,7 @@ mod tests {
     use super::PortAddress;
 
     #[test]
-    fn paths_and_addresses_are_told_apart() {
+    fn paths_and_tcp_addresses_are_distinguished() {
         let tty = PortAddress::Tty("/dev/ttyACM0".into());
         assert_eq!("/dev/ttyACM0".parse(), Ok(tty.clone()));
         assert_eq!("pty:/dev/ttyACM0".parse(), Ok(tty));
@@ -80,7 +81,7 @@ mod tests {
             "tcp:[::1]:5".parse(),
             Ok(PortAddress::Tcp("[::1]:5".to_owned()))
         );
-        // A path with a colon is a path.
+        // A colon alone does not make a TCP address.
         let by_id = PortAddress::Tty("/dev/serial/by-path/pci-0:1".into());
         assert_eq!("/dev/serial/by-path/pci-0:1".parse(), Ok(by_id));
         for wrong in ["", "tcp:", "tcp:host", "tcp::5", "tcp:host:99999"] {

@@ -1,109 +1,96 @@
-//! What the bridge asks of the device, and when it asks again.
+//! Commands to the device: which one is due, and when it is sent again.
 
 use link::{AckResult, Start, Streams, ToDevice};
 
-/// How long an answer may take before the command is sent again, microseconds.
-const RETRY_US: i64 = 500_000;
-/// After a refusal that will not go away by itself, microseconds.
-const REFUSED_RETRY_US: i64 = 10_000_000;
-/// Silence after which the device is pinged, microseconds; `Stats` comes every second.
-const PING_AFTER_US: i64 = 2_000_000;
-/// Silence after which the port is taken for dead, microseconds; pings were sent meanwhile.
-const UNRESPONSIVE_AFTER_US: i64 = 5_000_000;
-/// Time without a code or `Stats` after which a device that streams is asked who it is,
-/// microseconds: it may have been reset and its `Hello` lost, or stopped by someone else.
-const STARVED_AFTER_US: i64 = 2_000_000;
+use crate::wire::pending::{PendingCommand, RETRY_US};
 
-/// Time between two looks at the clock from which on it was the host that was silent: it slept, or
-/// this program was stopped. What the device said meanwhile waits to be read.
+/// Delay before a refused `Start` is sent again, microseconds.
+const REFUSED_RETRY_US: i64 = 10_000_000;
+/// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
+const PING_AFTER_US: i64 = 2_000_000;
+/// Silence after which the port counts as unresponsive, microseconds. Pings were sent meanwhile.
+const UNRESPONSIVE_AFTER_US: i64 = 5_000_000;
+/// Time without a code or `Stats` after which a streaming device must identify itself again,
+/// microseconds. It may have been reset and its `Hello` lost, or another program stopped it.
+const STARVED_AFTER_US: i64 = 2_000_000;
+/// Time between two calls of `next_command` above which the host itself was suspended, or this
+/// program was stopped, microseconds. The device's messages of that time wait to be read.
 const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
-/// How long after the start of a stream the device's clock is first asked for, microseconds: codes
-/// come by then.
+/// Delay of the first clock query after the start of a stream, microseconds. Codes arrive by then.
 const FIRST_CLOCK_QUERY_US: i64 = 2_000_000;
-/// How often it is asked for then, microseconds.
+/// Time between two clock queries, microseconds.
 const CLOCK_QUERY_INTERVAL_US: i64 = 10_000_000;
 
-/// What the bridge asks of the device: to say who it is, to stop what it may have been doing
-/// before the bridge came, to start. Every command is repeated until it is acknowledged.
+/// Decides which command the device gets next: identify, stop any stream that this bridge did not
+/// start, start. Every command is repeated until it is acknowledged.
 #[derive(Clone, Debug)]
 pub(crate) struct Commands {
     mains_hz: u8,
-    /// What shall stream.
+    /// Streams that the user asks for, always with codes.
     wanted_streams: Streams,
-    /// What the device is asked for: less than that, after it refused.
+    /// Streams that the device is asked for: fewer than `wanted_streams` after it refused some.
     streams: Streams,
     streaming_wanted: bool,
     device: Introduction,
-    /// What the device streams, if anything, was begun by this bridge: it was stopped or reset
-    /// since it is known.
+    /// Whether any stream of the device was started by this bridge: true once the device was stopped,
+    /// until it restarts or another device is connected.
     owns_stream: bool,
     stream: StreamState,
-    pending: Option<Pending>,
+    pending: Option<PendingCommand>,
     connected: bool,
-    /// A refused `Start` is not sent again before.
+    /// Earliest host time of the next `Start`, after a refused one.
     start_not_before_us: i64,
     last_frame_us: i64,
-    /// When the newest code or `Stats` came, or the stream began; `None` while none is due.
+    /// Host time of the newest code or `Stats`, or of the stream's start; `None` while none is expected.
     last_stream_us: Option<i64>,
-    /// When a starved device was last asked who it is.
     last_identify_us: i64,
     clock_query: ClockQuery,
     last_tick_us: i64,
 }
 
-/// What is known about the device since the port was opened.
+/// State of the device's introduction since the port was opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Introduction {
     Missing,
     Usable,
-    /// Its codes cannot be published.
+    /// The device's codes cannot be published.
     Unusable,
 }
 
-/// Whether the device streams.
+/// Whether the device streams, as far as its acknowledgements show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum StreamState {
     Stopped,
-    /// It was asked to, or was streaming when it was last heard of.
+    /// A `Start` has no acknowledgement yet, or the port was reopened.
     Unconfirmed,
     Running,
 }
 
-/// The question for the device's clock, which is not repeated: the next one is as good.
+/// Queries for the device's clock. A lost one is not repeated, because the next one serves as well.
 #[derive(Clone, Copy, Debug, Default)]
 struct ClockQuery {
-    /// When it is due; none while nothing streams.
+    /// Host time at which the next query is due; `None` while nothing streams.
     due_us: Option<i64>,
-    /// Number and host time of the newest one.
+    /// Sequence number and host time of the newest query.
     sent: Option<(u32, i64)>,
-    /// The device does not know it.
+    /// Whether the device does not know this command.
     refused: bool,
 }
 
-/// A command that has no answer yet.
-#[derive(Clone, Copy, Debug)]
-struct Pending {
-    command: ToDevice,
-    first_seq: u32,
-    last_seq: u32,
-    sent_us: i64,
-}
-
-/// What an acknowledgement means to the rest of the bridge.
+/// What an acknowledgement changes for the rest of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AckEffect {
-    /// Nothing that anyone needs to know.
     NoChange,
-    /// The stream begins now.
+    /// The device starts streaming now.
     Started,
-    /// The stream has ended.
+    /// The device has stopped streaming.
     Stopped,
-    /// The device will not do it.
+    /// The device refuses this command for good.
     Refused(ToDevice, AckResult),
 }
 
 impl Commands {
-    /// Nothing is connected yet; streaming is streaming_wanted.
+    /// Creates the state before the first connection. Streaming is wanted from the start.
     pub(crate) fn new(mains_hz: u8, streams: Streams) -> Commands {
         let streams = streams | Streams::CODES;
         Commands {
@@ -125,7 +112,8 @@ impl Commands {
         }
     }
 
-    /// A port was opened: ask who is there. A stream that was ours may still be running.
+    /// Records that a port was opened. The device is identified again; a stream that this bridge
+    /// started may still be running.
     pub(crate) fn connected(&mut self, now_us: i64) {
         self.device = Introduction::Missing;
         self.stream = StreamState::Unconfirmed;
@@ -136,7 +124,7 @@ impl Commands {
         self.last_stream_us = None;
     }
 
-    /// The port has gone: there is nobody to ask.
+    /// Records that the port was closed or lost. No command is due until the next connection.
     pub(crate) fn disconnected(&mut self) {
         self.device = Introduction::Missing;
         self.stream = StreamState::Stopped;
@@ -145,12 +133,12 @@ impl Commands {
         self.last_stream_us = None;
     }
 
-    /// Streaming is streaming_wanted, or not.
+    /// Sets whether the device shall stream.
     pub(crate) fn set_streaming(&mut self, streaming: bool) {
         self.streaming_wanted = streaming;
     }
 
-    /// The device introduced itself; `usable` if its codes can be published.
+    /// Records that the device introduced itself; `usable` if its codes can be published.
     pub(crate) fn device_introduced(&mut self, usable: bool) {
         self.device = if usable {
             Introduction::Usable
@@ -159,8 +147,8 @@ impl Commands {
         };
     }
 
-    /// Another boot, or another device: who it is must be asked, and what it may be streaming,
-    /// since it may have been started by someone else, stopped.
+    /// Records another boot, or another device. It must be identified, and stopped, because another
+    /// program may have started it.
     pub(crate) fn device_restarted(&mut self) {
         self.device = Introduction::Missing;
         self.owns_stream = false;
@@ -172,28 +160,28 @@ impl Commands {
         self.clock_query = ClockQuery::default();
     }
 
-    /// Ask again who is there: the frames do not fit what is known.
+    /// Asks the device to identify itself again, because its frames do not match what is known.
     pub(crate) fn identify_again(&mut self) {
         self.device = Introduction::Missing;
     }
 
-    /// A sound frame came.
+    /// Records that a valid frame arrived.
     pub(crate) fn frame_received(&mut self, now_us: i64) {
         self.last_frame_us = now_us;
     }
 
-    /// A code came, or `Stats` of a running stream.
+    /// Records that a code arrived, or `Stats` of a running stream.
     pub(crate) fn stream_received(&mut self, now_us: i64) {
         self.last_stream_us = Some(now_us);
     }
 
-    /// The device says by itself that it does not stream.
+    /// Records that the device reports no stream though nobody stopped it.
     pub(crate) fn device_stopped(&mut self) {
         self.stream = StreamState::Stopped;
         self.last_stream_us = None;
     }
 
-    /// Whether the device should be streaming, answers perhaps, and sends nothing of a stream.
+    /// Returns whether the device should be streaming and sends neither codes nor `Stats`.
     pub(crate) fn is_starved(&self, now_us: i64) -> bool {
         let last_stream_us = self
             .last_stream_us
@@ -201,53 +189,53 @@ impl Commands {
         last_stream_us.is_some_and(|last_stream_us| now_us - last_stream_us > STARVED_AFTER_US)
     }
 
-    /// What the device is asked to stream: what is streaming_wanted, or what an older one has left of it.
+    /// Streams that the device is asked for: those that the user wants, less those it refused.
     pub(crate) fn streams(&self) -> Streams {
         self.streams
     }
 
-    /// What the device refuses to stream.
+    /// Streams that the user wants and the device refused.
     pub(crate) fn refused_streams(&self) -> Streams {
         Streams::from_bits(self.wanted_streams.bits() & !self.streams.bits())
     }
 
-    /// When the device's clock was asked for last, microseconds of the host's.
+    /// Host time of the newest clock query, microseconds.
     pub(crate) fn clock_query_sent_us(&self) -> Option<i64> {
         self.clock_query.sent.map(|(_, host_us)| host_us)
     }
 
-    /// Whether streaming is streaming_wanted.
+    /// Returns whether the device shall stream and its codes can be published.
     pub(crate) fn wants_stream(&self) -> bool {
         self.streaming_wanted && self.device != Introduction::Unusable
     }
 
-    /// Whether the device introduced itself since the port was opened, and what it streams was
-    /// begun by this bridge.
+    /// Returns whether codes can be published: the device introduced itself since the port was opened,
+    /// and this bridge started its stream.
     pub(crate) fn accepts_codes(&self) -> bool {
         self.device == Introduction::Usable && self.owns_stream
     }
 
-    /// Whether a start was acknowledged and no stop since.
+    /// Returns whether a `Start` was acknowledged, and no `Stop` since.
     pub(crate) fn is_streaming(&self) -> bool {
         self.stream == StreamState::Running
     }
 
-    /// Whether the device may be streaming for this bridge.
+    /// Returns whether the device streams for this bridge, or a `Start` is unconfirmed.
     pub(crate) fn is_possibly_streaming(&self) -> bool {
         self.accepts_codes() && self.stream != StreamState::Stopped
     }
 
-    /// Whether the device has stopped as streaming_wanted, or there is nothing to stop.
+    /// Returns whether no stream is wanted and none is running.
     pub(crate) fn is_stopped(&self) -> bool {
         !self.streaming_wanted && self.stream == StreamState::Stopped
     }
 
-    /// Whether the port has been silent for so long that it is dead.
+    /// Returns whether the connected device has been silent for more than 5 s.
     pub(crate) fn is_unresponsive(&self, now_us: i64) -> bool {
         self.connected && now_us - self.last_frame_us > UNRESPONSIVE_AFTER_US
     }
 
-    /// The command that is due now, if any; it goes out with `seq`.
+    /// Returns the command that is due now, if any. The caller sends it in the frame with number `seq`.
     pub(crate) fn next_command(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         if now_us - self.last_tick_us > HOST_SUSPENDED_AFTER_US {
             self.last_frame_us = now_us;
@@ -261,7 +249,7 @@ impl Commands {
             return self.clock_query(now_us, seq);
         };
         let repeated = self.pending.filter(|pending| pending.command == command);
-        if repeated.is_some_and(|pending| now_us < pending.sent_us + RETRY_US) {
+        if repeated.is_some_and(|pending| !pending.retry_is_due(now_us)) {
             return None;
         }
         if command == ToDevice::Identify {
@@ -270,12 +258,9 @@ impl Commands {
         if matches!(command, ToDevice::Start(_)) {
             self.stream = StreamState::Unconfirmed;
         }
-        let first_seq = repeated.map_or(seq, |pending| pending.first_seq);
-        self.pending = Some(Pending {
-            command,
-            first_seq,
-            last_seq: seq,
-            sent_us: now_us,
+        self.pending = Some(match repeated {
+            Some(pending) => pending.sent_again(seq, now_us),
+            None => PendingCommand::new(command, seq, now_us),
         });
         Some(command)
     }
@@ -311,7 +296,8 @@ impl Commands {
         }
     }
 
-    /// The question for the device's clock, when it is due; one that says nothing is not asked.
+    /// Returns the clock query when it is due. It waits until codes arrive, because without them the
+    /// answer has no fit to compare with.
     fn clock_query(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         let due = self
             .clock_query
@@ -329,8 +315,8 @@ impl Commands {
         Some(ToDevice::SyncTime { host_time_us })
     }
 
-    /// What to ask for after the device refused to stream what was asked for: raw samples are too
-    /// much for a UART, and firmware from before 0.2 knows codes alone.
+    /// Returns the streams to ask for after a refused `Start`: without raw samples, which a UART cannot
+    /// carry, then without filtered steps, then codes alone, which firmware before 0.2 is limited to.
     fn fewer_streams(&self) -> Option<Streams> {
         let removable = [Streams::RAW, Streams::FILTERED];
         let removable = removable
@@ -343,16 +329,16 @@ impl Commands {
         }
     }
 
-    /// The device acknowledged the command with number `of`.
+    /// Handles the acknowledgement of the command that was sent in frame `of`.
     pub(crate) fn handle_ack(&mut self, of: u32, result: AckResult, now_us: i64) -> AckEffect {
         if self.clock_query.sent.is_some_and(|(seq, _)| seq == of) {
             self.clock_query.refused |= !matches!(result, AckResult::Done | AckResult::Busy);
             return AckEffect::NoChange;
         }
-        let ours = |pending: &Pending| {
-            of.wrapping_sub(pending.first_seq) <= pending.last_seq.wrapping_sub(pending.first_seq)
-        };
-        let Some(pending) = self.pending.filter(ours) else {
+        let Some(pending) = self
+            .pending
+            .filter(|pending| pending.is_acknowledged_by(of))
+        else {
             return AckEffect::NoChange;
         };
         match (pending.command, result) {
@@ -384,8 +370,8 @@ impl Commands {
                 self.start_not_before_us = now_us + REFUSED_RETRY_US;
                 self.pending = None;
             }
-            // The same boot of the same device: someone else may have stopped it. A start changes
-            // nothing if it streams after all.
+            // The device did not restart, so another program may have stopped it. A repeated `Start`
+            // changes nothing if it streams after all.
             (ToDevice::Identify, _) if self.is_starved(now_us) => {
                 self.stream = StreamState::Unconfirmed
             }

@@ -1,4 +1,4 @@
-//! A port that comes and goes.
+//! A port that is reopened whenever it disappears.
 
 use std::io;
 use std::time::Duration;
@@ -10,19 +10,19 @@ use crate::error::BridgeError;
 use crate::wire::address::PortAddress;
 use crate::wire::port::{PORT_TIMEOUT, Port, Transfer};
 
-/// How long after a failure the port is tried again; well below the second within which a
-/// replugged device is to be back.
+/// Delay between attempts to open the port. It is well below 1 s, the time within which a replugged
+/// device must be back.
 const RETRY: Duration = Duration::from_millis(250);
 
-/// A port that comes and goes: opened again until it opens, as often as it goes.
+/// A port that is reopened whenever it disappears, as often as it takes.
 #[derive(Debug)]
 pub(crate) struct Connection {
     address: PortAddress,
     baud: u32,
     state: State,
-    /// Since when the device has taken none of the bytes for it.
+    /// Time since which the device has accepted none of the bytes for it.
     stuck_since: Option<Instant>,
-    /// The last failure that was reported of, so that a device that is away fills no log.
+    /// Kind of the last failure that was logged, so that an absent device does not fill the log.
     reported: Option<io::ErrorKind>,
 }
 
@@ -33,11 +33,11 @@ enum State {
     Open(Port),
 }
 
-/// What happened to the port.
+/// Change of the port's state, or bytes from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Event {
     Opened,
-    /// So many bytes are at the front of the buffer.
+    /// Number of bytes read into the front of the buffer.
     Bytes(usize),
     Closed,
 }
@@ -65,13 +65,13 @@ impl Connection {
         };
     }
 
-    /// What happens next; waits for it, and meanwhile writes `outgoing`, so that a device that
-    /// does not read costs nothing of what it sends. Safe to cancel.
+    /// Waits for the next event. Meanwhile it writes `outgoing` and removes what was written, so a
+    /// device that does not read cannot hold up what it sends. Cancel safe.
     ///
     /// # Errors
     ///
-    /// [`BridgeError::Port`] if what the address names can never be a port,
-    /// [`BridgeError::Speed`] if it can, but not at this speed.
+    /// [`BridgeError::Port`] if the address names something that is not a port, and
+    /// [`BridgeError::Speed`] if the port does not support the baud rate.
     pub(crate) async fn next_event(
         &mut self,
         buffer: &mut [u8],
@@ -86,7 +86,7 @@ impl Connection {
                     self.state = State::Opening(opening);
                 }
                 State::Opening(opening) => {
-                    // A task fails only if it panics or the program ends.
+                    // Joining fails only if the task panicked or the runtime shuts down.
                     let opened = opening
                         .await
                         .unwrap_or_else(|error| Err(io::Error::other(error)));
@@ -119,7 +119,7 @@ impl Connection {
                     let exchanged = if stuck_for.is_some_and(|time| time > PORT_TIMEOUT) {
                         Err(io::Error::new(
                             io::ErrorKind::TimedOut,
-                            "it takes no commands",
+                            "it accepts no commands",
                         ))
                     } else {
                         port.exchange(buffer, outgoing).await
@@ -131,7 +131,7 @@ impl Connection {
                             self.stuck_since = None;
                         }
                         Err(error) => {
-                            tracing::warn!("{} has gone ({error}); waiting for it", self.address);
+                            tracing::warn!("{} was lost ({error}); waiting for it", self.address);
                             self.close();
                             return Ok(Event::Closed);
                         }

@@ -1,10 +1,10 @@
-//! Who the device said it is.
+//! Identity of the device, from its `Hello`.
 
 use std::fmt;
 
 use link::{Hello, ResetCause};
 
-/// Who the device said it is; `Hello`, kept.
+/// Owned copy of the device's [`Hello`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Identity {
     firmware: String,
@@ -41,7 +41,7 @@ impl Identity {
         }
     }
 
-    /// Whether `hello` comes from the same boot of the same device.
+    /// Returns whether `hello` comes from the same boot of the same device.
     pub(crate) fn is_same_session(&self, hello: &Hello) -> bool {
         self.session_id == hello.session_id
             && self.chip_uid == hello.chip_uid

@@ -1,4 +1,4 @@
-//! The open port.
+//! An open serial port, pseudoterminal or TCP connection.
 
 use std::fs::File;
 use std::io;
@@ -15,26 +15,26 @@ use tokio::time::timeout;
 
 use crate::wire::address::PortAddress;
 
-/// How long opening, or writing one command, may take.
+/// Longest time to open a TCP connection, or to write pending commands.
 pub(crate) const PORT_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// The open port: bytes in both directions.
+/// An open port, which carries bytes in both directions.
 #[derive(Debug)]
 pub(crate) enum Port {
-    /// A serial port or a pseudoterminal in raw mode. Tokio's pipe ends are what it offers for
-    /// readable and writable descriptors without unsafe code; they serve any that epoll takes.
+    /// A serial port or a pseudoterminal in raw mode. Tokio's pipe ends accept any descriptor that
+    /// epoll accepts, and are its only types for this that need no unsafe code.
     Tty(Receiver, Sender),
-    /// A TCP connection.
     Tcp(TcpStream),
 }
 
 impl Port {
-    /// Open it. A terminal goes into raw mode at `baud` (which a pseudoterminal and USB ignore),
-    /// and is taken for this program alone.
+    /// Opens the port. A terminal is set to raw mode at `baud` (ignored by pseudoterminals and USB)
+    /// and locked for this program.
     ///
     /// # Errors
     ///
-    /// What the system says; `InvalidInput` if the path is no terminal at all.
+    /// The operating system's error; `InvalidInput` if the path is not a terminal, `Unsupported` if
+    /// the terminal refuses `baud`, `ResourceBusy` if another program has locked it.
     pub(crate) async fn open(address: &PortAddress, baud: u32) -> io::Result<Port> {
         match address {
             PortAddress::Tcp(address) => {
@@ -50,12 +50,12 @@ impl Port {
         }
     }
 
-    /// Bytes that have come, at least one, or how much of `outgoing` was written; waits for
-    /// either. Safe to cancel: what is not told has not happened.
+    /// Waits until at least one byte was read or part of `outgoing` was written. Cancel safe: if the
+    /// future is dropped before it returns, nothing was read or written.
     ///
     /// # Errors
     ///
-    /// `UnexpectedEof` if the other end closed it; else what the system says.
+    /// `UnexpectedEof` if the other end closed the port, else the operating system's error.
     pub(crate) async fn exchange(
         &mut self,
         buffer: &mut [u8],
@@ -71,12 +71,12 @@ impl Port {
     }
 }
 
-/// What went through a port.
+/// Result of [`Port::exchange`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Transfer {
-    /// So many bytes are at the front of the buffer.
+    /// Number of bytes read into the front of the buffer.
     Read(usize),
-    /// So many bytes were written.
+    /// Number of bytes written from the front of `outgoing`.
     Written(usize),
 }
 
@@ -101,11 +101,11 @@ fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
     if !termios::isatty(&fd) {
         return Err(io::Error::new(
             io::ErrorKind::InvalidInput,
-            "it is no serial port and no pseudoterminal",
+            "it is neither a serial port nor a pseudoterminal",
         ));
     }
-    // A second bridge on the same port would take every other byte.
-    // TIOCEXCL would outlive this program while another one, such as host-sim, holds the terminal.
+    // Two bridges on one port would each read only part of the bytes. A lock ends with this program;
+    // TIOCEXCL would stay set as long as another program, such as host-sim, holds the terminal open.
     rustix::fs::flock(&fd, FlockOperation::NonBlockingLockExclusive).map_err(
         |error| match error {
             Errno::WOULDBLOCK => io::ErrorKind::ResourceBusy.into(),
@@ -123,7 +123,7 @@ fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
     Ok(fd.into())
 }
 
-/// What a refused speed means to the user.
+/// Explains `EINVAL` from a terminal that refuses the baud rate; returns other errors unchanged.
 fn speed_error(error: Errno, baud: u32) -> io::Error {
     match error {
         Errno::INVAL => io::Error::new(
@@ -139,7 +139,7 @@ mod tests {
     use super::{Errno, io, speed_error};
 
     #[test]
-    fn a_speed_that_the_port_refuses_is_named() {
+    fn a_refused_baud_rate_is_named() {
         let error = speed_error(Errno::INVAL, 12_345);
         assert_eq!(error.kind(), io::ErrorKind::Unsupported);
         assert!(error.to_string().contains("12345 baud"));

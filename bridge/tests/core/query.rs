@@ -272,7 +272,7 @@ fn refusals_say_why_and_what_to_do() {
             AckResult::Failed,
             "corticode-bridge reset",
         ),
-        (Request::SelfTest, AckResult::Newer(77), "one release"),
+        (Request::SelfTest, AckResult::Newer(77), "same release"),
         (
             Request::Reset(ResetInto::Bootloader),
             AckResult::NotSupported,
@@ -306,7 +306,7 @@ fn a_device_that_says_nothing_is_given_up() {
     };
     let (us, error) = silent(&mut harness);
     assert_eq!((us, error.exit_code()), (5_100_000, 3));
-    assert!(error.to_string().contains("who is there"), "{error}");
+    assert!(error.to_string().contains("the identification request"), "{error}");
     // One that acknowledges and never finishes has 15 s.
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     assert!(harness.exchange_for(15_000_000).is_none());

@@ -382,7 +382,7 @@ fn what_was_announced_holds_for_the_session() {
                 labels: Board::new().labels.replace("Cz", "XX"),
                 ..Board::new()
             },
-            "electrodes",
+            "montage",
         ),
     ] {
         let mut harness = Harness::streaming(SETTINGS, Board::new());
@@ -398,7 +398,7 @@ fn what_was_announced_holds_for_the_session() {
             harness.core.diagnostics(at(harness.now_us)).status[0]
         );
         assert!(
-            report.contains(&format!("its {what} are not those")) && report.contains("restart"),
+            report.contains(&format!("in its {what};")) && report.contains("restart"),
             "{report}"
         );
         assert!(harness.recorder.encoded.is_empty());

@@ -61,7 +61,7 @@ fn electrodes_that_are_flat_at_the_rail_or_full_of_mains_are_named() {
         value(1),
         (
             "F1",
-            "rms 12.3 uV, mains 20.0 uV, 0.12 uV behind the filters"
+            "rms 12.3 uV, mains 20.0 uV, 0.12 uV after the filters"
         )
     );
     assert!(value(0).1.ends_with(", flat"));
@@ -74,12 +74,12 @@ fn good_electrodes_are_no_warning_and_a_start_is_told_of() {
     let status = report_status(&mut harness, &report(|_| {})).unwrap();
     assert_eq!(
         (status.level, &*status.message),
-        (DiagnosticLevel::Ok, "61 electrodes deliver")
+        (DiagnosticLevel::Ok, "61 electrodes in order")
     );
     let status = report_status(&mut harness, &report(|quality| quality.settling = true)).unwrap();
     assert_eq!(
         (status.level, &*status.message),
-        (DiagnosticLevel::Ok, "the filters settle")
+        (DiagnosticLevel::Ok, "the filters are settling")
     );
 }
 

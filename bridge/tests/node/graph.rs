@@ -169,7 +169,7 @@ async fn a_namesake_takes_over_and_the_bridge_leaves() {
         .unwrap();
     let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
     assert!(status.success(), "{log}");
-    assert!(log.contains("asks this node to leave"), "{log}");
+    assert!(log.contains("asks this node to shut down"), "{log}");
     assert_eq!(device.received().last(), Some(&ToDevice::Stop));
 }
 

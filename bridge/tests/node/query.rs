@@ -103,7 +103,7 @@ fn a_reset_is_agreed_to_and_a_device_that_comes_back_is_reported() {
     let device = Device::tcp(Board::new());
     let (code, text, _) = run_query(&["reset", "--bootloader", "--port", &device.port]);
     assert_eq!(code, Some(0));
-    assert!(text.contains("starts its loader"), "{text}");
+    assert!(text.contains("starts its bootloader"), "{text}");
     let device = Device::tcp(Board {
         restarts_on_reset: true,
         ..Board::new()

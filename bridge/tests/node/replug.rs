@@ -152,7 +152,7 @@ fn a_port_belongs_to_one_bridge_and_is_free_when_that_one_dies() {
     assert!(while_taken.is_err(), "both have it");
     let (status, log) = Bridge::start(&["selftest", "--port", &device.port]).wait();
     assert_eq!(status.code(), Some(3), "{log}");
-    assert!(log.contains("another program has it: fuser -v"), "{log}");
+    assert!(log.contains("another program uses it: fuser -v"), "{log}");
     first.signal(Signal::KILL);
     drop(first);
     frames.recv_timeout(TIMEOUT).unwrap();
