@@ -175,7 +175,7 @@ impl Query {
             }
             // The first transmission arrived, and its acknowledgement was lost.
             (Stage::Request, AckResult::Busy) if pending.was_sent_again() => {
-                self.enter(Stage::Wait, now_us)
+                self.enter(Stage::Wait, now_us);
             }
             (Stage::Request, refused) => {
                 let (what, why) = refusal(self.request, refused);

@@ -373,7 +373,7 @@ impl Commands {
             // The device did not restart, so another program may have stopped it. A repeated `Start`
             // changes nothing if it streams after all.
             (ToDevice::Identify, _) if self.is_starved(now_us) => {
-                self.stream = StreamState::Unconfirmed
+                self.stream = StreamState::Unconfirmed;
             }
             (ToDevice::Identify, _) => {}
             (

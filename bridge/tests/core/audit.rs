@@ -1,4 +1,4 @@
-//! Windows and codes computed again.
+//! Audits: the device's codes against the float network's.
 #![allow(
     clippy::cast_possible_truncation,
     reason = "scales and zero points within their types"
@@ -23,8 +23,8 @@ fn folder() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../model/artifact"))
 }
 
-/// The windows and codes that every encoder of the built-in model has to give, as audits of a device
-/// with the model's own scales.
+/// Returns the golden windows and codes of the built-in model as audits of a device with the model's
+/// scales.
 fn golden() -> Vec<AuditedWindow> {
     let artifact = Artifact::read(folder()).unwrap();
     let device = Arc::new(device(&artifact));
@@ -41,7 +41,7 @@ fn golden() -> Vec<AuditedWindow> {
         .collect()
 }
 
-/// A board with the scales that model-gen gives int8 codes: twice the calibrated range.
+/// Returns a device with the scales that model-gen uses for int8 codes: twice the calibrated range.
 fn device(artifact: &Artifact) -> Device {
     let ends = |name| {
         let ends = artifact.calibration.tensor(name, &[CODE_LEN]).unwrap();
@@ -65,20 +65,24 @@ fn compare(windows: &[AuditedWindow], model: &Model) -> Vec<AuditResult> {
 }
 
 #[test]
-fn codes_of_the_integer_encoder_lie_within_the_limits_of_the_floats() {
+fn codes_of_the_integer_encoder_are_within_the_limits() {
     let results = compare(&golden(), &model());
     let judged = results.iter().filter(|result| !result.at_rail);
     for result in judged.clone() {
         assert!(!result.is_wrong(), "{result:?}");
-        // Mostly rounding, 1/sqrt(12) steps; measured 0.34 at most, and 0.01 on a window of zeros.
+        // Mostly rounding, 1/sqrt(12) levels. Measured: at most 0.34, and 0.01 on a window of zeros.
         assert!(result.rms < 0.36, "{result:?}");
     }
-    assert_eq!(judged.count(), 13, "of 28; the others are for the rails");
+    assert_eq!(
+        judged.count(),
+        13,
+        "of 28; the others have cells at the rail"
+    );
 }
 
-/// The built-in model with one weight of the shortcut that is off by 128 int8 steps, which is what
-/// its top bit is worth: a device with that bit flipped differs from the model as the model, flipped,
-/// does from a sound device.
+/// Returns the built-in model with one weight of the shortcut changed by 128 int8 levels, the value of
+/// its sign bit. The difference between this model and a correct device equals that between the
+/// correct model and a device with that bit flipped.
 fn flipped(value: usize, feature: usize) -> Model {
     let mut artifact = Artifact::read(folder()).unwrap();
     let (name, shape) = ("encoder.shortcut.weight", [CODE_LEN, 976]);
@@ -94,7 +98,7 @@ fn flipped(value: usize, feature: usize) -> Model {
 }
 
 #[test]
-fn a_flipped_weight_is_found_where_it_moves_a_code_and_only_there() {
+fn a_flipped_sign_bit_is_found_only_at_the_value_that_it_changes() {
     let windows = golden();
     let loudest = windows
         .iter()
@@ -112,15 +116,15 @@ fn a_flipped_weight_is_found_where_it_moves_a_code_and_only_there() {
         found += usize::from(after.is_wrong());
     }
     println!(
-        "of 24 flipped sign bits {moved} move a code by more than rounding, {found} are found"
+        "of 24 flipped sign bits {moved} change a code by more than rounding, {found} are found"
     );
     assert!(found > 0 && found <= moved, "{found} of {moved}");
 }
 
 #[test]
-fn a_device_that_computes_something_else_is_found_on_every_window() {
+fn a_code_of_another_window_is_found_on_every_window() {
     let windows = golden();
-    // The codes of each window under the next one's: right numbers of a wrong window.
+    // Each window gets the code of the next one.
     for pair in windows.windows(2) {
         let mut wrong = pair[0].clone();
         wrong.levels.clone_from(&pair[1].levels);
@@ -151,7 +155,7 @@ fn audit<'p>(model_id: [u8; 8], planes: &'p [u8], values: &CodeValues) -> ToHost
 }
 
 #[test]
-fn audits_go_to_the_encoder_unless_they_cannot_be_compared() {
+fn audits_that_cannot_be_compared_are_counted_and_not_passed_on() {
     let mut harness = Harness::streaming(AUDIT, Board::new());
     let (id, values) = (model().id(), CodeValues::Int8([5; CODE_LEN]));
     let planes = [0xFE; 1440];
@@ -181,7 +185,7 @@ fn audits_go_to_the_encoder_unless_they_cannot_be_compared() {
 }
 
 #[test]
-fn a_bridge_without_the_devices_model_compares_nothing() {
+fn without_the_devices_model_no_audit_is_compared() {
     let board = Board {
         model_id: [9; 8],
         ..Board::new()

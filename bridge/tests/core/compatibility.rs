@@ -1,11 +1,11 @@
-//! Newer devices, other versions, noise: told apart.
+//! Newer devices, other versions of the wire format, and noise are distinguished.
 
 use link::{AckResult, FrameError, ToHost};
 
 use crate::board::{Board, at};
 use crate::recorder::{Harness, SETTINGS};
 
-/// Messages of some later release.
+/// Messages of a later release: today's, and one more.
 #[derive(serde::Serialize, serde::Deserialize)]
 enum LaterToHost {
     Hello,
@@ -31,7 +31,7 @@ impl link::Message<'_> for LaterToHost {
 }
 
 #[test]
-fn a_newer_device_is_understood_as_far_as_this_bridge_goes() {
+fn unknown_messages_of_a_newer_device_do_not_affect_codes() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     let mut buffer = [0; link::MAX_FRAME];
@@ -57,7 +57,7 @@ fn a_newer_device_is_understood_as_far_as_this_bridge_goes() {
 }
 
 #[test]
-fn a_device_of_another_wire_version_is_told_apart_from_noise() {
+fn a_device_with_another_wire_version_is_reported_as_such() {
     let mut harness = Harness::new(SETTINGS, Board::new());
     harness
         .core

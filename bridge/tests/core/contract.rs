@@ -1,4 +1,4 @@
-//! What `/encoded` and the announcement hold.
+//! Contents of `/encoded` and of the announcement.
 
 use bridge::{AnnouncedStream, FillerPolicy, Settings, StampPoint, TRI_LABELS};
 use link::ToDevice;
@@ -7,7 +7,7 @@ use crate::board::{Board, WALL_START_NS};
 use crate::recorder::{Harness, SETTINGS};
 
 #[test]
-fn encoded_frames_are_what_ros_neuro_expects() {
+fn encoded_frames_have_the_fields_that_ros_neuro_expects() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(-128, false);
     let frame = &harness.recorder.encoded[0];
@@ -51,8 +51,8 @@ fn hop_16_gives_8_codes_per_second() {
 }
 
 #[test]
-fn stamps_mean_what_was_asked_for() {
-    // The code was read when it was made: device time 1.0625 s, no delay, equal clocks.
+fn stamps_refer_to_the_chosen_point_of_the_frame() {
+    // The code is read when it is made, at device time 1.0625 s: no delay, equal clocks.
     let made_ns = WALL_START_NS + 1_062_500_000;
     for (stamp, expected) in [
         // 15 steps of 7.8125 ms (in whole microseconds) and 10 ms of filter delay earlier.
@@ -71,7 +71,7 @@ fn stamps_mean_what_was_asked_for() {
 }
 
 #[test]
-fn the_chosen_mains_go_to_the_device() {
+fn the_mains_frequency_is_sent_to_the_device() {
     let settings = Settings {
         mains_hz: 60,
         filler: FillerPolicy::Off,
@@ -82,7 +82,7 @@ fn the_chosen_mains_go_to_the_device() {
 }
 
 #[test]
-fn diagnostics_tell_of_a_loss_once() {
+fn a_loss_is_a_warning_in_one_report() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(0, false);
     harness.code(0, true);
@@ -106,7 +106,7 @@ fn diagnostics_tell_of_a_loss_once() {
 }
 
 #[test]
-fn the_reconstruction_is_announced_on_demand_and_only_if_there_is_one() {
+fn the_reconstruction_is_announced_only_if_codes_can_be_decoded() {
     let settings = Settings {
         announced: AnnouncedStream::Reconstructed,
         ..SETTINGS

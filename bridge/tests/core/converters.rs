@@ -1,4 +1,4 @@
-//! The device's reports about its converters, in `/diagnostics`.
+//! Status `converters` in `/diagnostics`.
 
 use link::{Converters, ToHost};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
@@ -6,7 +6,7 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
 use crate::board::Board;
 use crate::recorder::{Harness, SETTINGS};
 
-/// A report of two chips in order, but for what `change` changes.
+/// Sends a report of two chips in order, as modified by `change`, and returns the status.
 fn report_status(harness: &mut Harness, change: impl FnOnce(&mut Converters)) -> DiagnosticStatus {
     let mut converters = Converters {
         fault: heapless::String::new(),
@@ -49,7 +49,7 @@ fn bad_frames_are_a_warning_that_names_the_chip_until_there_are_no_new_ones() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let mut bad =
         |count| report_status(&mut harness, |converters| converters.frames_bad[1] = count);
-    // What was counted before the bridge came is no news.
+    // Bad frames from before the first report are not new.
     assert_eq!(bad(2).level, DiagnosticLevel::Ok);
     let status = bad(5);
     assert_eq!(
@@ -61,7 +61,7 @@ fn bad_frames_are_a_warning_that_names_the_chip_until_there_are_no_new_ones() {
     );
     assert_eq!(bad(5).level, DiagnosticLevel::Ok);
     assert!(bad(10).message.ends_with("chip 1 (5)"));
-    // Nothing new, nothing told.
+    // Without a new report there is no warning.
     assert_eq!(
         harness.status("converters").unwrap().level,
         DiagnosticLevel::Ok
@@ -69,7 +69,7 @@ fn bad_frames_are_a_warning_that_names_the_chip_until_there_are_no_new_ones() {
 }
 
 #[test]
-fn electrodes_that_are_off_are_named_spare_channels_too() {
+fn detached_electrodes_and_spare_channels_are_named() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let status = report_status(&mut harness, |converters| {
         converters.off_positive = 0b11;
@@ -84,7 +84,7 @@ fn electrodes_that_are_off_are_named_spare_channels_too() {
 }
 
 #[test]
-fn a_chain_that_does_not_run_is_an_error_for_as_long_as_it_does_not() {
+fn a_chain_that_does_not_run_is_an_error_until_it_runs() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let fault = "chip 2: ID 0x00";
     let status = report_status(&mut harness, |converters| {
@@ -105,5 +105,9 @@ fn a_chain_that_does_not_run_is_an_error_for_as_long_as_it_does_not() {
     harness.board.reboot();
     let hello = harness.board.hello();
     harness.receive(&hello);
-    assert_eq!(harness.status("converters"), None, "of the boot before");
+    assert_eq!(
+        harness.status("converters"),
+        None,
+        "the report belongs to the previous boot"
+    );
 }

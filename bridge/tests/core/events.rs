@@ -1,4 +1,4 @@
-//! Edges of the trigger input: events on the bus, and a level beside every sample.
+//! Trigger edges: events on the bus, and the trigger level of every sample.
 
 use bridge::Settings;
 use link::{Event, EventKind, Flags, Raw, Streams, ToHost};
@@ -24,7 +24,7 @@ fn event(kind: EventKind, number: u32, sample: u64) -> ToHost<'static> {
 fn an_edge_becomes_an_event_at_its_own_time() {
     let mut harness = Harness::streaming(EVENTS, Board::new());
     harness.code(1, false);
-    // Between two codes, and read later than it happened.
+    // The edge is between two codes, and is read later.
     let happened = harness.now_us.unsigned_abs() + 10_123;
     harness.now_us += 30_000;
     harness.send(happened, &event(EventKind::TriggerRise, 7, 40));
@@ -32,7 +32,7 @@ fn an_edge_becomes_an_event_at_its_own_time() {
     let [rise, fall] = &harness.recorder.events[..] else {
         panic!("{:?}", harness.recorder.events)
     };
-    // A user's code of GDF's event table, and the same with the bit that ends an event.
+    // A user code of GDF's event table, and the same with the bit that marks the end of an event.
     assert_eq!((rise.event, fall.event), (1, 0x8001));
     assert_eq!(
         (&*rise.description, &*fall.description),
@@ -48,7 +48,7 @@ fn an_edge_becomes_an_event_at_its_own_time() {
 }
 
 #[test]
-fn events_that_were_lost_are_counted_and_told_of_once() {
+fn lost_events_are_counted_and_reported_once() {
     let mut harness = Harness::streaming(EVENTS, Board::new());
     harness.code(1, false);
     let now = harness.now_us.unsigned_abs();
@@ -62,7 +62,7 @@ fn events_that_were_lost_are_counted_and_told_of_once() {
     );
     assert_eq!(harness.status("loss").unwrap().level, DiagnosticLevel::Ok);
     assert_eq!(harness.recorder.events.len(), 3);
-    // The same one again, and one of a later release, are no events of ours.
+    // A replay, and an event of a later release, are not published.
     harness.send(now, &event(EventKind::TriggerRise, 4, 0));
     harness.send(now, &event(EventKind::Newer(9), 5, 0));
     assert_eq!(harness.recorder.events.len(), 3);
@@ -75,7 +75,7 @@ fn events_that_were_lost_are_counted_and_told_of_once() {
 }
 
 #[test]
-fn every_sample_and_code_says_how_the_trigger_stood() {
+fn every_sample_and_code_carries_the_trigger_level() {
     let mut harness = Harness::streaming(EVENTS, Board::new());
     let now = harness.now_us.unsigned_abs();
     harness.send(now, &event(EventKind::TriggerRise, 0, 10));
@@ -122,7 +122,7 @@ fn events_before_an_introduction_are_not_published() {
     assert!(harness.recorder.events.is_empty());
 }
 
-/// What `/diagnostics` says of lost events, and of events that are behind others.
+/// Returns the values `events lost` and `events behind others` (replays) of `/diagnostics`.
 fn figures(harness: &mut Harness) -> [String; 2] {
     let values = harness.status("loss").unwrap().values;
     ["events lost", "events behind others"].map(|key| {
@@ -140,7 +140,7 @@ fn set_streaming(harness: &mut Harness, streaming: bool) {
 }
 
 #[test]
-fn numbers_that_go_on_while_nothing_streams_or_begin_anew_with_a_boot_are_no_loss() {
+fn event_numbers_that_advance_while_stopped_or_restart_with_a_boot_are_no_loss() {
     let mut harness = Harness::streaming(EVENTS, Board::new());
     harness.code(1, false);
     let rise = |harness: &mut Harness, number| {
@@ -159,7 +159,7 @@ fn numbers_that_go_on_while_nothing_streams_or_begin_anew_with_a_boot_are_no_los
     rise(&mut harness, 3);
     assert_eq!(harness.recorder.events.len(), 3);
     assert_eq!(figures(&mut harness), ["0", "0"]);
-    // The port goes and comes back, and the device has streamed on.
+    // The port is reopened while the device keeps streaming.
     harness.core.disconnected();
     harness.connect();
     rise(&mut harness, 6);
@@ -169,7 +169,7 @@ fn numbers_that_go_on_while_nothing_streams_or_begin_anew_with_a_boot_are_no_los
 }
 
 #[test]
-fn a_stream_that_only_its_codes_tell_to_be_new_keeps_the_level_and_loses_no_event() {
+fn a_restart_seen_only_in_the_codes_keeps_the_level_and_loses_no_event() {
     let mut harness = Harness::streaming(EVENTS, Board::new());
     harness.code(1, false);
     let now = harness.now_us.unsigned_abs();

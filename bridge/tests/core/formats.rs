@@ -1,4 +1,4 @@
-//! Codes of every format become the same float32.
+//! Dequantisation of codes of every format.
 
 use link::{CODE_LEN, CodeFormat, CodeValues};
 
@@ -13,7 +13,7 @@ fn streaming(code_format: CodeFormat) -> Harness {
     Harness::streaming(SETTINGS, board)
 }
 
-/// Told to a board of scale 0.5; what `/encoded` says then, and what was announced of its range.
+/// Sends a code from a board with scale 0.5 and returns the value on `/encoded` and the published range.
 fn published(values: &CodeValues) -> (f32, Vec<f64>) {
     let mut harness = streaming(values.format());
     harness.code_of(values);
@@ -23,7 +23,7 @@ fn published(values: &CodeValues) -> (f32, Vec<f64>) {
 }
 
 #[test]
-fn z_is_the_step_times_its_scale_in_every_format() {
+fn z_is_the_level_times_its_scale_in_every_format() {
     let int8 = CodeValues::Int8([-3; CODE_LEN]);
     assert_eq!(published(&int8), (-2.0, vec![-64.5, 63.0]));
     for (exponent, z) in [(0, 50.0), (3, 400.0), (8, 12_800.0)] {
@@ -38,7 +38,7 @@ fn z_is_the_step_times_its_scale_in_every_format() {
 }
 
 #[test]
-fn a_code_of_another_format_than_announced_is_left_out_and_counted() {
+fn a_code_of_another_format_than_announced_is_counted_and_not_published() {
     let mut harness = streaming(CodeFormat::Int16);
     harness.code_of(&CodeValues::Int16([1; CODE_LEN]));
     harness.code_of(&CodeValues::Int8([1; CODE_LEN]));
@@ -48,7 +48,7 @@ fn a_code_of_another_format_than_announced_is_left_out_and_counted() {
 }
 
 #[test]
-fn a_device_with_a_format_of_the_future_is_refused_with_what_to_do() {
+fn a_device_with_a_newer_code_format_is_refused_with_advice() {
     let board = Board {
         code_format: CodeFormat::Newer(3),
         ..Board::new()

@@ -1,4 +1,4 @@
-//! Samples that do not fit, begin anew, or were not asked for.
+//! Samples that do not match the device, restart, or were not requested.
 
 use link::{Filtered, Flags, Raw, ToHost};
 
@@ -6,7 +6,7 @@ use crate::recorder::SETTINGS;
 use crate::samples::{SAMPLES, counts, harness, send_samples};
 
 #[test]
-fn samples_that_do_not_fit_the_device_are_counted_and_never_published() {
+fn samples_that_do_not_match_the_device_are_counted_and_not_published() {
     let mut harness = harness(SAMPLES);
     let good = counts(0, 8, 64);
     for (channels, bytes) in [
@@ -59,13 +59,13 @@ fn samples_that_do_not_fit_the_device_are_counted_and_never_published() {
     assert_eq!(figure("filtered steps messages malformed"), "3");
     assert_eq!(figure("raw samples received"), "0");
     assert!(harness.recorder.raw.is_empty());
-    // Codes are not affected.
+    // Codes still arrive.
     harness.code(1, false);
     assert_eq!(harness.core.summary().received, 2);
 }
 
 #[test]
-fn a_stream_that_begins_anew_begins_a_frame_anew() {
+fn a_restarted_stream_starts_a_new_frame() {
     let mut harness = harness(SAMPLES);
     for first in [0, 8, 16] {
         send_samples(&mut harness, first, Flags::empty());
@@ -78,7 +78,11 @@ fn a_stream_that_begins_anew_begins_a_frame_anew() {
     let status = harness.status("loss").unwrap();
     let mut values = status.values.iter();
     let unpublished = values.find(|pair| pair.key == "raw samples not published");
-    assert_eq!(unpublished.unwrap().value, "24", "those of no whole frame");
+    assert_eq!(
+        unpublished.unwrap().value,
+        "24",
+        "samples of the unfinished frame"
+    );
     harness.core.set_streaming(true);
     harness
         .core
@@ -106,7 +110,7 @@ fn a_stream_that_begins_anew_begins_a_frame_anew() {
 }
 
 #[test]
-fn samples_that_nobody_asked_for_are_counted() {
+fn samples_that_were_not_requested_are_counted() {
     let mut harness = harness(SETTINGS);
     send_samples(&mut harness, 0, Flags::empty());
     let status = harness.status("device").unwrap();
@@ -118,12 +122,12 @@ fn samples_that_nobody_asked_for_are_counted() {
 }
 
 #[test]
-fn stamps_of_samples_that_had_to_be_moved_are_counted() {
+fn stamps_that_were_moved_forwards_are_counted() {
     let mut harness = harness(SAMPLES);
     for first in (0..32).step_by(8) {
         send_samples(&mut harness, first, Flags::empty());
     }
-    // A device that says that the next frame was taken a second before.
+    // The device reports that the next frame was taken one second earlier.
     for first in (32..64).step_by(8) {
         let counts = counts(first, 8, 64);
         let raw = Raw {

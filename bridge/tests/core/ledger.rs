@@ -1,4 +1,4 @@
-//! made = received + lost, whatever happens.
+//! The ledger keeps made = received + lost.
 
 use bridge::{Arrival, Ledger};
 use proptest::prelude::*;
@@ -52,12 +52,12 @@ proptest! {
 }
 
 #[test]
-fn without_an_expectation_the_first_number_is_the_first() {
+fn a_new_ledger_accepts_any_first_number() {
     let mut ledger = Ledger::default();
     assert_eq!(ledger.record(77), Arrival::New { lost: 0 });
     assert_eq!(ledger.count_lost_before(80), 2);
     assert_eq!((ledger.made(), ledger.lost()), (3, 2));
-    // A sender that says less than what came is not believed.
+    // A reported next number below the received ones is ignored.
     assert_eq!(ledger.count_lost_before(5), 0);
     assert_eq!(ledger.record(80), Arrival::New { lost: 0 });
 }

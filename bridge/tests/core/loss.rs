@@ -1,4 +1,4 @@
-//! Lost codes: counted exactly, filled, flagged.
+//! Lost codes are counted exactly, filled and flagged.
 
 use bridge::{FillerPolicy, Settings};
 use link::Streams;
@@ -26,7 +26,7 @@ proptest! {
         prop_assert_eq!((summary.made, summary.lost), (losses.len() as u64, lost));
         prop_assert_eq!(summary.received + summary.lost, summary.made);
         prop_assert_eq!((summary.fillers, summary.frames_lost), (lost, lost));
-        // Every frame, filler or not, has its window's index, time and running count of losses.
+        // Every frame, including fillers, has its window index, its time and the losses so far.
         for (frame, index) in harness.recorder.encoded.iter().zip(0..) {
             prop_assert_eq!(frame.tri.data[1], index);
             let device_us = 1_000_000 + 62_500 * (i64::from(index) + 1);
@@ -59,7 +59,7 @@ fn bursts_of_up_to_4096_codes_are_filled() {
 }
 
 #[test]
-fn an_outage_too_long_to_fill_is_counted_all_the_same() {
+fn an_outage_too_long_to_fill_is_counted_completely() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     harness.board.next_window = 70_001;
@@ -75,7 +75,7 @@ fn an_outage_too_long_to_fill_is_counted_all_the_same() {
 }
 
 #[test]
-fn fillers_repeat_the_last_code_or_are_zeros_or_stay_away() {
+fn fillers_repeat_the_last_code_are_zeros_or_are_not_published() {
     for (filler, expected) in [
         (FillerPolicy::Last, vec![2.0, 2.0, 2.0, 4.5]),
         (FillerPolicy::Zeros, vec![2.0, 0.0, 0.0, 4.5]),
@@ -94,7 +94,7 @@ fn fillers_repeat_the_last_code_or_are_zeros_or_stay_away() {
             .collect();
         assert_eq!(values, expected, "{filler:?}");
         assert_eq!(harness.core.summary().lost, 2);
-        // The decoder hears of every window, so that it joins no two that are not neighbours.
+        // The decoder gets lost codes too, so that it averages adjacent windows only.
         let known: Vec<bool> = harness
             .recorder
             .windows
@@ -106,7 +106,7 @@ fn fillers_repeat_the_last_code_or_are_zeros_or_stay_away() {
 }
 
 #[test]
-fn stamps_of_fillers_lie_where_the_lost_codes_would_have() {
+fn fillers_have_the_stamps_of_the_lost_codes() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     for index in 0..40 {
         harness.code(0, index % 3 == 1);
@@ -135,7 +135,7 @@ fn a_frame_that_arrives_twice_is_published_once() {
 }
 
 #[test]
-fn damaged_bytes_cost_the_frame_they_hit_and_are_counted() {
+fn a_damaged_byte_costs_one_frame_and_is_counted() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     harness.now_us += 62_500;
@@ -157,7 +157,7 @@ fn damaged_bytes_cost_the_frame_they_hit_and_are_counted() {
 }
 
 #[test]
-fn frames_that_the_device_dropped_are_losses_of_frames_not_of_codes() {
+fn dropped_frames_without_a_code_are_no_lost_codes() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     harness.board.skip_frame();
@@ -167,7 +167,7 @@ fn frames_that_the_device_dropped_are_losses_of_frames_not_of_codes() {
 }
 
 #[test]
-fn fillers_of_two_reports_in_a_row_lie_one_after_the_other() {
+fn fillers_of_two_successive_reports_have_successive_times() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     for _ in 0..2 {
@@ -191,7 +191,7 @@ fn fillers_of_two_reports_in_a_row_lie_one_after_the_other() {
 }
 
 #[test]
-fn fillers_before_the_first_code_lie_where_the_report_says() {
+fn fillers_before_the_first_code_are_timed_by_the_report() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     for _ in 0..5 {
         harness.code(1, true);

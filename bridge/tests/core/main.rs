@@ -1,4 +1,4 @@
-//! The bridge without the world: every byte and every microsecond is the test's.
+//! Tests of the pure core, with bytes and times that the tests choose.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod audit;
@@ -8,7 +8,7 @@ mod compatibility;
 mod contract;
 mod converters;
 mod events;
-mod extremes;
+mod extreme_values;
 mod formats;
 mod invalid_samples;
 mod ledger;

@@ -1,4 +1,4 @@
-//! One request to a device: a self-test, a reset.
+//! Single requests to a device: self-test and reset.
 
 use bridge::{Answer, BridgeError, Query, QueryResult, Request, SelfTestReport};
 use link::{
@@ -15,7 +15,7 @@ const FINE: ChannelTest = ChannelTest {
     fault: ChannelFault::None,
 };
 
-/// What a device of eight chips in order says, but for what `change` changes.
+/// Returns the result of a device with eight chips in order, as modified by `change`.
 fn result(change: impl FnOnce(&mut SelfTest)) -> SelfTest {
     let chip = ChipTest {
         id: 0x3E,
@@ -34,7 +34,7 @@ fn result(change: impl FnOnce(&mut SelfTest)) -> SelfTest {
     test
 }
 
-/// An query and a board.
+/// A query and a board that exchange bytes in virtual time.
 struct Harness {
     query: Query,
     board: Board,
@@ -52,7 +52,7 @@ impl Harness {
         }
     }
 
-    /// Let both talk for so long; the outcome, if there is one.
+    /// Exchanges bytes between both for `us` microseconds, or until the query has a result.
     fn exchange_for(&mut self, us: i64) -> Option<QueryResult> {
         let end_us = self.now_us + us;
         while self.now_us < end_us {
@@ -103,7 +103,7 @@ fn refusal(request: Request, ack_result: AckResult) -> BridgeError {
 }
 
 #[test]
-fn a_device_is_asked_who_it_is_stopped_and_tested() {
+fn a_device_is_identified_stopped_and_tested() {
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     harness.board.streaming = true;
     assert!(harness.exchange_for(3_000_000).is_none());
@@ -112,7 +112,7 @@ fn a_device_is_asked_who_it_is_stopped_and_tested() {
         [ToDevice::Identify, ToDevice::Stop, ToDevice::SelfTest]
     );
     assert!(!harness.board.streaming);
-    // What else it says is no answer.
+    // Other messages are ignored.
     let stats = harness.board.stats(Streams::empty());
     assert!(harness.query.receive(&stats, harness.now_us).is_none());
     let outcome = harness.send(&ToHost::SelfTest(result(|_| {})));
@@ -120,7 +120,7 @@ fn a_device_is_asked_who_it_is_stopped_and_tested() {
 }
 
 #[test]
-fn a_device_in_order_gets_a_table_that_says_so_at_its_end() {
+fn the_table_of_a_device_in_order_ends_with_that_verdict() {
     let report = report(result(|_| {}));
     assert!(report.passed);
     let text = report.to_string();
@@ -150,7 +150,7 @@ fn a_device_in_order_gets_a_table_that_says_so_at_its_end() {
 }
 
 #[test]
-fn what_is_wrong_stands_in_its_row_and_in_the_last_line() {
+fn faults_are_in_their_rows_and_in_the_last_line() {
     let report = report(result(|test| {
         test.fault.push_str("chip 1, channel 3: gain").unwrap();
         test.chips[1].registers_wrong = 2;
@@ -181,7 +181,7 @@ fn what_is_wrong_stands_in_its_row_and_in_the_last_line() {
 }
 
 #[test]
-fn a_test_that_could_not_go_on_is_not_in_order() {
+fn a_test_that_stopped_early_is_not_in_order() {
     let report = report(result(|test| {
         test.chips.truncate(1);
         test.channels.clear();
@@ -195,10 +195,10 @@ fn a_test_that_could_not_go_on_is_not_in_order() {
 }
 
 #[test]
-fn a_figure_that_was_not_measured_is_a_dash_and_in_json_null_and_never_in_order() {
+fn a_missing_figure_is_a_dash_in_the_table_and_null_in_json() {
     let report = report(result(|test| {
-        // No DRDY, so no test; nothing but bad frames; levels of both kinds in too few samples; stopped
-        // before the inputs were shorted; dead, and measured to be.
+        // In order: no DRDY, so no test; bad frames only; too few samples to separate the levels of the
+        // square wave; stopped before the inputs were shorted; measured, and dead.
         test.channels[0] = ChannelTest::default();
         test.channels[1] = ChannelTest {
             gain_error: -1.0,
@@ -258,7 +258,7 @@ fn the_report_is_json_with_the_same_figures() {
 }
 
 #[test]
-fn refusals_say_why_and_what_to_do() {
+fn refusals_have_a_reason_and_advice() {
     for (request, answer, expected) in [
         (
             Request::SelfTest,
@@ -291,7 +291,7 @@ fn refusals_say_why_and_what_to_do() {
 }
 
 #[test]
-fn a_device_that_says_nothing_is_given_up() {
+fn a_silent_device_times_out() {
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     let silent = |harness: &mut Harness| {
         let mut us = 0;
@@ -306,8 +306,11 @@ fn a_device_that_says_nothing_is_given_up() {
     };
     let (us, error) = silent(&mut harness);
     assert_eq!((us, error.exit_code()), (5_100_000, 3));
-    assert!(error.to_string().contains("the identification request"), "{error}");
-    // One that acknowledges and never finishes has 15 s.
+    assert!(
+        error.to_string().contains("the identification request"),
+        "{error}"
+    );
+    // A device that acknowledges the command has 15 s for the result.
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     assert!(harness.exchange_for(15_000_000).is_none());
     let outcome = harness.exchange_for(1_000_000);
@@ -331,7 +334,7 @@ fn a_lost_acknowledgement_of_the_test_is_no_refusal() {
         }
         harness.now_us += 100_000;
     }
-    // It is at it, so the repeated command is refused.
+    // The test is running, so the repeated command is refused.
     harness.board.ack_result = AckResult::Busy;
     assert!(harness.exchange_for(2_000_000).is_none());
     let outcome = harness.send(&ToHost::SelfTest(result(|_| {})));
@@ -339,11 +342,11 @@ fn a_lost_acknowledgement_of_the_test_is_no_refusal() {
 }
 
 #[test]
-fn a_device_that_was_reset_is_back_when_it_says_hello_in_another_session() {
+fn a_reset_is_complete_when_hello_has_another_session() {
     let mut harness = Harness::new(Request::Reset(ResetInto::Firmware), Board::new());
     assert!(
         harness.exchange_for(2_000_000).is_none(),
-        "it has not gone yet"
+        "the device has not restarted yet"
     );
     assert!(harness.query.expects_reconnect());
     harness.board.reboot();
@@ -356,7 +359,7 @@ fn a_device_that_was_reset_is_back_when_it_says_hello_in_another_session() {
 }
 
 #[test]
-fn a_device_that_starts_anew_in_the_middle_of_its_test_says_why() {
+fn a_restart_during_the_test_is_an_error_with_its_cause() {
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     assert!(harness.exchange_for(2_000_000).is_none());
     harness.board.reboot();
@@ -370,7 +373,7 @@ fn a_device_that_starts_anew_in_the_middle_of_its_test_says_why() {
 }
 
 #[test]
-fn a_device_in_its_loader_is_not_waited_for() {
+fn a_reset_into_the_bootloader_ends_with_the_acknowledgement() {
     let mut harness = Harness::new(Request::Reset(ResetInto::Bootloader), Board::new());
     let outcome = harness.exchange_for(1_000_000);
     assert!(
@@ -384,7 +387,7 @@ fn a_device_in_its_loader_is_not_waited_for() {
 }
 
 #[test]
-fn noise_is_no_answer() {
+fn noise_is_ignored() {
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     let noise: Vec<u8> = (0..50_000_u32)
         .map(|n| ((n * n) >> 3).to_le_bytes()[1])

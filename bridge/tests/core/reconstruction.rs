@@ -1,4 +1,4 @@
-//! From codes back to electrodes.
+//! Reconstruction of electrode signals from codes.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ fn device(board: Board) -> Arc<Device> {
     Arc::clone(&harness.recorder.announced[0].device)
 }
 
-/// A code that differs from window to window.
+/// Returns a code that differs from window to window.
 fn z(window: u16) -> Box<[f32; 128]> {
     Box::new(std::array::from_fn(|index| {
         let phase = f32::from(window) * 0.7 + f32::from(u16::try_from(index).unwrap());
@@ -32,7 +32,7 @@ fn window(index: u32, z: Option<Box<[f32; 128]>>) -> TimedCode {
     }
 }
 
-/// The frames of windows 0, 1, 2..., `None` where one was lost.
+/// Returns the frame of each window, in order from window 0. `windows` states which were received.
 fn frames(settings: Settings, windows: &[bool]) -> Vec<Option<Vec<f32>>> {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), settings);
     let mut index = 0;
@@ -98,13 +98,13 @@ fn two_windows_are_averaged_where_they_overlap() {
     let averaged = frames[1].as_ref().unwrap();
     for (index, value) in averaged.iter().enumerate() {
         let mean = f32::midpoint(old[index], new[index]);
-        // Rounding of f32 at some 100 uV.
+        // Rounding error of f32 at about 100 uV.
         assert!((value - mean).abs() < 1e-4, "value {index}: {value}");
     }
 }
 
 #[test]
-fn low_latency_gives_the_newest_steps_of_each_window() {
+fn low_latency_publishes_the_newest_steps_of_each_window() {
     let settings = Settings {
         low_latency: true,
         ..SETTINGS
@@ -114,18 +114,18 @@ fn low_latency_gives_the_newest_steps_of_each_window() {
 }
 
 #[test]
-fn one_lost_window_costs_no_sample_that_its_neighbours_hold() {
+fn one_lost_window_is_reconstructed_from_its_neighbours() {
     let frames = frames(SETTINGS, &[true, false, true, true]);
     assert_eq!(
         frames[1],
         Some(steps(0, 8..16)),
-        "the window before tells of it"
+        "the previous window contains the steps"
     );
     assert_eq!(frames[2], Some(steps(2, 0..8)), "nothing to average with");
 }
 
 #[test]
-fn what_no_window_holds_is_filled_and_flagged() {
+fn steps_that_no_window_contains_are_filled_and_flagged() {
     let device = device(Board::new());
     for (filler, expected) in [
         (FillerPolicy::Last, Some(true)),
@@ -155,7 +155,7 @@ fn what_no_window_holds_is_filled_and_flagged() {
 }
 
 #[test]
-fn hop_16_gives_whole_windows() {
+fn with_hop_16_frames_are_whole_windows() {
     let device = device(Board {
         hop_steps: 16,
         ..Board::new()
@@ -168,7 +168,7 @@ fn hop_16_gives_whole_windows() {
 }
 
 #[test]
-fn what_exceeds_the_announced_range_is_held_within_it() {
+fn values_are_clamped_to_the_announced_range() {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
     let frame = reconstruction
         .next_frame(&window(0, Some(Box::new([1e6; 128]))))
@@ -184,11 +184,15 @@ fn windows_of_two_streams_are_not_averaged() {
     assert_eq!(frame.eeg.data, steps(1, 0..8));
     reconstruction.next_frame(&window(0, Some(z(0))));
     let frame = reconstruction.next_frame(&window(0, None)).unwrap();
-    assert_eq!(frame.tri.data[0] & 0x8000, 0x8000, "it tells of no other");
+    assert_eq!(
+        frame.tri.data[0] & 0x8000,
+        0x8000,
+        "the previous window is of another stream"
+    );
 }
 
 #[test]
-fn a_frame_carries_the_flags_of_both_windows_that_it_is_made_of() {
+fn a_frame_carries_the_flags_of_both_its_windows() {
     let flagged = |index, flags| {
         let mut window = window(index, Some(z(0)));
         window.words.flags = flags;
@@ -199,8 +203,8 @@ fn a_frame_carries_the_flags_of_both_windows_that_it_is_made_of() {
     assert_eq!(flags(&flagged(0, 2)), 2);
     assert_eq!(flags(&flagged(1, 4)), 6);
     assert_eq!(flags(&flagged(2, 0)), 4);
-    assert_eq!(flags(&flagged(4, 1)), 1, "window 2 has no part in it");
+    assert_eq!(flags(&flagged(4, 1)), 1, "window 2 is not adjacent");
     let mut lost = window(5, None);
     lost.words.flags = 0x8000;
-    assert_eq!(flags(&lost), 1, "made of window 4 alone");
+    assert_eq!(flags(&lost), 1, "only window 4 contributes");
 }

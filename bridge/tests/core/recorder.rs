@@ -1,4 +1,4 @@
-//! Keeps every effect of the core.
+//! A core connected to a simulated board, with all its effects recorded.
 
 use bridge::{
     AnnouncedStream, Announcement, AuditedWindow, Core, Effects, FillerPolicy, Settings,
@@ -18,7 +18,7 @@ pub(crate) const SETTINGS: Settings = Settings {
     streams: Streams::CODES,
 };
 
-/// Keeps every effect, and holds every frame to the contract.
+/// Records every effect, and checks shape, number and time of every frame.
 #[derive(Default)]
 pub(crate) struct Recorder {
     pub(crate) sent: Vec<u8>,
@@ -68,7 +68,7 @@ impl Effects for Recorder {
     }
 }
 
-/// Keep a frame that has the shape of the ones before and follows them in number and time.
+/// Records a frame after checking that its shape is unchanged and that number and time increase.
 fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
     let shape = Shape::of(frames.first().unwrap_or(frame)).unwrap();
     shape.admit(frame).unwrap();
@@ -79,12 +79,12 @@ fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
     assert_eq!(frame.header.seq, frame.neuroheader.seq);
     assert!(
         frame.header.stamp.nanoseconds() > before.1,
-        "time went backwards"
+        "a stamp went backwards"
     );
     frames.push(frame.clone());
 }
 
-/// A core and a board on one harness.
+/// A core and a board that exchange bytes in virtual time.
 pub(crate) struct Harness {
     pub(crate) core: Core,
     pub(crate) board: Board,
@@ -93,7 +93,7 @@ pub(crate) struct Harness {
 }
 
 impl Harness {
-    /// A board that was identified and started.
+    /// Creates a harness whose board is identified and streaming.
     pub(crate) fn streaming(settings: Settings, board: Board) -> Harness {
         let mut harness = Harness::new(settings, board);
         harness.connect();
@@ -121,7 +121,7 @@ impl Harness {
         self.exchange();
     }
 
-    /// Let both talk until nobody has anything more to say.
+    /// Exchanges bytes between core and board until the core sends none.
     pub(crate) fn exchange(&mut self) {
         loop {
             let commands = std::mem::take(&mut self.recorder.sent);
@@ -138,7 +138,7 @@ impl Harness {
             .receive(bytes, at(self.now_us), &mut self.recorder);
     }
 
-    /// 62.5 ms later the board makes a code; it arrives unless `lost`.
+    /// Advances time by 62.5 ms and lets the board make a code, which arrives unless `lost`.
     pub(crate) fn code(&mut self, value: i8, lost: bool) {
         self.now_us += 62_500;
         let bytes = self.board.code(self.now_us.unsigned_abs(), value);
@@ -147,27 +147,27 @@ impl Harness {
         }
     }
 
-    /// The same with a code in any format.
+    /// Advances time by 62.5 ms and delivers a code with these values.
     pub(crate) fn code_of(&mut self, values: &CodeValues) {
         self.now_us += 62_500;
         let bytes = self.board.code_of(self.now_us.unsigned_abs(), values);
         self.receive(&bytes);
     }
 
-    /// The board says something that it made at `device_us`.
+    /// Delivers a message that the board made at `device_us`.
     pub(crate) fn send(&mut self, device_us: u64, message: &ToHost) {
         let bytes = self.board.frame(device_us, message);
         self.receive(&bytes);
     }
 
-    /// What `/diagnostics` says of a part now.
+    /// Returns the status `corticode: {part}` of a new report, if the report contains it.
     pub(crate) fn status(&mut self, part: &str) -> Option<DiagnosticStatus> {
         let statuses = self.core.diagnostics(at(self.now_us)).status;
         let name = format!("corticode: {part}");
         statuses.into_iter().find(|status| status.name == name)
     }
 
-    /// The flags word of every frame of `/encoded`.
+    /// Returns for every frame of `/encoded` whether it is a filler.
     pub(crate) fn fillers(&self) -> Vec<bool> {
         self.recorder
             .encoded
@@ -177,7 +177,7 @@ impl Harness {
     }
 }
 
-/// What the board was asked, in order.
+/// Returns the names of the commands that the board received, in order.
 pub(crate) fn commands(harness: &Harness) -> Vec<&'static str> {
     let name = |(_, command): &(u32, ToDevice)| match command {
         ToDevice::Start(_) => "start",

@@ -1,4 +1,4 @@
-//! Questions for the device's clock, and what their answers bound.
+//! Clock queries, and the bounds that their answers give for the delay of stamps.
 
 use link::{AckResult, ClockReading, ToDevice, ToHost};
 use neuro_ros::DiagnosticStatus;
@@ -6,7 +6,7 @@ use neuro_ros::DiagnosticStatus;
 use crate::board::Board;
 use crate::recorder::{Harness, SETTINGS, commands};
 
-/// Codes for `seconds`, and what the bridge asks meanwhile is answered.
+/// Delivers codes for `seconds` and answers the commands meanwhile.
 fn run(harness: &mut Harness, seconds: u32) {
     for _ in 0..seconds * 16 {
         harness.code(1, false);
@@ -29,7 +29,7 @@ fn value(status: &DiagnosticStatus, key: &str) -> Option<String> {
 }
 
 #[test]
-fn the_clock_is_asked_for_every_ten_seconds_while_codes_come() {
+fn a_clock_query_is_sent_every_ten_seconds_while_codes_arrive() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     run(&mut harness, 33);
     let asked = clock_queries(&harness);
@@ -41,7 +41,7 @@ fn the_clock_is_asked_for_every_ten_seconds_while_codes_come() {
 }
 
 #[test]
-fn a_device_that_does_not_know_the_question_is_not_asked_again() {
+fn a_device_that_does_not_know_the_query_is_not_queried_again() {
     let board = Board {
         ack_result: AckResult::UnknownCommand,
         ..Board::new()
@@ -55,9 +55,9 @@ fn a_device_that_does_not_know_the_question_is_not_asked_again() {
 }
 
 #[test]
-fn the_shortest_round_trip_bounds_what_the_stamps_are_late_by() {
-    // Codes take 4 ms from their last sample to their reading, which the fit cannot see; questions
-    // take 0.3 ms there, 0.1 ms inside, 0.5 ms back.
+fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
+    // A code takes 4 ms from its last sample to its reading, which the fit cannot detect. A query takes
+    // 0.3 ms to the device, 0.1 ms inside it and 0.5 ms back.
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     for longer in [700, 0, 2000] {
         let before = clock_queries(&harness).len();
@@ -81,16 +81,16 @@ fn the_shortest_round_trip_bounds_what_the_stamps_are_late_by() {
     let figure = |key| value(&status, key).unwrap();
     assert_eq!(figure("round trip us"), "800");
     assert_eq!(figure("offset known to +- us"), "400");
-    // 4000 less what the answer, plus what the question took.
+    // 4000 us minus the 500 us of the answer, and plus the 300 us of the query.
     assert_eq!(figure("stamps late by us"), "3500 to 4300");
-    // Older than a minute.
+    // Round trips older than a minute are discarded.
     run(&mut harness, 61);
     let status = harness.status("clock").unwrap();
     assert_eq!(value(&status, "round trip us"), None);
 }
 
 #[test]
-fn answers_to_nothing_and_impossible_ones_are_counted() {
+fn answers_without_a_query_or_with_impossible_times_are_counted() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let send_reading = |harness: &mut Harness, host_time_us, received_us, made_us| {
         let reading = ClockReading {
@@ -105,7 +105,7 @@ fn answers_to_nothing_and_impossible_ones_are_counted() {
     for (host, received, made) in [
         (asked + 1, 10, 20),
         (asked, 20, 10),
-        // Longer inside the device than from question to answer.
+        // The time inside the device exceeds the time from query to answer.
         (asked, 0, u64::MAX),
         (asked, 0, 3_000_000),
     ] {

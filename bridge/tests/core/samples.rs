@@ -1,4 +1,4 @@
-//! The ADC's samples and filtered steps on their topics.
+//! ADC samples and filtered steps on their topics.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
@@ -18,10 +18,11 @@ pub(crate) const SAMPLES: Settings = Settings {
     ..SETTINGS
 };
 
-/// Nanovolt per count of the board, as f32 keeps it; microvolt per count.
+/// Scale of the board's ADC, microvolt per count, with the rounding of the f32 on the wire.
 const COUNT_UV: f64 = 22.351_742_f32 as f64 / 1000.0;
 
-/// Counts of `samples` samples of `channels` channels from sample `first` on: each says where it is.
+/// Returns the counts of `samples` samples from sample `first` on. Each count identifies its sample and
+/// channel.
 pub(crate) fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
     let count = |sample: u64, channel: u8| (sample % 50_000 * 100) as i32 - i32::from(channel);
     let samples = (first..first + samples)
@@ -34,19 +35,19 @@ pub(crate) fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
         .collect()
 }
 
-/// A harness whose clock is known: a code was read when it was made.
+/// Returns a harness with a fitted clock: a code was read at the time it was made.
 pub(crate) fn harness(settings: Settings) -> Harness {
     let mut harness = Harness::streaming(settings, Board::new());
     harness.code(0, false);
     harness
 }
 
-/// Device time of a sample, microseconds: sample 0 at 2 s.
+/// Returns the device time of a sample, microseconds; sample 0 is at 2 s.
 fn time(sample: u64) -> u64 {
     2_000_000 + sample * 1_000_000 / 512
 }
 
-/// Eight samples from `first` on, read when the last was taken.
+/// Delivers eight samples from `first` on, at the time of the last one.
 pub(crate) fn send_samples(harness: &mut Harness, first: u64, flags: Flags) {
     let counts = counts(first, 8, 64);
     let raw = Raw {
@@ -59,7 +60,7 @@ pub(crate) fn send_samples(harness: &mut Harness, first: u64, flags: Flags) {
     harness.send(time(first + 7), &ToHost::Raw(raw));
 }
 
-/// Row of a frame: eeg, exg.
+/// Returns the values of one sample of a frame: electrodes and spare channels.
 fn row(frame: &NeuroFrame, sample: usize) -> (&[f32], &[f32]) {
     let (eeg, exg) = (&frame.eeg.data, &frame.exg.data);
     (&eeg[sample * 61..][..61], &exg[sample * 3..][..3])
@@ -70,7 +71,7 @@ fn microvolt(sample: u64, channel: u64) -> f32 {
 }
 
 #[test]
-fn raw_samples_become_frames_of_a_hop_with_the_spare_channels_apart() {
+fn raw_samples_become_frames_of_one_hop_with_spare_channels_in_exg() {
     let mut harness = harness(SAMPLES);
     for message in 0..8 {
         send_samples(&mut harness, message * 8, Flags::empty());
@@ -111,11 +112,11 @@ fn raw_samples_become_frames_of_a_hop_with_the_spare_channels_apart() {
 }
 
 #[test]
-fn stamps_of_samples_are_those_of_the_adc_and_of_steps_those_of_the_scalp() {
+fn the_delay_of_the_filters_is_removed_from_stamps_of_steps_only() {
     for (stamp, raw_us, filtered_us) in [
-        // The second frame: sample 32, step 8; filters delay by 10 ms.
+        // The second frame starts at sample 32 or step 8; the filters delay by 10 ms.
         (StampPoint::First, 62_500, 52_500),
-        // 31 samples and 7 steps later.
+        // Its end is 31 samples or 7 steps later.
         (StampPoint::Last, 62_500 + 60_546, 52_500 + 54_687),
     ] {
         let mut harness = harness(Settings { stamp, ..SAMPLES });
@@ -138,7 +139,7 @@ fn stamps_of_samples_are_those_of_the_adc_and_of_steps_those_of_the_scalp() {
     }
 }
 
-/// Four steps from `first` on, each value its step in counts.
+/// Delivers four steps from `first` on, each with its own index as value, in counts.
 fn steps(harness: &mut Harness, first: u64, electrodes: u8, fraction_bits: u8) {
     let values = (first..first + 4).flat_map(|step| {
         let value = i32::try_from(step << fraction_bits).unwrap();
@@ -157,7 +158,7 @@ fn steps(harness: &mut Harness, first: u64, electrodes: u8, fraction_bits: u8) {
 }
 
 #[test]
-fn filtered_steps_become_frames_of_a_hop_in_microvolts() {
+fn filtered_steps_become_frames_of_one_hop_in_microvolts() {
     let mut harness = harness(SAMPLES);
     for message in 0..4 {
         steps(&mut harness, message * 4, 61, 5);
@@ -176,7 +177,7 @@ fn filtered_steps_become_frames_of_a_hop_in_microvolts() {
 }
 
 #[test]
-fn steps_beyond_the_announced_range_are_held_within_it() {
+fn steps_are_clamped_to_the_announced_range() {
     let mut harness = harness(SAMPLES);
     let values = [i32::MAX.to_le_bytes(), i32::MIN.to_le_bytes()].concat();
     let values = values.repeat(61 * 4);
@@ -197,7 +198,7 @@ fn steps_beyond_the_announced_range_are_held_within_it() {
 }
 
 #[test]
-fn lost_samples_are_filled_flagged_and_counted_so_that_the_count_is_that_of_time() {
+fn lost_samples_are_filled_flagged_and_counted() {
     for (filler, value) in [
         (FillerPolicy::Last, microvolt(39, 0)),
         (FillerPolicy::Zeros, 0.0),
@@ -234,7 +235,7 @@ fn lost_samples_are_filled_flagged_and_counted_so_that_the_count_is_that_of_time
 }
 
 #[test]
-fn without_fillers_a_frame_that_would_hold_one_does_not_come() {
+fn without_fillers_a_frame_with_a_lost_sample_is_not_published() {
     let mut harness = harness(Settings {
         filler: FillerPolicy::Off,
         ..SAMPLES
@@ -265,16 +266,16 @@ fn without_fillers_a_frame_that_would_hold_one_does_not_come() {
 }
 
 #[test]
-fn an_outage_too_long_to_fill_is_counted_and_frames_stay_in_step() {
+fn an_outage_too_long_to_fill_is_counted_and_frames_stay_aligned() {
     let mut harness = harness(SAMPLES);
     send_samples(&mut harness, 0, Flags::empty());
-    // 200 s and a bit.
+    // A gap of 200 s.
     let first = 512 * 200 + 8;
     for message in 0..7 {
         send_samples(&mut harness, first + message * 8, Flags::empty());
     }
     let frames = harness.recorder.raw.clone();
-    // What is left of the first frame, 120 s, and the frame at hand.
+    // Published: the rest of the first frame, 120 s of fillers, and the current frame.
     let last = frames.last().unwrap();
     assert_eq!(row(last, 31).0[0], microvolt(first + 55, 0));
     assert!((1921..=1923).contains(&frames.len()), "{}", frames.len());
@@ -289,7 +290,7 @@ fn an_outage_too_long_to_fill_is_counted_and_frames_stay_in_step() {
 }
 
 #[test]
-fn samples_that_come_before_the_first_code_have_a_time() {
+fn samples_before_the_first_code_are_stamped() {
     let mut harness = Harness::streaming(SAMPLES, Board::new());
     for first in [0, 8, 16, 24] {
         send_samples(&mut harness, first, Flags::empty());

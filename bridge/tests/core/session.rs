@@ -1,4 +1,4 @@
-//! Devices come, go, reboot, and are not always the one that was expected.
+//! Devices that connect, disconnect, reboot, or are replaced by others.
 
 use link::{Streams, ToHost};
 
@@ -6,7 +6,7 @@ use crate::board::{Board, at};
 use crate::recorder::{Harness, SETTINGS, commands};
 
 #[test]
-fn a_device_is_asked_who_it_is_stopped_and_started() {
+fn a_device_is_identified_stopped_and_started() {
     let harness = Harness::streaming(SETTINGS, Board::new());
     assert_eq!(commands(&harness), ["identify", "stop", "start"]);
     assert_eq!(harness.recorder.announced.len(), 1);
@@ -22,7 +22,7 @@ fn commands_without_an_answer_are_repeated() {
     }
     let sent = std::mem::take(&mut harness.recorder.sent);
     harness.board.answer(&sent);
-    // At 0 and every 0.5 s.
+    // At 0 s and every 0.5 s up to 2 s.
     assert_eq!(commands(&harness), ["identify"; 5]);
 }
 
@@ -35,7 +35,7 @@ fn a_lost_acknowledgement_of_start_costs_no_code() {
     for _ in 0..3 {
         let commands = std::mem::take(&mut harness.recorder.sent);
         let answers = harness.board.answer(&commands);
-        // Nothing that follows Start arrives.
+        // The acknowledgement of Start does not arrive.
         if harness.board.received.len() < 3 {
             harness.receive(&answers);
         }
@@ -43,7 +43,7 @@ fn a_lost_acknowledgement_of_start_costs_no_code() {
     assert_eq!(commands(&harness), ["identify", "stop", "start"]);
     for _ in 0..20 {
         harness.code(1, false);
-        // A board that streams acknowledges a repeated start and goes on.
+        // A streaming board acknowledges a repeated Start and keeps streaming.
         harness.exchange();
     }
     assert_eq!(commands(&harness).len(), 4);
@@ -52,7 +52,7 @@ fn a_lost_acknowledgement_of_start_costs_no_code() {
 }
 
 #[test]
-fn a_reset_starts_cleanly_and_is_counted() {
+fn a_reset_is_counted_and_costs_no_code() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     for _ in 0..5 {
         harness.code(1, false);
@@ -75,7 +75,7 @@ fn a_reset_starts_cleanly_and_is_counted() {
 }
 
 #[test]
-fn a_reset_whose_hello_was_lost_is_found_out() {
+fn a_reset_with_a_lost_hello_is_detected_by_old_frame_numbers() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     for _ in 0..30 {
         harness.code(1, false);
@@ -105,7 +105,7 @@ fn an_outage_of_the_port_is_counted_and_filled() {
     assert_eq!(
         commands(&harness)[3..],
         ["identify", "start"],
-        "a stream of ours is not stopped"
+        "a stream that this bridge started is not stopped"
     );
     let summary = harness.core.summary();
     assert_eq!(
@@ -116,13 +116,13 @@ fn an_outage_of_the_port_is_counted_and_filled() {
 }
 
 #[test]
-fn a_thousand_outages_leave_the_ledger_closed() {
+fn a_thousand_outages_are_counted_exactly() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let (mut received, mut lost) = (0, 0);
     for outage in 0..1000 {
         let missing = outage % 7;
         harness.core.disconnected();
-        // Half a frame is in the buffer when the cable goes.
+        // The cable is unplugged in the middle of a frame.
         let half = harness
             .board
             .frame(0, &ToHost::Stats(link::Stats::default()));
@@ -144,7 +144,7 @@ fn a_thousand_outages_leave_the_ledger_closed() {
 }
 
 #[test]
-fn a_stream_that_began_anew_during_an_outage_is_taken_up() {
+fn a_stream_restarted_during_an_outage_is_continued() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     for _ in 0..10 {
         harness.code(1, false);
@@ -160,7 +160,7 @@ fn a_stream_that_began_anew_during_an_outage_is_taken_up() {
 }
 
 #[test]
-fn another_model_still_gives_codes_but_no_reconstruction() {
+fn codes_of_another_model_are_published_without_a_reconstruction() {
     let mut harness = Harness::new(
         SETTINGS,
         Board {
@@ -182,7 +182,7 @@ fn another_model_still_gives_codes_but_no_reconstruction() {
 }
 
 #[test]
-fn a_code_of_another_model_than_the_device_named_is_not_published() {
+fn a_code_of_another_model_than_the_introduced_one_is_not_published() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.board.model_id = [9; 8];
     harness.code(1, false);
@@ -191,7 +191,7 @@ fn a_code_of_another_model_than_the_device_named_is_not_published() {
 }
 
 #[test]
-fn a_device_of_another_shape_is_refused_until_the_right_one_is_back() {
+fn a_device_of_another_shape_is_refused_until_the_first_one_returns() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     harness.core.disconnected();
@@ -226,7 +226,7 @@ fn a_device_of_another_shape_is_refused_until_the_right_one_is_back() {
 }
 
 #[test]
-fn a_device_that_introduces_itself_wrongly_is_refused() {
+fn a_device_with_impossible_capabilities_is_refused() {
     for board in [
         Board {
             hop_steps: 0,
@@ -250,7 +250,7 @@ fn a_device_that_introduces_itself_wrongly_is_refused() {
 }
 
 #[test]
-fn codes_that_come_before_the_device_is_known_are_counted_not_published() {
+fn codes_before_the_introduction_are_counted_and_not_published() {
     let mut harness = Harness::new(SETTINGS, Board::new());
     harness
         .core
@@ -274,7 +274,7 @@ fn a_device_that_stops_by_itself_is_started_again() {
 }
 
 #[test]
-fn stop_and_start_are_obeyed() {
+fn streaming_can_be_stopped_and_started() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     harness.core.set_streaming(false);
@@ -293,7 +293,7 @@ fn stop_and_start_are_obeyed() {
 }
 
 #[test]
-fn a_start_without_an_acknowledgement_is_taken_back_when_the_bridge_leaves() {
+fn an_unacknowledged_start_is_stopped_at_shutdown() {
     let mut harness = Harness::new(SETTINGS, Board::new());
     harness
         .core
@@ -317,12 +317,12 @@ fn a_start_without_an_acknowledgement_is_taken_back_when_the_bridge_leaves() {
     assert_eq!(
         (summary.made, summary.lost),
         (2, 1),
-        "the last report closes the ledger"
+        "the last report counts the lost code"
     );
 }
 
 #[test]
-fn a_report_from_before_the_start_closes_nothing() {
+fn a_report_from_before_the_start_counts_no_loss() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     for _ in 0..20 {
         harness.code(1, false);
@@ -330,7 +330,7 @@ fn a_report_from_before_the_start_closes_nothing() {
     harness.core.set_streaming(false);
     harness.core.tick(at(harness.now_us), &mut harness.recorder);
     harness.exchange();
-    // Plugged in again it is stopped again, and its report still tells of the old stream.
+    // After a reconnection it is stopped again, and its report still counts the old stream.
     harness.core.disconnected();
     harness.connect();
     assert_eq!(commands(&harness)[3..], ["stop", "identify", "stop"]);
@@ -364,11 +364,15 @@ fn another_board_that_streams_already_is_stopped_first() {
     harness.code(2, false);
     let summary = harness.core.summary();
     assert_eq!((summary.received, summary.lost), (2, 0));
-    assert_eq!(harness.recorder.announced.len(), 2, "another chip");
+    assert_eq!(
+        harness.recorder.announced.len(),
+        2,
+        "another chip is announced again"
+    );
 }
 
 #[test]
-fn what_was_announced_holds_for_the_session() {
+fn a_device_that_differs_from_the_announced_one_is_refused() {
     for (other, what) in [
         (
             Board {

@@ -1,4 +1,4 @@
-//! The device's reports about its electrodes, in `/diagnostics`.
+//! Status `signal quality` in `/diagnostics`.
 
 use link::{ElectrodeQuality, Quality, ToHost};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
@@ -14,7 +14,7 @@ const GOOD: ElectrodeQuality = ElectrodeQuality {
     flat: false,
 };
 
-/// A report of 61 electrodes that are good but for those that `change` changes.
+/// Returns a report of 61 good electrodes, as modified by `change`.
 fn report(change: impl FnOnce(&mut Quality)) -> ToHost<'static> {
     let mut quality = Quality {
         first_sample: 5120,
@@ -25,7 +25,7 @@ fn report(change: impl FnOnce(&mut Quality)) -> ToHost<'static> {
     ToHost::Quality(quality)
 }
 
-/// What the core makes of a message of a streaming board; none if it says nothing about it.
+/// Delivers a message from a streaming board and returns the status of signal quality, if there is one.
 fn report_status(harness: &mut Harness, message: &ToHost) -> Option<DiagnosticStatus> {
     let bytes = harness.board.frame(0, message);
     harness.receive(&bytes);
@@ -40,7 +40,7 @@ fn current_status(harness: &mut Harness) -> Option<DiagnosticStatus> {
 }
 
 #[test]
-fn electrodes_that_are_flat_at_the_rail_or_full_of_mains_are_named() {
+fn electrodes_that_are_flat_at_the_rail_or_with_strong_mains_are_named() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let message = report(|quality| {
         quality.electrodes[0].flat = true;
@@ -69,7 +69,7 @@ fn electrodes_that_are_flat_at_the_rail_or_full_of_mains_are_named() {
 }
 
 #[test]
-fn good_electrodes_are_no_warning_and_a_start_is_told_of() {
+fn good_electrodes_are_no_warning_and_settling_is_reported() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let status = report_status(&mut harness, &report(|_| {})).unwrap();
     assert_eq!(
@@ -96,7 +96,7 @@ fn the_newest_report_is_shown_once() {
 }
 
 #[test]
-fn a_report_of_the_device_before_a_reset_is_not_shown_for_the_next_one() {
+fn a_report_from_before_a_reset_is_discarded() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let bytes = harness.board.frame(0, &report(|_| {}));
     harness.receive(&bytes);
@@ -107,7 +107,7 @@ fn a_report_of_the_device_before_a_reset_is_not_shown_for_the_next_one() {
 }
 
 #[test]
-fn figures_that_cannot_be_and_electrodes_without_a_label_do_no_harm() {
+fn impossible_figures_and_missing_labels_are_handled() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let message = report(|quality| {
         quality.electrodes[0].mains_uv = f32::NAN;

@@ -1,4 +1,4 @@
-//! Devices that say nothing, or no.
+//! Devices that are silent, or that refuse commands.
 
 use link::{AckResult, ToDevice, ToHost};
 
@@ -6,7 +6,7 @@ use crate::board::{Board, at};
 use crate::recorder::{Harness, SETTINGS, commands};
 
 #[test]
-fn a_silent_device_is_pinged_and_then_taken_for_dead() {
+fn a_silent_device_is_pinged_and_then_unresponsive() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let start = harness.now_us;
     for tick in 1..=51 {
@@ -21,7 +21,7 @@ fn a_silent_device_is_pinged_and_then_taken_for_dead() {
 }
 
 #[test]
-fn a_host_that_slept_does_not_take_the_device_for_dead() {
+fn a_suspended_host_does_not_count_as_silence_of_the_device() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let (start, mut waiting) = (harness.now_us, Vec::new());
     for code in 1..=160 {
@@ -40,7 +40,7 @@ fn a_host_that_slept_does_not_take_the_device_for_dead() {
 }
 
 #[test]
-fn a_refused_start_is_not_hammered() {
+fn a_refused_start_is_not_repeated_for_ten_seconds() {
     let mut harness = Harness::new(SETTINGS, Board::new());
     harness.core.connected(at(0), &mut harness.recorder);
     for tick in 0..60 {
@@ -59,7 +59,7 @@ fn a_refused_start_is_not_hammered() {
                     result: AckResult::BadArgument,
                 };
                 let bytes = harness.board.frame(0, &ToHost::Ack(refusal));
-                // The frames of the answer that is thrown away count as lost; that is no matter.
+                // The discarded answer counts as lost frames, which this test does not check.
                 harness.receive(&bytes);
             }
             None => harness.receive(&answers),
@@ -77,12 +77,12 @@ fn a_refused_start_is_not_hammered() {
     assert_eq!(
         commands(&harness).last(),
         Some(&"stop"),
-        "what was refused is the start alone"
+        "only the start was refused"
     );
 }
 
 #[test]
-fn a_device_that_falls_silent_at_the_start_is_taken_for_dead() {
+fn a_device_that_falls_silent_at_the_start_is_unresponsive() {
     let mut harness = Harness::new(SETTINGS, Board::new());
     harness
         .core
@@ -102,7 +102,7 @@ fn a_device_that_falls_silent_at_the_start_is_taken_for_dead() {
     }
 }
 
-/// Let `seconds` pass with a board that answers and makes no codes.
+/// Advances time by `seconds` with a board that answers commands and sends no codes.
 fn starve(harness: &mut Harness, seconds: i64) {
     for _ in 0..seconds * 10 {
         harness.now_us += 100_000;
@@ -112,7 +112,7 @@ fn starve(harness: &mut Harness, seconds: i64) {
 }
 
 #[test]
-fn a_reset_whose_hello_was_lost_shows_within_3_s() {
+fn a_reset_with_a_lost_hello_is_detected_within_3_s() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     harness.board.reboot();
@@ -125,7 +125,7 @@ fn a_reset_whose_hello_was_lost_shows_within_3_s() {
 }
 
 #[test]
-fn a_device_that_someone_else_stopped_is_started_again() {
+fn a_device_that_another_program_stopped_is_started_again() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     harness.board.streaming = false;
@@ -137,7 +137,7 @@ fn a_device_that_someone_else_stopped_is_started_again() {
 }
 
 #[test]
-fn a_device_that_answers_but_makes_no_codes_is_told_of() {
+fn a_device_that_answers_and_sends_no_codes_is_a_warning() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     starve(&mut harness, 10);

@@ -1,4 +1,4 @@
-//! What the device is asked to stream, and what becomes of it when it has not all of it.
+//! Streams that the device is asked for, and devices that refuse some of them.
 
 use bridge::{AnnouncedStream, Settings};
 use link::{Streams, ToDevice};
@@ -9,7 +9,7 @@ use crate::recorder::{Harness, SETTINGS, commands};
 
 const EVERYTHING: Streams = Streams::ALL;
 
-/// Streams of every start that the board saw, as bits.
+/// Returns the stream bits of every `Start` that the board received.
 fn starts(harness: &Harness) -> Vec<u16> {
     let streams = harness
         .board
@@ -39,7 +39,7 @@ fn harness(streams: Streams, supported: Streams) -> Harness {
 }
 
 #[test]
-fn the_chosen_streams_go_to_the_device_and_codes_always_do() {
+fn the_device_is_asked_for_the_chosen_streams_and_always_for_codes() {
     for (asked, expected) in [(0b11001, 0b11001), (0b00010, 0b00011), (0, 1)] {
         let harness = harness(Streams::from_bits(asked), EVERYTHING);
         assert_eq!(starts(&harness), [expected]);
@@ -47,7 +47,7 @@ fn the_chosen_streams_go_to_the_device_and_codes_always_do() {
 }
 
 #[test]
-fn an_older_device_is_asked_again_for_codes_alone_and_that_is_no_warning() {
+fn an_older_device_is_asked_for_codes_alone_without_a_warning() {
     let mut harness = harness(
         Streams::CODES | Streams::AUDIT | Streams::EVENTS,
         Streams::CODES,
@@ -62,7 +62,7 @@ fn an_older_device_is_asked_again_for_codes_alone_and_that_is_no_warning() {
         "{}",
         status.message
     );
-    // What it has refused is not asked for again by each reconnection.
+    // A reconnection does not ask for refused streams again.
     harness.core.disconnected();
     harness.board.streaming = false;
     harness.connect();
@@ -70,7 +70,7 @@ fn an_older_device_is_asked_again_for_codes_alone_and_that_is_no_warning() {
 }
 
 #[test]
-fn a_port_too_slow_for_samples_still_gives_events_and_the_missing_ones_are_a_warning() {
+fn refused_samples_are_a_warning_and_the_other_streams_still_start() {
     let mut uart = harness(EVERYTHING, EVERYTHING.without(Streams::RAW));
     assert_eq!(starts(&uart), [0b11111, 0b11101]);
     uart.code(1, false);
@@ -95,7 +95,7 @@ fn a_port_too_slow_for_samples_still_gives_events_and_the_missing_ones_are_a_war
 }
 
 #[test]
-fn another_device_is_asked_for_everything_again() {
+fn another_device_is_asked_for_all_streams_again() {
     let mut harness = harness(EVERYTHING, Streams::CODES);
     harness.board.reboot();
     harness.board.supported = EVERYTHING;

@@ -1,4 +1,4 @@
-//! The device's reports about its deadlines and its stack, in `/diagnostics` and in the last line.
+//! Status `timing` in `/diagnostics`, and the worst stage in the summary.
 
 use link::{Stage, StageTiming, Timing, ToHost};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
@@ -13,7 +13,7 @@ const ACQUIRE: StageTiming = StageTiming {
     histogram: [512, 0, 0, 0, 0, 0, 0, 0, 0],
 };
 
-/// Closer to its deadline than `ACQUIRE`, and not late.
+/// A stage closer to its deadline than `ACQUIRE`, and not late.
 const CODE: StageTiming = StageTiming {
     stage: Stage::Code,
     deadline_ns: 7_812_500,
@@ -21,7 +21,7 @@ const CODE: StageTiming = StageTiming {
     histogram: [0, 9, 0, 0, 0, 0, 0, 1, 0],
 };
 
-/// A report of two stages in time and a stack just deep enough, but for what `change` changes.
+/// Returns a report of two stages in time and a stack at the limit, as modified by `change`.
 fn report(change: impl FnOnce(&mut Timing)) -> ToHost<'static> {
     let mut timing = Timing {
         stages: [ACQUIRE, CODE].into_iter().collect(),
@@ -32,7 +32,7 @@ fn report(change: impl FnOnce(&mut Timing)) -> ToHost<'static> {
     ToHost::Timing(timing)
 }
 
-/// What the core makes of a message of a streaming board; none if it says nothing about it.
+/// Delivers a message from a streaming board and returns the status of timing, if there is one.
 fn report_status(harness: &mut Harness, message: &ToHost) -> Option<DiagnosticStatus> {
     let bytes = harness.board.frame(0, message);
     harness.receive(&bytes);
@@ -52,7 +52,7 @@ fn values(status: &DiagnosticStatus) -> Vec<(&str, &str)> {
 }
 
 #[test]
-fn stages_in_time_and_a_stack_deep_enough_are_no_warning() {
+fn stages_in_time_and_a_sufficient_stack_are_no_warning() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let status = report_status(&mut harness, &report(|_| {})).unwrap();
     assert_eq!(
@@ -123,7 +123,7 @@ fn more_than_three_quarters_of_the_stack_is_a_warning() {
 }
 
 #[test]
-fn a_device_that_measures_nothing_is_not_blamed() {
+fn a_device_that_measures_nothing_is_no_warning() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let status = report_status(&mut harness, &ToHost::Timing(Timing::default())).unwrap();
     assert_eq!(status.level, DiagnosticLevel::Ok);
@@ -133,7 +133,7 @@ fn a_device_that_measures_nothing_is_not_blamed() {
 }
 
 #[test]
-fn the_newest_report_about_deadlines_is_shown_once() {
+fn the_newest_report_of_deadlines_is_shown_once() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     assert_eq!(current_status(&mut harness), None);
     let older = report(|timing| timing.stack_used = 8192);
@@ -145,7 +145,7 @@ fn the_newest_report_about_deadlines_is_shown_once() {
 }
 
 #[test]
-fn deadlines_of_the_device_before_a_reset_are_not_shown_for_the_next_one() {
+fn a_report_of_deadlines_from_before_a_reset_is_discarded() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let bytes = harness.board.frame(0, &report(|_| {}));
     harness.receive(&bytes);
@@ -156,7 +156,7 @@ fn deadlines_of_the_device_before_a_reset_are_not_shown_for_the_next_one() {
 }
 
 #[test]
-fn the_last_line_names_the_stage_that_came_closest_to_its_deadline_before_a_reset_too() {
+fn the_summary_names_the_stage_closest_to_its_deadline_across_resets() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     report_status(
         &mut harness,

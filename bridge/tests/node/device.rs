@@ -1,4 +1,4 @@
-//! A board behind a TCP port or a pseudoterminal, in real time.
+//! A simulated board at a TCP port or a pseudoterminal, in real time.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener};
@@ -18,22 +18,22 @@ use crate::board::Board;
 /// Time between codes; faster than a real board, to keep the tests short.
 pub(crate) const PACE: Duration = Duration::from_millis(20);
 
-/// What a test can do to a running board.
+/// Controls and counters of a running board.
 #[derive(Default)]
 pub(crate) struct Controls {
-    /// So many of the next codes are lost.
+    /// Number of codes to lose, starting with the next one.
     pub(crate) lose: AtomicU32,
-    /// The connection is closed once; the board runs on.
+    /// Set to close the connection once; the board keeps running.
     pub(crate) hang_up: AtomicBool,
-    /// Codes made until now.
+    /// Number of codes made so far.
     pub(crate) made: AtomicU32,
-    /// Nobody is there to connect to.
+    /// Whether the board refuses connections.
     pub(crate) unplugged: AtomicBool,
     stop: AtomicBool,
     received: Mutex<Vec<ToDevice>>,
 }
 
-/// A board behind a port.
+/// A board at a port, run by a thread.
 pub(crate) struct Device {
     pub(crate) port: String,
     pub(crate) controls: Arc<Controls>,
@@ -41,7 +41,7 @@ pub(crate) struct Device {
 }
 
 impl Device {
-    /// Behind a TCP port.
+    /// Starts the board at a free TCP port.
     pub(crate) fn tcp(board: Board) -> Device {
         let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
         let port = format!("tcp:{}", listener.local_addr().unwrap());
@@ -53,7 +53,8 @@ impl Device {
         })
     }
 
-    /// Behind a pseudoterminal whose name changes with every plugging in; `path` leads to it.
+    /// Starts the board at a pseudoterminal whose name changes with every reconnection; `path` is a link
+    /// to it.
     pub(crate) fn pty(board: Board, path: &Path) -> Device {
         let port = path.display().to_string();
         let path = path.to_owned();
@@ -84,7 +85,7 @@ impl Device {
             while !shared.stop.load(Relaxed) {
                 if shared.hang_up.swap(false, Relaxed) {
                     line = None;
-                    // Its number may be another's in a moment.
+                    // Another program can get the same pseudoterminal number next.
                     link.as_ref().map(std::fs::remove_file);
                 }
                 if line.is_none() && !shared.unplugged.load(Relaxed) {
@@ -129,7 +130,7 @@ impl Device {
         }
     }
 
-    /// Commands that came, oldest first.
+    /// Returns the received commands, oldest first.
     pub(crate) fn received(&self) -> Vec<ToDevice> {
         self.controls.received.lock().unwrap().clone()
     }
@@ -144,8 +145,8 @@ impl Drop for Device {
     }
 }
 
-/// What the board streams beside the newest code: the samples and steps of its hop, and every tenth
-/// time an edge and an audit.
+/// Returns the other messages of the newest hop: its samples and steps, and an edge and an audit in
+/// every tenth hop.
 fn side_messages(board: &mut Board, device_us: u64) -> Vec<u8> {
     let window = board.next_window - 1;
     let streams = board.streams;
@@ -197,12 +198,12 @@ trait Line: Read + Write + Send {}
 
 impl<T: Read + Write + Send> Line for T {}
 
-/// Nothing there yet; a pseudoterminal that nobody has opened says EIO.
+/// Returns whether an error only means "not ready": EIO is a pseudoterminal that nobody has opened.
 fn is_not_ready(error: &io::Error) -> bool {
     error.kind() == ErrorKind::WouldBlock || error.raw_os_error() == Some(5)
 }
 
-/// Like a board: what the host does not take is gone.
+/// Sends bytes as a board does: those that the host does not read are dropped.
 fn send(line: &mut Option<Box<dyn Line>>, bytes: &[u8]) {
     if let Some(open) = line
         && let Err(error) = open.write_all(bytes)

@@ -50,14 +50,14 @@ pub(crate) async fn until(what: &str, mut holds: impl AsyncFnMut() -> bool) {
     }
 }
 
-/// Whether the master knows the bridge.
+/// Returns whether the master knows the bridge's service.
 pub(crate) async fn registered(uri: &str) -> bool {
     let arguments = ["/test", "/acquisition/get_info"].map(|text| Value::String(text.to_owned()));
     call_ros(uri, "lookupService", &arguments).await.is_ok()
 }
 
 #[tokio::test]
-async fn codes_reach_a_subscriber_and_the_announcement_fits_them() {
+async fn codes_reach_a_subscriber_and_match_the_announcement() {
     let master = master().await;
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
@@ -115,11 +115,14 @@ async fn codes_reach_a_subscriber_and_the_announcement_fits_them() {
     assert!(status.success(), "{log}");
     assert!(log.contains("lost 0 "), "{log}");
     assert_eq!(device.received().last(), Some(&ToDevice::Stop));
-    assert!(!registered(master.uri()).await, "left without a word");
+    assert!(
+        !registered(master.uri()).await,
+        "the bridge did not unregister"
+    );
 }
 
 #[tokio::test]
-async fn a_master_that_comes_late_and_restarts_finds_the_bridge_again() {
+async fn the_bridge_registers_with_a_late_master_and_again_after_its_restart() {
     let first = master().await;
     let uri = first.uri().to_owned();
     let address: SocketAddr = uri
@@ -131,7 +134,7 @@ async fn a_master_that_comes_late_and_restarts_finds_the_bridge_again() {
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", &uri]);
     until("codes", async || device.controls.made.load(Relaxed) > 5).await;
-    // Long enough for the missing master to be told of.
+    // Long enough for the missing master to be logged.
     sleep(Duration::from_millis(1500)).await;
     for round in 0..2 {
         let master = Master::start(address).await.unwrap();
@@ -157,7 +160,7 @@ async fn a_master_that_comes_late_and_restarts_finds_the_bridge_again() {
 }
 
 #[tokio::test]
-async fn a_namesake_takes_over_and_the_bridge_leaves() {
+async fn a_node_with_the_same_name_takes_over_and_the_bridge_shuts_down() {
     let master = master().await;
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
@@ -174,7 +177,7 @@ async fn a_namesake_takes_over_and_the_bridge_leaves() {
 }
 
 #[tokio::test]
-async fn losses_on_the_way_are_filled_and_counted() {
+async fn lost_codes_are_filled_and_counted() {
     let master = master().await;
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
@@ -209,7 +212,7 @@ async fn losses_on_the_way_are_filled_and_counted() {
 }
 
 #[tokio::test]
-async fn names_can_be_changed_from_outside() {
+async fn node_and_topics_can_be_renamed_on_the_command_line() {
     let master = master().await;
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&[

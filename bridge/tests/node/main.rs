@@ -1,4 +1,4 @@
-//! The bridge as a program: a fake board on one side, ROS's embedded master on the other.
+//! Tests of the program, between a simulated board and our own ROS master.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod abuse;

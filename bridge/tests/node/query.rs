@@ -1,4 +1,4 @@
-//! `corticode-bridge selftest` and `reset`, as a person calls them.
+//! The subcommands `selftest` and `reset`.
 
 use std::io::Read;
 
@@ -36,7 +36,7 @@ fn board(fault: ChannelFault) -> Board {
     }
 }
 
-/// Exit status, stdout and stderr.
+/// Runs the bridge and returns exit status, stdout and stderr.
 fn run_query(arguments: &[&str]) -> (Option<i32>, String, String) {
     let mut bridge = Bridge::start(arguments);
     let mut stdout = bridge.stdout();
@@ -47,7 +47,7 @@ fn run_query(arguments: &[&str]) -> (Option<i32>, String, String) {
 }
 
 #[test]
-fn a_device_in_order_is_status_0_and_its_table_is_all_that_stdout_gets() {
+fn a_device_in_order_is_status_0_and_stdout_has_only_the_table() {
     let device = Device::tcp(board(ChannelFault::None));
     let (code, text, log) = run_query(&["selftest", "--port", &device.port]);
     assert_eq!((code, &*log), (Some(0), ""), "{text}");
@@ -61,7 +61,7 @@ fn a_device_in_order_is_status_0_and_its_table_is_all_that_stdout_gets() {
 }
 
 #[test]
-fn a_device_with_a_fault_is_status_1_and_json_says_which() {
+fn a_device_with_a_fault_is_status_1_and_json_names_the_fault() {
     let device = Device::tcp(board(ChannelFault::Noisy));
     let (code, text, _) = run_query(&["selftest", "--json", "--port", &device.port]);
     assert_eq!(code, Some(1));
@@ -71,7 +71,7 @@ fn a_device_with_a_fault_is_status_1_and_json_says_which() {
 }
 
 #[test]
-fn a_reader_who_has_seen_enough_of_the_table_is_no_error() {
+fn a_reader_that_closes_the_pipe_is_no_error() {
     let device = Device::tcp(board(ChannelFault::Noisy));
     let mut bridge = Bridge::start(&["selftest", "--port", &device.port]);
     drop(bridge.stdout());
@@ -80,7 +80,7 @@ fn a_reader_who_has_seen_enough_of_the_table_is_no_error() {
 }
 
 #[test]
-fn nobody_there_is_status_3_and_a_refusal_status_4() {
+fn an_absent_device_is_status_3_and_a_refusal_status_4() {
     let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let nobody = format!("tcp:{}", free.local_addr().unwrap());
     drop(free);
@@ -99,7 +99,7 @@ fn nobody_there_is_status_3_and_a_refusal_status_4() {
 }
 
 #[test]
-fn a_reset_is_agreed_to_and_a_device_that_comes_back_is_reported() {
+fn a_reset_prints_the_bootloader_or_the_restarted_device() {
     let device = Device::tcp(Board::new());
     let (code, text, _) = run_query(&["reset", "--bootloader", "--port", &device.port]);
     assert_eq!(code, Some(0));
@@ -114,7 +114,7 @@ fn a_reset_is_agreed_to_and_a_device_that_comes_back_is_reported() {
 }
 
 #[test]
-fn what_a_subcommand_cannot_use_is_status_2() {
+fn wrong_usage_of_a_subcommand_is_status_2() {
     for (arguments, expected) in [
         (&["selftest"][..], "--port"),
         (&["selftest", "--port", "/dev/null"], "/dev/ttyACM0"),

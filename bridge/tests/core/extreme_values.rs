@@ -1,4 +1,4 @@
-//! Sound frames with the numbers that no device should send.
+//! Valid frames with extreme numbers that no device should send.
 
 use bridge::{Announcement, AuditedWindow, Core, Effects, FillerPolicy, TimedCode};
 use link::{
@@ -10,7 +10,7 @@ use neuro_ros::{NeuroEvent, NeuroFrame};
 use crate::board::{Board, at, model};
 use crate::recorder::SETTINGS;
 
-/// Keeps what goes to the device, and counts the rest.
+/// Keeps the bytes for the device, and counts published frames and events.
 #[derive(Default)]
 struct Counter {
     sent: Vec<u8>,
@@ -47,7 +47,7 @@ impl Effects for Counter {
     }
 }
 
-/// Numbers at the ends and near places where something wraps, and some in between.
+/// Limits of the integer types, numbers near a wrap, and some in between.
 const NUMBERS: [u64; 10] = [
     0,
     1,
@@ -62,13 +62,13 @@ const NUMBERS: [u64; 10] = [
 ];
 
 #[test]
-fn no_number_in_a_sound_frame_ends_the_bridge_and_codes_go_on() {
+fn extreme_numbers_in_valid_frames_do_not_panic_or_stop_the_codes() {
     for filler in [FillerPolicy::Last, FillerPolicy::Off] {
-        take_everything(filler);
+        survives_extreme_numbers(filler);
     }
 }
 
-fn take_everything(filler: FillerPolicy) {
+fn survives_extreme_numbers(filler: FillerPolicy) {
     let settings = bridge::Settings {
         filler,
         streams: Streams::ALL,
@@ -92,7 +92,7 @@ fn take_everything(filler: FillerPolicy) {
         now_us += 1_000;
         let mut number = || NUMBERS[draw(NUMBERS.len())];
         let (made_us, first, other) = (number(), number(), number());
-        #[expect(clippy::cast_possible_truncation, reason = "any number will do")]
+        #[expect(clippy::cast_possible_truncation, reason = "any number serves")]
         let (small, byte) = (other as u32, first as u8);
         let message = match draw(6) {
             0 => ToHost::Raw(Raw {
