@@ -1,15 +1,21 @@
-//! The bridge without the world: bytes and times in, effects out.
+//! The bridge without input and output: bytes and times in, effects out.
 
 use std::sync::Arc;
 
 use link::{Counters, Decoder, MAX_FRAME, ToHost};
 use neuro_ros::DiagnosticArray;
 
-use crate::session::Session;
-use crate::{Effects, HostTime, Model, Settings, Summary};
+use crate::decoder::model::Model;
+use crate::diagnostics::diagnose;
+use crate::diagnostics::summary::Summary;
+use crate::effects::Effects;
+use crate::session::state::Session;
+use crate::settings::Settings;
+use crate::time::host_time::HostTime;
 
-/// The bridge without the world: bytes and times in, [`Effects`] out. Pure, so that everything
-/// that can go wrong on a link is tested without one.
+/// The bridge without input and output: bytes and times in, [`Effects`] out.
+///
+/// `Core` reads no clock and no port, so tests can reproduce every fault of a link exactly.
 #[derive(Debug)]
 pub struct Core {
     decoder: Decoder<MAX_FRAME>,
@@ -17,7 +23,7 @@ pub struct Core {
 }
 
 impl Core {
-    /// Nothing is connected yet. Without a model nothing is reconstructed.
+    /// Creates a disconnected core. Without a model, codes are published but not decoded.
     pub fn new(settings: Settings, model: Option<Arc<Model>>) -> Core {
         Core {
             decoder: Decoder::new(),
@@ -25,60 +31,61 @@ impl Core {
         }
     }
 
-    /// A port was opened.
+    /// Handles the opening of a port: sends the first command.
     pub fn connected(&mut self, now: HostTime, effects: &mut dyn Effects) {
         self.decoder.reset();
         self.session.connected(now, effects);
     }
 
-    /// The port was closed, or has gone.
+    /// Handles the closing or loss of the port. The state of the streams is kept for a reconnection.
     pub fn disconnected(&mut self) {
         self.session.disconnected();
     }
 
-    /// Bytes came from the device.
+    /// Handles bytes from the device that were read at `read`, and sends the command that is due.
     pub fn receive(&mut self, mut bytes: &[u8], read: HostTime, effects: &mut dyn Effects) {
         while let Some(outcome) = self.decoder.next::<ToHost>(&mut bytes) {
             match outcome {
-                Ok(frame) => self.session.frame(&frame, read, effects),
-                Err(error) => self.session.unusable(error, read),
+                Ok(frame) => self.session.handle_frame(&frame, read, effects),
+                Err(error) => self.session.handle_error(error, read),
             }
         }
         self.session.tick(read, effects);
     }
 
-    /// Time passes: send what is due. Call at least every 100 ms.
+    /// Sends the command that is due, if any. Call this at least every 100 ms.
     pub fn tick(&mut self, now: HostTime, effects: &mut dyn Effects) {
         self.session.tick(now, effects);
     }
 
-    /// Frames shall come, or not.
-    pub fn want(&mut self, streaming: bool) {
-        self.session.commands.want(streaming);
+    /// Sets whether the device shall stream. The next [`Core::tick`] sends the command.
+    pub fn set_streaming(&mut self, streaming: bool) {
+        self.session.commands.set_streaming(streaming);
     }
 
-    /// Whether the device has stopped as wanted.
+    /// Returns whether no stream is wanted and the device has confirmed that it stopped.
     pub fn is_stopped(&self) -> bool {
         self.session.commands.is_stopped()
     }
 
-    /// Whether the port has been silent for so long that it should be opened anew.
-    pub fn is_dead(&self, now: HostTime) -> bool {
-        self.session.commands.is_dead(now.monotonic_us)
+    /// Returns whether the port has been silent for more than 5 s, so that it should be reopened.
+    pub fn is_unresponsive(&self, now: HostTime) -> bool {
+        self.session.commands.is_unresponsive(now.monotonic_us)
     }
 
-    /// What the frame decoder has counted.
+    /// Returns the frame decoder's counts of bytes, frames and errors.
     pub fn wire_counters(&self) -> &Counters {
         self.decoder.counters()
     }
 
-    /// What was received, lost and filled until now.
+    /// Returns the counts of received, lost and filled data so far.
     pub fn summary(&self) -> Summary {
         Summary::new(&self.session, self.decoder.counters())
     }
 
-    /// What goes to `/diagnostics`. Call it once a second: a loss is a warning for one call.
+    /// Returns the report for `/diagnostics`. Call this once a second: a loss is a warning in the first
+    /// report after it only.
     pub fn diagnostics(&mut self, now: HostTime) -> DiagnosticArray {
-        crate::diagnosis::diagnose(&mut self.session, self.decoder.counters(), now)
+        diagnose(&mut self.session, self.decoder.counters(), now)
     }
 }

@@ -3,106 +3,107 @@
 use link::{CODE_LEN, Capabilities, CodeFormat, CodeValues, Hello};
 use thiserror::Error;
 
-/// The device as it introduced itself: everything that its codes mean.
+/// Properties of a device that its codes, samples and steps depend on, from `Hello` and
+/// `Capabilities`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Device {
-    /// Version of the firmware.
+    /// Firmware version, including the commit, as `Hello` reports it.
     pub firmware: String,
-    /// Board.
+    /// Name of the board, such as `NUCLEO-H743ZI2`.
     pub board: String,
-    /// Unique id of its microcontroller, hexadecimal.
+    /// Unique id of the microcontroller, 24 hexadecimal digits.
     pub uid: String,
-    /// Its model.
+    /// Id of the model in the firmware.
     pub model_id: [u8; 8],
-    /// Samples per second of the ADC.
+    /// Sampling rate of the ADC, Hz.
     pub adc_rate_hz: u16,
-    /// Steps per second at the encoder's input.
+    /// Rate of the time steps at the encoder's input, Hz.
     pub step_rate_hz: u16,
-    /// Steps in a window.
+    /// Number of steps in the window of one code.
     pub window_steps: u8,
-    /// Steps from one window to the next.
+    /// Number of steps from the start of one window to the start of the next.
     pub hop_steps: u8,
-    /// Mains that its notch removes, Hz.
+    /// Mains frequency that the notch filter removes, Hz.
     pub mains_hz: u8,
-    /// Delay of its filters, microseconds.
+    /// Group delay of the filters, microseconds; stamps are corrected by it.
     pub group_delay_us: u32,
-    /// Channels of the ADC: the electrodes, then the spare ones.
+    /// Number of ADC channels: the electrodes, then the spare channels.
     pub channels: u8,
-    /// Electrode labels in the montage's order.
+    /// Electrode labels in the order of the montage.
     pub labels: Vec<String>,
-    /// Filters in words.
+    /// Description of the filters, published as `prefiltering`.
     pub filters: String,
-    /// Largest value the ADC can give, microvolt.
+    /// Largest value that the ADC can measure, microvolt.
     pub full_scale_uv: f64,
-    /// Microvolt per count of the ADC.
-    pub count_uv: f64,
-    /// Format of its codes; [`CodeFormat::Newer`] never.
+    /// Scale of the ADC, microvolt per count.
+    pub uv_per_count: f64,
+    /// Format of the codes; never [`CodeFormat::Newer`].
     pub code_format: CodeFormat,
     scale: [f32; CODE_LEN],
     zero_point: [i8; CODE_LEN],
-    /// The least and the greatest `z` that any value of any code can mean.
+    /// Smallest and largest `z` that any value of any code can decode to.
     pub(crate) code_range: [f32; 2],
 }
 
-/// A device introduced itself with numbers that cannot be.
+/// Reason why a device's codes cannot be published.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum DeviceError {
-    /// Codes per second are not a whole number.
+    /// The rate of the codes is not a whole number per second.
     #[error(
-        "the device makes {step_rate_hz} steps per second and a code every {hop_steps}; consumers \
-         need a whole number of codes per second (8 or 16 steps at 128 Hz)"
+        "the device makes {step_rate_hz} steps per second and one code every {hop_steps} steps; \
+         consumers need a whole number of codes per second (8 or 16 steps at 128 Hz)"
     )]
     CodeRate {
-        /// Steps per second.
+        /// Rate of the steps, Hz.
         step_rate_hz: u16,
-        /// Steps per code.
+        /// Number of steps between two codes.
         hop_steps: u8,
     },
-    /// Its codes cannot be read.
+    /// The format of the codes is newer than this bridge.
     #[error(
         "the device's codes have a format that is newer than this bridge ({0}); bring firmware and \
          bridge to the same release"
     )]
     Format(CodeFormat),
-    /// Scales or zero points are missing.
-    #[error("the device gives {scales} scales and {zero_points} zero points for 128 code values")]
+    /// There are not exactly 128 scales and 128 zero points.
+    #[error("the device reports {scales} scales and {zero_points} zero points for 128 code values")]
     Scales {
-        /// How many scales.
+        /// Number of scales in `Capabilities`.
         scales: usize,
-        /// How many zero points.
+        /// Number of zero points in `Capabilities`.
         zero_points: usize,
     },
-    /// A scale is not positive and finite, or the converter's step is not.
-    #[error("the device gives a scale that is no positive number (place {place})")]
+    /// A scale, or the size of an ADC count, is not a positive finite number.
+    #[error("the device reports a scale that is not a positive number (index {index})")]
     Scale {
-        /// Which one; 128 is the converter's step.
-        place: usize,
+        /// Index of the scale; 128 stands for the size of an ADC count.
+        index: usize,
     },
-    /// Its codes mean something else than those of the device that was announced.
+    /// The device is incompatible with the one that was announced.
     #[error(
-        "its {what} are not those that were announced; recorders ask once and keep the answer, so \
-         restart this bridge and the recorder to use it"
+        "it differs from the announced device in its {what}; recorders ask once and keep the \
+         answer, so restart this bridge and the recorder to use it"
     )]
     Changed {
-        /// What differs.
+        /// Property that differs.
         what: &'static str,
     },
-    /// A window is shorter than its hop.
-    #[error("the device gives windows of {window_steps} steps every {hop_steps} steps")]
+    /// The window is shorter than the hop.
+    #[error("the device reports windows of {window_steps} steps every {hop_steps} steps")]
     Window {
-        /// Steps in a window.
+        /// Number of steps in a window.
         window_steps: u8,
-        /// Steps from one window to the next.
+        /// Number of steps between the starts of two windows.
         hop_steps: u8,
     },
 }
 
 impl Device {
-    /// What `hello` and `capabilities` say, checked.
+    /// Checks `hello` and `capabilities` and combines them.
     ///
     /// # Errors
     ///
-    /// [`DeviceError`]; then its codes cannot be published.
+    /// [`DeviceError`] if the device's codes cannot be published.
     pub fn new(hello: &Hello, capabilities: &Capabilities) -> Result<Device, DeviceError> {
         let Capabilities {
             step_rate_hz,
@@ -134,14 +135,14 @@ impl Device {
         };
         let scale: [f32; CODE_LEN] = scale;
         let numbers = scale.iter().chain([&capabilities.lsb_nv]);
-        if let Some(place) = numbers
+        if let Some(index) = numbers
             .into_iter()
             .position(|x| !(x.is_finite() && *x > 0.0))
         {
-            return Err(DeviceError::Scale { place });
+            return Err(DeviceError::Scale { index });
         }
         let code_format = capabilities.code_format;
-        let Some(steps) = code_format.range() else {
+        let Some(levels) = code_format.range() else {
             return Err(DeviceError::Format(code_format));
         };
         let uid: Vec<String> = hello
@@ -167,31 +168,31 @@ impl Device {
                 .map(str::to_owned)
                 .collect(),
             filters: capabilities.filters.to_owned(),
-            // 24 bits: 2^23 counts; nanovolt to microvolt.
+            // 24 bits: 2^23 counts. 1000 nV are 1 uV.
             full_scale_uv: f64::from(capabilities.lsb_nv) * 8_388_608.0 / 1000.0,
-            count_uv: f64::from(capabilities.lsb_nv) / 1000.0,
+            uv_per_count: f64::from(capabilities.lsb_nv) / 1000.0,
             code_format,
             scale,
             zero_point,
-            code_range: code_range(steps, &scale, &zero_point),
+            code_range: code_range(levels, &scale, &zero_point),
         })
     }
 
-    /// Whether frames of `other` mean what this device's frames were announced to mean. Mains,
-    /// firmware and the chip may differ.
+    /// Checks that frames of `other` match the announcement of this device. Mains frequency, firmware
+    /// and chip can differ.
     ///
     /// # Errors
     ///
-    /// [`DeviceError::Changed`].
-    pub fn admit(&self, other: &Device) -> Result<(), DeviceError> {
+    /// [`DeviceError::Changed`] with the first property that differs.
+    pub fn check_compatible(&self, other: &Device) -> Result<(), DeviceError> {
         let differs = [
             ("model", self.model_id != other.model_id),
             ("rate and window", self.rates() != other.rates()),
-            ("electrodes", self.labels != other.labels),
-            ("channels", self.channels != other.channels),
+            ("montage", self.labels != other.labels),
+            ("channel count", self.channels != other.channels),
             ("code format", self.code_format != other.code_format),
             (
-                "code scales",
+                "code scale",
                 (self.scale, self.zero_point) != (other.scale, other.zero_point),
             ),
             (
@@ -210,41 +211,41 @@ impl Device {
         [self.adc_rate_hz, self.step_rate_hz, steps[0], steps[1]]
     }
 
-    /// Index since Start of the ADC sample that a window's last step was picked from.
+    /// Returns the index since `Start` of the ADC sample at a window's last step.
     pub fn last_sample(&self, window: u32) -> u64 {
         let hops = u64::from(window) * u64::from(self.hop_steps);
         let step = hops + u64::from(self.window_steps) - 1;
         self.sample_of_step(step)
     }
 
-    /// Index since Start of the ADC sample that a step was picked from.
+    /// Returns the index since `Start` of the ADC sample at a step.
     pub fn sample_of_step(&self, step: u64) -> u64 {
         step.saturating_mul(u64::from(self.adc_rate_hz)) / u64::from(self.step_rate_hz)
     }
 
-    /// Label of an ADC channel: an electrode, or `exg1`, `exg2`.. of the spare ones.
+    /// Returns the label of an ADC channel: the electrode's, or `exg1`, `exg2`, ... for spare channels.
     pub fn channel_label(&self, channel: usize) -> String {
         channel_label(&self.labels, channel)
     }
 
-    /// Codes per second.
+    /// Returns the rate of the codes, Hz.
     pub fn codes_per_second(&self) -> u16 {
         self.step_rate_hz / u16::from(self.hop_steps)
     }
 
-    /// Time that `steps` take, microseconds, rounded down.
+    /// Returns the duration of `steps` steps, microseconds, rounded down.
     pub fn steps_us(&self, steps: u32) -> i64 {
         i64::from(steps) * 1_000_000 / i64::from(self.step_rate_hz)
     }
 
-    /// A float code in steps of this device's codes, within the range of their format:
-    /// `step = z / scale + zero_point`, not rounded.
-    pub fn steps_of(&self, z: &[f32; CODE_LEN]) -> [f64; CODE_LEN] {
+    /// Converts a float code to quantisation levels of this device, not rounded and limited to the range
+    /// of the format: `level = z / scale + zero_point`.
+    pub fn code_levels(&self, z: &[f32; CODE_LEN]) -> [f64; CODE_LEN] {
         let range = self.code_format.range().unwrap_or_default().map(f64::from);
         std::array::from_fn(|index| {
-            let step = f64::from(z[index]) / f64::from(self.scale[index]);
-            let step = step + f64::from(self.zero_point[index]);
-            step.clamp(range[0], range[1])
+            let level = f64::from(z[index]) / f64::from(self.scale[index]);
+            let level = level + f64::from(self.zero_point[index]);
+            level.clamp(range[0], range[1])
         })
     }
 
@@ -252,16 +253,16 @@ impl Device {
         &self.zero_point
     }
 
-    /// `z = (step - zero_point) * scale`, whatever the format.
+    /// Dequantises a code of any format: `z = (level - zero_point) * scale`.
     pub fn dequantise(&self, values: &CodeValues, z: &mut [f32; CODE_LEN]) {
-        let steps = values.levels();
+        let levels = values.levels();
         for (index, z) in z.iter_mut().enumerate() {
-            *z = dequantised(steps[index], self.scale[index], self.zero_point[index]);
+            *z = dequantised(levels[index], self.scale[index], self.zero_point[index]);
         }
     }
 }
 
-/// Label of an ADC channel whose first ones are these electrodes.
+/// Returns the label of an ADC channel: of an electrode, or `exg1`, `exg2`, ... after the electrodes.
 pub(crate) fn channel_label(labels: &[String], channel: usize) -> String {
     let spare = || format!("exg{}", channel + 1 - labels.len());
     labels.get(channel).cloned().unwrap_or_else(spare)
@@ -269,21 +270,21 @@ pub(crate) fn channel_label(labels: &[String], channel: usize) -> String {
 
 #[expect(
     clippy::cast_precision_loss,
-    reason = "16 bits and a zero point have 17"
+    reason = "the difference has 17 bits at most"
 )]
-fn dequantised(step: i32, scale: f32, zero_point: i8) -> f32 {
-    (step - i32::from(zero_point)) as f32 * scale
+fn dequantised(level: i32, scale: f32, zero_point: i8) -> f32 {
+    (level - i32::from(zero_point)) as f32 * scale
 }
 
-/// The least and the greatest `z` that steps within these ends can mean.
+/// Returns the smallest and the largest `z` of levels between `least` and `greatest`.
 fn code_range(
     [least, greatest]: [i32; 2],
     scale: &[f32; CODE_LEN],
     zero_point: &[i8; CODE_LEN],
 ) -> [f32; 2] {
-    let ends = |step| {
+    let ends = |level| {
         let numbers = scale.iter().zip(zero_point);
-        numbers.map(move |(scale, zero_point)| dequantised(step, *scale, *zero_point))
+        numbers.map(move |(scale, zero_point)| dequantised(level, *scale, *zero_point))
     };
     [
         ends(least).fold(f32::INFINITY, f32::min),

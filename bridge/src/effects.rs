@@ -1,46 +1,50 @@
-//! What the core asks of the world.
+//! Actions that the core requests from its environment.
 
 use std::sync::Arc;
 
 use neuro_ros::{AcquisitionInfo, NeuroEvent, NeuroFrame};
 
-use crate::{AuditedWindow, Device, TimedCode};
+use crate::decoder::audit::AuditedWindow;
+use crate::decoder::reconstruction::TimedCode;
+use crate::device::Device;
 
-/// What the core asks of the world. None of these may wait.
+/// Actions that [`Core`](crate::Core) requests from its environment. No method may block.
 pub trait Effects {
-    /// Bytes for the device.
+    /// Queues a complete frame for the device.
     fn send(&mut self, frame: &[u8]);
 
-    /// A device is known, and from here on codes are its. Called again when it is another one of
-    /// the same shape, or the same with other mains.
+    /// Announces the device that the following codes belong to. Called again for another device of the
+    /// same shape, or when the mains frequency changes.
     fn announce(&mut self, announcement: &Announcement);
 
-    /// A frame of `/encoded`.
-    fn encoded(&mut self, frame: &NeuroFrame);
+    /// Publishes a frame on `/encoded`.
+    fn publish_encoded(&mut self, frame: &NeuroFrame);
 
-    /// A window for the decoder; called only if the announcement says that the model fits.
-    fn window(&mut self, window: TimedCode);
+    /// Decodes a code to microvolts and publishes it on `/neurodata_reconstructed`. Called only if the
+    /// announcement is [`decodable`](Announcement::decodable).
+    fn decode(&mut self, window: TimedCode);
 
-    /// A frame of `/neurodata`.
-    fn raw(&mut self, frame: &NeuroFrame);
+    /// Publishes a frame of ADC samples on `/neurodata`.
+    fn publish_raw(&mut self, frame: &NeuroFrame);
 
-    /// A frame of `/neurodata_filtered`.
-    fn filtered(&mut self, frame: &NeuroFrame);
+    /// Publishes a frame of filtered steps on `/neurodata_filtered`.
+    fn publish_filtered(&mut self, frame: &NeuroFrame);
 
-    /// An event of `/events/bus`.
-    fn event(&mut self, event: &NeuroEvent);
+    /// Publishes an edge of the trigger input on `/events/bus`.
+    fn publish_event(&mut self, event: &NeuroEvent);
 
-    /// A window for the float encoder; comes only if the announcement says that the model fits.
+    /// Compares the device's code of a window with the float network's. Called only if the announcement
+    /// is [`decodable`](Announcement::decodable).
     fn audit(&mut self, window: AuditedWindow);
 }
 
-/// A device that is known.
+/// An introduced device, and what is announced of it.
 #[derive(Clone, Debug)]
 pub struct Announcement {
-    /// For `/acquisition/get_info`; none if what shall be announced is not published.
+    /// Answer of `/acquisition/get_info`; `None` if the stream to announce is not published.
     pub info: Option<AcquisitionInfo>,
-    /// What the codes mean.
+    /// Scales, rates and labels of the device's codes.
     pub device: Arc<Device>,
-    /// Whether the model fits the device's codes.
+    /// Whether the bridge has the device's model, so that codes can be decoded and audited.
     pub decodable: bool,
 }

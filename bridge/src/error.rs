@@ -1,4 +1,4 @@
-//! What ends the bridge other than its work being done.
+//! Errors that end the bridge or a query.
 
 use std::path::PathBuf;
 
@@ -7,115 +7,117 @@ use neuro_ros::SinkError;
 use neuro_ros::ros1::NodeError;
 use thiserror::Error;
 
-use crate::self_test_report::DeviceLine;
+use crate::query::report::DeviceSummary;
 
-/// What ends the bridge other than its work being done. A device or a master that is away does
-/// not: the bridge waits for them.
+/// Error that ends the bridge or a query. An absent device or ROS master is not an error for the
+/// bridge: it waits for them.
 #[derive(Debug, Error)]
 pub enum BridgeError {
-    /// The port can never be one.
+    /// The address names something that is not a port.
     #[error(
         "{port} cannot be a port: {source}; name a serial port, such as /dev/ttyACM0, or tcp:HOST:PORT"
     )]
     Port {
-        /// As it was given.
+        /// Address from `--port`.
         port: String,
-        /// What the system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
-    /// The port does not run at the chosen speed.
+    /// The port does not support the baud rate.
     #[error("{port} cannot be used: {source}")]
     Speed {
-        /// As it was given.
+        /// Address from `--port`.
         port: String,
-        /// What the system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
-    /// No model to decode with.
+    /// The model cannot be read.
     #[error(
         "the model cannot be read; --model takes a folder with model.toml, weights.safetensors and calibration.safetensors"
     )]
     Model(#[source] ArtifactError),
-    /// What shall be announced is not asked for.
+    /// The stream to announce is not requested from the device.
     #[error(
         "--announce names a stream that --streams leaves out; add it to --streams, such as \
          --streams codes,raw --announce raw"
     )]
-    Announced,
-    /// The port does not open or has gone, and nobody waits for it.
+    AnnouncedNotStreamed,
+    /// The port does not open or was lost during a query, which does not wait for it.
     #[error("{port} {what}; {remedy}")]
     Unreachable {
-        /// As it was given.
+        /// Address from `--port`.
         port: String,
-        /// Which of both.
+        /// Which of the two happened, as a verb phrase.
         what: &'static str,
-        /// What to do.
+        /// What the user can do about it.
         remedy: String,
-        /// What the system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
-    /// Nothing answers at the port.
+    /// The device does not answer in time.
     #[error(
         "no answer {what} within {seconds} s; check cable, power and --baud, and that no other \
          program uses the port"
     )]
-    Silent {
-        /// To what.
+    NoAnswer {
+        /// What the answer was expected to, as a phrase that follows "no answer".
         what: &'static str,
-        /// How long it was waited for.
+        /// Timeout, seconds.
         seconds: u32,
     },
-    /// The device answers, and does not do it.
+    /// The device answered and refused the request.
     #[error("the device refuses {what}: {why}")]
     Refused {
-        /// What it was asked for.
+        /// The request, as an infinitive.
         what: &'static str,
-        /// Why, and what to do next.
+        /// Reason, and what the user can do next.
         why: &'static str,
     },
-    /// The device began anew in the middle of what it was asked for.
+    /// The device restarted during its self-test.
     #[error(
-        "the device started anew in the middle of its self-test and found out nothing: {device}; try \
-         again, and report what it says if it does so again"
+        "the device restarted during its self-test, which has no result: {device}; try again, and \
+         report this message if it happens again"
     )]
-    Restarted {
-        /// Who it is, why it started, and what its last run left behind.
-        device: Box<DeviceLine>,
+    RestartedDuringTest {
+        /// Identity, cause of the restart, and any fault that the device reports.
+        device: Box<DeviceSummary>,
     },
-    /// ROS does not let us in.
-    #[error("the ROS node cannot be had; check the name, ROS_IP and ROS_MASTER_URI")]
+    /// The ROS node cannot start.
+    #[error("the ROS node cannot start; check the name, ROS_IP and ROS_MASTER_URI")]
     Node(#[from] NodeError),
-    /// The output cannot be written.
-    #[error("the frames have nowhere to go")]
+    /// The sink does not accept frames any more.
+    #[error("frames cannot be published")]
     Sink(#[from] SinkError),
-    /// The log file that roslaunch asked for cannot be written.
+    /// The log file that roslaunch requested cannot be written.
     #[error("the log file {path} cannot be written; check __log:= or the disk")]
     Log {
-        /// Where it should be.
+        /// Path of the log file, from `__log:=`.
         path: PathBuf,
-        /// What the system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
-    /// The system gives no signals or no threads.
-    #[error("the system refuses what the bridge needs to run")]
+    /// A signal handler, a thread or stdout is not available.
+    #[error("the operating system refuses a resource that the bridge needs")]
     System(#[from] std::io::Error),
 }
 
 impl BridgeError {
-    /// Exit status: 1 a check failed, 2 usage, 3 device or ROS not reachable, 4 the device is there
-    /// and refuses.
+    /// Returns the exit status of the program: 1 if a check failed or output failed, 2 for wrong usage,
+    /// 3 if the device or ROS is not reachable, 4 if the device refuses.
     pub fn exit_code(&self) -> u8 {
         match self {
-            BridgeError::Sink(_) | BridgeError::System(_) | BridgeError::Restarted { .. } => 1,
+            BridgeError::Sink(_)
+            | BridgeError::System(_)
+            | BridgeError::RestartedDuringTest { .. } => 1,
             BridgeError::Port { .. }
             | BridgeError::Speed { .. }
             | BridgeError::Model(_)
             | BridgeError::Log { .. }
-            | BridgeError::Announced
+            | BridgeError::AnnouncedNotStreamed
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
-            BridgeError::Node(_) | BridgeError::Unreachable { .. } | BridgeError::Silent { .. } => {
-                3
-            }
+            BridgeError::Node(_)
+            | BridgeError::Unreachable { .. }
+            | BridgeError::NoAnswer { .. } => 3,
             BridgeError::Refused { .. } => 4,
         }
     }

@@ -1,75 +1,93 @@
-//! Frames from the board, republished as ROS-Neuro NeuroFrames.
+//! Publishes the codes and signals of a Corticode board as ROS-Neuro messages.
 //!
-//! [`Core`] is the bridge without the world: it takes bytes and times and gives [`Effects`]. In it
-//! the [`Clock`] tells when a sample was taken, the [`Ledger`] what was lost, and the
-//! [`Reconstruction`] what the electrodes saw. [`run`] ties it to a port, to ROS and to the
-//! clock on the wall. [`Inquiry`] is one question to a device, such as to test itself; [`inquire`]
-//! ties that to a port.
+//! A board sends codes (compressed EEG) and, on request, ADC samples, filtered steps, events and
+//! audits. The bridge fits the board's clock to the host's, fills and counts lost data, decodes codes
+//! to microvolts, and publishes the result as `NeuroFrame` and `NeuroEvent`.
+//!
+//! ```text
+//! port ──bytes──► Core: session ─┬─ streams ─── NeuroFrame, NeuroEvent ─┬─► ROS topics
+//!  ▲                │            ├─ decoder thread: codes to uV ────────┤   or lines of JSON
+//!  │                │            └─ diagnostics ────────────────────────┘
+//!  └─── commands ───┘          clock: device time to host time, for all stamps
+//! ```
+//!
+//! [`Core`] is pure: bytes and times in, [`Effects`] out. Tests drive it without a port or a clock.
+//! [`run`] is the program `corticode-bridge`, which connects the core to a port and to ROS. [`Query`]
+//! is the pure part of its subcommands `selftest` and `reset`.
+//!
+//! # Example
+//!
+//! The first command to a connected device asks it to identify itself:
+//!
+//! ```
+//! # use bridge::{Announcement, AuditedWindow, TimedCode};
+//! # use neuro_ros::{NeuroEvent, NeuroFrame};
+//! use bridge::{AnnouncedStream, Core, Effects, FillerPolicy, HostTime, Settings, StampPoint};
+//! use link::{Decoder, MAX_FRAME, Streams, ToDevice};
+//!
+//! /// Keeps the bytes for the device and ignores all other effects.
+//! #[derive(Default)]
+//! struct ToPort(Vec<u8>);
+//!
+//! impl Effects for ToPort {
+//!     fn send(&mut self, frame: &[u8]) {
+//!         self.0.extend_from_slice(frame);
+//!     }
+//! #   fn announce(&mut self, _: &Announcement) {}
+//! #   fn publish_encoded(&mut self, _: &NeuroFrame) {}
+//! #   fn decode(&mut self, _: TimedCode) {}
+//! #   fn publish_raw(&mut self, _: &NeuroFrame) {}
+//! #   fn publish_filtered(&mut self, _: &NeuroFrame) {}
+//! #   fn publish_event(&mut self, _: &NeuroEvent) {}
+//! #   fn audit(&mut self, _: AuditedWindow) {}
+//!     // The other methods publish frames and events.
+//! }
+//!
+//! let settings = Settings {
+//!     stamp: StampPoint::First,
+//!     mains_hz: 50,
+//!     filler: FillerPolicy::Last,
+//!     low_latency: false,
+//!     announced: AnnouncedStream::Encoded,
+//!     streams: Streams::CODES,
+//! };
+//! let mut core = Core::new(settings, None);
+//! let mut port = ToPort::default();
+//! core.connected(HostTime::now(), &mut port);
+//!
+//! let mut decoder = Decoder::<MAX_FRAME>::new();
+//! let command = decoder.next::<ToDevice>(&mut &port.0[..]).unwrap().unwrap();
+//! assert_eq!(command.message, ToDevice::Identify);
+//! ```
 #![forbid(unsafe_code)]
 
-mod audit;
-mod clock;
-mod code_stream;
-mod commands;
-mod connection;
-mod converters;
+mod app;
 mod core;
-mod decoding;
+mod decoder;
 mod device;
-mod diagnosis;
+mod diagnostics;
 mod effects;
 mod error;
-mod event_stream;
-mod frames;
-mod host_time;
-mod identity;
-mod inquire;
-mod inquiry;
-mod leave;
-mod ledger;
-mod lower_hull;
-mod model;
-mod moment;
-mod monotone;
-mod options;
-mod outlets;
-mod port;
-mod port_address;
-mod reconstruction;
-mod ros;
-mod round_trip;
-mod run;
-mod sample_stream;
-mod self_test_report;
-mod self_test_table;
+mod query;
 mod session;
 mod settings;
-mod side_streams;
-mod signal_quality;
-mod sinks;
-mod summary;
-mod task;
-mod timing;
-mod tri;
-mod trigger;
+mod streams;
+mod time;
+mod wire;
 
-pub use audit::{AuditResult, AuditedWindow};
-pub use clock::Clock;
+pub use app::run;
 pub use core::Core;
+pub use decoder::audit::{AuditResult, AuditedWindow};
+pub use decoder::model::Model;
+pub use decoder::reconstruction::{Reconstruction, TimedCode};
 pub use device::{Device, DeviceError};
+pub use diagnostics::summary::Summary;
 pub use effects::{Announcement, Effects};
 pub use error::BridgeError;
-pub use host_time::HostTime;
-pub use inquire::inquire;
-pub use inquiry::{Answer, Inquiry, Outcome, Question};
-pub use ledger::{Arrival, Ledger};
-pub use model::Model;
-pub use options::{Options, PortOptions, SinkKind};
-pub use port_address::PortAddress;
-pub use reconstruction::{Reconstruction, TimedCode};
-pub use run::run;
-pub use self_test_report::{ChannelReport, ChipReport, DeviceLine, ReadyReport, SelfTestReport};
+pub use query::protocol::{Answer, Query, QueryResult, Request};
+pub use query::report::{ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport};
 pub use settings::{AnnouncedStream, FillerPolicy, Settings, StampPoint, StreamKind};
-pub use summary::Summary;
-pub use task::{ResetOptions, SelfTestOptions, Task};
-pub use tri::{TRI_LABELS, TriWords};
+pub use streams::ledger::{Arrival, Ledger};
+pub use streams::tri::{TRI_LABELS, TriWords};
+pub use time::clock::Clock;
+pub use time::host_time::HostTime;

@@ -1,113 +1,26 @@
-//! What the bridge knows about the device, from frame to frame.
+//! Handling of the device's messages, and of the commands to it.
 
 mod introduction;
+pub(crate) mod state;
 
-use std::sync::Arc;
+use link::{Ack, Frame, FrameError, Header, MAX_FRAME, Stats, Streams, ToDevice, ToHost};
 
-use link::{
-    Ack, Encoder, Frame, FrameError, Header, MAX_FRAME, Quality, StageTiming, Stats, Streams,
-    Timing, ToDevice, ToHost,
-};
+use crate::diagnostics::converters::ChainReport;
+use crate::diagnostics::timing;
+use crate::effects::Effects;
+use crate::session::state::Session;
+use crate::settings::StreamKind;
+use crate::streams::ledger::Arrival;
+use crate::streams::side::MessageTime;
+use crate::streams::stamps::Reception;
+use crate::time::host_time::HostTime;
+use crate::wire::commands::AckEffect;
 
-use crate::code_stream::CodeStream;
-use crate::commands::{Acknowledged, Commands};
-use crate::converters::ChainReport;
-use crate::identity::Identity;
-use crate::ledger::{Arrival, Ledger};
-use crate::moment::Moment;
-use crate::round_trip::RoundTrips;
-use crate::side_streams::{SideStreams, Times};
-use crate::{Clock, Device, Effects, HostTime, Model, Settings, StreamKind, timing};
-
-/// Frames behind in a row after which the device is asked anew who it is: it may have been reset
-/// and its `Hello` lost.
-const BEHIND_BEFORE_ASKING: u32 = 8;
-
-/// What the bridge knows about the device, from frame to frame.
-#[derive(Debug)]
-pub(crate) struct Session {
-    settings: Settings,
-    model: Option<Arc<Model>>,
-    encoder: Encoder,
-    pub(crate) commands: Commands,
-    pub(crate) identity: Option<Identity>,
-    /// The device said `Hello` since the port was opened; until then its numbers mean nothing.
-    pub(crate) introduced: bool,
-    pub(crate) codes: Option<CodeStream>,
-    pub(crate) side: SideStreams,
-    /// What was announced first; a device whose codes mean anything else is refused for the rest
-    /// of the session.
-    first: Option<Arc<Device>>,
-    pub(crate) clock: Clock,
-    pub(crate) round_trips: RoundTrips,
-    pub(crate) frames: Ledger,
-    behind_in_a_row: u32,
-    pub(crate) counts: SessionCounts,
-    /// What keeps codes or their reconstruction from being published, in words.
-    pub(crate) objection: Option<String>,
-    pub(crate) stats: Option<Stats>,
-    /// The newest report about the electrodes that `/diagnostics` has not told of.
-    pub(crate) quality: Option<Quality>,
-    /// The newest report about the deadlines that `/diagnostics` has not told of.
-    pub(crate) timing: Option<Timing>,
-    /// The stage that came closest to its deadline in any report, or missed it by most.
-    pub(crate) worst_stage: Option<StageTiming>,
-    /// The newest report about the converters.
-    pub(crate) converters: Option<ChainReport>,
-    warned: Warned,
-}
-
-/// What the log has been told of, once.
-#[derive(Clone, Copy, Debug, Default)]
-struct Warned {
-    newer: bool,
-    version: bool,
-    /// Of streams that this device refuses.
-    refusal: bool,
-}
-
-/// What is counted beside codes and frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct SessionCounts {
-    /// Times that a port was opened.
-    pub(crate) connections: u64,
-    /// Resets of the device that were noticed.
-    pub(crate) resets: u64,
-    /// Codes that came before the device had introduced itself, or from one that was refused.
-    pub(crate) early: u64,
-    /// Lost codes that `/diagnostics` has told of.
-    pub(crate) lost_told: u64,
-    /// Frames that could not be used that `/diagnostics` has told of.
-    pub(crate) damaged_told: u32,
-}
+/// Number of frames in a row with an old sequence number after which the device must identify itself
+/// again. It may have been reset and its `Hello` lost.
+const OLD_FRAMES_BEFORE_IDENTIFY: u32 = 8;
 
 impl Session {
-    pub(crate) fn new(settings: Settings, model: Option<Arc<Model>>) -> Session {
-        Session {
-            settings,
-            model,
-            encoder: Encoder::default(),
-            commands: Commands::new(settings.mains_hz, settings.streams),
-            identity: None,
-            introduced: false,
-            codes: None,
-            side: SideStreams::new(settings),
-            first: None,
-            clock: Clock::default(),
-            round_trips: RoundTrips::default(),
-            frames: Ledger::default(),
-            behind_in_a_row: 0,
-            counts: SessionCounts::default(),
-            objection: None,
-            stats: None,
-            quality: None,
-            timing: None,
-            worst_stage: None,
-            converters: None,
-            warned: Warned::default(),
-        }
-    }
-
     pub(crate) fn connected(&mut self, now: HostTime, effects: &mut dyn Effects) {
         self.introduced = false;
         self.counts.connections += 1;
@@ -120,10 +33,10 @@ impl Session {
         self.commands.disconnected();
     }
 
-    /// Send the command that is due.
+    /// Sends the command that is due, if any.
     pub(crate) fn tick(&mut self, now: HostTime, effects: &mut dyn Effects) {
         let seq = self.encoder.next_seq();
-        let Some(command) = self.commands.due(now.monotonic_us, seq) else {
+        let Some(command) = self.commands.next_command(now.monotonic_us, seq) else {
             return;
         };
         tracing::debug!(?command, seq, "command");
@@ -134,82 +47,82 @@ impl Session {
         }
     }
 
-    /// Bytes that are no frame, or a frame that cannot be used.
-    pub(crate) fn unusable(&mut self, error: FrameError, read: HostTime) {
+    /// Handles bytes that are not a valid frame, or a frame that this bridge does not know.
+    pub(crate) fn handle_error(&mut self, error: FrameError, read: HostTime) {
         if let FrameError::Unknown { header, kind } = error {
-            self.commands.heard(read.monotonic_us);
+            self.commands.frame_received(read.monotonic_us);
             if self.introduced {
-                self.numbered(header);
+                self.record_frame(header);
             }
-            if !std::mem::replace(&mut self.warned.newer, true) {
+            if !std::mem::replace(&mut self.logged.newer_messages, true) {
                 tracing::warn!(
                     kind,
-                    "the device sends messages that are newer than this bridge; they are left \
-                     out and codes are not affected; update the bridge to see them"
+                    "the device sends messages that are newer than this bridge; they are ignored \
+                     and codes are not affected; update the bridge to receive them"
                 );
             }
         } else if let FrameError::Version(_) = error
-            && !std::mem::replace(&mut self.warned.version, true)
+            && !std::mem::replace(&mut self.logged.wire_version, true)
         {
-            tracing::error!("the device cannot be understood: {error}");
+            tracing::error!("the device's frames cannot be decoded: {error}");
         } else {
-            // Noise on a line would fill the log; a report per second tells how much it was.
-            tracing::debug!(%error, "frame left out");
+            // At debug level, because noise would fill the log; `/diagnostics` counts these frames.
+            tracing::debug!(%error, "frame ignored");
         }
     }
 
-    pub(crate) fn frame(
+    pub(crate) fn handle_frame(
         &mut self,
         frame: &Frame<ToHost>,
         read: HostTime,
         effects: &mut dyn Effects,
     ) {
         let header = frame.header;
-        self.commands.heard(read.monotonic_us);
+        self.commands.frame_received(read.monotonic_us);
         if let ToHost::Hello(hello) = &frame.message {
-            self.hello(hello, header);
+            self.handle_hello(hello, header);
         }
-        if self.introduced && !self.numbered(header) {
+        if self.introduced && !self.record_frame(header) {
             return;
         }
         match &frame.message {
-            // The one was entered above; nobody has asked for the other.
+            // `Hello` was handled above, and a session never requests a self-test.
             ToHost::Hello(_) | ToHost::SelfTest(_) => {}
-            ToHost::Capabilities(capabilities) => self.capabilities(capabilities, effects),
+            ToHost::Capabilities(capabilities) => self.handle_capabilities(capabilities, effects),
             ToHost::Code(code) => match &mut self.codes {
                 Some(codes) if self.introduced && self.commands.accepts_codes() => {
-                    self.commands.fed(read.monotonic_us);
-                    if codes.begins_anew(code) {
-                        self.side.began_anew();
+                    self.commands.stream_received(read.monotonic_us);
+                    if codes.is_restart(code) {
+                        self.side.restart_events();
                     }
                     let trusted = self.clock.observe(header.device_time_us, read);
                     let device_us = trusted.then_some(header.device_time_us);
-                    let moment = Moment {
+                    let reception = Reception {
                         read,
                         clock: &self.clock,
                         trigger: &self.side.trigger,
                     };
-                    codes.code(code, device_us, moment, effects);
+                    codes.receive(code, device_us, reception, effects);
                 }
-                _ => self.counts.early += 1,
+                _ => self.counts.codes_unused += 1,
             },
-            ToHost::Stats(stats) => self.stats(*stats, header.device_time_us, read, effects),
-            ToHost::Ack(ack) => self.ack(*ack, read),
+            ToHost::Stats(stats) => self.handle_stats(*stats, header.device_time_us, read, effects),
+            ToHost::Ack(ack) => self.handle_ack(*ack, read),
             ToHost::Quality(quality) => self.quality = Some(quality.clone()),
             ToHost::Timing(timing) => {
                 let known = self.worst_stage.iter().chain(&timing.stages);
-                self.worst_stage = timing::worst(known);
+                self.worst_stage = timing::closest_to_deadline(known);
                 self.timing = Some(timing.clone());
             }
             ToHost::Raw(_) | ToHost::Filtered(_) | ToHost::Audit(_) | ToHost::Event(_) => {
-                self.side(&frame.message, header.device_time_us, read, effects);
+                self.handle_side(&frame.message, header.device_time_us, read, effects);
             }
             ToHost::Converters(converters) => {
-                let report = ChainReport::next(self.converters.as_ref(), converters);
+                let report = ChainReport::from_message(self.converters.as_ref(), converters);
                 self.converters = Some(report);
             }
-            ToHost::ClockReading(reading) => self.round_trips.reading(
-                self.commands.clock_asked_us(),
+            ToHost::ClockReading(reading) => self.round_trips.record(
+                self.commands.clock_query_sent_us(),
                 *reading,
                 header.device_time_us,
                 read,
@@ -218,115 +131,128 @@ impl Session {
         }
     }
 
-    /// Something of a stream beside the codes.
-    fn side(&mut self, message: &ToHost, made_us: u64, read: HostTime, effects: &mut dyn Effects) {
+    /// Handles a message of an optional stream.
+    fn handle_side(
+        &mut self,
+        message: &ToHost,
+        made_us: u64,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
         if !self.introduced || !self.commands.accepts_codes() {
             self.side.unused += 1;
             return;
         }
-        // Codes are what the clock is fitted to; samples only help when there were none yet.
+        // The clock is fitted to codes; samples are used only until the first code arrives.
         let samples = matches!(message, ToHost::Raw(_) | ToHost::Filtered(_));
         let possible = if self.clock.is_known() {
             self.clock.is_possible(made_us, read)
         } else {
             !samples || self.clock.observe(made_us, read)
         };
-        let times = Times {
+        let times = MessageTime {
             device_us: possible.then_some(made_us),
             read,
             clock: &self.clock,
         };
         match message {
-            ToHost::Raw(raw) => self.side.raw(raw, times, effects),
-            ToHost::Filtered(filtered) => self.side.filtered(filtered, times, effects),
-            ToHost::Event(event) => self.side.event(*event, times, effects),
+            ToHost::Raw(raw) => self.side.receive_raw(raw, times, effects),
+            ToHost::Filtered(filtered) => self.side.receive_filtered(filtered, times, effects),
+            ToHost::Event(event) => self.side.receive_event(*event, times, effects),
             ToHost::Audit(audit) => {
                 let model = self.model.as_deref();
                 let model = model.filter(|_| self.objection.is_none());
-                self.side.audit(audit, model, effects);
+                self.side.receive_audit(audit, model, effects);
             }
             _ => {}
         }
     }
 
-    /// The device begins its streams anew.
-    fn begin(&mut self) {
+    /// Restarts all streams, because the device counts from 0 again.
+    fn restart_streams(&mut self) {
         if let Some(codes) = &mut self.codes {
-            codes.begin();
+            codes.restart();
         }
-        self.side.begin();
+        self.side.restart();
     }
 
-    /// Enter a frame into the ledger; false if it is a replay.
-    fn numbered(&mut self, header: Header) -> bool {
-        if let Arrival::New { .. } = self.frames.arrived(header.seq) {
-            self.behind_in_a_row = 0;
+    /// Records the sequence number of a frame and returns false if the frame is a replay.
+    fn record_frame(&mut self, header: Header) -> bool {
+        if let Arrival::New { .. } = self.frames.record(header.seq) {
+            self.old_frames_in_a_row = 0;
             return true;
         }
-        self.behind_in_a_row += 1;
-        if self.behind_in_a_row >= BEHIND_BEFORE_ASKING {
-            self.behind_in_a_row = 0;
+        self.old_frames_in_a_row += 1;
+        if self.old_frames_in_a_row >= OLD_FRAMES_BEFORE_IDENTIFY {
+            self.old_frames_in_a_row = 0;
             self.commands.identify_again();
         }
         false
     }
 
-    fn stats(&mut self, stats: Stats, device_us: u64, read: HostTime, effects: &mut dyn Effects) {
+    fn handle_stats(
+        &mut self,
+        stats: Stats,
+        device_us: u64,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
         self.stats = Some(stats);
-        if !self.commands.may_stream() {
+        if !self.commands.is_possibly_streaming() {
             return;
         }
         let Some(codes) = &mut self.codes else { return };
         let streams = stats.streams.contains(Streams::CODES);
         if streams {
-            self.commands.fed(read.monotonic_us);
-            codes.runs();
+            self.commands.stream_received(read.monotonic_us);
+            codes.mark_running();
         }
         if !codes.is_running() {
             return;
         }
-        // Codes are what the clock is fitted to; a report only helps when there were none yet.
+        // The clock is fitted to codes; a report is used only until the first code arrives.
         if !self.clock.admits(device_us, read) && !self.clock.observe(device_us, read) {
             return;
         }
-        let moment = Moment {
+        let reception = Reception {
             read,
             clock: &self.clock,
             trigger: &self.side.trigger,
         };
-        codes.close(stats.next_window, device_us, moment, effects);
-        if !streams && self.commands.wants() {
+        codes.fill_before(stats.next_window, device_us, reception, effects);
+        if !streams && self.commands.wants_stream() {
             tracing::warn!("the device stopped streaming by itself; starting it again");
-            self.commands.stopped_by_itself();
-            self.begin();
+            self.commands.device_stopped();
+            self.restart_streams();
         }
     }
 
-    fn ack(&mut self, ack: Ack, read: HostTime) {
+    fn handle_ack(&mut self, ack: Ack, read: HostTime) {
         match self
             .commands
-            .acknowledged(ack.of, ack.result, read.monotonic_us)
+            .handle_ack(ack.of, ack.result, read.monotonic_us)
         {
-            Acknowledged::Expected => {}
-            Acknowledged::Started => {
+            AckEffect::NoChange => {}
+            AckEffect::Started => {
                 tracing::info!("streaming {}", StreamKind::names(self.commands.streams()));
                 let refused = self.commands.refused_streams();
-                if !refused.is_empty() && !std::mem::replace(&mut self.warned.refusal, true) {
+                if !refused.is_empty() && !std::mem::replace(&mut self.logged.refused_streams, true)
+                {
                     tracing::warn!(
                         "the device does not stream {}: its firmware is older than this bridge, \
-                         or its port too slow; update the firmware, or leave them out of --streams",
+                         or its port is too slow; update the firmware, or remove them from --streams",
                         StreamKind::names(refused)
                     );
                 }
                 if let Some(codes) = &mut self.codes {
-                    codes.runs();
+                    codes.mark_running();
                 }
             }
-            Acknowledged::Stopped => {
+            AckEffect::Stopped => {
                 tracing::debug!("stopped");
-                self.begin();
+                self.restart_streams();
             }
-            Acknowledged::Refused(command, result) => {
+            AckEffect::Refused(command, result) => {
                 let remedy = match command {
                     ToDevice::Start(_) => "choose other --mains, or update firmware or bridge",
                     _ => "bring firmware and bridge to the same release",

@@ -1,27 +1,26 @@
-//! What the user chooses.
+//! Choices of the user about streams and frames.
 
 use clap::ValueEnum;
 use link::Streams;
 
-/// What the user chooses about the frames; never changes while the bridge runs.
+/// Choices of the user about streams and frames; constant while the bridge runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// What a frame's stamp is the time of.
+    /// Which point of a frame its stamp refers to.
     pub stamp: StampPoint,
-    /// Mains that the device shall remove, Hz; 0 leaves it to the device.
+    /// Mains frequency that the device shall remove, Hz; 0 leaves the choice to the device.
     pub mains_hz: u8,
-    /// What stands in for a lost code, sample or step.
+    /// Replacement of a lost code, sample or step.
     pub filler: FillerPolicy,
-    /// Reconstruct from the newest window alone instead of waiting one hop for the next.
+    /// Whether to reconstruct from the newest window alone instead of waiting one hop for the next.
     pub low_latency: bool,
-    /// Which stream `/acquisition/get_info` announces.
+    /// Stream that `/acquisition/get_info` describes.
     pub announced: AnnouncedStream,
-    /// What the device is asked to stream; codes always.
+    /// Streams that the device is asked for. Codes are always requested.
     pub streams: Streams,
 }
 
-/// Which stream `/acquisition/get_info` announces, for ROS-Neuro's recorder and filters, which
-/// take exactly one.
+/// Stream that `/acquisition/get_info` describes. ROS-Neuro's recorder and filters use exactly one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum AnnouncedStream {
     /// `/encoded`: 128 values per code.
@@ -29,14 +28,14 @@ pub enum AnnouncedStream {
     Encoded,
     /// `/neurodata_reconstructed`: electrodes in microvolts.
     Reconstructed,
-    /// `/neurodata`: the ADC's samples in microvolts.
+    /// `/neurodata`: every ADC sample in microvolts.
     Raw,
-    /// `/neurodata_filtered`: what the encoder reads, in microvolts.
+    /// `/neurodata_filtered`: the encoder's input in microvolts, before quantisation.
     Filtered,
 }
 
 impl AnnouncedStream {
-    /// What the device has to stream for it.
+    /// Returns the device's streams that this one is made from.
     pub fn needs(self) -> Streams {
         match self {
             AnnouncedStream::Encoded | AnnouncedStream::Reconstructed => Streams::CODES,
@@ -46,24 +45,24 @@ impl AnnouncedStream {
     }
 }
 
-/// One of the device's streams.
+/// A stream of the device, as `--streams` names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum StreamKind {
     /// `/encoded` and `/neurodata_reconstructed`; always on.
     Codes,
     /// `/neurodata`: every ADC sample, 101 kB/s.
     Raw,
-    /// `/neurodata_filtered`: every step that the encoder reads, 33 kB/s.
+    /// `/neurodata_filtered`: every filtered step that the encoder reads, 33 kB/s.
     Filtered,
-    /// Every 10 s a window with its code, which is computed again here; the result goes to
-    /// /diagnostics.
+    /// A window with its code every 10 s; the bridge computes the code again and reports the
+    /// difference on /diagnostics.
     Audit,
     /// `/events/bus`: edges of the trigger input.
     Events,
 }
 
 impl StreamKind {
-    /// Every stream, in the order of the wire's bits.
+    /// All streams, in the order of their bits on the wire.
     pub const ALL: [StreamKind; 5] = [
         StreamKind::Codes,
         StreamKind::Raw,
@@ -72,7 +71,7 @@ impl StreamKind {
         StreamKind::Events,
     ];
 
-    /// The stream's bit on the wire.
+    /// Returns the stream's bit in `Start` and `Stats`.
     pub fn bit(self) -> Streams {
         match self {
             StreamKind::Codes => Streams::CODES,
@@ -83,7 +82,7 @@ impl StreamKind {
         }
     }
 
-    /// The names of the streams of a set, blank-separated.
+    /// Returns the names of the streams in a set, separated by spaces.
     pub fn names(streams: Streams) -> String {
         let named = StreamKind::ALL.map(|kind| {
             let name = match kind {
@@ -100,27 +99,27 @@ impl StreamKind {
     }
 }
 
-/// What a frame's stamp is the time of.
+/// Point of a frame that its stamp refers to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum StampPoint {
-    /// The frame's first sample, on the scalp (filter delay taken out).
+    /// The frame's first sample, on the scalp (filter delay removed).
     #[default]
     First,
-    /// The frame's last sample, on the scalp (filter delay taken out).
+    /// The frame's last sample, on the scalp (filter delay removed).
     Last,
-    /// The moment when the bridge read the frame, by the host's wall clock alone.
+    /// The reading of the frame, by the host's wall clock alone.
     Arrival,
 }
 
-/// What stands in for a lost code, sample or step.
+/// Replacement of a lost code, sample or step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum FillerPolicy {
-    /// The last one that came.
+    /// The last one that was received.
     #[default]
     Last,
-    /// Zeros.
+    /// A code, sample or step of zeros.
     Zeros,
-    /// Nothing: a gap, which shifts later samples against events in a recorder. A frame that would
-    /// hold a made-up sample does not come at all.
+    /// Nothing. The gap shifts later samples against events in a recorder, and a frame that would
+    /// contain a filler is not published.
     Off,
 }

@@ -1,17 +1,19 @@
-//! A device says who it is.
+//! Handling of `Hello` and `Capabilities`: a device introduces itself.
 
 use std::sync::Arc;
 
 use link::{Capabilities, Header, Hello};
 use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
-use super::Session;
-use crate::code_stream::CodeStream;
-use crate::identity::Identity;
-use crate::{AnnouncedStream, Announcement, Device, Effects};
+use crate::device::Device;
+use crate::effects::{Announcement, Effects};
+use crate::session::state::Session;
+use crate::settings::AnnouncedStream;
+use crate::streams::code::CodeStream;
+use crate::wire::identity::Identity;
 
 impl Session {
-    pub(super) fn hello(&mut self, hello: &Hello, header: Header) {
+    pub(super) fn handle_hello(&mut self, hello: &Hello, header: Header) {
         self.introduced = true;
         let known = self.identity.as_ref();
         if known.is_some_and(|identity| identity.is_same_session(hello)) {
@@ -19,20 +21,20 @@ impl Session {
         }
         let reset = known.is_some();
         let identity = Identity::new(hello);
-        self.frames.expect(header.seq);
+        self.frames.expect_next(header.seq);
         self.clock.restart();
         self.stats = None;
         self.quality = None;
         self.timing = None;
         self.converters = None;
-        self.round_trips.begin();
-        self.warned.refusal = false;
+        self.round_trips.clear();
+        self.logged.refused_streams = false;
         if reset {
-            tracing::warn!("the device was reset, or is another one: {identity}");
+            tracing::warn!("the device was reset or replaced: {identity}");
             self.counts.resets += 1;
-            // Until its capabilities are known its codes mean nothing.
-            self.commands.reset();
-            self.begin();
+            // Its codes cannot be interpreted until its capabilities arrive.
+            self.commands.device_restarted();
+            self.restart_streams();
         } else {
             tracing::info!("device: {identity}");
         }
@@ -42,7 +44,11 @@ impl Session {
         self.identity = Some(identity);
     }
 
-    pub(super) fn capabilities(&mut self, capabilities: &Capabilities, effects: &mut dyn Effects) {
+    pub(super) fn handle_capabilities(
+        &mut self,
+        capabilities: &Capabilities,
+        effects: &mut dyn Effects,
+    ) {
         let Some(identity) = self.identity.as_ref().filter(|_| self.introduced) else {
             return;
         };
@@ -55,17 +61,17 @@ impl Session {
             .as_ref()
             .and_then(|model| model.objection(&device));
         let decodable = self.model.is_some() && objection.is_none();
-        let info = match self.info(&device, decodable) {
+        let info = match self.acquisition_info(&device, decodable) {
             Ok(info) => info,
             Err(error) => return self.refuse(format!("{error}; its codes are not published")),
         };
-        if let Some(first) = &self.first
-            && let Err(error) = first.admit(&device)
+        if let Some(announced) = &self.announced
+            && let Err(error) = announced.check_compatible(&device)
         {
             return self.refuse(format!("another device is connected: {error}"));
         }
-        self.first.get_or_insert_with(|| Arc::clone(&device));
-        self.commands.identified(true);
+        self.announced.get_or_insert_with(|| Arc::clone(&device));
+        self.commands.device_introduced(true);
         self.objection = objection;
         if self
             .codes
@@ -82,7 +88,7 @@ impl Session {
             device.codes_per_second(),
             device.code_format
         );
-        self.side.device(&device);
+        self.side.set_device(&device);
         match &mut self.codes {
             Some(codes) => codes.replace_device(Arc::clone(&device), decodable),
             None => {
@@ -100,8 +106,8 @@ impl Session {
         });
     }
 
-    /// What is announced of a device: nothing if the announced stream is not published.
-    fn info(
+    /// Returns what `/acquisition/get_info` announces: `None` if the announced stream is not published.
+    fn acquisition_info(
         &self,
         device: &Device,
         decodable: bool,
@@ -122,6 +128,6 @@ impl Session {
     fn refuse(&mut self, why: String) {
         tracing::error!("{why}");
         self.objection = Some(why);
-        self.commands.identified(false);
+        self.commands.device_introduced(false);
     }
 }

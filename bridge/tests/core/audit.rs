@@ -1,4 +1,4 @@
-//! Windows and codes computed again.
+//! Audits: the device's codes against the float network's.
 #![allow(
     clippy::cast_possible_truncation,
     reason = "scales and zero points within their types"
@@ -12,7 +12,7 @@ use bridge::{AuditResult, AuditedWindow, Device, Model, Settings};
 use link::{Audit, CODE_LEN, CodeValues, Streams, ToHost};
 
 use crate::board::{Board, model};
-use crate::recorder::{Desk, SETTINGS};
+use crate::recorder::{Harness, SETTINGS};
 
 const AUDIT: Settings = Settings {
     streams: Streams::from_bits(0b01001),
@@ -23,8 +23,8 @@ fn folder() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../model/artifact"))
 }
 
-/// The windows and codes that every encoder of the built-in model has to give, as audits of a device
-/// with the model's own scales.
+/// Returns the golden windows and codes of the built-in model as audits of a device with the model's
+/// scales.
 fn golden() -> Vec<AuditedWindow> {
     let artifact = Artifact::read(folder()).unwrap();
     let device = Arc::new(device(&artifact));
@@ -35,13 +35,13 @@ fn golden() -> Vec<AuditedWindow> {
             device: Arc::clone(&device),
             window: 0,
             planes: window.as_flattened().to_vec(),
-            steps: Box::new(code.values.map(i32::from)),
+            levels: Box::new(code.values.map(i32::from)),
             resolution: 1,
         })
         .collect()
 }
 
-/// A board with the scales that model-gen gives int8 codes: twice the calibrated range.
+/// Returns a device with the scales that model-gen uses for int8 codes: twice the calibrated range.
 fn device(artifact: &Artifact) -> Device {
     let ends = |name| {
         let ends = artifact.calibration.tensor(name, &[CODE_LEN]).unwrap();
@@ -55,8 +55,8 @@ fn device(artifact: &Artifact) -> Device {
         board.code_scale[value] = scale as f32;
         board.code_zero_point[value] = (-middle / scale).round() as i8;
     }
-    let desk = Desk::streaming(SETTINGS, board);
-    let device = &desk.recorder.announced[0].device;
+    let harness = Harness::streaming(SETTINGS, board);
+    let device = &harness.recorder.announced[0].device;
     Device::clone(device)
 }
 
@@ -65,20 +65,24 @@ fn compare(windows: &[AuditedWindow], model: &Model) -> Vec<AuditResult> {
 }
 
 #[test]
-fn codes_of_the_integer_encoder_lie_within_the_limits_of_the_floats() {
+fn codes_of_the_integer_encoder_are_within_the_limits() {
     let results = compare(&golden(), &model());
     let judged = results.iter().filter(|result| !result.at_rail);
     for result in judged.clone() {
         assert!(!result.is_wrong(), "{result:?}");
-        // Mostly rounding, 1/sqrt(12) steps; measured 0.34 at most, and 0.01 on a window of zeros.
+        // Mostly rounding, 1/sqrt(12) levels. Measured: at most 0.34, and 0.01 on a window of zeros.
         assert!(result.rms < 0.36, "{result:?}");
     }
-    assert_eq!(judged.count(), 13, "of 28; the others are for the rails");
+    assert_eq!(
+        judged.count(),
+        13,
+        "of 28; the others have cells at the rail"
+    );
 }
 
-/// The built-in model with one weight of the shortcut that is off by 128 int8 steps, which is what
-/// its top bit is worth: a device with that bit flipped differs from the model as the model, flipped,
-/// does from a sound device.
+/// Returns the built-in model with one weight of the shortcut changed by 128 int8 levels, the value of
+/// its sign bit. The difference between this model and a correct device equals that between the
+/// correct model and a device with that bit flipped.
 fn flipped(value: usize, feature: usize) -> Model {
     let mut artifact = Artifact::read(folder()).unwrap();
     let (name, shape) = ("encoder.shortcut.weight", [CODE_LEN, 976]);
@@ -94,7 +98,7 @@ fn flipped(value: usize, feature: usize) -> Model {
 }
 
 #[test]
-fn a_flipped_weight_is_found_where_it_moves_a_code_and_only_there() {
+fn a_flipped_sign_bit_is_found_only_at_the_value_that_it_changes() {
     let windows = golden();
     let loudest = windows
         .iter()
@@ -112,20 +116,20 @@ fn a_flipped_weight_is_found_where_it_moves_a_code_and_only_there() {
         found += usize::from(after.is_wrong());
     }
     println!(
-        "of 24 flipped sign bits {moved} move a code by more than rounding, {found} are found"
+        "of 24 flipped sign bits {moved} change a code by more than rounding, {found} are found"
     );
     assert!(found > 0 && found <= moved, "{found} of {moved}");
 }
 
 #[test]
-fn a_device_that_computes_something_else_is_found_on_every_window() {
+fn a_code_of_another_window_is_found_on_every_window() {
     let windows = golden();
-    // The codes of each window under the next one's: right numbers of a wrong window.
+    // Each window gets the code of the next one.
     for pair in windows.windows(2) {
         let mut wrong = pair[0].clone();
-        wrong.steps.clone_from(&pair[1].steps);
+        wrong.levels.clone_from(&pair[1].levels);
         let result = wrong.compare(&model());
-        if !result.at_rail && pair[0].steps != pair[1].steps {
+        if !result.at_rail && pair[0].levels != pair[1].levels {
             assert!(result.is_wrong(), "{result:?}");
         }
     }
@@ -151,17 +155,17 @@ fn audit<'p>(model_id: [u8; 8], planes: &'p [u8], values: &CodeValues) -> ToHost
 }
 
 #[test]
-fn audits_go_to_the_encoder_unless_they_cannot_be_compared() {
-    let mut desk = Desk::streaming(AUDIT, Board::new());
+fn audits_that_cannot_be_compared_are_counted_and_not_passed_on() {
+    let mut harness = Harness::streaming(AUDIT, Board::new());
     let (id, values) = (model().id(), CodeValues::Int8([5; CODE_LEN]));
     let planes = [0xFE; 1440];
-    desk.say(0, &audit(id, &planes, &values));
-    let [audited] = &desk.recorder.audits[..] else {
-        panic!("{:?}", desk.recorder.audits)
+    harness.send(0, &audit(id, &planes, &values));
+    let [audited] = &harness.recorder.audits[..] else {
+        panic!("{:?}", harness.recorder.audits)
     };
     assert_eq!((audited.window, audited.resolution), (3, 1));
     assert_eq!(
-        (&audited.planes[..], audited.steps[127]),
+        (&audited.planes[..], audited.levels[127]),
         (&[-2; 1440][..], 5)
     );
     let wide = CodeValues::Int16([5; CODE_LEN]);
@@ -171,24 +175,24 @@ fn audits_go_to_the_encoder_unless_they_cannot_be_compared() {
         audit(id, &[], &values),
         audit(id, &planes, &wide),
     ] {
-        desk.say(0, &wrong);
+        harness.send(0, &wrong);
     }
-    assert_eq!(desk.recorder.audits.len(), 1);
-    let status = desk.status("device").unwrap();
+    assert_eq!(harness.recorder.audits.len(), 1);
+    let status = harness.status("device").unwrap();
     let key = "audits of another model or size";
     let unusable = status.values.iter().find(|pair| pair.key == key);
     assert_eq!(unusable.unwrap().value, "4");
 }
 
 #[test]
-fn a_bridge_without_the_devices_model_compares_nothing() {
+fn without_the_devices_model_no_audit_is_compared() {
     let board = Board {
         model_id: [9; 8],
         ..Board::new()
     };
-    let mut desk = Desk::new(AUDIT, board);
-    desk.connect();
+    let mut harness = Harness::new(AUDIT, board);
+    harness.connect();
     let values = CodeValues::Int8([5; CODE_LEN]);
-    desk.say(0, &audit([9; 8], &[0; 1440], &values));
-    assert!(desk.recorder.audits.is_empty());
+    harness.send(0, &audit([9; 8], &[0; 1440], &values));
+    assert!(harness.recorder.audits.is_empty());
 }

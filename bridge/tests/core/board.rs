@@ -1,4 +1,4 @@
-//! A board that does what a test tells it.
+//! A simulated board under the control of a test.
 
 use std::sync::{Arc, LazyLock};
 
@@ -8,10 +8,10 @@ use link::{
     Hello, MAX_FRAME, ResetCause, SelfTest, Stats, Streams, ToDevice, ToHost,
 };
 
-/// Wall clock when host and device start, nanoseconds.
+/// Wall clock when host and device start, nanoseconds since 1970.
 pub(crate) const WALL_START_NS: i64 = 1_700_000_000_000_000_000;
 
-/// Host time `us` microseconds after the start, with a wall clock that runs as it should.
+/// Returns the host time `us` microseconds after the start, with a correct wall clock.
 pub(crate) fn at(us: i64) -> HostTime {
     HostTime {
         monotonic_us: us,
@@ -19,13 +19,13 @@ pub(crate) fn at(us: i64) -> HostTime {
     }
 }
 
-/// The built-in model, read once.
+/// Returns the built-in model, which is read once per process.
 pub(crate) fn model() -> Arc<Model> {
     static MODEL: LazyLock<Arc<Model>> = LazyLock::new(|| Arc::new(Model::embedded().unwrap()));
     Arc::clone(&MODEL)
 }
 
-/// A board that does what a test tells it.
+/// A board that answers commands as firmware does; a test sets its properties.
 pub(crate) struct Board {
     pub(crate) encoder: Encoder,
     pub(crate) commands: Decoder<MAX_FRAME>,
@@ -35,26 +35,26 @@ pub(crate) struct Board {
     pub(crate) hop_steps: u8,
     pub(crate) code_format: CodeFormat,
     pub(crate) code_scale: [f32; CODE_LEN],
-    /// Those of int8 codes; the other formats have none.
+    /// Zero points of int8 codes; the other formats have none.
     pub(crate) code_zero_point: [i8; CODE_LEN],
     pub(crate) step_rate_hz: u16,
     pub(crate) next_window: u32,
     pub(crate) streaming: bool,
     pub(crate) chip_uid: [u8; 12],
-    /// Device time of the last code made.
+    /// Device time of the newest code, microseconds.
     pub(crate) now_us: u64,
-    /// What it can stream; a start with more is a bad argument.
-    pub(crate) knows: Streams,
-    /// What it answers to self-test, clock question and reset.
-    pub(crate) answers: AckResult,
-    /// What it finds out about its converters, at once.
+    /// Streams that the firmware supports; a `Start` with others is refused as a bad argument.
+    pub(crate) supported: Streams,
+    /// Result in the acknowledgements of self-test, clock query and reset.
+    pub(crate) ack_result: AckResult,
+    /// Result that the board sends right after the self-test command.
     pub(crate) self_test: Option<SelfTest>,
-    /// A reset is another boot, at once.
-    pub(crate) resets: bool,
-    /// What it streams.
+    /// Whether the reset command reboots the board at once.
+    pub(crate) restarts_on_reset: bool,
+    /// Streams of the last `Start`.
     pub(crate) streams: Streams,
-    /// Commands that came, oldest first.
-    pub(crate) seen: Vec<(u32, ToDevice)>,
+    /// Received commands with their sequence numbers, oldest first.
+    pub(crate) received: Vec<(u32, ToDevice)>,
 }
 
 impl Board {
@@ -75,16 +75,16 @@ impl Board {
             streaming: false,
             chip_uid: [7; 12],
             now_us: 0,
-            knows: Streams::ALL,
-            answers: AckResult::Done,
+            supported: Streams::ALL,
+            ack_result: AckResult::Done,
             self_test: None,
-            resets: false,
+            restarts_on_reset: false,
             streams: Streams::empty(),
-            seen: Vec::new(),
+            received: Vec::new(),
         }
     }
 
-    /// A board whose frames so far had numbers up to `seq`, and windows up to `window`.
+    /// Creates a board whose next frame has the number `seq` and whose next code has the index `window`.
     pub(crate) fn starting_at(seq: u32, window: u32) -> Board {
         Board {
             encoder: Encoder::starting_at(seq),
@@ -93,7 +93,7 @@ impl Board {
         }
     }
 
-    /// Another boot of the same board.
+    /// Restarts the board: a new session, with all numbers from 0.
     pub(crate) fn reboot(&mut self) {
         self.encoder = Encoder::default();
         self.session_id += 1;
@@ -154,24 +154,24 @@ impl Board {
         bytes
     }
 
-    /// Take commands and answer them as a board does; returns the answers.
+    /// Handles commands and returns the answers.
     pub(crate) fn answer(&mut self, mut bytes: &[u8]) -> Vec<u8> {
         let mut answers = Vec::new();
         let mut commands = Vec::new();
         while let Some(outcome) = self.commands.next::<ToDevice>(&mut bytes) {
-            // A terminal that nobody has made raw yet echoes.
+            // A terminal that is not in raw mode yet echoes the answers.
             let Ok(frame) = outcome else { continue };
             commands.push((frame.header.seq, frame.message));
         }
         for (seq, command) in commands {
-            self.seen.push((seq, command));
+            self.received.push((seq, command));
             let mut result = AckResult::Done;
             match command {
                 ToDevice::Identify => answers.extend(self.hello()),
-                ToDevice::Start(start) if !self.knows.contains(start.streams) => {
+                ToDevice::Start(start) if !self.supported.contains(start.streams) => {
                     result = AckResult::BadArgument;
                 }
-                // A start while the same streams run changes nothing.
+                // A `Start` of running streams changes nothing.
                 ToDevice::Start(_) if self.streaming => {}
                 ToDevice::Start(start) => {
                     self.next_window = 0;
@@ -184,13 +184,13 @@ impl Board {
                 }
                 ToDevice::Ping => {}
                 ToDevice::SelfTest | ToDevice::SyncTime { .. } | ToDevice::Reset(_) => {
-                    result = self.answers;
+                    result = self.ack_result;
                 }
             }
             let ack = Ack { of: seq, result };
             answers.extend(self.frame(0, &ToHost::Ack(ack)));
             if let ToDevice::Reset(_) = command
-                && self.resets
+                && self.restarts_on_reset
             {
                 self.reboot();
                 answers.extend(self.hello());
@@ -202,12 +202,12 @@ impl Board {
         answers
     }
 
-    /// The next code, filled with the int8 `value`, made at `device_us`.
+    /// Returns the frame of the next code, made at `device_us`, all of whose values are `value`.
     pub(crate) fn code(&mut self, device_us: u64, value: i8) -> Vec<u8> {
         self.code_of(device_us, &CodeValues::Int8([value; CODE_LEN]))
     }
 
-    /// The next code, made at `device_us`.
+    /// Returns the frame of the next code with these values, made at `device_us`.
     pub(crate) fn code_of(&mut self, device_us: u64, values: &CodeValues) -> Vec<u8> {
         let window = self.next_window;
         self.now_us = device_us;

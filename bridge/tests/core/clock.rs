@@ -1,4 +1,4 @@
-//! The device's clock in virtual time: what arrives late, in bunches, or not at all.
+//! Fit of the device's clock in virtual time, with delayed, bunched and stalled reads.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -10,16 +10,16 @@ use bridge::{Clock, HostTime};
 
 use crate::board::WALL_START_NS;
 
-/// Microseconds between codes.
+/// Time between codes, microseconds.
 const HOP_US: f64 = 62_500.0;
 
-/// One way of a link and its clocks to behave.
+/// Behaviour of a link and its clocks.
 struct Scene {
-    /// Host seconds per device second minus 1, ppm, at a device time in seconds.
+    /// Returns the drift (host seconds per device second minus 1), ppm, at a device time in seconds.
     ppm: fn(f64) -> f64,
-    /// When the host reads what was sent at this host time, microseconds.
+    /// Returns the host time of the read for a host time of the transmission, both in microseconds.
     read_at: fn(f64, &mut Noise) -> f64,
-    /// What the wall clock is stepped by, nanoseconds, at a host time in seconds.
+    /// Returns the total step of the wall clock, nanoseconds, at a host time in seconds.
     wall_step: fn(f64) -> i64,
     seconds: u32,
 }
@@ -34,8 +34,8 @@ impl Noise {
     }
 }
 
-/// Errors of the stamps against the true time on the host's wall clock, in microseconds, with
-/// their host times in seconds; also checks that stamps never go backwards.
+/// Returns pairs of host time, seconds, and the stamp's error against the true wall clock, microseconds.
+/// Also checks that stamps never go backwards.
 fn errors(scene: &Scene) -> Vec<(f64, f64)> {
     let mut clock = Clock::default();
     let mut noise = Noise(5);
@@ -46,7 +46,7 @@ fn errors(scene: &Scene) -> Vec<(f64, f64)> {
         let ppm = (scene.ppm)((device_us - 5e9) / 1e6);
         device_us += HOP_US;
         host_us += HOP_US * (1.0 + ppm * 1e-6);
-        // A stream keeps its order.
+        // Bytes of a stream are read in order.
         last_read = (scene.read_at)(host_us, &mut noise).max(last_read);
         let read = HostTime {
             monotonic_us: last_read as i64,
@@ -69,7 +69,8 @@ fn errors(scene: &Scene) -> Vec<(f64, f64)> {
     errors
 }
 
-/// 99th percentile and maximum of the errors' size after the first minute, microseconds.
+/// Returns the 99th percentile and the maximum of the absolute errors after the first minute,
+/// microseconds.
 fn p99_and_max(errors: &[(f64, f64)]) -> (f64, f64) {
     let settled = errors.iter().filter(|(seconds, _)| *seconds > 60.0);
     let mut sizes: Vec<f64> = settled.map(|(_, error)| error.abs()).collect();
@@ -77,7 +78,7 @@ fn p99_and_max(errors: &[(f64, f64)]) -> (f64, f64) {
     (sizes[sizes.len() * 99 / 100], sizes[sizes.len() - 1])
 }
 
-/// The requirement: p99 of at most 0.5 ms and never more than 1 ms after 60 s.
+/// Checks the requirement: after 60 s, p99 is at most 0.5 ms and no error exceeds 1 ms.
 fn check(name: &str, scene: &Scene) {
     let (p99, max) = p99_and_max(&errors(scene));
     println!("{name}: p99 {p99:.0} us, max {max:.0} us");
@@ -88,7 +89,7 @@ fn check(name: &str, scene: &Scene) {
 }
 
 fn jitter(sent: f64, noise: &mut Noise) -> f64 {
-    // Mostly a little, sometimes up to 4 ms.
+    // Usually small, up to 4 ms.
     let a = noise.next();
     sent + 4000.0 * a * a * a
 }
@@ -144,7 +145,7 @@ fn a_change_of_drift_by_20_ppm_is_followed() {
 }
 
 #[test]
-fn quantisation_to_usb_frames_of_1_ms_is_seen_through() {
+fn reads_in_usb_frames_of_1_ms_do_not_bias_the_fit() {
     for ppm in [(|_| 40.0) as fn(f64) -> f64, |_| -7.0] {
         let scene = Scene {
             ppm,
@@ -157,7 +158,7 @@ fn quantisation_to_usb_frames_of_1_ms_is_seen_through() {
 }
 
 #[test]
-fn bunching_by_16_ms_is_seen_through() {
+fn reads_in_bunches_of_16_ms_do_not_bias_the_fit() {
     for ppm in [(|_| 40.0) as fn(f64) -> f64, |_| -100.0, |_| 3.0] {
         let scene = Scene {
             ppm,
@@ -198,7 +199,7 @@ fn a_step_of_the_wall_clock_is_followed_without_going_backwards() {
         seconds: 200,
     };
     let errors = errors(&scene);
-    // 1 s is caught up at a tenth of time's speed: 10 s; the last 20 ms at the speed of a slew.
+    // 1 s is caught up at 0.1 s per second, in 10 s; the last 20 ms at the rate of a slew.
     let after: Vec<_> = errors
         .iter()
         .filter(|(t, _)| !(100.0..145.0).contains(t))
@@ -212,7 +213,7 @@ fn a_step_of_the_wall_clock_is_followed_without_going_backwards() {
 }
 
 #[test]
-fn a_restarted_device_is_fitted_anew_and_the_wall_clock_stays() {
+fn a_restart_discards_the_fit_and_keeps_the_wall_clock() {
     let mut clock = Clock::default();
     let read = |us: i64| HostTime {
         monotonic_us: us,
@@ -226,7 +227,7 @@ fn a_restarted_device_is_fitted_anew_and_the_wall_clock_stays() {
 }
 
 #[test]
-fn the_drift_is_told() {
+fn the_drift_is_reported_in_ppm() {
     let mut clock = Clock::default();
     for index in 0..16 * 120_u32 {
         let host_us = 62_504 * i64::from(index);
@@ -244,7 +245,7 @@ fn the_drift_is_told() {
     assert!(clock.residual_us().abs() < 10.0 && clock.newest_delay_us().abs() < 10.0);
 }
 
-/// Host time `us`, with a wall clock that was stepped by `step_ns`.
+/// Returns the host time `us` with a wall clock that was stepped by `step_ns`.
 fn read(us: i64, step_ns: i64) -> HostTime {
     HostTime {
         monotonic_us: us,
@@ -252,7 +253,7 @@ fn read(us: i64, step_ns: i64) -> HostTime {
     }
 }
 
-/// A clock that has seen 10 s of codes, and the time of the last.
+/// Returns a clock after 10 s of codes, and the host time of the last one.
 fn settled() -> (Clock, i64) {
     let mut clock = Clock::default();
     for code in 1..=160 {
@@ -262,8 +263,8 @@ fn settled() -> (Clock, i64) {
 }
 
 #[test]
-fn the_least_delay_is_a_constant_that_stamps_are_late_by() {
-    // 3 ms for the encoder and 2 ms at least for the link.
+fn stamps_are_late_by_the_least_delay() {
+    // 3 ms for the encoder and at least 2 ms for the link.
     let scene = Scene {
         ppm: |_| 20.0,
         read_at: |sent, noise| jitter(sent + 5000.0, noise),
@@ -289,13 +290,13 @@ fn one_impossible_device_time_changes_nothing() {
         assert_eq!(clock.wall_ns(10_000_000), before);
         assert_eq!(clock.refused(), 1);
         assert!(clock.observe(10_125_000, read(now + 125_000, 0)));
-        // Asking about it overflows nothing.
+        // Converting the impossible time must not overflow.
         clock.wall_ns(i128::from(wrong));
     }
 }
 
 #[test]
-fn a_device_clock_that_jumped_is_fitted_anew_after_half_a_second() {
+fn the_fit_restarts_half_a_second_after_the_device_clock_jumped() {
     let (mut clock, now) = settled();
     for code in 1..=8_i64 {
         let device_us = 3_600_000_000 + code.unsigned_abs() * 62_500;
@@ -309,7 +310,7 @@ fn a_device_clock_that_jumped_is_fitted_anew_after_half_a_second() {
 }
 
 #[test]
-fn a_step_back_is_counted_and_one_beyond_30_s_is_not_waited_for() {
+fn a_step_back_is_counted_and_one_beyond_30_s_is_followed_at_once() {
     for (step_s, back) in [(-1, 0), (-30, 0), (-31, 1), (-3600, 1)] {
         let (mut clock, now) = settled();
         let step_ns = step_s * 1_000_000_000;
@@ -320,7 +321,7 @@ fn a_step_back_is_counted_and_one_beyond_30_s_is_not_waited_for() {
         assert_eq!((clock.wall_steps(), clock.wall_steps_back()), (1, back));
         let true_ns = WALL_START_NS + 11_000_000_000 + step_ns;
         let error_ns = clock.wall_ns(11_000_000).unwrap() - true_ns;
-        // A second of waiting has caught up a tenth of a second.
+        // In one second a tenth of a second is caught up.
         let expected = if back == 1 { 0 } else { -step_ns - 100_000_000 };
         assert!((error_ns - expected).abs() < 1000, "{step_s} s: {error_ns}");
     }

@@ -1,11 +1,11 @@
-//! Newer devices, other versions, noise: told apart.
+//! Newer devices, other versions of the wire format, and noise are distinguished.
 
 use link::{AckResult, FrameError, ToHost};
 
 use crate::board::{Board, at};
-use crate::recorder::{Desk, SETTINGS};
+use crate::recorder::{Harness, SETTINGS};
 
-/// Messages of some later release.
+/// Messages of a later release: today's, and one more.
 #[derive(serde::Serialize, serde::Deserialize)]
 enum LaterToHost {
     Hello,
@@ -31,19 +31,24 @@ impl link::Message<'_> for LaterToHost {
 }
 
 #[test]
-fn a_newer_device_is_understood_as_far_as_this_bridge_goes() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    desk.code(1, false);
+fn unknown_messages_of_a_newer_device_do_not_affect_codes() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(1, false);
     let mut buffer = [0; link::MAX_FRAME];
     let later = LaterToHost::Later {
         channel: 1,
         device_time_us: 1_000_000,
     };
-    let bytes = desk.board.encoder.encode(0, &later, &mut buffer).unwrap();
-    desk.core
-        .receive(bytes, at(desk.now_us), &mut desk.recorder);
-    desk.code(1, false);
-    let summary = desk.core.summary();
+    let bytes = harness
+        .board
+        .encoder
+        .encode(0, &later, &mut buffer)
+        .unwrap();
+    harness
+        .core
+        .receive(bytes, at(harness.now_us), &mut harness.recorder);
+    harness.code(1, false);
+    let summary = harness.core.summary();
     assert_eq!(
         (summary.received, summary.lost, summary.frames_lost),
         (2, 0, 0)
@@ -52,9 +57,11 @@ fn a_newer_device_is_understood_as_far_as_this_bridge_goes() {
 }
 
 #[test]
-fn a_device_of_another_wire_version_is_told_apart_from_noise() {
-    let mut desk = Desk::new(SETTINGS, Board::new());
-    desk.core.connected(at(desk.now_us), &mut desk.recorder);
+fn a_device_with_another_wire_version_is_reported_as_such() {
+    let mut harness = Harness::new(SETTINGS, Board::new());
+    harness
+        .core
+        .connected(at(harness.now_us), &mut harness.recorder);
     let header = link::Header {
         version: 2,
         seq: 0,
@@ -66,9 +73,13 @@ fn a_device_of_another_wire_version_is_told_apart_from_noise() {
         result: AckResult::Done,
     });
     let bytes = link::encode(&header, &ack, &mut buffer).unwrap();
-    desk.core
-        .receive(bytes, at(desk.now_us), &mut desk.recorder);
-    let report = format!("{:?}", desk.core.diagnostics(at(desk.now_us)).status[2]);
+    harness
+        .core
+        .receive(bytes, at(harness.now_us), &mut harness.recorder);
+    let report = format!(
+        "{:?}",
+        harness.core.diagnostics(at(harness.now_us)).status[2]
+    );
     assert!(
         report.contains("another version") && report.contains("same release"),
         "{report}"
@@ -77,7 +88,7 @@ fn a_device_of_another_wire_version_is_told_apart_from_noise() {
 
 #[test]
 fn noise_never_publishes_anything() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
     let mut state = 1u32;
     let noise: Vec<u8> = (0..100_000)
         .map(|_| {
@@ -85,12 +96,12 @@ fn noise_never_publishes_anything() {
             state.to_be_bytes()[0]
         })
         .collect();
-    desk.receive(&noise);
-    assert!(desk.recorder.encoded.is_empty());
-    let wire = desk.core.summary().wire;
+    harness.receive(&noise);
+    assert!(harness.recorder.encoded.is_empty());
+    let wire = harness.core.summary().wire;
     assert!(wire.cobs + wire.crc + wire.oversize > 100, "{wire:?}");
-    desk.receive(&[0]);
-    desk.code(1, false);
-    assert_eq!(desk.recorder.encoded.len(), 1);
+    harness.receive(&[0]);
+    harness.code(1, false);
+    assert_eq!(harness.recorder.encoded.len(), 1);
     assert!(FrameError::Crc.to_string().contains("damaged"));
 }

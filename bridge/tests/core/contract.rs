@@ -1,16 +1,16 @@
-//! What `/encoded` and the announcement hold.
+//! Contents of `/encoded` and of the announcement.
 
 use bridge::{AnnouncedStream, FillerPolicy, Settings, StampPoint, TRI_LABELS};
 use link::ToDevice;
 
 use crate::board::{Board, WALL_START_NS};
-use crate::recorder::{Desk, SETTINGS};
+use crate::recorder::{Harness, SETTINGS};
 
 #[test]
-fn encoded_frames_are_what_ros_neuro_expects() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    desk.code(-128, false);
-    let frame = &desk.recorder.encoded[0];
+fn encoded_frames_have_the_fields_that_ros_neuro_expects() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(-128, false);
+    let frame = &harness.recorder.encoded[0];
     let info = &frame.eeg.info;
     assert_eq!(
         (frame.sr, info.nsamples, info.nchannels, info.stride),
@@ -31,7 +31,7 @@ fn encoded_frames_are_what_ros_neuro_expects() {
     assert_eq!(frame.eeg.data, [-64.5; 128]);
     assert_eq!(frame.exg.info.nchannels, 0);
     assert_eq!(frame.tri.info.labels, TRI_LABELS);
-    let announced = desk.recorder.announced[0].info.clone().unwrap();
+    let announced = harness.recorder.announced[0].info.clone().unwrap();
     assert_eq!(announced.frame().eeg.info, *info);
     assert_eq!(announced.device_model(), "board test");
     assert_eq!(announced.device_id(), "07".repeat(12));
@@ -39,20 +39,20 @@ fn encoded_frames_are_what_ros_neuro_expects() {
 
 #[test]
 fn hop_16_gives_8_codes_per_second() {
-    let mut desk = Desk::streaming(
+    let mut harness = Harness::streaming(
         SETTINGS,
         Board {
             hop_steps: 16,
             ..Board::new()
         },
     );
-    desk.code(0, false);
-    assert_eq!(desk.recorder.encoded[0].sr, 8);
+    harness.code(0, false);
+    assert_eq!(harness.recorder.encoded[0].sr, 8);
 }
 
 #[test]
-fn stamps_mean_what_was_asked_for() {
-    // The code was read when it was made: device time 1.0625 s, no delay, equal clocks.
+fn stamps_refer_to_the_chosen_point_of_the_frame() {
+    // The code is read when it is made, at device time 1.0625 s: no delay, equal clocks.
     let made_ns = WALL_START_NS + 1_062_500_000;
     for (stamp, expected) in [
         // 15 steps of 7.8125 ms (in whole microseconds) and 10 ms of filter delay earlier.
@@ -60,10 +60,10 @@ fn stamps_mean_what_was_asked_for() {
         (StampPoint::Last, made_ns - 10_000_000),
         (StampPoint::Arrival, made_ns),
     ] {
-        let mut desk = Desk::streaming(Settings { stamp, ..SETTINGS }, Board::new());
-        desk.code(0, false);
+        let mut harness = Harness::streaming(Settings { stamp, ..SETTINGS }, Board::new());
+        harness.code(0, false);
         assert_eq!(
-            desk.recorder.encoded[0].header.stamp.nanoseconds(),
+            harness.recorder.encoded[0].header.stamp.nanoseconds(),
             expected,
             "{stamp:?}"
         );
@@ -71,50 +71,50 @@ fn stamps_mean_what_was_asked_for() {
 }
 
 #[test]
-fn the_chosen_mains_go_to_the_device() {
+fn the_mains_frequency_is_sent_to_the_device() {
     let settings = Settings {
         mains_hz: 60,
         filler: FillerPolicy::Off,
         ..SETTINGS
     };
-    let desk = Desk::streaming(settings, Board::new());
-    assert!(matches!(desk.board.seen[2].1, ToDevice::Start(start) if start.mains_hz == 60));
+    let harness = Harness::streaming(settings, Board::new());
+    assert!(matches!(harness.board.received[2].1, ToDevice::Start(start) if start.mains_hz == 60));
 }
 
 #[test]
-fn diagnostics_tell_of_a_loss_once() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    desk.code(0, false);
-    desk.code(0, true);
-    desk.code(0, false);
-    let now = crate::board::at(desk.now_us);
-    let levels = |desk: &mut Desk| -> Vec<String> {
-        let report = desk.core.diagnostics(now);
+fn a_loss_is_a_warning_in_one_report() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(0, false);
+    harness.code(0, true);
+    harness.code(0, false);
+    let now = crate::board::at(harness.now_us);
+    let levels = |harness: &mut Harness| -> Vec<String> {
+        let report = harness.core.diagnostics(now);
         report
             .status
             .iter()
             .map(|status| format!("{} {:?}", status.name, status.level))
             .collect()
     };
-    let with_loss = levels(&mut desk);
+    let with_loss = levels(&mut harness);
     assert!(
         with_loss.contains(&"corticode: loss Warn".to_owned()),
         "{with_loss:?}"
     );
-    let after = levels(&mut desk);
+    let after = levels(&mut harness);
     assert!(after.iter().all(|line| line.ends_with("Ok")), "{after:?}");
 }
 
 #[test]
-fn the_reconstruction_is_announced_on_demand_and_only_if_there_is_one() {
+fn the_reconstruction_is_announced_only_if_codes_can_be_decoded() {
     let settings = Settings {
         announced: AnnouncedStream::Reconstructed,
         ..SETTINGS
     };
     let announced = |board| {
-        let mut desk = Desk::new(settings, board);
-        desk.connect();
-        desk.recorder.announced.remove(0).info
+        let mut harness = Harness::new(settings, board);
+        harness.connect();
+        harness.recorder.announced.remove(0).info
     };
     let info = announced(Board::new()).unwrap();
     assert_eq!(info.shape().nchannels, [61, 0, 8]);

@@ -1,13 +1,13 @@
-//! The device's reports about its converters, in `/diagnostics`.
+//! Status `converters` in `/diagnostics`.
 
 use link::{Converters, ToHost};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
 
 use crate::board::Board;
-use crate::recorder::{Desk, SETTINGS};
+use crate::recorder::{Harness, SETTINGS};
 
-/// A report of two chips in order, but for what `change` changes.
-fn told(desk: &mut Desk, change: impl FnOnce(&mut Converters)) -> DiagnosticStatus {
+/// Sends a report of two chips in order, as modified by `change`, and returns the status.
+fn report_status(harness: &mut Harness, change: impl FnOnce(&mut Converters)) -> DiagnosticStatus {
     let mut converters = Converters {
         fault: heapless::String::new(),
         drdy_millihertz: 512_010,
@@ -16,8 +16,8 @@ fn told(desk: &mut Desk, change: impl FnOnce(&mut Converters)) -> DiagnosticStat
         frames_bad: [0, 0].into_iter().collect(),
     };
     change(&mut converters);
-    desk.say(0, &ToHost::Converters(converters));
-    desk.status("converters").unwrap()
+    harness.send(0, &ToHost::Converters(converters));
+    harness.status("converters").unwrap()
 }
 
 fn value<'a>(status: &'a DiagnosticStatus, key: &str) -> &'a str {
@@ -27,9 +27,9 @@ fn value<'a>(status: &'a DiagnosticStatus, key: &str) -> &'a str {
 
 #[test]
 fn chips_in_order_are_no_warning() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    assert_eq!(desk.status("converters"), None);
-    let status = told(&mut desk, |_| {});
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    assert_eq!(harness.status("converters"), None);
+    let status = report_status(&mut harness, |_| {});
     assert_eq!(
         (status.level, &*status.message),
         (DiagnosticLevel::Ok, "2 chips convert")
@@ -40,15 +40,16 @@ fn chips_in_order_are_no_warning() {
     );
     assert_eq!(value(&status, "positive electrodes off"), "none");
     assert_eq!(value(&status, "chip 1: frames bad"), "0");
-    let status = told(&mut desk, |converters| converters.drdy_millihertz = 0);
+    let status = report_status(&mut harness, |converters| converters.drdy_millihertz = 0);
     assert_eq!(value(&status, "DRDY"), "not known");
 }
 
 #[test]
 fn bad_frames_are_a_warning_that_names_the_chip_until_there_are_no_new_ones() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    let mut bad = |count| told(&mut desk, |converters| converters.frames_bad[1] = count);
-    // What was counted before the bridge came is no news.
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    let mut bad =
+        |count| report_status(&mut harness, |converters| converters.frames_bad[1] = count);
+    // Bad frames from before the first report are not new.
     assert_eq!(bad(2).level, DiagnosticLevel::Ok);
     let status = bad(5);
     assert_eq!(
@@ -60,17 +61,17 @@ fn bad_frames_are_a_warning_that_names_the_chip_until_there_are_no_new_ones() {
     );
     assert_eq!(bad(5).level, DiagnosticLevel::Ok);
     assert!(bad(10).message.ends_with("chip 1 (5)"));
-    // Nothing new, nothing told.
+    // Without a new report there is no warning.
     assert_eq!(
-        desk.status("converters").unwrap().level,
+        harness.status("converters").unwrap().level,
         DiagnosticLevel::Ok
     );
 }
 
 #[test]
-fn electrodes_that_are_off_are_named_spare_channels_too() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    let status = told(&mut desk, |converters| {
+fn detached_electrodes_and_spare_channels_are_named() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    let status = report_status(&mut harness, |converters| {
         converters.off_positive = 0b11;
         converters.off_negative = 1 | 1 << 63;
     });
@@ -83,10 +84,10 @@ fn electrodes_that_are_off_are_named_spare_channels_too() {
 }
 
 #[test]
-fn a_chain_that_does_not_run_is_an_error_for_as_long_as_it_does_not() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
+fn a_chain_that_does_not_run_is_an_error_until_it_runs() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
     let fault = "chip 2: ID 0x00";
-    let status = told(&mut desk, |converters| {
+    let status = report_status(&mut harness, |converters| {
         converters.fault.push_str(fault).unwrap();
     });
     assert_eq!(
@@ -94,12 +95,19 @@ fn a_chain_that_does_not_run_is_an_error_for_as_long_as_it_does_not() {
         (DiagnosticLevel::Error, fault)
     );
     assert_eq!(
-        desk.status("converters").unwrap().level,
+        harness.status("converters").unwrap().level,
         DiagnosticLevel::Error
     );
-    assert_eq!(told(&mut desk, |_| {}).level, DiagnosticLevel::Ok);
-    desk.board.reboot();
-    let hello = desk.board.hello();
-    desk.receive(&hello);
-    assert_eq!(desk.status("converters"), None, "of the boot before");
+    assert_eq!(
+        report_status(&mut harness, |_| {}).level,
+        DiagnosticLevel::Ok
+    );
+    harness.board.reboot();
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    assert_eq!(
+        harness.status("converters"),
+        None,
+        "the report belongs to the previous boot"
+    );
 }

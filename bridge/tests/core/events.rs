@@ -1,11 +1,11 @@
-//! Edges of the trigger input: events on the bus, and a level beside every sample.
+//! Trigger edges: events on the bus, and the trigger level of every sample.
 
 use bridge::Settings;
 use link::{Event, EventKind, Flags, Raw, Streams, ToHost};
 use neuro_ros::DiagnosticLevel;
 
 use crate::board::{Board, WALL_START_NS};
-use crate::recorder::{Desk, SETTINGS};
+use crate::recorder::{Harness, SETTINGS};
 
 const EVENTS: Settings = Settings {
     streams: Streams::from_bits(0b10011),
@@ -22,17 +22,17 @@ fn event(kind: EventKind, number: u32, sample: u64) -> ToHost<'static> {
 
 #[test]
 fn an_edge_becomes_an_event_at_its_own_time() {
-    let mut desk = Desk::streaming(EVENTS, Board::new());
-    desk.code(1, false);
-    // Between two codes, and read later than it happened.
-    let happened = desk.now_us.unsigned_abs() + 10_123;
-    desk.now_us += 30_000;
-    desk.say(happened, &event(EventKind::TriggerRise, 7, 40));
-    desk.say(happened + 5_000, &event(EventKind::TriggerFall, 8, 42));
-    let [rise, fall] = &desk.recorder.events[..] else {
-        panic!("{:?}", desk.recorder.events)
+    let mut harness = Harness::streaming(EVENTS, Board::new());
+    harness.code(1, false);
+    // The edge is between two codes, and is read later.
+    let happened = harness.now_us.unsigned_abs() + 10_123;
+    harness.now_us += 30_000;
+    harness.send(happened, &event(EventKind::TriggerRise, 7, 40));
+    harness.send(happened + 5_000, &event(EventKind::TriggerFall, 8, 42));
+    let [rise, fall] = &harness.recorder.events[..] else {
+        panic!("{:?}", harness.recorder.events)
     };
-    // A user's code of GDF's event table, and the same with the bit that ends an event.
+    // A user code of GDF's event table, and the same with the bit that marks the end of an event.
     assert_eq!((rise.event, fall.event), (1, 0x8001));
     assert_eq!(
         (&*rise.description, &*fall.description),
@@ -48,25 +48,25 @@ fn an_edge_becomes_an_event_at_its_own_time() {
 }
 
 #[test]
-fn events_that_were_lost_are_counted_and_told_of_once() {
-    let mut desk = Desk::streaming(EVENTS, Board::new());
-    desk.code(1, false);
-    let now = desk.now_us.unsigned_abs();
+fn lost_events_are_counted_and_reported_once() {
+    let mut harness = Harness::streaming(EVENTS, Board::new());
+    harness.code(1, false);
+    let now = harness.now_us.unsigned_abs();
     for number in [u32::MAX, 0, 4] {
-        desk.say(now, &event(EventKind::TriggerRise, number, 0));
+        harness.send(now, &event(EventKind::TriggerRise, number, 0));
     }
-    let status = desk.status("loss").unwrap();
+    let status = harness.status("loss").unwrap();
     assert_eq!(
         (status.level, &*status.message),
         (DiagnosticLevel::Warn, "3 events lost since the last report")
     );
-    assert_eq!(desk.status("loss").unwrap().level, DiagnosticLevel::Ok);
-    assert_eq!(desk.recorder.events.len(), 3);
-    // The same one again, and one of a later release, are no events of ours.
-    desk.say(now, &event(EventKind::TriggerRise, 4, 0));
-    desk.say(now, &event(EventKind::Newer(9), 5, 0));
-    assert_eq!(desk.recorder.events.len(), 3);
-    let status = desk.status("loss").unwrap();
+    assert_eq!(harness.status("loss").unwrap().level, DiagnosticLevel::Ok);
+    assert_eq!(harness.recorder.events.len(), 3);
+    // A replay, and an event of a later release, are not published.
+    harness.send(now, &event(EventKind::TriggerRise, 4, 0));
+    harness.send(now, &event(EventKind::Newer(9), 5, 0));
+    assert_eq!(harness.recorder.events.len(), 3);
+    let status = harness.status("loss").unwrap();
     let unknown = status
         .values
         .iter()
@@ -75,11 +75,11 @@ fn events_that_were_lost_are_counted_and_told_of_once() {
 }
 
 #[test]
-fn every_sample_and_code_says_how_the_trigger_stood() {
-    let mut desk = Desk::streaming(EVENTS, Board::new());
-    let now = desk.now_us.unsigned_abs();
-    desk.say(now, &event(EventKind::TriggerRise, 0, 10));
-    desk.say(now, &event(EventKind::TriggerFall, 1, 70));
+fn every_sample_and_code_carries_the_trigger_level() {
+    let mut harness = Harness::streaming(EVENTS, Board::new());
+    let now = harness.now_us.unsigned_abs();
+    harness.send(now, &event(EventKind::TriggerRise, 0, 10));
+    harness.send(now, &event(EventKind::TriggerFall, 1, 70));
     for first in [0, 8, 16, 24] {
         let counts = [0; 8 * 64 * 3];
         let raw = Raw {
@@ -88,98 +88,100 @@ fn every_sample_and_code_says_how_the_trigger_stood() {
             flags: Flags::empty(),
             counts: &counts,
         };
-        desk.now_us += 15_625;
-        desk.say(desk.now_us.unsigned_abs(), &ToHost::Raw(raw));
+        harness.now_us += 15_625;
+        harness.send(harness.now_us.unsigned_abs(), &ToHost::Raw(raw));
     }
-    let words = desk.recorder.raw[0].tri.data.chunks(8);
+    let words = harness.recorder.raw[0].tri.data.chunks(8);
     let levels: Vec<i32> = words.map(|words| words[7]).collect();
     assert_eq!(levels[..10], [0; 10]);
     assert_eq!(levels[10..], [1; 22]);
     // Windows 0 and 1 end at samples 60 and 92.
-    desk.code(1, false);
-    desk.code(1, false);
-    let level = |frame: usize| desk.recorder.encoded[frame].tri.data[7];
+    harness.code(1, false);
+    harness.code(1, false);
+    let level = |frame: usize| harness.recorder.encoded[frame].tri.data[7];
     assert_eq!((level(0), level(1)), (1, 0));
-    assert_eq!(desk.recorder.windows[0].words.trigger, 1);
+    assert_eq!(harness.recorder.windows[0].words.trigger, 1);
 }
 
 #[test]
 fn an_event_of_an_impossible_time_is_stamped_with_its_arrival() {
-    let mut desk = Desk::streaming(EVENTS, Board::new());
-    desk.code(1, false);
-    desk.say(u64::MAX, &event(EventKind::TriggerRise, 0, u64::MAX));
-    let stamp = desk.recorder.events[0].header.stamp.nanoseconds();
-    assert_eq!(stamp, crate::board::at(desk.now_us).wall_ns);
+    let mut harness = Harness::streaming(EVENTS, Board::new());
+    harness.code(1, false);
+    harness.send(u64::MAX, &event(EventKind::TriggerRise, 0, u64::MAX));
+    let stamp = harness.recorder.events[0].header.stamp.nanoseconds();
+    assert_eq!(stamp, crate::board::at(harness.now_us).wall_ns);
 }
 
 #[test]
 fn events_before_an_introduction_are_not_published() {
-    let mut desk = Desk::new(EVENTS, Board::new());
-    desk.core
-        .connected(crate::board::at(desk.now_us), &mut desk.recorder);
-    desk.say(0, &event(EventKind::TriggerRise, 0, 0));
-    assert!(desk.recorder.events.is_empty());
+    let mut harness = Harness::new(EVENTS, Board::new());
+    harness
+        .core
+        .connected(crate::board::at(harness.now_us), &mut harness.recorder);
+    harness.send(0, &event(EventKind::TriggerRise, 0, 0));
+    assert!(harness.recorder.events.is_empty());
 }
 
-/// What `/diagnostics` says of lost events, and of events that are behind others.
-fn figures(desk: &mut Desk) -> [String; 2] {
-    let values = desk.status("loss").unwrap().values;
+/// Returns the values `events lost` and `events behind others` (replays) of `/diagnostics`.
+fn figures(harness: &mut Harness) -> [String; 2] {
+    let values = harness.status("loss").unwrap().values;
     ["events lost", "events behind others"].map(|key| {
         let pair = values.iter().find(|pair| pair.key == key);
         pair.unwrap().value.clone()
     })
 }
 
-fn wants(desk: &mut Desk, streaming: bool) {
-    desk.core.want(streaming);
-    desk.core
-        .tick(crate::board::at(desk.now_us), &mut desk.recorder);
-    desk.converse();
+fn set_streaming(harness: &mut Harness, streaming: bool) {
+    harness.core.set_streaming(streaming);
+    harness
+        .core
+        .tick(crate::board::at(harness.now_us), &mut harness.recorder);
+    harness.exchange();
 }
 
 #[test]
-fn numbers_that_go_on_while_nothing_streams_or_begin_anew_with_a_boot_are_no_loss() {
-    let mut desk = Desk::streaming(EVENTS, Board::new());
-    desk.code(1, false);
-    let rise = |desk: &mut Desk, number| {
-        let now = desk.now_us.unsigned_abs();
-        desk.say(now, &event(EventKind::TriggerRise, number, 0));
+fn event_numbers_that_advance_while_stopped_or_restart_with_a_boot_are_no_loss() {
+    let mut harness = Harness::streaming(EVENTS, Board::new());
+    harness.code(1, false);
+    let rise = |harness: &mut Harness, number| {
+        let now = harness.now_us.unsigned_abs();
+        harness.send(now, &event(EventKind::TriggerRise, number, 0));
     };
-    rise(&mut desk, 1_000);
-    wants(&mut desk, false);
-    wants(&mut desk, true);
-    rise(&mut desk, 1_007);
-    desk.board.reboot();
-    let hello = desk.board.hello();
-    desk.receive(&hello);
-    desk.now_us += 600_000;
-    wants(&mut desk, true);
-    rise(&mut desk, 3);
-    assert_eq!(desk.recorder.events.len(), 3);
-    assert_eq!(figures(&mut desk), ["0", "0"]);
-    // The port goes and comes back, and the device has streamed on.
-    desk.core.disconnected();
-    desk.connect();
-    rise(&mut desk, 6);
-    rise(&mut desk, 6);
-    assert_eq!(desk.recorder.events.len(), 4);
-    assert_eq!(figures(&mut desk), ["2", "1"]);
+    rise(&mut harness, 1_000);
+    set_streaming(&mut harness, false);
+    set_streaming(&mut harness, true);
+    rise(&mut harness, 1_007);
+    harness.board.reboot();
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    harness.now_us += 600_000;
+    set_streaming(&mut harness, true);
+    rise(&mut harness, 3);
+    assert_eq!(harness.recorder.events.len(), 3);
+    assert_eq!(figures(&mut harness), ["0", "0"]);
+    // The port is reopened while the device keeps streaming.
+    harness.core.disconnected();
+    harness.connect();
+    rise(&mut harness, 6);
+    rise(&mut harness, 6);
+    assert_eq!(harness.recorder.events.len(), 4);
+    assert_eq!(figures(&mut harness), ["2", "1"]);
 }
 
 #[test]
-fn a_stream_that_only_its_codes_tell_to_be_new_keeps_the_level_and_loses_no_event() {
-    let mut desk = Desk::streaming(EVENTS, Board::new());
-    desk.code(1, false);
-    let now = desk.now_us.unsigned_abs();
-    desk.say(now, &event(EventKind::TriggerRise, 0, 5_000));
+fn a_restart_seen_only_in_the_codes_keeps_the_level_and_loses_no_event() {
+    let mut harness = Harness::streaming(EVENTS, Board::new());
+    harness.code(1, false);
+    let now = harness.now_us.unsigned_abs();
+    harness.send(now, &event(EventKind::TriggerRise, 0, 5_000));
     for _ in 0..10 {
-        desk.code(1, false);
+        harness.code(1, false);
     }
-    desk.board.next_window = 0;
-    desk.code(1, false);
-    let words = &desk.recorder.encoded.last().unwrap().tri.data;
+    harness.board.next_window = 0;
+    harness.code(1, false);
+    let words = &harness.recorder.encoded.last().unwrap().tri.data;
     assert_eq!(words[7], 1, "the level stays: {words:?}");
-    let now = desk.now_us.unsigned_abs();
-    desk.say(now, &event(EventKind::TriggerFall, 9, 100));
-    assert_eq!(figures(&mut desk), ["0", "0"]);
+    let now = harness.now_us.unsigned_abs();
+    harness.send(now, &event(EventKind::TriggerFall, 9, 100));
+    assert_eq!(figures(&mut harness), ["0", "0"]);
 }

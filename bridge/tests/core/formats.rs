@@ -1,29 +1,29 @@
-//! Codes of every format become the same float32.
+//! Dequantisation of codes of every format.
 
 use link::{CODE_LEN, CodeFormat, CodeValues};
 
 use crate::board::Board;
-use crate::recorder::{Desk, SETTINGS};
+use crate::recorder::{Harness, SETTINGS};
 
-fn streaming(code_format: CodeFormat) -> Desk {
+fn streaming(code_format: CodeFormat) -> Harness {
     let board = Board {
         code_format,
         ..Board::new()
     };
-    Desk::streaming(SETTINGS, board)
+    Harness::streaming(SETTINGS, board)
 }
 
-/// Told to a board of scale 0.5; what `/encoded` says then, and what was announced of its range.
+/// Sends a code from a board with scale 0.5 and returns the value on `/encoded` and the published range.
 fn published(values: &CodeValues) -> (f32, Vec<f64>) {
-    let mut desk = streaming(values.format());
-    desk.code_of(values);
-    let frame = &desk.recorder.encoded[0];
+    let mut harness = streaming(values.format());
+    harness.code_of(values);
+    let frame = &harness.recorder.encoded[0];
     assert_eq!(frame.eeg.data, [frame.eeg.data[0]; CODE_LEN]);
     (frame.eeg.data[0], frame.eeg.info.minmax.clone())
 }
 
 #[test]
-fn z_is_the_step_times_its_scale_in_every_format() {
+fn z_is_the_level_times_its_scale_in_every_format() {
     let int8 = CodeValues::Int8([-3; CODE_LEN]);
     assert_eq!(published(&int8), (-2.0, vec![-64.5, 63.0]));
     for (exponent, z) in [(0, 50.0), (3, 400.0), (8, 12_800.0)] {
@@ -38,26 +38,26 @@ fn z_is_the_step_times_its_scale_in_every_format() {
 }
 
 #[test]
-fn a_code_of_another_format_than_announced_is_left_out_and_counted() {
-    let mut desk = streaming(CodeFormat::Int16);
-    desk.code_of(&CodeValues::Int16([1; CODE_LEN]));
-    desk.code_of(&CodeValues::Int8([1; CODE_LEN]));
-    desk.code_of(&CodeValues::Int16([1; CODE_LEN]));
-    let summary = desk.core.summary();
+fn a_code_of_another_format_than_announced_is_counted_and_not_published() {
+    let mut harness = streaming(CodeFormat::Int16);
+    harness.code_of(&CodeValues::Int16([1; CODE_LEN]));
+    harness.code_of(&CodeValues::Int8([1; CODE_LEN]));
+    harness.code_of(&CodeValues::Int16([1; CODE_LEN]));
+    let summary = harness.core.summary();
     assert_eq!((summary.unused, summary.received, summary.lost), (1, 2, 1));
 }
 
 #[test]
-fn a_device_with_a_format_of_the_future_is_refused_with_what_to_do() {
+fn a_device_with_a_newer_code_format_is_refused_with_advice() {
     let board = Board {
         code_format: CodeFormat::Newer(3),
         ..Board::new()
     };
-    let mut desk = Desk::new(SETTINGS, board);
-    desk.connect();
-    assert!(desk.recorder.announced.is_empty());
-    let now = crate::board::at(desk.now_us);
-    let device = desk.core.diagnostics(now).status.remove(0);
+    let mut harness = Harness::new(SETTINGS, board);
+    harness.connect();
+    assert!(harness.recorder.announced.is_empty());
+    let now = crate::board::at(harness.now_us);
+    let device = harness.core.diagnostics(now).status.remove(0);
     let message = &device.message;
     assert!(
         message.contains("number 3") && message.contains("same release"),
@@ -67,17 +67,17 @@ fn a_device_with_a_format_of_the_future_is_refused_with_what_to_do() {
 
 #[test]
 fn another_device_with_another_format_is_refused() {
-    let mut desk = streaming(CodeFormat::Int8);
-    desk.core.disconnected();
-    desk.board = Board {
+    let mut harness = streaming(CodeFormat::Int8);
+    harness.core.disconnected();
+    harness.board = Board {
         code_format: CodeFormat::Int16,
         session_id: 2,
         ..Board::new()
     };
-    desk.connect();
-    desk.code_of(&CodeValues::Int16([1; CODE_LEN]));
-    assert!(desk.recorder.encoded.is_empty());
-    let now = crate::board::at(desk.now_us);
-    let device = desk.core.diagnostics(now).status.remove(0);
+    harness.connect();
+    harness.code_of(&CodeValues::Int16([1; CODE_LEN]));
+    assert!(harness.recorder.encoded.is_empty());
+    let now = crate::board::at(harness.now_us);
+    let device = harness.core.diagnostics(now).status.remove(0);
     assert!(device.message.contains("code format"), "{}", device.message);
 }

@@ -1,4 +1,4 @@
-//! made = received + lost, whatever happens.
+//! The ledger keeps made = received + lost.
 
 use bridge::{Arrival, Ledger};
 use proptest::prelude::*;
@@ -10,13 +10,13 @@ proptest! {
         runs in prop::collection::vec((0u32..40, prop_oneof![0u32..4, 1u32..4097]), 1..60),
     ) {
         let mut ledger = Ledger::default();
-        ledger.expect(first);
+        ledger.expect_next(first);
         let mut number = first;
         let (mut received, mut lost, mut bursts, mut longest) = (0u64, 0u64, 0u64, 0u32);
         let mut pending = 0;
         for (arrive, vanish) in runs {
             for _ in 0..arrive {
-                prop_assert_eq!(ledger.arrived(number), Arrival::New { lost: pending });
+                prop_assert_eq!(ledger.record(number), Arrival::New { lost: pending });
                 number = number.wrapping_add(1);
                 received += 1;
                 bursts += u64::from(pending > 0);
@@ -27,7 +27,7 @@ proptest! {
             pending += vanish;
             lost += u64::from(vanish);
         }
-        prop_assert_eq!(ledger.close(number), pending);
+        prop_assert_eq!(ledger.count_lost_before(number), pending);
         bursts += u64::from(pending > 0);
         longest = longest.max(pending);
         prop_assert_eq!((ledger.received(), ledger.lost()), (received, lost));
@@ -39,25 +39,25 @@ proptest! {
     #[test]
     fn a_replay_is_neither_received_nor_lost(first in any::<u32>(), back in 1u32..1000) {
         let mut ledger = Ledger::default();
-        ledger.expect(first);
+        ledger.expect_next(first);
         for offset in 0..1000 {
-            ledger.arrived(first.wrapping_add(offset));
+            ledger.record(first.wrapping_add(offset));
         }
         let before = ledger.clone();
-        prop_assert_eq!(ledger.arrived(first.wrapping_add(1000 - back)), Arrival::Behind);
+        prop_assert_eq!(ledger.record(first.wrapping_add(1000 - back)), Arrival::Old);
         prop_assert_eq!(ledger.made(), before.made());
         prop_assert_eq!(ledger.replays(), 1);
-        prop_assert_eq!(ledger.arrived(first.wrapping_add(1000)), Arrival::New { lost: 0 });
+        prop_assert_eq!(ledger.record(first.wrapping_add(1000)), Arrival::New { lost: 0 });
     }
 }
 
 #[test]
-fn without_an_expectation_the_first_number_is_the_first() {
+fn a_new_ledger_accepts_any_first_number() {
     let mut ledger = Ledger::default();
-    assert_eq!(ledger.arrived(77), Arrival::New { lost: 0 });
-    assert_eq!(ledger.close(80), 2);
+    assert_eq!(ledger.record(77), Arrival::New { lost: 0 });
+    assert_eq!(ledger.count_lost_before(80), 2);
     assert_eq!((ledger.made(), ledger.lost()), (3, 2));
-    // A sender that says less than what came is not believed.
-    assert_eq!(ledger.close(5), 0);
-    assert_eq!(ledger.arrived(80), Arrival::New { lost: 0 });
+    // A reported next number below the received ones is ignored.
+    assert_eq!(ledger.count_lost_before(5), 0);
+    assert_eq!(ledger.record(80), Arrival::New { lost: 0 });
 }

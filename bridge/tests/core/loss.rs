@@ -1,11 +1,11 @@
-//! Lost codes: counted exactly, filled, flagged.
+//! Lost codes are counted exactly, filled and flagged.
 
 use bridge::{FillerPolicy, Settings};
 use link::Streams;
 use proptest::prelude::*;
 
 use crate::board::Board;
-use crate::recorder::{Desk, SETTINGS};
+use crate::recorder::{Harness, SETTINGS};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
@@ -14,20 +14,20 @@ proptest! {
     fn every_lost_code_has_one_filler_in_its_place(
         losses in prop::collection::vec(prop::bool::weighted(0.3), 1..200),
     ) {
-        let mut desk = Desk::streaming(SETTINGS, Board::starting_at(u32::MAX - 30, 0));
+        let mut harness = Harness::streaming(SETTINGS, Board::starting_at(u32::MAX - 30, 0));
         for lost in &losses {
-            desk.code(3, *lost);
+            harness.code(3, *lost);
         }
-        let stats = desk.board.stats(Streams::CODES);
-        desk.receive(&stats);
-        prop_assert_eq!(desk.fillers(), losses.clone());
-        let summary = desk.core.summary();
+        let stats = harness.board.stats(Streams::CODES);
+        harness.receive(&stats);
+        prop_assert_eq!(harness.fillers(), losses.clone());
+        let summary = harness.core.summary();
         let lost = losses.iter().filter(|lost| **lost).count() as u64;
         prop_assert_eq!((summary.made, summary.lost), (losses.len() as u64, lost));
         prop_assert_eq!(summary.received + summary.lost, summary.made);
         prop_assert_eq!((summary.fillers, summary.frames_lost), (lost, lost));
-        // Every frame, filler or not, has its window's index, time and running count of losses.
-        for (frame, index) in desk.recorder.encoded.iter().zip(0..) {
+        // Every frame, including fillers, has its window index, its time and the losses so far.
+        for (frame, index) in harness.recorder.encoded.iter().zip(0..) {
             prop_assert_eq!(frame.tri.data[1], index);
             let device_us = 1_000_000 + 62_500 * (i64::from(index) + 1);
             let word = |place: usize| i64::from(frame.tri.data[place]);
@@ -42,57 +42,60 @@ proptest! {
 #[test]
 fn bursts_of_up_to_4096_codes_are_filled() {
     for burst in [1, 2, 4095, 4096] {
-        let mut desk = Desk::streaming(SETTINGS, Board::new());
-        desk.code(1, false);
+        let mut harness = Harness::streaming(SETTINGS, Board::new());
+        harness.code(1, false);
         for _ in 0..burst {
-            desk.code(1, true);
+            harness.code(1, true);
         }
-        desk.code(2, false);
-        let summary = desk.core.summary();
+        harness.code(2, false);
+        let summary = harness.core.summary();
         assert_eq!((summary.lost, summary.fillers), (burst, burst));
         assert_eq!(
             (summary.bursts, u64::from(summary.longest_burst)),
             (1, burst)
         );
-        assert_eq!(desk.recorder.encoded.len() as u64, burst + 2);
+        assert_eq!(harness.recorder.encoded.len() as u64, burst + 2);
     }
 }
 
 #[test]
-fn an_outage_too_long_to_fill_is_counted_all_the_same() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    desk.code(1, false);
-    desk.board.next_window = 70_001;
-    desk.code(2, false);
-    let summary = desk.core.summary();
+fn an_outage_too_long_to_fill_is_counted_completely() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(1, false);
+    harness.board.next_window = 70_001;
+    harness.code(2, false);
+    let summary = harness.core.summary();
     assert_eq!((summary.lost, summary.fillers), (70_000, 65_536));
-    let report = format!("{:?}", desk.core.diagnostics(crate::board::at(desk.now_us)));
+    let report = format!(
+        "{:?}",
+        harness.core.diagnostics(crate::board::at(harness.now_us))
+    );
     let unfilled = r#"key: "lost and not filled", value: "4464""#;
     assert!(report.contains(unfilled), "{report}");
 }
 
 #[test]
-fn fillers_repeat_the_last_code_or_are_zeros_or_stay_away() {
+fn fillers_repeat_the_last_code_are_zeros_or_are_not_published() {
     for (filler, expected) in [
         (FillerPolicy::Last, vec![2.0, 2.0, 2.0, 4.5]),
         (FillerPolicy::Zeros, vec![2.0, 0.0, 0.0, 4.5]),
         (FillerPolicy::Off, vec![2.0, 4.5]),
     ] {
-        let mut desk = Desk::streaming(Settings { filler, ..SETTINGS }, Board::new());
-        desk.code(5, false);
-        desk.code(6, true);
-        desk.code(7, true);
-        desk.code(10, false);
-        let values: Vec<f32> = desk
+        let mut harness = Harness::streaming(Settings { filler, ..SETTINGS }, Board::new());
+        harness.code(5, false);
+        harness.code(6, true);
+        harness.code(7, true);
+        harness.code(10, false);
+        let values: Vec<f32> = harness
             .recorder
             .encoded
             .iter()
             .map(|frame| frame.eeg.data[127])
             .collect();
         assert_eq!(values, expected, "{filler:?}");
-        assert_eq!(desk.core.summary().lost, 2);
-        // The decoder hears of every window, so that it joins no two that are not neighbours.
-        let known: Vec<bool> = desk
+        assert_eq!(harness.core.summary().lost, 2);
+        // The decoder gets lost codes too, so that it averages adjacent windows only.
+        let known: Vec<bool> = harness
             .recorder
             .windows
             .iter()
@@ -103,12 +106,12 @@ fn fillers_repeat_the_last_code_or_are_zeros_or_stay_away() {
 }
 
 #[test]
-fn stamps_of_fillers_lie_where_the_lost_codes_would_have() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
+fn fillers_have_the_stamps_of_the_lost_codes() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
     for index in 0..40 {
-        desk.code(0, index % 3 == 1);
+        harness.code(0, index % 3 == 1);
     }
-    let stamps: Vec<i64> = desk
+    let stamps: Vec<i64> = harness
         .recorder
         .encoded
         .iter()
@@ -121,27 +124,27 @@ fn stamps_of_fillers_lie_where_the_lost_codes_would_have() {
 
 #[test]
 fn a_frame_that_arrives_twice_is_published_once() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    desk.now_us += 62_500;
-    let bytes = desk.board.code(2_000_000, 1);
-    desk.receive(&bytes);
-    desk.receive(&bytes);
-    assert_eq!(desk.recorder.encoded.len(), 1);
-    let summary = desk.core.summary();
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.now_us += 62_500;
+    let bytes = harness.board.code(2_000_000, 1);
+    harness.receive(&bytes);
+    harness.receive(&bytes);
+    assert_eq!(harness.recorder.encoded.len(), 1);
+    let summary = harness.core.summary();
     assert_eq!((summary.received, summary.lost), (1, 0));
 }
 
 #[test]
-fn damaged_bytes_cost_the_frame_they_hit_and_are_counted() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    desk.code(1, false);
-    desk.now_us += 62_500;
-    let mut bytes = desk.board.code(3_000_000, 1);
+fn a_damaged_byte_costs_one_frame_and_is_counted() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(1, false);
+    harness.now_us += 62_500;
+    let mut bytes = harness.board.code(3_000_000, 1);
     bytes[40] ^= 4;
-    desk.receive(&bytes);
-    desk.code(1, false);
-    assert_eq!(desk.fillers(), [false, true, false]);
-    let summary = desk.core.summary();
+    harness.receive(&bytes);
+    harness.code(1, false);
+    assert_eq!(harness.fillers(), [false, true, false]);
+    let summary = harness.core.summary();
     assert_eq!(
         (summary.received, summary.lost, summary.wire.resyncs),
         (2, 1, 1)
@@ -154,28 +157,28 @@ fn damaged_bytes_cost_the_frame_they_hit_and_are_counted() {
 }
 
 #[test]
-fn frames_that_the_device_dropped_are_losses_of_frames_not_of_codes() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    desk.code(1, false);
-    desk.board.skip_frame();
-    desk.code(1, false);
-    let summary = desk.core.summary();
+fn dropped_frames_without_a_code_are_no_lost_codes() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(1, false);
+    harness.board.skip_frame();
+    harness.code(1, false);
+    let summary = harness.core.summary();
     assert_eq!((summary.lost, summary.frames_lost), (0, 1));
 }
 
 #[test]
-fn fillers_of_two_reports_in_a_row_lie_one_after_the_other() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    desk.code(1, false);
+fn fillers_of_two_successive_reports_have_successive_times() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(1, false);
     for _ in 0..2 {
         for _ in 0..3 {
-            desk.code(1, true);
+            harness.code(1, true);
         }
-        let stats = desk.board.stats(Streams::CODES);
-        desk.receive(&stats);
+        let stats = harness.board.stats(Streams::CODES);
+        harness.receive(&stats);
     }
-    desk.code(1, false);
-    let times: Vec<i32> = desk
+    harness.code(1, false);
+    let times: Vec<i32> = harness
         .recorder
         .encoded
         .iter()
@@ -188,16 +191,16 @@ fn fillers_of_two_reports_in_a_row_lie_one_after_the_other() {
 }
 
 #[test]
-fn fillers_before_the_first_code_lie_where_the_report_says() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
+fn fillers_before_the_first_code_are_timed_by_the_report() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
     for _ in 0..5 {
-        desk.code(1, true);
+        harness.code(1, true);
     }
-    let stats = desk.board.stats(Streams::CODES);
-    desk.receive(&stats);
-    desk.code(1, false);
-    assert_eq!(desk.fillers(), [true, true, true, true, true, false]);
-    let stamps: Vec<i64> = desk
+    let stats = harness.board.stats(Streams::CODES);
+    harness.receive(&stats);
+    harness.code(1, false);
+    assert_eq!(harness.fillers(), [true, true, true, true, true, false]);
+    let stamps: Vec<i64> = harness
         .recorder
         .encoded
         .iter()
@@ -210,17 +213,17 @@ fn fillers_before_the_first_code_lie_where_the_report_says() {
 
 #[test]
 fn a_wrong_device_time_moves_no_stamp() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
     for index in 0..40 {
         if index == 20 {
-            desk.now_us += 62_500;
-            let bytes = desk.board.code(u64::MAX - 5, 1);
-            desk.receive(&bytes);
+            harness.now_us += 62_500;
+            let bytes = harness.board.code(u64::MAX - 5, 1);
+            harness.receive(&bytes);
         } else {
-            desk.code(1, false);
+            harness.code(1, false);
         }
     }
-    for pair in desk.recorder.encoded.windows(2) {
+    for pair in harness.recorder.encoded.windows(2) {
         let stamp = |at: usize| pair[at].header.stamp.nanoseconds();
         assert_eq!(stamp(1) - stamp(0), 62_500_000);
     }

@@ -1,4 +1,4 @@
-//! The bridge without the world: every byte and every microsecond is the test's.
+//! Tests of the pure core, with bytes and times that the tests choose.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod audit;
@@ -8,12 +8,12 @@ mod compatibility;
 mod contract;
 mod converters;
 mod events;
-mod extremes;
+mod extreme_values;
 mod formats;
-mod inquiry;
+mod invalid_samples;
 mod ledger;
 mod loss;
-mod odd_samples;
+mod query;
 mod reconstruction;
 mod recorder;
 mod round_trip;

@@ -1,4 +1,4 @@
-//! From codes back to electrodes.
+//! Reconstruction of electrode signals from codes.
 
 use std::sync::Arc;
 
@@ -6,14 +6,14 @@ use bridge::{Device, FillerPolicy, Reconstruction, Settings, TimedCode, TriWords
 use neuro_ros::{Shape, Stamp};
 
 use crate::board::{Board, model};
-use crate::recorder::{Desk, SETTINGS};
+use crate::recorder::{Harness, SETTINGS};
 
 fn device(board: Board) -> Arc<Device> {
-    let desk = Desk::streaming(SETTINGS, board);
-    Arc::clone(&desk.recorder.announced[0].device)
+    let harness = Harness::streaming(SETTINGS, board);
+    Arc::clone(&harness.recorder.announced[0].device)
 }
 
-/// A code that differs from window to window.
+/// Returns a code that differs from window to window.
 fn z(window: u16) -> Box<[f32; 128]> {
     Box::new(std::array::from_fn(|index| {
         let phase = f32::from(window) * 0.7 + f32::from(u16::try_from(index).unwrap());
@@ -32,14 +32,15 @@ fn window(index: u32, z: Option<Box<[f32; 128]>>) -> TimedCode {
     }
 }
 
-/// The frames of windows 0, 1, 2..., `None` where one was lost.
+/// Returns the frame of each window, in order from window 0. `windows` states which were received.
 fn frames(settings: Settings, windows: &[bool]) -> Vec<Option<Vec<f32>>> {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), settings);
     let mut index = 0;
     windows
         .iter()
         .map(|received| {
-            let frame = reconstruction.push(&window(index.into(), received.then(|| z(index))));
+            let frame =
+                reconstruction.next_frame(&window(index.into(), received.then(|| z(index))));
             index += 1;
             frame.map(|frame| frame.eeg.data.clone())
         })
@@ -53,7 +54,10 @@ fn steps(window: u16, range: std::ops::Range<usize>) -> Vec<f32> {
 #[test]
 fn frames_keep_the_contract_and_are_numbered() {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
-    let first = reconstruction.push(&window(0, Some(z(0)))).unwrap().clone();
+    let first = reconstruction
+        .next_frame(&window(0, Some(z(0))))
+        .unwrap()
+        .clone();
     let shape = Shape::of(&first).unwrap();
     assert_eq!(
         shape,
@@ -71,7 +75,7 @@ fn frames_keep_the_contract_and_are_numbered() {
         ("uV", "F3")
     );
     assert!((first.eeg.info.minmax[1] - 187_500.0).abs() < 0.01);
-    let second = reconstruction.push(&window(1, Some(z(1)))).unwrap();
+    let second = reconstruction.next_frame(&window(1, Some(z(1)))).unwrap();
     assert_eq!(
         (
             first.neuroheader.seq,
@@ -94,13 +98,13 @@ fn two_windows_are_averaged_where_they_overlap() {
     let averaged = frames[1].as_ref().unwrap();
     for (index, value) in averaged.iter().enumerate() {
         let mean = f32::midpoint(old[index], new[index]);
-        // Rounding of f32 at some 100 uV.
+        // Rounding error of f32 at about 100 uV.
         assert!((value - mean).abs() < 1e-4, "value {index}: {value}");
     }
 }
 
 #[test]
-fn low_latency_gives_the_newest_steps_of_each_window() {
+fn low_latency_publishes_the_newest_steps_of_each_window() {
     let settings = Settings {
         low_latency: true,
         ..SETTINGS
@@ -110,18 +114,18 @@ fn low_latency_gives_the_newest_steps_of_each_window() {
 }
 
 #[test]
-fn one_lost_window_costs_no_sample_that_its_neighbours_hold() {
+fn one_lost_window_is_reconstructed_from_its_neighbours() {
     let frames = frames(SETTINGS, &[true, false, true, true]);
     assert_eq!(
         frames[1],
         Some(steps(0, 8..16)),
-        "the window before tells of it"
+        "the previous window contains the steps"
     );
     assert_eq!(frames[2], Some(steps(2, 0..8)), "nothing to average with");
 }
 
 #[test]
-fn what_no_window_holds_is_filled_and_flagged() {
+fn steps_that_no_window_contains_are_filled_and_flagged() {
     let device = device(Board::new());
     for (filler, expected) in [
         (FillerPolicy::Last, Some(true)),
@@ -130,10 +134,10 @@ fn what_no_window_holds_is_filled_and_flagged() {
     ] {
         let settings = Settings { filler, ..SETTINGS };
         let mut reconstruction = Reconstruction::new(&device, model(), settings);
-        reconstruction.push(&window(0, Some(z(0))));
-        let held = reconstruction.push(&window(1, None)).unwrap().clone();
+        reconstruction.next_frame(&window(0, Some(z(0))));
+        let held = reconstruction.next_frame(&window(1, None)).unwrap().clone();
         assert_eq!(held.tri.data[0] & 0x8000, 0, "real data");
-        let filled = reconstruction.push(&window(2, None)).cloned();
+        let filled = reconstruction.next_frame(&window(2, None)).cloned();
         assert_eq!(filled.is_some(), expected.is_some(), "{filler:?}");
         let (Some(filled), Some(holds)) = (filled, expected) else {
             continue;
@@ -151,23 +155,23 @@ fn what_no_window_holds_is_filled_and_flagged() {
 }
 
 #[test]
-fn hop_16_gives_whole_windows() {
+fn with_hop_16_frames_are_whole_windows() {
     let device = device(Board {
         hop_steps: 16,
         ..Board::new()
     });
     let mut reconstruction = Reconstruction::new(&device, model(), SETTINGS);
-    reconstruction.push(&window(0, Some(z(0))));
-    let frame = reconstruction.push(&window(1, Some(z(1)))).unwrap();
+    reconstruction.next_frame(&window(0, Some(z(0))));
+    let frame = reconstruction.next_frame(&window(1, Some(z(1)))).unwrap();
     assert_eq!((frame.sr, frame.eeg.info.nsamples), (128, 16));
     assert_eq!(frame.eeg.data, steps(1, 0..16));
 }
 
 #[test]
-fn what_exceeds_the_announced_range_is_held_within_it() {
+fn values_are_clamped_to_the_announced_range() {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
     let frame = reconstruction
-        .push(&window(0, Some(Box::new([1e6; 128]))))
+        .next_frame(&window(0, Some(Box::new([1e6; 128]))))
         .unwrap();
     assert!(frame.eeg.data.iter().all(|value| value.abs() <= 187_500.01));
 }
@@ -175,28 +179,32 @@ fn what_exceeds_the_announced_range_is_held_within_it() {
 #[test]
 fn windows_of_two_streams_are_not_averaged() {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
-    reconstruction.push(&window(7, Some(z(0))));
-    let frame = reconstruction.push(&window(0, Some(z(1)))).unwrap();
+    reconstruction.next_frame(&window(7, Some(z(0))));
+    let frame = reconstruction.next_frame(&window(0, Some(z(1)))).unwrap();
     assert_eq!(frame.eeg.data, steps(1, 0..8));
-    reconstruction.push(&window(0, Some(z(0))));
-    let frame = reconstruction.push(&window(0, None)).unwrap();
-    assert_eq!(frame.tri.data[0] & 0x8000, 0x8000, "it tells of no other");
+    reconstruction.next_frame(&window(0, Some(z(0))));
+    let frame = reconstruction.next_frame(&window(0, None)).unwrap();
+    assert_eq!(
+        frame.tri.data[0] & 0x8000,
+        0x8000,
+        "the previous window is of another stream"
+    );
 }
 
 #[test]
-fn a_frame_carries_the_flags_of_both_windows_that_it_is_made_of() {
+fn a_frame_carries_the_flags_of_both_its_windows() {
     let flagged = |index, flags| {
         let mut window = window(index, Some(z(0)));
         window.words.flags = flags;
         window
     };
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
-    let mut flags = |window: &TimedCode| reconstruction.push(window).unwrap().tri.data[0];
+    let mut flags = |window: &TimedCode| reconstruction.next_frame(window).unwrap().tri.data[0];
     assert_eq!(flags(&flagged(0, 2)), 2);
     assert_eq!(flags(&flagged(1, 4)), 6);
     assert_eq!(flags(&flagged(2, 0)), 4);
-    assert_eq!(flags(&flagged(4, 1)), 1, "window 2 has no part in it");
+    assert_eq!(flags(&flagged(4, 1)), 1, "window 2 is not adjacent");
     let mut lost = window(5, None);
     lost.words.flags = 0x8000;
-    assert_eq!(flags(&lost), 1, "made of window 4 alone");
+    assert_eq!(flags(&lost), 1, "only window 4 contributes");
 }

@@ -1,4 +1,4 @@
-//! Keeps every effect of the core.
+//! A core connected to a simulated board, with all its effects recorded.
 
 use bridge::{
     AnnouncedStream, Announcement, AuditedWindow, Core, Effects, FillerPolicy, Settings,
@@ -18,7 +18,7 @@ pub(crate) const SETTINGS: Settings = Settings {
     streams: Streams::CODES,
 };
 
-/// Keeps every effect, and holds every frame to the contract.
+/// Records every effect, and checks shape, number and time of every frame.
 #[derive(Default)]
 pub(crate) struct Recorder {
     pub(crate) sent: Vec<u8>,
@@ -40,24 +40,24 @@ impl Effects for Recorder {
         self.announced.push(announcement.clone());
     }
 
-    fn encoded(&mut self, frame: &NeuroFrame) {
+    fn publish_encoded(&mut self, frame: &NeuroFrame) {
         assert_eq!(Shape::of(frame).unwrap().nchannels, [128, 0, 8]);
         keep(&mut self.encoded, frame);
     }
 
-    fn window(&mut self, window: TimedCode) {
+    fn decode(&mut self, window: TimedCode) {
         self.windows.push(window);
     }
 
-    fn raw(&mut self, frame: &NeuroFrame) {
+    fn publish_raw(&mut self, frame: &NeuroFrame) {
         keep(&mut self.raw, frame);
     }
 
-    fn filtered(&mut self, frame: &NeuroFrame) {
+    fn publish_filtered(&mut self, frame: &NeuroFrame) {
         keep(&mut self.filtered, frame);
     }
 
-    fn event(&mut self, event: &NeuroEvent) {
+    fn publish_event(&mut self, event: &NeuroEvent) {
         assert_eq!(event.neuroheader.seq as usize, self.events.len() + 1);
         assert_eq!(event.header.seq, event.neuroheader.seq);
         self.events.push(event.clone());
@@ -68,7 +68,7 @@ impl Effects for Recorder {
     }
 }
 
-/// Keep a frame that has the shape of the ones before and follows them in number and time.
+/// Records a frame after checking that its shape is unchanged and that number and time increase.
 fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
     let shape = Shape::of(frames.first().unwrap_or(frame)).unwrap();
     shape.admit(frame).unwrap();
@@ -79,36 +79,36 @@ fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
     assert_eq!(frame.header.seq, frame.neuroheader.seq);
     assert!(
         frame.header.stamp.nanoseconds() > before.1,
-        "time went backwards"
+        "a stamp went backwards"
     );
     frames.push(frame.clone());
 }
 
-/// A core and a board on one desk.
-pub(crate) struct Desk {
+/// A core and a board that exchange bytes in virtual time.
+pub(crate) struct Harness {
     pub(crate) core: Core,
     pub(crate) board: Board,
     pub(crate) recorder: Recorder,
     pub(crate) now_us: i64,
 }
 
-impl Desk {
-    /// A board that was identified and started.
-    pub(crate) fn streaming(settings: Settings, board: Board) -> Desk {
-        let mut desk = Desk::new(settings, board);
-        desk.connect();
+impl Harness {
+    /// Creates a harness whose board is identified and streaming.
+    pub(crate) fn streaming(settings: Settings, board: Board) -> Harness {
+        let mut harness = Harness::new(settings, board);
+        harness.connect();
         assert_eq!(
-            desk.board.seen.len(),
+            harness.board.received.len(),
             3,
             "Identify, Stop, Start: {:?}",
-            desk.board.seen
+            harness.board.received
         );
-        desk
+        harness
     }
 
-    pub(crate) fn new(settings: Settings, board: Board) -> Desk {
+    pub(crate) fn new(settings: Settings, board: Board) -> Harness {
         let core = Core::new(settings, Some(model()));
-        Desk {
+        Harness {
             core,
             board,
             recorder: Recorder::default(),
@@ -118,11 +118,11 @@ impl Desk {
 
     pub(crate) fn connect(&mut self) {
         self.core.connected(at(self.now_us), &mut self.recorder);
-        self.converse();
+        self.exchange();
     }
 
-    /// Let both talk until nobody has anything more to say.
-    pub(crate) fn converse(&mut self) {
+    /// Exchanges bytes between core and board until the core sends none.
+    pub(crate) fn exchange(&mut self) {
         loop {
             let commands = std::mem::take(&mut self.recorder.sent);
             if commands.is_empty() {
@@ -138,7 +138,7 @@ impl Desk {
             .receive(bytes, at(self.now_us), &mut self.recorder);
     }
 
-    /// 62.5 ms later the board makes a code; it arrives unless `lost`.
+    /// Advances time by 62.5 ms and lets the board make a code, which arrives unless `lost`.
     pub(crate) fn code(&mut self, value: i8, lost: bool) {
         self.now_us += 62_500;
         let bytes = self.board.code(self.now_us.unsigned_abs(), value);
@@ -147,27 +147,27 @@ impl Desk {
         }
     }
 
-    /// The same with a code in any format.
+    /// Advances time by 62.5 ms and delivers a code with these values.
     pub(crate) fn code_of(&mut self, values: &CodeValues) {
         self.now_us += 62_500;
         let bytes = self.board.code_of(self.now_us.unsigned_abs(), values);
         self.receive(&bytes);
     }
 
-    /// The board says something that it made at `device_us`.
-    pub(crate) fn say(&mut self, device_us: u64, message: &ToHost) {
+    /// Delivers a message that the board made at `device_us`.
+    pub(crate) fn send(&mut self, device_us: u64, message: &ToHost) {
         let bytes = self.board.frame(device_us, message);
         self.receive(&bytes);
     }
 
-    /// What `/diagnostics` says of a part now.
+    /// Returns the status `corticode: {part}` of a new report, if the report contains it.
     pub(crate) fn status(&mut self, part: &str) -> Option<DiagnosticStatus> {
         let statuses = self.core.diagnostics(at(self.now_us)).status;
         let name = format!("corticode: {part}");
         statuses.into_iter().find(|status| status.name == name)
     }
 
-    /// The flags word of every frame of `/encoded`.
+    /// Returns for every frame of `/encoded` whether it is a filler.
     pub(crate) fn fillers(&self) -> Vec<bool> {
         self.recorder
             .encoded
@@ -177,8 +177,8 @@ impl Desk {
     }
 }
 
-/// What the board was asked, in order.
-pub(crate) fn commands(desk: &Desk) -> Vec<&'static str> {
+/// Returns the names of the commands that the board received, in order.
+pub(crate) fn commands(harness: &Harness) -> Vec<&'static str> {
     let name = |(_, command): &(u32, ToDevice)| match command {
         ToDevice::Start(_) => "start",
         ToDevice::Stop => "stop",
@@ -188,5 +188,5 @@ pub(crate) fn commands(desk: &Desk) -> Vec<&'static str> {
         ToDevice::SyncTime { .. } => "sync time",
         ToDevice::Reset(_) => "reset",
     };
-    desk.board.seen.iter().map(name).collect()
+    harness.board.received.iter().map(name).collect()
 }

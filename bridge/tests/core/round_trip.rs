@@ -1,21 +1,21 @@
-//! Questions for the device's clock, and what their answers bound.
+//! Clock queries, and the bounds that their answers give for the delay of stamps.
 
 use link::{AckResult, ClockReading, ToDevice, ToHost};
 use neuro_ros::DiagnosticStatus;
 
 use crate::board::Board;
-use crate::recorder::{Desk, SETTINGS, commands};
+use crate::recorder::{Harness, SETTINGS, commands};
 
-/// Codes for `seconds`, and what the bridge asks meanwhile is answered.
-fn run(desk: &mut Desk, seconds: u32) {
+/// Delivers codes for `seconds` and answers the commands meanwhile.
+fn run(harness: &mut Harness, seconds: u32) {
     for _ in 0..seconds * 16 {
-        desk.code(1, false);
-        desk.converse();
+        harness.code(1, false);
+        harness.exchange();
     }
 }
 
-fn questions(desk: &Desk) -> Vec<u64> {
-    let seen = desk.board.seen.iter();
+fn clock_queries(harness: &Harness) -> Vec<u64> {
+    let seen = harness.board.received.iter();
     seen.filter_map(|(_, command)| match command {
         ToDevice::SyncTime { host_time_us } => Some(*host_time_us),
         _ => None,
@@ -29,10 +29,10 @@ fn value(status: &DiagnosticStatus, key: &str) -> Option<String> {
 }
 
 #[test]
-fn the_clock_is_asked_for_every_ten_seconds_while_codes_come() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    run(&mut desk, 33);
-    let asked = questions(&desk);
+fn a_clock_query_is_sent_every_ten_seconds_while_codes_arrive() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    run(&mut harness, 33);
+    let asked = clock_queries(&harness);
     assert_eq!(asked.len(), 4, "{asked:?}");
     for pair in asked.windows(2) {
         let apart_us = pair[1] - pair[0];
@@ -41,77 +41,77 @@ fn the_clock_is_asked_for_every_ten_seconds_while_codes_come() {
 }
 
 #[test]
-fn a_device_that_does_not_know_the_question_is_not_asked_again() {
+fn a_device_that_does_not_know_the_query_is_not_queried_again() {
     let board = Board {
-        answers: AckResult::UnknownCommand,
+        ack_result: AckResult::UnknownCommand,
         ..Board::new()
     };
-    let mut desk = Desk::streaming(SETTINGS, board);
-    run(&mut desk, 30);
-    assert_eq!(questions(&desk).len(), 1);
-    assert_eq!(commands(&desk).len(), 4);
-    let status = desk.status("clock").unwrap();
+    let mut harness = Harness::streaming(SETTINGS, board);
+    run(&mut harness, 30);
+    assert_eq!(clock_queries(&harness).len(), 1);
+    assert_eq!(commands(&harness).len(), 4);
+    let status = harness.status("clock").unwrap();
     assert_eq!(value(&status, "round trip us"), None);
 }
 
 #[test]
-fn the_shortest_round_trip_bounds_what_the_stamps_are_late_by() {
-    // Codes take 4 ms from their last sample to their reading, which the fit cannot see; questions
-    // take 0.3 ms there, 0.1 ms inside, 0.5 ms back.
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
+fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
+    // A code takes 4 ms from its last sample to its reading, which the fit cannot detect. A query takes
+    // 0.3 ms to the device, 0.1 ms inside it and 0.5 ms back.
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
     for longer in [700, 0, 2000] {
-        let before = questions(&desk).len();
-        while questions(&desk).len() == before {
-            desk.now_us += 62_500;
-            let made = desk.now_us.unsigned_abs() - 4_000;
-            let code = desk.board.code(made, 1);
-            desk.receive(&code);
-            desk.converse();
+        let before = clock_queries(&harness).len();
+        while clock_queries(&harness).len() == before {
+            harness.now_us += 62_500;
+            let made = harness.now_us.unsigned_abs() - 4_000;
+            let code = harness.board.code(made, 1);
+            harness.receive(&code);
+            harness.exchange();
         }
-        let asked = *questions(&desk).last().unwrap();
-        desk.now_us = asked.cast_signed() + 900 + longer;
+        let asked = *clock_queries(&harness).last().unwrap();
+        harness.now_us = asked.cast_signed() + 900 + longer;
         let reading = ClockReading {
             host_time_us: asked,
             received_us: asked + 300,
         };
-        desk.say(asked + 400, &ToHost::ClockReading(reading));
-        desk.now_us = asked.cast_signed();
+        harness.send(asked + 400, &ToHost::ClockReading(reading));
+        harness.now_us = asked.cast_signed();
     }
-    let status = desk.status("clock").unwrap();
+    let status = harness.status("clock").unwrap();
     let figure = |key| value(&status, key).unwrap();
     assert_eq!(figure("round trip us"), "800");
     assert_eq!(figure("offset known to +- us"), "400");
-    // 4000 less what the answer, plus what the question took.
+    // 4000 us minus the 500 us of the answer, and plus the 300 us of the query.
     assert_eq!(figure("stamps late by us"), "3500 to 4300");
-    // Older than a minute.
-    run(&mut desk, 61);
-    let status = desk.status("clock").unwrap();
+    // Round trips older than a minute are discarded.
+    run(&mut harness, 61);
+    let status = harness.status("clock").unwrap();
     assert_eq!(value(&status, "round trip us"), None);
 }
 
 #[test]
-fn answers_to_nothing_and_impossible_ones_are_counted() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    let say = |desk: &mut Desk, host_time_us, received_us, made_us| {
+fn answers_without_a_query_or_with_impossible_times_are_counted() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    let send_reading = |harness: &mut Harness, host_time_us, received_us, made_us| {
         let reading = ClockReading {
             host_time_us,
             received_us,
         };
-        desk.say(made_us, &ToHost::ClockReading(reading));
+        harness.send(made_us, &ToHost::ClockReading(reading));
     };
-    say(&mut desk, 5, 0, 0);
-    run(&mut desk, 3);
-    let asked = questions(&desk)[0];
+    send_reading(&mut harness, 5, 0, 0);
+    run(&mut harness, 3);
+    let asked = clock_queries(&harness)[0];
     for (host, received, made) in [
         (asked + 1, 10, 20),
         (asked, 20, 10),
-        // Longer inside the device than from question to answer.
+        // The time inside the device exceeds the time from query to answer.
         (asked, 0, u64::MAX),
         (asked, 0, 3_000_000),
     ] {
-        say(&mut desk, host, received, made);
+        send_reading(&mut harness, host, received, made);
     }
-    let status = desk.status("clock").unwrap();
+    let status = harness.status("clock").unwrap();
     assert_eq!(value(&status, "impossible answers").unwrap(), "5");
     assert_eq!(value(&status, "round trip us"), None);
 }

@@ -1,4 +1,4 @@
-//! The ADC's samples and filtered steps on their topics.
+//! ADC samples and filtered steps on their topics.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
@@ -11,17 +11,18 @@ use link::{Filtered, Flags, Raw, Streams, ToHost};
 use neuro_ros::{DiagnosticLevel, NeuroFrame};
 
 use crate::board::{Board, WALL_START_NS};
-use crate::recorder::{Desk, SETTINGS};
+use crate::recorder::{Harness, SETTINGS};
 
 pub(crate) const SAMPLES: Settings = Settings {
     streams: Streams::from_bits(0b00111),
     ..SETTINGS
 };
 
-/// Nanovolt per count of the board, as f32 keeps it; microvolt per count.
+/// Scale of the board's ADC, microvolt per count, with the rounding of the f32 on the wire.
 const COUNT_UV: f64 = 22.351_742_f32 as f64 / 1000.0;
 
-/// Counts of `samples` samples of `channels` channels from sample `first` on: each says where it is.
+/// Returns the counts of `samples` samples from sample `first` on. Each count identifies its sample and
+/// channel.
 pub(crate) fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
     let count = |sample: u64, channel: u8| (sample % 50_000 * 100) as i32 - i32::from(channel);
     let samples = (first..first + samples)
@@ -34,20 +35,20 @@ pub(crate) fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
         .collect()
 }
 
-/// A desk whose clock is known: a code was read when it was made.
-pub(crate) fn desk(settings: Settings) -> Desk {
-    let mut desk = Desk::streaming(settings, Board::new());
-    desk.code(0, false);
-    desk
+/// Returns a harness with a fitted clock: a code was read at the time it was made.
+pub(crate) fn harness(settings: Settings) -> Harness {
+    let mut harness = Harness::streaming(settings, Board::new());
+    harness.code(0, false);
+    harness
 }
 
-/// Device time of a sample, microseconds: sample 0 at 2 s.
+/// Returns the device time of a sample, microseconds; sample 0 is at 2 s.
 fn time(sample: u64) -> u64 {
     2_000_000 + sample * 1_000_000 / 512
 }
 
-/// Eight samples from `first` on, read when the last was taken.
-pub(crate) fn say(desk: &mut Desk, first: u64, flags: Flags) {
+/// Delivers eight samples from `first` on, at the time of the last one.
+pub(crate) fn send_samples(harness: &mut Harness, first: u64, flags: Flags) {
     let counts = counts(first, 8, 64);
     let raw = Raw {
         first_sample: first,
@@ -55,11 +56,11 @@ pub(crate) fn say(desk: &mut Desk, first: u64, flags: Flags) {
         flags,
         counts: &counts,
     };
-    desk.now_us = time(first + 7).cast_signed();
-    desk.say(time(first + 7), &ToHost::Raw(raw));
+    harness.now_us = time(first + 7).cast_signed();
+    harness.send(time(first + 7), &ToHost::Raw(raw));
 }
 
-/// Row of a frame: eeg, exg.
+/// Returns the values of one sample of a frame: electrodes and spare channels.
 fn row(frame: &NeuroFrame, sample: usize) -> (&[f32], &[f32]) {
     let (eeg, exg) = (&frame.eeg.data, &frame.exg.data);
     (&eeg[sample * 61..][..61], &exg[sample * 3..][..3])
@@ -70,13 +71,13 @@ fn microvolt(sample: u64, channel: u64) -> f32 {
 }
 
 #[test]
-fn raw_samples_become_frames_of_a_hop_with_the_spare_channels_apart() {
-    let mut desk = desk(SAMPLES);
+fn raw_samples_become_frames_of_one_hop_with_spare_channels_in_exg() {
+    let mut harness = harness(SAMPLES);
     for message in 0..8 {
-        say(&mut desk, message * 8, Flags::empty());
+        send_samples(&mut harness, message * 8, Flags::empty());
     }
-    assert_eq!(desk.recorder.raw.len(), 2);
-    let frame = &desk.recorder.raw[1];
+    assert_eq!(harness.recorder.raw.len(), 2);
+    let frame = &harness.recorder.raw[1];
     assert_eq!((frame.sr, frame.eeg.info.nsamples), (512, 32));
     let info = &frame.eeg.info;
     assert_eq!((info.nchannels, info.stride, &*info.unit), (61, 244, "uV"));
@@ -111,23 +112,23 @@ fn raw_samples_become_frames_of_a_hop_with_the_spare_channels_apart() {
 }
 
 #[test]
-fn stamps_of_samples_are_those_of_the_adc_and_of_steps_those_of_the_scalp() {
+fn the_delay_of_the_filters_is_removed_from_stamps_of_steps_only() {
     for (stamp, raw_us, filtered_us) in [
-        // The second frame: sample 32, step 8; filters delay by 10 ms.
+        // The second frame starts at sample 32 or step 8; the filters delay by 10 ms.
         (StampPoint::First, 62_500, 52_500),
-        // 31 samples and 7 steps later.
+        // Its end is 31 samples or 7 steps later.
         (StampPoint::Last, 62_500 + 60_546, 52_500 + 54_687),
     ] {
-        let mut desk = desk(Settings { stamp, ..SAMPLES });
+        let mut harness = harness(Settings { stamp, ..SAMPLES });
         for message in 0..8 {
-            say(&mut desk, message * 8, Flags::empty());
+            send_samples(&mut harness, message * 8, Flags::empty());
             if message % 2 == 1 {
-                steps(&mut desk, (message - 1) * 2, 61, 5);
+                steps(&mut harness, (message - 1) * 2, 61, 5);
             }
         }
         for (frame, expected) in [
-            (&desk.recorder.raw[1], raw_us),
-            (&desk.recorder.filtered[1], filtered_us),
+            (&harness.recorder.raw[1], raw_us),
+            (&harness.recorder.filtered[1], filtered_us),
         ] {
             let since = frame.header.stamp.nanoseconds() - WALL_START_NS - 2_000_000_000;
             assert!(
@@ -138,8 +139,8 @@ fn stamps_of_samples_are_those_of_the_adc_and_of_steps_those_of_the_scalp() {
     }
 }
 
-/// Four steps from `first` on, each value its step in counts.
-fn steps(desk: &mut Desk, first: u64, electrodes: u8, fraction_bits: u8) {
+/// Delivers four steps from `first` on, each with its own index as value, in counts.
+fn steps(harness: &mut Harness, first: u64, electrodes: u8, fraction_bits: u8) {
     let values = (first..first + 4).flat_map(|step| {
         let value = i32::try_from(step << fraction_bits).unwrap();
         (0..electrodes).flat_map(move |_| value.to_le_bytes())
@@ -153,17 +154,17 @@ fn steps(desk: &mut Desk, first: u64, electrodes: u8, fraction_bits: u8) {
         values: &values,
     };
     let last_us = time((first + 3) * 4);
-    desk.say(last_us, &ToHost::Filtered(filtered));
+    harness.send(last_us, &ToHost::Filtered(filtered));
 }
 
 #[test]
-fn filtered_steps_become_frames_of_a_hop_in_microvolts() {
-    let mut desk = desk(SAMPLES);
+fn filtered_steps_become_frames_of_one_hop_in_microvolts() {
+    let mut harness = harness(SAMPLES);
     for message in 0..4 {
-        steps(&mut desk, message * 4, 61, 5);
+        steps(&mut harness, message * 4, 61, 5);
     }
-    assert_eq!(desk.recorder.filtered.len(), 2);
-    let frame = &desk.recorder.filtered[1];
+    assert_eq!(harness.recorder.filtered.len(), 2);
+    let frame = &harness.recorder.filtered[1];
     let info = &frame.eeg.info;
     assert_eq!((frame.sr, info.nsamples, info.nchannels), (128, 8, 61));
     assert_eq!((&*info.prefiltering, frame.exg.info.nchannels), ("none", 0));
@@ -172,12 +173,12 @@ fn filtered_steps_become_frames_of_a_hop_in_microvolts() {
         assert_eq!(frame.eeg.data[step * 61 + 60], expected);
         assert_eq!(frame.tri.data[step * 8], i32::from(Flags::SETTLING.bits()));
     }
-    assert!(desk.recorder.raw.is_empty());
+    assert!(harness.recorder.raw.is_empty());
 }
 
 #[test]
-fn steps_beyond_the_announced_range_are_held_within_it() {
-    let mut desk = desk(SAMPLES);
+fn steps_are_clamped_to_the_announced_range() {
+    let mut harness = harness(SAMPLES);
     let values = [i32::MAX.to_le_bytes(), i32::MIN.to_le_bytes()].concat();
     let values = values.repeat(61 * 4);
     for first_step in [0, 8] {
@@ -188,26 +189,26 @@ fn steps_beyond_the_announced_range_are_held_within_it() {
             flags: Flags::empty(),
             values: &values,
         };
-        desk.say(time(28), &ToHost::Filtered(filtered));
+        harness.send(time(28), &ToHost::Filtered(filtered));
     }
-    let frame = &desk.recorder.filtered[0];
+    let frame = &harness.recorder.filtered[0];
     for value in &frame.eeg.data {
         assert!(f64::from(value.abs()) <= frame.eeg.info.minmax[1] + 0.01);
     }
 }
 
 #[test]
-fn lost_samples_are_filled_flagged_and_counted_so_that_the_count_is_that_of_time() {
+fn lost_samples_are_filled_flagged_and_counted() {
     for (filler, value) in [
         (FillerPolicy::Last, microvolt(39, 0)),
         (FillerPolicy::Zeros, 0.0),
     ] {
-        let mut desk = desk(Settings { filler, ..SAMPLES });
+        let mut harness = harness(Settings { filler, ..SAMPLES });
         for first in (0..40).chain(56..96).step_by(8) {
-            say(&mut desk, first, Flags::empty());
+            send_samples(&mut harness, first, Flags::empty());
         }
-        assert_eq!(desk.recorder.raw.len(), 3, "96 samples");
-        let frame = &desk.recorder.raw[1];
+        assert_eq!(harness.recorder.raw.len(), 3, "96 samples");
+        let frame = &harness.recorder.raw[1];
         for sample in 0..32 {
             let index = 32 + sample as u64;
             let lost = (40..56).contains(&index);
@@ -220,10 +221,10 @@ fn lost_samples_are_filled_flagged_and_counted_so_that_the_count_is_that_of_time
                 if index < 40 { 0 } else { 16 }
             );
         }
-        let status = desk.status("loss").unwrap();
+        let status = harness.status("loss").unwrap();
         assert_eq!(status.level, DiagnosticLevel::Warn);
         assert_eq!(status.message, "16 raw samples lost since the last report");
-        let status = desk.status("loss").unwrap();
+        let status = harness.status("loss").unwrap();
         assert_eq!(status.level, DiagnosticLevel::Ok);
         let lost = status
             .values
@@ -234,8 +235,8 @@ fn lost_samples_are_filled_flagged_and_counted_so_that_the_count_is_that_of_time
 }
 
 #[test]
-fn without_fillers_a_frame_that_would_hold_one_does_not_come() {
-    let mut desk = desk(Settings {
+fn without_fillers_a_frame_with_a_lost_sample_is_not_published() {
+    let mut harness = harness(Settings {
         filler: FillerPolicy::Off,
         ..SAMPLES
     });
@@ -245,10 +246,10 @@ fn without_fillers_a_frame_that_would_hold_one_does_not_come() {
         .chain([96_000, 96_008, 96_016, 96_024])
     {
         if !(512..9_600).contains(&first) {
-            say(&mut desk, first, Flags::empty());
+            send_samples(&mut harness, first, Flags::empty());
         }
     }
-    let frames = &desk.recorder.raw;
+    let frames = &harness.recorder.raw;
     assert!(
         frames
             .iter()
@@ -265,20 +266,20 @@ fn without_fillers_a_frame_that_would_hold_one_does_not_come() {
 }
 
 #[test]
-fn an_outage_too_long_to_fill_is_counted_and_frames_stay_in_step() {
-    let mut desk = desk(SAMPLES);
-    say(&mut desk, 0, Flags::empty());
-    // 200 s and a bit.
+fn an_outage_too_long_to_fill_is_counted_and_frames_stay_aligned() {
+    let mut harness = harness(SAMPLES);
+    send_samples(&mut harness, 0, Flags::empty());
+    // A gap of 200 s.
     let first = 512 * 200 + 8;
     for message in 0..7 {
-        say(&mut desk, first + message * 8, Flags::empty());
+        send_samples(&mut harness, first + message * 8, Flags::empty());
     }
-    let frames = desk.recorder.raw.clone();
-    // What is left of the first frame, 120 s, and the frame at hand.
+    let frames = harness.recorder.raw.clone();
+    // Published: the rest of the first frame, 120 s of fillers, and the current frame.
     let last = frames.last().unwrap();
     assert_eq!(row(last, 31).0[0], microvolt(first + 55, 0));
     assert!((1921..=1923).contains(&frames.len()), "{}", frames.len());
-    let status = desk.status("loss").unwrap();
+    let status = harness.status("loss").unwrap();
     let figure = |key: &str| {
         let pair = status.values.iter().find(|pair| pair.key == key).unwrap();
         pair.value.parse::<u64>().unwrap()
@@ -289,12 +290,12 @@ fn an_outage_too_long_to_fill_is_counted_and_frames_stay_in_step() {
 }
 
 #[test]
-fn samples_that_come_before_the_first_code_have_a_time() {
-    let mut desk = Desk::streaming(SAMPLES, Board::new());
+fn samples_before_the_first_code_are_stamped() {
+    let mut harness = Harness::streaming(SAMPLES, Board::new());
     for first in [0, 8, 16, 24] {
-        say(&mut desk, first, Flags::empty());
+        send_samples(&mut harness, first, Flags::empty());
     }
-    let stamp = desk.recorder.raw[0].header.stamp.nanoseconds();
+    let stamp = harness.recorder.raw[0].header.stamp.nanoseconds();
     let off = stamp - WALL_START_NS - 2_000_000_000;
     assert!(off.abs() < 2_000, "{off} ns");
 }

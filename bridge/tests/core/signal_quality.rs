@@ -1,10 +1,10 @@
-//! The device's reports about its electrodes, in `/diagnostics`.
+//! Status `signal quality` in `/diagnostics`.
 
 use link::{ElectrodeQuality, Quality, ToHost};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
 
 use crate::board::{Board, at};
-use crate::recorder::{Desk, SETTINGS};
+use crate::recorder::{Harness, SETTINGS};
 
 const GOOD: ElectrodeQuality = ElectrodeQuality {
     rms_uv: 12.34,
@@ -14,7 +14,7 @@ const GOOD: ElectrodeQuality = ElectrodeQuality {
     flat: false,
 };
 
-/// A report of 61 electrodes that are good but for those that `change` changes.
+/// Returns a report of 61 good electrodes, as modified by `change`.
 fn report(change: impl FnOnce(&mut Quality)) -> ToHost<'static> {
     let mut quality = Quality {
         first_sample: 5120,
@@ -25,30 +25,30 @@ fn report(change: impl FnOnce(&mut Quality)) -> ToHost<'static> {
     ToHost::Quality(quality)
 }
 
-/// What the core makes of a message of a streaming board; none if it says nothing about it.
-fn told(desk: &mut Desk, message: &ToHost) -> Option<DiagnosticStatus> {
-    let bytes = desk.board.frame(0, message);
-    desk.receive(&bytes);
-    shown(desk)
+/// Delivers a message from a streaming board and returns the status of signal quality, if there is one.
+fn report_status(harness: &mut Harness, message: &ToHost) -> Option<DiagnosticStatus> {
+    let bytes = harness.board.frame(0, message);
+    harness.receive(&bytes);
+    current_status(harness)
 }
 
-fn shown(desk: &mut Desk) -> Option<DiagnosticStatus> {
-    let statuses = desk.core.diagnostics(at(desk.now_us)).status;
+fn current_status(harness: &mut Harness) -> Option<DiagnosticStatus> {
+    let statuses = harness.core.diagnostics(at(harness.now_us)).status;
     statuses
         .into_iter()
         .find(|status| status.name == "corticode: signal quality")
 }
 
 #[test]
-fn electrodes_that_are_flat_at_the_rail_or_full_of_mains_are_named() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
+fn electrodes_that_are_flat_at_the_rail_or_with_strong_mains_are_named() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
     let message = report(|quality| {
         quality.electrodes[0].flat = true;
         quality.electrodes[2].samples_at_rail = 7;
         quality.electrodes[3].mains_uv = 100.5;
         quality.electrodes[60].mains_uv = 3000.0;
     });
-    let status = told(&mut desk, &message).unwrap();
+    let status = report_status(&mut harness, &message).unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
     assert_eq!(
         status.message,
@@ -61,7 +61,7 @@ fn electrodes_that_are_flat_at_the_rail_or_full_of_mains_are_named() {
         value(1),
         (
             "F1",
-            "rms 12.3 uV, mains 20.0 uV, 0.12 uV behind the filters"
+            "rms 12.3 uV, mains 20.0 uV, 0.12 uV after the filters"
         )
     );
     assert!(value(0).1.ends_with(", flat"));
@@ -69,46 +69,46 @@ fn electrodes_that_are_flat_at_the_rail_or_full_of_mains_are_named() {
 }
 
 #[test]
-fn good_electrodes_are_no_warning_and_a_start_is_told_of() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    let status = told(&mut desk, &report(|_| {})).unwrap();
+fn good_electrodes_are_no_warning_and_settling_is_reported() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    let status = report_status(&mut harness, &report(|_| {})).unwrap();
     assert_eq!(
         (status.level, &*status.message),
-        (DiagnosticLevel::Ok, "61 electrodes deliver")
+        (DiagnosticLevel::Ok, "61 electrodes in order")
     );
-    let status = told(&mut desk, &report(|quality| quality.settling = true)).unwrap();
+    let status = report_status(&mut harness, &report(|quality| quality.settling = true)).unwrap();
     assert_eq!(
         (status.level, &*status.message),
-        (DiagnosticLevel::Ok, "the filters settle")
+        (DiagnosticLevel::Ok, "the filters are settling")
     );
 }
 
 #[test]
 fn the_newest_report_is_shown_once() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    assert_eq!(shown(&mut desk), None);
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    assert_eq!(current_status(&mut harness), None);
     let older = report(|quality| quality.electrodes[0].flat = true);
-    let older = desk.board.frame(0, &older);
-    desk.receive(&older);
-    let status = told(&mut desk, &report(|_| {})).unwrap();
+    let older = harness.board.frame(0, &older);
+    harness.receive(&older);
+    let status = report_status(&mut harness, &report(|_| {})).unwrap();
     assert_eq!(status.level, DiagnosticLevel::Ok);
-    assert_eq!(shown(&mut desk), None);
+    assert_eq!(current_status(&mut harness), None);
 }
 
 #[test]
-fn a_report_of_the_device_before_a_reset_is_not_shown_for_the_next_one() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    let bytes = desk.board.frame(0, &report(|_| {}));
-    desk.receive(&bytes);
-    desk.board.reboot();
-    let hello = desk.board.hello();
-    desk.receive(&hello);
-    assert_eq!(shown(&mut desk), None);
+fn a_report_from_before_a_reset_is_discarded() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    let bytes = harness.board.frame(0, &report(|_| {}));
+    harness.receive(&bytes);
+    harness.board.reboot();
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    assert_eq!(current_status(&mut harness), None);
 }
 
 #[test]
-fn figures_that_cannot_be_and_electrodes_without_a_label_do_no_harm() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
+fn impossible_figures_and_missing_labels_are_handled() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
     let message = report(|quality| {
         quality.electrodes[0].mains_uv = f32::NAN;
         quality.electrodes[1].mains_uv = f32::INFINITY;
@@ -116,9 +116,9 @@ fn figures_that_cannot_be_and_electrodes_without_a_label_do_no_harm() {
             quality.electrodes.push(GOOD).unwrap();
         }
     });
-    let status = told(&mut desk, &message).unwrap();
+    let status = report_status(&mut harness, &message).unwrap();
     assert_eq!(status.message, "mains above 100 uV: F1");
     assert_eq!(status.values[63].key, "electrode 63");
     let none = report(|quality| quality.electrodes.clear());
-    assert_eq!(told(&mut desk, &none).unwrap().values.len(), 0);
+    assert_eq!(report_status(&mut harness, &none).unwrap().values.len(), 0);
 }

@@ -1,50 +1,54 @@
-//! Devices that say nothing, or no.
+//! Devices that are silent, or that refuse commands.
 
 use link::{AckResult, ToDevice, ToHost};
 
 use crate::board::{Board, at};
-use crate::recorder::{Desk, SETTINGS, commands};
+use crate::recorder::{Harness, SETTINGS, commands};
 
 #[test]
-fn a_silent_device_is_pinged_and_then_taken_for_dead() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    let start = desk.now_us;
+fn a_silent_device_is_pinged_and_then_unresponsive() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    let start = harness.now_us;
     for tick in 1..=51 {
         let now = at(start + tick * 100_000);
-        desk.core.tick(now, &mut desk.recorder);
-        assert_eq!(desk.core.is_dead(now), tick > 50, "tick {tick}");
-        assert!(tick > 20 || desk.recorder.sent.is_empty());
+        harness.core.tick(now, &mut harness.recorder);
+        assert_eq!(harness.core.is_unresponsive(now), tick > 50, "tick {tick}");
+        assert!(tick > 20 || harness.recorder.sent.is_empty());
     }
-    let sent = std::mem::take(&mut desk.recorder.sent);
-    desk.board.answer(&sent);
-    assert_eq!(commands(&desk).last(), Some(&"ping"));
+    let sent = std::mem::take(&mut harness.recorder.sent);
+    harness.board.answer(&sent);
+    assert_eq!(commands(&harness).last(), Some(&"ping"));
 }
 
 #[test]
-fn a_host_that_slept_does_not_take_the_device_for_dead() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    let (start, mut waiting) = (desk.now_us, Vec::new());
+fn a_suspended_host_does_not_count_as_silence_of_the_device() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    let (start, mut waiting) = (harness.now_us, Vec::new());
     for code in 1..=160 {
-        waiting.extend(desk.board.code((start + code * 62_500).unsigned_abs(), 1));
+        waiting.extend(
+            harness
+                .board
+                .code((start + code * 62_500).unsigned_abs(), 1),
+        );
     }
-    desk.now_us = start + 10_000_000;
-    desk.core.tick(at(desk.now_us), &mut desk.recorder);
-    assert!(!desk.core.is_dead(at(desk.now_us)));
-    desk.receive(&waiting);
-    let summary = desk.core.summary();
+    harness.now_us = start + 10_000_000;
+    harness.core.tick(at(harness.now_us), &mut harness.recorder);
+    assert!(!harness.core.is_unresponsive(at(harness.now_us)));
+    harness.receive(&waiting);
+    let summary = harness.core.summary();
     assert_eq!((summary.received, summary.lost), (160, 0));
 }
 
 #[test]
-fn a_refused_start_is_not_hammered() {
-    let mut desk = Desk::new(SETTINGS, Board::new());
-    desk.core.connected(at(0), &mut desk.recorder);
+fn a_refused_start_is_not_repeated_for_ten_seconds() {
+    let mut harness = Harness::new(SETTINGS, Board::new());
+    harness.core.connected(at(0), &mut harness.recorder);
     for tick in 0..60 {
-        desk.now_us = tick * 100_000;
-        let sent = std::mem::take(&mut desk.recorder.sent);
-        let seen = desk.board.seen.len();
-        let answers = desk.board.answer(&sent);
-        let start = desk.board.seen[seen..]
+        harness.now_us = tick * 100_000;
+        let sent = std::mem::take(&mut harness.recorder.sent);
+        let seen = harness.board.received.len();
+        let answers = harness.board.answer(&sent);
+        let start = harness.board.received[seen..]
             .iter()
             .find(|(_, command)| matches!(command, ToDevice::Start(_)))
             .copied();
@@ -54,96 +58,104 @@ fn a_refused_start_is_not_hammered() {
                     of,
                     result: AckResult::BadArgument,
                 };
-                let bytes = desk.board.frame(0, &ToHost::Ack(refusal));
-                // The frames of the answer that is thrown away count as lost; that is no matter.
-                desk.receive(&bytes);
+                let bytes = harness.board.frame(0, &ToHost::Ack(refusal));
+                // The discarded answer counts as lost frames, which this test does not check.
+                harness.receive(&bytes);
             }
-            None => desk.receive(&answers),
+            None => harness.receive(&answers),
         }
-        desk.core.tick(at(desk.now_us), &mut desk.recorder);
+        harness.core.tick(at(harness.now_us), &mut harness.recorder);
     }
-    let starts = commands(&desk)
+    let starts = commands(&harness)
         .iter()
         .filter(|name| **name == "start")
         .count();
     assert_eq!(starts, 1, "6 s, and a refusal holds for 10 s");
-    desk.core.want(false);
-    desk.core.tick(at(desk.now_us), &mut desk.recorder);
-    desk.converse();
+    harness.core.set_streaming(false);
+    harness.core.tick(at(harness.now_us), &mut harness.recorder);
+    harness.exchange();
     assert_eq!(
-        commands(&desk).last(),
+        commands(&harness).last(),
         Some(&"stop"),
-        "what was refused is the start alone"
+        "only the start was refused"
     );
 }
 
 #[test]
-fn a_device_that_falls_silent_at_the_start_is_taken_for_dead() {
-    let mut desk = Desk::new(SETTINGS, Board::new());
-    desk.core.connected(at(desk.now_us), &mut desk.recorder);
-    while desk.board.seen.len() < 3 {
-        let sent = std::mem::take(&mut desk.recorder.sent);
-        let answers = desk.board.answer(&sent);
-        if desk.board.seen.len() < 3 {
-            desk.receive(&answers);
+fn a_device_that_falls_silent_at_the_start_is_unresponsive() {
+    let mut harness = Harness::new(SETTINGS, Board::new());
+    harness
+        .core
+        .connected(at(harness.now_us), &mut harness.recorder);
+    while harness.board.received.len() < 3 {
+        let sent = std::mem::take(&mut harness.recorder.sent);
+        let answers = harness.board.answer(&sent);
+        if harness.board.received.len() < 3 {
+            harness.receive(&answers);
         }
     }
-    let start = desk.now_us;
+    let start = harness.now_us;
     for tick in 1..=51 {
         let now = at(start + tick * 100_000);
-        desk.core.tick(now, &mut desk.recorder);
-        assert_eq!(desk.core.is_dead(now), tick > 50, "tick {tick}");
+        harness.core.tick(now, &mut harness.recorder);
+        assert_eq!(harness.core.is_unresponsive(now), tick > 50, "tick {tick}");
     }
 }
 
-/// Let `seconds` pass with a board that answers and makes no codes.
-fn starve(desk: &mut Desk, seconds: i64) {
+/// Advances time by `seconds` with a board that answers commands and sends no codes.
+fn starve(harness: &mut Harness, seconds: i64) {
     for _ in 0..seconds * 10 {
-        desk.now_us += 100_000;
-        desk.core.tick(at(desk.now_us), &mut desk.recorder);
-        desk.converse();
+        harness.now_us += 100_000;
+        harness.core.tick(at(harness.now_us), &mut harness.recorder);
+        harness.exchange();
     }
 }
 
 #[test]
-fn a_reset_whose_hello_was_lost_shows_within_3_s() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    desk.code(1, false);
-    desk.board.reboot();
-    desk.board.hello();
-    starve(&mut desk, 3);
-    assert_eq!(commands(&desk)[3..], ["identify", "stop", "start"]);
-    desk.code(1, false);
-    let summary = desk.core.summary();
+fn a_reset_with_a_lost_hello_is_detected_within_3_s() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(1, false);
+    harness.board.reboot();
+    harness.board.hello();
+    starve(&mut harness, 3);
+    assert_eq!(commands(&harness)[3..], ["identify", "stop", "start"]);
+    harness.code(1, false);
+    let summary = harness.core.summary();
     assert_eq!((summary.received, summary.lost, summary.resets), (2, 0, 1));
 }
 
 #[test]
-fn a_device_that_someone_else_stopped_is_started_again() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    desk.code(1, false);
-    desk.board.streaming = false;
-    starve(&mut desk, 3);
-    assert_eq!(commands(&desk)[3..], ["identify", "start"]);
-    desk.code(1, false);
-    let summary = desk.core.summary();
+fn a_device_that_another_program_stopped_is_started_again() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(1, false);
+    harness.board.streaming = false;
+    starve(&mut harness, 3);
+    assert_eq!(commands(&harness)[3..], ["identify", "start"]);
+    harness.code(1, false);
+    let summary = harness.core.summary();
     assert_eq!((summary.received, summary.lost), (2, 0));
 }
 
 #[test]
-fn a_device_that_answers_but_makes_no_codes_is_told_of() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    desk.code(1, false);
-    starve(&mut desk, 10);
-    let report = format!("{:?}", desk.core.diagnostics(at(desk.now_us)).status[0]);
+fn a_device_that_answers_and_sends_no_codes_is_a_warning() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(1, false);
+    starve(&mut harness, 10);
+    let report = format!(
+        "{:?}",
+        harness.core.diagnostics(at(harness.now_us)).status[0]
+    );
     assert!(
         report.contains("Warn") && report.contains("sends no codes"),
         "{report}"
     );
-    let asked = commands(&desk).len() - 3;
+    let asked = commands(&harness).len() - 3;
     assert!((6..=12).contains(&asked), "{asked} commands in 10 s");
-    desk.code(1, false);
-    assert_eq!(desk.core.summary().received, 2);
-    let report = format!("{:?}", desk.core.diagnostics(at(desk.now_us)).status[0]);
+    harness.code(1, false);
+    assert_eq!(harness.core.summary().received, 2);
+    let report = format!(
+        "{:?}",
+        harness.core.diagnostics(at(harness.now_us)).status[0]
+    );
     assert!(report.contains("streaming"), "{report}");
 }

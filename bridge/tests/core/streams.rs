@@ -1,73 +1,77 @@
-//! What the device is asked to stream, and what becomes of it when it has not all of it.
+//! Streams that the device is asked for, and devices that refuse some of them.
 
 use bridge::{AnnouncedStream, Settings};
 use link::{Streams, ToDevice};
 use neuro_ros::DiagnosticLevel;
 
 use crate::board::Board;
-use crate::recorder::{Desk, SETTINGS, commands};
+use crate::recorder::{Harness, SETTINGS, commands};
 
 const EVERYTHING: Streams = Streams::ALL;
 
-/// Streams of every start that the board saw, as bits.
-fn starts(desk: &Desk) -> Vec<u16> {
-    let streams = desk.board.seen.iter().map(|(_, command)| match command {
-        ToDevice::Start(start) => Some(start.streams.bits()),
-        _ => None,
-    });
+/// Returns the stream bits of every `Start` that the board received.
+fn starts(harness: &Harness) -> Vec<u16> {
+    let streams = harness
+        .board
+        .received
+        .iter()
+        .map(|(_, command)| match command {
+            ToDevice::Start(start) => Some(start.streams.bits()),
+            _ => None,
+        });
     streams.flatten().collect()
 }
 
-fn desk(streams: Streams, knows: Streams) -> Desk {
+fn harness(streams: Streams, supported: Streams) -> Harness {
     let settings = Settings {
         streams,
         ..SETTINGS
     };
-    let mut desk = Desk::new(
+    let mut harness = Harness::new(
         settings,
         Board {
-            knows,
+            supported,
             ..Board::new()
         },
     );
-    desk.connect();
-    desk
+    harness.connect();
+    harness
 }
 
 #[test]
-fn the_chosen_streams_go_to_the_device_and_codes_always_do() {
+fn the_device_is_asked_for_the_chosen_streams_and_always_for_codes() {
     for (asked, expected) in [(0b11001, 0b11001), (0b00010, 0b00011), (0, 1)] {
-        let desk = desk(Streams::from_bits(asked), EVERYTHING);
-        assert_eq!(starts(&desk), [expected]);
+        let harness = harness(Streams::from_bits(asked), EVERYTHING);
+        assert_eq!(starts(&harness), [expected]);
     }
 }
 
 #[test]
-fn an_older_device_is_asked_again_for_codes_alone_and_that_is_no_warning() {
-    let mut desk = desk(
+fn an_older_device_is_asked_for_codes_alone_without_a_warning() {
+    let mut harness = harness(
         Streams::CODES | Streams::AUDIT | Streams::EVENTS,
         Streams::CODES,
     );
-    assert_eq!(starts(&desk), [0b11001, 1]);
-    desk.code(1, false);
-    assert_eq!(desk.core.summary().received, 1);
-    let status = desk.status("device").unwrap();
+    assert_eq!(starts(&harness), [0b11001, 1]);
+    harness.code(1, false);
+    assert_eq!(harness.core.summary().received, 1);
+    let status = harness.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Ok);
     assert!(
         status.message.contains("does not stream audit events"),
         "{}",
         status.message
     );
-    // What it has refused is not asked for again by each reconnection.
-    desk.core.disconnected();
-    desk.board.streaming = false;
-    desk.connect();
-    assert_eq!(starts(&desk), [0b11001, 1, 1]);
+    // A reconnection does not ask for refused streams again.
+    harness.core.disconnected();
+    harness.board.streaming = false;
+    harness.connect();
+    assert_eq!(starts(&harness), [0b11001, 1, 1]);
 }
 
 #[test]
-fn a_port_too_slow_for_samples_still_gives_events_and_the_missing_ones_are_a_warning() {
-    let mut uart = desk(EVERYTHING, EVERYTHING.without(Streams::RAW));
+fn refused_samples_are_a_warning_and_the_other_streams_still_start() {
+    let mut uart = harness(EVERYTHING, EVERYTHING.without(Streams::RAW));
     assert_eq!(starts(&uart), [0b11111, 0b11101]);
     uart.code(1, false);
     let status = uart.status("device").unwrap();
@@ -77,11 +81,11 @@ fn a_port_too_slow_for_samples_still_gives_events_and_the_missing_ones_are_a_war
         status.message
     );
 
-    let knows = Streams::CODES | Streams::AUDIT | Streams::EVENTS;
-    let mut desk = desk(EVERYTHING, knows);
-    assert_eq!(starts(&desk), [0b11111, 0b11101, 0b11001]);
-    desk.code(1, false);
-    let status = desk.status("device").unwrap();
+    let supported = Streams::CODES | Streams::AUDIT | Streams::EVENTS;
+    let mut harness = harness(EVERYTHING, supported);
+    assert_eq!(starts(&harness), [0b11111, 0b11101, 0b11001]);
+    harness.code(1, false);
+    let status = harness.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
     assert!(
         status.message.contains("raw filtered"),
@@ -91,17 +95,17 @@ fn a_port_too_slow_for_samples_still_gives_events_and_the_missing_ones_are_a_war
 }
 
 #[test]
-fn another_device_is_asked_for_everything_again() {
-    let mut desk = desk(EVERYTHING, Streams::CODES);
-    desk.board.reboot();
-    desk.board.knows = EVERYTHING;
-    let hello = desk.board.hello();
-    desk.receive(&hello);
-    desk.converse();
-    assert_eq!(commands(&desk).last(), Some(&"start"));
-    assert_eq!(starts(&desk).last(), Some(&0b11111));
-    desk.code(1, false);
-    assert_eq!(desk.status("device").unwrap().message, "streaming");
+fn another_device_is_asked_for_all_streams_again() {
+    let mut harness = harness(EVERYTHING, Streams::CODES);
+    harness.board.reboot();
+    harness.board.supported = EVERYTHING;
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    harness.exchange();
+    assert_eq!(commands(&harness).last(), Some(&"start"));
+    assert_eq!(starts(&harness).last(), Some(&0b11111));
+    harness.code(1, false);
+    assert_eq!(harness.status("device").unwrap().message, "streaming");
 }
 
 #[test]
@@ -117,8 +121,8 @@ fn every_stream_can_be_announced() {
             streams: EVERYTHING,
             ..SETTINGS
         };
-        let desk = Desk::streaming(settings, Board::new());
-        let shape = desk.recorder.announced[0].info.as_ref().unwrap().shape();
+        let harness = Harness::streaming(settings, Board::new());
+        let shape = harness.recorder.announced[0].info.as_ref().unwrap().shape();
         assert_eq!(
             (shape.nchannels, shape.sr, shape.nsamples),
             (channels, sr, nsamples),

@@ -1,10 +1,10 @@
-//! The device's reports about its deadlines and its stack, in `/diagnostics` and in the last line.
+//! Status `timing` in `/diagnostics`, and the worst stage in the summary.
 
 use link::{Stage, StageTiming, Timing, ToHost};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
 
 use crate::board::{Board, at};
-use crate::recorder::{Desk, SETTINGS};
+use crate::recorder::{Harness, SETTINGS};
 
 const ACQUIRE: StageTiming = StageTiming {
     stage: Stage::Acquire,
@@ -13,7 +13,7 @@ const ACQUIRE: StageTiming = StageTiming {
     histogram: [512, 0, 0, 0, 0, 0, 0, 0, 0],
 };
 
-/// Closer to its deadline than `ACQUIRE`, and not late.
+/// A stage closer to its deadline than `ACQUIRE`, and not late.
 const CODE: StageTiming = StageTiming {
     stage: Stage::Code,
     deadline_ns: 7_812_500,
@@ -21,7 +21,7 @@ const CODE: StageTiming = StageTiming {
     histogram: [0, 9, 0, 0, 0, 0, 0, 1, 0],
 };
 
-/// A report of two stages in time and a stack just deep enough, but for what `change` changes.
+/// Returns a report of two stages in time and a stack at the limit, as modified by `change`.
 fn report(change: impl FnOnce(&mut Timing)) -> ToHost<'static> {
     let mut timing = Timing {
         stages: [ACQUIRE, CODE].into_iter().collect(),
@@ -32,15 +32,15 @@ fn report(change: impl FnOnce(&mut Timing)) -> ToHost<'static> {
     ToHost::Timing(timing)
 }
 
-/// What the core makes of a message of a streaming board; none if it says nothing about it.
-fn told(desk: &mut Desk, message: &ToHost) -> Option<DiagnosticStatus> {
-    let bytes = desk.board.frame(0, message);
-    desk.receive(&bytes);
-    shown(desk)
+/// Delivers a message from a streaming board and returns the status of timing, if there is one.
+fn report_status(harness: &mut Harness, message: &ToHost) -> Option<DiagnosticStatus> {
+    let bytes = harness.board.frame(0, message);
+    harness.receive(&bytes);
+    current_status(harness)
 }
 
-fn shown(desk: &mut Desk) -> Option<DiagnosticStatus> {
-    let statuses = desk.core.diagnostics(at(desk.now_us)).status;
+fn current_status(harness: &mut Harness) -> Option<DiagnosticStatus> {
+    let statuses = harness.core.diagnostics(at(harness.now_us)).status;
     statuses
         .into_iter()
         .find(|status| status.name == "corticode: timing")
@@ -52,9 +52,9 @@ fn values(status: &DiagnosticStatus) -> Vec<(&str, &str)> {
 }
 
 #[test]
-fn stages_in_time_and_a_stack_deep_enough_are_no_warning() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    let status = told(&mut desk, &report(|_| {})).unwrap();
+fn stages_in_time_and_a_sufficient_stack_are_no_warning() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    let status = report_status(&mut harness, &report(|_| {})).unwrap();
     assert_eq!(
         (status.level, &*status.message),
         (DiagnosticLevel::Ok, "2 stages within their deadlines")
@@ -77,7 +77,7 @@ fn stages_in_time_and_a_stack_deep_enough_are_no_warning() {
 
 #[test]
 fn a_stage_that_was_late_by_a_nanosecond_is_named() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
     let message = report(|timing| {
         timing.stages[1].worst_ns += 1;
         timing.stages[1].histogram[8] = 1;
@@ -89,7 +89,7 @@ fn a_stage_that_was_late_by_a_nanosecond_is_named() {
         };
         timing.stages.push(newer).unwrap();
     });
-    let status = told(&mut desk, &message).unwrap();
+    let status = report_status(&mut harness, &message).unwrap();
     assert_eq!(
         (status.level, &*status.message),
         (DiagnosticLevel::Warn, "late since boot: code stage 9")
@@ -102,8 +102,8 @@ fn a_stage_that_was_late_by_a_nanosecond_is_named() {
 
 #[test]
 fn more_than_three_quarters_of_the_stack_is_a_warning() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    let status = told(&mut desk, &report(|timing| timing.stack_used += 1)).unwrap();
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    let status = report_status(&mut harness, &report(|timing| timing.stack_used += 1)).unwrap();
     assert_eq!(
         (status.level, &*status.message),
         (
@@ -115,7 +115,7 @@ fn more_than_three_quarters_of_the_stack_is_a_warning() {
         timing.stages[0].worst_ns = u32::MAX;
         timing.stack_used = u32::MAX;
     });
-    let status = told(&mut desk, &message).unwrap();
+    let status = report_status(&mut harness, &message).unwrap();
     assert_eq!(
         status.message,
         "late since boot: acquire; stack nearly used up: 4294967295 of 8192 bytes"
@@ -123,50 +123,53 @@ fn more_than_three_quarters_of_the_stack_is_a_warning() {
 }
 
 #[test]
-fn a_device_that_measures_nothing_is_not_blamed() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    let status = told(&mut desk, &ToHost::Timing(Timing::default())).unwrap();
+fn a_device_that_measures_nothing_is_no_warning() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    let status = report_status(&mut harness, &ToHost::Timing(Timing::default())).unwrap();
     assert_eq!(status.level, DiagnosticLevel::Ok);
     assert!(status.values.is_empty(), "{status:?}");
-    assert_eq!(desk.core.summary().worst_stage, None);
-    assert!(!desk.core.summary().to_string().contains("stage"));
+    assert_eq!(harness.core.summary().worst_stage, None);
+    assert!(!harness.core.summary().to_string().contains("stage"));
 }
 
 #[test]
-fn the_newest_report_about_deadlines_is_shown_once() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    assert_eq!(shown(&mut desk), None);
+fn the_newest_report_of_deadlines_is_shown_once() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    assert_eq!(current_status(&mut harness), None);
     let older = report(|timing| timing.stack_used = 8192);
-    let older = desk.board.frame(0, &older);
-    desk.receive(&older);
-    let status = told(&mut desk, &report(|_| {})).unwrap();
+    let older = harness.board.frame(0, &older);
+    harness.receive(&older);
+    let status = report_status(&mut harness, &report(|_| {})).unwrap();
     assert_eq!(status.level, DiagnosticLevel::Ok);
-    assert_eq!(shown(&mut desk), None);
+    assert_eq!(current_status(&mut harness), None);
 }
 
 #[test]
-fn deadlines_of_the_device_before_a_reset_are_not_shown_for_the_next_one() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    let bytes = desk.board.frame(0, &report(|_| {}));
-    desk.receive(&bytes);
-    desk.board.reboot();
-    let hello = desk.board.hello();
-    desk.receive(&hello);
-    assert_eq!(shown(&mut desk), None);
+fn a_report_of_deadlines_from_before_a_reset_is_discarded() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    let bytes = harness.board.frame(0, &report(|_| {}));
+    harness.receive(&bytes);
+    harness.board.reboot();
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    assert_eq!(current_status(&mut harness), None);
 }
 
 #[test]
-fn the_last_line_names_the_stage_that_came_closest_to_its_deadline_before_a_reset_too() {
-    let mut desk = Desk::streaming(SETTINGS, Board::new());
-    told(&mut desk, &report(|timing| timing.stages[0].worst_ns *= 2));
-    assert_eq!(desk.core.summary().worst_stage, Some(CODE));
+fn the_summary_names_the_stage_closest_to_its_deadline_across_resets() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    report_status(
+        &mut harness,
+        &report(|timing| timing.stages[0].worst_ns *= 2),
+    );
+    assert_eq!(harness.core.summary().worst_stage, Some(CODE));
     let late = report(|timing| timing.stages[0].worst_ns = 4_000_000);
-    told(&mut desk, &late);
-    desk.board.reboot();
-    let hello = desk.board.hello();
-    desk.receive(&hello);
-    told(&mut desk, &report(|_| {}));
-    let line = desk.core.summary().to_string();
+    report_status(&mut harness, &late);
+    harness.board.reboot();
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    report_status(&mut harness, &report(|_| {}));
+    let line = harness.core.summary().to_string();
     assert!(
         line.ends_with("; stage acquire: worst 4000 us of 1953.125 us"),
         "{line}"

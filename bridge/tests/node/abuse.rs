@@ -1,4 +1,4 @@
-//! Peers that misbehave towards the bridge's node: nobody else notices.
+//! Misbehaving peers of the bridge's node do not affect other subscribers.
 
 use std::time::Duration;
 
@@ -13,16 +13,16 @@ use tokio::time::timeout;
 use crate::board::Board;
 use crate::device::Device;
 use crate::graph::{frame, master, node, until};
-use crate::process::{Bridge, PATIENCE};
+use crate::process::{Bridge, TIMEOUT};
 
-/// The URI of the bridge's XML-RPC server.
+/// Returns the URI of the bridge's XML-RPC server, once the master knows it.
 async fn bridge_uri(master: &str) -> Option<String> {
     let arguments = ["/test", "/acquisition"].map(|text| Value::String(text.to_owned()));
     let answer = call_ros(master, "lookupNode", &arguments).await.ok()?;
     answer.as_str().map(str::to_owned)
 }
 
-/// Where the bridge serves `/encoded`.
+/// Returns the address at which the bridge serves `/encoded`.
 async fn tcpros(bridge: &str) -> String {
     let protocol = Value::Array(vec![Value::String("TCPROS".into())]);
     let arguments = [
@@ -46,7 +46,7 @@ fn subscription(md5: &str) -> Vec<u8> {
     header.encode().unwrap()
 }
 
-/// Connect and send; keeps the connection.
+/// Connects, sends `bytes` and returns the open connection.
 async fn send(address: &str, bytes: &[u8]) -> TcpStream {
     let mut stream = TcpStream::connect(address).await.unwrap();
     stream.write_all(bytes).await.unwrap();
@@ -78,26 +78,26 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
         .to_owned();
 
     let mut held = Vec::new();
-    // Clients that never say a word, on both ports.
+    // Clients that send nothing, on both ports.
     for _ in 0..20 {
         held.push(send(&topic, b"").await);
         held.push(send(&api, b"").await);
     }
     // A subscriber that never reads.
     held.push(send(&topic, &subscription(NeuroFrame::TYPE.md5)).await);
-    // A header of 4 GiB, HTTP that never ends, XML that is none.
+    // A header of 4 GiB, an incomplete HTTP request, invalid XML.
     held.push(send(&topic, &u32::MAX.to_le_bytes()).await);
     held.push(send(&api, b"POST / HTTP/1.1\r\nContent-Length: 100\r\n\r\n<").await);
     held.push(send(&api, b"POST / HTTP/1.1\r\nContent-Length: 5\r\n\r\n<<>>!").await);
-    // Subscribers that reset right after their header.
+    // Subscribers that reset the connection right after their header.
     for _ in 0..10 {
         let stream = send(&topic, &subscription(NeuroFrame::TYPE.md5)).await;
         stream.set_zero_linger().unwrap();
     }
-    // A subscriber built from another definition is told so.
+    // A subscriber built from another message definition gets an error.
     let mut wrong = send(&topic, &subscription("00000000000000000000000000000000")).await;
     let mut answer = Vec::new();
-    timeout(PATIENCE, wrong.read_to_end(&mut answer))
+    timeout(TIMEOUT, wrong.read_to_end(&mut answer))
         .await
         .unwrap()
         .unwrap();

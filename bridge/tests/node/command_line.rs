@@ -1,4 +1,4 @@
-//! What the command line answers.
+//! Command-line errors and help.
 
 use crate::process::Bridge;
 
@@ -8,7 +8,7 @@ fn run(arguments: &[&str]) -> (Option<i32>, String) {
 }
 
 #[test]
-fn what_cannot_be_used_ends_with_status_2_and_says_what_can() {
+fn wrong_usage_is_status_2_with_advice() {
     for (arguments, expected) in [
         (&[][..], "--port"),
         (&["--port", "tcp:nowhere"], "tcp:127.0.0.1:5555"),

@@ -1,4 +1,4 @@
-//! A board behind a TCP port or a pseudoterminal, in real time.
+//! A simulated board at a TCP port or a pseudoterminal, in real time.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener};
@@ -18,22 +18,22 @@ use crate::board::Board;
 /// Time between codes; faster than a real board, to keep the tests short.
 pub(crate) const PACE: Duration = Duration::from_millis(20);
 
-/// What a test can do to a running board.
+/// Controls and counters of a running board.
 #[derive(Default)]
 pub(crate) struct Controls {
-    /// So many of the next codes are lost.
+    /// Number of codes to lose, starting with the next one.
     pub(crate) lose: AtomicU32,
-    /// The connection is closed once; the board runs on.
+    /// Set to close the connection once; the board keeps running.
     pub(crate) hang_up: AtomicBool,
-    /// Codes made until now.
+    /// Number of codes made so far.
     pub(crate) made: AtomicU32,
-    /// Nobody is there to connect to.
+    /// Whether the board refuses connections.
     pub(crate) unplugged: AtomicBool,
     stop: AtomicBool,
-    seen: Mutex<Vec<ToDevice>>,
+    received: Mutex<Vec<ToDevice>>,
 }
 
-/// A board behind a port.
+/// A board at a port, run by a thread.
 pub(crate) struct Device {
     pub(crate) port: String,
     pub(crate) controls: Arc<Controls>,
@@ -41,7 +41,7 @@ pub(crate) struct Device {
 }
 
 impl Device {
-    /// Behind a TCP port.
+    /// Starts the board at a free TCP port.
     pub(crate) fn tcp(board: Board) -> Device {
         let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
         let port = format!("tcp:{}", listener.local_addr().unwrap());
@@ -53,7 +53,8 @@ impl Device {
         })
     }
 
-    /// Behind a pseudoterminal whose name changes with every plugging in; `path` leads to it.
+    /// Starts the board at a pseudoterminal whose name changes with every reconnection; `path` is a link
+    /// to it.
     pub(crate) fn pty(board: Board, path: &Path) -> Device {
         let port = path.display().to_string();
         let path = path.to_owned();
@@ -84,7 +85,7 @@ impl Device {
             while !shared.stop.load(Relaxed) {
                 if shared.hang_up.swap(false, Relaxed) {
                     line = None;
-                    // Its number may be another's in a moment.
+                    // Another program can get the same pseudoterminal number next.
                     link.as_ref().map(std::fs::remove_file);
                 }
                 if line.is_none() && !shared.unplugged.load(Relaxed) {
@@ -95,7 +96,7 @@ impl Device {
                     next_code += PACE;
                     let device_us = u64::try_from(start.elapsed().as_micros()).unwrap();
                     let mut bytes = board.code(device_us, 3);
-                    bytes.extend(beside(&mut board, device_us));
+                    bytes.extend(side_messages(&mut board, device_us));
                     shared.made.store(board.next_window, Relaxed);
                     let lose = |left: u32| left.checked_sub(1);
                     if shared.lose.fetch_update(Relaxed, Relaxed, lose).is_err() {
@@ -105,17 +106,17 @@ impl Device {
                 let mut buffer = [0; 1024];
                 match line.as_mut().map(|line| line.read(&mut buffer)) {
                     Some(Ok(count)) if count > 0 => {
-                        let seen = board.seen.len();
+                        let seen = board.received.len();
                         let streaming = board.streaming;
                         let answers = board.answer(&buffer[..count]);
-                        let new = board.seen[seen..].iter().map(|(_, command)| *command);
+                        let new = board.received[seen..].iter().map(|(_, command)| *command);
                         if board.streaming && !streaming {
                             next_code = Instant::now();
                         }
-                        shared.seen.lock().unwrap().extend(new);
+                        shared.received.lock().unwrap().extend(new);
                         send(&mut line, &answers);
                     }
-                    Some(Err(error)) if is_patience(&error) => {}
+                    Some(Err(error)) if is_not_ready(&error) => {}
                     Some(_) => line = None,
                     None => {}
                 }
@@ -129,9 +130,9 @@ impl Device {
         }
     }
 
-    /// Commands that came, oldest first.
-    pub(crate) fn seen(&self) -> Vec<ToDevice> {
-        self.controls.seen.lock().unwrap().clone()
+    /// Returns the received commands, oldest first.
+    pub(crate) fn received(&self) -> Vec<ToDevice> {
+        self.controls.received.lock().unwrap().clone()
     }
 }
 
@@ -144,9 +145,9 @@ impl Drop for Device {
     }
 }
 
-/// What the board streams beside the newest code: the samples and steps of its hop, and every tenth
-/// time an edge and an audit.
-fn beside(board: &mut Board, device_us: u64) -> Vec<u8> {
+/// Returns the other messages of the newest hop: its samples and steps, and an edge and an audit in
+/// every tenth hop.
+fn side_messages(board: &mut Board, device_us: u64) -> Vec<u8> {
     let window = board.next_window - 1;
     let streams = board.streams;
     let mut bytes = Vec::new();
@@ -197,16 +198,16 @@ trait Line: Read + Write + Send {}
 
 impl<T: Read + Write + Send> Line for T {}
 
-/// Nothing there yet; a pseudoterminal that nobody has opened says EIO.
-fn is_patience(error: &io::Error) -> bool {
+/// Returns whether an error only means "not ready": EIO is a pseudoterminal that nobody has opened.
+fn is_not_ready(error: &io::Error) -> bool {
     error.kind() == ErrorKind::WouldBlock || error.raw_os_error() == Some(5)
 }
 
-/// Like a board: what the host does not take is gone.
+/// Sends bytes as a board does: those that the host does not read are dropped.
 fn send(line: &mut Option<Box<dyn Line>>, bytes: &[u8]) {
     if let Some(open) = line
         && let Err(error) = open.write_all(bytes)
-        && !is_patience(&error)
+        && !is_not_ready(&error)
     {
         *line = None;
     }

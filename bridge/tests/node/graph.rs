@@ -16,7 +16,7 @@ use tokio::time::{sleep, timeout};
 
 use crate::board::Board;
 use crate::device::Device;
-use crate::process::{Bridge, PATIENCE};
+use crate::process::{Bridge, TIMEOUT};
 
 pub(crate) async fn master() -> Master {
     Master::start(SocketAddr::from(([127, 0, 0, 1], 0)))
@@ -35,7 +35,7 @@ pub(crate) async fn node(name: &str, uri: &str) -> Node {
 }
 
 pub(crate) async fn frame(subscriber: &mut Subscriber) -> NeuroFrame {
-    let body = timeout(PATIENCE, subscriber.recv())
+    let body = timeout(TIMEOUT, subscriber.recv())
         .await
         .expect("no frame came")
         .unwrap();
@@ -43,21 +43,21 @@ pub(crate) async fn frame(subscriber: &mut Subscriber) -> NeuroFrame {
 }
 
 pub(crate) async fn until(what: &str, mut holds: impl AsyncFnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + TIMEOUT;
     while !holds().await {
-        assert!(Instant::now() < deadline, "{what}: not within {PATIENCE:?}");
+        assert!(Instant::now() < deadline, "{what}: not within {TIMEOUT:?}");
         sleep(Duration::from_millis(20)).await;
     }
 }
 
-/// Whether the master knows the bridge.
+/// Returns whether the master knows the bridge's service.
 pub(crate) async fn registered(uri: &str) -> bool {
     let arguments = ["/test", "/acquisition/get_info"].map(|text| Value::String(text.to_owned()));
     call_ros(uri, "lookupService", &arguments).await.is_ok()
 }
 
 #[tokio::test]
-async fn codes_reach_a_subscriber_and_the_announcement_fits_them() {
+async fn codes_reach_a_subscriber_and_match_the_announcement() {
     let master = master().await;
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
@@ -94,10 +94,7 @@ async fn codes_reach_a_subscriber_and_the_announcement_fits_them() {
         (frame.sr, frame.eeg.info.nsamples, frame.eeg.data.len()),
         (128, 8, 8 * 61)
     );
-    let report = timeout(PATIENCE, diagnostics.recv())
-        .await
-        .unwrap()
-        .unwrap();
+    let report = timeout(TIMEOUT, diagnostics.recv()).await.unwrap().unwrap();
     let report = DiagnosticArray::from_bytes(&report).unwrap();
     let names: Vec<&str> = report.status.iter().map(|status| &*status.name).collect();
     let parts = ["device", "loss", "link", "clock", "outlets"];
@@ -105,24 +102,27 @@ async fn codes_reach_a_subscriber_and_the_announcement_fits_them() {
 
     node.call("/acquisition/stop", &EMPTY, &[]).await.unwrap();
     until("Stop", async || {
-        device.seen().last() == Some(&ToDevice::Stop)
+        device.received().last() == Some(&ToDevice::Stop)
     })
     .await;
     node.call("/acquisition/start", &EMPTY, &[]).await.unwrap();
     until("Start", async || {
-        matches!(device.seen().last(), Some(ToDevice::Start(_)))
+        matches!(device.received().last(), Some(ToDevice::Start(_)))
     })
     .await;
     node.call("/acquisition/quit", &EMPTY, &[]).await.unwrap();
     let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
     assert!(status.success(), "{log}");
     assert!(log.contains("lost 0 "), "{log}");
-    assert_eq!(device.seen().last(), Some(&ToDevice::Stop));
-    assert!(!registered(master.uri()).await, "left without a word");
+    assert_eq!(device.received().last(), Some(&ToDevice::Stop));
+    assert!(
+        !registered(master.uri()).await,
+        "the bridge did not unregister"
+    );
 }
 
 #[tokio::test]
-async fn a_master_that_comes_late_and_restarts_finds_the_bridge_again() {
+async fn the_bridge_registers_with_a_late_master_and_again_after_its_restart() {
     let first = master().await;
     let uri = first.uri().to_owned();
     let address: SocketAddr = uri
@@ -134,7 +134,7 @@ async fn a_master_that_comes_late_and_restarts_finds_the_bridge_again() {
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", &uri]);
     until("codes", async || device.controls.made.load(Relaxed) > 5).await;
-    // Long enough for the missing master to be told of.
+    // Long enough for the missing master to be logged.
     sleep(Duration::from_millis(1500)).await;
     for round in 0..2 {
         let master = Master::start(address).await.unwrap();
@@ -160,7 +160,7 @@ async fn a_master_that_comes_late_and_restarts_finds_the_bridge_again() {
 }
 
 #[tokio::test]
-async fn a_namesake_takes_over_and_the_bridge_leaves() {
+async fn a_node_with_the_same_name_takes_over_and_the_bridge_shuts_down() {
     let master = master().await;
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
@@ -172,12 +172,12 @@ async fn a_namesake_takes_over_and_the_bridge_leaves() {
         .unwrap();
     let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
     assert!(status.success(), "{log}");
-    assert!(log.contains("asks this node to leave"), "{log}");
-    assert_eq!(device.seen().last(), Some(&ToDevice::Stop));
+    assert!(log.contains("asks this node to shut down"), "{log}");
+    assert_eq!(device.received().last(), Some(&ToDevice::Stop));
 }
 
 #[tokio::test]
-async fn losses_on_the_way_are_filled_and_counted() {
+async fn lost_codes_are_filled_and_counted() {
     let master = master().await;
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
@@ -212,7 +212,7 @@ async fn losses_on_the_way_are_filled_and_counted() {
 }
 
 #[tokio::test]
-async fn names_can_be_changed_from_outside() {
+async fn node_and_topics_can_be_renamed_on_the_command_line() {
     let master = master().await;
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&[

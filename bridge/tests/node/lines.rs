@@ -1,4 +1,4 @@
-//! The bridge without ROS.
+//! The bridge with lines of JSON instead of ROS.
 
 use std::io::{BufRead, BufReader};
 use std::sync::atomic::Ordering::Relaxed;
@@ -11,7 +11,7 @@ use crate::device::{Device, PACE};
 use crate::process::Bridge;
 
 #[test]
-fn frames_come_as_lines_until_the_bridge_is_interrupted() {
+fn frames_are_written_as_lines_until_the_bridge_is_interrupted() {
     let device = Device::tcp(Board::new());
     let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
     let mut lines = BufReader::new(bridge.stdout()).lines();
@@ -43,7 +43,7 @@ fn frames_come_as_lines_until_the_bridge_is_interrupted() {
 }
 
 #[test]
-fn a_reader_that_has_had_enough_ends_the_bridge_without_an_error() {
+fn a_reader_that_closes_the_pipe_ends_the_bridge_without_an_error() {
     let device = Device::tcp(Board::new());
     let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
     let mut lines = BufReader::new(bridge.stdout()).lines();
@@ -54,7 +54,7 @@ fn a_reader_that_has_had_enough_ends_the_bridge_without_an_error() {
 }
 
 #[test]
-fn another_model_gives_codes_and_a_message_that_says_what_to_do() {
+fn codes_of_another_model_are_published_and_the_log_has_advice() {
     let device = Device::tcp(Board {
         model_id: [9; 8],
         ..Board::new()
@@ -75,11 +75,11 @@ fn another_model_gives_codes_and_a_message_that_says_what_to_do() {
 }
 
 #[test]
-fn a_reader_that_does_not_read_cannot_keep_the_bridge() {
+fn a_reader_that_does_not_read_cannot_prevent_the_shutdown() {
     let device = Device::tcp(Board::new());
     let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
     let stdout = bridge.stdout();
-    // More than the 64 KB that a pipe takes.
+    // More than the 64 KB that a pipe holds.
     while device.controls.made.load(Relaxed) < 100 {
         std::thread::sleep(PACE);
     }
@@ -91,7 +91,7 @@ fn a_reader_that_does_not_read_cannot_keep_the_bridge() {
 }
 
 #[test]
-fn every_stream_comes_as_lines_and_a_device_that_computes_nonsense_is_told_of() {
+fn all_streams_are_written_as_lines_and_a_wrong_code_is_an_error() {
     let device = Device::tcp(Board::new());
     let streams = "codes,raw,filtered,audit,events";
     let mut bridge = Bridge::start(&[

@@ -1,8 +1,7 @@
-//! The bridge as a program: a fake board on one side, ROS's embedded master on the other.
+//! Tests of the program, between a simulated board and our own ROS master.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod abuse;
-mod asked;
 #[path = "../core/board.rs"]
 #[allow(dead_code, reason = "the other tests use more of it")]
 mod board;
@@ -11,4 +10,5 @@ mod device;
 mod graph;
 mod lines;
 mod process;
+mod query;
 mod replug;

@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-/// How long anything may take on a machine that is busy with other things.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
+/// Longest time that any step can take on a busy machine.
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// The bridge as a child process; killed when dropped.
+/// A running bridge; killed when dropped.
 pub(crate) struct Bridge {
     child: Child,
 }
@@ -44,9 +44,9 @@ impl Bridge {
         kill_process(pid, signal).unwrap();
     }
 
-    /// Its exit status and all it wrote to stderr.
+    /// Waits for the end and returns the exit status and everything written to stderr.
     pub(crate) fn wait(mut self) -> (ExitStatus, String) {
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + TIMEOUT;
         let status = loop {
             if let Some(status) = self.child.try_wait().unwrap() {
                 break status;

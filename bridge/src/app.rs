@@ -1,0 +1,112 @@
+//! The program `corticode-bridge`: tasks, log and exit status.
+
+mod bridge;
+mod command_line;
+mod outlets;
+mod ros_node;
+mod shutdown;
+mod sinks;
+
+use std::error::Error;
+use std::fs::File;
+use std::io::{ErrorKind, Write};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use neuro_ros::ros1::NodeOptions;
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
+
+use crate::app::command_line::{Options, PortOptions, Task};
+use crate::error::BridgeError;
+use crate::query::protocol::{Answer, Request};
+use crate::query::query_port;
+
+/// Runs `corticode-bridge` with the arguments and environment of this process and returns its exit
+/// status.
+///
+/// Status 0 means success, 1 a failed check, 2 wrong usage, 3 that the device or ROS is not
+/// reachable, and 4 that the device refuses. Without a subcommand the bridge streams until it is
+/// asked to shut down. `selftest` and `reset` send the device one request and print its answer.
+pub fn run() -> ExitCode {
+    let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
+    let task = Task::parse_from(arguments.into_iter().map(Into::into));
+    let task = task.unwrap_or_else(|error| error.exit());
+    let done = match task {
+        Task::Bridge(options) => stream(*options, ros).map(|()| ExitCode::SUCCESS),
+        Task::SelfTest(options) => ask(&options.at, Request::SelfTest, options.json),
+        Task::Reset(options) => ask(&options.at, Request::Reset(options.target()), false),
+    };
+    match done {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("corticode-bridge: {error}");
+            let mut source = error.source();
+            while let Some(cause) = source {
+                eprintln!("  because {cause}");
+                source = cause.source();
+            }
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn stream(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {
+    init_log(&ros)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()?;
+    let summary = runtime.block_on(bridge::stream(options, ros))?;
+    eprintln!("corticode-bridge: {summary}");
+    Ok(())
+}
+
+/// Sends one request and prints the answer. The exit status is 1 if a self-test failed.
+fn ask(at: &PortOptions, request: Request, json: bool) -> Result<ExitCode, BridgeError> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let (text, passed) = match runtime.block_on(query_port(&at.port, at.baud, request))? {
+        Answer::SelfTest(report) if json => {
+            let json = serde_json::to_string_pretty(&report).map_err(std::io::Error::from)?;
+            (json, report.passed)
+        }
+        Answer::SelfTest(report) => (report.to_string(), report.passed),
+        Answer::Restarted(device) => (device.to_string(), true),
+        Answer::InBootloader(device) => (
+            format!(
+                "{} starts its bootloader; flash it over USB, for example with dfu-util",
+                device.board
+            ),
+            true,
+        ),
+    };
+    match writeln!(std::io::stdout(), "{text}") {
+        // The reader, such as `head`, has closed the pipe.
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
+        written => written?,
+    }
+    Ok(ExitCode::from(u8::from(!passed)))
+}
+
+/// Sends the log to stderr, and also to the file that roslaunch names.
+fn init_log(ros: &NodeOptions) -> Result<(), BridgeError> {
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    let writer = match &ros.log {
+        None => BoxMakeWriter::new(std::io::stderr),
+        Some(path) => {
+            let file = File::options().create(true).append(true).open(path);
+            let file = file.map_err(|source| BridgeError::Log {
+                path: path.clone(),
+                source,
+            })?;
+            BoxMakeWriter::new(std::io::stderr.and(Arc::new(file)))
+        }
+    };
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_ansi(false)
+        .with_writer(writer)
+        .init();
+    Ok(())
+}

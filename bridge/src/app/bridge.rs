@@ -1,0 +1,172 @@
+//! The streaming bridge: connects the core to the port, to ROS and to the clock.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use neuro_ros::ros1::NodeOptions;
+use neuro_ros::{AcquisitionCommand, NdjsonWriter};
+use tokio::sync::mpsc;
+use tokio::time::{Instant, MissedTickBehavior, interval};
+
+use crate::app::command_line::{Options, SinkKind};
+use crate::app::outlets::Outlets;
+use crate::app::ros_node::RosNode;
+use crate::app::shutdown::Shutdown;
+use crate::app::sinks::Sinks;
+use crate::core::Core;
+use crate::decoder::model::Model;
+use crate::diagnostics::summary::Summary;
+use crate::error::BridgeError;
+use crate::time::host_time::HostTime;
+use crate::wire::connection::{Connection, Event};
+
+/// Interval of the core's ticks.
+const TICK: Duration = Duration::from_millis(100);
+/// Number of ticks between two reports to `/diagnostics`: 1 s.
+const TICKS_PER_REPORT: u32 = 10;
+/// Longest time at shutdown for the device to stop, and for queued lines to be written.
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Runs the bridge until SIGTERM, Ctrl-C, `~quit`, `rosnode kill`, or until the reader of its lines
+/// closes the pipe. Then it stops the device, unregisters the node and closes the port.
+///
+/// # Errors
+///
+/// [`BridgeError`] if the bridge cannot run. It waits for an absent device or ROS master.
+pub(super) async fn stream(
+    options: Options,
+    mut ros_options: NodeOptions,
+) -> Result<Summary, BridgeError> {
+    let mut shutdown = Shutdown::new()?;
+    let model = match &options.model {
+        Some(folder) => Model::read(folder),
+        None => Model::embedded(),
+    };
+    let model = Arc::new(model.map_err(BridgeError::Model)?);
+    if let Some(uri) = &options.ros_master_uri {
+        ros_options.master_uri.clone_from(uri);
+    }
+    let settings = options.settings();
+    if !settings.streams.contains(settings.announced.needs()) {
+        return Err(BridgeError::AnnouncedNotStreamed);
+    }
+    let (command_sender, commands) = mpsc::unbounded_channel();
+    let mut outlets;
+    let (mut ros, mut writer) = (None, None);
+    match options.sink {
+        SinkKind::Ros => {
+            let node = RosNode::start(ros_options).await?;
+            let sinks = Sinks::ros(&node, &options).await?;
+            let (announcement_sender, announcements) = mpsc::unbounded_channel();
+            let model = Arc::clone(&model);
+            outlets = Outlets::new(sinks, settings, model, Some(announcement_sender))?;
+            node.serve_announcements(announcements, command_sender);
+            shutdown.watch_node(Arc::clone(&node.node));
+            ros = Some(node);
+        }
+        SinkKind::Ndjson => {
+            let lines = NdjsonWriter::start(std::io::stdout());
+            let sinks = Sinks::ndjson(&lines, &options);
+            outlets = Outlets::new(sinks, settings, Arc::clone(&model), None)?;
+            writer = Some(lines);
+        }
+    }
+    let mut bridge = Bridge {
+        core: Core::new(settings, Some(model)),
+        connection: Connection::new(options.at.port.clone(), options.at.baud),
+        commands,
+        outlets: &mut outlets,
+    };
+    let outcome = bridge.run(&mut shutdown).await;
+    let summary = bridge.core.summary();
+    outlets.finish();
+    if let Some(ros) = ros {
+        ros.shutdown().await;
+    }
+    let written = writer.map_or(Ok(()), |writer| writer.finish(DRAIN_TIMEOUT));
+    match outcome.and(written.map_err(BridgeError::Sink)) {
+        // The reader of the lines has closed the pipe.
+        Ok(()) | Err(BridgeError::Sink(neuro_ros::SinkError::Closed)) => Ok(summary),
+        Err(error) => Err(error),
+    }
+}
+
+/// The core with its port, the commands from ROS services, and its outlets.
+struct Bridge<'a> {
+    core: Core,
+    connection: Connection,
+    commands: mpsc::UnboundedReceiver<AcquisitionCommand>,
+    outlets: &'a mut Outlets,
+}
+
+impl Bridge<'_> {
+    async fn run(&mut self, shutdown: &mut Shutdown) -> Result<(), BridgeError> {
+        let mut buffer = vec![0; 4096];
+        let mut ticks = interval(TICK);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        let mut until_report = TICKS_PER_REPORT;
+        let mut deadline: Option<Instant> = None;
+        let mut failure = None;
+        loop {
+            tokio::select! {
+                event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing) => self.handle_connection(event?, &buffer),
+                Some(command) = self.commands.recv() => match command {
+                    AcquisitionCommand::Start => self.core.set_streaming(true),
+                    AcquisitionCommand::Stop => self.core.set_streaming(false),
+                    AcquisitionCommand::Quit => shutdown.request("~quit was called"),
+                },
+                reason = shutdown.requested(), if deadline.is_none() => {
+                    tracing::info!("shutting down: {reason}");
+                    self.core.set_streaming(false);
+                    self.core.tick(HostTime::now(), self.outlets);
+                    deadline = Some(Instant::now() + DRAIN_TIMEOUT);
+                }
+                _ = ticks.tick() => {
+                    let now = HostTime::now();
+                    self.core.tick(now, self.outlets);
+                    until_report -= 1;
+                    if until_report == 0 {
+                        until_report = TICKS_PER_REPORT;
+                        let report = self.core.diagnostics(now);
+                        self.outlets.publish_diagnostics(report);
+                    }
+                    if self.connection.is_open() && self.core.is_unresponsive(now) {
+                        tracing::warn!("the device is silent; reopening the port");
+                        self.close();
+                    }
+                }
+            }
+            if let Some(error) = self.outlets.sink_error.take()
+                && failure.is_none()
+            {
+                shutdown.request("frames cannot be published any more");
+                failure = Some(BridgeError::Sink(error));
+            }
+            let gone = !self.connection.is_open() || self.core.is_stopped();
+            if deadline.is_some_and(|deadline| gone || Instant::now() >= deadline) {
+                let report = self.core.diagnostics(HostTime::now());
+                self.outlets.publish_diagnostics(report);
+                return failure.map_or(Ok(()), Err);
+            }
+        }
+    }
+
+    fn handle_connection(&mut self, event: Event, buffer: &[u8]) {
+        // Taken directly after the read, because the clock is fitted to this time.
+        let now = HostTime::now();
+        match event {
+            Event::Opened => self.core.connected(now, self.outlets),
+            Event::Bytes(count) => self.core.receive(&buffer[..count], now, self.outlets),
+            Event::Closed => {
+                self.core.disconnected();
+                self.outlets.outgoing.clear();
+            }
+        }
+    }
+
+    fn close(&mut self) {
+        self.connection.close();
+        self.core.disconnected();
+        self.outlets.outgoing.clear();
+    }
+}

@@ -1,0 +1,201 @@
+//! Command-line options and subcommands.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use clap::{Args, CommandFactory, Error, FromArgMatches, Parser};
+use link::{ResetInto, Streams};
+
+use crate::settings::{AnnouncedStream, FillerPolicy, Settings, StampPoint, StreamKind};
+use crate::wire::address::PortAddress;
+
+/// Publish the codes and signals of a Corticode board as ROS-Neuro NeuroFrames.
+///
+/// Publishes /encoded, /neurodata_reconstructed, /events/bus and /diagnostics, on request also
+/// /neurodata and /neurodata_filtered, and serves /acquisition/get_info, ~start, ~stop and ~quit, as
+/// the node `acquisition`. The answer of get_info describes ONE of the streams, /encoded unless
+/// --announce selects another: a rosneuro_recorder or visualizer that is remapped to another stream
+/// receives frames that are larger than it allocated. Waits for an absent device or ROS master and
+/// reconnects when it returns. ROS's own arguments work too: __name:=, __ns:=, /encoded:=/neurodata.
+/// The log goes to stderr; RUST_LOG=debug shows more.
+///
+/// Exit status: 0 done, 1 a check failed, 2 wrong usage, 3 device or ROS not reachable, 4 the device
+/// refuses.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "corticode-bridge", version)]
+pub(crate) struct Options {
+    #[command(flatten)]
+    pub(crate) at: PortOptions,
+    /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
+    #[arg(long, value_name = "URI")]
+    pub(crate) ros_master_uri: Option<String>,
+    /// Destination of the frames: ROS topics, or lines of JSON on stdout
+    #[arg(long, env = "CORTICODE_SINK", value_enum, default_value_t)]
+    pub(crate) sink: SinkKind,
+    /// Prefix of the names of the streams, such as /left; /diagnostics keeps its name, and so does
+    /// /events/bus
+    #[arg(
+        long,
+        env = "CORTICODE_TOPIC_PREFIX",
+        default_value = "",
+        value_name = "PREFIX"
+    )]
+    pub(crate) topic_prefix: String,
+    /// Folder of the model to decode with, instead of the built-in one
+    #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
+    pub(crate) model: Option<PathBuf>,
+    /// Point of a frame that its stamp refers to
+    #[arg(long, env = "CORTICODE_STAMP", value_enum, default_value_t)]
+    pub(crate) stamp: StampPoint,
+    /// Mains frequency that the device shall remove, Hz; the device chooses by default
+    #[arg(long, env = "CORTICODE_MAINS", value_parser = mains)]
+    pub(crate) mains: Option<u8>,
+    /// Replacement of a lost code, sample or step
+    #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
+    pub(crate) filler: FillerPolicy,
+    /// Reconstruct from the newest window alone: 62.5 ms earlier, with about 6 % more error
+    #[arg(long, env = "CORTICODE_LOW_LATENCY")]
+    pub(crate) low_latency: bool,
+    /// Streams of the device, comma-separated; codes are always included. A device that refuses some
+    /// is asked for fewer
+    #[arg(
+        long,
+        env = "CORTICODE_STREAMS",
+        value_enum,
+        value_delimiter = ',',
+        default_value = "codes,audit,events"
+    )]
+    pub(crate) streams: Vec<StreamKind>,
+    /// Stream that /acquisition/get_info describes; record this one and no other
+    #[arg(long, env = "CORTICODE_ANNOUNCE", value_enum, default_value_t)]
+    pub(crate) announce: AnnouncedStream,
+}
+
+/// Address and speed of the port.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct PortOptions {
+    /// Serial port, pseudoterminal, or tcp:HOST:PORT
+    #[arg(long, env = "CORTICODE_PORT", value_name = "PATH|tcp:HOST:PORT")]
+    pub(crate) port: PortAddress,
+    /// Baud rate of a serial port; USB and pseudoterminals ignore it
+    #[arg(
+        long,
+        env = "CORTICODE_BAUD",
+        default_value_t = 921_600,
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
+    pub(crate) baud: u32,
+}
+
+/// Destination of the frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum SinkKind {
+    /// ROS 1 topics.
+    #[default]
+    Ros,
+    /// Lines of JSON on stdout.
+    Ndjson,
+}
+
+impl Options {
+    /// Returns the choices that the core needs.
+    pub(crate) fn settings(&self) -> Settings {
+        Settings {
+            stamp: self.stamp,
+            mains_hz: self.mains.unwrap_or(0),
+            filler: self.filler,
+            low_latency: self.low_latency,
+            announced: self.announce,
+            streams: self
+                .streams
+                .iter()
+                .fold(Streams::CODES, |streams, kind| streams | kind.bit()),
+        }
+    }
+
+    /// Returns the full topic name of a stream.
+    pub(crate) fn topic(&self, name: &str) -> String {
+        format!("{}/{name}", self.topic_prefix.trim_end_matches('/'))
+    }
+}
+
+fn mains(text: &str) -> Result<u8, String> {
+    match text {
+        "50" => Ok(50),
+        "60" => Ok(60),
+        _ => Err("the mains frequency is 50 or 60 Hz".to_owned()),
+    }
+}
+
+/// Task that the command line selects.
+#[derive(Clone, Debug)]
+pub(crate) enum Task {
+    /// Stream until shutdown; the default without a subcommand.
+    Bridge(Box<Options>),
+    /// `selftest`: the device tests its converters.
+    SelfTest(SelfTestOptions),
+    /// `reset`: the device restarts.
+    Reset(ResetOptions),
+}
+
+/// Test the device's converters with their internal signals, and print the results.
+///
+/// Exit status: 0 everything in order, 1 a fault was found, 3 no answer, 4 the device refuses.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "selftest")]
+pub(crate) struct SelfTestOptions {
+    #[command(flatten)]
+    pub(crate) at: PortOptions,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Restart the device, and print the cause of the start that it reports.
+///
+/// Exit status: 0 the device has restarted (with --bootloader: has agreed to), 3 no answer, 4 the
+/// device refuses.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "reset")]
+pub(crate) struct ResetOptions {
+    #[command(flatten)]
+    pub(crate) at: PortOptions,
+    /// Start the microcontroller's built-in bootloader, which accepts firmware over USB
+    #[arg(long)]
+    pub(crate) bootloader: bool,
+}
+
+impl ResetOptions {
+    /// Returns what the device shall start.
+    pub(crate) fn target(&self) -> ResetInto {
+        if self.bootloader {
+            ResetInto::Bootloader
+        } else {
+            ResetInto::Firmware
+        }
+    }
+}
+
+impl Task {
+    /// Parses the arguments, of which the first is the program's name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for wrong usage or a request for help; [`Error::exit`] prints it.
+    pub(crate) fn parse_from(arguments: impl IntoIterator<Item = OsString>) -> Result<Task, Error> {
+        let mut command = Options::command()
+            .args_conflicts_with_subcommands(true)
+            .subcommand_negates_reqs(true)
+            .subcommand(SelfTestOptions::command())
+            .subcommand(ResetOptions::command());
+        let matches = command.try_get_matches_from_mut(arguments)?;
+        let task = match matches.subcommand() {
+            Some(("selftest", of)) => SelfTestOptions::from_arg_matches(of).map(Task::SelfTest),
+            Some((_, of)) => ResetOptions::from_arg_matches(of).map(Task::Reset),
+            None => {
+                Options::from_arg_matches(&matches).map(|options| Task::Bridge(Box::new(options)))
+            }
+        };
+        task.map_err(|error| error.format(&mut command))
+    }
+}

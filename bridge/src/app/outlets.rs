@@ -1,0 +1,195 @@
+//! Execution of the core's effects: sinks, decoder thread, bytes for the device.
+
+use std::sync::Arc;
+
+use neuro_ros::{
+    AcquisitionInfo, DiagnosticArray, DiagnosticLevel, DiagnosticStatus, FrameSink, KeyValue,
+    NeuroEvent, NeuroFrame, Sink, SinkError,
+};
+use tokio::sync::mpsc::UnboundedSender;
+
+use crate::app::sinks::Sinks;
+use crate::decoder::audit::AuditedWindow;
+use crate::decoder::model::Model;
+use crate::decoder::reconstruction::{Reconstruction, TimedCode};
+use crate::decoder::thread::DecoderThread;
+use crate::effects::{Announcement, Effects};
+use crate::settings::Settings;
+
+/// Executes the core's effects. No method waits for the network or the device.
+pub(crate) struct Outlets {
+    settings: Settings,
+    model: Arc<Model>,
+    encoded: Box<dyn FrameSink>,
+    raw: Option<Box<dyn FrameSink>>,
+    filtered: Option<Box<dyn FrameSink>>,
+    events: Option<Box<dyn Sink<NeuroEvent>>>,
+    diagnostics: Box<dyn Sink<DiagnosticArray>>,
+    decoder: DecoderThread,
+    /// Channel to the task that serves `/acquisition/get_info`; `None` without ROS.
+    announcements: Option<UnboundedSender<AcquisitionInfo>>,
+    /// Last announcement that was sent, so that an equal one is not sent again.
+    announced: Option<AcquisitionInfo>,
+    /// Sum of the dropped and undecoded counts at the last report to `/diagnostics`.
+    reported: u64,
+    /// Bytes for the device that are not written yet.
+    pub(crate) outgoing: Vec<u8>,
+    /// Error of a sink that accepts nothing any more.
+    pub(crate) sink_error: Option<SinkError>,
+}
+
+impl Outlets {
+    pub(crate) fn new(
+        sinks: Sinks,
+        settings: Settings,
+        model: Arc<Model>,
+        announcements: Option<UnboundedSender<AcquisitionInfo>>,
+    ) -> std::io::Result<Outlets> {
+        Ok(Outlets {
+            settings,
+            model,
+            encoded: sinks.encoded,
+            raw: sinks.raw,
+            filtered: sinks.filtered,
+            events: sinks.events,
+            diagnostics: sinks.diagnostics,
+            decoder: DecoderThread::start(sinks.reconstructed)?,
+            announcements,
+            announced: None,
+            reported: 0,
+            outgoing: Vec::new(),
+            sink_error: None,
+        })
+    }
+
+    /// Finishes queued work and logs what was not decoded or not delivered.
+    pub(crate) fn finish(self) {
+        let dropped = self.encoded.dropped();
+        let undecoded = self.decoder.finish();
+        if undecoded > 0 {
+            tracing::warn!(
+                undecoded,
+                "codes replaced by fillers because the decoder was too slow"
+            );
+        }
+        if dropped > 0 {
+            tracing::warn!(dropped, "codes dropped for slow subscribers");
+        }
+    }
+
+    /// Publishes the core's report with the statuses of outlets and audits added.
+    pub(crate) fn publish_diagnostics(&mut self, mut report: DiagnosticArray) {
+        report.status.push(self.status());
+        if let Some(mut audits) = self.decoder.audit_status() {
+            audits.name.insert_str(0, "corticode: ");
+            report.status.push(audits);
+        }
+        let published = self.diagnostics.publish(&report);
+        self.record_error(published);
+    }
+
+    /// Returns the status of the sinks and the decoder: dropped and undecoded frames.
+    fn status(&mut self) -> DiagnosticStatus {
+        let dropped = |sink: &Option<Box<dyn FrameSink>>| sink.as_ref().map(|sink| sink.dropped());
+        let events = self.events.as_ref().map(|sink| sink.dropped());
+        let figures = [
+            ("encoded frames dropped", Some(self.encoded.dropped())),
+            ("reconstructed frames dropped", Some(self.decoder.dropped())),
+            ("windows not decoded", Some(self.decoder.undecoded())),
+            ("raw frames dropped", dropped(&self.raw)),
+            ("filtered frames dropped", dropped(&self.filtered)),
+            ("events dropped", events),
+        ];
+        let now = figures.iter().filter_map(|(_, figure)| *figure).sum();
+        let lost = now > std::mem::replace(&mut self.reported, now);
+        let (level, message) = if self.decoder.has_ended() {
+            let message = "the decoder has ended; restart the bridge for reconstructed frames";
+            (DiagnosticLevel::Error, message)
+        } else if lost {
+            let message = "frames dropped since the last report: a subscriber or the host is slow";
+            (DiagnosticLevel::Warn, message)
+        } else {
+            (DiagnosticLevel::Ok, "nothing dropped")
+        };
+        let figures = figures.into_iter();
+        let values = figures.filter_map(|(name, figure)| Some(KeyValue::new(name, &figure?)));
+        DiagnosticStatus {
+            level,
+            name: "corticode: outlets".to_owned(),
+            message: message.to_owned(),
+            hardware_id: String::new(),
+            values: values.collect(),
+        }
+    }
+
+    fn record_error(&mut self, published: Result<(), SinkError>) {
+        if let Err(error) = published {
+            self.sink_error = Some(error);
+        }
+    }
+}
+
+impl Effects for Outlets {
+    fn send(&mut self, frame: &[u8]) {
+        self.outgoing.extend_from_slice(frame);
+    }
+
+    fn announce(&mut self, announcement: &Announcement) {
+        if announcement.decodable {
+            let model = Arc::clone(&self.model);
+            self.decoder.start_device(Reconstruction::new(
+                &announcement.device,
+                model,
+                self.settings,
+            ));
+        }
+        let Some(announcements) = &self.announcements else {
+            return;
+        };
+        let Some(info) = &announcement.info else {
+            tracing::error!(
+                "nothing is announced, because --announce names a stream that is not published"
+            );
+            return;
+        };
+        if self.announced.as_ref() != Some(info) {
+            self.announced = Some(info.clone());
+            // Fails only while the node shuts down, when nobody calls the service any more.
+            let _ = announcements.send(info.clone());
+        }
+    }
+
+    fn publish_encoded(&mut self, frame: &NeuroFrame) {
+        let published = self.encoded.publish(frame);
+        self.record_error(published);
+    }
+
+    fn decode(&mut self, window: TimedCode) {
+        self.decoder.decode(window);
+    }
+
+    fn publish_raw(&mut self, frame: &NeuroFrame) {
+        if let Some(sink) = &mut self.raw {
+            let published = sink.publish(frame);
+            self.record_error(published);
+        }
+    }
+
+    fn publish_filtered(&mut self, frame: &NeuroFrame) {
+        if let Some(sink) = &mut self.filtered {
+            let published = sink.publish(frame);
+            self.record_error(published);
+        }
+    }
+
+    fn publish_event(&mut self, event: &NeuroEvent) {
+        if let Some(sink) = &mut self.events {
+            let published = sink.publish(event);
+            self.record_error(published);
+        }
+    }
+
+    fn audit(&mut self, window: AuditedWindow) {
+        self.decoder.audit(window, Arc::clone(&self.model));
+    }
+}

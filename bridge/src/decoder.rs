@@ -1,0 +1,6 @@
+//! The float network: decodes codes to microvolts and audits the device's codes.
+
+pub(crate) mod audit;
+pub(crate) mod model;
+pub(crate) mod reconstruction;
+pub(crate) mod thread;

@@ -1,0 +1,130 @@
+//! The float network of one model.
+
+use std::path::Path;
+
+use artifact::{Artifact, ArtifactError, FloatDecoder, FloatEncoder, ModelId, WINDOW_CELLS};
+use link::CODE_LEN;
+
+use crate::device::Device;
+
+/// The float network of one model: decodes the codes of devices with that model, and computes the code
+/// that such a device should make of a window.
+#[derive(Clone, Debug)]
+pub struct Model {
+    id: ModelId,
+    encoder: FloatEncoder,
+    decoder: FloatDecoder,
+    /// Float input of the network per level of the device's int8 input.
+    input_scale: f32,
+    sd_uv: f32,
+    steps: usize,
+    rate_hz: u32,
+    electrodes: Vec<String>,
+}
+
+impl Model {
+    /// Reads the model that this program was built with.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError`] if the model's decoder needs more than the code.
+    pub fn embedded() -> Result<Model, ArtifactError> {
+        Model::new(&Artifact::from_bytes(
+            include_str!("../../../model/artifact/model.toml"),
+            include_bytes!("../../../model/artifact/weights.safetensors"),
+            include_bytes!("../../../model/artifact/calibration.safetensors"),
+        )?)
+    }
+
+    /// Reads the model in a folder with `model.toml` and its weights.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError`] if the folder holds no valid model, or its decoder needs more than the code.
+    pub fn read(folder: &Path) -> Result<Model, ArtifactError> {
+        Model::new(&Artifact::read(folder)?)
+    }
+
+    /// Builds decoder and encoder from an artifact.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError`] if a tensor is missing or the model's decoder needs more than the code.
+    pub fn new(artifact: &Artifact) -> Result<Model, ArtifactError> {
+        let description = &artifact.description;
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "a standard deviation, about 50"
+        )]
+        let sd_uv = description.input.sd_uv as f32;
+        #[expect(clippy::cast_possible_truncation, reason = "a scale, about 0.1")]
+        let input_scale = (artifact.input_scale_uv()? / description.input.sd_uv) as f32;
+        Ok(Model {
+            id: artifact.id,
+            encoder: FloatEncoder::new(artifact)?,
+            input_scale,
+            decoder: FloatDecoder::new(artifact)?,
+            sd_uv,
+            steps: description.window.steps,
+            rate_hz: description.window.rate_hz,
+            electrodes: description.montage.electrodes.clone(),
+        })
+    }
+
+    /// Returns the model id, as codes and `Hello` carry it.
+    pub fn id(&self) -> [u8; 8] {
+        self.id.0
+    }
+
+    /// Returns the electrode labels in the order of the montage.
+    pub fn electrodes(&self) -> &[String] {
+        &self.electrodes
+    }
+
+    /// Returns why this model cannot decode the device's codes, or `None` if it can.
+    pub fn objection(&self, device: &Device) -> Option<String> {
+        if device.model_id != self.id.0 {
+            return Some(format!(
+                "the device runs model {} and this bridge decodes {}; codes are published, their \
+                 reconstruction is not: restart the bridge with --model and the folder of the \
+                 device's model, or flash firmware with the bridge's model",
+                ModelId(device.model_id),
+                self.id
+            ));
+        }
+        let same = usize::from(device.window_steps) == self.steps
+            && u32::from(device.step_rate_hz) == self.rate_hz
+            && device.labels == self.electrodes;
+        (!same).then(|| {
+            format!(
+                "the device reports model {} but another montage or window; codes are published, their reconstruction is not: bring firmware and bridge to the same \
+                 release",
+                self.id
+            )
+        })
+    }
+
+    /// Decodes a code to its window in microvolts, step by step, all electrodes of a step in a row.
+    pub fn decode(&self, z: &[f32; CODE_LEN]) -> Vec<f32> {
+        let mut window = self.decoder.decode(z);
+        for value in &mut window {
+            *value *= self.sd_uv;
+        }
+        window
+    }
+
+    /// Number of scalp-grid cells in a window, all steps together.
+    pub fn window_cells(&self) -> usize {
+        WINDOW_CELLS
+    }
+
+    /// Computes the code of a window in the device's input format: int8 cells, plane by plane. Missing
+    /// cells count as 0.
+    pub fn encode(&self, planes: &[i8]) -> [f32; CODE_LEN] {
+        let mut window = [0.0; WINDOW_CELLS];
+        for (cell, step) in window.iter_mut().zip(planes) {
+            *cell = f32::from(*step) * self.input_scale;
+        }
+        self.encoder.encode(&window)
+    }
+}

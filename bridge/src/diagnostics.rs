@@ -1,0 +1,274 @@
+//! The report for `/diagnostics`, once per second.
+
+pub(crate) mod audit;
+pub(crate) mod converters;
+pub(crate) mod signal_quality;
+pub(crate) mod status;
+pub(crate) mod summary;
+pub(crate) mod timing;
+
+use link::{Counters, Streams};
+use neuro_ros::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, Header, KeyValue, Stamp};
+
+use crate::diagnostics::signal_quality::signal_quality_status;
+use crate::diagnostics::status::new_status;
+use crate::diagnostics::timing::timing_status;
+use crate::session::state::Session;
+use crate::settings::StreamKind;
+use crate::streams::code::CodeStream;
+use crate::streams::sample::{SampleCounts, SampleStream};
+use crate::time::host_time::HostTime;
+
+/// Builds the report for `/diagnostics`: device, loss, link, clock, and the converters of a device that
+/// has any. Electrodes and deadlines are included once per report of the device.
+pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
+    let header = Header {
+        stamp: Stamp::from_nanoseconds(now.wall_ns),
+        ..Header::default()
+    };
+    let hardware = session.codes.as_ref().map_or_else(String::new, |codes| {
+        let device = codes.device();
+        format!("{} {}", device.board, device.uid)
+    });
+    let mut status = vec![
+        device_status(session, now),
+        loss_status(session),
+        link_status(session, wire),
+        clock_status(session, now),
+    ];
+    if let Some((report, codes)) = session.converters.as_mut().zip(session.codes.as_ref()) {
+        let device = codes.device();
+        status.push(report.status(device.adc_rate_hz, &device.labels));
+    }
+    if let Some((quality, codes)) = session.quality.take().zip(session.codes.as_ref()) {
+        status.push(signal_quality_status(&quality, &codes.device().labels));
+    }
+    if let Some(report) = session.timing.take() {
+        status.push(timing_status(&report));
+    }
+    for status in &mut status {
+        status.name.insert_str(0, "corticode: ");
+        status.hardware_id.clone_from(&hardware);
+    }
+    DiagnosticArray { header, status }
+}
+
+fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
+    let usable = session.commands.accepts_codes();
+    let (level, message) = match (&session.objection, session.introduced) {
+        (_, false) => (DiagnosticLevel::Stale, "no device answers".to_owned()),
+        (Some(objection), _) if usable => (DiagnosticLevel::Warn, objection.clone()),
+        (Some(objection), _) => (DiagnosticLevel::Error, objection.clone()),
+        (None, true) if session.commands.is_starved(now.monotonic_us) => (
+            DiagnosticLevel::Warn,
+            "the device should stream and sends no codes; the bridge asks it again".to_owned(),
+        ),
+        (None, true) if session.commands.is_streaming() => streaming_state(session),
+        (None, true) => (DiagnosticLevel::Ok, "not streaming".to_owned()),
+    };
+    let mut values = vec![
+        KeyValue::new("connections", &session.counts.connections),
+        KeyValue::new("resets", &session.counts.resets),
+        KeyValue::new("codes unused", &session.counts.codes_unused),
+        KeyValue::new("other messages unused", &session.side.unused),
+        KeyValue::new(
+            "audits of another model or size",
+            &session.side.audits_unusable,
+        ),
+        KeyValue::new(
+            "streams asked for",
+            &StreamKind::names(session.commands.streams()),
+        ),
+    ];
+    if let Some(codes) = &session.codes {
+        let device = codes.device();
+        values.push(KeyValue::new("firmware", &device.firmware));
+        values.push(KeyValue::new("mains Hz", &device.mains_hz));
+        values.push(KeyValue::new("code format", &device.code_format));
+        values.push(KeyValue::new(
+            "codes of another model or format",
+            &codes.counts().foreign,
+        ));
+    }
+    if let Some(stats) = session.stats {
+        values.extend([
+            KeyValue::new("device: codes made", &stats.codes_made),
+            KeyValue::new("device: frames dropped", &stats.frames_dropped),
+            KeyValue::new("device: samples", &stats.samples),
+            KeyValue::new("device: overruns", &stats.overruns),
+            KeyValue::new("device: bad ADC status", &stats.adc_status_bad),
+            KeyValue::new("device: values clipped", &stats.clipped),
+            KeyValue::new("device: code values clipped", &stats.clipped_values),
+            KeyValue::new("device: commands", &stats.commands),
+            KeyValue::new("device: bad frames from here", &stats.input_bad),
+        ]);
+    }
+    new_status("device", (level, message), values)
+}
+
+/// Returns the state of a streaming device. Missing raw samples or filtered steps are a warning;
+/// missing audits or events, as on older devices, are not.
+fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
+    let refused = session.commands.refused_streams();
+    if refused.is_empty() {
+        return (DiagnosticLevel::Ok, "streaming".to_owned());
+    }
+    let samples = refused.contains(Streams::RAW) || refused.contains(Streams::FILTERED);
+    let level = if samples {
+        DiagnosticLevel::Warn
+    } else {
+        DiagnosticLevel::Ok
+    };
+    let names = StreamKind::names(refused);
+    let remedy = if refused == Streams::RAW {
+        "its port may be too slow; use its USB port, or choose filtered instead"
+    } else {
+        "update its firmware"
+    };
+    let message = format!("streaming; the device does not stream {names}: {remedy}");
+    (level, message)
+}
+
+fn loss_status(session: &mut Session) -> DiagnosticStatus {
+    let counts = session.codes.as_ref().map(|codes| codes.counts().clone());
+    let counts = counts.unwrap_or_default();
+    let ledger = &counts.ledger;
+    let since = ledger.lost() - session.counts.lost_reported;
+    session.counts.lost_reported = ledger.lost();
+    let mut losses = vec![(since, "codes")];
+    let mut side_values = Vec::new();
+    for (stream, name) in [
+        (&mut session.side.raw, "raw samples"),
+        (&mut session.side.filtered, "filtered steps"),
+    ] {
+        if let Some(stream) = stream {
+            losses.push((stream.lost_since_report(), name));
+            side_values.extend(sample_values(stream.counts(), name));
+        }
+    }
+    let events = &mut session.side.events;
+    losses.push((events.lost_since_report(), "events"));
+    let side_events = [
+        KeyValue::new("events received", &events.ledger().received()),
+        KeyValue::new("events lost", &events.ledger().lost()),
+        KeyValue::new("events behind others", &events.ledger().replays()),
+        KeyValue::new("events of unknown kinds", &events.unknown),
+    ];
+    if session.commands.streams().contains(Streams::EVENTS) {
+        side_values.extend(side_events);
+    }
+    losses.retain(|(lost, _)| *lost > 0);
+    let state = if losses.is_empty() {
+        (DiagnosticLevel::Ok, "nothing lost".to_owned())
+    } else {
+        let losses = losses.iter();
+        let losses: Vec<String> = losses
+            .map(|(lost, what)| format!("{lost} {what}"))
+            .collect();
+        let message = format!("{} lost since the last report", losses.join(", "));
+        (DiagnosticLevel::Warn, message)
+    };
+    let mut values = vec![
+        KeyValue::new("made", &ledger.made()),
+        KeyValue::new("received", &ledger.received()),
+        KeyValue::new("lost", &ledger.lost()),
+        KeyValue::new("bursts", &ledger.bursts()),
+        KeyValue::new("longest burst", &ledger.longest_burst()),
+        KeyValue::new("fillers", &counts.fillers),
+        KeyValue::new("lost and not filled", &counts.unfilled),
+        KeyValue::new("values clipped", &counts.clipped),
+        KeyValue::new("code values clipped", &counts.clipped_values),
+    ];
+    values.extend(side_values);
+    new_status("loss", state, values)
+}
+
+fn sample_values(counts: &SampleCounts, name: &str) -> [KeyValue; 4] {
+    let SampleCounts {
+        received,
+        lost,
+        unpublished,
+        malformed,
+        reported: _,
+    } = counts;
+    [
+        ("received", received),
+        ("lost", lost),
+        ("not published", unpublished),
+        ("messages malformed", malformed),
+    ]
+    .map(|(what, count)| KeyValue::new(&format!("{name} {what}"), count))
+}
+
+fn link_status(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
+    let damaged = [wire.crc, wire.cobs, wire.oversize, wire.malformed];
+    let damaged = damaged.into_iter().fold(0, u32::wrapping_add);
+    let since = damaged.wrapping_sub(session.counts.damaged_reported);
+    session.counts.damaged_reported = damaged;
+    if since > 0 {
+        tracing::warn!(since, "frames damaged; check cable, connectors and --baud");
+    }
+    let state = if wire.version > 0 && wire.frames == 0 {
+        let message = "the device speaks another version of the wire format; bring firmware and \
+                       bridge to the same release";
+        (DiagnosticLevel::Error, message.to_owned())
+    } else if since > 0 {
+        (
+            DiagnosticLevel::Warn,
+            format!("{since} frames damaged since the last report"),
+        )
+    } else {
+        (DiagnosticLevel::Ok, format!("{} frames", wire.frames))
+    };
+    let values = vec![
+        KeyValue::new("bytes", &wire.bytes),
+        KeyValue::new("frames", &wire.frames),
+        KeyValue::new("frames lost", &session.frames.lost()),
+        KeyValue::new("frames replayed", &session.frames.replays()),
+        KeyValue::new("CRC errors", &wire.crc),
+        KeyValue::new("COBS errors", &wire.cobs),
+        KeyValue::new("oversize", &wire.oversize),
+        KeyValue::new("other version", &wire.version),
+        KeyValue::new("newer messages", &wire.unknown),
+        KeyValue::new("malformed", &wire.malformed),
+        KeyValue::new("resyncs", &wire.resyncs),
+    ];
+    new_status("link", state, values)
+}
+
+fn clock_status(session: &Session, now: HostTime) -> DiagnosticStatus {
+    let clock = &session.clock;
+    let samples = [&session.side.raw, &session.side.filtered];
+    let samples = samples
+        .into_iter()
+        .flatten()
+        .map(SampleStream::moved_stamps);
+    let codes = session.codes.as_ref().map(CodeStream::moved_stamps);
+    let moved: u64 = samples.chain(codes).sum();
+    let message = format!("{:+.1} ppm", clock.drift_ppm());
+    let mut values = vec![
+        KeyValue::new("drift ppm", &format!("{:+.2}", clock.drift_ppm())),
+        KeyValue::new("residual us", &format!("{:.0}", clock.residual_us())),
+        KeyValue::new(
+            "newest delay us",
+            &format!("{:.0}", clock.newest_delay_us()),
+        ),
+        KeyValue::new("host clock steps", &clock.wall_steps()),
+        KeyValue::new("impossible device times", &clock.refused()),
+        KeyValue::new("stamps held", &moved),
+        KeyValue::new("impossible answers", &session.round_trips.impossible()),
+    ];
+    if let Some(trip) = session.round_trips.shortest(now) {
+        let (transit_us, half) = (trip.transit_us, trip.transit_us / 2.0);
+        values.push(KeyValue::new("round trip us", &format!("{transit_us:.0}")));
+        values.push(KeyValue::new(
+            "offset known to +- us",
+            &format!("{half:.0}"),
+        ));
+        if let Some([least, most]) = trip.late_us {
+            let late = format!("{:.0} to {:.0}", least.max(0.0), most.max(0.0));
+            values.push(KeyValue::new("stamps late by us", &late));
+        }
+    }
+    new_status("clock", (DiagnosticLevel::Ok, message), values)
+}

@@ -1,0 +1,105 @@
+//! Results of audits, for `/diagnostics`.
+
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
+
+use crate::decoder::audit::AuditResult;
+use crate::diagnostics::status::new_status;
+
+/// Number of audits in a row with a cell at the rail that is a warning: one minute of audits.
+const UNJUDGED_BEFORE_WARNING: u64 = 6;
+
+/// Counts of audit results, and the newest result.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct AuditCounts {
+    pub(crate) compared: u64,
+    pub(crate) wrong: u64,
+    pub(crate) at_rail: u64,
+    /// Audits with a cell at the rail since the last one without.
+    unjudged: u64,
+    pub(crate) newest: Option<AuditResult>,
+}
+
+impl AuditCounts {
+    pub(crate) fn record(&mut self, result: AuditResult) {
+        self.compared += 1;
+        self.wrong += u64::from(result.is_wrong());
+        self.at_rail += u64::from(result.at_rail);
+        self.unjudged = if result.at_rail { self.unjudged + 1 } else { 0 };
+        self.newest = Some(result);
+    }
+
+    /// Returns the status from the first audit on. `skipped` audits found the queue full.
+    pub(crate) fn status(&self, skipped: u64) -> Option<DiagnosticStatus> {
+        let newest = self.newest?;
+        let AuditResult {
+            window,
+            rms,
+            rms_limit,
+            largest,
+            largest_limit,
+            value,
+            at_rail,
+        } = newest;
+        let state = if newest.is_wrong() {
+            let message = format!(
+                "the device's code differs from its model: window {window} by {rms:.2} steps RMS \
+                 (limit {rms_limit:.2}), value z{value:03} by {largest:.2} (limit \
+                 {largest_limit:.2}); reset the device, and flash it again if this persists"
+            );
+            (DiagnosticLevel::Error, message)
+        } else if self.unjudged >= UNJUDGED_BEFORE_WARNING {
+            let message = format!(
+                "the last {} windows had cells at the rail and were not judged; see `signal \
+                 quality` for the electrode",
+                self.unjudged
+            );
+            (DiagnosticLevel::Warn, message)
+        } else if at_rail {
+            let message = "the newest window had cells at the rail and was not judged";
+            (DiagnosticLevel::Ok, message.to_owned())
+        } else {
+            let message = format!("the device's code matches its model within {rms:.2} steps RMS");
+            (DiagnosticLevel::Ok, message)
+        };
+        let values = vec![
+            KeyValue::new("windows compared", &self.compared),
+            KeyValue::new("windows wrong", &self.wrong),
+            KeyValue::new("windows at the rail, not judged", &self.at_rail),
+            KeyValue::new("windows skipped", &skipped),
+            KeyValue::new("rms steps", &format!("{rms:.3}")),
+            KeyValue::new("rms limit", &format!("{rms_limit:.3}")),
+            KeyValue::new("largest steps", &format!("{largest:.3}")),
+            KeyValue::new("largest limit", &format!("{largest_limit:.3}")),
+        ];
+        Some(new_status("audit", state, values))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_minute_of_audits_at_the_rail_is_a_warning_until_one_is_judged() {
+        let result = |at_rail| AuditResult {
+            window: 0,
+            rms: 0.3,
+            rms_limit: 0.6,
+            largest: 1.0,
+            largest_limit: 1.5,
+            value: 0,
+            at_rail,
+        };
+        let mut counts = AuditCounts::default();
+        let mut level = |at_rail| {
+            counts.record(result(at_rail));
+            counts.status(0).map(|status| status.level)
+        };
+        for _ in 1..UNJUDGED_BEFORE_WARNING {
+            assert_eq!(level(true), Some(DiagnosticLevel::Ok));
+        }
+        assert_eq!(level(true), Some(DiagnosticLevel::Warn));
+        assert_eq!(level(false), Some(DiagnosticLevel::Ok));
+        assert_eq!(level(true), Some(DiagnosticLevel::Ok));
+    }
+}

@@ -1,0 +1,109 @@
+//! Counts of received, lost and filled data, as the last line of the program.
+
+use std::fmt;
+
+use link::{Counters, StageTiming};
+
+use crate::diagnostics::timing::worst_of_deadline;
+use crate::session::state::Session;
+
+/// Counts of received, lost and filled data so far; prints as one line.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Codes that the device has made, as far as their indices show: received + lost.
+    pub made: u64,
+    /// Codes that arrived, each once.
+    pub received: u64,
+    /// Codes that did not arrive.
+    pub lost: u64,
+    /// Number of runs of consecutive lost codes.
+    pub bursts: u64,
+    /// Length of the longest run of lost codes.
+    pub longest_burst: u32,
+    /// Number of fillers published in place of lost codes.
+    pub fillers: u64,
+    /// Wire frames of any kind that did not arrive.
+    pub frames_lost: u64,
+    /// Counts of the frame decoder: bytes, frames, errors by kind.
+    pub wire: Counters,
+    /// Number of times that the port was opened.
+    pub connections: u64,
+    /// Number of detected resets of the device.
+    pub resets: u64,
+    /// Codes that were not published: from before the device's introduction, from a refused device, or
+    /// of another model or format than the device introduced itself with.
+    pub unused: u64,
+    /// Rate of the host's clock relative to the device's, minus 1, in parts per million.
+    pub drift_ppm: f64,
+    /// The device's stage with the largest ratio of worst time to deadline; `None` if the device
+    /// measures no stages.
+    pub worst_stage: Option<StageTiming>,
+}
+
+impl Summary {
+    pub(crate) fn new(session: &Session, wire: &Counters) -> Summary {
+        let counts = session.codes.as_ref().map(|codes| codes.counts().clone());
+        let counts = counts.unwrap_or_default();
+        Summary {
+            made: counts.ledger.made(),
+            received: counts.ledger.received(),
+            lost: counts.ledger.lost(),
+            bursts: counts.ledger.bursts(),
+            longest_burst: counts.ledger.longest_burst(),
+            fillers: counts.fillers,
+            frames_lost: session.frames.lost(),
+            wire: *wire,
+            connections: session.counts.connections,
+            resets: session.counts.resets,
+            unused: session.counts.codes_unused + counts.foreign,
+            drift_ppm: session.clock.drift_ppm(),
+            worst_stage: session.worst_stage,
+        }
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Summary {
+            made,
+            received,
+            lost,
+            bursts,
+            longest_burst,
+            fillers,
+            ..
+        } = self;
+        let Summary {
+            frames_lost,
+            wire,
+            connections,
+            resets,
+            unused,
+            drift_ppm,
+            ..
+        } = self;
+        write!(
+            formatter,
+            "codes: made {made} received {received} lost {lost} (bursts {bursts}, longest \
+             {longest_burst}) fillers {fillers} unused {unused}; frames: lost {frames_lost} crc \
+             {} cobs {} oversize {} version {} unknown {} malformed {} resyncs {}; connections \
+             {connections} resets {resets}; clock {drift_ppm:+.1} ppm",
+            wire.crc,
+            wire.cobs,
+            wire.oversize,
+            wire.version,
+            wire.unknown,
+            wire.malformed,
+            wire.resyncs
+        )?;
+        if let Some(stage) = &self.worst_stage {
+            write!(
+                formatter,
+                "; stage {}: {}",
+                stage.stage,
+                worst_of_deadline(stage)
+            )?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,99 @@
+//! A single request to the device at a port.
+
+pub(crate) mod protocol;
+pub(crate) mod report;
+mod table;
+
+use std::io;
+use std::time::Duration;
+
+use indicatif::ProgressBar;
+use tokio::time::{sleep, timeout};
+
+use crate::error::BridgeError;
+use crate::query::protocol::{Answer, Query, QueryResult, Request};
+use crate::time::host_time::HostTime;
+use crate::wire::address::PortAddress;
+use crate::wire::port::{Port, Transfer};
+
+/// Interval of the timeout checks, and delay before a lost port is reopened.
+const TICK: Duration = Duration::from_millis(100);
+
+/// Sends a request to the device at a port and waits for the answer, with a spinner on a terminal.
+///
+/// # Errors
+///
+/// [`BridgeError`] if the port cannot be used, nothing answers, or the device refuses.
+pub(crate) async fn query_port(address: &PortAddress, baud: u32, request: Request) -> QueryResult {
+    let spinner = ProgressBar::new_spinner();
+    spinner.enable_steady_tick(TICK);
+    let outcome = ask(address, baud, request, &spinner).await;
+    spinner.finish_and_clear();
+    outcome
+}
+
+async fn ask(
+    address: &PortAddress,
+    baud: u32,
+    request: Request,
+    spinner: &ProgressBar,
+) -> Result<Answer, BridgeError> {
+    let mut query = Query::new(request);
+    let mut port = Some(open(address, baud).await?);
+    query.connected(HostTime::now().monotonic_us);
+    let (mut buffer, mut outgoing) = (vec![0; 4096], Vec::new());
+    loop {
+        spinner.set_message(query.progress_text());
+        let now_us = HostTime::now().monotonic_us;
+        if let Some(outcome) = query.tick(now_us) {
+            return outcome;
+        }
+        let Some(open_port) = &mut port else {
+            sleep(TICK).await;
+            // The port is absent while the device restarts; `query` times out if that takes too long.
+            port = Port::open(address, baud).await.ok();
+            if port.is_some() {
+                outgoing.clear();
+                query.connected(HostTime::now().monotonic_us);
+            }
+            continue;
+        };
+        outgoing.extend(query.outgoing());
+        match timeout(TICK, open_port.exchange(&mut buffer, &outgoing)).await {
+            Err(_) => {}
+            Ok(Ok(Transfer::Read(count))) => {
+                let now_us = HostTime::now().monotonic_us;
+                if let Some(outcome) = query.receive(&buffer[..count], now_us) {
+                    return outcome;
+                }
+            }
+            Ok(Ok(Transfer::Written(count))) => drop(outgoing.drain(..count)),
+            Ok(Err(_)) if query.expects_reconnect() => port = None,
+            Ok(Err(source)) => {
+                return Err(BridgeError::Unreachable {
+                    port: address.to_string(),
+                    what: "was lost before the device answered",
+                    remedy: "check cable and power, and whether another program uses it".to_owned(),
+                    source,
+                });
+            }
+        }
+    }
+}
+
+async fn open(address: &PortAddress, baud: u32) -> Result<Port, BridgeError> {
+    let opened = Port::open(address, baud).await;
+    opened.map_err(|source| {
+        let port = address.to_string();
+        match source.kind() {
+            io::ErrorKind::InvalidInput => BridgeError::Port { port, source },
+            io::ErrorKind::Unsupported => BridgeError::Speed { port, source },
+            kind => BridgeError::Unreachable {
+                port,
+                what: "does not open",
+                remedy: address.remedy(kind),
+                source,
+            },
+        }
+    })
+}

@@ -1,0 +1,269 @@
+//! Protocol of a single request to a device, without input and output.
+
+use link::{Ack, AckResult, Decoder, Encoder, MAX_FRAME, ResetInto, ToDevice, ToHost};
+
+use crate::error::BridgeError;
+use crate::query::report::{DeviceSummary, SelfTestReport};
+use crate::wire::pending::PendingCommand;
+
+/// Longest time for the device to acknowledge a command, seconds.
+const ACK_TIMEOUT_S: u32 = 5;
+/// Longest time for the device to test its converters, or to return after a reset, seconds.
+const RESULT_TIMEOUT_S: u32 = 15;
+
+/// A request that a device executes once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// Test the converters with their internal signals.
+    SelfTest,
+    /// Restart the device into its firmware or its bootloader.
+    Reset(ResetInto),
+}
+
+/// Outcome of a [`Request`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum Answer {
+    /// Result of the self-test.
+    SelfTest(Box<SelfTestReport>),
+    /// The device has restarted; its summary has the cause of the start.
+    Restarted(DeviceSummary),
+    /// The device has agreed to start its bootloader, which does not answer any more.
+    InBootloader(DeviceSummary),
+}
+
+/// State machine of a single request: identify the device, stop its streams, send the request, wait
+/// for the result. Bytes and times in, bytes and a [`QueryResult`] out.
+#[derive(Debug)]
+pub struct Query {
+    request: Request,
+    decoder: Decoder<MAX_FRAME>,
+    encoder: Encoder,
+    stage: Stage,
+    since_us: i64,
+    pending: Option<PendingCommand>,
+    device: Option<(u32, DeviceSummary)>,
+    /// Number of ADC channels, and the electrode labels of the first ones.
+    montage: Option<(usize, Vec<String>)>,
+    outgoing: Vec<u8>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    Identify,
+    Stop,
+    Request,
+    Wait,
+}
+
+/// Final result of a [`Query`].
+pub type QueryResult = Result<Answer, BridgeError>;
+
+impl Query {
+    /// Creates a query. Call [`Query::connected`] once the port is open.
+    pub fn new(request: Request) -> Query {
+        Query {
+            request,
+            decoder: Decoder::new(),
+            encoder: Encoder::default(),
+            stage: Stage::Identify,
+            since_us: 0,
+            pending: None,
+            device: None,
+            montage: None,
+            outgoing: Vec::new(),
+        }
+    }
+
+    /// Handles the opening or reopening of the port.
+    pub fn connected(&mut self, now_us: i64) {
+        self.decoder.reset();
+        self.outgoing.clear();
+        self.pending = None;
+        if self.stage != Stage::Wait {
+            self.since_us = now_us;
+        }
+    }
+
+    /// Returns whether the port can disappear and return now: a restarting device disconnects from USB.
+    pub fn expects_reconnect(&self) -> bool {
+        self.stage == Stage::Wait && matches!(self.request, Request::Reset(_))
+    }
+
+    /// Returns what the query is doing, for display.
+    pub fn progress_text(&self) -> &'static str {
+        match (self.stage, self.request) {
+            (Stage::Identify, _) => "identifying the device",
+            (Stage::Stop, _) => "stopping its streams",
+            (_, Request::SelfTest) => "the device tests its converters",
+            (_, Request::Reset(_)) => "the device restarts",
+        }
+    }
+
+    /// Returns the bytes to send to the device and clears them.
+    pub fn outgoing(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.outgoing)
+    }
+
+    /// Handles bytes from the device and returns the result if they complete the query.
+    pub fn receive(&mut self, mut bytes: &[u8], now_us: i64) -> Option<QueryResult> {
+        // Frames borrow from the decoder, so it is moved out of `self` while they are handled.
+        let mut decoder = std::mem::replace(&mut self.decoder, Decoder::new());
+        let mut outcome = None;
+        while outcome.is_none()
+            && let Some(frame) = decoder.next::<ToHost>(&mut bytes)
+        {
+            if let Ok(frame) = frame {
+                outcome = self.handle_message(&frame.message, now_us);
+            }
+        }
+        self.decoder = decoder;
+        outcome
+    }
+
+    fn handle_message(&mut self, message: &ToHost, now_us: i64) -> Option<QueryResult> {
+        match message {
+            ToHost::Hello(hello) => {
+                let device = DeviceSummary::new(hello);
+                let before = self.device.replace((hello.session_id, device.clone()));
+                let other = before.is_some_and(|(session_id, _)| session_id != hello.session_id);
+                let requested = matches!(self.stage, Stage::Request | Stage::Wait);
+                (requested && other).then_some(match self.request {
+                    Request::Reset(_) => Ok(Answer::Restarted(device)),
+                    Request::SelfTest => Err(BridgeError::RestartedDuringTest {
+                        device: Box::new(device),
+                    }),
+                })
+            }
+            ToHost::Capabilities(capabilities) => {
+                let labels = capabilities.labels.split_whitespace();
+                let labels = labels.map(str::to_owned).collect();
+                self.montage = Some((usize::from(capabilities.channels), labels));
+                None
+            }
+            ToHost::Ack(ack) => self.handle_ack(*ack, now_us),
+            ToHost::SelfTest(test) if self.request == Request::SelfTest => {
+                let (_, device) = self.device.clone()?;
+                let (channels, labels) = self.montage.as_ref()?;
+                // A result that arrives earlier belongs to another program's request.
+                matches!(self.stage, Stage::Request | Stage::Wait).then(|| {
+                    let report = SelfTestReport::new(device, test, *channels, labels);
+                    Ok(Answer::SelfTest(Box::new(report)))
+                })
+            }
+            _ => None,
+        }
+    }
+
+    fn handle_ack(&mut self, ack: Ack, now_us: i64) -> Option<QueryResult> {
+        let pending = self
+            .pending
+            .filter(|pending| pending.is_acknowledged_by(ack.of))?;
+        match (self.stage, ack.result) {
+            (Stage::Identify, _) => {
+                if self.device.is_some() && self.montage.is_some() {
+                    self.enter(Stage::Stop, now_us);
+                }
+            }
+            (Stage::Stop, _) => self.enter(Stage::Request, now_us),
+            (Stage::Request, AckResult::Done) => {
+                self.enter(Stage::Wait, now_us);
+                if let (Request::Reset(ResetInto::Bootloader), Some((_, device))) =
+                    (self.request, &self.device)
+                {
+                    return Some(Ok(Answer::InBootloader(device.clone())));
+                }
+            }
+            // The first transmission arrived, and its acknowledgement was lost.
+            (Stage::Request, AckResult::Busy) if pending.was_sent_again() => {
+                self.enter(Stage::Wait, now_us);
+            }
+            (Stage::Request, refused) => {
+                let (what, why) = refusal(self.request, refused);
+                return Some(Err(BridgeError::Refused { what, why }));
+            }
+            (Stage::Wait, _) => {}
+        }
+        None
+    }
+
+    fn enter(&mut self, stage: Stage, now_us: i64) {
+        self.stage = stage;
+        self.since_us = now_us;
+        self.pending = None;
+    }
+
+    /// Queues the command that is due, and returns an error after the timeout of the current stage.
+    pub fn tick(&mut self, now_us: i64) -> Option<QueryResult> {
+        let (what, seconds) = match (self.stage, self.request) {
+            (Stage::Identify, _) => ("to the identification request", ACK_TIMEOUT_S),
+            (Stage::Stop, _) => ("to the stop command", ACK_TIMEOUT_S),
+            (Stage::Request, Request::SelfTest) => ("to the self-test command", ACK_TIMEOUT_S),
+            (Stage::Request, Request::Reset(_)) => ("to the reset command", ACK_TIMEOUT_S),
+            (Stage::Wait, Request::SelfTest) => {
+                ("with the result of the self-test", RESULT_TIMEOUT_S)
+            }
+            (Stage::Wait, Request::Reset(_)) => ("after the restart", RESULT_TIMEOUT_S),
+        };
+        if now_us - self.since_us > i64::from(seconds) * 1_000_000 {
+            return Some(Err(BridgeError::NoAnswer { what, seconds }));
+        }
+        let command = match (self.stage, self.request) {
+            // After a reset, `Hello` may have been sent before the port was reopened.
+            (Stage::Identify, _) | (Stage::Wait, Request::Reset(_)) => ToDevice::Identify,
+            (Stage::Stop, _) => ToDevice::Stop,
+            (Stage::Request, Request::SelfTest) => ToDevice::SelfTest,
+            (Stage::Request, Request::Reset(into)) => ToDevice::Reset(into),
+            (Stage::Wait, Request::SelfTest) => return None,
+        };
+        if self
+            .pending
+            .is_none_or(|pending| pending.retry_is_due(now_us))
+        {
+            self.send(command, now_us);
+        }
+        None
+    }
+
+    fn send(&mut self, command: ToDevice, now_us: i64) {
+        let seq = self.encoder.next_seq();
+        self.pending = Some(match self.pending {
+            Some(pending) => pending.sent_again(seq, now_us),
+            None => PendingCommand::new(command, seq, now_us),
+        });
+        let mut buffer = [0; MAX_FRAME];
+        match self.encoder.encode(0, &command, &mut buffer) {
+            Ok(frame) => self.outgoing.extend_from_slice(frame),
+            Err(error) => tracing::error!(%error, ?command, "a command cannot be sent"),
+        }
+    }
+}
+
+/// Returns the refused request as an infinitive, and the reason with what the user can do next.
+fn refusal(request: Request, result: AckResult) -> (&'static str, &'static str) {
+    let what = match request {
+        Request::SelfTest => "to test itself",
+        Request::Reset(ResetInto::Bootloader) => "to start its bootloader",
+        Request::Reset(_) => "to restart",
+    };
+    let why = match (result, request) {
+        (AckResult::UnknownCommand, _) => {
+            "its firmware is older than this command; update the firmware"
+        }
+        (AckResult::NotSupported, Request::SelfTest) => {
+            "its board has no converters that can be tested"
+        }
+        (AckResult::NotSupported | AckResult::BadArgument, Request::Reset(_)) => {
+            "its board cannot do that by a command; use its reset button, with BOOT0 high for the \
+             bootloader"
+        }
+        (AckResult::Busy, _) => {
+            "it is busy: it streams for another program, or is testing itself already; end that \
+             program, or try again in a few seconds"
+        }
+        (AckResult::Failed, _) => {
+            "it tried and failed; reset it (corticode-bridge reset) and try again"
+        }
+        _ => "its reason is newer than this bridge; bring firmware and bridge to the same release",
+    };
+    (what, why)
+}

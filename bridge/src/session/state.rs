@@ -1,0 +1,102 @@
+//! State that the bridge keeps about the device.
+
+use std::sync::Arc;
+
+use link::{Encoder, Quality, StageTiming, Stats, Timing};
+
+use crate::decoder::model::Model;
+use crate::device::Device;
+use crate::diagnostics::converters::ChainReport;
+use crate::settings::Settings;
+use crate::streams::code::CodeStream;
+use crate::streams::ledger::Ledger;
+use crate::streams::side::SideStreams;
+use crate::time::clock::Clock;
+use crate::time::round_trip::RoundTrips;
+use crate::wire::commands::Commands;
+use crate::wire::identity::Identity;
+
+/// State that the bridge keeps about the device, across reconnections.
+#[derive(Debug)]
+pub(crate) struct Session {
+    pub(super) settings: Settings,
+    pub(super) model: Option<Arc<Model>>,
+    pub(super) encoder: Encoder,
+    pub(crate) commands: Commands,
+    pub(crate) identity: Option<Identity>,
+    /// Whether `Hello` arrived since the port was opened. Sequence numbers are ignored until then.
+    pub(crate) introduced: bool,
+    pub(crate) codes: Option<CodeStream>,
+    pub(crate) side: SideStreams,
+    /// The device that was announced first. A device with incompatible codes is refused for the rest
+    /// of the session.
+    pub(super) announced: Option<Arc<Device>>,
+    pub(crate) clock: Clock,
+    pub(crate) round_trips: RoundTrips,
+    pub(crate) frames: Ledger,
+    pub(super) old_frames_in_a_row: u32,
+    pub(crate) counts: SessionCounts,
+    /// Reason why codes or their reconstruction are not published, for the user.
+    pub(crate) objection: Option<String>,
+    pub(crate) stats: Option<Stats>,
+    /// Newest report about the electrodes, until `/diagnostics` takes it.
+    pub(crate) quality: Option<Quality>,
+    /// Newest report about the deadlines, until `/diagnostics` takes it.
+    pub(crate) timing: Option<Timing>,
+    /// The stage with the largest ratio of worst time to deadline in any report.
+    pub(crate) worst_stage: Option<StageTiming>,
+    pub(crate) converters: Option<ChainReport>,
+    pub(super) logged: LoggedOnce,
+}
+
+/// Warnings that were logged already; each is logged once.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct LoggedOnce {
+    pub(super) newer_messages: bool,
+    pub(super) wire_version: bool,
+    /// Reset with each device, unlike the others.
+    pub(super) refused_streams: bool,
+}
+
+/// Counts that no stream or ledger holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct SessionCounts {
+    /// Number of times that the port was opened.
+    pub(crate) connections: u64,
+    /// Number of detected resets of the device, including changes of the device.
+    pub(crate) resets: u64,
+    /// Codes that arrived before the device's introduction, or from a refused device.
+    pub(crate) codes_unused: u64,
+    /// Lost codes at the last report to `/diagnostics`.
+    pub(crate) lost_reported: u64,
+    /// Damaged frames at the last report to `/diagnostics`.
+    pub(crate) damaged_reported: u32,
+}
+
+impl Session {
+    pub(crate) fn new(settings: Settings, model: Option<Arc<Model>>) -> Session {
+        Session {
+            settings,
+            model,
+            encoder: Encoder::default(),
+            commands: Commands::new(settings.mains_hz, settings.streams),
+            identity: None,
+            introduced: false,
+            codes: None,
+            side: SideStreams::new(settings),
+            announced: None,
+            clock: Clock::default(),
+            round_trips: RoundTrips::default(),
+            frames: Ledger::default(),
+            old_frames_in_a_row: 0,
+            counts: SessionCounts::default(),
+            objection: None,
+            stats: None,
+            quality: None,
+            timing: None,
+            worst_stage: None,
+            converters: None,
+            logged: LoggedOnce::default(),
+        }
+    }
+}

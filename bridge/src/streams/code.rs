@@ -1,0 +1,302 @@
+//! Conversion of codes to NeuroFrames of `/encoded`, with lost codes filled.
+
+use std::sync::Arc;
+
+use link::{CODE_LEN, Code, Flags};
+use neuro_ros::NeuroFrame;
+
+use crate::decoder::reconstruction::{Reconstruction, TimedCode};
+use crate::device::Device;
+use crate::effects::Effects;
+use crate::settings::{FillerPolicy, Settings, StampPoint};
+use crate::streams::ledger::{Arrival, Ledger};
+use crate::streams::stamps::{MonotoneStamps, Reception};
+use crate::streams::tri::TriWords;
+
+/// Maximum number of fillers for one gap: 68 min at 16 Hz. A longer outage needs a new recording.
+const MAX_FILLERS: u32 = 65_536;
+
+/// Converts codes to NeuroFrames of `/encoded` and to windows for the decoder, with lost codes filled.
+///
+/// Shape, numbers and counts persist for the whole session, across restarts of the device.
+#[derive(Debug)]
+pub(crate) struct CodeStream {
+    settings: Settings,
+    device: Arc<Device>,
+    decodable: bool,
+    frame: NeuroFrame,
+    z: [f32; CODE_LEN],
+    /// Whether `z` holds a code received since the last restart of the stream.
+    has_last: bool,
+    /// Whether a code, a report or an acknowledgement has shown that the stream runs.
+    running: bool,
+    /// Device time of the newest code of this stream, received or filled.
+    last_device_us: Option<u64>,
+    counts: CodeCounts,
+    encoded_stamps: MonotoneStamps,
+    window_stamps: MonotoneStamps,
+}
+
+/// Counts of received, lost and unusable codes.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct CodeCounts {
+    pub(crate) ledger: Ledger,
+    pub(crate) fillers: u64,
+    /// Lost codes that were not filled, because their gap exceeds [`MAX_FILLERS`].
+    pub(crate) unfilled: u64,
+    /// Codes of another model or format than the device introduced itself with.
+    pub(crate) foreign: u64,
+    /// Cells of the encoder's input that the device clipped to int8, counted in each window they are in.
+    pub(crate) clipped: u64,
+    /// Values of codes that the device clipped to the code's format.
+    pub(crate) clipped_values: u64,
+}
+
+/// Index, time and status of a published code or filler.
+#[derive(Clone, Copy, Debug)]
+struct CodePosition {
+    window: u32,
+    device_us: u64,
+    flags: Flags,
+    lost: u64,
+}
+
+impl CodeStream {
+    pub(crate) fn new(device: Arc<Device>, decodable: bool, settings: Settings) -> CodeStream {
+        CodeStream {
+            settings,
+            decodable,
+            frame: device.encoded_frame(),
+            device,
+            z: [0.0; CODE_LEN],
+            has_last: false,
+            running: false,
+            last_device_us: None,
+            counts: CodeCounts::default(),
+            encoded_stamps: MonotoneStamps::default(),
+            window_stamps: MonotoneStamps::default(),
+        }
+    }
+
+    /// Switches to another device of the same shape, or to the same one with another mains frequency.
+    /// Sequence numbers, counts and stamps continue.
+    pub(crate) fn replace_device(&mut self, device: Arc<Device>, decodable: bool) {
+        let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
+        self.frame = device.encoded_frame();
+        (self.frame.header.seq, self.frame.neuroheader.seq) = numbers;
+        self.device = device;
+        self.decodable = decodable;
+    }
+
+    /// Restarts the stream: the device counts windows from 0 again.
+    pub(crate) fn restart(&mut self) {
+        self.counts.ledger.expect_next(0);
+        self.has_last = false;
+        self.running = false;
+        self.last_device_us = None;
+        self.z = [0.0; CODE_LEN];
+    }
+
+    /// Records that the stream runs: from now on the device's reports count its codes.
+    pub(crate) fn mark_running(&mut self) {
+        self.running = true;
+    }
+
+    /// Returns whether the stream is known to run since the last restart. Before that, a report without
+    /// streams is the late answer to a `Stop` and counts the codes of the previous stream.
+    pub(crate) fn is_running(&self) -> bool {
+        self.running
+    }
+
+    pub(crate) fn device(&self) -> &Arc<Device> {
+        &self.device
+    }
+
+    pub(crate) fn counts(&self) -> &CodeCounts {
+        &self.counts
+    }
+
+    /// Number of stamps that were moved forwards.
+    pub(crate) fn moved_stamps(&self) -> u64 {
+        self.encoded_stamps.moved() + self.window_stamps.moved()
+    }
+
+    /// Returns whether this code shows that the device restarted its stream by itself: its frame is
+    /// new, and its window index is old.
+    pub(crate) fn is_restart(&self, code: &Code) -> bool {
+        self.counts.ledger.is_old(code.window)
+    }
+
+    /// Publishes a code that was made at `device_us`, after fillers for the codes lost before it.
+    ///
+    /// If `device_us` is `None` because the device's time was impossible, the time follows from the
+    /// window index.
+    pub(crate) fn receive(
+        &mut self,
+        code: &Code,
+        device_us: Option<u64>,
+        reception: Reception<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let format = code.values.format();
+        if (code.model_id, format) != (self.device.model_id, self.device.code_format) {
+            self.counts.foreign += 1;
+            return;
+        }
+        let mut arrival = self.counts.ledger.record(code.window);
+        if arrival == Arrival::Old {
+            tracing::warn!(window = code.window, "the device restarted its stream");
+            self.restart();
+            arrival = self.counts.ledger.record(code.window);
+        }
+        let Arrival::New { lost } = arrival else {
+            return;
+        };
+        let device_us = device_us.unwrap_or_else(|| self.time_of_next(lost, 0));
+        self.fill(code.window, lost, device_us, reception, effects);
+        let device = Arc::clone(&self.device);
+        device.dequantise(&code.values, &mut self.z);
+        self.has_last = true;
+        self.running = true;
+        self.last_device_us = Some(device_us);
+        self.counts.clipped += u64::from(code.clipped);
+        self.counts.clipped_values += u64::from(code.clipped_values);
+        let (flags, lost) = (code.flags, self.counts.ledger.lost());
+        let position = CodePosition {
+            window: code.window,
+            device_us,
+            flags,
+            lost,
+        };
+        self.publish(position, true, reception, effects);
+    }
+
+    /// Publishes fillers for all codes before `next` that have not arrived. The device reported at
+    /// `device_us` that `next` will be its next code.
+    pub(crate) fn fill_before(
+        &mut self,
+        next: u32,
+        device_us: u64,
+        reception: Reception<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let lost = self.counts.ledger.count_lost_before(next);
+        // Before the first code of a stream only the report's time is known; the last code was made at
+        // most one hop before it.
+        let next_us = self.time_of_next(lost, device_us);
+        self.fill(next, lost, next_us, reception, effects);
+        if lost > 0 {
+            self.last_device_us = Some(next_us.saturating_add_signed(-self.hop_us()));
+        }
+    }
+
+    /// Returns the device time of the code that follows `lost` lost ones; if no code's time is known,
+    /// the time one hop after `fallback_us`.
+    fn time_of_next(&self, lost: u32, fallback_us: u64) -> u64 {
+        let (known_us, hops) = match self.last_device_us {
+            Some(last_us) => (last_us, i64::from(lost) + 1),
+            None => (fallback_us, 1),
+        };
+        known_us.saturating_add_signed(hops * self.hop_us())
+    }
+
+    fn hop_us(&self) -> i64 {
+        self.device.steps_us(u32::from(self.device.hop_steps))
+    }
+
+    /// Publishes fillers for the `lost` codes directly before `window`, which was made at `device_us`.
+    fn fill(
+        &mut self,
+        window: u32,
+        lost: u32,
+        device_us: u64,
+        reception: Reception<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        if lost == 0 {
+            return;
+        }
+        tracing::warn!(lost, before = window, "codes lost");
+        let filled = lost.min(MAX_FILLERS);
+        if filled < lost {
+            self.counts.unfilled += u64::from(lost - filled);
+            tracing::error!(
+                unfilled = lost - filled,
+                "the outage was too long to fill; start a new recording"
+            );
+        }
+        let hop_us = self.hop_us();
+        if self.settings.filler == FillerPolicy::Zeros || !self.has_last {
+            self.z = [0.0; CODE_LEN];
+        }
+        for back in (1..=filled).rev() {
+            let position = CodePosition {
+                window: window.wrapping_sub(back),
+                device_us: device_us.saturating_add_signed(-hop_us * i64::from(back)),
+                flags: Flags::FILLER,
+                lost: self.counts.ledger.lost() - u64::from(back) + 1,
+            };
+            self.counts.fillers += u64::from(self.settings.filler != FillerPolicy::Off);
+            self.publish(position, false, reception, effects);
+        }
+    }
+
+    fn publish(
+        &mut self,
+        position: CodePosition,
+        received: bool,
+        reception: Reception<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let words = TriWords {
+            flags: position.flags.bits(),
+            window: position.window,
+            device_time_us: position.device_us,
+            lost: position.lost,
+            trigger: reception
+                .trigger
+                .level_at(self.device.last_sample(position.window)),
+        };
+        let steps_back = reception.clock.wall_steps_back();
+        let window_lookback = u32::from(self.device.window_steps) - 1;
+        if received || self.settings.filler != FillerPolicy::Off {
+            let first = self.wall_time_ns(position, window_lookback, window_lookback, reception);
+            let frame = &mut self.frame;
+            frame.header.stamp = self.encoded_stamps.next(first, steps_back);
+            frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
+            frame.header.seq = frame.neuroheader.seq;
+            frame.eeg.data.copy_from_slice(&self.z);
+            frame.tri.data.copy_from_slice(&words.words());
+            effects.publish_encoded(frame);
+        }
+        if self.decodable {
+            let lookback = Reconstruction::lookback_steps(&self.device, self.settings.low_latency);
+            let length = u32::from(self.device.hop_steps) - 1;
+            let time = self.wall_time_ns(position, lookback, length, reception);
+            let stamp = self.window_stamps.next(time, steps_back);
+            let z = received.then(|| Box::new(self.z));
+            effects.decode(TimedCode { z, stamp, words });
+        }
+    }
+
+    /// Returns the stamp, nanoseconds since 1970, of a frame that starts `lookback` steps before the
+    /// window's last step and ends `length` steps after its start.
+    fn wall_time_ns(
+        &self,
+        position: CodePosition,
+        lookback: u32,
+        length: u32,
+        reception: Reception<'_>,
+    ) -> i64 {
+        let back_us = match self.settings.stamp {
+            StampPoint::First => self.device.steps_us(lookback),
+            StampPoint::Last => self.device.steps_us(lookback - length),
+            StampPoint::Arrival => return reception.clock.wall_of_host_ns(reception.read),
+        };
+        let on_scalp = i128::from(position.device_us)
+            - i128::from(back_us)
+            - i128::from(self.device.group_delay_us);
+        let wall_ns = reception.clock.wall_ns(on_scalp);
+        wall_ns.unwrap_or(reception.read.wall_ns)
+    }
+}

@@ -1,0 +1,120 @@
+//! Templates of the NeuroFrames that are published for a device.
+
+use link::CODE_LEN;
+use neuro_ros::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
+
+use crate::device::Device;
+use crate::streams::tri::tri_info;
+
+/// Value of `transducter` and `header.frame_id` in frames that the network produced.
+const NETWORK: &str = "autoencoder";
+/// Value of `transducter` and `header.frame_id` in frames that the amplifier measured.
+const AMPLIFIER: &str = "electrodes";
+
+impl Device {
+    /// Returns a frame of `/encoded` that holds one code, all zeros.
+    pub fn encoded_frame(&self) -> NeuroFrame {
+        let labels = (0..CODE_LEN).map(|index| format!("z{index:03}")).collect();
+        let eeg = NeuroDataInfo {
+            nsamples: 1,
+            nchannels: 128,
+            stride: 512,
+            unit: "a.u.".to_owned(),
+            transducter: NETWORK.to_owned(),
+            prefiltering: self.filters.clone(),
+            isint: 0,
+            minmax: self.code_range.map(f64::from).to_vec(),
+            labels,
+        };
+        frame(self.codes_per_second(), eeg, NeuroDataInfo::default())
+    }
+
+    /// Returns a frame of `/neurodata_reconstructed` that holds the steps of one hop, all zeros.
+    pub fn reconstructed_frame(&self) -> NeuroFrame {
+        let eeg = NeuroDataInfo {
+            transducter: NETWORK.to_owned(),
+            ..self.electrodes(u16::from(self.hop_steps))
+        };
+        frame(self.step_rate_hz, eeg, NeuroDataInfo::default())
+    }
+
+    /// Returns a frame of `/neurodata_filtered` that holds the steps of one hop, all zeros.
+    pub fn filtered_frame(&self) -> NeuroFrame {
+        let eeg = self.electrodes(u16::from(self.hop_steps));
+        frame(self.step_rate_hz, eeg, NeuroDataInfo::default())
+    }
+
+    /// Returns a frame of `/neurodata` that holds the samples of about one hop, all zeros, with the
+    /// spare channels in `exg`.
+    pub fn raw_frame(&self) -> NeuroFrame {
+        let eeg = NeuroDataInfo {
+            prefiltering: "none".to_owned(),
+            ..self.electrodes(self.raw_samples())
+        };
+        let electrodes = self.labels.len();
+        let spare = electrodes..usize::from(self.channels).max(electrodes);
+        let labels = spare.map(|channel| self.channel_label(channel)).collect();
+        let exg = channels_like(&eeg, labels);
+        frame(self.adc_rate_hz, eeg, exg)
+    }
+
+    /// Returns the number of samples in a frame of `/neurodata`: the largest divisor of the ADC's rate
+    /// that is not above the samples of a hop. Consumers compute the frame rate in integers.
+    fn raw_samples(&self) -> u16 {
+        let hop = u32::from(self.adc_rate_hz) * u32::from(self.hop_steps);
+        let most = u16::try_from(hop / u32::from(self.step_rate_hz)).unwrap_or(u16::MAX);
+        let divides = |samples: &u16| self.adc_rate_hz.is_multiple_of(*samples);
+        (1..=most).rev().find(divides).unwrap_or(1)
+    }
+
+    fn electrodes(&self, nsamples: u16) -> NeuroDataInfo {
+        let info = NeuroDataInfo {
+            nsamples,
+            unit: "uV".to_owned(),
+            transducter: AMPLIFIER.to_owned(),
+            prefiltering: self.filters.clone(),
+            minmax: vec![-self.full_scale_uv, self.full_scale_uv],
+            ..NeuroDataInfo::default()
+        };
+        channels_like(&info, self.labels.clone())
+    }
+}
+
+/// Returns `info` with other channels.
+fn channels_like(info: &NeuroDataInfo, labels: Vec<String>) -> NeuroDataInfo {
+    let nchannels = u16::try_from(labels.len()).unwrap_or(u16::MAX);
+    NeuroDataInfo {
+        nchannels,
+        stride: nchannels.saturating_mul(4),
+        labels,
+        ..info.clone()
+    }
+}
+
+fn frame(sr: u16, eeg: NeuroDataInfo, mut exg: NeuroDataInfo) -> NeuroFrame {
+    let nsamples = eeg.nsamples;
+    let values = |channels: u16| usize::from(nsamples) * usize::from(channels);
+    exg.nsamples = nsamples;
+    if exg.minmax.is_empty() {
+        exg.minmax = vec![0.0, 0.0];
+    }
+    let tri = tri_info(nsamples);
+    let mut frame = NeuroFrame {
+        sr,
+        ..NeuroFrame::default()
+    };
+    frame.header.frame_id.clone_from(&eeg.transducter);
+    frame.eeg = NeuroDataFloat {
+        data: vec![0.0; values(eeg.nchannels)],
+        info: eeg,
+    };
+    frame.exg = NeuroDataFloat {
+        data: vec![0.0; values(exg.nchannels)],
+        info: exg,
+    };
+    frame.tri = NeuroDataInt32 {
+        data: vec![0; values(tri.nchannels)],
+        info: tri,
+    };
+    frame
+}

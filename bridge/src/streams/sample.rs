@@ -1,0 +1,322 @@
+//! Conversion of samples and steps to NeuroFrames, with lost ones filled.
+
+use link::Flags;
+use neuro_ros::NeuroFrame;
+
+use crate::settings::{FillerPolicy, Settings, StampPoint};
+use crate::streams::stamps::{MonotoneStamps, Reception};
+use crate::streams::tri::TriWords;
+
+/// Longest gap that is filled, seconds: 1,920 frames at 16 Hz, which fit into a subscriber's queue. A
+/// longer outage needs a new recording.
+const MAX_FILL_SECONDS: u64 = 120;
+
+/// Converts ADC samples to NeuroFrames of `/neurodata`, or filtered steps to NeuroFrames of
+/// `/neurodata_filtered`, with lost ones filled. "Sample" below means either.
+///
+/// Every frame starts at an index that is a multiple of its length, so the number of samples on the
+/// topic matches the time that has passed. Numbers and counts persist for the whole session.
+#[derive(Debug)]
+pub(crate) struct SampleStream {
+    filler: FillerPolicy,
+    stamp: StampPoint,
+    delay_us: u32,
+    frame: NeuroFrame,
+    nsamples: usize,
+    electrodes: usize,
+    /// Values of the newest sample, uV; zeros before the first.
+    newest: Vec<f32>,
+    /// Index and device time of the newest sample that arrived.
+    timeline: Option<SampleTimeline>,
+    /// Number of samples in the unfinished frame.
+    filled: usize,
+    holds_filler: bool,
+    first_us: i128,
+    /// Index of the next sample.
+    next: u64,
+    counts: SampleCounts,
+    stamps: MonotoneStamps,
+}
+
+/// Counts of received, lost and unpublished samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct SampleCounts {
+    pub(crate) received: u64,
+    pub(crate) lost: u64,
+    /// Samples that were published in no frame: those of an unfinished frame when the stream ended,
+    /// lost ones beyond [`MAX_FILL_SECONDS`] of one gap, and, without fillers, all samples of a frame
+    /// that would contain a lost one.
+    pub(crate) unpublished: u64,
+    /// Messages whose content does not match the device's capabilities.
+    pub(crate) malformed: u64,
+    /// Lost samples at the last report to `/diagnostics`.
+    pub(crate) reported: u64,
+}
+
+/// Samples of one message.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Samples<'a> {
+    /// Index since `Start` of the first sample.
+    pub(crate) first: u64,
+    pub(crate) flags: Flags,
+    /// Device time of the last sample, microseconds; `None` if it is impossible.
+    pub(crate) last_us: Option<u64>,
+    /// Values in uV, sample by sample; within a sample the electrodes, then the spare channels.
+    pub(crate) microvolts: &'a [f32],
+}
+
+/// Device time of every sample, extrapolated from one known sample.
+#[derive(Clone, Copy, Debug)]
+struct SampleTimeline {
+    index: u64,
+    us: u64,
+    rate_hz: u16,
+}
+
+impl SampleTimeline {
+    /// Returns the device time of a sample, microseconds, rounded towards the known sample's time.
+    fn device_us_at(self, index: u64) -> i128 {
+        let samples = i128::from(index) - i128::from(self.index);
+        i128::from(self.us) + samples * 1_000_000 / i128::from(self.rate_hz.max(1))
+    }
+}
+
+impl SampleStream {
+    /// Creates a stream that publishes frames shaped like `frame`. `delay_us` is the delay of the
+    /// filters, which stamps are corrected by.
+    pub(crate) fn new(frame: NeuroFrame, delay_us: u32, settings: Settings) -> SampleStream {
+        let eeg = usize::from(frame.eeg.info.nchannels);
+        let width = eeg + usize::from(frame.exg.info.nchannels);
+        SampleStream {
+            filler: settings.filler,
+            stamp: settings.stamp,
+            delay_us,
+            nsamples: usize::from(frame.eeg.info.nsamples),
+            electrodes: eeg,
+            frame,
+            newest: vec![0.0; width],
+            timeline: None,
+            filled: 0,
+            holds_filler: false,
+            first_us: 0,
+            next: 0,
+            counts: SampleCounts::default(),
+            stamps: MonotoneStamps::default(),
+        }
+    }
+
+    /// Switches to another device of the same shape, or to the same one with another mains frequency.
+    /// Sequence numbers, counts and stamps continue.
+    pub(crate) fn replace_device(&mut self, frame: NeuroFrame, delay_us: u32) {
+        let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
+        self.frame = frame;
+        (self.frame.header.seq, self.frame.neuroheader.seq) = numbers;
+        self.delay_us = delay_us;
+        self.restart();
+    }
+
+    /// Restarts the stream: the device counts samples from 0 again. Samples of an unfinished frame are
+    /// not published.
+    pub(crate) fn restart(&mut self) {
+        self.count_unpublished(self.filled as u64);
+        self.next = 0;
+        self.filled = 0;
+        self.timeline = None;
+        self.newest.fill(0.0);
+    }
+
+    /// Counts samples that no frame will contain. Saturates, because a faulty device can jump by 2^63
+    /// samples.
+    fn count_unpublished(&mut self, samples: u64) {
+        self.counts.unpublished = self.counts.unpublished.saturating_add(samples);
+    }
+
+    /// Number of channels of a sample, electrodes and spare channels.
+    pub(crate) fn width(&self) -> usize {
+        self.newest.len()
+    }
+
+    pub(crate) fn counts(&self) -> &SampleCounts {
+        &self.counts
+    }
+
+    /// Number of stamps that were moved forwards.
+    pub(crate) fn moved_stamps(&self) -> u64 {
+        self.stamps.moved()
+    }
+
+    /// Returns the number of samples lost since the last call.
+    pub(crate) fn lost_since_report(&mut self) -> u64 {
+        let reported = std::mem::replace(&mut self.counts.reported, self.counts.lost);
+        self.counts.lost - reported
+    }
+
+    /// Counts a message whose content does not match the device. Its samples will be missing.
+    pub(crate) fn reject(&mut self, why: &str) {
+        if self.counts.malformed == 0 {
+            tracing::error!(
+                "the device sends samples that do not match its capabilities ({why}); they are \
+                 counted and not published; bring firmware and bridge to the same release"
+            );
+        }
+        self.counts.malformed += 1;
+    }
+
+    /// Publishes the samples of a message, after fillers for those lost before them. `trigger_sample`
+    /// maps an index of this stream to the index of an ADC sample.
+    pub(crate) fn receive(
+        &mut self,
+        samples: Samples<'_>,
+        trigger_sample: impl Fn(u64) -> u64,
+        reception: Reception<'_>,
+        publish: &mut dyn FnMut(&NeuroFrame),
+    ) {
+        let width = self.width();
+        let count = samples.microvolts.len() / width.max(1);
+        let Some(last) = samples
+            .first
+            .checked_add(count as u64)
+            .filter(|_| count > 0)
+        else {
+            return self.reject("there are no samples, or their index is impossible");
+        };
+        let last = last - 1;
+        if samples.first < self.next {
+            tracing::warn!(sample = samples.first, "the device restarted its samples");
+            self.restart();
+        }
+        let rate_hz = self.frame.sr;
+        let extrapolated = |known: SampleTimeline| {
+            let us = known.device_us_at(last).max(0);
+            u64::try_from(us).unwrap_or(u64::MAX)
+        };
+        let Some(us) = samples.last_us.or_else(|| self.timeline.map(extrapolated)) else {
+            return self.reject("their time is impossible");
+        };
+        let timeline = SampleTimeline {
+            index: last,
+            us,
+            rate_hz,
+        };
+        let mut batch = Batch {
+            timeline,
+            trigger_sample: &trigger_sample,
+            reception,
+            publish,
+        };
+        self.fill_gap(samples.first - self.next, &mut batch);
+        for sample in samples.microvolts.chunks_exact(width) {
+            self.newest.copy_from_slice(sample);
+            self.append(samples.flags, &mut batch);
+        }
+        self.counts.received += count as u64;
+        self.timeline = Some(timeline);
+    }
+
+    /// Appends fillers for the `lost` samples before the ones that arrived.
+    fn fill_gap(&mut self, lost: u64, batch: &mut Batch<'_>) {
+        if lost == 0 {
+            return;
+        }
+        tracing::debug!(lost, before = self.next + lost, "samples lost");
+        self.counts.lost = self.counts.lost.saturating_add(lost);
+        if self.filler == FillerPolicy::Zeros {
+            self.newest.fill(0.0);
+        }
+        let nsamples = self.nsamples as u64;
+        let to_boundary = (nsamples - self.filled as u64) % nsamples;
+        let mut left = lost;
+        for _ in 0..to_boundary.min(left) {
+            self.append(Flags::FILLER, batch);
+            left -= 1;
+        }
+        // A gap that is not filled is skipped in whole frames; only the frames at its ends get fillers.
+        let most = match self.filler {
+            FillerPolicy::Off => 0,
+            FillerPolicy::Last | FillerPolicy::Zeros => u64::from(self.frame.sr) * MAX_FILL_SECONDS,
+        };
+        if left > most {
+            let skipped = (left - most) / nsamples * nsamples;
+            self.next += skipped;
+            left -= skipped;
+            self.count_unpublished(skipped);
+            if most > 0 && skipped > 0 {
+                tracing::error!(
+                    unfilled = skipped,
+                    "the outage was too long to fill with samples; start a new recording"
+                );
+            }
+        }
+        for _ in 0..left {
+            self.append(Flags::FILLER, batch);
+        }
+    }
+
+    /// Appends the newest sample to the frame, and publishes the frame when it is full.
+    fn append(&mut self, flags: Flags, batch: &mut Batch<'_>) {
+        let us = batch.timeline.device_us_at(self.next);
+        if self.filled == 0 {
+            self.first_us = us;
+            self.holds_filler = false;
+        }
+        self.holds_filler |= flags.contains(Flags::FILLER);
+        let (eeg, exg) = self.newest.split_at(self.electrodes);
+        let frame = &mut self.frame;
+        let row = |width: usize| self.filled * width..(self.filled + 1) * width;
+        frame.eeg.data[row(eeg.len())].copy_from_slice(eeg);
+        frame.exg.data[row(exg.len())].copy_from_slice(exg);
+        let frames = self.next / self.nsamples as u64;
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "wraps, like window indices"
+        )]
+        let words = TriWords {
+            flags: flags.bits(),
+            window: frames as u32,
+            device_time_us: u64::try_from(us).unwrap_or(0),
+            lost: self.counts.lost,
+            trigger: batch
+                .reception
+                .trigger
+                .level_at((batch.trigger_sample)(self.next)),
+        };
+        frame.tri.data[row(8)].copy_from_slice(&words.words());
+        self.next += 1;
+        self.filled += 1;
+        if self.filled == self.nsamples {
+            self.filled = 0;
+            self.publish(batch);
+        }
+    }
+
+    fn publish(&mut self, batch: &mut Batch<'_>) {
+        if self.holds_filler && self.filler == FillerPolicy::Off {
+            return self.count_unpublished(self.nsamples as u64);
+        }
+        let Reception { read, clock, .. } = batch.reception;
+        let length_us = self.nsamples.saturating_sub(1) as i128 * 1_000_000;
+        let on_scalp_us = self.first_us - i128::from(self.delay_us);
+        let time = match self.stamp {
+            StampPoint::First => clock.wall_ns(on_scalp_us),
+            StampPoint::Last => {
+                let rate_hz = i128::from(self.frame.sr.max(1));
+                clock.wall_ns(on_scalp_us + length_us / rate_hz)
+            }
+            StampPoint::Arrival => Some(clock.wall_of_host_ns(read)),
+        };
+        let time = time.unwrap_or(read.wall_ns);
+        let frame = &mut self.frame;
+        frame.header.stamp = self.stamps.next(time, clock.wall_steps_back());
+        frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
+        frame.header.seq = frame.neuroheader.seq;
+        (batch.publish)(frame);
+    }
+}
+
+/// Context of the samples of one message.
+struct Batch<'a> {
+    timeline: SampleTimeline,
+    trigger_sample: &'a dyn Fn(u64) -> u64,
+    reception: Reception<'a>,
+    publish: &'a mut dyn FnMut(&NeuroFrame),
+}

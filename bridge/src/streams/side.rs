@@ -1,0 +1,231 @@
+//! Optional streams of a device: samples, filtered steps, events, audits.
+
+use std::sync::Arc;
+
+use link::{Audit, COUNT_BYTES, Event, Filtered, Raw, Streams, VALUE_BYTES};
+
+use crate::decoder::audit::AuditedWindow;
+use crate::decoder::model::Model;
+use crate::device::Device;
+use crate::effects::Effects;
+use crate::settings::Settings;
+use crate::streams::event::EventStream;
+use crate::streams::sample::{SampleStream, Samples};
+use crate::streams::stamps::Reception;
+use crate::streams::trigger::Trigger;
+use crate::time::clock::Clock;
+use crate::time::host_time::HostTime;
+
+/// Converts and checks the messages of the optional streams: samples, filtered steps, events, audits.
+#[derive(Debug)]
+pub(crate) struct SideStreams {
+    settings: Settings,
+    device: Option<Arc<Device>>,
+    pub(crate) raw: Option<SampleStream>,
+    pub(crate) filtered: Option<SampleStream>,
+    pub(crate) events: EventStream,
+    pub(crate) trigger: Trigger,
+    /// Number of messages that were not requested, or that arrived before the device's introduction.
+    pub(crate) unused: u64,
+    /// Number of audits that cannot be compared, because their model, format or size differs.
+    pub(crate) audits_unusable: u64,
+    /// Samples of the current message, uV; a buffer that is reused.
+    microvolts: Vec<f32>,
+}
+
+/// Device time and host time of a message, with the clock that relates them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MessageTime<'a> {
+    /// Device time in the header, microseconds; `None` if it is impossible.
+    pub(crate) device_us: Option<u64>,
+    pub(crate) read: HostTime,
+    pub(crate) clock: &'a Clock,
+}
+
+impl SideStreams {
+    pub(crate) fn new(settings: Settings) -> SideStreams {
+        SideStreams {
+            settings,
+            device: None,
+            raw: None,
+            filtered: None,
+            events: EventStream::new(),
+            trigger: Trigger::default(),
+            unused: 0,
+            audits_unusable: 0,
+            microvolts: Vec::new(),
+        }
+    }
+
+    /// Sets the device that the following messages belong to.
+    pub(crate) fn set_device(&mut self, device: &Arc<Device>) {
+        let wanted = |stream| self.settings.streams.contains(stream);
+        // Raw samples have not passed the filters, so their delay is 0.
+        let streams = [
+            (&mut self.raw, Streams::RAW, device.raw_frame(), 0),
+            (
+                &mut self.filtered,
+                Streams::FILTERED,
+                device.filtered_frame(),
+                device.group_delay_us,
+            ),
+        ];
+        for (stream, bit, frame, delay_us) in streams {
+            match stream {
+                Some(stream) => stream.replace_device(frame, delay_us),
+                None if wanted(bit) => {
+                    *stream = Some(SampleStream::new(frame, delay_us, self.settings));
+                }
+                None => {}
+            }
+        }
+        self.device = Some(Arc::clone(device));
+    }
+
+    /// Restarts all streams: the device counts samples and steps from 0 again.
+    pub(crate) fn restart(&mut self) {
+        for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
+            stream.restart();
+        }
+        self.restart_events();
+    }
+
+    /// Restarts events and trigger after a restart that only the codes revealed. Samples and steps
+    /// detect it from their own indices, perhaps earlier.
+    pub(crate) fn restart_events(&mut self) {
+        self.events.restart();
+        self.trigger.restart();
+    }
+
+    /// Publishes the ADC samples of a message, scaled to uV.
+    pub(crate) fn receive_raw(
+        &mut self,
+        raw: &Raw,
+        times: MessageTime<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let Some((stream, device)) = self.raw.as_mut().zip(self.device.as_ref()) else {
+            self.unused += 1;
+            return;
+        };
+        let bytes = usize::from(raw.channels) * COUNT_BYTES;
+        if usize::from(raw.channels) != stream.width() || !raw.counts.len().is_multiple_of(bytes) {
+            return stream.reject("raw samples have another number of channels, or are cut off");
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "within 187500 uV")]
+        let microvolt = |count| (f64::from(count) * device.uv_per_count) as f32;
+        self.microvolts.clear();
+        self.microvolts.extend(raw.counts().map(microvolt));
+        let samples = Samples {
+            first: raw.first_sample,
+            flags: raw.flags,
+            last_us: times.device_us,
+            microvolts: &self.microvolts,
+        };
+        let reception = times.reception(&self.trigger);
+        stream.receive(samples, |sample| sample, reception, &mut |frame| {
+            effects.publish_raw(frame);
+        });
+    }
+
+    /// Publishes the filtered steps of a message, scaled to uV.
+    pub(crate) fn receive_filtered(
+        &mut self,
+        filtered: &Filtered,
+        times: MessageTime<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let Some((stream, device)) = self.filtered.as_mut().zip(self.device.as_ref()) else {
+            self.unused += 1;
+            return;
+        };
+        let bytes = usize::from(filtered.electrodes) * VALUE_BYTES;
+        let fits = usize::from(filtered.electrodes) == stream.width()
+            && filtered.values.len().is_multiple_of(bytes);
+        if !fits {
+            return stream
+                .reject("filtered steps have another number of electrodes, or are cut off");
+        }
+        let value_uv = device.uv_per_count * 2_f64.powi(-i32::from(filtered.fraction_bits));
+        let range_uv = device.full_scale_uv;
+        #[expect(clippy::cast_possible_truncation, reason = "clamped to 187500 uV")]
+        let microvolt =
+            // A recorder stores values outside the announced range as infinite.
+            |value| (f64::from(value) * value_uv).clamp(-range_uv, range_uv) as f32;
+        self.microvolts.clear();
+        self.microvolts.extend(filtered.values().map(microvolt));
+        let samples = Samples {
+            first: filtered.first_step,
+            flags: filtered.flags,
+            last_us: times.device_us,
+            microvolts: &self.microvolts,
+        };
+        let reception = times.reception(&self.trigger);
+        let of_step = |step| device.sample_of_step(step);
+        stream.receive(samples, of_step, reception, &mut |frame| {
+            effects.publish_filtered(frame);
+        });
+    }
+
+    /// Publishes an event and records the trigger's new level.
+    pub(crate) fn receive_event(
+        &mut self,
+        event: Event,
+        times: MessageTime<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let reception = times.reception(&self.trigger);
+        if !self.settings.streams.contains(Streams::EVENTS) {
+            self.unused += 1;
+        } else if let Some(level) = self
+            .events
+            .receive(event, times.device_us, reception, effects)
+        {
+            self.trigger.record_edge(event.sample, level);
+        }
+    }
+
+    /// Passes an audited window on for comparison. `model` is the device's model, if this bridge has it.
+    pub(crate) fn receive_audit(
+        &mut self,
+        audit: &Audit,
+        model: Option<&Model>,
+        effects: &mut dyn Effects,
+    ) {
+        let (true, Some(device)) = (self.settings.streams.contains(Streams::AUDIT), &self.device)
+        else {
+            self.unused += 1;
+            return;
+        };
+        // `/diagnostics` reports the missing model already.
+        let Some(model) = model else {
+            self.unused += 1;
+            return;
+        };
+        let fits = audit.model_id == device.model_id
+            && audit.values.format() == device.code_format
+            && audit.planes.len() == model.window_cells();
+        if !fits {
+            if self.audits_unusable == 0 {
+                tracing::error!(
+                    planes = audit.planes.len(),
+                    "the device's audits differ from its codes in model, format or size; they are \
+                     counted and not compared"
+                );
+            }
+            self.audits_unusable += 1;
+            return;
+        }
+        effects.audit(AuditedWindow::new(Arc::clone(device), audit));
+    }
+}
+
+impl<'a> MessageTime<'a> {
+    fn reception(self, trigger: &'a Trigger) -> Reception<'a> {
+        Reception {
+            read: self.read,
+            clock: self.clock,
+            trigger,
+        }
+    }
+}

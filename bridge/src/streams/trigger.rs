@@ -1,0 +1,76 @@
+//! Level of the trigger input.
+
+use std::collections::VecDeque;
+
+/// Number of edges that are kept. Samples are published within one frame of their edges, and no
+/// experiment has this many edges in one frame.
+const MAX_EDGES: usize = 256;
+
+/// Level of the trigger input at each sample, reconstructed from the edges that arrived.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Trigger {
+    /// Level before the oldest edge in `edges`.
+    level_before: u16,
+    edges: VecDeque<Edge>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Edge {
+    sample: u64,
+    level: u16,
+}
+
+impl Trigger {
+    /// Records that the level is `level` from `sample` on.
+    pub(crate) fn record_edge(&mut self, sample: u64, level: u16) {
+        if self.edges.len() == MAX_EDGES
+            && let Some(oldest) = self.edges.pop_front()
+        {
+            self.level_before = oldest.level;
+        }
+        self.edges.push_back(Edge { sample, level });
+    }
+
+    /// Restarts the sample index at 0 and keeps the current level.
+    pub(crate) fn restart(&mut self) {
+        if let Some(newest) = self.edges.back() {
+            self.level_before = newest.level;
+        }
+        self.edges.clear();
+    }
+
+    /// Returns the level, 0 or 1, at an ADC sample, given by its index since `Start`; 0 before the
+    /// first edge.
+    pub(crate) fn level_at(&self, sample: u64) -> u16 {
+        let newest = self.edges.iter().rev().find(|edge| edge.sample <= sample);
+        newest.map_or(self.level_before, |edge| edge.level)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{MAX_EDGES, Trigger};
+
+    #[test]
+    fn the_level_changes_at_the_sample_of_its_edge() {
+        let mut trigger = Trigger::default();
+        trigger.record_edge(10, 1);
+        trigger.record_edge(20, 0);
+        assert_eq!(
+            [9, 10, 19, 20].map(|sample| trigger.level_at(sample)),
+            [0, 1, 1, 0]
+        );
+    }
+
+    #[test]
+    fn the_level_survives_a_restart_and_discarded_edges() {
+        let mut trigger = Trigger::default();
+        trigger.record_edge(10, 1);
+        trigger.restart();
+        assert_eq!(trigger.level_at(0), 1);
+        for edge in 0..=MAX_EDGES as u64 {
+            trigger.record_edge(100 + edge, 0);
+        }
+        assert_eq!((trigger.level_at(100), trigger.edges.len()), (0, MAX_EDGES));
+    }
+}

@@ -1,0 +1,96 @@
+//! Round trips of clock queries, which bound the constant delay of the stamps.
+//!
+//! The fit of [`Clock`] sees one direction only: its host times are late by the least delay from a
+//! code's last sample to its reading, and codes alone cannot show how large that delay is. A round
+//! trip bounds it. The device read the query after the host had sent it, and the host read the answer
+//! after the device had made it. With the fitted host time H(t) of a device time t:
+//!
+//! ```text
+//! H(answer made) - answer read  <=  stamps late by  <=  H(query read) - query sent
+//! ```
+//!
+//! The distance between the bounds is the round trip less the time inside the device. Half of it is
+//! the uncertainty of the offset between the clocks.
+
+use std::collections::VecDeque;
+
+use link::ClockReading;
+
+use crate::time::clock::Clock;
+use crate::time::host_time::HostTime;
+
+/// Time for which a round trip is kept, microseconds.
+const RETENTION_US: i64 = 60_000_000;
+
+/// Clock queries of the last minute with their answers.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct RoundTrips {
+    recent: VecDeque<RoundTrip>,
+    /// Number of answers without a matching query, or with impossible times.
+    impossible: u64,
+}
+
+/// One clock query with its answer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RoundTrip {
+    read: HostTime,
+    /// Transfer time of query and answer together, without the time inside the device, microseconds.
+    pub(crate) transit_us: f64,
+    /// Lower and upper bound of the delay of the fitted times, microseconds; `None` without a fit.
+    pub(crate) late_us: Option<[f64; 2]>,
+}
+
+impl RoundTrips {
+    /// Discards the round trips of another boot or another device.
+    pub(crate) fn clear(&mut self) {
+        self.recent.clear();
+    }
+
+    /// Records an answer that the device made at `made_us` (device time) to the query that was sent at
+    /// `sent_us` (host time), if any was sent.
+    pub(crate) fn record(
+        &mut self,
+        sent_us: Option<i64>,
+        reading: ClockReading,
+        made_us: u64,
+        read: HostTime,
+        clock: &Clock,
+    ) {
+        let matches_query = |sent: &i64| u64::try_from(*sent) == Ok(reading.host_time_us);
+        let answer = sent_us
+            .filter(matches_query)
+            .zip(made_us.checked_sub(reading.received_us));
+        let transit_us = answer.map(|(sent_us, inside_us)| {
+            #[expect(clippy::cast_precision_loss, reason = "seconds, in microseconds")]
+            let us = (i128::from(read.monotonic_us) - i128::from(sent_us) - i128::from(inside_us))
+                as f64;
+            (sent_us, us)
+        });
+        let Some((sent_us, transit_us)) = transit_us.filter(|(_, us)| *us >= 0.0) else {
+            self.impossible += 1;
+            return;
+        };
+        let least = clock.lag_us(made_us, read.monotonic_us);
+        let most = clock.lag_us(reading.received_us, sent_us);
+        self.recent.push_back(RoundTrip {
+            read,
+            transit_us,
+            late_us: least.zip(most).map(|(least, most)| [-least, -most]),
+        });
+        let old = |trip: &RoundTrip| trip.read.monotonic_us < read.monotonic_us - RETENTION_US;
+        while self.recent.front().is_some_and(old) {
+            self.recent.pop_front();
+        }
+    }
+
+    /// Returns the shortest round trip of the minute before `now`.
+    pub(crate) fn shortest(&self, now: HostTime) -> Option<RoundTrip> {
+        let fresh = |trip: &&RoundTrip| trip.read.monotonic_us >= now.monotonic_us - RETENTION_US;
+        let by_length = |a: &&RoundTrip, b: &&RoundTrip| a.transit_us.total_cmp(&b.transit_us);
+        self.recent.iter().filter(fresh).min_by(by_length).copied()
+    }
+
+    pub(crate) fn impossible(&self) -> u64 {
+        self.impossible
+    }
+}

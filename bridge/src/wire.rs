@@ -1,0 +1,8 @@
+//! The port to the device, the commands sent over it, and the identity that the device reports.
+
+pub(crate) mod address;
+pub(crate) mod commands;
+pub(crate) mod connection;
+pub(crate) mod identity;
+pub(crate) mod pending;
+pub(crate) mod port;

@@ -1,0 +1,92 @@
+//! Address of the device: serial port, pseudoterminal or TCP server.
+
+use std::fmt;
+use std::io;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// Address of the device, as `--port` takes it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum PortAddress {
+    /// Path of a serial port or a pseudoterminal.
+    Tty(PathBuf),
+    /// Host and port of a TCP server, written `tcp:HOST:PORT`.
+    Tcp(String),
+}
+
+impl FromStr for PortAddress {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<PortAddress, String> {
+        match text.split_once(':') {
+            Some(("tcp", address)) => {
+                let port = address
+                    .rsplit_once(':')
+                    .map(|(host, port)| (host, port.parse::<u16>()));
+                match port {
+                    Some((host, Ok(_))) if !host.is_empty() => {
+                        Ok(PortAddress::Tcp(address.to_owned()))
+                    }
+                    _ => Err(format!(
+                        "`{address}` is not a host and a port; write tcp:127.0.0.1:5555"
+                    )),
+                }
+            }
+            // host-sim prints its pseudoterminals as `pty:PATH`.
+            Some(("pty", path)) if !path.is_empty() => Ok(PortAddress::Tty(path.into())),
+            _ if text.is_empty() => Err("the path is empty; write /dev/ttyACM0".to_owned()),
+            _ => Ok(PortAddress::Tty(text.into())),
+        }
+    }
+}
+
+impl PortAddress {
+    /// Returns advice for the user when the port does not open.
+    pub(crate) fn remedy(&self, error: io::ErrorKind) -> String {
+        match (error, self) {
+            (io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused, _) => {
+                "plug the device in, or start host-sim".to_owned()
+            }
+            (io::ErrorKind::PermissionDenied, _) => {
+                "permission denied: run sudo usermod -aG dialout $USER, then log in again"
+                    .to_owned()
+            }
+            (io::ErrorKind::ResourceBusy, PortAddress::Tty(path)) => {
+                format!("another program uses it: fuser -v {}", path.display())
+            }
+            _ => "check --port".to_owned(),
+        }
+    }
+}
+
+impl fmt::Display for PortAddress {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            PortAddress::Tty(path) => write!(formatter, "{}", path.display()),
+            PortAddress::Tcp(address) => write!(formatter, "tcp:{address}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::PortAddress;
+
+    #[test]
+    fn paths_and_tcp_addresses_are_distinguished() {
+        let tty = PortAddress::Tty("/dev/ttyACM0".into());
+        assert_eq!("/dev/ttyACM0".parse(), Ok(tty.clone()));
+        assert_eq!("pty:/dev/ttyACM0".parse(), Ok(tty));
+        assert_eq!(
+            "tcp:[::1]:5".parse(),
+            Ok(PortAddress::Tcp("[::1]:5".to_owned()))
+        );
+        // A colon alone does not make a TCP address.
+        let by_id = PortAddress::Tty("/dev/serial/by-path/pci-0:1".into());
+        assert_eq!("/dev/serial/by-path/pci-0:1".parse(), Ok(by_id));
+        for wrong in ["", "tcp:", "tcp:host", "tcp::5", "tcp:host:99999"] {
+            let error = wrong.parse::<PortAddress>().unwrap_err();
+            assert!(error.contains("write"), "{wrong}: {error}");
+        }
+    }
+}

@@ -1,0 +1,392 @@
+//! Commands to the device: which one is due, and when it is sent again.
+
+use link::{AckResult, Start, Streams, ToDevice};
+
+use crate::wire::pending::{PendingCommand, RETRY_US};
+
+/// Delay before a refused `Start` is sent again, microseconds.
+const REFUSED_RETRY_US: i64 = 10_000_000;
+/// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
+const PING_AFTER_US: i64 = 2_000_000;
+/// Silence after which the port counts as unresponsive, microseconds. Pings were sent meanwhile.
+const UNRESPONSIVE_AFTER_US: i64 = 5_000_000;
+/// Time without a code or `Stats` after which a streaming device must identify itself again,
+/// microseconds. It may have been reset and its `Hello` lost, or another program stopped it.
+const STARVED_AFTER_US: i64 = 2_000_000;
+/// Time between two calls of `next_command` above which the host itself was suspended, or this
+/// program was stopped, microseconds. The device's messages of that time wait to be read.
+const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
+/// Delay of the first clock query after the start of a stream, microseconds. Codes arrive by then.
+const FIRST_CLOCK_QUERY_US: i64 = 2_000_000;
+/// Time between two clock queries, microseconds.
+const CLOCK_QUERY_INTERVAL_US: i64 = 10_000_000;
+
+/// Decides which command the device gets next: identify, stop any stream that this bridge did not
+/// start, start. Every command is repeated until it is acknowledged.
+#[derive(Clone, Debug)]
+pub(crate) struct Commands {
+    mains_hz: u8,
+    /// Streams that the user asks for, always with codes.
+    wanted_streams: Streams,
+    /// Streams that the device is asked for: fewer than `wanted_streams` after it refused some.
+    streams: Streams,
+    streaming_wanted: bool,
+    device: Introduction,
+    /// Whether any stream of the device was started by this bridge: true once the device was stopped,
+    /// until it restarts or another device is connected.
+    owns_stream: bool,
+    stream: StreamState,
+    pending: Option<PendingCommand>,
+    connected: bool,
+    /// Earliest host time of the next `Start`, after a refused one.
+    start_not_before_us: i64,
+    last_frame_us: i64,
+    /// Host time of the newest code or `Stats`, or of the stream's start; `None` while none is expected.
+    last_stream_us: Option<i64>,
+    last_identify_us: i64,
+    clock_query: ClockQuery,
+    last_tick_us: i64,
+}
+
+/// State of the device's introduction since the port was opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Introduction {
+    Missing,
+    Usable,
+    /// The device's codes cannot be published.
+    Unusable,
+}
+
+/// Whether the device streams, as far as its acknowledgements show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum StreamState {
+    Stopped,
+    /// A `Start` has no acknowledgement yet, or the port was reopened.
+    Unconfirmed,
+    Running,
+}
+
+/// Queries for the device's clock. A lost one is not repeated, because the next one serves as well.
+#[derive(Clone, Copy, Debug, Default)]
+struct ClockQuery {
+    /// Host time at which the next query is due; `None` while nothing streams.
+    due_us: Option<i64>,
+    /// Sequence number and host time of the newest query.
+    sent: Option<(u32, i64)>,
+    /// Whether the device does not know this command.
+    refused: bool,
+}
+
+/// What an acknowledgement changes for the rest of the bridge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum AckEffect {
+    NoChange,
+    /// The device starts streaming now.
+    Started,
+    /// The device has stopped streaming.
+    Stopped,
+    /// The device refuses this command for good.
+    Refused(ToDevice, AckResult),
+}
+
+impl Commands {
+    /// Creates the state before the first connection. Streaming is wanted from the start.
+    pub(crate) fn new(mains_hz: u8, streams: Streams) -> Commands {
+        let streams = streams | Streams::CODES;
+        Commands {
+            mains_hz,
+            wanted_streams: streams,
+            streams,
+            streaming_wanted: true,
+            device: Introduction::Missing,
+            owns_stream: false,
+            stream: StreamState::Stopped,
+            pending: None,
+            connected: false,
+            start_not_before_us: 0,
+            last_frame_us: 0,
+            last_stream_us: None,
+            last_identify_us: 0,
+            clock_query: ClockQuery::default(),
+            last_tick_us: 0,
+        }
+    }
+
+    /// Records that a port was opened. The device is identified again; a stream that this bridge
+    /// started may still be running.
+    pub(crate) fn connected(&mut self, now_us: i64) {
+        self.device = Introduction::Missing;
+        self.stream = StreamState::Unconfirmed;
+        self.pending = None;
+        self.connected = true;
+        self.start_not_before_us = now_us;
+        self.last_frame_us = now_us;
+        self.last_stream_us = None;
+    }
+
+    /// Records that the port was closed or lost. No command is due until the next connection.
+    pub(crate) fn disconnected(&mut self) {
+        self.device = Introduction::Missing;
+        self.stream = StreamState::Stopped;
+        self.pending = None;
+        self.connected = false;
+        self.last_stream_us = None;
+    }
+
+    /// Sets whether the device shall stream.
+    pub(crate) fn set_streaming(&mut self, streaming: bool) {
+        self.streaming_wanted = streaming;
+    }
+
+    /// Records that the device introduced itself; `usable` if its codes can be published.
+    pub(crate) fn device_introduced(&mut self, usable: bool) {
+        self.device = if usable {
+            Introduction::Usable
+        } else {
+            Introduction::Unusable
+        };
+    }
+
+    /// Records another boot, or another device. It must be identified, and stopped, because another
+    /// program may have started it.
+    pub(crate) fn device_restarted(&mut self) {
+        self.device = Introduction::Missing;
+        self.owns_stream = false;
+        self.streams = self.wanted_streams;
+        self.stream = StreamState::Unconfirmed;
+        self.pending = None;
+        self.start_not_before_us = 0;
+        self.last_stream_us = None;
+        self.clock_query = ClockQuery::default();
+    }
+
+    /// Asks the device to identify itself again, because its frames do not match what is known.
+    pub(crate) fn identify_again(&mut self) {
+        self.device = Introduction::Missing;
+    }
+
+    /// Records that a valid frame arrived.
+    pub(crate) fn frame_received(&mut self, now_us: i64) {
+        self.last_frame_us = now_us;
+    }
+
+    /// Records that a code arrived, or `Stats` of a running stream.
+    pub(crate) fn stream_received(&mut self, now_us: i64) {
+        self.last_stream_us = Some(now_us);
+    }
+
+    /// Records that the device reports no stream though nobody stopped it.
+    pub(crate) fn device_stopped(&mut self) {
+        self.stream = StreamState::Stopped;
+        self.last_stream_us = None;
+    }
+
+    /// Returns whether the device should be streaming and sends neither codes nor `Stats`.
+    pub(crate) fn is_starved(&self, now_us: i64) -> bool {
+        let last_stream_us = self
+            .last_stream_us
+            .filter(|_| self.stream != StreamState::Stopped);
+        last_stream_us.is_some_and(|last_stream_us| now_us - last_stream_us > STARVED_AFTER_US)
+    }
+
+    /// Streams that the device is asked for: those that the user wants, less those it refused.
+    pub(crate) fn streams(&self) -> Streams {
+        self.streams
+    }
+
+    /// Streams that the user wants and the device refused.
+    pub(crate) fn refused_streams(&self) -> Streams {
+        Streams::from_bits(self.wanted_streams.bits() & !self.streams.bits())
+    }
+
+    /// Host time of the newest clock query, microseconds.
+    pub(crate) fn clock_query_sent_us(&self) -> Option<i64> {
+        self.clock_query.sent.map(|(_, host_us)| host_us)
+    }
+
+    /// Returns whether the device shall stream and its codes can be published.
+    pub(crate) fn wants_stream(&self) -> bool {
+        self.streaming_wanted && self.device != Introduction::Unusable
+    }
+
+    /// Returns whether codes can be published: the device introduced itself since the port was opened,
+    /// and this bridge started its stream.
+    pub(crate) fn accepts_codes(&self) -> bool {
+        self.device == Introduction::Usable && self.owns_stream
+    }
+
+    /// Returns whether a `Start` was acknowledged, and no `Stop` since.
+    pub(crate) fn is_streaming(&self) -> bool {
+        self.stream == StreamState::Running
+    }
+
+    /// Returns whether the device streams for this bridge, or a `Start` is unconfirmed.
+    pub(crate) fn is_possibly_streaming(&self) -> bool {
+        self.accepts_codes() && self.stream != StreamState::Stopped
+    }
+
+    /// Returns whether no stream is wanted and none is running.
+    pub(crate) fn is_stopped(&self) -> bool {
+        !self.streaming_wanted && self.stream == StreamState::Stopped
+    }
+
+    /// Returns whether the connected device has been silent for more than 5 s.
+    pub(crate) fn is_unresponsive(&self, now_us: i64) -> bool {
+        self.connected && now_us - self.last_frame_us > UNRESPONSIVE_AFTER_US
+    }
+
+    /// Returns the command that is due now, if any. The caller sends it in the frame with number `seq`.
+    pub(crate) fn next_command(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+        if now_us - self.last_tick_us > HOST_SUSPENDED_AFTER_US {
+            self.last_frame_us = now_us;
+            self.last_stream_us = self.last_stream_us.map(|_| now_us);
+        }
+        self.last_tick_us = now_us;
+        if !self.connected {
+            return None;
+        }
+        let Some(command) = self.required_command(now_us) else {
+            return self.clock_query(now_us, seq);
+        };
+        let repeated = self.pending.filter(|pending| pending.command == command);
+        if repeated.is_some_and(|pending| !pending.retry_is_due(now_us)) {
+            return None;
+        }
+        if command == ToDevice::Identify {
+            self.last_identify_us = now_us;
+        }
+        if matches!(command, ToDevice::Start(_)) {
+            self.stream = StreamState::Unconfirmed;
+        }
+        self.pending = Some(match repeated {
+            Some(pending) => pending.sent_again(seq, now_us),
+            None => PendingCommand::new(command, seq, now_us),
+        });
+        Some(command)
+    }
+
+    fn required_command(&self, now_us: i64) -> Option<ToDevice> {
+        if self.device == Introduction::Missing {
+            return Some(ToDevice::Identify);
+        }
+        let since_asked_us = now_us - self.last_identify_us;
+        let refused = now_us < self.start_not_before_us;
+        match (self.wants_stream(), self.stream) {
+            (true, StreamState::Stopped | StreamState::Unconfirmed) if !self.owns_stream => {
+                Some(ToDevice::Stop)
+            }
+            (true, StreamState::Stopped | StreamState::Unconfirmed) if !refused => {
+                Some(ToDevice::Start(Start {
+                    streams: self.streams,
+                    mains_hz: self.mains_hz,
+                }))
+            }
+            (false, StreamState::Unconfirmed | StreamState::Running) => Some(ToDevice::Stop),
+            (true, StreamState::Running)
+                if self.is_starved(now_us) && since_asked_us < RETRY_US =>
+            {
+                None
+            }
+            (true, StreamState::Running)
+                if self.is_starved(now_us) && since_asked_us > STARVED_AFTER_US =>
+            {
+                Some(ToDevice::Identify)
+            }
+            _ => (now_us - self.last_frame_us > PING_AFTER_US).then_some(ToDevice::Ping),
+        }
+    }
+
+    /// Returns the clock query when it is due. It waits until codes arrive, because without them the
+    /// answer has no fit to compare with.
+    fn clock_query(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+        let due = self
+            .clock_query
+            .due_us
+            .is_some_and(|due_us| now_us >= due_us);
+        let fed = self
+            .last_stream_us
+            .is_some_and(|last_stream_us| now_us - last_stream_us < RETRY_US);
+        if !due || !fed || self.clock_query.refused || self.stream != StreamState::Running {
+            return None;
+        }
+        self.clock_query.due_us = Some(now_us + CLOCK_QUERY_INTERVAL_US);
+        self.clock_query.sent = Some((seq, now_us));
+        let host_time_us = now_us.unsigned_abs();
+        Some(ToDevice::SyncTime { host_time_us })
+    }
+
+    /// Returns the streams to ask for after a refused `Start`: without raw samples, which a UART cannot
+    /// carry, then without filtered steps, then codes alone, which firmware before 0.2 is limited to.
+    fn fewer_streams(&self) -> Option<Streams> {
+        let removable = [Streams::RAW, Streams::FILTERED];
+        let removable = removable
+            .into_iter()
+            .find(|stream| self.streams.contains(*stream));
+        match removable {
+            Some(stream) => Some(self.streams.without(stream)),
+            None if self.streams == Streams::CODES => None,
+            None => Some(Streams::CODES),
+        }
+    }
+
+    /// Handles the acknowledgement of the command that was sent in frame `of`.
+    pub(crate) fn handle_ack(&mut self, of: u32, result: AckResult, now_us: i64) -> AckEffect {
+        if self.clock_query.sent.is_some_and(|(seq, _)| seq == of) {
+            self.clock_query.refused |= !matches!(result, AckResult::Done | AckResult::Busy);
+            return AckEffect::NoChange;
+        }
+        let Some(pending) = self
+            .pending
+            .filter(|pending| pending.is_acknowledged_by(of))
+        else {
+            return AckEffect::NoChange;
+        };
+        match (pending.command, result) {
+            (_, AckResult::Busy | AckResult::Failed) => return AckEffect::NoChange,
+            (ToDevice::Start(_), AckResult::Done) => {
+                self.pending = None;
+                self.stream = StreamState::Running;
+                self.last_stream_us.get_or_insert(now_us);
+                self.clock_query
+                    .due_us
+                    .get_or_insert(now_us + FIRST_CLOCK_QUERY_US);
+                return AckEffect::Started;
+            }
+            (ToDevice::Stop, result) => {
+                self.pending = None;
+                self.owns_stream = true;
+                self.stream = StreamState::Stopped;
+                self.last_stream_us = None;
+                if result == AckResult::Done {
+                    return AckEffect::Stopped;
+                }
+            }
+            (ToDevice::Start(_), AckResult::BadArgument) if self.fewer_streams().is_some() => {
+                self.streams = self.fewer_streams().unwrap_or(Streams::CODES);
+                self.pending = None;
+                return AckEffect::NoChange;
+            }
+            (ToDevice::Start(_), _) => {
+                self.start_not_before_us = now_us + REFUSED_RETRY_US;
+                self.pending = None;
+            }
+            // The device did not restart, so another program may have stopped it. A repeated `Start`
+            // changes nothing if it streams after all.
+            (ToDevice::Identify, _) if self.is_starved(now_us) => {
+                self.stream = StreamState::Unconfirmed;
+            }
+            (ToDevice::Identify, _) => {}
+            (
+                ToDevice::Ping
+                | ToDevice::SelfTest
+                | ToDevice::SyncTime { .. }
+                | ToDevice::Reset(_),
+                _,
+            ) => self.pending = None,
+        }
+        match result {
+            AckResult::Done => AckEffect::NoChange,
+            result => AckEffect::Refused(pending.command, result),
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! A port that is reopened whenever it disappears.
+
+use std::io;
+use std::time::Duration;
+
+use tokio::task::JoinHandle;
+use tokio::time::{Instant, sleep_until};
+
+use crate::error::BridgeError;
+use crate::wire::address::PortAddress;
+use crate::wire::port::{PORT_TIMEOUT, Port, Transfer};
+
+/// Delay between attempts to open the port. It is well below 1 s, the time within which a replugged
+/// device must be back.
+const RETRY: Duration = Duration::from_millis(250);
+
+/// A port that is reopened whenever it disappears, as often as it takes.
+#[derive(Debug)]
+pub(crate) struct Connection {
+    address: PortAddress,
+    baud: u32,
+    state: State,
+    /// Time since which the device has accepted none of the bytes for it.
+    stuck_since: Option<Instant>,
+    /// Kind of the last failure that was logged, so that an absent device does not fill the log.
+    reported: Option<io::ErrorKind>,
+}
+
+#[derive(Debug)]
+enum State {
+    Closed { retry_at: Instant },
+    Opening(JoinHandle<io::Result<Port>>),
+    Open(Port),
+}
+
+/// Change of the port's state, or bytes from it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Event {
+    Opened,
+    /// Number of bytes read into the front of the buffer.
+    Bytes(usize),
+    Closed,
+}
+
+impl Connection {
+    pub(crate) fn new(address: PortAddress, baud: u32) -> Connection {
+        Connection {
+            address,
+            baud,
+            state: State::Closed {
+                retry_at: Instant::now(),
+            },
+            stuck_since: None,
+            reported: None,
+        }
+    }
+
+    pub(crate) fn is_open(&self) -> bool {
+        matches!(self.state, State::Open(_))
+    }
+
+    pub(crate) fn close(&mut self) {
+        self.state = State::Closed {
+            retry_at: Instant::now() + RETRY,
+        };
+    }
+
+    /// Waits for the next event. Meanwhile it writes `outgoing` and removes what was written, so a
+    /// device that does not read cannot hold up what it sends. Cancel safe.
+    ///
+    /// # Errors
+    ///
+    /// [`BridgeError::Port`] if the address names something that is not a port, and
+    /// [`BridgeError::Speed`] if the port does not support the baud rate.
+    pub(crate) async fn next_event(
+        &mut self,
+        buffer: &mut [u8],
+        outgoing: &mut Vec<u8>,
+    ) -> Result<Event, BridgeError> {
+        loop {
+            match &mut self.state {
+                State::Closed { retry_at } => {
+                    sleep_until(*retry_at).await;
+                    let (address, baud) = (self.address.clone(), self.baud);
+                    let opening = tokio::spawn(async move { Port::open(&address, baud).await });
+                    self.state = State::Opening(opening);
+                }
+                State::Opening(opening) => {
+                    // Joining fails only if the task panicked or the runtime shuts down.
+                    let opened = opening
+                        .await
+                        .unwrap_or_else(|error| Err(io::Error::other(error)));
+                    match opened {
+                        Ok(port) => {
+                            tracing::info!("{} is open", self.address);
+                            self.reported = None;
+                            self.stuck_since = None;
+                            self.state = State::Open(port);
+                            return Ok(Event::Opened);
+                        }
+                        Err(source) if source.kind() == io::ErrorKind::InvalidInput => {
+                            let port = self.address.to_string();
+                            return Err(BridgeError::Port { port, source });
+                        }
+                        Err(source) if source.kind() == io::ErrorKind::Unsupported => {
+                            let port = self.address.to_string();
+                            return Err(BridgeError::Speed { port, source });
+                        }
+                        Err(error) => self.report_failure(&error),
+                    }
+                }
+                State::Open(port) => {
+                    let stuck_for = self.stuck_since.map(|since| since.elapsed());
+                    if outgoing.is_empty() {
+                        self.stuck_since = None;
+                    } else if self.stuck_since.is_none() {
+                        self.stuck_since = Some(Instant::now());
+                    }
+                    let exchanged = if stuck_for.is_some_and(|time| time > PORT_TIMEOUT) {
+                        Err(io::Error::new(
+                            io::ErrorKind::TimedOut,
+                            "it accepts no commands",
+                        ))
+                    } else {
+                        port.exchange(buffer, outgoing).await
+                    };
+                    match exchanged {
+                        Ok(Transfer::Read(count)) => return Ok(Event::Bytes(count)),
+                        Ok(Transfer::Written(count)) => {
+                            outgoing.drain(..count);
+                            self.stuck_since = None;
+                        }
+                        Err(error) => {
+                            tracing::warn!("{} was lost ({error}); waiting for it", self.address);
+                            self.close();
+                            return Ok(Event::Closed);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn report_failure(&mut self, error: &io::Error) {
+        self.close();
+        if self.reported == Some(error.kind()) {
+            return;
+        }
+        self.reported = Some(error.kind());
+        tracing::warn!(
+            "{} does not open ({error}); waiting for it; {}",
+            self.address,
+            self.address.remedy(error.kind())
+        );
+    }
+}

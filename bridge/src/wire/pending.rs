@@ -1,0 +1,52 @@
+//! A command that waits for its acknowledgement.
+
+use link::ToDevice;
+
+/// Time without an acknowledgement after which a command is sent again, microseconds.
+pub(crate) const RETRY_US: i64 = 500_000;
+
+/// A command that was sent once or more and is not acknowledged yet.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PendingCommand {
+    pub(crate) command: ToDevice,
+    /// Sequence number of the frame that carried the command first.
+    first_seq: u32,
+    /// Sequence number of the frame that carried the command last.
+    last_seq: u32,
+    /// Host time of the last transmission, microseconds.
+    sent_us: i64,
+}
+
+impl PendingCommand {
+    pub(crate) fn new(command: ToDevice, seq: u32, now_us: i64) -> PendingCommand {
+        PendingCommand {
+            command,
+            first_seq: seq,
+            last_seq: seq,
+            sent_us: now_us,
+        }
+    }
+
+    /// Returns the same command after one more transmission.
+    pub(crate) fn sent_again(self, seq: u32, now_us: i64) -> PendingCommand {
+        PendingCommand {
+            last_seq: seq,
+            sent_us: now_us,
+            ..self
+        }
+    }
+
+    pub(crate) fn retry_is_due(&self, now_us: i64) -> bool {
+        now_us >= self.sent_us + RETRY_US
+    }
+
+    pub(crate) fn was_sent_again(&self) -> bool {
+        self.first_seq != self.last_seq
+    }
+
+    /// Returns whether an acknowledgement of frame `of` acknowledges this command: any of its
+    /// transmissions counts, also across a wrap of the sequence number.
+    pub(crate) fn is_acknowledged_by(&self, of: u32) -> bool {
+        of.wrapping_sub(self.first_seq) <= self.last_seq.wrapping_sub(self.first_seq)
+    }
+}

@@ -1,0 +1,148 @@
+//! An open serial port, pseudoterminal or TCP connection.
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+use std::time::Duration;
+
+use rustix::fs::{FlockOperation, Mode, OFlags};
+use rustix::io::Errno;
+use rustix::termios::{self, ControlModes, OptionalActions};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio::net::unix::pipe::{Receiver, Sender};
+use tokio::time::timeout;
+
+use crate::wire::address::PortAddress;
+
+/// Longest time to open a TCP connection, or to write pending commands.
+pub(crate) const PORT_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// An open port, which carries bytes in both directions.
+#[derive(Debug)]
+pub(crate) enum Port {
+    /// A serial port or a pseudoterminal in raw mode. Tokio's pipe ends accept any descriptor that
+    /// epoll accepts, and are its only types for this that need no unsafe code.
+    Tty(Receiver, Sender),
+    Tcp(TcpStream),
+}
+
+impl Port {
+    /// Opens the port. A terminal is set to raw mode at `baud` (ignored by pseudoterminals and USB)
+    /// and locked for this program.
+    ///
+    /// # Errors
+    ///
+    /// The operating system's error; `InvalidInput` if the path is not a terminal, `Unsupported` if
+    /// the terminal refuses `baud`, `ResourceBusy` if another program has locked it.
+    pub(crate) async fn open(address: &PortAddress, baud: u32) -> io::Result<Port> {
+        match address {
+            PortAddress::Tcp(address) => {
+                let stream = timeout(PORT_TIMEOUT, TcpStream::connect(address)).await??;
+                stream.set_nodelay(true)?;
+                Ok(Port::Tcp(stream))
+            }
+            PortAddress::Tty(path) => {
+                let terminal = open_raw(path, baud)?;
+                let receiver = Receiver::from_file_unchecked(terminal.try_clone()?)?;
+                Ok(Port::Tty(receiver, Sender::from_file_unchecked(terminal)?))
+            }
+        }
+    }
+
+    /// Waits until at least one byte was read or part of `outgoing` was written. Cancel safe: if the
+    /// future is dropped before it returns, nothing was read or written.
+    ///
+    /// # Errors
+    ///
+    /// `UnexpectedEof` if the other end closed the port, else the operating system's error.
+    pub(crate) async fn exchange(
+        &mut self,
+        buffer: &mut [u8],
+        outgoing: &[u8],
+    ) -> io::Result<Transfer> {
+        match self {
+            Port::Tcp(stream) => {
+                let (reader, writer) = stream.split();
+                exchange(reader, buffer, writer, outgoing).await
+            }
+            Port::Tty(reader, writer) => exchange(reader, buffer, writer, outgoing).await,
+        }
+    }
+}
+
+/// Result of [`Port::exchange`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Transfer {
+    /// Number of bytes read into the front of the buffer.
+    Read(usize),
+    /// Number of bytes written from the front of `outgoing`.
+    Written(usize),
+}
+
+async fn exchange(
+    mut reader: impl AsyncRead + Unpin,
+    buffer: &mut [u8],
+    mut writer: impl AsyncWrite + Unpin,
+    outgoing: &[u8],
+) -> io::Result<Transfer> {
+    tokio::select! {
+        count = reader.read(buffer) => match count? {
+            0 => Err(io::ErrorKind::UnexpectedEof.into()),
+            count => Ok(Transfer::Read(count)),
+        },
+        count = writer.write(outgoing), if !outgoing.is_empty() => count.map(Transfer::Written),
+    }
+}
+
+fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let fd = rustix::fs::open(path, flags, Mode::empty())?;
+    if !termios::isatty(&fd) {
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "it is neither a serial port nor a pseudoterminal",
+        ));
+    }
+    // Two bridges on one port would each read only part of the bytes. A lock ends with this program;
+    // TIOCEXCL would stay set as long as another program, such as host-sim, holds the terminal open.
+    rustix::fs::flock(&fd, FlockOperation::NonBlockingLockExclusive).map_err(
+        |error| match error {
+            Errno::WOULDBLOCK => io::ErrorKind::ResourceBusy.into(),
+            error => io::Error::from(error),
+        },
+    )?;
+    let mut settings = termios::tcgetattr(&fd)?;
+    settings.make_raw();
+    settings.control_modes |= ControlModes::CLOCAL | ControlModes::CREAD;
+    settings
+        .set_speed(baud)
+        .map_err(|error| speed_error(error, baud))?;
+    termios::tcsetattr(&fd, OptionalActions::Now, &settings)
+        .map_err(|error| speed_error(error, baud))?;
+    Ok(fd.into())
+}
+
+/// Explains `EINVAL` from a terminal that refuses the baud rate; returns other errors unchanged.
+fn speed_error(error: Errno, baud: u32) -> io::Error {
+    match error {
+        Errno::INVAL => io::Error::new(
+            io::ErrorKind::Unsupported,
+            format!("it does not run at {baud} baud; choose another --baud"),
+        ),
+        error => error.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Errno, io, speed_error};
+
+    #[test]
+    fn a_refused_baud_rate_is_named() {
+        let error = speed_error(Errno::INVAL, 12_345);
+        assert_eq!(error.kind(), io::ErrorKind::Unsupported);
+        assert!(error.to_string().contains("12345 baud"));
+        assert_eq!(speed_error(Errno::IO, 9600).raw_os_error(), Some(5));
+    }
+}

@@ -1,0 +1,142 @@
+//! The subcommands `selftest` and `reset`.
+
+use std::io::Read;
+
+use link::{AckResult, ChannelFault, ChannelTest, ChipTest, SelfTest, ToDevice};
+use serde_json::Value;
+
+use crate::board::Board;
+use crate::device::Device;
+use crate::process::Bridge;
+
+fn result(fault: ChannelFault) -> SelfTest {
+    let chip = ChipTest {
+        id: 0x3E,
+        ..ChipTest::default()
+    };
+    let channel = ChannelTest {
+        noise_uv: 0.14,
+        shorted_noise_uv: 0.14,
+        fault,
+        ..ChannelTest::default()
+    };
+    SelfTest {
+        drdy_millihertz: 512_000,
+        expected_millihertz: 512_000,
+        chips: [chip; 8].into_iter().collect(),
+        channels: [channel; 64].into_iter().collect(),
+        ..SelfTest::default()
+    }
+}
+
+fn board(fault: ChannelFault) -> Board {
+    Board {
+        self_test: Some(result(fault)),
+        ..Board::new()
+    }
+}
+
+/// Runs the bridge and returns exit status, stdout and stderr.
+fn run_query(arguments: &[&str]) -> (Option<i32>, String, String) {
+    let mut bridge = Bridge::start(arguments);
+    let mut stdout = bridge.stdout();
+    let (status, log) = bridge.wait();
+    let mut text = String::new();
+    stdout.read_to_string(&mut text).unwrap();
+    (status.code(), text, log)
+}
+
+#[test]
+fn a_device_in_order_is_status_0_and_stdout_has_only_the_table() {
+    let device = Device::tcp(board(ChannelFault::None));
+    let (code, text, log) = run_query(&["selftest", "--port", &device.port]);
+    assert_eq!((code, &*log), (Some(0), ""), "{text}");
+    assert!(text.starts_with("device  board, firmware test"), "{text}");
+    assert!(
+        text.ends_with("\nall in order: 8 chips, 64 channels\n"),
+        "{text}"
+    );
+    let stopped = [ToDevice::Identify, ToDevice::Stop, ToDevice::SelfTest];
+    assert_eq!(device.received(), stopped);
+}
+
+#[test]
+fn a_device_with_a_fault_is_status_1_and_json_names_the_fault() {
+    let device = Device::tcp(board(ChannelFault::Noisy));
+    let (code, text, _) = run_query(&["selftest", "--json", "--port", &device.port]);
+    assert_eq!(code, Some(1));
+    let report: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(report["passed"], false);
+    assert_eq!(report["channels"][60]["verdict"], "too loud");
+}
+
+#[test]
+fn a_reader_that_closes_the_pipe_is_no_error() {
+    let device = Device::tcp(board(ChannelFault::Noisy));
+    let mut bridge = Bridge::start(&["selftest", "--port", &device.port]);
+    drop(bridge.stdout());
+    let (status, log) = bridge.wait();
+    assert_eq!((status.code(), &*log), (Some(1), ""));
+}
+
+#[test]
+fn an_absent_device_is_status_3_and_a_refusal_status_4() {
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let nobody = format!("tcp:{}", free.local_addr().unwrap());
+    drop(free);
+    for port in [&*nobody, "/dev/ttyNOBODY"] {
+        let (code, _, log) = run_query(&["selftest", "--port", port]);
+        assert_eq!(code, Some(3), "{log}");
+        assert!(log.contains("plug the device in"), "{log}");
+    }
+    let device = Device::tcp(Board {
+        ack_result: AckResult::NotSupported,
+        ..Board::new()
+    });
+    let (code, _, log) = run_query(&["selftest", "--port", &device.port]);
+    assert_eq!(code, Some(4), "{log}");
+    assert!(log.contains("no converters"), "{log}");
+}
+
+#[test]
+fn a_reset_prints_the_bootloader_or_the_restarted_device() {
+    let device = Device::tcp(Board::new());
+    let (code, text, _) = run_query(&["reset", "--bootloader", "--port", &device.port]);
+    assert_eq!(code, Some(0));
+    assert!(text.contains("starts its bootloader"), "{text}");
+    let device = Device::tcp(Board {
+        restarts_on_reset: true,
+        ..Board::new()
+    });
+    let (code, text, log) = run_query(&["reset", "--port", &device.port]);
+    assert_eq!(code, Some(0), "{log}");
+    assert!(text.contains("started by power on"), "{text}");
+}
+
+#[test]
+fn wrong_usage_of_a_subcommand_is_status_2() {
+    for (arguments, expected) in [
+        (&["selftest"][..], "--port"),
+        (&["selftest", "--port", "/dev/null"], "/dev/ttyACM0"),
+        (&["reset", "--port", "tcp:nowhere"], "tcp:127.0.0.1:5555"),
+        (
+            &["--port", "/dev/null", "--streams", "codes,spectra"],
+            "filtered",
+        ),
+        (
+            &[
+                "--port",
+                "/dev/null",
+                "--sink",
+                "ndjson",
+                "--announce",
+                "raw",
+            ],
+            "--streams codes,raw",
+        ),
+    ] {
+        let (code, _, log) = run_query(arguments);
+        assert_eq!(code, Some(2), "{arguments:?}: {log}");
+        assert!(log.contains(expected), "{arguments:?}: {log}");
+    }
+}
