@@ -54,7 +54,7 @@ fn steps(window: u16, range: std::ops::Range<usize>) -> Vec<f32> {
 fn frames_keep_the_contract_and_are_numbered() {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
     let first = reconstruction.push(&window(0, Some(z(0)))).unwrap().clone();
-    let shape = Shape::of(&first).unwrap();
+    let shape = Shape::from_frame(&first).unwrap();
     assert_eq!(
         shape,
         Shape {
