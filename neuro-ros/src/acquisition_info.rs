@@ -1,14 +1,16 @@
-//! What an acquisition announces before its first frame.
+//! The announcement of an acquisition, made before its first frame.
 
 use serde::Serialize;
 
-use crate::wire::fields;
-use crate::{ContractError, NeuroFrame, Shape, Wire, WireError};
+use crate::neuro_frame::NeuroFrame;
+use crate::shape::{ContractError, Shape};
+use crate::wire::{Wire, WireError, impl_wire};
 
-/// The answer of `/acquisition/get_info`: what will come, for ever of this shape.
+/// The response of `/acquisition/get_info`: the device, and a frame of the shape that every later
+/// frame has.
 ///
-/// `rosneuro_recorder` waits for this service, allocates once from its answer and then copies
-/// frames unchecked, so an answer that breaks the contract cannot be made.
+/// `rosneuro_recorder` waits for this service, allocates its buffers once from the response and then
+/// copies frames unchecked. Therefore a response that violates the contract cannot be constructed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AcquisitionInfo {
     response: Response,
@@ -23,7 +25,7 @@ struct Response {
     frame: NeuroFrame,
 }
 
-fields!(Response {
+impl_wire!(Response {
     result: bool,
     device_model: String,
     device_id: String,
@@ -31,17 +33,17 @@ fields!(Response {
 });
 
 impl AcquisitionInfo {
-    /// Announce a device whose frames look like `frame`.
+    /// Creates the announcement of a device whose frames have the shape of `frame`.
     ///
     /// # Errors
     ///
-    /// [`ContractError`] if the frame breaks what consumers rely on.
+    /// [`ContractError`] if the frame violates the contract.
     pub fn new(
         device_model: &str,
         device_id: &str,
         frame: NeuroFrame,
     ) -> Result<AcquisitionInfo, ContractError> {
-        let shape = Shape::of(&frame)?;
+        let shape = Shape::from_frame(&frame)?;
         let (device_model, device_id) = (device_model.to_owned(), device_id.to_owned());
         Ok(AcquisitionInfo {
             response: Response {
@@ -54,16 +56,17 @@ impl AcquisitionInfo {
         })
     }
 
-    /// The body of the service's response.
+    /// Encodes the body of the service's response.
     pub fn to_response(&self) -> Vec<u8> {
         self.response.to_bytes()
     }
 
-    /// What a response says; `None` if the acquisition knows nothing yet (`result` false).
+    /// Decodes the body of a response. `None` means that the acquisition has no information yet
+    /// (`result` is false); the inner error, that the announced frame violates the contract.
     ///
     /// # Errors
     ///
-    /// [`WireError`] if the bytes are not such a response.
+    /// [`WireError`] if the bytes are not a response of this service.
     pub fn from_response(
         bytes: &[u8],
     ) -> Result<Option<Result<AcquisitionInfo, ContractError>>, WireError> {
@@ -76,22 +79,22 @@ impl AcquisitionInfo {
         Ok(result.then(|| AcquisitionInfo::new(&device_model, &device_id, frame)))
     }
 
-    /// The frame that was announced.
+    /// The announced frame, an example for all later ones.
     pub fn frame(&self) -> &NeuroFrame {
         &self.response.frame
     }
 
-    /// Model of the device.
+    /// Model name of the device.
     pub fn device_model(&self) -> &str {
         &self.response.device_model
     }
 
-    /// Which device.
+    /// Identifier of the individual device.
     pub fn device_id(&self) -> &str {
         &self.response.device_id
     }
 
-    /// The shape that every frame has.
+    /// Shape of the announced frame.
     pub fn shape(&self) -> Shape {
         self.shape
     }

@@ -1,57 +1,57 @@
-//! The services of an acquisition node.
+//! The ROS services of an acquisition node.
 
 use std::sync::Arc;
 
 use ros1::{Node, NodeError, Service, ServiceType};
 
-use crate::AcquisitionInfo;
+use crate::acquisition_info::AcquisitionInfo;
 
-/// Name under which recorder and visualizer look for the announcement.
+/// Service from which the recorder and the visualizer get the announcement.
 pub const GET_INFO_SERVICE: &str = "/acquisition/get_info";
 
-/// `rosneuro_msgs/GetAcquisitionInfo`.
+/// Type of [`GET_INFO_SERVICE`]: an empty request; the response is an [`AcquisitionInfo`].
 pub static GET_ACQUISITION_INFO: ServiceType = ServiceType {
     name: "rosneuro_msgs/GetAcquisitionInfo",
     md5: "8cf1aae8f1ae02fdc8775b1362badac5",
     definition: include_str!("../srv/GetAcquisitionInfo.srv"),
 };
 
-/// `std_srvs/Empty`.
+/// Type of `~start`, `~stop` and `~quit`: empty request and response.
 pub static EMPTY: ServiceType = ServiceType {
     name: "std_srvs/Empty",
     md5: "d41d8cd98f00b204e9800998ecf8427e",
     definition: include_str!("../foreign/std_srvs/Empty.srv"),
 };
 
-/// What an acquisition node can be asked to do.
+/// A request that an acquisition node receives as a service call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AcquisitionCommand {
-    /// `~start`: frames shall come.
+    /// `~start`: publish frames.
     Start,
-    /// `~stop`: no frames shall come, until the next start.
+    /// `~stop`: publish no frames until the next start.
     Stop,
-    /// `~quit`: the node shall leave.
+    /// `~quit`: shut the node down.
     Quit,
 }
 
-/// The services of an acquisition node, while this lives.
+/// The services of an acquisition node. Dropping it unregisters them.
 ///
-/// The announcement is served only from the moment it is known, because the recorder waits for
-/// the service to appear and does not look at `result`.
+/// Start serving only once the announcement is known: the recorder waits for the service to appear
+/// and does not check `result`.
 #[derive(Debug)]
 pub struct AcquisitionServices {
-    /// Services leave with their handles.
+    /// Dropping a handle unregisters its service.
     _services: [Service; 4],
 }
 
 impl AcquisitionServices {
-    /// Serve `info` as [`GET_INFO_SERVICE`], and `~start`, `~stop` and `~quit`.
+    /// Provides `info` as [`GET_INFO_SERVICE`], and the services `~start`, `~stop` and `~quit`.
     ///
-    /// `on_command` must not wait. What it returns as an error is what the caller sees.
+    /// `on_command` must not block. Its error message is returned to the caller.
     ///
     /// # Errors
     ///
-    /// [`NodeError`] if one of the services exists on this node already.
+    /// [`NodeError`] if this node already has one of the services or the master refuses it.
     pub async fn serve(
         node: &Node,
         info: &AcquisitionInfo,

@@ -1,12 +1,16 @@
-//! Names, MD5 sums and full definitions: what makes recordings readable without our packages.
+//! Names, MD5 sums and full definitions of the message types. Recorders store them, so that recordings
+//! are readable without the packages of this project.
 
 use ros1::MessageType;
 
-use crate::{DiagnosticArray, NeuroEvent, NeuroFrame, Wire};
+use crate::diagnostics::DiagnosticArray;
+use crate::neuro_event::NeuroEvent;
+use crate::neuro_frame::NeuroFrame;
+use crate::wire::Wire;
 
-/// A value that can be a topic's message.
+/// A value that can be published on a topic.
 pub trait RosMessage: Wire {
-    /// Its type.
+    /// Name, MD5 sum and definition that publishers and subscribers exchange.
     const TYPE: &'static MessageType;
 }
 
@@ -22,8 +26,8 @@ impl RosMessage for DiagnosticArray {
     const TYPE: &'static MessageType = &DIAGNOSTIC_ARRAY;
 }
 
-/// One part of a full definition as `gendeps --cat` separates them: 80 equals signs, the name,
-/// the text.
+/// An embedded type in a full definition, in the format of `gendeps --cat`: 80 equals signs, the
+/// name, the text.
 macro_rules! part {
     ($name:literal, $path:literal) => {
         concat!(

@@ -1,37 +1,37 @@
-//! What goes to `/diagnostics`.
+//! The messages of the topic `/diagnostics`.
 
 use serde::Serialize;
 
-use crate::wire::fields;
-use crate::{Header, Reader, Wire, WireError};
+use crate::header::Header;
+use crate::wire::{Reader, Wire, WireError, impl_wire};
 
-/// `diagnostic_msgs/DiagnosticArray`.
+/// `diagnostic_msgs/DiagnosticArray`: status reports of several components.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct DiagnosticArray {
-    /// When; `frame_id` is empty.
+    /// `header.stamp` is the time of the reports; `frame_id` is empty.
     pub header: Header,
-    /// One entry per part that has something to say.
+    /// One entry per component.
     pub status: Vec<DiagnosticStatus>,
 }
 
-fields!(DiagnosticArray { header: Header, status: Vec<DiagnosticStatus> });
+impl_wire!(DiagnosticArray { header: Header, status: Vec<DiagnosticStatus> });
 
-/// `diagnostic_msgs/DiagnosticStatus`.
+/// `diagnostic_msgs/DiagnosticStatus`: the status of one component.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct DiagnosticStatus {
-    /// How bad.
+    /// Severity of `message`.
     pub level: DiagnosticLevel,
-    /// Which part, such as `corticode: link`.
+    /// Name of the component, such as `corticode: link`.
     pub name: String,
-    /// One line for people.
+    /// One-line summary for the user.
     pub message: String,
-    /// Which hardware.
+    /// Identifier of the device.
     pub hardware_id: String,
-    /// The figures.
+    /// Measured values of the component.
     pub values: Vec<KeyValue>,
 }
 
-fields!(DiagnosticStatus {
+impl_wire!(DiagnosticStatus {
     level: DiagnosticLevel,
     name: String,
     message: String,
@@ -39,22 +39,22 @@ fields!(DiagnosticStatus {
     values: Vec<KeyValue>,
 });
 
-/// `diagnostic_msgs/KeyValue`.
+/// `diagnostic_msgs/KeyValue`: a named value.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct KeyValue {
-    /// Name of the figure.
+    /// Name with unit, such as `round trip us`.
     pub key: String,
-    /// The figure as text.
+    /// The value as text.
     pub value: String,
 }
 
-fields!(KeyValue {
+impl_wire!(KeyValue {
     key: String,
     value: String
 });
 
 impl KeyValue {
-    /// A figure and its name.
+    /// Formats `value` as text.
     pub fn new(key: &str, value: &dyn std::fmt::Display) -> KeyValue {
         KeyValue {
             key: key.to_owned(),
@@ -63,18 +63,18 @@ impl KeyValue {
     }
 }
 
-/// `DiagnosticStatus.level`; one byte on the wire.
+/// Severity of a status; one byte on the wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DiagnosticLevel {
-    /// 0
+    /// Normal operation; 0 on the wire.
     #[default]
     Ok,
-    /// 1
+    /// Degraded operation; 1 on the wire.
     Warn,
-    /// 2
+    /// Failure; 2 on the wire.
     Error,
-    /// 3: no news for too long.
+    /// No recent data; 3 on the wire.
     Stale,
 }
 
@@ -91,7 +91,7 @@ impl Wire for DiagnosticLevel {
         byte.write(out);
     }
 
-    /// A level that the message does not define reads as [`DiagnosticLevel::Error`].
+    /// Reads one byte. Values that the message does not define become [`DiagnosticLevel::Error`].
     fn read(reader: &mut Reader<'_>) -> Result<Self, WireError> {
         Ok(match u8::read(reader)? {
             0 => DiagnosticLevel::Ok,

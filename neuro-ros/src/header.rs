@@ -1,33 +1,33 @@
-//! What frames and events begin with.
+//! The headers at the start of frames and events.
 
 use serde::Serialize;
 
-use crate::Stamp;
-use crate::wire::fields;
+use crate::stamp::Stamp;
+use crate::wire::impl_wire;
 
-/// `std_msgs/Header`.
+/// `std_msgs/Header`: number, time and place of a message.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Header {
-    /// Number of the message. roscpp's and rospy's publishers fill it in; ours is set by hand and
-    /// equals [`NeuroHeader::seq`].
+    /// Number of the message. Publishers of roscpp and rospy fill it in; here the caller sets it, to
+    /// the same value as [`NeuroHeader::seq`].
     pub seq: u32,
     /// Time of the first sample, or of the event.
     pub stamp: Stamp,
-    /// Where it was measured; free text.
+    /// Coordinate frame of the data, as free text; can be empty.
     pub frame_id: String,
 }
 
-fields!(Header {
+impl_wire!(Header {
     seq: u32,
     stamp: Stamp,
     frame_id: String
 });
 
-/// `rosneuro_msgs/NeuroHeader`.
+/// `rosneuro_msgs/NeuroHeader`: the number of a frame or event.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NeuroHeader {
-    /// Number of the frame: starts at 1, goes up by one, wraps at 2^32.
+    /// Starts at 1, increases by one, wraps at 2^32.
     pub seq: u32,
 }
 
-fields!(NeuroHeader { seq: u32 });
+impl_wire!(NeuroHeader { seq: u32 });

@@ -1,13 +1,47 @@
-//! ROS-Neuro messages, the contract of its acquisition node, and sinks.
+//! ROS-Neuro messages, their ROS 1 serialisation, and the services of an acquisition node.
 //!
-//! The values ([`NeuroFrame`], [`NeuroEvent`], [`DiagnosticArray`] and their parts) know nothing
-//! about where they go; [`Wire`] writes and reads them as ROS 1 does, and a [`Sink`] delivers
-//! them: [`RosSink`] to a ROS 1 topic, [`NdjsonSink`] as lines of JSON. [`AcquisitionInfo`] is
-//! what the recorder asks an acquisition for, and holds every later frame to that answer.
+//! [`Wire`] encodes and decodes the messages as ROS 1 does. A [`Sink`] delivers them: [`RosSink`] to
+//! a ROS 1 topic, [`NdjsonSink`] as lines of JSON. [`AcquisitionInfo`] is what a recorder requests
+//! before the first frame; [`Shape::admit`] checks every later frame against it.
+//!
+//! ```text
+//! NeuroFrame ──┬─> Shape::admit: same shape as announced?
+//! NeuroEvent ──┼─> RosSink ── Wire ──> topic of a ros1 node
+//! Diagnostics ─┴─> NdjsonSink ── JSON ──> file or pipe
+//! AcquisitionInfo ──> service /acquisition/get_info ──> recorder, visualizer
+//! AcquisitionCommand <── services ~start, ~stop, ~quit
+//! ```
 //!
 //! The definitions under `msg/` and `srv/` were written from the field lists of `rosneuro_msgs`
-//! alone; the MD5 sums, which ignore comments, are those of that package, so its recorder,
-//! filters and visualizer talk to us.
+//! alone. Their MD5 sums, which ignore comments, equal those of that package, so its recorder,
+//! filters and visualizer accept these messages.
+//!
+//! ```
+//! use neuro_ros::{AcquisitionInfo, NeuroFrame, RosMessage, Wire};
+//!
+//! // Two samples of one channel at 512 Hz.
+//! let mut frame = NeuroFrame { sr: 512, ..NeuroFrame::default() };
+//! frame.eeg.info.nsamples = 2;
+//! frame.eeg.info.nchannels = 1;
+//! frame.eeg.info.stride = 4;
+//! frame.eeg.info.labels = vec!["Cz".to_owned()];
+//! for info in [&mut frame.eeg.info, &mut frame.exg.info, &mut frame.tri.info] {
+//!     info.minmax = vec![-1000.0, 1000.0];
+//! }
+//! frame.tri.info.isint = 1;
+//! frame.eeg.data = vec![12.5, -3.0];
+//!
+//! // The frame survives the round trip through its ROS 1 encoding.
+//! assert_eq!(NeuroFrame::TYPE.name, "rosneuro_msgs/NeuroFrame");
+//! assert_eq!(NeuroFrame::from_bytes(&frame.to_bytes())?, frame);
+//!
+//! // Once announced, frames of any other shape are refused.
+//! let info = AcquisitionInfo::new("board", "1", frame.clone())?;
+//! info.shape().admit(&frame)?;
+//! frame.eeg.data.push(0.0);
+//! assert!(info.shape().admit(&frame).is_err());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![forbid(unsafe_code)]
 
 mod acquisition_info;
@@ -16,7 +50,6 @@ mod definition;
 mod diagnostics;
 mod header;
 mod ndjson_sink;
-mod neuro_data;
 mod neuro_event;
 mod neuro_frame;
 mod ros_sink;
@@ -33,14 +66,13 @@ pub use definition::RosMessage;
 pub use diagnostics::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, KeyValue};
 pub use header::{Header, NeuroHeader};
 pub use ndjson_sink::{NdjsonSink, NdjsonWriter};
-pub use neuro_data::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32};
 pub use neuro_event::NeuroEvent;
-pub use neuro_frame::NeuroFrame;
+pub use neuro_frame::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
 pub use ros_sink::RosSink;
 pub use shape::{ContractError, Shape};
 pub use sink::{FrameSink, Sink, SinkError};
 pub use stamp::Stamp;
 pub use wire::{Reader, Wire, WireError};
 
-/// The ROS 1 node that [`RosSink`] and [`AcquisitionServices`] run on.
+/// The crate whose node [`RosSink`] and [`AcquisitionServices`] use.
 pub use ros1;

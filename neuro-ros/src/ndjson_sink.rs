@@ -1,4 +1,4 @@
-//! Messages as lines of JSON.
+//! Writes messages as lines of JSON.
 
 use std::io::Write;
 use std::marker::PhantomData;
@@ -9,42 +9,43 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use crate::{Sink, SinkError};
+use crate::sink::{Sink, SinkError};
 
-/// Lines of one topic that may wait for a slow output: 17 min at 16 Hz, so that even the fillers of
-/// a long outage, which come at once, are all written.
+/// Limit of queued lines per topic: 17 min at 16 Hz, so that even the fillers of a long outage, which
+/// are published in one burst, fit.
 const QUEUE_LINES: usize = 16_384;
-/// Bytes of one topic that may wait: 17 min of codes, 4 KB each, and 2 min of raw samples, 30 KB
-/// each. Every topic has its own, so that none costs another one a line.
+/// Limit of queued bytes per topic: 17 min of codes of 4 KB or 2 min of raw frames of 30 KB. Each topic
+/// has a separate limit, so that none causes another to drop lines.
 const QUEUE_BYTES: usize = 64 << 20;
 
-/// Writes lines of JSON to any output, from a thread of its own, so that publishing never waits.
+/// Writes lines of JSON to any output from a separate thread, so that publishing never waits.
 ///
-/// One line per message: `{"topic":"/encoded","message":{...}}`.
+/// Each message becomes one line: `{"topic":"/encoded","message":{...}}`.
 #[derive(Debug)]
 pub struct NdjsonWriter {
-    lines: Sender<Waiting>,
+    lines: Sender<QueuedLine>,
     done: Receiver<std::io::Result<()>>,
-    waiting: Arc<AtomicUsize>,
+    /// Lines sent to the thread and not written yet, over all topics.
+    pending: Arc<AtomicUsize>,
 }
 
-/// A line, and the queue of its topic.
+/// An encoded line, and the queue usage of its topic, which shrinks when the thread takes the line.
 #[derive(Debug)]
-struct Waiting {
+struct QueuedLine {
     line: Vec<u8>,
-    queue: Arc<Queue>,
+    usage: Arc<QueueUsage>,
 }
 
-/// What waits of one topic.
+/// Lines and bytes of one topic that are queued.
 #[derive(Debug, Default)]
-struct Queue {
+struct QueueUsage {
     lines: AtomicUsize,
     bytes: AtomicUsize,
 }
 
-impl Queue {
-    /// Whether a line finds room; then it has taken it.
-    fn enter(&self, bytes: usize) -> bool {
+impl QueueUsage {
+    /// Adds a line unless a limit would be exceeded. Returns whether it was added.
+    fn reserve(&self, bytes: usize) -> bool {
         let room = self.lines.load(Ordering::Relaxed) < QUEUE_LINES
             && self.bytes.load(Ordering::Relaxed) + bytes <= QUEUE_BYTES;
         if room {
@@ -54,59 +55,60 @@ impl Queue {
         room
     }
 
-    fn leave(&self, bytes: usize) {
+    fn release(&self, bytes: usize) {
         self.lines.fetch_sub(1, Ordering::Relaxed);
         self.bytes.fetch_sub(bytes, Ordering::Relaxed);
     }
 }
 
 impl NdjsonWriter {
-    /// Start writing to `output`.
+    /// Starts the thread that writes to `output`.
     pub fn start(output: impl Write + Send + 'static) -> NdjsonWriter {
         let (lines, receiver) = channel();
-        let (done_in, done) = sync_channel(1);
-        let waiting = Arc::new(AtomicUsize::new(0));
-        let left = Arc::clone(&waiting);
+        let (done_sender, done) = sync_channel(1);
+        let pending = Arc::new(AtomicUsize::new(0));
+        let pending_lines = Arc::clone(&pending);
         std::thread::spawn(move || {
-            let outcome = write_lines(output, &receiver, &left);
-            // An error means that nobody waits for the end any more.
-            let _ = done_in.send(outcome);
+            let outcome = write_lines(output, &receiver, &pending_lines);
+            // Sending fails if the writer was dropped without `finish`.
+            let _ = done_sender.send(outcome);
         });
         NdjsonWriter {
             lines,
             done,
-            waiting,
+            pending,
         }
     }
 
-    /// A sink for the messages of one topic.
+    /// Creates a sink for the messages of one topic, with a separate queue limit.
     pub fn sink<M>(&self, topic: &str) -> NdjsonSink<M> {
         NdjsonSink {
             topic: topic.to_owned(),
             lines: self.lines.clone(),
-            waiting: Arc::clone(&self.waiting),
-            queue: Arc::default(),
+            pending: Arc::clone(&self.pending),
+            usage: Arc::default(),
             dropped: 0,
             message: PhantomData,
         }
     }
 
-    /// Write what is left, once the sinks are gone, and end. Gives up after `patience`.
+    /// Waits until every sink has been dropped and all queued lines are written, for at most
+    /// `timeout`.
     ///
     /// # Errors
     ///
-    /// What stopped the output: [`SinkError::Closed`] if its reader had gone,
-    /// [`SinkError::Stuck`] if it has not taken everything in time.
-    pub fn finish(self, patience: Duration) -> Result<(), SinkError> {
+    /// [`SinkError::Closed`] if the reader has closed the output, [`SinkError::Stuck`] if the time
+    /// limit expired, [`SinkError::Output`] if writing failed.
+    pub fn finish(self, timeout: Duration) -> Result<(), SinkError> {
         drop(self.lines);
-        match self.done.recv_timeout(patience) {
+        match self.done.recv_timeout(timeout) {
             Ok(Err(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => {
                 Err(SinkError::Closed)
             }
             Ok(Err(error)) => Err(SinkError::Output(error)),
             Ok(Ok(())) => Ok(()),
             Err(RecvTimeoutError::Timeout) => Err(SinkError::Stuck {
-                lines: self.waiting.load(Ordering::Relaxed),
+                lines: self.pending.load(Ordering::Relaxed),
             }),
             Err(RecvTimeoutError::Disconnected) => Err(SinkError::Closed),
         }
@@ -115,25 +117,25 @@ impl NdjsonWriter {
 
 fn write_lines(
     mut output: impl Write,
-    lines: &Receiver<Waiting>,
-    waiting: &AtomicUsize,
+    lines: &Receiver<QueuedLine>,
+    pending: &AtomicUsize,
 ) -> std::io::Result<()> {
-    while let Ok(Waiting { line, queue }) = lines.recv() {
-        queue.leave(line.len());
+    while let Ok(QueuedLine { line, usage }) = lines.recv() {
+        usage.release(line.len());
         output.write_all(&line)?;
         output.flush()?;
-        waiting.fetch_sub(1, Ordering::Relaxed);
+        pending.fetch_sub(1, Ordering::Relaxed);
     }
     Ok(())
 }
 
-/// Messages of one topic as lines of JSON.
+/// Sink for the messages of one topic; created by [`NdjsonWriter::sink`].
 #[derive(Debug)]
 pub struct NdjsonSink<M> {
     topic: String,
-    lines: Sender<Waiting>,
-    waiting: Arc<AtomicUsize>,
-    queue: Arc<Queue>,
+    lines: Sender<QueuedLine>,
+    pending: Arc<AtomicUsize>,
+    usage: Arc<QueueUsage>,
     dropped: u64,
     message: PhantomData<fn(M)>,
 }
@@ -152,14 +154,14 @@ impl<M: Serialize> Sink<M> for NdjsonSink<M> {
         })
         .map_err(std::io::Error::from)?;
         line.push(b'\n');
-        if !self.queue.enter(line.len()) {
+        if !self.usage.reserve(line.len()) {
             self.dropped += 1;
             return Ok(());
         }
-        // Counted before it can be written.
-        self.waiting.fetch_add(1, Ordering::Relaxed);
-        let queue = Arc::clone(&self.queue);
-        let sent = self.lines.send(Waiting { line, queue });
+        // Count the line before the thread can write it and subtract it.
+        self.pending.fetch_add(1, Ordering::Relaxed);
+        let usage = Arc::clone(&self.usage);
+        let sent = self.lines.send(QueuedLine { line, usage });
         sent.map_err(|_| SinkError::Closed)
     }
 

@@ -1,30 +1,30 @@
-//! Something that happened.
+//! The event message of ROS-Neuro.
 
 use serde::Serialize;
 
-use crate::wire::fields;
-use crate::{Header, NeuroHeader};
+use crate::header::{Header, NeuroHeader};
+use crate::wire::impl_wire;
 
-/// `rosneuro_msgs/NeuroEvent`: something that happened at `header.stamp`.
+/// `rosneuro_msgs/NeuroEvent`: an event such as a trigger edge.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NeuroEvent {
-    /// When.
+    /// `header.stamp` is the time of the event.
     pub header: Header,
-    /// The event's number.
+    /// `neuroheader.seq` is the number of the event.
     pub neuroheader: NeuroHeader,
-    /// Version of the event codes.
+    /// Version of the table of event codes.
     pub version: String,
-    /// Code of the event, as in a GDF event table; `| 0x8000` ends it.
+    /// Event code as in a GDF event table. Bit 15 (0x8000) marks the end of the event.
     pub event: i32,
-    /// Seconds; 0 when not known.
+    /// Duration, s; 0 if unknown.
     pub duration: f32,
-    /// Family of the event codes.
+    /// Group of event codes that `event` belongs to.
     pub family: i32,
-    /// In words.
+    /// Readable text for people.
     pub description: String,
 }
 
-fields!(NeuroEvent {
+impl_wire!(NeuroEvent {
     header: Header,
     neuroheader: NeuroHeader,
     version: String,

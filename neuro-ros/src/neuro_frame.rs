@@ -1,28 +1,30 @@
-//! One frame of a running acquisition.
+//! `NeuroFrame` and its blocks of samples.
 
 use serde::Serialize;
 
-use crate::wire::fields;
-use crate::{Header, NeuroDataFloat, NeuroDataInt32, NeuroHeader};
+use crate::header::{Header, NeuroHeader};
+use crate::wire::impl_wire;
 
-/// `rosneuro_msgs/NeuroFrame`: one frame of a running acquisition.
+/// `rosneuro_msgs/NeuroFrame`: the samples of all channels over a fixed number of time steps.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NeuroFrame {
-    /// `header.stamp`: time of the first sample.
+    /// `header.stamp` is the time of the first sample.
     pub header: Header,
-    /// The frame's number.
+    /// `neuroheader.seq` is the number of the frame.
     pub neuroheader: NeuroHeader,
-    /// Samples per second inside the frame; frames per second are `sr / nsamples`, in integers.
+    /// Samples per second and channel, Hz. Consumers compute frames per second as `sr / nsamples` in
+    /// integers.
     pub sr: u16,
-    /// The signal.
+    /// EEG channels; in this project also the numbers of a code.
     pub eeg: NeuroDataFloat,
-    /// Bipolar channels; none here.
+    /// Bipolar channels; this project has none.
     pub exg: NeuroDataFloat,
-    /// Triggers and status words; the recorder stores them as float32, so each stays within 16 bits.
+    /// Triggers and status words. Each stays within 16 bits, because the recorder stores them as
+    /// float32.
     pub tri: NeuroDataInt32,
 }
 
-fields!(NeuroFrame {
+impl_wire!(NeuroFrame {
     header: Header,
     neuroheader: NeuroHeader,
     sr: u16,
@@ -30,3 +32,61 @@ fields!(NeuroFrame {
     exg: NeuroDataFloat,
     tri: NeuroDataInt32,
 });
+
+/// `rosneuro_msgs/NeuroDataInfo`: shape and meaning of a block of samples.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct NeuroDataInfo {
+    /// Samples per channel in one frame.
+    pub nsamples: u16,
+    /// Number of channels, one label each.
+    pub nchannels: u16,
+    /// Bytes of one time step of all channels: `nchannels * 4`.
+    pub stride: u16,
+    /// Physical unit, such as `uV`.
+    pub unit: String,
+    /// Transducer, such as the type of electrode. The message definition has this spelling.
+    pub transducter: String,
+    /// Description of the filters that were applied.
+    pub prefiltering: String,
+    /// 1 for integer samples, 0 for float.
+    pub isint: u8,
+    /// Smallest and largest possible value. The recorder's GDF file stores a value outside this
+    /// range as infinite.
+    pub minmax: Vec<f64>,
+    /// Names of the channels in data order.
+    pub labels: Vec<String>,
+}
+
+impl_wire!(NeuroDataInfo {
+    nsamples: u16,
+    nchannels: u16,
+    stride: u16,
+    unit: String,
+    transducter: String,
+    prefiltering: String,
+    isint: u8,
+    minmax: Vec<f64>,
+    labels: Vec<String>,
+});
+
+/// `rosneuro_msgs/NeuroDataFloat`: a block of float32 samples.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct NeuroDataFloat {
+    /// Shape and meaning of `data`.
+    pub info: NeuroDataInfo,
+    /// Samples in `info.unit`, samples-major: `data[sample * nchannels + channel]`.
+    pub data: Vec<f32>,
+}
+
+impl_wire!(NeuroDataFloat { info: NeuroDataInfo, data: Vec<f32> });
+
+/// `rosneuro_msgs/NeuroDataInt32`: a block of int32 samples.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct NeuroDataInt32 {
+    /// Shape and meaning of `data`.
+    pub info: NeuroDataInfo,
+    /// Samples, samples-major: `data[sample * nchannels + channel]`.
+    pub data: Vec<i32>,
+}
+
+impl_wire!(NeuroDataInt32 { info: NeuroDataInfo, data: Vec<i32> });

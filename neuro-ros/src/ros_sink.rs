@@ -1,26 +1,28 @@
-//! Messages to a ROS 1 topic.
+//! Publishes messages on a ROS 1 topic.
 
 use std::marker::PhantomData;
 
 use ros1::{Node, NodeError, Publisher, PublisherOptions};
 
-use crate::{RosMessage, Sink, SinkError};
+use crate::definition::RosMessage;
+use crate::sink::{Sink, SinkError};
 
-/// Messages to a ROS 1 topic; a slow subscriber loses the oldest and nobody else notices.
+/// A ROS 1 topic. A slow subscriber loses its oldest messages; other subscribers are not affected.
 #[derive(Debug)]
 pub struct RosSink<M> {
     publisher: Publisher,
-    /// The body being written; kept so that a running node does not allocate for it.
+    /// Buffer for the encoded message, reused to avoid an allocation per message.
     body: Vec<u8>,
     message: PhantomData<fn(M)>,
 }
 
 impl<M: RosMessage> RosSink<M> {
-    /// Offer `topic` on `node`; `queue` messages may wait for each subscriber.
+    /// Advertises `topic` on `node` with a queue of `queue` messages per subscriber.
     ///
     /// # Errors
     ///
-    /// [`NodeError`] if the name is not a ROS name or the node offers the topic already.
+    /// [`NodeError`] if the name is invalid, the node already publishes the topic, or the master
+    /// refuses it.
     pub async fn advertise(
         node: &Node,
         topic: &str,
@@ -38,14 +40,14 @@ impl<M: RosMessage> RosSink<M> {
         })
     }
 
-    /// Subscribers that are linked now.
+    /// Number of subscribers connected now.
     pub fn subscribers(&self) -> usize {
         self.publisher.subscribers()
     }
 }
 
 impl<M: RosMessage> Sink<M> for RosSink<M> {
-    /// Never fails: a topic without subscribers or without a master is still a topic.
+    /// Never fails, even without subscribers or without a master.
     fn publish(&mut self, message: &M) -> Result<(), SinkError> {
         self.body.clear();
         message.write(&mut self.body);

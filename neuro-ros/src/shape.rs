@@ -1,10 +1,10 @@
-//! What consumers rely on in every frame, and that it never changes.
+//! The contract of frames: consistent blocks, and one shape for a whole session.
 
 use thiserror::Error;
 
-use crate::{NeuroDataInfo, NeuroFrame};
+use crate::neuro_frame::{NeuroDataInfo, NeuroFrame};
 
-/// A frame breaks what the recorder, the filters and the visualizer rely on.
+/// Why a frame violates the contract that ROS-Neuro's recorder, filters and visualizer rely on.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ContractError {
     /// `labels` and `nchannels` differ: the recorder makes one GDF channel per label.
@@ -14,17 +14,17 @@ pub enum ContractError {
     Labels {
         /// `eeg`, `exg` or `tri`.
         block: &'static str,
-        /// How many labels.
+        /// Number of labels.
         labels: usize,
-        /// How many channels.
+        /// Number of channels.
         nchannels: u16,
     },
-    /// `minmax` is not two finite values in order.
+    /// `minmax` is not two finite values in ascending order.
     #[error("{block}: minmax is {minmax:?}; it must be the smallest and the largest value")]
     MinMax {
         /// `eeg`, `exg` or `tri`.
         block: &'static str,
-        /// What was there.
+        /// The invalid values.
         minmax: Vec<f64>,
     },
     /// `stride` is not `nchannels * 4`.
@@ -32,63 +32,63 @@ pub enum ContractError {
     Stride {
         /// `eeg`, `exg` or `tri`.
         block: &'static str,
-        /// What was there.
+        /// The invalid stride, bytes.
         stride: u16,
-        /// How many channels.
+        /// Number of channels.
         nchannels: u16,
     },
-    /// The data do not fill the shape; the recorder copies them unchecked.
+    /// The number of values is not `nsamples * nchannels`. The recorder copies them unchecked.
     #[error("{block}: {length} values for {nsamples} samples of {nchannels} channels")]
     Length {
         /// `eeg`, `exg` or `tri`.
         block: &'static str,
-        /// How many values.
+        /// Number of values.
         length: usize,
-        /// Announced samples.
+        /// Samples per channel that the block announces.
         nsamples: u16,
-        /// Announced channels.
+        /// Channels that the block announces.
         nchannels: u16,
     },
-    /// `isint` does not say what the block holds.
+    /// `isint` does not match the type of the block.
     #[error("{block}: isint is {isint}; it is 1 for tri and 0 for eeg and exg")]
     IsInt {
         /// `eeg`, `exg` or `tri`.
         block: &'static str,
-        /// What was there.
+        /// The invalid flag.
         isint: u8,
     },
-    /// `sr` is not a whole number of frames per second.
+    /// `sr` is not a multiple of `nsamples`, so the frame rate is not an integer.
     #[error(
         "sr {sr} is not a multiple of nsamples {nsamples}; consumers compute the frame rate as \
          sr / nsamples in integers"
     )]
     Rate {
-        /// Samples per second.
+        /// Samples per second, Hz.
         sr: u16,
-        /// Samples per frame.
+        /// Samples per channel in one frame.
         nsamples: u16,
     },
-    /// A later frame has another shape than the first.
+    /// A frame has another shape than the announced one.
     #[error(
         "the shape changed from {expected} to {found}; recorders allocate once, so start a new \
          session (restart this node and the recorder)"
     )]
     Changed {
-        /// Shape that was announced.
+        /// The announced shape.
         expected: Box<Shape>,
-        /// Shape that came.
+        /// Shape of the refused frame.
         found: Box<Shape>,
     },
 }
 
-/// The numbers of a frame that consumers allocate by.
+/// The dimensions of a frame, from which consumers allocate their buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Samples per second.
+    /// Samples per second, Hz.
     pub sr: u16,
-    /// Samples per frame, the same in every block.
+    /// Samples per channel in one frame, the same in every block.
     pub nsamples: u16,
-    /// Channels of `eeg`, `exg` and `tri`.
+    /// Numbers of channels of `eeg`, `exg` and `tri`.
     pub nchannels: [u16; 3],
 }
 
@@ -104,12 +104,12 @@ impl std::fmt::Display for Shape {
 }
 
 impl Shape {
-    /// The shape of a frame that keeps the contract.
+    /// Returns the shape of a frame that fulfils the contract.
     ///
     /// # Errors
     ///
-    /// [`ContractError`] naming the block and the rule that it breaks.
-    pub fn of(frame: &NeuroFrame) -> Result<Shape, ContractError> {
+    /// [`ContractError`] with the block and the violated rule.
+    pub fn from_frame(frame: &NeuroFrame) -> Result<Shape, ContractError> {
         let nsamples = frame.eeg.info.nsamples;
         block("eeg", &frame.eeg.info, frame.eeg.data.len(), nsamples, 0)?;
         block("exg", &frame.exg.info, frame.exg.data.len(), nsamples, 0)?;
@@ -132,13 +132,13 @@ impl Shape {
         })
     }
 
-    /// Refuse a frame of another shape.
+    /// Checks that a frame fulfils the contract and has this shape.
     ///
     /// # Errors
     ///
-    /// [`ContractError`] if the frame breaks the contract by itself or differs from this shape.
+    /// [`ContractError::Changed`] for another shape, any other variant for an inconsistent frame.
     pub fn admit(&self, frame: &NeuroFrame) -> Result<(), ContractError> {
-        let found = Shape::of(frame)?;
+        let found = Shape::from_frame(frame)?;
         if found == *self {
             Ok(())
         } else {
@@ -187,7 +187,7 @@ fn block(
             isint: info.isint,
         });
     }
-    // A block without channels may say any number of samples; one with channels has the eeg's.
+    // A block without channels can announce any number of samples; all others need that of `eeg`.
     let expected = usize::from(nsamples) * usize::from(nchannels);
     if length != expected || (nchannels > 0 && info.nsamples != nsamples) {
         let nsamples = info.nsamples;

@@ -1,40 +1,41 @@
-//! Where messages go.
+//! Destinations of messages.
 
 use thiserror::Error;
 
-use crate::NeuroFrame;
+use crate::neuro_frame::NeuroFrame;
 
-/// Where messages of one kind go.
+/// Destination of messages of one type.
 pub trait Sink<M>: Send {
-    /// Deliver a message. Never waits: what a slow receiver does not take is dropped and counted.
+    /// Queues a message for delivery without waiting. Messages that a slow receiver does not take are
+    /// dropped and counted.
     ///
     /// # Errors
     ///
-    /// [`SinkError`] if nothing can be delivered any more, now or later.
+    /// [`SinkError`] if the sink cannot deliver any further message.
     fn publish(&mut self, message: &M) -> Result<(), SinkError>;
 
-    /// Messages that a receiver did not get because it was slow.
+    /// Messages dropped because a receiver was too slow.
     fn dropped(&self) -> u64;
 }
 
-/// Where NeuroFrames go.
+/// Destination of NeuroFrames.
 pub trait FrameSink: Sink<NeuroFrame> {}
 
 impl<S: Sink<NeuroFrame>> FrameSink for S {}
 
-/// A sink has ended for good.
+/// Why a sink cannot deliver any further message.
 #[derive(Debug, Error)]
 pub enum SinkError {
-    /// Whoever read the lines has gone.
-    #[error("the reader of the output has gone")]
+    /// The reader has closed its end of the output.
+    #[error("the reader has closed the output")]
     Closed,
-    /// Whoever reads the lines takes none.
-    #[error("the reader of the output does not read; {lines} lines are lost")]
+    /// The output was still blocked when the time limit expired.
+    #[error("the reader does not read the output; {lines} lines are lost")]
     Stuck {
-        /// Lines that were not written.
+        /// Number of lines that were not written.
         lines: usize,
     },
-    /// The output cannot be written.
+    /// Writing to the output failed.
     #[error("the output cannot be written; check the file or the disk: {0}")]
     Output(#[from] std::io::Error),
 }

@@ -1,30 +1,29 @@
-//! A point in time as ROS 1 carries it.
+//! The time type of ROS 1.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::Serialize;
 
-use crate::wire::fields;
+use crate::wire::impl_wire;
 
-/// Nanoseconds in a second.
 const SECOND_NS: u64 = 1_000_000_000;
 
-/// A point in time as ROS 1 carries it: seconds and nanoseconds since 1970 (UTC).
+/// ROS 1 `time`: seconds and nanoseconds since 1970-01-01 UTC.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct Stamp {
-    /// Whole seconds since 1970; ends in 2106.
+    /// Whole seconds since 1970; overflows in 2106.
     pub secs: u32,
-    /// Nanoseconds, 0 to 999,999,999.
+    /// Nanoseconds within the second, 0..=999,999,999.
     pub nsecs: u32,
 }
 
-fields!(Stamp {
+impl_wire!(Stamp {
     secs: u32,
     nsecs: u32
 });
 
 impl Stamp {
-    /// The stamp of a time in nanoseconds since 1970; saturates at both ends.
+    /// Converts nanoseconds since 1970, saturating at 1970 and 2106.
     pub fn from_nanoseconds(nanoseconds: i64) -> Stamp {
         let nanoseconds = u64::try_from(nanoseconds).unwrap_or(0);
         match u32::try_from(nanoseconds / SECOND_NS) {
@@ -39,7 +38,7 @@ impl Stamp {
         }
     }
 
-    /// The host's wall clock.
+    /// Reads the wall clock of the host.
     pub fn now() -> Stamp {
         let since = SystemTime::now()
             .duration_since(UNIX_EPOCH)
@@ -47,7 +46,7 @@ impl Stamp {
         Stamp::from_nanoseconds(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
     }
 
-    /// Nanoseconds since 1970.
+    /// Nanoseconds since 1970, 0..=4.3e18.
     pub fn nanoseconds(self) -> i64 {
         // At most 4,294,967,295.999,999,999 s = 4.3e18 ns, below 2^63 = 9.2e18.
         i64::from(self.secs) * 1_000_000_000 + i64::from(self.nsecs)

@@ -1,17 +1,18 @@
-//! The ROS 1 wire form: little-endian, in field order, lengths as u32 before texts and arrays.
+//! The ROS 1 serialisation: fields in order, little-endian; strings and arrays follow their length as
+//! u32.
 
 use thiserror::Error;
 
-/// Why bytes are not the message they should be.
+/// Why bytes could not be decoded as a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum WireError {
-    /// A field reaches beyond the end.
+    /// A field extends beyond the end of the bytes.
     #[error(
         "the message ends {missing} bytes too early; sender and receiver disagree about its \
          definition (compare `rosmsg md5`), or it was cut"
     )]
     Truncated {
-        /// Bytes (of the field, or of the announced elements) that are not there.
+        /// Number of bytes that the field or the announced elements lack.
         missing: usize,
     },
     /// Bytes follow the last field.
@@ -20,34 +21,34 @@ pub enum WireError {
          (compare `rosmsg md5`)"
     )]
     Trailing {
-        /// How many.
+        /// Number of surplus bytes.
         count: usize,
     },
 }
 
-/// A value with a ROS 1 wire form.
+/// A value with a ROS 1 serialisation.
 pub trait Wire: Sized {
-    /// Fewest bytes that a value takes; bounds what an announced array length may claim.
+    /// Smallest encoded size, bytes. Limits the array lengths that [`Wire::read`] accepts.
     const MIN_BYTES: usize;
 
-    /// Append the value to `out`.
+    /// Appends the encoded value to `out`.
     fn write(&self, out: &mut Vec<u8>);
 
-    /// Read the value from the front of `reader`.
+    /// Decodes a value from the front of `reader`.
     ///
     /// # Errors
     ///
-    /// [`WireError::Truncated`]; nothing is allocated for elements that cannot be there.
+    /// [`WireError::Truncated`], before memory is allocated for elements that are missing.
     fn read(reader: &mut Reader<'_>) -> Result<Self, WireError>;
 
-    /// The value as the body of a message.
+    /// Encodes the value as the body of a message.
     fn to_bytes(&self) -> Vec<u8> {
         let mut out = Vec::new();
         self.write(&mut out);
         out
     }
 
-    /// The value that the body of a message holds.
+    /// Decodes the body of a message.
     ///
     /// # Errors
     ///
@@ -62,14 +63,14 @@ pub trait Wire: Sized {
     }
 }
 
-/// Bytes that have not been read yet.
+/// The bytes of a message that have not been decoded yet.
 #[derive(Clone, Debug)]
 pub struct Reader<'a> {
     rest: &'a [u8],
 }
 
 impl Reader<'_> {
-    fn take(&mut self, count: usize) -> Result<&[u8], WireError> {
+    fn read_bytes(&mut self, count: usize) -> Result<&[u8], WireError> {
         match self.rest.split_at_checked(count) {
             Some((front, rest)) => {
                 self.rest = rest;
@@ -81,8 +82,9 @@ impl Reader<'_> {
         }
     }
 
-    /// An announced number of elements, each of at least `element_bytes`, that can be there.
-    fn length(&mut self, element_bytes: usize) -> Result<usize, WireError> {
+    /// Reads the number of elements, each of at least `element_bytes`, and checks that the remaining
+    /// bytes can hold them.
+    fn read_length(&mut self, element_bytes: usize) -> Result<usize, WireError> {
         let count = u32::read(self)? as usize;
         let bytes = count.saturating_mul(element_bytes);
         match bytes.checked_sub(self.rest.len()) {
@@ -92,14 +94,14 @@ impl Reader<'_> {
     }
 }
 
-/// Append a length. A message beyond 4 GiB cannot be framed by TCPROS at all, so a length that
-/// does not fit is a defect of the caller; it is written saturated and the reader refuses it.
+/// Appends a length. TCPROS cannot transmit messages beyond 4 GiB, so a length that does not fit is a
+/// defect of the caller. It is written saturated, and the reader refuses the message.
 fn write_length(count: usize, out: &mut Vec<u8>) {
     debug_assert!(u32::try_from(count).is_ok(), "an array of {count} elements");
     u32::try_from(count).unwrap_or(u32::MAX).write(out);
 }
 
-macro_rules! number {
+macro_rules! impl_wire_for_numbers {
     ($($type:ty),*) => {$(
         impl Wire for $type {
             const MIN_BYTES: usize = size_of::<$type>();
@@ -110,13 +112,13 @@ macro_rules! number {
 
             fn read(reader: &mut Reader<'_>) -> Result<Self, WireError> {
                 let mut bytes = [0; size_of::<$type>()];
-                bytes.copy_from_slice(reader.take(size_of::<$type>())?);
+                bytes.copy_from_slice(reader.read_bytes(size_of::<$type>())?);
                 Ok(<$type>::from_le_bytes(bytes))
             }
         }
     )*};
 }
-number!(u8, i8, u16, u32, i32, f32, f64);
+impl_wire_for_numbers!(u8, i8, u16, u32, i32, f32, f64);
 
 impl Wire for bool {
     const MIN_BYTES: usize = 1;
@@ -138,10 +140,10 @@ impl Wire for String {
         out.extend_from_slice(self.as_bytes());
     }
 
-    /// ROS 1 texts are bytes of no named encoding; those that are not UTF-8 come out with U+FFFD.
+    /// ROS 1 does not define the encoding of strings. Bytes that are not UTF-8 become U+FFFD.
     fn read(reader: &mut Reader<'_>) -> Result<Self, WireError> {
-        let count = reader.length(1)?;
-        Ok(String::from_utf8_lossy(reader.take(count)?).into_owned())
+        let count = reader.read_length(1)?;
+        Ok(String::from_utf8_lossy(reader.read_bytes(count)?).into_owned())
     }
 }
 
@@ -157,7 +159,7 @@ impl<T: Wire> Wire for Vec<T> {
     }
 
     fn read(reader: &mut Reader<'_>) -> Result<Self, WireError> {
-        let count = reader.length(T::MIN_BYTES)?;
+        let count = reader.read_length(T::MIN_BYTES)?;
         let mut elements = Vec::with_capacity(count);
         for _ in 0..count {
             elements.push(T::read(reader)?);
@@ -166,20 +168,20 @@ impl<T: Wire> Wire for Vec<T> {
     }
 }
 
-/// Implements [`Wire`] for a struct: its fields one after another.
-macro_rules! fields {
+/// Implements [`Wire`] for a struct by encoding its fields in the given order.
+macro_rules! impl_wire {
     ($type:ty { $($field:ident: $kind:ty),* $(,)? }) => {
-        impl $crate::Wire for $type {
-            const MIN_BYTES: usize = 0 $(+ <$kind as $crate::Wire>::MIN_BYTES)*;
+        impl $crate::wire::Wire for $type {
+            const MIN_BYTES: usize = 0 $(+ <$kind as $crate::wire::Wire>::MIN_BYTES)*;
 
             fn write(&self, out: &mut Vec<u8>) {
-                $($crate::Wire::write(&self.$field, out);)*
+                $($crate::wire::Wire::write(&self.$field, out);)*
             }
 
-            fn read(reader: &mut $crate::Reader<'_>) -> Result<Self, $crate::WireError> {
-                Ok(Self { $($field: <$kind as $crate::Wire>::read(reader)?),* })
+            fn read(reader: &mut $crate::wire::Reader<'_>) -> Result<Self, $crate::wire::WireError> {
+                Ok(Self { $($field: <$kind as $crate::wire::Wire>::read(reader)?),* })
             }
         }
     };
 }
-pub(crate) use fields;
+pub(crate) use impl_wire;

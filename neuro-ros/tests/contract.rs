@@ -1,4 +1,4 @@
-//! What the recorder, the filters and the visualizer rely on is checked before they see it.
+//! The contract of frames is checked before a consumer receives them.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use neuro_ros::{AcquisitionInfo, ContractError, NeuroDataInfo, NeuroFrame, Shape, WireError};
@@ -32,16 +32,16 @@ fn frame() -> NeuroFrame {
     frame
 }
 
-/// The error that a change of the frame causes.
-fn broken(change: impl FnOnce(&mut NeuroFrame)) -> ContractError {
+/// Returns the error caused by a change to a valid frame.
+fn error_after(change: impl FnOnce(&mut NeuroFrame)) -> ContractError {
     let mut frame = frame();
     change(&mut frame);
-    Shape::of(&frame).unwrap_err()
+    Shape::from_frame(&frame).unwrap_err()
 }
 
 #[test]
-fn a_frame_that_keeps_the_contract_has_a_shape() {
-    let shape = Shape::of(&frame()).unwrap();
+fn a_frame_that_fulfils_the_contract_has_a_shape() {
+    let shape = Shape::from_frame(&frame()).unwrap();
     assert_eq!(
         shape,
         Shape {
@@ -60,60 +60,60 @@ fn a_frame_that_keeps_the_contract_has_a_shape() {
 fn every_rule_is_checked_in_every_block() {
     use ContractError::{IsInt, Labels, Length, MinMax, Rate, Stride};
     assert!(matches!(
-        broken(|f| drop(f.eeg.info.labels.pop())),
+        error_after(|f| drop(f.eeg.info.labels.pop())),
         Labels { block: "eeg", .. }
     ));
     assert!(matches!(
-        broken(|f| f.exg.info.labels.push("x".into())),
+        error_after(|f| f.exg.info.labels.push("x".into())),
         Labels { block: "exg", .. }
     ));
     assert!(matches!(
-        broken(|f| f.tri.info.minmax.clear()),
+        error_after(|f| f.tri.info.minmax.clear()),
         MinMax { block: "tri", .. }
     ));
     assert!(matches!(
-        broken(|f| f.eeg.info.minmax = vec![1.0, -1.0]),
+        error_after(|f| f.eeg.info.minmax = vec![1.0, -1.0]),
         MinMax { .. }
     ));
     assert!(matches!(
-        broken(|f| f.eeg.info.minmax[1] = f64::INFINITY),
+        error_after(|f| f.eeg.info.minmax[1] = f64::INFINITY),
         MinMax { .. }
     ));
     assert!(matches!(
-        broken(|f| f.eeg.info.minmax.push(2.0)),
+        error_after(|f| f.eeg.info.minmax.push(2.0)),
         MinMax { .. }
     ));
     assert!(matches!(
-        broken(|f| f.exg.info.stride = 4),
+        error_after(|f| f.exg.info.stride = 4),
         Stride { block: "exg", .. }
     ));
     assert!(matches!(
-        broken(|f| f.tri.data.push(0)),
+        error_after(|f| f.tri.data.push(0)),
         Length { block: "tri", .. }
     ));
     assert!(matches!(
-        broken(|f| f.tri.info.nsamples = 1),
+        error_after(|f| f.tri.info.nsamples = 1),
         Length { block: "tri", .. }
     ));
     assert!(matches!(
-        broken(|f| f.tri.info.isint = 0),
+        error_after(|f| f.tri.info.isint = 0),
         IsInt {
             block: "tri",
             isint: 0
         }
     ));
     assert!(matches!(
-        broken(|f| f.sr = 500),
+        error_after(|f| f.sr = 500),
         Rate {
             sr: 500,
             nsamples: 32
         }
     ));
-    assert!(matches!(broken(|f| f.sr = 0), Rate { .. }));
+    assert!(matches!(error_after(|f| f.sr = 0), Rate { .. }));
 }
 
 #[test]
-fn an_acquisition_cannot_be_announced_wrongly() {
+fn an_inconsistent_frame_cannot_be_announced() {
     let mut wrong = frame();
     wrong.eeg.info.minmax.clear();
     assert!(AcquisitionInfo::new("board", "1", wrong).is_err());
@@ -123,7 +123,7 @@ fn an_acquisition_cannot_be_announced_wrongly() {
 
 #[test]
 fn a_frame_of_another_shape_is_refused_for_the_rest_of_the_session() {
-    let shape = Shape::of(&frame()).unwrap();
+    let shape = Shape::from_frame(&frame()).unwrap();
     assert_eq!(shape.admit(&frame()), Ok(()));
     let mut larger = frame();
     larger.eeg.info = info(32, 62, 0);
@@ -134,7 +134,7 @@ fn a_frame_of_another_shape_is_refused_for_the_rest_of_the_session() {
 }
 
 #[test]
-fn the_announcement_comes_back_and_false_means_that_nothing_is_known() {
+fn the_announcement_survives_a_round_trip_and_a_false_result_is_none() {
     let info = AcquisitionInfo::new("board", "1", frame()).unwrap();
     let bytes = info.to_response();
     assert_eq!(bytes[0], 1);

@@ -1,5 +1,5 @@
-//! The MD5 sums are those of the packages that consumers were built with, and the definitions
-//! tell a recorder all it needs.
+//! The MD5 sums equal those of the packages that consumers were built with, and the full definitions
+//! contain every embedded type.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use std::collections::HashMap;
@@ -8,7 +8,7 @@ use std::path::Path;
 use md5::{Digest, Md5};
 use neuro_ros::{DiagnosticArray, EMPTY, GET_ACQUISITION_INFO, NeuroEvent, NeuroFrame, RosMessage};
 
-/// Every definition, by package and name.
+/// Reads every `.msg` file; the keys are `package/Name`.
 fn definitions() -> HashMap<String, String> {
     let mut found = HashMap::new();
     for (package, folder) in [
@@ -27,7 +27,7 @@ fn definitions() -> HashMap<String, String> {
     found
 }
 
-/// The fields and constants of a text: type, the rest of the line.
+/// Splits a definition into its fields and constants: (type, rest of the line).
 fn lines(text: &str) -> Vec<(String, String)> {
     text.lines()
         .map(|line| line.split('#').next().unwrap().trim())
@@ -37,7 +37,7 @@ fn lines(text: &str) -> Vec<(String, String)> {
         .collect()
 }
 
-/// Package and name of a field's type, if it is not built in.
+/// Returns the `package/Name` of a field's type, unless it is a built-in type.
 fn embedded(kind: &str, package: &str, all: &HashMap<String, String>) -> Option<String> {
     let kind = kind.split('[').next().unwrap();
     let name = match kind {
@@ -48,7 +48,8 @@ fn embedded(kind: &str, package: &str, all: &HashMap<String, String>) -> Option<
     all.contains_key(&name).then_some(name)
 }
 
-/// What ROS computes the MD5 over: constants first, then fields, embedded types as their MD5.
+/// Returns the text over which ROS computes the MD5 sum: constants first, then fields, with each
+/// embedded type replaced by its MD5 sum.
 fn md5_text(text: &str, package: &str, all: &HashMap<String, String>) -> String {
     let (constants, fields): (Vec<_>, Vec<_>) = lines(text)
         .into_iter()
@@ -78,7 +79,8 @@ fn hex(text: &str) -> String {
     digits.concat()
 }
 
-/// As `gendeps --cat`: the text, then each part once, in the order of its first use, depth last.
+/// Returns the full definition as `gendeps --cat` prints it: the text, then each embedded type once,
+/// in the order of its first use, depth first.
 fn full_text(name: &str, all: &HashMap<String, String>) -> String {
     fn collect(name: &str, all: &HashMap<String, String>, parts: &mut Vec<String>) {
         let (package, _) = name.split_once('/').unwrap();
@@ -102,7 +104,7 @@ fn full_text(name: &str, all: &HashMap<String, String>) -> String {
 }
 
 #[test]
-fn md5_sums_are_those_that_consumers_were_built_with() {
+fn md5_sums_equal_those_of_the_original_packages() {
     let all = definitions();
     for (name, expected) in [
         ("std_msgs/Header", "2176decaecbce78abc3b96ef049fabed"),
@@ -140,7 +142,7 @@ fn md5_sums_are_those_that_consumers_were_built_with() {
 }
 
 #[test]
-fn what_the_code_announces_is_what_the_definitions_say() {
+fn types_in_code_match_the_definition_files() {
     let all = definitions();
     for announced in [NeuroFrame::TYPE, NeuroEvent::TYPE, DiagnosticArray::TYPE] {
         assert_eq!(
@@ -159,7 +161,7 @@ fn what_the_code_announces_is_what_the_definitions_say() {
 }
 
 #[test]
-fn service_sums_are_over_request_and_response() {
+fn md5_sums_of_services_cover_request_and_response() {
     let all = definitions();
     for service in [&GET_ACQUISITION_INFO, &EMPTY] {
         let (request, response) = service.definition.split_once("---\n").unwrap();

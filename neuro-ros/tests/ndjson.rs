@@ -1,4 +1,4 @@
-//! Lines of JSON: whole, in order, and never in the publisher's way.
+//! Lines of JSON are complete and in order, and never block the publisher.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use std::io::{self, Write};
@@ -7,13 +7,13 @@ use std::time::Duration;
 
 use neuro_ros::{NdjsonWriter, NeuroFrame, Sink, SinkError};
 
-/// How long an output may take on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// Far longer than any output takes, even on a busy machine.
+const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// Hands every write to the test.
-struct Probe(Sender<Vec<u8>>);
+/// An output that sends every write to the test.
+struct ChannelOutput(Sender<Vec<u8>>);
 
-impl Write for Probe {
+impl Write for ChannelOutput {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0
             .send(bytes.to_vec())
@@ -26,10 +26,10 @@ impl Write for Probe {
     }
 }
 
-/// An output that takes nothing until it is told.
-struct Stuck(Receiver<()>);
+/// An output whose writes block until the sender of its channel is dropped.
+struct BlockedOutput(Receiver<()>);
 
-impl Write for Stuck {
+impl Write for BlockedOutput {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let _ = self.0.recv();
         Ok(bytes.len())
@@ -42,8 +42,8 @@ impl Write for Stuck {
 
 #[test]
 fn frames_become_lines_in_order() {
-    let (probe, written) = channel();
-    let writer = NdjsonWriter::start(Probe(probe));
+    let (output, written) = channel();
+    let writer = NdjsonWriter::start(ChannelOutput(output));
     let mut sink = writer.sink("/encoded");
     for seq in 1..=3 {
         let mut frame = NeuroFrame::default();
@@ -52,7 +52,7 @@ fn frames_become_lines_in_order() {
         sink.publish(&frame).unwrap();
     }
     drop(sink);
-    writer.finish(PATIENCE).unwrap();
+    writer.finish(TIMEOUT).unwrap();
     let text = String::from_utf8(written.iter().flatten().collect()).unwrap();
     let lines: Vec<serde_json::Value> = text
         .lines()
@@ -67,14 +67,14 @@ fn frames_become_lines_in_order() {
 }
 
 #[test]
-fn an_output_that_takes_nothing_costs_lines_but_never_time() {
-    let (release, stuck) = channel();
-    let writer = NdjsonWriter::start(Stuck(stuck));
+fn a_blocked_output_loses_lines_but_never_blocks_publishing() {
+    let (release, blocked) = channel();
+    let writer = NdjsonWriter::start(BlockedOutput(blocked));
     let mut sink = writer.sink("/encoded");
     for _ in 0..17_000 {
         sink.publish(&NeuroFrame::default()).unwrap();
     }
-    // 16,384 wait, one may be with the output; the others are counted.
+    // 16,384 are queued and one can be in the output; all others are counted as dropped.
     assert!((615..=616).contains(&sink.dropped()), "{}", sink.dropped());
     let kept = 17_000 - sink.dropped();
     drop(sink);
@@ -84,49 +84,49 @@ fn an_output_that_takes_nothing_costs_lines_but_never_time() {
 }
 
 #[test]
-fn a_topic_of_large_lines_takes_no_room_from_another_one() {
-    let (release, stuck) = channel();
-    let writer = NdjsonWriter::start(Stuck(stuck));
+fn large_lines_of_one_topic_do_not_displace_lines_of_another() {
+    let (release, blocked) = channel();
+    let writer = NdjsonWriter::start(BlockedOutput(blocked));
     let (mut raw, mut encoded) = (writer.sink("/neurodata"), writer.sink("/encoded"));
     let mut large = NeuroFrame::default();
-    // 11 bytes each: 1.1 MB a line.
+    // 11 bytes per value make 1.1 MB per line.
     large.eeg.data = vec![0.123_456_79; 100_000];
     for _ in 0..70 {
         raw.publish(&large).unwrap();
     }
-    // 64 MiB wait, one may be with the output.
+    // 64 MiB are queued and one line can be in the output.
     assert!((8..=13).contains(&raw.dropped()), "{}", raw.dropped());
     for _ in 0..10_000 {
         encoded.publish(&NeuroFrame::default()).unwrap();
     }
     assert_eq!(encoded.dropped(), 0);
     drop((raw, encoded, release));
-    writer.finish(PATIENCE).unwrap();
+    writer.finish(TIMEOUT).unwrap();
 }
 
 #[test]
-fn a_reader_that_has_gone_ends_the_sink() {
-    let (probe, written) = channel();
+fn a_closed_output_ends_the_sink() {
+    let (output, written) = channel();
     drop(written);
-    let writer = NdjsonWriter::start(Probe(probe));
+    let writer = NdjsonWriter::start(ChannelOutput(output));
     let mut sink = writer.sink("/encoded");
     while sink.publish(&NeuroFrame::default()).is_ok() {
         std::thread::yield_now();
     }
     drop(sink);
-    assert!(matches!(writer.finish(PATIENCE), Err(SinkError::Closed)));
+    assert!(matches!(writer.finish(TIMEOUT), Err(SinkError::Closed)));
 }
 
 #[test]
-fn the_fillers_of_a_long_outage_are_all_written() {
-    let (probe, written) = channel();
-    let writer = NdjsonWriter::start(Probe(probe));
+fn a_burst_of_10000_lines_is_written_completely() {
+    let (output, written) = channel();
+    let writer = NdjsonWriter::start(ChannelOutput(output));
     let mut sink = writer.sink("/encoded");
     for _ in 0..10_000 {
         sink.publish(&NeuroFrame::default()).unwrap();
     }
     assert_eq!(sink.dropped(), 0);
     drop(sink);
-    writer.finish(PATIENCE).unwrap();
+    writer.finish(TIMEOUT).unwrap();
     assert_eq!(written.iter().count(), 10_000);
 }

@@ -1,16 +1,16 @@
-//! Host and port out of a URI.
+//! Host and port of a URI.
 
 use std::fmt;
 
-/// Why a URI cannot be called.
+/// A URI has no host and port that can be connected to.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{uri:?} is not SCHEME://HOST:PORT; an example is http://127.0.0.1:11311/")]
 pub struct AddressError {
-    /// What was given.
+    /// The URI as it was configured or received.
     pub uri: String,
 }
 
-/// Where a peer listens. An IPv6 address stands in brackets in a URI and without them here.
+/// Host and port of a peer. An IPv6 address is stored without the brackets that it has in a URI.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Address {
     host: String,
@@ -18,7 +18,8 @@ pub(crate) struct Address {
 }
 
 impl Address {
-    /// Reads `http://HOST:PORT/`, `rosrpc://HOST:PORT` and the like.
+    /// Parses `SCHEME://HOST:PORT`, with or without a path, such as `http://HOST:PORT/` and
+    /// `rosrpc://HOST:PORT`.
     pub(crate) fn parse(uri: &str) -> Result<Self, AddressError> {
         let error = || AddressError {
             uri: uri.to_owned(),
@@ -73,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ipv4_ipv6_and_names_are_read_and_written_back() {
+    fn ipv4_ipv6_and_host_names_survive_a_round_trip() {
         for (uri, host, port, text) in [
             (
                 "http://127.0.0.1:11311/",
@@ -91,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_uri_is_refused() {
+    fn uris_without_host_and_port_are_refused() {
         for uri in [
             "",
             "127.0.0.1:1",

@@ -1,5 +1,5 @@
-//! The part of HTTP/1.1 that XML-RPC peers speak: `Content-Length`, chunks, keep-alive; with a
-//! limit on every length. The time limits stand where the reading is started.
+//! The subset of HTTP/1.1 that XML-RPC peers use: `Content-Length`, chunks and keep-alive. Every
+//! length is limited here; the callers limit the time.
 
 mod body;
 mod head;

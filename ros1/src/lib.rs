@@ -1,17 +1,29 @@
-//! A small, sturdy ROS 1 node and master.
+//! A ROS 1 node and a ROS 1 master, without any ROS installation.
 //!
-//! Message bodies are opaque bytes: whoever uses this crate serialises them. What a node promises:
+//! [`Node`] publishes and subscribes topics and provides and calls services; [`Master`] replaces
+//! rosmaster in demonstrations and tests. Message bodies are opaque bytes: the user of this crate
+//! serialises them.
 //!
-//! * It needs no living master, registers when there is one, and again within two seconds after
-//!   a restart; connections that live are left alone.
-//! * [`Publisher::publish`] never waits. Each subscriber has a bounded queue that drops its
-//!   oldest message and counts it, so a slow subscriber disturbs nobody.
-//! * Everything a peer sends has a limit of size and, where someone waits for it, of time. Topics
-//!   and persistent service clients may be silent for ever: TCP keepalive ends their connections
-//!   within half a minute when the peer's machine has vanished. To one with messages still under
-//!   way the system sends them again for as long as it is set to (a quarter of an hour on Linux);
-//!   its queue drops and counts meanwhile.
-//! * `TCP_NODELAY` on every connection; never a proxy; IPv4 and IPv6.
+//! ```text
+//! publish() ──> queue per subscriber ══ TCPROS ══> queue per topic ──> recv()
+//!     │                                                 ▲
+//!     └── registers ──> master ── lists publishers ─────┘        (XML-RPC)
+//!
+//! call() ── request ══ TCPROS ══> handler ── response ══ TCPROS ══> returned by call()
+//! ```
+//!
+//! A node guarantees:
+//!
+//! * It needs no running master. It registers when there is one, and again within two seconds
+//!   after a master's restart; open connections are not affected.
+//! * [`Publisher::publish`] never waits. Each subscriber has a bounded queue that drops its oldest
+//!   message and counts it, so a slow subscriber affects nobody else.
+//! * Everything received from a peer is limited in size and, where a call waits for it, in time.
+//! * Topics and persistent service clients can be silent without limit. TCP keepalive closes their
+//!   connections within 30 s after the peer's machine has vanished. If sent data is still
+//!   unacknowledged, the operating system retransmits first, for about 15 min on Linux; the queue
+//!   drops and counts messages meanwhile.
+//! * `TCP_NODELAY` is set on every connection, proxies are never used, and both IPv4 and IPv6 work.
 //!
 //! ```
 //! use std::net::SocketAddr;
@@ -30,7 +42,7 @@
 //!     let talker = Node::start(NodeOptions::new("talker", master.uri())).await?;
 //!     let listener = Node::start(NodeOptions::new("listener", master.uri())).await?;
 //!
-//!     // A latched message reaches subscribers that come later.
+//!     // A latched message also reaches subscribers that connect later.
 //!     let options = PublisherOptions { queue: 8, latch: true };
 //!     let publisher = talker.advertise("chatter", &STRING, options).await?;
 //!     publisher.publish(b"\x05\0\0\0hello");
@@ -48,24 +60,16 @@
 #![forbid(unsafe_code)]
 
 mod address;
-mod drop_oldest;
-mod graph;
+mod drop_oldest_queue;
 mod http;
-mod incoming;
-mod inlet;
 mod lock;
 mod master;
 mod message_type;
 mod names;
 mod node;
-mod options;
-mod publisher;
-mod registrar;
 mod service;
-mod service_client;
-mod slave;
-mod subscriber;
 pub mod tcpros;
+mod topic;
 pub mod xmlrpc;
 
 pub use address::AddressError;
@@ -73,9 +77,12 @@ pub use http::HttpError;
 pub use master::Master;
 pub use message_type::{MessageType, ServiceType};
 pub use names::NameError;
-pub use node::{Node, NodeError};
-pub use options::{DEFAULT_MASTER_URI, NodeOptions};
-pub use publisher::{Publisher, PublisherOptions};
-pub use service::Service;
-pub use service_client::{ServiceClient, ServiceError};
-pub use subscriber::Subscriber;
+pub use node::{
+    Node, NodeError,
+    options::{DEFAULT_MASTER_URI, NodeOptions},
+    publisher::Publisher,
+    service::Service,
+    subscriber::Subscriber,
+};
+pub use service::client::{ServiceClient, ServiceError};
+pub use topic::publication::PublisherOptions;

@@ -1,9 +1,9 @@
-//! A mutex that outlives a panic of one of its holders.
+//! Locking that ignores poisoning.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Locks. What the mutexes of this crate guard is consistent after every statement, so a panic
-/// elsewhere is no reason to stop publishing.
+/// Locks `mutex`, even if another holder has panicked. The data behind every mutex of this crate
+/// is consistent after each statement, so a panic elsewhere does not stop the node.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,4 +1,5 @@
-//! A ROS 1 master for demonstrations and tests. It answers as rosmaster does, word for word.
+//! A ROS 1 master for demonstrations and tests. Its replies equal those of rosmaster, including the
+//! texts of messages.
 
 mod api;
 mod arguments;
@@ -23,7 +24,8 @@ use tokio::{
 use crate::{address::Address, xmlrpc::Server};
 use api::Api;
 
-/// A running master. Dropping it ends it; only [`Master::shutdown`] waits until its port is free.
+/// A running master. Dropping it stops it without waiting; only [`Master::shutdown`] waits until the
+/// port is free.
 #[derive(Debug)]
 pub struct Master {
     uri: String,
@@ -32,10 +34,10 @@ pub struct Master {
 }
 
 impl Master {
-    /// Listens at `address`; port 0 takes a free one.
+    /// Starts a master that listens on `address`. Port 0 chooses a free port.
     ///
     /// # Errors
-    /// The address cannot be listened on: another master is there, or it is not this machine's.
+    /// The system refuses to listen: the port is in use, or the address is not one of this machine.
     pub async fn start(address: SocketAddr) -> io::Result<Self> {
         let listener = TcpListener::bind(address).await?;
         let local = listener.local_addr()?;
@@ -57,20 +59,21 @@ impl Master {
         })
     }
 
-    /// `http://HOST:PORT/`: what nodes take as their master's URI. A master that listens on
-    /// every address gives the loopback one here.
+    /// URI for [`NodeOptions::master_uri`](crate::NodeOptions::master_uri), `http://HOST:PORT/`. If
+    /// the master listens on every address, the URI contains the loopback address.
     pub fn uri(&self) -> &str {
         &self.uri
     }
 
-    /// Waits until someone calls the master's `shutdown` method; then call [`Master::shutdown`].
+    /// Waits until the master's `shutdown` method is called. The master keeps running until
+    /// [`Master::shutdown`].
     pub async fn shutdown_requested(&self) {
         let mut requested = self.shutdown_requested.clone();
-        // The sender lives as long as the server; without one there is nothing to wait for.
+        // An error means that the server has stopped, so no request can come any more.
         let _ = requested.wait_for(|requested| *requested).await;
     }
 
-    /// Ends the master: when this returns, its port is free. A second call does nothing.
+    /// Stops the master. Its port is free when this returns. A second call does nothing.
     pub async fn shutdown(&self) {
         if let Some(mut server) = self.server.lock().await.take() {
             server.stop().await;

@@ -1,24 +1,24 @@
-//! What a topic or a service carries, as far as the transport must know it.
+//! Types of messages and services, as far as the transport needs them.
 
-/// The type of a topic's messages. The bodies themselves are opaque bytes to this crate.
+/// Type of a topic's messages. This crate treats their bodies as opaque bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MessageType {
-    /// Package and name, `std_msgs/String`; `*` takes any type when subscribing.
+    /// Package and name, such as `std_msgs/String`. `*` subscribes to any type.
     pub name: &'static str,
-    /// MD5 of the definition as `rosmsg md5` prints it, 32 hex digits; `*` takes any.
+    /// MD5 sum of the definition as `rosmsg md5` prints it, 32 hex digits. `*` matches any.
     pub md5: &'static str,
-    /// The definition's full text, with the definitions of its parts, as `gendeps --cat` prints
-    /// it. Recorders store it, so that a recording can be read without the package.
+    /// Full definition including all embedded types, as `gendeps --cat` prints it. Recorders store
+    /// it, so that a recording can be read without the package.
     pub definition: &'static str,
 }
 
-/// The type of a service's request and response.
+/// Type of a service's request and response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ServiceType {
-    /// Package and name, `std_srvs/Empty`.
+    /// Package and name, such as `std_srvs/Empty`.
     pub name: &'static str,
-    /// MD5 of request and response together as `rossrv md5` prints it; `*` takes any.
+    /// MD5 sum over request and response as `rossrv md5` prints it. `*` matches any.
     pub md5: &'static str,
-    /// The `.srv` text: request, `---`, response.
+    /// Text of the `.srv` file: request, `---`, response.
     pub definition: &'static str,
 }

@@ -1,19 +1,19 @@
-//! Names of the ROS graph: global `/a/b`, relative `b`, private `~c`, and remaps.
+//! ROS graph names: global `/a/b`, relative `b`, private `~c`; and remapping.
 
 use std::collections::HashMap;
 
-/// A name that ROS does not allow.
+/// A name violates the syntax of ROS graph names.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{name:?} is not a ROS name: it starts with a letter, / or ~ and goes on with letters, \
      digits, _ and /, without an empty part"
 )]
 pub struct NameError {
-    /// What was given.
+    /// The name as it was passed.
     pub name: String,
 }
 
-/// A node's own name and the remaps it was started with.
+/// Full name of a node and its remaps.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Names {
     node: String,
@@ -21,7 +21,7 @@ pub(crate) struct Names {
 }
 
 impl Names {
-    /// The node `name` in `namespace`; each remap is (from, to) as written on a command line.
+    /// Resolves the node `name` in `namespace` and all remaps, each (from, to) as on a command line.
     ///
     /// # Errors
     /// A name is not a ROS name, or the node's name is private.
@@ -58,12 +58,12 @@ impl Names {
         })
     }
 
-    /// The node's full name, `/namespace/name`.
+    /// Full name of the node, `/namespace/name`.
     pub(crate) fn node(&self) -> &str {
         &self.node
     }
 
-    /// The full name, remapped.
+    /// Returns the full name of `name` after remapping.
     ///
     /// # Errors
     /// `name` is not a ROS name.
@@ -90,8 +90,8 @@ fn check(name: &str) -> Result<(), NameError> {
     }
 }
 
-/// The full name of `name` as `caller` sees it, without checks and remaps: what rosmaster does
-/// with a name it is given.
+/// Returns the full name of `name` as seen by `caller`, without checks and remapping, as rosmaster
+/// resolves the names in its calls.
 pub(crate) fn resolve(name: &str, caller: &str) -> String {
     if name.is_empty() {
         return namespace(caller);
@@ -106,14 +106,14 @@ pub(crate) fn resolve(name: &str, caller: &str) -> String {
     }
 }
 
-/// Everything up to the last part, with its trailing slash: `/a/b` is in `/a/`.
+/// Returns the namespace of a name with its trailing slash: `/a/` for `/a/b`.
 fn namespace(name: &str) -> String {
     let name = name.strip_suffix('/').unwrap_or(name);
     name.rfind('/')
         .map_or_else(|| "/".to_owned(), |slash| name[..=slash].to_owned())
 }
 
-/// Without empty parts and without a trailing slash.
+/// Removes empty parts and the trailing slash: `/a//b/` becomes `/a/b`.
 pub(crate) fn canonical(name: &str) -> String {
     let parts: Vec<&str> = name.split('/').filter(|part| !part.is_empty()).collect();
     let joined = parts.join("/");
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn remaps_apply_to_the_full_name_however_it_is_written() {
+    fn remaps_apply_to_every_spelling_of_a_name() {
         let remaps = [remap("neurodata", "/other"), remap("~start", "go")];
         let names = Names::new("lab", "amp", &remaps).unwrap();
         for name in ["neurodata", "/lab/neurodata"] {
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn what_ros_does_not_allow_is_refused() {
+    fn names_with_wrong_syntax_are_refused() {
         let names = Names::new("", "amp", &[]).unwrap();
         for name in ["", "/", "~", "1a", "a b", "a:b", "a//b", "ä", "a-b"] {
             assert_eq!(

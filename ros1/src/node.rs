@@ -1,70 +1,84 @@
-//! A ROS 1 node.
+//! The ROS 1 node: starts its servers and tasks, and adds topics and services to its graph.
 
-use std::{
-    io,
-    net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr},
-    sync::Arc,
-};
+mod acceptor;
+mod graph;
+mod lease;
+mod network;
+pub(crate) mod options;
+pub(crate) mod publisher;
+mod registrar;
+pub(crate) mod service;
+mod slave;
+pub(crate) mod subscriber;
 
-use tokio::{
-    net::{TcpListener, UdpSocket},
-    sync::watch,
-    task::JoinHandle,
-};
+use std::{io, net::IpAddr, sync::Arc};
+
+use tokio::{net::TcpListener, sync::watch, task::JoinHandle};
 
 use crate::{
     address::{Address, AddressError},
-    graph::{Graph, Key, Lease},
-    incoming,
     lock::lock,
     message_type::{MessageType, ServiceType},
     names::{NameError, Names},
-    options::NodeOptions,
-    publisher::{OutgoingTopic, Publisher, PublisherOptions},
-    registrar::Registrar,
-    service::{Provider, Service},
-    service_client::{ServiceClient, ServiceError},
-    slave::Slave,
-    subscriber::{IncomingTopic, Subscriber},
+    service::{
+        client::{ServiceClient, ServiceError},
+        provider::Provider,
+    },
+    topic::{
+        inbox::Inbox,
+        publication::{Publication, PublisherOptions},
+        subscription::Subscription,
+    },
     xmlrpc::{CallError, Server},
 };
+use graph::{Graph, Key};
+use lease::Lease;
+use network::{listen_address, own_address};
+use options::NodeOptions;
+use publisher::Publisher;
+use registrar::Registrar;
+use service::Service;
+use slave::Slave;
+use subscriber::Subscriber;
 
-/// Why a node, a topic or a service cannot be had.
+/// Why a node could not be started, or a topic or service not be added to it.
 #[derive(Debug, thiserror::Error)]
 pub enum NodeError {
-    /// A name is not a ROS name.
+    /// A name violates the syntax of ROS graph names.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// The master's URI cannot be read.
+    /// The master's URI is malformed.
     #[error("the master's URI cannot be used: {0}; set ROS_MASTER_URI")]
     MasterUri(#[from] AddressError),
-    /// No port to listen on.
+    /// The node cannot listen on its address.
     #[error("cannot listen on {address}: {source}; set ROS_IP to an address of this machine")]
     Listen {
-        /// Where.
+        /// Local address, chosen by [`NodeOptions::host`].
         address: IpAddr,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The node has it already.
-    #[error("this node has a {0} already; clone that one, or drop it first")]
-    Taken(String),
-    /// The master refuses it.
+    /// This node already has the topic or service; holds its kind and name.
+    #[error("this node already has a {0}; clone that one, or drop it first")]
+    Duplicate(String),
+    /// The master refused the registration.
     #[error("the master refuses the {what}: {source}")]
     Refused {
         /// Publisher, subscriber or service, and its name.
         what: String,
-        /// The master's words.
+        /// Answer of the master.
         source: CallError,
     },
-    /// The node has shut down.
+    /// [`Node::shutdown`] has been called.
     #[error("the node has shut down; start another one")]
     ShutDown,
 }
 
-/// A node of the ROS graph. It needs no living master: it registers as soon as there is one, and
-/// again whenever the master has forgotten it. Dropping it ends its connections without telling
-/// the master; [`Node::shutdown`] tells it.
+/// A node of the ROS graph.
+///
+/// It needs no running master: it registers as soon as there is one, and again whenever the master
+/// has forgotten it. Dropping the node closes its connections but leaves its registrations at the
+/// master; [`Node::shutdown`] removes them.
 #[derive(Debug)]
 pub struct Node {
     registrar: Arc<Registrar>,
@@ -76,16 +90,16 @@ pub struct Node {
 #[derive(Debug)]
 struct Tasks {
     server: Server,
-    keeper: JoinHandle<()>,
+    registration: JoinHandle<()>,
     listener: JoinHandle<()>,
     stop: watch::Sender<bool>,
 }
 
 impl Node {
-    /// Opens the node's ports and starts looking for the master.
+    /// Opens the node's ports and starts to register with the master in the background.
     ///
     /// # Errors
-    /// A name or the master's URI cannot be used, or no port can be opened.
+    /// [`NodeError::Name`], [`NodeError::MasterUri`] or [`NodeError::Listen`].
     pub async fn start(options: NodeOptions) -> Result<Self, NodeError> {
         let names = options.names()?;
         let master = Address::parse(&options.master_uri)?;
@@ -101,7 +115,7 @@ impl Node {
         };
         let (api_port, api_listener) = listen().await?;
         let (port, listener) = listen().await?;
-        let (registrar, withdrawals) = Registrar::new(
+        let (registrar, released_keys) = Registrar::new(
             names.node().to_owned(),
             options.master_uri,
             format!("http://{}/", Address::new(&host, api_port)),
@@ -117,12 +131,12 @@ impl Node {
             slave.answer(method, arguments)
         });
         let (stop, stopped) = watch::channel(false);
-        let listener = tokio::spawn(incoming::accept(listener, Arc::clone(&registrar), stopped));
-        let keeper = tokio::spawn(Arc::clone(&registrar).keep(withdrawals));
-        let abort = [listener.abort_handle(), keeper.abort_handle()];
+        let listener = tokio::spawn(acceptor::accept(listener, Arc::clone(&registrar), stopped));
+        let registration = tokio::spawn(Arc::clone(&registrar).run(released_keys));
+        let abort = [listener.abort_handle(), registration.abort_handle()];
         let tasks = tokio::sync::Mutex::new(Tasks {
             server,
-            keeper,
+            registration,
             listener,
             stop,
         });
@@ -134,30 +148,30 @@ impl Node {
         })
     }
 
-    /// The node's full name.
+    /// Full name of the node, `/namespace/name`.
     pub fn name(&self) -> &str {
         self.names.node()
     }
 
-    /// The URI of the node's XML-RPC server.
+    /// URI of the node's XML-RPC server, `http://HOST:PORT/`.
     pub fn uri(&self) -> &str {
         &self.registrar.api_uri
     }
 
-    /// A name as this node sees it: full and remapped.
+    /// Returns the full name of `name` in this node after remapping.
     ///
     /// # Errors
-    /// `name` is not a ROS name.
+    /// `name` violates the syntax of ROS graph names.
     pub fn resolve(&self, name: &str) -> Result<String, NameError> {
         self.names.resolve(name)
     }
 
-    /// Publishes a topic. Without a master, or with one that does not answer within 2 s, it is
-    /// registered later.
+    /// Starts to publish a topic. If no master answers within 2 s, it is registered later.
     ///
     /// # Errors
-    /// The name cannot be used, the node publishes the topic already, or the master refuses it. A
-    /// later registration that is refused is tried again and logged once.
+    /// The name is invalid, the node already publishes the topic, the node has shut down, or the
+    /// master refuses the registration. If a later registration is refused, the node logs that
+    /// once and keeps trying.
     pub async fn advertise(
         &self,
         topic: &str,
@@ -166,17 +180,18 @@ impl Node {
     ) -> Result<Publisher, NodeError> {
         let name = self.names.resolve(topic)?;
         let key = Key::Publisher(name.clone());
-        let topic = Arc::new(OutgoingTopic::new(name.clone(), message_type, options));
-        let lease = self.offer(key, |graph| {
-            graph.publishers.insert(name, Arc::clone(&topic));
+        let publication = Arc::new(Publication::new(name.clone(), message_type, options));
+        let lease = self.add(key, |graph| {
+            graph.publications.insert(name, Arc::clone(&publication));
         })?;
-        Ok(Publisher::new(topic, self.register(lease).await?))
+        Ok(Publisher::new(publication, self.register(lease).await?))
     }
 
-    /// Subscribes to a topic; `queue` messages wait to be taken, one more drops the oldest.
+    /// Subscribes to a topic. Up to `queue` received messages wait in the subscriber; one more
+    /// drops the oldest.
     ///
     /// # Errors
-    /// As [`Node::advertise`].
+    /// The same as [`Node::advertise`].
     pub async fn subscribe(
         &self,
         topic: &str,
@@ -185,19 +200,19 @@ impl Node {
     ) -> Result<Subscriber, NodeError> {
         let name = self.names.resolve(topic)?;
         let key = Key::Subscriber(name.clone());
-        let topic = IncomingTopic::new(name.clone(), message_type, self.name(), queue);
-        let topic = Arc::new(topic);
-        let lease = self.offer(key, |graph| {
-            graph.subscribers.insert(name, Arc::clone(&topic));
+        let inbox = Inbox::new(name.clone(), message_type, self.name(), queue);
+        let subscription = Arc::new(Subscription::new(inbox));
+        let lease = self.add(key, |graph| {
+            graph.subscriptions.insert(name, Arc::clone(&subscription));
         })?;
-        Ok(Subscriber::new(topic, self.register(lease).await?))
+        Ok(Subscriber::new(subscription, self.register(lease).await?))
     }
 
-    /// Provides a service. `handler` gets a request's body and gives the response's, or words
-    /// for the caller why not; it runs on a thread of its own and may block.
+    /// Provides a service. `handler` computes the body of the response from the body of the request,
+    /// or returns an error message for the caller. It runs on a separate thread and can block.
     ///
     /// # Errors
-    /// As [`Node::advertise`].
+    /// The same as [`Node::advertise`].
     pub async fn serve(
         &self,
         name: &str,
@@ -207,16 +222,16 @@ impl Node {
         let name = self.names.resolve(name)?;
         let key = Key::Service(name.clone());
         let provider = Arc::new(Provider::new(name.clone(), service_type, Box::new(handler)));
-        let lease = self.offer(key, |graph| {
+        let lease = self.add(key, |graph| {
             graph.services.insert(name, Arc::clone(&provider));
         })?;
         Ok(Service::new(provider, self.register(lease).await?))
     }
 
-    /// Calls a service once, see [`ServiceClient::call`].
+    /// Looks up a service, calls it once and closes the connection, see [`ServiceClient::call`].
     ///
     /// # Errors
-    /// The service cannot be found or reached, refuses, or fails.
+    /// All variants of [`ServiceError`].
     pub async fn call(
         &self,
         service: &str,
@@ -230,10 +245,10 @@ impl Node {
         client.call(request).await
     }
 
-    /// Connects to a service for many calls.
+    /// Looks up a service and connects to it for any number of calls.
     ///
     /// # Errors
-    /// The service cannot be found or reached, or refuses.
+    /// All variants of [`ServiceError`] but `Failed`.
     pub async fn connect(
         &self,
         service: &str,
@@ -244,51 +259,53 @@ impl Node {
         ServiceClient::connect(self.name(), uri, &service, service_type, true).await
     }
 
-    /// Whether the master answers and knows everything this node has.
+    /// Watches whether the master answers and everything in this node has been registered.
     pub fn master_online(&self) -> watch::Receiver<bool> {
         self.registrar.online.subscribe()
     }
 
-    /// Waits until the master asks this node to end: `rosnode kill`, or a node of the same name
-    /// has taken its place. The node goes on until [`Node::shutdown`], but registers no more.
+    /// Waits until the master asks this node to shut down, because of `rosnode kill` or because
+    /// another node has taken its name. The node keeps running until [`Node::shutdown`] but does
+    /// not register again.
     pub async fn shutdown_requested(&self) {
         let mut requested = self.registrar.shutdown_requested.subscribe();
         // The sender lives as long as the node.
         let _ = requested.wait_for(|requested| *requested).await;
     }
 
-    /// Unregisters everything, lets the queues run dry for half a second, closes every
-    /// connection. Takes 3 s at most. A second call does nothing.
+    /// Unregisters everything, sends queued messages for up to 0.5 s and closes every connection.
+    /// Takes 3 s at most. A second call does nothing.
     pub async fn shutdown(&self) {
         let mut tasks = self.tasks.lock().await;
         if lock(&self.registrar.graph).closed {
             return;
         }
-        self.registrar.farewell().await;
-        tasks.keeper.abort();
+        self.registrar.unregister_all().await;
+        tasks.registration.abort();
         self.registrar.online.send_replace(false);
         tasks.stop.send_replace(true);
-        // Both end by themselves; a failure would only say that they already had.
+        // The task ends by itself; the join fails only if it had already been aborted.
         let _ = (&mut tasks.listener).await;
         tasks.server.stop().await;
     }
 
-    /// Puts a thing into the graph, unless it is there or the node has shut down.
-    fn offer(&self, key: Key, put: impl FnOnce(&mut Graph)) -> Result<Lease, NodeError> {
+    /// Adds a topic or service to the graph through `insert`, unless the key is taken or the node
+    /// has shut down.
+    fn add(&self, key: Key, insert: impl FnOnce(&mut Graph)) -> Result<Lease, NodeError> {
         let mut graph = lock(&self.registrar.graph);
         if graph.closed {
             return Err(NodeError::ShutDown);
         }
         if graph.contains(&key) {
-            return Err(NodeError::Taken(key.to_string()));
+            return Err(NodeError::Duplicate(key.to_string()));
         }
-        put(&mut graph);
+        insert(&mut graph);
         Ok(Lease::new(key, &self.registrar))
     }
 
-    /// Tells the master about what is new. When it refuses, the lease takes the thing back out.
+    /// Registers a key that was just added. On refusal the dropped lease removes it from the graph.
     async fn register(&self, lease: Lease) -> Result<Lease, NodeError> {
-        let refused = self.registrar.introduce().await;
+        let refused = self.registrar.sync_within_timeout().await;
         match refused.into_iter().find(|(key, _)| key == lease.key()) {
             Some((key, source)) => Err(NodeError::Refused {
                 what: key.to_string(),
@@ -310,46 +327,4 @@ impl Drop for Node {
             graph.remove(&key);
         }
     }
-}
-
-/// Where to listen so that peers who call `host` arrive, and nobody else where it is local.
-fn listen_address(host: &str, ipv6: bool) -> IpAddr {
-    match host.parse::<IpAddr>() {
-        Ok(address) if address.is_loopback() => address,
-        Ok(IpAddr::V6(_)) => Ipv6Addr::UNSPECIFIED.into(),
-        Err(_) if host == "localhost" => Ipv4Addr::LOCALHOST.into(),
-        Err(_) if ipv6 => Ipv6Addr::UNSPECIFIED.into(),
-        Ok(IpAddr::V4(_)) | Err(_) => Ipv4Addr::UNSPECIFIED.into(),
-    }
-}
-
-/// The address of the interface that leads to the master: what the master can call back. Without
-/// a route to it, that of the default route (192.0.2.1 is TEST-NET-1, RFC 5737), else loopback.
-/// Connecting a UDP socket sends nothing.
-async fn own_address(master: &Address) -> IpAddr {
-    for (host, port) in [(master.host(), master.port()), ("192.0.2.1", 9)] {
-        let Ok(targets) = tokio::net::lookup_host((host, port)).await else {
-            continue;
-        };
-        // Most ROS 1 peers speak IPv4 only, and "localhost" is both.
-        let mut targets: Vec<SocketAddr> = targets.collect();
-        targets.sort_by_key(SocketAddr::is_ipv6);
-        for target in targets {
-            if let Ok(address) = towards(target).await {
-                return address;
-            }
-        }
-    }
-    tracing::warn!("no route to the master; set ROS_IP, or other machines cannot reach this node");
-    Ipv4Addr::LOCALHOST.into()
-}
-
-async fn towards(target: SocketAddr) -> io::Result<IpAddr> {
-    let any: IpAddr = match target {
-        SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
-        SocketAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
-    };
-    let socket = UdpSocket::bind((any, 0)).await?;
-    socket.connect(target).await?;
-    Ok(socket.local_addr()?.ip())
 }

@@ -1,11 +1,11 @@
-//! TCPROS: the connection header and the messages after it.
+//! TCPROS: the connection header and the messages that follow it.
 
 mod header;
 mod message;
 mod socket;
 
-pub(crate) use header::{HANDSHAKE_LIMIT, disagreement};
+pub(crate) use header::{HANDSHAKE_TIMEOUT, type_mismatch};
 pub use header::{Header, HeaderError, MAX_HEADER};
 pub use message::MAX_MESSAGE;
-pub(crate) use message::{read_block, read_body, write_block};
+pub(crate) use message::{read_message, read_message_body, write_message};
 pub(crate) use socket::set_options;

@@ -1,4 +1,5 @@
-//! Whatever bytes a peer sends: an answer or an error, never a panic; and what we write, we read.
+//! Codec properties: any input is decoded or refused without a panic, and encoded values decode to
+//! themselves.
 
 use std::fmt::Write as _;
 
@@ -10,7 +11,7 @@ use ros1::{
     },
 };
 
-/// Text that XML 1.0 can carry: no control characters but tab, line feed and carriage return.
+/// Text that XML 1.0 can represent: no control characters but tab, line feed and carriage return.
 fn text() -> impl Strategy<Value = String> {
     "[\\t\\n\\r -~\u{80}-\u{d7ff}\u{e000}-\u{fffd}\u{10000}-\u{10ffff}]{0,24}"
 }
@@ -20,7 +21,7 @@ fn value() -> impl Strategy<Value = Value> {
         any::<i32>().prop_map(Value::Int),
         any::<bool>().prop_map(Value::Bool),
         any::<f64>()
-            .prop_filter("not a number is not equal to itself", |x| !x.is_nan())
+            .prop_filter("NaN is not equal to itself", |x| !x.is_nan())
             .prop_map(Value::Double),
         text().prop_map(Value::String),
         "[A-Za-z0-9+/]{0,16}".prop_map(Value::Base64),
@@ -36,9 +37,9 @@ fn value() -> impl Strategy<Value = Value> {
     })
 }
 
-/// XML-RPC's own words in any order, so that the reader gets beyond its first tag.
+/// Tags and texts of XML-RPC in random order, so that the decoder gets beyond the first tag.
 fn fragments() -> impl Strategy<Value = String> {
-    const WORDS: [&str; 26] = [
+    const FRAGMENTS: [&str; 26] = [
         "<methodCall>",
         "</methodCall>",
         "<methodName>",
@@ -66,12 +67,12 @@ fn fragments() -> impl Strategy<Value = String> {
         "<![CDATA[",
         "]]>",
     ];
-    vec(prop::sample::select(&WORDS[..]), 0..40).prop_map(|words| words.concat())
+    vec(prop::sample::select(&FRAGMENTS[..]), 0..40).prop_map(|parts| parts.concat())
 }
 
 proptest! {
     #[test]
-    fn calls_come_back_as_they_were_written(method in "[a-zA-Z.]{1,20}", arguments in vec(value(), 0..4)) {
+    fn calls_survive_a_round_trip(method in "[a-zA-Z.]{1,20}", arguments in vec(value(), 0..4)) {
         let xml = encode_call(&method, &arguments);
         let call = decode_call(xml.as_bytes()).unwrap();
         prop_assert_eq!(call.method, method);
@@ -79,7 +80,7 @@ proptest! {
     }
 
     #[test]
-    fn answers_and_faults_come_back_as_they_were_written(value in value(), code: i32, message in text()) {
+    fn values_and_faults_survive_a_round_trip(value in value(), code: i32, message in text()) {
         let xml = encode_response(&Ok(value.clone()));
         prop_assert_eq!(decode_response(xml.as_bytes()).unwrap(), Ok(value));
         let fault = Err(Fault { code, message });
@@ -87,19 +88,19 @@ proptest! {
     }
 
     #[test]
-    fn any_bytes_are_read_or_refused(bytes in vec(any::<u8>(), 0..400)) {
+    fn any_bytes_are_decoded_or_refused(bytes in vec(any::<u8>(), 0..400)) {
         let _ = (decode_call(&bytes), decode_response(&bytes), Header::decode(&bytes));
     }
 
     #[test]
-    fn the_words_of_xmlrpc_in_any_order_are_read_or_refused(xml in fragments()) {
+    fn xmlrpc_fragments_in_any_order_are_decoded_or_refused(xml in fragments()) {
         let _ = (decode_call(xml.as_bytes()), decode_response(xml.as_bytes()));
         let inside = format!("<methodCall><methodName>m</methodName><params><param>{xml}");
         prop_assert!(decode_call(inside.as_bytes()).is_err() || inside.contains("</methodCall>"));
     }
 
     #[test]
-    fn a_call_with_one_byte_changed_is_read_or_refused(
+    fn a_call_with_one_byte_changed_is_decoded_or_refused(
         arguments in vec(value(), 0..3), at: prop::sample::Index, byte: u8
     ) {
         let mut xml = encode_call("method", &arguments).into_bytes();
@@ -110,7 +111,7 @@ proptest! {
     }
 
     #[test]
-    fn headers_come_back_as_they_were_written(fields in vec(("[a-z_]{1,12}", any::<String>()), 0..8)) {
+    fn headers_survive_a_round_trip(fields in vec(("[a-z_]{1,12}", any::<String>()), 0..8)) {
         let header = fields.iter().fold(Header::new(), |header, (name, value)| header.with(name, value));
         let bytes = header.encode().unwrap();
         let (length, rest) = bytes.split_first_chunk::<4>().unwrap();
@@ -119,7 +120,7 @@ proptest! {
     }
 
     #[test]
-    fn a_header_cut_short_is_refused_or_loses_whole_fields(
+    fn a_truncated_header_is_refused_or_loses_whole_fields(
         fields in vec(("[a-z_]{1,12}", "[ -~]{0,20}"), 1..6), at: prop::sample::Index
     ) {
         let header = fields.iter().fold(Header::new(), |header, (name, value)| header.with(name, value));
@@ -146,7 +147,7 @@ fn strings_that_are_not_utf8_keep_their_readable_part() {
 }
 
 #[test]
-fn values_nested_without_end_are_refused() {
+fn deeply_nested_values_are_refused() {
     let deep = "<value><array><data>".repeat(100_000);
     let xml = format!("<methodCall><methodName>m</methodName><params><param>{deep}");
     assert!(matches!(
@@ -156,7 +157,7 @@ fn values_nested_without_end_are_refused() {
 }
 
 #[test]
-fn a_struct_of_many_members_is_read_in_time_and_the_last_of_a_name_counts() {
+fn a_struct_with_200000_members_is_decoded_in_time_and_the_last_duplicate_wins() {
     let mut members = String::new();
     for n in 0..200_000 {
         let name = n % 150_000;
@@ -170,7 +171,7 @@ fn a_struct_of_many_members_is_read_in_time_and_the_last_of_a_name_counts() {
     );
     let started = std::time::Instant::now();
     let value = decode_response(xml.as_bytes()).unwrap().unwrap();
-    // Measured: 1 s. To compare each name with all before it would take 1e10 comparisons.
+    // Measured: 1 s. Comparing each name with all earlier ones would take 1e10 comparisons.
     assert!(
         started.elapsed() < std::time::Duration::from_secs(20),
         "{:?}",
@@ -188,7 +189,7 @@ fn entities_are_not_expanded() {
 }
 
 #[test]
-fn pythons_spelling_is_read() {
+fn the_formatting_of_python_peers_is_decoded() {
     let xml =
         b"<?xml version='1.0'?>\n<methodCall>\n<methodName>m</methodName>\n<params>\n<param>\n\
         <value><struct>\n<member>\n<name>a</name>\n<value><boolean>1</boolean></value>\n</member>\n\
@@ -205,7 +206,7 @@ fn pythons_spelling_is_read() {
 }
 
 #[test]
-fn a_header_beyond_the_limit_is_not_written() {
+fn a_header_beyond_the_limit_is_not_encoded() {
     let header = Header::new().with("text", &"x".repeat(MAX_HEADER));
     assert!(matches!(header.encode(), Err(HeaderError::TooLong { .. })));
 }

@@ -1,5 +1,5 @@
-//! Our node among the programs of Debian's ROS 1.
-#![expect(clippy::unwrap_used, reason = "a helper of a test fails by panicking")]
+//! The node together with the programs of Debian's ROS 1.
+#![expect(clippy::unwrap_used, reason = "test support code fails by panicking")]
 
 #[path = "peers/debian_ros.rs"]
 mod debian_ros;
@@ -20,15 +20,16 @@ use ros1::{
 use tokio::time::{sleep, timeout};
 use types::{SET_BOOL, STRING, string};
 
-const PATIENCE: Duration = Duration::from_secs(30);
+/// Far longer than any operation takes, even on a busy machine.
+const TIMEOUT: Duration = Duration::from_secs(30);
 
-async fn node(name: &str, port: u16) -> Node {
+async fn start_node(name: &str, port: u16) -> Node {
     let mut options = NodeOptions::new(name, &uri(port));
     options.host = Some("127.0.0.1".to_owned());
     Node::start(options).await.unwrap()
 }
 
-/// Runs a program of ROS to its end; returns what it wrote.
+/// Runs a ROS program to completion and returns its standard output.
 async fn output(program: &str, port: u16, arguments: &[&str]) -> String {
     let mut command = command(program, port);
     command
@@ -37,7 +38,7 @@ async fn output(program: &str, port: u16, arguments: &[&str]) -> String {
         .stderr(Stdio::piped());
     let what = format!("{program} {arguments:?}");
     let run = tokio::task::spawn_blocking(move || command.output().unwrap());
-    let output = timeout(PATIENCE, run).await.expect(&what).unwrap();
+    let output = timeout(TIMEOUT, run).await.expect(&what).unwrap();
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{what}: {text} {errors}");
@@ -51,29 +52,29 @@ fn echo_node(port: u16) -> Running {
     Running::start(program)
 }
 
-async fn until(what: &str, mut done: impl AsyncFnMut() -> bool) {
+async fn wait_until(what: &str, mut done: impl AsyncFnMut() -> bool) {
     let started = Instant::now();
     while !done().await {
-        assert!(started.elapsed() < PATIENCE, "{what} did not come");
+        assert!(started.elapsed() < TIMEOUT, "timed out waiting for {what}");
         sleep(Duration::from_millis(50)).await;
     }
 }
 
-/// Sends numbered messages through the rospy node and waits for them in their order.
+/// Sends numbered messages through the rospy node and expects them back in order.
 async fn round_trip(up: &Publisher, down: &mut Subscriber, numbers: std::ops::Range<u32>) {
     for number in numbers.clone() {
         up.publish(&string(&format!("message {number}")));
     }
     for number in numbers {
-        let message = timeout(PATIENCE, down.recv()).await.unwrap().unwrap();
+        let message = timeout(TIMEOUT, down.recv()).await.unwrap().unwrap();
         assert_eq!(message, string(&format!("message {number}")));
     }
 }
 
-/// Sends until an echo comes, and waits for the last one: rospy answers our handshake before it counts
-/// us in, and what it publishes in between is lost.
-async fn reach(up: &Publisher, down: &mut Subscriber) {
-    until("the first echo", async || {
+/// Sends until an echo arrives, then drains the remaining echoes. rospy answers the handshake before
+/// it adds the subscriber, and messages that it publishes in between are lost.
+async fn wait_for_echo(up: &Publisher, down: &mut Subscriber) {
+    wait_until("the first echo", async || {
         up.publish(&string("hello"));
         timeout(Duration::from_millis(100), down.recv())
             .await
@@ -90,30 +91,30 @@ async fn echoes_through_rospy(port: u16) {
     let set = [Value::from("/test"), "/may_negate".into(), true.into()];
     call_ros(&uri(port), "setParam", &set).await.unwrap();
     let _echo = echo_node(port);
-    let ours = node("/ours", port).await;
+    let ours = start_node("/ours", port).await;
     let options = PublisherOptions {
         queue: 1000,
         latch: false,
     };
     let up = ours.advertise("/up", &STRING, options).await.unwrap();
     let mut down = ours.subscribe("/down", &STRING, 1000).await.unwrap();
-    until("the rospy node", async || {
+    wait_until("the rospy node to connect", async || {
         up.subscribers() == 1 && down.publishers() == 1
     })
     .await;
-    reach(&up, &mut down).await;
+    wait_for_echo(&up, &mut down).await;
     round_trip(&up, &mut down, 0..500).await;
     assert_eq!((up.dropped(), down.dropped()), (0, 0));
 
-    until("the rospy service", async || {
+    wait_until("the rospy service", async || {
         ours.call("/negate", &SET_BOOL, &[1]).await.is_ok()
     })
     .await;
     let answer = ours.call("/negate", &SET_BOOL, &[0]).await.unwrap();
     assert_eq!(answer, [&[1][..], &string("negated")].concat());
-    let mut lasting = ours.connect("/negate", &SET_BOOL).await.unwrap();
+    let mut persistent = ours.connect("/negate", &SET_BOOL).await.unwrap();
     for flag in [0, 1, 0] {
-        assert_eq!(lasting.call(&[flag]).await.unwrap()[0], 1 - flag);
+        assert_eq!(persistent.call(&[flag]).await.unwrap()[0], 1 - flag);
     }
     let unset = [Value::from("/test"), "/may_negate".into(), false.into()];
     call_ros(&uri(port), "setParam", &unset).await.unwrap();
@@ -125,7 +126,7 @@ async fn echoes_through_rospy(port: u16) {
 }
 
 #[tokio::test]
-async fn a_rospy_node_echoes_every_message_in_order_and_serves_us() {
+async fn a_rospy_node_echoes_every_message_in_order_and_answers_calls() {
     if installed("rospy through roscore") {
         let master = RosMaster::start("roscore", free_port()).await;
         echoes_through_rospy(master.port).await;
@@ -133,7 +134,7 @@ async fn a_rospy_node_echoes_every_message_in_order_and_serves_us() {
 }
 
 #[tokio::test]
-async fn a_rospy_node_does_the_same_through_our_master() {
+async fn a_rospy_node_echoes_and_answers_through_our_master() {
     if installed("rospy through our master") {
         let master = Master::start(SocketAddr::from(([127, 0, 0, 1], 0)))
             .await
@@ -159,13 +160,13 @@ async fn a_rospy_node_does_the_same_through_our_master() {
 }
 
 #[tokio::test]
-async fn rostopic_rosservice_and_rosnode_work_on_our_node() {
+async fn rostopic_rosservice_and_rosnode_work_with_our_node() {
     if !installed("rostopic, rosservice and rosnode") {
         return;
     }
     let master = RosMaster::start("roscore", free_port()).await;
     let port = master.port;
-    let ours = node("/lab/ours", port).await;
+    let ours = start_node("/lab/ours", port).await;
     let options = PublisherOptions {
         queue: 4,
         latch: true,
@@ -190,7 +191,7 @@ async fn rostopic_rosservice_and_rosnode_work_on_our_node() {
         .args(["echo", "/lab/chatter"])
         .stdout(Stdio::null());
     let listener = Running::start(listener);
-    until("a lasting subscriber", async || {
+    wait_until("rostopic echo to connect", async || {
         publisher.subscribers() == 1
     })
     .await;
@@ -205,7 +206,7 @@ async fn rostopic_rosservice_and_rosnode_work_on_our_node() {
         assert!(info.contains(part), "{part} is missing in {info}");
     }
     drop(listener);
-    until("the subscriber's end", async || {
+    wait_until("rostopic echo to disconnect", async || {
         publisher.subscribers() == 0
     })
     .await;
@@ -220,18 +221,18 @@ async fn rostopic_rosservice_and_rosnode_work_on_our_node() {
     let refused = tokio::task::spawn_blocking(move || refused.output().unwrap())
         .await
         .unwrap();
-    let words = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert!(words.contains("true is not allowed"), "{words}");
+    let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(message.contains("true is not allowed"), "{message}");
 
     output("rosnode", port, &["kill", "/lab/ours"]).await;
-    timeout(PATIENCE, ours.shutdown_requested()).await.unwrap();
+    timeout(TIMEOUT, ours.shutdown_requested()).await.unwrap();
     ours.shutdown().await;
     let topics = output("rostopic", port, &["list", "-p"]).await;
     assert!(!topics.contains("chatter"), "{topics}");
 }
 
 #[tokio::test]
-async fn after_a_roscore_restart_we_are_registered_again_and_the_links_live_on() {
+async fn after_a_roscore_restart_the_node_registers_again_and_connections_stay_open() {
     if !installed("a restart of roscore") {
         return;
     }
@@ -240,23 +241,23 @@ async fn after_a_roscore_restart_we_are_registered_again_and_the_links_live_on()
     let set = [Value::from("/test"), "/may_negate".into(), true.into()];
     call_ros(&uri(port), "setParam", &set).await.unwrap();
     let _echo = echo_node(port);
-    let ours = node("/ours", port).await;
+    let ours = start_node("/ours", port).await;
     let options = PublisherOptions {
         queue: 1000,
         latch: false,
     };
     let up = ours.advertise("/up", &STRING, options).await.unwrap();
     let mut down = ours.subscribe("/down", &STRING, 1000).await.unwrap();
-    until("the rospy node", async || {
+    wait_until("the rospy node to connect", async || {
         up.subscribers() == 1 && down.publishers() == 1
     })
     .await;
-    reach(&up, &mut down).await;
+    wait_for_echo(&up, &mut down).await;
     round_trip(&up, &mut down, 0..50).await;
 
     let mut online = ours.master_online();
     drop(master);
-    timeout(PATIENCE, online.wait_for(|online| !online))
+    timeout(TIMEOUT, online.wait_for(|online| !online))
         .await
         .unwrap()
         .unwrap();
@@ -264,13 +265,13 @@ async fn after_a_roscore_restart_we_are_registered_again_and_the_links_live_on()
     let master = RosMaster::start("roscore", port).await;
     let back = Instant::now();
     let look_up = [Value::from("/test"), "/ours".into()];
-    until("our registration", async || {
+    wait_until("the registration", async || {
         call_ros(&master.uri(), "lookupNode", &look_up)
             .await
             .is_ok_and(|u| u == ours.uri().into())
     })
     .await;
-    // 2 s are promised; the rest is for a machine busy with other work.
+    // The promise is 2 s; the rest is a margin for a busy machine.
     assert!(
         back.elapsed() < Duration::from_secs(4),
         "{:?}",

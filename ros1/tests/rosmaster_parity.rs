@@ -1,21 +1,21 @@
-//! Our master answers as Debian's rosmaster does: one script of calls, run against both.
-#![expect(clippy::unwrap_used, reason = "a helper of a test fails by panicking")]
+//! Runs one script of calls against our master and Debian's rosmaster and compares all answers.
+#![expect(clippy::unwrap_used, reason = "test support code fails by panicking")]
 
+#[path = "peers/call_recorder.rs"]
+mod call_recorder;
 #[path = "peers/debian_ros.rs"]
 mod debian_ros;
-#[path = "peers/recorder.rs"]
-mod recorder;
 
 use std::{net::SocketAddr, time::Duration};
 
+use call_recorder::CallRecorder;
 use debian_ros::{RosMaster, free_port, installed};
-use recorder::Recorder;
 use ros1::{
     Master,
     xmlrpc::{CallError, Value, call},
 };
 
-/// Stands for the two nodes' URIs in the script and in the answers.
+/// Placeholders for the URIs of two nodes in the script and in the answers.
 const NODES: [&str; 2] = ["http://node-a/", "http://node-b/"];
 
 type Call = (&'static str, Vec<Value>);
@@ -202,7 +202,7 @@ fn parameters() -> Vec<Call> {
     ]
 }
 
-fn mistakes() -> Vec<Call> {
+fn invalid_calls() -> Vec<Call> {
     let [a, _] = NODES;
     let one = |method: &str, arguments: Vec<Value>| {
         tree(&[
@@ -248,7 +248,7 @@ fn mistakes() -> Vec<Call> {
     ]
 }
 
-/// Replaces the first by the second wherever it stands in a text.
+/// Replaces the first text of each pair by the second in all strings of a value.
 fn replaced(value: &Value, pairs: &[(&str, &str)]) -> Value {
     match value {
         Value::String(text) => {
@@ -268,9 +268,9 @@ fn replaced(value: &Value, pairs: &[(&str, &str)]) -> Value {
     }
 }
 
-/// Runs the script; returns every answer, then what each node was told.
+/// Runs the script and returns every answer, then the calls that each node received.
 async fn run(master: &str, script: &[Call]) -> Vec<String> {
-    let nodes = [Recorder::start(), Recorder::start()];
+    let nodes = [CallRecorder::start(), CallRecorder::start()];
     let uris = [nodes[0].uri.as_str(), nodes[1].uri.as_str()];
     let to_real = [(NODES[0], uris[0]), (NODES[1], uris[1])];
     let from_real = [(uris[0], NODES[0]), (uris[1], NODES[1])];
@@ -286,23 +286,23 @@ async fn run(master: &str, script: &[Call]) -> Vec<String> {
             Err(error) => panic!("{master} {method}: {error}"),
         };
         lines.push(format!("{method}{arguments:?} -> {answer}"));
-        // Nodes are told after the answer, by rosmaster from threads that look every 100 ms for
-        // work, and a branch of parameters as it has become by then: so wait for it.
+        // rosmaster notifies nodes after it has answered, from threads that poll every 100 ms, and
+        // sends the value that a parameter has by then. Wait until that has happened.
         if method.contains("register") || method.ends_with("etParam") || *method == "deleteParam" {
             tokio::time::sleep(Duration::from_millis(200)).await;
         }
     }
     tokio::time::sleep(Duration::from_secs(1)).await;
     for (node, name) in nodes.iter().zip(NODES) {
-        for told in node.calls() {
-            let arguments = replaced(&Value::Array(told.arguments), &from_real);
-            lines.push(format!("{name} was told {} {arguments:?}", told.method));
+        for call in node.calls() {
+            let arguments = replaced(&Value::Array(call.arguments), &from_real);
+            lines.push(format!("{name} was called: {} {arguments:?}", call.method));
         }
     }
     lines
 }
 
-async fn compare(test: &str, script: Vec<Call>, least_told: usize) {
+async fn compare(test: &str, script: Vec<Call>, min_notifications: usize) {
     if !installed(test) {
         return;
     }
@@ -313,8 +313,8 @@ async fn compare(test: &str, script: Vec<Call>, least_told: usize) {
     let their_uri = theirs.uri();
     let (expected, actual) = tokio::join!(run(&their_uri, &script), run(ours.uri(), &script));
     assert!(
-        expected.len() >= script.len() + least_told,
-        "rosmaster told too little: {expected:#?}"
+        expected.len() >= script.len() + min_notifications,
+        "rosmaster sent too few notifications: {expected:#?}"
     );
     for (expected, actual) in expected.iter().zip(&actual) {
         assert_eq!(actual, expected, "left: ours, right: rosmaster's");
@@ -328,27 +328,27 @@ async fn compare(test: &str, script: Vec<Call>, least_told: usize) {
 }
 
 #[tokio::test]
-async fn registrations_are_answered_and_told_as_by_rosmaster() {
+async fn registrations_and_their_notifications_equal_those_of_rosmaster() {
     compare("registrations as rosmaster", registrations(), 3).await;
 }
 
 #[tokio::test]
-async fn a_namesake_is_displaced_as_by_rosmaster() {
+async fn a_node_of_the_same_name_is_displaced_as_by_rosmaster() {
     compare("displacement as rosmaster", displacement(), 1).await;
 }
 
 #[tokio::test]
-async fn parameters_are_a_tree_as_in_rosmaster() {
+async fn parameters_and_their_notifications_equal_those_of_rosmaster() {
     compare("parameters as rosmaster", parameters(), 8).await;
 }
 
 #[tokio::test]
-async fn mistakes_are_answered_in_rosmasters_words() {
-    compare("mistakes as rosmaster", mistakes(), 0).await;
+async fn error_messages_equal_those_of_rosmaster() {
+    compare("error messages as rosmaster", invalid_calls(), 0).await;
 }
 
 #[tokio::test]
-async fn uri_and_pid_are_the_masters_own() {
+async fn get_uri_and_get_pid_describe_the_master() {
     let master = Master::start(SocketAddr::from(([127, 0, 0, 1], 0)))
         .await
         .unwrap();

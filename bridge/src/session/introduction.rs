@@ -114,7 +114,7 @@ impl Session {
     ) -> Result<Option<AcquisitionInfo>, ContractError> {
         let model = format!("{} {}", device.board, device.firmware);
         let encoded = device.encoded_frame();
-        Shape::of(&encoded)?;
+        Shape::from_frame(&encoded)?;
         let frame = match self.settings.announced {
             AnnouncedStream::Encoded => encoded,
             AnnouncedStream::Reconstructed if decodable => device.reconstructed_frame(),

@@ -58,7 +58,7 @@ fn frames_keep_the_contract_and_are_numbered() {
         .next_frame(&window(0, Some(z(0))))
         .unwrap()
         .clone();
-    let shape = Shape::of(&first).unwrap();
+    let shape = Shape::from_frame(&first).unwrap();
     assert_eq!(
         shape,
         Shape {

@@ -41,7 +41,7 @@ impl Effects for Recorder {
     }
 
     fn publish_encoded(&mut self, frame: &NeuroFrame) {
-        assert_eq!(Shape::of(frame).unwrap().nchannels, [128, 0, 8]);
+        assert_eq!(Shape::from_frame(frame).unwrap().nchannels, [128, 0, 8]);
         keep(&mut self.encoded, frame);
     }
 
@@ -70,7 +70,7 @@ impl Effects for Recorder {
 
 /// Records a frame after checking that its shape is unchanged and that number and time increase.
 fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
-    let shape = Shape::of(frames.first().unwrap_or(frame)).unwrap();
+    let shape = Shape::from_frame(frames.first().unwrap_or(frame)).unwrap();
     shape.admit(frame).unwrap();
     let before = frames.last().map_or((0, 0), |frame| {
         (frame.neuroheader.seq, frame.header.stamp.nanoseconds())

@@ -1,18 +1,18 @@
-//! The body of a request or an answer.
+//! Reads the body of an HTTP request or response.
 
 use tokio::io::{AsyncBufRead, AsyncRead, AsyncReadExt as _};
 
 use super::head::{Head, HttpError, read_line};
 
-/// Longest body, bytes: room for the parameter tree of a large robot, and no more.
+/// Longest body, bytes: enough for the parameter tree of a large robot.
 const MAX_BODY: usize = 16 * 1024 * 1024;
-/// Longest line that announces a chunk, bytes.
+/// Longest line with the size of a chunk, bytes.
 const MAX_CHUNK_LINE: usize = 256;
 /// Longest trailer after the last chunk, bytes.
 const MAX_TRAILER: usize = 8 * 1024;
 
-/// Reads the body that `head` announces. Memory grows with what arrives, never with what is
-/// promised.
+/// Reads the body that follows `head`. Memory grows with the bytes received, never with the
+/// announced length.
 pub(crate) async fn read_body<S: AsyncBufRead + Unpin>(
     stream: &mut S,
     head: &Head,
@@ -23,7 +23,7 @@ pub(crate) async fn read_body<S: AsyncBufRead + Unpin>(
     } else if let Some(length) = head.content_length {
         append(stream, &mut body, length).await?;
     } else if head.first_line.starts_with("HTTP/") {
-        // An answer without a length ends with its connection.
+        // A response without a length ends with its connection.
         let limit = u64::try_from(MAX_BODY + 1).unwrap_or(u64::MAX);
         stream.take(limit).read_to_end(&mut body).await?;
         if body.len() > MAX_BODY {

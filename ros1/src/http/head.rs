@@ -1,48 +1,48 @@
-//! The first line and the fields of a request or an answer.
+//! Reads the first line and the fields of an HTTP request or response.
 
 use std::io;
 
 use tokio::io::{AsyncBufRead, AsyncBufReadExt as _, AsyncReadExt as _};
 
-/// Longest head, bytes. Python and C++ peers send less than 300.
+/// Longest head, bytes. Peers in Python and C++ send less than 300.
 const MAX_HEAD: usize = 32 * 1024;
 
-/// Why a stream is not HTTP that we read.
+/// Why an HTTP message could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum HttpError {
-    /// The connection failed.
+    /// Reading from or writing to the connection failed.
     #[error(transparent)]
     Io(#[from] io::Error),
     /// The connection ended inside a message.
     #[error("the connection ended inside the HTTP message")]
     Truncated,
-    /// The head is longer than any real one.
+    /// The head is longer than 32 KiB.
     #[error("the HTTP head is longer than {MAX_HEAD} bytes")]
     HeadTooLong,
-    /// The body is longer than we take.
+    /// The body is longer than the limit, in bytes.
     #[error("the HTTP body is longer than {0} bytes")]
     BodyTooLong(usize),
-    /// A length or a line that cannot be read.
-    #[error("the HTTP line {0:?} cannot be read")]
+    /// A field, a length or a chunk size has the wrong syntax.
+    #[error("the HTTP line {0:?} is malformed")]
     Malformed(String),
 }
 
-/// What the head says.
+/// The parts of a head that the reader acts on.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Head {
     /// `POST / HTTP/1.1` or `HTTP/1.1 200 OK`.
     pub(crate) first_line: String,
-    /// Bytes of the body, when told.
+    /// Length of the body, bytes; `None` without a `Content-Length` field.
     pub(crate) content_length: Option<usize>,
-    /// The body comes in chunks.
+    /// The body has the chunked transfer encoding.
     pub(crate) chunked: bool,
-    /// The connection ends after this message.
+    /// The sender closes the connection after this message.
     pub(crate) close: bool,
     /// The client waits for `100 Continue` before it sends the body.
     pub(crate) expects_continue: bool,
 }
 
-/// Reads a head; `None` when the connection ended before its first byte.
+/// Reads a head. Returns `None` when the connection ends before its first byte.
 pub(crate) async fn read_head<S: AsyncBufRead + Unpin>(
     stream: &mut S,
 ) -> Result<Option<Head>, HttpError> {
@@ -50,7 +50,7 @@ pub(crate) async fn read_head<S: AsyncBufRead + Unpin>(
     let first_line = loop {
         match read_line(stream, &mut left).await? {
             None => return Ok(None),
-            // A stray line end before the request, RFC 9112 section 2.2.
+            // RFC 9112, section 2.2: skip empty lines before the first line.
             Some(line) if line.is_empty() => {}
             Some(line) => break line,
         }
@@ -87,7 +87,8 @@ pub(crate) async fn read_head<S: AsyncBufRead + Unpin>(
     }
 }
 
-/// One line without its end; `None` at the end of the stream. `left` shrinks by what was read.
+/// Reads one line and strips its line end; `None` at the end of the stream. Subtracts the bytes
+/// read from `left`, the limit.
 pub(super) async fn read_line<S: AsyncBufRead + Unpin>(
     stream: &mut S,
     left: &mut usize,

@@ -1,45 +1,41 @@
-//! The master's methods.
+//! The methods of the master, except those for parameters.
 
 use std::sync::Mutex;
 
 use tokio::sync::watch;
 
 use super::{
-    notifier::{Notice, Notifier},
+    notifier::Notifier,
+    parameter_api::ParameterApi,
     parameters::Parameters,
     registrations::{Kind, Registrations},
     signature::signature,
 };
 use crate::{
     lock::lock,
-    slave::pid,
-    xmlrpc::{Fault, Value},
+    xmlrpc::{Fault, Reply, Value},
 };
 
-/// The name under which the master calls nodes.
-pub(super) const MASTER: &str = "/master";
-
-/// What the master knows, and the way to tell nodes.
+/// Handler of the master's XML-RPC server.
 #[derive(Debug)]
 pub(super) struct Api {
     uri: String,
     request_shutdown: watch::Sender<bool>,
-    pub(super) notifier: Notifier,
+    notifier: Notifier,
     state: Mutex<State>,
 }
 
 #[derive(Debug, Default)]
-pub(super) struct State {
-    pub(super) registrations: Registrations,
-    pub(super) parameters: Parameters,
-    /// (topic, type) in the order of arrival; a topic is never forgotten.
+struct State {
+    registrations: Registrations,
+    parameters: Parameters,
+    /// (topic, type) in the order of the first registration; topics are never removed.
     topic_types: Vec<(String, String)>,
 }
 
-/// (code, message, value): 1 is success, -1 the caller's mistake, 0 a failure.
-pub(super) type Triple = (i32, String, Value);
-
 impl Api {
+    /// Creates a master without registrations. `request_shutdown` is set when a caller asks the
+    /// master to shut down.
     pub(super) fn new(uri: String, request_shutdown: watch::Sender<bool>) -> Self {
         Self {
             uri,
@@ -49,31 +45,26 @@ impl Api {
         }
     }
 
-    /// Answers one call.
+    /// Answers one call with a [`Reply`] as a value.
     pub(super) fn answer(&self, method: &str, arguments: &[Value]) -> Result<Value, Fault> {
         let Some(signature) = signature(method) else {
             let message = format!("<class 'Exception'>:method \"{method}\" is not supported");
             return Err(Fault { code: 1, message });
         };
-        let (code, message, value) = match signature.check(arguments) {
-            Ok((caller, arguments)) => self.carry_out(method, &caller, &arguments),
-            Err(words) => (-1, words, signature.on_error),
+        let reply = match signature.check(arguments) {
+            Ok((caller, arguments)) => self.dispatch(method, &caller, &arguments),
+            Err(message) => Reply::caller_error(message, signature.on_error),
         };
-        Ok(Value::Array(vec![code.into(), message.into(), value]))
+        Ok(reply.into())
     }
 
-    /// Every argument has passed its check here.
-    fn carry_out(&self, method: &str, caller: &str, arguments: &[Value]) -> Triple {
+    /// Carries out a call whose arguments have been checked.
+    fn dispatch(&self, method: &str, caller: &str, arguments: &[Value]) -> Reply {
         let mut state = lock(&self.state);
-        let text = |at: usize| {
-            arguments
-                .get(at)
-                .and_then(Value::as_str)
-                .unwrap_or_default()
-        };
+        let text = |at: usize| text(arguments, at);
         match method {
-            "getUri" => success("", self.uri.as_str()),
-            "getPid" => success("", pid()),
+            "getUri" => Reply::success("", self.uri.as_str()),
+            "getPid" => Reply::success("", Value::process_id()),
             "shutdown" => {
                 tracing::info!(
                     caller,
@@ -81,7 +72,7 @@ impl Api {
                     "the master was asked to shut down"
                 );
                 self.request_shutdown.send_replace(true);
-                success("shutdown", 0)
+                Reply::success("shutdown", 0)
             }
             "registerPublisher" => self.register_publisher(&mut state, caller, arguments),
             "registerSubscriber" => self.register_subscriber(&mut state, caller, arguments),
@@ -90,128 +81,112 @@ impl Api {
                 let displaced = state
                     .registrations
                     .register_service(service, caller, api, uri);
-                self.tell_displaced(displaced, caller);
-                success(
-                    &format!("Registered [{caller}] as provider of [{service}]"),
-                    1,
-                )
+                self.notifier.notify_displaced(displaced, caller);
+                let message = format!("Registered [{caller}] as provider of [{service}]");
+                Reply::success(message, 1)
             }
             "unregisterPublisher" => {
                 let topic = text(0);
-                let (words, found) =
+                let (message, found) =
                     state
                         .registrations
                         .unregister(Kind::Publisher, topic, caller, text(1));
                 if found {
-                    self.tell_subscribers(&state, topic);
+                    self.notify_subscribers(&state, topic);
                 }
-                success(&words, i32::from(found))
+                Reply::success(message, i32::from(found))
             }
             "unregisterSubscriber" => {
-                let (words, found) =
+                let (message, found) =
                     state
                         .registrations
                         .unregister(Kind::Subscriber, text(0), caller, text(1));
-                success(&words, i32::from(found))
+                Reply::success(message, i32::from(found))
             }
             "unregisterService" => {
-                let (words, found) =
+                let (message, found) =
                     state
                         .registrations
                         .unregister_service(text(0), caller, text(1));
-                success(&words, i32::from(found))
+                Reply::success(message, i32::from(found))
             }
             "lookupService" => match state.registrations.service_uri(text(0)) {
-                Some(uri) => success(&format!("rosrpc URI: [{uri}]"), uri),
-                None => mistake("no provider", ""),
+                Some(uri) => Reply::success(format!("rosrpc URI: [{uri}]"), uri),
+                None => Reply::caller_error("no provider", ""),
             },
             "lookupNode" => match state.registrations.node_api(text(0)) {
-                Some(api) => success("node api", api),
-                None => mistake(&format!("unknown node [{}]", text(0)), ""),
+                Some(api) => Reply::success("node api", api),
+                None => Reply::caller_error(format!("unknown node [{}]", text(0)), ""),
             },
-            "getPublishedTopics" => success("current topics", published_topics(&state, text(0))),
+            "getPublishedTopics" => {
+                Reply::success("current topics", published_topics(&state, text(0)))
+            }
             "getTopicTypes" => {
                 let types = state.topic_types.iter();
                 let types = types.map(|(topic, kind)| Value::from([topic.as_str(), kind]));
-                success("current system state", types.collect::<Value>())
+                Reply::success("current system state", types.collect::<Value>())
             }
-            "getSystemState" => success("current system state", system_state(&state)),
-            _ => self.carry_out_parameter(&mut state, method, caller, arguments),
+            "getSystemState" => Reply::success("current system state", system_state(&state)),
+            _ => {
+                let state = &mut *state;
+                let parameter_api = ParameterApi {
+                    parameters: &mut state.parameters,
+                    registrations: &mut state.registrations,
+                    notifier: &self.notifier,
+                };
+                parameter_api.dispatch(method, caller, arguments)
+            }
         }
     }
 
-    fn register_publisher(&self, state: &mut State, caller: &str, arguments: &[Value]) -> Triple {
-        let text = |at: usize| {
-            arguments
-                .get(at)
-                .and_then(Value::as_str)
-                .unwrap_or_default()
-        };
-        let (topic, kind, api) = (text(0), text(1), text(2));
+    fn register_publisher(&self, state: &mut State, caller: &str, arguments: &[Value]) -> Reply {
+        let (topic, kind) = (text(arguments, 0), text(arguments, 1));
+        let api = text(arguments, 2);
         let displaced = state
             .registrations
             .register(Kind::Publisher, topic, caller, api);
-        self.tell_displaced(displaced, caller);
+        self.notifier.notify_displaced(displaced, caller);
         match state.topic_types.iter_mut().find(|(name, _)| name == topic) {
             Some(_) if kind == "*" => {}
             Some((_, known)) => kind.clone_into(known),
             None => state.topic_types.push((topic.to_owned(), kind.to_owned())),
         }
-        self.tell_subscribers(state, topic);
+        self.notify_subscribers(state, topic);
         let subscribers = state.registrations.apis(Kind::Subscriber, topic);
-        success(
-            &format!("Registered [{caller}] as publisher of [{topic}]"),
-            subscribers,
-        )
+        let message = format!("Registered [{caller}] as publisher of [{topic}]");
+        Reply::success(message, subscribers)
     }
 
-    fn register_subscriber(&self, state: &mut State, caller: &str, arguments: &[Value]) -> Triple {
-        let text = |at: usize| {
-            arguments
-                .get(at)
-                .and_then(Value::as_str)
-                .unwrap_or_default()
-        };
-        let (topic, kind, api) = (text(0), text(1), text(2));
+    fn register_subscriber(&self, state: &mut State, caller: &str, arguments: &[Value]) -> Reply {
+        let (topic, kind) = (text(arguments, 0), text(arguments, 1));
+        let api = text(arguments, 2);
         let displaced = state
             .registrations
             .register(Kind::Subscriber, topic, caller, api);
-        self.tell_displaced(displaced, caller);
+        self.notifier.notify_displaced(displaced, caller);
         if kind != "*" && !state.topic_types.iter().any(|(name, _)| name == topic) {
             state.topic_types.push((topic.to_owned(), kind.to_owned()));
         }
         let publishers = state.registrations.apis(Kind::Publisher, topic);
-        success(&format!("Subscribed to [{topic}]"), publishers)
+        Reply::success(format!("Subscribed to [{topic}]"), publishers)
     }
 
-    pub(super) fn tell_displaced(&self, displaced: Option<String>, node: &str) {
-        if let Some(api) = displaced {
-            let reason = format!("[{node}] Reason: new node registered with same name");
-            let arguments = vec![MASTER.into(), reason.into()];
-            let notice = Notice {
-                method: "shutdown",
-                subject: node.to_owned(),
-                arguments,
-            };
-            self.notifier.notify(&api, notice);
-        }
-    }
-
-    fn tell_subscribers(&self, state: &State, topic: &str) {
-        let publishers = state.registrations.apis(Kind::Publisher, topic);
+    fn notify_subscribers(&self, state: &State, topic: &str) {
+        let publishers: Value = state.registrations.apis(Kind::Publisher, topic).into();
         for api in state.registrations.apis(Kind::Subscriber, topic) {
-            let arguments = vec![MASTER.into(), topic.into(), publishers.clone().into()];
-            let subject = topic.to_owned();
-            self.notifier.notify(
-                &api,
-                Notice {
-                    method: "publisherUpdate",
-                    subject,
-                    arguments,
-                },
-            );
+            let arguments = [topic.into(), publishers.clone()];
+            self.notifier
+                .notify(&api, "publisherUpdate", topic, arguments);
         }
     }
+}
+
+/// Returns the text argument at index `at`; the signature has checked that it is there.
+fn text(arguments: &[Value], at: usize) -> &str {
+    arguments
+        .get(at)
+        .and_then(Value::as_str)
+        .unwrap_or_default()
 }
 
 fn published_topics(state: &State, subgraph: &str) -> Value {
@@ -219,7 +194,7 @@ fn published_topics(state: &State, subgraph: &str) -> Value {
     if !prefix.is_empty() && !prefix.ends_with('/') {
         prefix.push('/');
     }
-    let topics = state.registrations.register_of(Kind::Publisher).iter();
+    let topics = state.registrations.entries(Kind::Publisher).iter();
     let topics = topics
         .filter(|(topic, _)| topic.starts_with(&prefix))
         .map(|(topic, _)| {
@@ -232,8 +207,8 @@ fn published_topics(state: &State, subgraph: &str) -> Value {
 fn system_state(state: &State) -> Value {
     let kinds = [Kind::Publisher, Kind::Subscriber, Kind::Service];
     let registers = kinds.into_iter().map(|kind| {
-        let register = state.registrations.register_of(kind).iter();
-        let entries = register.map(|(name, registrants)| {
+        let entries = state.registrations.entries(kind).iter();
+        let entries = entries.map(|(name, registrants)| {
             let nodes = registrants
                 .iter()
                 .map(|registrant| Value::from(registrant.node.as_str()));
@@ -242,12 +217,4 @@ fn system_state(state: &State) -> Value {
         entries.collect()
     });
     registers.collect()
-}
-
-pub(super) fn success(words: &str, value: impl Into<Value>) -> Triple {
-    (1, words.to_owned(), value.into())
-}
-
-pub(super) fn mistake(words: &str, value: impl Into<Value>) -> Triple {
-    (-1, words.to_owned(), value.into())
 }

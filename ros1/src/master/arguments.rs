@@ -1,29 +1,30 @@
-//! The checks that rosmaster makes on a call's arguments, in its words.
+//! The checks that rosmaster makes on the arguments of a call, with its error messages.
 
 use crate::{names::resolve, xmlrpc::Value};
 
-/// How one argument is checked and made canonical.
+/// Check and conversion of one argument. Holds the name of the argument for error messages.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Check {
-    /// A topic or a service: a name, made global.
+    /// A non-empty name, resolved to its full form.
     Name(&'static str),
-    /// As `Name`, and not the root.
+    /// A non-empty name other than `/`, resolved to its full form.
     NotRoot(&'static str),
-    /// A URI of a node or a service.
+    /// A URI that starts with `http://` or `rosrpc://`.
     Uri(&'static str),
     /// `package/Type`, or `*`.
     Type(&'static str),
-    /// A string that is not empty, left as it is.
+    /// A non-empty string, not converted.
     Text(&'static str),
-    /// Empty, or a name, made global.
+    /// An empty string, or a name, resolved to its full form.
     Subgraph(&'static str),
-    /// Anything but nil.
+    /// Any value but nil.
     Value(&'static str),
-    /// Anything.
+    /// Any value.
     Any,
 }
 
-/// What `caller` gave, checked; or rosmaster's words.
+/// Checks one argument of a call by `caller` and returns its converted value, or the error message
+/// of rosmaster.
 pub(super) fn check(check: Check, value: &Value, caller: &str) -> Result<Value, String> {
     match check {
         Check::Any => Ok(value.clone()),
@@ -92,7 +93,7 @@ fn must_be_non_empty(name: &str) -> String {
     format!("ERROR: parameter [{name}] must be a non-empty string")
 }
 
-/// What Python takes as false: the checks of rosmaster ask so.
+/// Returns whether Python treats the value as false, which is what the checks of rosmaster test.
 fn is_falsy(value: &Value) -> bool {
     match value {
         Value::Int(number) => *number == 0,

@@ -1,4 +1,5 @@
-//! Tells nodes what changed: one message at a time per node, in order, and the newest wins.
+//! Calls nodes to report changes: one call at a time per node, in order. A newer notice replaces an
+//! older one that still waits.
 
 use std::{
     collections::{HashMap, VecDeque},
@@ -10,25 +11,39 @@ use crate::{
     xmlrpc::{Value, call_ros},
 };
 
-/// One call to one node.
+/// Caller name of the master in its calls to nodes.
+const MASTER: &str = "/master";
+
 #[derive(Debug)]
-pub(super) struct Notice {
-    pub(super) method: &'static str,
-    /// The topic or parameter: a later notice about the same replaces one that still waits.
-    pub(super) subject: String,
-    pub(super) arguments: Vec<Value>,
+struct Notice {
+    method: &'static str,
+    /// Topic, parameter or node that the call is about.
+    subject: String,
+    arguments: Vec<Value>,
 }
 
-/// The notices that wait, by the URI of their node. A node is in the map while a task is
-/// delivering to it.
+/// Queues of notices by the XML-RPC URI of the node. A queue exists while a task delivers from it.
 #[derive(Debug, Default)]
 pub(super) struct Notifier {
     waiting: Arc<Mutex<HashMap<String, VecDeque<Notice>>>>,
 }
 
 impl Notifier {
-    /// Queues a notice; never waits. The queue cannot grow beyond one notice per subject.
-    pub(super) fn notify(&self, api: &str, notice: Notice) {
+    /// Queues a call of `method` at the node with the URI `api` without waiting. It replaces a
+    /// waiting call of the same method about the same subject, so a queue holds at most one call
+    /// per subject.
+    pub(super) fn notify(
+        &self,
+        api: &str,
+        method: &'static str,
+        subject: &str,
+        arguments: impl IntoIterator<Item = Value>,
+    ) {
+        let notice = Notice {
+            method,
+            subject: subject.to_owned(),
+            arguments: std::iter::once(MASTER.into()).chain(arguments).collect(),
+        };
         let mut waiting = lock(&self.waiting);
         if let Some(queue) = waiting.get_mut(api) {
             let same =
@@ -41,6 +56,15 @@ impl Notifier {
         }
         waiting.insert(api.to_owned(), VecDeque::from([notice]));
         tokio::spawn(deliver(Arc::clone(&self.waiting), api.to_owned()));
+    }
+
+    /// Asks the node that was displaced, if any, to shut down: another one has registered under its
+    /// name.
+    pub(super) fn notify_displaced(&self, api: Option<String>, node: &str) {
+        if let Some(api) = api {
+            let reason = format!("[{node}] Reason: new node registered with same name");
+            self.notify(&api, "shutdown", node, [reason.into()]);
+        }
     }
 }
 
@@ -56,7 +80,7 @@ async fn deliver(waiting: Arc<Mutex<HashMap<String, VecDeque<Notice>>>>, api: St
         };
         let Some(notice) = notice else { return };
         if let Err(error) = call_ros(&api, notice.method, &notice.arguments).await {
-            tracing::debug!(api, notice.method, %error, "a node could not be told");
+            tracing::debug!(api, notice.method, %error, "a node could not be notified");
         }
     }
 }

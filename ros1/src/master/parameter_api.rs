@@ -1,23 +1,26 @@
-//! The master's methods for parameters.
+//! The methods of the master for parameters.
 
 use super::{
-    api::{Api, MASTER, State, Triple, mistake, success},
-    notifier::Notice,
+    notifier::Notifier,
     parameter_updates::{parameter_updates, with_slash},
     parameters::Parameters,
-    registrations::Kind,
+    registrations::{Kind, Registrations},
 };
-use crate::{names::resolve, xmlrpc::Value};
+use crate::{
+    names::resolve,
+    xmlrpc::{Reply, Value},
+};
 
-impl Api {
-    /// Every argument has passed its check here.
-    pub(super) fn carry_out_parameter(
-        &self,
-        state: &mut State,
-        method: &str,
-        caller: &str,
-        arguments: &[Value],
-    ) -> Triple {
+/// The state of the master that the methods for parameters work on.
+pub(super) struct ParameterApi<'a> {
+    pub(super) parameters: &'a mut Parameters,
+    pub(super) registrations: &'a mut Registrations,
+    pub(super) notifier: &'a Notifier,
+}
+
+impl ParameterApi<'_> {
+    /// Carries out a call whose arguments have been checked.
+    pub(super) fn dispatch(self, method: &str, caller: &str, arguments: &[Value]) -> Reply {
         let text = |at: usize| {
             arguments
                 .get(at)
@@ -26,89 +29,80 @@ impl Api {
         };
         let key = resolve(text(0), caller);
         match method {
-            "getParam" => match state.parameters.get(&key) {
-                Some(value) => success(&format!("Parameter [{key}]"), value.clone()),
-                None => mistake(&format!("Parameter [{key}] is not set"), 0),
+            "getParam" => match self.parameters.get(&key) {
+                Some(value) => Reply::success(format!("Parameter [{key}]"), value.clone()),
+                None => Reply::caller_error(format!("Parameter [{key}] is not set"), 0),
             },
             "setParam" => {
                 let value = arguments.get(1).cloned().unwrap_or(Value::Nil);
-                if !state.parameters.set(&key, value.clone()) {
-                    return mistake(
+                if !self.parameters.set(&key, value.clone()) {
+                    return Reply::caller_error(
                         "Error: invalid arguments: cannot set root of parameter tree to \
                          non-dictionary",
                         0,
                     );
                 }
-                self.tell_watchers(state, &key, &value, Some(caller));
-                success(&format!("parameter {key} set"), 0)
+                self.notify_subscribers(&key, &value, Some(caller));
+                Reply::success(format!("parameter {key} set"), 0)
             }
             "deleteParam" => {
-                if !state.parameters.delete(&key) {
-                    return mistake(&format!("parameter [{key}] is not set"), 0);
+                if !self.parameters.delete(&key) {
+                    return Reply::caller_error(format!("parameter [{key}] is not set"), 0);
                 }
-                self.tell_watchers(state, &key, &Value::Struct(Vec::new()), None);
-                success(&format!("parameter {key} deleted"), 0)
+                self.notify_subscribers(&key, &Value::Struct(Vec::new()), None);
+                Reply::success(format!("parameter {key} deleted"), 0)
             }
-            "hasParam" => success(&key, state.parameters.get(&key).is_some()),
-            "getParamNames" => success("Parameter names", state.parameters.names()),
-            "searchParam" => search(&state.parameters, caller, text(0)),
+            "hasParam" => {
+                let found = self.parameters.get(&key).is_some();
+                Reply::success(key, found)
+            }
+            "getParamNames" => Reply::success("Parameter names", self.parameters.names()),
+            "searchParam" => search(self.parameters, caller, text(0)),
             "subscribeParam" => {
                 let key = resolve(text(1), caller);
                 let watched = with_slash(&key);
-                let value = state.parameters.get(&watched).cloned();
+                let value = self.parameters.get(&watched).cloned();
                 let kind = Kind::ParameterSubscriber;
-                let displaced = state
-                    .registrations
-                    .register(kind, &watched, caller, text(0));
-                self.tell_displaced(displaced, caller);
+                let displaced = self.registrations.register(kind, &watched, caller, text(0));
+                self.notifier.notify_displaced(displaced, caller);
                 let value = value.unwrap_or(Value::Struct(Vec::new()));
-                success(&format!("Subscribed to parameter [{key}]"), value)
+                Reply::success(format!("Subscribed to parameter [{key}]"), value)
             }
             "unsubscribeParam" => {
                 let key = resolve(text(1), caller);
                 let kind = Kind::ParameterSubscriber;
                 // rosmaster answers 1 whether or not there was a subscription.
-                state
-                    .registrations
+                self.registrations
                     .unregister(kind, &with_slash(&key), caller, text(0));
-                success(&format!("Unsubscribe to parameter [{key}]"), 1)
+                Reply::success(format!("Unsubscribe to parameter [{key}]"), 1)
             }
-            _ => (0, format!("Internal failure: no method {method}"), 0.into()),
+            _ => Reply::failure(format!("Internal failure: no method {method}"), 0),
         }
     }
 
-    fn tell_watchers(&self, state: &State, key: &str, value: &Value, changer: Option<&str>) {
-        let watchers = state.registrations.register_of(Kind::ParameterSubscriber);
-        for update in parameter_updates(watchers, key, value, changer) {
+    fn notify_subscribers(&self, key: &str, value: &Value, changer: Option<&str>) {
+        let subscribers = self.registrations.entries(Kind::ParameterSubscriber);
+        for update in parameter_updates(subscribers, key, value, changer) {
             for registrant in update.registrants {
-                let key = update.key.clone();
-                let arguments = vec![MASTER.into(), key.as_str().into(), update.value.clone()];
-                let notice = Notice {
-                    method: "paramUpdate",
-                    subject: key,
-                    arguments,
-                };
-                self.notifier.notify(&registrant.api, notice);
+                let arguments = [update.key.as_str().into(), update.value.clone()];
+                self.notifier
+                    .notify(&registrant.api, "paramUpdate", &update.key, arguments);
             }
         }
     }
 }
 
-fn search(parameters: &Parameters, caller: &str, key: &str) -> Triple {
+fn search(parameters: &Parameters, caller: &str, key: &str) -> Reply {
     if key.starts_with('~') {
-        return (0, "Internal failure: invalid key".to_owned(), 0.into());
+        return Reply::failure("Internal failure: invalid key", 0);
     }
     if !caller.starts_with('/') {
-        return (
-            0,
-            "Internal failure: namespace must be global".to_owned(),
-            0.into(),
-        );
+        return Reply::failure("Internal failure: namespace must be global", 0);
     }
     match parameters.search(caller, key) {
-        Some(found) => success(&format!("Found [{found}]"), found.as_str()),
-        None => mistake(
-            &format!("Cannot find parameter [{key}] in an upwards search"),
+        Some(found) => Reply::success(format!("Found [{found}]"), found.as_str()),
+        None => Reply::caller_error(
+            format!("Cannot find parameter [{key}] in an upwards search"),
             "",
         ),
     }

@@ -1,19 +1,20 @@
-//! Whom a changed parameter concerns.
+//! Determines which parameter subscribers are notified of a change.
 
 use super::registrations::Registrant;
 use crate::{names::canonical, xmlrpc::Value};
 
-/// One message to those who watch `key`.
+/// One notification of all subscribers of a parameter.
 #[derive(Debug, PartialEq)]
 pub(super) struct ParameterUpdate {
     pub(super) registrants: Vec<Registrant>,
-    /// With a slash at its end, as rosmaster sends it.
+    /// Full name with a trailing slash, as rosmaster sends it.
     pub(super) key: String,
     pub(super) value: Value,
 }
 
-/// What rosmaster sends after `key` became `value` (an empty struct: deleted). `changer`, when
-/// given, is not told about what it did itself above or at `key`.
+/// Returns the notifications that rosmaster sends after `key` was set to `value`; an empty struct
+/// means that it was deleted. The node `changer` is not notified as a subscriber of `key` or of a
+/// branch above it.
 pub(super) fn parameter_updates(
     subscribers: &[(String, Vec<Registrant>)],
     key: &str,
@@ -59,7 +60,7 @@ pub(super) fn parameter_updates(
     updates
 }
 
-/// Every name inside a branch, with a slash at its end.
+/// Appends the full name, with a trailing slash, and the value of everything below a branch.
 fn push_branch<'a>(names: &mut Vec<(String, &'a Value)>, branch: &str, value: &'a Value) {
     let Value::Struct(members) = value else {
         return;
@@ -71,7 +72,7 @@ fn push_branch<'a>(names: &mut Vec<(String, &'a Value)>, branch: &str, value: &'
     }
 }
 
-/// The form under which parameters are watched: canonical, with a slash at the end.
+/// Returns the canonical name with a trailing slash, under which subscriptions are stored.
 pub(super) fn with_slash(key: &str) -> String {
     if key == "/" {
         key.to_owned()

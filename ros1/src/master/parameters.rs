@@ -1,11 +1,10 @@
-//! The parameter tree: structs are its branches, everything else its leaves.
+//! The parameter tree: structs are branches, all other values are leaves.
 
 use crate::{names::canonical, xmlrpc::Value};
 
-/// All parameters.
 #[derive(Debug)]
 pub(super) struct Parameters {
-    /// Always a struct.
+    /// Invariant: a struct.
     root: Value,
 }
 
@@ -18,13 +17,13 @@ impl Default for Parameters {
 }
 
 impl Parameters {
-    /// The value or the branch at `key`, a full name.
+    /// Returns the value or branch at `key`, a full name.
     pub(super) fn get(&self, key: &str) -> Option<&Value> {
         parts(key).try_fold(&self.root, |branch, part| branch.member(part))
     }
 
-    /// Sets a value, or a whole branch in place of the one that was there; a leaf on the way
-    /// becomes a branch. False: the root can only be a struct.
+    /// Sets a value, or replaces a whole branch. A leaf on the path becomes a branch. Returns false
+    /// if `key` is the root and `value` is not a struct.
     pub(super) fn set(&mut self, key: &str, value: Value) -> bool {
         if key == "/" {
             let branch = matches!(value, Value::Struct(_));
@@ -52,7 +51,7 @@ impl Parameters {
         true
     }
 
-    /// Removes a value or a branch; false when it is not there. The root stays.
+    /// Removes a value or a branch. Returns false if it does not exist or is the root.
     pub(super) fn delete(&mut self, key: &str) -> bool {
         let full = canonical(key);
         let Some((branch, leaf)) = full.rsplit_once('/').filter(|(_, leaf)| !leaf.is_empty())
@@ -74,15 +73,15 @@ impl Parameters {
         members.len() < before
     }
 
-    /// The full names of all leaves, branch by branch.
+    /// Returns the full names of all leaves in depth-first order.
     pub(super) fn names(&self) -> Vec<String> {
         let mut names = Vec::new();
-        push_names(&mut names, "/", &self.root);
+        append_names(&mut names, "/", &self.root);
         names
     }
 
-    /// The first full name, going up from `namespace`, whose first part is set: rosmaster's
-    /// search, in which the rest of `key` need not exist.
+    /// Searches upwards from `namespace` for the first part of `key` and returns the full name of
+    /// `key` there. As in rosmaster, the other parts of `key` need not exist.
     pub(super) fn search(&self, namespace: &str, key: &str) -> Option<String> {
         if key.starts_with('/') {
             return self.get(key).map(|_| key.to_owned());
@@ -100,13 +99,13 @@ impl Parameters {
     }
 }
 
-fn push_names(names: &mut Vec<String>, branch: &str, value: &Value) {
+fn append_names(names: &mut Vec<String>, branch: &str, value: &Value) {
     let Value::Struct(members) = value else {
         return;
     };
     for (name, member) in members {
         if matches!(member, Value::Struct(_)) {
-            push_names(names, &format!("{branch}{name}/"), member);
+            append_names(names, &format!("{branch}{name}/"), member);
         } else {
             names.push(format!("{branch}{name}"));
         }

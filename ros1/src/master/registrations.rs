@@ -1,9 +1,8 @@
-//! Who publishes, subscribes, serves, and watches parameters. Kept in the order of arrival, as
-//! rosmaster answers.
+//! Registrations at the master: publishers, subscribers, services and parameter subscribers, in the
+//! order of registration as rosmaster lists them.
 
 use std::collections::HashMap;
 
-/// What is registered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Kind {
     Publisher,
@@ -19,17 +18,16 @@ pub(super) struct Registrant {
     pub(super) api: String,
 }
 
-/// One kind's registrations: (name, its registrants).
+/// All registrations of one kind: (topic, service or parameter, its registrants).
 type Register = Vec<(String, Vec<Registrant>)>;
 
-/// What is known of one node; without `keys` it is forgotten.
+/// URI and registrations of one node. A node without registrations is removed.
 #[derive(Debug)]
 struct NodeEntry {
     api: String,
     keys: Vec<(Kind, String)>,
 }
 
-/// Everything that is registered.
 #[derive(Debug, Default)]
 pub(super) struct Registrations {
     nodes: HashMap<String, NodeEntry>,
@@ -37,14 +35,15 @@ pub(super) struct Registrations {
     subscribers: Register,
     services: Register,
     parameter_subscribers: Register,
-    /// Service -> (node, service URI).
+    /// From the name of a service to its (node, service URI).
     service_uris: HashMap<String, (String, String)>,
-    /// A service has been registered at some time; rosmaster's words depend on it.
-    has_served: bool,
+    /// Whether any service has ever been registered. Error messages of rosmaster depend on it.
+    had_service: bool,
 }
 
 impl Registrations {
-    /// Registers; returns the URI of a namesake that was displaced and must be told.
+    /// Registers `node` for `key`. If a node of the same name with another URI was registered, removes
+    /// that one and returns its URI for the shutdown notice.
     pub(super) fn register(
         &mut self,
         kind: Kind,
@@ -58,7 +57,7 @@ impl Registrations {
         };
         if displaced.is_some() {
             self.nodes.remove(node);
-            self.forget_node(node);
+            self.remove_node(node);
         }
         let entry = self
             .nodes
@@ -74,9 +73,9 @@ impl Registrations {
             node: node.to_owned(),
             api: api.to_owned(),
         };
-        let register = self.register_mut(kind);
+        let register = self.entries_mut(kind);
         match register.iter_mut().find(|(name, _)| name == key) {
-            // A service has one provider: the last to come.
+            // A service has one provider: the latest.
             Some((_, registrants)) if kind == Kind::Service => *registrants = vec![registrant],
             Some((_, registrants)) if registrants.contains(&registrant) => {}
             Some((_, registrants)) => registrants.push(registrant),
@@ -85,7 +84,7 @@ impl Registrations {
         displaced
     }
 
-    /// Registers a service at `uri`; as [`Registrations::register`].
+    /// Registers a service at `uri`. Returns the same as [`Registrations::register`].
     pub(super) fn register_service(
         &mut self,
         service: &str,
@@ -94,13 +93,14 @@ impl Registrations {
         uri: &str,
     ) -> Option<String> {
         let displaced = self.register(Kind::Service, service, node, api);
-        self.has_served = true;
+        self.had_service = true;
         self.service_uris
             .insert(service.to_owned(), (node.to_owned(), uri.to_owned()));
         displaced
     }
 
-    /// Unregisters (node, api), nobody else; returns rosmaster's words and whether it was there.
+    /// Unregisters the registrant (`node`, `api`). Returns the message of rosmaster and whether the
+    /// registration existed.
     pub(super) fn unregister(
         &mut self,
         kind: Kind,
@@ -111,7 +111,7 @@ impl Registrations {
         if !self.nodes.contains_key(node) {
             return (format!("[{node}] is not a registered node"), false);
         }
-        let register = self.register_mut(kind);
+        let register = self.entries_mut(kind);
         let mut found = false;
         if let Some((_, registrants)) = register.iter_mut().find(|(name, _)| name == key) {
             let before = registrants.len();
@@ -119,7 +119,7 @@ impl Registrations {
             found = registrants.len() < before;
         }
         register.retain(|(_, registrants)| !registrants.is_empty());
-        self.forget_key(node, kind, key, found);
+        self.remove_key(node, kind, key, found);
         if found {
             (
                 format!("Unregistered [{node}] as provider of [{key}]"),
@@ -133,7 +133,7 @@ impl Registrations {
         }
     }
 
-    /// Unregisters a service when `uri` is its present address; as
+    /// Unregisters a service if `uri` is its current URI. Returns the same as
     /// [`Registrations::unregister`].
     pub(super) fn unregister_service(
         &mut self,
@@ -150,13 +150,13 @@ impl Registrations {
             self.service_uris.remove(service);
             self.services.retain(|(name, _)| name != service);
         }
-        self.forget_key(node, Kind::Service, service, found);
+        self.remove_key(node, Kind::Service, service, found);
         if found {
             (
                 format!("Unregistered [{node}] as provider of [{service}]"),
                 true,
             )
-        } else if !self.has_served {
+        } else if !self.had_service {
             (format!("[{node}] is not a provider of [{service}]"), false)
         } else {
             (
@@ -166,19 +166,19 @@ impl Registrations {
         }
     }
 
-    /// The URI of a node that has anything registered.
+    /// XML-RPC URI of a node that has any registration.
     pub(super) fn node_api(&self, node: &str) -> Option<&str> {
         self.nodes.get(node).map(|entry| entry.api.as_str())
     }
 
-    /// Where a service is served.
+    /// URI of the current provider of a service, `rosrpc://HOST:PORT`.
     pub(super) fn service_uri(&self, service: &str) -> Option<&str> {
         self.service_uris.get(service).map(|(_, uri)| uri.as_str())
     }
 
-    /// The URIs registered for `key`.
+    /// XML-RPC URIs of all nodes registered for `key`.
     pub(super) fn apis(&self, kind: Kind, key: &str) -> Vec<String> {
-        let found = self.register_of(kind).iter().find(|(name, _)| name == key);
+        let found = self.entries(kind).iter().find(|(name, _)| name == key);
         found.map_or_else(Vec::new, |(_, registrants)| {
             registrants
                 .iter()
@@ -187,8 +187,8 @@ impl Registrations {
         })
     }
 
-    /// All names of one kind, with their registrants.
-    pub(super) fn register_of(&self, kind: Kind) -> &[(String, Vec<Registrant>)] {
+    /// All registrations of one kind.
+    pub(super) fn entries(&self, kind: Kind) -> &[(String, Vec<Registrant>)] {
         match kind {
             Kind::Publisher => &self.publishers,
             Kind::Subscriber => &self.subscribers,
@@ -197,7 +197,7 @@ impl Registrations {
         }
     }
 
-    fn register_mut(&mut self, kind: Kind) -> &mut Register {
+    fn entries_mut(&mut self, kind: Kind) -> &mut Register {
         match kind {
             Kind::Publisher => &mut self.publishers,
             Kind::Subscriber => &mut self.subscribers,
@@ -206,14 +206,14 @@ impl Registrations {
         }
     }
 
-    fn forget_node(&mut self, node: &str) {
+    fn remove_node(&mut self, node: &str) {
         for kind in [
             Kind::Publisher,
             Kind::Subscriber,
             Kind::Service,
             Kind::ParameterSubscriber,
         ] {
-            let register = self.register_mut(kind);
+            let register = self.entries_mut(kind);
             for (_, registrants) in &mut *register {
                 registrants.retain(|registrant| registrant.node != node);
             }
@@ -222,7 +222,7 @@ impl Registrations {
         self.service_uris.retain(|_, (owner, _)| owner != node);
     }
 
-    fn forget_key(&mut self, node: &str, kind: Kind, key: &str, found: bool) {
+    fn remove_key(&mut self, node: &str, kind: Kind, key: &str, found: bool) {
         let Some(entry) = self.nodes.get_mut(node) else {
             return;
         };

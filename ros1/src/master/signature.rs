@@ -1,16 +1,18 @@
-//! What each method of the master takes.
+//! The arguments that each of the master's methods takes.
 
 use super::arguments::{Check, check};
 use crate::xmlrpc::Value;
 
-/// What a method takes after its caller, and the value it gives when something is wrong.
+/// Argument checks of a method, without its first argument, the name of the caller.
 pub(super) struct Signature {
     checks: &'static [Check],
+    /// Value of the reply when a check fails.
     pub(super) on_error: Value,
 }
 
 impl Signature {
-    /// The caller's name and the other arguments, checked and canonical; or rosmaster's words.
+    /// Checks all arguments. Returns the caller's name and the other arguments, converted; or the
+    /// error message of rosmaster.
     pub(super) fn check(&self, arguments: &[Value]) -> Result<(String, Vec<Value>), String> {
         let Some((caller, arguments)) = arguments.split_first() else {
             return Err("missing required caller_id parameter".to_owned());
@@ -29,7 +31,7 @@ impl Signature {
     }
 }
 
-/// The signature of a method that the master has.
+/// Returns the signature of a method; `None` if the master has no such method.
 pub(super) fn signature(method: &str) -> Option<Signature> {
     const KEY: Check = Check::Text("key");
     const TOPIC: Check = Check::NotRoot("topic");

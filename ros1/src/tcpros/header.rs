@@ -1,4 +1,5 @@
-//! The connection header: `name=value` fields, each with its length, and the length of all.
+//! The connection header: `name=value` fields, each preceded by its length, and the total length
+//! in front.
 
 use std::{io, time::Duration};
 
@@ -9,62 +10,63 @@ use tokio::{
 
 use super::message::read_exactly;
 
-/// Longest header, bytes: a message definition with all its parts stays below 100 KiB.
+/// Longest header, bytes. The largest field, a message definition with all its parts, stays below
+/// 100 KiB.
 pub const MAX_HEADER: usize = 1024 * 1024;
-/// A peer must send its header within this time.
-pub(crate) const HANDSHAKE_LIMIT: Duration = Duration::from_secs(5);
+/// Longest time to connect, and to receive the header of a peer.
+pub(crate) const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Why there is no header.
+/// Why a connection header could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum HeaderError {
     /// The connection failed or ended.
     #[error("the connection ended before the whole header came: {0}")]
     Io(#[from] io::Error),
-    /// The peer is silent.
-    #[error("no header came within {HANDSHAKE_LIMIT:?}")]
+    /// The peer did not send its header within 5 s.
+    #[error("no header came within {HANDSHAKE_TIMEOUT:?}")]
     Timeout,
-    /// A length that no header has.
-    #[error("a header of {length} bytes is announced; at most {MAX_HEADER} are taken")]
+    /// The header is longer than [`MAX_HEADER`].
+    #[error("the header has {length} bytes; at most {MAX_HEADER} are allowed")]
     TooLong {
-        /// The announced length, bytes.
+        /// Length of the header, bytes.
         length: u32,
     },
-    /// A field's length goes beyond the header.
-    #[error("a field of {length} bytes is announced where {left} bytes are left")]
+    /// A field ends beyond the end of the header.
+    #[error("a field announces {length} bytes but the header has only {left} left")]
     FieldTooLong {
-        /// The announced length, bytes.
+        /// Announced length of the field, bytes.
         length: u32,
-        /// What is left of the header, bytes.
+        /// Bytes left in the header.
         left: usize,
     },
-    /// Fewer than the four bytes of a length.
+    /// The header ends within the four bytes of a length.
     #[error("the header ends inside the length of a field")]
     Truncated,
-    /// A field without `=`.
+    /// A field has no `=`; holds the field.
     #[error("the header field {0:?} has no '='")]
     NoEquals(String),
 }
 
-/// The fields that both sides send first.
+/// The fields that each side sends when a connection opens.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Header {
     fields: Vec<(String, String)>,
 }
 
 impl Header {
-    /// No fields yet.
+    /// Creates a header without fields.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// With one field more. A name has no `=`; a value may have.
+    /// Appends a field. The name must not contain `=`; the value can.
     #[must_use]
     pub fn with(mut self, name: &str, value: &str) -> Self {
         self.fields.push((name.to_owned(), value.to_owned()));
         self
     }
 
-    /// The value of a field.
+    /// Returns the value of the first field called `name`.
     pub fn get(&self, name: &str) -> Option<&str> {
         self.fields
             .iter()
@@ -72,33 +74,33 @@ impl Header {
             .map(|(_, value)| value.as_str())
     }
 
-    /// The fields in their order.
+    /// Iterates over the names and values of all fields in wire order.
     pub fn fields(&self) -> impl Iterator<Item = (&str, &str)> {
         self.fields
             .iter()
             .map(|(name, value)| (name.as_str(), value.as_str()))
     }
 
-    /// The bytes on the wire, with the length of all in front (u32, little-endian).
+    /// Encodes the header for the wire, starting with its total length (u32, little-endian).
     ///
     /// # Errors
     /// [`HeaderError::TooLong`] beyond [`MAX_HEADER`].
     pub fn encode(&self) -> Result<Vec<u8>, HeaderError> {
         let mut bytes = vec![0; 4];
         for (name, value) in &self.fields {
-            let length = bounded(name.len() + 1 + value.len())?;
+            let length = checked_length(name.len() + 1 + value.len())?;
             bytes.extend_from_slice(&length.to_le_bytes());
             bytes.extend_from_slice(name.as_bytes());
             bytes.push(b'=');
             bytes.extend_from_slice(value.as_bytes());
         }
-        let length = bounded(bytes.len() - 4)?;
+        let length = checked_length(bytes.len() - 4)?;
         bytes[..4].copy_from_slice(&length.to_le_bytes());
         Ok(bytes)
     }
 
-    /// Reads the bytes that follow the length of all. Text that is not UTF-8 is replaced by
-    /// U+FFFD: other nodes send such strings.
+    /// Decodes the bytes that follow the total length. Bytes that are not UTF-8 become U+FFFD:
+    /// other nodes send such strings.
     ///
     /// # Errors
     /// The bytes are not a sequence of `name=value` fields.
@@ -126,7 +128,7 @@ impl Header {
         Ok(Self { fields })
     }
 
-    /// Reads a header from a connection, within the limits of length and time.
+    /// Reads a header of at most [`MAX_HEADER`] bytes within [`HANDSHAKE_TIMEOUT`].
     pub(crate) async fn read<S: AsyncRead + Unpin>(stream: &mut S) -> Result<Self, HeaderError> {
         let bytes = async {
             let length = stream.read_u32_le().await?;
@@ -135,14 +137,14 @@ impl Header {
                 _ => Err(HeaderError::TooLong { length }),
             }
         };
-        let bytes = timeout(HANDSHAKE_LIMIT, bytes)
+        let bytes = timeout(HANDSHAKE_TIMEOUT, bytes)
             .await
             .map_err(|_| HeaderError::Timeout)??;
         Self::decode(&bytes)
     }
 }
 
-fn bounded(length: usize) -> Result<u32, HeaderError> {
+fn checked_length(length: usize) -> Result<u32, HeaderError> {
     let small = u32::try_from(length).unwrap_or(u32::MAX);
     if length > MAX_HEADER {
         Err(HeaderError::TooLong { length: small })
@@ -151,8 +153,9 @@ fn bounded(length: usize) -> Result<u32, HeaderError> {
     }
 }
 
-/// Where a peer's header and our type differ; `None` when they agree. `*` agrees with all.
-pub(crate) fn disagreement(
+/// Compares the type in a peer's header with ours and returns a message if they differ. `*` matches
+/// every type.
+pub(crate) fn type_mismatch(
     header: &Header,
     what: &str,
     our_type: &str,

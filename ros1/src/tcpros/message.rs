@@ -1,22 +1,22 @@
-//! A length (u32, little-endian) and as many bytes.
+//! Messages on the wire: a length (u32, little-endian) and that many bytes.
 
 use std::io::{self, IoSlice};
 
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
 
-/// Longest message, bytes. A length beyond it is noise, not a message.
+/// Longest message, bytes. A larger length means that the stream is corrupt.
 pub const MAX_MESSAGE: usize = 256 * 1024 * 1024;
-/// Memory taken before the first byte of a block has come.
+/// Bytes allocated before the first byte of a message has arrived.
 const FIRST_ALLOCATION: usize = 64 * 1024;
 
-/// Reads a length and its bytes.
-pub(crate) async fn read_block<S: AsyncRead + Unpin>(stream: &mut S) -> io::Result<Vec<u8>> {
+/// Reads one message: its length and its body.
+pub(crate) async fn read_message<S: AsyncRead + Unpin>(stream: &mut S) -> io::Result<Vec<u8>> {
     let length = stream.read_u32_le().await?;
-    read_body(stream, length).await
+    read_message_body(stream, length).await
 }
 
-/// Reads the bytes that follow a length.
-pub(crate) async fn read_body<S: AsyncRead + Unpin>(
+/// Reads the body of a message after its length.
+pub(crate) async fn read_message_body<S: AsyncRead + Unpin>(
     stream: &mut S,
     length: u32,
 ) -> io::Result<Vec<u8>> {
@@ -24,12 +24,12 @@ pub(crate) async fn read_body<S: AsyncRead + Unpin>(
         Ok(size) if size <= MAX_MESSAGE => read_exactly(stream, size).await,
         _ => Err(io::Error::new(
             io::ErrorKind::InvalidData,
-            format!("a message of {length} bytes is announced; at most {MAX_MESSAGE} are taken"),
+            format!("the message has {length} bytes; at most {MAX_MESSAGE} are allowed"),
         )),
     }
 }
 
-/// Reads `size` bytes. Memory grows with what arrives, never with what is promised.
+/// Reads exactly `size` bytes. Memory grows with the bytes received, never with `size`.
 pub(super) async fn read_exactly<S: AsyncRead + Unpin>(
     stream: &mut S,
     size: usize,
@@ -43,8 +43,8 @@ pub(super) async fn read_exactly<S: AsyncRead + Unpin>(
     Ok(bytes)
 }
 
-/// Writes the length and the bytes, in one system call where the socket has room.
-pub(crate) async fn write_block<S: AsyncWrite + Unpin>(
+/// Writes the length and the body, in one system call where the socket buffer has room.
+pub(crate) async fn write_message<S: AsyncWrite + Unpin>(
     stream: &mut S,
     body: &[u8],
 ) -> io::Result<()> {

@@ -1,19 +1,20 @@
-//! The options of every TCPROS socket.
+//! Options of every TCPROS socket.
 
 use std::{io, time::Duration};
 
 use socket2::{SockRef, TcpKeepalive};
 use tokio::net::TcpStream;
 
-/// A connection that carries nothing for so long is probed.
+/// Idle time before the first probe.
 const KEEPALIVE_TIME: Duration = Duration::from_secs(10);
-/// From one probe to the next.
+/// Time between two probes.
 const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(5);
-/// So many probes without an answer end the connection: 25 s after the last byte.
+/// Unanswered probes that end the connection, 25 s after the last byte.
 const KEEPALIVE_PROBES: u32 = 3;
 
-/// Small messages go out at once, and a peer that vanished without a word (power cut, cable) is
-/// noticed: nothing else would tell who only waits for it.
+/// Disables Nagle's algorithm, so that small messages are sent at once, and enables keepalive.
+/// Without keepalive, a side that only receives would never notice that its peer has vanished
+/// (power cut, unplugged cable).
 pub(crate) fn set_options(stream: &TcpStream) -> io::Result<()> {
     stream.set_nodelay(true)?;
     let keepalive = TcpKeepalive::new()

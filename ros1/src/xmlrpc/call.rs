@@ -1,4 +1,4 @@
-//! One call to an XML-RPC server.
+//! The XML-RPC client. Each call opens a connection and closes it.
 
 use std::{io, time::Duration};
 
@@ -18,97 +18,99 @@ use crate::{
     http::{HttpError, read_body, read_head},
 };
 
-/// From the connection to the last byte of the answer. A master answers in milliseconds; a
-/// registration must be repeated within 2 s after its restart, so a hung one may not hold us long.
-const CALL_LIMIT: Duration = Duration::from_secs(3);
+/// Longest time from connecting to the last byte of the answer. A working master answers in
+/// milliseconds. A call that hangs must end soon, because nodes promise to register again within
+/// 2 s after the master's restart.
+const CALL_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Why a call has no value.
+/// Why a call returned no value.
 #[derive(Debug, thiserror::Error)]
 pub enum CallError {
-    /// The URI has no host and port that can be called.
+    /// The URI is malformed.
     #[error(transparent)]
     Address(#[from] AddressError),
-    /// Nobody there, or the connection broke.
+    /// The connection was refused or broke.
     #[error("{uri} cannot be reached: {source}; is it running, and is its address right?")]
     Io {
-        /// Who was called.
+        /// XML-RPC URI that was called.
         uri: String,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// No whole answer in time.
-    #[error("{uri} did not answer {method} within {CALL_LIMIT:?}")]
+    /// The answer was not complete within 3 s.
+    #[error("{uri} did not answer {method} within {CALL_TIMEOUT:?}")]
     Timeout {
-        /// Who was called.
+        /// XML-RPC URI that was called.
         uri: String,
-        /// What was asked.
+        /// XML-RPC method, such as `registerPublisher`.
         method: String,
     },
-    /// The answer is not HTTP, or not `200`.
+    /// The answer is not valid HTTP.
     #[error("{uri} answered with broken HTTP: {source}")]
     Http {
-        /// Who was called.
+        /// XML-RPC URI that was called.
         uri: String,
-        /// What is wrong.
+        /// First violation of HTTP in the answer.
         source: HttpError,
     },
     /// The HTTP status is not 200.
     #[error("{uri} answered {status:?}; is it an XML-RPC server?")]
     Status {
-        /// Who was called.
+        /// XML-RPC URI that was called.
         uri: String,
-        /// The first line of the answer.
+        /// Status line of the answer.
         status: String,
     },
     /// The answer is not XML-RPC.
     #[error("{uri} answered {method} with something that is not XML-RPC: {source}")]
     Decode {
-        /// Who was called.
+        /// XML-RPC URI that was called.
         uri: String,
-        /// What was asked.
+        /// XML-RPC method, such as `registerPublisher`.
         method: String,
-        /// What is wrong.
+        /// First violation of XML-RPC's grammar in the answer.
         source: DecodeError,
     },
-    /// The other side could not carry the call out at all.
+    /// The server returned a fault: it could not carry out the call at all.
     #[error("{uri} could not carry out {method}: {fault}")]
     Fault {
-        /// Who was called.
+        /// XML-RPC URI that was called.
         uri: String,
-        /// What was asked.
+        /// XML-RPC method, such as `registerPublisher`.
         method: String,
-        /// Its words.
+        /// Code and message of the server.
         fault: Fault,
     },
-    /// ROS status other than 1.
+    /// The server returned a ROS status code other than 1.
     #[error("{method} was refused with code {code}: {message}")]
     Refused {
-        /// What was asked.
+        /// XML-RPC method, such as `registerPublisher`.
         method: String,
-        /// 0: tried and failed; -1: the caller's mistake.
+        /// Status code: 0 for a failure, -1 for an error of the caller.
         code: i32,
-        /// The other side's words.
+        /// Error message of the server.
         message: String,
     },
-    /// Not the triple (code, message, value) of the ROS convention.
+    /// The answer is not the triple (code, message, value) of a ROS API.
     #[error("{uri} answered {method} without the ROS triple (code, message, value)")]
     Shape {
-        /// Who was called.
+        /// XML-RPC URI that was called.
         uri: String,
-        /// What was asked.
+        /// XML-RPC method, such as `registerPublisher`.
         method: String,
     },
 }
 
-/// Calls `method` at `uri`. Directly: no proxy variable of the environment is ever obeyed.
+/// Calls `method` at `uri` and returns its value. Connects directly: proxy variables of the
+/// environment are ignored.
 ///
 /// # Errors
-/// Everything but a value, see [`CallError`].
+/// All variants of [`CallError`] but `Refused` and `Shape`.
 pub async fn call(uri: &str, method: &str, arguments: &[Value]) -> Result<Value, CallError> {
     let address = Address::parse(uri)?;
     let body = encode_call(method, arguments);
     let exchange = exchange(&address, &body);
-    let (status, answer) = match timeout(CALL_LIMIT, exchange).await {
+    let (status, answer) = match timeout(CALL_TIMEOUT, exchange).await {
         Ok(Ok(answer)) => answer,
         Ok(Err(HttpError::Io(source))) => {
             return Err(CallError::Io {
@@ -150,10 +152,10 @@ pub async fn call(uri: &str, method: &str, arguments: &[Value]) -> Result<Value,
     }
 }
 
-/// Calls `method` at `uri` and unpacks the ROS triple (code, message, value).
+/// Calls `method` of a ROS API at `uri` and returns the value of its (code, message, value).
 ///
 /// # Errors
-/// As [`call`], and [`CallError::Refused`] for every code other than 1.
+/// All variants of [`CallError`]; [`CallError::Refused`] for every code other than 1.
 pub async fn call_ros(uri: &str, method: &str, arguments: &[Value]) -> Result<Value, CallError> {
     let triple = call(uri, method, arguments).await?;
     if let Value::Array(items) = triple
@@ -188,7 +190,7 @@ async fn exchange(address: &Address, body: &str) -> Result<(String, Vec<u8>), Ht
     stream.get_mut().write_all(request.as_bytes()).await?;
     loop {
         let head = read_head(&mut stream).await?.ok_or(HttpError::Truncated)?;
-        // An interim answer such as 100 Continue is followed by the real one.
+        // Skip interim answers such as 100 Continue.
         if head
             .first_line
             .split_ascii_whitespace()

@@ -1,4 +1,4 @@
-//! XML to values. Bounded: nesting is limited here, length by the HTTP reader.
+//! Decodes XML-RPC documents. Nesting is limited here; the HTTP reader limits the length.
 
 use std::{
     borrow::Cow,
@@ -13,62 +13,62 @@ use quick_xml::{
 
 use super::value::{Fault, Value};
 
-/// Levels of arrays and structs. Python's reader has no limit; 64 is far beyond any parameter
-/// tree and keeps the stack of this recursive reader small.
+/// Limit of nested arrays and structs. 64 levels are far beyond any parameter tree and bound the
+/// stack of this recursive decoder; Python's decoder has no limit.
 const MAX_DEPTH: u32 = 64;
 
-/// Why a body is not a call or an answer.
+/// Why a body is not an XML-RPC call or response.
 #[derive(Debug, thiserror::Error)]
 pub enum DecodeError {
-    /// Not well-formed.
+    /// The XML is not well-formed.
     #[error("the XML is not well-formed: {0}")]
     Xml(#[from] quick_xml::Error),
-    /// A reference that is neither a character nor one of XML's five.
+    /// An entity reference that is neither a character nor one of XML's five predefined ones.
     #[error("unknown entity &{0};")]
     Entity(String),
-    /// A tag or a text where XML-RPC has none.
+    /// A tag or text that XML-RPC's grammar does not allow at this place.
     #[error("expected {expected}, found {found}")]
     Unexpected {
-        /// What the grammar wants here.
+        /// Tags or texts that the grammar allows.
         expected: &'static str,
-        /// What stood there.
+        /// The tag or text in the document.
         found: String,
     },
-    /// Text that is not an integer of 32 bits.
+    /// The text of an `<int>` is not a 32-bit integer.
     #[error("not a 32-bit integer: {text:?}: {source}")]
     Int {
-        /// The text.
+        /// Content of the element.
         text: String,
-        /// What the parser said.
+        /// Error of the number parser.
         source: ParseIntError,
     },
-    /// Text that is not a number.
+    /// The text of a `<double>` is not a number.
     #[error("not a number: {text:?}: {source}")]
     Double {
-        /// The text.
+        /// Content of the element.
         text: String,
-        /// What the parser said.
+        /// Error of the number parser.
         source: ParseFloatError,
     },
-    /// Text that is neither 0 nor 1.
+    /// The text of a `<boolean>` is neither 0 nor 1.
     #[error("not a boolean (0 or 1): {0:?}")]
     Bool(String),
-    /// Arrays and structs nested too deep.
+    /// Arrays and structs are nested deeper than 64 levels.
     #[error("values nested deeper than {MAX_DEPTH} levels")]
     TooDeep,
 }
 
-/// A call as it came in.
+/// An XML-RPC call as a server receives it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MethodCall {
-    /// The method's name.
+    /// Method name, such as `registerPublisher`.
     pub method: String,
-    /// Its arguments.
+    /// Positional arguments; the first is the caller's name in ROS APIs.
     pub arguments: Vec<Value>,
 }
 
-/// Reads a call. Bytes that are not UTF-8 are replaced by U+FFFD, because other nodes send such
-/// strings and the rest of the call still has a meaning.
+/// Decodes a call. Bytes that are not UTF-8 become U+FFFD: other nodes send such strings, and the
+/// rest of the call is still useful.
 ///
 /// # Errors
 /// The body is not an XML-RPC call.
@@ -92,23 +92,23 @@ pub fn decode_call(body: &[u8]) -> Result<MethodCall, DecodeError> {
     Ok(MethodCall { method, arguments })
 }
 
-/// Reads an answer.
+/// Decodes a response to its value or its fault.
 ///
 /// # Errors
-/// The body is not an XML-RPC answer; a fault is no error here.
+/// The body is not an XML-RPC response.
 pub fn decode_response(body: &[u8]) -> Result<Result<Value, Fault>, DecodeError> {
     let text = String::from_utf8_lossy(body);
     let mut document = Document::new(&text);
     document.open("methodResponse")?;
-    let response = match document.tag()? {
-        Tag::Open(tag) if tag == "params" => {
+    let response = match document.next_tag()? {
+        Token::Open(tag) if tag == "params" => {
             document.open("param")?;
             document.open("value")?;
             let value = document.value(0)?;
             document.close()?;
             Ok(value)
         }
-        Tag::Open(tag) if tag == "fault" => {
+        Token::Open(tag) if tag == "fault" => {
             document.open("value")?;
             let value = document.value(0)?;
             Err(Fault {
@@ -131,14 +131,14 @@ pub fn decode_response(body: &[u8]) -> Result<Result<Value, Fault>, DecodeError>
     Ok(response)
 }
 
-enum Tag {
+enum Token {
     Open(String),
     Close,
     Text(String),
     End,
 }
 
-impl Tag {
+impl Token {
     fn unexpected(self, expected: &'static str) -> DecodeError {
         let found = match self {
             Self::Open(tag) => format!("<{tag}>"),
@@ -161,59 +161,59 @@ impl<'a> Document<'a> {
         Self { reader }
     }
 
-    /// The next event that carries meaning: comments and declarations are skipped.
-    fn piece(&mut self) -> Result<Tag, DecodeError> {
+    /// Reads the next token, skipping comments and declarations.
+    fn next_token(&mut self) -> Result<Token, DecodeError> {
         loop {
             return Ok(match self.reader.read_event()? {
-                Event::Start(start) => Tag::Open(start.name().as_ref().to_owned()),
-                Event::End(_) => Tag::Close,
-                Event::Text(text) => Tag::Text(text.xml10_content().into_owned()),
-                Event::CData(text) => Tag::Text(text.xml10_content().into_owned()),
-                Event::GeneralRef(reference) => Tag::Text(resolve(&reference)?.into_owned()),
-                Event::Eof => Tag::End,
+                Event::Start(start) => Token::Open(start.name().as_ref().to_owned()),
+                Event::End(_) => Token::Close,
+                Event::Text(text) => Token::Text(text.xml10_content().into_owned()),
+                Event::CData(text) => Token::Text(text.xml10_content().into_owned()),
+                Event::GeneralRef(reference) => Token::Text(resolve(&reference)?.into_owned()),
+                Event::Eof => Token::End,
                 _ => continue,
             });
         }
     }
 
-    /// The next tag: white space between tags is skipped.
-    fn tag(&mut self) -> Result<Tag, DecodeError> {
+    /// Reads the next token, skipping white space between tags.
+    fn next_tag(&mut self) -> Result<Token, DecodeError> {
         loop {
-            match self.piece()? {
-                Tag::Text(text) if text.trim().is_empty() => {}
+            match self.next_token()? {
+                Token::Text(text) if text.trim().is_empty() => {}
                 tag => return Ok(tag),
             }
         }
     }
 
     fn open(&mut self, name: &'static str) -> Result<(), DecodeError> {
-        match self.tag()? {
-            Tag::Open(tag) if tag == name => Ok(()),
+        match self.next_tag()? {
+            Token::Open(tag) if tag == name => Ok(()),
             other => Err(other.unexpected(name)),
         }
     }
 
-    /// True: the tag was opened; false: the surrounding one was closed.
+    /// Reads an opening tag `name` (true) or the closing tag of the surrounding element (false).
     fn open_or_close(&mut self, name: &'static str) -> Result<bool, DecodeError> {
-        match self.tag()? {
-            Tag::Open(tag) if tag == name => Ok(true),
-            Tag::Close => Ok(false),
+        match self.next_tag()? {
+            Token::Open(tag) if tag == name => Ok(true),
+            Token::Close => Ok(false),
             other => Err(other.unexpected(name)),
         }
     }
 
     fn close(&mut self) -> Result<(), DecodeError> {
-        match self.tag()? {
-            Tag::Close => Ok(()),
+        match self.next_tag()? {
+            Token::Close => Ok(()),
             other => Err(other.unexpected("a closing tag")),
         }
     }
 
     fn end(&mut self) -> Result<(), DecodeError> {
         loop {
-            match self.tag()? {
-                Tag::Close => {}
-                Tag::End => return Ok(()),
+            match self.next_tag()? {
+                Token::Close => {}
+                Token::End => return Ok(()),
                 other => return Err(other.unexpected("the end")),
             }
         }
@@ -222,25 +222,25 @@ impl<'a> Document<'a> {
     fn text_until_close(&mut self) -> Result<String, DecodeError> {
         let mut text = String::new();
         loop {
-            match self.piece()? {
-                Tag::Text(part) => text.push_str(&part),
-                Tag::Close => return Ok(text),
+            match self.next_token()? {
+                Token::Text(part) => text.push_str(&part),
+                Token::Close => return Ok(text),
                 other => return Err(other.unexpected("text")),
             }
         }
     }
 
-    /// A value whose `<value>` has been read; reads its `</value>` too.
+    /// Reads the rest of a value after its `<value>`, up to and including its `</value>`.
     fn value(&mut self, depth: u32) -> Result<Value, DecodeError> {
         if depth >= MAX_DEPTH {
             return Err(DecodeError::TooDeep);
         }
         let mut text = String::new();
         let tag = loop {
-            match self.piece()? {
-                Tag::Text(part) => text.push_str(&part),
-                Tag::Close => return Ok(Value::String(text)),
-                Tag::Open(tag) if text.trim().is_empty() => break tag,
+            match self.next_token()? {
+                Token::Text(part) => text.push_str(&part),
+                Token::Close => return Ok(Value::String(text)),
+                Token::Open(tag) if text.trim().is_empty() => break tag,
                 other => return Err(other.unexpected("a value")),
             }
         };
@@ -257,7 +257,7 @@ impl<'a> Document<'a> {
             }
             "array" => self.array(depth)?,
             "struct" => self.structure(depth)?,
-            _ => return Err(Tag::Open(tag).unexpected("a type of XML-RPC")),
+            _ => return Err(Token::Open(tag).unexpected("a type of XML-RPC")),
         };
         self.close()?;
         Ok(value)
@@ -301,7 +301,7 @@ impl<'a> Document<'a> {
 
     fn structure(&mut self, depth: u32) -> Result<Value, DecodeError> {
         let mut members: Vec<(String, Value)> = Vec::new();
-        // A body has room for a million members: to look each up in turn would take minutes.
+        // A body can hold a million members: a linear search for each would take minutes.
         let mut places: HashMap<String, usize> = HashMap::new();
         while self.open_or_close("member")? {
             self.open("name")?;

@@ -1,4 +1,4 @@
-//! Values to XML.
+//! Encodes values, calls and responses as XML.
 
 use std::fmt::Write as _;
 
@@ -6,11 +6,11 @@ use super::value::{Fault, Value};
 
 const DECLARATION: &str = "<?xml version=\"1.0\"?>\n";
 
-/// The body of a call.
+/// Encodes a call as the body of an HTTP request.
 pub fn encode_call(method: &str, arguments: &[Value]) -> String {
     let mut xml = String::from(DECLARATION);
     xml.push_str("<methodCall><methodName>");
-    push_text(&mut xml, method);
+    push_escaped(&mut xml, method);
     xml.push_str("</methodName><params>");
     for argument in arguments {
         xml.push_str("<param>");
@@ -21,7 +21,7 @@ pub fn encode_call(method: &str, arguments: &[Value]) -> String {
     xml
 }
 
-/// The body of an answer.
+/// Encodes a value or a fault as the body of an HTTP response.
 pub fn encode_response(response: &Result<Value, Fault>) -> String {
     let mut xml = String::from(DECLARATION);
     xml.push_str("<methodResponse>");
@@ -79,14 +79,14 @@ fn push_scalar(xml: &mut String, tag: &str, value: &impl std::fmt::Display) {
 
 fn push_element(xml: &mut String, tag: &str, text: &str) {
     let _ = write!(xml, "<{tag}>");
-    push_text(xml, text);
+    push_escaped(xml, text);
     let _ = write!(xml, "</{tag}>");
 }
 
-/// Escapes text. A carriage return is written as a reference, because a reader turns a bare one
-/// into a line feed; characters that XML 1.0 forbids become U+FFFD, because with one of them
-/// Python's reader refuses the whole document.
-fn push_text(xml: &mut String, text: &str) {
+/// Appends text with its special characters escaped. A carriage return becomes a character
+/// reference, because parsers turn a bare one into a line feed. Characters that XML 1.0 forbids
+/// become U+FFFD, because Python's parser would refuse the whole document.
+fn push_escaped(xml: &mut String, text: &str) {
     for character in text.chars() {
         match character {
             '&' => xml.push_str("&amp;"),

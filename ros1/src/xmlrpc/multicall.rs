@@ -1,11 +1,10 @@
-//! Many calls in one: `system.multicall`, which every XML-RPC server of ROS has.
+//! `system.multicall`: several calls in one request. Every XML-RPC server of ROS supports it.
 
 use super::value::{Fault, Value};
 
-/// The method's name.
 pub(super) const MULTICALL: &str = "system.multicall";
 
-/// Answers each call of the list: with an array of one value, or with a fault's struct.
+/// Answers a list of calls with a list of results: an array of one value, or the struct of a fault.
 pub(super) fn multicall<F>(arguments: &[Value], answer: &F) -> Result<Value, Fault>
 where
     F: Fn(&str, &[Value]) -> Result<Value, Fault>,
@@ -16,10 +15,10 @@ where
             message: format!("{MULTICALL} takes one array of calls"),
         });
     };
-    Ok(calls.iter().map(|call| one(call, answer)).collect())
+    Ok(calls.iter().map(|call| answer_one(call, answer)).collect())
 }
 
-fn one<F>(call: &Value, answer: &F) -> Value
+fn answer_one<F>(call: &Value, answer: &F) -> Value
 where
     F: Fn(&str, &[Value]) -> Result<Value, Fault>,
 {
@@ -34,7 +33,7 @@ where
     let outcome = if method == MULTICALL {
         Err(Fault {
             code: 1,
-            message: format!("{MULTICALL} may not stand in itself"),
+            message: format!("{MULTICALL} cannot contain itself"),
         })
     } else {
         answer(method, arguments)

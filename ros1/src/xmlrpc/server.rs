@@ -1,4 +1,4 @@
-//! A server for XML-RPC calls.
+//! The XML-RPC server of nodes and masters.
 
 use std::{io, sync::Arc, time::Duration};
 
@@ -18,17 +18,17 @@ use super::{
 };
 use crate::http::{HttpError, read_body, read_head};
 
-/// A kept-alive connection may be silent for this long.
-const IDLE_LIMIT: Duration = Duration::from_mins(2);
-/// From the connection to a request's first byte, from there to its last, and as much again for
-/// the answer.
-const TRANSFER_LIMIT: Duration = Duration::from_secs(10);
-/// Connections served at once; further ones wait in the system's queue.
+/// Longest time between two requests of a kept-alive connection.
+const IDLE_TIMEOUT: Duration = Duration::from_mins(2);
+/// Longest time from the connection to the first byte of a request, from there to its last byte,
+/// and for writing the response.
+const TRANSFER_TIMEOUT: Duration = Duration::from_secs(10);
+/// Limit of open connections; further ones wait in the backlog of the operating system.
 const MAX_CONNECTIONS: usize = 256;
-/// After a failed accept, such as out of file descriptors.
-const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+/// Delay after a failed accept, for example when no file descriptor is left.
+const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
 
-/// A running server; dropping it ends it.
+/// A running server. Dropping it aborts the server without waiting for the port to be free.
 #[derive(Debug)]
 pub(crate) struct Server {
     stop: watch::Sender<bool>,
@@ -36,7 +36,7 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    /// Answers every call on `listener` with what `answer` returns. `answer` must not block.
+    /// Starts a server that answers every call on `listener` through `answer`, which must not block.
     pub(crate) fn start<F>(listener: TcpListener, answer: F) -> Self
     where
         F: Fn(&str, &[Value]) -> Result<Value, Fault> + Send + Sync + 'static,
@@ -46,10 +46,10 @@ impl Server {
         Self { stop, task }
     }
 
-    /// Ends every connection and closes the listener: when this returns, the port is free.
+    /// Closes every connection and the listener. The port is free when this returns.
     pub(crate) async fn stop(&mut self) {
         self.stop.send_replace(true);
-        // The only failure is that the task was already gone.
+        // The join fails only if the task was aborted or panicked; the port is free either way.
         let _ = (&mut self.task).await;
     }
 }
@@ -75,7 +75,7 @@ where
                 }
                 Err(error) => {
                     tracing::warn!(%error, "an XML-RPC connection could not be accepted");
-                    sleep(ACCEPT_PAUSE).await;
+                    sleep(ACCEPT_RETRY_DELAY).await;
                 }
             },
         }
@@ -88,27 +88,27 @@ async fn serve<F>(stream: TcpStream, answer: Arc<F>)
 where
     F: Fn(&str, &[Value]) -> Result<Value, Fault>,
 {
-    if let Err(error) = converse(stream, &*answer).await {
+    if let Err(error) = serve_requests(stream, &*answer).await {
         tracing::debug!(%error, "an XML-RPC connection ended");
     }
 }
 
-async fn converse<F>(stream: TcpStream, answer: &F) -> Result<(), HttpError>
+async fn serve_requests<F>(stream: TcpStream, answer: &F) -> Result<(), HttpError>
 where
     F: Fn(&str, &[Value]) -> Result<Value, Fault>,
 {
     stream.set_nodelay(true)?;
     let mut stream = BufReader::new(stream);
-    // Who has called once may keep the connection; who never has may not.
-    let mut silence = TRANSFER_LIMIT;
+    // The long idle timeout applies only after a first complete request.
+    let mut first_byte_timeout = TRANSFER_TIMEOUT;
     loop {
-        match timeout(silence, stream.fill_buf()).await {
+        match timeout(first_byte_timeout, stream.fill_buf()).await {
             Ok(Ok([])) | Err(_) => return Ok(()),
             Ok(Ok(_)) => {}
             Ok(Err(error)) => return Err(error.into()),
         }
-        silence = IDLE_LIMIT;
-        let request = timeout(TRANSFER_LIMIT, read_request(&mut stream)).await;
+        first_byte_timeout = IDLE_TIMEOUT;
+        let request = timeout(TRANSFER_TIMEOUT, read_request(&mut stream)).await;
         let Some((body, method, close)) = request.map_err(|_| timed_out())?? else {
             return Ok(());
         };
@@ -127,7 +127,7 @@ where
             body.len()
         );
         let sent = stream.get_mut().write_all(response.as_bytes());
-        timeout(TRANSFER_LIMIT, sent)
+        timeout(TRANSFER_TIMEOUT, sent)
             .await
             .map_err(|_| timed_out())??;
         if close {
@@ -136,7 +136,8 @@ where
     }
 }
 
-/// The body, the HTTP method, and whether the connection ends after it.
+/// Returns the body, the HTTP method and whether the connection closes after the response; `None`
+/// at the end of the stream.
 async fn read_request(
     stream: &mut BufReader<TcpStream>,
 ) -> Result<Option<(Vec<u8>, String, bool)>, HttpError> {
@@ -177,6 +178,6 @@ where
 fn timed_out() -> HttpError {
     HttpError::Io(io::Error::new(
         io::ErrorKind::TimedOut,
-        "the peer sends or reads too slowly",
+        "the peer sends or receives too slowly",
     ))
 }

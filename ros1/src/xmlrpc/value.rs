@@ -1,4 +1,4 @@
-//! The values of XML-RPC.
+//! XML-RPC values.
 
 /// One XML-RPC value.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,29 +13,29 @@ pub enum Value {
     String(String),
     /// `<array>`.
     Array(Vec<Value>),
-    /// `<struct>`: members in the order in which they were written; a later one of the same
-    /// name has replaced the earlier.
+    /// `<struct>`: members in document order. Names are unique: a later member replaces an earlier
+    /// one of the same name.
     Struct(Vec<(String, Value)>),
-    /// `<base64>`: the text as it stood, not decoded, because such parameters only pass through.
+    /// `<base64>`: the encoded text. It is not decoded, because the master only passes it on.
     Base64(String),
-    /// `<dateTime.iso8601>`: the text as it stood.
+    /// `<dateTime.iso8601>`: the text, not parsed.
     DateTime(String),
-    /// `<nil/>`, an extension that Python peers send for `None`.
+    /// `<nil/>`: an extension that Python peers send for `None`.
     Nil,
 }
 
-/// A call that the other side could not carry out at all.
+/// XML-RPC's error response, for a call that the server could not carry out at all.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("XML-RPC fault {code}: {message}")]
 pub struct Fault {
-    /// The other side's code; Python peers always send 1.
+    /// Error code; Python peers always send 1.
     pub code: i32,
-    /// The other side's words.
+    /// Error message of the server.
     pub message: String,
 }
 
 impl Value {
-    /// The text of a string.
+    /// Returns the text of a string; `None` for other types.
     pub fn as_str(&self) -> Option<&str> {
         match self {
             Self::String(text) => Some(text),
@@ -43,7 +43,7 @@ impl Value {
         }
     }
 
-    /// The number of an integer; a boolean counts as 0 or 1, as it does for Python peers.
+    /// Returns an integer, or a boolean as 0 or 1 as Python peers do; `None` for other types.
     pub fn as_int(&self) -> Option<i32> {
         match self {
             Self::Int(number) => Some(*number),
@@ -52,7 +52,7 @@ impl Value {
         }
     }
 
-    /// The items of an array.
+    /// Returns the items of an array; `None` for other types.
     pub fn as_array(&self) -> Option<&[Value]> {
         match self {
             Self::Array(items) => Some(items),
@@ -60,7 +60,22 @@ impl Value {
         }
     }
 
-    /// The member of a struct called `name`.
+    /// Returns the strings of an array, such as publisher URIs. Other items are skipped.
+    pub(crate) fn strings(&self) -> Vec<String> {
+        let items = self.as_array().unwrap_or_default();
+        items
+            .iter()
+            .filter_map(Self::as_str)
+            .map(str::to_owned)
+            .collect()
+    }
+
+    /// Returns the ID of this process, saturated to 32 bits.
+    pub(crate) fn process_id() -> Self {
+        Self::Int(i32::try_from(std::process::id()).unwrap_or(i32::MAX))
+    }
+
+    /// Returns the member called `name` of a struct; `None` if it is missing or this is no struct.
     pub fn member(&self, name: &str) -> Option<&Value> {
         match self {
             Self::Struct(members) => members.iter().find(|(key, _)| key == name).map(|(_, v)| v),
@@ -70,7 +85,7 @@ impl Value {
 }
 
 impl From<Fault> for Value {
-    /// The struct in which a fault travels.
+    /// Returns the struct that represents a fault on the wire.
     fn from(fault: Fault) -> Self {
         Self::Struct(vec![
             ("faultCode".to_owned(), Self::Int(fault.code)),

@@ -1,4 +1,4 @@
-//! A publisher that misbehaves on command.
+//! A publisher whose connections the test drives byte by byte.
 
 use ros1::{
     Master, MessageType,
@@ -11,15 +11,15 @@ use tokio::{
     time::timeout,
 };
 
-use crate::local::PATIENCE;
+use crate::local::TIMEOUT;
 
-/// Answers requestTopic with its own port, where the test does as it likes.
+/// Answers requestTopic with a port whose connections are returned to the test.
 pub(crate) struct FakePublisher {
     listener: TcpListener,
 }
 
 impl FakePublisher {
-    /// Registers as the publisher of `topic`.
+    /// Registers as a publisher of `topic` and answers requestTopic in the background.
     pub(crate) async fn start(topic: &str, master: &Master) -> Self {
         let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
         let api = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
@@ -31,7 +31,7 @@ impl FakePublisher {
         tokio::spawn(async move {
             loop {
                 let (mut stream, _) = api.accept().await.unwrap();
-                // The request is small and comes in one piece.
+                // A request of at most 4096 bytes on loopback arrives in one read.
                 let _ = stream.read(&mut [0; 4096]).await;
                 let head = "HTTP/1.1 200 OK\r\nConnection: close\r\n\r\n";
                 let _ = stream.write_all(format!("{head}{body}").as_bytes()).await;
@@ -44,9 +44,9 @@ impl FakePublisher {
         Self { listener }
     }
 
-    /// The subscriber's next connection; its header is read.
+    /// Accepts the next connection of the subscriber and reads its header.
     pub(crate) async fn accept(&self) -> TcpStream {
-        let (mut stream, _) = timeout(PATIENCE, self.listener.accept())
+        let (mut stream, _) = timeout(TIMEOUT, self.listener.accept())
             .await
             .unwrap()
             .unwrap();
@@ -56,8 +56,8 @@ impl FakePublisher {
         stream
     }
 
-    /// As [`FakePublisher::accept`], with a proper answer.
-    pub(crate) async fn accept_and_greet(&self, message_type: &MessageType) -> TcpStream {
+    /// Accepts the next connection, reads its header and answers with a valid one.
+    pub(crate) async fn accept_and_answer(&self, message_type: &MessageType) -> TcpStream {
         let mut stream = self.accept().await;
         let header = Header::new()
             .with("callerid", "/fake")

@@ -1,4 +1,4 @@
-//! XML-RPC callers that are slow, wrong, or unusual.
+//! XML-RPC peers that are slow, send invalid data or use unusual HTTP.
 
 use ros1::{
     PublisherOptions,
@@ -11,7 +11,7 @@ use tokio::{
 };
 
 use crate::{
-    local::{PATIENCE, is_closed, master, node},
+    local::{TIMEOUT, is_closed, start_master, start_node},
     types::STRING,
 };
 
@@ -21,9 +21,9 @@ const QUEUE: PublisherOptions = PublisherOptions {
 };
 
 #[tokio::test]
-async fn invalid_xml_slow_http_and_endless_heads_block_nobody() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
+async fn invalid_xml_slow_requests_and_oversized_heads_block_nobody() {
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
     let _publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
     for uri in [master.uri(), talker.uri()] {
         let address = uri.trim_start_matches("http://").trim_end_matches('/');
@@ -43,7 +43,7 @@ async fn invalid_xml_slow_http_and_endless_heads_block_nobody() {
             let head = format!("POST / HTTP/1.0\r\nContent-Length: {}\r\n\r\n", body.len());
             stream.write_all((head + body).as_bytes()).await.unwrap();
             let mut answer = String::new();
-            timeout(PATIENCE, stream.read_to_string(&mut answer))
+            timeout(TIMEOUT, stream.read_to_string(&mut answer))
                 .await
                 .unwrap()
                 .unwrap();
@@ -65,14 +65,14 @@ async fn invalid_xml_slow_http_and_endless_heads_block_nobody() {
         assert!(call_ros(uri, "getPid", &["/test".into()]).await.is_ok());
         assert!(
             is_closed(&mut slow).await,
-            "a request must not take for ever"
+            "an incomplete request must time out"
         );
     }
 }
 
 #[tokio::test]
-async fn chunks_and_kept_connections_are_understood() {
-    let master = master().await;
+async fn chunked_requests_on_a_kept_alive_connection_are_answered() {
+    let master = start_master().await;
     let address = master
         .uri()
         .trim_start_matches("http://")
@@ -90,7 +90,7 @@ async fn chunks_and_kept_connections_are_understood() {
         let mut answer = String::new();
         while !answer.contains("</methodResponse>") {
             let mut part = [0; 512];
-            let count = timeout(PATIENCE, stream.read(&mut part))
+            let count = timeout(TIMEOUT, stream.read(&mut part))
                 .await
                 .unwrap()
                 .unwrap();
@@ -102,17 +102,17 @@ async fn chunks_and_kept_connections_are_understood() {
 }
 
 #[tokio::test]
-async fn a_server_that_answers_nonsense_or_nothing_is_an_error_in_time() {
+async fn invalid_and_missing_answers_are_errors_within_the_timeout() {
     let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
     let uri = format!("http://{}/", listener.local_addr().unwrap());
-    let pair = "<?xml version='1.0'?><methodResponse><params><param><value><int>1</int></value>\
+    let single_value = "<?xml version='1.0'?><methodResponse><params><param><value><int>1</int></value>\
                 </param></params></methodResponse>";
     let answers = [
         "HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n".to_owned(),
         "HTTP/1.1 200 OK\r\nContent-Length: 3\r\n\r\nxml".to_owned(),
         "HTTP/1.1 200 OK\r\nContent-Length: 30\r\n\r\ncut".to_owned(),
         "HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nxyz\r\n".to_owned(),
-        format!("HTTP/1.0 200 OK\r\n\r\n{pair}"),
+        format!("HTTP/1.0 200 OK\r\n\r\n{single_value}"),
         String::new(),
     ];
     let count = answers.len();
@@ -122,14 +122,14 @@ async fn a_server_that_answers_nonsense_or_nothing_is_an_error_in_time() {
             let _ = stream.read(&mut [0; 4096]).await;
             stream.write_all(answer.as_bytes()).await.unwrap();
         }
-        // The last caller gets no answer at all.
+        // The last call is never answered.
         let (_silent, _) = listener.accept().await.unwrap();
         std::future::pending::<()>().await;
     });
     let mut errors = Vec::new();
     for _ in 0..=count {
         errors.push(
-            timeout(PATIENCE, call_ros(&uri, "getPid", &[]))
+            timeout(TIMEOUT, call_ros(&uri, "getPid", &[]))
                 .await
                 .unwrap()
                 .unwrap_err(),

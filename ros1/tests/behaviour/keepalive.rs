@@ -1,15 +1,15 @@
-//! Peers that vanish without a word, as far as one machine can show it: what the system's table
-//! of connections says.
+//! TCP keepalive, which detects vanished peers. The test reads the connection table of Linux,
+//! because a peer on the same machine cannot vanish.
 
 use ros1::PublisherOptions;
 
 use crate::{
-    local::{master, node, tcpros, until},
+    local::{start_master, start_node, tcpros_address, wait_until},
     types::{SET_BOOL, STRING},
 };
 
-/// Of the established connections from or to `port`: all of them, and those whose keepalive
-/// timer runs.
+/// Returns the number of established sockets with `port` at either end, and the number of those
+/// whose keepalive timer runs.
 fn connections(port: u16) -> (usize, usize) {
     let table = std::fs::read_to_string("/proc/net/tcp").unwrap();
     let port = format!(":{port:04X}");
@@ -26,10 +26,10 @@ fn connections(port: u16) -> (usize, usize) {
 }
 
 #[tokio::test]
-async fn both_ends_of_every_topic_and_service_connection_are_probed() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
-    let listener = node("listener", &master).await;
+async fn both_ends_of_topic_and_service_connections_use_keepalive() {
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
+    let listener = start_node("listener", &master).await;
     let options = PublisherOptions {
         queue: 4,
         latch: false,
@@ -41,10 +41,13 @@ async fn both_ends_of_every_topic_and_service_connection_are_probed() {
         .unwrap();
     let _subscriber = listener.subscribe("/chat", &STRING, 4).await.unwrap();
     let _client = listener.connect("/serve", &SET_BOOL).await.unwrap();
-    until("the subscriber", async || publisher.subscribers() == 1).await;
-    let address = tcpros(&talker, "/chat").await;
+    wait_until("the subscriber to connect", async || {
+        publisher.subscribers() == 1
+    })
+    .await;
+    let address = tcpros_address(&talker, "/chat").await;
     let (_, port) = address.rsplit_once(':').unwrap();
     let port = port.parse().unwrap();
-    // Topic and service, each with two ends on this machine.
-    until("the timers", async || connections(port) == (4, 4)).await;
+    // One topic and one service connection, each with both ends on this machine.
+    wait_until("the keepalive timers", async || connections(port) == (4, 4)).await;
 }

@@ -1,4 +1,4 @@
-//! Nodes and masters that come, go, and take each other's names.
+//! Start and shutdown of nodes and masters, and nodes of the same name.
 
 use std::time::Duration;
 
@@ -9,7 +9,9 @@ use ros1::{
 use tokio::time::timeout;
 
 use crate::{
-    local::{PATIENCE, address, knows, master, node, skipped, until},
+    local::{
+        TIMEOUT, address_of, is_registered, report_skipped, start_master, start_node, wait_until,
+    },
     types::{SET_BOOL, STRING, string},
 };
 
@@ -22,35 +24,35 @@ const LATCH: PublisherOptions = PublisherOptions {
     latch: true,
 };
 
-async fn state(master: &Master) -> Value {
+async fn system_state(master: &Master) -> Value {
     call_ros(master.uri(), "getSystemState", &["/test".into()])
         .await
         .unwrap()
 }
 
-fn empty() -> Value {
+fn no_registrations() -> Value {
     Value::Array(vec![Value::Array(vec![]); 3])
 }
 
 #[tokio::test]
-async fn a_namesake_takes_the_name_and_the_old_node_is_asked_to_end() {
-    let master = master().await;
-    let old = node("same", &master).await;
+async fn a_second_node_takes_the_name_and_the_first_is_asked_to_shut_down() {
+    let master = start_master().await;
+    let old = start_node("same", &master).await;
     let old_topic = old.advertise("/chat", &STRING, LATCH).await.unwrap();
     old_topic.publish(&string("old"));
-    let new = node("same", &master).await;
+    let new = start_node("same", &master).await;
     let new_topic = new.advertise("/chat", &STRING, LATCH).await.unwrap();
     new_topic.publish(&string("new"));
-    timeout(PATIENCE, old.shutdown_requested()).await.unwrap();
-    // The old one does not fight for the name.
+    timeout(TIMEOUT, old.shutdown_requested()).await.unwrap();
+    // The old node must not take the name back.
     tokio::time::sleep(Duration::from_millis(1500)).await;
-    assert!(knows(&master, &new).await);
+    assert!(is_registered(&master, &new).await);
     old.shutdown().await;
-    assert!(knows(&master, &new).await);
-    let listener = node("listener", &master).await;
+    assert!(is_registered(&master, &new).await);
+    let listener = start_node("listener", &master).await;
     let mut subscriber = listener.subscribe("/chat", &STRING, 4).await.unwrap();
     assert_eq!(
-        timeout(PATIENCE, subscriber.recv()).await.unwrap(),
+        timeout(TIMEOUT, subscriber.recv()).await.unwrap(),
         Some(string("new"))
     );
     assert_eq!(subscriber.publishers(), 1);
@@ -62,17 +64,20 @@ async fn a_namesake_takes_the_name_and_the_old_node_is_asked_to_end() {
 }
 
 #[tokio::test]
-async fn shutdown_unregisters_everything_sends_what_is_queued_and_frees_the_ports() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
-    let listener = node("listener", &master).await;
+async fn shutdown_unregisters_everything_sends_queued_messages_and_frees_the_ports() {
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
+    let listener = start_node("listener", &master).await;
     let publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
     let _service = talker
         .serve("/serve", &SET_BOOL, |_| Ok(vec![]))
         .await
         .unwrap();
     let mut subscriber = listener.subscribe("/chat", &STRING, 4096).await.unwrap();
-    until("the subscriber", async || publisher.subscribers() == 1).await;
+    wait_until("the subscriber to connect", async || {
+        publisher.subscribers() == 1
+    })
+    .await;
     for number in 0..1000 {
         publisher.publish(&string(&number.to_string()));
     }
@@ -83,74 +88,89 @@ async fn shutdown_unregisters_everything_sends_what_is_queued_and_frees_the_port
     let refused = talker.advertise("/more", &STRING, QUEUE).await;
     assert!(matches!(refused, Err(NodeError::ShutDown)));
     for number in 0..1000 {
-        let message = timeout(PATIENCE, subscriber.recv()).await.unwrap();
+        let message = timeout(TIMEOUT, subscriber.recv()).await.unwrap();
         assert_eq!(message, Some(string(&number.to_string())));
     }
     assert!(call_ros(&uri, "getPid", &["/test".into()]).await.is_err());
     listener.shutdown().await;
     assert_eq!(subscriber.recv().await, None);
-    assert_eq!(state(&master).await, empty());
-    let address = address(&master);
+    assert_eq!(system_state(&master).await, no_registrations());
+    let address = address_of(&master);
     master.shutdown().await;
     drop(std::net::TcpListener::bind(address).unwrap());
 }
 
 #[tokio::test]
-async fn what_is_dropped_is_unregistered_and_can_be_had_again() {
-    let master = master().await;
-    let ours = node("ours", &master).await;
+async fn dropped_handles_are_unregistered_and_their_names_are_free_again() {
+    let master = start_master().await;
+    let ours = start_node("ours", &master).await;
     for round in 0..3 {
         let publisher = ours.advertise("/chat", &STRING, LATCH).await.unwrap();
         let twice = ours.advertise("/chat", &STRING, LATCH).await;
-        assert!(matches!(twice, Err(NodeError::Taken(_))));
+        assert!(matches!(twice, Err(NodeError::Duplicate(_))));
         let mut subscriber = ours.subscribe("/chat", &STRING, 4).await.unwrap();
         let service = ours
             .serve("/serve", &SET_BOOL, |_| Ok(vec![]))
             .await
             .unwrap();
         publisher.publish(&string(&format!("{round}")));
-        let message = timeout(PATIENCE, subscriber.recv()).await.unwrap();
+        let message = timeout(TIMEOUT, subscriber.recv()).await.unwrap();
         assert_eq!(message, Some(string(&format!("{round}"))));
         drop((publisher, subscriber, service));
     }
-    until("the farewell", async || state(&master).await == empty()).await;
+    wait_until("the unregistration", async || {
+        system_state(&master).await == no_registrations()
+    })
+    .await;
 }
 
 #[tokio::test]
-async fn subscribers_that_come_and_go_disturb_nobody() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
-    let listener = node("listener", &master).await;
+async fn subscribers_that_come_and_go_do_not_disturb_a_steady_one() {
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
+    let listener = start_node("listener", &master).await;
     let publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
     let mut steady = listener.subscribe("/chat", &STRING, 4096).await.unwrap();
-    until("the subscriber", async || publisher.subscribers() == 1).await;
+    wait_until("the subscriber to connect", async || {
+        publisher.subscribers() == 1
+    })
+    .await;
     let mut expected = 0;
     for round in 0..10 {
-        let guest = node(&format!("guest{round}"), &master).await;
+        let guest = start_node(&format!("guest{round}"), &master).await;
         let mut visiting = guest.subscribe("/chat", &STRING, 4).await.unwrap();
-        until("the guest", async || publisher.subscribers() == 2).await;
+        wait_until("the guest to connect", async || {
+            publisher.subscribers() == 2
+        })
+        .await;
         for _ in 0..10 {
             publisher.publish(&string(&expected.to_string()));
             expected += 1;
         }
-        assert!(timeout(PATIENCE, visiting.recv()).await.unwrap().is_some());
+        assert!(timeout(TIMEOUT, visiting.recv()).await.unwrap().is_some());
         guest.shutdown().await;
-        until("the guest's end", async || publisher.subscribers() == 1).await;
+        wait_until("the guest to disconnect", async || {
+            publisher.subscribers() == 1
+        })
+        .await;
     }
     for number in 0..expected {
-        let message = timeout(PATIENCE, steady.recv()).await.unwrap();
+        let message = timeout(TIMEOUT, steady.recv()).await.unwrap();
         assert_eq!(message, Some(string(&number.to_string())));
     }
     assert_eq!((publisher.dropped(), steady.dropped()), (0, 0));
 }
 
 #[tokio::test]
-async fn everything_works_over_ipv6() {
+async fn topics_and_services_work_over_ipv6() {
     let Ok(master) = Master::start("[::1]:0".parse().unwrap()).await else {
-        skipped("everything_works_over_ipv6", "this machine has no IPv6");
+        report_skipped(
+            "topics_and_services_work_over_ipv6",
+            "this machine has no IPv6",
+        );
         return;
     };
-    let talker = node("talker", &master).await;
+    let talker = start_node("talker", &master).await;
     assert!(
         talker.uri().starts_with("http://[::1]:"),
         "{}",
@@ -162,28 +182,28 @@ async fn everything_works_over_ipv6() {
         .serve("/serve", &SET_BOOL, |_| Ok(vec![7]))
         .await
         .unwrap();
-    let listener = node("listener", &master).await;
+    let listener = start_node("listener", &master).await;
     let mut subscriber = listener.subscribe("/chat", &STRING, 4).await.unwrap();
     assert_eq!(
-        timeout(PATIENCE, subscriber.recv()).await.unwrap(),
+        timeout(TIMEOUT, subscriber.recv()).await.unwrap(),
         Some(string("hello"))
     );
     assert_eq!(listener.call("/serve", &SET_BOOL, &[0]).await.unwrap(), [7]);
 }
 
 #[tokio::test]
-async fn a_master_asked_to_end_says_so_and_refuses_bad_addresses() {
-    let first = master().await;
-    let second = Master::start(address(&first)).await;
+async fn a_master_reports_a_shutdown_request_and_an_address_in_use() {
+    let first = start_master().await;
+    let second = Master::start(address_of(&first)).await;
     assert_eq!(second.unwrap_err().kind(), std::io::ErrorKind::AddrInUse);
     let arguments = [Value::from("/test"), "enough".into()];
     call_ros(first.uri(), "shutdown", &arguments).await.unwrap();
-    timeout(PATIENCE, first.shutdown_requested()).await.unwrap();
+    timeout(TIMEOUT, first.shutdown_requested()).await.unwrap();
     first.shutdown().await;
 }
 
 #[tokio::test]
-async fn what_cannot_work_is_told_at_once() {
+async fn invalid_names_and_uris_are_refused_at_once() {
     let start = async |name: &str, uri: &str| Node::start(NodeOptions::new(name, uri)).await;
     assert!(matches!(
         start("no name", DEFAULT_MASTER_URI).await,
@@ -199,8 +219,8 @@ async fn what_cannot_work_is_told_at_once() {
         Node::start(elsewhere).await,
         Err(NodeError::Name(_))
     ));
-    let master = master().await;
-    let ours = node("ours", &master).await;
+    let master = start_master().await;
+    let ours = start_node("ours", &master).await;
     let bad = ours.advertise("a b", &STRING, QUEUE).await;
     assert!(matches!(bad, Err(NodeError::Name(_))));
 }

@@ -1,4 +1,4 @@
-//! A master and nodes of ours on this machine.
+//! Starts masters and nodes on this machine and queries them.
 
 use std::{
     net::SocketAddr,
@@ -16,31 +16,31 @@ use tokio::{
     time::{sleep, timeout},
 };
 
-/// Longer than anything takes on a busy machine.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+/// Far longer than any operation takes, even on a busy machine.
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(20);
 
-pub(crate) async fn master() -> Master {
+pub(crate) async fn start_master() -> Master {
     Master::start(SocketAddr::from(([127, 0, 0, 1], 0)))
         .await
         .unwrap()
 }
 
-pub(crate) async fn node(name: &str, master: &Master) -> Node {
+pub(crate) async fn start_node(name: &str, master: &Master) -> Node {
     Node::start(NodeOptions::new(name, master.uri()))
         .await
         .unwrap()
 }
 
-pub(crate) async fn until(what: &str, mut done: impl AsyncFnMut() -> bool) {
+pub(crate) async fn wait_until(what: &str, mut done: impl AsyncFnMut() -> bool) {
     let started = Instant::now();
     while !done().await {
-        assert!(started.elapsed() < PATIENCE, "{what} did not come");
+        assert!(started.elapsed() < TIMEOUT, "timed out waiting for {what}");
         sleep(Duration::from_millis(10)).await;
     }
 }
 
-/// Where `node` serves `topic`.
-pub(crate) async fn tcpros(node: &Node, topic: &str) -> String {
+/// Asks `node` for the TCPROS address of `topic`, `HOST:PORT`.
+pub(crate) async fn tcpros_address(node: &Node, topic: &str) -> String {
     let protocols = Value::from([Value::from(["TCPROS"])]);
     let arguments = [Value::from("/test"), topic.into(), protocols];
     let offer = call_ros(node.uri(), "requestTopic", &arguments)
@@ -52,7 +52,7 @@ pub(crate) async fn tcpros(node: &Node, topic: &str) -> String {
     format!("{}:{}", host.as_str().unwrap(), port.as_int().unwrap())
 }
 
-/// A port that nobody listens on.
+/// Returns a TCP port on which nothing listens.
 pub(crate) fn free_port() -> u16 {
     std::net::TcpListener::bind(("127.0.0.1", 0))
         .unwrap()
@@ -61,14 +61,14 @@ pub(crate) fn free_port() -> u16 {
         .port()
 }
 
-/// Says loudly that a test did not run: the harness would swallow eprintln!.
-pub(crate) fn skipped(test: &str, why: &str) {
+/// Reports that a test did not run. Writes to stderr directly, because the harness captures eprintln!.
+pub(crate) fn report_skipped(test: &str, why: &str) {
     use std::io::Write as _;
     let _ = writeln!(std::io::stderr(), "SKIPPED: {test}: {why}");
 }
 
-/// Where a master listens.
-pub(crate) fn address(master: &Master) -> SocketAddr {
+/// Returns the socket address on which a master listens.
+pub(crate) fn address_of(master: &Master) -> SocketAddr {
     master
         .uri()
         .trim_start_matches("http://")
@@ -77,14 +77,14 @@ pub(crate) fn address(master: &Master) -> SocketAddr {
         .unwrap()
 }
 
-/// The master knows this very node by its name.
-pub(crate) async fn knows(master: &Master, node: &Node) -> bool {
+/// Returns whether the node's name is registered with the URI of this node.
+pub(crate) async fn is_registered(master: &Master, node: &Node) -> bool {
     let arguments = [Value::from("/test"), node.name().into()];
     let answer = call_ros(master.uri(), "lookupNode", &arguments).await;
     answer.is_ok_and(|uri| uri.as_str() == Some(node.uri()))
 }
 
-/// Reads what a peer answers first.
+/// Reads the connection header of a peer.
 pub(crate) async fn read_header(stream: &mut TcpStream) -> Header {
     let length = stream.read_u32_le().await.unwrap();
     let mut bytes = vec![0; length as usize];
@@ -92,7 +92,7 @@ pub(crate) async fn read_header(stream: &mut TcpStream) -> Header {
     Header::decode(&bytes).unwrap()
 }
 
-/// The peer closes without a word, within the time limit of a handshake and some.
+/// Returns whether the peer closes the connection within 15 s, three times the handshake timeout.
 pub(crate) async fn is_closed(stream: &mut TcpStream) -> bool {
     let mut rest = Vec::new();
     timeout(Duration::from_secs(15), stream.read_to_end(&mut rest))

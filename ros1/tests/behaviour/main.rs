@@ -1,14 +1,15 @@
-//! How nodes and masters of ours behave among peers of every kind, without ROS installed.
-#![expect(clippy::unwrap_used, reason = "a helper of a test fails by panicking")]
+//! Behaviour of nodes and masters of this crate with well-behaved and misbehaving peers. Needs no
+//! ROS installation.
+#![expect(clippy::unwrap_used, reason = "test support code fails by panicking")]
 
-mod abuse;
+mod delaying_proxy;
 mod fake_publisher;
-mod held_master;
 mod http;
 #[cfg(target_os = "linux")]
 mod keepalive;
 mod lifecycle;
 mod local;
+mod misbehaving_peers;
 mod refusals;
 mod restart;
 mod services;

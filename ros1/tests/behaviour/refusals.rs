@@ -1,4 +1,4 @@
-//! Masters that refuse, and masters that take a call and say nothing.
+//! Masters that refuse registrations, and masters that accept a connection and never answer.
 
 use std::{
     sync::{
@@ -20,7 +20,7 @@ use tokio::{
 use tracing::{Event, Level, Metadata, Subscriber, span};
 
 use crate::{
-    local::{free_port, knows, until},
+    local::{free_port, is_registered, wait_until},
     types::{SET_BOOL, STRING},
 };
 
@@ -29,7 +29,7 @@ const QUEUE: PublisherOptions = PublisherOptions {
     latch: false,
 };
 
-/// Counts what is logged as an error.
+/// Counts log entries of level ERROR.
 struct ErrorCount(Arc<AtomicUsize>);
 
 impl Subscriber for ErrorCount {
@@ -55,13 +55,13 @@ impl Subscriber for ErrorCount {
 }
 
 #[tokio::test]
-async fn what_is_refused_again_and_again_is_logged_once() {
+async fn a_registration_that_is_refused_repeatedly_is_logged_once() {
     let errors = Arc::new(AtomicUsize::new(0));
     let _log = tracing::subscriber::set_default(ErrorCount(Arc::clone(&errors)));
     let port = free_port();
     let uri = format!("http://127.0.0.1:{port}/");
     let ours = Node::start(NodeOptions::new("ours", &uri)).await.unwrap();
-    // Nobody there: both are offered later.
+    // Nothing listens yet, so both are registered later.
     let _publisher = ours.advertise("/chat", &STRING, QUEUE).await.unwrap();
     let _subscriber = ours.subscribe("/chat", &STRING, 4).await.unwrap();
     let listener = TcpListener::bind(("127.0.0.1", port)).await.unwrap();
@@ -70,7 +70,7 @@ async fn what_is_refused_again_and_again_is_logged_once() {
     let mut registrations = 0;
     while registrations < 6 {
         let (mut stream, _) = listener.accept().await.unwrap();
-        // The request is small and comes in one piece.
+        // A request of at most 4096 bytes on loopback arrives in one read.
         let mut request = vec![0; 4096];
         let count = stream.read(&mut request).await.unwrap();
         let request = String::from_utf8_lossy(&request[..count]);
@@ -86,8 +86,8 @@ async fn what_is_refused_again_and_again_is_logged_once() {
 }
 
 #[tokio::test]
-async fn a_master_that_says_nothing_holds_nobody_up_and_is_told_when_it_answers() {
-    // It takes connections, by the system's queue, and never reads.
+async fn a_silent_master_delays_advertising_only_once_and_gets_the_registrations_later() {
+    // The backlog of the operating system accepts connections; nothing reads from them.
     let silent = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
     let address = silent.local_addr().unwrap();
     let uri = format!("http://{address}/");
@@ -101,13 +101,16 @@ async fn a_master_that_says_nothing_holds_nobody_up_and_is_told_when_it_answers(
         .serve("/serve", &SET_BOOL, |_| Ok(vec![7]))
         .await
         .unwrap();
-    // One wait of 2 s for all four; the rest is for a busy machine.
+    // One timeout of 2 s for all four, plus a margin for a busy machine.
     let waited = started.elapsed();
     assert!(waited < Duration::from_secs(4), "{waited:?}");
     drop(silent);
     let master = Master::start(address).await.unwrap();
-    until("the node", async || knows(&master, &talker).await).await;
-    until("the service", async || {
+    wait_until("the registration", async || {
+        is_registered(&master, &talker).await
+    })
+    .await;
+    wait_until("the service to answer", async || {
         talker.call("/serve", &SET_BOOL, &[]).await.is_ok()
     })
     .await;

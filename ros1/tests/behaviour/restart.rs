@@ -1,4 +1,4 @@
-//! Masters that are late, die, and come back.
+//! Masters that start late, stop and start again.
 
 use std::{
     net::SocketAddr,
@@ -16,8 +16,8 @@ use ros1::{
 use tokio::{net::TcpListener, time::timeout};
 
 use crate::{
-    held_master::HeldMaster,
-    local::{PATIENCE, address, free_port, knows, master, node, until},
+    delaying_proxy::DelayingProxy,
+    local::{TIMEOUT, address_of, free_port, is_registered, start_master, start_node, wait_until},
     types::{SET_BOOL, STRING, string},
 };
 
@@ -31,18 +31,21 @@ const LATCH: PublisherOptions = PublisherOptions {
 };
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_master_restarted_under_load_is_told_again_and_no_message_is_lost() {
-    let first = master().await;
-    let address = address(&first);
-    let talker = node("talker", &first).await;
-    let listener = node("listener", &first).await;
+async fn nodes_register_again_after_a_restart_under_load_and_no_message_is_lost() {
+    let first = start_master().await;
+    let address = address_of(&first);
+    let talker = start_node("talker", &first).await;
+    let listener = start_node("listener", &first).await;
     let publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
     let _service = talker
         .serve("/serve", &SET_BOOL, |_| Ok(vec![1, 0, 0, 0, 0]))
         .await
         .unwrap();
     let mut subscriber = listener.subscribe("/chat", &STRING, 4096).await.unwrap();
-    until("the subscriber", async || publisher.subscribers() == 1).await;
+    wait_until("the subscriber to connect", async || {
+        publisher.subscribers() == 1
+    })
+    .await;
 
     let ended = Arc::new(AtomicBool::new(false));
     let load = std::thread::spawn({
@@ -67,40 +70,40 @@ async fn a_master_restarted_under_load_is_told_again_and_no_message_is_lost() {
     });
     let mut online = talker.master_online();
     for _ in 0..2 {
-        timeout(PATIENCE, online.wait_for(|online| *online))
+        timeout(TIMEOUT, online.wait_for(|online| *online))
             .await
             .unwrap()
             .unwrap();
         first.shutdown().await;
-        timeout(PATIENCE, online.wait_for(|online| !online))
+        timeout(TIMEOUT, online.wait_for(|online| !online))
             .await
             .unwrap()
             .unwrap();
         let again = Master::start(address).await.unwrap();
         let back = Instant::now();
-        until("both nodes", async || {
-            knows(&again, &talker).await && knows(&again, &listener).await
+        wait_until("both registrations", async || {
+            is_registered(&again, &talker).await && is_registered(&again, &listener).await
         })
         .await;
-        // 2 s are promised; the rest is for a machine busy with other work.
+        // The promise is 2 s; the rest is a margin for a busy machine.
         assert!(
             back.elapsed() < Duration::from_secs(4),
             "{:?}",
             back.elapsed()
         );
         println!("registered again after {:?}", back.elapsed());
-        until("the service", async || {
+        wait_until("the service to answer", async || {
             listener.call("/serve", &SET_BOOL, &[1]).await.is_ok()
         })
         .await;
         again.shutdown().await;
     }
     ended.store(true, Relaxed);
-    let made = load.join().unwrap();
+    let published = load.join().unwrap();
     tokio::time::sleep(Duration::from_millis(300)).await;
     assert_eq!((publisher.subscribers(), publisher.dropped()), (1, 0));
     listener.shutdown().await;
-    assert_eq!(received.await.unwrap(), (made, 0));
+    assert_eq!(received.await.unwrap(), (published, 0));
 }
 
 #[tokio::test]
@@ -120,9 +123,9 @@ async fn a_node_starts_without_a_master_and_registers_when_there_is_one() {
     let master = Master::start(SocketAddr::from(([127, 0, 0, 1], port)))
         .await
         .unwrap();
-    let message = timeout(PATIENCE, subscriber.recv()).await.unwrap();
+    let message = timeout(TIMEOUT, subscriber.recv()).await.unwrap();
     assert_eq!(message, Some(string("hello")));
-    timeout(PATIENCE, talker.master_online().wait_for(|online| *online))
+    timeout(TIMEOUT, talker.master_online().wait_for(|online| *online))
         .await
         .unwrap()
         .unwrap();
@@ -130,29 +133,35 @@ async fn a_node_starts_without_a_master_and_registers_when_there_is_one() {
 }
 
 #[tokio::test]
-async fn a_publisher_that_is_no_longer_named_keeps_its_living_link() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
-    let listener = node("listener", &master).await;
+async fn a_publisher_missing_from_the_masters_list_keeps_its_open_connection() {
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
+    let listener = start_node("listener", &master).await;
     let publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
     let mut subscriber = listener.subscribe("/chat", &STRING, 4).await.unwrap();
-    until("the subscriber", async || publisher.subscribers() == 1).await;
-    // As after a restart: the master names only those who have registered again.
+    wait_until("the subscriber to connect", async || {
+        publisher.subscribers() == 1
+    })
+    .await;
+    // After a restart the master lists only publishers that have registered again.
     let update = [Value::from("/master"), "/chat".into(), Value::Array(vec![])];
     call_ros(listener.uri(), "publisherUpdate", &update)
         .await
         .unwrap();
     publisher.publish(&string("still here"));
-    let message = timeout(PATIENCE, subscriber.recv()).await.unwrap();
+    let message = timeout(TIMEOUT, subscriber.recv()).await.unwrap();
     assert_eq!(message, Some(string("still here")));
     drop(publisher);
-    until("the end of the link", async || subscriber.publishers() == 0).await;
+    wait_until("the connection to close", async || {
+        subscriber.publishers() == 0
+    })
+    .await;
 }
 
 #[tokio::test]
-async fn a_topic_dropped_and_had_again_while_the_master_answers_finds_its_publishers() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
+async fn a_topic_dropped_and_subscribed_again_during_its_registration_finds_its_publishers() {
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
     let publisher = talker.advertise("/chat", &STRING, LATCH).await.unwrap();
     publisher.publish(&string("hello"));
     let port = free_port();
@@ -160,19 +169,19 @@ async fn a_topic_dropped_and_had_again_while_the_master_answers_finds_its_publis
     let listener = Node::start(NodeOptions::new("listener", &uri))
         .await
         .unwrap();
-    // Nobody there: it is the keeper who registers it later.
+    // Nothing listens yet, so the registration task registers the topic later.
     let first = listener.subscribe("/chat", &STRING, 4).await.unwrap();
     let socket = TcpListener::bind(("127.0.0.1", port)).await.unwrap();
-    let held = HeldMaster::start(socket, &master, "registerSubscriber");
-    held.holds().await;
+    let proxy = DelayingProxy::start(socket, &master, "registerSubscriber");
+    proxy.wait_until_held().await;
     drop(first);
     let again = async {
         let mut second = listener.subscribe("/chat", &STRING, 4).await.unwrap();
-        timeout(PATIENCE, second.recv()).await.unwrap()
+        timeout(TIMEOUT, second.recv()).await.unwrap()
     };
     let answer = async {
         tokio::time::sleep(Duration::from_millis(200)).await;
-        held.release();
+        proxy.release();
     };
     assert_eq!(tokio::join!(again, answer).0, Some(string("hello")));
 }

@@ -1,4 +1,4 @@
-//! Services whose handlers fail and whose clients misbehave.
+//! Services with failing handlers and misbehaving clients.
 
 use ros1::{
     tcpros::Header,
@@ -7,14 +7,14 @@ use ros1::{
 use tokio::{io::AsyncWriteExt as _, net::TcpStream};
 
 use crate::{
-    local::{is_closed, master, node, read_header},
+    local::{is_closed, read_header, start_master, start_node},
     types::SET_BOOL,
 };
 
 #[tokio::test]
-async fn a_service_that_fails_panics_or_is_asked_nonsense_goes_on_serving() {
-    let master = master().await;
-    let server = node("server", &master).await;
+async fn a_service_keeps_serving_after_errors_panics_and_invalid_requests() {
+    let master = start_master().await;
+    let server = start_node("server", &master).await;
     let _service = server
         .serve("/negate", &SET_BOOL, |request| match request {
             [0] => Ok(vec![1, 0, 0, 0, 0]),
@@ -23,12 +23,12 @@ async fn a_service_that_fails_panics_or_is_asked_nonsense_goes_on_serving() {
         })
         .await
         .unwrap();
-    let client = node("client", &master).await;
-    let mut lasting = client.connect("/negate", &SET_BOOL).await.unwrap();
+    let client = start_node("client", &master).await;
+    let mut persistent = client.connect("/negate", &SET_BOOL).await.unwrap();
     for _ in 0..3 {
-        assert_eq!(lasting.call(&[0]).await.unwrap(), [1, 0, 0, 0, 0]);
+        assert_eq!(persistent.call(&[0]).await.unwrap(), [1, 0, 0, 0, 0]);
         assert!(
-            lasting
+            persistent
                 .call(&[1])
                 .await
                 .unwrap_err()
@@ -36,7 +36,7 @@ async fn a_service_that_fails_panics_or_is_asked_nonsense_goes_on_serving() {
                 .contains("not this")
         );
         assert!(
-            lasting
+            persistent
                 .call(&[7, 7])
                 .await
                 .unwrap_err()
@@ -44,7 +44,7 @@ async fn a_service_that_fails_panics_or_is_asked_nonsense_goes_on_serving() {
                 .contains("handler failed")
         );
     }
-    let address = tcpros_service(&master).await;
+    let address = service_address(&master).await;
     let mut stream = TcpStream::connect(&address).await.unwrap();
     let header = Header::new().with("service", "/negate").with("md5sum", "*");
     stream.write_all(&header.encode().unwrap()).await.unwrap();
@@ -55,33 +55,33 @@ async fn a_service_that_fails_panics_or_is_asked_nonsense_goes_on_serving() {
 }
 
 #[tokio::test]
-async fn a_client_that_asks_nothing_is_closed_and_a_persistent_one_may_take_its_time() {
-    let master = master().await;
-    let server = node("server", &master).await;
+async fn a_silent_client_is_closed_and_a_persistent_one_is_not() {
+    let master = start_master().await;
+    let server = start_node("server", &master).await;
     let _service = server
         .serve("/negate", &SET_BOOL, |_| Ok(vec![1, 0, 0, 0, 0]))
         .await
         .unwrap();
-    let client = node("client", &master).await;
-    let mut lasting = client.connect("/negate", &SET_BOOL).await.unwrap();
-    let address = tcpros_service(&master).await;
+    let client = start_node("client", &master).await;
+    let mut persistent = client.connect("/negate", &SET_BOOL).await.unwrap();
+    let address = service_address(&master).await;
     let mut silent = TcpStream::connect(&address).await.unwrap();
     let header = Header::new().with("service", "/negate").with("md5sum", "*");
     silent.write_all(&header.encode().unwrap()).await.unwrap();
     read_header(&mut silent).await;
     assert!(is_closed(&mut silent).await);
-    assert_eq!(lasting.call(&[0]).await.unwrap(), [1, 0, 0, 0, 0]);
+    assert_eq!(persistent.call(&[0]).await.unwrap(), [1, 0, 0, 0, 0]);
 }
 
 #[tokio::test]
-async fn a_service_that_is_dropped_right_before_its_node_ends_is_unregistered() {
-    let master = master().await;
-    let server = node("server", &master).await;
+async fn a_service_dropped_just_before_shutdown_is_unregistered() {
+    let master = start_master().await;
+    let server = start_node("server", &master).await;
     let service = server
         .serve("/negate", &SET_BOOL, |_| Ok(Vec::new()))
         .await
         .unwrap();
-    tcpros_service(&master).await;
+    service_address(&master).await;
     drop(service);
     server.shutdown().await;
     let arguments = [Value::from("/test"), "/negate".into()];
@@ -89,7 +89,7 @@ async fn a_service_that_is_dropped_right_before_its_node_ends_is_unregistered() 
     assert!(found.is_err(), "{found:?}");
 }
 
-async fn tcpros_service(master: &ros1::Master) -> String {
+async fn service_address(master: &ros1::Master) -> String {
     let arguments = [Value::from("/test"), "/negate".into()];
     let uri = call_ros(master.uri(), "lookupService", &arguments)
         .await

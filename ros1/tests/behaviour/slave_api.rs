@@ -1,4 +1,4 @@
-//! What other nodes and ROS's tools ask a node.
+//! The slave API, which other nodes and the tools of ROS call.
 
 use ros1::{
     PublisherOptions,
@@ -7,7 +7,7 @@ use ros1::{
 use tokio::time::timeout;
 
 use crate::{
-    local::{PATIENCE, master, node, until},
+    local::{TIMEOUT, start_master, start_node, wait_until},
     types::{STRING, string},
 };
 
@@ -18,11 +18,11 @@ const QUEUE: PublisherOptions = PublisherOptions {
 
 #[tokio::test]
 async fn the_slave_api_answers_every_method_of_ros() {
-    let master = master().await;
-    let ours = node("ours", &master).await;
+    let master = start_master().await;
+    let ours = start_node("ours", &master).await;
     let publisher = ours.advertise("/chat", &STRING, QUEUE).await.unwrap();
     let mut subscriber = ours.subscribe("/chat", &STRING, 4).await.unwrap();
-    until("the link to ourselves", async || {
+    wait_until("the connection from the node to itself", async || {
         publisher.subscribers() == 1
     })
     .await;
@@ -45,16 +45,21 @@ async fn the_slave_api_answers_every_method_of_ros() {
     );
     let pid = i32::try_from(std::process::id()).unwrap();
     assert_eq!(ask("getPid", &["/t"]).await.unwrap(), pid.into());
-    // One message of 9 bytes, in and out; the link's own counter may be a moment behind.
-    until("the counters", async || {
+    // One message of 9 bytes in each direction. The sending side counts it only after writing, so the
+    // counter can lag behind the reception.
+    wait_until("the counters", async || {
         let stats = ask("getBusStats", &["/t"]).await.unwrap();
         let [sent, received, _] = stats.as_array().unwrap() else {
             panic!("{stats:?}")
         };
-        let link = Value::Array(vec![0.into(), 9.into(), 1.into(), true.into()]);
-        let topic = Value::Array(vec!["/chat".into(), 9.into(), Value::Array(vec![link])]);
-        let inlet = Value::Array(vec![0.into(), 9.into(), (-1).into(), true.into()]);
-        let incoming = Value::Array(vec!["/chat".into(), Value::Array(vec![inlet])]);
+        let outgoing_link = Value::Array(vec![0.into(), 9.into(), 1.into(), true.into()]);
+        let topic = Value::Array(vec![
+            "/chat".into(),
+            9.into(),
+            Value::Array(vec![outgoing_link]),
+        ]);
+        let incoming_link = Value::Array(vec![0.into(), 9.into(), (-1).into(), true.into()]);
+        let incoming = Value::Array(vec!["/chat".into(), Value::Array(vec![incoming_link])]);
         *sent == Value::Array(vec![topic]) && *received == Value::Array(vec![incoming])
     })
     .await;
@@ -80,5 +85,5 @@ async fn the_slave_api_answers_every_method_of_ros() {
             .contains("not known")
     );
     ask("shutdown", &["/t", "test"]).await.unwrap();
-    timeout(PATIENCE, ours.shutdown_requested()).await.unwrap();
+    timeout(TIMEOUT, ours.shutdown_requested()).await.unwrap();
 }

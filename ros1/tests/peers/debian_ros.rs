@@ -1,4 +1,4 @@
-//! The programs of Debian's ROS 1, when they are installed.
+//! Starts the programs of Debian's ROS 1 if they are installed.
 
 use std::{
     io::Write as _,
@@ -13,8 +13,8 @@ use ros1::xmlrpc::call_ros;
 
 const INSTALL: &str = "apt-get install -y --no-install-recommends ros-core python3-std-srvs";
 
-/// True when ROS is installed. Otherwise says loudly that the test is skipped; with
-/// CORTICODE_REQUIRE_ROS=1 that is a failure.
+/// Returns whether ROS is installed. If not, reports on stderr that the test is skipped, or fails if
+/// CORTICODE_REQUIRE_ROS is 1.
 pub(crate) fn installed(test: &str) -> bool {
     if PathBuf::from("/usr/bin/roscore").exists() {
         return true;
@@ -24,15 +24,15 @@ pub(crate) fn installed(test: &str) -> bool {
         !required,
         "{test} needs ROS 1 and CORTICODE_REQUIRE_ROS is 1; run: {INSTALL}"
     );
-    // Not eprintln!: the test harness would swallow it.
+    // Written directly, because the test harness captures eprintln!.
     let _ = writeln!(
         std::io::stderr(),
-        "SKIPPED: {test}: no roscore here; run: {INSTALL}"
+        "SKIPPED: {test}: roscore is not installed; run: {INSTALL}"
     );
     false
 }
 
-/// A port that nobody listens on.
+/// Returns a TCP port on which nothing listens.
 pub(crate) fn free_port() -> u16 {
     TcpListener::bind(("127.0.0.1", 0))
         .unwrap()
@@ -41,7 +41,7 @@ pub(crate) fn free_port() -> u16 {
         .port()
 }
 
-/// A program of ROS for the master at `port`, in Debian's own Python.
+/// Prepares a ROS program for the master at `port`. The `PATH` selects Debian's Python.
 pub(crate) fn command(program: &str, port: u16) -> Command {
     let home = concat!(env!("CARGO_TARGET_TMPDIR"), "/ros");
     let mut command = Command::new(format!("/usr/bin/{program}"));
@@ -56,7 +56,7 @@ pub(crate) fn command(program: &str, port: u16) -> Command {
     command
 }
 
-/// A program in a process group of its own, which is killed when this is dropped.
+/// A program in a separate process group, which is killed on drop.
 pub(crate) struct Running {
     pub(crate) child: Child,
 }
@@ -83,22 +83,22 @@ fn kill(signal: &str, process: &str) {
         .status();
 }
 
-/// A master of ROS: `rosmaster`, or `roscore` with its rosout.
+/// A running `rosmaster`, or `roscore` with its rosout.
 pub(crate) struct RosMaster {
     pub(crate) port: u16,
-    /// The process that answers; roscore starts it in a group of its own.
+    /// Process ID of the master itself, which roscore starts in another process group.
     pid: i32,
     running: Running,
 }
 
 impl Drop for RosMaster {
-    /// Kills the master; roscore is interrupted, so that it ends its other children.
+    /// Kills the master, then interrupts roscore so that it stops its other children.
     fn drop(&mut self) {
         kill("-KILL", &self.pid.to_string());
         kill("-INT", &self.running.child.id().to_string());
-        let asked = Instant::now();
+        let interrupted = Instant::now();
         while matches!(self.running.child.try_wait(), Ok(None)) {
-            if asked.elapsed() > Duration::from_secs(20) {
+            if interrupted.elapsed() > Duration::from_secs(20) {
                 return;
             }
             std::thread::sleep(Duration::from_millis(50));
@@ -107,7 +107,7 @@ impl Drop for RosMaster {
 }
 
 impl RosMaster {
-    /// Starts it and waits until it answers.
+    /// Starts `rosmaster` or `roscore` and waits until the master answers.
     pub(crate) async fn start(program: &str, port: u16) -> Self {
         let mut command = command(program, port);
         if program == "rosmaster" {
@@ -125,7 +125,7 @@ impl RosMaster {
             }
             assert!(
                 started.elapsed() < Duration::from_secs(30),
-                "{program} does not come up"
+                "{program} does not answer"
             );
             tokio::time::sleep(Duration::from_millis(50)).await;
         };
@@ -137,7 +137,7 @@ impl RosMaster {
     }
 }
 
-/// The URI of a master at `port` of this machine.
+/// Returns the URI of a master at `port` on loopback.
 pub(crate) fn uri(port: u16) -> String {
     format!("http://127.0.0.1:{port}/")
 }

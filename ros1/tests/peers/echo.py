@@ -1,4 +1,4 @@
-"""A rospy node: sends every std_msgs/String of /up back on /down, serves /negate."""
+"""A rospy node that republishes every std_msgs/String of /up on /down and provides /negate."""
 import rospy
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, SetBoolResponse

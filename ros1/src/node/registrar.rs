@@ -1,4 +1,4 @@
-//! Keeps the master's knowledge of this node equal to the node's graph.
+//! Keeps the master's registrations equal to the node's graph.
 
 use std::{
     sync::{
@@ -13,49 +13,52 @@ use tokio::{
     time::{Instant, sleep_until, timeout},
 };
 
+use super::graph::{Graph, Key};
 use crate::{
-    graph::{Graph, Key},
     lock::lock,
     xmlrpc::{CallError, Value, call_ros},
 };
 
-/// How often a master that answers is asked whether it still knows us.
+/// Period of the registration check while the master answers.
 const ONLINE_PERIOD: Duration = Duration::from_secs(1);
-/// How often one that does not answer is tried.
+/// Period of the registration check while the master does not answer.
 const OFFLINE_PERIOD: Duration = Duration::from_millis(500);
-/// Whoever offers something waits this long for a master that takes the call and does not answer.
-const OFFER_LIMIT: Duration = Duration::from_secs(2);
-/// Unregistering at shutdown may take this long in all: a master that is gone must not hold us.
-const FAREWELL_LIMIT: Duration = Duration::from_secs(2);
+/// Longest time that advertising or subscribing waits for a master that accepts the call and does
+/// not answer.
+const REGISTER_TIMEOUT: Duration = Duration::from_secs(2);
+/// Longest time for all unregistrations at shutdown together.
+const UNREGISTER_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// The node as the master sees it.
+/// The node's state as far as the master is concerned, and the calls that synchronise the two.
 #[derive(Debug)]
 pub(crate) struct Registrar {
+    /// Full name of the node.
     pub(crate) node: String,
     pub(crate) master_uri: String,
-    /// Our XML-RPC server.
+    /// URI of the node's XML-RPC server.
     pub(crate) api_uri: String,
-    /// Our TCPROS listener, `rosrpc://HOST:PORT`.
+    /// URI of the node's TCPROS listener, `rosrpc://HOST:PORT`.
     pub(crate) service_uri: String,
     pub(crate) graph: Mutex<Graph>,
+    /// Whether the master answers and every key has been offered to it.
     pub(crate) online: watch::Sender<bool>,
     pub(crate) shutdown_requested: watch::Sender<bool>,
     released: mpsc::UnboundedSender<Key>,
-    /// The last call had no answer in time: nobody but the keeper waits for the next one.
-    mute: AtomicBool,
-    /// One conversation with the master at a time, so that its order is the graph's.
-    conversation: tokio::sync::Mutex<()>,
+    /// The last call timed out, so only the registration task waits for the next one.
+    unresponsive: AtomicBool,
+    /// Serialises calls to the master, so that they arrive in the order of the graph's changes.
+    master_calls: tokio::sync::Mutex<()>,
 }
 
 impl Registrar {
-    /// The second value is for [`Registrar::keep`].
+    /// Creates a registrar and the receiver of released keys, which [`Registrar::run`] takes.
     pub(crate) fn new(
         node: String,
         master_uri: String,
         api_uri: String,
         service_uri: String,
     ) -> (Self, mpsc::UnboundedReceiver<Key>) {
-        let (released, withdrawals) = mpsc::unbounded_channel();
+        let (released, released_keys) = mpsc::unbounded_channel();
         let registrar = Self {
             node,
             master_uri,
@@ -65,23 +68,23 @@ impl Registrar {
             online: watch::Sender::new(false),
             shutdown_requested: watch::Sender::new(false),
             released,
-            mute: AtomicBool::new(false),
-            conversation: tokio::sync::Mutex::default(),
+            unresponsive: AtomicBool::new(false),
+            master_calls: tokio::sync::Mutex::default(),
         };
-        (registrar, withdrawals)
+        (registrar, released_keys)
     }
 
-    /// Runs for as long as the node: asks the master, repairs what it has forgotten, and tells
-    /// it what was dropped.
-    pub(crate) async fn keep(self: Arc<Self>, mut withdrawals: mpsc::UnboundedReceiver<Key>) {
+    /// Registration task: checks the master periodically, registers what it has forgotten and
+    /// unregisters released keys. Runs until aborted.
+    pub(crate) async fn run(self: Arc<Self>, mut released_keys: mpsc::UnboundedReceiver<Key>) {
         let mut next = Instant::now();
         loop {
             tokio::select! {
-                Some(key) = withdrawals.recv() => self.withdraw(&key).await,
+                Some(key) = released_keys.recv() => self.unregister_released(&key).await,
                 () = sleep_until(next) => {
                     let started = Instant::now();
-                    // The refusals were logged; what is refused is tried again.
-                    let _ = self.tend().await;
+                    // Refusals are in the log already; the next check offers the keys again.
+                    let _ = self.sync().await;
                     let online = *self.online.borrow();
                     next = started + if online { ONLINE_PERIOD } else { OFFLINE_PERIOD };
                 }
@@ -89,11 +92,11 @@ impl Registrar {
         }
     }
 
-    /// Asks the master whether it knows us and registers all that it does not know. Returns what
-    /// it refused, with its reasons; that it cannot be reached is no refusal.
-    pub(crate) async fn tend(&self) -> Vec<(Key, CallError)> {
-        let _conversation = self.conversation.lock().await;
-        // Whoever took our name shall keep it: to register again would displace it in turn.
+    /// Asks the master whether it knows this node and registers every key that it does not know.
+    /// Returns the keys that it refused, with its reasons. An unreachable master is no refusal.
+    pub(crate) async fn sync(&self) -> Vec<(Key, CallError)> {
+        let _calls = self.master_calls.lock().await;
+        // Another node has taken the name and keeps it: registering again would displace it.
         if *self.shutdown_requested.borrow() {
             return Vec::new();
         }
@@ -107,30 +110,30 @@ impl Registrar {
                     self.shutdown_requested.send_replace(true);
                     return Vec::new();
                 }
-                // A predecessor's registration: ours will displace it.
+                // The registration of an earlier process, which ours will displace.
             }
             Err(CallError::Refused { .. }) => lock(&self.graph).registered.clear(),
             Err(error) => {
-                self.went_offline(&error);
+                self.set_offline(&error);
                 return Vec::new();
             }
         }
         let refused = self.register_missing().await;
         refused.unwrap_or_else(|error| {
-            self.went_offline(&error);
+            self.set_offline(&error);
             Vec::new()
         })
     }
 
-    /// As [`Registrar::tend`], for who has just offered something: what a slow master does not
-    /// answer in time is left to the keeper, a refusal of it to the log.
-    pub(crate) async fn introduce(&self) -> Vec<(Key, CallError)> {
-        if self.mute.load(Relaxed) {
+    /// Runs [`Registrar::sync`] within [`REGISTER_TIMEOUT`], for a key that was just added. When
+    /// the master is too slow, returns no refusal and leaves the key to the registration task.
+    pub(crate) async fn sync_within_timeout(&self) -> Vec<(Key, CallError)> {
+        if self.unresponsive.load(Relaxed) {
             return Vec::new();
         }
-        let refused = timeout(OFFER_LIMIT, self.tend()).await;
+        let refused = timeout(REGISTER_TIMEOUT, self.sync()).await;
         refused.unwrap_or_else(|_| {
-            self.mute.store(true, Relaxed);
+            self.unresponsive.store(true, Relaxed);
             Vec::new()
         })
     }
@@ -154,7 +157,7 @@ impl Registrar {
                     if lock(&self.graph).refused.insert(key.clone()) {
                         tracing::error!(
                             node = self.node,
-                            "{key} was refused by the master: {error}; it is offered again every \
+                            "the master refused the {key}: {error}; it is offered again every \
                              second"
                         );
                     }
@@ -172,31 +175,33 @@ impl Registrar {
         Ok(refused)
     }
 
-    /// What was dropped while the master answered is not marked, and its withdrawal is already
-    /// queued; nor is what was then offered anew under the same name: its own turn comes.
+    /// Registers one key and marks it as registered, unless the graph changed during the call: a
+    /// key that was released meanwhile is queued for unregistration, and a key that was released
+    /// and added again still has to be registered.
     async fn register(&self, key: &Key) -> Result<(), CallError> {
         let api = Value::from(self.api_uri.as_str());
         match key {
             Key::Publisher(name) => {
-                let Some(topic) = lock(&self.graph).publishers.get(name).cloned() else {
+                let Some(topic) = lock(&self.graph).publications.get(name).cloned() else {
                     return Ok(());
                 };
                 let arguments = [name.as_str().into(), topic.message_type.name.into(), api];
                 self.call("registerPublisher", &arguments).await?;
                 let mut graph = lock(&self.graph);
-                if is_still(graph.publishers.get(name), &topic) {
+                if is_same(graph.publications.get(name), &topic) {
                     graph.registered.insert(key.clone());
                 }
             }
             Key::Subscriber(name) => {
-                let Some(topic) = lock(&self.graph).subscribers.get(name).cloned() else {
+                let Some(topic) = lock(&self.graph).subscriptions.get(name).cloned() else {
                     return Ok(());
                 };
-                let arguments = [name.as_str().into(), topic.message_type.name.into(), api];
+                let type_name = topic.inbox.message_type.name;
+                let arguments = [name.as_str().into(), type_name.into(), api];
                 let publishers = self.call("registerSubscriber", &arguments).await?;
                 let mut graph = lock(&self.graph);
-                if is_still(graph.subscribers.get(name), &topic) {
-                    topic.add_publishers(&uris(&publishers));
+                if is_same(graph.subscriptions.get(name), &topic) {
+                    topic.add_publishers(&publishers.strings());
                     graph.registered.insert(key.clone());
                 }
             }
@@ -207,7 +212,7 @@ impl Registrar {
                 let arguments = [name.as_str().into(), self.service_uri.as_str().into(), api];
                 self.call("registerService", &arguments).await?;
                 let mut graph = lock(&self.graph);
-                if is_still(graph.services.get(name), &provider) {
+                if is_same(graph.services.get(name), &provider) {
                     graph.registered.insert(key.clone());
                 }
             }
@@ -215,20 +220,20 @@ impl Registrar {
         Ok(())
     }
 
-    /// Takes one thing out of the graph; the master is told soon.
+    /// Removes a key from the graph and queues it for unregistration by the registration task.
     pub(crate) fn release(&self, key: &Key) {
         let mut graph = lock(&self.graph);
         if !graph.closed {
             graph.remove(key);
             graph.leaving.insert(key.clone());
-            // Nobody receives once the node is gone.
+            // Sending fails only after the node has been dropped.
             let _ = self.released.send(key.clone());
         }
     }
 
-    async fn withdraw(&self, key: &Key) {
-        let _conversation = self.conversation.lock().await;
-        // Offered again since: the registration stands.
+    async fn unregister_released(&self, key: &Key) {
+        let _calls = self.master_calls.lock().await;
+        // A key that was added again in the meantime stays registered.
         if !lock(&self.graph).contains(key)
             && let Err(error) = self.unregister(key).await
         {
@@ -247,9 +252,9 @@ impl Registrar {
             .await
     }
 
-    /// Closes the graph and unregisters everything, within the time limit; also what was dropped just
-    /// before, because the keeper ends.
-    pub(crate) async fn farewell(&self) {
+    /// Closes the graph and unregisters everything within [`UNREGISTER_TIMEOUT`], including keys
+    /// released before that the registration task has not handled yet.
+    pub(crate) async fn unregister_all(&self) {
         let keys = {
             let mut graph = lock(&self.graph);
             graph.closed = true;
@@ -260,8 +265,8 @@ impl Registrar {
             keys.extend(std::mem::take(&mut graph.leaving));
             keys
         };
-        let unregister_all = async {
-            let _conversation = self.conversation.lock().await;
+        let unregister_each = async {
+            let _calls = self.master_calls.lock().await;
             for key in keys {
                 if let Err(error) = self.unregister(&key).await {
                     tracing::debug!(node = self.node, "{key} could not be unregistered: {error}");
@@ -271,10 +276,10 @@ impl Registrar {
                 }
             }
         };
-        if timeout(FAREWELL_LIMIT, unregister_all).await.is_err() {
+        if timeout(UNREGISTER_TIMEOUT, unregister_each).await.is_err() {
             tracing::warn!(
                 master = self.master_uri,
-                "the master was too slow to unregister all"
+                "the master answered too slowly to unregister everything"
             );
         }
     }
@@ -283,28 +288,21 @@ impl Registrar {
         let mut all = vec![Value::from(self.node.as_str())];
         all.extend_from_slice(arguments);
         let outcome = call_ros(&self.master_uri, method, &all).await;
-        let mute = matches!(outcome, Err(CallError::Timeout { .. }));
-        self.mute.store(mute, Relaxed);
+        let timed_out = matches!(outcome, Err(CallError::Timeout { .. }));
+        self.unresponsive.store(timed_out, Relaxed);
         outcome
     }
 
-    fn went_offline(&self, error: &CallError) {
+    fn set_offline(&self, error: &CallError) {
         if self.online.send_replace(false) {
-            tracing::warn!(master = self.master_uri, "the master is gone: {error}");
+            tracing::warn!(
+                master = self.master_uri,
+                "the master does not answer any more: {error}"
+            );
         }
     }
 }
 
-fn is_still<T>(now: Option<&Arc<T>>, then: &Arc<T>) -> bool {
-    now.is_some_and(|now| Arc::ptr_eq(now, then))
-}
-
-/// The strings of an array of URIs.
-pub(crate) fn uris(value: &Value) -> Vec<String> {
-    let items = value.as_array().unwrap_or_default();
-    items
-        .iter()
-        .filter_map(Value::as_str)
-        .map(str::to_owned)
-        .collect()
+fn is_same<T>(now: Option<&Arc<T>>, before: &Arc<T>) -> bool {
+    now.is_some_and(|now| Arc::ptr_eq(now, before))
 }

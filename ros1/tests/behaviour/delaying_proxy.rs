@@ -1,4 +1,4 @@
-//! A master whose answer to one method is late.
+//! A proxy in front of a master that delays one answer.
 
 use std::sync::Arc;
 
@@ -10,48 +10,49 @@ use tokio::{
     time::timeout,
 };
 
-use crate::local::{PATIENCE, address};
+use crate::local::{TIMEOUT, address_of};
 
-/// Stands before a master and passes everything on; the first answer to `method` waits.
-pub(crate) struct HeldMaster {
+/// Forwards every call to a master and holds back the first answer to `method` until
+/// [`DelayingProxy::release`].
+pub(crate) struct DelayingProxy {
     held: Arc<Notify>,
     release: Arc<Notify>,
 }
 
-impl HeldMaster {
+impl DelayingProxy {
     pub(crate) fn start(listener: TcpListener, master: &Master, method: &'static str) -> Self {
         let (held, release) = (Arc::new(Notify::new()), Arc::new(Notify::new()));
         let ours = Self {
             held: Arc::clone(&held),
             release: Arc::clone(&release),
         };
-        let master = address(master);
+        let master = address_of(master);
         tokio::spawn(async move {
             let mut first = true;
             loop {
                 let (mut stream, _) = listener.accept().await.unwrap();
-                // The request is small and comes in one piece.
+                // A request of at most 4096 bytes on loopback arrives in one read.
                 let mut request = vec![0; 4096];
                 let count = stream.read(&mut request).await.unwrap();
                 let mut upstream = TcpStream::connect(master).await.unwrap();
                 upstream.write_all(&request[..count]).await.unwrap();
                 let mut answer = Vec::new();
                 upstream.read_to_end(&mut answer).await.unwrap();
-                let asked = String::from_utf8_lossy(&request).contains(method);
-                if asked && std::mem::take(&mut first) {
+                let matches = String::from_utf8_lossy(&request).contains(method);
+                if matches && std::mem::take(&mut first) {
                     held.notify_one();
                     release.notified().await;
                 }
-                // The caller may have given up.
+                // The caller may have timed out and closed.
                 let _ = stream.write_all(&answer).await;
             }
         });
         ours
     }
 
-    /// The master has answered; the node does not know yet.
-    pub(crate) async fn holds(&self) {
-        timeout(PATIENCE, self.held.notified()).await.unwrap();
+    /// Waits until the master has answered and the answer is held back.
+    pub(crate) async fn wait_until_held(&self) {
+        timeout(TIMEOUT, self.held.notified()).await.unwrap();
     }
 
     pub(crate) fn release(&self) {

@@ -1,4 +1,4 @@
-//! Calls to services of other nodes.
+//! Calls services of other nodes.
 
 use std::io;
 
@@ -13,68 +13,69 @@ use crate::{
     message_type::ServiceType,
     names::NameError,
     tcpros::{
-        HANDSHAKE_LIMIT, Header, HeaderError, disagreement, read_block, set_options, write_block,
+        HANDSHAKE_TIMEOUT, Header, HeaderError, read_message, set_options, type_mismatch,
+        write_message,
     },
     xmlrpc::{CallError, Value, call_ros},
 };
 
-/// Why a service gave no response.
+/// Why a service call failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ServiceError {
     /// The name is not a ROS name.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// The master does not know the service, or cannot be asked.
+    /// The master does not know the service or does not answer.
     #[error("service {service} cannot be looked up: {source}")]
     Lookup {
-        /// The full name.
+        /// Full name of the service.
         service: String,
-        /// The master's answer.
+        /// The failed call of the master's `lookupService`.
         source: CallError,
     },
-    /// The master gave an address that is none.
+    /// The master returned a malformed service URI.
     #[error("service {service} has no usable address: {source}")]
     Address {
-        /// The full name.
+        /// Full name of the service.
         service: String,
-        /// What the master gave.
+        /// The URI that was returned.
         source: AddressError,
     },
-    /// The provider is not there, or went away during the call.
+    /// No connection to the provider, or it broke during the call.
     #[error("service {service} cannot be reached: {source}; is its node running?")]
     Io {
-        /// The full name.
+        /// Full name of the service.
         service: String,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The provider's header is none.
-    #[error("service {service} answered without a proper header: {source}")]
+    /// The provider's connection header is malformed or missing.
+    #[error("service {service} answered without a valid header: {source}")]
     Header {
-        /// The full name.
+        /// Full name of the service.
         service: String,
-        /// What is wrong.
+        /// Why the header was rejected.
         source: HeaderError,
     },
-    /// The provider has another definition of the service, or refuses the client.
+    /// The two sides have different definitions of the service, or the provider refuses.
     #[error("service {service} refuses: {reason}")]
     Refused {
-        /// The full name.
+        /// Full name of the service.
         service: String,
-        /// Its words or ours.
+        /// The provider's error message, or the difference between the types.
         reason: String,
     },
-    /// The provider tried and failed.
+    /// The provider accepted the call and its handler failed.
     #[error("service {service} failed: {reason}")]
     Failed {
-        /// The full name.
+        /// Full name of the service.
         service: String,
-        /// Its words.
+        /// The provider's error message.
         reason: String,
     },
 }
 
-/// A lasting connection to one service.
+/// A connection to one service, for one call or for many.
 #[derive(Debug)]
 pub struct ServiceClient {
     service: String,
@@ -82,7 +83,8 @@ pub struct ServiceClient {
 }
 
 impl ServiceClient {
-    /// Looks `service` (a full name) up and connects. `persistent`: for more than one call.
+    /// Looks up `service`, a full name, and connects to it. The provider closes the connection
+    /// after one call unless `persistent`.
     pub(crate) async fn connect(
         node: &str,
         master_uri: &str,
@@ -106,12 +108,12 @@ impl ServiceClient {
             .with("persistent", if persistent { "1" } else { "0" })
             .with("service", &service)
             .with("type", service_type.name);
-        match timeout(HANDSHAKE_LIMIT, shake_hands(&address, &header)).await {
+        match timeout(HANDSHAKE_TIMEOUT, handshake(&address, &header)).await {
             Ok(Ok((stream, answer))) => {
                 let what = format!("service [{service}]");
                 let refusal = match answer.get("error") {
                     Some(error) => Some(error.to_owned()),
-                    None => disagreement(&answer, &what, "*", service_type.md5),
+                    None => type_mismatch(&answer, &what, "*", service_type.md5),
                 };
                 match refusal {
                     Some(reason) => Err(ServiceError::Refused { service, reason }),
@@ -127,18 +129,18 @@ impl ServiceClient {
         }
     }
 
-    /// Sends a request's body and waits for the response's, for as long as the provider
-    /// computes; wrap it in a time-out where that matters, and drop the client when it strikes.
+    /// Sends the body of a request and returns the body of the response. There is no time limit;
+    /// where one is needed, wrap the call in a timeout and drop the client when it expires.
     ///
     /// # Errors
-    /// [`ServiceError::Failed`] with the provider's words; [`ServiceError::Io`] when the
-    /// connection broke, after which a new client is needed.
+    /// [`ServiceError::Failed`] with the provider's error message; [`ServiceError::Io`] when the
+    /// connection broke. After the latter, connect a new client.
     pub async fn call(&mut self, request: &[u8]) -> Result<Vec<u8>, ServiceError> {
         match self.exchange(request).await {
             Ok((1, response)) => Ok(response),
-            Ok((_, words)) => Err(ServiceError::Failed {
+            Ok((_, message)) => Err(ServiceError::Failed {
                 service: self.service.clone(),
-                reason: String::from_utf8_lossy(&words).into_owned(),
+                reason: String::from_utf8_lossy(&message).into_owned(),
             }),
             Err(source) => Err(ServiceError::Io {
                 service: self.service.clone(),
@@ -148,16 +150,13 @@ impl ServiceClient {
     }
 
     async fn exchange(&mut self, request: &[u8]) -> io::Result<(u8, Vec<u8>)> {
-        write_block(&mut self.stream, request).await?;
+        write_message(&mut self.stream, request).await?;
         let flag = self.stream.read_u8().await?;
-        Ok((flag, read_block(&mut self.stream).await?))
+        Ok((flag, read_message(&mut self.stream).await?))
     }
 }
 
-async fn shake_hands(
-    address: &Address,
-    header: &Header,
-) -> Result<(TcpStream, Header), HeaderError> {
+async fn handshake(address: &Address, header: &Header) -> Result<(TcpStream, Header), HeaderError> {
     let mut stream = TcpStream::connect((address.host(), address.port())).await?;
     set_options(&stream)?;
     stream.write_all(&header.encode()?).await?;

@@ -6,9 +6,10 @@ use tokio::sync::Notify;
 
 use crate::lock::lock;
 
-/// Between one who must never wait and one who may be slow. One task takes; any thread puts.
+/// Queue between a producer that must never wait and a consumer that can be slow. Any number of
+/// threads push; one task pops.
 #[derive(Debug)]
-pub(crate) struct DropOldest<T> {
+pub(crate) struct DropOldestQueue<T> {
     state: Mutex<State<T>>,
     changed: Notify,
     capacity: usize,
@@ -20,19 +21,19 @@ struct State<T> {
     closed: bool,
 }
 
-/// What became of an item.
+/// Outcome of [`DropOldestQueue::push`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Put {
-    /// It is in the queue.
-    Kept,
-    /// It is in the queue, and the oldest one is lost.
+pub(crate) enum Push {
+    Queued,
+    /// The item is queued; the oldest one was dropped to make room.
     DroppedOldest,
-    /// The queue is closed; the item is gone.
+    /// The queue is closed; the item was dropped.
     Closed,
 }
 
-impl<T> DropOldest<T> {
-    /// A capacity of 0 is taken as 1: an item must stay somewhere until it is taken.
+impl<T> DropOldestQueue<T> {
+    /// Creates a queue of `capacity` items. 0 counts as 1: an item must be stored until the
+    /// consumer pops it.
     pub(crate) fn new(capacity: usize) -> Self {
         let capacity = capacity.max(1);
         let items = VecDeque::with_capacity(capacity.min(1024));
@@ -46,27 +47,31 @@ impl<T> DropOldest<T> {
         }
     }
 
-    /// Puts an item in; never waits.
-    pub(crate) fn put(&self, item: T) -> Put {
+    /// Appends an item without waiting.
+    pub(crate) fn push(&self, item: T) -> Push {
         let outcome = {
             let mut state = lock(&self.state);
             if state.closed {
-                return Put::Closed;
+                return Push::Closed;
             }
             let full = state.items.len() >= self.capacity;
             if full {
                 state.items.pop_front();
             }
             state.items.push_back(item);
-            if full { Put::DroppedOldest } else { Put::Kept }
+            if full {
+                Push::DroppedOldest
+            } else {
+                Push::Queued
+            }
         };
         self.changed.notify_one();
         outcome
     }
 
-    /// Takes the oldest item; waits for one. `None` once the queue is closed and empty.
-    /// Cancelling loses nothing.
-    pub(crate) async fn take(&self) -> Option<T> {
+    /// Removes the oldest item, waiting for one; `None` once the queue is closed and empty.
+    /// Cancel safe.
+    pub(crate) async fn pop(&self) -> Option<T> {
         loop {
             {
                 let mut state = lock(&self.state);
@@ -81,7 +86,7 @@ impl<T> DropOldest<T> {
         }
     }
 
-    /// Nothing goes in any more; what is in can still be taken.
+    /// Accepts no further item; those already queued can still be popped.
     pub(crate) fn close(&self) {
         lock(&self.state).closed = true;
         self.changed.notify_one();
@@ -93,29 +98,29 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn the_oldest_goes_first_and_the_rest_keeps_its_order() {
-        let queue = DropOldest::new(3);
-        let outcomes: Vec<Put> = (0..5).map(|n| queue.put(n)).collect();
-        assert_eq!(outcomes[..3], [Put::Kept; 3]);
-        assert_eq!(outcomes[3..], [Put::DroppedOldest; 2]);
+    async fn the_oldest_item_is_dropped_and_the_others_keep_their_order() {
+        let queue = DropOldestQueue::new(3);
+        let outcomes: Vec<Push> = (0..5).map(|n| queue.push(n)).collect();
+        assert_eq!(outcomes[..3], [Push::Queued; 3]);
+        assert_eq!(outcomes[3..], [Push::DroppedOldest; 2]);
         queue.close();
-        assert_eq!(queue.put(9), Put::Closed);
+        assert_eq!(queue.push(9), Push::Closed);
         let mut left = Vec::new();
-        while let Some(item) = queue.take().await {
+        while let Some(item) = queue.pop().await {
             left.push(item);
         }
         assert_eq!(left, [2, 3, 4]);
     }
 
     #[tokio::test]
-    async fn who_waits_is_woken() {
-        let queue = std::sync::Arc::new(DropOldest::new(1));
+    async fn a_push_wakes_a_waiting_pop() {
+        let queue = std::sync::Arc::new(DropOldestQueue::new(1));
         let waiting = tokio::spawn({
             let queue = std::sync::Arc::clone(&queue);
-            async move { queue.take().await }
+            async move { queue.pop().await }
         });
         tokio::task::yield_now().await;
-        queue.put(7);
+        queue.push(7);
         assert_eq!(waiting.await.unwrap(), Some(7));
     }
 }

@@ -1,4 +1,4 @@
-//! TCPROS connections coming in: subscribers of our topics and clients of our services.
+//! Accepts TCPROS connections from subscribers of our topics and from clients of our services.
 
 use std::{sync::Arc, time::Duration};
 
@@ -10,20 +10,20 @@ use tokio::{
     time::{sleep, timeout},
 };
 
+use super::registrar::Registrar;
 use crate::{
     lock::lock,
-    registrar::Registrar,
     tcpros::{Header, HeaderError, set_options},
 };
 
-/// Connections at once, those that have not sent their header included.
+/// Limit of open connections, including those that have not sent their header yet.
 const MAX_CONNECTIONS: usize = 1024;
-/// After a failed accept, such as out of file descriptors.
-const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
-/// What is queued when the node shuts down has this long to go out.
-const DRAIN_LIMIT: Duration = Duration::from_millis(500);
+/// Delay after a failed accept, for example when no file descriptor is left.
+const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
+/// Time at shutdown in which messages already queued are still sent.
+const DRAIN_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Accepts until `stopped`, then lets the queues run dry.
+/// Accepts connections until `stopped`, then waits for the queues to drain.
 pub(crate) async fn accept(
     listener: TcpListener,
     registrar: Arc<Registrar>,
@@ -38,28 +38,28 @@ pub(crate) async fn accept(
                 Ok((stream, peer)) => {
                     let registrar = Arc::clone(&registrar);
                     connections.spawn(async move {
-                        if let Err(error) = welcome(stream, &registrar).await {
+                        if let Err(error) = serve_connection(stream, &registrar).await {
                             tracing::debug!(%peer, %error, "a TCPROS connection ended");
                         }
                     });
                 }
                 Err(error) => {
                     tracing::warn!(%error, "a TCPROS connection could not be accepted");
-                    sleep(ACCEPT_PAUSE).await;
+                    sleep(ACCEPT_RETRY_DELAY).await;
                 }
             },
         }
     }
     drop(listener);
     let drained = async { while connections.join_next().await.is_some() {} };
-    if timeout(DRAIN_LIMIT, drained).await.is_err() {
-        tracing::debug!("some connections were cut with messages still queued");
+    if timeout(DRAIN_TIMEOUT, drained).await.is_err() {
+        tracing::debug!("some connections were closed with messages still queued");
     }
     connections.shutdown().await;
 }
 
-/// Reads the header and hands the connection to what it names.
-async fn welcome(mut stream: TcpStream, registrar: &Registrar) -> Result<(), HeaderError> {
+/// Reads the header and passes the connection to the topic or service that it names.
+async fn serve_connection(mut stream: TcpStream, registrar: &Registrar) -> Result<(), HeaderError> {
     set_options(&stream)?;
     let header = Header::read(&mut stream).await?;
     let node = &registrar.node;
@@ -70,9 +70,9 @@ async fn welcome(mut stream: TcpStream, registrar: &Registrar) -> Result<(), Hea
             None => format!("{node} does not provide service [{name}]"),
         }
     } else if let Some(name) = header.get("topic") {
-        let topic = lock(&registrar.graph).publishers.get(name).cloned();
-        match topic {
-            Some(topic) => return topic.serve(stream, &header, node).await,
+        let publication = lock(&registrar.graph).publications.get(name).cloned();
+        match publication {
+            Some(publication) => return publication.serve(stream, &header, node).await,
             None => format!("{node} does not publish topic [{name}]"),
         }
     } else {

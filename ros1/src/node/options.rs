@@ -1,35 +1,35 @@
-//! How a node is started: its name, its master, its address.
+//! Options of a node: its name, its master and its address.
 
 use std::path::PathBuf;
 
 use crate::names::{NameError, Names};
 
-/// Where a master listens when nobody says otherwise.
+/// URI of the master unless the environment or the command line names another.
 pub const DEFAULT_MASTER_URI: &str = "http://localhost:11311/";
 
-/// Everything a node must know before it starts.
+/// Options of [`Node::start`](crate::Node::start).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NodeOptions {
-    /// The node's name without its namespace, `bridge`; or global, `/lab/bridge`.
+    /// Node name: relative to `namespace` (`bridge`) or global (`/lab/bridge`).
     pub name: String,
-    /// The namespace: `/` or `/lab`.
+    /// Namespace of relative names, such as `/` or `/lab`.
     pub namespace: String,
-    /// The master, `http://HOST:PORT/`.
+    /// XML-RPC URI of the master, `http://HOST:PORT/`.
     pub master_uri: String,
-    /// The host name or address under which other nodes reach this one. `None`: the address of
-    /// the interface that leads to the master; where that is loopback, only programs on this
-    /// machine reach the node.
+    /// Host name or address under which other nodes reach this one. `None` takes the address of
+    /// the interface on the route to the master. If that is loopback, only programs on this machine
+    /// reach the node.
     pub host: Option<String>,
-    /// Listen on IPv6 too when `host` is a name. An IPv6 address in `host` needs no such word.
+    /// Also listens on IPv6 if `host` is a name. An IPv6 address in `host` does not need this.
     pub ipv6: bool,
-    /// Names given another name at start, (from, to).
+    /// Remapped names, (from, to).
     pub remaps: Vec<(String, String)>,
-    /// The log file that `roslaunch` asks for with `__log:=`.
+    /// Log file that `roslaunch` passes with `__log:=`. The node itself writes no log file.
     pub log: Option<PathBuf>,
 }
 
 impl NodeOptions {
-    /// A node called `name` with the master at `master_uri`; the rest as by default.
+    /// Creates options with the namespace `/`, the default address and no remaps.
     pub fn new(name: &str, master_uri: &str) -> Self {
         Self {
             name: name.to_owned(),
@@ -42,18 +42,19 @@ impl NodeOptions {
         }
     }
 
-    /// What the process's environment and arguments say, see [`NodeOptions::parse`]; and the
-    /// arguments that are not for ROS, the program's own name first.
+    /// Reads the environment and arguments of this process, see [`NodeOptions::parse`]. Also returns
+    /// the arguments that are not for ROS, starting with the program's name.
     pub fn from_env_and_args(default_name: &str) -> (Self, Vec<String>) {
         let arguments = std::env::args_os().map(|text| text.to_string_lossy().into_owned());
         Self::parse(default_name, |name| std::env::var(name).ok(), arguments)
     }
 
-    /// Reads the variables `ROS_MASTER_URI`, `ROS_IP`, `ROS_HOSTNAME` (which wins over
-    /// `ROS_IP`), `ROS_NAMESPACE`, `ROS_IPV6` and, stronger, the arguments `__name:=`, `__ns:=`,
-    /// `__ip:=`, `__hostname:=`, `__master:=`, `__log:=` and `from:=to`. Returns the other
-    /// arguments too; `_parameter:=value` is among them, because private parameters are the
-    /// program's own business.
+    /// Reads options from environment variables and, with precedence, from arguments.
+    ///
+    /// The variables are `ROS_MASTER_URI`, `ROS_IP`, `ROS_HOSTNAME` (which overrides `ROS_IP`),
+    /// `ROS_NAMESPACE` and `ROS_IPV6`; the arguments `__name:=`, `__ns:=`, `__ip:=`,
+    /// `__hostname:=`, `__master:=`, `__log:=` and `from:=to`. Also returns all other arguments,
+    /// including `_parameter:=value`, because private parameters are left to the program.
     pub fn parse(
         default_name: &str,
         variable: impl Fn(&str) -> Option<String>,
@@ -93,7 +94,7 @@ impl NodeOptions {
         (options, others)
     }
 
-    /// The node's full name and its remaps.
+    /// Resolves the node's full name and its remaps.
     pub(crate) fn names(&self) -> Result<Names, NameError> {
         Names::new(&self.namespace, &self.name, &self.remaps)
     }
@@ -118,14 +119,14 @@ mod tests {
     }
 
     #[test]
-    fn without_a_word_the_master_is_local_and_the_name_is_the_programs() {
+    fn defaults_are_a_local_master_and_the_given_name() {
         let (options, others) = parse(&[("ROS_MASTER_URI", "")], &["prog", "--port", "x"]);
         assert_eq!(options, NodeOptions::new("bridge", DEFAULT_MASTER_URI));
         assert_eq!(others, ["prog", "--port", "x"]);
     }
 
     #[test]
-    fn arguments_win_over_variables_and_hostname_over_ip() {
+    fn arguments_override_variables_and_hostname_overrides_ip() {
         let variables = [
             ("ROS_MASTER_URI", "http://master:1/"),
             ("ROS_IP", "10.0.0.1"),

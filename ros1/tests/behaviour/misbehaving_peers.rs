@@ -1,4 +1,4 @@
-//! Peers that misbehave: whatever they do, everyone else is served.
+//! Peers that violate the protocol, send garbage or do not read. All other peers are still served.
 
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,9 @@ use tokio::{
 
 use crate::{
     fake_publisher::FakePublisher,
-    local::{PATIENCE, is_closed, master, node, read_header, tcpros, until},
+    local::{
+        TIMEOUT, is_closed, read_header, start_master, start_node, tcpros_address, wait_until,
+    },
     types::{STRING, string},
 };
 
@@ -33,17 +35,17 @@ fn subscription(topic: &str, md5: &str) -> Header {
 }
 
 #[tokio::test]
-async fn silent_clients_block_nobody_and_are_closed() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
+async fn silent_connections_block_nobody_and_are_closed() {
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
     let publisher = talker.advertise("/chat", &STRING, LATCH).await.unwrap();
     publisher.publish(&string("hello"));
-    let address = tcpros(&talker, "/chat").await;
+    let address = tcpros_address(&talker, "/chat").await;
     let mut silent = Vec::new();
     for _ in 0..40 {
         silent.push(TcpStream::connect(&address).await.unwrap());
     }
-    let listener = node("listener", &master).await;
+    let listener = start_node("listener", &master).await;
     let mut subscriber = listener.subscribe("/chat", &STRING, 4).await.unwrap();
     let message = timeout(Duration::from_secs(3), subscriber.recv())
         .await
@@ -53,37 +55,43 @@ async fn silent_clients_block_nobody_and_are_closed() {
 }
 
 #[tokio::test]
-async fn clients_that_reset_after_their_header_leave_the_topic_alive() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
+async fn subscribers_that_reset_after_their_header_do_not_end_the_topic() {
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
     let publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
-    let listener = node("listener", &master).await;
+    let listener = start_node("listener", &master).await;
     let mut subscriber = listener.subscribe("/chat", &STRING, 64).await.unwrap();
-    until("the subscriber", async || publisher.subscribers() == 1).await;
-    let address = tcpros(&talker, "/chat").await;
+    wait_until("the subscriber to connect", async || {
+        publisher.subscribers() == 1
+    })
+    .await;
+    let address = tcpros_address(&talker, "/chat").await;
     for round in 0..20 {
-        let mut abuser = TcpStream::connect(&address).await.unwrap();
+        let mut resetting = TcpStream::connect(&address).await.unwrap();
         let header = subscription("/chat", STRING.md5).encode().unwrap();
-        abuser.write_all(&header).await.unwrap();
-        abuser.set_zero_linger().unwrap();
-        drop(abuser);
+        resetting.write_all(&header).await.unwrap();
+        resetting.set_zero_linger().unwrap();
+        drop(resetting);
         publisher.publish(&string(&format!("{round}")));
-        let message = timeout(PATIENCE, subscriber.recv()).await.unwrap();
+        let message = timeout(TIMEOUT, subscriber.recv()).await.unwrap();
         assert_eq!(message, Some(string(&format!("{round}"))));
     }
-    until("the abusers' end", async || publisher.subscribers() == 1).await;
+    wait_until("the reset connections to be removed", async || {
+        publisher.subscribers() == 1
+    })
+    .await;
     assert_eq!((publisher.dropped(), subscriber.dropped()), (0, 0));
 }
 
 #[tokio::test]
-async fn a_wrong_md5_is_refused_with_words_and_a_star_is_taken() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
+async fn a_wrong_md5_is_refused_with_a_reason_and_a_wildcard_is_accepted() {
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
     let publisher = talker.advertise("/chat", &STRING, LATCH).await.unwrap();
     publisher.publish(&string("hello"));
-    let address = tcpros(&talker, "/chat").await;
+    let address = tcpros_address(&talker, "/chat").await;
     let wrong = "0123456789abcdef0123456789abcdef";
-    for (header, word) in [
+    for (header, expected) in [
         (subscription("/chat", wrong), wrong),
         (subscription("/none", STRING.md5), "/none"),
         (Header::new().with("topic", "/chat"), "md5sum"),
@@ -97,7 +105,7 @@ async fn a_wrong_md5_is_refused_with_words_and_a_star_is_taken() {
         stream.write_all(&header.encode().unwrap()).await.unwrap();
         let answer = read_header(&mut stream).await;
         let error = answer.get("error").unwrap();
-        assert!(error.contains(word), "{error}");
+        assert!(error.contains(expected), "{error}");
         assert!(is_closed(&mut stream).await);
     }
     let mut stream = TcpStream::connect(&address).await.unwrap();
@@ -113,7 +121,7 @@ async fn a_wrong_md5_is_refused_with_words_and_a_star_is_taken() {
 }
 
 #[tokio::test]
-async fn our_subscriber_of_another_type_gets_nothing_and_one_of_any_type_all() {
+async fn a_subscriber_of_another_type_receives_nothing_and_one_of_any_type_everything() {
     static OTHER: MessageType = MessageType {
         name: "other/Type",
         md5: "0123456789abcdef0123456789abcdef",
@@ -124,16 +132,16 @@ async fn our_subscriber_of_another_type_gets_nothing_and_one_of_any_type_all() {
         md5: "*",
         definition: "",
     };
-    let master = master().await;
-    let talker = node("talker", &master).await;
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
     let publisher = talker.advertise("/chat", &STRING, LATCH).await.unwrap();
     publisher.publish(&string("hello"));
-    let wrong = node("wrong", &master).await;
+    let wrong = start_node("wrong", &master).await;
     let mut nothing = wrong.subscribe("/chat", &OTHER, 4).await.unwrap();
-    let right = node("right", &master).await;
+    let right = start_node("right", &master).await;
     let mut all = right.subscribe("/chat", &ANY, 4).await.unwrap();
     assert_eq!(
-        timeout(PATIENCE, all.recv()).await.unwrap(),
+        timeout(TIMEOUT, all.recv()).await.unwrap(),
         Some(string("hello"))
     );
     assert!(
@@ -146,16 +154,16 @@ async fn our_subscriber_of_another_type_gets_nothing_and_one_of_any_type_all() {
 
 #[tokio::test]
 async fn a_header_of_4_gib_is_refused_at_once() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
     let _publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
-    let address = tcpros(&talker, "/chat").await;
+    let address = tcpros_address(&talker, "/chat").await;
     let mut stream = TcpStream::connect(&address).await.unwrap();
     let started = Instant::now();
     stream.write_all(&[0xff; 4]).await.unwrap();
     assert!(is_closed(&mut stream).await);
     assert!(started.elapsed() < Duration::from_secs(3));
-    // A length that is allowed takes no memory until bytes come, and the time limit holds.
+    // An allowed length without its bytes is closed by the handshake timeout.
     let mut stream = TcpStream::connect(&address).await.unwrap();
     stream
         .write_all(&1_000_000_u32.to_le_bytes())
@@ -165,19 +173,22 @@ async fn a_header_of_4_gib_is_refused_at_once() {
 }
 
 #[tokio::test]
-async fn a_subscriber_that_never_reads_loses_its_own_oldest_messages_only() {
+async fn a_subscriber_that_does_not_read_loses_only_its_own_oldest_messages() {
     const MESSAGES: u32 = 2000;
-    let master = master().await;
-    let talker = node("talker", &master).await;
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
     let publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
-    let listener = node("listener", &master).await;
+    let listener = start_node("listener", &master).await;
     let mut subscriber = listener.subscribe("/chat", &STRING, 64).await.unwrap();
-    let address = tcpros(&talker, "/chat").await;
-    let mut lazy = TcpStream::connect(&address).await.unwrap();
-    lazy.write_all(&subscription("/chat", STRING.md5).encode().unwrap())
+    let address = tcpros_address(&talker, "/chat").await;
+    let mut slow = TcpStream::connect(&address).await.unwrap();
+    slow.write_all(&subscription("/chat", STRING.md5).encode().unwrap())
         .await
         .unwrap();
-    until("both subscribers", async || publisher.subscribers() == 2).await;
+    wait_until("both subscribers to connect", async || {
+        publisher.subscribers() == 2
+    })
+    .await;
     let body = |number: u32| string(&format!("{number:>20000}"));
     let mut slowest = Duration::ZERO;
     for number in 0..MESSAGES {
@@ -186,7 +197,7 @@ async fn a_subscriber_that_never_reads_loses_its_own_oldest_messages_only() {
         assert_eq!(publisher.publish(&message), 2);
         slowest = slowest.max(started.elapsed());
         assert_eq!(
-            timeout(PATIENCE, subscriber.recv()).await.unwrap(),
+            timeout(TIMEOUT, subscriber.recv()).await.unwrap(),
             Some(message)
         );
     }
@@ -194,16 +205,14 @@ async fn a_subscriber_that_never_reads_loses_its_own_oldest_messages_only() {
     assert_eq!(subscriber.dropped(), 0);
     let dropped = publisher.dropped();
     assert!(dropped > 0);
-    // Now it reads: what it gets is whole, in order, ends with the newest; the rest was counted.
-    read_header(&mut lazy).await;
+    // Once it reads, the messages are complete, in order and end with the newest; all others were
+    // counted as dropped.
+    read_header(&mut slow).await;
     let (mut received, mut last) = (0, None);
     while last != Some(MESSAGES - 1) {
-        let length = timeout(PATIENCE, lazy.read_u32_le())
-            .await
-            .unwrap()
-            .unwrap();
+        let length = timeout(TIMEOUT, slow.read_u32_le()).await.unwrap().unwrap();
         let mut message = vec![0; length as usize];
-        lazy.read_exact(&mut message).await.unwrap();
+        slow.read_exact(&mut message).await.unwrap();
         let number = String::from_utf8_lossy(&message[4..])
             .trim()
             .parse()
@@ -217,55 +226,56 @@ async fn a_subscriber_that_never_reads_loses_its_own_oldest_messages_only() {
 }
 
 #[tokio::test]
-async fn a_publisher_that_resets_and_lies_is_tried_again() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
-    let listener = node("listener", &master).await;
+async fn a_publisher_that_resets_or_sends_garbage_is_tried_again() {
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
+    let listener = start_node("listener", &master).await;
     let mut subscriber = listener.subscribe("/chat", &STRING, 8).await.unwrap();
-    // A fake publisher: first it resets, then sends 4 GiB lengths, a cut message, then a real one.
+    // Four faulty connections: a reset, a header of 4 GiB, a message of 4 GiB and a truncated
+    // message. The fifth is correct.
     let fake = FakePublisher::start("/chat", &master).await;
     let first = fake.accept().await;
     first.set_zero_linger().unwrap();
     drop(first);
     let mut second = fake.accept().await;
     second.write_all(&[0xff; 8]).await.unwrap();
-    let mut third = fake.accept_and_greet(&STRING).await;
+    let mut third = fake.accept_and_answer(&STRING).await;
     third.write_all(&[0xff, 0xff, 0xff, 0xff, 1]).await.unwrap();
-    let mut fourth = fake.accept_and_greet(&STRING).await;
+    let mut fourth = fake.accept_and_answer(&STRING).await;
     fourth.write_all(&[9, 0, 0, 0, 1]).await.unwrap();
     drop(fourth);
-    let mut last = fake.accept_and_greet(&STRING).await;
+    let mut last = fake.accept_and_answer(&STRING).await;
     last.write_all(&[&[9, 0, 0, 0][..], &string("hello")].concat())
         .await
         .unwrap();
     assert_eq!(
-        timeout(PATIENCE, subscriber.recv()).await.unwrap(),
+        timeout(TIMEOUT, subscriber.recv()).await.unwrap(),
         Some(string("hello"))
     );
     drop(talker);
 }
 
 #[tokio::test]
-async fn strings_that_are_not_utf8_reach_whom_they_concern() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
+async fn strings_that_are_not_utf8_are_delivered_unchanged_and_shown_with_replacements() {
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
     let publisher = talker.advertise("/chat", &STRING, LATCH).await.unwrap();
     let body = [&[4, 0, 0, 0][..], b"\xff\xfe\xe9\x00"].concat();
     publisher.publish(&body);
-    let listener = node("listener", &master).await;
+    let listener = start_node("listener", &master).await;
     let mut subscriber = listener.subscribe("/chat", &STRING, 4).await.unwrap();
     assert_eq!(
-        timeout(PATIENCE, subscriber.recv()).await.unwrap(),
+        timeout(TIMEOUT, subscriber.recv()).await.unwrap(),
         Some(body)
     );
-    // A caller's name in Latin-1, in a TCPROS header.
+    // A connection header with a caller name in Latin-1.
     let mut header = subscription("/chat", "*").encode().unwrap();
     let at = header
         .windows(7)
         .position(|part| part == b"/abuser")
         .unwrap();
     header[at + 1] = 0xe9;
-    let address = tcpros(&talker, "/chat").await;
+    let address = tcpros_address(&talker, "/chat").await;
     let mut stream = TcpStream::connect(&address).await.unwrap();
     stream.write_all(&header).await.unwrap();
     assert_eq!(read_header(&mut stream).await.get("error"), None);
@@ -276,9 +286,9 @@ async fn strings_that_are_not_utf8_reach_whom_they_concern() {
 }
 
 #[tokio::test]
-async fn noise_on_every_port_leaves_node_and_master_answering() {
-    let master = master().await;
-    let talker = node("talker", &master).await;
+async fn random_bytes_on_every_port_leave_node_and_master_working() {
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
     let publisher = talker.advertise("/chat", &STRING, LATCH).await.unwrap();
     publisher.publish(&string("hello"));
     let api = |uri: &str| {
@@ -289,9 +299,9 @@ async fn noise_on_every_port_leaves_node_and_master_answering() {
     let ports = [
         api(master.uri()),
         api(talker.uri()),
-        tcpros(&talker, "/chat").await,
+        tcpros_address(&talker, "/chat").await,
     ];
-    // Knuth's MMIX generator: the same noise in every run.
+    // Knuth's MMIX linear congruential generator: the same bytes in every run.
     let mut state = 1_u64;
     let mut noise = || {
         state = state
@@ -302,7 +312,7 @@ async fn noise_on_every_port_leaves_node_and_master_answering() {
     for round in 0..300 {
         let length = usize::from(noise());
         let mut bytes: Vec<u8> = (0..length).map(|_| noise()).collect();
-        // Every third one begins as if it meant it.
+        // One third starts like an HTTP request and one third like a connection header.
         if round % 3 == 0 {
             bytes.splice(..0, *b"POST / HTTP/1.1\r\nContent-Length: 90\r\n\r\n");
         } else if round % 3 == 1 {
@@ -319,10 +329,10 @@ async fn noise_on_every_port_leaves_node_and_master_answering() {
             .unwrap();
         let _ = stream.write_all(&bytes).await;
     }
-    let listener = node("listener", &master).await;
+    let listener = start_node("listener", &master).await;
     let mut subscriber = listener.subscribe("/chat", &STRING, 4).await.unwrap();
     assert_eq!(
-        timeout(PATIENCE, subscriber.recv()).await.unwrap(),
+        timeout(TIMEOUT, subscriber.recv()).await.unwrap(),
         Some(string("hello"))
     );
     assert!(

@@ -1,4 +1,4 @@
-//! A node that only writes down what it is called with.
+//! A node that records the calls it receives and answers each with success.
 
 use std::{
     io::{BufRead as _, BufReader, Read as _, Write as _},
@@ -8,21 +8,21 @@ use std::{
 
 use ros1::xmlrpc::{MethodCall, Value, decode_call, encode_response};
 
-pub(crate) struct Recorder {
+pub(crate) struct CallRecorder {
     pub(crate) uri: String,
     calls: Arc<Mutex<Vec<MethodCall>>>,
 }
 
-impl Recorder {
+impl CallRecorder {
     pub(crate) fn start() -> Self {
         let listener = TcpListener::bind(("127.0.0.1", 0)).unwrap();
         let uri = format!("http://{}/", listener.local_addr().unwrap());
         let calls = Arc::new(Mutex::new(Vec::new()));
-        let written = Arc::clone(&calls);
+        let recorded = Arc::clone(&calls);
         std::thread::spawn(move || {
             for stream in listener.incoming() {
-                let written = Arc::clone(&written);
-                std::thread::spawn(move || answer_all(&stream.unwrap(), &written));
+                let recorded = Arc::clone(&recorded);
+                std::thread::spawn(move || answer_all(&stream.unwrap(), &recorded));
             }
         });
         Self { uri, calls }

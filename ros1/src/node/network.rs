@@ -1,0 +1,54 @@
+//! The network address of a node: where it listens and what it reports to the master.
+
+use std::{
+    io,
+    net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr},
+};
+
+use tokio::net::UdpSocket;
+
+use crate::address::Address;
+
+/// Returns the local address to listen on so that peers can connect to `host`. Where `host` is
+/// local, only this machine can connect.
+pub(crate) fn listen_address(host: &str, ipv6: bool) -> IpAddr {
+    match host.parse::<IpAddr>() {
+        Ok(address) if address.is_loopback() => address,
+        Ok(IpAddr::V6(_)) => Ipv6Addr::UNSPECIFIED.into(),
+        Err(_) if host == "localhost" => Ipv4Addr::LOCALHOST.into(),
+        Err(_) if ipv6 => Ipv6Addr::UNSPECIFIED.into(),
+        Ok(IpAddr::V4(_)) | Err(_) => Ipv4Addr::UNSPECIFIED.into(),
+    }
+}
+
+/// Returns the address of the interface on the route to the master, which the master can call
+/// back. Without a route to the master, returns the address of the default route (192.0.2.1 is
+/// TEST-NET-1, RFC 5737), else loopback. Sends no packet: connecting a UDP socket only selects a
+/// route.
+pub(crate) async fn own_address(master: &Address) -> IpAddr {
+    for (host, port) in [(master.host(), master.port()), ("192.0.2.1", 9)] {
+        let Ok(targets) = tokio::net::lookup_host((host, port)).await else {
+            continue;
+        };
+        // IPv4 first: most ROS 1 peers support nothing else, and "localhost" resolves to both.
+        let mut targets: Vec<SocketAddr> = targets.collect();
+        targets.sort_by_key(SocketAddr::is_ipv6);
+        for target in targets {
+            if let Ok(address) = local_address_towards(target).await {
+                return address;
+            }
+        }
+    }
+    tracing::warn!("no route to the master; set ROS_IP, or other machines cannot reach this node");
+    Ipv4Addr::LOCALHOST.into()
+}
+
+async fn local_address_towards(target: SocketAddr) -> io::Result<IpAddr> {
+    let any: IpAddr = match target {
+        SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+        SocketAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
+    };
+    let socket = UdpSocket::bind((any, 0)).await?;
+    socket.connect(target).await?;
+    Ok(socket.local_addr()?.ip())
+}

@@ -1,0 +1,197 @@
+//! ROS's slave API: the calls that a node answers to the master and to other nodes.
+
+use std::sync::{
+    Arc, Weak,
+    atomic::{AtomicU64, Ordering::Relaxed},
+};
+
+use super::registrar::Registrar;
+use crate::{
+    lock::lock,
+    message_type::MessageType,
+    xmlrpc::{Fault, Reply, Value},
+};
+
+/// Handler of the node's XML-RPC server.
+#[derive(Debug)]
+pub(crate) struct Slave {
+    pub(crate) registrar: Weak<Registrar>,
+    /// Host name or address that subscribers connect to.
+    pub(crate) host: String,
+    /// Port of the TCPROS listener.
+    pub(crate) port: u16,
+}
+
+impl Slave {
+    /// Answers one call with a [`Reply`] as a value.
+    pub(crate) fn answer(&self, method: &str, arguments: &[Value]) -> Result<Value, Fault> {
+        let Some(node) = self.registrar.upgrade() else {
+            return Ok(Reply::failure("the node is shutting down", 0).into());
+        };
+        let reply = match method {
+            "getPid" => success(Value::process_id()),
+            "getMasterUri" => success(node.master_uri.as_str()),
+            "getBusStats" => success(bus_stats(&node)),
+            "getBusInfo" => success(bus_info(&node)),
+            "getSubscriptions" => {
+                let graph = lock(&node.graph);
+                let inboxes = graph.subscriptions.values().map(|topic| &topic.inbox);
+                let pairs: Value = inboxes
+                    .map(|inbox| topic_and_type(&inbox.topic, inbox.message_type))
+                    .collect();
+                success(pairs)
+            }
+            "getPublications" => {
+                let graph = lock(&node.graph);
+                let topics = graph.publications.values();
+                let pairs: Value = topics
+                    .map(|topic| topic_and_type(&topic.name, topic.message_type))
+                    .collect();
+                success(pairs)
+            }
+            "shutdown" => {
+                let reason = arguments.get(1).and_then(Value::as_str).unwrap_or_default();
+                tracing::warn!(node = node.node, reason, "asked to shut down");
+                node.shutdown_requested.send_replace(true);
+                success(0)
+            }
+            "publisherUpdate" => publisher_update(&node, arguments),
+            // This node caches no parameters.
+            "paramUpdate" => success(0),
+            "requestTopic" => self.request_topic(&node, arguments),
+            _ => {
+                return Err(Fault {
+                    code: 1,
+                    message: format!("method {method:?} is not known"),
+                });
+            }
+        };
+        Ok(reply.into())
+    }
+
+    fn request_topic(&self, node: &Registrar, arguments: &[Value]) -> Reply {
+        let [_, Value::String(topic), Value::Array(protocols)] = arguments else {
+            return Reply::caller_error("requestTopic takes (caller, topic, protocols)", 0);
+        };
+        if !lock(&node.graph).publications.contains_key(topic) {
+            return Reply::failure(format!("not a publisher of [{topic}]"), 0);
+        }
+        let tcpros = protocols.iter().any(|protocol| {
+            let name = protocol
+                .as_array()
+                .and_then(<[Value]>::first)
+                .and_then(Value::as_str);
+            name == Some("TCPROS")
+        });
+        if !tcpros {
+            let message = "no supported protocol implementations; this node speaks TCPROS";
+            return Reply::failure(message, 0);
+        }
+        let port = Value::Int(i32::from(self.port));
+        success(Value::Array(vec![
+            "TCPROS".into(),
+            self.host.as_str().into(),
+            port,
+        ]))
+    }
+}
+
+fn publisher_update(node: &Registrar, arguments: &[Value]) -> Reply {
+    let [_, Value::String(topic), publishers @ Value::Array(_)] = arguments else {
+        return Reply::caller_error("publisherUpdate takes (caller, topic, publishers)", 0);
+    };
+    let graph = lock(&node.graph);
+    if let Some(subscription) = graph.subscriptions.get(topic) {
+        subscription.set_publishers(&publishers.strings());
+    }
+    success(0)
+}
+
+/// Returns for each connection: ID, peer, direction, transport, topic, whether it is connected, and
+/// a description.
+fn bus_info(node: &Arc<Registrar>) -> Value {
+    let graph = lock(&node.graph);
+    let mut connections = Vec::new();
+    for publication in graph.publications.values() {
+        for link in publication.links() {
+            connections.push(Value::Array(vec![
+                count(u64::from(link.id)),
+                link.caller.as_str().into(),
+                "o".into(),
+                "TCPROS".into(),
+                publication.name.as_str().into(),
+                true.into(),
+                format!("TCPROS connection to [{}]", link.peer).into(),
+            ]));
+        }
+    }
+    for subscription in graph.subscriptions.values() {
+        for link in subscription.links() {
+            connections.push(Value::Array(vec![
+                count(u64::from(link.id)),
+                link.uri().into(),
+                "i".into(),
+                "TCPROS".into(),
+                subscription.inbox.topic.as_str().into(),
+                link.is_connected().into(),
+                format!("TCPROS connection from [{}]", link.uri()).into(),
+            ]));
+        }
+    }
+    Value::Array(connections)
+}
+
+/// Returns the bytes and messages of each connection, grouped into publications, subscriptions and
+/// services.
+fn bus_stats(node: &Arc<Registrar>) -> Value {
+    let graph = lock(&node.graph);
+    let publications = graph.publications.values().map(|publication| {
+        let mut bytes = 0;
+        let connections = publication.links().into_iter().map(|link| {
+            bytes += link.bytes.load(Relaxed);
+            let (sent, messages) = (loaded(&link.bytes), loaded(&link.messages));
+            Value::Array(vec![count(u64::from(link.id)), sent, messages, true.into()])
+        });
+        let connections: Value = connections.collect();
+        let name = publication.name.as_str().into();
+        Value::Array(vec![name, count(bytes), connections])
+    });
+    let subscriptions = graph.subscriptions.values().map(|subscription| {
+        let connections = subscription.links().into_iter().map(|link| {
+            // -1 for unknown: TCPROS does not report what a publisher has dropped.
+            let (received, dropped) = (loaded(&link.bytes), Value::Int(-1));
+            let connected = link.is_connected().into();
+            Value::Array(vec![
+                count(u64::from(link.id)),
+                received,
+                dropped,
+                connected,
+            ])
+        });
+        let name = subscription.inbox.topic.as_str().into();
+        Value::Array(vec![name, connections.collect()])
+    });
+    let services = Value::Array(vec![0.into(), 0.into(), 0.into()]);
+    Value::Array(vec![
+        publications.collect(),
+        subscriptions.collect(),
+        services,
+    ])
+}
+
+fn loaded(counter: &AtomicU64) -> Value {
+    count(counter.load(Relaxed))
+}
+
+/// Converts a count to XML-RPC's 32-bit integer, saturating.
+fn count(number: u64) -> Value {
+    Value::Int(i32::try_from(number).unwrap_or(i32::MAX))
+}
+
+fn topic_and_type(topic: &str, message_type: &MessageType) -> Value {
+    Value::from([topic, message_type.name])
+}
+
+fn success(value: impl Into<Value>) -> Reply {
+    Reply::success("", value)
+}

@@ -1,0 +1,67 @@
+//! Messages received on one subscribed topic.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use crate::{
+    drop_oldest_queue::{DropOldestQueue, Push},
+    message_type::MessageType,
+};
+
+/// One queue for the messages of all publishers of a topic, and the topic's name and type.
+#[derive(Debug)]
+pub(crate) struct Inbox {
+    /// Full name of the topic.
+    pub(crate) topic: String,
+    /// Type that every publisher must have.
+    pub(crate) message_type: &'static MessageType,
+    /// Full name of the node that subscribes.
+    pub(crate) node: String,
+    messages: DropOldestQueue<Vec<u8>>,
+    dropped: AtomicU64,
+}
+
+impl Inbox {
+    /// Creates an inbox that holds at most `queue` messages.
+    pub(crate) fn new(
+        topic: String,
+        message_type: &'static MessageType,
+        node: &str,
+        queue: usize,
+    ) -> Self {
+        Self {
+            topic,
+            message_type,
+            node: node.to_owned(),
+            messages: DropOldestQueue::new(queue),
+            dropped: AtomicU64::new(0),
+        }
+    }
+
+    /// Queues a received message body. Returns false once the inbox is closed.
+    pub(crate) fn deliver(&self, message: Vec<u8>) -> bool {
+        match self.messages.push(message) {
+            Push::Queued => true,
+            Push::DroppedOldest => {
+                self.dropped.fetch_add(1, Relaxed);
+                true
+            }
+            Push::Closed => false,
+        }
+    }
+
+    /// Returns the oldest message, waiting for one; `None` once the inbox is closed and empty.
+    /// Cancel safe.
+    pub(crate) async fn recv(&self) -> Option<Vec<u8>> {
+        self.messages.pop().await
+    }
+
+    /// Messages dropped because the queue was full.
+    pub(crate) fn dropped(&self) -> u64 {
+        self.dropped.load(Relaxed)
+    }
+
+    /// Accepts no further message; those already queued can still be received.
+    pub(crate) fn close(&self) {
+        self.messages.close();
+    }
+}

@@ -1,0 +1,220 @@
+//! A published topic: its latched message and a queue for each subscriber.
+
+use std::{
+    net::SocketAddr,
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicU32, AtomicU64, Ordering::Relaxed},
+    },
+};
+
+use tokio::{
+    io::{AsyncReadExt as _, AsyncWriteExt as _},
+    net::TcpStream,
+};
+
+use crate::{
+    drop_oldest_queue::{DropOldestQueue, Push},
+    lock::lock,
+    message_type::MessageType,
+    tcpros::{Header, HeaderError, MAX_MESSAGE, type_mismatch, write_message},
+};
+
+/// Queue length and latching of a published topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PublisherOptions {
+    /// Messages queued per subscriber; one more drops that subscriber's oldest. 0 counts as 1.
+    pub queue: usize,
+    /// Sends the last message to each new subscriber.
+    pub latch: bool,
+}
+
+/// One topic that the node publishes.
+#[derive(Debug)]
+pub(crate) struct Publication {
+    /// Full name of the topic.
+    pub(crate) name: String,
+    pub(crate) message_type: &'static MessageType,
+    options: PublisherOptions,
+    state: Mutex<State>,
+    dropped: AtomicU64,
+    next_id: AtomicU32,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    latched: Option<Arc<[u8]>>,
+    links: Vec<Arc<SubscriberLink>>,
+    closed: bool,
+}
+
+/// The connection to one subscriber.
+#[derive(Debug)]
+pub(crate) struct SubscriberLink {
+    /// Number of the link within its topic, from 0.
+    pub(crate) id: u32,
+    /// Name of the subscribing node as its header states it.
+    pub(crate) caller: String,
+    pub(crate) peer: SocketAddr,
+    /// Messages written to the socket.
+    pub(crate) messages: AtomicU64,
+    /// Bytes of all message bodies written to the socket.
+    pub(crate) bytes: AtomicU64,
+    queue: DropOldestQueue<Arc<[u8]>>,
+}
+
+impl Publication {
+    pub(crate) fn new(
+        name: String,
+        message_type: &'static MessageType,
+        options: PublisherOptions,
+    ) -> Self {
+        Self {
+            name,
+            message_type,
+            options,
+            state: Mutex::default(),
+            dropped: AtomicU64::new(0),
+            next_id: AtomicU32::new(0),
+        }
+    }
+
+    /// Queues a message body for every subscriber. Returns the number of subscribers reached.
+    pub(crate) fn publish(&self, message: &[u8]) -> u32 {
+        if message.len() > MAX_MESSAGE {
+            self.dropped.fetch_add(1, Relaxed);
+            return 0;
+        }
+        let mut state = lock(&self.state);
+        if state.closed || (state.links.is_empty() && !self.options.latch) {
+            return 0;
+        }
+        let shared: Arc<[u8]> = Arc::from(message);
+        let mut reached = 0;
+        for link in &state.links {
+            match link.queue.push(Arc::clone(&shared)) {
+                Push::Queued => reached += 1,
+                Push::DroppedOldest => {
+                    reached += 1;
+                    self.dropped.fetch_add(1, Relaxed);
+                }
+                Push::Closed => {}
+            }
+        }
+        if self.options.latch {
+            state.latched = Some(shared);
+        }
+        reached
+    }
+
+    /// Returns the links of all connected subscribers.
+    pub(crate) fn links(&self) -> Vec<Arc<SubscriberLink>> {
+        lock(&self.state).links.clone()
+    }
+
+    /// Number of connected subscribers.
+    pub(crate) fn subscribers(&self) -> usize {
+        lock(&self.state).links.len()
+    }
+
+    /// Messages dropped since the topic was advertised, summed over all subscribers.
+    pub(crate) fn dropped(&self) -> u64 {
+        self.dropped.load(Relaxed)
+    }
+
+    /// Accepts no further message; those already queued are still sent.
+    pub(crate) fn close(&self) {
+        let mut state = lock(&self.state);
+        state.closed = true;
+        for link in &state.links {
+            link.queue.close();
+        }
+    }
+
+    /// Sends the topic to one subscriber, whose header has been read, until either side closes.
+    pub(crate) async fn serve(
+        self: Arc<Self>,
+        mut stream: TcpStream,
+        header: &Header,
+        node: &str,
+    ) -> Result<(), HeaderError> {
+        let what = format!("topic [{}]", self.name);
+        let (name, md5) = (self.message_type.name, self.message_type.md5);
+        if let Some(mismatch) = type_mismatch(header, &what, name, md5) {
+            tracing::warn!(subscriber = header.get("callerid"), "refused: {mismatch}");
+            let refusal = Header::new().with("error", &mismatch).encode()?;
+            stream.write_all(&refusal).await?;
+            return Ok(stream.shutdown().await?);
+        }
+        let answer = Header::new()
+            .with("callerid", node)
+            .with("latching", if self.options.latch { "1" } else { "0" })
+            .with("md5sum", md5)
+            .with("message_definition", self.message_type.definition)
+            .with("topic", &self.name)
+            .with("type", name)
+            .encode()?;
+        let caller = header.get("callerid").unwrap_or("unknown").to_owned();
+        let attached = self.attach(caller, stream.peer_addr()?);
+        stream.write_all(&answer).await?;
+        attached.link.send_messages(stream).await?;
+        Ok(())
+    }
+
+    /// Adds a link. The latched message is the first in its queue; every message published from
+    /// now on follows.
+    fn attach(self: &Arc<Self>, caller: String, peer: SocketAddr) -> AttachedLink {
+        let link = Arc::new(SubscriberLink {
+            id: self.next_id.fetch_add(1, Relaxed),
+            caller,
+            peer,
+            messages: AtomicU64::new(0),
+            bytes: AtomicU64::new(0),
+            queue: DropOldestQueue::new(self.options.queue),
+        });
+        let mut state = lock(&self.state);
+        if let Some(latched) = &state.latched {
+            link.queue.push(Arc::clone(latched));
+        }
+        if state.closed {
+            link.queue.close();
+        }
+        state.links.push(Arc::clone(&link));
+        AttachedLink {
+            publication: Arc::clone(self),
+            link,
+        }
+    }
+}
+
+/// Removes its link from the publication when dropped, that is when the connection ends.
+struct AttachedLink {
+    publication: Arc<Publication>,
+    link: Arc<SubscriberLink>,
+}
+
+impl Drop for AttachedLink {
+    fn drop(&mut self) {
+        lock(&self.publication.state)
+            .links
+            .retain(|link| !Arc::ptr_eq(link, &self.link));
+    }
+}
+
+impl SubscriberLink {
+    async fn send_messages(&self, mut stream: TcpStream) -> std::io::Result<()> {
+        // A subscriber sends nothing after its header; a read only detects that it has closed.
+        let mut ignored = [0; 64];
+        loop {
+            tokio::select! {
+                message = self.queue.pop() => {
+                    let Some(message) = message else { return stream.shutdown().await };
+                    write_message(&mut stream, &message).await?;
+                    self.messages.fetch_add(1, Relaxed);
+                    self.bytes.fetch_add(u64::try_from(message.len()).unwrap_or(u64::MAX), Relaxed);
+                }
+                count = stream.read(&mut ignored) => if count? == 0 { return Ok(()) },
+            }
+        }
+    }
+}
