@@ -5,8 +5,13 @@ use core::ops::Range;
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 
+use crate::bus::Bus;
+use crate::chain::Chain;
 use crate::command::REFERENCE_US;
-use crate::{Bus, Chain, Error, ReadBack, Register, Settings};
+use crate::error::Error;
+use crate::image::ReadBack;
+use crate::register::Register;
+use crate::settings::Settings;
 
 /// How far a chain has been brought up.
 ///

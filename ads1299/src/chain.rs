@@ -6,12 +6,17 @@ use embedded_hal::digital::{Error as _, OutputPin};
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::spi::Error as _;
 
+use crate::MAX_CHIPS;
 use crate::bring_up::BringUp;
+use crate::bus::{Bus, Speed};
+use crate::clock::Clock;
 use crate::command::{AFTER_RESET, DECODE, DESELECTED, POWER_ON_US, RESET_LOW, opcode};
+use crate::configured::Configured;
+use crate::error::{Error, Pin};
+use crate::image::{Image, ReadBack};
 use crate::register::ID_MASK;
-use crate::{
-    Bus, Clock, Configured, Error, ID, Image, MAX_CHIPS, Pin, ReadBack, Register, Settings, Speed,
-};
+use crate::register::{ID, Register};
+use crate::settings::Settings;
 
 /// The wires of a chain of 1 to 8 chips: SPI in mode 1, and pins of one type.
 ///

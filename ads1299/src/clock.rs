@@ -39,7 +39,7 @@ impl Clock {
     }
 
     /// The slowest that the data sheet allows. Whoever waits for the chips waits by it: a chain whose
-    /// clock is not the one that is set still answers, and [`ReadyMeter`](crate::ReadyMeter) says so.
+    /// clock is not the one that is set still answers, and [`ReadyMeter`](crate::ready::ReadyMeter) says so.
     pub(crate) const SLOWEST: Self = Self {
         hz: SLOWEST_HZ,
         internal: false,

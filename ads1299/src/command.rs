@@ -1,6 +1,6 @@
 //! The words that a chip understands, and the times it needs.
 
-use crate::Clock;
+use crate::clock::Clock;
 
 /// Opcodes (9.5.3). START and RESET have pins here, and RDATA and STANDBY are not used.
 pub(crate) mod opcode {

@@ -3,7 +3,12 @@
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 
-use crate::{Bus, Chain, Error, ReadBack, Settings, Speed, Streaming};
+use crate::bus::{Bus, Speed};
+use crate::chain::Chain;
+use crate::error::Error;
+use crate::image::ReadBack;
+use crate::settings::Settings;
+use crate::streaming::Streaming;
 
 /// A chain that has been brought up; its registers can be read and written.
 #[derive(Debug)]
@@ -56,7 +61,7 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     }
 
     /// START for all chips at once, then RDATAC and SCLK for bursts, long before the first DRDY: that
-    /// comes [`Rate::settling`](crate::Rate::settling) cycles later, with settled data.
+    /// comes [`Rate::settling`](crate::rate::Rate::settling) cycles later, with settled data.
     ///
     /// # Errors
     /// When the bus or a pin fails.

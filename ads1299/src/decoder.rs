@@ -1,7 +1,12 @@
 //! From the bytes of a frame to counts.
 
+use crate::CHANNELS;
+use crate::CHIP_BYTES;
+use crate::MAX_CHIPS;
+use crate::alignment::Alignment;
+use crate::frame_bytes;
 use crate::status_word::NIBBLE;
-use crate::{Alignment, CHANNELS, CHIP_BYTES, ChipFault, MAX_CHIPS, StatusWord, frame_bytes};
+use crate::status_word::{ChipFault, StatusWord};
 
 /// Frames in a row that must speak for the other alignment before the decoder changes over.
 const CHANGE_OVER: u8 = 4;

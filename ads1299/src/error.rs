@@ -4,7 +4,8 @@ use core::fmt;
 
 use embedded_hal::{digital, spi};
 
-use crate::{Register, Speed, TooFast};
+use crate::bus::{Speed, TooFast};
+use crate::register::Register;
 
 /// Why a chain does not run. Chips count from 0, the one at MISO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,7 +120,7 @@ impl fmt::Display for Error {
                     formatter,
                     "ADS1299 {chip} of the chain answers with ID 0x{read:02X} instead of 0x{:02X}: \
                      {cause}",
-                    crate::ID
+                    crate::register::ID
                 )
             }
             Self::NotKept {

@@ -1,7 +1,10 @@
 //! Register values of a chip.
 
+use crate::error::Error;
+use crate::input::Input;
+use crate::register::Register;
 use crate::register::{ID, ID_MASK};
-use crate::{Channel, Error, Input, Register, Settings};
+use crate::settings::{Channel, Settings};
 
 /// Register values of a chip, by address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -123,7 +126,8 @@ impl ReadBack {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Bias, LeadOff, LeadOffCurrent, LeadOffThreshold};
+    use crate::lead_off::{LeadOff, LeadOffCurrent, LeadOffThreshold};
+    use crate::settings::Bias;
 
     #[test]
     fn the_eeg_settings_are_these_bytes() {
@@ -140,12 +144,12 @@ mod tests {
     #[test]
     fn every_field_reaches_its_bits() {
         let mut settings = Settings::<1>::EEG;
-        settings.clock = crate::Clock::INTERNAL;
+        settings.clock = crate::clock::Clock::INTERNAL;
         settings.lead_off = LeadOff {
             comparators: true,
             threshold: LeadOffThreshold::P70,
             current: LeadOffCurrent::Ua6,
-            frequency: crate::LeadOffFrequency::Quarter,
+            frequency: crate::lead_off::LeadOffFrequency::Quarter,
         };
         settings.chips[0].bias = Bias {
             lead_off: true,

@@ -1,7 +1,7 @@
 //! How a lost electrode is found.
 
 /// How a lost electrode is found (LOFF, 9.6.1.5): a current that a good contact drains. Which
-/// electrodes get it says [`ChipSettings`](crate::ChipSettings).
+/// electrodes get it says [`ChipSettings`](crate::settings::ChipSettings).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LeadOff {
     /// Whether the comparators behind the status bits run (CONFIG4.PD_LOFF_COMP).

@@ -3,7 +3,8 @@
 use core::fmt;
 
 use crate::decimal::Decimal;
-use crate::{Gain, Rate};
+use crate::gain::Gain;
+use crate::rate::Rate;
 
 /// What a channel in order stays within.
 #[derive(Clone, Copy, Debug, PartialEq)]

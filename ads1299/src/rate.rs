@@ -1,6 +1,6 @@
 //! The rate of samples.
 
-use crate::Clock;
+use crate::clock::Clock;
 
 /// The rate of samples, as the clock's divider (CONFIG1.DR, 9.6.1.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

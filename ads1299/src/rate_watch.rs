@@ -1,6 +1,8 @@
 //! The rate of a chain that runs.
 
-use crate::{Clock, Edge, Rate, RateError, ReadyMeter};
+use crate::clock::Clock;
+use crate::rate::Rate;
+use crate::ready::{Edge, RateError, ReadyMeter};
 
 /// Periods without a gap by which the rate is judged: 1/8 s at 512 Hz. Stamps of 1 us tell it to 16
 /// millionths then, an interrupt that is 50 us late to 400; a quartz is allowed 1000.

@@ -1,6 +1,8 @@
 //! What was found with a sample.
 
-use crate::{FrameStatus, RateError, StatusWord};
+use crate::decoder::FrameStatus;
+use crate::ready::RateError;
+use crate::status_word::StatusWord;
 
 /// What was found with a sample, chip by chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

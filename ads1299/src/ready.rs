@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-use crate::{Clock, Rate};
+use crate::clock::Clock;
+use crate::rate::Rate;
 
 /// Judges the rate of samples by the times of DRDY's falling edges. Time stamps may jitter by less
 /// than a quarter of a period.

@@ -4,8 +4,12 @@ use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 
 use crate::bring_up::BringUp;
+use crate::bus::Bus;
 use crate::command::COLD_US;
-use crate::{Bus, Drdy, DrdyEdge, Error, Reading, SILENCE, Sampler};
+use crate::drdy::{Drdy, DrdyEdge};
+use crate::error::Error;
+use crate::reading::Reading;
+use crate::sampler::{SILENCE, Sampler};
 
 /// Samples in their rhythm, whatever the chain does: real ones, or flagged ones that repeat the last
 /// counts while it is silent.

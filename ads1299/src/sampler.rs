@@ -3,11 +3,19 @@
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 
+use crate::CHANNELS;
+use crate::MAX_CHIPS;
 use crate::bring_up::BringUp;
+use crate::bus::Bus;
+use crate::chain::Chain;
 use crate::chain::{check, number};
 use crate::command::{COLD_US, POWER_ON_US};
+use crate::decoder::Decoder;
+use crate::error::Error;
 use crate::rate_watch::RateWatch;
-use crate::{Bus, CHANNELS, Chain, Decoder, Error, MAX_CHIPS, Reading, Settings, Streaming};
+use crate::reading::Reading;
+use crate::settings::Settings;
+use crate::streaming::Streaming;
 
 /// Periods without an edge of DRDY after which a chain is taken to be silent.
 pub const SILENCE: u32 = 4;
@@ -76,7 +84,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     }
 
     /// Brings the chain up and starts it, as [`Chain::power_up`] and
-    /// [`Configured::start`](crate::Configured::start) do; `progress` is called at least every 20 ms.
+    /// [`Configured::start`](crate::configured::Configured::start) do; `progress` is called at least every 20 ms.
     ///
     /// # Errors
     /// The first thing wrong. If it is a chip, the chain runs nevertheless, and that chip is bad in

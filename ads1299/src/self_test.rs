@@ -4,12 +4,23 @@ use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::digital::Wait;
 
+use crate::CHANNELS;
+use crate::bus::Bus;
 use crate::chain::number;
-use crate::{
-    Bus, CHANNELS, Channel, Error, Gain, Input, ReadBack, ReadyMeter, ReadyReport, Register,
-    Sampler, SelfTestFault, SelfTestReport, Settings, ShortedTest, SquareWaveTest, Streaming,
-    TestSignal,
-};
+use crate::error::Error;
+use crate::gain::Gain;
+use crate::image::ReadBack;
+use crate::input::Input;
+use crate::limits::SelfTestFault;
+use crate::ready::ReadyMeter;
+use crate::register::Register;
+use crate::sampler::Sampler;
+use crate::self_test_report::{ReadyReport, SelfTestReport};
+use crate::settings::{Channel, Settings};
+use crate::shorted_test::ShortedTest;
+use crate::square_wave_test::SquareWaveTest;
+use crate::streaming::Streaming;
+use crate::test_signal::TestSignal;
 
 /// Periods of the test signal that are judged.
 const PERIODS: u32 = 2;

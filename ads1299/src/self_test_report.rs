@@ -2,7 +2,11 @@
 
 use core::fmt;
 
-use crate::{CHANNELS, Error, RateError, Register, SelfTestFault};
+use crate::CHANNELS;
+use crate::error::Error;
+use crate::limits::SelfTestFault;
+use crate::ready::RateError;
+use crate::register::Register;
 
 /// What a self-test has found, as plain numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,7 +26,7 @@ pub struct SelfTestReport<const CHIPS: usize> {
 /// The registers and the frames of a chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChipReport {
-    /// The ID that it answers; [`ID`](crate::ID) is right.
+    /// The ID that it answers; [`ID`](crate::register::ID) is right.
     pub id: u8,
     /// Registers that did not keep what was written, the most in any of the settings, 0 to 24.
     pub differing: u8,

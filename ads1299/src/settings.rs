@@ -1,6 +1,12 @@
 //! What a chain is to do.
 
-use crate::{CHANNELS, Clock, Gain, Input, LeadOff, Rate, TestSignal};
+use crate::CHANNELS;
+use crate::clock::Clock;
+use crate::gain::Gain;
+use crate::input::Input;
+use crate::lead_off::LeadOff;
+use crate::rate::Rate;
+use crate::test_signal::TestSignal;
 
 /// What a chain is to do: the registers as typed fields. What all chips share stands here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,7 +1,9 @@
 //! What a channel makes of nothing.
 
+use crate::gain::Gain;
+use crate::limits::{Limits, SelfTestFault};
+use crate::rate::Rate;
 use crate::statistics::{Statistics, rms};
-use crate::{Gain, Limits, Rate, SelfTestFault};
 
 /// Judges one channel by its samples with shorted input. The data sheet takes 1000 (8.1); at most
 /// 2^16 count.

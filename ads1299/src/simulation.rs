@@ -26,7 +26,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Waker};
 use std::vec::Vec;
 
-use crate::{Alignment, CHANNELS, Chain};
+use crate::CHANNELS;
+use crate::alignment::Alignment;
+use crate::chain::Chain;
 use board::Board;
 
 pub use board::Event;

@@ -1,7 +1,10 @@
 //! What a channel makes of the chip's own square wave.
 
+use crate::gain::Gain;
+use crate::limits::{Limits, SelfTestFault};
+use crate::rate::Rate;
 use crate::statistics::{Statistics, rms};
-use crate::{Gain, Limits, Rate, SelfTestFault, TestSignal};
+use crate::test_signal::TestSignal;
 
 /// Samples left out on either side of a transition: the sinc filter takes three to settle.
 const GUARD: usize = 4;

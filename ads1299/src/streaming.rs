@@ -8,8 +8,12 @@ use embedded_hal::digital::{Error as _, OutputPin};
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::digital::Wait;
 
+use crate::bus::Bus;
+use crate::chain::Chain;
+use crate::clock::Clock;
 use crate::command::DECODE;
-use crate::{Bus, Chain, Clock, Error, Pin, Rate};
+use crate::error::{Error, Pin};
+use crate::rate::Rate;
 
 /// A chain that converts: a frame at every falling edge of DRDY, until it is stopped. Registers can
 /// be neither read nor written in the meantime.
@@ -55,7 +59,7 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     }
 
     /// Clocks a frame out of the chips: [`frame_bytes`](crate::frame_bytes) bytes for
-    /// [`Decoder::decode`](crate::Decoder::decode).
+    /// [`Decoder::decode`](crate::decoder::Decoder::decode).
     ///
     /// # Errors
     /// When the bus or a pin fails.

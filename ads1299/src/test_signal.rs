@@ -3,7 +3,7 @@
 use crate::gain::VREF;
 
 /// The square wave that a chip makes for itself (CONFIG2, 9.6.1.3); a channel sees it with
-/// [`Input::TestSignal`](crate::Input::TestSignal).
+/// [`Input::TestSignal`](crate::input::Input::TestSignal).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TestSignal {
     /// Made inside; otherwise driven at the test pins.
@@ -26,7 +26,7 @@ pub enum TestAmplitude {
 /// Frequency of the test signal (CONFIG2.CAL_FREQ); 2 is not allowed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TestFrequency {
-    /// Clock / 2^21: 1 Hz of [`Clock::EEG`](crate::Clock::EEG).
+    /// Clock / 2^21: 1 Hz of [`Clock::EEG`](crate::clock::Clock::EEG).
     Slow = 0,
     /// Clock / 2^20.
     Fast = 1,

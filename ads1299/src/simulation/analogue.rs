@@ -1,9 +1,15 @@
 //! The analogue side of a chip: what its channels make of what is at their inputs.
 
+use crate::CHANNELS;
+use crate::gain::Gain;
 use crate::gain::VREF;
+use crate::input::Input;
+use crate::limits::typical_noise_uv;
+use crate::rate::Rate;
+use crate::register::Register;
 use crate::simulation::chip::Chip;
 use crate::simulation::noise::Noise;
-use crate::{CHANNELS, Gain, Input, Rate, Register, TestAmplitude, typical_noise_uv};
+use crate::test_signal::TestAmplitude;
 
 /// What is at the electrodes of a channel.
 #[derive(Clone, Copy, Debug)]

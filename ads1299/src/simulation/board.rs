@@ -4,13 +4,16 @@ mod power;
 
 use std::vec::Vec;
 
+use crate::CHANNELS;
+use crate::bus::Speed;
 use crate::command::{AFTER_RESET, DECODE, POWER_ON, RESET_LOW};
+use crate::rate::Rate;
+use crate::register::Register;
 use crate::simulation::analogue::{self, Conversion, Electrode, Off};
 use crate::simulation::burst::Burst;
 use crate::simulation::chip::{Chip, Heard, Moment};
 use crate::simulation::noise::Noise;
 use crate::simulation::{Electrodes, Fault, Options};
-use crate::{CHANNELS, Rate, Register, Speed};
 use power::Supply;
 
 /// What came over the wires.

@@ -1,8 +1,10 @@
 //! The digital side of a chip: what it understands and when.
 
+use crate::CHANNELS;
+use crate::CHIP_BYTES;
 use crate::command::opcode;
+use crate::register::Register;
 use crate::simulation::Fault;
-use crate::{CHANNELS, CHIP_BYTES, Register};
 
 /// A chip.
 #[derive(Clone, Debug)]

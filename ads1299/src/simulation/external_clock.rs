@@ -3,7 +3,7 @@
 //! Its wires ([`Simulation::chain`]) act at the time that [`Simulation::advance_to`] has set; SPI is
 //! clocked with [`Simulation::transfer_at`] instead of through the chain's own bus.
 
-use crate::Speed;
+use crate::bus::Speed;
 use crate::simulation::Simulation;
 
 /// Fastest SCLK at which the resistors of decision 0011 let registers be read, Hz.

@@ -1,6 +1,6 @@
 //! What can be broken.
 
-use crate::Register;
+use crate::register::Register;
 
 /// What can be broken in a chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,8 +9,9 @@ use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::digital::Wait;
 use embedded_hal_async::spi::SpiBus;
 
+use crate::bus::{Bus, Speed, TooFast};
+use crate::drdy::{Drdy, DrdyEdge};
 use crate::simulation::Simulation;
-use crate::{Bus, Drdy, DrdyEdge, Speed, TooFast};
 
 /// SCLK, MOSI and MISO.
 #[derive(Debug)]

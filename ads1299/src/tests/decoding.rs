@@ -4,7 +4,11 @@ use std::vec::Vec;
 
 use proptest::prelude::*;
 
-use crate::{Alignment, CHANNELS, ChipFault, Decoder, frame_bytes};
+use crate::CHANNELS;
+use crate::alignment::Alignment;
+use crate::decoder::Decoder;
+use crate::frame_bytes;
+use crate::status_word::ChipFault;
 
 /// The bits of a frame as a chain sends them; `other` fills the don't-care bits.
 fn encode<const CHIPS: usize, const BYTES: usize>(

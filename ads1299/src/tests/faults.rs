@@ -3,11 +3,17 @@
 use std::string::ToString;
 use std::vec::Vec;
 
+use crate::CHANNELS;
+use crate::alignment::Alignment;
+use crate::clock::Clock;
+use crate::decoder::{Decoder, FrameStatus};
+use crate::error::Error;
+use crate::frame_bytes;
+use crate::rate::Rate;
+use crate::ready::{Edge, RateError, ReadyMeter};
+use crate::settings::Settings;
 use crate::simulation::{Electrodes, Fault, Options, SimulatedReady, Simulation, finish};
-use crate::{
-    Alignment, CHANNELS, ChipFault, Clock, Decoder, Edge, Error, FrameStatus, Rate, RateError,
-    ReadyMeter, Settings, frame_bytes,
-};
+use crate::status_word::ChipFault;
 
 const CHIPS: usize = 8;
 

@@ -2,11 +2,15 @@
 
 use std::vec::Vec;
 
+use crate::drdy::Drdy as _;
+use crate::reading::Reading;
+use crate::retrying_sampler::RetryingSampler;
+use crate::sampler::Sampler;
+use crate::settings::Settings;
 use crate::simulation::{
     Electrodes, Event, Fault, Options, SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady,
     Simulation, finish,
 };
-use crate::{Drdy as _, Reading, RetryingSampler, Sampler, Settings};
 
 const CHIPS: usize = 8;
 const RETRY_US: u64 = 5_000_000;

@@ -2,14 +2,20 @@
 
 use std::vec::Vec;
 
+use crate::CHANNELS;
+use crate::configured::Configured;
+use crate::error::Error;
+use crate::frame_bytes;
+use crate::reading::Reading;
+use crate::ready::RateError;
+use crate::register::Register;
+use crate::sampler::Sampler;
+use crate::settings::Settings;
 use crate::simulation::{
     Electrodes, Fault, Options, SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady,
     Simulation, finish,
 };
-use crate::{
-    CHANNELS, ChipFault, Configured, Error, RateError, Reading, Register, Sampler, Settings,
-    frame_bytes,
-};
+use crate::status_word::ChipFault;
 use embedded_hal_async::digital::Wait as _;
 
 const CHIPS: usize = 8;
@@ -277,7 +283,7 @@ fn a_chain_is_started_stopped_and_set_up_again_at_the_right_speeds() {
 
 #[test]
 fn registers_read_at_the_speed_of_bursts_are_a_violation() {
-    use crate::{Bus as _, Speed};
+    use crate::bus::{Bus as _, Speed};
     use embedded_hal::digital::OutputPin as _;
     use embedded_hal_async::delay::DelayNs as _;
     use embedded_hal_async::spi::SpiBus as _;

@@ -3,11 +3,19 @@
 use std::string::ToString;
 use std::vec::Vec;
 
+use crate::CHANNELS;
+use crate::clock::Clock;
+use crate::decoder::Decoder;
+use crate::frame_bytes;
+use crate::gain::Gain;
+use crate::input::Input;
+use crate::limits::{SelfTestFault, typical_noise_uv};
+use crate::rate::Rate;
+use crate::settings::Settings;
+use crate::shorted_test::ShortedTest;
 use crate::simulation::{Electrodes, Options, Simulation, finish};
-use crate::{
-    CHANNELS, Clock, Decoder, Gain, Input, Rate, SelfTestFault, Settings, ShortedTest,
-    SquareWaveTest, TestAmplitude, TestFrequency, TestSignal, frame_bytes, typical_noise_uv,
-};
+use crate::square_wave_test::SquareWaveTest;
+use crate::test_signal::{TestAmplitude, TestFrequency, TestSignal};
 
 const CHIPS: usize = 2;
 

@@ -3,8 +3,11 @@
 use std::string::ToString;
 use std::vec::Vec;
 
+use crate::error::Error;
+use crate::input::Input;
+use crate::register::Register;
+use crate::settings::Settings;
 use crate::simulation::{Electrodes, Event, Fault, Options, Simulation, finish};
-use crate::{Error, Input, Register, Settings};
 
 fn silent<const CHIPS: usize>(options: Options) -> Simulation<CHIPS> {
     Simulation::new(options, Electrodes::silent())
@@ -80,7 +83,7 @@ fn every_register_reads_back_and_is_kept_for_the_self_test() {
     simulation.inject(1, Fault::Forgets(Register::LOFF));
     let mut settings = Settings::EEG;
     settings.lead_off.comparators = true;
-    settings.lead_off.threshold = crate::LeadOffThreshold::P80;
+    settings.lead_off.threshold = crate::lead_off::LeadOffThreshold::P80;
     assert!(finish(configured.configure(&settings)).unwrap().is_err());
     let back = finish(configured.read_back()).unwrap().unwrap();
     let differing = back.map(|chip| chip.first_differing());

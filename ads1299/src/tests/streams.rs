@@ -2,11 +2,17 @@
 
 use std::vec::Vec;
 
+use crate::CHANNELS;
+use crate::alignment::Alignment;
+use crate::clock::Clock;
+use crate::decoder::Decoder;
+use crate::frame_bytes;
+use crate::gain::Gain;
+use crate::lead_off::{LeadOff, LeadOffThreshold};
+use crate::rate::Rate;
+use crate::ready::{Edge, ReadyMeter};
+use crate::settings::Settings;
 use crate::simulation::{Electrodes, Options, Simulation, finish};
-use crate::{
-    Alignment, CHANNELS, Clock, Decoder, Edge, Gain, LeadOff, LeadOffThreshold, Rate, ReadyMeter,
-    Settings, frame_bytes,
-};
 
 /// Counts that no two channels and no two samples share.
 fn unlike<const CHIPS: usize>(sample: u64, counts: &mut [[i32; CHANNELS]; CHIPS]) {

@@ -4,12 +4,16 @@ use std::string::ToString;
 
 use embedded_hal_async::digital::Wait as _;
 
+use crate::error::Error;
+use crate::frame_bytes;
+use crate::ready::RateError;
+use crate::register::{ID, Register};
+use crate::sampler::Sampler;
+use crate::self_test::SelfTest;
+use crate::self_test_report::{Finding, SelfTestReport};
+use crate::settings::Settings;
 use crate::simulation::{
     Electrodes, Fault, Options, SimulatedBus, SimulatedDelay, SimulatedLine, Simulation, finish,
-};
-use crate::{
-    Error, Finding, ID, RateError, Register, Sampler, SelfTest, SelfTestReport, Settings,
-    frame_bytes,
 };
 
 const CHIPS: usize = 3;
