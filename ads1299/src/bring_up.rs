@@ -1,4 +1,4 @@
-//! Bringing a chain up, step by step.
+//! Bring-up of a chain, in stages short enough to run between two samples.
 
 use core::ops::Range;
 
@@ -6,46 +6,48 @@ use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 
 use crate::bus::Bus;
-use crate::chain::Chain;
+use crate::chain::{Chain, number};
 use crate::command::REFERENCE_US;
+use crate::configured::Configured;
 use crate::error::Error;
+use crate::frame::MAX_CHIPS;
 use crate::image::ReadBack;
-use crate::register::Register;
+use crate::register::{ID, ID_MASK, Register};
 use crate::settings::Settings;
 
-/// How far a chain has been brought up.
+/// Progress of a bring-up, and the registers that it has read back.
 ///
-/// A step clocks at most [`STEP_BYTES`], 1.1 ms at 82 kHz with the times to decode them, so that a device
-/// that samples every 1.9 ms is not late by it; the waits, which are most of a bring-up, are the caller's.
+/// One stage clocks at most [`STAGE_BYTES`]: 1.1 ms at 82 kHz with the decoding times. So a device with
+/// a sample every 1.9 ms can run a stage in between. The caller waits between stages.
 #[derive(Clone, Debug)]
 pub(crate) struct BringUp<const CHIPS: usize> {
-    next: Step,
+    next: Stage,
     power_us: u32,
     reference_was_on: bool,
-    /// The registers of each chip, read back.
-    pub(crate) backs: [ReadBack; CHIPS],
+    /// Registers of each chip, as read back.
+    pub(crate) read_backs: [ReadBack; CHIPS],
 }
 
-/// Registers that are written in one step; between them is the read-only status of lead-off.
+/// Registers written in one stage. The read-only lead-off status between the last two ranges is skipped.
 const WRITTEN: [Range<usize>; 3] = [
     Register::CONFIG1.index()..9,
     9..Register::LOFF_STATP.index(),
     Register::GPIO.index()..Register::COUNT,
 ];
 
-/// Registers that are read in one step.
+/// Registers read in one stage.
 const READ: [Range<usize>; 3] = [0..8, 8..16, 16..Register::COUNT];
 
-/// Parts of a chip's registers.
+/// Ranges per chip in [`WRITTEN`] and in [`READ`].
 const PARTS: usize = 3;
 
-/// Bytes that a step clocks at most.
-const STEP_BYTES: usize = 11;
+/// Most bytes that one stage clocks.
+const STAGE_BYTES: usize = 11;
 
-/// Bytes of RREG and WREG before the values: opcode and number.
+/// Bytes of RREG and WREG before the values: opcode and number of registers.
 const OPCODE_BYTES: usize = 2;
 
-/// RDATAC, which follows the last part that is read in the same step.
+/// RDATAC, sent in the same stage as the last read.
 const RDATAC_BYTES: usize = 1;
 
 const _: () = {
@@ -53,122 +55,174 @@ const _: () = {
     while part < PARTS {
         let written = WRITTEN[part].end - WRITTEN[part].start;
         let read = READ[part].end - READ[part].start;
-        assert!(OPCODE_BYTES + written <= STEP_BYTES);
-        assert!(OPCODE_BYTES + read + RDATAC_BYTES <= STEP_BYTES);
+        assert!(OPCODE_BYTES + written <= STAGE_BYTES);
+        assert!(OPCODE_BYTES + read + RDATAC_BYTES <= STAGE_BYTES);
         part += 1;
     }
-    // CONFIG3 is read and written in one step.
-    assert!(2 * (OPCODE_BYTES + 1) <= STEP_BYTES);
+    // CONFIG3 is read and written in one stage.
+    assert!(2 * (OPCODE_BYTES + 1) <= STAGE_BYTES);
 };
 
-/// The order is the data sheet's (11.1, figure 67).
+/// Next stage, in the data sheet's order (11.1, figure 67).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
-    /// Pins at rest.
+enum Stage {
+    /// Drive the pins to their idle level.
     Power,
     Reset,
     Stop,
-    /// CONFIG3 of a chip.
+    /// Write CONFIG3 of this chip, which switches its reference on.
     Reference(usize),
-    /// A part of the registers of a chip, counted over all chips.
+    /// Write a range of registers; ranges are counted over all chips.
     Registers(usize),
     ReadBack(usize),
     Done,
 }
 
 impl<const CHIPS: usize> BringUp<CHIPS> {
-    /// From the power to registers that are read back; `power_us` is how long the power may take from
-    /// now on until the chips can be reset.
+    /// Starts with the supplies: the chips are reset `power_us` microseconds from now.
     pub(crate) const fn from_power(power_us: u32) -> Self {
         Self {
-            next: Step::Power,
+            next: Stage::Power,
             power_us,
             reference_was_on: true,
-            backs: [ReadBack::NONE; CHIPS],
+            read_backs: [ReadBack::NONE; CHIPS],
         }
     }
 
-    /// Of chips that have been reset since their power came.
+    /// Starts with chips that have been reset since power-up.
     pub(crate) const fn from_reset() -> Self {
-        let mut steps = Self::from_power(0);
-        steps.next = Step::Stop;
-        steps
+        let mut bring_up = Self::from_power(0);
+        bring_up.next = Stage::Stop;
+        bring_up
     }
 }
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
-    /// Takes the next step; returns how long to wait before the one after it, us, or none if that was the
-    /// last one.
-    pub(crate) async fn step(
+    /// Brings the chain up in the data sheet's order (11.1, figure 67): START and selects idle,
+    /// 2^18 tCLK, reset, 18 tCLK, SDATAC, IDs, reference and 150 ms, all other registers, read-back.
+    /// Takes 0.33 s for eight chips. If VCAP1 needs more than 175 ms to reach 1.1 V, wait before the call.
+    ///
+    /// # Errors
+    /// The first chip with a wrong ID, the first register that did not keep its value, or a bus or
+    /// pin that failed. The call can be repeated after any of them.
+    pub async fn power_up(
         &mut self,
         settings: &Settings<CHIPS>,
-        steps: &mut BringUp<CHIPS>,
+    ) -> Result<Configured<'_, Spi, Line, Delay, CHIPS>, Error> {
+        const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
+        self.reset(&mut || ()).await?;
+        for chip in 0..CHIPS {
+            let read = self.read_id(chip).await?;
+            if read & ID_MASK != ID & ID_MASK {
+                let chip = number(chip);
+                return Err(Error::WrongId { chip, read });
+            }
+        }
+        self.configure(settings).await?;
+        Ok(Configured::new(self, settings))
+    }
+
+    /// Stops the chips, writes every register and verifies it.
+    pub(crate) async fn configure(&mut self, settings: &Settings<CHIPS>) -> Result<(), Error> {
+        let read_backs = self.set_up(settings, &mut || ()).await?;
+        check(&read_backs, settings)
+    }
+
+    /// Stops the chips, writes every register and returns the values read back; calls `progress` at
+    /// least every 20 ms.
+    pub(crate) async fn set_up(
+        &mut self,
+        settings: &Settings<CHIPS>,
+        progress: &mut impl FnMut(),
+    ) -> Result<[ReadBack; CHIPS], Error> {
+        let mut bring_up = BringUp::from_reset();
+        self.finish(settings, &mut bring_up, progress).await?;
+        Ok(bring_up.read_backs)
+    }
+
+    /// Runs the next stage. Returns the delay before the following stage in microseconds, or `None` after
+    /// the last one.
+    pub(crate) async fn run_stage(
+        &mut self,
+        settings: &Settings<CHIPS>,
+        bring_up: &mut BringUp<CHIPS>,
     ) -> Result<Option<u32>, Error> {
         let mut wait_us = 0;
-        steps.next = match steps.next {
-            Step::Power => {
+        bring_up.next = match bring_up.next {
+            Stage::Power => {
                 self.rest_pins()?;
-                wait_us = steps.power_us;
-                Step::Reset
+                wait_us = bring_up.power_us;
+                Stage::Reset
             }
-            Step::Reset => {
+            Stage::Reset => {
                 self.pulse_reset().await?;
-                Step::Stop
+                Stage::Stop
             }
-            Step::Stop => {
+            Stage::Stop => {
                 self.halt().await?;
-                Step::Reference(0)
+                Stage::Reference(0)
             }
-            Step::Reference(chip) => {
+            Stage::Reference(chip) => {
                 let was_on = self.switch_reference_on(chip, settings).await?;
-                steps.reference_was_on &= was_on;
+                bring_up.reference_was_on &= was_on;
                 if chip + 1 < CHIPS {
-                    Step::Reference(chip + 1)
+                    Stage::Reference(chip + 1)
                 } else {
-                    if !steps.reference_was_on {
+                    if !bring_up.reference_was_on {
                         wait_us = REFERENCE_US;
                     }
-                    Step::Registers(0)
+                    Stage::Registers(0)
                 }
             }
-            Step::Registers(part) => {
+            Stage::Registers(part) => {
                 let run = WRITTEN[part % PARTS].clone();
                 self.write_part(part / PARTS, settings, run).await?;
                 if part + 1 < PARTS * CHIPS {
-                    Step::Registers(part + 1)
+                    Stage::Registers(part + 1)
                 } else {
-                    Step::ReadBack(0)
+                    Stage::ReadBack(0)
                 }
             }
-            Step::ReadBack(part) => {
+            Stage::ReadBack(part) => {
                 let (chip, run) = (part / PARTS, READ[part % PARTS].clone());
-                let back = &mut steps.backs[chip];
-                self.read_part(chip, &mut back.read, run).await?;
-                // The last part completes it.
-                *back = ReadBack::new(&settings.image(chip), back.read);
+                let read_back = &mut bring_up.read_backs[chip];
+                self.read_part(chip, &mut read_back.read, run).await?;
+                // The comparison is complete with the chip's last range.
+                *read_back = ReadBack::new(&settings.image(chip), read_back.read);
                 if part + 1 < PARTS * CHIPS {
-                    Step::ReadBack(part + 1)
+                    Stage::ReadBack(part + 1)
                 } else {
-                    Step::Done
+                    Stage::Done
                 }
             }
-            Step::Done => Step::Done,
+            Stage::Done => Stage::Done,
         };
-        Ok((steps.next != Step::Done).then_some(wait_us))
+        Ok((bring_up.next != Stage::Done).then_some(wait_us))
     }
 
-    /// Takes all steps that are left, with the waits between them; `progress` is called at least every
-    /// 20 ms.
+    /// Runs all remaining stages with the delays between them; calls `progress` at least every 20 ms.
     pub(crate) async fn finish(
         &mut self,
         settings: &Settings<CHIPS>,
-        steps: &mut BringUp<CHIPS>,
+        bring_up: &mut BringUp<CHIPS>,
         progress: &mut impl FnMut(),
     ) -> Result<(), Error> {
-        while let Some(wait_us) = self.step(settings, steps).await? {
+        while let Some(wait_us) = self.run_stage(settings, bring_up).await? {
             progress();
             self.rest(wait_us, progress).await;
         }
         Ok(())
     }
+}
+
+/// Checks that every chip is an eight-channel ADS1299 that kept all register values.
+///
+/// # Errors
+/// The first wrong ID or register.
+pub(crate) fn check<const CHIPS: usize>(
+    read_backs: &[ReadBack; CHIPS],
+    settings: &Settings<CHIPS>,
+) -> Result<(), Error> {
+    let mut chips = read_backs.iter().enumerate();
+    chips.try_for_each(|(chip, read_back)| read_back.check(number(chip), &settings.image(chip)))
 }

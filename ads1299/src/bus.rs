@@ -1,31 +1,29 @@
-//! The bus to the chips, and its two speeds.
+//! SPI bus to the chips, with two clock speeds.
 
 use embedded_hal_async::spi::SpiBus;
 
-/// What is clocked, and so how fast SCLK may be.
+/// Kind of transfer, which limits SCLK.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Speed {
-    /// Registers, whose way back to MISO may be slow: the resistors of decision 0011 want 105 kHz
-    /// at most.
+    /// Registers: at most 105 kHz, because of the read-back resistors to MISO (decision 0011).
     Registers,
-    /// Frames of samples, and opcodes without an answer: at most 20 MHz (7.6: 50 ns with DVDD from
-    /// 2.7 V), as fast as the board can below that.
+    /// Frames of samples, and opcodes without an answer: the board's fastest SCLK up to 20 MHz (7.6:
+    /// 50 ns with DVDD from 2.7 V).
     Bursts,
 }
 
-/// SCLK would be faster than what is clocked allows.
+/// The board's slowest SCLK is too fast for the requested [`Speed`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TooFast {
-    /// What the board can do that comes nearest, Hz.
+    /// The board's slowest SCLK, in Hz.
     pub hz: u32,
 }
 
-/// The SPI of a chain, mode 1. The driver says which speed it wants before it clocks: registers are
-/// read slowly, frames fast.
+/// SPI bus of a chain, mode 1. The driver selects the speed before each kind of transfer.
 pub trait Bus: SpiBus {
-    /// Changes SCLK; no chip is selected meanwhile.
+    /// Changes SCLK. The driver calls it only while no chip is selected.
     ///
     /// # Errors
-    /// When the board has no SCLK that is slow enough.
+    /// The board has no SCLK that is slow enough.
     fn set_speed(&mut self, speed: Speed) -> Result<(), TooFast>;
 }

@@ -1,4 +1,4 @@
-//! The wires of a chain, and the words on them.
+//! Wires of a chain, and the commands sent over them.
 
 use core::ops::Range;
 
@@ -6,76 +6,47 @@ use embedded_hal::digital::{Error as _, OutputPin};
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::spi::Error as _;
 
-use crate::MAX_CHIPS;
-use crate::bring_up::BringUp;
 use crate::bus::{Bus, Speed};
 use crate::clock::Clock;
 use crate::command::{AFTER_RESET, DECODE, DESELECTED, POWER_ON_US, RESET_LOW, opcode};
-use crate::configured::Configured;
 use crate::error::{Error, Pin};
 use crate::image::{Image, ReadBack};
-use crate::register::ID_MASK;
-use crate::register::{ID, Register};
+use crate::register::Register;
 use crate::settings::Settings;
 
-/// The wires of a chain of 1 to 8 chips: SPI in mode 1, and pins of one type.
+/// Wires of a chain of 1 to 8 chips: SPI in mode 1, and pins of one type.
 ///
-/// The driver changes SCLK as it needs it ([`Bus`]). As far as the chips go registers may be clocked
-/// with up to 20 MHz too: every byte is followed by the time that they need to decode it.
+/// The driver changes SCLK ([`Bus`]). The chips accept 20 MHz for registers too, because the driver
+/// waits for the decoding time after each byte; the limit is the board's read-back path.
 #[derive(Debug)]
 pub struct Chain<Spi, Line, Delay, const CHIPS: usize> {
-    /// The bus; nobody else may use it while a chip is selected.
+    /// SPI bus; must not be used for other devices while a chip is selected.
     pub spi: Spi,
-    /// The chips' selects, low is selected; chip 0 is the one at MISO.
+    /// Chip selects, active low; chip 0 drives MISO.
     pub selects: [Line; CHIPS],
-    /// START of all chips.
+    /// START, shared by all chips.
     pub start: Line,
-    /// RESET of all chips, low is reset.
+    /// RESET, shared by all chips, active low.
     pub reset: Line,
-    /// Waits.
+    /// Delay provider.
     pub delay: Delay,
 }
 
-/// Longest wait without a sign of life, us: a watchdog of 136 ms sees one in time.
+/// Longest delay between two calls of `progress`, in microseconds; the shortest watchdog period is 136 ms.
 const SLICE_US: u32 = 20_000;
 
-/// Values of a run of registers.
+/// Consecutive registers: the first one, and the values.
 type Run<'a> = (Register, &'a [u8]);
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
-    /// Brings the chain up in the data sheet's order (11.1, figure 67): START and selects at rest,
-    /// 2^18 tCLK, reset, 18 tCLK, SDATAC, IDs, reference and 150 ms, all other registers, and
-    /// everything read back. Takes 0.33 s for eight chips. A board whose VCAP1 needs more than 175 ms
-    /// to reach 1.1 V waits before.
-    ///
-    /// # Errors
-    /// The first chip with a wrong ID, the first register that did not keep its value, or a bus or
-    /// pin that failed. The chain may be brought up again after any of them.
-    pub async fn power_up(
-        &mut self,
-        settings: &Settings<CHIPS>,
-    ) -> Result<Configured<'_, Spi, Line, Delay, CHIPS>, Error> {
-        const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
-        self.reset(&mut || ()).await?;
-        for chip in 0..CHIPS {
-            let read = self.read_id(chip).await?;
-            if read & ID_MASK != ID & ID_MASK {
-                let chip = number(chip);
-                return Err(Error::WrongId { chip, read });
-            }
-        }
-        self.configure(settings).await?;
-        Ok(Configured::new(self, settings))
-    }
-
-    /// Waits for the power, resets the chips and stops them; `progress` is called every 20 ms.
+    /// Waits for the supplies, resets the chips and sends SDATAC; calls `progress` every 20 ms.
     pub(crate) async fn reset(&mut self, progress: &mut impl FnMut()) -> Result<(), Error> {
         self.rest_pins()?;
         self.rest(POWER_ON_US, progress).await;
         self.pulse_reset().await
     }
 
-    /// All pins at rest, SCLK for registers.
+    /// Drives all pins to their idle level and sets SCLK for registers.
     pub(crate) fn rest_pins(&mut self) -> Result<(), Error> {
         self.set_speed(Speed::Registers)?;
         self.set_start(false)?;
@@ -83,7 +54,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.select(0..CHIPS, false)
     }
 
-    /// Resets the chips and stops them.
+    /// Pulses RESET and sends SDATAC.
     pub(crate) async fn pulse_reset(&mut self) -> Result<(), Error> {
         self.set_reset(false)?;
         self.wait(RESET_LOW).await;
@@ -92,25 +63,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.command_all(opcode::SDATAC).await
     }
 
-    /// Stops what runs, writes every register and reads it back.
-    pub(crate) async fn configure(&mut self, settings: &Settings<CHIPS>) -> Result<(), Error> {
-        let backs = self.set_up(settings, &mut || ()).await?;
-        check(&backs, settings)
-    }
-
-    /// Stops what runs, writes every register, and reads back what the chips made of it; `progress`
-    /// is called at least every 20 ms.
-    pub(crate) async fn set_up(
-        &mut self,
-        settings: &Settings<CHIPS>,
-        progress: &mut impl FnMut(),
-    ) -> Result<[ReadBack; CHIPS], Error> {
-        let mut steps = BringUp::from_reset();
-        self.finish(settings, &mut steps, progress).await?;
-        Ok(steps.backs)
-    }
-
-    /// Writes CONFIG3 of a chip; returns whether its reference was on before.
+    /// Writes CONFIG3 of a chip and returns whether its reference was on before.
     pub(crate) async fn switch_reference_on(
         &mut self,
         chip: usize,
@@ -125,7 +78,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok(old[0] & 0x80 != 0)
     }
 
-    /// Writes registers of a chip.
+    /// Writes the registers of the range `part` from the chip's settings.
     pub(crate) async fn write_part(
         &mut self,
         chip: usize,
@@ -139,7 +92,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.write_registers(chip, (first, &image.0[part])).await
     }
 
-    /// Reads registers of a chip to their places.
+    /// Reads the registers of the range `part` into `image`.
     pub(crate) async fn read_part(
         &mut self,
         chip: usize,
@@ -152,21 +105,21 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.read_registers(chip, first, &mut image.0[part]).await
     }
 
-    /// START for all chips at once, RDATAC, and SCLK for bursts.
+    /// Starts conversion: START high, RDATAC, SCLK for bursts.
     pub(crate) async fn run(&mut self) -> Result<(), Error> {
         self.set_start(true)?;
         self.command_all(opcode::RDATAC).await?;
         self.set_speed(Speed::Bursts)
     }
 
-    /// START low, SCLK for registers, SDATAC.
+    /// Stops conversion: START low, SCLK for registers, SDATAC.
     pub(crate) async fn halt(&mut self) -> Result<(), Error> {
         self.set_start(false)?;
         self.set_speed(Speed::Registers)?;
         self.command_all(opcode::SDATAC).await
     }
 
-    /// Reads every register of a chip; the chips must be stopped.
+    /// Reads every register of a chip, which must be stopped, and compares with `written`.
     pub(crate) async fn read_back(
         &mut self,
         chip: usize,
@@ -177,13 +130,13 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok(ReadBack::new(written, Image(values)))
     }
 
-    async fn read_id(&mut self, chip: usize) -> Result<u8, Error> {
+    pub(crate) async fn read_id(&mut self, chip: usize) -> Result<u8, Error> {
         let mut id = [0];
         self.read_registers(chip, Register::ID, &mut id).await?;
         Ok(id[0])
     }
 
-    /// The same opcode to all chips at once; what they answer is ignored.
+    /// Sends an opcode to all chips at once and ignores MISO.
     pub(crate) async fn command_all(&mut self, opcode: u8) -> Result<(), Error> {
         self.exchange(0..CHIPS, &[opcode], &mut []).await
     }
@@ -211,7 +164,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.exchange(chip..chip + 1, &bytes[..end], &mut []).await
     }
 
-    /// Selects, sends, receives, deselects; four cycles behind every byte.
+    /// Selects the chips, sends, receives and deselects, with four clock cycles after every byte.
     async fn exchange(
         &mut self,
         chips: Range<usize>,
@@ -220,7 +173,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     ) -> Result<(), Error> {
         self.select(chips.clone(), true)?;
         let result = self.exchange_bytes(send, receive).await;
-        // Deselected also after a failure: the next command starts afresh.
+        // Deselecting after a failure too resets the chips' command decoder.
         let released = self.select(chips, false);
         self.wait(DESELECTED).await;
         result.and(released)
@@ -239,14 +192,14 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok(())
     }
 
-    /// Clocks bytes out and in, and waits until the last bit is through.
+    /// Transfers bytes in place and waits until the last bit has been clocked.
     pub(crate) async fn transfer(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
         let bus = |error: Spi::Error| Error::Bus(error.kind());
         self.spi.transfer_in_place(bytes).await.map_err(bus)?;
         self.spi.flush().await.map_err(bus)
     }
 
-    /// Selects chips or lets them go.
+    /// Selects or deselects the chips of a range.
     pub(crate) fn select(&mut self, chips: Range<usize>, selected: bool) -> Result<(), Error> {
         let mut result = Ok(());
         for (chip, line) in self.selects.iter_mut().enumerate() {
@@ -274,7 +227,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         set.map_err(|error| Error::Pin(Pin::Reset, error.kind()))
     }
 
-    /// Waits long, and shows every 20 ms that it lives.
+    /// Delays in slices of at most 20 ms and calls `progress` after each.
     pub(crate) async fn rest(&mut self, mut us: u32, progress: &mut impl FnMut()) {
         while us > 0 {
             let slice = us.min(SLICE_US);
@@ -284,35 +237,26 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         }
     }
 
-    /// Waits for so many cycles of the slowest clock that the chips may have.
+    /// Delays by a number of clock cycles, counted for the slowest permitted clock.
     pub(crate) async fn wait(&mut self, cycles: u32) {
         let us = const { Clock::SLOWEST }.microseconds(cycles);
         self.delay.delay_us(us).await;
     }
 }
 
-/// Whether every chip is an ADS1299 that kept everything.
-pub(crate) fn check<const CHIPS: usize>(
-    backs: &[ReadBack; CHIPS],
-    settings: &Settings<CHIPS>,
-) -> Result<(), Error> {
-    let mut chips = backs.iter().enumerate();
-    chips.try_for_each(|(chip, back)| back.check(number(chip), &settings.image(chip)))
-}
-
-/// The first register of a part.
+/// Returns the first register of a range.
 #[expect(clippy::cast_possible_truncation, reason = "at most 24 registers")]
 fn register(part: &Range<usize>) -> Option<Register> {
     Register::at(part.start as u8)
 }
 
-/// The second byte of RREG and WREG; 1 to 24 values.
+/// Second byte of RREG and WREG: the number of values (1 to 24) less one.
 #[expect(clippy::cast_possible_truncation, reason = "at most 24 registers")]
 const fn less_one(values: &[u8]) -> u8 {
     values.len().saturating_sub(1) as u8
 }
 
-/// A chip's number in a message.
+/// Chip index as carried in errors and reports.
 #[expect(clippy::cast_possible_truncation, reason = "at most 8 chips")]
 pub(crate) const fn number(chip: usize) -> u8 {
     chip as u8

@@ -1,46 +1,46 @@
-//! The words that a chip understands, and the times it needs.
+//! Opcodes of the ADS1299, and the times that its commands need.
 
 use crate::clock::Clock;
 
-/// Opcodes (9.5.3). START and RESET have pins here, and RDATA and STANDBY are not used.
+/// Opcodes (9.5.3). START and RESET are driven by pins; RDATA and STANDBY are not used.
 pub(crate) mod opcode {
-    /// Data at every DRDY; only [`SDATAC`] is understood from then on. So it is after a reset.
+    /// Read data continuously: data at every DRDY, and only [`SDATAC`] is accepted. State after a reset.
     pub(crate) const RDATAC: u8 = 0x10;
-    /// Data no more; registers can be read and written.
+    /// Stop reading data continuously: registers can be read and written.
     pub(crate) const SDATAC: u8 = 0x11;
-    /// Read registers: with the first one's address; their number less one follows.
+    /// Read registers: ORed with the first address; the number of registers less one follows.
     pub(crate) const RREG: u8 = 0x20;
-    /// Write registers: with the first one's address; their number less one and the values follow.
+    /// Write registers: ORed with the first address; the number less one and the values follow.
     pub(crate) const WREG: u8 = 0x40;
-    /// The bits of the opcode beside an address.
+    /// Mask of the opcode's bits in a byte that also holds an address.
     #[cfg(any(test, feature = "simulation"))]
     pub(crate) const MASK: u8 = 0xE0;
 }
 
-/// Cycles that a chip needs to decode a byte, from the end of one to the end of the next, and to
-/// carry a command out before it is deselected (9.5.3, tSDECODE; 7.6, tSCCS).
+/// Clock cycles to decode a byte, and to execute a command before the chip is deselected (9.5.3,
+/// tSDECODE; 7.6, tSCCS).
 pub(crate) const DECODE: u32 = 4;
 
-/// Cycles for which a chip must stay deselected (7.6, tCSH).
+/// Clock cycles for which a chip must stay deselected (7.6, tCSH).
 pub(crate) const DESELECTED: u32 = 2;
 
-/// Cycles from power-up to the reset (11.1, tPOR); VCAP1 must have reached 1.1 V as well.
+/// Clock cycles from power-up to the reset (11.1, tPOR). VCAP1 must also have reached 1.1 V.
 pub(crate) const POWER_ON: u32 = 1 << 18;
 
-/// The same by the slowest clock, us: 175 ms.
+/// [`POWER_ON`] at the slowest clock, in microseconds: 175 ms.
 pub(crate) const POWER_ON_US: u32 = Clock::SLOWEST.microseconds(POWER_ON);
 
-/// From the supplies to the reset where VCAP1 is not measured, us. The data sheet has no time for its
-/// capacitor, and 1 s in the flow of an initial start (11.1, figure 67; from memory).
+/// Delay from power-up to the reset where VCAP1 is not measured, in microseconds. The data sheet states
+/// no time for VCAP1's capacitor; its start-up flow waits 1 s (11.1, figure 67; from memory).
 pub(crate) const COLD_US: u32 = 1_000_000;
 
 const _: () = assert!(POWER_ON_US < COLD_US);
 
-/// Cycles that RESET must stay low (11.1, tRST).
+/// Clock cycles for which RESET must stay low (11.1, tRST).
 pub(crate) const RESET_LOW: u32 = 2;
 
-/// Cycles from the end of the reset to the first command (9.4.2).
+/// Clock cycles from the end of the reset to the first command (9.4.2).
 pub(crate) const AFTER_RESET: u32 = 18;
 
-/// Until the internal reference stands, us (7.5).
+/// Settling time of the internal reference, in microseconds (7.5).
 pub(crate) const REFERENCE_US: u32 = 150_000;

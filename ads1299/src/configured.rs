@@ -1,4 +1,4 @@
-//! A chain that knows what to do and does not do it yet.
+//! A chain that is set up and does not convert yet.
 
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
@@ -10,10 +10,10 @@ use crate::image::ReadBack;
 use crate::settings::Settings;
 use crate::streaming::Streaming;
 
-/// A chain that has been brought up; its registers can be read and written.
+/// A chain that has been brought up and is stopped: registers can be read and written.
 #[derive(Debug)]
 pub struct Configured<'a, Spi, Line, Delay, const CHIPS: usize> {
-    /// The wires.
+    /// Wires of the chain.
     pub chain: &'a mut Chain<Spi, Line, Delay, CHIPS>,
     settings: Settings<CHIPS>,
 }
@@ -31,12 +31,12 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         }
     }
 
-    /// What the chips have been told to do.
+    /// Settings that were written last.
     pub const fn settings(&self) -> &Settings<CHIPS> {
         &self.settings
     }
 
-    /// Tells the chips to do something else; the clock stays what it was.
+    /// Writes other settings; the clock must stay the same.
     ///
     /// # Errors
     /// The first register that did not keep its value, or a bus or pin that failed; then the chips
@@ -46,7 +46,7 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         self.chain.configure(settings).await
     }
 
-    /// Reads all registers of all chips and holds them against what was written.
+    /// Reads all registers of all chips and compares them with the settings.
     ///
     /// # Errors
     /// When the bus or a pin fails; registers that differ are in the result.
@@ -60,8 +60,8 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         Ok(all)
     }
 
-    /// START for all chips at once, then RDATAC and SCLK for bursts, long before the first DRDY: that
-    /// comes [`Rate::settling`](crate::rate::Rate::settling) cycles later, with settled data.
+    /// Starts conversion: START for all chips at once, RDATAC, SCLK for bursts. The first DRDY follows
+    /// after [`Rate::settling`](crate::rate::Rate::settling) clock cycles, with settled data.
     ///
     /// # Errors
     /// When the bus or a pin fails.

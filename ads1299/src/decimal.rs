@@ -1,9 +1,9 @@
-//! Numbers in words.
+//! Decimal numbers in messages.
 
 use core::fmt;
 
-/// A number with so many digits behind the point, rounded. Only integers are formatted: the standard
-/// library's way with floats takes 15 KB of a microcontroller's flash.
+/// Formats `.0` with `.1` decimals, rounded. Uses integer formatting only: the standard library's float
+/// formatting takes 15 KB of a microcontroller's flash.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Decimal(pub(crate) f32, pub(crate) u32);
 

@@ -1,55 +1,54 @@
-//! From the bytes of a frame to counts.
+//! Decoder of frames: from bytes to counts.
 
-use crate::CHANNELS;
-use crate::CHIP_BYTES;
-use crate::MAX_CHIPS;
 use crate::alignment::Alignment;
-use crate::frame_bytes;
+use crate::frame::CHANNELS;
+use crate::frame::CHIP_BYTES;
+use crate::frame::MAX_CHIPS;
+use crate::frame::frame_bytes;
 use crate::status_word::NIBBLE;
 use crate::status_word::{ChipFault, StatusWord};
 
-/// Frames in a row that must speak for the other alignment before the decoder changes over.
+/// Consecutive frames that must fit the other alignment before the decoder switches.
 const CHANGE_OVER: u8 = 4;
 
-/// Channels that must have repeated themselves, one frame after the other, for a chip to be taken for
-/// frozen; those that are at a rail or read 0, as a channel that is off does, say nothing.
+/// Repeated counts, over consecutive frames, from which a chip counts as frozen. Channels at a rail or at
+/// 0 (the value of a channel that is off) are not counted.
 ///
-/// The noise of a shorted channel is 9.4 counts rms at gain 24 and 512 Hz (`typical_noise_uv`), so
-/// that two counts are equal by chance in `1 / (9.4 sqrt(2) sqrt(2 pi))` = 3 % of all cases: eight
-/// channels of eight chips once in twelve years. With five, the spare channels of 61 electrodes still
-/// leave the last chip to be found by its first repetition; five channels without any signal beside
-/// three at a rail are equal by chance once a day, for one frame. EEG and mains move counts by
-/// hundreds.
+/// The noise of a shorted channel is 9.4 counts rms at gain 24 and 512 Hz (`typical_noise_uv`). So two
+/// counts are equal by chance with probability `1 / (9.4 sqrt(2) sqrt(2 pi))` = 3 %: for eight channels of
+/// eight chips once in twelve years. With a threshold of five, the last chip of a 61-electrode cap, which
+/// has three spare channels, is still detected at its first repetition. Five channels without signal and
+/// three at a rail repeat by chance once a day, for one frame. EEG and mains move counts by hundreds.
 const FROZEN: u8 = 5;
 
-/// Bytes in which a chip's bits lie, whatever the alignment.
+/// Bytes that contain a chip's bits for either alignment.
 const SPAN: usize = CHIP_BYTES + 1;
 
-/// Finds the chips in a frame and checks each; state of a stream of frames.
+/// Decodes a stream of frames: finds the chips' alignment and checks each chip.
 ///
-/// The first frame decides the [`Alignment`], by the number of chips whose status begins with 1100.
-/// Chip 1 alone tells the two apart for certain: taken for the other, its nibble would be 100x or
-/// x110. Later frames only count misses, unless the other alignment fits every chip in
-/// four frames in a row, which no fault of a single chip looks like.
+/// The first frame decides the [`Alignment`], by the number of chips whose status starts with 1100. Chip
+/// 1 alone is sufficient: with the wrong alignment its nibble is 100x or x110. Later frames only count
+/// misfits, unless the other alignment fits every chip in four consecutive frames, which no fault of a
+/// single chip can cause.
 #[derive(Clone, Debug)]
 pub struct Decoder<const CHIPS: usize> {
-    /// None before the first frame with a sound chip behind chip 0.
+    /// `None` until a frame has a valid chip after chip 0.
     alignment: Option<Alignment>,
-    /// Frames in a row that spoke for the other alignment.
+    /// Consecutive frames that fit the other alignment.
     against: u8,
-    /// The frame before, for [`ChipFault::Repeated`].
+    /// Previous frame, for [`ChipFault::Repeated`].
     last: [Part; CHIPS],
-    /// Channels that have repeated themselves in a row of frames, at most 13.
+    /// Repeated counts over consecutive frames, at most 13 per chip.
     repeats: [u8; CHIPS],
     counters: Counters<CHIPS>,
 }
 
-/// What a decoder has counted; every counter wraps.
+/// Counters of a decoder; each wraps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counters<const CHIPS: usize> {
     /// Frames decoded.
     pub frames: u32,
-    /// Frames in which a chip's status did not begin with 1100, per chip.
+    /// Frames in which a chip's status did not start with 1100, per chip.
     pub bad_status: [u32; CHIPS],
     /// Frames in which a chip was frozen, per chip.
     pub repeated: [u32; CHIPS],
@@ -57,21 +56,21 @@ pub struct Counters<const CHIPS: usize> {
     pub realigned: u32,
 }
 
-/// What stood beside the counts of a frame.
+/// Status of a decoded frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameStatus<const CHIPS: usize> {
-    /// Where the chips stood.
+    /// Alignment that was used.
     pub alignment: Alignment,
-    /// Each chip's status word.
+    /// Status word of each chip.
     pub words: [StatusWord; CHIPS],
-    /// Chips whose status does not begin with 1100, one bit each: their counts mean nothing.
+    /// Chips whose status does not start with 1100, one bit each: their counts are invalid.
     pub bad: u8,
-    /// Chips that are frozen, one bit each: they repeat themselves.
+    /// Frozen chips, one bit each: they repeat their counts.
     pub repeated: u8,
 }
 
 impl<const CHIPS: usize> Counters<CHIPS> {
-    /// Counts a frame with these chips bad and repeated, one bit each.
+    /// Counts a frame with these bad and repeated chips, one bit each.
     #[inline]
     fn count(&mut self, bad: u32, repeated: u32) {
         self.frames = self.frames.wrapping_add(1);
@@ -84,20 +83,20 @@ impl<const CHIPS: usize> Counters<CHIPS> {
 }
 
 impl<const CHIPS: usize> FrameStatus<CHIPS> {
-    /// Whether every chip is sound.
+    /// Returns whether no chip is bad or frozen.
     pub const fn is_sound(&self) -> bool {
         self.bad | self.repeated == 0
     }
 
-    /// What is wrong with a chip.
+    /// Returns the fault of a chip, if it has one.
     pub fn fault(&self, chip: usize) -> Option<ChipFault> {
         let repeated = self.repeated >> chip & 1 != 0;
         let word = self.words.get(chip)?;
         word.fault().or(repeated.then_some(ChipFault::Repeated))
     }
 
-    /// The chips with a fault, and what it is. In a chain a dead or late chip takes those behind it
-    /// with it: the first one is the culprit.
+    /// Returns the chips with a fault. A dead or shifted chip also affects those that send through it, so
+    /// the first one is the cause.
     pub fn faults(&self) -> impl Iterator<Item = (usize, ChipFault)> + '_ {
         (0..CHIPS).filter_map(|chip| Some((chip, self.fault(chip)?)))
     }
@@ -110,7 +109,7 @@ impl<const CHIPS: usize> Default for Decoder<CHIPS> {
 }
 
 impl<const CHIPS: usize> Decoder<CHIPS> {
-    /// Before the first frame; 1 to 8 chips, checked when it is compiled.
+    /// Creates a decoder for 1 to 8 chips, checked at compile time.
     pub const fn new() -> Self {
         const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
         Self {
@@ -127,20 +126,20 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
         }
     }
 
-    /// What has been counted since the start.
+    /// Returns the counters since creation.
     pub const fn counters(&self) -> &Counters<CHIPS> {
         &self.counters
     }
 
-    /// The alignment, once known.
+    /// Returns the alignment, once it is known.
     pub const fn alignment(&self) -> Option<Alignment> {
         self.alignment
     }
 
-    /// Counts of a frame, 24-bit two's complement in 32, |count| <= 2^23, by chip and channel.
+    /// Decodes a frame into `counts` by chip and channel, sign-extended from 24 bits, |count| <= 2^23.
     ///
-    /// `BYTES` is [`frame_bytes`] of the chips, checked when it is compiled. A chip that is flagged
-    /// as bad still gives what stands in its place.
+    /// `BYTES` is [`frame_bytes`] of the chips, checked at compile time. The counts of a bad chip are the
+    /// bits at its position.
     ///
     /// # Timing
     /// The hot path: no allocation, no panic, no division; 16 nibbles and 72 words for eight chips.
@@ -163,7 +162,7 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
         let mut bits = [0_u32; 2];
         let places = counts.iter_mut().zip(&mut self.last).zip(&mut self.repeats);
         for ((chip, span), ((counts, last), repeats)) in (0..).zip(spans(frame)).zip(places) {
-            let new = Part::of(span, alignment.shift(chip));
+            let new = Part::from_span(span, alignment.shift(chip));
             let is_bad = new.word.nibble() != NIBBLE;
             let goes_on = u8::from(!new.differs(last)) & u8::from(!is_bad);
             *repeats = ((*repeats).min(FROZEN) + new.alive()) * goes_on;
@@ -184,7 +183,7 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
         status
     }
 
-    /// The alignment for this frame; changes the locked one as [`Decoder`] says.
+    /// Returns the alignment for this frame, and switches the locked one by the rule of [`Decoder`].
     #[inline]
     fn align<const BYTES: usize>(&mut self, frame: &[u8; BYTES]) -> Alignment {
         let mut fits = [0_u32; 2];
@@ -217,13 +216,13 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
     }
 }
 
-/// The bytes of each chip, and the one behind them.
+/// Returns each chip's bytes and the byte after them.
 #[inline]
 fn spans(frame: &[u8]) -> impl Iterator<Item = &[u8; SPAN]> {
     frame.array_windows().step_by(CHIP_BYTES)
 }
 
-/// A chip's part of a frame.
+/// Status word and counts of one chip in a frame.
 #[derive(Clone, Copy, Debug)]
 struct Part {
     word: StatusWord,
@@ -231,15 +230,15 @@ struct Part {
 }
 
 impl Part {
-    /// What no chip sends.
+    /// A value that no chip sends.
     const NEVER_SENT: Self = Self {
         word: StatusWord(u32::MAX),
         counts: [0; CHANNELS],
     };
 
-    /// From its bytes; `shift <= 7`.
+    /// Extracts the part from the chip's bytes; `shift <= 7`.
     #[inline]
-    fn of(span: &[u8; SPAN], shift: u32) -> Self {
+    fn from_span(span: &[u8; SPAN], shift: u32) -> Self {
         Self {
             word: status_word(span, shift),
             counts: core::array::from_fn(|channel| word(span, channel + 1, shift)),
@@ -253,27 +252,27 @@ impl Part {
         counts.fold(word, |bits, (one, two)| bits | (one ^ two).cast_unsigned()) != 0
     }
 
-    /// Channels that are neither at a rail nor at 0.
+    /// Returns the number of channels that are neither at a rail nor at 0.
     #[inline]
     fn alive(&self) -> u8 {
-        // -2^23 is the complement of 2^23 - 1.
+        // Maps both rails to 0: -2^23 is the complement of 2^23 - 1.
         let distance = |count: i32| (count ^ (count >> 31)) ^ 0x7F_FFFF;
         let is_alive = |count: &i32| u8::from(*count != 0) & u8::from(distance(*count) != 0);
         self.counts.iter().map(is_alive).sum()
     }
 }
 
-/// The status word of a chip; `shift <= 7`.
+/// Extracts the status word of a chip; `shift <= 7`.
 #[inline]
 fn status_word(span: &[u8; SPAN], shift: u32) -> StatusWord {
     StatusWord(word(span, 0, shift).cast_unsigned() & 0xFF_FFFF)
 }
 
-/// The n-th 24 bits of a chip, sign-extended; `n <= 8`, and every caller's n is known when it is
-/// compiled, so that no check is left; `shift <= 7`.
+/// Extracts the n-th 24 bits of a chip, sign-extended; `n <= 8`, `shift <= 7`. Every caller's `n` is known
+/// at compile time, so no bounds check remains.
 #[inline]
 fn word(span: &[u8; SPAN], n: usize, shift: u32) -> i32 {
-    // Four bytes hold 24 bits wherever in the first byte they begin.
+    // Four bytes hold the 24 bits for any start bit in the first byte.
     let bytes = [
         span[3 * n],
         span[3 * n + 1],

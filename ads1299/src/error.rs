@@ -1,4 +1,4 @@
-//! Why a chain does not run.
+//! Errors of a chain.
 
 use core::fmt;
 
@@ -7,7 +7,7 @@ use embedded_hal::{digital, spi};
 use crate::bus::{Speed, TooFast};
 use crate::register::Register;
 
-/// Why a chain does not run. Chips count from 0, the one at MISO.
+/// Reason why a chain, or one of its chips, does not run. Chips count from 0, the one at MISO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error {
     /// The microcontroller's SPI failed.
@@ -18,35 +18,35 @@ pub enum Error {
     Pin(Pin, digital::ErrorKind),
     /// A chip's ID is not that of an eight-channel ADS1299.
     WrongId {
-        /// Which.
+        /// Index of the chip.
         chip: u8,
-        /// What it answered.
+        /// ID byte that was read.
         read: u8,
     },
     /// A register did not keep what was written.
     NotKept {
-        /// Which chip.
+        /// Index of the chip.
         chip: u8,
-        /// Which register.
+        /// First register that differs.
         register: Register,
-        /// What was written.
+        /// Value written.
         wrote: u8,
-        /// What was read.
+        /// Value read back.
         read: u8,
     },
-    /// The chip whose DRDY is wired makes no sample.
+    /// DRDY of the chip whose DRDY is wired did not fall.
     NeverReady {
-        /// Which.
+        /// Index of the chip.
         chip: u8,
-        /// For how long, us.
+        /// Waiting time in microseconds.
         waited_us: u32,
     },
 }
 
-/// A pin of the microcontroller.
+/// Pin of the microcontroller in an [`Error::Pin`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pin {
-    /// A chip's select.
+    /// Select of this chip.
     Select(u8),
     /// START.
     Start,
@@ -68,7 +68,7 @@ impl fmt::Display for Pin {
 }
 
 impl Error {
-    /// The chip that it is about, if it is about one.
+    /// Returns the chip that the error concerns, if it concerns a single one.
     pub const fn chip(&self) -> Option<u8> {
         match self {
             Self::WrongId { chip, .. }

@@ -6,19 +6,19 @@ use crate::register::Register;
 use crate::register::{ID, ID_MASK};
 use crate::settings::{Channel, Settings};
 
-/// Register values of a chip, by address.
+/// Register values of a chip, indexed by address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Image(pub [u8; Register::COUNT]);
 
 impl<const CHIPS: usize> Settings<CHIPS> {
-    /// What the registers of a chip must hold; `chip < CHIPS`, or they are those of a reset.
+    /// Returns the register values for a chip; those after a reset if `chip >= CHIPS`.
     pub fn image(&self, chip: usize) -> Image {
         let mut values = Register::RESET;
         let Some(own) = self.chips.get(chip) else {
             return Image(values);
         };
         let mut set = |register: Register, value: u8| values[register.index()] = value;
-        // Bit 7 and bits 4:3 are 1, 10; bit 6 at 0 is the daisy chain.
+        // Bit 7 is 1, bits 4:3 are 10. Bit 6 is 0: daisy chain.
         let clock_out = u8::from(self.clock.is_internal() && chip == 0) << 5;
         set(Register::CONFIG1, 0x90 | clock_out | self.rate as u8);
         // Bits 7:5 are 110.
@@ -26,7 +26,7 @@ impl<const CHIPS: usize> Settings<CHIPS> {
         let source = u8::from(test.internal) << 4;
         let shape = (test.amplitude as u8) << 2 | test.frequency as u8;
         set(Register::CONFIG2, 0xC0 | source | shape);
-        // Bits 6:5 are 11, bit 7 the reference buffer.
+        // Bits 6:5 are 11. Bit 7 enables the reference buffer.
         let bias = own.bias;
         let measured = own
             .channels
@@ -55,7 +55,7 @@ impl<const CHIPS: usize> Settings<CHIPS> {
     }
 }
 
-/// CHnSET.
+/// Returns the value of CHnSET.
 fn channel_set(channel: Channel) -> u8 {
     u8::from(!channel.on) << 7
         | (channel.gain as u8) << 4
@@ -63,26 +63,26 @@ fn channel_set(channel: Channel) -> u8 {
         | channel.input as u8
 }
 
-/// The registers of one chip, read back and held against what was written: a row of the self-test.
+/// Registers of one chip as read back, compared with the values written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadBack {
-    /// What was read.
+    /// Values read back.
     pub read: Image,
-    /// Registers that did not keep their value, one bit each, bit = address.
+    /// Registers that differ, one bit each; the bit number is the address.
     pub differing: u32,
     /// Whether the ID is that of an eight-channel ADS1299.
     pub id_fits: bool,
 }
 
 impl ReadBack {
-    /// Before anything was read.
+    /// State before the first read.
     pub(crate) const NONE: Self = Self {
         read: Image([0; Register::COUNT]),
         differing: 0,
         id_fits: false,
     };
 
-    /// Holds what was read against what was written.
+    /// Compares `read` with `written`, in the bits that keep their value.
     pub fn new(written: &Image, read: Image) -> Self {
         let kept = Register::KEPT.iter().zip(written.0.iter().zip(&read.0));
         let differing = kept
@@ -96,7 +96,7 @@ impl ReadBack {
         }
     }
 
-    /// Whether the chip is an ADS1299 that kept everything; `chip` is its number.
+    /// Checks that the chip is an eight-channel ADS1299 that kept all values. `chip` goes into the error.
     ///
     /// # Errors
     /// [`Error::WrongId`], or [`Error::NotKept`] with the first register that differs.
@@ -116,7 +116,7 @@ impl ReadBack {
         })
     }
 
-    /// The first register that did not keep its value.
+    /// Returns the first register that differs.
     #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
     pub fn first_differing(&self) -> Option<Register> {
         Register::at(self.differing.trailing_zeros() as u8)

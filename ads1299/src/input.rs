@@ -1,28 +1,28 @@
-//! What a channel converts.
+//! Input multiplexer of a channel.
 
-/// What a channel converts (CHnSET.MUXn, 9.6.1.6).
+/// Signal at the input of a channel (CHnSET.MUXn, 9.6.1.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
-    /// Its electrodes.
+    /// The channel's electrodes.
     Electrodes = 0,
-    /// Both inputs at mid-supply: offset and noise of the channel itself.
+    /// Both inputs at mid-supply, to measure the channel's offset and noise.
     Shorted = 1,
-    /// The bias signal; sets CONFIG3.BIAS_MEAS.
+    /// Bias signal; sets CONFIG3.BIAS_MEAS.
     BiasMeasurement = 2,
-    /// The supplies.
+    /// Supply voltages.
     Supply = 3,
-    /// The temperature sensor: 145.3 mV at 25 degrees, 0.49 mV more per degree (9.3.1.1.3).
+    /// Temperature sensor: 145.3 mV at 25 degrees Celsius, plus 0.49 mV per degree (9.3.1.1.3).
     Temperature = 4,
-    /// The test signal.
+    /// Test signal, see [`TestSignal`](crate::test_signal::TestSignal).
     TestSignal = 5,
-    /// The bias drive at the positive input: that electrode drives the bias.
+    /// Bias drive at the positive input: that electrode drives the bias.
     BiasPositive = 6,
-    /// The bias drive at the negative input.
+    /// Bias drive at the negative input: that electrode drives the bias.
     BiasNegative = 7,
 }
 
 impl Input {
-    /// Every input.
+    /// Every input, in the order of the register's code.
     pub const ALL: [Self; 8] = [
         Self::Electrodes,
         Self::Shorted,

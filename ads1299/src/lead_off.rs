@@ -1,21 +1,21 @@
-//! How a lost electrode is found.
+//! Lead-off detection.
 
-/// How a lost electrode is found (LOFF, 9.6.1.5): a current that a good contact drains. Which
-/// electrodes get it says [`ChipSettings`](crate::settings::ChipSettings).
+/// Lead-off detection (LOFF, 9.6.1.5): a small current that only a good contact drains. The electrodes
+/// are selected in [`ChipSettings`](crate::settings::ChipSettings).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LeadOff {
-    /// Whether the comparators behind the status bits run (CONFIG4.PD_LOFF_COMP).
+    /// Powers the comparators that set the status bits (CONFIG4.PD_LOFF_COMP).
     pub comparators: bool,
-    /// Where they turn over.
+    /// Threshold of the comparators.
     pub threshold: LeadOffThreshold,
-    /// The current.
+    /// Magnitude of the current.
     pub current: LeadOffCurrent,
-    /// How it alternates.
+    /// Frequency of the current.
     pub frequency: LeadOffFrequency,
 }
 
 impl LeadOff {
-    /// Neither current nor comparators; the registers as after a reset.
+    /// Comparators off; the registers as after a reset.
     pub const OFF: Self = Self {
         comparators: false,
         threshold: LeadOffThreshold::P95,
@@ -24,7 +24,8 @@ impl LeadOff {
     };
 }
 
-/// Threshold of the positive side in percent of the supply; the negative side's is 100 % minus it.
+/// Comparator threshold of the positive side, in percent of the supply; the negative side has 100 % less
+/// this.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeadOffThreshold {
     /// 95 %.
@@ -45,7 +46,7 @@ pub enum LeadOffThreshold {
     P70 = 7,
 }
 
-/// Magnitude of the current.
+/// Magnitude of the lead-off current.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeadOffCurrent {
     /// 6 nA.
@@ -58,7 +59,7 @@ pub enum LeadOffCurrent {
     Ua24 = 3,
 }
 
-/// Frequency of the current.
+/// Frequency of the lead-off current.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeadOffFrequency {
     /// Direct current.

@@ -1,22 +1,41 @@
-//! A chain of one to eight ADS1299, the EEG front end: driver, frame decoder, self-test.
+//! Driver for a chain of one to eight ADS1299, the EEG analogue front end: driver, frame decoder,
+//! self-test, and a simulated chain (feature `simulation`).
 //!
-//! The chips share clock, SCLK, MOSI, START and RESET; each has a chip select of its own. DOUT of
-//! chip k + 1 goes into DAISY_IN of chip k, and DOUT of chip 0 to MISO; so one burst with all chips
-//! selected reads a whole sample. Registers are read chip by chip, which needs a way from every
-//! DOUT to MISO; `docs/decisions/0011-daisy-chain-with-read-back.md` says which.
+//! The chips share the clock, SCLK, MOSI, START and RESET; each has a separate chip select. DOUT of
+//! chip k + 1 is wired to DAISY_IN of chip k, and DOUT of chip 0 to MISO. So one burst with all chips
+//! selected reads a whole sample. Registers are read chip by chip, which needs a connection from every
+//! DOUT to MISO (`docs/decisions/0011-daisy-chain-with-read-back.md`).
 //!
-//! The way of a sample: [`Chain::power_up`] gives [`Configured`], [`Configured::start`] gives
-//! [`Streaming`]; whoever clocks the frame ([`Streaming::read`] or the firmware's own DMA) hands its
-//! bytes to [`Decoder`], which is pure. [`Sampler`] does all of this for a device: it owns the chain,
-//! keeps the last good counts, counts what was wrong, watches the rate, and runs the whole self-test
-//! ([`Sampler::self_test`]). [`RetryingSampler`] brings a chain up again of which no chip delivers. [`ReadyMeter`] judges the times of DRDY's edges, [`SquareWaveTest`] and
-//! [`ShortedTest`] judge samples of the chips' own signals.
+//! ```text
+//! Chain ── power_up ──▶ Configured ── start ──▶ Streaming ── read, or the board's DMA ──▶ bytes
+//!                                                                                          │
+//!              [[i32; 8]; CHIPS] counts  ◀── FrameStatus: which chips are bad ◀── Decoder ◀┘
+//! Sampler: owns a Chain and a Decoder, keeps the last good counts, counts errors, runs the self-test
+//! RetryingSampler: a Sampler that sets the chain up again while no chip delivers
+//! ```
 //!
-//! Sections and figures without more are those of the data sheet, Texas Instruments SBAS499C.
-//! Registers, commands and their times, power-up, the order of bits and the noise at gains 1 and 2
-//! were held against copies of pages of its revisions A and C; what is only remembered says "from
-//! memory", and the numbers of sections 9.4 and 9.5 are. **No chip has met this driver: it is
-//! simulated.**
+//! [`Decoder`] is a pure function of the frame and its state. [`ReadyMeter`] judges the intervals of
+//! DRDY; [`SquareWaveTest`] and [`ShortedTest`] judge samples of the chips' internal signals.
+//!
+//! ```
+//! use ads1299::{Decoder, frame_bytes};
+//!
+//! // Two chips without a don't-care bit between them: status 1100.., then eight counts of 24 bits.
+//! let mut frame = [0; frame_bytes(2)];
+//! for chip in 0..2 {
+//!     frame[27 * chip] = 0xC0;
+//!     frame[27 * chip + 3..27 * chip + 6].copy_from_slice(&[0xFF, 0xFF, 0xFE]);
+//! }
+//! let mut counts = [[0; 8]; 2];
+//! let status = Decoder::<2>::new().decode(&frame, &mut counts);
+//! assert!(status.is_sound());
+//! assert_eq!([counts[0][0], counts[1][0]], [-2, -2]);
+//! ```
+//!
+//! Section and table numbers refer to the data sheet, Texas Instruments SBAS499C. Registers, commands
+//! and their times, power-up, bit order and the noise at gains 1 and 2 were compared with copies of
+//! pages of its revisions A and C. Statements marked "from memory" were not, nor were the numbers of
+//! sections 9.4 and 9.5. **This driver is untried on a real chip; it runs on the simulated chain.**
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -34,6 +53,7 @@ mod decimal;
 mod decoder;
 mod drdy;
 mod error;
+mod frame;
 mod gain;
 mod image;
 mod input;
@@ -68,6 +88,7 @@ pub use configured::Configured;
 pub use decoder::{Counters, Decoder, FrameStatus};
 pub use drdy::{Drdy, DrdyEdge};
 pub use error::{Error, Pin};
+pub use frame::{CHANNELS, CHIP_BYTES, MAX_CHIPS, frame_bytes};
 pub use gain::Gain;
 pub use image::{Image, ReadBack};
 pub use input::Input;
@@ -87,18 +108,3 @@ pub use square_wave_test::{SquareWaveResult, SquareWaveTest};
 pub use status_word::{ChipFault, StatusWord};
 pub use streaming::Streaming;
 pub use test_signal::{TestAmplitude, TestFrequency, TestSignal};
-
-/// Channels of a chip.
-pub const CHANNELS: usize = 8;
-
-/// Bytes of a chip in a frame: 24 status bits and eight counts of 24 bits (9.4.4).
-pub const CHIP_BYTES: usize = 3 + 3 * CHANNELS;
-
-/// Chips that a chain may have. The eighth's don't-care bits fill the frame's spare byte.
-pub const MAX_CHIPS: usize = 8;
-
-/// Bytes to clock for a frame of so many chips: 27 each, and one for the don't-care bits that the
-/// chain may put between chips; 217 for eight.
-pub const fn frame_bytes(chips: usize) -> usize {
-    CHIP_BYTES * chips + 1
-}

@@ -1,4 +1,4 @@
-//! What a channel in order stays within.
+//! Limits of the self-test.
 
 use core::fmt;
 
@@ -6,65 +6,66 @@ use crate::decimal::Decimal;
 use crate::gain::Gain;
 use crate::rate::Rate;
 
-/// What a channel in order stays within.
+/// Limits that a working channel meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// |gain error|, a fraction: 2 % of the test signal and 1 % of the amplifier (7.5; from memory).
+    /// Largest |gain error|, as a fraction: 2 % for the test signal and 1 % for the amplifier (7.5; from
+    /// memory).
     pub gain_error: f32,
-    /// |offset|, uV at the input: five times the typical 60 uV (7.5; from memory).
+    /// Largest |offset|, in microvolts at the input: five times the typical 60 uV (7.5; from memory).
     pub offset_uv: f32,
-    /// Noise, uV rms at the input: between half and twice [`typical_noise_uv`]. No noise at all is a
-    /// dead channel.
+    /// Least and largest noise, in microvolts rms at the input: half and twice [`typical_noise_uv`]. A
+    /// channel without noise is dead.
     pub noise_uv: [f32; 2],
-    /// Samples that a judgement rests on.
+    /// Least number of samples for a verdict.
     pub samples: u32,
 }
 
-/// Why a channel is not in order.
+/// Limit that a channel exceeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SelfTestFault {
-    /// Too few samples to judge by.
+    /// Too few samples for a verdict.
     Samples {
-        /// Taken.
+        /// Number of samples.
         measured: u32,
-        /// Wanted.
+        /// Least number of samples.
         limit: u32,
     },
-    /// The amplitude of the test signal is off; -1 is no test signal at all.
+    /// Wrong amplitude of the test signal; -1 without any signal.
     Gain {
-        /// A fraction.
+        /// Measured value, as a fraction.
         measured: f32,
-        /// A fraction.
+        /// Limit, as a fraction.
         limit: f32,
     },
-    /// The middle is not at zero.
+    /// Offset out of range.
     Offset {
-        /// uV.
+        /// Measured value, in microvolts.
         measured: f32,
-        /// uV.
+        /// Limit, in microvolts.
         limit: f32,
     },
-    /// Too loud.
+    /// Too much noise.
     Noisy {
-        /// uV rms.
+        /// Measured value, in microvolts rms.
         measured: f32,
-        /// uV rms.
+        /// Limit, in microvolts rms.
         limit: f32,
     },
-    /// Too quiet to be alive.
+    /// Too little noise: the channel is dead.
     Silent {
-        /// uV rms.
+        /// Measured value, in microvolts rms.
         measured: f32,
-        /// uV rms.
+        /// Limit, in microvolts rms.
         limit: f32,
     },
 }
 
 /// Noise of a channel with shorted input, uV rms at the input.
 ///
-/// At gain 1, by rate: table 1 (8.1). At gain 2 that table has 0.53 of it; at gain 24 the front page
-/// has 1 uV peak to peak in 70 Hz, 0.14 of it with the peak-to-peak ratio of 6.6. The gains between
-/// follow `sqrt(1 / gain^2 + 0.13^2)`, which meets both.
+/// At gain 1, by rate: table 1 (8.1). At gain 2 the table has 0.53 times as much. At gain 24 the front page
+/// states 1 uV peak to peak in 70 Hz: 0.14 times as much, with a peak-to-peak ratio of 6.6. The gains in
+/// between follow `sqrt(1 / gain^2 + 0.13^2)`, which matches both.
 pub const fn typical_noise_uv(gain: Gain, rate: Rate) -> f32 {
     let at_gain_one = [21.70, 6.93, 4.33, 3.06, 2.17, 1.53, 1.08][rate as usize];
     let of_gain = [1.0, 0.53, 0.282, 0.211, 0.180, 0.154, 0.137][gain as usize];
@@ -72,7 +73,7 @@ pub const fn typical_noise_uv(gain: Gain, rate: Rate) -> f32 {
 }
 
 impl Limits {
-    /// Those of a channel at this gain and rate.
+    /// Returns the limits for this gain and rate.
     pub const fn new(gain: Gain, rate: Rate) -> Self {
         let typical = typical_noise_uv(gain, rate);
         Self {
@@ -122,7 +123,7 @@ impl Limits {
     }
 }
 
-/// The fault if the condition does not hold.
+/// Returns the fault unless `holds`.
 fn within(holds: bool, fault: SelfTestFault) -> Result<(), SelfTestFault> {
     if holds { Ok(()) } else { Err(fault) }
 }

@@ -1,8 +1,8 @@
-//! The rate of samples.
+//! Sample rate.
 
 use crate::clock::Clock;
 
-/// The rate of samples, as the clock's divider (CONFIG1.DR, 9.6.1.2).
+/// Sample rate, as a divider of the master clock (CONFIG1.DR, 9.6.1.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rate {
     /// Clock / 128: 16 kHz at 2.048 MHz.
@@ -22,7 +22,7 @@ pub enum Rate {
 }
 
 impl Rate {
-    /// Every rate, the fastest first.
+    /// Every rate, fastest first.
     pub const ALL: [Self; 7] = [
         Self::Div128,
         Self::Div256,
@@ -33,18 +33,18 @@ impl Rate {
         Self::Div8192,
     ];
 
-    /// Cycles of the clock between two samples.
+    /// Returns the clock cycles between two samples.
     pub const fn divider(self) -> u32 {
         128 << self as u32
     }
 
-    /// Cycles from START to the first DRDY, which comes with settled data: `4 divider + 9`
-    /// (9.4.1 has a table; the formula is from memory of it).
+    /// Returns the clock cycles from START to the first DRDY, whose data are settled: `4 divider + 9`
+    /// (formula derived from memory of the table in 9.4.1).
     pub const fn settling(self) -> u32 {
         4 * self.divider() + 9
     }
 
-    /// Samples per second, in thousandths, rounded down.
+    /// Returns the sample rate in millihertz, rounded down.
     #[expect(clippy::cast_possible_truncation, reason = "at most 17.6e6")]
     pub const fn millihertz(self, clock: Clock) -> u32 {
         (clock.hz() as u64 * 1000 / self.divider() as u64) as u32
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_rates_are_the_data_sheets_and_those_of_a_quartz_for_512_hz() {
+    fn rates_match_the_data_sheet_and_a_quartz_for_512_hz() {
         let sheet = Rate::ALL.map(|rate| rate.millihertz(Clock::INTERNAL) / 1000);
         assert_eq!(sheet, [16_000, 8000, 4000, 2000, 1000, 500, 250]);
         assert_eq!(Rate::Div4096.millihertz(Clock::EEG), 512_000);

@@ -1,24 +1,24 @@
-//! The rate of a chain that runs.
+//! Continuous check of DRDY's rate.
 
 use crate::clock::Clock;
 use crate::rate::Rate;
 use crate::ready::{Edge, RateError, ReadyMeter};
 
-/// Periods without a gap by which the rate is judged: 1/8 s at 512 Hz. Stamps of 1 us tell it to 16
-/// millionths then, an interrupt that is 50 us late to 400; a quartz is allowed 1000.
+/// Consecutive periods per rate check: 1/8 s at 512 Hz. Stamps of 1 us resolution then measure the rate
+/// to 16 ppm; an interrupt delayed by 50 us adds 400 ppm. The tolerance of a quartz is 1000 ppm.
 const PERIODS: u32 = 64;
 
-/// Judges DRDY's edges for as long as a chain runs: an edge that is too early at once, a rate that is
-/// off by less than that after [`PERIODS`] periods, and gaps as samples that nobody read.
+/// Checks DRDY's edges while a chain converts. Reports an early edge at once, a smaller deviation of the
+/// rate after [`PERIODS`] periods, and a gap as the number of samples that were not read.
 #[derive(Clone, Debug)]
 pub(crate) struct RateWatch {
     clock: Clock,
     rate: Rate,
-    /// Since the last gap or early edge, at most [`PERIODS`].
+    /// Edges since the last gap or early edge, at most [`PERIODS`] periods.
     meter: ReadyMeter,
-    /// What the last judgement was.
+    /// Result of the last rate check.
     off: Option<RateError>,
-    /// The last rate that was measured, mHz.
+    /// Last measured rate, in millihertz.
     measured: Option<u32>,
 }
 
@@ -33,18 +33,18 @@ impl RateWatch {
         }
     }
 
-    /// The last rate that was measured, mHz.
+    /// Returns the last measured rate, in millihertz.
     pub(crate) const fn millihertz(&self) -> Option<u32> {
         self.measured
     }
 
-    /// Forgets the edges so far: the next one is the first.
+    /// Discards previous edges: the next one counts as the first.
     pub(crate) fn restart(&mut self) {
         self.meter = ReadyMeter::new(0, self.clock, self.rate);
     }
 
-    /// Takes an edge at a time in us, which never goes back; gives the samples that are missing before
-    /// it, and why the rate is wrong.
+    /// Records an edge at `time_us`, which must not decrease. Returns the number of samples missing before
+    /// it, and the error of the rate, if any.
     pub(crate) fn edge(&mut self, time_us: u64) -> (u32, Option<RateError>) {
         let (missed, error) = match self.meter.edge(time_us) {
             Edge::First => return (0, self.off),
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rate_that_is_a_little_off_is_flagged_until_it_is_right_again() {
+    fn a_small_deviation_is_flagged_until_the_rate_is_right_again() {
         let mut watch = watch();
         let mut time_us = 0;
         let mut flagged = |period_us: u64, edges: u32| {
@@ -83,10 +83,10 @@ mod tests {
                 flagged + u32::from(error.is_some())
             })
         };
-        // 512.03 Hz are a quartz; 500 Hz are another clock.
+        // 512.03 Hz is within a quartz's tolerance; 500 Hz is another clock.
         assert_eq!(flagged(1953, 200), 0);
         assert_eq!(flagged(2000, 128), 128 - 56);
-        // Two judgements hold slow periods beside right ones.
+        // Two checks include slow periods as well as correct ones.
         assert_eq!(flagged(1953, 128), 120);
         assert_eq!(flagged(1953, 64), 0);
     }

@@ -1,50 +1,49 @@
-//! What was found with a sample.
+//! Result of reading one sample.
 
 use crate::decoder::FrameStatus;
 use crate::ready::RateError;
 use crate::status_word::StatusWord;
 
-/// What was found with a sample, chip by chip.
+/// Result of reading one sample, chip by chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading<const CHIPS: usize> {
-    /// What stood beside the counts; none if there was no frame: the bus failed, or nothing converts.
+    /// Status words of the frame; `None` without a frame, because the bus failed or the chain is stopped.
     pub status: Option<FrameStatus<CHIPS>>,
-    /// Chips whose counts are not of this sample, one bit each: they keep those of before.
+    /// Bad chips, one bit each. Their counts are those of an earlier sample.
     pub bad: u8,
-    /// Samples between the one before and this one that nobody read.
+    /// Samples missing between the previous reading and this one.
     pub missed: u32,
-    /// Why the rate is not what was set; it names the chip whose DRDY is wired. The counts are what
-    /// the chips delivered.
+    /// Error of the sample rate, naming the chip whose DRDY is wired. The counts are valid all the same.
     pub rate: Option<RateError>,
 }
 
 impl<const CHIPS: usize> Reading<CHIPS> {
-    /// One bit for each chip.
+    /// Mask with one bit per chip.
     pub(crate) const ALL: u8 = u8::MAX >> (8 - CHIPS);
 
-    /// Whether every chip is sound and the rate is right; missed samples are another matter.
+    /// Returns whether no chip is bad and the rate is right. Missed samples do not count.
     pub const fn is_sound(&self) -> bool {
         self.bad == 0 && self.rate.is_none()
     }
 
-    /// The chip with which the trouble begins: those behind a dead one are silenced by it.
+    /// Returns the first bad chip: a dead chip also silences those that send through it.
     #[expect(clippy::cast_possible_truncation, reason = "at most 8")]
     pub fn culprit(&self) -> Option<u8> {
         let of_frame = (self.bad != 0).then(|| self.bad.trailing_zeros() as u8);
         of_frame.or_else(|| self.rate.map(|error| error.chip()))
     }
 
-    /// Positive inputs of a chip without contact, one bit each; none of a chip that is bad.
+    /// Returns a chip's positive inputs that are off, one bit each; 0 for a bad chip.
     pub fn off_positive(&self, chip: usize) -> u8 {
         self.sound_word(chip).map_or(0, StatusWord::off_positive)
     }
 
-    /// Negative inputs of a chip without contact, one bit each; none of a chip that is bad.
+    /// Returns a chip's negative inputs that are off, one bit each; 0 for a bad chip.
     pub fn off_negative(&self, chip: usize) -> u8 {
         self.sound_word(chip).map_or(0, StatusWord::off_negative)
     }
 
-    /// Whether any electrode is without contact.
+    /// Returns whether any electrode is off.
     pub fn lead_off(&self) -> bool {
         (0..CHIPS).fold(0, |off, chip| {
             off | self.off_positive(chip) | self.off_negative(chip)

@@ -1,12 +1,12 @@
-//! What the times of DRDY's edges say.
+//! Measurement of the sample rate from DRDY's edges.
 
 use core::fmt;
 
 use crate::clock::Clock;
 use crate::rate::Rate;
 
-/// Judges the rate of samples by the times of DRDY's falling edges. Time stamps may jitter by less
-/// than a quarter of a period.
+/// Measures the sample rate from the times of DRDY's falling edges. The time stamps' jitter must stay
+/// below a quarter of a period.
 #[derive(Clone, Debug)]
 pub struct ReadyMeter {
     chip: u8,
@@ -14,50 +14,50 @@ pub struct ReadyMeter {
     rate: Rate,
     first_us: Option<u64>,
     last_us: u64,
-    /// Edges after the first one.
+    /// Number of edges after the first one.
     periods: u32,
     early: u32,
     missed: u32,
 }
 
-/// How an edge came.
+/// Timing of an edge relative to the previous one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Edge {
-    /// The first one: nothing to hold it against.
+    /// The first edge: there is no previous one.
     First,
-    /// A period after the one before.
+    /// One period after the previous edge.
     OnTime,
-    /// Less than three quarters of a period after it: the chip is too fast, or noise is on the line.
+    /// Less than 3/4 of a period after the previous edge: the chip is too fast, or the line is noisy.
     Early,
-    /// More than one and a half periods after it: so many edges are missing in between.
+    /// More than 1.5 periods after the previous edge; holds the number of missing edges.
     Missed(u32),
 }
 
-/// Why the rate of samples is not what was set.
+/// Deviation of the sample rate from the configured one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RateError {
     /// Fewer than two edges.
     NotMeasured {
-        /// The chip whose DRDY it is.
+        /// Chip whose DRDY was measured.
         chip: u8,
     },
-    /// It is off.
+    /// The rate differs, or edges were early or missing.
     Off {
-        /// The chip whose DRDY it is.
+        /// Chip whose DRDY was measured.
         chip: u8,
-        /// Measured, mHz.
+        /// Measured rate, in millihertz.
         measured: u32,
-        /// Set, mHz.
+        /// Configured rate, in millihertz.
         expected: u32,
-        /// Edges that came too early.
+        /// Number of early edges.
         early: u32,
-        /// Edges that are missing.
+        /// Number of missing edges.
         missed: u32,
     },
 }
 
 impl RateError {
-    /// The chip whose DRDY it is.
+    /// Returns the chip whose DRDY was measured.
     pub const fn chip(&self) -> u8 {
         match self {
             Self::NotMeasured { chip } | Self::Off { chip, .. } => *chip,
@@ -66,7 +66,7 @@ impl RateError {
 }
 
 impl ReadyMeter {
-    /// Before the first edge of a chip's DRDY; if only one is wired, that of chip 0.
+    /// Creates a meter for the DRDY of `chip`: 0 on a board that wires only one.
     pub const fn new(chip: u8, clock: Clock, rate: Rate) -> Self {
         Self {
             chip,
@@ -80,14 +80,14 @@ impl ReadyMeter {
         }
     }
 
-    /// Takes an edge at a time in us, which never goes back.
+    /// Records an edge at `time_us`, which must not decrease.
     pub fn edge(&mut self, time_us: u64) -> Edge {
         if self.first_us.is_none() {
             self.first_us = Some(time_us);
             self.last_us = time_us;
             return Edge::First;
         }
-        // In millionths of a cycle: exact for every rate, up to three months between two edges.
+        // In millionths of a clock cycle: exact for every rate and intervals of up to three months.
         let interval_us = time_us.saturating_sub(self.last_us);
         let interval = interval_us.saturating_mul(u64::from(self.clock.hz()));
         let period = u64::from(self.rate.divider()) * 1_000_000;
@@ -106,38 +106,38 @@ impl ReadyMeter {
         Edge::Missed(missed)
     }
 
-    /// Edges so far after the first one.
+    /// Returns the number of edges after the first one.
     pub(crate) const fn periods(&self) -> u32 {
         self.periods
     }
 
-    /// From the first edge to the last, us.
+    /// Returns the time from the first edge to the last, in microseconds.
     fn span_us(&self) -> u64 {
         self.last_us - self.first_us.unwrap_or(self.last_us)
     }
 
-    /// Edges so far that came too early.
+    /// Returns the number of early edges.
     pub const fn early(&self) -> u32 {
         self.early
     }
 
-    /// Edges so far that are missing.
+    /// Returns the number of missing edges.
     pub const fn missed(&self) -> u32 {
         self.missed
     }
 
-    /// The rate, mHz; missing edges lower it. None before the second edge.
+    /// Returns the mean rate in millihertz; missing edges lower it. `None` before the second edge.
     pub fn millihertz(&self) -> Option<u32> {
         let span_us = self.span_us();
         let rate = (u64::from(self.periods) * 1_000_000_000).checked_div(span_us)?;
         u32::try_from(rate).ok()
     }
 
-    /// Whether the rate is what was set, as far as the clock and two stamps of 1 us can tell, and no
-    /// edge came too early or is missing.
+    /// Checks that the rate is the configured one, within the clock's tolerance and the resolution of two
+    /// 1 us stamps, and that no edge was early or missing. Returns the rate in millihertz.
     ///
     /// # Errors
-    /// [`RateError`]; 64 edges at 512 Hz tell the rate to 16 millionths.
+    /// [`RateError`]. 64 edges at 512 Hz resolve 16 ppm.
     pub fn check(&self) -> Result<u32, RateError> {
         let chip = self.chip;
         let measured = self.millihertz().ok_or(RateError::NotMeasured { chip })?;

@@ -1,20 +1,20 @@
-//! The registers of a chip.
+//! Registers of a chip.
 
 use core::fmt;
 
-/// The ID of an eight-channel ADS1299: bit 4 is 1, DEV_ID 11, NU_CH 10 (9.6.1.1). The bits above
-/// are the revision, 001 in every part known to us.
+/// ID of an eight-channel ADS1299: bit 4 is 1, DEV_ID 11, NU_CH 10 (9.6.1.1). The upper three bits are
+/// the revision, 001 in every part known to the authors.
 pub const ID: u8 = 0x3E;
 
-/// Bits of the ID that tell the part; those of the revision may change.
+/// Bits of the ID that identify the part, without the revision.
 pub(crate) const ID_MASK: u8 = 0x1F;
 
-/// A register of a chip, by its address (9.6, table 11).
+/// Register address (9.6, table 11).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Register(u8);
 
 impl Register {
-    /// ID, read only.
+    /// Part and revision; read only.
     pub const ID: Self = Self(0x00);
     /// Daisy chain, clock output, rate.
     pub const CONFIG1: Self = Self(0x01);
@@ -28,19 +28,19 @@ impl Register {
     pub const CH1SET: Self = Self(0x05);
     /// Positive inputs in the bias, one bit each.
     pub const BIAS_SENSP: Self = Self(0x0D);
-    /// Negative inputs in the bias.
+    /// Negative inputs in the bias, one bit each.
     pub const BIAS_SENSN: Self = Self(0x0E);
-    /// Positive inputs with lead-off current.
+    /// Positive inputs with lead-off current, one bit each.
     pub const LOFF_SENSP: Self = Self(0x0F);
-    /// Negative inputs with lead-off current.
+    /// Negative inputs with lead-off current, one bit each.
     pub const LOFF_SENSN: Self = Self(0x10);
-    /// Channels whose lead-off current is turned round.
+    /// Channels with reversed lead-off current, one bit each.
     pub const LOFF_FLIP: Self = Self(0x11);
-    /// Positive inputs without contact, read only.
+    /// Positive inputs that are off, one bit each; read only.
     pub const LOFF_STATP: Self = Self(0x12);
-    /// Negative inputs without contact, read only.
+    /// Negative inputs that are off, one bit each; read only.
     pub const LOFF_STATN: Self = Self(0x13);
-    /// Four pins: data above, direction below (1 is input).
+    /// Four pins: data in the upper half, direction in the lower half (1 is input).
     pub const GPIO: Self = Self(0x14);
     /// SRB1: one reference for all negative inputs.
     pub const MISC1: Self = Self(0x15);
@@ -49,10 +49,10 @@ impl Register {
     /// Single shot, lead-off comparators.
     pub const CONFIG4: Self = Self(0x17);
 
-    /// How many there are.
+    /// Number of registers.
     pub const COUNT: usize = 24;
 
-    /// What a reset leaves in them; the ID is the part's.
+    /// Values after a reset.
     pub const RESET: [u8; Self::COUNT] = [
         ID, 0x96, 0xC0, 0x60, 0x00, // ID, CONFIG1 to 3, LOFF
         0x61, 0x61, 0x61, 0x61, 0x61, 0x61, 0x61, 0x61, // CHnSET: gain 24, shorted
@@ -61,8 +61,8 @@ impl Register {
         0x0F, 0x00, 0x00, 0x00, // GPIO, MISC1, MISC2, CONFIG4
     ];
 
-    /// Bits that read back as they were written. Not so: the ID, lead-off status, CONFIG3.BIAS_STAT,
-    /// and the data of GPIO pins, which are inputs here.
+    /// Bits that read back as written: all but the ID, lead-off status, CONFIG3.BIAS_STAT, and the data of
+    /// the GPIO pins, which are inputs.
     pub(crate) const KEPT: [u8; Self::COUNT] = [
         0x00, 0xFF, 0xFF, 0xFE, 0xFF, // ID, CONFIG1 to 3, LOFF
         0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, // CHnSET
@@ -71,7 +71,7 @@ impl Register {
         0x0F, 0xFF, 0xFF, 0xFF, // GPIO, MISC1, MISC2, CONFIG4
     ];
 
-    /// The register at an address; none from [`Self::COUNT`] on.
+    /// Returns the register at `address`; `None` from [`Self::COUNT`] on.
     pub const fn at(address: u8) -> Option<Self> {
         if address as usize >= Self::COUNT {
             return None;
@@ -79,19 +79,19 @@ impl Register {
         Some(Self(address))
     }
 
-    /// Its address, below [`Self::COUNT`].
+    /// Returns the address, below [`Self::COUNT`].
     pub const fn address(self) -> u8 {
         self.0
     }
 
-    /// As an index into [`Self::RESET`] and the like.
+    /// Returns the address as an index into [`Self::RESET`] and other register arrays.
     pub const fn index(self) -> usize {
         self.0 as usize
     }
 }
 
 impl fmt::Display for Register {
-    /// The data sheet's name.
+    /// Writes the data sheet's name of the register.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         const NAMES: [&str; Register::COUNT] = [
             "ID",

@@ -1,29 +1,29 @@
-//! A chain in use: who owns it and reads its samples.
+//! Owner of a chain that reads its samples.
 
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 
-use crate::CHANNELS;
-use crate::MAX_CHIPS;
-use crate::bring_up::BringUp;
+use crate::bring_up::{BringUp, check};
 use crate::bus::Bus;
 use crate::chain::Chain;
-use crate::chain::{check, number};
+use crate::chain::number;
 use crate::command::{COLD_US, POWER_ON_US};
 use crate::decoder::Decoder;
 use crate::error::Error;
+use crate::frame::CHANNELS;
+use crate::frame::MAX_CHIPS;
 use crate::rate_watch::RateWatch;
 use crate::reading::Reading;
 use crate::settings::Settings;
 use crate::streaming::Streaming;
 
-/// Periods without an edge of DRDY after which a chain is taken to be silent.
+/// Periods without an edge of DRDY after which a chain counts as silent.
 pub const SILENCE: u32 = 4;
 
-/// A chain in use: owns the wires, reads every sample and says what is wrong with it.
+/// Owns a chain, reads every sample and reports its errors.
 ///
-/// A chip whose part of a frame means nothing keeps its counts of before. `BYTES` is
-/// [`frame_bytes`](crate::frame_bytes) of the chips, checked when it is compiled.
+/// A chip with an invalid part of a frame keeps its previous counts. `BYTES` is
+/// [`frame_bytes`](crate::frame::frame_bytes) of the chips, checked at compile time.
 #[derive(Debug)]
 pub struct Sampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
     pub(crate) chain: Chain<Spi, Line, Delay, CHIPS>,
@@ -33,33 +33,33 @@ pub struct Sampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
     pub(crate) decoded: [[i32; CHANNELS]; CHIPS],
     counts: [[i32; CHANNELS]; CHIPS],
     watch: RateWatch,
-    runs: bool,
-    /// Chips that are not what they should be, one bit each: their counts are never believed.
+    is_running: bool,
+    /// Chips with a wrong ID or register, one bit each: their counts are never used.
     unfit: u8,
     counters: SamplerCounters<CHIPS>,
     last: Option<Reading<CHIPS>>,
 }
 
-/// What a sampler has counted since it was made; every counter wraps.
+/// Counters of a sampler since its creation; each wraps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SamplerCounters<const CHIPS: usize> {
-    /// Readings given.
+    /// Readings returned.
     pub readings: u32,
-    /// Readings in which a chip was bad, per chip. Chip 0 also answers for a wrong rate, and all of
-    /// them where there was no frame.
+    /// Readings in which a chip was bad, per chip. A wrong rate counts for chip 0, a reading without a
+    /// frame for all chips.
     pub errors: [u32; CHIPS],
-    /// Samples that nobody read.
+    /// Samples that were not read.
     pub missed: u32,
-    /// Readings at a wrong rate.
+    /// Readings with a wrong rate.
     pub wrong_rate: u32,
-    /// Readings without a frame: DRDY silent, the bus failed, or nothing converts.
+    /// Readings without a frame: DRDY was silent, the bus failed, or the chain was stopped.
     pub without_frame: u32,
 }
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES: usize>
     Sampler<Spi, Line, Delay, CHIPS, BYTES>
 {
-    /// A chain that does nothing yet, and what it is to do.
+    /// Creates a sampler for a stopped chain with these settings.
     pub const fn new(chain: Chain<Spi, Line, Delay, CHIPS>, settings: Settings<CHIPS>) -> Self {
         const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
         Self {
@@ -70,7 +70,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             decoded: [[0; CHANNELS]; CHIPS],
             counts: [[0; CHANNELS]; CHIPS],
             watch: RateWatch::new(settings.clock, settings.rate),
-            runs: false,
+            is_running: false,
             unfit: Reading::<CHIPS>::ALL,
             counters: SamplerCounters {
                 readings: 0,
@@ -87,96 +87,100 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// [`Configured::start`](crate::configured::Configured::start) do; `progress` is called at least every 20 ms.
     ///
     /// # Errors
-    /// The first thing wrong. If it is a chip, the chain runs nevertheless, and that chip is bad in
-    /// every reading, so that the others are not lost. If it is every chip, the bus or a pin, nothing
-    /// runs.
-    pub async fn begin(&mut self, mut progress: impl FnMut()) -> Result<(), Error> {
-        let mut steps = BringUp::from_power(POWER_ON_US);
-        self.finish(&mut steps, &mut progress).await
+    /// The first error. If it concerns single chips, the chain runs, and these chips are bad in every
+    /// reading. If it concerns every chip, the bus or a pin, the chain stays stopped.
+    pub async fn start(&mut self, mut progress: impl FnMut()) -> Result<(), Error> {
+        let mut bring_up = BringUp::from_power(POWER_ON_US);
+        self.finish(&mut bring_up, &mut progress).await
     }
 
-    /// The same for supplies that may have come on just now: it waits 1 s for VCAP1.
+    /// Like [`Self::start`], for supplies that may have just come on: waits 1 s for VCAP1.
     ///
     /// # Errors
-    /// Those of [`Self::begin`].
-    pub async fn begin_cold(&mut self, mut progress: impl FnMut()) -> Result<(), Error> {
-        let mut steps = BringUp::from_power(COLD_US);
-        self.finish(&mut steps, &mut progress).await
+    /// Those of [`Self::start`].
+    pub async fn start_cold(&mut self, mut progress: impl FnMut()) -> Result<(), Error> {
+        let mut bring_up = BringUp::from_power(COLD_US);
+        self.finish(&mut bring_up, &mut progress).await
     }
 
-    /// Sets the chips up, which must have been reset since power-on, and starts them.
+    /// Sets up chips that have been reset since power-on, and starts them.
     pub(crate) async fn resume(&mut self, progress: &mut impl FnMut()) -> Result<(), Error> {
         self.finish(&mut BringUp::from_reset(), progress).await
     }
 
     async fn finish(
         &mut self,
-        steps: &mut BringUp<CHIPS>,
+        bring_up: &mut BringUp<CHIPS>,
         progress: &mut impl FnMut(),
     ) -> Result<(), Error> {
-        self.runs = false;
-        self.chain.finish(&self.settings, steps, progress).await?;
-        self.run_checked(steps).await
+        self.is_running = false;
+        self.chain
+            .finish(&self.settings, bring_up, progress)
+            .await?;
+        self.run_checked(bring_up).await
     }
 
-    /// Takes the next step of a bring-up; nothing runs until the last one, which starts the chain.
-    /// Returns how long to wait before the next step, us, or none after the last one.
-    pub(crate) async fn step(&mut self, steps: &mut BringUp<CHIPS>) -> Result<Option<u32>, Error> {
-        self.runs = false;
-        let wait_us = self.chain.step(&self.settings, steps).await?;
+    /// Runs the next stage of a bring-up. The last one starts the chain. Returns the delay before the next
+    /// stage in microseconds, or `None` after the last one.
+    pub(crate) async fn run_stage(
+        &mut self,
+        bring_up: &mut BringUp<CHIPS>,
+    ) -> Result<Option<u32>, Error> {
+        self.is_running = false;
+        let wait_us = self.chain.run_stage(&self.settings, bring_up).await?;
         if wait_us.is_none() {
-            self.run_checked(steps).await?;
+            self.run_checked(bring_up).await?;
         }
         Ok(wait_us)
     }
 
-    /// Checks the registers of a chain that has been set up, and starts it unless every chip is unfit.
-    async fn run_checked(&mut self, steps: &BringUp<CHIPS>) -> Result<(), Error> {
+    /// Checks the registers that were read back, and starts the chain unless every chip is unfit.
+    async fn run_checked(&mut self, bring_up: &BringUp<CHIPS>) -> Result<(), Error> {
         self.unfit = 0;
-        for (chip, back) in steps.backs.iter().enumerate() {
-            let fits = back.check(number(chip), &self.settings.image(chip));
+        for (chip, read_back) in bring_up.read_backs.iter().enumerate() {
+            let fits = read_back.check(number(chip), &self.settings.image(chip));
             self.unfit |= u8::from(fits.is_err()) << chip;
         }
         if self.unfit != Reading::<CHIPS>::ALL {
             self.chain.run().await?;
-            self.runs = true;
+            self.is_running = true;
         }
         self.watch = RateWatch::new(self.settings.clock, self.settings.rate);
-        check(&steps.backs, &self.settings)
+        check(&bring_up.read_backs, &self.settings)
     }
 
-    /// Whether the chips convert.
-    pub const fn runs(&self) -> bool {
-        self.runs
+    /// Returns whether the chips convert.
+    pub const fn is_running(&self) -> bool {
+        self.is_running
     }
 
-    /// What the chips are to do.
+    /// Returns the settings of the chain.
     pub const fn settings(&self) -> &Settings<CHIPS> {
         &self.settings
     }
 
-    /// The newest counts of each channel that could be believed, |count| <= 2^23.
+    /// Returns the newest valid counts of each channel, |count| <= 2^23.
     pub const fn counts(&self) -> &[[i32; CHANNELS]; CHIPS] {
         &self.counts
     }
 
-    /// What was found with the newest sample.
+    /// Returns the newest reading.
     pub const fn last(&self) -> Option<&Reading<CHIPS>> {
         self.last.as_ref()
     }
 
-    /// The rate of DRDY, mHz: of the last 1/8 s without a gap, or since the last edge that was early or
-    /// late; none before that.
+    /// Returns DRDY's rate in millihertz: of the last 1/8 s without a gap, or since the last early or late
+    /// edge. `None` before the first measurement.
     pub const fn millihertz(&self) -> Option<u32> {
         self.watch.millihertz()
     }
 
-    /// What has been counted.
+    /// Returns the counters.
     pub const fn counters(&self) -> &SamplerCounters<CHIPS> {
         &self.counters
     }
 
-    /// Reads the sample whose edge of DRDY came at a time in us; [`Self::counts`] has it then.
+    /// Reads the sample whose DRDY edge was at `edge_us`, in microseconds; [`Self::counts`] then returns it.
     ///
     /// # Timing
     /// That of [`Streaming::read`] and [`Decoder::decode`]; no allocation, no panic.
@@ -190,7 +194,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         };
         let Settings { clock, rate, .. } = self.settings;
         let mut chain = Streaming::new(&mut self.chain, clock, rate);
-        if self.runs && chain.read(&mut self.frame).await.is_ok() {
+        if self.is_running && chain.read(&mut self.frame).await.is_ok() {
             let status = self.decoder.decode(&self.frame, &mut self.decoded);
             reading.bad = status.bad | status.repeated | self.unfit;
             reading.status = Some(status);
@@ -205,8 +209,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         reading
     }
 
-    /// Instead of a sample that did not come: no edge of DRDY for [`SILENCE`] periods, then each
-    /// period; `missed` are those that went by before it was called.
+    /// Records a missing sample. Call it after [`SILENCE`] periods without an edge of DRDY, and then each
+    /// period; `missed` is the number of periods before this one.
     pub fn silence(&mut self, missed: u32) -> Reading<CHIPS> {
         self.watch.restart();
         let reading = Reading {

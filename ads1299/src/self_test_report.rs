@@ -1,92 +1,92 @@
-//! What a self-test has found.
+//! Report of a self-test.
 
 use core::fmt;
 
-use crate::CHANNELS;
 use crate::error::Error;
+use crate::frame::CHANNELS;
 use crate::limits::SelfTestFault;
 use crate::ready::RateError;
 use crate::register::Register;
 
-/// What a self-test has found, as plain numbers.
+/// Report of a self-test.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SelfTestReport<const CHIPS: usize> {
-    /// Chip by chip; chip 0 is the one at MISO.
+    /// Registers and frames per chip; chip 0 is the one at MISO.
     pub chips: [ChipReport; CHIPS],
-    /// Channel by channel.
+    /// Measurements per chip and channel.
     pub channels: [[ChannelReport; CHANNELS]; CHIPS],
-    /// DRDY of chip 0.
+    /// Rate of chip 0's DRDY.
     pub ready: ReadyReport,
-    /// What ended the test before its end; what comes later in it was not measured.
+    /// Error that stopped the test; later stages were not measured.
     pub stopped: Option<Error>,
-    /// Why the chain is not again what it was before.
+    /// Error while restoring the previous settings.
     pub not_restored: Option<Error>,
 }
 
-/// The registers and the frames of a chip.
+/// Registers and frames of a chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChipReport {
-    /// The ID that it answers; [`ID`](crate::register::ID) is right.
+    /// ID that was read; expected is [`ID`](crate::register::ID) is right.
     pub id: u8,
-    /// Registers that did not keep what was written, the most in any of the settings, 0 to 24.
+    /// Number of registers that differ from the value written: the most of all stages, 0 to 24.
     pub differing: u8,
-    /// The ID or the first register that was wrong.
+    /// Wrong ID, or first register that differs.
     pub fault: Option<Error>,
-    /// Frames whose status was bad or that repeated themselves; they are not judged.
+    /// Frames that were damaged or repeated; they are left out of the measurements.
     pub bad_frames: u32,
 }
 
-/// A channel, at the input.
+/// Measurements of a channel, referred to its input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelReport {
-    /// Of the chip's square wave: measured amplitude by the set one, less 1; -1 if there is none.
+    /// Measured over expected amplitude of the square wave, less 1; -1 without a square wave.
     pub gain_error: f32,
-    /// Middle of the square wave, uV.
+    /// Mean of the square wave's levels, in microvolts.
     pub offset_uv: f32,
-    /// Around the levels of the square wave, uV rms.
+    /// Noise around the levels of the square wave, in microvolts rms.
     pub noise_uv: f32,
-    /// With shorted input, uV rms.
+    /// Noise with shorted input, in microvolts rms.
     pub shorted_noise_uv: f32,
-    /// The first limit that does not hold.
+    /// First limit that is exceeded.
     pub fault: Option<SelfTestFault>,
 }
 
-/// The rate of DRDY.
+/// Rate of DRDY.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadyReport {
-    /// Set, mHz.
+    /// Configured rate, in millihertz.
     pub expected: u32,
-    /// Measured, mHz; 0 if it was not.
+    /// Measured rate, in millihertz; 0 if it was not measured.
     pub measured: u32,
-    /// Edges that came too early.
+    /// Number of early edges.
     pub early: u32,
-    /// Edges that are missing.
+    /// Number of missing edges.
     pub missed: u32,
-    /// Why that is wrong.
+    /// Error of the rate.
     pub fault: Option<RateError>,
 }
 
-/// Why a self-test is not passed.
+/// First reason for a failed self-test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Finding {
-    /// The chain as a whole: a chip's ID or register, the bus, DRDY.
+    /// ID or register of a chip, the bus, or DRDY.
     Chain(Error),
-    /// The rate.
+    /// Sample rate.
     Rate(RateError),
-    /// A chip's frames.
+    /// Frames of a chip.
     Frames {
-        /// Which chip.
+        /// Index of the chip.
         chip: u8,
-        /// Frames that were bad.
+        /// Number of damaged or repeated frames.
         bad: u32,
     },
-    /// A channel.
+    /// Measurement of a channel.
     Channel {
-        /// Its chip.
+        /// Index of the chip.
         chip: u8,
-        /// Its number on the chip, from 0.
+        /// Index on the chip, from 0.
         channel: u8,
-        /// What is wrong.
+        /// Limit that is exceeded.
         fault: SelfTestFault,
     },
     /// The chain is not again what it was before.
@@ -94,7 +94,7 @@ pub enum Finding {
 }
 
 impl<const CHIPS: usize> SelfTestReport<CHIPS> {
-    /// Before anything was measured.
+    /// Report without measurements.
     pub const EMPTY: Self = Self {
         chips: [ChipReport {
             id: 0,
@@ -120,11 +120,11 @@ impl<const CHIPS: usize> SelfTestReport<CHIPS> {
         not_restored: None,
     };
 
-    /// The verdict.
+    /// Returns whether the test was passed.
     ///
     /// # Errors
-    /// The first finding, with the chip that it begins with: a chip that is broken takes frames and
-    /// channels of others with it, so that registers come before the rate, and frames before channels.
+    /// The most fundamental finding: registers, then the rate, frames, channels. A broken chip also damages
+    /// frames and channels of other chips, so later kinds may be consequences.
     #[expect(clippy::cast_possible_truncation, reason = "at most 8 of each")]
     pub fn check(&self) -> Result<(), Finding> {
         let none = |finding: Option<Finding>| finding.map_or(Ok(()), Err);
@@ -148,14 +148,14 @@ impl<const CHIPS: usize> SelfTestReport<CHIPS> {
         none(self.not_restored.map(Finding::NotRestored))
     }
 
-    /// Whether nothing was found.
+    /// Returns whether [`Self::check`] finds nothing.
     pub fn is_passed(&self) -> bool {
         self.check().is_ok()
     }
 }
 
 impl ChipReport {
-    /// The first register that did not keep what was written.
+    /// Returns the first register that differs from the value written.
     pub const fn first_differing(&self) -> Option<Register> {
         match self.fault {
             Some(Error::NotKept { register, .. }) => Some(register),
@@ -165,7 +165,7 @@ impl ChipReport {
 }
 
 impl Finding {
-    /// The chip that it begins with; none if it is the bus or a pin of all of them.
+    /// Returns the chip concerned; `None` for the bus or a shared pin.
     pub const fn chip(&self) -> Option<u8> {
         match self {
             Self::Chain(error) | Self::NotRestored(error) => error.chip(),

@@ -1,75 +1,75 @@
-//! What a chain is to do.
+//! Settings of a chain.
 
-use crate::CHANNELS;
 use crate::clock::Clock;
+use crate::frame::CHANNELS;
 use crate::gain::Gain;
 use crate::input::Input;
 use crate::lead_off::LeadOff;
 use crate::rate::Rate;
 use crate::test_signal::TestSignal;
 
-/// What a chain is to do: the registers as typed fields. What all chips share stands here.
+/// Settings of a chain: the chips' registers as typed fields.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings<const CHIPS: usize> {
-    /// The clock they share.
+    /// Master clock of all chips.
     pub clock: Clock,
-    /// The rate they share.
+    /// Sample rate of all chips.
     pub rate: Rate,
-    /// The test signal.
+    /// Test signal of all chips, for channels at [`Input::TestSignal`].
     pub test_signal: TestSignal,
-    /// How lost electrodes are found.
+    /// Lead-off detection of all chips.
     pub lead_off: LeadOff,
-    /// What differs from chip to chip; chip 0 is the one at MISO.
+    /// Settings per chip; chip 0 is the one at MISO.
     pub chips: [ChipSettings; CHIPS],
 }
 
-/// What one chip is to do. Bit n of a byte is channel n, from 0.
+/// Settings of one chip. Bit n of a byte is channel n, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChipSettings {
-    /// Its channels.
+    /// Settings per channel.
     pub channels: [Channel; CHANNELS],
-    /// Its bias amplifier.
+    /// Bias amplifier.
     pub bias: Bias,
-    /// SRB1 at every negative input: one reference electrode (MISC1.SRB1, 9.6.1.15).
+    /// Connects SRB1 to every negative input: one reference electrode (MISC1.SRB1, 9.6.1.15).
     pub srb1: bool,
-    /// Positive inputs that get the lead-off current.
+    /// Positive inputs with lead-off current.
     pub lead_off_positive: u8,
-    /// Negative inputs that get it.
+    /// Negative inputs with lead-off current.
     pub lead_off_negative: u8,
-    /// Channels whose current is turned round.
+    /// Channels with reversed lead-off current.
     pub lead_off_flip: u8,
 }
 
-/// What one channel is to do (CHnSET, 9.6.1.6).
+/// Settings of one channel (CHnSET, 9.6.1.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Channel {
-    /// Off channels read 0; their input should be [`Input::Shorted`].
+    /// Powers the channel. A channel that is off reads 0; its input should be [`Input::Shorted`].
     pub on: bool,
-    /// Its amplifier.
+    /// Gain of the amplifier.
     pub gain: Gain,
-    /// Whether its positive input is tied to SRB2.
+    /// Connects the positive input to SRB2.
     pub srb2: bool,
-    /// What it converts.
+    /// Signal that is converted.
     pub input: Input,
 }
 
-/// The bias amplifier of a chip: it drives the subject to mid-supply against the mains (9.3.2.4.5).
+/// Bias amplifier of a chip. It drives the subject to mid-supply, which reduces mains (9.3.2.4.5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bias {
-    /// Whether it runs.
+    /// Powers the amplifier.
     pub on: bool,
-    /// Its reference is made inside, at mid-supply.
+    /// Uses the internal reference at mid-supply.
     pub internal_reference: bool,
-    /// Whether its own electrode is watched (CONFIG3.BIAS_LOFF_SENS).
+    /// Monitors the bias electrode (CONFIG3.BIAS_LOFF_SENS).
     pub lead_off: bool,
-    /// Positive inputs in the average that it answers.
+    /// Positive inputs that the bias is derived from, one bit each.
     pub positive: u8,
-    /// Negative inputs in it.
+    /// Negative inputs that the bias is derived from, one bit each.
     pub negative: u8,
 }
 
 impl Bias {
-    /// No bias drive.
+    /// Amplifier without power or inputs.
     pub const OFF: Self = Self {
         on: false,
         internal_reference: false,
@@ -80,8 +80,8 @@ impl Bias {
 }
 
 impl<const CHIPS: usize> Settings<CHIPS> {
-    /// EEG against one reference electrode at SRB1: 512 Hz, gain 24, and the bias driven by chip 0
-    /// from its own positive inputs. No lead-off current: it adds noise.
+    /// EEG against one reference electrode at SRB1: 512 Hz, gain 24, bias driven by chip 0 from its
+    /// positive inputs. No lead-off current, because it adds noise.
     pub const EEG: Self = {
         let chip = ChipSettings {
             channels: [Channel {
@@ -112,8 +112,8 @@ impl<const CHIPS: usize> Settings<CHIPS> {
         }
     };
 
-    /// The same with every channel on and at one input, for the self-test; with [`Input::TestSignal`] the
-    /// chips make [`TestSignal::SELF_TEST`]. No electrode takes part: SRB1 is open, no current flows.
+    /// Returns these settings with every channel on and at `input`, for the self-test; the test signal is
+    /// [`TestSignal::SELF_TEST`]. Electrodes are disconnected: SRB1 is open, no lead-off current flows.
     #[must_use]
     pub fn with_input(mut self, input: Input) -> Self {
         self.test_signal = TestSignal::SELF_TEST;
@@ -130,7 +130,7 @@ impl<const CHIPS: usize> Settings<CHIPS> {
         self
     }
 
-    /// The same with every electrode watched: 6 nA of direct current into the positive inputs, and the
+    /// Returns these settings with lead-off detection on every channel: 6 nA DC into the positive inputs,
     /// comparators at 95 % of the supply. It adds some noise.
     #[must_use]
     pub const fn with_lead_off(mut self) -> Self {

@@ -1,31 +1,31 @@
-//! What a channel makes of nothing.
+//! Self-test of a channel with shorted input.
 
 use crate::gain::Gain;
 use crate::limits::{Limits, SelfTestFault};
 use crate::rate::Rate;
 use crate::statistics::{Statistics, rms};
 
-/// Judges one channel by its samples with shorted input. The data sheet takes 1000 (8.1); at most
-/// 2^16 count.
+/// Measures offset and noise of one channel with shorted input. The data sheet uses 1000 samples (8.1);
+/// samples after the first 2^16 are ignored.
 #[derive(Clone, Debug)]
 pub struct ShortedTest {
     gain: Gain,
     statistics: Statistics,
 }
 
-/// What a channel makes of a shorted input.
+/// Offset and noise of a channel with shorted input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShortedResult {
-    /// Mean, uV at the input.
+    /// Mean, in microvolts at the input.
     pub offset_uv: f32,
-    /// Around the mean, uV rms at the input.
+    /// Noise around the mean, in microvolts rms at the input.
     pub noise_uv: f32,
-    /// Samples that were used.
+    /// Number of samples.
     pub samples: u32,
 }
 
 impl ShortedTest {
-    /// Before the first sample.
+    /// Creates a test without samples.
     pub const fn new(gain: Gain) -> Self {
         Self {
             gain,
@@ -33,12 +33,12 @@ impl ShortedTest {
         }
     }
 
-    /// Takes the next sample, counts, |count| <= 2^23.
-    pub fn push(&mut self, count: i32) {
-        self.statistics.push(count);
+    /// Adds a sample, in ADC counts, |count| <= 2^23.
+    pub fn add_sample(&mut self, count: i32) {
+        self.statistics.add(count);
     }
 
-    /// What has been found so far.
+    /// Returns the result over all samples so far.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "results in f32 for the wire"
@@ -55,10 +55,10 @@ impl ShortedTest {
 }
 
 impl ShortedResult {
-    /// Whether the channel is in order.
+    /// Checks the result against the [`Limits`] of this gain and rate.
     ///
     /// # Errors
-    /// The first limit that does not hold.
+    /// The first limit that is exceeded.
     pub fn check(&self, gain: Gain, rate: Rate) -> Result<(), SelfTestFault> {
         let limits = Limits::new(gain, rate);
         limits.samples(self.samples)?;

@@ -1,4 +1,4 @@
-//! What a channel makes of the chip's own square wave.
+//! Self-test of a channel with the chip's internal square wave.
 
 use crate::gain::Gain;
 use crate::limits::{Limits, SelfTestFault};
@@ -6,41 +6,42 @@ use crate::rate::Rate;
 use crate::statistics::{Statistics, rms};
 use crate::test_signal::TestSignal;
 
-/// Samples left out on either side of a transition: the sinc filter takes three to settle.
+/// Samples ignored on either side of a transition: the sinc filter settles in three.
 const GUARD: usize = 4;
 
-/// Judges one channel by its samples of the chip's own square wave; a state of 120 bytes, so that
-/// 64 channels can be judged at once. At least two periods, about 2 s; at most 2^16 samples count.
+/// Measures gain, offset and noise of one channel from the chip's internal square wave. Needs at least
+/// two periods, about 2 s; samples after the first 2^16 are ignored. 120 bytes, so that 64 channels can be
+/// measured at once.
 #[derive(Clone, Debug)]
 pub struct SquareWaveTest {
     gain: Gain,
-    /// uV.
+    /// Expected amplitude, in microvolts.
     amplitude_uv: f64,
-    /// The last samples, in which a transition may show itself.
+    /// Newest samples, held back because a transition may have started in them.
     recent: [i32; GUARD],
-    /// How many of them are good.
+    /// Number of valid samples in `recent`.
     held: usize,
-    /// Samples still to be left out.
+    /// Number of samples still to be ignored.
     skip: usize,
     low: Statistics,
     high: Statistics,
 }
 
-/// What a channel makes of the square wave.
+/// Gain, offset and noise of a channel at the square wave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SquareWaveResult {
-    /// Measured amplitude by the set one, less 1; -1 if there is no square wave.
+    /// Measured over expected amplitude, less 1; -1 without a square wave.
     pub gain_error: f32,
-    /// Middle between the levels, uV at the input.
+    /// Mean of both levels, in microvolts at the input.
     pub offset_uv: f32,
-    /// Around the levels, uV rms at the input.
+    /// Noise around the levels, in microvolts rms at the input.
     pub noise_uv: f32,
-    /// Samples that were used.
+    /// Number of samples.
     pub samples: u32,
 }
 
 impl SquareWaveTest {
-    /// Before the first sample.
+    /// Creates a test without samples.
     pub const fn new(gain: Gain, signal: TestSignal) -> Self {
         let amplitude_uv = signal.amplitude.uv();
         #[expect(clippy::cast_possible_truncation, reason = "at most 2^23 / 50 counts")]
@@ -50,18 +51,18 @@ impl SquareWaveTest {
             amplitude_uv,
             recent: [0; GUARD],
             held: 0,
-            // The filter may be on its way when the samples begin.
+            // The first samples may be part of a transition.
             skip: GUARD,
             low: Statistics::around(-level),
             high: Statistics::around(level),
         }
     }
 
-    /// Takes the next sample, counts, |count| <= 2^23.
-    pub fn push(&mut self, count: i32) {
+    /// Adds a sample, in ADC counts, |count| <= 2^23.
+    pub fn add_sample(&mut self, count: i32) {
         let newest = self.recent[GUARD - 1];
         if self.held > 0 && (newest < 0) != (count < 0) {
-            // What is held may be the beginning of the transition.
+            // The transition may have started in the samples held back.
             self.held = 0;
             self.skip = GUARD;
         }
@@ -76,7 +77,7 @@ impl SquareWaveTest {
             } else {
                 &mut self.high
             };
-            level.push(oldest);
+            level.add(oldest);
         } else {
             self.held += 1;
         }
@@ -84,7 +85,7 @@ impl SquareWaveTest {
         self.recent[GUARD - 1] = count;
     }
 
-    /// What has been found so far.
+    /// Returns the result over all samples so far.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "results in f32 for the wire"
@@ -106,10 +107,10 @@ impl SquareWaveTest {
 }
 
 impl SquareWaveResult {
-    /// Whether the channel is in order.
+    /// Checks the result against the [`Limits`] of this gain and rate.
     ///
     /// # Errors
-    /// The first limit that does not hold.
+    /// The first limit that is exceeded.
     pub fn check(&self, gain: Gain, rate: Rate) -> Result<(), SelfTestFault> {
         let limits = Limits::new(gain, rate);
         limits.samples(self.samples)?;

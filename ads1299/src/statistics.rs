@@ -1,7 +1,7 @@
-//! Mean and spread of counts, without keeping them.
+//! Running mean and variance of counts.
 
-/// Mean and spread of counts around a reference, exact: up to 2^16 counts whose distance from the
-/// reference is clipped to 2^23 stay within 64 bits.
+/// Running sums for mean and variance. They are exact: 2^16 counts, each clipped to 2^23 from the
+/// reference, fit into 64 bits.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Statistics {
     reference: i32,
@@ -11,10 +11,10 @@ pub(crate) struct Statistics {
 }
 
 impl Statistics {
-    /// Counts taken at most; later ones are left out.
+    /// Largest number of counts; further ones are ignored.
     const MOST: u32 = 1 << 16;
 
-    /// None yet; the reference should be near the mean.
+    /// Creates empty sums; `reference` should be near the mean.
     pub(crate) const fn around(reference: i32) -> Self {
         Self {
             reference,
@@ -24,8 +24,8 @@ impl Statistics {
         }
     }
 
-    /// Takes a count, |count| <= 2^23.
-    pub(crate) fn push(&mut self, count: i32) {
+    /// Adds a count, |count| <= 2^23.
+    pub(crate) fn add(&mut self, count: i32) {
         if self.number == Self::MOST {
             return;
         }
@@ -36,18 +36,18 @@ impl Statistics {
         self.squares += distance.unsigned_abs().pow(2);
     }
 
-    /// How many were taken.
+    /// Returns how many counts have been added.
     pub(crate) const fn number(&self) -> u32 {
         self.number
     }
 
-    /// Counts; 0 if none were taken.
+    /// Returns the mean in counts; the reference if there are none.
     #[expect(clippy::cast_precision_loss, reason = "|sum| <= 2^39 is exact")]
     pub(crate) fn mean(&self) -> f64 {
         f64::from(self.reference) + self.sum as f64 / f64::from(self.number.max(1))
     }
 
-    /// Sum of the squared distances from the mean, counts^2.
+    /// Returns the sum of squared deviations from the mean, in counts^2.
     #[expect(clippy::cast_precision_loss, reason = "15 digits of a spread suffice")]
     pub(crate) fn spread(&self) -> f64 {
         let sum = self.sum as f64;
@@ -55,8 +55,8 @@ impl Statistics {
     }
 }
 
-/// Root of the mean of squared distances, counts; no root of a float without std, so that of an
-/// integer, to 1/65536 count.
+/// Returns `sqrt(spread / number)` in counts, to 1/65536 count. Uses the integer square root, because
+/// `core` has none for floats.
 #[expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
@@ -66,7 +66,7 @@ impl Statistics {
 pub(crate) fn rms(spread: f64, number: u32) -> f64 {
     let variance = spread / f64::from(number.max(1));
     let scale = 65536.0;
-    // 2^31 counts^2 is 1 mV at gain 24: enough digits below, saturating above.
+    // 2^31 counts^2 is 1 mV at gain 24. Below it the scaled variance fits into 64 bits.
     if variance < 2_147_483_648.0 {
         ((variance * scale * scale) as u64).isqrt() as f64 / scale
     } else {

@@ -1,55 +1,55 @@
-//! The 24 bits before a chip's counts.
+//! Status word of a chip in a frame.
 
 use core::fmt;
 
-/// The 24 bits before a chip's counts (9.4.4): 1100, LOFF_STATP, LOFF_STATN, GPIO data; 24 bits in
-/// 32, the upper 8 are 0.
+/// Status word before a chip's counts (9.4.4): 1100, LOFF_STATP, LOFF_STATN, GPIO data. 24 bits; the
+/// upper 8 bits are 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StatusWord(pub u32);
 
-/// The upper four bits of every status word.
+/// Upper four bits of every valid status word.
 pub(crate) const NIBBLE: u8 = 0b1100;
 
-/// What is wrong with a chip in a frame.
+/// Fault of a chip, as seen in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChipFault {
-    /// Only zeros: no power, no clock, not selected, or DOUT held low.
+    /// All zeros: no power, no clock, not selected, or DOUT held low.
     OnlyZeros,
-    /// Only ones: nothing drives the line.
+    /// All ones: nothing drives the line.
     OnlyOnes,
-    /// 1100 stands one to three bits too far back: clock edges without data.
+    /// 1100 is one to three bits late: extra clock edges.
     Late(u8),
-    /// 1100 stands a bit too far in front: a clock edge was lost.
+    /// 1100 is one bit early: a clock edge was lost.
     Early,
-    /// Something else than 1100.
+    /// Other upper bits than 1100.
     Nibble(u8),
-    /// Status and counts are those of the frames before, to the last bit, in more channels than chance
-    /// explains; those at a rail or at 0 do not count.
+    /// More channels repeat their counts exactly than chance explains. Channels at a rail or at 0 do not
+    /// count.
     Repeated,
 }
 
 impl StatusWord {
-    /// The upper four bits; 1100 if all is well.
+    /// Returns the upper four bits, 1100 in a valid word.
     pub const fn nibble(self) -> u8 {
         (self.0 >> 20 & 0xF) as u8
     }
 
-    /// Positive inputs without contact, one bit each (LOFF_STATP).
+    /// Returns the positive inputs that are off, one bit each (LOFF_STATP).
     pub const fn off_positive(self) -> u8 {
         (self.0 >> 12 & 0xFF) as u8
     }
 
-    /// Negative inputs without contact, one bit each (LOFF_STATN).
+    /// Returns the negative inputs that are off, one bit each (LOFF_STATN).
     pub const fn off_negative(self) -> u8 {
         (self.0 >> 4 & 0xFF) as u8
     }
 
-    /// GPIO4 to GPIO1, one bit each.
+    /// Returns the levels of GPIO4 to GPIO1, one bit each.
     pub const fn gpio(self) -> u8 {
         (self.0 & 0xF) as u8
     }
 
-    /// What is wrong with the upper four bits, and what the bits around them say about it.
+    /// Classifies a wrong upper nibble by the bits around it; `None` if it is right.
     pub const fn fault(self) -> Option<ChipFault> {
         let nibble = self.nibble();
         if nibble == NIBBLE {

@@ -1,4 +1,4 @@
-//! A chain that converts.
+//! A converting chain.
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;
@@ -15,12 +15,12 @@ use crate::command::DECODE;
 use crate::error::{Error, Pin};
 use crate::rate::Rate;
 
-/// A chain that converts: a frame at every falling edge of DRDY, until it is stopped. Registers can
-/// be neither read nor written in the meantime.
+/// A converting chain: one frame per falling edge of DRDY, until it is stopped. Registers cannot be
+/// accessed meanwhile.
 #[derive(Debug)]
 pub struct Streaming<'a, Spi, Line, Delay, const CHIPS: usize> {
-    /// The wires; for firmware that clocks the frames itself: all selects low,
-    /// [`frame_bytes`](crate::frame_bytes) zeros out, 4 tCLK, all selects high.
+    /// Wires of the chain, for firmware that clocks frames by DMA: all selects low,
+    /// [`frame_bytes`](crate::frame::frame_bytes) zeros out, 4 tCLK, all selects high.
     pub chain: &'a mut Chain<Spi, Line, Delay, CHIPS>,
     clock: Clock,
     rate: Rate,
@@ -40,8 +40,8 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     /// Waits for DRDY to fall.
     ///
     /// # Errors
-    /// [`Error::NeverReady`] after the settling time and four samples more, so it suits the first
-    /// sample and all later ones; chip 0 is the one whose DRDY is taken to be wired. When a pin fails.
+    /// [`Error::NeverReady`] after the settling time and four sample periods, so the call suits the first
+    /// and all later samples. It names chip 0, whose DRDY is wired. Also when the pin fails.
     pub async fn ready(&mut self, drdy: &mut impl Wait) -> Result<(), Error> {
         let cycles = self.rate.settling() + 4 * self.rate.divider();
         let waited_us = self.clock.microseconds(cycles);
@@ -58,17 +58,17 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         .await
     }
 
-    /// Clocks a frame out of the chips: [`frame_bytes`](crate::frame_bytes) bytes for
+    /// Clocks one frame out of the chips: [`frame_bytes`](crate::frame::frame_bytes) bytes for
     /// [`Decoder::decode`](crate::decoder::Decoder::decode).
     ///
     /// # Errors
     /// When the bus or a pin fails.
     ///
     /// # Timing
-    /// To be called at once after DRDY and to be through before the next one: 108 us for eight chips
-    /// at 16 MHz, and 3 us until the chips are deselected.
+    /// Call it directly after DRDY; it must end before the next DRDY. 108 us for eight chips at 16 MHz,
+    /// and 3 us until the chips are deselected.
     pub async fn read(&mut self, frame: &mut [u8]) -> Result<(), Error> {
-        // No byte that goes out may be an opcode.
+        // The chips would execute any opcode sent here; zero is none.
         frame.fill(0);
         self.chain.select(0..CHIPS, true)?;
         let result = self.chain.transfer(frame).await;
@@ -76,7 +76,7 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         result.and(self.chain.select(0..CHIPS, false))
     }
 
-    /// Stops: START low, SCLK for registers, SDATAC.
+    /// Stops conversion: START low, SCLK for registers, SDATAC.
     ///
     /// # Errors
     /// When the bus or a pin fails.

@@ -87,7 +87,7 @@ impl Converters {
             failure: None,
         };
         converters.apply_faults();
-        let started = finish(converters.sampler.begin(|| ()));
+        let started = finish(converters.sampler.start(|| ()));
         converters.failure = started.and_then(Result::err);
         converters
     }

@@ -1,6 +1,6 @@
-//! The analogue side of a chip: what its channels make of what is at their inputs.
+//! Analogue part of a simulated chip: from the inputs to counts.
 
-use crate::CHANNELS;
+use crate::frame::CHANNELS;
 use crate::gain::Gain;
 use crate::gain::VREF;
 use crate::input::Input;
@@ -11,46 +11,46 @@ use crate::simulation::chip::Chip;
 use crate::simulation::noise::Noise;
 use crate::test_signal::TestAmplitude;
 
-/// What is at the electrodes of a channel.
+/// Signal at the electrodes of a channel.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Electrode {
-    /// Volts between its inputs.
+    /// Differential voltage, in volts.
     Volts(f64),
-    /// The counts that are to come of it.
+    /// ADC counts that the channel must return.
     Counts(i32),
 }
 
-/// The electrodes of a chip that are off: positive and negative, one bit per channel.
+/// Disconnected electrodes of a chip: positive and negative, one bit per channel.
 pub(super) type Off = [u8; 2];
 
-/// The moment of a conversion.
+/// Time and rate of a conversion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Conversion {
     pub(super) now_ns: u64,
-    /// The same in cycles of the clock.
+    /// Time in clock cycles.
     pub(super) cycles: u64,
     pub(super) rate: Rate,
 }
 
-/// The rate in CONFIG1; the reserved one is taken for the slowest.
+/// Returns the rate in CONFIG1; the reserved code counts as the slowest.
 pub(super) fn rate(config1: u8) -> Rate {
     let code = usize::from(config1 & 7);
     Rate::ALL.get(code).copied().unwrap_or(Rate::Div8192)
 }
 
-/// Whether a channel converts its electrodes.
-pub(super) fn listens(chip: &Chip, channel: usize) -> bool {
+/// Returns whether a channel converts its electrodes.
+pub(super) fn converts_electrodes(chip: &Chip, channel: usize) -> bool {
     channel_set(chip, channel) & 0x87 == Input::Electrodes as u8
 }
 
-/// Lead-off status: electrodes that are off and get a current, if the comparators run.
+/// Returns the lead-off status: disconnected electrodes with a current, if the comparators are on.
 pub(super) fn lead_off(chip: &Chip, off: Off) -> [u8; 2] {
     let comparators = chip.register(Register::CONFIG4) & 2 != 0;
     let lost = without_contact(chip, off);
     lost.map(|bits| if comparators { bits } else { 0 })
 }
 
-/// Counts of a sample, clipped to 24 bits.
+/// Returns the counts of a sample, clipped to 24 bits.
 pub(super) fn convert(
     chip: &Chip,
     electrodes: &[Electrode; CHANNELS],
@@ -70,19 +70,19 @@ pub(super) fn convert(
         let gain = Gain::ALL.get(usize::from(set >> 4 & 7));
         let gain = gain.copied().unwrap_or(Gain::X24);
         let mut volts = match Input::ALL[usize::from(set & 7)] {
-            // A current without a way out drives the input to the rail; turned round, to the other.
+            // The lead-off current drives an open input to a rail; a reversed current to the other one.
             Input::Electrodes if (positive | negative) >> channel & 1 != 0 => {
                 let up = flipped >> channel & 1 == 0;
                 if up { VREF } else { -VREF }
             }
             Input::Electrodes => match electrodes[channel] {
                 Electrode::Volts(volts) => volts,
-                // The wanted counts stay exact while the reference is.
+                // Exact once the reference has settled.
                 Electrode::Counts(counts) => return clip(f64::from(counts) / reference),
             },
             Input::TestSignal => test_signal(chip, conversion) * VREF * reference,
             Input::Temperature => 0.1453,
-            // Not modelled: as if shorted.
+            // Not modelled: treated as shorted.
             _ => 0.0,
         };
         volts += noise.next() * 1e-6 * f64::from(typical_noise_uv(gain, conversion.rate));
@@ -90,7 +90,7 @@ pub(super) fn convert(
     })
 }
 
-/// Electrodes that are off and get a current.
+/// Returns the disconnected electrodes that have a lead-off current.
 fn without_contact(chip: &Chip, [positive, negative]: Off) -> [u8; 2] {
     [
         positive & chip.register(Register::LOFF_SENSP),
@@ -105,13 +105,14 @@ fn channel_set(chip: &Chip, channel: usize) -> u8 {
     register.map_or(0, |register| chip.register(register))
 }
 
-/// The nearest count; NaN (no reference and nothing to convert) is 0.
+/// Rounds to a count and clips to 24 bits; NaN (0 V without reference) is 0.
 #[expect(clippy::cast_possible_truncation, reason = "clamped to 24 bits")]
 fn clip(counts: f64) -> i32 {
     counts.round().clamp(-8_388_608.0, 8_388_607.0) as i32
 }
 
-/// The square wave behind the third-order sinc filter, in parts of VREF; 0 unless it is made inside.
+/// Returns the internal square wave after the third-order sinc filter, as a fraction of VREF; 0 if the
+/// test signal is external.
 #[expect(clippy::cast_precision_loss, reason = "less than 2^21")]
 fn test_signal(chip: &Chip, conversion: Conversion) -> f64 {
     let config2 = chip.register(Register::CONFIG2);
@@ -140,7 +141,8 @@ fn test_signal(chip: &Chip, conversion: Conversion) -> f64 {
     }
 }
 
-/// A step behind a third-order sinc filter, `periods` of the sample rate after it: 0 to 1 in three.
+/// Step response of a third-order sinc filter, `periods` of the sample rate after the step: from 0 to 1 in
+/// three periods.
 fn step_response(periods: f64) -> f64 {
     match periods {
         u if u < 1.0 => u.powi(3) / 6.0,

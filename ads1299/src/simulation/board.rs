@@ -1,68 +1,69 @@
-//! The wires between the chips, and their time.
+//! Simulated board: the chips, the wires between them, and virtual time.
 
 mod power;
 
 use std::vec::Vec;
 
-use crate::CHANNELS;
 use crate::bus::Speed;
 use crate::command::{AFTER_RESET, DECODE, POWER_ON, RESET_LOW};
+use crate::frame::CHANNELS;
 use crate::rate::Rate;
 use crate::register::Register;
 use crate::simulation::analogue::{self, Conversion, Electrode, Off};
 use crate::simulation::burst::Burst;
-use crate::simulation::chip::{Chip, Heard, Moment};
+use crate::simulation::chip::{Chip, Moment, Received};
+use crate::simulation::electrodes::Electrodes;
+use crate::simulation::fault::Fault;
 use crate::simulation::noise::Noise;
-use crate::simulation::{Electrodes, Fault, Options};
-use power::Supply;
+use crate::simulation::options::Options;
+use crate::simulation::supply::Supply;
 
-/// What came over the wires.
+/// Event on the wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// RESET went high.
     Reset,
-    /// START went low or high.
+    /// START changed to this level.
     Start(bool),
-    /// A chip understood an opcode.
+    /// A chip received an opcode.
     Command {
-        /// Which chip.
+        /// Index of the chip.
         chip: usize,
-        /// The opcode, with the address if it has one.
+        /// Opcode, with the register address where it has one.
         opcode: u8,
     },
 }
 
-/// The board.
+/// State of the simulated board.
 pub(super) struct Board<const CHIPS: usize> {
     options: Options,
     supply: Supply,
     speed: Speed,
-    /// What a byte takes at each speed, tSDECODE, ns.
+    /// Duration of a byte at each speed, and tSDECODE, in nanoseconds.
     register_byte_ns: u64,
     burst_byte_ns: u64,
     decode_ns: u64,
     now_ns: u64,
     chips: [Chip; CHIPS],
     electrodes: Electrodes<CHIPS>,
-    /// Samples that the electrodes have delivered.
+    /// Number of samples that the electrodes have delivered.
     delivered: u64,
     off: [Off; CHIPS],
     noise: Noise,
     start: bool,
-    /// Since when RESET has been low, ns.
+    /// Time at which RESET went low, in nanoseconds.
     reset_low_ns: Option<u64>,
-    /// The next conversion's end, cycles.
+    /// End of the next conversion, in clock cycles.
     next: Option<u64>,
-    /// The same in ns; never, if there is none.
+    /// End of the next conversion, in nanoseconds; `u64::MAX` if there is none.
     next_ns: u64,
-    /// Bytes clocked since the last one.
+    /// Bytes clocked since the last conversion.
     clocked: usize,
-    /// What is clocked, once somebody does.
+    /// Bits of the current sample, built at the first transfer.
     burst: Option<Burst>,
-    /// Whether a zero says nothing to any of the selected chips, as in a burst; none if somebody must
-    /// look.
+    /// Cached result of the check that zero bytes have no effect on any selected chip; `None` if unknown.
     is_deaf: Option<bool>,
-    /// Edges of DRDY that could be seen.
+    /// Number of visible edges of DRDY.
     edges: u64,
     violations: u32,
     events: Vec<(u64, Event)>,
@@ -79,7 +80,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             burst_byte_ns: byte_ns(options.burst_hz),
             decode_ns: 0,
             now_ns: 0,
-            // Only a reset after power-on wakes the chips.
+            // The chips accept commands only after a reset.
             chips: core::array::from_fn(|_| Chip::new(u64::MAX)),
             electrodes,
             delivered: 0,
@@ -157,7 +158,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.restart_filter(config1);
     }
 
-    /// A new CONFIG1 restarts the digital filter (9.4.2).
+    /// Restarts the digital filter if CONFIG1 differs from `before` (9.4.2).
     fn restart_filter(&mut self, before: u8) {
         let changed = self.chips[0].register(Register::CONFIG1) != before;
         if changed && self.next.is_some() {
@@ -197,7 +198,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    /// A byte each way, clocked now at the speed that was set.
+    /// Transfers a byte now, at the configured speed.
     pub(super) fn transfer(&mut self, byte: u8) -> u8 {
         let byte_ns = match self.speed {
             Speed::Registers => self.register_byte_ns,
@@ -206,7 +207,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.clock_byte(byte, self.now_ns + byte_ns, self.speed)
     }
 
-    /// A byte each way, whose last bit is through at `end_ns`.
+    /// Transfers a byte that ends at `end_ns`.
     pub(super) fn clock_byte(&mut self, byte: u8, end_ns: u64, speed: Speed) -> u8 {
         let answer = self.output();
         self.clocked += 1;
@@ -226,9 +227,9 @@ impl<const CHIPS: usize> Board<CHIPS> {
             }
             self.violations += u32::from(speed == Speed::Bursts && chip.is_read());
             match chip.receive(byte, moment) {
-                Heard::Nothing => {}
-                Heard::Violation => self.violations += 1,
-                Heard::Opcode(opcode) => self.note(Event::Command {
+                Received::Nothing => {}
+                Received::Violation => self.violations += 1,
+                Received::Opcode(opcode) => self.note(Event::Command {
                     chip: index,
                     opcode,
                 }),
@@ -237,14 +238,14 @@ impl<const CHIPS: usize> Board<CHIPS> {
         answer
     }
 
-    /// Whether a zero says nothing to any of the selected chips, as in a burst.
+    /// Returns whether a zero byte has no effect on any selected chip, as in a burst.
     fn ignores_null_bytes(&mut self, moment: Moment) -> bool {
         let mut selected = self.chips.iter().filter(|chip| chip.selected);
-        let look = || selected.all(|chip| chip.ignores_null_bytes(moment));
-        *self.is_deaf.get_or_insert_with(look)
+        let check = || selected.all(|chip| chip.ignores_null_bytes(moment));
+        *self.is_deaf.get_or_insert_with(check)
     }
 
-    /// What MISO carries while the next byte goes out.
+    /// Returns the byte on MISO during the next transfer.
     fn output(&mut self) -> u8 {
         let Some(first) = self.chips.iter().position(|chip| chip.selected) else {
             return 0xFF;
@@ -266,23 +267,23 @@ impl<const CHIPS: usize> Board<CHIPS> {
         burst.byte(self.clocked)
     }
 
-    /// Lets time pass, with the conversions that fall into it.
+    /// Advances time to `to_ns`, with all conversions until then.
     pub(super) fn advance(&mut self, to_ns: u64) {
         while let Some(next) = self.next
             && self.next_ns <= to_ns
         {
             self.now_ns = self.next_ns;
             self.convert(next);
-            let mut step = u64::from(self.rate().divider());
+            let mut period = u64::from(self.rate().divider());
             if self.chips[0].fault == Some(Fault::DoubleRate) {
-                step /= 2;
+                period /= 2;
             }
-            self.convert_at(Some(next + step));
+            self.convert_at(Some(next + period));
         }
         self.now_ns = self.now_ns.max(to_ns);
     }
 
-    /// Lets time pass up to the next edge of DRDY; false if none will come.
+    /// Advances time to the next edge of DRDY; returns false if there will be none.
     pub(super) fn advance_to_edge(&mut self) -> bool {
         let before = self.edges;
         while self.edges == before {
@@ -294,7 +295,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         true
     }
 
-    /// The same, but not beyond a time; false if that has come first.
+    /// Advances time to the next edge of DRDY, but at most to `limit_ns`; returns whether there was an edge.
     pub(super) fn advance_to_edge_until(&mut self, limit_ns: u64) -> bool {
         let before = self.edges;
         while self.edges == before {
@@ -307,7 +308,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         true
     }
 
-    /// When the next conversion ends, if the chips convert.
+    /// Returns the end of the next conversion in nanoseconds, if the chips convert.
     pub(super) fn next_ns(&self) -> Option<u64> {
         self.next.map(|_| self.next_ns)
     }
@@ -317,7 +318,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.next_ns = cycles.map_or(u64::MAX, |cycles| self.nanoseconds(cycles));
     }
 
-    /// The end of a conversion: new frames in all chips, and DRDY falls.
+    /// Ends a conversion: stores new frames in all chips and lets DRDY fall.
     fn convert(&mut self, cycles: u64) {
         let conversion = Conversion {
             now_ns: self.now_ns,
@@ -334,7 +335,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
                 conversion,
                 &mut self.noise,
             );
-            chip.take(&counts);
+            chip.store_conversion(&counts);
         }
         self.clocked = 0;
         self.burst = None;
@@ -345,10 +346,11 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    /// What the electrodes deliver, if a channel listens to them.
+    /// Returns the electrodes' sample; 0 V, and no sample is counted, if no channel converts them.
     fn deliver(&mut self) -> [[Electrode; CHANNELS]; CHIPS] {
-        let listened = |chip: &Chip| (0..CHANNELS).any(|n| analogue::listens(chip, n));
-        if !self.chips.iter().any(listened) {
+        let is_converted =
+            |chip: &Chip| (0..CHANNELS).any(|n| analogue::converts_electrodes(chip, n));
+        if !self.chips.iter().any(is_converted) {
             return [[Electrode::Volts(0.0); CHANNELS]; CHIPS];
         }
         let number = self.delivered;
@@ -367,7 +369,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    /// The rate of chip 0; the others convert with it, as they share clock and START.
+    /// Returns the rate of chip 0. The others have the same, because they share clock and START.
     fn rate(&self) -> Rate {
         analogue::rate(self.chips[0].register(Register::CONFIG1))
     }
@@ -379,7 +381,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    /// Cycles that have begun.
+    /// Returns the current time in clock cycles, rounded up.
     #[expect(clippy::cast_possible_truncation, reason = "centuries")]
     fn cycles(&self) -> u64 {
         (u128::from(self.now_ns) * u128::from(self.options.clock_hz)).div_ceil(1_000_000_000) as u64

@@ -1,22 +1,22 @@
-//! What a chain sends for a sample.
+//! Bits that a chain sends for one sample.
 
-use crate::simulation::Fault;
+use crate::frame::{CHIP_BYTES, MAX_CHIPS};
 use crate::simulation::chip::Chip;
-use crate::{CHIP_BYTES, MAX_CHIPS};
+use crate::simulation::fault::Fault;
 
-/// Bytes of the longest burst, with a don't-care bit for each chip and a late one.
+/// Length of the longest burst in bytes, with a don't-care bit per chip and a shifted bit.
 const BYTES: usize = CHIP_BYTES * MAX_CHIPS + 2;
 
-/// What a chain sends for a sample: the chips from the first selected one on.
+/// Bits that a chain sends for one sample, from the first selected chip on.
 pub(super) struct Burst([u8; BYTES]);
 
 impl Burst {
-    /// With so many don't-care bits, 0 or 1, between two chips.
+    /// Builds the burst with `spaced` (0 or 1) don't-care bits between chips.
     pub(super) fn new(chips: &[Chip], spaced: usize) -> Self {
         let mut burst = Self([0; BYTES]);
         let mut place = 0;
         let mut was_late = false;
-        // Nothing gets past a chip that is dead or not selected.
+        // A chip that is dead or not selected blocks the chips after it.
         let chips = chips
             .iter()
             .take_while(|chip| chip.selected && !chip.is_dead());
@@ -37,7 +37,7 @@ impl Burst {
         burst
     }
 
-    /// Lays eight bits at a bit's place.
+    /// ORs eight bits into the burst at bit position `place`.
     fn put(&mut self, place: usize, bits: u8) {
         let both = u16::from(bits) << (8 - place % 8);
         let [first, second] = both.to_be_bytes();
@@ -49,7 +49,7 @@ impl Burst {
         }
     }
 
-    /// The n-th byte; 0 behind the end.
+    /// Returns byte `n`; 0 after the end.
     pub(super) fn byte(&self, n: usize) -> u8 {
         self.0.get(n).copied().unwrap_or(0)
     }

@@ -1,33 +1,33 @@
-//! The digital side of a chip: what it understands and when.
+//! Digital part of a simulated chip: command decoder and registers.
 
-use crate::CHANNELS;
-use crate::CHIP_BYTES;
 use crate::command::opcode;
+use crate::frame::CHANNELS;
+use crate::frame::CHIP_BYTES;
 use crate::register::Register;
-use crate::simulation::Fault;
+use crate::simulation::fault::Fault;
 
-/// A chip.
+/// State of a simulated chip.
 #[derive(Clone, Debug)]
 pub(super) struct Chip {
     registers: [u8; Register::COUNT],
-    /// Data at every DRDY; nothing but SDATAC is understood.
+    /// RDATAC mode: data at every DRDY, only SDATAC is accepted.
     continuous: bool,
-    /// Before this time it understands nothing, ns.
+    /// Time before which no command is accepted, in nanoseconds.
     awake_ns: u64,
-    /// Since when the reference has been on, ns.
+    /// Time at which the reference was switched on, in nanoseconds.
     reference_ns: Option<u64>,
     pub(super) selected: bool,
     state: State,
-    /// When the last byte ended, ns.
+    /// End of the last byte, in nanoseconds.
     last_ns: u64,
-    /// What the last byte did, unless the chip is deselected too early.
+    /// Effect of the last byte, cancelled if the chip is deselected too early.
     pending: Option<Pending>,
     pub(super) fault: Option<Fault>,
-    /// Its bits of a frame.
+    /// Status word and counts of the last conversion.
     pub(super) frame: [u8; CHIP_BYTES],
 }
 
-/// Where it is in a command.
+/// State of the command decoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Opcode,
@@ -43,27 +43,27 @@ enum State {
         at: u8,
         left: u8,
     },
-    /// Until it is deselected.
+    /// After a violation, until the chip is deselected.
     Lost,
 }
 
-/// What a byte does four cycles after its end.
+/// Effect of a byte, four clock cycles after its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Pending {
     Continuous(bool),
     Write(u8, u8),
 }
 
-/// What the board must know of a byte.
+/// Result of receiving a byte, for the board's log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Heard {
+pub(super) enum Received {
     Nothing,
     Opcode(u8),
-    /// Too early.
+    /// The byte came too early.
     Violation,
 }
 
-/// The four cycles of tSDECODE in ns, and the time.
+/// Current time, and the four cycles of tSDECODE, in nanoseconds.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Moment {
     pub(super) now_ns: u64,
@@ -71,7 +71,7 @@ pub(super) struct Moment {
 }
 
 impl Chip {
-    /// Power on at time 0.
+    /// Creates a chip that accepts no command before `awake_ns`.
     pub(super) const fn new(awake_ns: u64) -> Self {
         Self {
             registers: Register::RESET,
@@ -87,7 +87,7 @@ impl Chip {
         }
     }
 
-    /// The end of a reset.
+    /// Resets the chip; it accepts no command before `awake_ns`.
     pub(super) fn reset(&mut self, awake_ns: u64) {
         *self = Self {
             selected: self.selected,
@@ -96,8 +96,8 @@ impl Chip {
         };
     }
 
-    /// Takes the counts of a conversion: status word and counts as bytes, for the next frame.
-    pub(super) fn take(&mut self, counts: &[i32; CHANNELS]) {
+    /// Stores the counts of a conversion, with the status word, as the next frame.
+    pub(super) fn store_conversion(&mut self, counts: &[i32; CHANNELS]) {
         let nibble = match self.fault {
             Some(Fault::StuckData) => return,
             Some(Fault::WrongNibble(nibble)) => u32::from(nibble & 0xF),
@@ -121,25 +121,26 @@ impl Chip {
         self.continuous
     }
 
-    /// A register, as the chip acts by it.
+    /// Returns a register's value in effect.
     pub(super) const fn register(&self, register: Register) -> u8 {
         self.registers[register.index()]
     }
 
-    /// Lead-off status.
+    /// Sets the lead-off status registers.
     pub(super) fn set_lead_off(&mut self, [positive, negative]: [u8; 2]) {
         self.registers[Register::LOFF_STATP.index()] = positive;
         self.registers[Register::LOFF_STATN.index()] = negative;
     }
 
-    /// How much of its 4.5 V the reference has, 0 to 1: a ramp of 150 ms, for want of better.
+    /// Returns the reference voltage as a fraction of 4.5 V. Modelled as a ramp of 150 ms; the data sheet
+    /// states only the settling time.
     #[expect(clippy::cast_precision_loss, reason = "hours in ns are exact")]
     pub(super) fn reference(&self, now_ns: u64) -> f64 {
         let since = self.reference_ns.map_or(0, |on| now_ns.saturating_sub(on));
         (since as f64 / 150e6).min(1.0)
     }
 
-    /// Whether its registers are being read.
+    /// Returns whether a register read is in progress.
     pub(super) fn is_read(&self) -> bool {
         matches!(self.state, State::Read { .. }) && !self.is_dead()
     }
@@ -150,7 +151,7 @@ impl Chip {
         self.pending = None;
     }
 
-    /// Whether the last byte had its time.
+    /// Deselects the chip and returns whether the last byte had its decoding time.
     pub(super) fn deselect(&mut self, moment: Moment) -> bool {
         self.selected = false;
         let in_time = moment.now_ns >= self.last_ns + moment.decode_ns;
@@ -158,12 +159,12 @@ impl Chip {
             return true;
         };
         if in_time {
-            self.carry_out(pending, moment);
+            self.execute(pending, moment);
         }
         in_time
     }
 
-    /// The byte that it sends while it receives the next one, unless it sends samples.
+    /// Returns the byte on DOUT during the next transfer, outside of RDATAC mode.
     pub(super) fn output(&self) -> u8 {
         match self.state {
             State::Read { at, .. } => match (at, self.fault) {
@@ -174,22 +175,22 @@ impl Chip {
         }
     }
 
-    /// Whether a zero says nothing to it: it waits for an opcode, and a zero is none.
+    /// Returns whether a zero byte has no effect: the chip expects an opcode, and zero is none.
     pub(super) fn ignores_null_bytes(&self, moment: Moment) -> bool {
         let waits = self.state == State::Opcode && self.pending.is_none();
         waits && (self.continuous || self.is_dead()) && moment.now_ns >= self.awake_ns
     }
 
-    /// A byte that ends now.
-    pub(super) fn receive(&mut self, byte: u8, moment: Moment) -> Heard {
+    /// Receives a byte that ends now.
+    pub(super) fn receive(&mut self, byte: u8, moment: Moment) -> Received {
         if self.is_dead() {
-            return Heard::Nothing;
+            return Received::Nothing;
         }
         if moment.now_ns < self.awake_ns {
             return if byte == 0 {
-                Heard::Nothing
+                Received::Nothing
             } else {
-                Heard::Violation
+                Received::Violation
             };
         }
         let too_early = moment.now_ns < self.last_ns + moment.decode_ns;
@@ -197,13 +198,13 @@ impl Chip {
         if too_early && self.state != State::Opcode && self.state != State::Lost {
             self.state = State::Lost;
             self.pending = None;
-            return Heard::Violation;
+            return Received::Violation;
         }
         if let Some(pending) = self.pending.take() {
-            self.carry_out(pending, moment);
+            self.execute(pending, moment);
         }
         match self.state {
-            State::Opcode => return self.understand(byte),
+            State::Opcode => return self.decode_opcode(byte),
             State::Count { write, first } => {
                 let (at, left) = (first, (byte & 0x1F) + 1);
                 self.state = if write {
@@ -223,27 +224,27 @@ impl Chip {
             }
             State::Lost => {}
         }
-        Heard::Nothing
+        Received::Nothing
     }
 
-    fn understand(&mut self, byte: u8) -> Heard {
+    fn decode_opcode(&mut self, byte: u8) -> Received {
         match byte {
             opcode::SDATAC => self.pending = Some(Pending::Continuous(false)),
-            _ if self.continuous => return Heard::Nothing,
+            _ if self.continuous => return Received::Nothing,
             opcode::RDATAC => self.pending = Some(Pending::Continuous(true)),
             _ => {
                 let first = byte & !opcode::MASK;
                 let write = byte & opcode::MASK == opcode::WREG;
                 if !write && byte & opcode::MASK != opcode::RREG {
-                    return Heard::Nothing;
+                    return Received::Nothing;
                 }
                 self.state = State::Count { write, first };
             }
         }
-        Heard::Opcode(byte)
+        Received::Opcode(byte)
     }
 
-    fn carry_out(&mut self, pending: Pending, moment: Moment) {
+    fn execute(&mut self, pending: Pending, moment: Moment) {
         match pending {
             Pending::Continuous(continuous) => self.continuous = continuous,
             Pending::Write(address, value) => self.write(address, value, moment.now_ns),
@@ -266,7 +267,7 @@ impl Chip {
     }
 }
 
-/// The state while something is left to do.
+/// Returns `state` while registers are left, else the state for the next opcode.
 fn rest(left: u8, state: State) -> State {
     if left == 0 { State::Opcode } else { state }
 }

@@ -1,24 +1,23 @@
-//! A simulated chain whose time another simulation keeps, such as an emulated microcontroller's.
+//! Access to a simulated chain whose time is set from outside, such as by an emulated microcontroller.
 //!
-//! Its wires ([`Simulation::chain`]) act at the time that [`Simulation::advance_to`] has set; SPI is
-//! clocked with [`Simulation::transfer_at`] instead of through the chain's own bus.
+//! The wires of [`Simulation::chain`] act at the time set by [`Simulation::advance_to`]. SPI is clocked with
+//! [`Simulation::transfer_at`] instead of the chain's bus.
 
 use crate::bus::Speed;
 use crate::simulation::Simulation;
 
-/// Fastest SCLK at which the resistors of decision 0011 let registers be read, Hz.
+/// Fastest SCLK for reading registers through the resistors of decision 0011, in Hz.
 const FASTEST_REGISTERS_HZ: u32 = 105_000;
 
 impl<const CHIPS: usize> Simulation<CHIPS> {
-    /// Lets time pass up to `now_ns`, nanoseconds since power on; a time in the past changes nothing.
+    /// Advances time to `now_ns`, in nanoseconds since power-on; no effect for a time in the past.
     pub fn advance_to(&self, now_ns: u64) {
         self.board().advance(now_ns);
     }
 
-    /// Clocks a byte whose last bit is through at `end_ns`, with an SCLK of `sclk_hz`, and returns what
-    /// MISO carried meanwhile.
+    /// Transfers a byte that ends at `end_ns`, with an SCLK of `sclk_hz`, and returns the byte on MISO.
     ///
-    /// A register that is read faster than decision 0011's resistors allow is a
+    /// Reading a register faster than decision 0011's resistors allow is a
     /// [violation](Self::violations).
     pub fn transfer_at(&self, end_ns: u64, sclk_hz: u32, mosi: u8) -> u8 {
         let speed = if sclk_hz <= FASTEST_REGISTERS_HZ {
@@ -29,12 +28,12 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().clock_byte(mosi, end_ns, speed)
     }
 
-    /// Falling edges of DRDY so far.
+    /// Returns the number of falling edges of DRDY.
     pub fn ready_edges(&self) -> u64 {
         self.board().edges()
     }
 
-    /// Samples that the electrodes have delivered: the number of the next one.
+    /// Returns the number of samples that the electrodes have delivered.
     pub fn samples_delivered(&self) -> u64 {
         self.board().delivered()
     }

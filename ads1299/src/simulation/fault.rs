@@ -1,25 +1,24 @@
-//! What can be broken.
+//! Faults of a simulated chip.
 
 use crate::register::Register;
 
-/// What can be broken in a chip.
+/// Fault of a simulated chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// No power: understands nothing, DOUT low, DRDY high. What the chips behind it send does not
-    /// get past it.
+    /// No power: accepts no command, DOUT low, DRDY high. Blocks the data of the chips after it.
     Dead,
-    /// Sends its last sample for ever.
+    /// Repeats its last sample.
     StuckData,
-    /// Says to be something else.
+    /// Returns this ID.
     WrongId(u8),
-    /// Converts twice as fast as it should; to be seen at chip 0, whose DRDY is wired.
+    /// Converts at twice the rate; visible at chip 0 only, whose DRDY is wired.
     DoubleRate,
-    /// Its next edge of DRDY does not come; once, and only to be seen at chip 0.
+    /// Omits the next edge of DRDY, once; visible at chip 0 only.
     MissedReady,
-    /// Its status does not begin with 1100 but with this.
+    /// Sends this in place of 1100 at the start of its status word.
     WrongNibble(u8),
-    /// It and the chips behind it come a bit late.
+    /// Delays its data, and those of the chips after it, by one bit.
     ShiftedBit,
-    /// A register keeps its value whatever is written.
+    /// Ignores writes to this register.
     Forgets(Register),
 }

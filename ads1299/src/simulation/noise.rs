@@ -1,21 +1,21 @@
-//! Noise from a seed.
+//! Pseudo-random Gaussian noise.
 
-/// Gaussian noise from a seed: xorshift64*, and the sum of twelve uniform numbers.
+/// Pseudo-random Gaussian noise: the sum of twelve uniform numbers from xorshift64*.
 #[derive(Clone, Debug)]
 pub(super) struct Noise(u64);
 
 impl Noise {
     pub(super) const fn new(seed: u64) -> Self {
-        // 0 would stay 0.
+        // The generator's state must not be 0.
         Self(seed | 1 << 63)
     }
 
-    /// Mean 0, rms 1.
+    /// Returns the next number, with mean 0 and rms 1.
     pub(super) fn next(&mut self) -> f64 {
         (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
     }
 
-    /// 0 to 1.
+    /// Returns the next uniform number, 0 to 1.
     fn uniform(&mut self) -> f64 {
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;

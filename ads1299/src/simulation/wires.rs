@@ -1,4 +1,4 @@
-//! The wires that the driver holds.
+//! The driver's traits on a simulated board.
 
 use core::convert::Infallible;
 use core::future::pending;
@@ -11,20 +11,20 @@ use embedded_hal_async::spi::SpiBus;
 
 use crate::bus::{Bus, Speed, TooFast};
 use crate::drdy::{Drdy, DrdyEdge};
-use crate::simulation::Simulation;
+use crate::simulation::shared_board::SharedBoard;
 
-/// SCLK, MOSI and MISO.
+/// SPI bus (SCLK, MOSI, MISO) of a simulated board.
 #[derive(Debug)]
-pub struct SimulatedBus<const CHIPS: usize>(pub(super) Simulation<CHIPS>);
+pub struct SimulatedBus<const CHIPS: usize>(pub(super) SharedBoard<CHIPS>);
 
-/// A chip's select, START or RESET.
+/// Output pin of a simulated board: a chip select, START or RESET.
 #[derive(Debug)]
 pub struct SimulatedLine<const CHIPS: usize> {
-    simulation: Simulation<CHIPS>,
+    board: SharedBoard<CHIPS>,
     role: Role,
 }
 
-/// What a line is for.
+/// Function of a pin.
 #[derive(Debug)]
 enum Role {
     Select(usize),
@@ -32,34 +32,34 @@ enum Role {
     Reset,
 }
 
-/// DRDY of chip 0. A wait ends at the next edge; it never ends if none will come.
+/// DRDY of chip 0. A wait ends at the next edge; without one it never ends.
 #[derive(Debug)]
-pub struct SimulatedReady<const CHIPS: usize>(pub(super) Simulation<CHIPS>);
+pub struct SimulatedReady<const CHIPS: usize>(pub(super) SharedBoard<CHIPS>);
 
-/// Virtual time.
+/// Delay provider that advances virtual time.
 #[derive(Debug)]
-pub struct SimulatedDelay<const CHIPS: usize>(pub(super) Simulation<CHIPS>);
+pub struct SimulatedDelay<const CHIPS: usize>(pub(super) SharedBoard<CHIPS>);
 
 impl<const CHIPS: usize> SimulatedLine<CHIPS> {
-    pub(super) fn select(simulation: &Simulation<CHIPS>, chip: usize) -> Self {
-        Self::new(simulation, Role::Select(chip))
+    pub(super) fn select(board: &SharedBoard<CHIPS>, chip: usize) -> Self {
+        Self::new(board, Role::Select(chip))
     }
 
-    pub(super) fn start(simulation: &Simulation<CHIPS>) -> Self {
-        Self::new(simulation, Role::Start)
+    pub(super) fn start(board: &SharedBoard<CHIPS>) -> Self {
+        Self::new(board, Role::Start)
     }
 
-    pub(super) fn reset(simulation: &Simulation<CHIPS>) -> Self {
-        Self::new(simulation, Role::Reset)
+    pub(super) fn reset(board: &SharedBoard<CHIPS>) -> Self {
+        Self::new(board, Role::Reset)
     }
 
-    fn new(simulation: &Simulation<CHIPS>, role: Role) -> Self {
-        let simulation = simulation.clone();
-        Self { simulation, role }
+    fn new(board: &SharedBoard<CHIPS>, role: Role) -> Self {
+        let board = board.clone();
+        Self { board, role }
     }
 
     fn set(&self, high: bool) {
-        let mut board = self.simulation.board();
+        let mut board = self.board.lock();
         match self.role {
             Role::Select(chip) => board.set_select(chip, high),
             Role::Start => board.set_start(high),
@@ -95,7 +95,7 @@ impl<const CHIPS: usize> SpiBus for SimulatedBus<CHIPS> {
     }
 
     async fn write(&mut self, words: &[u8]) -> Result<(), Infallible> {
-        let mut board = self.0.board();
+        let mut board = self.0.lock();
         for word in words {
             board.transfer(*word);
         }
@@ -103,7 +103,7 @@ impl<const CHIPS: usize> SpiBus for SimulatedBus<CHIPS> {
     }
 
     async fn transfer(&mut self, read: &mut [u8], write: &[u8]) -> Result<(), Infallible> {
-        let mut board = self.0.board();
+        let mut board = self.0.lock();
         for place in 0..read.len().max(write.len()) {
             let answer = board.transfer(write.get(place).copied().unwrap_or(0));
             if let Some(word) = read.get_mut(place) {
@@ -114,7 +114,7 @@ impl<const CHIPS: usize> SpiBus for SimulatedBus<CHIPS> {
     }
 
     async fn transfer_in_place(&mut self, words: &mut [u8]) -> Result<(), Infallible> {
-        let mut board = self.0.board();
+        let mut board = self.0.lock();
         for word in words {
             *word = board.transfer(*word);
         }
@@ -128,14 +128,14 @@ impl<const CHIPS: usize> SpiBus for SimulatedBus<CHIPS> {
 
 impl<const CHIPS: usize> Bus for SimulatedBus<CHIPS> {
     fn set_speed(&mut self, speed: Speed) -> Result<(), TooFast> {
-        self.0.board().set_speed(speed);
+        self.0.lock().set_speed(speed);
         Ok(())
     }
 }
 
 impl<const CHIPS: usize> DelayNs for SimulatedDelay<CHIPS> {
     async fn delay_ns(&mut self, ns: u32) {
-        let mut board = self.0.board();
+        let mut board = self.0.lock();
         let then = board.now_ns() + u64::from(ns);
         board.advance(then);
     }
@@ -143,11 +143,14 @@ impl<const CHIPS: usize> DelayNs for SimulatedDelay<CHIPS> {
 
 impl<const CHIPS: usize> Drdy for SimulatedReady<CHIPS> {
     fn now_us(&self) -> u64 {
-        self.0.time_us()
+        self.0.lock().now_ns() / 1000
     }
 
     async fn next_until(&mut self, us: u64) -> Option<DrdyEdge> {
-        let edge_ns = self.0.pass_to_edge(us * 1000)?;
+        let mut board = self.0.lock();
+        let edge_ns = board
+            .advance_to_edge_until(us * 1000)
+            .then(|| board.now_ns())?;
         Some(DrdyEdge {
             us: edge_ns / 1000,
             missed: 0,
@@ -155,10 +158,10 @@ impl<const CHIPS: usize> Drdy for SimulatedReady<CHIPS> {
     }
 
     async fn wait_until(&mut self, us: u64) {
-        self.0.board().advance(us * 1000);
+        self.0.lock().advance(us * 1000);
     }
 
-    /// Edges are seen as they come: there are none before.
+    /// Does nothing: edges are not stored.
     fn forget(&mut self) {}
 }
 
@@ -167,7 +170,7 @@ impl<const CHIPS: usize> digital::ErrorType for SimulatedReady<CHIPS> {
 }
 
 impl<const CHIPS: usize> Wait for SimulatedReady<CHIPS> {
-    // DRDY falls and rises again with the first bit: its levels tell no more than its edges.
+    // DRDY falls at each sample and rises with the first bit read, so its levels follow from its edges.
     async fn wait_for_high(&mut self) -> Result<(), Infallible> {
         Ok(())
     }
@@ -181,7 +184,7 @@ impl<const CHIPS: usize> Wait for SimulatedReady<CHIPS> {
     }
 
     async fn wait_for_falling_edge(&mut self) -> Result<(), Infallible> {
-        let came = self.0.board().advance_to_edge();
+        let came = self.0.lock().advance_to_edge();
         if !came {
             pending::<()>().await;
         }

@@ -4,10 +4,10 @@ use std::vec::Vec;
 
 use proptest::prelude::*;
 
-use crate::CHANNELS;
 use crate::alignment::Alignment;
 use crate::decoder::Decoder;
-use crate::frame_bytes;
+use crate::frame::CHANNELS;
+use crate::frame::frame_bytes;
 use crate::status_word::ChipFault;
 
 /// The bits of a frame as a chain sends them; `other` fills the don't-care bits.

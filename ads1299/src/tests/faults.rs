@@ -3,12 +3,12 @@
 use std::string::ToString;
 use std::vec::Vec;
 
-use crate::CHANNELS;
 use crate::alignment::Alignment;
 use crate::clock::Clock;
 use crate::decoder::{Decoder, FrameStatus};
 use crate::error::Error;
-use crate::frame_bytes;
+use crate::frame::CHANNELS;
+use crate::frame::frame_bytes;
 use crate::rate::Rate;
 use crate::ready::{Edge, RateError, ReadyMeter};
 use crate::settings::Settings;

@@ -32,7 +32,7 @@ impl Bench {
         let sampler = Sampler::new(simulation.chain(), Settings::EEG);
         let mut chain = RetryingSampler::new(sampler, RETRY_US);
         let mut drdy = simulation.drdy();
-        finish(chain.begin(true, &mut drdy)).unwrap();
+        finish(chain.start(true, &mut drdy)).unwrap();
         Self {
             simulation,
             chain,

@@ -2,10 +2,10 @@
 
 use std::vec::Vec;
 
-use crate::CHANNELS;
 use crate::configured::Configured;
 use crate::error::Error;
-use crate::frame_bytes;
+use crate::frame::CHANNELS;
+use crate::frame::frame_bytes;
 use crate::reading::Reading;
 use crate::ready::RateError;
 use crate::register::Register;
@@ -46,8 +46,8 @@ impl Bench {
         }
     }
 
-    fn begin(&mut self) -> Result<(), Error> {
-        finish(self.sampler.begin(|| ())).unwrap()
+    fn start(&mut self) -> Result<(), Error> {
+        finish(self.sampler.start(|| ())).unwrap()
     }
 
     fn next(&mut self) -> Reading<CHIPS> {
@@ -73,7 +73,7 @@ fn number(counts: &[i32; CHANNELS]) -> i32 {
 
 fn running() -> Bench {
     let mut bench = Bench::broken(numbered(), None);
-    bench.begin().unwrap();
+    bench.start().unwrap();
     for sample in 0..20 {
         let reading = bench.next();
         assert!(reading.is_sound() && reading.missed == 0, "{reading:?}");
@@ -161,7 +161,7 @@ fn a_clock_that_is_off_is_flagged_while_it_streams() {
     let mut drdy = simulation.drdy();
     let mut sampler =
         Sampler::<_, _, _, 1, { frame_bytes(1) }>::new(simulation.chain(), Settings::EEG);
-    finish(sampler.begin(|| ())).unwrap().unwrap();
+    finish(sampler.start(|| ())).unwrap().unwrap();
     let flagged: Vec<bool> = (0..200)
         .map(|_| {
             finish(drdy.wait_for_falling_edge()).unwrap().unwrap();
@@ -200,7 +200,7 @@ fn a_chip_that_is_not_what_it_should_be_is_never_believed_and_the_others_are() {
         (5, Fault::Forgets(Register::CH1SET)),
     ] {
         let mut bench = Bench::broken(numbered(), Some((chip, fault)));
-        let error = bench.begin().expect_err("a broken chip");
+        let error = bench.start().expect_err("a broken chip");
         assert_eq!(error.chip(), Some(u8::try_from(chip).unwrap()), "{error}");
         for sample in 0..5 {
             let reading = bench.next();
@@ -211,7 +211,7 @@ fn a_chip_that_is_not_what_it_should_be_is_never_believed_and_the_others_are() {
             assert_eq!(numbers, expected);
         }
         bench.simulation.repair(chip);
-        bench.begin().unwrap();
+        bench.start().unwrap();
         assert!(bench.next().is_sound());
     }
 }
@@ -247,7 +247,7 @@ fn channels_at_a_rail_or_at_zero_do_not_make_a_chip_frozen() {
             (8, Some(1)),
         ] {
             let mut bench = Bench::broken(constant(value, alive), None);
-            bench.begin().unwrap();
+            bench.start().unwrap();
             let found = (0..20).position(|_| bench.next().bad == 1 << 4);
             assert_eq!(found, flagged_at, "{alive} channels alive beside {value}");
         }

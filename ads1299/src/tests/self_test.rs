@@ -3,10 +3,10 @@
 use std::string::ToString;
 use std::vec::Vec;
 
-use crate::CHANNELS;
 use crate::clock::Clock;
 use crate::decoder::Decoder;
-use crate::frame_bytes;
+use crate::frame::CHANNELS;
+use crate::frame::frame_bytes;
 use crate::gain::Gain;
 use crate::input::Input;
 use crate::limits::{SelfTestFault, typical_noise_uv};
@@ -62,7 +62,9 @@ fn the_test_signal_is_measured_within_one_percent_at_every_gain() {
             let mut tests: Vec<_> = (0..CHIPS * CHANNELS)
                 .map(|_| SquareWaveTest::new(gain, settings.test_signal))
                 .collect();
-            stream(&settings, 1300, |channel, count| tests[channel].push(count));
+            stream(&settings, 1300, |channel, count| {
+                tests[channel].add_sample(count)
+            });
             for test in &tests {
                 let result = test.result();
                 // The noise of 500 samples leaves 3e-5 at gain 1.
@@ -96,7 +98,7 @@ fn the_doubled_and_the_fast_test_signal_are_measured_as_well() {
         let mut test = SquareWaveTest::new(Gain::X24, settings.test_signal);
         let mut push = |channel, count| {
             if channel == 9 {
-                test.push(count);
+                test.add_sample(count);
             }
         };
         stream(&settings, 1100, &mut push);
@@ -112,7 +114,7 @@ fn shorted_inputs_have_the_data_sheets_noise() {
         // Two chips at 16 kHz want a fast bus; one sample in between may be lost, noise stays noise.
         settings.test_signal = TestSignal::OFF;
         let mut test = ShortedTest::new(Gain::X24);
-        stream(&settings, 500, |_, count| test.push(count));
+        stream(&settings, 500, |_, count| test.add_sample(count));
         let result = test.result();
         let typical = typical_noise_uv(Gain::X24, rate);
         assert!(
@@ -136,7 +138,7 @@ fn wave(level: i32, offset: i32, noise: i32) -> impl Iterator<Item = i32> {
 
 fn judged(level: i32, offset: i32, noise: i32) -> Result<(), SelfTestFault> {
     let mut test = SquareWaveTest::new(Gain::X24, TestSignal::SELF_TEST);
-    wave(level, offset, noise).for_each(|count| test.push(count));
+    wave(level, offset, noise).for_each(|count| test.add_sample(count));
     test.result().check(Gain::X24, Rate::Div4096)
 }
 
@@ -169,7 +171,7 @@ fn each_limit_can_fail_and_says_which() {
 #[test]
 fn a_transition_leaves_no_trace_in_the_levels() {
     let mut test = SquareWaveTest::new(Gain::X24, TestSignal::SELF_TEST);
-    wave(83_886, 0, 0).for_each(|count| test.push(count));
+    wave(83_886, 0, 0).for_each(|count| test.add_sample(count));
     let result = test.result();
     assert!(result.noise_uv <= 0.0, "{result:?}");
     assert!(result.gain_error.abs() < 1e-5, "{result:?}");
@@ -185,8 +187,8 @@ fn nothing_overflows_at_the_rails_however_long() {
         } else {
             -(1 << 23)
         };
-        test.push(count);
-        shorted.push(count);
+        test.add_sample(count);
+        shorted.add_sample(count);
     }
     assert!(test.result().gain_error > 1000.0);
     assert!(shorted.result().noise_uv > 1e6);

@@ -2,11 +2,11 @@
 
 use std::vec::Vec;
 
-use crate::CHANNELS;
 use crate::alignment::Alignment;
 use crate::clock::Clock;
 use crate::decoder::Decoder;
-use crate::frame_bytes;
+use crate::frame::CHANNELS;
+use crate::frame::frame_bytes;
 use crate::gain::Gain;
 use crate::lead_off::{LeadOff, LeadOffThreshold};
 use crate::rate::Rate;

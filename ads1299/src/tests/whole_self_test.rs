@@ -5,7 +5,7 @@ use std::string::ToString;
 use embedded_hal_async::digital::Wait as _;
 
 use crate::error::Error;
-use crate::frame_bytes;
+use crate::frame::frame_bytes;
 use crate::ready::RateError;
 use crate::register::{ID, Register};
 use crate::sampler::Sampler;
@@ -33,7 +33,7 @@ fn tested(
 ) -> (Simulation<CHIPS>, Simulated, SelfTestReport<CHIPS>, u64) {
     let simulation = Simulation::new(options, Electrodes::silent());
     let mut sampler = Sampler::new(simulation.chain(), Settings::EEG);
-    finish(sampler.begin(|| ())).unwrap().unwrap();
+    finish(sampler.start(|| ())).unwrap().unwrap();
     let mut drdy = simulation.drdy();
     for _ in 0..5 {
         finish(drdy.wait_for_falling_edge()).unwrap().unwrap();
@@ -89,7 +89,7 @@ fn a_sound_chain_passes_with_figures_and_streams_on_as_before() {
             "{channel:?}"
         );
     }
-    assert!(sampler.runs());
+    assert!(sampler.is_running());
     simulation.pass_us(20_000);
     assert!(
         finish(sampler.read(simulation.time_us()))

@@ -96,7 +96,7 @@ impl Adc {
     /// and flagged in every sample.
     pub(crate) async fn begin(&mut self, is_cold: bool) {
         self.drdy.enable_interrupt();
-        self.chain.begin(is_cold, &mut Edges).await;
+        self.chain.start(is_cold, &mut Edges).await;
         self.log();
     }
 
@@ -159,7 +159,7 @@ impl Converter for &mut Adc {
             .self_test(self.test, &mut &falls, || falls.us.get(), alive)
             .await;
         let failure = self.test.report().not_restored;
-        self.chain.begun(failure, &mut Edges);
+        self.chain.restarted(failure, &mut Edges);
         self.log();
     }
 

@@ -1,28 +1,14 @@
-//! The supplies of the chips.
+//! Switching the chips' supplies.
 
-use super::Board;
-
-/// Whether the chips have power.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Supply {
-    /// The pins are driven and nothing answers.
-    Off,
-    /// Since a time, ns.
-    On(u64),
-}
-
-impl Supply {
-    pub(super) const fn is_on(self) -> bool {
-        matches!(self, Self::On(_))
-    }
-}
+use crate::simulation::board::Board;
+use crate::simulation::supply::Supply;
 
 impl<const CHIPS: usize> Board<CHIPS> {
-    /// The supplies go: registers are lost, and DRDY stays high.
+    /// Switches the supplies off: registers are lost, and DRDY stays high.
     pub(in crate::simulation) fn power_off(&mut self) {
         self.supply = Supply::Off;
         for chip in &mut self.chips {
-            // As before a first reset.
+            // As before the first reset: no command is accepted.
             chip.reset(u64::MAX);
         }
         self.burst = None;
@@ -30,7 +16,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.convert_at(None);
     }
 
-    /// The supplies come, for all chips at once; only a reset wakes the chips, and not too early.
+    /// Switches the supplies of all chips on. The chips accept commands only after a reset, which must not
+    /// come too early.
     pub(in crate::simulation) fn power_on(&mut self) {
         if self.supply.is_on() {
             return;
@@ -42,7 +29,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    /// Whether a reset that begins at a time comes late enough after the supplies; none without them.
+    /// Returns whether a reset that starts at `since_ns` is at least `power_on_ns` after power-on; `None`
+    /// without power.
     pub(super) fn may_reset_at(&self, since_ns: u64, power_on_ns: u64) -> Option<bool> {
         match self.supply {
             Supply::Off => None,
