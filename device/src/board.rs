@@ -11,9 +11,9 @@ pub struct Identity<'i> {
     pub board: &'i str,
     /// Unique id of the microcontroller, 96 bits.
     pub chip_uid: [u8; 12],
-    /// Differs from boot to boot.
+    /// Number that differs from boot to boot, random or counted.
     pub session_id: u32,
-    /// Reason for the last start.
+    /// Reset cause as the microcontroller or the kept fault record reports it.
     pub reset_cause: ResetCause,
     /// Fault of this start or of the previous run; empty without one. At most
     /// [`link::MAX_TEXT_BYTES`].

@@ -6,7 +6,6 @@ use pipeline::Step;
 
 use crate::marks::Marks;
 
-/// Bytes of a step in the message.
 const STEP_BYTES: usize = ELECTRODES * VALUE_BYTES;
 
 /// Fraction bits of a filtered electrode (Q27.5).
@@ -72,7 +71,6 @@ impl FilteredChunk {
         self.last_us = at_us;
     }
 
-    /// Device time of the last step, microseconds.
     pub(crate) const fn last_us(&self) -> u64 {
         self.last_us
     }

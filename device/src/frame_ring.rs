@@ -30,7 +30,7 @@ impl<const BYTES: usize> FrameRing<BYTES> {
         }
     }
 
-    /// Returns true if no frame waits.
+    /// Returns true if every frame was popped or dropped.
     pub const fn is_empty(&self) -> bool {
         self.used == 0
     }
@@ -55,7 +55,7 @@ impl<const BYTES: usize> FrameRing<BYTES> {
         Some(frame)
     }
 
-    /// Length of the oldest frame.
+    /// Returns the length of the oldest frame, bytes, without its length field.
     fn length(&self) -> usize {
         let bytes = [self.first, self.first + 1].map(|at| self.bytes[at % BYTES]);
         u16::from_le_bytes(bytes).into()

@@ -22,7 +22,7 @@ impl Marks {
         overrun: false,
     };
 
-    /// Returns the faults that are in either.
+    /// Returns the faults of both operands.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
         Self {

@@ -3,11 +3,11 @@
 use link::{ResetInto, Streams};
 use pipeline::Mains;
 
-/// Parameters of the time from one start to the next.
+/// Parameters of a run: the time from one `Start` to the next, or to a `Stop`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Run {
     /// Number of the start since boot, 1 for the first; wraps. Distinguishes outputs of this run
-    /// from queued ones of the run before.
+    /// from queued ones of an earlier run.
     pub number: u32,
     /// Frequency that the notch removes.
     pub mains: Mains,
@@ -29,7 +29,7 @@ impl Run {
 pub enum Order {
     /// Start the run at sample 0.
     Start(Run),
-    /// Stop streaming.
+    /// Stop streaming and discard samples until the next start.
     Stop,
     /// Test the converters; report the result with
     /// [`Session::send_self_test`](crate::Session::send_self_test).

@@ -15,12 +15,12 @@ pub struct Output {
     pub run: u32,
     /// Device time for the frame's header, microseconds.
     pub at_us: u64,
-    /// The result itself; the session turns it into a message.
+    /// Content, which the session turns into a message.
     pub payload: Payload,
 }
 
 impl Output {
-    /// Returns true at the end of a second of the run's samples: send `Stats` and `Timing` now.
+    /// Returns true at the end of each second of a run: send `Stats` and `Timing` now.
     ///
     /// The producer counts seconds in samples and emits one [`Payload::Quality`] per second, which
     /// identifies the end. `Stats`, `Timing` and `Quality` then share one device time and one place

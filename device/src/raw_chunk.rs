@@ -6,7 +6,6 @@ use pipeline::Sample;
 
 use crate::marks::Marks;
 
-/// Bytes of a sample in the message.
 const SAMPLE_BYTES: usize = CHANNELS * COUNT_BYTES;
 
 /// Up to [`RAW_SAMPLES`] consecutive samples, packed to 24 bits per count.
@@ -64,7 +63,6 @@ impl RawChunk {
         self.last_us = at_us;
     }
 
-    /// Device time of the last sample, microseconds.
     pub(crate) const fn last_us(&self) -> u64 {
         self.last_us
     }

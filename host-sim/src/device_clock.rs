@@ -8,9 +8,9 @@ use std::{
 /// Relation of device time to wall-clock time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// Equal: samples are processed when they are due.
+    /// Device time follows the wall clock: samples are processed when they are due.
     Realtime,
-    /// None: samples are processed as fast as possible, and device time is counted in samples.
+    /// Device time counts samples, which are processed as fast as possible.
     Fast,
 }
 

@@ -75,7 +75,7 @@ pub enum PortError {
     /// The link to the pseudo-terminal could not be made.
     #[error("cannot make the link {path}; choose a path in a writable folder")]
     Link {
-        /// As configured.
+        /// Path in [`Output::Pty`].
         path: PathBuf,
         /// Error of the system call `symlink`.
         #[source]
@@ -84,13 +84,13 @@ pub enum PortError {
     /// The path of the link exists and is not a link.
     #[error("{path} exists and is no link; remove it or choose another path")]
     Occupied {
-        /// As configured.
+        /// Path in [`Output::Pty`].
         path: PathBuf,
     },
     /// The TCP port could not be opened.
     #[error("cannot listen on {address}; is another program using the port?")]
     Listen {
-        /// As configured, HOST:PORT.
+        /// Address in [`Output::Tcp`].
         address: String,
         /// Error of resolving the address or of listening.
         #[source]
@@ -99,7 +99,7 @@ pub enum PortError {
     /// The file could not be created.
     #[error("cannot write {path}; choose a path in a writable folder")]
     File {
-        /// As configured.
+        /// Path in [`Output::File`].
         path: PathBuf,
         /// Error of creating the file.
         #[source]

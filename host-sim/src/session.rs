@@ -50,18 +50,18 @@ pub enum SessionError {
     /// The output could not be opened.
     #[error("cannot open the output {output}")]
     Port {
-        /// As configured.
+        /// Output as in [`Session::output`].
         output: Output,
-        /// Cause.
+        /// Error of opening the port.
         #[source]
         source: PortError,
     },
     /// Frames could not be written to a file.
     #[error("cannot write to {output}; is the disk full?")]
     Write {
-        /// As configured.
+        /// Output as in [`Session::output`].
         output: Output,
-        /// Cause, from the first frame that was not written.
+        /// Error of the first frame that was not written.
         #[source]
         source: std::io::Error,
     },
@@ -70,7 +70,7 @@ pub enum SessionError {
     Source {
         /// Samples read until then.
         samples: u64,
-        /// Cause.
+        /// Error of the file's reader.
         #[source]
         source: RecordingError,
     },

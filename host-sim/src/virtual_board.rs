@@ -19,7 +19,7 @@ use crate::trigger::Trigger;
 pub struct Identity {
     /// Should differ from start to start; a `Reset` increments it.
     pub session_id: u32,
-    /// Stands for the unique id of a microcontroller.
+    /// Replaces the unique id of a microcontroller, 96 bits.
     pub chip_uid: [u8; 12],
 }
 
@@ -48,7 +48,7 @@ const ABILITIES: Abilities = Abilities {
 #[derive(Debug)]
 pub struct VirtualBoard {
     identity: Identity,
-    /// Mains frequency after a boot.
+    /// Mains frequency of the notch after a boot.
     mains: Mains,
     session: Session<'static>,
     sender: Sender<Outbox>,

@@ -93,7 +93,7 @@ fn handed_on(
         let mut of_now = Vec::new();
         while let Some(slot) = out.try_receive() {
             let taken = &slot.taken;
-            let run = taken.begun.map(|run| run.number);
+            let run = taken.new_run.map(|run| run.number);
             of_now.push((run, taken.index, taken.marks.overrun));
             out.receive_done();
         }
@@ -161,7 +161,7 @@ fn what_an_encoder_has_no_room_for_is_counted_and_marked_and_a_start_is_not_lost
     left.set(1);
     let _ = task.as_mut().poll(&mut context);
     let slot = out.try_receive().expect("there is room again");
-    assert_eq!(slot.taken.begun.map(|run| run.number), Some(2));
+    assert_eq!(slot.taken.new_run.map(|run| run.number), Some(2));
     assert_eq!((slot.taken.index, slot.taken.marks.overrun), (2, true));
     assert_eq!(shared.counts().overruns, 4);
 }

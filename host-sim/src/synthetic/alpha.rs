@@ -12,7 +12,7 @@ use super::{
 const ALPHA_HZ: f64 = 10.0;
 /// Half of the rhythm's bandwidth, Hz: its amplitude varies within about a second, even in a burst.
 const HALF_WIDTH: f64 = 0.5;
-/// Positions of the sources.
+/// Electrodes below which the sources are.
 const SITES: [&str; 3] = ["PO3", "POz", "PO4"];
 /// Reach of a source, radii of the head.
 const REACH: f64 = 0.7;

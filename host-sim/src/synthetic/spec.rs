@@ -61,7 +61,7 @@ pub enum SyntheticError {
         "{label:?} is no electrode of the 10-20, 10-10 or 10-5 system, so it has no place on the scalp"
     )]
     UnknownElectrode {
-        /// As it is in the spec.
+        /// Label in [`SyntheticSpec::electrodes`].
         label: String,
     },
     /// More electrodes than the ADC has channels (64).
