@@ -34,8 +34,8 @@ pub fn run() -> ExitCode {
     let task = task.unwrap_or_else(|error| error.exit());
     let done = match task {
         Task::Bridge(options) => stream(*options, ros).map(|()| ExitCode::SUCCESS),
-        Task::SelfTest(options) => ask(&options.at, Request::SelfTest, options.json),
-        Task::Reset(options) => ask(&options.at, Request::Reset(options.target()), false),
+        Task::SelfTest(options) => send_request(&options.at, Request::SelfTest, options.json),
+        Task::Reset(options) => send_request(&options.at, Request::Reset(options.target()), false),
     };
     match done {
         Ok(code) => code,
@@ -62,7 +62,7 @@ fn stream(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {
 }
 
 /// Sends one request and prints the answer. The exit status is 1 if a self-test failed.
-fn ask(at: &PortOptions, request: Request, json: bool) -> Result<ExitCode, BridgeError> {
+fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCode, BridgeError> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;

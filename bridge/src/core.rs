@@ -1,4 +1,4 @@
-//! The bridge without input and output: bytes and times in, effects out.
+//! Frame decoder and session, without input and output.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::session::state::Session;
 use crate::settings::Settings;
 use crate::time::host_time::HostTime;
 
-/// The bridge without input and output: bytes and times in, [`Effects`] out.
+/// The pure core of the bridge: bytes and times in, [`Effects`] out.
 ///
 /// `Core` reads no clock and no port, so tests can reproduce every fault of a link exactly.
 #[derive(Debug)]
@@ -37,7 +37,8 @@ impl Core {
         self.session.connected(now, effects);
     }
 
-    /// Handles the closing or loss of the port. The state of the streams is kept for a reconnection.
+    /// Handles the closing or loss of the port. The state of the streams is kept for a
+    /// reconnection.
     pub fn disconnected(&mut self) {
         self.session.disconnected();
     }
@@ -83,8 +84,8 @@ impl Core {
         Summary::new(&self.session, self.decoder.counters())
     }
 
-    /// Returns the report for `/diagnostics`. Call this once a second: a loss is a warning in the first
-    /// report after it only.
+    /// Returns the report for `/diagnostics`. Call this once a second: a loss is a warning in the
+    /// first report after it only.
     pub fn diagnostics(&mut self, now: HostTime) -> DiagnosticArray {
         diagnose(&mut self.session, self.decoder.counters(), now)
     }

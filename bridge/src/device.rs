@@ -54,9 +54,9 @@ pub enum DeviceError {
          consumers need a whole number of codes per second (8 or 16 steps at 128 Hz)"
     )]
     CodeRate {
-        /// Rate of the steps, Hz.
+        /// Reported rate of the time steps, Hz.
         step_rate_hz: u16,
-        /// Number of steps between two codes.
+        /// Reported distance between two codes, steps.
         hop_steps: u8,
     },
     /// The format of the codes is newer than this bridge.
@@ -91,9 +91,9 @@ pub enum DeviceError {
     /// The window is shorter than the hop.
     #[error("the device reports windows of {window_steps} steps every {hop_steps} steps")]
     Window {
-        /// Number of steps in a window.
+        /// Reported length of a window, steps.
         window_steps: u8,
-        /// Number of steps between the starts of two windows.
+        /// Reported distance between the starts of two windows, steps.
         hop_steps: u8,
     },
 }
@@ -178,8 +178,8 @@ impl Device {
         })
     }
 
-    /// Checks that frames of `other` match the announcement of this device. Mains frequency, firmware
-    /// and chip can differ.
+    /// Checks that frames of `other` match the announcement of this device. Mains frequency,
+    /// firmware and chip can differ.
     ///
     /// # Errors
     ///
@@ -223,7 +223,8 @@ impl Device {
         step.saturating_mul(u64::from(self.adc_rate_hz)) / u64::from(self.step_rate_hz)
     }
 
-    /// Returns the label of an ADC channel: the electrode's, or `exg1`, `exg2`, ... for spare channels.
+    /// Returns the label of an ADC channel: the electrode's, or `exg1`, `exg2`, ... for spare
+    /// channels.
     pub fn channel_label(&self, channel: usize) -> String {
         channel_label(&self.labels, channel)
     }
@@ -238,8 +239,8 @@ impl Device {
         i64::from(steps) * 1_000_000 / i64::from(self.step_rate_hz)
     }
 
-    /// Converts a float code to quantisation levels of this device, not rounded and limited to the range
-    /// of the format: `level = z / scale + zero_point`.
+    /// Converts a float code to quantisation levels of this device, not rounded and limited to the
+    /// range of the format: `level = z / scale + zero_point`.
     pub fn code_levels(&self, z: &[f32; CODE_LEN]) -> [f64; CODE_LEN] {
         let range = self.code_format.range().unwrap_or_default().map(f64::from);
         std::array::from_fn(|index| {
@@ -262,7 +263,8 @@ impl Device {
     }
 }
 
-/// Returns the label of an ADC channel: of an electrode, or `exg1`, `exg2`, ... after the electrodes.
+/// Returns the label of an ADC channel: of an electrode, or `exg1`, `exg2`, ... after the
+/// electrodes.
 pub(crate) fn channel_label(labels: &[String], channel: usize) -> String {
     let spare = || format!("exg{}", channel + 1 - labels.len());
     labels.get(channel).cloned().unwrap_or_else(spare)

@@ -19,8 +19,8 @@ use crate::streams::code::CodeStream;
 use crate::streams::sample::{SampleCounts, SampleStream};
 use crate::time::host_time::HostTime;
 
-/// Builds the report for `/diagnostics`: device, loss, link, clock, and the converters of a device that
-/// has any. Electrodes and deadlines are included once per report of the device.
+/// Builds the report for `/diagnostics`: device, loss, link, clock, and the converters of a device
+/// that has any. Electrodes and deadlines are included once per report of the device.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
         stamp: Stamp::from_nanoseconds(now.wall_ns),

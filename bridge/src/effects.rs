@@ -1,4 +1,4 @@
-//! Actions that the core requests from its environment.
+//! Interface between the pure core and its environment.
 
 use std::sync::Arc;
 
@@ -13,15 +13,15 @@ pub trait Effects {
     /// Queues a complete frame for the device.
     fn send(&mut self, frame: &[u8]);
 
-    /// Announces the device that the following codes belong to. Called again for another device of the
-    /// same shape, or when the mains frequency changes.
+    /// Announces the device that the following codes belong to. Called again for another device of
+    /// the same shape, or when the mains frequency changes.
     fn announce(&mut self, announcement: &Announcement);
 
     /// Publishes a frame on `/encoded`.
     fn publish_encoded(&mut self, frame: &NeuroFrame);
 
-    /// Decodes a code to microvolts and publishes it on `/neurodata_reconstructed`. Called only if the
-    /// announcement is [`decodable`](Announcement::decodable).
+    /// Decodes a code to microvolts and publishes it on `/neurodata_reconstructed`. Called only if
+    /// the announcement is [`decodable`](Announcement::decodable).
     fn decode(&mut self, window: TimedCode);
 
     /// Publishes a frame of ADC samples on `/neurodata`.
@@ -33,8 +33,8 @@ pub trait Effects {
     /// Publishes an edge of the trigger input on `/events/bus`.
     fn publish_event(&mut self, event: &NeuroEvent);
 
-    /// Compares the device's code of a window with the float network's. Called only if the announcement
-    /// is [`decodable`](Announcement::decodable).
+    /// Compares the device's code of a window with the float network's. Called only if the
+    /// announcement is [`decodable`](Announcement::decodable).
     fn audit(&mut self, window: AuditedWindow);
 }
 

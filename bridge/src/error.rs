@@ -23,7 +23,7 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// The port does not support the baud rate.
+    /// The terminal driver refuses the baud rate.
     #[error("{port} cannot be used: {source}")]
     Speed {
         /// Address from `--port`.
@@ -31,12 +31,12 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// The model cannot be read.
+    /// `--model` names no valid model, or one whose codes cannot be decoded.
     #[error(
         "the model cannot be read; --model takes a folder with model.toml, weights.safetensors and calibration.safetensors"
     )]
     Model(#[source] ArtifactError),
-    /// The stream to announce is not requested from the device.
+    /// `--announce` needs a stream that is not in `--streams`.
     #[error(
         "--announce names a stream that --streams leaves out; add it to --streams, such as \
          --streams codes,raw --announce raw"
@@ -47,33 +47,33 @@ pub enum BridgeError {
     Unreachable {
         /// Address from `--port`.
         port: String,
-        /// Which of the two happened, as a verb phrase.
+        /// Verb phrase that follows the port, such as `does not open`.
         what: &'static str,
-        /// What the user can do about it.
+        /// Advice for the user.
         remedy: String,
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// The device does not answer in time.
+    /// No frame, acknowledgement or result arrived before the timeout.
     #[error(
         "no answer {what} within {seconds} s; check cable, power and --baud, and that no other \
          program uses the port"
     )]
     NoAnswer {
-        /// What the answer was expected to, as a phrase that follows "no answer".
+        /// Phrase that follows "no answer", such as `to the reset command`.
         what: &'static str,
-        /// Timeout, seconds.
+        /// Timeout that has passed, seconds.
         seconds: u32,
     },
-    /// The device answered and refused the request.
+    /// The device acknowledged the request with an error.
     #[error("the device refuses {what}: {why}")]
     Refused {
-        /// The request, as an infinitive.
+        /// Request as an infinitive, such as `to restart`.
         what: &'static str,
         /// Reason, and what the user can do next.
         why: &'static str,
     },
-    /// The device restarted during its self-test.
+    /// A reset, its watchdog or a fault restarted the device during its self-test.
     #[error(
         "the device restarted during its self-test, which has no result: {device}; try again, and \
          report this message if it happens again"
@@ -82,10 +82,10 @@ pub enum BridgeError {
         /// Identity, cause of the restart, and any fault that the device reports.
         device: Box<DeviceSummary>,
     },
-    /// The ROS node cannot start.
+    /// The node's name or the master's URI is invalid, or the node's ports cannot be opened.
     #[error("the ROS node cannot start; check the name, ROS_IP and ROS_MASTER_URI")]
     Node(#[from] NodeError),
-    /// The sink does not accept frames any more.
+    /// The reader of the lines closed the pipe or does not read, or the output cannot be written.
     #[error("frames cannot be published")]
     Sink(#[from] SinkError),
     /// The log file that roslaunch requested cannot be written.
@@ -102,8 +102,8 @@ pub enum BridgeError {
 }
 
 impl BridgeError {
-    /// Returns the exit status of the program: 1 if a check failed or output failed, 2 for wrong usage,
-    /// 3 if the device or ROS is not reachable, 4 if the device refuses.
+    /// Returns the exit status of the program: 1 if a check failed or output failed, 2 for wrong
+    /// usage, 3 if the device or ROS is not reachable, 4 if the device refuses.
     pub fn exit_code(&self) -> u8 {
         match self {
             BridgeError::Sink(_)

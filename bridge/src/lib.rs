@@ -1,8 +1,8 @@
 //! Publishes the codes and signals of a Corticode board as ROS-Neuro messages.
 //!
 //! A board sends codes (compressed EEG) and, on request, ADC samples, filtered steps, events and
-//! audits. The bridge fits the board's clock to the host's, fills and counts lost data, decodes codes
-//! to microvolts, and publishes the result as `NeuroFrame` and `NeuroEvent`.
+//! audits. The bridge fits the board's clock to the host's, fills and counts lost data, decodes
+//! codes to microvolts, and publishes the result as `NeuroFrame` and `NeuroEvent`.
 //!
 //! ```text
 //! port ──bytes──► Core: session ─┬─ streams ─── NeuroFrame, NeuroEvent ─┬─► ROS topics
@@ -12,8 +12,8 @@
 //! ```
 //!
 //! [`Core`] is pure: bytes and times in, [`Effects`] out. Tests drive it without a port or a clock.
-//! [`run`] is the program `corticode-bridge`, which connects the core to a port and to ROS. [`Query`]
-//! is the pure part of its subcommands `selftest` and `reset`.
+//! [`run`] is the program `corticode-bridge`, which connects the core to a port and to ROS.
+//! [`Query`] is the pure part of its subcommands `selftest` and `reset`.
 //!
 //! # Example
 //!

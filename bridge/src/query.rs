@@ -27,12 +27,12 @@ const TICK: Duration = Duration::from_millis(100);
 pub(crate) async fn query_port(address: &PortAddress, baud: u32, request: Request) -> QueryResult {
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(TICK);
-    let outcome = ask(address, baud, request, &spinner).await;
+    let outcome = run_query(address, baud, request, &spinner).await;
     spinner.finish_and_clear();
     outcome
 }
 
-async fn ask(
+async fn run_query(
     address: &PortAddress,
     baud: u32,
     request: Request,
@@ -50,7 +50,8 @@ async fn ask(
         }
         let Some(open_port) = &mut port else {
             sleep(TICK).await;
-            // The port is absent while the device restarts; `query` times out if that takes too long.
+            // The port is absent while the device restarts; `query` times out if that takes too
+            // long.
             port = Port::open(address, baud).await.ok();
             if port.is_some() {
                 outgoing.clear();

@@ -16,8 +16,8 @@ use crate::streams::stamps::Reception;
 use crate::time::host_time::HostTime;
 use crate::wire::commands::AckEffect;
 
-/// Number of frames in a row with an old sequence number after which the device must identify itself
-/// again. It may have been reset and its `Hello` lost.
+/// Number of frames in a row with an old sequence number after which the device must identify
+/// itself again. It may have been reset and its `Hello` lost.
 const OLD_FRAMES_BEFORE_IDENTIFY: u32 = 8;
 
 impl Session {
@@ -33,7 +33,6 @@ impl Session {
         self.commands.disconnected();
     }
 
-    /// Sends the command that is due, if any.
     pub(crate) fn tick(&mut self, now: HostTime, effects: &mut dyn Effects) {
         let seq = self.encoder.next_seq();
         let Some(command) = self.commands.next_command(now.monotonic_us, seq) else {
@@ -131,7 +130,7 @@ impl Session {
         }
     }
 
-    /// Handles a message of an optional stream.
+    /// Handles samples, steps, events and audits.
     fn handle_side(
         &mut self,
         message: &ToHost,
@@ -240,7 +239,7 @@ impl Session {
                 {
                     tracing::warn!(
                         "the device does not stream {}: its firmware is older than this bridge, \
-                         or its port is too slow; update the firmware, or remove them from --streams",
+                         or its port is too slow; update the firmware, or change --streams",
                         StreamKind::names(refused)
                     );
                 }

@@ -1,4 +1,4 @@
-//! Choices of the user about streams and frames.
+//! Settings of the core and the values of command-line options.
 
 use clap::ValueEnum;
 use link::Streams;
@@ -6,7 +6,7 @@ use link::Streams;
 /// Choices of the user about streams and frames; constant while the bridge runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Which point of a frame its stamp refers to.
+    /// Whether stamps mark the first sample, the last sample or the arrival of a frame.
     pub stamp: StampPoint,
     /// Mains frequency that the device shall remove, Hz; 0 leaves the choice to the device.
     pub mains_hz: u8,
@@ -20,7 +20,7 @@ pub struct Settings {
     pub streams: Streams,
 }
 
-/// Stream that `/acquisition/get_info` describes. ROS-Neuro's recorder and filters use exactly one.
+/// Streams that can be announced. ROS-Neuro's recorder and filters use exactly one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum AnnouncedStream {
     /// `/encoded`: 128 values per code.
@@ -111,7 +111,7 @@ pub enum StampPoint {
     Arrival,
 }
 
-/// Replacement of a lost code, sample or step.
+/// Policy for lost codes, samples and steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum FillerPolicy {
     /// The last one that was received.

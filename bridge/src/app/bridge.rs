@@ -142,8 +142,8 @@ impl Bridge<'_> {
                 shutdown.request("frames cannot be published any more");
                 failure = Some(BridgeError::Sink(error));
             }
-            let gone = !self.connection.is_open() || self.core.is_stopped();
-            if deadline.is_some_and(|deadline| gone || Instant::now() >= deadline) {
+            let is_done = !self.connection.is_open() || self.core.is_stopped();
+            if deadline.is_some_and(|deadline| is_done || Instant::now() >= deadline) {
                 let report = self.core.diagnostics(HostTime::now());
                 self.outlets.publish_diagnostics(report);
                 return failure.map_or(Ok(()), Err);

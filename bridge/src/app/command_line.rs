@@ -12,15 +12,15 @@ use crate::wire::address::PortAddress;
 /// Publish the codes and signals of a Corticode board as ROS-Neuro NeuroFrames.
 ///
 /// Publishes /encoded, /neurodata_reconstructed, /events/bus and /diagnostics, on request also
-/// /neurodata and /neurodata_filtered, and serves /acquisition/get_info, ~start, ~stop and ~quit, as
-/// the node `acquisition`. The answer of get_info describes ONE of the streams, /encoded unless
+/// /neurodata and /neurodata_filtered, and serves /acquisition/get_info, ~start, ~stop and ~quit,
+/// as the node `acquisition`. The answer of get_info describes ONE of the streams, /encoded unless
 /// --announce selects another: a rosneuro_recorder or visualizer that is remapped to another stream
 /// receives frames that are larger than it allocated. Waits for an absent device or ROS master and
-/// reconnects when it returns. ROS's own arguments work too: __name:=, __ns:=, /encoded:=/neurodata.
-/// The log goes to stderr; RUST_LOG=debug shows more.
+/// reconnects when it returns. ROS's own arguments work too: __name:=, __ns:=,
+/// /encoded:=/neurodata. The log goes to stderr; RUST_LOG=debug shows more.
 ///
-/// Exit status: 0 done, 1 a check failed, 2 wrong usage, 3 device or ROS not reachable, 4 the device
-/// refuses.
+/// Exit status: 0 done, 1 a check failed, 2 wrong usage, 3 device or ROS not reachable, 4 the
+/// device refuses.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "corticode-bridge", version)]
 pub(crate) struct Options {
@@ -56,8 +56,8 @@ pub(crate) struct Options {
     /// Reconstruct from the newest window alone: 62.5 ms earlier, with about 6 % more error
     #[arg(long, env = "CORTICODE_LOW_LATENCY")]
     pub(crate) low_latency: bool,
-    /// Streams of the device, comma-separated; codes are always included. A device that refuses some
-    /// is asked for fewer
+    /// Streams of the device, comma-separated; codes are always included. A device that refuses
+    /// some is asked for fewer
     #[arg(
         long,
         env = "CORTICODE_STREAMS",
@@ -98,7 +98,7 @@ pub(crate) enum SinkKind {
 }
 
 impl Options {
-    /// Returns the choices that the core needs.
+    /// Converts the options to the core's settings.
     pub(crate) fn settings(&self) -> Settings {
         Settings {
             stamp: self.stamp,
@@ -113,7 +113,7 @@ impl Options {
         }
     }
 
-    /// Returns the full topic name of a stream.
+    /// Returns the topic name with the prefix applied, such as `/left/encoded`.
     pub(crate) fn topic(&self, name: &str) -> String {
         format!("{}/{name}", self.topic_prefix.trim_end_matches('/'))
     }
@@ -127,7 +127,7 @@ fn mains(text: &str) -> Result<u8, String> {
     }
 }
 
-/// Task that the command line selects.
+/// The task that the subcommand selects.
 #[derive(Clone, Debug)]
 pub(crate) enum Task {
     /// Stream until shutdown; the default without a subcommand.
@@ -166,7 +166,6 @@ pub(crate) struct ResetOptions {
 }
 
 impl ResetOptions {
-    /// Returns what the device shall start.
     pub(crate) fn target(&self) -> ResetInto {
         if self.bootloader {
             ResetInto::Bootloader

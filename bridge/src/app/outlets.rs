@@ -1,4 +1,4 @@
-//! Execution of the core's effects: sinks, decoder thread, bytes for the device.
+//! Sinks, decoder thread and bytes for the device, as the core's effects use them.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! The bridge as a ROS node.
+//! The ROS node.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -43,8 +43,8 @@ impl RosNode {
         RosSink::advertise(&self.node, topic, queue).await
     }
 
-    /// Serves the newest announcement and passes calls of `~start`, `~stop` and `~quit` on. This runs in
-    /// a task of its own, because registration can take long.
+    /// Serves the newest announcement and passes calls of `~start`, `~stop` and `~quit` on. This
+    /// runs in a task of its own, because registration can take long.
     pub(crate) fn serve_announcements(
         &self,
         mut announcements: UnboundedReceiver<AcquisitionInfo>,
@@ -65,7 +65,7 @@ impl RosNode {
                     Ok(new) => services = Some(new),
                     Err(error) => tracing::error!(
                         %error,
-                        "the services cannot be registered, so recorders will not find this acquisition"
+                        "services are not registered; recorders cannot find this acquisition"
                     ),
                 }
             }

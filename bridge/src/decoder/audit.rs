@@ -1,4 +1,4 @@
-//! Comparison of a device's code with the float network's code of the same window.
+//! Audits of the device's codes by the float network.
 
 use std::sync::Arc;
 
@@ -8,22 +8,25 @@ use crate::decoder::model::Model;
 use crate::device::Device;
 
 /// Limit of the RMS difference between a device's code and the float network's, beyond half a level
-/// of rounding, as a fraction of the code's RMS. The error of int8 weights and activations grows with
-/// the signal.
+/// of rounding, as a fraction of the code's RMS. The error of int8 weights and activations grows
+/// with the signal.
 ///
-/// Measured with model 2baa001418a09107 on the 3,998 windows of EEGMMIDB S001 R11 and R12, none with a
-/// cell at the rail, integer reference against floats, in quantisation levels. The RMS difference of
-/// int8 codes is 0.29 in the median (rounding alone: 1/sqrt(12)) and at most 0.46, where the signal's
-/// RMS is 21; that of int16 codes is 1.4 and at most 12.5, where it is 669. Without half a level of
-/// rounding that is at most 0.018 of the signal; the limit is nearly three times as high.
+/// Measured with model 2baa001418a09107 on the 3,998 windows of EEGMMIDB S001 R11 and R12, none
+/// with a cell at the rail, integer reference against floats, in quantisation levels. The RMS
+/// difference of int8 codes is 0.29 in the median (rounding alone: 1/sqrt(12)) and at most 0.46,
+/// where the signal's RMS is 21; that of int16 codes is 1.4 and at most 12.5, where it is 669.
+/// Without half a level of rounding that is at most 0.018 of the signal; the limit is nearly three
+/// times as high.
 const RMS_LIMIT: f64 = 0.05;
 
-/// Limit of the largest difference of a single value, beyond half a level of rounding, as a fraction
-/// of the code's RMS.
+/// Limit of the largest difference of a single value, beyond half a level of rounding, as a
+/// fraction of the code's RMS.
 ///
-/// In the measurement above, the largest difference is 1.76 levels where the signal's RMS is 20 (int8),
-/// and 41.9 levels where it is 669 (int16). Without half a level of rounding that is 0.064 of the
-/// signal. A flipped sign bit of one weight of the shortcut changes one value by 1.4 to 2.7 levels on
+/// In the measurement above, the largest difference is 1.76 levels where the signal's RMS is 20
+/// (int8), and 41.9 levels where it is 669 (int16). Without half a level of rounding that is 0.064
+/// of the signal.
+///
+/// A flipped sign bit of one weight of the shortcut changes one value by 1.4 to 2.7 levels on
 /// the loudest of 42 windows; the limit is 1.05 at the median RMS of 5.5. A flipped sign bit in a
 /// convolution changes no value by more than rounding does, because this model's convolutions
 /// contribute little to the code.
@@ -34,7 +37,7 @@ const LARGEST_LIMIT: f64 = 0.1;
 pub struct AuditedWindow {
     /// Device that sent the audit; its scales apply to the code.
     pub device: Arc<Device>,
-    /// Index of the window since Start.
+    /// Index of the window since `Start`.
     pub window: u32,
     /// Planes of the window, oldest first, row-major; int8 levels of the encoder's input.
     pub planes: Vec<i8>,
@@ -61,8 +64,8 @@ impl AuditedWindow {
         }
     }
 
-    /// Computes the float network's code of the same planes and compares the device's with it. Takes
-    /// several milliseconds.
+    /// Computes the float network's code of the same planes and compares the device's with it.
+    /// Takes several milliseconds.
     pub fn compare(&self, model: &Model) -> AuditResult {
         let float = self.device.code_levels(&model.encode(&self.planes));
         let (mut squares, mut signal) = (0.0, 0.0);
@@ -99,16 +102,16 @@ pub struct AuditResult {
     pub window: u32,
     /// RMS difference over all values.
     pub rms: f64,
-    /// Largest `rms` of a device that computes its model correctly.
+    /// Upper bound of `rms` for a device that computes its model correctly.
     pub rms_limit: f64,
     /// Largest difference of any value.
     pub largest: f64,
-    /// Largest `largest` of a device that computes its model correctly.
+    /// Upper bound of `largest` for a device that computes its model correctly.
     pub largest_limit: f64,
     /// Index in the code of the value with the largest difference.
     pub value: usize,
-    /// Whether a cell of the window is at the rail of int8. Activations saturate then, so the limits
-    /// do not apply.
+    /// Whether a cell of the window is at the rail of int8. Activations saturate then, so the
+    /// limits do not apply.
     pub at_rail: bool,
 }
 

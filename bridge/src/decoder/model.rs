@@ -1,4 +1,4 @@
-//! The float network of one model.
+//! Float networks of models.
 
 use std::path::Path;
 
@@ -7,8 +7,8 @@ use link::CODE_LEN;
 
 use crate::device::Device;
 
-/// The float network of one model: decodes the codes of devices with that model, and computes the code
-/// that such a device should make of a window.
+/// The float network of one model: decodes the codes of devices with that model, and computes the
+/// code that such a device should make of a window.
 #[derive(Clone, Debug)]
 pub struct Model {
     id: ModelId,
@@ -40,12 +40,13 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError`] if the folder holds no valid model, or its decoder needs more than the code.
+    /// [`ArtifactError`] if the folder holds no valid model, or its decoder needs more than the
+    /// code.
     pub fn read(folder: &Path) -> Result<Model, ArtifactError> {
         Model::new(&Artifact::read(folder)?)
     }
 
-    /// Builds decoder and encoder from an artifact.
+    /// Builds the float networks of an artifact.
     ///
     /// # Errors
     ///
@@ -97,8 +98,8 @@ impl Model {
             && device.labels == self.electrodes;
         (!same).then(|| {
             format!(
-                "the device reports model {} but another montage or window; codes are published, their reconstruction is not: bring firmware and bridge to the same \
-                 release",
+                "the device reports model {} but another montage or window; codes are published, \
+                 their reconstruction is not: bring firmware and bridge to the same release",
                 self.id
             )
         })
@@ -118,8 +119,8 @@ impl Model {
         WINDOW_CELLS
     }
 
-    /// Computes the code of a window in the device's input format: int8 cells, plane by plane. Missing
-    /// cells count as 0.
+    /// Computes the code of a window in the device's input format: int8 cells, plane by plane.
+    /// Missing cells count as 0.
     pub fn encode(&self, planes: &[i8]) -> [f32; CODE_LEN] {
         let mut window = [0.0; WINDOW_CELLS];
         for (cell, step) in window.iter_mut().zip(planes) {

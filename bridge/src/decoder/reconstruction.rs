@@ -1,4 +1,4 @@
-//! Reconstruction of electrode signals from codes.
+//! Electrode signals reconstructed from codes.
 
 use std::sync::Arc;
 
@@ -17,11 +17,10 @@ pub struct TimedCode {
     pub z: Option<Box<[f32; CODE_LEN]>>,
     /// Stamp of the frame that this code's window completes.
     pub stamp: Stamp,
-    /// Status words of the code.
+    /// Status words of the code; its flags are combined with those of the previous window.
     pub words: TriWords,
 }
 
-/// A decoded window.
 #[derive(Debug)]
 struct Decoded {
     window: u32,
@@ -30,7 +29,8 @@ struct Decoded {
     microvolts: Vec<f32>,
 }
 
-/// Decodes codes to frames of `/neurodata_reconstructed`, one frame with the steps of one hop per code.
+/// Decodes codes to frames of `/neurodata_reconstructed`, one frame with the steps of one hop per
+/// code.
 #[derive(Debug)]
 pub struct Reconstruction {
     model: Arc<Model>,
@@ -72,24 +72,25 @@ impl Reconstruction {
         u32::from(steps) - 1
     }
 
-    /// Continues the sequence numbers and the last values of `before`, whose frames have the same shape.
+    /// Continues the sequence numbers and the last values of `before`, whose frames have the same
+    /// shape.
     pub(crate) fn continue_from(&mut self, before: &Reconstruction) {
         self.frame.header.seq = before.frame.header.seq;
         self.frame.neuroheader.seq = before.frame.neuroheader.seq;
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
     }
 
-    /// Returns the frame that `window` completes: the window's last hop of steps (low latency), or the
-    /// hop of steps that it shares with the previous window. `None` if both windows are lost and lost
-    /// codes are not filled.
+    /// Returns the frame that `window` completes: the window's last hop of steps (low latency), or
+    /// the hop of steps that it shares with the previous window. `None` if both windows are lost
+    /// and lost codes are not filled.
     pub fn next_frame(&mut self, window: &TimedCode) -> Option<&NeuroFrame> {
         let decoded = window.z.as_ref().map(|z| self.model.decode(z));
         let values = self.hop * self.electrodes;
         let data = &mut self.frame.eeg.data;
         let mut words = window.words;
         words.flags &= !Flags::FILLER.bits();
-        // The previous window started one hop earlier, so this one starts at its second hop. After a
-        // restart of the stream the last received window is not the previous one.
+        // The previous window started one hop earlier, so this one starts at its second hop. After
+        // a restart of the stream the last received window is not the previous one.
         let before = self
             .previous
             .take()
@@ -141,8 +142,8 @@ impl Reconstruction {
     }
 }
 
-/// Averages the shared steps of two windows. On EEGMMIDB S001 R11 and R12 with the built-in model the
-/// normalised error of these steps is 0.00971, against 0.01034 from one window alone: 6 % less.
+/// Averages the shared steps of two windows. On EEGMMIDB S001 R11 and R12 with the built-in model
+/// the normalised error of these steps is 0.00971, against 0.01034 from one window alone: 6 % less.
 fn average(old: &[f32], new: &[f32], out: &mut [f32]) {
     for (out, (old, new)) in out.iter_mut().zip(old.iter().zip(new)) {
         *out = 0.5 * (old + new);

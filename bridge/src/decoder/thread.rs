@@ -1,4 +1,4 @@
-//! Thread that decodes codes and audits windows.
+//! The decoder thread.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -12,14 +12,16 @@ use crate::decoder::model::Model;
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::diagnostics::audit::AuditCounts;
 
-/// Maximum number of codes that wait for the decoder: 16 s at 16 Hz. One takes several milliseconds.
+/// Maximum number of codes that wait for the decoder: 16 s at 16 Hz. One takes several
+/// milliseconds.
 const QUEUE_WINDOWS: usize = 256;
 
-/// Maximum number of audits that wait for the encoder. One arrives every 10 s and takes about 10 ms.
+/// Maximum number of audits that wait for the encoder. One arrives every 10 s and takes about 10
+/// ms.
 const QUEUE_AUDITS: usize = 4;
 
-/// Thread that decodes codes, publishes the reconstruction and audits windows, so that neither delays
-/// the link.
+/// Thread that decodes codes, publishes the reconstruction and audits windows, so that neither
+/// delays the link.
 #[derive(Debug)]
 pub(crate) struct DecoderThread {
     work: Sender<Work>,
@@ -74,8 +76,8 @@ impl DecoderThread {
         let _ = self.work.send(Work::Device(Box::new(reconstruction)));
     }
 
-    /// Queues a code without blocking. If the queue is full, the code is removed and counted: its frame
-    /// becomes a filler, which takes no decoding, so the number of samples stays correct.
+    /// Queues a code without blocking. If the queue is full, the code is removed and counted: its
+    /// frame becomes a filler, which takes no decoding, so the number of samples stays correct.
     pub(crate) fn decode(&mut self, mut window: TimedCode) {
         if self.waiting.fetch_add(1, Ordering::Relaxed) >= QUEUE_WINDOWS && window.z.is_some() {
             window.z = None;

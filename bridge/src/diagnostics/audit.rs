@@ -28,7 +28,8 @@ impl AuditCounts {
         self.newest = Some(result);
     }
 
-    /// Returns the status from the first audit on. `skipped` audits found the queue full.
+    /// Returns the status, or `None` before the first audit. `skipped` counts audits that found the
+    /// queue full.
     pub(crate) fn status(&self, skipped: u64) -> Option<DiagnosticStatus> {
         let newest = self.newest?;
         let AuditResult {

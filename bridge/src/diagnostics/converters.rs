@@ -19,8 +19,8 @@ pub(crate) struct ChainReport {
 }
 
 impl ChainReport {
-    /// Creates the report from the device's message. Counts that `before` has reported already are not
-    /// reported again.
+    /// Creates the report from the device's message. Counts that `before` has reported already are
+    /// not reported again.
     pub(crate) fn from_message(
         before: Option<&ChainReport>,
         converters: &Converters,

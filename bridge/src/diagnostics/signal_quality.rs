@@ -7,9 +7,9 @@ use crate::diagnostics::status::new_status;
 
 /// Amplitude of mains at an electrode's input above which the status names it, microvolt RMS.
 ///
-/// The grid of continental Europe stays within 50 mHz of 50 Hz (Regulation (EU) 2017/1485, annex III,
-/// standard frequency range). At that deviation a notch of Q 30 passes `2 Q df / f` = 6 %. Of 100 uV
-/// it leaves 6 uV, about one level of the encoder's int8 input (5.1 uV).
+/// The grid of continental Europe stays within 50 mHz of 50 Hz (Regulation (EU) 2017/1485, annex
+/// III, standard frequency range). At that deviation a notch of Q 30 passes `2 Q df / f` = 6 %. Of
+/// 100 uV it leaves 6 uV, about one level of the encoder's int8 input (5.1 uV).
 const MAINS_LIMIT_UV: f32 = 100.0;
 
 /// Returns the status: its message names electrodes with faults, its values are the figures of all

@@ -1,4 +1,4 @@
-//! Counts of received, lost and filled data, as the last line of the program.
+//! Summary of a run, printed as the last line of the program.
 
 use std::fmt;
 
@@ -30,8 +30,8 @@ pub struct Summary {
     pub connections: u64,
     /// Number of detected resets of the device.
     pub resets: u64,
-    /// Codes that were not published: from before the device's introduction, from a refused device, or
-    /// of another model or format than the device introduced itself with.
+    /// Codes that were not published: from before the device's introduction, from a refused device,
+    /// or of another model or format than the device introduced itself with.
     pub unused: u64,
     /// Rate of the host's clock relative to the device's, minus 1, in parts per million.
     pub drift_ppm: f64,

@@ -5,8 +5,8 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::diagnostics::status::new_status;
 
-/// Returns the status: its message names stages that missed a deadline since the device's boot, and a
-/// stack of which more than 3/4 was used. Its values are the figures of all stages.
+/// Returns the status: its message names stages that missed a deadline since the device's boot, and
+/// a stack of which more than 3/4 was used. Its values are the figures of all stages.
 pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     let Timing {
         stages,

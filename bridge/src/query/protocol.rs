@@ -84,7 +84,8 @@ impl Query {
         }
     }
 
-    /// Returns whether the port can disappear and return now: a restarting device disconnects from USB.
+    /// Returns whether the port can disappear and return now: a restarting device disconnects from
+    /// USB.
     pub fn expects_reconnect(&self) -> bool {
         self.stage == Stage::Wait && matches!(self.request, Request::Reset(_))
     }

@@ -6,8 +6,8 @@ use serde::Serialize;
 
 use crate::device::channel_label;
 
-/// Mask of the ID register's bits that name the part: bit 4 is 1, DEV_ID is 11, and NU_CH is 00, 01 or
-/// 10 for 4, 6 or 8 channels. The bits above are the revision (data sheet SBAS499, 9.6.1.1).
+/// Mask of the ID register's bits that name the part: bit 4 is 1, DEV_ID is 11, and NU_CH is 00, 01
+/// or 10 for 4, 6 or 8 channels. The bits above are the revision (data sheet SBAS499, 9.6.1.1).
 const PART_MASK: u8 = 0x1F;
 
 /// Report of a device's self-test, with a verdict for each chip, each channel and the whole.
@@ -55,11 +55,11 @@ pub struct DrdyReport {
     pub ppm: Option<f64>,
     /// Number of edges that came too early.
     pub early: u32,
-    /// Number of missing edges.
+    /// Number of periods without an edge.
     pub missed: u32,
 }
 
-/// Result of one chip.
+/// Identity and faults of one converter chip.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ChipReport {
     /// Position in the daisy chain, from 0 at MISO.
@@ -78,15 +78,15 @@ pub struct ChipReport {
     pub in_order: bool,
 }
 
-/// Result of one channel.
+/// Measurements and verdict of one channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ChannelReport {
     /// Number of the channel, from 1.
     pub channel: usize,
     /// Label of the electrode, or exg1, exg2, ... for spare channels.
     pub label: String,
-    /// Error of the amplitude of the chip's square wave, percent. This and the figures below are `None`
-    /// if they were not measured.
+    /// Error of the amplitude of the chip's square wave, percent. This and the figures below are
+    /// `None` if they were not measured.
     pub gain_error_percent: Option<f64>,
     /// Mean of the two levels of the square wave, microvolt.
     pub offset_uv: Option<f32>,
@@ -101,8 +101,8 @@ pub struct ChannelReport {
 }
 
 impl SelfTestReport {
-    /// Creates the report of a device with `channels` ADC channels, of which the first ones have the
-    /// electrode labels `labels`.
+    /// Creates the report of a device with `channels` ADC channels, of which the first ones have
+    /// the electrode labels `labels`.
     pub(crate) fn new(
         device: DeviceSummary,
         test: &SelfTest,
@@ -233,8 +233,8 @@ fn is_unmeasured(test: &ChannelTest) -> bool {
 
 fn channel_report(index: usize, test: &ChannelTest, label: String) -> ChannelReport {
     let too_few = test.fault == ChannelFault::Samples;
-    // Without samples the device reports 0, and a gain error of -1. It reports that gain error also if
-    // it got too few samples to measure both levels of the square wave.
+    // Without samples the device reports 0, and a gain error of -1. It reports that gain error also
+    // if it got too few samples to measure both levels of the square wave.
     let nothing = test.offset_uv == 0.0 && test.noise_uv == 0.0;
     let square_wave = !(nothing || too_few && test.gain_error <= -1.0);
     let nothing = test.shorted_noise_uv == 0.0;

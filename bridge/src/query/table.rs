@@ -4,7 +4,8 @@ use std::fmt;
 
 use crate::query::report::{ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport};
 
-/// Prints the device, the DRDY line, a table of the chips, a table of the channels, and the verdict.
+/// Prints the device, the DRDY line, a table of the chips, a table of the channels, and the
+/// verdict.
 impl fmt::Display for SelfTestReport {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(formatter, "device  {}", self.device)?;
@@ -110,8 +111,8 @@ fn or_dash(measured: Option<String>) -> String {
     measured.unwrap_or_else(|| "-".to_owned())
 }
 
-/// Writes a header and rows, each column as wide as its widest cell; columns in `right` are aligned to
-/// the right.
+/// Writes a header and rows, each column as wide as its widest cell; columns in `right` are aligned
+/// to the right.
 fn write_columns<const N: usize>(
     formatter: &mut fmt::Formatter<'_>,
     header: [&str; N],

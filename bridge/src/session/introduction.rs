@@ -106,7 +106,8 @@ impl Session {
         });
     }
 
-    /// Returns what `/acquisition/get_info` announces: `None` if the announced stream is not published.
+    /// Returns what `/acquisition/get_info` announces: `None` if the announced stream is not
+    /// published.
     fn acquisition_info(
         &self,
         device: &Device,

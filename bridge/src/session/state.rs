@@ -1,4 +1,4 @@
-//! State that the bridge keeps about the device.
+//! State of the session.
 
 use std::sync::Arc;
 
@@ -28,8 +28,8 @@ pub(crate) struct Session {
     pub(crate) introduced: bool,
     pub(crate) codes: Option<CodeStream>,
     pub(crate) side: SideStreams,
-    /// The device that was announced first. A device with incompatible codes is refused for the rest
-    /// of the session.
+    /// The device that was announced first. A device with incompatible codes is refused for the
+    /// rest of the session.
     pub(super) announced: Option<Arc<Device>>,
     pub(crate) clock: Clock,
     pub(crate) round_trips: RoundTrips,

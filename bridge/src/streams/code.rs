@@ -1,4 +1,4 @@
-//! Conversion of codes to NeuroFrames of `/encoded`, with lost codes filled.
+//! Stream of codes.
 
 use std::sync::Arc;
 
@@ -16,7 +16,8 @@ use crate::streams::tri::TriWords;
 /// Maximum number of fillers for one gap: 68 min at 16 Hz. A longer outage needs a new recording.
 const MAX_FILLERS: u32 = 65_536;
 
-/// Converts codes to NeuroFrames of `/encoded` and to windows for the decoder, with lost codes filled.
+/// Converts codes to NeuroFrames of `/encoded` and to windows for the decoder, with lost codes
+/// filled.
 ///
 /// Shape, numbers and counts persist for the whole session, across restarts of the device.
 #[derive(Debug)]
@@ -46,7 +47,8 @@ pub(crate) struct CodeCounts {
     pub(crate) unfilled: u64,
     /// Codes of another model or format than the device introduced itself with.
     pub(crate) foreign: u64,
-    /// Cells of the encoder's input that the device clipped to int8, counted in each window they are in.
+    /// Cells of the encoder's input that the device clipped to int8, counted in each window they
+    /// are in.
     pub(crate) clipped: u64,
     /// Values of codes that the device clipped to the code's format.
     pub(crate) clipped_values: u64,
@@ -78,8 +80,8 @@ impl CodeStream {
         }
     }
 
-    /// Switches to another device of the same shape, or to the same one with another mains frequency.
-    /// Sequence numbers, counts and stamps continue.
+    /// Switches to another device of the same shape, or to the same one with another mains
+    /// frequency. Sequence numbers, counts and stamps continue.
     pub(crate) fn replace_device(&mut self, device: Arc<Device>, decodable: bool) {
         let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
         self.frame = device.encoded_frame();
@@ -102,8 +104,8 @@ impl CodeStream {
         self.running = true;
     }
 
-    /// Returns whether the stream is known to run since the last restart. Before that, a report without
-    /// streams is the late answer to a `Stop` and counts the codes of the previous stream.
+    /// Returns whether the stream is known to run since the last restart. Before that, a report
+    /// without streams is the late answer to a `Stop` and counts the codes of the previous stream.
     pub(crate) fn is_running(&self) -> bool {
         self.running
     }
@@ -181,8 +183,8 @@ impl CodeStream {
         effects: &mut dyn Effects,
     ) {
         let lost = self.counts.ledger.count_lost_before(next);
-        // Before the first code of a stream only the report's time is known; the last code was made at
-        // most one hop before it.
+        // Before the first code of a stream only the report's time is known; the last code was made
+        // at most one hop before it.
         let next_us = self.time_of_next(lost, device_us);
         self.fill(next, lost, next_us, reception, effects);
         if lost > 0 {
@@ -190,8 +192,8 @@ impl CodeStream {
         }
     }
 
-    /// Returns the device time of the code that follows `lost` lost ones; if no code's time is known,
-    /// the time one hop after `fallback_us`.
+    /// Returns the device time of the code that follows `lost` lost ones; if no code's time is
+    /// known, the time one hop after `fallback_us`.
     fn time_of_next(&self, lost: u32, fallback_us: u64) -> u64 {
         let (known_us, hops) = match self.last_device_us {
             Some(last_us) => (last_us, i64::from(lost) + 1),
@@ -204,7 +206,8 @@ impl CodeStream {
         self.device.steps_us(u32::from(self.device.hop_steps))
     }
 
-    /// Publishes fillers for the `lost` codes directly before `window`, which was made at `device_us`.
+    /// Publishes fillers for the `lost` codes directly before `window`, which was made at
+    /// `device_us`.
     fn fill(
         &mut self,
         window: u32,
@@ -279,8 +282,8 @@ impl CodeStream {
         }
     }
 
-    /// Returns the stamp, nanoseconds since 1970, of a frame that starts `lookback` steps before the
-    /// window's last step and ends `length` steps after its start.
+    /// Returns the stamp, nanoseconds since 1970, of a frame that starts `lookback` steps before
+    /// the window's last step and ends `length` steps after its start.
     fn wall_time_ns(
         &self,
         position: CodePosition,

@@ -1,4 +1,4 @@
-//! Conversion of trigger edges to events of `/events/bus`.
+//! Stream of trigger events.
 
 use link::{Event, EventKind};
 use neuro_ros::{NeuroEvent, Stamp};
@@ -9,7 +9,8 @@ use crate::streams::stamps::Reception;
 
 /// Event code of a rising edge: the first user code of GDF's event table.
 const TRIGGER_RISE: i32 = 0x0001;
-/// Bit that marks the end of an event, in GDF's event table and on ROS-Neuro's bus (there OFF, 32768).
+/// Bit that marks the end of an event, in GDF's event table and on ROS-Neuro's bus (there OFF,
+/// 32768).
 const END_OF_EVENT: i32 = 0x8000;
 
 /// Converts trigger edges to events of `/events/bus` and counts lost ones.
@@ -78,7 +79,7 @@ impl EventStream {
                 if self.unknown == 0 {
                     tracing::warn!(
                         kind,
-                        "the device sends events of a kind that is newer than this bridge; they are not published"
+                        "the device sends events of a newer kind, which are not published"
                     );
                 }
                 self.unknown += 1;

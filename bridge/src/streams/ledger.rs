@@ -3,8 +3,8 @@
 /// Counts numbered items so that made = received + lost always holds, also across a wrap of the
 /// numbers.
 ///
-/// The counts depend on the numbers alone, not on time or rates. A gap of up to 2^31 - 1 is a loss; a
-/// number below the expected one is a replay.
+/// The counts depend on the numbers alone, not on time or rates. A gap of up to 2^31 - 1 is a loss;
+/// a number below the expected one is a replay.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ledger {
     expected: Option<u32>,
@@ -60,8 +60,8 @@ impl Ledger {
         Arrival::New { lost }
     }
 
-    /// Counts every number before `next` that has not arrived as lost and returns how many those are.
-    /// The sender reports `next` as its next number.
+    /// Counts every number before `next` that has not arrived as lost and returns how many those
+    /// are. The sender reports `next` as its next number.
     pub fn count_lost_before(&mut self, next: u32) -> u32 {
         if self.is_old(next) {
             return 0;

@@ -58,8 +58,8 @@ impl Device {
         frame(self.adc_rate_hz, eeg, exg)
     }
 
-    /// Returns the number of samples in a frame of `/neurodata`: the largest divisor of the ADC's rate
-    /// that is not above the samples of a hop. Consumers compute the frame rate in integers.
+    /// Returns the number of samples in a frame of `/neurodata`: the largest divisor of the ADC's
+    /// rate that is not above the samples of a hop. Consumers compute the frame rate in integers.
     fn raw_samples(&self) -> u16 {
         let hop = u32::from(self.adc_rate_hz) * u32::from(self.hop_steps);
         let most = u16::try_from(hop / u32::from(self.step_rate_hz)).unwrap_or(u16::MAX);

@@ -1,4 +1,4 @@
-//! Conversion of samples and steps to NeuroFrames, with lost ones filled.
+//! Stream of ADC samples or filtered steps.
 
 use link::Flags;
 use neuro_ros::NeuroFrame;
@@ -7,8 +7,8 @@ use crate::settings::{FillerPolicy, Settings, StampPoint};
 use crate::streams::stamps::{MonotoneStamps, Reception};
 use crate::streams::tri::TriWords;
 
-/// Longest gap that is filled, seconds: 1,920 frames at 16 Hz, which fit into a subscriber's queue. A
-/// longer outage needs a new recording.
+/// Longest gap that is filled, seconds: 1,920 frames at 16 Hz, which fit into a subscriber's queue.
+/// A longer outage needs a new recording.
 const MAX_FILL_SECONDS: u64 = 120;
 
 /// Converts ADC samples to NeuroFrames of `/neurodata`, or filtered steps to NeuroFrames of
@@ -44,8 +44,8 @@ pub(crate) struct SampleCounts {
     pub(crate) received: u64,
     pub(crate) lost: u64,
     /// Samples that were published in no frame: those of an unfinished frame when the stream ended,
-    /// lost ones beyond [`MAX_FILL_SECONDS`] of one gap, and, without fillers, all samples of a frame
-    /// that would contain a lost one.
+    /// lost ones beyond [`MAX_FILL_SECONDS`] of one gap, and, without fillers, all samples of a
+    /// frame that would contain a lost one.
     pub(crate) unpublished: u64,
     /// Messages whose content does not match the device's capabilities.
     pub(crate) malformed: u64,
@@ -105,8 +105,8 @@ impl SampleStream {
         }
     }
 
-    /// Switches to another device of the same shape, or to the same one with another mains frequency.
-    /// Sequence numbers, counts and stamps continue.
+    /// Switches to another device of the same shape, or to the same one with another mains
+    /// frequency. Sequence numbers, counts and stamps continue.
     pub(crate) fn replace_device(&mut self, frame: NeuroFrame, delay_us: u32) {
         let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
         self.frame = frame;
@@ -115,8 +115,8 @@ impl SampleStream {
         self.restart();
     }
 
-    /// Restarts the stream: the device counts samples from 0 again. Samples of an unfinished frame are
-    /// not published.
+    /// Restarts the stream: the device counts samples from 0 again. Samples of an unfinished frame
+    /// are not published.
     pub(crate) fn restart(&mut self) {
         self.count_unpublished(self.filled as u64);
         self.next = 0;
@@ -125,8 +125,8 @@ impl SampleStream {
         self.newest.fill(0.0);
     }
 
-    /// Counts samples that no frame will contain. Saturates, because a faulty device can jump by 2^63
-    /// samples.
+    /// Counts samples that no frame will contain. Saturates, because a faulty device can jump by
+    /// 2^63 samples.
     fn count_unpublished(&mut self, samples: u64) {
         self.counts.unpublished = self.counts.unpublished.saturating_add(samples);
     }
@@ -162,8 +162,8 @@ impl SampleStream {
         self.counts.malformed += 1;
     }
 
-    /// Publishes the samples of a message, after fillers for those lost before them. `trigger_sample`
-    /// maps an index of this stream to the index of an ADC sample.
+    /// Publishes the samples of a message, after fillers for those lost before them.
+    /// `trigger_sample` maps an index of this stream to the index of an ADC sample.
     pub(crate) fn receive(
         &mut self,
         samples: Samples<'_>,
@@ -230,7 +230,8 @@ impl SampleStream {
             self.append(Flags::FILLER, batch);
             left -= 1;
         }
-        // A gap that is not filled is skipped in whole frames; only the frames at its ends get fillers.
+        // A gap that is not filled is skipped in whole frames; only the frames at its ends get
+        // fillers.
         let most = match self.filler {
             FillerPolicy::Off => 0,
             FillerPolicy::Last | FillerPolicy::Zeros => u64::from(self.frame.sr) * MAX_FILL_SECONDS,

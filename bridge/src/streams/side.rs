@@ -1,4 +1,4 @@
-//! Optional streams of a device: samples, filtered steps, events, audits.
+//! Optional streams of a device.
 
 use std::sync::Arc;
 
@@ -16,7 +16,8 @@ use crate::streams::trigger::Trigger;
 use crate::time::clock::Clock;
 use crate::time::host_time::HostTime;
 
-/// Converts and checks the messages of the optional streams: samples, filtered steps, events, audits.
+/// Converts and checks the messages of the optional streams: samples, filtered steps, events,
+/// audits.
 #[derive(Debug)]
 pub(crate) struct SideStreams {
     settings: Settings,
@@ -25,7 +26,8 @@ pub(crate) struct SideStreams {
     pub(crate) filtered: Option<SampleStream>,
     pub(crate) events: EventStream,
     pub(crate) trigger: Trigger,
-    /// Number of messages that were not requested, or that arrived before the device's introduction.
+    /// Number of messages that were not requested, or that arrived before the device's
+    /// introduction.
     pub(crate) unused: u64,
     /// Number of audits that cannot be compared, because their model, format or size differs.
     pub(crate) audits_unusable: u64,
@@ -185,7 +187,8 @@ impl SideStreams {
         }
     }
 
-    /// Passes an audited window on for comparison. `model` is the device's model, if this bridge has it.
+    /// Passes an audited window on for comparison. `model` is the device's model, if this bridge
+    /// has it.
     pub(crate) fn receive_audit(
         &mut self,
         audit: &Audit,

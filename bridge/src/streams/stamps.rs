@@ -25,11 +25,11 @@ pub(crate) struct MonotoneStamps {
 }
 
 impl MonotoneStamps {
-    /// Returns the stamp for `nanoseconds` on the wall clock, moved forwards if it does not exceed the
-    /// last stamp.
+    /// Returns the stamp for `nanoseconds` on the wall clock, moved forwards if it does not exceed
+    /// the last stamp.
     ///
-    /// `steps_back` counts the wall clock's long steps back ([`Clock::wall_steps_back`]). After such a
-    /// step the stamp goes back with the clock.
+    /// `steps_back` counts the wall clock's long steps back ([`Clock::wall_steps_back`]). After
+    /// such a step the stamp goes back with the clock.
     pub(crate) fn next(&mut self, nanoseconds: i64, steps_back: u32) -> Stamp {
         if std::mem::replace(&mut self.steps_back, steps_back) != steps_back {
             self.last_ns = 0;

@@ -9,8 +9,8 @@ pub const TRI_LABELS: [&str; 8] = [
 
 /// Status of one code, sample or step, published as eight `tri` words.
 ///
-/// Every word has 16 bits (0 to 65535), because the recorder stores `tri` as float32, which is exact
-/// for integers up to 2^24 only.
+/// Every word has 16 bits (0 to 65535), because the recorder stores `tri` as float32, which is
+/// exact for integers up to 2^24 only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TriWords {
     /// Bits of [`link::Flags`], including `filler`.

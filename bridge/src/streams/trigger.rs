@@ -1,4 +1,4 @@
-//! Level of the trigger input.
+//! The trigger input.
 
 use std::collections::VecDeque;
 

@@ -43,8 +43,8 @@ const WALL_STEP_NS: i64 = 20_000_000;
 /// Fraction by which time is slowed after a step backwards until the wall clock has caught up, so
 /// that stamps never go backwards.
 const WALL_CATCH_UP: f64 = 0.1;
-/// Longest step backwards that is caught up by slowing time, nanoseconds. A longer one is followed at
-/// once and stamps go back with it, because catching up would take more than 5 minutes.
+/// Longest step backwards that is caught up by slowing time, nanoseconds. A longer one is followed
+/// at once and stamps go back with it, because catching up would take more than 5 minutes.
 const WALL_WAIT_NS: i64 = 30_000_000_000;
 /// Longest time by which a frame can seem to be read before it was made, microseconds. The clocks
 /// agree to some milliseconds, so a frame above this has a wrong device time.
@@ -94,15 +94,15 @@ impl Clock {
         };
     }
 
-    /// Returns whether a frame can have been made at this device time: not before the newest frame and
-    /// not after it was read. False before the first observation.
+    /// Returns whether a frame can have been made at this device time: not before the newest frame
+    /// and not after it was read. False before the first observation.
     pub fn admits(&self, device_us: u64, read: HostTime) -> bool {
-        let behind = |(origin, _)| difference(device_us, origin) < self.newest;
-        !self.origin.is_some_and(behind) && self.is_possible(device_us, read)
+        let is_old = |(origin, _)| difference(device_us, origin) < self.newest;
+        !self.origin.is_some_and(is_old) && self.is_possible(device_us, read)
     }
 
-    /// Returns whether a frame that was read at this host time can have been made at this device time,
-    /// that is, not after it was read. False before the first observation.
+    /// Returns whether a frame that was read at this host time can have been made at this device
+    /// time, that is, not after it was read. False before the first observation.
     pub fn is_possible(&self, device_us: u64, read: HostTime) -> bool {
         let lag_us = self.lag_us(device_us, read.monotonic_us);
         lag_us.is_some_and(|lag| lag >= -MAX_EARLY_US)
@@ -113,8 +113,8 @@ impl Clock {
         self.origin.is_some()
     }
 
-    /// Returns the host time minus the fitted host time of a device time, microseconds; `None` before
-    /// the first observation.
+    /// Returns the host time minus the fitted host time of a device time, microseconds; `None`
+    /// before the first observation.
     pub(crate) fn lag_us(&self, device_us: u64, host_us: i64) -> Option<f64> {
         let (device_origin, host_origin) = self.origin?;
         let device = difference(device_us, device_origin);
@@ -123,8 +123,8 @@ impl Clock {
     }
 
     /// Adds a frame with this device time, read at this host time, to the fit. Returns false and
-    /// ignores the frame if its time is impossible; the eighth impossible time in a row restarts the
-    /// fit instead.
+    /// ignores the frame if its time is impossible; the eighth impossible time in a row restarts
+    /// the fit instead.
     pub fn observe(&mut self, device_us: u64, read: HostTime) -> bool {
         self.follow_wall(read);
         if self.origin.is_some() && !self.admits(device_us, read) {
@@ -211,21 +211,25 @@ impl Clock {
         let elapsed_us = read.monotonic_us.saturating_sub(wall.read_at_us).max(0);
         wall.read_at_us = read.monotonic_us;
         let off = observed.saturating_sub(wall.offset_ns);
-        let behind = off < -WALL_STEP_NS;
-        if off > WALL_STEP_NS || (behind && !wall.catching_up) {
+        let stepped_back = off < -WALL_STEP_NS;
+        if off > WALL_STEP_NS || (stepped_back && !wall.catching_up) {
             self.wall_steps = self.wall_steps.wrapping_add(1);
             tracing::warn!(
                 milliseconds = off / 1_000_000,
                 "the host's clock was stepped"
             );
         }
-        wall.catching_up = behind && off >= -WALL_WAIT_NS;
+        wall.catching_up = stepped_back && off >= -WALL_WAIT_NS;
         if !(-WALL_WAIT_NS..=WALL_STEP_NS).contains(&off) {
-            self.wall_steps_back = self.wall_steps_back.wrapping_add(u32::from(behind));
+            self.wall_steps_back = self.wall_steps_back.wrapping_add(u32::from(stepped_back));
             wall.offset_ns = observed;
             return;
         }
-        let speed = if behind { WALL_CATCH_UP } else { WALL_SLEW };
+        let speed = if stepped_back {
+            WALL_CATCH_UP
+        } else {
+            WALL_SLEW
+        };
         #[expect(
             clippy::cast_possible_truncation,
             reason = "at most a tenth of the time elapsed"

@@ -1,4 +1,4 @@
-//! A reading of the host's two clocks.
+//! The host's clocks.
 
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -15,7 +15,7 @@ pub struct HostTime {
 }
 
 impl HostTime {
-    /// Reads both clocks.
+    /// Reads the monotonic clock and then the wall clock.
     pub fn now() -> HostTime {
         static START: OnceLock<Instant> = OnceLock::new();
         let since = START.get_or_init(Instant::now).elapsed();

@@ -7,8 +7,8 @@ pub(crate) struct Point {
     pub(crate) host: f64,
 }
 
-/// Returns the slope of the line below all points that has the least mean distance to them: the edge
-/// of the lower convex hull that spans the mean device time.
+/// Returns the slope of the line below all points that has the least mean distance to them: the
+/// edge of the lower convex hull that spans the mean device time.
 ///
 /// `points` must be sorted by device time (Andrew's monotone chain). Fewer than two distinct device
 /// times have slope 1.

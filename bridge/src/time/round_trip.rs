@@ -2,8 +2,8 @@
 //!
 //! The fit of [`Clock`] sees one direction only: its host times are late by the least delay from a
 //! code's last sample to its reading, and codes alone cannot show how large that delay is. A round
-//! trip bounds it. The device read the query after the host had sent it, and the host read the answer
-//! after the device had made it. With the fitted host time H(t) of a device time t:
+//! trip bounds it. The device read the query after the host had sent it, and the host read the
+//! answer after the device had made it. With the fitted host time H(t) of a device time t:
 //!
 //! ```text
 //! H(answer made) - answer read  <=  stamps late by  <=  H(query read) - query sent
@@ -34,7 +34,8 @@ pub(crate) struct RoundTrips {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RoundTrip {
     read: HostTime,
-    /// Transfer time of query and answer together, without the time inside the device, microseconds.
+    /// Transfer time of query and answer together, without the time inside the device,
+    /// microseconds.
     pub(crate) transit_us: f64,
     /// Lower and upper bound of the delay of the fitted times, microseconds; `None` without a fit.
     pub(crate) late_us: Option<[f64; 2]>,
@@ -46,8 +47,8 @@ impl RoundTrips {
         self.recent.clear();
     }
 
-    /// Records an answer that the device made at `made_us` (device time) to the query that was sent at
-    /// `sent_us` (host time), if any was sent.
+    /// Records an answer that the device made at `made_us` (device time) to the query that was sent
+    /// at `sent_us` (host time), if any was sent.
     pub(crate) fn record(
         &mut self,
         sent_us: Option<i64>,

@@ -32,8 +32,8 @@ pub(crate) struct Commands {
     streams: Streams,
     streaming_wanted: bool,
     device: Introduction,
-    /// Whether any stream of the device was started by this bridge: true once the device was stopped,
-    /// until it restarts or another device is connected.
+    /// Whether any stream of the device was started by this bridge: true once the device was
+    /// stopped, until it restarts or another device is connected.
     owns_stream: bool,
     stream: StreamState,
     pending: Option<PendingCommand>,
@@ -41,7 +41,8 @@ pub(crate) struct Commands {
     /// Earliest host time of the next `Start`, after a refused one.
     start_not_before_us: i64,
     last_frame_us: i64,
-    /// Host time of the newest code or `Stats`, or of the stream's start; `None` while none is expected.
+    /// Host time of the newest code or `Stats`, or of the stream's start; `None` while none is
+    /// expected.
     last_stream_us: Option<i64>,
     last_identify_us: i64,
     clock_query: ClockQuery,
@@ -77,15 +78,15 @@ struct ClockQuery {
     refused: bool,
 }
 
-/// What an acknowledgement changes for the rest of the bridge.
+/// Effect of an acknowledgement on the rest of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AckEffect {
     NoChange,
-    /// The device starts streaming now.
+    /// A `Start` was acknowledged.
     Started,
-    /// The device has stopped streaming.
+    /// A `Stop` was acknowledged.
     Stopped,
-    /// The device refuses this command for good.
+    /// A command was refused, and repeating it would not help.
     Refused(ToDevice, AckResult),
 }
 
@@ -133,12 +134,11 @@ impl Commands {
         self.last_stream_us = None;
     }
 
-    /// Sets whether the device shall stream.
     pub(crate) fn set_streaming(&mut self, streaming: bool) {
         self.streaming_wanted = streaming;
     }
 
-    /// Records that the device introduced itself; `usable` if its codes can be published.
+    /// Records an introduction; `usable` states whether the device's codes can be published.
     pub(crate) fn device_introduced(&mut self, usable: bool) {
         self.device = if usable {
             Introduction::Usable
@@ -165,12 +165,13 @@ impl Commands {
         self.device = Introduction::Missing;
     }
 
-    /// Records that a valid frame arrived.
+    /// Restarts the silence timeout. Call this for every valid frame.
     pub(crate) fn frame_received(&mut self, now_us: i64) {
         self.last_frame_us = now_us;
     }
 
-    /// Records that a code arrived, or `Stats` of a running stream.
+    /// Restarts the timeout for data of the stream. Call this for every code, and for `Stats` of a
+    /// running stream.
     pub(crate) fn stream_received(&mut self, now_us: i64) {
         self.last_stream_us = Some(now_us);
     }
@@ -181,7 +182,8 @@ impl Commands {
         self.last_stream_us = None;
     }
 
-    /// Returns whether the device should be streaming and sends neither codes nor `Stats`.
+    /// Returns whether the device should be streaming, but neither codes nor `Stats` have arrived
+    /// for 2 s.
     pub(crate) fn is_starved(&self, now_us: i64) -> bool {
         let last_stream_us = self
             .last_stream_us
@@ -209,13 +211,13 @@ impl Commands {
         self.streaming_wanted && self.device != Introduction::Unusable
     }
 
-    /// Returns whether codes can be published: the device introduced itself since the port was opened,
-    /// and this bridge started its stream.
+    /// Returns whether codes can be published: the device introduced itself since the port was
+    /// opened, and this bridge started its stream.
     pub(crate) fn accepts_codes(&self) -> bool {
         self.device == Introduction::Usable && self.owns_stream
     }
 
-    /// Returns whether a `Start` was acknowledged, and no `Stop` since.
+    /// Returns whether a `Start` was acknowledged and not followed by a `Stop` or a reconnection.
     pub(crate) fn is_streaming(&self) -> bool {
         self.stream == StreamState::Running
     }
@@ -235,7 +237,8 @@ impl Commands {
         self.connected && now_us - self.last_frame_us > UNRESPONSIVE_AFTER_US
     }
 
-    /// Returns the command that is due now, if any. The caller sends it in the frame with number `seq`.
+    /// Returns the command that is due now, if any. The caller sends it in the frame with number
+    /// `seq`.
     pub(crate) fn next_command(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         if now_us - self.last_tick_us > HOST_SUSPENDED_AFTER_US {
             self.last_frame_us = now_us;
@@ -269,7 +272,7 @@ impl Commands {
         if self.device == Introduction::Missing {
             return Some(ToDevice::Identify);
         }
-        let since_asked_us = now_us - self.last_identify_us;
+        let since_identify_us = now_us - self.last_identify_us;
         let refused = now_us < self.start_not_before_us;
         match (self.wants_stream(), self.stream) {
             (true, StreamState::Stopped | StreamState::Unconfirmed) if !self.owns_stream => {
@@ -283,12 +286,12 @@ impl Commands {
             }
             (false, StreamState::Unconfirmed | StreamState::Running) => Some(ToDevice::Stop),
             (true, StreamState::Running)
-                if self.is_starved(now_us) && since_asked_us < RETRY_US =>
+                if self.is_starved(now_us) && since_identify_us < RETRY_US =>
             {
                 None
             }
             (true, StreamState::Running)
-                if self.is_starved(now_us) && since_asked_us > STARVED_AFTER_US =>
+                if self.is_starved(now_us) && since_identify_us > STARVED_AFTER_US =>
             {
                 Some(ToDevice::Identify)
             }
@@ -296,17 +299,18 @@ impl Commands {
         }
     }
 
-    /// Returns the clock query when it is due. It waits until codes arrive, because without them the
-    /// answer has no fit to compare with.
+    /// Returns the clock query when it is due. It waits until codes arrive, because without them
+    /// the answer has no fit to compare with.
     fn clock_query(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         let due = self
             .clock_query
             .due_us
             .is_some_and(|due_us| now_us >= due_us);
-        let fed = self
+        let codes_arrive = self
             .last_stream_us
             .is_some_and(|last_stream_us| now_us - last_stream_us < RETRY_US);
-        if !due || !fed || self.clock_query.refused || self.stream != StreamState::Running {
+        if !due || !codes_arrive || self.clock_query.refused || self.stream != StreamState::Running
+        {
             return None;
         }
         self.clock_query.due_us = Some(now_us + CLOCK_QUERY_INTERVAL_US);
@@ -315,8 +319,9 @@ impl Commands {
         Some(ToDevice::SyncTime { host_time_us })
     }
 
-    /// Returns the streams to ask for after a refused `Start`: without raw samples, which a UART cannot
-    /// carry, then without filtered steps, then codes alone, which firmware before 0.2 is limited to.
+    /// Returns the streams to ask for after a refused `Start`: without raw samples, which a UART
+    /// cannot carry, then without filtered steps, then codes alone, which firmware before 0.2 is
+    /// limited to.
     fn fewer_streams(&self) -> Option<Streams> {
         let removable = [Streams::RAW, Streams::FILTERED];
         let removable = removable
@@ -370,8 +375,8 @@ impl Commands {
                 self.start_not_before_us = now_us + REFUSED_RETRY_US;
                 self.pending = None;
             }
-            // The device did not restart, so another program may have stopped it. A repeated `Start`
-            // changes nothing if it streams after all.
+            // The device did not restart, so another program may have stopped it. A repeated
+            // `Start` changes nothing if it streams after all.
             (ToDevice::Identify, _) if self.is_starved(now_us) => {
                 self.stream = StreamState::Unconfirmed;
             }

@@ -1,4 +1,4 @@
-//! A port that is reopened whenever it disappears.
+//! Connection to a port that can disappear.
 
 use std::io;
 use std::time::Duration;
@@ -14,7 +14,7 @@ use crate::wire::port::{PORT_TIMEOUT, Port, Transfer};
 /// device must be back.
 const RETRY: Duration = Duration::from_millis(250);
 
-/// A port that is reopened whenever it disappears, as often as it takes.
+/// A port that is reopened whenever it disappears.
 #[derive(Debug)]
 pub(crate) struct Connection {
     address: PortAddress,

@@ -1,11 +1,11 @@
-//! A command that waits for its acknowledgement.
+//! Commands that wait for an acknowledgement.
 
 use link::ToDevice;
 
 /// Time without an acknowledgement after which a command is sent again, microseconds.
 pub(crate) const RETRY_US: i64 = 500_000;
 
-/// A command that was sent once or more and is not acknowledged yet.
+/// A command without an acknowledgement, with the numbers of the frames that carried it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PendingCommand {
     pub(crate) command: ToDevice,

@@ -18,7 +18,6 @@ use crate::wire::address::PortAddress;
 /// Longest time to open a TCP connection, or to write pending commands.
 pub(crate) const PORT_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// An open port, which carries bytes in both directions.
 #[derive(Debug)]
 pub(crate) enum Port {
     /// A serial port or a pseudoterminal in raw mode. Tokio's pipe ends accept any descriptor that
@@ -50,8 +49,8 @@ impl Port {
         }
     }
 
-    /// Waits until at least one byte was read or part of `outgoing` was written. Cancel safe: if the
-    /// future is dropped before it returns, nothing was read or written.
+    /// Waits until at least one byte was read or part of `outgoing` was written. Cancel safe: if
+    /// the future is dropped before it returns, nothing was read or written.
     ///
     /// # Errors
     ///
@@ -104,8 +103,9 @@ fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
             "it is neither a serial port nor a pseudoterminal",
         ));
     }
-    // Two bridges on one port would each read only part of the bytes. A lock ends with this program;
-    // TIOCEXCL would stay set as long as another program, such as host-sim, holds the terminal open.
+    // Two bridges on one port would each read only part of the bytes. A lock ends with this
+    // program; TIOCEXCL would stay set as long as another program, such as host-sim, holds the
+    // terminal open.
     rustix::fs::flock(&fd, FlockOperation::NonBlockingLockExclusive).map_err(
         |error| match error {
             Errno::WOULDBLOCK => io::ErrorKind::ResourceBusy.into(),

@@ -23,8 +23,8 @@ fn folder() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../model/artifact"))
 }
 
-/// Returns the golden windows and codes of the built-in model as audits of a device with the model's
-/// scales.
+/// Returns the golden windows and codes of the built-in model as audits of a device with the
+/// model's scales.
 fn golden() -> Vec<AuditedWindow> {
     let artifact = Artifact::read(folder()).unwrap();
     let device = Arc::new(device(&artifact));
@@ -70,7 +70,8 @@ fn codes_of_the_integer_encoder_are_within_the_limits() {
     let judged = results.iter().filter(|result| !result.at_rail);
     for result in judged.clone() {
         assert!(!result.is_wrong(), "{result:?}");
-        // Mostly rounding, 1/sqrt(12) levels. Measured: at most 0.34, and 0.01 on a window of zeros.
+        // Mostly rounding, 1/sqrt(12) levels. Measured: at most 0.34, and 0.01 on a window of
+        // zeros.
         assert!(result.rms < 0.36, "{result:?}");
     }
     assert_eq!(
@@ -80,8 +81,8 @@ fn codes_of_the_integer_encoder_are_within_the_limits() {
     );
 }
 
-/// Returns the built-in model with one weight of the shortcut changed by 128 int8 levels, the value of
-/// its sign bit. The difference between this model and a correct device equals that between the
+/// Returns the built-in model with one weight of the shortcut changed by 128 int8 levels, the value
+/// of its sign bit. The difference between this model and a correct device equals that between the
 /// correct model and a device with that bit flipped.
 fn flipped(value: usize, feature: usize) -> Model {
     let mut artifact = Artifact::read(folder()).unwrap();

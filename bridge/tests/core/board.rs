@@ -84,7 +84,8 @@ impl Board {
         }
     }
 
-    /// Creates a board whose next frame has the number `seq` and whose next code has the index `window`.
+    /// Creates a board whose next frame has the number `seq` and whose next code has the index
+    /// `window`.
     pub(crate) fn starting_at(seq: u32, window: u32) -> Board {
         Board {
             encoder: Encoder::starting_at(seq),

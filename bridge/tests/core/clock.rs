@@ -15,7 +15,8 @@ const HOP_US: f64 = 62_500.0;
 
 /// Behaviour of a link and its clocks.
 struct Scene {
-    /// Returns the drift (host seconds per device second minus 1), ppm, at a device time in seconds.
+    /// Returns the drift (host seconds per device second minus 1), ppm, at a device time in
+    /// seconds.
     ppm: fn(f64) -> f64,
     /// Returns the host time of the read for a host time of the transmission, both in microseconds.
     read_at: fn(f64, &mut Noise) -> f64,
@@ -34,8 +35,8 @@ impl Noise {
     }
 }
 
-/// Returns pairs of host time, seconds, and the stamp's error against the true wall clock, microseconds.
-/// Also checks that stamps never go backwards.
+/// Returns pairs of host time, seconds, and the stamp's error against the true wall clock,
+/// microseconds. Also checks that stamps never go backwards.
 fn errors(scene: &Scene) -> Vec<(f64, f64)> {
     let mut clock = Clock::default();
     let mut noise = Noise(5);

@@ -13,7 +13,8 @@ fn streaming(code_format: CodeFormat) -> Harness {
     Harness::streaming(SETTINGS, board)
 }
 
-/// Sends a code from a board with scale 0.5 and returns the value on `/encoded` and the published range.
+/// Sends a code from a board with scale 0.5 and returns the value on `/encoded` and the published
+/// range.
 fn published(values: &CodeValues) -> (f32, Vec<f64>) {
     let mut harness = streaming(values.format());
     harness.code_of(values);

@@ -13,6 +13,7 @@ mod formats;
 mod invalid_samples;
 mod ledger;
 mod loss;
+mod other_devices;
 mod query;
 mod reconstruction;
 mod recorder;

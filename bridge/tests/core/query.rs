@@ -197,8 +197,8 @@ fn a_test_that_stopped_early_is_not_in_order() {
 #[test]
 fn a_missing_figure_is_a_dash_in_the_table_and_null_in_json() {
     let report = report(result(|test| {
-        // In order: no DRDY, so no test; bad frames only; too few samples to separate the levels of the
-        // square wave; stopped before the inputs were shorted; measured, and dead.
+        // In order: no DRDY, so no test; bad frames only; too few samples to separate the levels of
+        // the square wave; stopped before the inputs were shorted; measured, and dead.
         test.channels[0] = ChannelTest::default();
         test.channels[1] = ChannelTest {
             gain_error: -1.0,

@@ -56,8 +56,8 @@ fn a_device_that_does_not_know_the_query_is_not_queried_again() {
 
 #[test]
 fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
-    // A code takes 4 ms from its last sample to its reading, which the fit cannot detect. A query takes
-    // 0.3 ms to the device, 0.1 ms inside it and 0.5 ms back.
+    // A code takes 4 ms from its last sample to its reading, which the fit cannot detect. A query
+    // takes 0.3 ms to the device, 0.1 ms inside it and 0.5 ms back.
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     for longer in [700, 0, 2000] {
         let before = clock_queries(&harness).len();

@@ -21,8 +21,8 @@ pub(crate) const SAMPLES: Settings = Settings {
 /// Scale of the board's ADC, microvolt per count, with the rounding of the f32 on the wire.
 const COUNT_UV: f64 = 22.351_742_f32 as f64 / 1000.0;
 
-/// Returns the counts of `samples` samples from sample `first` on. Each count identifies its sample and
-/// channel.
+/// Returns the counts of `samples` samples from sample `first` on. Each count identifies its sample
+/// and channel.
 pub(crate) fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
     let count = |sample: u64, channel: u8| (sample % 50_000 * 100) as i32 - i32::from(channel);
     let samples = (first..first + samples)

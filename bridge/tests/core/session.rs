@@ -1,4 +1,4 @@
-//! Devices that connect, disconnect, reboot, or are replaced by others.
+//! Devices that connect, disconnect, reboot, start and stop.
 
 use link::{Streams, ToHost};
 
@@ -160,96 +160,6 @@ fn a_stream_restarted_during_an_outage_is_continued() {
 }
 
 #[test]
-fn codes_of_another_model_are_published_without_a_reconstruction() {
-    let mut harness = Harness::new(
-        SETTINGS,
-        Board {
-            model_id: [9; 8],
-            ..Board::new()
-        },
-    );
-    harness.connect();
-    harness.code(1, false);
-    assert_eq!(harness.recorder.encoded.len(), 1);
-    assert!(harness.recorder.windows.is_empty());
-    assert!(!harness.recorder.announced[0].decodable);
-    let report = harness.core.diagnostics(at(harness.now_us));
-    let text = format!("{:?}", report.status[0]);
-    assert!(
-        text.contains("0909090909090909") && text.contains("--model"),
-        "{text}"
-    );
-}
-
-#[test]
-fn a_code_of_another_model_than_the_introduced_one_is_not_published() {
-    let mut harness = Harness::streaming(SETTINGS, Board::new());
-    harness.board.model_id = [9; 8];
-    harness.code(1, false);
-    assert!(harness.recorder.encoded.is_empty());
-    assert_eq!(harness.core.summary().unused, 1);
-}
-
-#[test]
-fn a_device_of_another_shape_is_refused_until_the_first_one_returns() {
-    let mut harness = Harness::streaming(SETTINGS, Board::new());
-    harness.code(1, false);
-    harness.core.disconnected();
-    let other = Board {
-        hop_steps: 16,
-        session_id: 77,
-        ..Board::new()
-    };
-    let right = std::mem::replace(&mut harness.board, other);
-    harness.connect();
-    harness.code(1, false);
-    assert_eq!(harness.recorder.encoded.len(), 1);
-    assert_eq!(harness.core.summary().unused, 1);
-    let report = format!(
-        "{:?}",
-        harness.core.diagnostics(at(harness.now_us)).status[0]
-    );
-    assert!(
-        report.contains("Error") && report.contains("rate and window"),
-        "{report}"
-    );
-    harness.core.disconnected();
-    harness.board = right;
-    harness.connect();
-    harness.code(1, false);
-    assert_eq!(harness.recorder.encoded.last().unwrap().neuroheader.seq, 2);
-    let report = format!(
-        "{:?}",
-        harness.core.diagnostics(at(harness.now_us)).status[0]
-    );
-    assert!(report.contains("streaming"), "{report}");
-}
-
-#[test]
-fn a_device_with_impossible_capabilities_is_refused() {
-    for board in [
-        Board {
-            hop_steps: 0,
-            ..Board::new()
-        },
-        Board {
-            hop_steps: 17,
-            step_rate_hz: 136,
-            ..Board::new()
-        },
-        Board {
-            hop_steps: 9,
-            ..Board::new()
-        },
-    ] {
-        let mut harness = Harness::new(SETTINGS, board);
-        harness.connect();
-        harness.code(1, false);
-        assert!(harness.recorder.announced.is_empty() && harness.recorder.encoded.is_empty());
-    }
-}
-
-#[test]
 fn codes_before_the_introduction_are_counted_and_not_published() {
     let mut harness = Harness::new(SETTINGS, Board::new());
     harness
@@ -345,66 +255,4 @@ fn a_report_from_before_the_start_counts_no_loss() {
         (summary.received, summary.lost, summary.fillers),
         (21, 0, 0)
     );
-}
-
-#[test]
-fn another_board_that_streams_already_is_stopped_first() {
-    let mut harness = Harness::streaming(SETTINGS, Board::new());
-    harness.code(1, false);
-    harness.core.disconnected();
-    harness.board = Board {
-        chip_uid: [8; 12],
-        session_id: 5,
-        streaming: true,
-        next_window: 1000,
-        ..Board::new()
-    };
-    harness.connect();
-    assert_eq!(commands(&harness), ["identify", "stop", "start"]);
-    harness.code(2, false);
-    let summary = harness.core.summary();
-    assert_eq!((summary.received, summary.lost), (2, 0));
-    assert_eq!(
-        harness.recorder.announced.len(),
-        2,
-        "another chip is announced again"
-    );
-}
-
-#[test]
-fn a_device_that_differs_from_the_announced_one_is_refused() {
-    for (other, what) in [
-        (
-            Board {
-                model_id: [9; 8],
-                ..Board::new()
-            },
-            "model",
-        ),
-        (
-            Board {
-                labels: Board::new().labels.replace("Cz", "XX"),
-                ..Board::new()
-            },
-            "montage",
-        ),
-    ] {
-        let mut harness = Harness::streaming(SETTINGS, Board::new());
-        harness.core.disconnected();
-        harness.board = Board {
-            session_id: 5,
-            ..other
-        };
-        harness.connect();
-        harness.code(1, false);
-        let report = format!(
-            "{:?}",
-            harness.core.diagnostics(at(harness.now_us)).status[0]
-        );
-        assert!(
-            report.contains(&format!("in its {what};")) && report.contains("restart"),
-            "{report}"
-        );
-        assert!(harness.recorder.encoded.is_empty());
-    }
 }

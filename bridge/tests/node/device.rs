@@ -53,8 +53,8 @@ impl Device {
         })
     }
 
-    /// Starts the board at a pseudoterminal whose name changes with every reconnection; `path` is a link
-    /// to it.
+    /// Starts the board at a pseudoterminal whose name changes with every reconnection; `path` is a
+    /// link to it.
     pub(crate) fn pty(board: Board, path: &Path) -> Device {
         let port = path.display().to_string();
         let path = path.to_owned();

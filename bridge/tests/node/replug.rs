@@ -28,8 +28,8 @@ fn encoded(bridge: &mut Bridge) -> Receiver<(Instant, Value)> {
     receiver
 }
 
-/// Unplugs and replugs the board `times` times and returns the time until the next code of each, and the
-/// log.
+/// Unplugs and replugs the board `times` times and returns the time until the next code of each,
+/// and the log.
 fn replug(device: &Device, mut bridge: Bridge, times: u32) -> (Vec<Duration>, String) {
     let frames = encoded(&mut bridge);
     let mut outages = Vec::new();
