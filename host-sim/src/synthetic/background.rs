@@ -101,5 +101,5 @@ fn sites() -> Vec<Position> {
         ("Cz", 1),
     ];
     let labels = rings.iter().flat_map(|(labels, _)| labels.split(' '));
-    labels.filter_map(Position::of_label).collect()
+    labels.filter_map(Position::from_label).collect()
 }
