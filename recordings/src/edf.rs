@@ -1,21 +1,27 @@
-//! Headers of EDF, EDF+, BDF and BDF+: fixed-width ASCII.
+//! Parses the headers of EDF, EDF+, BDF and BDF+, which are fixed-width ASCII.
 //!
-//! Source: Kemp et al. 1992 (EDF), Kemp and Olivan 2003 (EDF+), BioSemi's description of BDF.
+//! Sources: Kemp et al. 1992 (EDF), Kemp and Olivan 2003 (EDF+), BioSemi's description of BDF.
+
+pub(crate) mod annotations;
 
 use std::str::FromStr;
 
 use crate::{
-    Calibration, Format, Ratio, RecordingError, SampleType, Signal, SignalKind, Unit, Warning,
-    header::{HEADER_BLOCK, Header, SignalFields, text},
+    error::RecordingError,
+    format::Format,
+    header::{HEADER_BLOCK, Header, SignalFields, sampling_rate, text},
+    ratio::Ratio,
+    signal::{Signal, SignalKind, calibration::Calibration, sample_type::SampleType, unit::Unit},
+    warning::Warning,
 };
 
-/// Labels that mark a signal as annotations.
+/// Labels of the signals that contain annotations.
 const ANNOTATIONS: [&str; 2] = ["EDF Annotations", "BDF Annotations"];
 
-/// The number of signals in the fixed part of a header, 1..=9999.
+/// Returns the number of signals from the fixed part of a header, 1..=9999.
 ///
 /// # Errors
-/// [`RecordingError::HeaderField`] when it is no such number.
+/// [`RecordingError::HeaderField`] for any other content of the field.
 pub(crate) fn signal_count(fixed: &[u8; HEADER_BLOCK]) -> Result<usize, RecordingError> {
     let count: usize = number(&fixed[252..256], "number of signals", "the file")?;
     if count == 0 {
@@ -29,10 +35,10 @@ pub(crate) fn signal_count(fixed: &[u8; HEADER_BLOCK]) -> Result<usize, Recordin
     Ok(count)
 }
 
-/// Reads a whole header of [`HEADER_BLOCK`] * (1 + signals) bytes.
+/// Parses a whole header of [`HEADER_BLOCK`] * (1 + signals) bytes.
 ///
 /// # Errors
-/// [`RecordingError::HeaderField`] for a field that is no number of its kind,
+/// [`RecordingError::HeaderField`] for a field that does not hold a valid number,
 /// [`RecordingError::Range`] for a signal that cannot be scaled.
 pub(crate) fn parse(
     family: Format,
@@ -66,7 +72,7 @@ pub(crate) fn parse(
     let seconds: f64 = number(&bytes[244..252], "duration of a record", "the file")?;
     let record_duration = Ratio::from_f64(seconds);
     if record_duration.is_none() && seconds != 0.0 {
-        let reason = "it has to be 0 or between 1e-9 and 1e9 s";
+        let reason = "it must be 0 or between 1e-9 and 1e9 s";
         return Err(field_error(
             "duration of a record",
             "the file",
@@ -76,15 +82,15 @@ pub(crate) fn parse(
     }
 
     let mut fields = SignalFields::new(bytes, signals);
-    let labels = fields.next(16);
-    let _transducers = fields.next(80);
-    let units = fields.next(8);
-    let physical_min = fields.next(8);
-    let physical_max = fields.next(8);
-    let digital_min = fields.next(8);
-    let digital_max = fields.next(8);
-    let _prefilters = fields.next(80);
-    let samples = fields.next(8);
+    let labels = fields.next_field(16);
+    let _transducers = fields.next_field(80);
+    let units = fields.next_field(8);
+    let physical_min = fields.next_field(8);
+    let physical_max = fields.next_field(8);
+    let digital_min = fields.next_field(8);
+    let digital_max = fields.next_field(8);
+    let _prefilters = fields.next_field(80);
+    let samples = fields.next_field(8);
 
     let mut list = Vec::with_capacity(signals);
     for i in 0..signals {
@@ -107,7 +113,7 @@ pub(crate) fn parse(
             },
             sample_type,
             samples_per_record,
-            rate: rate(samples_per_record, record_duration),
+            rate: sampling_rate(samples_per_record, record_duration),
             label,
         });
     }
@@ -123,15 +129,6 @@ pub(crate) fn parse(
     .checked()
 }
 
-/// Samples per second of a signal; `None` when it has no samples or no time passes.
-pub(crate) fn rate(samples_per_record: u32, duration: Option<Ratio>) -> Option<Ratio> {
-    let duration = duration?;
-    Ratio::new(
-        u64::from(samples_per_record) * duration.denominator(),
-        duration.numerator(),
-    )
-}
-
 fn variant(family: Format, reserved: &str) -> Format {
     match (family, reserved.get(..5)) {
         (Format::Edf, Some("EDF+C")) => Format::EdfPlusContinuous,
@@ -145,7 +142,7 @@ fn variant(family: Format, reserved: &str) -> Format {
 fn number<T: FromStr>(bytes: &[u8], field: &'static str, place: &str) -> Result<T, RecordingError> {
     text(bytes)
         .parse()
-        .map_err(|_| field_error(field, place, bytes, "a plain number is needed"))
+        .map_err(|_| field_error(field, place, bytes, "a plain number is required"))
 }
 
 fn field_error(

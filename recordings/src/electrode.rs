@@ -1,31 +1,31 @@
-//! Electrodes by name: one spelling for all the ways in which files write a 10-20 label.
+//! Electrodes by name. Recognises the different spellings of 10-20 labels in files.
 
 use std::fmt;
 
-/// A coronal row of the 10-5 system.
+/// A row of the 10-5 system, which runs from the left to the right ear.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Row {
-    /// Its name near the midline, columns z and 1 to 6.
+    /// Name in columns z and 1 to 6, near the midline.
     inner: &'static str,
-    /// Its name on and below the circumference, columns 7 to 10.
+    /// Name in columns 7 to 10, on and below the circumference.
     outer: &'static str,
-    /// Way from nasion to inion, in steps of 5 %, 0..=20.
-    pub(crate) step: u8,
-    /// Whether a numbered label always means the half column, written or not: montages spell
-    /// FFC1h as FFC1, and the full columns of these rows are in no common cap.
+    /// Distance from the nasion in twentieths of the way to the inion, 0..=20.
+    pub(crate) twentieths: u8,
+    /// Whether a numbered label means the half column even without a trailing `h`. Montages write
+    /// FFC1 for FFC1h, and no common cap has the full columns of these rows.
     always_half: bool,
 }
 
-const fn row(inner: &'static str, outer: &'static str, step: u8, always_half: bool) -> Row {
+const fn row(inner: &'static str, outer: &'static str, twentieths: u8, always_half: bool) -> Row {
     Row {
         inner,
         outer,
-        step,
+        twentieths,
         always_half,
     }
 }
 
-/// Nasion to inion in steps of 5 % (Oostenveld and Praamstra 2001, figure 2).
+/// All rows from nasion to inion (Oostenveld and Praamstra 2001, figure 2).
 const ROWS: [Row; 21] = [
     row("N", "N", 0, false),
     row("NFp", "NFp", 1, false),
@@ -50,32 +50,32 @@ const ROWS: [Row; 21] = [
     row("I", "I", 20, false),
 ];
 
-/// The 10-20 system's old names of four electrodes.
+/// Old and current names of the four electrodes that the 10-20 system has renamed.
 const OLD_NAMES: [(&str, &str); 4] = [("T3", "T7"), ("T4", "T8"), ("T5", "P7"), ("T6", "P8")];
 
-/// What recordings write behind a dash when they mean a common reference; anything else behind a
-/// dash is a second electrode, and the signal a difference that belongs to no single place.
+/// Suffixes after a dash that denote a common reference. Any other suffix is a second electrode: the
+/// signal is a difference and has no single position.
 const REFERENCES: [&str; 13] = [
     "REF", "LE", "RE", "AR", "AV", "AVG", "CAR", "A1", "A2", "A1A2", "M1", "M2", "M1M2",
 ];
 
-/// An electrode of the 10-20, 10-10 or 10-5 system. Two labels of one electrode are equal.
+/// An electrode of the 10-20, 10-10 or 10-5 system. All spellings of one electrode compare equal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Electrode {
     pub(crate) row: Row,
-    /// 0 = midline, odd = left, even = right, at most 10.
+    /// 0 on the midline, odd on the left, even on the right; at most 10.
     pub(crate) column: u8,
-    /// Half a column nearer to the midline (a trailing `h`).
+    /// Half a column closer to the midline, written as a trailing `h`.
     pub(crate) half: bool,
 }
 
 impl Electrode {
-    /// The electrode that a label means, or `None` for anything else (EOG, triggers, caps with
-    /// numbers of their own, bipolar derivations).
+    /// Returns the electrode with this label. Returns `None` for all other labels, such as EOG,
+    /// triggers, bipolar derivations and caps with a different numbering.
     ///
-    /// Letter case, dots and blanks do not count; prefixes `EEG`, `eeg:` and suffixes of a common
-    /// reference (`-REF`, `-LE`, ...) are stripped; T3 T4 T5 T6 become T7 T8 P7 P8. In the rows
-    /// FFC/FFT, FCC/FTT, CCP/TTP, CPP/TPP and PPO a trailing `h` is implied.
+    /// Ignores letter case, dots, blanks and underscores. Strips the prefixes `EEG` and `eeg:` and the
+    /// suffix of a common reference (`-REF`, `-LE`, ...). Renames T3 T4 T5 T6 to T7 T8 P7 P8. In the
+    /// rows FFC/FFT, FCC/FTT, CCP/TTP, CPP/TPP and PPO a trailing `h` is implied.
     pub fn parse(label: &str) -> Option<Self> {
         let plain: String = label
             .to_ascii_uppercase()
@@ -121,16 +121,16 @@ impl Electrode {
         electrode.exists().then_some(electrode)
     }
 
-    /// Way from the midline to the circumference in eighths: column 1 is 2, column 1h is 1,
-    /// column 7 is 8, columns 9h and 9 are below the circumference.
+    /// Distance from the midline in eighths of the way to the circumference: 1 for column 1h, 2 for
+    /// column 1, 8 for column 7. Columns 9h and 9 are below the circumference.
     pub(crate) fn eighths(self) -> u8 {
         2 * self.column.div_ceil(2) - u8::from(self.half)
     }
 
-    /// Rows in front of AFp and behind POO lie on circles around Cz, where only one column and
-    /// its half are defined (and, below Fp and O, columns 9 and 10).
+    /// Returns whether the row has this column. Rows anterior to AFp and posterior to POO are circles
+    /// around Cz with only one column and its half; Fp and O also have columns 9 and 10.
     fn exists(self) -> bool {
-        match self.row.step {
+        match self.row.twentieths {
             0 | 1 | 19 | 20 => self.column <= 2,
             2 | 18 => self.column <= 2 || self.column >= 9,
             _ => true,
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn spellings_of_one_electrode_are_equal() {
+    fn all_spellings_of_an_electrode_are_equal() {
         for (label, name) in [
             ("Fcz.", "FCz"),
             ("C3..", "C3"),
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn other_labels_are_no_electrode() {
+    fn other_labels_are_not_electrodes() {
         for label in [
             "",
             "A1",

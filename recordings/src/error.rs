@@ -1,4 +1,4 @@
-//! Why a recording cannot be read.
+//! Errors of this crate.
 
 use std::{io, path::PathBuf};
 
@@ -10,120 +10,120 @@ pub enum RecordingError {
     /// The file cannot be opened.
     #[error("cannot open {}; check the path and the permissions", path.display())]
     Open {
-        /// The path as given.
+        /// Path of the file as passed by the caller.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The file cannot be read at some place.
+    /// Reading failed at some byte offset.
     #[error(
         "cannot read {bytes} bytes at byte {at}; the file may have shrunk or its disk may fail"
     )]
     Read {
-        /// Byte offset.
+        /// Byte offset of the read.
         at: u64,
-        /// How many bytes were wanted.
+        /// Number of bytes requested.
         bytes: u64,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The first bytes belong to no known format.
+    /// The first eight bytes match no supported format.
     #[error(
-        "not a recording: it begins with \"{found}\"; EDF, EDF+, BDF, BDF+, GDF 1 and GDF 2 are read"
+        "not a recording: it starts with \"{found}\"; supported are EDF, EDF+, BDF, BDF+, GDF 1 and GDF 2"
     )]
     UnknownFormat {
         /// The first eight bytes, escaped.
         found: String,
     },
-    /// The file ends within its header.
+    /// The file ends before the end of its header.
     #[error(
-        "the header takes {needed} bytes but the file has only {found}: it is cut off or its header is wrong"
+        "the header needs {needed} bytes but the file has only {found}: the file is truncated or its header is wrong"
     )]
-    HeaderCut {
-        /// Bytes that the header takes.
+    HeaderTruncated {
+        /// Length of the header, bytes.
         needed: u64,
-        /// Bytes of the file.
+        /// Length of the file, bytes.
         found: u64,
     },
-    /// A header field is not the number it should be.
+    /// A header field does not hold a usable number.
     #[error("header field \"{field}\" of {place} holds \"{found}\", which is not usable: {reason}")]
     HeaderField {
-        /// Name of the field.
+        /// Name of the field in the specification.
         field: &'static str,
-        /// `the file` or the signal.
+        /// `the file`, or number and label of the signal.
         place: String,
-        /// What it holds.
+        /// Content of the field.
         found: String,
-        /// What it should hold.
+        /// Violated requirement.
         reason: &'static str,
     },
-    /// A signal's digital range is empty or its ranges are not finite.
+    /// The digital range of a signal is empty, or one of its ranges is not finite.
     #[error(
         "signal {label} cannot be scaled: digital {digital_min}..{digital_max}, physical \
          {physical_min}..{physical_max}; repair its header"
     )]
     Range {
-        /// Label of the signal.
+        /// Label of the signal as in the file.
         label: String,
-        /// Steps.
+        /// Digital minimum of the header.
         digital_min: f64,
-        /// Steps.
+        /// Digital maximum of the header.
         digital_max: f64,
-        /// The signal's unit.
+        /// Physical minimum of the header, in the signal's unit.
         physical_min: f64,
-        /// The signal's unit.
+        /// Physical maximum of the header, in the signal's unit.
         physical_max: f64,
     },
-    /// A GDF sample type that is not read.
+    /// A GDF sample type that is not supported.
     #[error(
-        "signal {label} has GDF sample type {number}, which is not read; convert it to an integer or float type"
+        "signal {label} has GDF sample type {number}, which is not supported; convert it to an integer or float type"
     )]
     SampleType {
-        /// Label of the signal.
+        /// Label of the signal as in the file.
         label: String,
-        /// GDF's number of the type.
+        /// Type number as defined by GDF.
         number: u32,
     },
-    /// There is not one whole record.
+    /// The file does not contain a single whole record.
     #[error(
-        "no data: a record takes {record_bytes} bytes and the file holds {data_bytes} behind its header"
+        "no data: a record takes {record_bytes} bytes and the file holds {data_bytes} after its header"
     )]
     NoData {
-        /// Bytes of one record.
+        /// Length of one record, bytes.
         record_bytes: u64,
-        /// Bytes behind the header.
+        /// Bytes after the header.
         data_bytes: u64,
     },
-    /// The virtual ADC's own rate or scale is not usable.
+    /// The rate or the scale of the virtual ADC is out of range.
     #[error(
         "an ADC of {rate_hz} Hz with {lsb_uv} uV per count cannot be simulated; give 1..=100000 Hz and a positive scale"
     )]
     AdcSpec {
-        /// Asked rate, Hz.
+        /// Requested rate, Hz.
         rate_hz: u32,
-        /// Asked scale, uV per count.
+        /// Requested scale, uV per count.
         lsb_uv: f64,
     },
-    /// A signal's rate cannot be turned into the ADC's.
+    /// A signal cannot be resampled to the rate of the ADC.
     #[error("signal {label} at {rate} Hz cannot be resampled to {rate_hz} Hz: {reason}")]
     Rate {
-        /// Label of the signal.
+        /// Label of the signal as in the file.
         label: String,
-        /// The signal's rate, Hz; `no` when it has no samples.
+        /// Rate of the signal, Hz; `no` if it has no samples.
         rate: String,
-        /// The ADC's rate, Hz.
+        /// Rate of the ADC, Hz.
         rate_hz: u32,
-        /// What is wrong with it.
+        /// Why the pair of rates cannot be converted.
         reason: &'static str,
     },
-    /// The montage map was made for another recording.
+    /// The montage map was created for another recording.
     #[error(
         "the montage map names signal {signal} but the recording has {signals}; make the map from this recording's labels"
     )]
-    ForeignMap {
-        /// Index in the map.
+    MapMismatch {
+        /// Index of a signal in the map.
         signal: usize,
-        /// Signals of the recording.
+        /// Number of signals in the recording.
         signals: usize,
     },
     /// The montage has more electrodes than the ADC has channels.
@@ -131,18 +131,19 @@ pub enum RecordingError {
         "the montage has {electrodes} electrodes but the ADC only {channels} channels; use a smaller montage"
     )]
     TooManyElectrodes {
-        /// Electrodes of the montage.
+        /// Number of electrodes in the montage.
         electrodes: usize,
-        /// Channels of the ADC.
+        /// Number of channels of the ADC.
         channels: usize,
     },
-    /// The resampler's buffers do not fit each other; a defect of this crate, not of the file.
+    /// The resampler's buffers have inconsistent sizes. This is a defect of this crate, not of the
+    /// file.
     #[error("the resampler's buffers do not fit; please report it with the recording's header")]
     ResamplerBuffer,
-    /// The resampler refused a block; a defect of this crate, not of the file.
+    /// The resampler refused a block. This is a defect of this crate, not of the file.
     #[error("the resampler failed; please report it with the recording's header")]
     Resampler(#[from] rubato::ResampleError),
-    /// The resampler refused the pair of rates; a defect of this crate, not of the file.
+    /// The resampler refused the pair of rates. This is a defect of this crate, not of the file.
     #[error("the resampler cannot be built; please report it with the recording's header")]
     ResamplerConstruction(#[from] rubato::ResamplerConstructionError),
 }

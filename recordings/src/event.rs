@@ -1,28 +1,30 @@
-//! Events: what a recording says happened, and when.
+//! Events of a recording: GDF event tables and EDF+ annotations.
 
-/// What kind of event it is.
+/// Kind of an event.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum EventLabel {
-    /// A GDF event type (0x0300 = 768 is the start of a trial; bit 15 set = the end of it).
+    /// A GDF event type, such as 0x0300 = 768 for the start of a trial. Bit 15 marks the end of the
+    /// event.
     Type(u16),
-    /// A sample of a signal that is sampled sparsely (GDF type 0x7fff in a table of mode 3): its
-    /// digital value, the 32 bits that the table holds, to be read as the
-    /// [`crate::SampleType`] of [`Event::signal`]. The event has no duration: the value lies in
-    /// its place. A table of mode 1 has no room for it; there the type stays a type.
+    /// A sample of a sparsely sampled signal (GDF type 0x7fff in a table of mode 3). Holds the
+    /// digital value as 32 raw bits, to be decoded by the [`crate::SampleType`] of
+    /// [`Event::signal`]. The event has no duration, because the table stores the value in that
+    /// column. Tables of mode 1 lack the column; there type 0x7fff is an ordinary
+    /// [`EventLabel::Type`].
     SparseSample(u32),
-    /// An EDF+ annotation.
+    /// Text of an EDF+ or BDF+ annotation.
     Text(String),
 }
 
-/// One event.
+/// Something that happened at a known time of the recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Event {
-    /// Time of the event, s after the start of the file.
+    /// Start of the event, s after the start of the file.
     pub onset_s: f64,
-    /// Its length, s; `None` when the file gives none.
+    /// Duration, s; `None` if the file has none.
     pub duration_s: Option<f64>,
-    /// Index of the signal that it belongs to; `None` = all of them.
+    /// Index of the signal that the event belongs to; `None` for all signals.
     pub signal: Option<u16>,
-    /// What happened.
+    /// GDF type, sparse sample or annotation text.
     pub label: EventLabel,
 }

@@ -1,36 +1,36 @@
-//! File formats, recognised by their first bytes.
+//! File formats, recognised by their first eight bytes.
 
 use std::fmt;
 
-use crate::RecordingError;
+use crate::error::RecordingError;
 
-/// The format of a recording.
+/// File format of a recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Format {
     /// European Data Format: 16-bit samples.
     Edf,
-    /// EDF+ with gapless records (EDF+C).
+    /// EDF+ with contiguous records (EDF+C).
     EdfPlusContinuous,
-    /// EDF+ whose records may lie apart in time (EDF+D).
+    /// EDF+ with possible gaps between records (EDF+D).
     EdfPlusDiscontinuous,
-    /// BioSemi's 24-bit twin of EDF.
+    /// BioSemi's 24-bit variant of EDF.
     Bdf,
-    /// BDF+ with gapless records.
+    /// BDF+ with contiguous records (BDF+C).
     BdfPlusContinuous,
-    /// BDF+ whose records may lie apart in time.
+    /// BDF+ with possible gaps between records (BDF+D).
     BdfPlusDiscontinuous,
-    /// General Data Format below 1.90; the number is the version, e.g. 1.25.
+    /// General Data Format before version 1.90; holds the version, such as 1.25.
     Gdf1(f64),
-    /// General Data Format from 1.90; the number is the version, e.g. 2.10.
+    /// General Data Format from version 1.90; holds the version, such as 2.10.
     Gdf2(f64),
 }
 
 impl Format {
-    /// Recognises a format by the first eight bytes; the `+` variants are told apart later, by
-    /// the header's reserved field.
+    /// Recognises a format by the first eight bytes. The reserved field of the header distinguishes
+    /// the `+` variants later.
     ///
     /// # Errors
-    /// [`RecordingError::UnknownFormat`] when the bytes belong to none of them.
+    /// [`RecordingError::UnknownFormat`] for all other bytes.
     pub(crate) fn detect(magic: [u8; 8]) -> Result<Self, RecordingError> {
         let unknown = || RecordingError::UnknownFormat {
             found: magic.escape_ascii().to_string(),
@@ -55,7 +55,7 @@ impl Format {
         }
     }
 
-    /// Whether the records may lie apart in time.
+    /// Returns whether the format allows gaps between records.
     pub fn is_discontinuous(self) -> bool {
         matches!(
             self,

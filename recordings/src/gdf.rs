@@ -1,21 +1,26 @@
-//! Headers of GDF 1.x and 2.x: binary, little-endian.
+//! Parses the headers of GDF 1.x and 2.x, which are binary and little-endian.
 //!
 //! Source: A. Schlögl, "GDF - A general dataformat for biosignals", arXiv cs/0608052 and later
-//! versions of the specification; both layouts spend 256 bytes per signal.
+//! versions of the specification. Both layouts use 256 bytes per signal.
+
+pub(crate) mod events;
+pub(crate) mod record_count;
 
 use crate::{
-    Calibration, Format, Ratio, RecordingError, SampleType, Signal, SignalKind, Unit,
-    edf::rate,
-    header::{HEADER_BLOCK, Header, SignalFields, array_at, text},
+    error::RecordingError,
+    format::Format,
+    header::{HEADER_BLOCK, Header, SignalFields, array_at, sampling_rate, text},
+    ratio::Ratio,
+    signal::{Signal, SignalKind, calibration::Calibration, sample_type::SampleType, unit::Unit},
 };
 
-/// The first version whose record length is a float64 instead of two u32 (GDF 2.21).
+/// Versions from here on (GDF 2.21) store the duration of a record as a float64 instead of two u32.
 const FLOAT_DURATION: f64 = 2.205;
 
-/// The number of signals in the fixed part of a header, 1..=65535.
+/// Returns the number of signals from the fixed part of a header, 1..=65535.
 ///
 /// # Errors
-/// [`RecordingError::HeaderField`] when it is 0.
+/// [`RecordingError::HeaderField`] if the number is 0 or too large.
 pub(crate) fn signal_count(
     format: Format,
     fixed: &[u8; HEADER_BLOCK],
@@ -24,18 +29,18 @@ pub(crate) fn signal_count(
         Format::Gdf1(_) => u32::from_le_bytes(array_at(fixed, 252)),
         _ => u32::from(u16::from_le_bytes(array_at(fixed, 252))),
     };
-    // GDF 1 spends 32 bits on the number; more than 16 are never meant.
+    // GDF 1 stores 32 bits; values of more than 16 bits only occur in damaged files.
     match u16::try_from(count) {
         Ok(count @ 1..) => Ok(usize::from(count)),
         _ => Err(field_error(
             "number of signals",
             &count.to_string(),
-            "1..=65535 is possible",
+            "it must be 1..=65535",
         )),
     }
 }
 
-/// Reads the part of a header that describes signals, [`HEADER_BLOCK`] * (1 + signals) bytes.
+/// Parses the fixed part and the signals of a header, [`HEADER_BLOCK`] * (1 + signals) bytes.
 ///
 /// # Errors
 /// [`RecordingError::HeaderField`], [`RecordingError::SampleType`], [`RecordingError::Range`].
@@ -87,7 +92,7 @@ fn duration(format: Format, bytes: &[u8]) -> Result<Option<Ratio>, RecordingErro
         let seconds = f64::from_le_bytes(array_at(bytes, 244));
         let ratio = Ratio::from_f64(seconds);
         return if ratio.is_none() && seconds != 0.0 {
-            let reason = "it has to be 0 or between 1e-9 and 1e9 s";
+            let reason = "it must be 0 or between 1e-9 and 1e9 s";
             Err(field_error(
                 "duration of a record",
                 &seconds.to_string(),
@@ -116,16 +121,16 @@ fn signals_of_version_1(
     duration: Option<Ratio>,
 ) -> Result<Vec<Signal>, RecordingError> {
     let mut fields = SignalFields::new(bytes, signals);
-    let labels = fields.next(16);
-    let _transducers = fields.next(80);
-    let units = fields.next(8);
-    let physical_min = fields.next(8);
-    let physical_max = fields.next(8);
-    let digital_min = fields.next(8);
-    let digital_max = fields.next(8);
-    let _prefilters = fields.next(80);
-    let samples = fields.next(4);
-    let types = fields.next(4);
+    let labels = fields.next_field(16);
+    let _transducers = fields.next_field(80);
+    let units = fields.next_field(8);
+    let physical_min = fields.next_field(8);
+    let physical_max = fields.next_field(8);
+    let digital_min = fields.next_field(8);
+    let digital_max = fields.next_field(8);
+    let _prefilters = fields.next_field(80);
+    let samples = fields.next_field(4);
+    let types = fields.next_field(4);
     #[expect(
         clippy::cast_precision_loss,
         reason = "digital limits beyond 2^53 are rounded"
@@ -151,18 +156,18 @@ fn signals_of_version_2(
     duration: Option<Ratio>,
 ) -> Result<Vec<Signal>, RecordingError> {
     let mut fields = SignalFields::new(bytes, signals);
-    let labels = fields.next(16);
-    let _transducers = fields.next(80);
-    let units = fields.next(6);
-    let unit_codes = fields.next(2);
-    let physical_min = fields.next(8);
-    let physical_max = fields.next(8);
-    let digital_min = fields.next(8);
-    let digital_max = fields.next(8);
-    let _reserved_and_time_offset = fields.next(64 + 4);
-    let _low_pass_high_pass_notch = fields.next(12);
-    let samples = fields.next(4);
-    let types = fields.next(4);
+    let labels = fields.next_field(16);
+    let _transducers = fields.next_field(80);
+    let units = fields.next_field(6);
+    let unit_codes = fields.next_field(2);
+    let physical_min = fields.next_field(8);
+    let physical_max = fields.next_field(8);
+    let digital_min = fields.next_field(8);
+    let digital_max = fields.next_field(8);
+    let _reserved_and_time_offset = fields.next_field(64 + 4);
+    let _low_pass_high_pass_notch = fields.next_field(12);
+    let samples = fields.next_field(4);
+    let types = fields.next_field(4);
     (0..signals)
         .map(|i| {
             let calibration = Calibration {
@@ -198,7 +203,7 @@ fn signal(
         calibration,
         sample_type,
         samples_per_record,
-        rate: rate(samples_per_record, duration),
+        rate: sampling_rate(samples_per_record, duration),
         label,
     })
 }

@@ -1,41 +1,47 @@
-//! What every format's header comes down to, and the pieces both header parsers share.
+//! The header of a recording, independent of its format, and parsing functions for both formats.
 
-use crate::{Format, Ratio, RecordingError, Signal, SignalKind, Warning};
+use crate::{
+    error::RecordingError,
+    format::Format,
+    ratio::Ratio,
+    signal::{Signal, SignalKind},
+    warning::Warning,
+};
 
-/// Bytes of the fixed part and of each signal's part, the same in EDF, BDF and GDF.
+/// Length of the fixed part and of the part of each signal, bytes; the same in EDF, BDF and GDF.
 pub(crate) const HEADER_BLOCK: usize = 256;
 
-/// Everything that a header says about its file.
+/// The parsed header of a recording.
 #[derive(Debug, Clone)]
 pub(crate) struct Header {
     pub(crate) format: Format,
     pub(crate) signals: Vec<Signal>,
     /// Byte offset of the first record.
     pub(crate) data_start: u64,
-    /// `None` when the header says -1.
+    /// Number of records; `None` if the header states -1.
     pub(crate) records: Option<u64>,
-    /// Length of a record, s; `None` when it is 0 (files of annotations alone).
+    /// Duration of a record, s; `None` if it is 0, as in files that contain only annotations.
     pub(crate) record_duration: Option<Ratio>,
     pub(crate) warnings: Vec<Warning>,
 }
 
 impl Header {
-    /// Bytes of one record, < 2^51.
+    /// Length of one record, bytes, < 2^51.
     pub(crate) fn record_bytes(&self) -> u64 {
         self.signals.iter().map(Signal::record_bytes).sum()
     }
 
-    /// Rate of the fastest signal, Hz, >= 1.
+    /// Highest sampling rate of all signals, Hz, at least 1.
     pub(crate) fn fastest_rate_hz(&self) -> f64 {
         let rates = self.signals.iter().filter_map(|signal| signal.rate);
         rates.map(Ratio::value).fold(1.0, f64::max)
     }
 
-    /// Checks what no format may get wrong and notes what it may.
+    /// Checks the requirements of all formats and adds warnings.
     ///
     /// # Errors
     /// [`RecordingError::Range`] for a signal that cannot be scaled,
-    /// [`RecordingError::HeaderField`] when samples have no rate.
+    /// [`RecordingError::HeaderField`] if a signal has samples but the record no duration.
     pub(crate) fn checked(mut self) -> Result<Self, RecordingError> {
         let mut unknown_units = Vec::new();
         for signal in &mut self.signals {
@@ -79,6 +85,15 @@ impl Header {
     }
 }
 
+/// Returns samples per second; `None` if the signal has no samples or the record no duration.
+pub(crate) fn sampling_rate(samples_per_record: u32, duration: Option<Ratio>) -> Option<Ratio> {
+    let duration = duration?;
+    Ratio::new(
+        u64::from(samples_per_record) * duration.denominator(),
+        duration.numerator(),
+    )
+}
+
 fn unit_in_brackets(signal: &Signal) -> String {
     let text = signal.unit.to_string();
     if text.starts_with('(') {
@@ -88,7 +103,7 @@ fn unit_in_brackets(signal: &Signal) -> String {
     }
 }
 
-/// The per-signal part of a header: fields follow each other, each for all signals.
+/// Iterates over the fields of the signals. A header stores each field for all signals in a row.
 pub(crate) struct SignalFields<'a> {
     bytes: &'a [u8],
     signals: usize,
@@ -96,7 +111,7 @@ pub(crate) struct SignalFields<'a> {
 }
 
 impl<'a> SignalFields<'a> {
-    /// `header` is the whole header, fixed part included.
+    /// Starts at the first field. `header` includes the fixed part.
     pub(crate) fn new(header: &'a [u8], signals: usize) -> Self {
         Self {
             bytes: header,
@@ -105,8 +120,8 @@ impl<'a> SignalFields<'a> {
         }
     }
 
-    /// The next field, `width` bytes wide, of every signal.
-    pub(crate) fn next(&mut self, width: usize) -> Vec<&'a [u8]> {
+    /// Returns the next field, `width` bytes wide, of every signal.
+    pub(crate) fn next_field(&mut self, width: usize) -> Vec<&'a [u8]> {
         let start = self.at;
         self.at += width * self.signals;
         let field = self.bytes.get(start..self.at).unwrap_or_default();
@@ -114,13 +129,13 @@ impl<'a> SignalFields<'a> {
     }
 }
 
-/// Header text without padding; bytes that are no UTF-8 are read as Latin-1.
+/// Decodes header text and removes its padding. Bytes that are not UTF-8 are decoded as Latin-1.
 pub(crate) fn text(bytes: &[u8]) -> String {
     let text = match std::str::from_utf8(bytes) {
         Ok(text) => text.to_owned(),
         Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect(),
     };
-    // GDF pads with zeros, and what follows the first one is rubbish in some files.
+    // GDF pads with zeros. In some files the bytes after the first zero are not initialised.
     text.split('\0')
         .next()
         .unwrap_or_default()
@@ -128,7 +143,7 @@ pub(crate) fn text(bytes: &[u8]) -> String {
         .to_owned()
 }
 
-/// `N` bytes at `at`; zeros where the slice ends before, which callers rule out by length.
+/// Returns `N` bytes from offset `at`. Callers check the length; beyond the end it returns zeros.
 pub(crate) fn array_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     bytes
         .get(at..)

@@ -1,42 +1,58 @@
 //! EEG recordings (EDF, BDF, GDF) played through a virtual ADC.
 //!
-//! A file goes through four stages, one module group each:
+//! The device code downstream of this crate receives the samples that an ADC would deliver, whatever
+//! the rate, unit and channel order of the file. Formats are recognised by content, not by file name.
 //!
-//! | Stage | Type out | Unit | Modules |
-//! | --- | --- | --- | --- |
-//! | header | [`Signal`]s, [`Warning`]s | | `edf`, `gdf`, `header` |
-//! | records | [`Block`] | the signal's own | `source`, `recording`, `sample_type`, `calibration` |
-//! | montage | weights per electrode | | [`electrode`], [`position`], [`montage_map`] |
-//! | virtual ADC | `[i32; 64]` | counts, i24 in i32 | [`virtual_adc`] |
+//! ```text
+//! file ──> header ──> records ──────> montage ──────────> virtual ADC ──> [i32; 64]
+//!          Signal     Block           weights per         resampled,      counts, i24 in i32
+//!          Warning    physical units  electrode           quantised
+//!          edf, gdf   recording       montage_map         virtual_adc
+//! ```
 //!
-//! The device path behind this crate therefore sees what an ADC would give it, whatever the
-//! file's rate, unit or channel order was. Formats are told apart by content, never by name.
+//! ```
+//! use std::io::Cursor;
+//!
+//! use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
+//!
+//! // An EDF file of one record of 1 s: 512 samples of Cz, each 100 uV.
+//! let fields: [(&str, usize); 19] = [
+//!     ("0", 8), ("patient", 80), ("recording", 80), ("01.01.24", 8), ("00.00.00", 8),
+//!     ("512", 8), ("", 44), ("1", 8), ("1", 8), ("1", 4), ("Cz", 16), ("AgAgCl", 80), ("uV", 8),
+//!     ("-32768", 8), ("32767", 8), ("-32768", 8), ("32767", 8), ("", 80), ("512", 8),
+//! ];
+//! let header: String = fields.iter().map(|(text, width)| format!("{text:width$}")).collect();
+//! let mut file = format!("{header:512}").into_bytes();
+//! file.extend([100, 0].repeat(512));
+//!
+//! let recording = Recording::from_source(Cursor::new(file))?;
+//! let map = MontageMap::new(&recording.labels(), &["Cz"], Missing::Interpolate)?;
+//! let mut adc = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512))?;
+//! assert_eq!(adc.samples(), 512);
+//!
+//! // 100 uV at 22.35 nV per count.
+//! let sample = adc.next().expect("the first of 512 samples")?;
+//! assert_eq!(sample[0], 4474);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![forbid(unsafe_code)]
 
-mod calibration;
 mod edf;
 pub mod electrode;
 mod error;
 mod event;
 mod format;
 mod gdf;
-mod gdf_events;
-mod gdf_record_count;
 mod header;
 pub mod montage_map;
 pub mod position;
-mod rate_converter;
 mod ratio;
 mod recording;
-mod sample_type;
 mod signal;
 mod source;
-mod tal;
-mod unit;
 pub mod virtual_adc;
 mod warning;
 
-pub use calibration::Calibration;
 pub use electrode::Electrode;
 pub use error::RecordingError;
 pub use event::{Event, EventLabel};
@@ -45,9 +61,9 @@ pub use montage_map::{Missing, MontageMap, MontageMapError};
 pub use position::Position;
 pub use ratio::Ratio;
 pub use recording::{Block, Recording};
-pub use sample_type::SampleType;
-pub use signal::{Signal, SignalKind};
+pub use signal::{
+    Signal, SignalKind, calibration::Calibration, sample_type::SampleType, unit::Unit,
+};
 pub use source::Source;
-pub use unit::Unit;
 pub use virtual_adc::{AdcSpec, VirtualAdc};
 pub use warning::Warning;

@@ -1,72 +1,72 @@
-//! The map from a recording's signals to the electrodes of a montage.
+//! Maps the signals of a recording to the electrodes of a montage.
 
 use std::fmt;
 
 use thiserror::Error;
 
-use crate::{Electrode, Position};
+use crate::{electrode::Electrode, position::Position};
 
-/// What to do with an electrode that the recording lacks.
+/// Treatment of an electrode that is missing in the recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Missing {
-    /// Mix the four nearest electrodes that it has, weighted by 1 / distance^2 (straight
-    /// distance through the unit sphere).
+    /// Interpolate from the four nearest electrodes of the recording, weighted by 1 / distance^2
+    /// (straight-line distance through the unit sphere).
     #[default]
     Interpolate,
-    /// Leave it at 0.
+    /// Set the electrode to 0.
     Zero,
     /// Refuse the recording.
     Refuse,
 }
 
-/// How many real electrodes an interpolated one is mixed from.
+/// Number of real electrodes from which a missing one is interpolated.
 pub const NEIGHBOURS: usize = 4;
 
-/// Where an electrode's values come from.
+/// Source of the values of an electrode.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Origin {
-    /// The signal with this index.
+    /// The signal of the recording with this index.
     Real(usize),
-    /// Signals and their weights, which add up to 1; the nearest first.
+    /// (Signal index, weight), nearest first. The weights add up to 1.
     Interpolated(Vec<(usize, f64)>),
-    /// Nowhere: 0 throughout.
+    /// No signal; the value is 0.
     Zero,
 }
 
 /// Why a recording does not fit a montage.
 #[derive(Debug, Error, PartialEq)]
 pub enum MontageMapError {
-    /// A label of the montage is not in the 10-5 system.
+    /// A label of the montage is not an electrode of the 10-5 system.
     #[error(
-        "the montage asks for {label:?}, which is no electrode of the 10-20, 10-10 or 10-5 system"
+        "the montage contains {label:?}, which is not an electrode of the 10-20, 10-10 or 10-5 system"
     )]
     UnknownElectrode {
-        /// The label.
+        /// The label as in the montage.
         label: String,
     },
-    /// Two labels of the montage are one electrode.
-    #[error("the montage asks for {label:?} twice")]
-    Twice {
-        /// The second label.
+    /// Two labels of the montage denote the same electrode.
+    #[error("the montage contains {label:?} twice")]
+    DuplicateElectrode {
+        /// The second of the two labels.
         label: String,
     },
-    /// The recording has none of the montage's electrodes.
+    /// The recording has no electrode of the montage.
     #[error("the recording has none of the montage's electrodes; it has {}; needed are {}", found.join(" "), needed.join(" "))]
-    NothingInCommon {
-        /// The recording's labels.
+    NoCommonElectrode {
+        /// All labels of the recording.
         found: Vec<String>,
-        /// The montage's labels.
+        /// All labels of the montage.
         needed: Vec<String>,
     },
-    /// Electrodes are missing and [`Missing::Refuse`] was asked for.
-    #[error("the recording lacks {}; let them be interpolated or zero, or use another recording", labels.join(" "))]
+    /// Electrodes are missing and [`Missing::Refuse`] was chosen.
+    #[error("the recording lacks {}; interpolate them, set them to zero, or use another recording", labels.join(" "))]
     MissingElectrodes {
         /// Labels of the missing electrodes.
         labels: Vec<String>,
     },
 }
 
-/// The map from a recording's signals to a montage's electrodes; `Display` gives a report.
+/// Map from the signals of a recording to the electrodes of a montage. `Display` formats a report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MontageMap {
     electrodes: Vec<String>,
@@ -75,11 +75,11 @@ pub struct MontageMap {
 }
 
 impl MontageMap {
-    /// Finds each of `electrodes` among the `labels` of a recording ([`Electrode::parse`] says
-    /// which spellings are one). When two signals carry one electrode, the first is taken.
+    /// Finds each of `electrodes` among the `labels` of a recording. [`Electrode::parse`] defines which
+    /// spellings are equal. If two signals have the same electrode, the first is used.
     ///
     /// # Errors
-    /// [`MontageMapError`], one variant for each way in which the two do not fit.
+    /// [`MontageMapError`] if the montage is invalid or the recording does not fit it.
     pub fn new<L: AsRef<str>, E: AsRef<str>>(
         labels: &[L],
         electrodes: &[E],
@@ -98,7 +98,7 @@ impl MontageMap {
                     label: label.clone(),
                 })?;
             if wanted.contains(&electrode) {
-                return Err(MontageMapError::Twice {
+                return Err(MontageMapError::DuplicateElectrode {
                     label: label.clone(),
                 });
             }
@@ -119,7 +119,7 @@ impl MontageMap {
                 .map(|(signal, _)| *signal)
         };
         if wanted.iter().all(|electrode| real(electrode).is_none()) {
-            return Err(MontageMapError::NothingInCommon {
+            return Err(MontageMapError::NoCommonElectrode {
                 found: signals,
                 needed: names,
             });
@@ -144,32 +144,32 @@ impl MontageMap {
         Ok(map)
     }
 
-    /// The montage's labels, in its order.
+    /// Labels of the montage in montage order.
     pub fn electrodes(&self) -> &[String] {
         &self.electrodes
     }
 
-    /// Where each electrode comes from, in the montage's order.
+    /// Source of each electrode in montage order.
     pub fn origins(&self) -> &[Origin] {
         &self.origins
     }
 
-    /// Labels of the electrodes that the recording has.
+    /// Labels of the electrodes that are in the recording.
     pub fn real(&self) -> Vec<&str> {
         self.labels_with(|origin| matches!(origin, Origin::Real(_)))
     }
 
-    /// Labels of the electrodes that are mixed from others.
+    /// Labels of the electrodes that are interpolated from others.
     pub fn interpolated(&self) -> Vec<&str> {
         self.labels_with(|origin| matches!(origin, Origin::Interpolated(_)))
     }
 
-    /// Labels of the electrodes that stay at 0.
+    /// Labels of the electrodes that are set to 0.
     pub fn zero(&self) -> Vec<&str> {
         self.labels_with(|origin| matches!(origin, Origin::Zero))
     }
 
-    /// Labels of the signals that no electrode takes anything from.
+    /// Labels of the signals that no electrode uses.
     pub fn unused(&self) -> Vec<&str> {
         let unused = |(signal, _): &(usize, _)| {
             self.origins.iter().all(|origin| match origin {
@@ -195,16 +195,21 @@ impl MontageMap {
     }
 }
 
-/// The [`NEIGHBOURS`] nearest of the located signals with their weights.
+/// Returns the [`NEIGHBOURS`] nearest of the located signals with their weights.
 fn nearest(electrode: &Electrode, located: &[(usize, Electrode)]) -> Vec<(usize, f64)> {
-    let place = Position::of(electrode);
+    let position = Position::from_electrode(electrode);
     let mut mix: Vec<(usize, f64)> = located
         .iter()
-        .map(|(signal, other)| (*signal, place.chord_squared(Position::of(other))))
+        .map(|(signal, other)| {
+            (
+                *signal,
+                position.chord_squared(Position::from_electrode(other)),
+            )
+        })
         .collect();
     mix.sort_by(|(_, a), (_, b)| a.total_cmp(b));
     mix.truncate(NEIGHBOURS);
-    // T9h and such may share a place with another name; 1e-12 keeps the weight finite.
+    // Two names can have the same position, such as T9h; 1e-12 keeps the weight finite.
     for (_, weight) in &mut mix {
         *weight = 1.0 / weight.max(1e-12);
     }
@@ -244,7 +249,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_electrode_gets_its_origin_and_the_report_tells() {
+    fn each_electrode_has_a_source_and_the_report_lists_it() {
         let labels = ["C3..", "Cz..", "C4..", "Fz", "Pz", "EOG", "EEG C3-REF"];
         let map = MontageMap::new(&labels, &["C1", "Cz", "C3"], Missing::Interpolate)
             .expect("two are common");
@@ -254,7 +259,7 @@ mod tests {
             panic!("C1 is missing")
         };
         let sources: Vec<usize> = mix.iter().map(|(signal, _)| *signal).collect();
-        // C1 lies 18 degrees from C3 and Cz, about 40 from Fz and Pz.
+        // C1 is 18 degrees from C3 and Cz, and about 40 from Fz and Pz.
         assert_eq!(sources.len(), NEIGHBOURS);
         assert!(
             sources[..2].contains(&0) && sources[..2].contains(&1),
@@ -276,13 +281,13 @@ mod tests {
     }
 
     #[test]
-    fn zero_leaves_the_missing_empty() {
+    fn missing_electrodes_can_be_zero() {
         let map = MontageMap::new(&["Cz"], &["C1", "Cz"], Missing::Zero).expect("Cz is common");
         assert_eq!(map.origins(), [Origin::Zero, Origin::Real(0)]);
     }
 
     #[test]
-    fn what_does_not_fit_is_named() {
+    fn errors_name_the_electrodes_that_do_not_fit() {
         let refused = MontageMap::new(&["Cz"], &["C1", "Cz", "C2"], Missing::Refuse);
         let labels = vec!["C1".to_owned(), "C2".to_owned()];
         assert_eq!(refused, Err(MontageMapError::MissingElectrodes { labels }));
@@ -297,7 +302,7 @@ mod tests {
         let twice = MontageMap::new(&["Cz"], &["FFC1", "FFC1h"], Missing::Zero);
         assert_eq!(
             twice,
-            Err(MontageMapError::Twice {
+            Err(MontageMapError::DuplicateElectrode {
                 label: "FFC1h".to_owned()
             })
         );

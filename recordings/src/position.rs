@@ -1,53 +1,57 @@
-//! Where an electrode lies on the unit sphere, from the definition of the 10-5 system.
+//! Positions of electrodes on the unit sphere, computed from the definition of the 10-5 system.
 //!
-//! The midline from nasion to inion is half a great circle in 20 steps of 9 degrees with Cz at
-//! the top. The circumference through Fpz, T7, Oz and T8 is the circle 72 degrees from Cz,
-//! divided alike, so a row meets it at the same angle from the front at which it meets the
-//! midline. A row is the arc of the circle through its left circumference point, its midline
-//! point and its right circumference point; its columns divide each half of that arc evenly
-//! (Oostenveld and Praamstra 2001; Jurcak, Tsuzuki and Dan 2007). No table of coordinates is used.
+//! * The midline from nasion to inion is half a great circle, divided into 20 arcs of 9 degrees, with
+//!   Cz at the top.
+//! * The circumference through Fpz, T7, Oz and T8 is the circle 72 degrees from Cz. It is divided in
+//!   the same way, so a row meets the circumference and the midline at the same angle from the front.
+//! * A row is the arc of a circle through its left circumference point, its midline point and its
+//!   right circumference point. Its columns divide each half of the arc evenly.
 //!
-//! Compared with MNE's `standard_1005` template of a real head, after the best affine map of the
-//! sphere onto it, 289 electrodes lie 7.3 mm apart in the mean and 15 mm at most.
+//! Sources: Oostenveld and Praamstra 2001; Jurcak, Tsuzuki and Dan 2007. No table of coordinates is
+//! used. Compared with MNE's `standard_1005` template of a real head, after the best affine map of the
+//! sphere onto it, the positions of 289 electrodes differ by 7.3 mm on average and 15 mm at most.
 
 use std::f64::consts::PI;
 
-use crate::Electrode;
+use crate::electrode::Electrode;
 
-/// A point on the unit sphere, or a vector; x to the right ear, y to the nose, z to the vertex.
+/// A point on the unit sphere, or a vector. The axes point to the right ear (x), the nose (y) and the
+/// vertex (z).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Position {
-    /// To the right, -1..=1.
+    /// Towards the right ear, -1..=1 on the sphere.
     pub x: f64,
-    /// To the front, -1..=1.
+    /// Towards the nose, -1..=1 on the sphere.
     pub y: f64,
-    /// Up, -1..=1.
+    /// Towards the vertex, -1..=1 on the sphere.
     pub z: f64,
 }
 
-/// 5 % of the way from nasion to inion: 9 degrees, in rad.
-const STEP: f64 = PI / 20.0;
-/// The circumference's angle from Cz: 40 % of the way from vertex to ear = 72 degrees, in rad.
-const CIRCUMFERENCE: f64 = 8.0 * STEP;
+/// One twentieth of the way from nasion to inion: 9 degrees, in rad.
+const TWENTIETH: f64 = PI / 20.0;
+/// Angle between Cz and the circumference: 8 twentieths = 72 degrees, in rad.
+const CIRCUMFERENCE: f64 = 8.0 * TWENTIETH;
 
 impl Position {
-    /// The position of an electrode; distance from the origin is 1 within rounding.
-    pub fn of(electrode: &Electrode) -> Self {
+    /// Computes the position of an electrode. Its distance from the origin is 1 within rounding.
+    pub fn from_electrode(electrode: &Electrode) -> Self {
         let eighths = f64::from(electrode.eighths());
-        let from_front = f64::from(electrode.row.step) * STEP;
-        let left = match electrode.row.step {
+        let from_front = f64::from(electrode.row.twentieths) * TWENTIETH;
+        let left = match electrode.row.twentieths {
             _ if electrode.column == 0 => return Self::on_midline(from_front),
-            // N, NFp, OI and I lie on circles around Cz of their own; one column is 18 degrees.
-            step @ (0 | 1 | 19 | 20) => {
-                let polar = if matches!(step, 0 | 20) { 10.0 } else { 9.0 };
-                Self::polar(polar * STEP, beside_the_midline(step, eighths))
+            // N, NFp, OI and I are separate circles around Cz; one column is 18 degrees.
+            row @ (0 | 1 | 19 | 20) => {
+                let polar = if matches!(row, 0 | 20) { 10.0 } else { 9.0 };
+                Self::polar(polar * TWENTIETH, azimuth_on_circle(row, eighths))
             }
-            // So do Fp and O: on the circumference itself.
-            step @ (2 | 18) if eighths <= 2.0 => {
-                Self::polar(CIRCUMFERENCE, beside_the_midline(step, eighths))
+            // Fp and O are on the circumference itself.
+            row @ (2 | 18) if eighths <= 2.0 => {
+                Self::polar(CIRCUMFERENCE, azimuth_on_circle(row, eighths))
             }
-            // Columns 9h and 9 are half a step and a step of 10 % below the circumference.
-            _ if eighths > 8.0 => Self::polar(CIRCUMFERENCE + (eighths - 8.0) * STEP, from_front),
+            // Columns 9h and 9 are 5 % and 10 % below the circumference.
+            _ if eighths > 8.0 => {
+                Self::polar(CIRCUMFERENCE + (eighths - 8.0) * TWENTIETH, from_front)
+            }
             _ => {
                 let end = Self::polar(CIRCUMFERENCE, from_front);
                 end.on_arc_from(Self::on_midline(from_front), eighths / 8.0)
@@ -60,18 +64,18 @@ impl Position {
         }
     }
 
-    /// The position of a label; `None` when the label is no electrode.
-    pub fn of_label(label: &str) -> Option<Self> {
-        Electrode::parse(label).map(|electrode| Self::of(&electrode))
+    /// Computes the position of the electrode with this label; `None` if there is no such electrode.
+    pub fn from_label(label: &str) -> Option<Self> {
+        Electrode::parse(label).map(|electrode| Self::from_electrode(&electrode))
     }
 
-    /// Square of the straight distance to another point, 0..=4.
+    /// Square of the straight-line distance to another point, 0..=4 on the sphere.
     pub fn chord_squared(self, other: Self) -> f64 {
         let d = self.minus(other);
         d.dot(d)
     }
 
-    /// Angle between two points of the sphere as seen from its centre, rad, 0..=pi.
+    /// Angle between two points of the sphere at its centre, rad, 0..=pi.
     pub fn angle_to(self, other: Self) -> f64 {
         self.cross(other)
             .dot(self.cross(other))
@@ -87,7 +91,8 @@ impl Position {
         }
     }
 
-    /// On the left side: `polar` from Cz, `azimuth` from the front; rad.
+    /// Returns the point on the left side at the angle `polar` from Cz and `azimuth` from the front,
+    /// rad.
     fn polar(polar: f64, azimuth: f64) -> Self {
         let radius = polar.sin();
         Self {
@@ -97,10 +102,9 @@ impl Position {
         }
     }
 
-    /// The point `fraction` of the way along the arc of a row that runs from its midline point to
-    /// `self`, its left end. The row's circle is symmetric about the midline plane, so its centre
-    /// lies there, where the plane through both points and across the midline is nearest to the
-    /// origin.
+    /// Returns the point at `fraction` of the arc of a row from its midline point `middle` to its left
+    /// end `self`. The circle of the row is symmetric about the midline plane. Its centre is the point
+    /// closest to the origin in the plane through `middle`, `self` and the mirror image of `self`.
     fn on_arc_from(self, middle: Self, fraction: f64) -> Self {
         let across = Self {
             x: 1.0,
@@ -152,13 +156,13 @@ impl Position {
     }
 }
 
-/// Azimuth from the front, rad, of a place `eighths` away from the midline in a row that lies on
-/// a circle around Cz; behind the ears the same way from the back.
-fn beside_the_midline(step: u8, eighths: f64) -> f64 {
-    if step < 10 {
-        eighths * STEP
+/// Returns the azimuth from the front, rad, of a point `eighths` away from the midline, in a row that
+/// is a circle around Cz. Posterior rows count from the back.
+fn azimuth_on_circle(twentieths: u8, eighths: f64) -> f64 {
+    if twentieths < 10 {
+        eighths * TWENTIETH
     } else {
-        PI - eighths * STEP
+        PI - eighths * TWENTIETH
     }
 }
 
@@ -167,7 +171,7 @@ mod tests {
     use super::*;
 
     fn at(label: &str) -> Position {
-        Position::of_label(label).expect("an electrode")
+        Position::from_label(label).expect("an electrode")
     }
 
     fn degrees(a: &str, b: &str) -> f64 {
@@ -175,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_that_the_definition_names_are_met() {
+    fn angles_equal_those_of_the_definition() {
         for (a, b, expected) in [
             ("Nz", "Iz", 180.0),
             ("Fpz", "Cz", 72.0),
@@ -208,19 +212,19 @@ mod tests {
     }
 
     #[test]
-    fn left_mirrors_right_and_all_lie_on_the_sphere() {
+    fn left_mirrors_right_and_all_points_are_on_the_sphere() {
         for row in [
             "Fp", "AF", "F", "FFC", "FC", "FCC", "C", "CCP", "CP", "CPP", "P", "PPO", "PO", "O",
         ] {
             for odd in [1, 3, 5] {
                 let (left, right) = (format!("{row}{odd}"), format!("{row}{}", odd + 1));
-                let Some(left) = Position::of_label(&left) else {
+                let Some(left) = Position::from_label(&left) else {
                     continue;
                 };
                 let right = at(&right);
                 assert!((left.x + right.x).abs() + (left.y - right.y).abs() < 1e-12);
                 assert!((left.dot(left) - 1.0).abs() < 1e-12);
-                assert!(left.x < 0.0, "odd numbers are left");
+                assert!(left.x < 0.0, "odd numbers are on the left");
             }
         }
     }
@@ -233,14 +237,14 @@ mod tests {
             ["FC1h", "FC3h", "FC5h", "FT7h", "FT8h"],
             ["FFC1h", "FFC3h", "FFC5h", "FFT7h", "FFT8h"],
         ] {
-            let steps: Vec<f64> = labels
+            let angles: Vec<f64> = labels
                 .windows(2)
                 .take(3)
                 .map(|w| degrees(w[0], w[1]))
                 .collect();
             assert!(
-                steps.iter().all(|s| (s - steps[0]).abs() < 1e-9),
-                "{labels:?}: {steps:?}"
+                angles.iter().all(|angle| (angle - angles[0]).abs() < 1e-9),
+                "{labels:?}: {angles:?}"
             );
         }
         assert!((degrees("FFC1h", "FFC2h") - degrees("FFC1h", "FFC3h")).abs() < 1e-9);

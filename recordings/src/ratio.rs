@@ -1,23 +1,23 @@
-//! Exact fractions for rates and durations.
+//! Exact fractions for sampling rates and durations.
 
 use std::fmt;
 
-/// An exact fraction: a rate in Hz or a duration in s, numerator and denominator > 0, reduced.
+/// A positive fraction in lowest terms: a rate in Hz or a duration in s.
 ///
-/// Files state a rate as samples per record and a record's length as a decimal or as two
-/// integers; keeping the fraction exact lets the virtual ADC place sample k at k / rate over days.
+/// Files contain the number of samples per record and the duration of a record as a decimal or as
+/// two integers. With exact fractions the virtual ADC has no time drift: sample k is at k / rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Ratio {
     numerator: u64,
     denominator: u64,
 }
 
-/// Largest denominator that [`Ratio::from_f64`] looks for; enough for any 8-character decimal
-/// (EDF's field width) and for 1/rate of every rate up to 1 MHz.
+/// Largest denominator that [`Ratio::from_f64`] returns: enough for every decimal of 8 characters
+/// (the width of EDF's field) and for 1 / rate of every integer rate up to 1 MHz.
 const DENOMINATOR_MAX: u64 = 10_000_000;
 
 impl Ratio {
-    /// `numerator / denominator` in lowest terms; `None` when either is zero.
+    /// Reduces `numerator / denominator`. Returns `None` if either is zero.
     pub fn new(numerator: u64, denominator: u64) -> Option<Self> {
         if numerator == 0 || denominator == 0 {
             return None;
@@ -29,8 +29,8 @@ impl Ratio {
         })
     }
 
-    /// The simplest fraction within 1e-11 (relative) of a number in (1e-9, 1e9), by continued
-    /// fractions: 0.00390625 gives 1/256.
+    /// Returns the simplest fraction within 1e-11 (relative) of `value`, found by continued fractions:
+    /// 1/256 for 0.00390625. Returns `None` outside (1e-9, 1e9).
     pub fn from_f64(value: f64) -> Option<Self> {
         if !value.is_finite() || value <= 1e-9 || value >= 1e9 {
             return None;
@@ -60,17 +60,17 @@ impl Ratio {
         Self::new(now.0, now.1)
     }
 
-    /// The upper number of the reduced fraction.
+    /// Numerator in lowest terms, > 0.
     pub fn numerator(self) -> u64 {
         self.numerator
     }
 
-    /// The lower number of the reduced fraction.
+    /// Denominator in lowest terms, > 0.
     pub fn denominator(self) -> u64 {
         self.denominator
     }
 
-    /// The nearest f64.
+    /// Returns the nearest f64.
     pub fn value(self) -> f64 {
         quotient(self.numerator, self.denominator)
     }
@@ -82,7 +82,6 @@ impl fmt::Display for Ratio {
     }
 }
 
-/// `a / b` as the nearest f64.
 #[expect(
     clippy::cast_precision_loss,
     reason = "rates and durations stay far below 2^53"
@@ -122,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_no_rate_are_refused() {
+    fn zero_negative_and_extreme_numbers_are_refused() {
         for value in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-12, 1e12] {
             assert_eq!(Ratio::from_f64(value), None, "{value}");
         }

@@ -1,20 +1,31 @@
-//! The streaming reader, the same for all formats.
+//! The streaming reader for all formats.
 
 use std::{fs::File, io::SeekFrom, path::Path};
 
 use crate::{
-    Event, Format, Ratio, RecordingError, Signal, SignalKind, Warning, edf, gdf,
-    gdf_events::{PREFIX, TablePrefix},
-    gdf_record_count,
+    edf::{
+        self,
+        annotations::{self, RecordAnnotations},
+    },
+    error::RecordingError,
+    event::Event,
+    format::Format,
+    gdf::{
+        self,
+        events::{PREFIX, TablePrefix},
+        record_count,
+    },
     header::{HEADER_BLOCK, Header},
+    ratio::Ratio,
+    signal::{Signal, SignalKind},
     source::{BLOCK_BYTES, Source, in_memory, read_at},
-    tal,
+    warning::Warning,
 };
 
-/// An opened recording: its header and a position among its records.
+/// An open recording: its header and the index of the next record to read.
 ///
-/// Memory: the header (256 bytes per signal), one block of at least one record, nothing that a
-/// header could inflate beyond the size of its file.
+/// Memory: the header (256 bytes per signal) and one block of at least one record. No header, however
+/// damaged, makes the reader allocate more than the size of the file.
 pub struct Recording {
     source: Box<dyn Source>,
     header: Header,
@@ -26,14 +37,14 @@ pub struct Recording {
     raw: Vec<u8>,
 }
 
-/// Whole records of a recording, in physical units.
+/// Consecutive records of a recording in physical units.
 #[derive(Debug, Default, Clone, PartialEq)]
 pub struct Block {
-    /// Index of the first record.
+    /// Index of the first record in the block.
     pub first_record: u64,
-    /// Number of records.
+    /// Number of records in the block.
     pub records: u64,
-    /// Samples per signal, each in its signal's own unit; empty for annotations.
+    /// Samples of each signal in the signal's unit; empty for annotations.
     pub samples: Vec<Vec<f64>>,
 }
 
@@ -41,7 +52,7 @@ impl Recording {
     /// Opens a file and reads its header.
     ///
     /// # Errors
-    /// [`RecordingError::Open`] and everything that [`Recording::from_source`] gives.
+    /// [`RecordingError::Open`] and all errors of [`Recording::from_source`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self, RecordingError> {
         let path = path.as_ref();
         let file = File::open(path).map_err(|source| RecordingError::Open {
@@ -51,13 +62,13 @@ impl Recording {
         Self::from_source(file)
     }
 
-    /// Reads the header of anything that can be read and sought.
+    /// Reads the header of a recording from a file or from memory.
     ///
     /// # Errors
-    /// [`RecordingError::UnknownFormat`] by the first bytes; [`RecordingError::HeaderCut`],
-    /// [`RecordingError::HeaderField`], [`RecordingError::Range`], [`RecordingError::SampleType`]
-    /// for a header that cannot be used; [`RecordingError::NoData`] without one whole record;
-    /// [`RecordingError::Read`].
+    /// [`RecordingError::UnknownFormat`] if no format matches; [`RecordingError::HeaderTruncated`],
+    /// [`RecordingError::HeaderField`], [`RecordingError::Range`] or [`RecordingError::SampleType`]
+    /// for an unusable header; [`RecordingError::NoData`] without a whole record;
+    /// [`RecordingError::Read`] if reading fails.
     pub fn from_source(source: impl Source + 'static) -> Result<Self, RecordingError> {
         let mut source: Box<dyn Source> = Box::new(source);
         let file_bytes = source
@@ -69,7 +80,7 @@ impl Recording {
             })?;
         let enough = |needed: u64| {
             if file_bytes < needed {
-                Err(RecordingError::HeaderCut {
+                Err(RecordingError::HeaderTruncated {
                     needed,
                     found: file_bytes,
                 })
@@ -93,7 +104,7 @@ impl Recording {
         } else {
             edf::signal_count(&fixed)?
         };
-        // At most 65536 blocks, and no more than the file has.
+        // At most 65,536 blocks, and not more than the file contains.
         let header_bytes = HEADER_BLOCK * (1 + signals);
         enough(header_bytes as u64)?;
         let mut bytes = vec![0; header_bytes];
@@ -119,7 +130,7 @@ impl Recording {
         let is_gdf = matches!(header.format, Format::Gdf1(_) | Format::Gdf2(_));
         let unstated = header.records.is_none();
         let stated = if unstated && is_gdf {
-            gdf_record_count::before_table(&mut *source, &header, file_bytes)?
+            record_count::before_table(&mut *source, &header, file_bytes)?
         } else {
             header.records
         };
@@ -144,7 +155,7 @@ impl Recording {
             });
         }
         let surplus = data_bytes - records * record_bytes;
-        // What lies behind the records of a GDF file is its event table.
+        // In a GDF file the bytes after the records are the event table.
         if !is_gdf && !truncated && surplus > 0 {
             header.warnings.push(Warning::Surplus { bytes: surplus });
         }
@@ -165,17 +176,17 @@ impl Recording {
         Ok(recording)
     }
 
-    /// The file's format.
+    /// File format with its variant or version.
     pub fn format(&self) -> Format {
         self.header.format
     }
 
-    /// All signals, annotations included, in file order.
+    /// All signals in file order, including annotations.
     pub fn signals(&self) -> &[Signal] {
         &self.header.signals
     }
 
-    /// The signals' labels as the file spells them, in file order.
+    /// Labels of all signals in file order, exactly as in the file.
     pub fn labels(&self) -> Vec<&str> {
         self.header
             .signals
@@ -184,37 +195,37 @@ impl Recording {
             .collect()
     }
 
-    /// What is wrong with the file but does not keep it from being read.
+    /// Defects of the file found so far that do not prevent reading it.
     pub fn warnings(&self) -> &[Warning] {
         &self.header.warnings
     }
 
-    /// Whole records that are served, > 0.
+    /// Number of whole records, > 0.
     pub fn records(&self) -> u64 {
         self.records
     }
 
-    /// Length of one record, s; `None` for files of annotations alone.
+    /// Duration of one record, s; `None` for files that contain only annotations.
     pub fn record_duration(&self) -> Option<Ratio> {
         self.header.record_duration
     }
 
-    /// Length of what is served, s.
+    /// Duration of all whole records, s.
     #[expect(clippy::cast_precision_loss, reason = "records stay below 2^53")]
     pub fn duration_s(&self) -> f64 {
         self.record_duration()
             .map_or(0.0, |length| length.value() * self.records as f64)
     }
 
-    /// Goes back to the first record.
+    /// Continues reading at the first record.
     pub fn rewind(&mut self) {
         self.next_record = 0;
     }
 
-    /// Reads the next records into `block`, whose memory is used again; `false` at the end.
+    /// Reads the next records into `block`, reusing its memory. Returns false at the end.
     ///
     /// # Errors
-    /// [`RecordingError::Read`] when the file cannot be read or has shrunk since it was opened.
+    /// [`RecordingError::Read`] if reading fails or the file has shrunk since it was opened.
     pub fn read_block(&mut self, block: &mut Block) -> Result<bool, RecordingError> {
         block.first_record = self.next_record;
         block
@@ -248,11 +259,11 @@ impl Recording {
         Ok(true)
     }
 
-    /// All events of the file, in file order: the annotations of EDF+ and BDF+ (which takes a
-    /// pass through the file) or GDF's event table. A damaged list adds a [`Warning`].
+    /// Returns all events in file order: the annotations of EDF+ and BDF+, which requires reading all
+    /// records, or the event table of GDF. Damaged annotations or tables add a [`Warning`].
     ///
     /// # Errors
-    /// [`RecordingError::Read`].
+    /// [`RecordingError::Read`] if reading fails.
     pub fn events(&mut self) -> Result<Vec<Event>, RecordingError> {
         match self.header.format {
             Format::Gdf1(_) | Format::Gdf2(_) => self.gdf_events(),
@@ -269,7 +280,7 @@ impl Recording {
     fn gdf_events(&mut self) -> Result<Vec<Event>, RecordingError> {
         let at = self.header.data_start + self.records * self.record_bytes;
         let bytes = self.file_bytes.saturating_sub(at);
-        // A cut file has lost its table, which lies at the end; others may have none.
+        // A truncated file has lost its table, which is at the end. Other files can lack a table.
         if self.truncated || bytes == 0 {
             return Ok(Vec::new());
         }
@@ -296,7 +307,7 @@ impl Recording {
         let (mut count, mut seconds, mut expected) = (0_u64, 0.0, None::<f64>);
         self.for_each_annotated_record(|annotations| {
             if let Some(start) = annotations.record_start_s {
-                // Starts are decimals: 1e-6 s is far above their rounding, far below a sample.
+                // 1e-6 s is far above the rounding of the decimal start times and far below a sample.
                 if let Some(gap) = expected.map(|end| start - end)
                     && gap.abs() > 1e-6
                 {
@@ -314,7 +325,7 @@ impl Recording {
 
     fn for_each_annotated_record(
         &mut self,
-        mut visit: impl FnMut(tal::RecordAnnotations),
+        mut visit: impl FnMut(RecordAnnotations),
     ) -> Result<(), RecordingError> {
         let mut places = Vec::new();
         let mut offset = 0;
@@ -326,16 +337,16 @@ impl Recording {
         }
         let mut damaged = 0;
         let mut bytes = Vec::new();
-        // Without annotation signals there is nothing to visit.
+        // Without annotation signals no record needs to be read.
         for record in (0..self.records).take_while(|_| !places.is_empty()) {
             let mut intact = true;
             for &(offset, length) in &places {
                 bytes.resize(in_memory(length), 0);
                 let at = self.header.data_start + record * self.record_bytes + offset;
                 read_at(&mut *self.source, at, &mut bytes)?;
-                let annotations = tal::parse(&bytes);
-                intact &= annotations.intact;
-                visit(annotations);
+                let found = annotations::parse(&bytes);
+                intact &= found.intact;
+                visit(found);
             }
             damaged += u64::from(!intact);
         }

@@ -1,37 +1,44 @@
-//! One signal of a recording, as its header describes it.
+//! One signal of a recording as described by the header.
 
-use crate::{Calibration, Ratio, SampleType, Unit};
+pub(crate) mod calibration;
+pub(crate) mod sample_type;
+pub(crate) mod unit;
 
-/// What a signal carries.
+use crate::ratio::Ratio;
+use calibration::Calibration;
+use sample_type::SampleType;
+use unit::Unit;
+
+/// Content of a signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SignalKind {
-    /// Samples of something measured.
+    /// Samples of a measured quantity.
     Samples,
-    /// EDF+ / BDF+ annotation text; read through [`crate::Recording::events`].
+    /// EDF+ or BDF+ annotations, which [`crate::Recording::events`] returns.
     Annotations,
 }
 
-/// One signal of a recording.
+/// One signal of a recording: its label, unit, scale and encoding.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Signal {
-    /// The label as the file spells it, without padding.
+    /// Label exactly as in the file, without padding.
     pub label: String,
-    /// Samples or annotations.
+    /// Whether the signal holds samples or annotations.
     pub kind: SignalKind,
-    /// The unit of the physical values.
+    /// Unit of the physical values.
     pub unit: Unit,
-    /// From digital to physical values.
+    /// Conversion from digital to physical values.
     pub calibration: Calibration,
-    /// How a sample is stored.
+    /// Encoding of each sample.
     pub sample_type: SampleType,
-    /// Samples in one record; 0 for a signal that only events refer to.
+    /// Samples per record; 0 for a signal that only events refer to.
     pub samples_per_record: u32,
-    /// Samples per second, Hz; `None` when a record holds no sample of it.
+    /// Samples per second, Hz; `None` if a record has no samples of this signal.
     pub rate: Option<Ratio>,
 }
 
 impl Signal {
-    /// Bytes that one record holds of this signal, < 2^35.
+    /// Bytes of this signal in one record, < 2^35.
     pub(crate) fn record_bytes(&self) -> u64 {
         // At most 8 bytes per sample.
         u64::from(self.samples_per_record) * self.sample_type.bytes() as u64

@@ -1,20 +1,20 @@
-//! Where the bytes of a recording come from.
+//! Reading bytes from a file or from memory.
 
 use std::io::{Read, Seek, SeekFrom};
 
-use crate::RecordingError;
+use crate::error::RecordingError;
 
-/// A place that recordings are read from.
+/// A byte stream with random access, such as a file or a cursor over bytes.
 pub trait Source: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Source for T {}
 
-/// Files are read in blocks of about this many bytes; a longer record is a block of its own.
+/// Target size of one read, bytes. Records that are longer are read one at a time.
 pub(crate) const BLOCK_BYTES: u64 = 64 * 1024;
 
-/// Fills `bytes` from byte `at` on.
+/// Fills `bytes` from byte offset `at`.
 ///
 /// # Errors
-/// [`RecordingError::Read`] when the source ends before or fails.
+/// [`RecordingError::Read`] if the source fails or ends too early.
 pub(crate) fn read_at(
     source: &mut dyn Source,
     at: u64,
@@ -31,8 +31,8 @@ pub(crate) fn read_at(
         })
 }
 
-/// A number of bytes that was checked against the size of the file; on a 32-bit machine a
-/// larger one than memory can hold becomes an allocation that fails.
+/// Converts a number of bytes, already checked against the size of the file, to `usize`. On a 32-bit
+/// machine it saturates, and the allocation fails.
 pub(crate) fn in_memory(bytes: u64) -> usize {
     usize::try_from(bytes).unwrap_or(usize::MAX)
 }

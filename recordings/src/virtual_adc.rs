@@ -1,21 +1,26 @@
-//! A recording as the ADC would have seen it.
+//! Converts a recording to the samples that an ADC would have delivered.
+
+mod rate_converter;
 
 use crate::{
-    Block, MontageMap, Ratio, Recording, RecordingError, montage_map::Origin,
-    rate_converter::RateConverter,
+    error::RecordingError,
+    montage_map::{MontageMap, Origin},
+    ratio::Ratio,
+    recording::{Block, Recording},
 };
+use rate_converter::RateConverter;
 
-/// Channels of the ADC; electrode e of the montage lies on channel e, the others read 0.
+/// Number of channels of the ADC. Electrode e of the montage is on channel e; all others are 0.
 pub const CHANNELS: usize = 64;
 
 /// The rails of a 24-bit ADC, counts.
 const RAILS: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 
-/// Largest number that goes into the resampler, uV: far beyond every rail, and no sum in a
-/// transform of it overflows, which the resampler answers with a panic.
+/// Largest input of the resampler, uV: far beyond every rail, and small enough that no sum in a
+/// transform overflows, on which the resampler would panic.
 const LARGEST_UV: f64 = 1e100;
 
-/// The ADC's rate and scale.
+/// Rate and scale of the ADC.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AdcSpec {
     /// Samples per second, Hz, 1..=100,000.
@@ -25,8 +30,8 @@ pub struct AdcSpec {
 }
 
 impl AdcSpec {
-    /// An ADS1299 at gain 24 and 4.5 V: `2 * 4.5 V / 24 / 2^24` = 22.35 nV per count
-    /// (TI SBAS499, section 9.5.1).
+    /// Returns the scale of an ADS1299 with gain 24 and a reference of 4.5 V:
+    /// `2 * 4.5 V / 24 / 2^24` = 22.35 nV per count (TI SBAS499, section 9.5.1).
     pub const fn ads1299(rate_hz: u32) -> Self {
         Self {
             rate_hz,
@@ -35,49 +40,59 @@ impl AdcSpec {
     }
 }
 
-/// What the conversion could not represent.
+/// Counts of values that the conversion could not represent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct AdcCounters {
-    /// Counts that were limited to a rail.
+    /// Outputs limited to a rail.
     pub saturated: u64,
-    /// Samples of the recording that were no number; the last number was held instead.
+    /// NaN and infinite samples of the recording; each was replaced by the last finite sample.
     pub not_finite: u64,
 }
 
-/// Plays a recording through a virtual ADC: an iterator over samples of [`CHANNELS`] counts,
-/// i24 in i32, sample k being the recording at k / `rate_hz` s.
+/// Iterator over the samples of a virtual ADC that plays a recording. Each sample has [`CHANNELS`]
+/// counts, i24 in i32; sample k is the recording at the time k / `rate_hz`.
 ///
-/// It gives `floor(duration * rate_hz)` samples. A signal at the ADC's rate passes unchanged;
-/// others are resampled band-limited and without delay (see `rate_converter` for the ends of
-/// the file). Volts become counts by `round(uV / lsb_uv)`, ties away from zero, saturating to i24
-/// and counted. A signal whose unit is no voltage is taken as uV (the recording warns of it).
-/// The iterator ends after its first error.
+/// The iterator yields `floor(duration * rate_hz)` samples, or ends after its first error. A signal at
+/// the rate of the ADC passes unchanged. All others are resampled, band-limited and without delay;
+/// near the ends of the file they are extended by their end values. Voltages become counts by
+/// `round(uV / lsb_uv)`, ties away from zero, saturating to i24; saturation is counted. A signal whose
+/// unit is not a voltage is treated as uV, and the recording has a warning about it.
 pub struct VirtualAdc {
     recording: Recording,
     spec: AdcSpec,
     groups: Vec<RateGroup>,
-    /// Per electrode: group, line and weight of everything it is mixed from.
-    mixes: Vec<Vec<(usize, usize, f64)>>,
+    /// Weighted signals of each electrode.
+    mixes: Vec<Vec<MixTerm>>,
     block: Block,
     ended: bool,
     samples: u64,
-    given: u64,
+    delivered: u64,
     counters: AdcCounters,
 }
 
-/// The signals of one rate.
+/// A weighted signal in the mix of an electrode.
+struct MixTerm {
+    /// Index of the rate group.
+    group: usize,
+    /// Index of the signal within its group.
+    member: usize,
+    weight: f64,
+}
+
+/// All signals of one sampling rate.
 struct RateGroup {
     signals: Vec<usize>,
     converter: RateConverter,
-    /// The last number of each signal, uV.
+    /// Last finite sample of each signal, uV.
     held: Vec<f64>,
 }
 
 impl VirtualAdc {
-    /// A virtual ADC at the first record of `recording`.
+    /// Creates a virtual ADC that starts at the first record of `recording`.
     ///
     /// # Errors
-    /// [`RecordingError::AdcSpec`], [`RecordingError::ForeignMap`], [`RecordingError::Rate`].
+    /// [`RecordingError::AdcSpec`], [`RecordingError::TooManyElectrodes`],
+    /// [`RecordingError::MapMismatch`] or [`RecordingError::Rate`].
     pub fn new(
         mut recording: Recording,
         map: &MontageMap,
@@ -105,8 +120,12 @@ impl VirtualAdc {
             };
             let mut mix = Vec::with_capacity(sources.len());
             for (signal, weight) in sources {
-                let (group, line) = place_of(signal, &recording, &mut rates, spec)?;
-                mix.push((group, line, weight));
+                let (group, member) = find_or_add(signal, &recording, &mut rates, spec)?;
+                mix.push(MixTerm {
+                    group,
+                    member,
+                    weight,
+                });
             }
             mixes.push(mix);
         }
@@ -122,7 +141,7 @@ impl VirtualAdc {
             });
         }
         recording.rewind();
-        let samples = samples_in(&recording, spec.rate_hz);
+        let samples = sample_count(&recording, spec.rate_hz);
         let (block, counters) = (Block::default(), AdcCounters::default());
         Ok(Self {
             recording,
@@ -132,32 +151,32 @@ impl VirtualAdc {
             block,
             ended: false,
             samples,
-            given: 0,
+            delivered: 0,
             counters,
         })
     }
 
-    /// The ADC's rate and scale.
+    /// Rate and scale of the ADC.
     pub fn spec(&self) -> AdcSpec {
         self.spec
     }
 
-    /// The recording that is played.
+    /// The recording that the ADC plays.
     pub fn recording(&self) -> &Recording {
         &self.recording
     }
 
-    /// Samples that the whole recording gives: `floor(duration * rate_hz)`.
+    /// Number of samples of the whole recording: `floor(duration * rate_hz)`.
     pub fn samples(&self) -> u64 {
         self.samples
     }
 
-    /// What could not be represented so far.
+    /// Saturated and non-finite values so far.
     pub fn counters(&self) -> AdcCounters {
         self.counters
     }
 
-    fn fill(&mut self) -> Result<(), RecordingError> {
+    fn fill_converters(&mut self) -> Result<(), RecordingError> {
         while self.groups.iter().any(|group| group.converter.ready() == 0) {
             if !self.ended {
                 self.ended = !self.recording.read_block(&mut self.block)?;
@@ -166,7 +185,7 @@ impl VirtualAdc {
                 if self.ended {
                     group.converter.flush(&group.held)?;
                 } else {
-                    self.counters.not_finite += group.append(&self.block, &self.recording);
+                    self.counters.not_finite += group.append_block(&self.block, &self.recording);
                     group.converter.convert()?;
                 }
             }
@@ -174,15 +193,15 @@ impl VirtualAdc {
         Ok(())
     }
 
-    fn counts(&mut self) -> [i32; CHANNELS] {
+    fn convert_to_counts(&mut self) -> [i32; CHANNELS] {
         let mut counts = [0; CHANNELS];
         for (count, mix) in counts.iter_mut().zip(&self.mixes) {
-            let parts = mix
+            let terms = mix
                 .iter()
-                .map(|&(group, line, weight)| self.groups[group].converter.peek(line) * weight);
-            let steps = (parts.sum::<f64>() / self.spec.lsb_uv).round();
-            let limited = steps.clamp(*RAILS.start(), *RAILS.end());
-            self.counters.saturated += u64::from(!RAILS.contains(&steps));
+                .map(|term| self.groups[term.group].converter.peek(term.member) * term.weight);
+            let unlimited = (terms.sum::<f64>() / self.spec.lsb_uv).round();
+            let limited = unlimited.clamp(*RAILS.start(), *RAILS.end());
+            self.counters.saturated += u64::from(!RAILS.contains(&unlimited));
             #[expect(clippy::cast_possible_truncation, reason = "whole and within i24")]
             let value = limited as i32;
             *count = value;
@@ -195,15 +214,15 @@ impl Iterator for VirtualAdc {
     type Item = Result<[i32; CHANNELS], RecordingError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.given == self.samples {
+        if self.delivered == self.samples {
             return None;
         }
-        if let Err(error) = self.fill() {
-            self.given = self.samples;
+        if let Err(error) = self.fill_converters() {
+            self.delivered = self.samples;
             return Some(Err(error));
         }
-        self.given += 1;
-        let counts = self.counts();
+        self.delivered += 1;
+        let counts = self.convert_to_counts();
         for group in &mut self.groups {
             group.converter.advance();
         }
@@ -212,14 +231,14 @@ impl Iterator for VirtualAdc {
 }
 
 impl RateGroup {
-    /// Appends a block's samples, in uV; returns how many were no number.
-    fn append(&mut self, block: &Block, recording: &Recording) -> u64 {
+    /// Appends the samples of a block, converted to uV. Returns the number of non-finite samples.
+    fn append_block(&mut self, block: &Block, recording: &Recording) -> u64 {
         let mut not_finite = 0;
-        for (line, &signal) in self.signals.iter().enumerate() {
+        for (member, &signal) in self.signals.iter().enumerate() {
             let microvolts = recording.signals()[signal].unit.microvolts().unwrap_or(1.0);
-            let held = &mut self.held[line];
+            let held = &mut self.held[member];
             self.converter
-                .line(line)
+                .queue_mut(member)
                 .extend(block.samples[signal].iter().map(|sample| {
                     let uv = sample * microvolts;
                     if uv.is_finite() {
@@ -234,8 +253,8 @@ impl RateGroup {
     }
 }
 
-/// Group and line of a signal, both made if they are new.
-fn place_of(
+/// Returns the rate group of a signal and its index in the group. Adds both if they are new.
+fn find_or_add(
     signal: usize,
     recording: &Recording,
     rates: &mut Vec<(Ratio, Vec<usize>)>,
@@ -245,7 +264,7 @@ fn place_of(
     let described = recording
         .signals()
         .get(signal)
-        .ok_or(RecordingError::ForeignMap { signal, signals })?;
+        .ok_or(RecordingError::MapMismatch { signal, signals })?;
     let rate = described
         .rate
         .ok_or_else(|| rate_error(recording, signal, spec, "the recording has no sample of it"))?;
@@ -256,15 +275,15 @@ fn place_of(
             rates.push((rate, Vec::new()));
             rates.len() - 1
         });
-    let lines = &mut rates[group].1;
-    let line = lines
+    let members = &mut rates[group].1;
+    let member = members
         .iter()
         .position(|&other| other == signal)
         .unwrap_or_else(|| {
-            lines.push(signal);
-            lines.len() - 1
+            members.push(signal);
+            members.len() - 1
         });
-    Ok((group, line))
+    Ok((group, member))
 }
 
 fn rate_error(
@@ -284,8 +303,8 @@ fn rate_error(
     }
 }
 
-/// `floor(records * record length * rate)`, exactly.
-fn samples_in(recording: &Recording, rate_hz: u32) -> u64 {
+/// Returns `floor(records * record duration * rate)`, computed exactly.
+fn sample_count(recording: &Recording, rate_hz: u32) -> u64 {
     let Some(length) = recording.record_duration() else {
         return 0;
     };
@@ -299,9 +318,10 @@ mod tests {
     use std::io::Cursor;
 
     use super::*;
-    use crate::Missing;
+    use crate::montage_map::Missing;
 
-    /// An EDF file of two signals, `records` s long: `rates` samples per record, all 1 step.
+    /// Builds an EDF file of two signals and `records` records of 1 s. Each signal has `rates` samples
+    /// per record, all with the digital value 1.
     fn two_rates(records: usize, rates: [usize; 2]) -> Vec<u8> {
         let mut file = Vec::new();
         let mut put = |text: &str, width: usize| file.extend(format!("{text:width$}").bytes());
@@ -330,9 +350,9 @@ mod tests {
     }
 
     #[test]
-    fn a_group_that_runs_ahead_keeps_no_more_than_a_few_blocks() {
-        // 20 minutes. Measured: 32,768 and 47,348 samples; a block of the file alone is 48 s (24,576
-        // outputs) or 79 s (40,448).
+    fn a_rate_group_that_is_ahead_buffers_only_a_few_blocks() {
+        // 20 minutes. Measured: 32,768 and 47,348 samples in memory. One block of the file alone is
+        // 48 s (24,576 outputs) or 79 s (40,448).
         const RECORDS: usize = 1200;
         for rates in [[512, 160], [160, 250]] {
             let bytes = two_rates(RECORDS, rates);
@@ -340,16 +360,22 @@ mod tests {
             let map = MontageMap::new(&recording.labels(), &["C3", "C4"], Missing::Refuse);
             let map = map.expect("both are there");
             let mut adc = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512)).expect("usable");
-            let (mut most, mut given) = (0, 0);
+            let (mut most, mut delivered) = (0, 0);
             while let Some(counts) = adc.next() {
                 // 1 uV is 44.7 counts.
                 assert_eq!(counts.expect("readable")[..2], [45, 45]);
-                let held = adc.groups.iter().map(|group| group.converter.held());
+                let held = adc
+                    .groups
+                    .iter()
+                    .map(|group| group.converter.queued_samples());
                 most = most.max(held.max().unwrap_or(0));
-                given += 1;
+                delivered += 1;
             }
-            assert_eq!(given, RECORDS * 512);
-            assert!(most < 65_536, "{rates:?}: {most} of {given} samples held");
+            assert_eq!(delivered, RECORDS * 512);
+            assert!(
+                most < 65_536,
+                "{rates:?}: {most} of {delivered} samples in memory"
+            );
         }
     }
 }

@@ -1,63 +1,63 @@
-//! What a reader had to decide for a file that does not keep its own promises.
+//! Defects of a file that do not prevent reading it.
 
 use std::fmt;
 
-/// Something that a file gets wrong but can still be read with; each is reported once.
+/// A defect of a file that can still be read. Each warning is reported once.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Warning {
-    /// The header gives -1 records; the number was derived from the file's size.
+    /// The header states -1 records, so the number was derived from the size of the file.
     RecordsUnknown {
-        /// Whole records that the file holds, in front of its event table if it has one.
+        /// Whole records in the file, before its event table if there is one.
         derived: u64,
     },
-    /// The file ends before the records that its header promises.
+    /// The file ends before the last record announced in its header.
     Truncated {
-        /// Records that the header promises.
+        /// Records announced in the header.
         promised: u64,
-        /// Whole records that the file holds; these are served.
+        /// Whole records in the file; these are read.
         whole: u64,
-        /// Bytes of a last, incomplete record; these are left out.
+        /// Bytes of a last, incomplete record; these are ignored.
         left_over: u64,
     },
-    /// An EDF or BDF file goes on behind its last announced record.
+    /// An EDF or BDF file continues after its last announced record.
     Surplus {
-        /// Bytes behind the last record; they are left out.
+        /// Bytes after the last record; these are ignored.
         bytes: u64,
     },
-    /// The header's own length field disagrees with its number of signals.
+    /// The length field of the header contradicts its number of signals.
     HeaderLength {
-        /// What the field says, as text.
+        /// Content of the length field, as text.
         stated: String,
-        /// Bytes that so many signals take; this is used.
+        /// Length computed from the number of signals, bytes; this is used.
         used: u64,
     },
-    /// Units that are no voltage; their values are taken as uV where a voltage is needed.
+    /// The units of some signals are not voltages. The virtual ADC treats their values as uV.
     UnitUnknown {
-        /// Labels and units, such as `Status (Boolean)`.
+        /// Label and unit of each signal, such as `Status (Boolean)`.
         signals: Vec<String>,
     },
-    /// A signal's physical range is empty; its digital values are served.
+    /// The physical range of a signal is empty. Its digital values are returned unscaled.
     PhysicalRangeEmpty {
-        /// Label of the signal.
+        /// Label of the signal as in the file.
         label: String,
     },
-    /// Records of an EDF+D or BDF+D file lie apart; they are played without the gaps.
+    /// An EDF+D or BDF+D file has gaps between records. They are closed.
     Gaps {
-        /// How many there are.
+        /// Number of gaps.
         count: u64,
-        /// Their sum, s.
+        /// Total duration of all gaps, s.
         seconds: f64,
     },
-    /// The GDF event table is cut off or unreadable; no events are served.
+    /// The GDF event table is truncated or unreadable. No events are returned.
     EventTable {
-        /// Events that it announces.
+        /// Number of events that the table announces.
         announced: u32,
-        /// Bytes that are there.
+        /// Bytes after the last record.
         bytes: u64,
     },
-    /// Annotation bytes that are not a time-stamped annotation list.
+    /// Some annotation bytes are not a valid time-stamped annotation list.
     Annotations {
-        /// Records whose annotations could not be read to their end.
+        /// Number of records with unreadable annotations.
         records: u64,
     },
 }
@@ -67,8 +67,8 @@ impl fmt::Display for Warning {
         match self {
             Self::RecordsUnknown { derived } => write!(
                 f,
-                "the header does not say how many records there are (-1); \
-                 the file's size gives {derived}"
+                "the header does not contain the number of records (-1); \
+                 the size of the file yields {derived}"
             ),
             Self::Truncated {
                 promised,
@@ -76,45 +76,45 @@ impl fmt::Display for Warning {
                 left_over,
             } => write!(
                 f,
-                "the file is cut off: {promised} records promised, {whole} whole ones are there \
-                 and served, {left_over} bytes of an incomplete one are left out"
+                "the file is truncated: the header announces {promised} records, {whole} are \
+                 complete and used, {left_over} bytes of an incomplete one are ignored"
             ),
             Self::Surplus { bytes } => {
                 write!(
                     f,
-                    "{bytes} bytes behind the last announced record are left out"
+                    "{bytes} bytes after the last announced record are ignored"
                 )
             }
             Self::HeaderLength { stated, used } => write!(
                 f,
-                "the header says it is {stated:?} bytes long, its signals take {used}; using {used}"
+                "the header states a length of {stated:?} bytes, its signals need {used}; using {used}"
             ),
             Self::UnitUnknown { signals } => write!(
                 f,
-                "no known unit of voltage, values taken as uV where a voltage is needed: {}",
+                "unit is not a known voltage, values are treated as uV where a voltage is needed: {}",
                 signals.join(", ")
             ),
             Self::PhysicalRangeEmpty { label } => {
                 write!(
                     f,
-                    "signal {label}: the physical range is empty, serving digital values"
+                    "signal {label}: the physical range is empty, digital values are used"
                 )
             }
             Self::Gaps { count, seconds } => {
                 write!(
                     f,
-                    "{count} gaps between records, {seconds} s together, are played as if closed"
+                    "{count} gaps between records, {seconds} s in total, are closed"
                 )
             }
             Self::EventTable { announced, bytes } => write!(
                 f,
                 "the event table announces {announced} events but only {bytes} bytes of it are \
-                 readable; no events are served"
+                 readable; no events are returned"
             ),
             Self::Annotations { records } => {
                 write!(
                     f,
-                    "annotations of {records} records could not be read to their end"
+                    "annotations of {records} records could not be read completely"
                 )
             }
         }

@@ -38,7 +38,7 @@ pub(super) struct Alpha {
 
 impl Alpha {
     pub(super) fn new(noise: Noise, scalp: &Scalp, rate: f64, rms_uv: f64) -> Self {
-        let sites = SITES.iter().filter_map(|label| Position::of_label(label));
+        let sites = SITES.iter().filter_map(|label| Position::from_label(label));
         let seen: Vec<Vec<f64>> = sites.map(|site| scalp.weights(site, REACH)).collect();
         // Powers of independent sources add up; an electrode between them sees all three.
         let scale = rms_uv / f64::from(3_u8).sqrt();

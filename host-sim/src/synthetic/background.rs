@@ -100,5 +100,5 @@ fn sites() -> Vec<Position> {
         "Cz",
     ];
     let labels = rings.iter().flat_map(|labels| labels.split(' '));
-    labels.filter_map(Position::of_label).collect()
+    labels.filter_map(Position::from_label).collect()
 }

@@ -26,7 +26,7 @@ pub(super) struct Blinks {
 
 impl Blinks {
     pub(super) fn new(mut noise: Noise, scalp: &Scalp, rate: f64) -> Self {
-        let site = Position::of_label(SITE);
+        let site = Position::from_label(SITE);
         let weights = site.map_or_else(Vec::new, |site| scalp.weights(site, REACH));
         let wait = noise.samples(2.0, 7.0, rate);
         Self {

@@ -15,7 +15,7 @@ impl Scalp {
     /// [`SyntheticError::UnknownElectrode`].
     pub(super) fn new(labels: &[String]) -> Result<Self, SyntheticError> {
         let position = |label: &String| {
-            Position::of_label(label).ok_or_else(|| SyntheticError::UnknownElectrode {
+            Position::from_label(label).ok_or_else(|| SyntheticError::UnknownElectrode {
                 label: label.clone(),
             })
         };

@@ -1,15 +1,15 @@
-//! GDF files whose headers leave the number of records open (-1).
+//! GDF files whose header states -1 records.
 
 use recordings::{Event, EventLabel, Warning};
 
 use crate::{
-    gdf_writer::{GdfFile, GdfSignal},
+    gdf_file::{GdfFile, GdfSignal},
     open, read_all,
     real_files::data,
-    written_gdf::event_table,
+    synthetic_gdf::event_table,
 };
 
-/// What a file gives: its events, its samples and its warnings.
+/// Reads the events, samples and warnings of a file.
 fn read(bytes: Vec<u8>) -> (Vec<Event>, Vec<Vec<f64>>, Vec<Warning>) {
     let mut recording = open(bytes).expect("usable");
     let events = recording.events().expect("readable");
@@ -17,7 +17,8 @@ fn read(bytes: Vec<u8>) -> (Vec<Event>, Vec<Vec<f64>>, Vec<Warning>) {
     (events, samples, recording.warnings().to_vec())
 }
 
-/// A file of one float32 signal of `per_record` samples in 1 s, `-1` records in its header.
+/// Builds a file with one float32 signal, `per_record` samples per record of 1 s, and -1 records in
+/// its header.
 fn unstated(per_record: u32, samples: &[f32], events: Vec<u8>) -> GdfFile {
     let signal = GdfSignal::float32("Cz", per_record, samples);
     GdfFile {
@@ -27,9 +28,9 @@ fn unstated(per_record: u32, samples: &[f32], events: Vec<u8>) -> GdfFile {
 }
 
 #[test]
-fn an_event_table_is_no_samples() {
-    // 80,000 records of 4 bytes are read in several blocks; tables of 20 and 32 bytes are whole
-    // records, one of 26 is not.
+fn an_event_table_is_not_read_as_samples() {
+    // 80,000 records of 4 bytes are searched in several blocks. Tables of 20 and 32 bytes have the
+    // length of whole records, a table of 26 bytes does not.
     let samples: Vec<f32> = (0_u16..40_000).map(f32::from).collect();
     let samples = [&samples[..], &samples[..]].concat();
     let mut mode_3 = vec![3, 1, 0, 0];
@@ -55,8 +56,8 @@ fn an_event_table_is_no_samples() {
 }
 
 #[test]
-fn version_1_counts_its_rows_elsewhere() {
-    let signal = GdfSignal::of_type(3, 1, vec![1, 0, 2, 0, 3, 0]);
+fn the_event_table_of_version_1_is_found() {
+    let signal = GdfSignal::with_type(3, 1, vec![1, 0, 2, 0, 3, 0]);
     let mut file = GdfFile::version_2(-1, vec![signal]);
     file.version_1 = true;
     file.events = vec![1, 1, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 5, 3];
@@ -69,8 +70,8 @@ fn version_1_counts_its_rows_elsewhere() {
 
 #[test]
 fn samples_that_look_like_a_table_stay_samples() {
-    // As a table: mode 1, two rows, positions of 1,000,000 in a file of 8 s; and mode 1 without
-    // a row, at a rate of 3e-45 Hz.
+    // Interpreted as a table: mode 1 with two rows and positions of 1,000,000 in a file of 8 s, and
+    // mode 1 without rows at a rate of 3e-45 Hz.
     for words in [
         vec![9, 9, 9, 0x0201, 2, 1_000_000, 1_000_000, 7],
         vec![9, 9, 9, 9, 9, 9, 1, 2],
@@ -79,7 +80,7 @@ fn samples_that_look_like_a_table_stay_samples() {
             .iter()
             .flat_map(|word: &u32| word.to_le_bytes())
             .collect();
-        let file = GdfFile::version_2(-1, vec![GdfSignal::of_type(6, 1, data)]);
+        let file = GdfFile::version_2(-1, vec![GdfSignal::with_type(6, 1, data)]);
         let (events, samples, warnings) = read(file.bytes());
         assert_eq!(events, []);
         assert_eq!(samples[0].len(), words.len());
@@ -88,7 +89,7 @@ fn samples_that_look_like_a_table_stay_samples() {
 }
 
 #[test]
-fn a_table_that_is_cut_off_closes_nowhere() {
+fn a_truncated_table_is_not_recognised() {
     let mut events = event_table(1.0, &[(1, 768), (2, 769)]);
     events.pop();
     let (events, samples, warnings) = read(unstated(8, &[0.5; 8], events).bytes());
@@ -105,7 +106,7 @@ fn a_table_that_is_cut_off_closes_nowhere() {
 }
 
 #[test]
-fn real_files_are_read_alike_without_their_number_of_records() {
+fn real_files_are_read_identically_without_their_number_of_records() {
     for file in [
         "gdf/alltypes.gdf",
         "gdf/Header3Tag1.gdf",

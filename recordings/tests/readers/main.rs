@@ -1,28 +1,28 @@
-//! What the readers and the virtual ADC promise, on files written here and on real ones.
+//! Tests of the readers and the virtual ADC with synthetic and real files.
 #![allow(
     clippy::float_cmp,
-    reason = "values that a header scales by powers of two come back exactly"
+    reason = "values that a header scales by powers of two are exact"
 )]
 
-mod adc;
-mod edf_writer;
+mod edf_file;
+mod gdf_file;
 mod gdf_record_count;
-mod gdf_writer;
-mod lying_headers;
+mod mutated_files;
 mod real_files;
-mod written_edf;
-mod written_gdf;
+mod synthetic_edf;
+mod synthetic_gdf;
+mod virtual_adc;
 
 use std::io::Cursor;
 
 use recordings::{Block, Recording, RecordingError};
 
-/// Opens bytes as if they were a file.
+/// Opens a recording in memory.
 fn open(bytes: Vec<u8>) -> Result<Recording, RecordingError> {
     Recording::from_source(Cursor::new(bytes))
 }
 
-/// All samples of all signals, each in its own unit.
+/// Reads all samples of all signals, each in the signal's unit.
 fn read_all(recording: &mut Recording) -> Vec<Vec<f64>> {
     let mut all = vec![Vec::new(); recording.signals().len()];
     let mut block = Block::default();

@@ -1,7 +1,8 @@
-//! Real recordings; the folder is named by `CORTICODE_DATA`.
+//! Real recordings from the folder that `CORTICODE_DATA` names.
 //!
-//! Expected values: printed by MNE-Python 1.13.2 (`mne.io.read_raw_edf` / `_bdf` / `_gdf`) where
-//! it reads the file; MNE takes a missing unit as V, so MI128's were divided by 1e6.
+//! The expected values were printed by MNE-Python 1.13.2 (`mne.io.read_raw_edf` / `_bdf` / `_gdf`)
+//! where it can read the file. MNE treats a missing unit as V, so the values of MI128 were divided by
+//! 1e6.
 
 use std::{env, io::Write, path::PathBuf};
 
@@ -12,9 +13,11 @@ use recordings::{
 
 use crate::read_all;
 
+/// Returns the path of a file in the data folder; without the folder, reports that the test is
+/// skipped.
 pub(crate) fn data(file: &str) -> Option<PathBuf> {
     let Some(folder) = env::var_os("CORTICODE_DATA") else {
-        // Straight to the stream: the test harness would keep it to itself.
+        // Written directly, because the test harness captures eprintln!.
         writeln!(
             std::io::stderr(),
             "SKIPPED: {file} not read, CORTICODE_DATA is not set"
@@ -43,7 +46,7 @@ fn event(onset_s: f64, duration_s: Option<f64>, label: EventLabel) -> Event {
 }
 
 #[test]
-fn edf_plus_of_eegmmidb() {
+fn edf_plus_of_eegmmidb_equals_mne() {
     let Some(mut recording) = open("eegmmidb_S001/S001R04.edf") else {
         return;
     };
@@ -65,7 +68,7 @@ fn edf_plus_of_eegmmidb() {
 }
 
 #[test]
-fn edf_and_bdf_of_eeglab() {
+fn edf_and_bdf_of_eeglab_equal_mne() {
     let Some(mut recording) = open("bdf_edf/test.edf") else {
         return;
     };
@@ -88,7 +91,7 @@ fn edf_and_bdf_of_eeglab() {
 }
 
 #[test]
-fn gdf_with_all_sample_types_gives_ten_times_the_same() {
+fn gdf_signals_of_all_sample_types_are_equal() {
     for (file, events) in [("gdf/alltypes.gdf", 0), ("gdf/Header3Tag1.gdf", 3)] {
         let Some(mut recording) = open(file) else {
             return;
@@ -101,7 +104,7 @@ fn gdf_with_all_sample_types_gives_ten_times_the_same() {
         );
         let samples = read_all(&mut recording);
         assert_eq!((samples.len(), samples[0].len()), (10, 512));
-        // libgdf wrote one random walk of whole numbers in all types; its first bytes are 0x4c.
+        // libgdf wrote the same random walk of integers in all types; it starts with 0x4c = 76.
         assert_eq!(samples[0][0], 76.0);
         for other in &samples[1..] {
             assert!(
@@ -116,7 +119,7 @@ fn gdf_with_all_sample_types_gives_ten_times_the_same() {
 }
 
 #[test]
-fn gdf_of_a_bci_and_of_an_ecg() {
+fn gdf_of_a_bci_and_of_an_ecg_equal_mne() {
     let Some(mut recording) = open("gdf/MI128.gdf") else {
         return;
     };
@@ -142,7 +145,7 @@ fn gdf_of_a_bci_and_of_an_ecg() {
 }
 
 #[test]
-fn int16_and_float32_twins_agree_within_a_step() {
+fn int16_and_float32_versions_agree_within_a_digital_unit() {
     let Some(mut short) = open("derived/s001r04_61ch_512hz_i16.gdf") else {
         return;
     };
@@ -153,25 +156,25 @@ fn int16_and_float32_twins_agree_within_a_step() {
         short.events().expect("readable"),
         float.events().expect("readable")
     );
-    let steps: Vec<f64> = short
+    let gains: Vec<f64> = short
         .signals()
         .iter()
         .map(|signal| signal.calibration.gain())
         .collect();
     let (short, float) = (read_all(&mut short), read_all(&mut float));
     assert_eq!((short.len(), short[0].len()), (61, 15_360));
-    for ((short, float), step) in short.iter().zip(&float).zip(steps) {
+    for ((short, float), gain) in short.iter().zip(&float).zip(gains) {
         let worst = short
             .iter()
             .zip(float)
             .map(|(a, b)| (a - b).abs())
             .fold(0.0, f64::max);
-        assert!(worst <= step, "{worst} uV, one step is {step} uV");
+        assert!(worst <= gain, "{worst} uV, one digital unit is {gain} uV");
     }
 }
 
 #[test]
-fn a_ten_ten_cap_fills_the_scalp_grid() {
+fn a_10_10_cap_covers_the_scalp_grid() {
     let Some(grid) = open("derived/s001r04_61ch_512hz_f32.gdf") else {
         return;
     };
@@ -179,8 +182,8 @@ fn a_ten_ten_cap_fills_the_scalp_grid() {
         return;
     };
     let map = MontageMap::new(&recording.labels(), &grid.labels(), Missing::Interpolate)
-        .expect("many in common");
-    // F3..F4, P3..P4 and seven columns of FC, C and CP.
+        .expect("common electrodes");
+    // Real are F3..F4, P3..P4 and seven columns of FC, C and CP.
     assert_eq!(
         (map.real().len(), map.interpolated().len(), map.zero().len()),
         (31, 30, 0)
@@ -207,21 +210,21 @@ fn a_ten_ten_cap_fills_the_scalp_grid() {
     let rms = |of: &dyn Fn(&(f64, f64)) -> f64| {
         (pairs.iter().map(|pair| of(pair).powi(2)).sum::<f64>() / f64::from(30 * 512)).sqrt()
     };
-    // The reference came from a resampler with a wider filter: measured 0.894 uV of 52, of which
-    // 0.03 lie below 70 Hz. A shift by one sample either way gives 6.9 uV.
+    // The reference was resampled with a wider filter. Measured: 0.894 uV of 52 uV, of which 0.03 uV
+    // are below 70 Hz. A shift by one sample in either direction causes 6.9 uV.
     let error = rms(&|(a, b)| a - b);
     assert!(error < 1.2, "{error} uV rms of {}", rms(&|(_, b)| *b));
 }
 
 #[test]
-fn recordings_without_scalp_electrodes_are_refused_by_name() {
+fn recordings_without_scalp_electrodes_are_refused_with_their_labels() {
     let Some(recording) = open("gdf/mne_test_1ch.gdf") else {
         return;
     };
     let refused = MontageMap::new(&recording.labels(), &["Cz"], Missing::Interpolate);
     assert!(matches!(
         refused,
-        Err(MontageMapError::NothingInCommon { .. })
+        Err(MontageMapError::NoCommonElectrode { .. })
     ));
     let Some(recording) = open("bdf_edf/test.bdf") else {
         return;
@@ -229,7 +232,7 @@ fn recordings_without_scalp_electrodes_are_refused_by_name() {
     let refused = MontageMap::new(&recording.labels(), &["Cz"], Missing::Interpolate);
     assert!(
         refused
-            .expect_err("a cap with numbers of its own")
+            .expect_err("a cap with a different numbering")
             .to_string()
             .contains("A1 A2")
     );

@@ -1,4 +1,4 @@
-//! The virtual ADC on files written here.
+//! The virtual ADC with synthetic files.
 
 use std::f64::consts::TAU;
 
@@ -7,15 +7,15 @@ use recordings::{
 };
 
 use crate::{
-    edf_writer::{EdfFile, EdfSignal},
-    gdf_writer::{GdfFile, GdfSignal},
+    edf_file::{EdfFile, EdfSignal},
+    gdf_file::{GdfFile, GdfSignal},
     open,
 };
 
 const ADS1299: AdcSpec = AdcSpec::ads1299(512);
 
-/// What rounding to counts alone may cost, 22.35 nV / 2, and 0.01 nV for the resampler, uV. The
-/// worst error measured in the tests below is 0.011125 uV: all of it is rounding.
+/// Error limit, uV: half a count of 22.35 nV for rounding, plus 0.01 nV for the resampler. The largest
+/// error measured in the tests below is 0.011125 uV, less than the rounding alone.
 const HALF_COUNT_UV: f64 = 0.011_175_9 + 1e-5;
 
 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
@@ -23,25 +23,26 @@ fn seconds(sample: usize, rate: f64) -> f64 {
     sample as f64 / rate
 }
 
-/// 100 uV of a sine at `hz` on an offset of 20 mV, `records` s long.
+/// Builds a file with a sine of 100 uV at `hz` on an offset of 20 mV; it has `records` records of 1 s.
 fn sine_file(hz: f64, rate: u32, records: usize) -> Vec<u8> {
     let samples = (0..records * rate as usize)
         .map(|k| 20_000.0 + 100.0 * (TAU * hz * seconds(k, rate.into())).sin());
     let data = samples.flat_map(f64::to_le_bytes).collect();
-    let signal = GdfSignal::of_type(17, rate, data);
+    let signal = GdfSignal::with_type(17, rate, data);
     GdfFile::version_2(i64::try_from(records).expect("small"), vec![signal]).bytes()
 }
 
 fn play(bytes: Vec<u8>, electrodes: &[&str], missing: Missing) -> (Vec<[i32; 64]>, AdcCounters) {
-    let recording = open(bytes).expect("a sound file");
-    let map = MontageMap::new(&recording.labels(), electrodes, missing).expect("fits");
+    let recording = open(bytes).expect("a valid file");
+    let map =
+        MontageMap::new(&recording.labels(), electrodes, missing).expect("a matching montage");
     let mut adc = VirtualAdc::new(recording, &map, ADS1299).expect("usable rates");
     let counts: Vec<_> = (&mut adc).collect::<Result<_, _>>().expect("readable");
     assert_eq!(counts.len() as u64, adc.samples());
     (counts, adc.counters())
 }
 
-/// Largest error against the analytic sine, uV, `edge` s away from the ends.
+/// Returns the largest error against the analytic sine, uV, at least `edge` s away from both ends.
 fn worst_error_uv(counts: &[[i32; 64]], hz: f64, edge: f64) -> f64 {
     let end = seconds(counts.len(), 512.0) - edge;
     let inside = counts
@@ -58,9 +59,9 @@ fn worst_error_uv(counts: &[[i32; 64]], hz: f64, edge: f64) -> f64 {
 }
 
 #[test]
-fn a_resampled_sine_is_the_analytic_sine_at_k_over_rate() {
-    // 40 s at 160 Hz are six transforms: their seams lie inside. Near the ends the resampler has to
-    // guess what lies beyond.
+fn a_resampled_sine_equals_the_analytic_sine_at_k_over_rate() {
+    // 40 s at 160 Hz need six transforms, so the range contains their boundaries. It excludes the ends,
+    // where the output depends on the extension of the signal.
     for hz in [1.0, 10.0, 60.0] {
         let (counts, counters) = play(sine_file(hz, 160, 40), &["Cz"], Missing::Refuse);
         assert_eq!(counts.len(), 40 * 512);
@@ -71,7 +72,7 @@ fn a_resampled_sine_is_the_analytic_sine_at_k_over_rate() {
 }
 
 #[test]
-fn downsampling_and_odd_ratios_keep_time_too() {
+fn downsampling_and_odd_ratios_have_no_time_shift() {
     for rate in [128, 250, 1000, 2048] {
         let (counts, _) = play(sine_file(10.0, rate, 24), &["Cz"], Missing::Refuse);
         let edge = 600.0 / f64::from(rate.min(512)) + 0.1;
@@ -88,30 +89,33 @@ fn an_offset_does_not_ring_at_the_ends() {
 }
 
 #[test]
-fn what_lies_beyond_the_slower_nyquist_does_not_fold() {
+fn frequencies_above_the_lower_nyquist_are_not_aliased() {
     let (counts, _) = play(sine_file(300.0, 2048, 8), &["Cz"], Missing::Refuse);
     let inside = &counts[512..counts.len() - 512];
-    let most = inside
+    let largest = inside
         .iter()
         .map(|c| (f64::from(c[0]) * ADS1299.lsb_uv - 20_000.0).abs());
-    let most = most.fold(0.0, f64::max);
-    assert!(most < HALF_COUNT_UV, "300 Hz at 100 uV leaves {most} uV");
+    let largest = largest.fold(0.0, f64::max);
+    assert!(
+        largest < HALF_COUNT_UV,
+        "300 Hz at 100 uV leaves {largest} uV"
+    );
 }
 
 #[test]
-fn the_same_rate_passes_exactly_and_rounds_to_nearest() {
+fn samples_at_the_rate_of_the_adc_are_only_rounded_to_nearest() {
     let samples: Vec<f32> = (0_u16..1024).map(|k| f32::from(k) * 0.37 - 190.0).collect();
     let file = GdfFile::version_2(2, vec![GdfSignal::float32("Cz", 512, &samples)]);
     let (counts, _) = play(file.bytes(), &["Cz"], Missing::Refuse);
     for (count, sample) in counts.iter().zip(&samples) {
-        let steps = f64::from(*sample) / ADS1299.lsb_uv;
-        assert!((f64::from(count[0]) - steps).abs() <= 0.5 + 1e-9);
-        assert!(count[1..].iter().all(|&spare| spare == 0));
+        let exact = f64::from(*sample) / ADS1299.lsb_uv;
+        assert!((f64::from(count[0]) - exact).abs() <= 0.5 + 1e-9);
+        assert!(count[1..].iter().all(|&unused| unused == 0));
     }
 }
 
 #[test]
-fn rails_and_holes_are_counted() {
+fn saturated_and_non_finite_samples_are_counted() {
     let samples = [
         f32::NAN,
         1e6,
@@ -126,7 +130,7 @@ fn rails_and_holes_are_counted() {
     file.duration = (8, 512);
     let (counts, counters) = play(file.bytes(), &["Cz"], Missing::Refuse);
     let played: Vec<i32> = counts.iter().map(|c| c[0]).collect();
-    // 2^23 * 22.35 nV are 187.5 mV: the positive rail is one step short of it.
+    // 2^23 * 22.35 nV = 187.5 mV. The positive rail is one count below.
     let (top, bottom) = (8_388_607, -8_388_608);
     assert_eq!(played, [0, top, bottom, bottom, 224, 224, top, bottom]);
     assert_eq!(
@@ -139,10 +143,10 @@ fn rails_and_holes_are_counted() {
 }
 
 #[test]
-fn the_largest_floats_are_resampled_to_the_rails() {
+fn the_largest_floats_saturate_without_a_panic() {
     let samples = [f64::MAX; 320];
     let data = samples.into_iter().flat_map(f64::to_le_bytes).collect();
-    let signal = GdfSignal::of_type(17, 160, data);
+    let signal = GdfSignal::with_type(17, 160, data);
     let file = GdfFile::version_2(2, vec![signal]);
     let (counts, counters) = play(file.bytes(), &["Cz"], Missing::Refuse);
     assert!(counts.iter().all(|count| count[0] == 8_388_607));
@@ -150,7 +154,7 @@ fn the_largest_floats_are_resampled_to_the_rails() {
 }
 
 #[test]
-fn units_become_microvolts() {
+fn voltage_units_are_converted_to_microvolts() {
     for (code, unit, value) in [
         (4256, "V", 1e-3),
         (4274, "mV", 1.0),
@@ -170,11 +174,11 @@ fn units_become_microvolts() {
 }
 
 #[test]
-fn electrodes_mix_signals_of_different_rates() {
+fn electrodes_can_combine_signals_of_different_rates() {
     let signals = vec![
-        EdfSignal::steps("C3", 512, &[100; 512 * 8]),
-        EdfSignal::steps("EEG C4", 256, &[200; 256 * 8]),
-        EdfSignal::steps("Status", 1, &[7; 8]),
+        EdfSignal::int16("C3", 512, &[100; 512 * 8]),
+        EdfSignal::int16("EEG C4", 256, &[200; 256 * 8]),
+        EdfSignal::int16("Status", 1, &[7; 8]),
     ];
     let bytes = EdfFile::edf("8", signals).bytes();
     let (counts, _) = play(
@@ -185,7 +189,7 @@ fn electrodes_mix_signals_of_different_rates() {
     assert_eq!(counts.len(), 8 * 512);
     for sample in &counts {
         let uv = sample.map(|count| f64::from(count) * ADS1299.lsb_uv);
-        // Cz and Pz lie midway between C3 and C4.
+        // Cz and Pz are at equal distances from C3 and C4.
         for (found, expected) in uv.iter().zip([150.0, 100.0, 200.0, 150.0, 0.0]) {
             assert!(
                 (found - expected).abs() < HALF_COUNT_UV,
@@ -202,11 +206,12 @@ fn electrodes_mix_signals_of_different_rates() {
 }
 
 #[test]
-fn rates_that_make_no_sense_are_refused() {
-    let mut file = EdfFile::edf("1", vec![EdfSignal::steps("Cz", 1, &[1])]);
+fn impossible_rates_and_scales_are_refused() {
+    let mut file = EdfFile::edf("1", vec![EdfSignal::int16("Cz", 1, &[1])]);
     file.duration = "0.999983";
     let recording = open(file.bytes()).expect("usable");
-    let map = MontageMap::new(&recording.labels(), &["Cz"], Missing::Zero).expect("fits");
+    let map =
+        MontageMap::new(&recording.labels(), &["Cz"], Missing::Zero).expect("a matching montage");
     let error = VirtualAdc::new(recording, &map, ADS1299)
         .err()
         .expect("refused")
@@ -215,7 +220,8 @@ fn rates_that_make_no_sense_are_refused() {
 
     for (rate_hz, lsb_uv) in [(0, 1.0), (200_000, 1.0), (512, 0.0), (512, f64::NAN)] {
         let recording = open(sine_file(1.0, 4, 1)).expect("usable");
-        let map = MontageMap::new(&recording.labels(), &["Cz"], Missing::Zero).expect("fits");
+        let map = MontageMap::new(&recording.labels(), &["Cz"], Missing::Zero)
+            .expect("a matching montage");
         let refused = VirtualAdc::new(recording, &map, AdcSpec { rate_hz, lsb_uv });
         assert!(matches!(
             refused.err(),

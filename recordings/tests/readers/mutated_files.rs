@@ -1,17 +1,17 @@
-//! Mutated files: any error is fine, a panic, a hang or memory beyond the file's own size is not.
+//! Mutated files can cause errors, but no panic, no hang and no allocation beyond the size of the file.
 
 use proptest::{collection::vec, prelude::*};
 
 use crate::{
-    edf_writer::{EdfFile, EdfSignal},
-    gdf_writer::{GdfFile, GdfSignal},
+    edf_file::{EdfFile, EdfSignal},
+    gdf_file::{GdfFile, GdfSignal},
     open, read_all,
 };
 use recordings::{AdcSpec, Electrode, Missing, MontageMap, Position, VirtualAdc};
 
 fn edf() -> Vec<u8> {
     let signals = vec![
-        EdfSignal::steps("Cz", 4, &[1, 2, 3, 4, 5, 6, 7, 8]),
+        EdfSignal::int16("Cz", 4, &[1, 2, 3, 4, 5, 6, 7, 8]),
         EdfSignal::annotations(&[b"+0\x14\x14\0+0.5\x14a\x14\0", b"+1\x14\x14\0"]),
     ];
     EdfFile {
@@ -24,7 +24,7 @@ fn edf() -> Vec<u8> {
 fn bdf() -> Vec<u8> {
     let signal = EdfSignal {
         data: vec![7; 24],
-        ..EdfSignal::steps("Cz", 4, &[])
+        ..EdfSignal::int16("Cz", 4, &[])
     };
     EdfFile {
         magic: *b"\xffBIOSEMI",
@@ -44,8 +44,8 @@ fn gdf(version_1: bool, records: i64) -> Vec<u8> {
     file.bytes()
 }
 
-/// Reads whatever can be read and checks that it is no more than the file could hold.
-fn survive(bytes: Vec<u8>) -> Result<(), TestCaseError> {
+/// Reads a file completely and checks that the results are not larger than the file.
+fn read_or_refuse(bytes: Vec<u8>) -> Result<(), TestCaseError> {
     let size = bytes.len();
     let Ok(mut recording) = open(bytes.clone()) else {
         return Ok(());
@@ -64,7 +64,7 @@ fn survive(bytes: Vec<u8>) -> Result<(), TestCaseError> {
     if let Ok(map) = MontageMap::new(&recording.labels(), &["Cz"], Missing::Zero)
         && let Ok(adc) = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512))
     {
-        // A record may claim to last for years; its first samples tell enough.
+        // A damaged header can announce a record of many years, so only the first samples are read.
         for counts in adc.take(2000) {
             let counts = counts.map_err(|error| TestCaseError::fail(error.to_string()))?;
             prop_assert!((-8_388_608..=8_388_607).contains(&counts[0]));
@@ -73,24 +73,24 @@ fn survive(bytes: Vec<u8>) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Bytes that are hard on number parsers and on binary sizes alike.
-fn nasty() -> impl Strategy<Value = u8> {
+/// Bytes that are likely to break number parsing or binary lengths.
+fn special_byte() -> impl Strategy<Value = u8> {
     prop_oneof![
         any::<u8>(),
         prop::sample::select(&b"0189-+.eE ,\0\xffnai"[..])
     ]
 }
 
-fn mutated(sound: Vec<u8>) -> impl Strategy<Value = Vec<u8>> {
-    let size = sound.len();
-    let changes = vec((0..size, vec(nasty(), 1..9)), 0..6);
+fn mutated(valid: Vec<u8>) -> impl Strategy<Value = Vec<u8>> {
+    let size = valid.len();
+    let changes = vec((0..size, vec(special_byte(), 1..9)), 0..6);
     (
         changes,
         prop_oneof![Just(size), 0..=size],
         vec(any::<u8>(), 0..40),
     )
         .prop_map(move |(changes, length, tail)| {
-            let mut bytes = sound.clone();
+            let mut bytes = valid.clone();
             for (at, new) in changes {
                 let end = (at + new.len()).min(size);
                 bytes[at..end].copy_from_slice(&new[..end - at]);
@@ -106,61 +106,61 @@ proptest! {
 
     #[test]
     fn a_mutated_edf_is_read_or_refused(bytes in mutated(edf())) {
-        survive(bytes)?;
+        read_or_refuse(bytes)?;
     }
 
     #[test]
     fn a_mutated_bdf_is_read_or_refused(bytes in mutated(bdf())) {
-        survive(bytes)?;
+        read_or_refuse(bytes)?;
     }
 
     #[test]
     fn a_mutated_gdf_2_is_read_or_refused(bytes in mutated(gdf(false, 2))) {
-        survive(bytes)?;
+        read_or_refuse(bytes)?;
     }
 
     #[test]
     fn a_mutated_gdf_1_is_read_or_refused(bytes in mutated(gdf(true, 2))) {
-        survive(bytes)?;
+        read_or_refuse(bytes)?;
     }
 
     #[test]
-    fn a_mutated_gdf_of_unstated_length_is_read_or_refused(
+    fn a_mutated_gdf_of_unknown_length_is_read_or_refused(
         bytes in any::<bool>().prop_flat_map(|version_1| mutated(gdf(version_1, -1))),
     ) {
-        survive(bytes)?;
+        read_or_refuse(bytes)?;
     }
 
     #[test]
-    fn any_label_is_an_electrode_or_none(
+    fn every_label_is_an_electrode_on_the_sphere_or_none(
         anything in "\\PC{0,20}",
-        alike in "[a-zA-Z]{1,4}[0-9]{0,3}[hH.]{0,2}",
+        similar in "[a-zA-Z]{1,4}[0-9]{0,3}[hH.]{0,2}",
     ) {
-        for label in [anything, alike] {
+        for label in [anything, similar] {
             if let Some(electrode) = Electrode::parse(&label) {
-                let place = Position::of(&electrode);
-                let radius = (place.x.powi(2) + place.y.powi(2) + place.z.powi(2)).sqrt();
-                prop_assert!((radius - 1.0).abs() < 1e-12, "{label}: {place:?}");
+                let position = Position::from_electrode(&electrode);
+                let radius = (position.x.powi(2) + position.y.powi(2) + position.z.powi(2)).sqrt();
+                prop_assert!((radius - 1.0).abs() < 1e-12, "{label}: {position:?}");
                 prop_assert_eq!(Electrode::parse(&electrode.to_string()), Some(electrode));
             }
         }
     }
 
     #[test]
-    fn any_bytes_behind_a_magic_are_read_or_refused(
+    fn any_bytes_after_a_valid_magic_are_read_or_refused(
         magic in prop::sample::select(vec![*b"0       ", *b"\xffBIOSEMI", *b"GDF 1.25", *b"GDF 2.20", *b"GDF 2.51"]),
         rest in vec(any::<u8>(), 0..2000),
     ) {
         let mut bytes = magic.to_vec();
         bytes.extend(rest);
-        survive(bytes)?;
+        read_or_refuse(bytes)?;
     }
 }
 
 #[test]
-fn absurd_sizes_are_refused_before_anything_is_allocated() {
-    // 99,999,999 samples per record in a file of some hundred bytes.
-    let mut file = EdfFile::edf("99999999", vec![EdfSignal::steps("Cz", 99_999_999, &[])]);
+fn impossible_sizes_are_refused_without_an_allocation() {
+    // 99,999,999 samples per record in a file of a few hundred bytes.
+    let mut file = EdfFile::edf("99999999", vec![EdfSignal::int16("Cz", 99_999_999, &[])]);
     file.signals[0].data = Vec::new();
     let mut bytes = file.bytes();
     bytes.extend([0; 100]);

@@ -1,25 +1,25 @@
-//! Time-stamped annotation lists of EDF+ and BDF+.
+//! Parses the time-stamped annotation lists (TALs) of EDF+ and BDF+.
 
-use crate::{Event, EventLabel};
+use crate::event::{Event, EventLabel};
 
-/// Separates the texts of one list and ends each of them.
+/// Ends the time stamp and each text of a list.
 const TEXT_END: u8 = 0x14;
-/// Stands between onset and duration.
+/// Separates onset and duration.
 const DURATION: u8 = 0x15;
 
 /// The annotations of one record.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct RecordAnnotations {
-    /// Start of the record, s after the start of the file, from the list without a text that
-    /// EDF+ asks for at the beginning of each record.
+    /// Start of the record, s after the start of the file. EDF+ requires a list without text at the
+    /// start of each record that contains it.
     pub(crate) record_start_s: Option<f64>,
     pub(crate) events: Vec<Event>,
-    /// Whether all bytes were lists or padding.
+    /// Whether all bytes were valid lists or padding.
     pub(crate) intact: bool,
 }
 
-/// Reads the annotation bytes of one record: lists `+onset[0x15 duration]0x14 text 0x14 ... 0x00`,
-/// padded with zeros (EDF+ specification, 2.2).
+/// Parses the annotation bytes of one record: lists `+onset[0x15 duration]0x14 text 0x14 ... 0x00`,
+/// padded with zeros (EDF+ specification, section 2.2). Stops at the first invalid list.
 pub(crate) fn parse(bytes: &[u8]) -> RecordAnnotations {
     let mut found = RecordAnnotations {
         intact: true,
@@ -52,7 +52,7 @@ fn parse_list(list: &[u8], found: &mut RecordAnnotations) -> bool {
         None => None,
     };
     let texts: Vec<&[u8]> = parts.collect();
-    // The last text is ended too, so the last part is empty.
+    // The last text also ends with a separator, so the last part is empty.
     let Some((&[], texts)) = texts.split_last() else {
         return false;
     };
@@ -75,7 +75,7 @@ fn parse_list(list: &[u8], found: &mut RecordAnnotations) -> bool {
     true
 }
 
-/// An onset, which always has its sign.
+/// Parses an onset, which must have a sign.
 fn signed_seconds(bytes: &[u8]) -> Option<f64> {
     if matches!(bytes.first(), Some(b'+' | b'-')) {
         seconds(bytes)
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_gives_its_start_and_its_annotations() {
+    fn a_record_has_a_start_and_annotations() {
         let found =
             parse(b"+567\x14\x14\0+567.5\x152\x14Lights off\x14Closed\x14\0-1.5\x14x\x14\0\0\0");
         assert_eq!(found.record_start_s, Some(567.0));
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn damage_ends_the_list_and_is_told() {
+    fn an_invalid_list_ends_parsing_and_is_reported() {
         for damaged in [
             &b"567\x14\x14\0"[..],
             b"+5x\x14\x14\0",

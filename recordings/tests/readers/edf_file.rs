@@ -1,6 +1,6 @@
-//! Writes small EDF, EDF+ and BDF files.
+//! Builds small EDF, EDF+ and BDF files.
 
-/// One signal: its header fields and its samples or annotation bytes, record after record.
+/// One signal: its header fields and the samples or annotation bytes of all records.
 #[derive(Debug, Clone)]
 pub(crate) struct EdfSignal {
     pub(crate) label: &'static str,
@@ -12,8 +12,8 @@ pub(crate) struct EdfSignal {
 }
 
 impl EdfSignal {
-    /// 16-bit samples whose unit is one step.
-    pub(crate) fn steps(label: &'static str, samples_per_record: usize, samples: &[i16]) -> Self {
+    /// Creates a signal of 16-bit samples with 1 uV per digital unit.
+    pub(crate) fn int16(label: &'static str, samples_per_record: usize, samples: &[i16]) -> Self {
         let ranges = ["-32768", "32767", "-32768", "32767"].map(str::to_owned);
         let data = samples
             .iter()
@@ -28,9 +28,9 @@ impl EdfSignal {
         }
     }
 
-    /// Annotation lists, one per record, padded to 60 bytes.
+    /// Creates an annotation signal with one list per record, padded to 60 bytes.
     pub(crate) fn annotations(lists: &[&[u8]]) -> Self {
-        let mut signal = Self::steps("EDF Annotations", 30, &[]);
+        let mut signal = Self::int16("EDF Annotations", 30, &[]);
         for list in lists {
             signal.data.extend_from_slice(list);
             signal
@@ -41,12 +41,12 @@ impl EdfSignal {
     }
 }
 
-/// A file to write.
+/// The header fields and signals of a file.
 #[derive(Debug, Clone)]
 pub(crate) struct EdfFile {
-    /// The eight bytes that a format begins with.
+    /// First eight bytes of the file, which identify the format.
     pub(crate) magic: [u8; 8],
-    /// `EDF+C` and such.
+    /// Reserved field, such as `EDF+C`.
     pub(crate) reserved: &'static str,
     pub(crate) records: &'static str,
     pub(crate) duration: &'static str,
@@ -96,13 +96,13 @@ impl EdfFile {
             .for_each(|signal| put(&signal.samples_per_record.to_string(), 8));
         self.signals.iter().for_each(|_| put("", 32));
         let size = |signal: &EdfSignal| signal.samples_per_record * self.sample_bytes;
-        let most = self
+        let records = self
             .signals
             .iter()
             .map(|s| s.data.len() / size(s).max(1))
             .max()
             .unwrap_or(0);
-        for record in 0..most {
+        for record in 0..records {
             for signal in &self.signals {
                 let size = size(signal);
                 out.extend_from_slice(&signal.data[record * size..(record + 1) * size]);

@@ -1,12 +1,13 @@
-//! GDF files written here.
+//! Synthetic GDF files.
 
 use recordings::{Event, EventLabel, Format, Ratio, RecordingError, Warning};
 
 use crate::{
-    gdf_writer::{GdfFile, GdfSignal},
+    gdf_file::{GdfFile, GdfSignal},
     open, read_all,
 };
 
+/// Encodes an event table of mode 1 from (position, type) pairs.
 pub(crate) fn event_table(rate_hz: f32, events: &[(u32, u16)]) -> Vec<u8> {
     let count = u32::try_from(events.len())
         .expect("few events")
@@ -23,11 +24,11 @@ pub(crate) fn event_table(rate_hz: f32, events: &[(u32, u16)]) -> Vec<u8> {
 }
 
 #[test]
-fn every_sample_type_is_read_beside_the_others() {
+fn signals_of_all_sample_types_are_read_from_one_file() {
     let signals = vec![
-        GdfSignal::of_type(1, 1, vec![0xf6, 10]),
-        GdfSignal::of_type(2, 2, vec![1, 2, 3, 200]),
-        GdfSignal::of_type(
+        GdfSignal::with_type(1, 1, vec![0xf6, 10]),
+        GdfSignal::with_type(2, 2, vec![1, 2, 3, 200]),
+        GdfSignal::with_type(
             3,
             1,
             [-300_i16, 300]
@@ -35,7 +36,7 @@ fn every_sample_type_is_read_beside_the_others() {
                 .flat_map(|v| v.to_le_bytes())
                 .collect(),
         ),
-        GdfSignal::of_type(
+        GdfSignal::with_type(
             4,
             1,
             [1_u16, 65535]
@@ -43,7 +44,7 @@ fn every_sample_type_is_read_beside_the_others() {
                 .flat_map(|v| v.to_le_bytes())
                 .collect(),
         ),
-        GdfSignal::of_type(
+        GdfSignal::with_type(
             5,
             1,
             [-70000_i32, 7]
@@ -51,22 +52,22 @@ fn every_sample_type_is_read_beside_the_others() {
                 .flat_map(|v| v.to_le_bytes())
                 .collect(),
         ),
-        GdfSignal::of_type(
+        GdfSignal::with_type(
             6,
             1,
             [u32::MAX, 7].iter().flat_map(|v| v.to_le_bytes()).collect(),
         ),
-        GdfSignal::of_type(
+        GdfSignal::with_type(
             7,
             1,
             [-1_i64, 7].iter().flat_map(|v| v.to_le_bytes()).collect(),
         ),
-        GdfSignal::of_type(
+        GdfSignal::with_type(
             8,
             1,
             [1_u64, 7].iter().flat_map(|v| v.to_le_bytes()).collect(),
         ),
-        GdfSignal::of_type(
+        GdfSignal::with_type(
             16,
             1,
             [0.5_f32, -7.25]
@@ -74,7 +75,7 @@ fn every_sample_type_is_read_beside_the_others() {
                 .flat_map(|v| v.to_le_bytes())
                 .collect(),
         ),
-        GdfSignal::of_type(
+        GdfSignal::with_type(
             17,
             1,
             [0.1_f64, 7.0]
@@ -82,10 +83,10 @@ fn every_sample_type_is_read_beside_the_others() {
                 .flat_map(|v| v.to_le_bytes())
                 .collect(),
         ),
-        GdfSignal::of_type(279, 1, vec![0, 0, 0x80, 1, 0, 0]),
-        GdfSignal::of_type(535, 1, vec![0, 0, 0x80, 1, 0, 0]),
+        GdfSignal::with_type(279, 1, vec![0, 0, 0x80, 1, 0, 0]),
+        GdfSignal::with_type(535, 1, vec![0, 0, 0x80, 1, 0, 0]),
     ];
-    let mut recording = open(GdfFile::version_2(2, signals).bytes()).expect("a sound file");
+    let mut recording = open(GdfFile::version_2(2, signals).bytes()).expect("a valid file");
     let samples = read_all(&mut recording);
     let expected: [&[f64]; 12] = [
         &[-10.0, 10.0],
@@ -102,7 +103,7 @@ fn every_sample_type_is_read_beside_the_others() {
         &[8_388_608.0, 1.0],
     ];
     for (signal, (found, expected)) in samples.iter().zip(expected).enumerate() {
-        // Through the line (d + 100) * 1 - 100, which rounds at 1e-13 of its range.
+        // The calibration (d + 100) * 1 - 100 rounds to 1e-13 of its range.
         let close = found
             .iter()
             .zip(expected)
@@ -115,12 +116,12 @@ fn every_sample_type_is_read_beside_the_others() {
 }
 
 #[test]
-fn the_third_header_is_skipped_and_the_event_table_found() {
+fn the_third_header_is_skipped_and_the_event_table_is_found() {
     let mut file = GdfFile::version_2(2, vec![GdfSignal::float32("Cz", 2, &[1.0, 2.0, 3.0, 4.0])]);
     file.third_header = b"\x01\x05\0\0text\0".to_vec();
     file.events = event_table(2.0, &[(1, 768), (4, 0x8300)]);
     file.duration = (1, 2);
-    let mut recording = open(file.bytes()).expect("a sound file");
+    let mut recording = open(file.bytes()).expect("a valid file");
     assert_eq!(recording.format(), Format::Gdf2(2.2));
     assert_eq!(recording.signals()[0].rate.map(Ratio::value), Some(4.0));
     let event = |onset_s, label| Event {
@@ -138,7 +139,7 @@ fn the_third_header_is_skipped_and_the_event_table_found() {
 }
 
 #[test]
-fn a_cut_event_table_is_told_and_the_samples_are_served() {
+fn a_truncated_event_table_causes_a_warning_and_the_samples_are_read() {
     let mut file = GdfFile::version_2(1, vec![GdfSignal::float32("Cz", 1, &[1.0])]);
     file.events = event_table(1.0, &[(1, 768), (2, 769)]);
     file.events.truncate(15);
@@ -155,14 +156,14 @@ fn a_cut_event_table_is_told_and_the_samples_are_served() {
 }
 
 #[test]
-fn version_1_is_read_with_its_own_layout() {
-    let mut signal = GdfSignal::of_type(3, 2, vec![0, 1, 100, 0, 0x9c, 0xff, 0, 0]);
+fn the_layout_of_version_1_is_read() {
+    let mut signal = GdfSignal::with_type(3, 2, vec![0, 1, 100, 0, 0x9c, 0xff, 0, 0]);
     signal.ranges = [-1.0, 1.0, -100.0, 100.0];
     signal.unit = "mV";
     let mut file = GdfFile::version_2(2, vec![signal]);
     file.version_1 = true;
     file.events = vec![1, 2, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 5, 3];
-    let mut recording = open(file.bytes()).expect("a sound file");
+    let mut recording = open(file.bytes()).expect("a valid file");
     assert_eq!(recording.format(), Format::Gdf1(1.25));
     assert_eq!(recording.signals()[0].unit.microvolts(), Some(1000.0));
     let samples = &read_all(&mut recording)[0];
@@ -175,7 +176,7 @@ fn version_1_is_read_with_its_own_layout() {
 }
 
 #[test]
-fn unknown_records_cut_files_and_other_units_are_told() {
+fn unknown_record_counts_truncation_and_unknown_units_cause_warnings() {
     let mut file = GdfFile::version_2(-1, vec![GdfSignal::float32("Cz", 1, &[1.0, 2.0])]);
     file.signals[0].unit_code = 512;
     file.signals[0].unit = "";
@@ -199,50 +200,53 @@ fn unknown_records_cut_files_and_other_units_are_told() {
 }
 
 #[test]
-fn headers_that_cannot_be_used_are_refused_with_the_field() {
-    let sound = || GdfFile::version_2(1, vec![GdfSignal::float32("Cz", 1, &[1.0])]);
-    let mut packed = sound();
+fn unusable_headers_are_refused() {
+    let valid = || GdfFile::version_2(1, vec![GdfSignal::float32("Cz", 1, &[1.0])]);
+    let mut packed = valid();
     packed.signals[0].type_number = 255 + 12;
     assert!(matches!(
         open(packed.bytes()),
         Err(RecordingError::SampleType { number: 267, .. })
     ));
-    let mut flat = sound();
+    let mut flat = valid();
     flat.signals[0].ranges[2] = 100.0;
     assert!(matches!(
         open(flat.bytes()),
         Err(RecordingError::Range { .. })
     ));
-    let mut not_a_number = sound();
+    let mut not_a_number = valid();
     not_a_number.signals[0].ranges[0] = f64::NAN;
     assert!(matches!(
         open(not_a_number.bytes()),
         Err(RecordingError::Range { .. })
     ));
-    let mut timeless = sound();
-    timeless.duration = (1, 0);
+    let mut zero_denominator = valid();
+    zero_denominator.duration = (1, 0);
     assert!(matches!(
-        open(timeless.bytes()),
+        open(zero_denominator.bytes()),
         Err(RecordingError::HeaderField { .. })
     ));
-    let mut bytes = sound().bytes();
+    let mut bytes = valid().bytes();
     bytes[252..254].copy_from_slice(&0_u16.to_le_bytes());
     assert!(matches!(
         open(bytes.clone()),
         Err(RecordingError::HeaderField { .. })
     ));
     bytes[252..254].copy_from_slice(&u16::MAX.to_le_bytes());
-    assert!(matches!(open(bytes), Err(RecordingError::HeaderCut { .. })));
-    let mut short_header = sound().bytes();
+    assert!(matches!(
+        open(bytes),
+        Err(RecordingError::HeaderTruncated { .. })
+    ));
+    let mut short_header = valid().bytes();
     short_header[184] = 1;
     assert!(matches!(
         open(short_header),
         Err(RecordingError::HeaderField { .. })
     ));
-    let mut future = sound().bytes();
-    future[4] = b'9';
+    let mut unknown_version = valid().bytes();
+    unknown_version[4] = b'9';
     assert!(matches!(
-        open(future),
+        open(unknown_version),
         Err(RecordingError::UnknownFormat { .. })
     ));
 }

@@ -1,25 +1,25 @@
-//! EDF, EDF+ and BDF files written here.
+//! Synthetic EDF, EDF+ and BDF files.
 
 use recordings::{Event, EventLabel, Format, Ratio, RecordingError, Warning};
 
 use crate::{
-    edf_writer::{EdfFile, EdfSignal},
+    edf_file::{EdfFile, EdfSignal},
     open, read_all,
 };
 
 #[test]
-fn signals_of_different_rates_keep_their_samples_and_units() {
+fn signals_with_different_rates_keep_their_samples_and_units() {
     let slow = EdfSignal {
         unit: "mV",
         ranges: ["-1", "1", "-100", "100"].map(str::to_owned),
-        ..EdfSignal::steps("EEG Cz", 2, &[-100, 0, 50, 100])
+        ..EdfSignal::int16("EEG Cz", 2, &[-100, 0, 50, 100])
     };
-    let fast = EdfSignal::steps("EOG", 4, &[1, 2, 3, 4, 5, 6, 7, 8]);
+    let fast = EdfSignal::int16("EOG", 4, &[1, 2, 3, 4, 5, 6, 7, 8]);
     let file = EdfFile {
         duration: "0.5",
         ..EdfFile::edf("2", vec![slow, fast])
     };
-    let mut recording = open(file.bytes()).expect("a sound file");
+    let mut recording = open(file.bytes()).expect("a valid file");
     assert_eq!(recording.format(), Format::Edf);
     assert_eq!(recording.warnings(), []);
     assert_eq!(recording.duration_s(), 1.0);
@@ -43,18 +43,18 @@ fn signals_of_different_rates_keep_their_samples_and_units() {
 }
 
 #[test]
-fn bdf_has_24_bit_samples() {
+fn bdf_samples_have_24_bits() {
     let signal = EdfSignal {
         ranges: ["-8388608", "8388607", "-8388608", "8388607"].map(str::to_owned),
         data: vec![0, 0, 0x80, 0xff, 0xff, 0x7f, 0xfe, 0xff, 0xff, 1, 2, 0],
-        ..EdfSignal::steps("Cz", 4, &[])
+        ..EdfSignal::int16("Cz", 4, &[])
     };
     let file = EdfFile {
         magic: *b"\xffBIOSEMI",
         sample_bytes: 3,
         ..EdfFile::edf("1", vec![signal])
     };
-    let mut recording = open(file.bytes()).expect("a sound file");
+    let mut recording = open(file.bytes()).expect("a valid file");
     assert_eq!(recording.format(), Format::Bdf);
     assert_eq!(
         read_all(&mut recording)[0],
@@ -63,23 +63,23 @@ fn bdf_has_24_bit_samples() {
 }
 
 #[test]
-fn unknown_and_wrong_numbers_of_records_are_served_with_a_warning() {
-    let signal = || vec![EdfSignal::steps("Cz", 2, &[1, 2, 3, 4, 5, 6])];
+fn unknown_and_wrong_numbers_of_records_cause_a_warning() {
+    let signal = || vec![EdfSignal::int16("Cz", 2, &[1, 2, 3, 4, 5, 6])];
     let derived = open(EdfFile::edf("-1", signal()).bytes()).expect("usable");
     assert_eq!(derived.warnings(), [Warning::RecordsUnknown { derived: 3 }]);
 
     let mut bytes = EdfFile::edf("5", signal()).bytes();
     bytes.extend([9, 9, 9]);
-    let mut cut = open(bytes).expect("usable");
+    let mut truncated = open(bytes).expect("usable");
     assert_eq!(
-        cut.warnings(),
+        truncated.warnings(),
         [Warning::Truncated {
             promised: 5,
             whole: 3,
             left_over: 3
         }]
     );
-    assert_eq!(read_all(&mut cut)[0], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    assert_eq!(read_all(&mut truncated)[0], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
 
     let mut longer = open(EdfFile::edf("2", signal()).bytes()).expect("usable");
     assert_eq!(longer.warnings(), [Warning::Surplus { bytes: 4 }]);
@@ -87,20 +87,20 @@ fn unknown_and_wrong_numbers_of_records_are_served_with_a_warning() {
 }
 
 #[test]
-fn annotations_are_events_and_not_samples() {
+fn annotations_are_returned_as_events_and_not_as_samples() {
     let lists: [&[u8]; 2] = [
         b"+0\x14\x14\0+0.5\x150.25\x14left hand\x14\0",
         b"+1\x14\x14\0+1.5\x14T2\x14\0",
     ];
     let signals = vec![
-        EdfSignal::steps("Cz", 2, &[1, 2, 3, 4]),
+        EdfSignal::int16("Cz", 2, &[1, 2, 3, 4]),
         EdfSignal::annotations(&lists),
     ];
     let file = EdfFile {
         reserved: "EDF+C",
         ..EdfFile::edf("2", signals)
     };
-    let mut recording = open(file.bytes()).expect("a sound file");
+    let mut recording = open(file.bytes()).expect("a valid file");
     assert_eq!(recording.format(), Format::EdfPlusContinuous);
     let event = |onset_s, duration_s, text: &str| Event {
         onset_s,
@@ -118,11 +118,11 @@ fn annotations_are_events_and_not_samples() {
 }
 
 #[test]
-fn gaps_and_damaged_annotations_are_told() {
+fn gaps_and_damaged_annotations_cause_a_warning() {
     let lists: [&[u8]; 3] = [b"+0\x14\x14\0", b"+1\x14\x14\0", b"+7.5\x14\x14\0"];
     let signals = |lists: &[&[u8]]| {
         vec![
-            EdfSignal::steps("Cz", 1, &[1, 2, 3]),
+            EdfSignal::int16("Cz", 1, &[1, 2, 3]),
             EdfSignal::annotations(lists),
         ]
     };
@@ -150,53 +150,53 @@ fn gaps_and_damaged_annotations_are_told() {
     assert_eq!(
         recording.warnings(),
         [Warning::Annotations { records: 1 }],
-        "told once"
+        "reported once"
     );
 }
 
 #[test]
-fn headers_that_cannot_be_used_are_refused_with_the_field() {
-    let sound = || EdfFile::edf("1", vec![EdfSignal::steps("Cz", 2, &[1, 2])]);
+fn unusable_headers_are_refused_with_the_name_of_the_field() {
+    let valid = || EdfFile::edf("1", vec![EdfSignal::int16("Cz", 2, &[1, 2])]);
     let message = |file: EdfFile| open(file.bytes()).err().expect("refused").to_string();
 
-    let mut flat = sound();
+    let mut flat = valid();
     flat.signals[0].ranges[3] = "-32768".to_owned();
     assert!(message(flat).contains("signal Cz cannot be scaled: digital -32768..-32768"));
 
-    let still = EdfFile {
+    let no_duration = EdfFile {
         duration: "0",
-        ..sound()
+        ..valid()
     };
-    assert!(message(still).contains("duration of a record"));
-    let minus = EdfFile {
+    assert!(message(no_duration).contains("duration of a record"));
+    let negative = EdfFile {
         records: "-7",
-        ..sound()
+        ..valid()
     };
-    assert!(message(minus).contains("number of records"));
-    let words = EdfFile {
+    assert!(message(negative).contains("number of records"));
+    let with_unit = EdfFile {
         duration: "1 s",
-        ..sound()
+        ..valid()
     };
-    assert!(message(words).contains("holds \"1 s\", which is not usable: a plain number"));
+    assert!(message(with_unit).contains("holds \"1 s\", which is not usable: a plain number"));
 
     let empty = EdfFile::edf("0", Vec::new());
     assert!(message(empty).contains("number of signals"));
-    let mut infinite = sound();
+    let mut infinite = valid();
     infinite.signals[0].ranges[1] = "inf".to_owned();
     assert!(message(infinite).contains("cannot be scaled"));
 
-    let bytes = sound().bytes();
-    let cut = open(bytes[..300].to_vec());
+    let bytes = valid().bytes();
+    let truncated = open(bytes[..300].to_vec());
     assert!(matches!(
-        cut,
-        Err(RecordingError::HeaderCut {
+        truncated,
+        Err(RecordingError::HeaderTruncated {
             needed: 512,
             found: 300
         })
     ));
-    let bare = open(bytes[..512].to_vec());
+    let without_records = open(bytes[..512].to_vec());
     assert!(matches!(
-        bare,
+        without_records,
         Err(RecordingError::NoData {
             record_bytes: 4,
             data_bytes: 0
@@ -211,8 +211,8 @@ fn headers_that_cannot_be_used_are_refused_with_the_field() {
 }
 
 #[test]
-fn an_empty_physical_range_serves_digital_values() {
-    let mut file = EdfFile::edf("1", vec![EdfSignal::steps("Trigger", 2, &[1, 2])]);
+fn an_empty_physical_range_yields_digital_values() {
+    let mut file = EdfFile::edf("1", vec![EdfSignal::int16("Trigger", 2, &[1, 2])]);
     file.signals[0].ranges[0] = "0".to_owned();
     file.signals[0].ranges[1] = "0".to_owned();
     let mut recording = open(file.bytes()).expect("usable");

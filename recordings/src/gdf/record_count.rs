@@ -1,21 +1,23 @@
-//! How many records a GDF file has when its header leaves it open (-1).
+//! Determines the number of records of a GDF file whose header states -1.
 
+use super::events::{PREFIX, TablePrefix};
 use crate::{
-    Ratio, RecordingError,
-    gdf_events::{PREFIX, TablePrefix},
+    error::RecordingError,
     header::{Header, array_at},
+    ratio::Ratio,
     source::{BLOCK_BYTES, Source, in_memory, read_at},
 };
 
-/// The longest table that is looked for, bytes: 2^24 - 1 rows, what GDF 2 can count, in mode 3.
+/// Longest event table, bytes: 2^24 - 1 rows, the limit of GDF 2, in mode 3.
 const TABLE_MAX: u64 = PREFIX as u64 + 12 * 0x00ff_ffff;
 
-/// Records in front of an event table that ends exactly where the file does; `None` when there
-/// is no such table, so that everything behind the header is records.
+/// Returns the number of records before an event table that ends exactly at the end of the file;
+/// `None` if there is no table and all bytes after the header are records.
 ///
-/// Nothing else says where the records end, so every place where one could end is looked at, the
-/// last first: at most [`TABLE_MAX`] bytes are read, in blocks. Four bytes of a table name its
-/// length; samples that do so by chance are told from it by what follows, see [`is_table`].
+/// No field of the file states where the records end, so the function tests the end of every record,
+/// from the last one backwards. It reads at most [`TABLE_MAX`] bytes, in blocks. Four bytes of a
+/// table prefix determine the length of the table. Samples that happen to match are recognised by
+/// [`is_table`].
 ///
 /// # Errors
 /// [`RecordingError::Read`].
@@ -37,11 +39,11 @@ pub(crate) fn before_table(
     let mut bytes = Vec::new();
     let mut end = last + 1;
     while end > first {
-        let begin = end.saturating_sub(per_block).max(first);
-        bytes.resize(in_memory((end - 1 - begin) * record_bytes) + PREFIX, 0);
-        read_at(source, header.data_start + begin * record_bytes, &mut bytes)?;
-        for records in (begin..end).rev() {
-            let at = in_memory((records - begin) * record_bytes);
+        let start = end.saturating_sub(per_block).max(first);
+        bytes.resize(in_memory((end - 1 - start) * record_bytes) + PREFIX, 0);
+        read_at(source, header.data_start + start * record_bytes, &mut bytes)?;
+        for records in (start..end).rev() {
+            let at = in_memory((records - start) * record_bytes);
             let table = TablePrefix::parse(header.format, array_at(&bytes, at));
             let columns = records * record_bytes + PREFIX as u64;
             if table.column_bytes() == Some(data_bytes - columns)
@@ -56,14 +58,14 @@ pub(crate) fn before_table(
                 return Ok(Some(records));
             }
         }
-        end = begin;
+        end = start;
     }
     Ok(None)
 }
 
-/// Whether the columns at byte `at` can be those of `table`: positions (the first 16,384 are
-/// looked at) lie within twice the length that the file could have without a table; a table
-/// without rows has to state its rate, or a signal that fades to 1, 0, 0, 0 would be one.
+/// Returns whether the columns at byte offset `at` are plausible for `table`. The first 16,384
+/// positions must be within twice the duration of the file without a table. A table without rows must
+/// state its rate; otherwise a signal that ends in 1, 0, 0, 0 would match.
 fn is_table(
     source: &mut dyn Source,
     header: &Header,

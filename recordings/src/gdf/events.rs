@@ -1,25 +1,29 @@
-//! The event table behind the records of a GDF file.
+//! The event table after the records of a GDF file.
 
-use crate::{Event, EventLabel, Format, header::array_at};
+use crate::{
+    event::{Event, EventLabel},
+    format::Format,
+    header::array_at,
+};
 
-/// Bytes before the columns of the table.
+/// Length of the table prefix, bytes.
 pub(crate) const PREFIX: usize = 8;
 
-/// The first version whose prefix is mode, u24 count, f32 rate (before: mode, u24 rate, u32
-/// count), as biosig and MNE tell them apart.
+/// Versions from here on have the prefix mode, u24 count, f32 rate; earlier ones mode, u24 rate, u32
+/// count. biosig and MNE use the same threshold.
 const NEW_PREFIX: f64 = 1.94;
 
-/// The type of a row that is a sample of a sparsely sampled signal; its duration is the value.
+/// Event type of a sample of a sparsely sampled signal. The duration column holds its value.
 const SPARSE_SAMPLE: u16 = 0x7fff;
 
-/// The first eight bytes of the table.
+/// The first eight bytes of the table, before its columns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TablePrefix {
-    /// 1: positions and types; 3: channels and durations too.
+    /// 1: positions and types; 3: also channels and durations.
     mode: u8,
-    /// Rows.
+    /// Number of events.
     pub(crate) count: u32,
-    /// Positions per second, Hz; <= 0 when the file leaves it out.
+    /// Positions per second, Hz; <= 0 if the file does not state it.
     rate_hz: f64,
 }
 
@@ -41,7 +45,7 @@ impl TablePrefix {
         }
     }
 
-    /// Bytes of the columns; `None` for a mode that is not read.
+    /// Length of all columns, bytes; `None` for an unknown mode.
     pub(crate) fn column_bytes(&self) -> Option<u64> {
         match self.mode {
             1 => Some(u64::from(self.count) * 6),
@@ -50,12 +54,13 @@ impl TablePrefix {
         }
     }
 
-    /// Whether the rate is one, >= 1 mHz: a few small integers read as a float are far below.
+    /// Returns whether the rate is plausible, at least 1 mHz. Small integers interpreted as a float are
+    /// far below.
     pub(crate) fn states_rate(&self) -> bool {
         self.rate_hz.is_finite() && self.rate_hz >= 1e-3
     }
 
-    /// Positions per second, Hz, > 0; `fallback_hz` where the file leaves it out.
+    /// Returns positions per second, Hz, > 0; `fallback_hz` if the file does not state it.
     pub(crate) fn rate_or(&self, fallback_hz: f64) -> f64 {
         if self.rate_hz.is_finite() && self.rate_hz > 0.0 {
             self.rate_hz
@@ -64,8 +69,8 @@ impl TablePrefix {
         }
     }
 
-    /// The rows, in file order; `columns` has [`Self::column_bytes`] bytes and `fallback_hz`
-    /// stands in for a missing rate. Positions count from 1.
+    /// Decodes the events in file order from `columns`, [`Self::column_bytes`] long. `fallback_hz`
+    /// replaces a missing rate. Positions count from 1.
     pub(crate) fn events(&self, columns: &[u8], fallback_hz: f64) -> Vec<Event> {
         let count = self.count as usize;
         let rate_hz = self.rate_or(fallback_hz);
@@ -102,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn mode_3_gives_channel_and_duration() {
+    fn mode_3_has_channels_and_durations() {
         let prefix = TablePrefix::parse(Format::Gdf2(2.1), [3, 2, 0, 0, 0, 0, 0x80, 0x43]);
         assert_eq!((prefix.count, prefix.rate_hz), (2, 256.0));
         let mut columns = Vec::new();
@@ -133,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sparse_sample_has_a_value_where_others_have_a_duration() {
+    fn a_sparse_sample_has_a_value_instead_of_a_duration() {
         let mut columns = Vec::new();
         for word in [3_u32, 4] {
             columns.extend(word.to_le_bytes());
@@ -163,7 +168,7 @@ mod tests {
         };
         assert_eq!(prefix.events(&columns, 1.0), [sparse, plain]);
 
-        // Mode 1 has no column that could hold the value.
+        // Mode 1 has no column for the value.
         let prefix = TablePrefix { mode: 1, ..prefix };
         let events = prefix.events(&columns[..12], 1.0);
         assert_eq!(events[0].label, EventLabel::Type(0x7fff));
@@ -171,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn version_1_has_its_rate_before_its_count() {
+    fn version_1_has_the_rate_before_the_count() {
         let prefix = TablePrefix::parse(Format::Gdf1(1.25), [1, 250, 0, 0, 7, 0, 0, 0]);
         assert_eq!(
             prefix,

@@ -1,20 +1,21 @@
-//! Physical units of signals, as far as a voltage is concerned.
+//! Physical units of signals. Only voltages are interpreted.
 
 use std::fmt;
 
-/// The unit of a signal: its text in the file and, when it is a voltage, its size in uV.
+/// Unit of a signal: its text in the file and, for a voltage, its size in uV.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unit {
     text: String,
     microvolts: Option<f64>,
 }
 
-/// GDF 2 physical dimension code of the volt; its lowest five bits hold the decimal prefix
-/// (GDF 2 specification, table of physical dimensions, after ISO/IEEE 11073-10101).
+/// GDF 2 physical dimension code of the volt. The lowest five bits hold the decimal prefix (GDF 2
+/// specification, table of physical dimensions, after ISO/IEEE 11073-10101).
 const GDF_VOLT: u16 = 4256;
 
 impl Unit {
-    /// From the unit text of a header (`uV`, `mV`, `V`, `nV`; the micro sign in any encoding).
+    /// Interprets the unit text of a header: `uV`, `mV`, `V` or `nV`, with the micro sign in any
+    /// encoding.
     pub fn from_text(text: &str) -> Self {
         let text = text.trim();
         let microvolts = match text.replace(['µ', 'μ'], "u").as_str() {
@@ -30,8 +31,8 @@ impl Unit {
         }
     }
 
-    /// From a GDF 2 physical dimension code (4256 V, 4274 mV, 4275 uV, 4276 nV); code 0 means
-    /// that the header gives only the text.
+    /// Interprets a GDF 2 physical dimension code: 4256 V, 4274 mV, 4275 uV, 4276 nV. For code 0 the
+    /// header has only the text.
     pub fn from_gdf_code(code: u16, text: &str) -> Self {
         if code == 0 {
             return Self::from_text(text);
@@ -51,7 +52,7 @@ impl Unit {
         Self { text, microvolts }
     }
 
-    /// uV per unit; `None` when the unit is not a voltage we know.
+    /// Size of the unit, uV; `None` unless it is one of the supported voltages.
     pub fn microvolts(&self) -> Option<f64> {
         self.microvolts
     }
@@ -72,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn voltages_are_known_by_text_and_by_code() {
+    fn voltages_are_recognised_by_text_and_by_code() {
         for (text, microvolts) in [
             ("uV", 1.0),
             (" µV ", 1.0),

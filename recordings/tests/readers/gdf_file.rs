@@ -1,6 +1,6 @@
-//! Writes small GDF 1.25 and 2.20 files.
+//! Builds small GDF 1.25 and 2.20 files.
 
-/// One signal: its header fields and its samples as stored, record after record.
+/// One signal: its header fields and the encoded samples of all records.
 #[derive(Debug, Clone)]
 pub(crate) struct GdfSignal {
     pub(crate) label: &'static str,
@@ -14,8 +14,8 @@ pub(crate) struct GdfSignal {
 }
 
 impl GdfSignal {
-    /// Samples of any type whose unit is one step of 1 uV.
-    pub(crate) fn of_type(type_number: u32, samples_per_record: u32, data: Vec<u8>) -> Self {
+    /// Creates a signal of any GDF sample type with 1 uV per digital unit.
+    pub(crate) fn with_type(type_number: u32, samples_per_record: u32, data: Vec<u8>) -> Self {
         let ranges = [-100.0, 100.0, -100.0, 100.0];
         let (label, unit, unit_code) = ("Cz", "uV", 4275);
         Self {
@@ -36,19 +36,19 @@ impl GdfSignal {
             .collect();
         Self {
             label,
-            ..Self::of_type(16, samples_per_record, data)
+            ..Self::with_type(16, samples_per_record, data)
         }
     }
 }
 
-/// A file to write.
+/// The header fields and signals of a file.
 #[derive(Debug, Clone)]
 pub(crate) struct GdfFile {
     pub(crate) version_1: bool,
     pub(crate) records: i64,
     pub(crate) duration: (u32, u32),
     pub(crate) signals: Vec<GdfSignal>,
-    /// Bytes between the signals' headers and the records, as the optional third header.
+    /// Bytes of the optional third header, between the header of the signals and the records.
     pub(crate) third_header: Vec<u8>,
     pub(crate) events: Vec<u8>,
 }
@@ -87,13 +87,13 @@ impl GdfFile {
             };
             signal.samples_per_record as usize * bytes
         };
-        let most = self
+        let records = self
             .signals
             .iter()
             .map(|s| s.data.len() / size(s).max(1))
             .max()
             .unwrap_or(0);
-        for record in 0..most {
+        for record in 0..records {
             for signal in &self.signals {
                 let size = size(signal);
                 out.extend_from_slice(&signal.data[record * size..(record + 1) * size]);

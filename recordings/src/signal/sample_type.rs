@@ -1,22 +1,22 @@
-//! Sample types: how one number is stored in a record.
+//! Encoding of the samples in a record.
 
-/// How one sample is stored; always little-endian.
+/// Encoding of one sample; always little-endian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SampleType {
-    /// Two's complement of 1 to 8 bytes.
+    /// Two's complement integer of 1 to 8 bytes.
     Signed(u8),
-    /// Unsigned of 1 to 8 bytes.
+    /// Unsigned integer of 1 to 8 bytes.
     Unsigned(u8),
-    /// IEEE 754 single.
+    /// IEEE 754 single precision.
     Float32,
-    /// IEEE 754 double.
+    /// IEEE 754 double precision.
     Float64,
 }
 
 impl SampleType {
-    /// From a GDF type number: 1 i8, 2 u8, 3 i16, 4 u16, 5 i32, 6 u32, 7 i64, 8 u64, 16 f32,
-    /// 17 f64, 255+n signed and 511+n unsigned of n bits (n a multiple of 8 up to 64; packed
-    /// bit fields and 128-bit floats are `None`).
+    /// Converts a GDF type number: 1 i8, 2 u8, 3 i16, 4 u16, 5 i32, 6 u32, 7 i64, 8 u64, 16 f32,
+    /// 17 f64, 255+n signed and 511+n unsigned integers of n bits, where n is a multiple of 8 up to
+    /// 64. Returns `None` for packed bit fields and 128-bit floats.
     pub fn from_gdf(number: u32) -> Option<Self> {
         let bytes = |bits: u32| match bits {
             8 | 16 | 24 | 32 | 40 | 48 | 56 | 64 => u8::try_from(bits / 8).ok(),
@@ -48,8 +48,8 @@ impl SampleType {
         }
     }
 
-    /// Appends `map(digital value)` of every whole sample in `raw`. 64-bit integers beyond 2^53
-    /// are rounded to the nearest f64.
+    /// Decodes every whole sample in `raw` and appends `map(digital value)` to `out`. 64-bit integers
+    /// beyond 2^53 are rounded to the nearest f64.
     pub(crate) fn decode(self, raw: &[u8], map: impl Fn(f64) -> f64, out: &mut Vec<f64>) {
         let samples = raw.chunks_exact(self.bytes());
         match self {
@@ -70,7 +70,7 @@ impl SampleType {
     }
 }
 
-/// Little-endian bytes, at most eight, in the low end of a word.
+/// Returns at most eight little-endian bytes as the low bytes of a word.
 fn word(raw: &[u8]) -> u64 {
     raw.iter()
         .rev()
@@ -79,7 +79,7 @@ fn word(raw: &[u8]) -> u64 {
 
 #[expect(
     clippy::cast_precision_loss,
-    reason = "beyond 2^53 the nearest f64 is what is documented"
+    reason = "rounding beyond 2^53 is documented"
 )]
 fn unsigned(raw: &[u8]) -> f64 {
     word(raw) as f64
@@ -87,7 +87,7 @@ fn unsigned(raw: &[u8]) -> f64 {
 
 #[expect(
     clippy::cast_precision_loss,
-    reason = "beyond 2^53 the nearest f64 is what is documented"
+    reason = "rounding beyond 2^53 is documented"
 )]
 fn signed(raw: &[u8]) -> f64 {
     let unused_bits = 64 - 8 * raw.len();
@@ -105,35 +105,38 @@ mod tests {
     }
 
     #[test]
-    fn every_gdf_type_keeps_sign_and_rails() {
-        let type_of = |number| SampleType::from_gdf(number).expect("known type");
-        assert_eq!(decoded(type_of(1), &[0x80, 0x7f]), [-128.0, 127.0]);
-        assert_eq!(decoded(type_of(2), &[0x80, 0xff]), [128.0, 255.0]);
+    fn every_gdf_type_keeps_its_sign_and_its_extremes() {
+        let sample_type = |number| SampleType::from_gdf(number).expect("known type");
+        assert_eq!(decoded(sample_type(1), &[0x80, 0x7f]), [-128.0, 127.0]);
+        assert_eq!(decoded(sample_type(2), &[0x80, 0xff]), [128.0, 255.0]);
         assert_eq!(
-            decoded(type_of(3), &[0, 0x80, 0xff, 0x7f]),
+            decoded(sample_type(3), &[0, 0x80, 0xff, 0x7f]),
             [-32768.0, 32767.0]
         );
-        assert_eq!(decoded(type_of(4), &[0xff, 0xff]), [65535.0]);
+        assert_eq!(decoded(sample_type(4), &[0xff, 0xff]), [65535.0]);
         assert_eq!(
-            decoded(type_of(5), &i32::MIN.to_le_bytes()),
+            decoded(sample_type(5), &i32::MIN.to_le_bytes()),
             [-2_147_483_648.0]
         );
         assert_eq!(
-            decoded(type_of(6), &u32::MAX.to_le_bytes()),
+            decoded(sample_type(6), &u32::MAX.to_le_bytes()),
             [4_294_967_295.0]
         );
-        assert_eq!(decoded(type_of(7), &(-5_i64).to_le_bytes()), [-5.0]);
+        assert_eq!(decoded(sample_type(7), &(-5_i64).to_le_bytes()), [-5.0]);
         assert_eq!(
-            decoded(type_of(8), &(1_u64 << 63).to_le_bytes()),
+            decoded(sample_type(8), &(1_u64 << 63).to_le_bytes()),
             [9_223_372_036_854_775_808.0]
         );
-        assert_eq!(decoded(type_of(16), &(-1.5_f32).to_le_bytes()), [-1.5]);
-        assert_eq!(decoded(type_of(17), &0.1_f64.to_le_bytes()), [0.1]);
+        assert_eq!(decoded(sample_type(16), &(-1.5_f32).to_le_bytes()), [-1.5]);
+        assert_eq!(decoded(sample_type(17), &0.1_f64.to_le_bytes()), [0.1]);
         assert_eq!(
-            decoded(type_of(279), &[0, 0, 0x80, 0xff, 0xff, 0x7f]),
+            decoded(sample_type(279), &[0, 0, 0x80, 0xff, 0xff, 0x7f]),
             [-8_388_608.0, 8_388_607.0]
         );
-        assert_eq!(decoded(type_of(535), &[0xff, 0xff, 0xff]), [16_777_215.0]);
+        assert_eq!(
+            decoded(sample_type(535), &[0xff, 0xff, 0xff]),
+            [16_777_215.0]
+        );
     }
 
     #[test]

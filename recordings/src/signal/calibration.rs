@@ -1,15 +1,15 @@
-//! From digital to physical values.
+//! Conversion from digital to physical values.
 
 /// The straight line through (digital min, physical min) and (digital max, physical max).
 ///
-/// `physical = (d - digital_min) * gain + physical_min`,
-/// `gain = (physical_max - physical_min) / (digital_max - digital_min)`. Digital values are in
-/// the sample type's own steps; GDF applies the line to float samples too.
+/// `physical = (d - digital_min) * gain + physical_min` with
+/// `gain = (physical_max - physical_min) / (digital_max - digital_min)`. GDF applies the line to
+/// float samples too.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Calibration {
-    /// Smallest digital value the header announces, steps.
+    /// Smallest digital value according to the header.
     pub digital_min: f64,
-    /// Largest digital value the header announces, steps.
+    /// Largest digital value according to the header.
     pub digital_max: f64,
     /// Physical value of `digital_min`, in the signal's unit.
     pub physical_min: f64,
@@ -18,18 +18,18 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Whether all four numbers are finite and the digital range is not empty.
+    /// Returns whether all four numbers are finite and the digital range is not empty.
     pub(crate) fn is_usable(&self) -> bool {
         let range = self.digital_max - self.digital_min;
         range.is_finite() && range != 0.0 && (self.physical_max - self.physical_min).is_finite()
     }
 
-    /// Physical units per digital step.
+    /// Slope of the line: physical units per digital unit.
     pub fn gain(&self) -> f64 {
         (self.physical_max - self.physical_min) / (self.digital_max - self.digital_min)
     }
 
-    /// The physical value of a digital one; values outside the announced range are kept.
+    /// Converts a digital value. Values outside the announced range are not clamped.
     pub fn physical(&self, digital: f64) -> f64 {
         (digital - self.digital_min) * self.gain() + self.physical_min
     }

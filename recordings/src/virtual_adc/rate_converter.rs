@@ -1,0 +1,224 @@
+//! Band-limited conversion of several signals from one rate to the rate of the ADC.
+
+use rubato::{
+    Fft, FixedSync, Resampler,
+    audioadapter_buffers::direct::{SequentialSliceOfSlices, SequentialSliceOfVecs},
+};
+
+use crate::{
+    error::RecordingError,
+    ratio::{Ratio, greatest_common_divisor},
+};
+
+/// Samples per transform on the slower side. 1024 put the edge of the anti-aliasing filter at 0.986 of
+/// the lower Nyquist frequency.
+const BLOCK: u64 = 1024;
+/// Upper limit of samples per transform on either side. Pairs of rates that need more are refused.
+const BLOCK_MAX: u64 = 1 << 17;
+
+/// Consumed outputs that are kept before their memory is reused: few compared with one block, and
+/// enough that moving the remaining outputs costs little per sample.
+const CONSUMED_MAX: usize = 4096;
+
+/// Converts the rate of several signals without a time shift: output k is the input at the time
+/// k / output rate.
+///
+/// Before its first and after its last sample, a signal is extended by its end value, so that an
+/// electrode offset does not ring. Within half a block (512 input samples) of either end, the output
+/// therefore depends on this extension.
+pub(crate) struct RateConverter {
+    resampler: Option<BlockResampler>,
+    /// Unconverted samples of each signal, uV.
+    input: Vec<Vec<f64>>,
+    /// Converted samples of each signal, uV. The first `consumed` of each are no longer needed.
+    output: Vec<Vec<f64>>,
+    consumed: usize,
+}
+
+/// The resampler and the state that compensates its delay. Absent if the rates are equal.
+struct BlockResampler {
+    resampler: Fft<f64>,
+    converted: Vec<Vec<f64>>,
+    block_in: usize,
+    block_out: usize,
+    /// Number of outputs still to be discarded: the block that primes the filter, and its delay.
+    skip: usize,
+    primed: bool,
+}
+
+impl RateConverter {
+    /// Creates a converter from `rate` to `rate_hz` for a number of signals.
+    ///
+    /// # Errors
+    /// [`RecordingError`] if the resampler cannot be built; an inner `Err(reason)` if the two rates
+    /// need a transform longer than [`BLOCK_MAX`].
+    pub(crate) fn new(
+        rate: Ratio,
+        rate_hz: u32,
+        signals: usize,
+    ) -> Result<Result<Self, &'static str>, RecordingError> {
+        let empty = || vec![Vec::new(); signals];
+        let mut converter = Self {
+            resampler: None,
+            input: empty(),
+            output: empty(),
+            consumed: 0,
+        };
+        let Some(wanted) = u64::from(rate_hz).checked_mul(rate.denominator()) else {
+            return Ok(Err("its rate is not a simple fraction"));
+        };
+        if wanted == rate.numerator() {
+            return Ok(Ok(converter));
+        }
+        let divisor = greatest_common_divisor(wanted, rate.numerator());
+        let (unit_in, unit_out) = (rate.numerator() / divisor, wanted / divisor);
+        // An even number of units, so that the delay of the filter is an integer on both sides.
+        let most = BLOCK_MAX / unit_in.max(unit_out) / 2 * 2;
+        let units = BLOCK
+            .div_ceil(unit_in.min(unit_out))
+            .next_multiple_of(2)
+            .min(most);
+        if units == 0 {
+            return Ok(Err("the ratio of the two rates needs too long a transform"));
+        }
+        let size = |unit: u64| usize::try_from(units * unit).unwrap_or(usize::MAX);
+        let (block_in, block_out) = (size(unit_in), size(unit_out));
+        let resampler = Fft::new_custom(
+            block_in,
+            block_out,
+            block_in,
+            1,
+            signals,
+            rubato::WindowFunction::BlackmanHarris2,
+            FixedSync::Both,
+        )?;
+        let skip = block_out + resampler.output_delay();
+        let converted = vec![vec![0.0; block_out]; signals];
+        converter.resampler = Some(BlockResampler {
+            resampler,
+            converted,
+            block_in,
+            block_out,
+            skip,
+            primed: false,
+        });
+        Ok(Ok(converter))
+    }
+
+    /// Returns the queue to which new samples of a signal, uV, are appended.
+    pub(crate) fn queue_mut(&mut self, signal: usize) -> &mut Vec<f64> {
+        if self.resampler.is_some() {
+            &mut self.input[signal]
+        } else {
+            &mut self.output[signal]
+        }
+    }
+
+    /// Converts all complete blocks of the appended samples.
+    ///
+    /// # Errors
+    /// [`RecordingError::Resampler`] and [`RecordingError::ResamplerBuffer`], both defects.
+    pub(crate) fn convert(&mut self) -> Result<(), RecordingError> {
+        let Some(resampler) = &mut self.resampler else {
+            return Ok(());
+        };
+        if !resampler.primed {
+            if self.input.iter().any(Vec::is_empty) {
+                return Ok(());
+            }
+            for queue in &mut self.input {
+                let held = std::iter::repeat_n(queue[0], resampler.block_in);
+                queue.splice(0..0, held);
+            }
+            resampler.primed = true;
+        }
+        let waiting = self.input.iter().map(Vec::len).min().unwrap_or(0);
+        let mut at = 0;
+        while at + resampler.block_in <= waiting {
+            resampler.convert(&self.input, at, &mut self.output)?;
+            at += resampler.block_in;
+        }
+        for queue in &mut self.input {
+            queue.drain(..at);
+        }
+        Ok(())
+    }
+
+    /// Extends each signal by one block of its value in `held` and converts it, which yields the last
+    /// outputs.
+    ///
+    /// # Errors
+    /// [`RecordingError::Resampler`] and [`RecordingError::ResamplerBuffer`], both defects.
+    pub(crate) fn flush(&mut self, held: &[f64]) -> Result<(), RecordingError> {
+        let block = self
+            .resampler
+            .as_ref()
+            .map_or(1, |resampler| resampler.block_in);
+        for (signal, &value) in held.iter().enumerate() {
+            self.queue_mut(signal)
+                .extend(std::iter::repeat_n(value, block));
+        }
+        self.convert()
+    }
+
+    /// Number of outputs available for every signal.
+    pub(crate) fn ready(&self) -> usize {
+        self.output.iter().map(Vec::len).min().unwrap_or(0) - self.consumed
+    }
+
+    /// Returns the next output of a signal, uV. Call it only if [`Self::ready`] is not 0.
+    pub(crate) fn peek(&self, signal: usize) -> f64 {
+        self.output[signal]
+            .get(self.consumed)
+            .copied()
+            .unwrap_or(0.0)
+    }
+
+    /// Samples in memory per signal: inputs and outputs, including consumed ones.
+    #[cfg(test)]
+    pub(crate) fn queued_samples(&self) -> usize {
+        let longest = |queues: &[Vec<f64>]| queues.iter().map(Vec::len).max().unwrap_or(0);
+        longest(&self.input) + longest(&self.output)
+    }
+
+    /// Advances to the next output.
+    ///
+    /// Memory is released after a fixed number of outputs, not when the queue is empty: next to a
+    /// converter with a longer delay, this one has outputs queued until the end of the recording.
+    pub(crate) fn advance(&mut self) {
+        self.consumed += 1;
+        if self.consumed >= CONSUMED_MAX {
+            for queue in &mut self.output {
+                queue.drain(..self.consumed);
+            }
+            self.consumed = 0;
+        }
+    }
+}
+
+impl BlockResampler {
+    fn convert(
+        &mut self,
+        input: &[Vec<f64>],
+        at: usize,
+        output: &mut [Vec<f64>],
+    ) -> Result<(), RecordingError> {
+        let signals = input.len();
+        let block: Vec<&[f64]> = input
+            .iter()
+            .map(|queue| &queue[at..at + self.block_in])
+            .collect();
+        let from = SequentialSliceOfSlices::new(&block, signals, self.block_in);
+        let to = SequentialSliceOfVecs::new_mut(&mut self.converted, signals, self.block_out);
+        let (Ok(from), Ok(mut to)) = (from, to) else {
+            return Err(RecordingError::ResamplerBuffer);
+        };
+        self.resampler.process_into_buffer(&from, &mut to, None)?;
+        let skip = self.skip.min(self.block_out);
+        self.skip -= skip;
+        for (queue, converted) in output.iter_mut().zip(&self.converted) {
+            queue.extend_from_slice(&converted[skip..]);
+        }
+        Ok(())
+    }
+}
