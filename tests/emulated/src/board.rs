@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use emulator::{EmulatorError, Image, MACHINES, Machine, Qemu, Uart, figures, skip};
+use emulator::{EmulatorError, Image, MACHINES, Machine, Qemu, Uart, figures, installed};
 use model::ADC_RATE_HZ;
 use pipeline::Sample;
 use serde::Serialize;
@@ -41,7 +41,7 @@ pub struct Board {
 /// # Panics
 /// When the image does not build, or with `CORTICODE_REQUIRE_ROS=1` where something is missing.
 pub fn boards(test: &str, program: &str) -> impl Iterator<Item = Board> {
-    let machines: &[Machine] = if skip::emulator_available(test) {
+    let machines: &[Machine] = if installed::available(test) {
         &MACHINES
     } else {
         &[]

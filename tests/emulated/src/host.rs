@@ -26,9 +26,9 @@ pub fn sent(streams: Streams, samples: &[Sample]) -> Vec<u8> {
     let sent = thread::scope(|scope| {
         let reader = scope.spawn(|| {
             let mut sent = Vec::new();
-            while let Some(frame) = outbox.take() {
+            while let Some(frame) = outbox.pop() {
                 sent.extend(frame);
-                outbox.written();
+                outbox.mark_written();
             }
             sent
         });
@@ -38,7 +38,7 @@ pub fn sent(streams: Streams, samples: &[Sample]) -> Vec<u8> {
         };
         board.start(start, 0);
         for (index, sample) in (0..).zip(samples) {
-            board.sample(sample, index * 1_000_000 / u64::from(ADC_RATE_HZ));
+            board.process_sample(sample, index * 1_000_000 / u64::from(ADC_RATE_HZ));
         }
         outbox.drain(DRAIN_TIMEOUT);
         outbox.close();

@@ -8,7 +8,8 @@ use std::process::{Command, Stdio};
 use serde::Deserialize;
 
 use crate::error::EmulatorError;
-use crate::machine::{TARGET, check_target};
+use crate::installed::check_target;
+use crate::machine::TARGET;
 
 /// A linked program for a microcontroller.
 #[derive(Debug, Clone)]

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use clap::Parser;
 use emulated::board::APPLICATION;
-use emulator::{EmulatorError, Image, MACHINES, Qemu, Uart, machine};
+use emulator::{EmulatorError, Image, MACHINES, Qemu, Uart, installed};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 /// Interval between two looks at QEMU and the signals.
@@ -38,7 +38,7 @@ fn main() -> ExitCode {
 
 /// Runs QEMU until a signal. Without a file of samples the image makes synthetic EEG.
 fn run(port: u16) -> Result<(), Box<dyn Error>> {
-    machine::check_installed()?;
+    installed::check()?;
     let [cortex_m4f, _] = MACHINES;
     let image = Image::build(APPLICATION, APPLICATION, cortex_m4f.features)?;
     let folder = image.create_folder("emulated/live")?;
