@@ -1,4 +1,4 @@
-//! Decoding inverts encoding.
+//! Frames of any content: decoding inverts encoding, faults are found.
 
 use std::vec::Vec;
 
@@ -10,7 +10,7 @@ use crate::frame::CHANNELS;
 use crate::frame::frame_bytes;
 use crate::status_word::ChipFault;
 
-/// The bits of a frame as a chain sends them; `other` fills the don't-care bits.
+/// Returns a frame as a chain sends it; `other` fills the don't-care bits.
 fn encode<const CHIPS: usize, const BYTES: usize>(
     status: u32,
     counts: &[[i32; CHANNELS]; CHIPS],
@@ -32,7 +32,7 @@ fn encode<const CHIPS: usize, const BYTES: usize>(
     pack(&bits)
 }
 
-/// Bits in bytes, the first uppermost; what is missing is 0.
+/// Packs bits into bytes, most significant first; missing bits are 0.
 fn pack<const BYTES: usize>(bits: &[bool]) -> [u8; BYTES] {
     let mut frame = [0; BYTES];
     for (byte, bits) in frame.iter_mut().zip(bits.chunks(8)) {
@@ -105,7 +105,7 @@ proptest! {
 }
 
 #[test]
-fn the_sign_turns_over_where_it_should() {
+fn the_sign_bit_is_bit_23() {
     let mut frame = [0_u8; frame_bytes(1)];
     frame[0] = 0xC0;
     frame[3..12].copy_from_slice(&[0x7F, 0xFF, 0xFF, 0x80, 0x00, 0x00, 0xFF, 0xFF, 0xFF]);
@@ -115,7 +115,7 @@ fn the_sign_turns_over_where_it_should() {
 }
 
 #[test]
-fn lead_off_bits_and_pins_stand_in_the_status_word() {
+fn lead_off_bits_and_pins_are_in_the_status_word() {
     let mut frame = [0_u8; frame_bytes(1)];
     frame[..3].copy_from_slice(&[0xC8, 0x10, 0x2A]);
     let mut counts = [[0; CHANNELS]];
@@ -127,7 +127,7 @@ fn lead_off_bits_and_pins_stand_in_the_status_word() {
     assert_eq!(word.fault(), None);
 }
 
-/// Counts that differ from frame to frame.
+/// Returns counts that differ from frame to frame.
 fn moving(frame: i32) -> [[i32; CHANNELS]; 8] {
     let mut count = frame;
     [[(); CHANNELS]; 8].map(|chip| {
@@ -187,7 +187,7 @@ fn a_lost_bit_in_the_first_frame_of_two_chips_does_not_last() {
     let mut decoder = Decoder::<2>::new();
     let mut decoded = [[0; CHANNELS]; 2];
     let two = |n| [moving(n)[0], moving(n)[1]];
-    // A clock edge too many between the chips looks like the other alignment.
+    // An extra clock edge between the chips looks like the other alignment.
     let slipped: [u8; 55] = encode(0xC0_0000, &two(0), Alignment::Spaced, false);
     decoder.decode(&slipped, &mut decoded);
     let mut flagged = 0;

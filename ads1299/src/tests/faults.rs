@@ -17,7 +17,7 @@ use crate::status_word::ChipFault;
 
 const CHIPS: usize = 8;
 
-/// Streams 20 sound frames, breaks a chip, and gives the status and the edge of what comes next.
+/// Streams 20 valid frames, breaks a chip, and returns status and edge of the next frames.
 fn next_frames(
     alignment: Alignment,
     chip: usize,
@@ -61,7 +61,7 @@ fn a_chip_that_dies_is_the_first_of_those_without_a_signal() {
             let (statuses, _, _) = next_frames(alignment, chip, Fault::Dead, 3);
             for status in statuses {
                 assert_eq!(first_fault(&status), Some((chip, ChipFault::OnlyZeros)));
-                // What stands behind it does not get past it, and what stands before it does.
+                // A dead chip blocks the data of the chips after it, not of those before it.
                 assert_eq!(status.bad, (0xFF_u8 >> chip) << chip);
             }
         }
@@ -95,7 +95,7 @@ fn chip_0_dies_and_drdy_with_it() {
 }
 
 #[test]
-fn stuck_data_are_seen_with_the_first_repetition() {
+fn stuck_data_are_detected_at_the_first_repetition() {
     for chip in 0..CHIPS {
         let (statuses, _, _) = next_frames(Alignment::Spaced, chip, Fault::StuckData, 3);
         for status in statuses {
@@ -106,7 +106,7 @@ fn stuck_data_are_seen_with_the_first_repetition() {
 }
 
 #[test]
-fn a_wrong_status_is_seen_in_its_frame() {
+fn a_wrong_status_is_detected_in_its_frame() {
     for chip in 0..CHIPS {
         for nibble in (0..16).filter(|nibble| *nibble != 0b1100) {
             let fault = Fault::WrongNibble(nibble);
@@ -120,7 +120,7 @@ fn a_wrong_status_is_seen_in_its_frame() {
 }
 
 #[test]
-fn a_chip_that_comes_a_bit_late_is_the_first_of_those_that_do() {
+fn the_first_chip_with_shifted_data_is_the_cause() {
     for alignment in [Alignment::Packed, Alignment::Spaced] {
         for chip in 0..CHIPS {
             let (statuses, _, _) = next_frames(alignment, chip, Fault::ShiftedBit, 2);
@@ -133,9 +133,9 @@ fn a_chip_that_comes_a_bit_late_is_the_first_of_those_that_do() {
 }
 
 #[test]
-fn a_doubled_rate_is_seen_with_the_next_edge_and_measured() {
+fn a_doubled_rate_is_detected_at_the_next_edge_and_measured() {
     let (_, edges, meter) = next_frames(Alignment::Spaced, 0, Fault::DoubleRate, 3);
-    // One conversion had begun at the old rate.
+    // One conversion had started at the old rate.
     assert_eq!(edges[1..], [Edge::Early; 2]);
     let error = meter.check().expect_err("too fast");
     assert!(
@@ -172,7 +172,7 @@ fn a_chip_that_starts_at_twice_the_rate_is_named_with_the_factor() {
 }
 
 #[test]
-fn a_clock_that_is_not_the_set_one_is_measured() {
+fn a_wrong_clock_is_measured() {
     let options = Options {
         clock_hz: 2_048_000,
         ..Options::default()
@@ -195,19 +195,19 @@ fn a_clock_that_is_not_the_set_one_is_measured() {
 }
 
 #[test]
-fn a_missed_drdy_is_seen_and_counted_with_the_next_one() {
+fn a_missed_drdy_is_counted_at_the_next_edge() {
     let (_, edges, meter) = next_frames(Alignment::Spaced, 0, Fault::MissedReady, 2);
     assert_eq!(edges, [Edge::Missed(1), Edge::OnTime]);
     assert_eq!(meter.missed(), 1);
 }
 
 #[test]
-fn edges_of_any_times_neither_overflow_nor_divide_by_nothing() {
+fn edges_at_any_times_neither_overflow_nor_divide_by_zero() {
     let mut meter = ReadyMeter::new(3, Clock::EEG, Rate::Div128);
     assert_eq!(meter.edge(0), Edge::First);
     assert_eq!(meter.edge(0), Edge::Early);
     assert_eq!(meter.check(), Err(RateError::NotMeasured { chip: 3 }));
-    // Just above two and a half periods of 61 us: the third has come, late or early.
+    // Just above 2.5 periods of 61 us: the edge counts as the third, and two are missing.
     assert_eq!(meter.edge(153), Edge::Missed(2));
     assert_eq!(meter.edge(u64::MAX), Edge::Missed(u32::MAX));
     assert_eq!(meter.edge(5), Edge::Early);
@@ -228,7 +228,7 @@ fn a_frame_that_is_read_too_late_is_flagged() {
         assert!(decoder.decode(&frame, &mut counts).is_sound());
     }
     finish(streaming.ready(&mut drdy)).unwrap().unwrap();
-    // The next sample falls into the burst of 108 us.
+    // The next conversion ends during the burst of 108 us.
     simulation.pass_us(1953 - 50);
     finish(streaming.read(&mut frame)).unwrap().unwrap();
     let status = decoder.decode(&frame, &mut counts);

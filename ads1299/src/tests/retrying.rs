@@ -1,4 +1,4 @@
-//! A chain whose supplies come late or go, and one that is broken for good.
+//! Retries: supplies that come late or fail, and a chip that stays broken.
 
 use std::vec::Vec;
 
@@ -40,7 +40,7 @@ impl Bench {
         }
     }
 
-    /// Samples until a time, with what was found and their stamps. Each comes before the next one is due.
+    /// Returns the readings until `us` with their stamps, and asserts that each comes before the next is due.
     fn until(&mut self, us: u64) -> Vec<(Reading<CHIPS>, u64)> {
         let mut found = Vec::new();
         let mut before_us = self.drdy.now_us();
@@ -62,18 +62,18 @@ impl Bench {
     }
 }
 
-/// The number of samples that were missed.
+/// Returns the number of missed samples.
 fn missed(found: &[(Reading<CHIPS>, u64)]) -> u32 {
     found.iter().map(|(reading, _)| reading.missed).sum()
 }
 
-/// Whether stamps follow each other like samples: none left out, none twice.
+/// Asserts that stamps are one period apart: none omitted, none repeated.
 fn assert_rhythm(found: &[(Reading<CHIPS>, u64)]) {
     for pair in found.windows(2) {
         let [(_, before), (_, after)] = pair else {
             continue;
         };
-        // Where flagged samples pass into real ones the phase changes, by less than a period.
+        // Between flagged and real samples the phase changes by less than a period.
         let interval = after - before;
         assert!(
             (1..2 * PERIOD_US).contains(&interval),
@@ -90,12 +90,12 @@ fn a_chain_whose_power_comes_late_streams_without_a_self_test() {
     assert!(found.iter().all(|(reading, _)| reading.bad == 0xFF));
     assert!(bench.resets() > 1, "it was tried again");
     bench.simulation.power_on();
-    // At worst an attempt has just begun: its end, the pause, and a whole one.
+    // Worst case: an attempt has just started, then the retry time, then a whole attempt.
     let found = [found, bench.until(9_000_000 + RETRY_US + 3_000_000)].concat();
     assert!(found.last().is_some_and(|(reading, _)| reading.is_sound()));
     assert_eq!(bench.chain.failure(), None);
     assert_rhythm(&found);
-    // The silence after the first attempt: three periods went by before it was one.
+    // The silence counts from its fourth period on, after the first attempt.
     assert_eq!(missed(&found), 3);
     assert_eq!(bench.simulation.violations(), 0);
 }
@@ -108,7 +108,7 @@ fn a_chain_that_loses_its_power_while_it_runs_comes_back() {
     bench.simulation.power_off();
     let off = bench.until(4_000_000);
     assert_eq!(missed(&off), 3, "until it is called a silence");
-    // START is high: chips that nobody has set up convert, at 256 Hz, and their frames look sound.
+    // START is high: chips without settings convert at 256 Hz, and their frames look valid.
     bench.simulation.power_on();
     let found = bench.until(4_000_000 + RETRY_US + 3_000_000);
     assert!(found.iter().any(|(reading, _)| reading.missed == 1));
@@ -123,7 +123,7 @@ fn a_broken_chip_costs_the_others_no_sample() {
         let mut bench = Bench::new(|simulation| simulation.inject(5, fault));
         let resets = bench.resets();
         let found = bench.until(20_000_000);
-        // The frame's status repeats only from the second sample on.
+        // A repetition needs a second sample.
         let is_broken = |(reading, _): &(Reading<CHIPS>, u64)| {
             reading.culprit() == Some(5) && reading.missed == 0
         };
@@ -133,13 +133,13 @@ fn a_broken_chip_costs_the_others_no_sample() {
 }
 
 #[test]
-fn a_chain_without_its_first_chip_is_tried_again_and_costs_nobody_anything() {
+fn a_chain_without_its_first_chip_is_retried_without_delaying_samples() {
     let mut bench = Bench::new(|simulation| simulation.inject(0, Fault::Dead));
     let found = bench.until(14_000_000);
     assert!(found.iter().all(|(reading, _)| reading.bad == 0xFF));
     assert!(bench.resets() >= 3);
     assert_rhythm(&found);
-    // Its own registers are those of a reset: it converts at 256 Hz until the chain is set up again.
+    // The chip has its reset values: it converts at 256 Hz until the chain is set up again.
     bench.simulation.repair(0);
     let found = bench.until(23_000_000);
     assert!(found.last().is_some_and(|(reading, _)| reading.is_sound()));
@@ -156,7 +156,7 @@ fn a_loss_of_supply_clears_the_registers_and_restarts_the_wait_for_a_reset() {
     assert!(simulation.next_edge_ns().is_some());
     simulation.power_off();
     assert_eq!(simulation.next_edge_ns(), None);
-    // Without power nothing is too early, and nothing answers.
+    // Without power there are no timing violations, and no chip answers.
     let power_up = || {
         let mut chain = simulation.chain();
         finish(chain.power_up(&Settings::EEG)).unwrap().map(|_| ())

@@ -1,4 +1,4 @@
-//! A chain in use: faults while it runs, starts and stops.
+//! The sampler: faults while it runs, starts and stops.
 
 use std::vec::Vec;
 
@@ -23,7 +23,7 @@ const CHIPS: usize = 8;
 type Simulated =
     Sampler<SimulatedBus<CHIPS>, SimulatedLine<CHIPS>, SimulatedDelay<CHIPS>, CHIPS, 217>;
 
-/// A chain that runs, read edge by edge.
+/// A running chain that is read edge by edge.
 struct Bench {
     simulation: Simulation<CHIPS>,
     sampler: Simulated,
@@ -31,7 +31,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// A chain on which something may be broken from the beginning.
+    /// Creates a chain, optionally with a fault from the start.
     fn broken(electrodes: Electrodes<CHIPS>, broken: Option<(usize, Fault)>) -> Self {
         let simulation = Simulation::new(Options::default(), electrodes);
         if let Some((chip, fault)) = broken {
@@ -57,7 +57,7 @@ impl Bench {
     }
 }
 
-/// Counts that tell sample, chip and channel.
+/// Returns counts that encode sample, chip and channel.
 fn numbered() -> Electrodes<CHIPS> {
     Electrodes::counts(|sample, counts| {
         for (place, count) in (0..).zip(counts.as_flattened_mut()) {
@@ -66,7 +66,7 @@ fn numbered() -> Electrodes<CHIPS> {
     })
 }
 
-/// The first sample's number of a chip's counts.
+/// Returns the sample number encoded in a chip's counts.
 fn number(counts: &[i32; CHANNELS]) -> i32 {
     counts[0] / 1000
 }
@@ -100,7 +100,7 @@ fn every_fault_of_a_frame_names_its_chip_and_holds_its_counts() {
             for _ in 0..3 {
                 let reading = bench.next();
                 assert_eq!(reading.culprit(), Some(u8::try_from(chip).unwrap()));
-                // What stands behind a chip that is dead or late is lost with it.
+                // A dead or shifted chip also affects the chips after it.
                 for (other, counts) in bench.sampler.counts().iter().enumerate() {
                     let is_bad = reading.bad >> other & 1 != 0;
                     assert_eq!(is_bad, number(counts) == 19, "{fault:?} {chip} {other}");
@@ -117,10 +117,10 @@ fn every_fault_of_a_frame_names_its_chip_and_holds_its_counts() {
 }
 
 #[test]
-fn a_doubled_rate_is_flagged_with_its_first_early_edge_and_chip_0_answers_for_it() {
+fn a_doubled_rate_is_flagged_at_the_first_early_edge_and_counted_for_chip_0() {
     let mut bench = running();
     bench.simulation.inject(0, Fault::DoubleRate);
-    // A conversion had begun at the old rate.
+    // One conversion had started at the old rate.
     assert!(bench.next().is_sound());
     for _ in 0..200 {
         let reading = bench.next();
@@ -138,7 +138,7 @@ fn a_doubled_rate_is_flagged_with_its_first_early_edge_and_chip_0_answers_for_it
 }
 
 #[test]
-fn a_missed_edge_is_a_sample_that_nobody_read() {
+fn a_missed_edge_counts_as_a_missed_sample() {
     let mut bench = running();
     bench.simulation.inject(0, Fault::MissedReady);
     let reading = bench.next();
@@ -152,7 +152,7 @@ fn a_missed_edge_is_a_sample_that_nobody_read() {
 }
 
 #[test]
-fn a_clock_that_is_off_is_flagged_while_it_streams() {
+fn a_wrong_clock_is_flagged_while_streaming() {
     let options = Options {
         clock_hz: 2_048_000,
         ..Options::default()
@@ -171,7 +171,7 @@ fn a_clock_that_is_off_is_flagged_while_it_streams() {
         .collect();
     assert_eq!(flagged.iter().position(|flagged| *flagged), Some(64));
     let measured = sampler.millihertz().expect("three judgements");
-    // Stamps of 1 us over 1/8 s.
+    // Tolerance: stamps of 1 us over 1/8 s.
     assert!(measured.abs_diff(500_000) <= 10, "{measured}");
     assert!(flagged[64..].iter().all(|flagged| *flagged));
 }
@@ -188,13 +188,13 @@ fn a_chain_without_drdy_is_silent_and_all_of_its_chips_are_bad() {
     assert!(!reading.lead_off());
     bench.simulation.repair(0);
     bench.simulation.pass_us(100_000);
-    // What was silent has been counted once.
+    // The silent periods are counted once.
     assert_eq!(bench.next().missed, 0);
     assert_eq!(bench.sampler.counters().missed, 3);
 }
 
 #[test]
-fn a_chip_that_is_not_what_it_should_be_is_never_believed_and_the_others_are() {
+fn counts_of_an_unfit_chip_are_never_used_and_those_of_others_are() {
     for (chip, fault) in [
         (2, Fault::WrongId(0x92)),
         (5, Fault::Forgets(Register::CH1SET)),
@@ -217,7 +217,7 @@ fn a_chip_that_is_not_what_it_should_be_is_never_believed_and_the_others_are() {
 }
 
 #[test]
-fn an_electrode_that_comes_off_is_told_with_its_place_and_not_as_an_error() {
+fn a_disconnected_electrode_is_reported_by_channel_and_not_as_an_error() {
     let mut bench = running();
     bench.simulation.set_electrode(3, 6, true, false);
     let reading = bench.next();
@@ -231,7 +231,7 @@ fn an_electrode_that_comes_off_is_told_with_its_place_and_not_as_an_error() {
 }
 
 #[test]
-fn channels_at_a_rail_or_at_zero_do_not_make_a_chip_frozen() {
+fn channels_at_a_rail_or_at_zero_do_not_count_as_frozen() {
     let constant = |value: i32, alive: usize| {
         Electrodes::counts(move |_, counts: &mut [[i32; CHANNELS]; CHIPS]| {
             *counts = [[value; CHANNELS]; CHIPS];
@@ -271,7 +271,7 @@ fn a_chain_is_started_stopped_and_set_up_again_at_the_right_speeds() {
         finish(configured.configure(&Settings::EEG))
             .unwrap()
             .unwrap();
-        // Left without an order, as firmware that is told to test itself does.
+        // Dropped without a stop, as firmware does when a self-test is requested.
         finish(configured.start()).unwrap().unwrap();
         finish(configured.configure(&Settings::EEG))
             .unwrap()
@@ -282,7 +282,7 @@ fn a_chain_is_started_stopped_and_set_up_again_at_the_right_speeds() {
 }
 
 #[test]
-fn registers_read_at_the_speed_of_bursts_are_a_violation() {
+fn reading_registers_at_burst_speed_is_a_violation() {
     use crate::bus::{Bus as _, Speed};
     use embedded_hal::digital::OutputPin as _;
     use embedded_hal_async::delay::DelayNs as _;
@@ -305,7 +305,7 @@ fn registers_read_at_the_speed_of_bursts_are_a_violation() {
 }
 
 #[test]
-fn a_frozen_chip_is_told_from_one_with_a_wrong_status() {
+fn a_frozen_chip_and_a_wrong_status_are_distinguished() {
     let mut bench = running();
     bench.simulation.inject(6, Fault::StuckData);
     let status = bench.next().status.unwrap();

@@ -1,4 +1,4 @@
-//! The chips' own signals through the real driver, judged.
+//! Internal signals through the real driver, measured by the self-test.
 
 use std::string::ToString;
 use std::vec::Vec;
@@ -19,7 +19,7 @@ use crate::test_signal::{TestAmplitude, TestFrequency, TestSignal};
 
 const CHIPS: usize = 2;
 
-/// Streams samples of all channels at one input, and shows each to a judge.
+/// Streams samples of all channels at one input and passes each to `judge`.
 fn stream(settings: &Settings<CHIPS>, samples: u32, mut judge: impl FnMut(usize, i32)) {
     let options = Options {
         clock_hz: settings.clock.hz(),
@@ -67,7 +67,7 @@ fn the_test_signal_is_measured_within_one_percent_at_every_gain() {
             });
             for test in &tests {
                 let result = test.result();
-                // The noise of 500 samples leaves 3e-5 at gain 1.
+                // Tolerance: 500 samples average the noise to 3e-5 at gain 1.
                 assert!(
                     result.gain_error.abs() < 1e-4,
                     "{gain:?} {rate:?} {result:?}"
@@ -111,7 +111,7 @@ fn the_doubled_and_the_fast_test_signal_are_measured_as_well() {
 fn shorted_inputs_have_the_data_sheets_noise() {
     for rate in Rate::ALL {
         let mut settings = at(Gain::X24, rate, Input::Shorted);
-        // Two chips at 16 kHz want a fast bus; one sample in between may be lost, noise stays noise.
+        // Two chips at 16 kHz need a fast bus; a lost sample does not change the noise.
         settings.test_signal = TestSignal::OFF;
         let mut test = ShortedTest::new(Gain::X24);
         stream(&settings, 500, |_, count| test.add_sample(count));
@@ -126,7 +126,7 @@ fn shorted_inputs_have_the_data_sheets_noise() {
     }
 }
 
-/// A square wave of 100 samples a level, with noise of one step and a slope of three samples.
+/// Returns a square wave with 100 samples per level, noise of one amplitude, and edges of three samples.
 fn wave(level: i32, offset: i32, noise: i32) -> impl Iterator<Item = i32> {
     (0..1000).map(move |n| {
         let (place, up) = (n % 100, n / 100 % 2 == 0);
@@ -143,8 +143,8 @@ fn judged(level: i32, offset: i32, noise: i32) -> Result<(), SelfTestFault> {
 }
 
 #[test]
-fn each_limit_can_fail_and_says_which() {
-    // 1.875 mV are 83,886 counts; 0.2 uV are 9.
+fn each_limit_can_be_exceeded_and_is_named() {
+    // 1.875 mV is 83,886 counts, 0.2 uV is 9.
     assert_eq!(judged(83_886, 0, 9), Ok(()));
     assert_eq!(judged(83_886, 5000, 9), Ok(()));
     let low = judged(80_000, 0, 9).expect_err("4.6 % too low");
@@ -169,7 +169,7 @@ fn each_limit_can_fail_and_says_which() {
 }
 
 #[test]
-fn a_transition_leaves_no_trace_in_the_levels() {
+fn transitions_do_not_affect_the_measured_levels() {
     let mut test = SquareWaveTest::new(Gain::X24, TestSignal::SELF_TEST);
     wave(83_886, 0, 0).for_each(|count| test.add_sample(count));
     let result = test.result();
@@ -178,7 +178,7 @@ fn a_transition_leaves_no_trace_in_the_levels() {
 }
 
 #[test]
-fn nothing_overflows_at_the_rails_however_long() {
+fn long_streams_at_the_rails_do_not_overflow() {
     let mut test = SquareWaveTest::new(Gain::X1, TestSignal::SELF_TEST);
     let mut shorted = ShortedTest::new(Gain::X1);
     for n in 0..300_000 {
@@ -223,13 +223,13 @@ fn a_square_wave_of_100_uv_at_the_electrodes_arrives_within_one_percent() {
     }
     for sum in sums.as_flattened() {
         let uv = f64::from(*sum) / 1024.0 * Gain::X24.lsb_uv();
-        // The noise of 1024 samples leaves 0.007 uV.
+        // Tolerance: 1024 samples average the noise to 0.007 uV.
         assert!((uv - 100.0).abs() < 0.05, "{uv}");
     }
 }
 
 #[test]
-fn the_decoder_has_no_alignment_to_find_in_one_chip() {
+fn a_single_chip_has_no_alignment() {
     let mut decoder = Decoder::<1>::new();
     let mut frame = [0; frame_bytes(1)];
     frame[0] = 0xC0;

@@ -1,4 +1,4 @@
-//! Bringing a chain up.
+//! Bring-up of a chain.
 
 use std::string::ToString;
 use std::vec::Vec;
@@ -13,7 +13,7 @@ fn silent<const CHIPS: usize>(options: Options) -> Simulation<CHIPS> {
     Simulation::new(options, Electrodes::silent())
 }
 
-/// What `power_up` says of a chain with one broken chip.
+/// Returns the error of `power_up` with one broken chip.
 fn error_with(chip: usize, fault: Fault) -> Error {
     let simulation = silent::<8>(Options::default());
     simulation.inject(chip, fault);
@@ -23,7 +23,7 @@ fn error_with(chip: usize, fault: Fault) -> Error {
 }
 
 #[test]
-fn the_order_and_the_times_are_the_data_sheets() {
+fn order_and_times_follow_the_data_sheet() {
     let simulation = silent::<8>(Options::default());
     let mut chain = simulation.chain();
     let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
@@ -33,7 +33,7 @@ fn the_order_and_the_times_are_the_data_sheets() {
     let events = simulation.events();
     let time_of = |wanted: Event| events.iter().find(|(_, event)| *event == wanted).unwrap().0;
     let command = |chip, opcode| Event::Command { chip, opcode };
-    // 2^18 tCLK before the reset, 18 tCLK behind it.
+    // 2^18 tCLK before the reset, 18 tCLK after it.
     let reset = time_of(Event::Reset);
     assert!(reset >= 125_000_000, "{reset}");
     assert!(events[1].0 - reset >= 8584, "{events:?}");
@@ -43,7 +43,7 @@ fn the_order_and_the_times_are_the_data_sheets() {
         for (_, event) in &events {
             if let Event::Command { chip: of, opcode } = event
                 && *of == chip
-                // Reading CONFIG3 and repeating SDATAC are free.
+                // Reading CONFIG3 and repeating SDATAC are allowed at any time.
                 && *opcode != 0x23
                 && opcodes.last() != Some(opcode)
             {
@@ -63,7 +63,7 @@ fn the_order_and_the_times_are_the_data_sheets() {
 }
 
 #[test]
-fn every_register_reads_back_and_is_kept_for_the_self_test() {
+fn every_register_is_read_back() {
     let simulation = silent::<3>(Options::default());
     let mut chain = simulation.chain();
     let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
@@ -104,7 +104,7 @@ fn a_wrong_id_names_the_chip_and_what_it_may_be() {
     );
     let four = error_with(2, Fault::WrongId(0x3C)).to_string();
     assert!(four.contains("an ADS1299-4 or -6"), "{four}");
-    // Another revision of the same part is welcome.
+    // Other revisions of the same part are accepted.
     let simulation = silent::<1>(Options::default());
     simulation.inject(0, Fault::WrongId(0x1E));
     assert!(
@@ -147,7 +147,7 @@ fn a_chip_whose_dout_does_not_reach_miso_answers_with_ones() {
 }
 
 #[test]
-fn a_register_that_forgets_is_named() {
+fn a_register_that_ignores_writes_is_named() {
     let error = error_with(3, Fault::Forgets(Register::CONFIG1));
     let expected = Error::NotKept {
         chip: 3,
@@ -164,7 +164,7 @@ fn a_register_that_forgets_is_named() {
 }
 
 #[test]
-fn a_chain_whose_clock_is_too_slow_for_the_chips_is_not_understood() {
+fn commands_at_too_slow_a_master_clock_are_violations() {
     let options = Options {
         clock_hz: 1_000_000,
         ..Options::default()
@@ -176,7 +176,7 @@ fn a_chain_whose_clock_is_too_slow_for_the_chips_is_not_understood() {
 }
 
 #[test]
-fn any_sclk_and_any_number_of_chips_will_do() {
+fn any_sclk_and_any_number_of_chips_work() {
     for sclk_hz in [100_000, 4_000_000, 20_000_000] {
         let options = Options {
             register_hz: sclk_hz,
@@ -205,7 +205,7 @@ fn a_chain_can_be_brought_up_again_while_it_streams() {
     let mut chain = simulation.chain();
     for _ in 0..3 {
         let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
-        // Neither stopped nor dropped in order.
+        // Neither stopped nor dropped properly.
         finish(configured.start()).unwrap().unwrap();
         simulation.pass_us(20_000);
     }

@@ -1,4 +1,4 @@
-//! Samples through the real driver.
+//! Samples through the real driver, on both kinds of wiring.
 
 use std::vec::Vec;
 
@@ -14,7 +14,7 @@ use crate::ready::{Edge, ReadyMeter};
 use crate::settings::Settings;
 use crate::simulation::{Electrodes, Options, Simulation, finish};
 
-/// Counts that no two channels and no two samples share.
+/// Fills in counts that differ between channels and samples.
 fn unlike<const CHIPS: usize>(sample: u64, counts: &mut [[i32; CHANNELS]; CHIPS]) {
     for (chip, counts) in counts.iter_mut().enumerate() {
         for (channel, count) in counts.iter_mut().enumerate() {
@@ -52,7 +52,7 @@ fn every_sample_arrives_once_and_unchanged_on_either_kind_of_board() {
             assert_eq!(counts, expected, "sample {sample}");
         }
         assert_eq!(decoder.alignment(), Some(alignment));
-        // Stamps are whole microseconds: 512 Hz to a millionth.
+        // Stamps are whole microseconds, so the rate is exact to 1 ppm.
         assert!(meter.check().unwrap().abs_diff(512_000) <= 1);
         finish(streaming.stop()).unwrap().unwrap();
         assert_eq!(simulation.violations(), 0);
@@ -60,14 +60,14 @@ fn every_sample_arrives_once_and_unchanged_on_either_kind_of_board() {
 }
 
 #[test]
-fn every_rate_and_every_gain_is_what_was_set() {
+fn every_rate_and_gain_takes_effect() {
     for rate in Rate::ALL {
         for (clock, gain) in Gain::ALL.iter().map(|gain| (Clock::EEG, *gain)) {
             let options = Options {
                 burst_hz: 20_000_000,
                 ..Options::default()
             };
-            // 10 mV stay below the rail at every gain, far above the noise.
+            // 10 mV is below the rail at every gain, and far above the noise.
             let electrodes = Electrodes::volts(|_, volts| *volts = [[0.01; CHANNELS]]);
             let simulation = Simulation::<1>::new(options, electrodes);
             let mut settings = Settings::<1>::EEG;
@@ -105,7 +105,7 @@ fn every_rate_and_every_gain_is_what_was_set() {
 }
 
 #[test]
-fn an_electrode_that_comes_off_shows_in_its_bit_and_at_the_rail() {
+fn a_disconnected_electrode_sets_its_bit_and_reads_the_rail() {
     let simulation = Simulation::<8>::new(Options::default(), Electrodes::counts(unlike));
     let mut settings = Settings::EEG;
     settings.lead_off = LeadOff {
@@ -121,7 +121,7 @@ fn an_electrode_that_comes_off_shows_in_its_bit_and_at_the_rail() {
     let mut streaming = finish(configured.start()).unwrap().unwrap();
     simulation.set_electrode(4, 5, true, false);
     simulation.set_electrode(4, 1, false, false);
-    // No current there, so nothing shows.
+    // Without lead-off current it is not detected.
     simulation.set_electrode(4, 7, false, false);
     simulation.set_electrode(2, 0, true, false);
     let (mut frame, mut counts) = ([0; frame_bytes(8)], [[0; CHANNELS]; 8]);

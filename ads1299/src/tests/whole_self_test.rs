@@ -1,4 +1,4 @@
-//! The whole self-test, on sound and on broken chains.
+//! The complete self-test, on working and broken chains.
 
 use std::string::ToString;
 
@@ -26,7 +26,7 @@ type Simulated = Sampler<
     { frame_bytes(CHIPS) },
 >;
 
-/// A chain that runs, tested after a fault; the longest time without a sign of life, us.
+/// Tests a running chain with a fault; also returns the longest time between calls of `progress`, us.
 fn tested(
     options: Options,
     broken: Option<(usize, Fault)>,
@@ -66,7 +66,7 @@ fn finding(broken: (usize, Fault)) -> (SelfTestReport<CHIPS>, Finding) {
 }
 
 #[test]
-fn a_sound_chain_passes_with_figures_and_streams_on_as_before() {
+fn a_working_chain_passes_with_figures_and_keeps_streaming() {
     let (simulation, mut sampler, report, longest_us) = tested(Options::default(), None);
     assert_eq!(report.check(), Ok(()));
     assert!(longest_us <= 21_000, "{longest_us}");
@@ -77,7 +77,7 @@ fn a_sound_chain_passes_with_figures_and_streams_on_as_before() {
     assert_eq!((ready.expected, ready.early, ready.missed), (512_000, 0, 0));
     assert!(ready.measured.abs_diff(512_000) <= 1, "{ready:?}");
     for channel in report.channels.as_flattened() {
-        // The noise of 1000 samples leaves 1e-5; 0.21 uV are typical.
+        // Tolerance: 1000 samples average the noise to 1e-5; 0.21 uV is typical.
         assert!(
             channel.gain_error.abs() < 1e-4 && channel.gain_error != 0.0,
             "{channel:?}"
@@ -100,7 +100,7 @@ fn a_sound_chain_passes_with_figures_and_streams_on_as_before() {
 }
 
 #[test]
-fn the_settings_of_before_are_back_in_the_chips() {
+fn the_previous_settings_are_restored() {
     let (simulation, sampler, report, _) = tested(Options::default(), None);
     assert_eq!(report.not_restored, None);
     drop(sampler);
@@ -148,7 +148,7 @@ fn without_drdy_the_test_stops_and_names_chip_0() {
 }
 
 #[test]
-fn a_wrong_id_is_named_and_the_chip_measured_nevertheless() {
+fn a_wrong_id_is_named_and_the_chip_is_still_measured() {
     let (report, finding) = finding((2, Fault::WrongId(0x92)));
     assert_eq!(
         finding,
@@ -168,7 +168,7 @@ fn a_wrong_id_is_named_and_the_chip_measured_nevertheless() {
 }
 
 #[test]
-fn a_register_that_forgets_is_named_with_its_chip_and_shows_in_its_channel() {
+fn a_register_that_ignores_writes_is_named_with_its_chip_and_affects_its_channel() {
     let (report, finding) = finding((1, Fault::Forgets(Register::CH1SET)));
     let text = finding.to_string();
     assert!(
@@ -187,7 +187,7 @@ fn a_register_that_forgets_is_named_with_its_chip_and_shows_in_its_channel() {
 }
 
 #[test]
-fn frozen_late_and_wrong_frames_are_counted_not_judged() {
+fn frozen_shifted_and_wrong_frames_are_counted_and_not_measured() {
     for (fault, behind) in [
         (Fault::StuckData, 0),
         (Fault::ShiftedBit, 2040),
@@ -197,7 +197,7 @@ fn frozen_late_and_wrong_frames_are_counted_not_judged() {
         let Finding::Frames { chip: 1, bad } = finding else {
             panic!("{fault:?}: {finding}");
         };
-        // The first frame of each part repeats nothing.
+        // The first frame of each stage has no predecessor to repeat.
         assert!((2038..=2040).contains(&bad), "{fault:?} {bad}");
         assert_eq!(report.chips[2].bad_frames, behind, "{fault:?}");
         assert!(
@@ -225,7 +225,7 @@ fn a_doubled_rate_and_a_missing_edge_are_measured_at_chip_0() {
         "{:?}",
         report.ready
     );
-    // The first edge after START comes late, and that is all.
+    // Only the first edge after START is late.
     let (_, _, report, _) = tested(Options::default(), Some((0, Fault::MissedReady)));
     assert_eq!(report.check(), Ok(()));
     let simulation = Simulation::new(Options::default(), Electrodes::silent());
@@ -250,7 +250,7 @@ fn a_doubled_rate_and_a_missing_edge_are_measured_at_chip_0() {
 }
 
 #[test]
-fn a_clock_that_is_not_the_set_one_is_measured_by_the_test() {
+fn the_self_test_measures_a_wrong_clock() {
     let options = Options {
         clock_hz: 2_048_000,
         ..Options::default()
@@ -261,7 +261,7 @@ fn a_clock_that_is_not_the_set_one_is_measured_by_the_test() {
 }
 
 #[test]
-fn its_memory_is_what_the_caller_lends_and_little_beside() {
+fn it_needs_little_memory_besides_the_callers() {
     let bytes = size_of::<SelfTest<8>>();
     assert!(bytes < 8_192, "{bytes}");
     let simulation = Simulation::<8>::new(Options::default(), Electrodes::silent());
