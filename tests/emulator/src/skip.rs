@@ -1,0 +1,25 @@
+//! Tests that cannot run on this machine state so where everybody sees it.
+
+use std::env;
+use std::fmt::Display;
+use std::io::Write;
+
+/// Prints `SKIPPED: WHAT: WHY` on the real standard error, past the capture of the test harness.
+pub fn skipped(what: &str, why: impl Display) {
+    // One write, so that lines of parallel tests stay whole. A closed standard error loses only this line.
+    let line = format!("SKIPPED: {what}: {why}\n");
+    let _ = std::io::stderr().write_all(line.as_bytes());
+}
+
+/// Reports that `test` is skipped.
+///
+/// # Panics
+/// With `CORTICODE_REQUIRE_ROS=1`, which forbids to skip what can be installed.
+pub fn skip_unless_required(test: &str, why: impl Display) {
+    let required = env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
+    assert!(
+        !required,
+        "{test}: CORTICODE_REQUIRE_ROS=1 forbids to skip it: {why}"
+    );
+    skipped(test, why);
+}
