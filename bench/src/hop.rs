@@ -8,9 +8,6 @@ pub const FILLING: usize = STEPS + HOP;
 /// Index in the hop of the time step that completes a window.
 pub const COMPLETING: usize = (STEPS - 1) % HOP;
 
-/// Windows that contain a given time step: the shortcut is computed once for each of them.
-pub const OPEN_WINDOWS: usize = STEPS / HOP;
-
 /// Number of time steps after which `windows` windows are complete.
 ///
 /// The encoder's input file starts with this number, 32 bits, little endian. The planes of all inputs follow,

@@ -94,7 +94,11 @@ pub fn with_clock(work: impl FnOnce(&Clock) -> Result<(), Refused>) -> ! {
     };
     let done = work(&clock);
     if done.is_err() {
-        hprintln!("cannot read {} or cannot write {} on the host", INPUTS, OUTPUTS);
+        hprintln!(
+            "cannot read {} or cannot write {} on the host",
+            INPUTS,
+            OUTPUTS
+        );
     }
     exit(done.is_ok())
 }

@@ -1,33 +1,17 @@
-//! Checked-in data of the reports: published figures of others, and memory of microcontrollers.
+//! Checked-in data: the model's artifact, published figures of others, and memory of microcontrollers.
 
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use artifact::Artifact;
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
+use serde_json::Value as Json;
 
 use super::failure::Failure;
 
-/// Figures of another library's filters; `bench/published.toml` states the conditions.
-#[derive(Debug, Clone, Deserialize, Serialize)]
-pub(crate) struct PublishedFilters {
-    /// Library and function.
-    pub(crate) name: String,
-    /// Fewest and most.
-    pub(crate) insn_per_sample_channel: [u32; 2],
-    /// In-band noise with its unit.
-    pub(crate) noise: String,
-}
-
-/// Figures of another implementation of the encoder's layers; `bench/published.toml` states the conditions.
-#[derive(Debug, Clone, Deserialize, Serialize)]
-pub(crate) struct PublishedEncoder {
-    pub(crate) name: String,
-    pub(crate) insn_per_code: u32,
-}
-
-#[derive(Debug, Deserialize)]
-pub(crate) struct Published {
-    pub(crate) filters: Vec<PublishedFilters>,
-    pub(crate) encoder: Vec<PublishedEncoder>,
-}
+/// Folder of the built-in model.
+pub(crate) const ARTIFACT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../model/artifact");
 
 /// Memory of a microcontroller, KiB of 1024 bytes.
 #[derive(Debug, Deserialize)]
@@ -39,20 +23,29 @@ pub(crate) struct Part {
     pub(crate) region: String,
 }
 
-#[derive(Debug, Deserialize)]
-struct Parts {
-    part: Vec<Part>,
+/// Reads the built-in model's artifact.
+///
+/// # Errors
+/// A file is missing or malformed.
+pub(crate) fn artifact() -> Result<Artifact, Failure> {
+    Artifact::read(Path::new(ARTIFACT)).map_err(|error| {
+        let next = "`git status model/artifact`";
+        Failure::new("reading the model's artifact", error, next)
+    })
 }
 
-/// Reads `bench/published.toml`.
-pub(crate) fn published() -> Result<Published, Failure> {
-    parse("published.toml", include_str!("../../published.toml"))
+/// Reads the figures of other libraries for one benchmark from `bench/published.toml`.
+pub(crate) fn published(benchmark: &str) -> Result<Json, Failure> {
+    let text = include_str!("../../published.toml");
+    let mut tables: BTreeMap<String, Json> = parse("published.toml", text)?;
+    Ok(tables.remove(benchmark).unwrap_or_default())
 }
 
 /// Reads `bench/parts.toml`.
 pub(crate) fn parts() -> Result<Vec<Part>, Failure> {
-    let parts: Parts = parse("parts.toml", include_str!("../../parts.toml"))?;
-    Ok(parts.part)
+    let text = include_str!("../../parts.toml");
+    let mut parts: BTreeMap<String, Vec<Part>> = parse("parts.toml", text)?;
+    Ok(parts.remove("part").unwrap_or_default())
 }
 
 /// Parses a TOML file of this crate.

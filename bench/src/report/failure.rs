@@ -22,22 +22,15 @@ pub(crate) enum Failure {
 }
 
 impl Failure {
-    /// A failed check or measurement.
     pub(crate) fn new(what: impl Display, why: impl Display, next: impl Display) -> Self {
-        Self::Check {
-            what: what.to_string(),
-            why: why.to_string(),
-            next: next.to_string(),
-        }
+        let [what, why, next] = [what.to_string(), why.to_string(), next.to_string()];
+        Self::Check { what, why, next }
     }
 
     /// An input that cannot be made; for `map_err`.
     pub(crate) fn input(why: impl Display) -> Self {
-        Self::new(
-            "making an input",
-            why,
-            "does CORTICODE_DATA name the right folder?",
-        )
+        let next = "does CORTICODE_DATA name the right folder?";
+        Self::new("making an input", why, next)
     }
 
     /// 1 for a failed check, 2 when something must be installed first.

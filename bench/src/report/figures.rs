@@ -7,21 +7,22 @@ use serde_json::Value as Json;
 
 use super::failure::Failure;
 use super::limits::Limits;
-use super::table::Table;
-use super::value::Value;
+use super::table;
 
 /// One named value.
 #[derive(Debug)]
-pub(crate) struct Figure {
+struct Figure {
     /// Key in JSON and in `limits.toml`.
     name: &'static str,
     /// Empty for a flag.
     unit: &'static str,
-    pub(crate) value: Value,
-    /// Part or machine that the value belongs to; empty for a key of the JSON object.
+    value: Json,
+    /// Part that the value belongs to; empty for a key of the JSON object.
     place: String,
-    /// Names what makes a flag false, for the message.
-    pub(crate) blamed: String,
+    /// Names what makes a flag false.
+    blamed: String,
+    /// False where this PC lacks a tool to measure the figure.
+    is_measured: bool,
     /// Bound in words, once the figure has been judged.
     limit: String,
 }
@@ -36,8 +37,6 @@ pub(crate) struct Report {
     figures: Vec<Figure>,
     /// Keys of the JSON object that are not judged, with nested values.
     details: Vec<(&'static str, Json)>,
-    /// Tables that follow the table of figures.
-    tables: Vec<Table>,
     /// Exceeded limits in words.
     faults: Vec<String>,
 }
@@ -49,7 +48,6 @@ impl Report {
             next,
             figures: Vec::new(),
             details: Vec::new(),
-            tables: Vec::new(),
             faults: Vec::new(),
         }
     }
@@ -59,28 +57,44 @@ impl Report {
         &mut self,
         name: &'static str,
         unit: &'static str,
-        value: impl Into<Value>,
-    ) -> &mut Figure {
-        self.figure_of(String::new(), name, unit, value)
-    }
-
-    /// Adds a figure of a part or machine. It is judged; its key in the JSON object is in a detail.
-    pub(crate) fn figure_of(
-        &mut self,
-        place: String,
-        name: &'static str,
-        unit: &'static str,
-        value: impl Into<Value>,
-    ) -> &mut Figure {
-        let value = value.into();
+        value: impl Into<Json>,
+    ) {
         self.figures.push(Figure {
             name,
             unit,
-            value,
-            place,
+            value: value.into(),
+            place: String::new(),
             blamed: String::new(),
+            is_measured: true,
             limit: String::new(),
         });
+    }
+
+    /// Adds a figure that is `null`, and not judged, where this PC lacks a tool to measure it.
+    pub(crate) fn optional(&mut self, name: &'static str, unit: &'static str, value: Option<f64>) {
+        self.figure(name, unit, value);
+        self.last().is_measured = value.is_some();
+    }
+
+    /// Adds a flag that is true unless something is to blame.
+    pub(crate) fn flag(&mut self, name: &'static str, blamed: String) {
+        self.figure(name, "", blamed.is_empty());
+        self.last().blamed = blamed;
+    }
+
+    /// Adds a figure of a part. It is judged, but a detail holds its key of the JSON object.
+    pub(crate) fn figure_of(
+        &mut self,
+        place: &str,
+        name: &'static str,
+        unit: &'static str,
+        value: impl Into<Json>,
+    ) {
+        self.figure(name, unit, value);
+        place.clone_into(&mut self.last().place);
+    }
+
+    fn last(&mut self) -> &mut Figure {
         let last = self.figures.len() - 1;
         &mut self.figures[last]
     }
@@ -90,37 +104,25 @@ impl Report {
         self.details.push((key, value.into()));
     }
 
-    pub(crate) fn table(&mut self, table: Table) {
-        self.tables.push(table);
-    }
-
     /// Compares all figures with their limits and notes the exceeded ones.
     pub(crate) fn judge(&mut self, limits: &Limits) {
-        self.faults.clear();
         for figure in &mut self.figures {
             let Some(limit) = limits.get(figure.name) else {
                 continue;
             };
             figure.limit = limit.bound.to_string();
-            if !limit.bound.contains(figure.value) {
-                self.faults.push(format!(
-                    "{}; the limit is {} ({})",
-                    figure, limit.bound, limit.reason
-                ));
+            if figure.is_measured && !limit.bound.contains(&figure.value) {
+                let (bound, reason) = (limit.bound, &limit.reason);
+                let fault = format!("{figure}; the limit is {bound} ({reason})");
+                self.faults.push(fault);
             }
         }
-        let is_measured = |name: &&String| self.figures.iter().any(|figure| figure.name == **name);
-        for name in limits.keys().filter(|name| !is_measured(name)) {
-            self.faults
-                .push(format!("limits.toml names {name}, which is not measured"));
+        for name in limits.keys() {
+            if !self.figures.iter().any(|figure| figure.name == name) {
+                let fault = format!("limits.toml names {name}, which is not measured");
+                self.faults.push(fault);
+            }
         }
-    }
-
-    /// Replaces the value of a figure.
-    #[cfg(test)]
-    pub(crate) fn set(&mut self, name: &str, value: impl Into<Value>) {
-        let figure = self.figures.iter_mut().find(|figure| figure.name == name);
-        figure.expect("a figure").value = value.into();
     }
 
     /// # Errors
@@ -129,11 +131,8 @@ impl Report {
         if self.faults.is_empty() {
             return Ok(());
         }
-        Err(Failure::new(
-            format!("the benchmark `{}`", self.benchmark),
-            self.faults.join("; "),
-            self.next,
-        ))
+        let what = format!("the benchmark `{}`", self.benchmark);
+        Err(Failure::new(what, self.faults.join("; "), self.next))
     }
 }
 
@@ -157,7 +156,7 @@ impl fmt::Display for Figure {
         if !self.place.is_empty() {
             write!(f, " of {}", self.place)?;
         }
-        write!(f, " is {}", self.value)?;
+        write!(f, " is {}", table::cell(&self.value))?;
         if !self.unit.is_empty() {
             write!(f, " {}", self.unit)?;
         }
@@ -170,80 +169,100 @@ impl fmt::Display for Figure {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut figures = Table::new(format!("Figures of `{}` and their limits", self.benchmark));
+        let mut rows = vec![["", "value", "unit", "limit"].map(str::to_owned).to_vec()];
         for figure in &self.figures {
-            let name = format!("{} {}", figure.name, figure.place);
-            let cells = [
-                figure.value.to_string(),
-                figure.unit.into(),
+            let name = [figure.name, &figure.place].join(" ").trim_end().to_owned();
+            let value = table::cell(&figure.value);
+            rows.push(vec![
+                name,
+                value,
+                figure.unit.to_owned(),
                 figure.limit.clone(),
-            ];
-            figures.row(name.trim_end(), cells);
+            ]);
         }
-        write!(f, "{figures}")?;
-        for table in &self.tables {
-            write!(f, "\n{table}")?;
+        f.write_str(&table::table(self.benchmark, &rows))?;
+        for (key, value) in &self.details {
+            f.write_str(&table::tables(key, value))?;
         }
         Ok(())
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::super::limits;
     use super::*;
 
-    fn report(value: impl Into<Value>) -> Report {
-        let mut report = Report::new("host", "look there");
-        report
-            .figure("int8_rms_steps", "steps of a code", value)
-            .blamed = "code 5".to_owned();
-        report.figure("torch_relative", "", None);
-        report.detail("arch", "x86_64");
-        report
+    impl Report {
+        /// Replaces the value of a figure.
+        pub(crate) fn set(&mut self, name: &str, value: impl Into<Json>) {
+            let figure = self.figures.iter_mut().find(|figure| figure.name == name);
+            figure.expect("a figure").value = value.into();
+        }
+
+        /// Judges the report and returns its faults.
+        pub(crate) fn faults(mut self) -> Vec<String> {
+            let limits = limits::read(self.benchmark).expect("limits.toml");
+            self.judge(&limits);
+            assert_eq!(self.outcome().is_err(), !self.faults.is_empty());
+            self.faults
+        }
+
+        pub(crate) fn json(&self) -> Json {
+            let text = serde_json::to_string(self).expect("JSON");
+            assert!(!text.contains('\n'));
+            serde_json::from_str(&text).expect("JSON")
+        }
     }
 
-    fn judged(value: impl Into<Value>) -> Report {
-        let mut report = report(value);
-        report.judge(&limits::read("host").expect("limits.toml"));
+    fn report(value: f64) -> Report {
+        let mut report = Report::new("host", "look there");
+        report.figure("int8_rms_steps", "steps", value);
+        report.last().blamed = "code 5".to_owned();
+        report.optional("torch_relative", "", None);
+        report.detail("arch", "x86_64");
         report
     }
 
     #[test]
     fn an_exceeded_limit_is_named_with_value_bound_and_next_step() {
-        assert!(judged(4.0).outcome().is_ok());
-        let failure = judged(4.5).outcome().expect_err("above 4").to_string();
+        assert!(report(4.0).faults().is_empty());
+        assert_eq!(report(f64::NAN).faults().len(), 1);
+        let mut report = report(4.5);
+        report.judge(&limits::read("host").expect("limits.toml"));
+        let failure = report.outcome().expect_err("above 4").to_string();
         for words in [
-            "int8_rms_steps is 4.5 steps of a code (code 5); the limit is at most 4",
-            "next: look there",
+            "`host` failed: int8_rms_steps is 4.5 steps (code 5); the limit is at most 4 (",
+            "\n  next: look there",
         ] {
             assert!(failure.contains(words), "{failure}");
         }
-        assert!(judged(f64::NAN).outcome().is_err());
+        let json = report.json();
+        assert_eq!(json["int8_rms_steps"], 4.5);
+        assert!(json["torch_relative"].is_null() && json["arch"] == "x86_64");
+        assert_eq!(json["faults"].as_array().map(Vec::len), Some(1));
+        let text = report.to_string();
+        assert!(text.contains("4.5    steps          at most 4\n"), "{text}");
+    }
+
+    #[test]
+    fn an_optional_figure_is_judged_where_it_is_measured() {
+        for (value, faults) in [(1e-7, 0), (0.1, 1), (f64::NAN, 1)] {
+            let mut report = report(1.0);
+            report.figures.pop();
+            report.optional("torch_relative", "", Some(value));
+            assert_eq!(report.faults().len(), faults, "{value}");
+        }
     }
 
     #[test]
     fn a_limit_whose_figure_is_not_measured_is_a_fault() {
         let mut report = report(1.0);
-        report.judge(&limits::read("filters").expect("limits.toml"));
-        assert_eq!(report.faults.len(), 5, "{:?}", report.faults);
-        assert!(report.faults[0].contains("bits_equal, which is not measured"));
-    }
-
-    #[test]
-    fn the_json_is_one_object_with_figures_details_and_faults() {
-        let text = serde_json::to_string(&judged(4.5)).expect("JSON");
-        assert!(text.starts_with(r#"{"int8_rms_steps":4.5,"torch_relative":null,"arch":"x86_64","#));
-        let json: Json = serde_json::from_str(&text).expect("JSON");
-        assert_eq!(json["faults"].as_array().map(Vec::len), Some(1));
-        assert!(!text.contains('\n'));
-    }
-
-    #[test]
-    fn the_table_shows_each_figure_with_unit_and_limit() {
-        let text = judged(1.5).to_string();
-        assert!(text.contains("int8_rms_steps"), "{text}");
-        assert!(text.contains("steps of a code    at most 4"), "{text}");
-        assert!(text.contains("not measured"), "{text}");
+        report.figures.remove(0);
+        let faults = report.faults();
+        assert_eq!(
+            faults,
+            ["limits.toml names int8_rms_steps, which is not measured"]
+        );
     }
 }

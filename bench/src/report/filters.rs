@@ -3,30 +3,49 @@
 mod inputs;
 mod noise;
 mod spectrum;
-mod tallies;
 
 use std::path::Path;
 
-use emulator::{Image, MACHINES};
-use model::{ELECTRODES, SECTIONS};
+use emulator::{Image, MACHINES, Machine};
+use fixed_dsp::BLOCK;
+use model::ELECTRODES;
 use serde_json::{Value as Json, json};
 
 use self::inputs::Inputs;
-use self::noise::{InBand, Noise};
-use self::tallies::Tallies;
-use super::checked_in::{self, PublishedFilters};
+use self::noise::Noise;
 use super::failure::Failure;
 use super::figures::Report;
-use super::table::Table;
-use super::{artifact, images, progress};
-use crate::block::{self, BLOCKS};
+use super::images::{self, Lines, Tallies};
+use super::{checked_in, tools};
+use crate::block::{self, BLOCKS, BYTES};
 use crate::contenders::{NAMES, with_contenders};
 use crate::response::{Response, Twin};
 
 /// Index in [`NAMES`] of the contender whose figures have limits.
 const OURS: usize = 0;
+/// Index in [`NAMES`] of the contender whose output must equal that of the one before it.
+const SINGLES: usize = 1;
 /// Index in [`NAMES`] of the contender with which ours is compared.
 const IDSP_DITHER: usize = 5;
+
+/// Counts of one machine.
+#[derive(Debug)]
+struct Counts {
+    machine: Machine,
+    /// A column for each contender.
+    tallies: Tallies,
+    /// Blocks of each contender whose bits differ from those of the portable filters.
+    different: [usize; NAMES.len()],
+}
+
+impl Counts {
+    /// Returns the fewest and the most instructions per sample and electrode of one contender.
+    fn per_sample(&self, contender: usize) -> [f64; 2] {
+        let samples = f64::from(u32::try_from(BLOCK * ELECTRODES).unwrap_or(u32::MAX));
+        let range = self.tallies.range(contender);
+        range.map(|count| f64::from(count) / samples)
+    }
+}
 
 /// Counts the instructions, measures the noise, and draws the pictures.
 ///
@@ -35,26 +54,26 @@ const IDSP_DITHER: usize = 5;
 pub(crate) fn measure() -> Result<Report, Failure> {
     let image = Image::build("bench", "filters", &[])?;
     let inputs = Inputs::new()?;
-    progress::skipped(&inputs.skipped);
+    tools::print_skipped(&inputs.skipped);
     let expected = expected(&inputs);
     let lines = inputs.names.len() * NAMES.len();
-    let progress = progress::bar(MACHINES.len() * lines + Noise::FILTERS);
-
+    let progress = tools::progress_bar(MACHINES.len() * lines + Noise::FILTERS.len());
     let mut machines = Vec::new();
     for machine in MACHINES {
         let folder = image.create_folder(Path::new("bench").join(machine.name))?;
-        let output = images::run(&image, machine, &folder, &inputs.bytes, &progress)?;
-        machines.push(Tallies::new(
+        let bytes = &inputs.bytes;
+        let (lines, output) = images::run(&image, machine, &folder, bytes, &expected, &progress)?;
+        machines.push(Counts {
             machine,
-            output,
-            inputs.names.len(),
-            &expected,
-        )?);
+            tallies: tallies(&lines, inputs.names.len())
+                .map_err(|why| images::mismatch(machine, why))?,
+            different: different(&expected, &output),
+        });
     }
-    let twin = Twin::new(&artifact()?.description.filters);
+    let twin = Twin::new(&checked_in::artifact()?.description.filters);
     let noise = Noise::measure(&twin, |filter| {
         progress.inc(1);
-        progress.set_message(filter);
+        progress.set_message(format!("noise of {filter}"));
     });
     progress.finish_and_clear();
     draw(&twin, &noise, &image.create_folder("bench")?)?;
@@ -78,6 +97,25 @@ fn expected(inputs: &Inputs) -> Vec<u8> {
     bytes
 }
 
+fn tallies(lines: &[String], inputs: usize) -> Result<Tallies, String> {
+    let mut lines = Lines::parse(lines)?;
+    let tallies = Tallies::remove(&mut lines, "count", inputs, &NAMES)?;
+    lines.finish()?;
+    Ok(tallies)
+}
+
+/// Counts the blocks of each contender that differ.
+fn different(expected: &[u8], output: &[u8]) -> [usize; NAMES.len()] {
+    let [expected, output] = [expected, output].map(|bytes| bytes.as_chunks::<BYTES>().0);
+    let mut different = [0; NAMES.len()];
+    for (index, block) in output.iter().enumerate() {
+        let contender = index % NAMES.len();
+        let twin = index - usize::from(contender == SINGLES);
+        different[contender] += usize::from(expected[twin] != *block);
+    }
+    different
+}
+
 fn draw(twin: &Twin, noise: &Noise, folder: &Path) -> Result<(), Failure> {
     let response = Response::measure(twin);
     for (name, curves) in [
@@ -94,210 +132,145 @@ fn draw(twin: &Twin, noise: &Noise, folder: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-fn report(inputs: &Inputs, machines: &[Tallies], noise: &Noise) -> Result<Report, Failure> {
+fn report(inputs: &Inputs, machines: &[Counts], noise: &Noise) -> Result<Report, Failure> {
     let extreme = |contender, end: usize, pick: fn(f64, f64) -> f64| {
         let figures = machines.iter().map(|each| each.per_sample(contender)[end]);
         figures.reduce(pick).unwrap_or(f64::NAN)
     };
     let most = extreme(OURS, 1, f64::max);
-    let varying = blamed(machines, |machine, contender| {
-        NAMES[contender].starts_with("ours") && !machine.is_constant(contender)
+    let varying = blamed(machines, |counts, contender| {
+        NAMES[contender].starts_with("ours") && !counts.tallies.is_constant(contender)
     });
-    let different = blamed(machines, |machine, contender| {
-        machine.different[contender] > 0
+    let different = blamed(machines, |counts, contender| {
+        counts.different[contender] > 0
     });
-
     let next = "compare with `git log` of fixed-dsp, model and the toolchain";
     let mut report = Report::new("filters", next);
     // Ours in blocks of 4 samples, the worst block on either machine.
     report.figure("insn_per_sample_channel", "instructions", most);
     // Ours from 0.5 to 60 Hz, with offset, mains and EEG.
-    report.figure("noise_nv_rms", "nV", noise.ours.in_band.eeg);
+    report.figure("noise_nv_rms", "nV", noise.ours_nv_rms());
     // Instructions of idsp's best block over those of our worst.
     let ratio = extreme(IDSP_DITHER, 0, f64::min) / most;
     report.figure("ratio_idsp_dither", "times ours", ratio);
-    report
-        .figure("constant_count", "", varying.is_empty())
-        .blamed = varying;
-    report
-        .figure("bits_equal", "", different.is_empty())
-        .blamed = different;
-
-    let published = checked_in::published()?.filters;
-    let in_band = [
-        ("ours", &noise.ours.in_band),
-        ("idsp_dither", &noise.idsp_dither.in_band),
-        ("idsp_wide", &noise.idsp_wide.in_band),
-    ];
+    report.flag("constant_count", varying);
+    report.flag("bits_equal", different);
     report.detail("machines", machines.iter().map(json).collect::<Json>());
-    let noise_nv = in_band.map(|(name, noise)| (name, json!(noise)));
-    report.detail("noise_nv", Json::from_iter(noise_nv));
+    report.detail("noise_nv", noise.json());
     report.detail("inputs", inputs.names.clone());
     report.detail("skipped", inputs.skipped.clone());
-    report.detail("published_elsewhere", json!(published));
-
-    report.table(instructions_table(machines, &inputs.names));
-    report.table(published_table(&published));
-    report.table(noise_table(&in_band));
+    report.detail("published_elsewhere", checked_in::published("filters")?);
     Ok(report)
 }
 
 /// Names the contenders on their machines for which `is_faulty` holds.
-fn blamed(machines: &[Tallies], is_faulty: impl Fn(&Tallies, usize) -> bool) -> String {
+fn blamed(machines: &[Counts], is_faulty: impl Fn(&Counts, usize) -> bool) -> String {
     let mut blamed = Vec::new();
-    for tallies in machines {
+    for counts in machines {
         for (contender, name) in NAMES.iter().enumerate() {
-            if is_faulty(tallies, contender) {
-                blamed.push(format!("{name} on {}", tallies.machine.name));
+            if is_faulty(counts, contender) {
+                blamed.push(format!("{name} on {}", counts.machine.name));
             }
         }
     }
     blamed.join(", ")
 }
 
-fn json(tallies: &Tallies) -> Json {
+fn json(counts: &Counts) -> Json {
     let contenders = NAMES.iter().enumerate().map(|(contender, name)| {
-        let [fewest, most] = tallies.per_sample(contender);
+        let [fewest, most] = counts.per_sample(contender);
         json!({
             "name": name,
             "fewest": fewest,
             "most": most,
-            "constant": tallies.is_constant(contender),
-            "different_blocks": tallies.different[contender],
+            "constant": counts.tallies.is_constant(contender),
+            "different_blocks": counts.different[contender],
         })
     });
     json!({
-        "machine": tallies.machine.name,
-        "core": tallies.machine.core,
+        "machine": counts.machine.name,
+        "core": counts.machine.core,
         "contenders": contenders.collect::<Json>(),
     })
 }
 
-fn instructions_table(machines: &[Tallies], inputs: &[&str]) -> Table {
-    let mut table = Table::new(format!(
-        "Instructions per sample and electrode over {}; {ELECTRODES} electrodes, {SECTIONS} sections \
-         (a range: fewest and most of a block; *: depends on the input)",
-        inputs.join(", ")
-    ));
-    table.row("", machines.iter().map(|each| each.machine.core));
-    for (contender, name) in NAMES.iter().enumerate() {
-        let cell = |tallies: &Tallies| {
-            let [fewest, most] = tallies.per_sample(contender);
-            let mark = if tallies.is_constant(contender) { "" } else { "*" };
-            if most - fewest < 0.05 {
-                format!("{most:.1}{mark}")
-            } else {
-                format!("{fewest:.1}-{most:.1}{mark}")
-            }
-        };
-        table.row(*name, machines.iter().map(cell));
-    }
-    table
-}
-
-fn published_table(published: &[PublishedFilters]) -> Table {
-    let mut table = Table::new("Published elsewhere, on other code and settings");
-    table.row("", ["instructions", "in-band noise"]);
-    for other in published {
-        let [low, high] = other.insn_per_sample_channel;
-        let range = if low == high {
-            low.to_string()
-        } else {
-            format!("{low}-{high}")
-        };
-        table.row(&other.name, [range, other.noise.clone()]);
-    }
-    table
-}
-
-fn noise_table(in_band: &[(&str, &InBand)]) -> Table {
-    let mut table = Table::new("Noise in 0.5-60 Hz against a float64 twin, nV rms");
-    table.row("", ["offset, mains, EEG", "mains", "silence"]);
-    for (name, noise) in in_band {
-        let cells = [noise.eeg, noise.mains, noise.silence];
-        table.row(*name, cells.map(|nv| format!("{nv:.2}")));
-    }
-    table
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::limits;
-    use super::super::value::Value;
     use super::*;
 
-    /// Report with all figures within their limits.
-    fn sound(machines: &[Tallies]) -> Report {
+    /// Report of one machine, on which ours takes 5500 instructions per block and each peer 13420.
+    fn report_of(different: [usize; NAMES.len()], varying: Option<usize>) -> Report {
+        let counts = NAMES.map(|name| {
+            if name.starts_with("ours") {
+                5_500
+            } else {
+                13_420
+            }
+        });
+        let machine = Counts {
+            machine: MACHINES[0],
+            tallies: Tallies::of_two_inputs(&counts, varying),
+            different,
+        };
         let inputs = Inputs {
             names: vec!["silence", "noise"],
             ..Inputs::default()
         };
-        let mut report = report(&inputs, machines, &Noise::of_2_4_nv()).expect("a report");
-        report.set("insn_per_sample_channel", 55.0);
-        report.set("ratio_idsp_dither", 2.2);
-        report
-    }
-
-    fn fault(mut report: Report) -> String {
-        report.judge(&limits::read("filters").expect("limits.toml"));
-        let json = serde_json::to_value(&report).expect("JSON");
-        assert_eq!(json["faults"].as_array().map(Vec::len), Some(1), "{json}");
-        let failure = report.outcome().expect_err("a limit is exceeded");
-        failure.to_string()
+        report(&inputs, &[machine], &Noise::of_2_4_nv()).expect("a report")
     }
 
     #[test]
-    fn the_ratio_is_that_of_the_two_contenders_that_it_names() {
-        assert_eq!(
-            [NAMES[OURS], NAMES[IDSP_DITHER]],
-            ["ours-blocks", "idsp-dither"]
-        );
-    }
-
-    #[test]
-    fn every_limit_is_judged_and_named() {
-        let mut report = sound(&[tallies::tests::sound()]);
-        report.judge(&limits::read("filters").expect("limits.toml"));
-        assert!(report.outcome().is_ok(), "{:?}", report.outcome());
-        let exceeded: [(&str, Value, &str); 4] = [
-            ("insn_per_sample_channel", 58.1.into(), "58.1 instructions"),
-            ("noise_nv_rms", 2.61.into(), "2.61 nV"),
-            ("noise_nv_rms", f64::NAN.into(), "NaN nV"),
-            ("ratio_idsp_dither", 1.99.into(), "1.99 times"),
-        ];
-        for (name, value, words) in exceeded {
-            let mut report = sound(&[tallies::tests::sound()]);
-            report.set(name, value);
-            let fault = fault(report);
-            assert!(fault.contains(words), "{fault}");
-        }
+    fn figures_are_per_sample_and_electrode_and_the_ratio_is_that_to_idsps_dither() {
+        let names = [NAMES[OURS], NAMES[IDSP_DITHER]];
+        assert_eq!(names, ["ours-blocks", "idsp-dither"]);
+        let report = report_of([0; NAMES.len()], None);
+        let json = report.json();
+        let instructions = json["insn_per_sample_channel"].as_f64().expect("a number");
+        assert!((instructions - 5_500.0 / 244.0).abs() < 1e-12);
+        assert_eq!(json["ratio_idsp_dither"], 2.44);
+        assert_eq!(json["noise_nv_rms"], 2.4);
+        assert_eq!(json["constant_count"], true);
+        assert_eq!(json["noise_nv"]["idsp_wide"]["silence"], 0.0);
+        assert_eq!(json["machines"][0]["contenders"][5]["name"], "idsp-dither");
+        assert_eq!(report.faults(), [""; 0]);
     }
 
     #[test]
     fn a_contender_that_varies_or_differs_is_named_with_its_machine() {
-        let varying = sound(&[tallies::tests::varying(OURS)]);
-        let words = "constant_count is false (ours-blocks on mps2-an386)";
-        assert!(fault(varying).contains(words));
-        // The peer may vary.
-        let mut peer = sound(&[tallies::tests::varying(IDSP_DITHER)]);
-        peer.judge(&limits::read("filters").expect("limits.toml"));
-        assert!(peer.outcome().is_ok());
-        let mut different = tallies::tests::sound();
-        different.different[IDSP_DITHER] = 1;
+        let fault = |report: Report| {
+            let faults = report.faults();
+            assert_eq!(faults.len(), 1, "{faults:?}");
+            faults[0].clone()
+        };
+        let varying = fault(report_of([0; NAMES.len()], Some(1)));
+        let words = "constant_count is false (ours-singles on mps2-an386)";
+        assert!(varying.starts_with(words), "{varying}");
+        // The count of a peer can vary.
+        let peer = report_of([0; NAMES.len()], Some(IDSP_DITHER));
+        assert_eq!(peer.faults(), [""; 0]);
+        let mut blocks = [0; NAMES.len()];
+        blocks[IDSP_DITHER] = 1;
+        let different = fault(report_of(blocks, None));
         let words = "bits_equal is false (idsp-dither on mps2-an386)";
-        assert!(fault(sound(&[different])).contains(words));
+        assert!(different.starts_with(words), "{different}");
     }
 
     #[test]
-    fn the_json_is_one_object_with_the_figures() {
-        let text = serde_json::to_string(&sound(&[tallies::tests::sound()])).expect("JSON");
-        let json: Json = serde_json::from_str(&text).expect("JSON");
-        assert_eq!(json["insn_per_sample_channel"], 55.0);
-        assert_eq!(json["noise_nv_rms"], 2.4);
-        assert_eq!(json["ratio_idsp_dither"], 2.2);
-        assert_eq!(json["constant_count"], true);
-        assert_eq!(json["noise_nv"]["idsp_wide"]["silence"], 0.0);
-        assert_eq!(json["machines"][0]["contenders"][0]["name"], "ours-blocks");
-        assert!(!text.contains('\n'));
+    fn a_single_different_bit_is_counted_for_its_contender() {
+        let expected = vec![0; 2 * NAMES.len() * BYTES];
+        let mut output = expected.clone();
+        output[(NAMES.len() + 2) * BYTES + 17] = 1;
+        let mut counted = [0; NAMES.len()];
+        counted[2] = 1;
+        assert_eq!(different(&expected, &output), counted);
+    }
+
+    #[test]
+    fn single_samples_must_give_the_output_of_blocks() {
+        let names = [NAMES[SINGLES - 1], NAMES[SINGLES]];
+        assert_eq!(names, ["ours-blocks", "ours-singles"]);
+        let mut outputs = vec![0; NAMES.len() * BYTES];
+        outputs[SINGLES * BYTES] = 1;
+        assert_eq!(different(&outputs, &outputs)[SINGLES], 1);
     }
 }

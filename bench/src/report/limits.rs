@@ -4,15 +4,14 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::Deserialize;
+use serde_json::Value as Json;
 
 use super::checked_in;
 use super::failure::Failure;
-use super::value::Value;
 
 /// Limits of one benchmark by the name of the figure.
 pub(crate) type Limits = BTreeMap<String, Limit>;
 
-/// Limit of one figure.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Limit {
     #[serde(flatten)]
@@ -31,19 +30,12 @@ pub(crate) enum Bound {
 }
 
 impl Bound {
-    /// Whether a value is within the bound. NaN is not; a figure that this PC cannot measure is.
-    pub(crate) fn contains(self, value: Value) -> bool {
-        #[expect(clippy::cast_precision_loss, reason = "counts are below 2^53")]
-        let number = match value {
-            Value::Missing => return true,
-            Value::Flag(flag) => return matches!(self, Self::Is(wanted) if wanted == flag),
-            Value::Count(count) => count as f64,
-            Value::Real(number) => number,
-        };
+    /// Whether a figure is within the bound. NaN, which is `null` in JSON, is not.
+    pub(crate) fn contains(self, figure: &Json) -> bool {
         match self {
-            Self::AtMost(most) => number <= most,
-            Self::AtLeast(least) => number >= least,
-            Self::Is(_) => false,
+            Self::AtMost(most) => figure.as_f64().is_some_and(|number| number <= most),
+            Self::AtLeast(least) => figure.as_f64().is_some_and(|number| number >= least),
+            Self::Is(flag) => *figure == Json::Bool(flag),
         }
     }
 }
@@ -58,7 +50,7 @@ impl fmt::Display for Bound {
     }
 }
 
-/// Returns the checked-in limits of one benchmark.
+/// Reads the limits of one benchmark.
 ///
 /// # Errors
 /// `limits.toml` is malformed or has no table for the benchmark.
@@ -76,25 +68,49 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_bound_includes_its_end_and_excludes_what_is_no_number() {
-        assert!(Bound::AtMost(58.0).contains(58.0.into()));
-        assert!(!Bound::AtMost(58.0).contains(58.1.into()));
-        assert!(!Bound::AtMost(58.0).contains(f64::NAN.into()));
-        assert!(Bound::AtLeast(0.0).contains(0_u32.into()));
-        assert!(!Bound::AtLeast(0.0).contains((-1_i64).into()));
-        assert!(!Bound::AtLeast(0.0).contains(f64::NAN.into()));
-        assert!(Bound::Is(true).contains(true.into()));
-        assert!(!Bound::Is(true).contains(false.into()));
-        assert!(!Bound::Is(true).contains(1_u32.into()));
-        assert!(Bound::AtMost(1.0).contains(None.into()));
-    }
-
-    #[test]
-    fn every_benchmark_has_limits() {
-        for (benchmark, count) in [("filters", 5), ("encoder", 10), ("host", 2)] {
-            let limits = read(benchmark).expect("limits.toml");
-            assert_eq!(limits.len(), count, "{benchmark}");
+    fn every_limit_includes_its_end_and_excludes_what_is_beyond_or_no_number() {
+        let limits = [
+            ("filters", "insn_per_sample_channel", 58.0, 58.1),
+            ("filters", "noise_nv_rms", 2.6, 2.61),
+            ("filters", "ratio_idsp_dither", 2.0, 1.99),
+            ("encoder", "insn_per_code", 1_100_000.0, 1_100_001.0),
+            (
+                "encoder",
+                "insn_per_code_shortcut",
+                1_230_000.0,
+                1_230_001.0,
+            ),
+            ("encoder", "insn_after_last_sample", 148_000.0, 148_001.0),
+            ("encoder", "worst_over_mean", 1.2, 1.201),
+            ("encoder", "ram_bytes", 48_000.0, 48_001.0),
+            ("encoder", "flash_bytes", 400_000.0, 400_001.0),
+            ("encoder", "flash_left", 0.0, -1.0),
+            ("encoder", "ram_left", 0.0, -1.0),
+            ("host", "int8_rms_steps", 4.0, 4.001),
+            ("host", "torch_relative", 1e-5, 1.1e-5),
+        ];
+        let flags = [
+            ("filters", "constant_count"),
+            ("filters", "bits_equal"),
+            ("encoder", "constant_count"),
+            ("encoder", "bytes_equal"),
+        ];
+        let contains = |benchmark, figure: &str, value: Json| {
+            let bound = read(benchmark).expect("limits.toml")[figure].bound;
+            bound.contains(&value)
+        };
+        for (benchmark, figure, good, bad) in limits {
+            assert!(contains(benchmark, figure, good.into()), "{figure}");
+            assert!(!contains(benchmark, figure, bad.into()), "{figure}");
+            assert!(!contains(benchmark, figure, f64::NAN.into()), "{figure}");
         }
+        for (benchmark, figure) in flags {
+            assert!(contains(benchmark, figure, true.into()), "{figure}");
+            assert!(!contains(benchmark, figure, false.into()), "{figure}");
+        }
+        let all = ["filters", "encoder", "host"].map(|name| read(name).expect("a table").len());
+        let listed = limits.len() + flags.len();
+        assert_eq!(all.iter().sum::<usize>(), listed);
         assert!(read("nothing").is_err());
     }
 }

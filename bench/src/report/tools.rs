@@ -1,27 +1,37 @@
-//! Programs that a benchmark uses where they are installed.
+//! Programs that a benchmark uses where they are installed, and what it prints while it runs.
 
 use std::process::{Command, Stdio};
 
-/// Versions with which Debian suffixes the names of LLVM's tools.
-const LLVM_VERSIONS: std::ops::RangeInclusive<u32> = 14..=24;
+use indicatif::{ProgressBar, ProgressStyle};
 
 /// Whether the command starts and exits with 0; its output is discarded.
 pub(crate) fn succeeds(command: &mut Command) -> bool {
-    let silent = command
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null());
-    silent.status().is_ok_and(|status| status.success())
+    command.stdin(Stdio::null());
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    command.status().is_ok_and(|status| status.success())
 }
 
-/// Returns the name under which a tool of LLVM is installed: without version, or with the newest.
+/// Returns the name under which a tool of LLVM is installed: without version, or with the newest version, as Debian
+/// names them.
 pub(crate) fn llvm(name: &str) -> Option<String> {
-    let versions = LLVM_VERSIONS
-        .rev()
-        .map(|version| format!("{name}-{version}"));
+    let versions = (14..=24).rev().map(|version| format!("{name}-{version}"));
     std::iter::once(name.to_owned())
         .chain(versions)
         .find(|name| succeeds(Command::new(name).arg("--version")))
+}
+
+/// Returns a progress bar that is full after `ticks` increments.
+pub(crate) fn progress_bar(ticks: usize) -> ProgressBar {
+    let bar = ProgressBar::new(ticks.try_into().unwrap_or(u64::MAX));
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}");
+    bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+/// Prints why parts of a benchmark are left out.
+pub(crate) fn print_skipped(reasons: &[String]) {
+    for reason in reasons {
+        eprintln!("SKIPPED: {reason}");
+    }
 }
 
 #[cfg(test)]
@@ -32,7 +42,6 @@ mod tests {
     fn a_program_that_does_not_exist_does_not_succeed() {
         assert!(succeeds(&mut Command::new("true")));
         assert!(!succeeds(&mut Command::new("false")));
-        assert!(!succeeds(&mut Command::new("no-such-program-anywhere")));
         assert_eq!(llvm("no-such-program-anywhere"), None);
     }
 }

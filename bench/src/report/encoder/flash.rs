@@ -81,7 +81,9 @@ fn source_files(loaded: &[u8]) -> BTreeSet<String> {
         .filter(|(_, word)| *word == SOURCE)
         .map(|(at, _)| at + SOURCE.len());
     let name = |end: usize| {
-        let path = loaded[..end].rsplit(|byte| !byte.is_ascii_graphic()).next()?;
+        let path = loaded[..end]
+            .rsplit(|byte| !byte.is_ascii_graphic())
+            .next()?;
         // Constants can be adjacent: keep only the last name.
         let path = String::from_utf8_lossy(path).into_owned();
         let start = path[..path.len() - SOURCE.len()].rfind(".rs");

@@ -12,6 +12,7 @@ use pipeline::Mains;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use realfft::{RealFftPlanner, num_complex::Complex64};
+use serde_json::Value as Json;
 
 use super::spectrum::{Spectrum, real};
 use crate::idsp_cascade::{IdspCascade, Section29};
@@ -24,87 +25,69 @@ const MEASURED_S: usize = 64;
 /// Electrodes, each with its own signal; their powers are averaged.
 const ELECTRODES: u64 = 8;
 
-/// Amplitudes of a test signal, uV.
-#[derive(Debug, Clone, Copy)]
-struct Mixture {
-    /// Electrode offset, of alternating sign from electrode to electrode.
-    offset: f64,
-    /// Amplitude (peak) of 50 Hz.
-    mains: f64,
-    /// Pink noise from 0.5 Hz upwards, rms.
-    eeg: f64,
-}
-
-const SILENCE: Mixture = Mixture {
-    offset: 0.0,
-    mains: 0.0,
-    eeg: 0.0,
-};
-const MAINS: Mixture = Mixture {
-    mains: 100.0,
-    ..SILENCE
-};
-const EEG: Mixture = Mixture {
-    offset: 20_000.0,
-    mains: 100.0,
-    eeg: 30.0,
-};
-
-/// Noise of one filter between 0.5 and 60 Hz, nV rms.
-#[derive(Debug, Clone, Copy, serde::Serialize)]
-pub(crate) struct InBand {
-    /// With 20 mV offset, 100 uV mains and 30 uV EEG.
-    pub(crate) eeg: f64,
-    /// With 100 uV mains alone.
-    pub(crate) mains: f64,
-    /// With an input of zeros.
-    pub(crate) silence: f64,
-}
+/// Test signals: name, and amplitudes in uV of the electrode offset (of alternating sign from electrode to
+/// electrode), of 50 Hz (peak), and of pink noise from 0.5 Hz upwards (rms).
+const SIGNALS: [(&str, [f64; 3]); 3] = [
+    ("eeg", EEG),
+    ("mains", [0.0, 100.0, 0.0]),
+    ("silence", [0.0; 3]),
+];
+const EEG: [f64; 3] = [20_000.0, 100.0, 30.0];
 
 /// Noise of one filter.
 #[derive(Debug, Clone)]
 pub(crate) struct Measured {
-    pub(crate) in_band: InBand,
-    /// With EEG: frequency in Hz, density in nV per root Hz.
+    /// Noise between 0.5 and 60 Hz with each of [`SIGNALS`], nV rms.
+    in_band: [f64; SIGNALS.len()],
+    /// With [`EEG`]: frequency in Hz, density in nV per root Hz.
     density: Vec<(f64, f64)>,
 }
 
-/// Noise of our filters and of the peer's two quiet forms.
-#[derive(Debug, Clone)]
-pub(crate) struct Noise {
-    pub(crate) ours: Measured,
-    /// idsp's `DirectForm1Dither`.
-    pub(crate) idsp_dither: Measured,
-    /// idsp's `DirectForm1Wide`.
-    pub(crate) idsp_wide: Measured,
-}
+/// Noise of each of [`Noise::FILTERS`].
+#[derive(Debug)]
+pub(crate) struct Noise([Measured; Self::FILTERS.len()]);
 
 impl Noise {
-    /// Number of calls of `on_filter` by [`Noise::measure`].
-    pub(crate) const FILTERS: usize = 3;
+    /// Our filters, and idsp's two quiet forms `DirectForm1Dither` and `DirectForm1Wide`.
+    pub(crate) const FILTERS: [&str; 3] = ["ours", "idsp_dither", "idsp_wide"];
 
-    /// Measures all three; calls `on_filter` with the description of each before it is measured.
+    /// Measures all filters; calls `on_filter` with the name of each before.
     pub(crate) fn measure(twin: &Twin, mut on_filter: impl FnMut(&'static str)) -> Self {
-        on_filter("noise of ours");
-        let ours = measure(twin, || {
+        let ours = || {
             let mut state = CascadeState::REST;
             move |x| Mains::Hz50.step(&mut state, x)
-        });
-        on_filter("noise of idsp's dither");
-        let idsp_dither = measure(twin, peer::<DirectForm1Dither>);
-        on_filter("noise of idsp's wide");
-        let idsp_wide = measure(twin, peer::<DirectForm1Wide>);
-        Self {
-            ours,
-            idsp_dither,
-            idsp_wide,
-        }
+        };
+        let filters: [&dyn Fn() -> Measured; Self::FILTERS.len()] = [
+            &|| measure(twin, ours),
+            &|| measure(twin, peer::<DirectForm1Dither>),
+            &|| measure(twin, peer::<DirectForm1Wide>),
+        ];
+        Self(std::array::from_fn(|filter| {
+            on_filter(Self::FILTERS[filter]);
+            filters[filter]()
+        }))
+    }
+
+    /// Noise of our filters between 0.5 and 60 Hz with [`EEG`], nV rms.
+    pub(crate) fn ours_nv_rms(&self) -> f64 {
+        self.0[0].in_band[0]
+    }
+
+    /// Returns the noise of each filter with each signal, nV rms.
+    pub(crate) fn json(&self) -> Json {
+        let signals = |measured: &Measured| -> Json {
+            let signals = SIGNALS.iter().zip(measured.in_band);
+            signals.map(|((name, _), nv)| (*name, nv)).collect()
+        };
+        let filters = Self::FILTERS.into_iter().zip(self.0.iter().map(signals));
+        filters.collect()
     }
 
     /// Chart of the noise densities.
     pub(crate) fn chart(&self) -> Curves {
+        let [ours, idsp_dither, idsp_wide] = &self.0;
         let line = |label: &str, color, measured: &Measured| Curve {
-            label: format!("{label}: {:.1} nV rms", measured.in_band.eeg),
+            label: format!("{label}: {:.1} nV rms", measured.in_band[0]),
             color,
             mark: Mark::Line,
             points: measured.density.iter().copied().skip(1).collect(),
@@ -113,26 +96,26 @@ impl Noise {
         // The ADC rounds to whole counts: LSB^2 / 12, evenly over all frequencies.
         let adc = f64::from(model::LSB_NV) / (12.0 * nyquist_hz).sqrt();
         let adc_in_band = adc * (BAND_HZ[1] - BAND_HZ[0]).sqrt();
-        let highest = [&self.ours, &self.idsp_dither, &self.idsp_wide]
-            .into_iter()
-            .flat_map(|measured| &measured.density)
+        let densities = self.0.iter().flat_map(|measured| &measured.density);
+        let highest = densities
             .filter(|(hz, _)| *hz >= 0.25)
             .map(|(_, density)| *density)
             .fold(adc, f64::max);
         Curves {
             title: "What integer arithmetic adds to the EEG, beside what rounding in the ADC adds",
-            subtitle: "output minus that of a float64 twin, on 20 mV offset, 100 µV mains and 30 µV \
+            subtitle:
+                "output minus that of a float64 twin, on 20 mV offset, 100 µV mains and 30 µV \
                        EEG; the lower the quieter; rms over 0.5 to 60 Hz"
-                .to_owned(),
+                    .to_owned(),
             x_hz: [0.25, nyquist_hz],
             y: [0.0, 1.2 * highest],
             y_label: "density (nV per √Hz)",
             band_hz: BAND_HZ,
             mains_hz: MAINS_HZ,
             curves: vec![
-                line("idsp dither", RESULT, &self.idsp_dither),
-                line("idsp wide", REFERENCE, &self.idsp_wide),
-                line("ours", SOURCE, &self.ours),
+                line("idsp dither", RESULT, idsp_dither),
+                line("idsp wide", REFERENCE, idsp_wide),
+                line("ours", SOURCE, ours),
                 Curve {
                     label: format!("rounding in the ADC: {adc_in_band:.1} nV rms"),
                     color: FAINT,
@@ -154,26 +137,19 @@ where
 
 /// Measures the filters that `at_rest` returns, one call per electrode.
 fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measured {
-    let spectrum = |mixture| {
-        let spectra: Vec<Spectrum> = (0..ELECTRODES)
-            .map(|electrode| {
-                let counts = counts(mixture, electrode);
-                let error = error_nv(&counts, twin.clone(), at_rest());
-                Spectrum::new(&error, model::ADC_RATE_HZ.into())
-            })
-            .collect();
-        Spectrum::mean(&spectra)
+    let spectrum = |amplitudes| {
+        let spectra = (0..ELECTRODES).map(|electrode| {
+            let counts = counts(amplitudes, electrode);
+            let error = error_nv(&counts, twin.clone(), at_rest());
+            Spectrum::new(&error, model::ADC_RATE_HZ.into())
+        });
+        Spectrum::mean(&spectra.collect::<Vec<_>>())
     };
-    let rms = |mixture| spectrum(mixture).map_or(f64::NAN, |spectrum| spectrum.rms(BAND_HZ));
-    let eeg = spectrum(EEG);
-    let density = eeg.iter().flat_map(Spectrum::points);
+    let spectra = SIGNALS.map(|(_, amplitudes)| spectrum(amplitudes));
+    let density = spectra[0].points().map(|(hz, power)| (hz, power.sqrt()));
     Measured {
-        in_band: InBand {
-            eeg: eeg.as_ref().map_or(f64::NAN, |eeg| eeg.rms(BAND_HZ)),
-            mains: rms(MAINS),
-            silence: rms(SILENCE),
-        },
-        density: density.map(|(hz, power)| (hz, power.sqrt())).collect(),
+        in_band: spectra.each_ref().map(|spectrum| spectrum.rms(BAND_HZ)),
+        density: density.collect(),
     }
 }
 
@@ -187,20 +163,20 @@ fn error_nv(counts: &[i32], mut twin: Twin, mut filter: impl FnMut(i32) -> i32) 
     errors.skip(SETTLING_S * rate()).collect()
 }
 
-/// Returns the ADC's counts for this mixture at one electrode.
-fn counts(mixture: Mixture, electrode: u64) -> Vec<i32> {
+/// Returns the ADC's counts of a test signal at one electrode.
+fn counts([offset, mains, eeg]: [f64; 3], electrode: u64) -> Vec<i32> {
     let mut random = ChaCha8Rng::seed_from_u64(electrode);
     let samples = (SETTLING_S + MEASURED_S) * rate();
-    let eeg = pink(&mut random, samples);
+    let pink = pink(&mut random, samples);
     let phase = random.random_range(0.0..2.0 * PI);
     let sign = if electrode.is_multiple_of(2) {
         1.0
     } else {
         -1.0
     };
-    let uv = eeg.iter().enumerate().map(|(n, eeg)| {
+    let uv = pink.iter().enumerate().map(|(n, pink)| {
         let angle = phase + 2.0 * PI * MAINS_HZ * real(n) / real(rate());
-        sign * mixture.offset + mixture.mains * angle.sin() + mixture.eeg * eeg
+        sign * offset + mains * angle.sin() + eeg * pink
     });
     #[expect(
         clippy::cast_possible_truncation,
@@ -235,32 +211,23 @@ fn rate() -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::artifact;
+    use crate::report::checked_in;
 
     impl Noise {
         /// Noise of three filters with 2.4 nV each.
         pub(crate) fn of_2_4_nv() -> Self {
             let measured = Measured {
-                in_band: InBand {
-                    eeg: 2.4,
-                    mains: 2.4,
-                    silence: 0.0,
-                },
+                in_band: [2.4, 2.4, 0.0],
                 density: Vec::new(),
             };
-            let [ours, idsp_dither, idsp_wide] = std::array::from_fn(|_| measured.clone());
-            Self {
-                ours,
-                idsp_dither,
-                idsp_wide,
-            }
+            Self(std::array::from_fn(|_| measured.clone()))
         }
     }
 
     #[test]
     fn rounding_every_output_to_a_count_measures_as_the_noise_of_rounding() {
         // The twin itself, rounded to whole counts: a filter whose noise is known.
-        let artifact = artifact().expect("the artifact");
+        let artifact = checked_in::artifact().expect("the artifact");
         let twin = Twin::new(&artifact.description.filters);
         let mut exact = twin.clone();
         #[expect(clippy::cast_possible_truncation, reason = "an EEG of 20 mV at most")]

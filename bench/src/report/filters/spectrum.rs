@@ -52,14 +52,14 @@ impl Spectrum {
         }
     }
 
-    /// Returns the mean of spectra of the same rate, or `None` for an empty slice.
-    pub(crate) fn mean(spectra: &[Self]) -> Option<Self> {
-        let mut mean = spectra.first()?.clone();
+    /// Returns the mean of one or more spectra of the same rate.
+    pub(crate) fn mean(spectra: &[Self]) -> Self {
+        let mut mean = spectra[0].clone();
         for (bin, power) in mean.power.iter_mut().enumerate() {
             let sum: f64 = spectra.iter().map(|other| other.power[bin]).sum();
             *power = sum / real(spectra.len());
         }
-        Some(mean)
+        mean
     }
 
     /// Returns the root of the power between two frequencies in Hz, both included.
