@@ -1,4 +1,4 @@
-//! Links the images for the emulated board. On the host there is nothing to do.
+//! Passes the emulated board's memory map to the linker. Does nothing when building for the PC.
 #![forbid(unsafe_code)]
 
 use std::{env, fs, path::PathBuf};
@@ -10,7 +10,7 @@ fn main() {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    // The name that memory.x in the workspace's root, which cortex-m-rt's link.x includes, passes on to.
+    // memory.x in the workspace's root, which cortex-m-rt's link.x includes, includes a file of this name.
     fs::copy("mps2.x", out.join("board.x")).expect("OUT_DIR is writable");
     println!("cargo::rustc-link-search={}", out.display());
     println!("cargo::rustc-link-arg-bins=-Tlink.x");

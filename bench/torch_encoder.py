@@ -1,11 +1,11 @@
-"""The encoder in PyTorch, f32, on one thread: what `cargo xtask bench host` measures beside ours.
+"""The encoder in PyTorch, f32, on one thread, timed for comparison by `cargo xtask bench host`.
 
     python3 torch_encoder.py WEIGHTS CELLS
 
-In the current folder it reads windows.bin (f32, [window][step][row][column] of 16 steps, 10 rows, 9
-columns, as the network takes them) and writes their codes to torch.bin. CELLS are the electrodes' cells,
-with commas between them. A line on standard input is a turn: "single", a window per call, or "batch", all
-windows in one; the answer is the number of codes and the nanoseconds they took.
+Reads windows.bin in the current folder (f32, [window][step][row][column] of 16 time steps, 10 rows and 9
+columns), writes the windows' codes to torch.bin (f32) and prints PyTorch's version. CELLS are the cells of the
+electrodes, separated by commas. Each line on standard input starts a measurement: "single" encodes one window
+per call, "batch" all windows in one call. The answer is the number of codes and the nanoseconds they took.
 """
 
 import json
@@ -16,11 +16,12 @@ import time
 import torch
 from torch import nn
 
+# Shortest duration of a measurement; bench/src/report/host/ours.rs has the same.
 TURN_NS = 200_000_000
 
 
 def tensors(path):
-    """A safetensors file: length of the header (u64), header (JSON), numbers."""
+    """Reads a safetensors file: length of the header (u64), header (JSON), numbers."""
     with open(path, "rb") as file:
         data = file.read()
     (length,) = struct.unpack_from("<Q", data)
@@ -57,7 +58,7 @@ class Encoder(nn.Module):
         missing, unknown = self.load_state_dict(own, strict=False)
         left = [name for name in missing if not name.endswith("num_batches_tracked")]
         if left or unknown:
-            sys.exit(f"the artifact is not this network: {left} missing, {unknown} unknown")
+            sys.exit(f"the weights do not fit this network: {left} missing, {unknown} unknown")
 
     def forward(self, windows):
         x = windows.unsqueeze(1)
@@ -84,11 +85,11 @@ def main():
         print(torch.__version__, flush=True)
         for line in sys.stdin:
             batches = {"single": singles, "batch": [windows]}[line.strip()]
-            codes, begin = 0, time.perf_counter_ns()
-            while time.perf_counter_ns() - begin < TURN_NS:
+            codes, start = 0, time.perf_counter_ns()
+            while time.perf_counter_ns() - start < TURN_NS:
                 for batch in batches:
                     codes += len(encoder(batch))
-            print(codes, time.perf_counter_ns() - begin, flush=True)
+            print(codes, time.perf_counter_ns() - start, flush=True)
 
 
 main()

@@ -1,33 +1,38 @@
-//! The encoder's kernels with weights, inputs and shapes that no model has: what the assembler makes
-//! of them is compared with what the plain twins make on the PC.
+//! The encoder's kernels with random weights, inputs and shapes, to compare the assembler on the microcontroller
+//! with the portable kernels on the PC.
 
 use int8_nn::{Direct, InputConv, Linear, Pair, PlaneShape, Winograd};
 
 use crate::random::Random;
 
-/// Networks that are drawn.
+/// Number of random networks.
 const NETWORKS: usize = 16;
-/// Bytes of [`digests`]: as many as a code has, so that they are compared like one.
+/// Length of [`digests`] in bytes: that of a code, so that they are compared as one more code.
 pub const BYTES: usize = NETWORKS * size_of::<u64>();
 
-/// Most that is drawn: rows of tiles, channels behind a convolution, rows of its input, and a matrix'
-/// outputs and pairs of inputs.
+/// Largest number of rows of Winograd tiles.
 const TILE_ROWS: usize = 3;
+/// Largest number of output channels of a convolution.
 const OUTPUTS: usize = 6;
+/// Largest number of input rows of the first convolution.
 const ROWS: usize = 10;
+/// Largest number of outputs of a fully connected layer.
 const SUMS: usize = 8;
+/// Largest number of input pairs of a fully connected layer.
 const PAIRS: usize = 128;
 
-/// Columns of the input and behind the first convolution, and pairs of channels there.
+/// Input columns of the first convolution.
 const COLUMNS: usize = 11;
+/// Input columns of the second convolution.
 const HIDDEN_COLUMNS: usize = 10;
+/// Pairs of input channels of the second convolution.
 const HIDDEN_PAIRS: usize = 8;
 
 type First<'w> = InputConv<'w, COLUMNS>;
 type Conv<'w> = Winograd<'w, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
 type Plain<'w> = Direct<'w, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
 
-/// One hash for each network, over everything that its kernels put out.
+/// Returns one hash per network, over all outputs of its kernels.
 pub fn digests() -> [u8; BYTES] {
     let mut bytes = [0; BYTES];
     for (seed, digest) in (1..).zip(bytes.as_chunks_mut::<{ size_of::<u64>() }>().0) {
@@ -42,7 +47,7 @@ pub fn digests() -> [u8; BYTES] {
     bytes
 }
 
-/// FNV-1a over words (Fowler, Noll and Vo; 64 bits).
+/// FNV-1a of 64 bits (Fowler, Noll and Vo), over words of 32 bits.
 struct Hash(u64);
 
 impl Hash {
@@ -56,12 +61,12 @@ impl Hash {
 struct Draw(Random);
 
 impl Draw {
-    /// 1 to `most`.
+    /// Draws a number from 1 to `most`.
     fn up_to(&mut self, most: usize) -> usize {
         1 + self.0.next() as usize % most
     }
 
-    /// Any weight, at an end of its range once in four times.
+    /// Draws a weight; with a probability of 1/4 one of -127 and 127.
     fn weight(&mut self) -> i8 {
         let [any, choice, ..] = self.0.next().to_le_bytes();
         match choice % 8 {
@@ -140,7 +145,7 @@ impl Draw {
         hash.add(largest.iter().map(|sum| sum.cast_unsigned()));
     }
 
-    /// Inputs of either sign, and pools of any size that fits.
+    /// Runs the direct convolution with inputs of either sign and pools of every size that fits.
     fn direct(&mut self, hash: &mut Hash) {
         const ROWS: usize = 4;
         const INPUT: usize = (ROWS + 2) * HIDDEN_COLUMNS * HIDDEN_PAIRS;
@@ -201,7 +206,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_network_has_a_digest_of_its_own() {
+    fn no_two_networks_have_the_same_digest() {
         let bytes = digests();
         let (digests, _) = bytes.as_chunks::<{ size_of::<u64>() }>();
         for (index, digest) in digests.iter().enumerate() {

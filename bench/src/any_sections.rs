@@ -1,4 +1,4 @@
-//! Our filters with sections that nobody designed.
+//! Our filters with random sections.
 
 use fixed_dsp::{Cascade, CascadeState, Coefficient, Filter, Section};
 use model::{ELECTRODES, SECTIONS};
@@ -9,9 +9,10 @@ use crate::{
     random::Random,
 };
 
-/// A cascade at run time, with new sections for every block and states that stay: poles anywhere,
-/// sums that wrap. Fit for no signal: what the microcontroller and the PC make of it has to be the
-/// same all the same, for any coefficient and any sample.
+/// A cascade whose sections change randomly before every block while its states persist.
+///
+/// Poles can be anywhere and sums wrap, so the output is no filtered signal. It shows that the
+/// microcontroller and the PC compute equal bits for any coefficient and any sample.
 #[derive(Clone, Debug)]
 pub struct AnySections {
     random: Random,
@@ -21,7 +22,7 @@ pub struct AnySections {
 }
 
 impl Default for AnySections {
-    /// The same sections on every run and for every input.
+    /// Seeds the sections, so that every run and every input sees the same ones.
     fn default() -> Self {
         let mut random = Random(1);
         Self {
@@ -34,7 +35,7 @@ impl Default for AnySections {
 }
 
 impl Contender for AnySections {
-    fn take(&mut self, block: &Block) {
+    fn load(&mut self, block: &Block) {
         self.cascade = self.random.cascade();
         self.block = *block;
     }
@@ -43,13 +44,13 @@ impl Contender for AnySections {
         self.cascade.blocks(&mut self.states, &mut self.block);
     }
 
-    fn give(&self) -> Block {
+    fn output(&self) -> Block {
         self.block
     }
 }
 
 impl Random {
-    /// Any coefficient whose integer is one of a stable section.
+    /// Draws a coefficient: any fraction, and an integer part from -2 to 2, as stable sections have.
     fn coefficient(&mut self) -> Coefficient {
         Coefficient {
             integer: (self.next() % 5).cast_signed() - 2,
@@ -90,16 +91,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_shape_integer_and_sign_comes_and_the_samples_reach_both_ends() {
+    fn every_shape_integer_and_sign_is_drawn_and_samples_reach_both_ends_of_their_range() {
         let mut contender = AnySections::default();
         let (mut shapes, mut integers) = ([0; 4], [0; 5]);
         let (mut lowest, mut highest) = ([0; 2], [0; 2]);
-        let mut see = |place: usize, value: i32| {
+        let mut observe = |place: usize, value: i32| {
             lowest[place] = value.min(lowest[place]);
             highest[place] = value.max(highest[place]);
         };
         for _ in 0..crate::block::BLOCKS {
-            contender.take(&[[1 << 28, -(1 << 28), 12_345, 0]; ELECTRODES]);
+            contender.load(&[[1 << 28, -(1 << 28), 12_345, 0]; ELECTRODES]);
             for section in contender.cascade.sections {
                 let (shape, second) = match section {
                     Section::Notch { loss, .. } => (0, loss),
@@ -109,17 +110,17 @@ mod tests {
                 };
                 shapes[shape] += 1;
                 integers[usize::try_from(second.integer + 2).expect("-2..=2")] += 1;
-                see(0, second.remainder);
+                observe(0, second.remainder);
             }
             contender.run();
-            for sample in contender.give()[0] {
-                see(1, sample);
+            for sample in contender.output()[0] {
+                observe(1, sample);
             }
         }
-        // 1536 sections: 384 of each shape, 307 of each integer; the spread is 17.
+        // 1536 sections: on average 384 of each shape and 307 of each integer, standard deviation 17.
         assert!(shapes.iter().all(|times| *times > 300), "{shapes:?}");
         assert!(integers.iter().all(|times| *times > 220), "{integers:?}");
-        // The outermost of 1024 and more are within a hundredth of the end.
+        // Of 1024 values and more, the extremes are within 1 % of the ends.
         assert!(lowest.iter().all(|value| *value < i32::MIN / 100 * 99));
         assert!(highest.iter().all(|value| *value > i32::MAX / 100 * 99));
     }

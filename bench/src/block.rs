@@ -1,4 +1,4 @@
-//! What goes in and comes out: four samples of every electrode.
+//! Four samples of every electrode: the unit of a contender's input and output.
 
 use fixed_dsp::BLOCK;
 use model::ELECTRODES;
@@ -7,22 +7,22 @@ use model::ELECTRODES;
 /// the input.
 pub type Block = [[i32; BLOCK]; ELECTRODES];
 
-/// Silence.
+/// A block of zeros.
 pub const SILENCE: Block = [[0; BLOCK]; ELECTRODES];
 
-/// Bytes of a block in a file: electrode by electrode, little endian.
+/// Length of a block in a file, bytes: electrode by electrode, little endian.
 pub const BYTES: usize = 4 * BLOCK * ELECTRODES;
 
-/// Blocks of one input: 2 s at 512 Hz. Every input starts with all contenders at rest.
+/// Blocks of one input: 2 s at 512 Hz. The states of all contenders are zero at the start of each input.
 pub const BLOCKS: usize = 256;
 
-/// The image's input in its working folder: input by input, [`BLOCKS`] blocks each.
+/// File that an image reads: for `filters`, [`BLOCKS`] blocks of each input.
 pub const INPUTS: &str = "inputs.bin";
 
-/// The image's output there: for each block of [`INPUTS`] one block of each contender.
+/// File that an image writes: for `filters`, one block of each contender for each block of [`INPUTS`].
 pub const OUTPUTS: &str = "outputs.bin";
 
-/// The block as it lies in a file.
+/// Serialises a block.
 pub fn to_bytes(block: &Block) -> [u8; BYTES] {
     let mut bytes = [0; BYTES];
     let words = bytes.as_chunks_mut().0;
@@ -32,7 +32,7 @@ pub fn to_bytes(block: &Block) -> [u8; BYTES] {
     bytes
 }
 
-/// The block that lies in a file as `bytes`.
+/// Deserialises a block.
 pub fn from_bytes(bytes: &[u8; BYTES]) -> Block {
     let mut block = SILENCE;
     for (value, word) in block.as_flattened_mut().iter_mut().zip(bytes.as_chunks().0) {

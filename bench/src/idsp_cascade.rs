@@ -1,4 +1,4 @@
-//! The peer: idsp's biquads, with our sections.
+//! The peer: biquads of the crate idsp with the coefficients of our sections.
 
 use dsp_fixedpoint::Q32;
 use dsp_process::SplitProcess;
@@ -11,10 +11,10 @@ use crate::{
     contender::Contender,
 };
 
-/// One section as idsp has it: five coefficients in Q2.29, since the largest is 2.
+/// A section of idsp: five coefficients in Q2.29, since the largest magnitude is 2.
 pub type Section29 = Biquad<Q32<29>>;
 
-/// Our sections for 50 Hz mains, in the same order and with the same gains, on idsp's state `S`.
+/// Our sections for 50 Hz mains, in the same order and with the same gains, with states of idsp's type `S`.
 #[derive(Clone, Debug)]
 pub struct IdspCascade<S> {
     sections: [Section29; SECTIONS],
@@ -36,12 +36,12 @@ impl<S> IdspCascade<S>
 where
     Section29: SplitProcess<i32, i32, S>,
 {
-    /// Filters one sample of one electrode.
+    /// Filters one sample of one electrode, Q27.5.
     ///
     /// # Panics
-    /// When there are not so many electrodes.
+    /// When `electrode` is not below [`ELECTRODES`].
     #[inline]
-    pub fn step(&mut self, electrode: usize, x: i32) -> i32 {
+    pub fn apply(&mut self, electrode: usize, x: i32) -> i32 {
         let sections = self.sections.iter().zip(&mut self.states[electrode]);
         sections.fold(x, |x, (section, state)| section.process(state, x))
     }
@@ -51,11 +51,11 @@ impl<S> Contender for IdspCascade<S>
 where
     Section29: SplitProcess<i32, i32, S>,
 {
-    fn take(&mut self, block: &Block) {
+    fn load(&mut self, block: &Block) {
         self.block = *block;
     }
 
-    /// Section by section over the four samples: idsp's own order, and the faster one.
+    /// Filters section by section, each over all four samples: idsp's own order, which is also the faster one.
     fn run(&mut self) {
         for (states, samples) in self.states.iter_mut().zip(&mut self.block) {
             for (section, state) in self.sections.iter().zip(states) {
@@ -66,12 +66,12 @@ where
         }
     }
 
-    fn give(&self) -> Block {
+    fn output(&self) -> Block {
         self.block
     }
 }
 
-/// A section of ours in the usual notation, rounded to Q2.29.
+/// Converts one of our sections to direct form coefficients `b0, b1, b2, -a1, -a2`, rounded to Q2.29.
 fn biquad(section: &Section) -> Section29 {
     const ONE: i64 = 1 << 32;
     let q32 = Coefficient::to_q32;

@@ -1,4 +1,4 @@
-//! The encoder's kernels alone, with the built-in network.
+//! Kernels of the encoder, each run alone with the built-in network.
 
 use core::hint::black_box;
 
@@ -8,27 +8,28 @@ use model::{
     POOLED, POOLED_PAIRS, POOLED_STEPS, SHORTCUT_STEPS,
 };
 
-/// Planes of the input, and as many transformed ones, that a convolution reads.
+/// Consecutive planes that a convolution reads.
 const PLANES: usize = 3;
-/// Pairs behind the first convolution, without and with its margin.
+/// Pairs in a plane after the first convolution, without its zero margin.
 const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
+/// Pairs in a plane after the first convolution, with its zero margin.
 const FRAMED: usize = HIDDEN.len() / 2;
-/// Pairs in a transformed plane.
+/// Pairs in a plane after the transform of the second convolution.
 const TRANSFORMED: usize = NETWORK.conv2().transformed_len();
 
-/// A kernel, and how often a code needs it.
+/// A kernel and its number of runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kernel {
-    /// Layer.
+    /// Name of the layer in reports.
     pub name: &'static str,
-    /// Runs for a code.
+    /// Runs for each code.
     pub per_code: u32,
 }
 
-/// The shortcut's name; everything else is needed without it as well.
+/// Name of the one kernel that a network without shortcut does not run.
 pub const SHORTCUT: &str = "shortcut";
 
-/// Gives `count` each kernel and a run of it. Its inputs are zeros: they change no count.
+/// Calls `count` with each kernel and a closure that runs it once. Inputs are zeros, which do not affect the count.
 pub fn each(mut count: impl FnMut(Kernel, &mut dyn FnMut())) {
     #[expect(clippy::cast_possible_truncation, reason = "at most 16")]
     let mut count = |name, per_code: usize, run: &mut dyn FnMut()| {
@@ -81,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_kernel_runs_and_the_shortcut_once_for_each_step_of_a_window() {
+    fn every_kernel_runs_and_the_shortcut_once_for_each_time_step_of_a_window() {
         let mut runs = 0;
         let mut shortcut = 0;
         each(|kernel, run| {

@@ -1,27 +1,49 @@
-//! Images that count their own instructions on an emulated microcontroller.
+//! Benchmarks of filters and encoder: images that count their own instructions on an emulated microcontroller,
+//! and the program `report` that runs them.
 //!
-//! An image reads `inputs.bin` from its host by semihosting, passes it on to what is counted, says on
-//! its standard output how many instructions that took, and writes what came out to `outputs.bin`.
-//! The host runs the same and compares the bits.
+//! An image reads `inputs.bin` through semihosting, counts the instructions of the code under test on these
+//! inputs, prints the counts and writes the code's outputs to `outputs.bin`. On the PC the program runs the
+//! same code on the same inputs, compares the outputs bit for bit, and checks all figures against
+//! `bench/limits.toml`.
 //!
-//! `filters` passes every [`Block`](block::Block) through every contender; `encoder` takes a
-//! [`Plane`](pipeline::Plane) per step and counts each step of a [`hop`].
+//! ```text
+//!            inputs.bin              lines with counts ──┐
+//! report ──────────────> image, QEMU ────────────────────┤
+//!   │                                outputs.bin ──────┐ │
+//!   └── same inputs ──> same code on the PC ── equal? ─┴─┴─> table or JSON, limits.toml
+//! ```
 //!
-//! `cargo xtask bench` builds and runs the images; this crate holds what image and host share, and,
-//! on the microcontroller's target, the [`machine`].
-#![no_std]
+//! `filters` passes every [`Block`](block::Block) through every [`Contender`](contender::Contender);
+//! `encoder` takes one [`Plane`](pipeline::Plane) per time step and counts each time step of a [`hop`].
+//!
+//! ```
+//! use bench::{contenders::with_contenders, block::SILENCE};
+//!
+//! // Our filters keep silence silent: their rounding has no offset.
+//! with_contenders(|contenders| {
+//!     let blocks = &mut *contenders[0];
+//!     blocks.load(&SILENCE);
+//!     blocks.run();
+//!     assert_eq!(blocks.output(), SILENCE);
+//! });
+//! ```
+#![cfg_attr(target_os = "none", no_std)]
 #![deny(unsafe_code)]
 
 pub mod any_network;
 pub mod any_sections;
 pub mod block;
 pub mod contender;
+pub mod contenders;
 pub mod hop;
-pub mod host;
 pub mod idsp_cascade;
 pub mod kernel;
 #[cfg(target_os = "none")]
 pub mod machine;
 mod random;
+#[cfg(not(target_os = "none"))]
+pub mod report;
+#[cfg(not(target_os = "none"))]
+pub mod response;
 pub mod stress;
 pub mod tally;

@@ -1,4 +1,4 @@
-//! The emulated board: a clock that counts instructions, and the host's files.
+//! The emulated board: an instruction counter and files of the host.
 #![expect(
     unsafe_code,
     reason = "the timer's registers, semihosting calls and a block of known length in assembler"
@@ -13,34 +13,36 @@ use cortex_m_semihosting::{debug, hprintln, nr, syscall};
 
 use crate::block::{INPUTS, OUTPUTS};
 
-/// Counter 1 of the board's dual timer (CMSDK, ARM DDI 0479; its place in the FPGA images AN386 and
-/// AN500 of the MPS2).
+/// Reload register of timer 1 of the board's dual timer (CMSDK, ARM DDI 0479; addresses of the MPS2's FPGA images
+/// AN386 and AN500).
 const LOAD: *mut u32 = 0x4000_2000 as *mut u32;
+/// Current value of that timer, counting down.
 const VALUE: *const u32 = 0x4000_2004 as *const u32;
+/// Control register of that timer.
 const CONTROL: *mut u32 = 0x4000_2008 as *mut u32;
-/// Enabled, free running, no interrupt, prescaler 1, 32 bits.
+/// Value of [`CONTROL`]: enabled, free running, no interrupt, prescaler 1, 32 bits.
 const FREE_RUNNING: u32 = 0b1000_0010;
 
-/// With QEMU's `-icount shift=10` an instruction lasts 1024 ns, which is 25.6 periods of the board's
-/// 25 MHz: 256 ticks for ten instructions.
+/// Timer ticks of ten instructions: with QEMU's `-icount shift=10` an instruction takes 1024 ns, which is 25.6
+/// periods of the board's 25 MHz clock.
 const TICKS_OF_TEN: u64 = 256;
 
-/// Instructions in the block that the clock is tried on.
+/// Length of the block of instructions with which the counter is checked.
 const KNOWN: u32 = 1000;
 
-/// Counts instructions.
+/// Instruction counter, based on the timer.
 #[derive(Debug)]
 pub struct Clock {
-    /// Instructions that a measurement of nothing counts.
+    /// Instructions counted for an empty closure.
     overhead: u32,
 }
 
 impl Clock {
-    /// Starts the timer, measures what a measurement costs, and tries both on a block of 1000
+    /// Starts the timer, measures the overhead of a measurement, and checks both with a block of 1000
     /// instructions.
     ///
     /// # Errors
-    /// With the count of that block when it is not 1000: the machine is not started as it must be.
+    /// Returns the count of that block when it is not 1000: QEMU runs with other options than needed.
     pub fn start() -> Result<Self, u32> {
         for (register, value) in [(LOAD, u32::MAX), (CONTROL, FREE_RUNNING)] {
             // SAFETY: both are registers of the dual timer, which nothing else here uses.
@@ -49,7 +51,7 @@ impl Clock {
         let mut clock = Self { overhead: 0 };
         clock.overhead = clock.count(&mut || {});
         let known = clock.count(&mut || {
-            // SAFETY: does nothing, a known number of times.
+            // SAFETY: executes NOPs only.
             unsafe { asm!(".rept {}", "nop", ".endr", const KNOWN, options(nomem, nostack)) };
         });
         if known == KNOWN {
@@ -59,18 +61,17 @@ impl Clock {
         }
     }
 
-    /// Instructions that `work` takes, without its own call and return; fewer than 2^27, where the
-    /// timer wraps.
+    /// Counts the instructions of `work` without its call and return. The timer wraps at 2^27 instructions.
     ///
-    /// One function for everything that is counted: inlined, the compiler would mix it with what
-    /// surrounds it, and every measurement would cost something else.
+    /// Not inlined: the compiler would mix it with the surrounding code, and each measurement would have another
+    /// overhead.
     #[inline(never)]
     pub fn count(&self, work: &mut dyn FnMut()) -> u32 {
-        let begin = ticks();
+        let start = ticks();
         compiler_fence(Ordering::SeqCst);
         work();
         compiler_fence(Ordering::SeqCst);
-        let elapsed = u64::from(ticks().wrapping_sub(begin));
+        let elapsed = u64::from(ticks().wrapping_sub(start));
         let instructions = (elapsed * 10 + TICKS_OF_TEN / 2) / TICKS_OF_TEN;
         u32::try_from(instructions)
             .unwrap_or(u32::MAX)
@@ -78,8 +79,8 @@ impl Clock {
     }
 }
 
-/// Starts the clock, does the image's work with it, and ends the emulation: with 1, and a reason, when
-/// the machine is not started as it must be or the host's files are not there.
+/// Starts the counter, runs the image's `work` with it, and ends the emulation. The exit status is 1, with a printed
+/// reason, when the counter is wrong or a file of the host cannot be used.
 pub fn with_clock(work: impl FnOnce(&Clock) -> Result<(), Refused>) -> ! {
     let clock = match Clock::start() {
         Ok(clock) => clock,
@@ -93,39 +94,43 @@ pub fn with_clock(work: impl FnOnce(&Clock) -> Result<(), Refused>) -> ! {
     };
     let done = work(&clock);
     if done.is_err() {
-        hprintln!("the host does not give {} or take {}", INPUTS, OUTPUTS);
+        hprintln!(
+            "cannot read {} or cannot write {} on the host",
+            INPUTS,
+            OUTPUTS
+        );
     }
     exit(done.is_ok())
 }
 
-/// Ticks since the timer's start; wraps.
+/// Returns the ticks since the timer's start, modulo 2^32.
 #[inline]
 fn ticks() -> u32 {
-    // SAFETY: a register of the dual timer; reading has no effect.
+    // SAFETY: a register of the dual timer; reading it has no side effect.
     !unsafe { VALUE.read_volatile() }
 }
 
-/// A file of the host.
+/// A file on the host, accessed through semihosting.
 #[derive(Debug)]
 pub struct HostFile(usize);
 
-/// The host refused: no such file, its end, no space.
+/// The host refused an operation: the file is missing or too short, or the disk is full.
 #[derive(Clone, Copy, Debug)]
 pub struct Refused;
 
 impl HostFile {
-    /// Opens a file of the emulator's working folder for reading.
+    /// Opens a file in the emulator's working folder for reading.
     ///
     /// # Errors
-    /// The host cannot.
+    /// The file does not exist or cannot be read.
     pub fn open(name: &str) -> Result<Self, Refused> {
         Self::with_mode(name, nr::open::R_BINARY)
     }
 
-    /// Makes a file there, or empties it.
+    /// Creates a file in the emulator's working folder, or truncates it.
     ///
     /// # Errors
-    /// The host cannot.
+    /// The folder or the file is not writable.
     pub fn create(name: &str) -> Result<Self, Refused> {
         Self::with_mode(name, nr::open::W_TRUNC_BINARY)
     }
@@ -143,7 +148,7 @@ impl HostFile {
         }
     }
 
-    /// Fills the buffer; false at the end of the file.
+    /// Fills the buffer and returns true, or returns false at the end of the file.
     ///
     /// # Errors
     /// The file ends within the buffer, or cannot be read.
@@ -157,10 +162,10 @@ impl HostFile {
         }
     }
 
-    /// Writes all bytes.
+    /// Appends all bytes.
     ///
     /// # Errors
-    /// The host cannot.
+    /// The disk is full or the host reports another error.
     pub fn write(&mut self, bytes: &[u8]) -> Result<(), Refused> {
         // SAFETY: SYS_WRITE reads `len` bytes from the slice, which is borrowed for it.
         let missing = unsafe { syscall!(WRITE, self.0, bytes.as_ptr(), bytes.len()) };
@@ -168,10 +173,10 @@ impl HostFile {
     }
 }
 
-/// Ends the emulation; the emulator's exit status says whether all went well.
-pub fn exit(well: bool) -> ! {
+/// Ends the emulation; QEMU exits with status 0 on success and 1 otherwise.
+pub fn exit(success: bool) -> ! {
     loop {
-        debug::exit(if well {
+        debug::exit(if success {
             debug::EXIT_SUCCESS
         } else {
             debug::EXIT_FAILURE

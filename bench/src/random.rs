@@ -1,4 +1,4 @@
-//! Numbers that look random, the same on every machine.
+//! Pseudo-random numbers, equal on the PC and the microcontroller.
 
 /// The state of a linear congruential generator with Knuth's constants for 64 bits (MMIX; The Art of
 /// Computer Programming 2, 3.3.4).
@@ -6,17 +6,17 @@
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    /// Any number of 32 bits.
+    /// Returns the next number, uniform over 32 bits.
     pub(crate) fn next(&mut self) -> u32 {
         self.0 = self
             .0
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
-        // The upper half; the lowest bits of such a generator hardly change.
+        // Use the upper half: the lowest bits of this generator have short periods.
         (self.0 >> 32) as u32
     }
 
-    /// True once in so many times.
+    /// Returns true with a probability of 1 / `times`.
     pub(crate) fn once_in(&mut self, times: u32) -> bool {
         self.next() < u32::MAX / times
     }

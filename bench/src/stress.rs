@@ -1,10 +1,10 @@
-//! Planes that no head makes: what they do to the encoder, EEG cannot exceed.
+//! Synthetic planes that load the encoder more than any EEG can.
 
 use pipeline::{CELLS, Plane};
 
 use crate::random::Random;
 
-/// A kind of plane after plane. All cells have a signal, also those without an electrode.
+/// A sequence of planes. All cells have a signal, including those without an electrode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stress {
     /// All cells are 0.
@@ -18,10 +18,10 @@ pub enum Stress {
 }
 
 impl Stress {
-    /// All kinds.
+    /// Every sequence, in the order of the reports.
     pub const ALL: [Self; 4] = [Self::Silence, Self::Rails, Self::Impulses, Self::Noise];
 
-    /// In words.
+    /// Name in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Silence => "silence",
@@ -31,7 +31,7 @@ impl Stress {
         }
     }
 
-    /// The planes, without end; the same on every call.
+    /// Returns an endless iterator over the planes, the same on every call.
     pub fn planes(self) -> impl Iterator<Item = Plane> {
         let mut random = Random(4);
         let mut plane = [0; CELLS];
@@ -43,14 +43,14 @@ impl Stress {
         })
     }
 
-    /// What comes after `cell` in its place.
+    /// Returns the value that follows `cell` in the same place.
     fn next(self, cell: i8, random: &mut Random) -> i8 {
-        // Upper bits, and so any int8.
+        // The upper bits, uniform over int8.
         let [.., any] = random.next().to_le_bytes();
         let any = any.cast_signed();
         let rail = if any < 0 { i8::MIN } else { i8::MAX };
         match self {
-            // 0 only before the first plane; !-128 is 127.
+            // A cell is 0 only before the first plane; !-128 is 127.
             Self::Rails if cell == 0 => rail,
             Self::Rails if random.once_in(8) => !cell,
             Self::Rails => cell,
@@ -65,7 +65,7 @@ impl Stress {
 mod tests {
     use super::*;
 
-    /// How many of 100 planes' cells hold each int8.
+    /// Counts how often each int8 occurs in 100 planes.
     fn histogram(stress: Stress) -> [u32; 256] {
         let mut histogram = [0; 256];
         for plane in stress.planes().take(100) {
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_holds_what_it_says() {
+    fn every_sequence_holds_the_values_that_its_variant_documents() {
         let at = |stress, value: i8| histogram(stress)[usize::from(value.cast_unsigned())];
         assert_eq!(at(Stress::Silence, 0), 9_000);
         let rails = [i8::MIN, i8::MAX].map(|rail| at(Stress::Rails, rail));
@@ -86,7 +86,7 @@ mod tests {
         let impulses = [i8::MIN, i8::MAX].map(|rail| at(Stress::Impulses, rail));
         assert!(impulses.iter().all(|count| *count > 2), "{impulses:?}");
         assert!(at(Stress::Impulses, 0) > 8_900);
-        // 35 of each on average.
+        // The mean is 35 of each.
         assert!(histogram(Stress::Noise).iter().all(|count| *count > 5));
     }
 

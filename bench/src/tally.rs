@@ -1,34 +1,34 @@
-//! Instructions of one contender over the blocks of one input, and the line that says so.
+//! Instruction counts of repeated runs, and their text form in an image's output.
 
 use core::fmt;
 
-/// Fewest and most instructions of a block, and those of all blocks.
+/// Smallest, largest and total instruction count of the runs on one input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tally {
-    /// Fewest instructions of a block.
+    /// Smallest count of a run.
     pub fewest: u32,
-    /// Most instructions of a block.
+    /// Largest count of a run.
     pub most: u32,
-    /// Instructions of all blocks.
+    /// Sum over all runs.
     pub total: u64,
 }
 
 impl Tally {
-    /// Nothing counted yet.
+    /// Tally of no runs.
     pub const EMPTY: Self = Self {
         fewest: u32::MAX,
         most: 0,
         total: 0,
     };
 
-    /// Takes in one block.
+    /// Adds the count of one run.
     pub fn add(&mut self, instructions: u32) {
         self.fewest = self.fewest.min(instructions);
         self.most = self.most.max(instructions);
         self.total += u64::from(instructions);
     }
 
-    /// Reads what [`Tally`]'s `Display` wrote.
+    /// Parses `FEWEST MOST TOTAL`, which `Display` writes.
     pub fn parse(text: &str) -> Option<Self> {
         let mut numbers = text.split(' ');
         let tally = Self {

@@ -1,4 +1,4 @@
-//! Lays down what the vectors expect, and links the image for its board.
+//! Writes the expectations of the vectors, and passes the board's memory map to the linker.
 #![forbid(unsafe_code)]
 
 use std::{
@@ -21,15 +21,15 @@ mod kernels;
 #[path = "src/signal.rs"]
 mod signal;
 
-/// Names the folder of another model than the checked-in one; see `model/build.rs`.
+/// Environment variable with the folder of another model than the checked-in one; see `model/build.rs`.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
-/// scipy's outputs; `scipy_rates.py` beside it is their recipe.
+/// scipy's outputs, written by `scipy_rates.py` in the same folder.
 const SCIPY: &str = "../../pipeline/tests/front_end/scipy_rates.csv";
-/// Frames as hex dumps; `link/tests/wire_format.rs` holds them to the encoder.
+/// Document with frames as hex dumps; `link/tests/wire_format.rs` compares them with the encoder.
 const WIRE_FORMAT: &str = "../../docs/wire-format.md";
-/// Windows whose codes are compared.
+/// Number of windows whose codes are compared.
 const WINDOWS: usize = 6;
-/// Codes for each mains frequency.
+/// Number of codes that are compared for each mains frequency.
 const CODES: usize = 12;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     link(&out)
 }
 
-/// Filters as model-gen designs them, scipy's outputs and the PC's.
+/// Writes filters as model-gen designs them, scipy's outputs and the PC's outputs.
 fn filters(golden: &mut String) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed={SCIPY}");
     let scipy = fs::read_to_string(SCIPY)?;
@@ -69,7 +69,7 @@ fn filters(golden: &mut String) -> Result<(), Box<dyn Error>> {
         let mut words = key.split(',');
         let mut number = || words.next().unwrap_or_default().parse::<u32>();
         let (rate_hz, mains_hz) = (number()?, number()?);
-        // As in `pipeline/tests/front_end/at_rate.rs`.
+        // The same specification as in `pipeline/tests/front_end/at_rate.rs`.
         let sections = model_gen::cascade(&FilterSpec {
             rate_hz: rate_hz.into(),
             mains_hz: mains_hz.into(),
@@ -109,7 +109,6 @@ fn filtered<const PHASES: usize, const TAPS: usize>(
     };
     let bits = chain::outputs(cascade, &resampler, signal::counts(), false);
     let steps = f64::from(1 << chain::GUARD_BITS);
-    // Below 2^23 counts, x 2^5.
     #[expect(clippy::cast_possible_truncation, reason = "24 bits of counts, x 2^5")]
     let scipy: Vec<i32> = scipy.iter().map(|y| (y * steps).round() as i32).collect();
     let sections = format!("{:?}", cascade.sections);
@@ -126,7 +125,7 @@ fn filtered<const PHASES: usize, const TAPS: usize>(
     Ok(())
 }
 
-/// Windows of the artifact, spread over all there are, and their codes: model-gen's batch reference.
+/// Writes windows of the artifact, evenly spread over all, and their codes by model-gen's batch reference.
 fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-env-changed={ARTIFACT}");
     let folder = env::var_os(ARTIFACT).map_or("../../model/artifact".into(), PathBuf::from);
@@ -146,7 +145,7 @@ fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The PC's codes of [`signal::samples`].
+/// Writes the codes that the PC computes of [`signal::samples`].
 fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Error>> {
     let mut pipeline = Pipeline::new(mains);
     let codes = signal::samples().filter_map(|sample| pipeline.push(&sample));
@@ -159,7 +158,7 @@ fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Er
     Ok(())
 }
 
-/// A dump of the wire format's document: a block that opens with ```` ```hex NAME ````.
+/// Writes the bytes of a dump in the wire format's document, a block that opens with ```` ```hex NAME ````.
 fn frame(golden: &mut String, name: &str, dump: &str) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed={WIRE_FORMAT}");
     let document = fs::read_to_string(WIRE_FORMAT)?;
@@ -178,7 +177,7 @@ fn frame(golden: &mut String, name: &str, dump: &str) -> Result<(), Box<dyn Erro
     Ok(())
 }
 
-/// Links the image with the map of its board; on a PC there is nothing to link.
+/// Selects the memory map of the image's board. Does nothing when building for the PC.
 fn link(out: &Path) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=../../memory.x");
     let has = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
@@ -192,7 +191,7 @@ fn link(out: &Path) -> Result<(), Box<dyn Error>> {
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return Ok(());
     }
-    // The name that memory.x in the workspace's root passes on to.
+    // memory.x in the workspace's root includes a file of this name.
     fs::copy(map, out.join("board.x"))?;
     println!("cargo::rustc-link-search={}", out.display());
     for argument in ["-Tlink.x", "--nmagic"] {

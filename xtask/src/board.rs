@@ -1,186 +1,179 @@
 //! `cargo xtask board`: the images that are flashed, on emulated boards.
 
-mod images;
-mod report;
+use serde_json::{Value, json};
 
-use std::path::PathBuf;
-use std::process::Command;
-use std::sync::LazyLock;
+use crate::command::{
+    AFTER_A_BUILD, Failure, cargo, replace, run, target_folder, virtual_board_cargo,
+};
+use crate::figures::{self, Figures, File, Row};
+use crate::images::{self, Board};
+use crate::install;
 
-use clap::{Args, ValueEnum};
+/// Truth values of a board, each with the figures that must all be there.
+const VERDICTS: [(&str, &str); 3] = [
+    (
+        "reset_cause_ok",
+        "reset_cause_hang reset_cause_panic reset_cause_fault reset_cause_overflow reset_cause_wild_stack",
+    ),
+    (
+        "faults_named",
+        "fault_dead_chip fault_late_power fault_silent_drdy fault_shifted_bit",
+    ),
+    ("bridge_connected", "bridge_codes bridge_selftest"),
+];
 
-use self::images::{Images, PROGRAM};
-use crate::command::{root, run, succeeds, typed};
-use crate::failure::Failure;
+/// Figures that every board has; null where its test did not come so far.
+const ALWAYS: [&str; 6] = [
+    "booted",
+    "codes",
+    "equal_to_host",
+    "violations",
+    "unmapped",
+    "selftest_ok",
+];
 
-/// The toolchain that builds the emulated boards: their emulator needs a newer Rust than the rest.
-static TOOLCHAIN: LazyLock<String> = LazyLock::new(|| {
-    let file = include_str!("../../tests/virtual-board/rust-toolchain.toml");
-    let channel = file.split("channel = \"").nth(1);
-    let channel = channel.and_then(|rest| rest.split('"').next());
-    channel.unwrap_or("stable").to_owned()
-});
-
-/// What the verb can be told.
-#[derive(Debug, Clone, Args)]
-pub(crate) struct BoardOptions {
-    /// The board; both if it is left out.
-    #[arg(value_enum)]
-    board: Option<Board>,
-    /// Leave it running at a TCP port for a bridge, until Ctrl-C, in place of the tests.
-    #[arg(long, requires = "board")]
-    live: bool,
-    /// TCP port of 127.0.0.1 for --live.
-    #[arg(long, default_value_t = 5556, requires = "live")]
-    port: u16,
-    /// Run the image with the other port, for --live: the UART of the NUCLEO-H743ZI2, USB of the NUCLEO-F446RE.
-    #[arg(long, requires = "live")]
-    other_port: bool,
-    /// Print one JSON object in place of a table.
-    #[arg(long, conflicts_with = "live")]
-    json: bool,
-}
-
-impl BoardOptions {
-    /// Both boards, as a table.
-    pub(crate) const TESTS: Self = Self {
-        board: None,
-        live: false,
-        port: 0,
-        other_port: false,
-        json: false,
-    };
-}
-
-/// A board.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Board {
-    /// NUCLEO-H743ZI2.
-    H743,
-    /// NUCLEO-F446RE.
-    F446,
-}
-
-impl Board {
-    const ALL: [Self; 2] = [Self::H743, Self::F446];
-
-    /// Its word: in the names of its tests, images and package.
-    const fn key(self) -> &'static str {
-        match self {
-            Self::H743 => "h743",
-            Self::F446 => "f446",
-        }
-    }
-}
-
-/// Builds the images, and runs the tests of the emulated boards with them or leaves one running.
+/// Builds the images and the bridge, runs the scenarios of one board or of both, and prints their figures.
 ///
 /// # Errors
-/// A toolchain is missing, an image does not build, a test fails, or the port is occupied.
-pub(crate) fn board(options: &BoardOptions) -> Result<(), Failure> {
-    ensure_toolchain()?;
-    let boards = options
-        .board
-        .map_or(Board::ALL.to_vec(), |board| vec![board]);
-    let images = Images::build(&boards)?;
-    if let (true, [board]) = (options.live, &boards[..]) {
-        return live(*board, &images, options);
-    }
-    let bridge = images::bridge()?;
-    let figures = images.folder().join("figures.jsonl");
-    // A run without figures must not show those of the one before.
-    let _ = std::fs::remove_file(&figures);
-    let mut test = emulated(&["test", "--release", "--test", "boards", "--"]);
-    test.args(boards.iter().map(|board| board.key()));
-    test.env("CORTICODE_BRIDGE", bridge)
-        .env("CORTICODE_FIGURES", &figures);
-    for (variable, image) in images.variables() {
-        test.env(variable, image);
-    }
-    if options.json {
-        // The object stands alone on the standard output.
-        test.stdout(std::io::stderr());
-    }
-    let passed = run(
-        &mut test,
-        "run the failed test alone, as docs/bring-up.md has it under \"Reproduce a fault on a virtual board\"",
+/// A toolchain is missing, a program does not build, or a scenario fails.
+pub(crate) fn board(board: Option<Board>, json: bool) -> Result<(), Failure> {
+    install::virtual_board_compiler()?;
+    // All programs, as the acceptance tests build them: the bridge alone would have other features.
+    run(&mut cargo("build --bins"), AFTER_A_BUILD)?;
+    test(
+        &board.map_or(Board::ALL.to_vec(), |board| vec![board]),
+        json,
+    )
+}
+
+/// The same, with the bridge that is built already.
+///
+/// # Errors
+/// An image does not build, or a scenario fails.
+pub(crate) fn test(boards: &[Board], json: bool) -> Result<(), Failure> {
+    let mut test = virtual_board_cargo("test --release --test boards --");
+    test.env(
+        "CORTICODE_BRIDGE",
+        target_folder().join("debug/corticode-bridge"),
     );
-    report::print(&boards, &figures, passed.is_ok(), options.json)?;
+    for board in boards {
+        images::build(*board)?;
+        test.arg(board.key());
+        for [name, _] in board.images() {
+            let variable = format!("CORTICODE_IMAGE_{}", name.to_uppercase().replace('-', "_"));
+            test.env(variable, images::folder().join(name).with_extension("elf"));
+        }
+    }
+    let file = File::new("board");
+    let next = "run the failed test alone, as docs/bring-up.md has it under \"Reproduce a fault on a \
+                virtual board\"";
+    let passed = run(file.attach(&mut test, json), next);
+    let figures = file.read("board")?;
+    let rows: Vec<Row> = boards
+        .iter()
+        .map(|board| row(board.key(), &figures))
+        .collect();
+    if json {
+        println!("{}", json!({"boards": rows, "passed": passed.is_ok()}));
+    } else {
+        for (board, row) in boards.iter().zip(&rows) {
+            figures::print_table(board.key(), row);
+        }
+    }
     passed
+}
+
+/// Leaves a board running at a TCP port.
+///
+/// # Errors
+/// A toolchain is missing, or the image or the emulated board does not build.
+pub(crate) fn live(board: Board, port: u16, other_port: bool) -> Result<(), Failure> {
+    install::virtual_board_compiler()?;
+    images::build(board)?;
+    let [[other, _], [default, _]] = board.images();
+    let image = images::folder().join(if other_port { other } else { default });
+    let cable = if (board == Board::H743) == other_port {
+        "uart"
+    } else {
+        "usb"
+    };
+    let words = format!(
+        "run --release --quiet -- {} --port {port} --cable {cable}",
+        board.key()
+    );
+    replace(
+        virtual_board_cargo(&words)
+            .arg("--image")
+            .arg(image.with_extension("elf")),
+    )
 }
 
 /// Lints the emulated boards and runs their own tests: models of what the emulator lacks, and bad input.
 ///
 /// # Errors
-/// The toolchain is missing, a lint fires, or a test fails.
+/// A lint fires, or a test fails.
 pub(crate) fn models() -> Result<(), Failure> {
-    ensure_toolchain()?;
+    let lints = "clippy --release --all-targets -- -D warnings";
     run(
-        &mut emulated(&[
-            "clippy",
-            "--release",
-            "--all-targets",
-            "--",
-            "-D",
-            "warnings",
-        ]),
+        &mut virtual_board_cargo(lints),
         "mend what clippy names above",
     )?;
+    let next = "a model of the emulated board is wrong, or a message: run the failed test alone";
     run(
-        &mut emulated(&[
-            "test",
-            "--release",
-            "--lib",
-            "--bins",
-            "--test",
-            "command_line",
-        ]),
-        "a model of the emulated board is wrong, or a message: run the failed test alone",
+        &mut virtual_board_cargo("test --release --lib --bins --test command_line"),
+        next,
     )
 }
 
-/// Makes sure that the toolchain is there; rustup's own way of installing on demand is off on many machines.
-fn ensure_toolchain() -> Result<(), Failure> {
-    let mut version = Command::new("rustup");
-    if succeeds(version.args(["run", &TOOLCHAIN, "cargo", "clippy", "--version"])) {
-        return Ok(());
+/// Figures of a board; those of its image with the other port start with the name of that port.
+fn row(board: &str, figures: &Figures) -> Row {
+    let mut row: Row = ALWAYS
+        .map(|key| (key.to_owned(), Value::Null))
+        .into_iter()
+        .collect();
+    for (name, values) in &figures.rows {
+        if let Some(port) = name.strip_prefix(board) {
+            let prefix = port
+                .strip_prefix('-')
+                .map(|port| format!("{port}_"))
+                .unwrap_or_default();
+            row.extend(
+                values
+                    .iter()
+                    .map(|(key, value)| (format!("{prefix}{key}"), value.clone())),
+            );
+        }
     }
-    let mut install = Command::new("rustup");
-    install.args(["toolchain", "install", &TOOLCHAIN, "--profile", "minimal"]);
-    install.args(["--component", "clippy"]);
-    let line = typed(&install);
-    run(&mut install, "").map_err(|failure| Failure::Missing {
-        what: format!(
-            "Rust {}, which the emulated boards are built with",
-            *TOOLCHAIN
-        ),
-        why: failure.to_string(),
-        next: format!("`{line}`"),
-    })
+    for (verdict, keys) in VERDICTS {
+        let holds = keys.split(' ').all(|key| row.contains_key(key));
+        row.insert(verdict.to_owned(), holds.into());
+    }
+    row.insert("board".to_owned(), board.into());
+    row
 }
 
-/// A cargo command in the workspace of the emulated boards, with its own toolchain and target folder.
-fn emulated(arguments: &[&str]) -> Command {
-    let mut command = Command::new("rustup");
-    command
-        .args(["run", &TOOLCHAIN, "cargo"])
-        .args(arguments)
-        .current_dir(root().join(PROGRAM));
-    if let Ok(target) = crate::benchmark::emulator::target_folder() {
-        command.env("CARGO_TARGET_DIR", target.join("virtual-board"));
-    }
-    command
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-fn live(board: Board, images: &Images, options: &BoardOptions) -> Result<(), Failure> {
-    let image: PathBuf = images.of(board, options.other_port);
-    let cable = if (board == Board::H743) == options.other_port {
-        "uart"
-    } else {
-        "usb"
-    };
-    let mut command = emulated(&["run", "--release", "--quiet", "--", board.key()]);
-    command.arg("--image").arg(&image);
-    command.args(["--port", &options.port.to_string(), "--cable", cable]);
-    run(&mut command, "the message above says what to do")
+    #[test]
+    fn what_no_test_has_written_down_is_null_and_its_verdict_is_false() {
+        let row = row("f446", &Figures::default());
+        assert!(ALWAYS.iter().all(|key| row[*key] == Value::Null));
+        assert!(VERDICTS.iter().all(|(verdict, _)| row[*verdict] == false));
+    }
+
+    #[test]
+    fn a_verdict_needs_all_of_its_figures_and_the_other_image_is_named_by_its_port() {
+        let some = r#"{"board":"h743","fault_dead_chip":true}
+{"board":"h743-uart","codes":256}
+{"board":"f446","codes":7}"#;
+        let some = Figures::parse(some, "board").expect("figures");
+        let row = row("h743", &some);
+        assert_eq!(row["faults_named"], Value::from(false));
+        assert_eq!(
+            (&row["codes"], &row["uart_codes"]),
+            (&Value::Null, &Value::from(256))
+        );
+    }
 }

@@ -1,66 +1,137 @@
-//! One command of a verb, shown as a person would type it.
+//! Commands that a verb runs, and the reasons why it stops.
 
-use std::ffi::OsString;
-use std::path::Path;
-use std::process::{Command, Stdio};
+use std::env;
+use std::fmt::{self, Display};
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
 
-use crate::failure::Failure;
+/// Target triple of the microcontrollers: Cortex-M4F and M7 with a single-precision FPU.
+pub(crate) const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
 
-/// The cargo that runs us, so that a chosen toolchain stays chosen.
-pub(crate) fn cargo() -> OsString {
-    std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
+/// Folder of the emulated boards, a workspace with a newer Rust, below the root.
+pub(crate) const VIRTUAL_BOARD: &str = "tests/virtual-board";
+
+/// What to do when a program does not build.
+pub(crate) const AFTER_A_BUILD: &str = "read the compiler's message above";
+
+/// Reason why a verb stops: exit status and message.
+#[derive(Debug)]
+pub(crate) struct Failure(u8, String);
+
+impl Failure {
+    /// A check failed.
+    pub(crate) fn check(what: impl Display, why: impl Display, next: impl Display) -> Self {
+        Self(1, format!("{what} failed: {why}\n  next: {next}"))
+    }
+
+    /// Something is not installed.
+    pub(crate) fn missing(what: impl Display, why: impl Display, next: impl Display) -> Self {
+        Self(2, format!("{what} is missing: {why}\n  next: {next}"))
+    }
+
+    /// A board does not answer.
+    pub(crate) fn unreachable(what: impl Display, why: impl Display, next: impl Display) -> Self {
+        Self(3, format!("{what} is not reachable: {why}\n  next: {next}"))
+    }
+
+    pub(crate) fn exit_code(&self) -> ExitCode {
+        self.0.into()
+    }
 }
 
-/// A cargo command in the workspace's root folder.
-pub(crate) fn cargo_with(arguments: &[&str]) -> Command {
-    let mut command = Command::new(cargo());
-    command.args(arguments).current_dir(root());
+impl Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.1)
+    }
+}
+
+/// A cargo command in the workspace's root; `words` are separated by blanks.
+pub(crate) fn cargo(words: &str) -> Command {
+    // The cargo that runs this program, so that a toolchain chosen on the command line stays chosen.
+    let program = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(program);
+    command.args(words.split_whitespace()).current_dir(root());
     command
 }
 
-/// The folder of the root manifest.
+/// A cargo command in the workspace of the emulated boards, with its toolchain and target folder.
+pub(crate) fn virtual_board_cargo(words: &str) -> Command {
+    let mut command = Command::new("rustup");
+    command
+        .args(["run", virtual_board_toolchain(), "cargo"])
+        .args(words.split_whitespace())
+        .current_dir(root().join(VIRTUAL_BOARD))
+        .env("CARGO_TARGET_DIR", target_folder().join("virtual-board"));
+    command
+}
+
+/// Channel in the rust-toolchain.toml of the emulated boards.
+pub(crate) fn virtual_board_toolchain() -> &'static str {
+    let file = include_str!("../../tests/virtual-board/rust-toolchain.toml");
+    let channel = file.split("channel = \"").nth(1);
+    channel
+        .and_then(|rest| rest.split('"').next())
+        .unwrap_or("stable")
+}
+
+/// Folder of the root manifest, fixed when this program is compiled.
 pub(crate) fn root() -> &'static Path {
-    // The manifest's folder is fixed when xtask is compiled; a moved checkout compiles it again.
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .parent()
         .unwrap_or(Path::new("."))
 }
 
-/// The command as typed in a shell; arguments with blanks in quotes.
+/// Cargo's target folder: this program is in a folder of it.
+pub(crate) fn target_folder() -> PathBuf {
+    let program = env::current_exe().unwrap_or_default();
+    let folder = program.ancestors().nth(2).map(PathBuf::from);
+    folder.unwrap_or_else(|| root().join("target"))
+}
+
+/// The command as a user types it; arguments with blanks in quotes.
 pub(crate) fn typed(command: &Command) -> String {
-    let mut words = Vec::new();
-    let program = command.get_program().to_string_lossy().into_owned();
-    // The full path of a rustup proxy tells a reader nothing.
-    words.push(program.rsplit('/').next().unwrap_or(&program).to_owned());
-    for argument in command.get_args() {
-        let argument = argument.to_string_lossy();
-        words.push(if argument.contains(' ') {
-            format!("'{argument}'")
-        } else {
-            argument.into()
-        });
-    }
+    let program = command.get_program().to_string_lossy();
+    // Without the folder of the toolchain.
+    let mut words = vec![program.rsplit('/').next().unwrap_or_default().to_owned()];
+    words.extend(
+        command
+            .get_args()
+            .map(|argument| match argument.to_string_lossy() {
+                argument if argument.contains(' ') => format!("'{argument}'"),
+                argument => argument.into(),
+            }),
+    );
     words.join(" ")
 }
 
-/// Runs the command with our own output streams.
+/// Runs the command with this program's standard streams; `next` advises the user after a failure.
 ///
 /// # Errors
-/// It does not start, or its exit status is not 0.
+/// The command does not start, or its exit status is not 0.
 pub(crate) fn run(command: &mut Command, next: &str) -> Result<(), Failure> {
-    let failed = |why: String, command: &Command| Failure::Check {
-        what: format!("`{}`", typed(command)),
-        why,
-        next: next.to_owned(),
+    let why = match command.status() {
+        Ok(status) if status.success() => return Ok(()),
+        Ok(status) => status.to_string(),
+        Err(error) => error.to_string(),
     };
-    match command.status() {
-        Ok(status) if status.success() => Ok(()),
-        Ok(status) => Err(failed(status.to_string(), command)),
-        Err(error) => Err(failed(error.to_string(), command)),
-    }
+    Err(Failure::check(format!("`{}`", typed(command)), why, next))
 }
 
-/// Whether the command starts and ends with 0; its output is thrown away.
+/// Replaces this process by the command, whose exit status becomes the verb's.
+///
+/// # Errors
+/// The command does not start.
+pub(crate) fn replace(command: &mut Command) -> Result<(), Failure> {
+    let why = command.exec();
+    Err(Failure::check(
+        format!("`{}`", typed(command)),
+        why,
+        "is it installed?",
+    ))
+}
+
+/// Returns whether the command starts and ends with status 0; its output is discarded.
 pub(crate) fn succeeds(command: &mut Command) -> bool {
     let silent = command
         .stdin(Stdio::null())
@@ -74,25 +145,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_command_is_shown_as_a_person_types_it() {
+    fn a_command_is_shown_as_a_user_types_it() {
         let mut command = Command::new("/opt/toolchain/bin/cargo");
         command.args(["test", "--package", "a b"]);
         assert_eq!(typed(&command), "cargo test --package 'a b'");
+        assert!(virtual_board_toolchain().starts_with("1."));
     }
 
     #[test]
     fn a_failed_command_says_what_why_and_what_next() {
         let failure = run(&mut Command::new("false"), "look there").expect_err("it fails");
-        let text = failure.to_string();
-        assert!(text.contains("`false` failed"), "{text}");
-        assert!(text.contains("exit status: 1"), "{text}");
-        assert!(text.contains("next: look there"), "{text}");
+        let expected = "`false` failed: exit status: 1\n  next: look there";
+        assert_eq!(failure.to_string(), expected);
     }
 
     #[test]
     fn a_missing_program_is_a_failure_and_no_panic() {
         let mut command = Command::new("no-such-program-anywhere");
         assert!(!succeeds(&mut command));
-        assert!(run(&mut command, "").is_err());
+        assert!(run(&mut command, "").is_err() && replace(&mut command).is_err());
     }
 }

@@ -1,195 +1,148 @@
 //! `cargo xtask hil`: a microcontroller checks the golden vectors itself; emulated, or a board.
 
-use std::process::Command;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
 use std::time::Duration;
 
-use clap::{Args, ValueEnum};
+use crate::command::{
+    AFTER_A_BUILD, BOARD_TARGET, Failure, cargo, replace, run, succeeds, target_folder,
+};
+use crate::images::Board;
+use crate::install;
 
-use crate::benchmark::emulator::{self, Image, MACHINES, Machine};
-use crate::command::succeeds;
-use crate::failure::Failure;
+/// Longest time from one vector's end to the next one's on a board that runs at 16 MHz, and to flash it.
+const SILENCE: Duration = Duration::from_mins(3);
 
-/// The package of the image, and the image.
-const IMAGE: &str = "on-target";
-
-/// One instruction lasts 2^10 ns of the machine's time, which is 25.6 ticks of 25 MHz.
-const VIRTUAL_TIME: &str = "shift=10,sleep=off";
-const TICKS_OF_TEN: u64 = 256;
-
-/// From one vector's end to the next one's, and starting QEMU on a busy PC.
-const PATIENCE: Duration = Duration::from_mins(1);
-/// The same on a board that runs at 16 MHz, and flashing it.
-const PATIENCE_WITH_BOARD: Duration = Duration::from_mins(3);
-
-/// What runs an image on a board, and how it is installed.
-const PROBE_RS: &str = "probe-rs";
-const INSTALL_PROBE_RS: &str = "`cargo install probe-rs-tools --version 0.32.0 --locked`";
-
-/// What the verb can be told.
-#[derive(Debug, Clone, Copy, Args)]
-pub(crate) struct HilOptions {
-    /// Run on this board, attached by its ST-LINK, instead of on emulated microcontrollers.
-    #[arg(long, value_enum)]
-    board: Option<Board>,
-}
-
-impl HilOptions {
-    /// On the emulated microcontrollers.
-    pub(crate) const EMULATED: Self = Self { board: None };
-}
-
-/// A board that can run the image.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Board {
-    /// NUCLEO-H743ZI2.
-    H743,
-    /// NUCLEO-F446RE.
-    F446,
-}
-
-impl Board {
-    const ALL: [Self; 2] = [Self::H743, Self::F446];
-
-    /// probe-rs' name of its microcontroller.
-    const fn chip(self) -> &'static str {
-        match self {
-            Self::H743 => "STM32H743ZITx",
-            Self::F446 => "STM32F446RETx",
-        }
-    }
-
-    /// What cargo is told so that the image is one for this board.
-    const fn feature(self) -> &'static str {
-        match self {
-            Self::H743 => "--features=h743",
-            Self::F446 => "--features=f446",
-        }
-    }
-}
-
-/// Builds the image and runs it on both emulated machines, or on a board.
+/// Runs the vectors on both emulated microcontrollers, or on a board.
 ///
 /// # Errors
-/// QEMU, the target, probe-rs or the board is missing, the image does not build, or a vector fails.
-pub(crate) fn hil(options: HilOptions) -> Result<(), Failure> {
-    match options.board {
-        None => MACHINES.into_iter().try_for_each(on_emulator),
+/// The target, probe-rs or the board is missing, the image does not build, or a vector fails.
+pub(crate) fn hil(board: Option<Board>) -> Result<(), Failure> {
+    install::board_target()?;
+    match board {
+        None => replace(&mut cargo(
+            "test --package emulated --test golden_vectors -- --nocapture",
+        )),
         Some(board) => on_board(board),
     }
 }
 
-/// Links the image of each board, so that it fits when somebody has one.
+/// Links the image of a board.
 ///
 /// # Errors
-/// An image does not build, or is too large for its board.
-pub(crate) fn link_for_boards() -> Result<(), Failure> {
-    Board::ALL
-        .into_iter()
-        .try_for_each(|board| Image::build(IMAGE, IMAGE, &[board.feature()]).map(drop))
-}
-
-fn on_emulator(machine: Machine) -> Result<(), Failure> {
-    let image = Image::build(IMAGE, IMAGE, machine.features)?;
-    println!("{}, {} (emulated)", machine.name, machine.core);
-    let mut command = image.command(machine, image.target_folder(), &[IMAGE]);
-    command.args(["-icount", VIRTUAL_TIME]);
-    let said = emulator::run_to_end(&mut command, PATIENCE, |line| {
-        println!(
-            "  {}",
-            shown(line, "instructions", |ticks| ticks * 10 / TICKS_OF_TEN)
-        );
-    })?;
-    judge(machine.name, &said)
+/// The image does not build, or is too large for the board.
+pub(crate) fn link(board: Board) -> Result<(), Failure> {
+    let build = "build --package=on-target --bin=on-target --profile=firmware";
+    let words = format!("{build} --target={BOARD_TARGET} --features={}", board.key());
+    run(&mut cargo(&words), AFTER_A_BUILD)
 }
 
 fn on_board(board: Board) -> Result<(), Failure> {
-    if !succeeds(Command::new(PROBE_RS).arg("--version")) {
-        return Err(Failure::Missing {
-            what: PROBE_RS.to_owned(),
-            why: format!("`{PROBE_RS} --version` does not run"),
-            next: INSTALL_PROBE_RS.to_owned(),
-        });
+    if !succeeds(Command::new("probe-rs").arg("--version")) {
+        let next = "`cargo install probe-rs-tools --version 0.32.0 --locked`";
+        return Err(Failure::missing(
+            "probe-rs",
+            "`probe-rs --version` does not run",
+            next,
+        ));
     }
-    let image = Image::build(IMAGE, IMAGE, &[board.feature()])?;
+    link(board)?;
     println!("{}", board.chip());
-    let mut command = Command::new(PROBE_RS);
-    command
-        .args(["run", "--chip", board.chip()])
-        .arg(image.path());
-    let mut any = false;
-    let outcome = emulator::run_to_end(&mut command, PATIENCE_WITH_BOARD, |line| {
-        any |= Said::of(line).is_some();
-        println!("  {}", shown(line, "cycles", |ticks| ticks));
-    });
-    match outcome {
-        Ok(said) => judge(board.chip(), &said),
-        Err(failure) if any => Err(failure),
-        Err(failure) => Err(Failure::Unreachable {
-            what: format!("the board with an {}", board.chip()),
-            why: format!("its image has said nothing: {failure}"),
-            next: "attach the board's ST-LINK by USB; `probe-rs list` must show it, and its udev rule \
-                   is at probe.rs"
-                .to_owned(),
-        }),
-    }
-}
-
-/// What an image says in a line; `None` of what is not its own.
-#[derive(Debug, PartialEq, Eq)]
-enum Said<'l> {
-    Passed { ticks: u64, vector: &'l str },
-    Failed,
-    End { vectors: usize, failed: usize },
-}
-
-impl<'l> Said<'l> {
-    fn of(line: &'l str) -> Option<Self> {
-        if line.starts_with("FAILED ") {
-            return Some(Self::Failed);
-        }
-        if let Some(rest) = line.strip_prefix("passed ") {
-            let (ticks, vector) = rest.split_once(' ')?;
-            let ticks = ticks.parse().ok()?;
-            return Some(Self::Passed { ticks, vector });
-        }
-        let (vectors, failed) = line.split_once(" vectors, ")?;
-        Some(Self::End {
-            vectors: vectors.parse().ok()?,
-            failed: failed.strip_suffix(" failed")?.parse().ok()?,
-        })
-    }
-}
-
-/// A line for a person, with ticks as what they are.
-fn shown(line: &str, unit: &str, of_ticks: impl Fn(u64) -> u64) -> String {
-    match Said::of(line) {
-        Some(Said::Passed { ticks, vector }) => {
-            format!("passed  {vector:36} {:>11} {unit}", of_ticks(ticks))
-        }
-        _ => line.to_owned(),
-    }
-}
-
-/// Whether the image has come to its end and every vector has passed. An exit status of 0 is not enough:
-/// a run that somebody ends with Ctrl-C has it, too.
-fn judge(place: &str, said: &[String]) -> Result<(), Failure> {
-    let said: Vec<Said<'_>> = said.iter().filter_map(|line| Said::of(line)).collect();
-    let passed = said
-        .iter()
-        .filter(|said| matches!(said, Said::Passed { .. }));
-    let passed = passed.count();
-    let all = Said::End {
-        vectors: passed,
-        failed: 0,
+    let image = target_folder()
+        .join(BOARD_TARGET)
+        .join("firmware/on-target");
+    let mut lines = Vec::new();
+    let mut probe = Command::new("probe-rs");
+    let ended = run_to_end(
+        probe.args(["run", "--chip", board.chip()]).arg(image),
+        |line| {
+            println!("  {}", shown(&line));
+            lines.push(line);
+        },
+    );
+    let Err(why) = ended.and_then(|()| check(&lines)) else {
+        return Ok(());
     };
-    if passed > 0 && said.last() == Some(&all) {
+    if lines.iter().any(|line| is_result(line)) {
+        let what = format!("the golden vectors on {}", board.chip());
+        return Err(Failure::check(
+            what,
+            why,
+            "run it again; the vectors are in tests/on-target/src",
+        ));
+    }
+    Err(Failure::unreachable(
+        format!("the board with an {}", board.chip()),
+        format!("its image has printed nothing: {why}"),
+        "attach the board's ST-LINK by USB; `probe-rs list` must show it, and its udev rule is at probe.rs",
+    ))
+}
+
+/// Runs a command, calls `line` with each line it prints, and ends it after [`SILENCE`] without one.
+fn run_to_end(command: &mut Command, mut line: impl FnMut(String)) -> Result<(), String> {
+    let spawned = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
+    let mut child = spawned.map_err(|error| error.to_string())?;
+    let (sender, lines) = mpsc::channel();
+    let output = child.stdout.take().map(BufReader::new);
+    thread::spawn(move || {
+        let mut all = output
+            .into_iter()
+            .flat_map(BufRead::lines)
+            .map_while(Result::ok);
+        all.try_for_each(|line| sender.send(line))
+    });
+    loop {
+        match lines.recv_timeout(SILENCE) {
+            Ok(text) => line(text),
+            Err(RecvTimeoutError::Disconnected) => break,
+            Err(RecvTimeoutError::Timeout) => {
+                // Fails if it has just ended by itself.
+                let _ = child.kill();
+                return Err(format!("silent for {} s", SILENCE.as_secs()));
+            }
+        }
+    }
+    let status = child.wait().map_err(|error| error.to_string())?;
+    if status.success() {
+        Ok(())
+    } else {
+        Err(status.to_string())
+    }
+}
+
+/// Ticks and name of a vector that has passed.
+fn passed(line: &str) -> Option<(u64, &str)> {
+    let (ticks, vector) = line.strip_prefix("passed ")?.split_once(' ')?;
+    Some((ticks.parse().ok()?, vector))
+}
+
+/// Returns whether the image prints such a line; other lines are those of probe-rs.
+fn is_result(line: &str) -> bool {
+    let is_end = line.contains(" vectors, ") && line.ends_with(" failed");
+    passed(line).is_some() || line.starts_with("FAILED ") || is_end
+}
+
+/// The line as it is printed: on a board a tick is a cycle.
+fn shown(line: &str) -> String {
+    passed(line).map_or_else(
+        || line.to_owned(),
+        |(ticks, vector)| format!("passed  {vector:36} {ticks:>11} cycles"),
+    )
+}
+
+/// Checks that the image has reached its end and counts all its vectors as passed. An exit status of 0 is not
+/// enough: a run that the user ends with Ctrl-C has it, too.
+fn check(lines: &[String]) -> Result<(), String> {
+    let vectors = lines.iter().filter(|line| passed(line).is_some()).count();
+    let end = lines.iter().rfind(|line| is_result(line));
+    if vectors > 0 && end.is_some_and(|end| *end == format!("{vectors} vectors, 0 failed")) {
         return Ok(());
     }
-    Err(Failure::Check {
-        what: format!("the golden vectors on {place}"),
-        why: format!("{passed} passed, and the image did not say at its end that these are all"),
-        next: "run it again; the vectors are in tests/on-target/src".to_owned(),
-    })
+    Err(format!(
+        "{vectors} passed, and the image did not print at its end that these are all"
+    ))
 }
 
 #[cfg(test)]
@@ -197,21 +150,41 @@ mod tests {
     use super::*;
     use crate::command::root;
 
-    fn judged(lines: &[&str]) -> bool {
-        let lines: Vec<String> = lines.iter().map(|&line| line.to_owned()).collect();
-        judge("a place", &lines).is_ok()
+    #[test]
+    fn only_an_image_that_counts_all_its_vectors_as_passed_is_well() {
+        let passes = |lines: &[&str]| {
+            let lines: Vec<String> = lines.iter().map(|&line| line.to_owned()).collect();
+            check(&lines).is_ok()
+        };
+        let [first, second] = ["passed 70 filters, 512 Hz", "passed 80 network's sum"];
+        assert!(passes(&[first, second, "2 vectors, 0 failed"]));
+        assert!(passes(&["a warning", first, "1 vectors, 0 failed"]));
+        assert!(!passes(&[first, second]));
+        assert!(!passes(&[first, "2 vectors, 0 failed"]));
+        assert!(!passes(&[first, "FAILED x: y", "2 vectors, 1 failed"]));
+        assert!(!passes(&["0 vectors, 0 failed"]));
+        assert!(!passes(&[]));
     }
 
     #[test]
-    fn only_an_image_that_counts_all_its_vectors_as_passed_is_well() {
-        let [first, second] = ["passed 70 filters, 512 Hz", "passed 80 network's sum"];
-        assert!(judged(&[first, second, "2 vectors, 0 failed"]));
-        assert!(judged(&["a warning", first, "1 vectors, 0 failed"]));
-        assert!(!judged(&[first, second]));
-        assert!(!judged(&[first, "2 vectors, 0 failed"]));
-        assert!(!judged(&[first, "FAILED x: y", "2 vectors, 1 failed"]));
-        assert!(!judged(&["0 vectors, 0 failed"]));
-        assert!(!judged(&[]));
+    fn ticks_are_printed_as_cycles() {
+        let line = shown("passed 2560 network's sum");
+        assert!(line.starts_with("passed  network's sum "), "{line}");
+        assert!(line.ends_with(" 2560 cycles"), "{line}");
+        assert_eq!(shown("something else"), "something else");
+    }
+
+    #[test]
+    fn lines_are_read_to_the_end_of_a_command_and_its_status_counts() {
+        let mut lines = Vec::new();
+        let mut command = Command::new("sh");
+        let ended = run_to_end(command.args(["-c", "echo one; exit 3"]), |line| {
+            lines.push(line)
+        });
+        assert_eq!(
+            (&lines[..], ended),
+            (&["one".to_owned()][..], Err("exit status: 3".to_owned()))
+        );
     }
 
     #[test]
@@ -220,34 +193,17 @@ mod tests {
         let text = std::fs::read_to_string(path).expect("the configuration");
         let json: serde_json::Value = serde_json::from_str(&text).expect("JSON without remarks");
         let all = json["configurations"].as_array().expect("a list");
-        let found: Vec<_> = all
-            .iter()
-            .map(|one| {
-                let image = one["coreConfigs"][0]["programBinary"].as_str();
-                let image = image.expect("an image").rsplit('/').next();
-                [one["request"].as_str(), one["chip"].as_str(), image]
-            })
-            .collect();
-        let boards = [(Board::H743, "board-h743"), (Board::F446, "board-f446")];
-        let wanted: Vec<_> = boards
-            .into_iter()
-            .flat_map(|(board, image)| {
-                ["launch", "attach"].map(|way| [way, board.chip(), image].map(Some))
-            })
-            .collect();
-        assert_eq!(found, wanted);
-    }
-
-    #[test]
-    fn ticks_are_shown_as_what_they_are() {
-        let line = shown("passed 2560 network's sum", "instructions", |ticks| {
-            ticks / 256
+        let found = all.iter().map(|one| {
+            let image = one["coreConfigs"][0]["programBinary"].as_str();
+            let image = image.and_then(|path| path.rsplit('/').next());
+            [one["request"].as_str(), one["chip"].as_str(), image]
+                .map(|word| word.map(str::to_owned))
         });
-        assert!(line.starts_with("passed  network's sum "), "{line}");
-        assert!(line.ends_with(" 10 instructions"), "{line}");
-        assert_eq!(
-            shown("something else", "cycles", |ticks| ticks),
-            "something else"
-        );
+        let wanted = Board::ALL.into_iter().flat_map(|board| {
+            let image = format!("board-{}", board.key());
+            ["launch", "attach"]
+                .map(|way| [way, board.chip(), &image].map(|word| Some(word.to_owned())))
+        });
+        assert_eq!(found.collect::<Vec<_>>(), wanted.collect::<Vec<_>>());
     }
 }

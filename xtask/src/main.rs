@@ -1,30 +1,25 @@
 //! Verbs that need a condition, an environment variable or two commands: `cargo xtask --help`.
 #![forbid(unsafe_code)]
 
-mod benchmark;
 mod board;
-mod budget;
 mod command;
-mod debian;
-mod demo;
-mod failure;
+mod figures;
 mod hil;
-mod picture;
+mod images;
+mod install;
+mod programs;
 mod qemu;
-mod spread;
-mod verify;
+mod stages;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-/// What `cargo xtask` understands.
+use crate::images::Board;
+
+/// Corticode's own cargo verbs
 #[derive(Debug, Parser)]
-#[command(
-    name = "cargo xtask",
-    bin_name = "cargo xtask",
-    about = "Corticode's own cargo verbs"
-)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
 struct Arguments {
     #[command(subcommand)]
     verb: Verb,
@@ -32,42 +27,104 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Run everything that CI runs; install what is missing, or say how.
+    /// Run everything that CI runs; install what is missing, or say how
     Test {
-        /// Leave out the trainer and the benchmark, and install nothing: tests that need ROS are skipped without it.
+        /// Leave out the trainer, the emulators, the benchmarks and models of other shapes, and install
+        /// nothing: tests that need ROS are skipped without it
         #[arg(long)]
         fast: bool,
     },
-    /// Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures.
-    Demo(demo::DemoOptions),
+    /// Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures
+    Demo {
+        /// Seconds of EEG; the filters take the first 9.5 to settle, and nothing is compared before
+        #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(12..=3600))]
+        seconds: u32,
+        /// Seed of the synthetic EEG
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
     /// Count instructions on an emulated microcontroller, measure and draw the filters' noise, or time the
-    /// encoder on this PC.
-    #[command(subcommand)]
-    Bench(benchmark::BenchOptions),
-    /// Run the application on emulated microcontrollers and compare its codes with host-sim's, or run
-    /// it live for a bridge.
-    Qemu(qemu::QemuOptions),
-    /// Let a microcontroller check the golden vectors itself: emulated ones, or a board behind probe-rs.
-    Hil(hil::HilOptions),
+    /// encoder on this PC; `cargo xtask bench --help` lists the options
+    #[command(disable_help_flag = true)]
+    Bench {
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        words: Vec<String>,
+    },
+    /// Run the application on emulated microcontrollers and compare its codes with host-sim's, or run it live
+    /// for a bridge
+    Qemu {
+        /// Codes that each machine makes and that are compared
+        #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(500..=100_000))]
+        codes: u32,
+        /// Print one JSON object instead of a table
+        #[arg(long)]
+        json: bool,
+        /// Run in real time behind a TCP port, for a bridge, until Ctrl-C
+        #[arg(long, conflicts_with_all = ["codes", "json"])]
+        live: bool,
+        /// TCP port of --live on 127.0.0.1
+        #[arg(long, default_value_t = 5555, requires = "live")]
+        port: u16,
+    },
+    /// Let a microcontroller check the golden vectors itself: emulated ones, or a board
+    Hil {
+        /// Run on this board, attached by its ST-LINK, instead of on emulated microcontrollers
+        #[arg(long, value_enum)]
+        board: Option<Board>,
+    },
     /// Run the images that are flashed on emulated boards and test what they do, or leave one running for a
-    /// bridge.
-    Board(board::BoardOptions),
-    /// Build the boards' images; print what they take of flash and RAM, and fail above the limits.
-    Budget(budget::BudgetOptions),
-    /// Check licences, advisories and sources with cargo-deny, where it is installed.
+    /// bridge
+    Board {
+        /// The board; both if it is left out
+        #[arg(value_enum)]
+        board: Option<Board>,
+        /// Leave it running at a TCP port for a bridge, until Ctrl-C, instead of running the tests
+        #[arg(long, requires = "board")]
+        live: bool,
+        /// TCP port of --live on 127.0.0.1
+        #[arg(long, default_value_t = 5556, requires = "live")]
+        port: u16,
+        /// Run the image with the other port, for --live: the UART of the NUCLEO-H743ZI2, USB of the
+        /// NUCLEO-F446RE
+        #[arg(long, requires = "live")]
+        other_port: bool,
+        /// Print one JSON object instead of a table
+        #[arg(long, conflicts_with = "live")]
+        json: bool,
+    },
+    /// Build the boards' images; print what they take of flash and RAM, and fail above the limits
+    Budget {
+        /// Print one JSON object instead of a table
+        #[arg(long)]
+        json: bool,
+    },
+    /// Check licences, advisories and sources with cargo-deny, where it is installed
     Deny,
+    /// Install what `test` needs: Debian packages, Rust's targets and toolchains
+    Install,
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().verb {
-        Verb::Test { fast } => verify::verify(fast),
-        Verb::Demo(options) => demo::demo(options),
-        Verb::Bench(options) => benchmark::bench(options),
-        Verb::Qemu(options) => qemu::qemu(options),
-        Verb::Hil(options) => hil::hil(options),
-        Verb::Board(options) => board::board(&options),
-        Verb::Budget(options) => budget::budget(options),
-        Verb::Deny => verify::deny(),
+        Verb::Test { fast } => stages::test(fast),
+        Verb::Demo { seconds, seed } => programs::demo(seconds, seed),
+        Verb::Bench { words } => programs::bench(&words),
+        Verb::Qemu {
+            live: true, port, ..
+        } => programs::live_qemu(port),
+        Verb::Qemu { codes, json, .. } => qemu::qemu(codes, json),
+        Verb::Hil { board } => hil::hil(board),
+        Verb::Board {
+            live: true,
+            board: Some(board),
+            port,
+            other_port,
+            ..
+        } => board::live(board, port, other_port),
+        Verb::Board { board, json, .. } => board::board(board, json),
+        Verb::Budget { json } => programs::budget(json),
+        Verb::Deny => programs::deny(),
+        Verb::Install => install::install(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,199 +1,116 @@
-//! `cargo xtask qemu`: the application on an emulated microcontroller; in virtual time against
-//! host-sim, or live for a bridge.
+//! `cargo xtask qemu`: the application on emulated microcontrollers in virtual time, against host-sim.
 
-mod damage;
-mod failures;
-mod figures;
-mod frames;
-mod heard;
-mod host;
-mod input;
-mod live;
-mod pipes;
-mod report;
-mod restart;
-mod script;
-mod stages;
-mod stall;
-mod storm;
-mod streams;
-mod triggers;
+use serde_json::{Value, json};
 
-use std::fs;
-use std::path::Path;
-use std::thread;
-use std::time::{Duration, Instant};
+use crate::command::{Failure, cargo, run};
+use crate::figures::{self, Figures, File, Row};
+use crate::install;
 
-use clap::Args;
-
-use self::damage::Damage;
-use self::failures::Recovery;
-use self::figures::MachineFigures;
-use self::heard::Heard;
-use self::input::Input;
-use self::report::Report;
-use self::restart::Restart;
-use self::stall::Stall;
-use self::storm::Storm;
-use self::streams::AllStreams;
-use crate::benchmark::emulator::{self, Image, MACHINES, Machine};
-use crate::benchmark::{cannot_write, make_folder};
-use crate::failure::Failure;
-
-/// The package of the image, and the image.
-const IMAGE: &str = "board-qemu";
-
-/// One instruction lasts 2^4 ns of the machine's time: 62.5 million a second. At 168 MHz that is 2.7
-/// cycles for each, where docs/real-time.md computes 1.6 for a code's. An idle machine skips to the
-/// next interrupt.
-const VIRTUAL_TIME: &str = "shift=4,sleep=off";
-/// The same as a number, nanoseconds.
-const INSTRUCTION_NS: u32 = 1 << 4;
-
-/// Starting and ending QEMU on a loaded machine.
-const PATIENCE: Duration = Duration::from_mins(1);
-
-/// What the verb can be told.
-#[derive(Debug, Clone, Copy, Args)]
-pub(crate) struct QemuOptions {
-    /// Codes that each machine makes and that are compared.
-    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(500..=100_000))]
-    codes: u32,
-    /// Print one JSON object instead of a table.
-    #[arg(long)]
-    json: bool,
-    /// Run in real time behind a TCP port, for a bridge, until Ctrl-C.
-    #[arg(long, conflicts_with_all = ["codes", "json"])]
-    live: bool,
-    /// The TCP port of --live on 127.0.0.1.
-    #[arg(long, default_value_t = 5555, requires = "live")]
-    port: u16,
-}
-
-impl QemuOptions {
-    /// In virtual time, as a table.
-    pub(crate) const VIRTUAL: Self = Self {
-        codes: 1000,
-        json: false,
-        live: false,
-        port: 0,
-    };
-}
-
-/// Runs the image on both machines and compares, or runs it live on the first.
+/// Runs the scenarios and prints their figures.
 ///
 /// # Errors
-/// QEMU or the target is missing, the image does not build, run or end, or what it sends is not what
-/// it should be; or the port is taken.
-pub(crate) fn qemu(options: QemuOptions) -> Result<(), Failure> {
-    if options.live {
-        return live::run(options.port);
-    }
-    let input = Input::make(options.codes as usize)?;
-    let expected = Heard::boots(&host::sent(&input.samples)?).swap_remove(0);
-    let streams = streams::Expected::of(&input)?;
-    let mut figures = Vec::new();
-    for machine in MACHINES {
-        let runs = run(machine, &input, &expected, &streams)?;
-        figures.push(MachineFigures::new(machine, runs, &input, &expected));
-    }
-    let report = Report::new(&input, figures);
-    if options.json {
-        println!("{}", report.json());
-    } else {
-        print!("{report}");
-    }
-    for skipped in &report.skipped {
-        eprintln!("SKIPPED: {skipped}");
-    }
-    report.judge()
+/// The target is missing, or a scenario fails.
+pub(crate) fn qemu(codes: u32, json: bool) -> Result<(), Failure> {
+    install::board_target()?;
+    let file = File::new("qemu");
+    let mut test = cargo("test --package emulated --no-fail-fast");
+    file.attach(&mut test, json)
+        .env("CORTICODE_CODES", codes.to_string());
+    let next = "run the failed scenario alone: `cargo test --package emulated --test SCENARIO`";
+    let passed = run(&mut test, next);
+    print(&file, json, passed.as_ref().err())?;
+    passed
 }
 
-/// What a machine did.
-struct Runs {
-    /// Two runs at once: what a loaded PC does to one must not show in the other.
-    undisturbed: [Run; 2],
-    /// Behind a port that is stuck for a while.
-    stalled: Stall,
-    /// With tasks that fail.
-    failures: Vec<Recovery>,
-    /// With a damaged model.
-    damage: Damage,
-    /// With everything that there is to send, and a trigger.
-    streams: AllStreams,
-    /// With a host that gives commands all the time.
-    storm: Storm,
-    /// With a host that changes its mind.
-    restart: Restart,
+/// Prints the figures of a run as an object or as a table.
+///
+/// # Errors
+/// A line of the file is not a JSON object.
+pub(crate) fn print(file: &File, json: bool, failure: Option<&Failure>) -> Result<(), Failure> {
+    let Figures {
+        mut whole,
+        mut rows,
+    } = file.read("machine")?;
+    whole.extend(summary(&rows.values().collect::<Vec<_>>()));
+    whole.insert(
+        "faults".to_owned(),
+        failure.map(ToString::to_string).into_iter().collect(),
+    );
+    if json {
+        for (name, row) in &mut rows {
+            row.insert("machine".to_owned(), name[..].into());
+        }
+        whole.insert(
+            "machines".to_owned(),
+            rows.into_values().map(Value::Object).collect(),
+        );
+        println!("{}", Value::Object(whole));
+        return Ok(());
+    }
+    println!("The application on emulated microcontrollers, in virtual time (simulated)");
+    for (name, row) in &rows {
+        figures::print_table(name, row);
+    }
+    figures::print_table("all machines", &whole);
+    Ok(())
 }
 
-/// A run in virtual time.
-struct Run {
-    /// What the UART sent.
-    sent: Vec<u8>,
-    /// What the image said at its end.
-    said: Vec<String>,
-    /// How long it took here.
-    wall: Duration,
-}
-
-fn run(
-    machine: Machine,
-    input: &Input,
-    expected: &Heard,
-    streams: &streams::Expected,
-) -> Result<Runs, Failure> {
-    let image = Image::build(IMAGE, IMAGE, machine.features)?;
-    let folder = image.target_folder().join("qemu").join(machine.name);
-    make_folder(&folder)?;
-    let samples = folder.join(input::FILE);
-    fs::write(&samples, input.bytes()).map_err(|error| cannot_write(&samples, &error))?;
-    let [first, second] = thread::scope(|scope| {
-        ["first.uart", "second.uart"]
-            .map(|uart| scope.spawn(|| run_once(&image, machine, &folder, uart, input)))
-            .map(|run| {
-                run.join()
-                    .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-            })
+/// Figures over all machines: least, sum, worst. A truth value holds if it holds on each machine.
+fn summary(rows: &[&Row]) -> Row {
+    let figure = |path: &'static str| rows.iter().map(move |row| at(row, path));
+    let all = |path, wanted: Value| {
+        figure(path).next().is_some() && figure(path).all(|value| *value == wanted)
+    };
+    let count = |path| figure(path).filter_map(Value::as_u64);
+    let worst = |path| {
+        let stages = figure(path).filter_map(Value::as_array).flatten();
+        let over = stages
+            .filter_map(|stage| Some(stage["worst_ns"].as_f64()? / stage["deadline_ns"].as_f64()?));
+        over.reduce(f64::max)
+    };
+    let summary = json!({
+        "codes": count("/codes").min().unwrap_or(0),
+        "equal_to_host": all("/different_codes", 0.into()) && all("/different_reports", 0.into()),
+        "streams_equal": all("/all_streams/equal", true.into()),
+        "repeatable": all("/repeatable", true.into()),
+        "overruns": count("/overruns").sum::<u64>(),
+        "worst_path_over_deadline": worst("/stages/stages"),
+        "worst_path_all_streams": worst("/all_streams/stages/stages"),
     });
-    let undisturbed = [first?, second?];
-    let wall = undisturbed[0].wall;
-    let (streams, storm) = thread::scope(|scope| {
-        let streams = scope.spawn(|| AllStreams::of(&image, machine, &folder, streams));
-        let storm = Storm::of(&image, machine, &folder, input, expected);
-        let streams = streams.join();
-        let streams = streams.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        (streams, storm)
-    });
-    Ok(Runs {
-        streams: streams?,
-        storm: storm?,
-        restart: Restart::of(&image, machine, &folder, input)?,
-        stalled: Stall::of(&image, machine, &folder, input, expected, wall)?,
-        failures: Recovery::of_every_failure(&image, machine, &folder, input, expected)?,
-        damage: Damage::of(&image, machine, &folder, input)?,
-        undisturbed,
-    })
+    summary.as_object().cloned().unwrap_or_default()
 }
 
-fn run_once(
-    image: &Image,
-    machine: Machine,
-    folder: &Path,
-    uart: &str,
-    input: &Input,
-) -> Result<Run, Failure> {
-    // `start`: codes without a host, and the emulation ends with the file.
-    let mut command = image.command(machine, folder, &[IMAGE, "start"]);
-    command.args(["-icount", VIRTUAL_TIME]);
-    command.args(["-serial", &format!("file:{uart}")]);
-    let begin = Instant::now();
-    // It says nothing before its end, and takes a tenth of the time that it emulates.
-    let said = emulator::run_to_end(&mut command, PATIENCE + input.duration(), |_| ())?;
-    let sent = folder.join(uart);
-    Ok(Run {
-        sent: fs::read(&sent).map_err(|error| cannot_write(&sent, &error))?,
-        said,
-        wall: begin.elapsed(),
-    })
+/// The value at a path of keys, `/all_streams/equal` for example; null if there is none.
+fn at<'r>(row: &'r Row, path: &str) -> &'r Value {
+    let mut keys = path.split('/').skip(1);
+    let first = keys.next().and_then(|key| row.get(key));
+    keys.fold(first.unwrap_or(&Value::Null), |value, key| &value[key])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_summary_has_the_worst_of_all_machines_and_a_run_without_figures_is_equal_to_nothing() {
+        let row = |codes: u64, worst: u64, equal: bool| {
+            let row = json!({
+                "codes": codes, "different_codes": 0, "different_reports": 0, "repeatable": true, "overruns": 1,
+                "stages": {"stages": [{"worst_ns": worst, "deadline_ns": 8}]},
+                "all_streams": {"equal": equal, "stages": {"stages": [{"worst_ns": 6, "deadline_ns": 8}]}},
+            });
+            row.as_object().cloned().expect("an object")
+        };
+        let rows = [row(1000, 2, true), row(999, 4, false)];
+        let expected = json!({
+            "codes": 999, "equal_to_host": true, "streams_equal": false, "repeatable": true, "overruns": 2,
+            "worst_path_over_deadline": 0.5, "worst_path_all_streams": 0.75,
+        });
+        assert_eq!(json!(summary(&[&rows[0], &rows[1]])), expected);
+        let none = summary(&[]);
+        assert_eq!(
+            [&none["equal_to_host"], &none["repeatable"]],
+            [&json!(false); 2]
+        );
+    }
 }

@@ -1,8 +1,9 @@
-//! Counts the instructions of the encoder, step by step; see the library's documentation.
+//! Image that counts the instructions of each time step of the encoder; the library's documentation describes
+//! its files.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
-/// On a PC there is nothing to count.
+/// Built for a PC, it only states where it runs.
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this image runs on the emulated microcontroller: `cargo xtask bench encoder`");
@@ -31,13 +32,13 @@ mod image {
             hprintln!("ram acquisition {}", size_of::<Acquisition>());
             hprintln!("ram encoder {}", size_of::<Encoder<'_>>());
             count_acquisition(clock);
-            kernel::each(|kernel, run| hprintln!("kernel {} {}", clock.count(run), kernel.name));
+            kernel::each(|kernel, run| hprintln!("kernel {} {}", kernel.name, clock.count(run)));
             count_all(clock)
         })
     }
 
-    /// Says `acquisition COUNT`, the instructions from one step to the next; their number is the same
-    /// for every signal, as `filters` shows.
+    /// Prints `acquisition COUNT`: the instructions of the acquisition for one time step. The image `filters` shows
+    /// that their number is the same for every signal.
     fn count_acquisition(clock: &Clock) {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let sample = Sample::default();
@@ -51,7 +52,7 @@ mod image {
         hprintln!("acquisition {}", count);
     }
 
-    /// Says one line for each input and place in the hop: `step INPUT PLACE FEWEST MOST TOTAL`.
+    /// Prints one line for each input and place in the hop: `step INPUT PLACE FEWEST MOST TOTAL`.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut inputs = HostFile::open(INPUTS)?;
         let mut outputs = HostFile::create(OUTPUTS)?;
@@ -70,7 +71,7 @@ mod image {
         outputs.write(&any_network::digests())
     }
 
-    /// The tallies of the next input; none when there is no other.
+    /// Encodes the next input and returns a tally for each place in the hop; `None` at the end of the file.
     fn count_input(
         clock: &Clock,
         steps: usize,

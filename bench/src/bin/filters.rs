@@ -1,8 +1,8 @@
-//! Counts the instructions of the filters; see the library's documentation.
+//! Image that counts the instructions of all contenders; the library's documentation describes its files.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
-/// On a PC there is nothing to count.
+/// Built for a PC, it only states where it runs.
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this image runs on the emulated microcontroller: `cargo xtask bench filters`");
@@ -14,7 +14,7 @@ mod image {
 
     use bench::{
         block::{self, BLOCKS, BYTES, INPUTS, OUTPUTS},
-        contender::{NAMES, with_contenders},
+        contenders::{NAMES, with_contenders},
         machine::{Clock, HostFile, Refused, exit, with_clock},
         tally::Tally,
     };
@@ -26,7 +26,7 @@ mod image {
         with_clock(count_all)
     }
 
-    /// Says one line for each input and contender: `count INPUT CONTENDER FEWEST MOST TOTAL`.
+    /// Prints one line for each input and contender: `count INPUT CONTENDER FEWEST MOST TOTAL`.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut inputs = HostFile::open(INPUTS)?;
         let mut outputs = HostFile::create(OUTPUTS)?;
@@ -40,7 +40,7 @@ mod image {
         Ok(())
     }
 
-    /// The tallies of the next input; none when there is no other.
+    /// Filters the next input and returns a tally for each contender; `None` at the end of the file.
     fn count_input(
         clock: &Clock,
         inputs: &mut HostFile,
@@ -55,9 +55,9 @@ mod image {
                 }
                 let input = block::from_bytes(&bytes);
                 for (contender, tally) in contenders.iter_mut().zip(&mut tallies) {
-                    contender.take(&input);
+                    contender.load(&input);
                     tally.add(clock.count(&mut || contender.run()));
-                    outputs.write(&block::to_bytes(&contender.give()))?;
+                    outputs.write(&block::to_bytes(&contender.output()))?;
                 }
             }
             Ok(Some(tallies))

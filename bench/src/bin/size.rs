@@ -1,12 +1,12 @@
-//! Acquisition and encoder with nothing beside them: what they take of a microcontroller's flash, and
+//! Image with only acquisition and encoder: its size is their use of flash, and the fact that it links proves
 //! that no path through them panics or allocates.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
-/// On a PC there is nothing to weigh.
+/// Built for a PC, it only states its purpose.
 #[cfg(not(target_os = "none"))]
 fn main() {
-    eprintln!("this image is weighed, not run: `cargo xtask bench encoder`");
+    eprintln!("this image is measured, not run: `cargo xtask bench encoder`");
 }
 
 #[cfg(target_os = "none")]
@@ -27,8 +27,8 @@ mod image {
     }
 
     unsafe extern "C" {
-        /// Defined nowhere: an image in which anything could panic does not link. Nor does one that
-        /// allocates, because there is no allocator.
+        /// Defined nowhere, so that an image with a reachable panic does not link. An image that allocates does not
+        /// link either, because there is no allocator.
         safe fn the_path_from_sample_to_code_can_panic() -> !;
     }
 

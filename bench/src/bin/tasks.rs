@@ -1,9 +1,9 @@
-//! The firmware's two tasks between converter and frames, with nothing beside them: no path through
-//! them allocates, and none panics but in the queue between them.
+//! Image with only the firmware's two tasks between converter and frames. No path through them allocates, and the
+//! queue between them contains the only panics; the report reads the panics' locations from the image.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
-/// On a PC there is nothing to look at.
+/// Built for a PC, it only states its purpose.
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this image is linked, not run: `cargo xtask bench encoder`");
@@ -45,14 +45,14 @@ mod image {
     static HANDED: StaticCell<[Handed; deadlines::MADE_WAITING]> = StaticCell::new();
     static HANDED_CHANNEL: StaticCell<Channel<'static, Mutex, Handed>> = StaticCell::new();
 
-    /// Frames of the chain of which the compiler knows nothing.
+    /// Converter whose frames are opaque to the compiler.
     struct Unknown {
         decoder: Decoder<CHIPS>,
         counts: [[i32; CHANNELS]; CHIPS],
     }
 
     impl Converter for Unknown {
-        /// An `async fn` could be polled once too often.
+        /// Returns a `poll_fn`: an `async fn` would contain a panic for a poll after its completion.
         fn next(&mut self, sample: &mut Sample) -> impl Future<Output = Conversion> {
             poll_fn(|_| {
                 let frame = black_box([0; frame_bytes(CHIPS)]);
@@ -68,7 +68,7 @@ mod image {
 
     #[entry]
     fn main() -> ! {
-        let _ = begin();
+        let _ = run_tasks();
         sleep()
     }
 
@@ -78,8 +78,8 @@ mod image {
         }
     }
 
-    /// None where a static is taken already, which it is not.
-    fn begin() -> Option<()> {
+    /// Runs both tasks forever; returns `None` if a static were already initialised, which cannot happen.
+    fn run_tasks() -> Option<()> {
         let run = Run::NONE;
         SHARED.order(black_box(Order::Start(run)));
         let stamped = STAMPED.try_init_with(|| core::array::from_fn(|_| Stamped::default()))?;
@@ -109,8 +109,8 @@ mod image {
         }
     }
 
-    /// Keeps the places of all panics that are left in the image: whoever links it finds them there. An
-    /// image that allocates does not link, because there is no allocator.
+    /// Uses each panic's location, so that the names of all source files with a reachable panic stay in the image.
+    /// An image that allocates does not link, because there is no allocator.
     #[panic_handler]
     fn panic(info: &PanicInfo) -> ! {
         black_box(info.location());

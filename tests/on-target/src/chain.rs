@@ -1,17 +1,17 @@
-//! One channel through filters and resampler. `build.rs` has this file, too.
+//! Filters and resampler for one channel. `build.rs` includes this file as well.
 
 use fixed_dsp::{BLOCK, Cascade, DelayLine, Filter, Position, Resampler};
 
-/// Outputs that a vector compares: these of 4 s, as `scipy_rates.csv` has them.
-pub(crate) const PICKED: core::ops::Range<usize> = 384..512;
+/// Range of outputs from which a vector compares every [`EVERY`]th, as in `scipy_rates.csv`; 512 outputs are 4 s.
+pub(crate) const COMPARED: core::ops::Range<usize> = 384..512;
 const EVERY: usize = 8;
-/// So many.
-pub(crate) const OUTPUTS: usize = (PICKED.end - PICKED.start) / EVERY;
+/// Number of compared outputs.
+pub(crate) const OUTPUTS: usize = (COMPARED.end - COMPARED.start) / EVERY;
 
 /// Guard bits of the signal: counts x 2^5 (Q27.5).
 pub(crate) const GUARD_BITS: u32 = 5;
 
-/// What the filters give for these counts, sample by sample or in blocks; Q27.5.
+/// Returns the compared outputs for these counts, Q27.5. The filters run in blocks or sample by sample.
 pub(crate) fn outputs<const N: usize, const PHASES: usize, const TAPS: usize>(
     cascade: &Cascade<N>,
     resampler: &Resampler<PHASES, TAPS>,
@@ -21,9 +21,9 @@ pub(crate) fn outputs<const N: usize, const PHASES: usize, const TAPS: usize>(
     let mut state = Cascade::<N>::REST;
     let mut line = DelayLine::<1, TAPS>::SILENCE;
     let mut position = Position::START;
-    let mut picked = [0; OUTPUTS];
+    let mut compared = [0; OUTPUTS];
     let mut index = 0;
-    while index < PICKED.end {
+    while index < COMPARED.end {
         let mut block: [i32; BLOCK] =
             core::array::from_fn(|_| counts.next().unwrap_or(0) << GUARD_BITS);
         if in_blocks {
@@ -40,11 +40,11 @@ pub(crate) fn outputs<const N: usize, const PHASES: usize, const TAPS: usize>(
                 continue;
             };
             let [output] = resampler.outputs(phase, &line);
-            if PICKED.contains(&index) && index.is_multiple_of(EVERY) {
-                picked[(index - PICKED.start) / EVERY] = output;
+            if COMPARED.contains(&index) && index.is_multiple_of(EVERY) {
+                compared[(index - COMPARED.start) / EVERY] = output;
             }
             index += 1;
         }
     }
-    picked
+    compared
 }

@@ -1,17 +1,17 @@
-//! Ticks of the core's clock: cycles on silicon, periods of 25 MHz on QEMU's MPS2 boards.
+//! Ticks of the processor's clock: cycles on a board, periods of 25 MHz on QEMU's MPS2 boards.
 
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use cortex_m::peripheral::{SYST, syst::SystClkSource};
 use cortex_m_rt::exception;
 
-/// SysTick counts down so far (ARMv7-M Architecture Reference Manual, B3.3: 24 bits).
+/// Value from which SysTick counts down to 0 (ARMv7-M Architecture Reference Manual, B3.3: 24 bits).
 const RELOAD: u32 = 0x00ff_ffff;
 
-/// How often it was at its end.
+/// Number of times that SysTick has reached 0.
 static ENDS: AtomicU32 = AtomicU32::new(0);
 
-/// Starts the timer. Not the cycle counter, which QEMU does not have.
+/// Starts SysTick. The cycle counter would have 32 bits, but QEMU does not emulate it.
 pub(crate) fn start(timer: &mut SYST) {
     timer.set_clock_source(SystClkSource::Core);
     timer.set_reload(RELOAD);
@@ -20,7 +20,7 @@ pub(crate) fn start(timer: &mut SYST) {
     timer.enable_counter();
 }
 
-/// Ticks since the start.
+/// Returns the ticks since [`start`].
 pub(crate) fn ticks() -> u64 {
     loop {
         let ends = ENDS.load(Relaxed);

@@ -1,30 +1,29 @@
-//! Filters and resampler, designed by model-gen for rates that the built-in model may not have.
+//! Filters and resampler, designed by model-gen for several ADC rates.
 
 use fixed_dsp::{Cascade, Resampler};
 
 use crate::{
-    Mismatch,
     chain::{self, OUTPUTS},
-    mismatch::{near, same},
+    mismatch::{Mismatch, expect_equal, expect_near},
     signal,
 };
 
-/// Filters, and what they give for [`signal::counts`]; Q27.5.
+/// Filters with their expected outputs for [`signal::counts`], Q27.5.
 #[derive(Debug)]
 pub(crate) struct Filtered<const N: usize, const PHASES: usize, const TAPS: usize> {
     pub(crate) cascade: Cascade<N>,
     pub(crate) resampler: Resampler<PHASES, TAPS>,
-    /// scipy's, in float64, rounded.
+    /// Computed by scipy in float64 and rounded.
     pub(crate) scipy: [i32; OUTPUTS],
-    /// The PC's, bit for bit.
+    /// Computed by the PC with the same filters; must be equal.
     pub(crate) bits: [i32; OUTPUTS],
 }
 
-/// 0.08 uV, as in `pipeline/tests/front_end/rates.rs`, of 22.35 nV x 2^-5 each; rounding of counts and
-/// coefficients. Measured there: 0.040 uV.
+/// Tolerance of scipy's outputs, Q27.5: 0.08 uV, as in `pipeline/tests/front_end/rates.rs`, in units of
+/// 22.35 nV x 2^-5, for the rounding of counts and coefficients. Measured there: 0.040 uV.
 const SCIPY_TOLERANCE: u64 = 114;
 
-/// Not inlined: a NUCLEO-F446RE has little flash beside the model.
+/// Not inlined, to save flash: the model leaves little of it on a NUCLEO-F446RE.
 #[inline(never)]
 pub(crate) fn check<const N: usize, const PHASES: usize, const TAPS: usize>(
     filtered: &Filtered<N, PHASES, TAPS>,
@@ -32,9 +31,14 @@ pub(crate) fn check<const N: usize, const PHASES: usize, const TAPS: usize>(
     let Filtered {
         cascade, resampler, ..
     } = filtered;
-    let [steps, blocks] = [false, true]
+    let [singles, blocks] = [false, true]
         .map(|in_blocks| chain::outputs(cascade, resampler, signal::counts(), in_blocks));
-    same("outputs", &filtered.bits, &steps)?;
-    same("outputs of blocks", &filtered.bits, &blocks)?;
-    near("scipy's outputs", SCIPY_TOLERANCE, &filtered.scipy, &steps)
+    expect_equal("outputs", &filtered.bits, &singles)?;
+    expect_equal("outputs of blocks", &filtered.bits, &blocks)?;
+    expect_near(
+        "scipy's outputs",
+        SCIPY_TOLERANCE,
+        &filtered.scipy,
+        &singles,
+    )
 }

@@ -1,23 +1,26 @@
-//! Frames: the dumps of `docs/wire-format.md`, made and read.
+//! The dumps of frames in `docs/wire-format.md`, encoded and decoded.
 
 use link::{
     CODE_LEN, Code, CodeValues, Decoder, Encoder, Flags, MAX_FRAME, Message, Start, Streams,
     ToDevice, ToHost,
 };
 
-use crate::{Mismatch, golden, mismatch::same};
+use crate::{
+    golden,
+    mismatch::{Mismatch, expect_equal},
+};
 
-/// Number and device time of the dumped code, microseconds.
+/// Sequence number of the dumped code, and its device time in microseconds.
 const CODE_AT: (u32, u64) = (304, 19_871_093);
-/// Those of the dumped command.
+/// Sequence number of the dumped command, and its time in microseconds.
 const START_AT: (u32, u64) = (1, 0);
 
-/// A code to the host.
+/// Checks the frame of a code, which the device sends.
 pub(crate) fn check_code() -> Result<(), Mismatch> {
     check(&mut Decoder::new(), &golden::CODE_FRAME, CODE_AT, &code())
 }
 
-/// A command to the device.
+/// Checks the frame of a command, which the device receives.
 pub(crate) fn check_command() -> Result<(), Mismatch> {
     let start = ToDevice::Start(Start {
         streams: Streams::CODES,
@@ -26,7 +29,7 @@ pub(crate) fn check_command() -> Result<(), Mismatch> {
     check(&mut Decoder::new(), &golden::START_FRAME, START_AT, &start)
 }
 
-/// The document's code.
+/// Code that the document dumps.
 fn code() -> ToHost<'static> {
     let value = |index: usize| i8::try_from(index).unwrap_or(0) - 64;
     ToHost::Code(Code {
@@ -41,7 +44,8 @@ fn code() -> ToHost<'static> {
     })
 }
 
-/// The message makes the dump's bytes; these, behind rubbish, are read, and make themselves again.
+/// Checks that the message encodes to the dump, and that the dump, received after garbage, decodes to a message that
+/// encodes to the dump again.
 fn check<'d, M: Message<'d>>(
     decoder: &'d mut Decoder,
     dump: &[u8],
@@ -50,24 +54,24 @@ fn check<'d, M: Message<'d>>(
 ) -> Result<(), Mismatch> {
     let mut buffer = [0; MAX_FRAME];
     let made = Encoder::starting_at(seq).encode(time_us, message, &mut buffer);
-    same("byte made", dump, made.unwrap_or_default())?;
-    let rubbish = [3, 1, 4, 1, 5, 9, 2, 6, 0];
-    let refused = decoder.next::<ToDevice>(&mut &rubbish[..]);
+    expect_equal("encoded byte", dump, made.unwrap_or_default())?;
+    let garbage = [3, 1, 4, 1, 5, 9, 2, 6, 0];
+    let refused = decoder.next::<ToDevice>(&mut &garbage[..]);
     let is_refused = refused.is_some_and(|frame| frame.is_err());
-    same("rubbish refused", &[1], &[i32::from(is_refused)])?;
+    expect_equal("garbage refused", &[1], &[i32::from(is_refused)])?;
     let mut again: &[u8] = &[];
     if let Some(Ok(frame)) = decoder.next::<M>(&mut &dump[..]) {
         let made = link::encode(&frame.header, &frame.message, &mut buffer);
         again = made.unwrap_or_default();
     }
-    same("byte read", dump, again)
+    expect_equal("decoded byte", dump, again)
 }
 
-/// The dumped code with each of its bits turned over, one at a time: none passes for sound.
+/// Inverts each bit of the dumped code, one at a time, and checks that every damaged frame is refused.
 pub(crate) fn check_damaged() -> Result<(), Mismatch> {
     let mut decoder = Decoder::<MAX_FRAME>::new();
     let mut dump = golden::CODE_FRAME;
-    // Between the two zeros.
+    // All bits between the delimiting zeros.
     for bit in 8..8 * (dump.len() - 1) {
         let mask = 1 << (bit % 8);
         dump[bit / 8] ^= mask;
@@ -76,10 +80,10 @@ pub(crate) fn check_damaged() -> Result<(), Mismatch> {
         dump[bit / 8] ^= mask;
     }
     let counters = decoder.counters();
-    same("damaged frames taken", &[0], &[counters.frames])?;
-    // Every stretch of them ended at a zero, so that the next frame is whole.
+    expect_equal("damaged frames accepted", &[0], &[counters.frames])?;
+    // The last damaged frame ended with a zero, so the next frame is complete.
     let mut input: &[u8] = &dump;
     let sound = decoder.next::<ToHost<'_>>(&mut input);
     let is_sound = sound.is_some_and(|frame| frame.is_ok());
-    same("frame behind them read", &[1], &[i32::from(is_sound)])
+    expect_equal("frame after them read", &[1], &[i32::from(is_sound)])
 }

@@ -1,7 +1,7 @@
-//! What the vectors expect; `build.rs` has written it.
+//! Expectations of the vectors, written by `build.rs`.
 #![allow(
     clippy::unreadable_literal,
-    reason = "numbers to compare with, in whatever format the model has"
+    reason = "generated numbers in the format of the model"
 )]
 
 use fixed_dsp::{Cascade, Coefficient, Resampler, Section};

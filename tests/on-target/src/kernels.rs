@@ -1,35 +1,38 @@
-//! The int8 kernels with small random layers, at the ends of their ranges as often as in between.
-//! `build.rs` has this file, too.
+//! The int8 kernels on small random layers; weights and activations are often at the ends of their ranges.
+//! `build.rs` includes this file as well.
 
 use int8_nn::{Direct, Linear, Pair, PlaneShape, Winograd};
 
 use crate::signal::Noise;
 
-/// Layers of each kind.
+/// Number of layers of each kind.
 const LAYERS: usize = 6;
 
-/// Pairs of channels before a convolution, as the assembler wants them; columns there; channels behind it.
+/// Pairs of input channels of a convolution, the number that the assembler supports.
 const PAIRS: usize = 8;
+/// Input columns of a convolution.
 const COLUMNS: usize = 6;
+/// Output channels of a convolution.
 const OUTPUTS: usize = 2;
-/// Weights of a convolution.
+/// Number of weights of a convolution.
 const TAPS: usize = 27 * 2 * PAIRS * OUTPUTS;
 
-/// Pairs of inputs and outputs of a fully connected layer.
+/// Pairs of inputs of a fully connected layer.
 const INPUTS: usize = 32;
+/// Outputs of a fully connected layer.
 const SUMS: usize = 8;
 
 type Conv<'w> = Winograd<'w, PAIRS, COLUMNS>;
 type Plain<'w> = Direct<'w, PAIRS, COLUMNS>;
 
-/// Rows of four columns, pooled by two and two.
+/// Winograd's convolution with outputs of two rows and four columns, max-pooled two by two.
 const WINOGRAD: Conv<'_> = Winograd {
     tile_rows: 1,
     outputs: OUTPUTS,
     weights: &[],
 };
 const WINOGRAD_SUMS: usize = WINOGRAD.pooled().len();
-/// The same, pooled by one and four.
+/// Direct convolution with the same outputs, max-pooled one by four.
 const DIRECT: Plain<'_> = Direct {
     pool: [1, 4],
     pooled: PlaneShape {
@@ -41,10 +44,10 @@ const DIRECT: Plain<'_> = Direct {
 };
 const DIRECT_SUMS: usize = DIRECT.pooled.len();
 
-/// What all layers of all kinds sum up to.
+/// Number of outputs of all layers of all kinds.
 pub(crate) const RESULTS: usize = LAYERS * (SUMS + WINOGRAD_SUMS + DIRECT_SUMS);
 
-/// The sums of all layers: fully connected, Winograd's convolution, the direct one, and again.
+/// Returns the outputs of all layers: fully connected, Winograd's convolution, direct convolution, and so on in turn.
 pub(crate) fn results() -> [i32; RESULTS] {
     let mut noise = Noise(11);
     let mut results = [0; RESULTS];
@@ -112,14 +115,14 @@ fn direct(noise: &mut Noise, sums: &mut [i32]) -> usize {
     })
 }
 
-/// A pool keeps what is larger than before.
+/// Runs a max pool on cleared sums and returns their number.
 fn pooled(sums: &mut [i32], pool: impl FnOnce(&mut [i32])) -> usize {
     sums.fill(i32::MIN);
     pool(sums);
     sums.len()
 }
 
-/// Any weight, at an end of its range once in four times.
+/// Draws a weight; with a probability of 1/4 one of -127 and 127.
 fn weight(noise: &mut Noise) -> i8 {
     let [.., choice, any] = noise.next().to_le_bytes();
     match choice % 8 {
@@ -129,7 +132,7 @@ fn weight(noise: &mut Noise) -> i8 {
     }
 }
 
-/// Two activations, the first at its end once in four times.
+/// Draws two activations; the first is 255 with a probability of at least 1/4.
 fn activations(noise: &mut Noise) -> Pair {
     let [_, choice, first, second] = noise.next().to_le_bytes();
     let first = if choice.is_multiple_of(4) { 255 } else { first };

@@ -1,11 +1,25 @@
 //! Golden vectors that a microcontroller checks itself, emulated or on a board.
 //!
-//! Each [`Vector`] runs a part of the signal path on inputs that everybody can make and compares what
-//! comes out with what `build.rs` has laid down: scipy's outputs, model-gen's batch codes, the dumps of
-//! `docs/wire-format.md`, and for the rest the bits that the PC makes with the plain twins of the
-//! kernels. The first number that differs is named.
+//! Each [`Vector`] runs a part of the signal path on a generated input and compares the output with the
+//! expectation that `build.rs` has written: scipy's outputs, model-gen's batch codes, the dumps of
+//! `docs/wire-format.md`, and otherwise the bits that the PC computes with the portable kernels. A
+//! [`Mismatch`] names the first number that differs.
 //!
-//! `cargo xtask hil` builds and runs the image; this crate's own test runs the same vectors on the PC.
+//! ```text
+//! scipy, model-gen, docs, PC ── build.rs ──> golden.rs ──┐ expected
+//!                                                        ├─ equal? ──> `passed` or `FAILED`, by semihosting
+//! generated input ──> part of the signal path ───────────┘ computed
+//! ```
+//!
+//! `cargo xtask hil` builds and runs the image; this crate's test runs the same vectors on the PC.
+//!
+//! ```
+//! use on_target::{Device, VECTORS};
+//!
+//! let mut device = Box::new(Device::new());
+//! let vector = VECTORS.iter().find(|vector| vector.name == "frame of a code").unwrap();
+//! assert_eq!((vector.check)(&mut device), Ok(()));
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -13,7 +27,6 @@
 extern crate std;
 
 mod chain;
-mod device;
 mod filters;
 mod frames;
 mod golden;
@@ -23,22 +36,22 @@ mod network;
 mod path;
 mod signal;
 
-pub use device::Device;
 pub use mismatch::Mismatch;
+pub use path::Device;
 
-/// A part of the signal path, and what it must give.
+/// Check of one part of the signal path.
 #[derive(Clone, Copy, Debug)]
 pub struct Vector {
-    /// The part.
+    /// Name of the part in the image's output.
     pub name: &'static str,
-    /// Runs it.
+    /// Runs the part and compares its output with the expectation.
     ///
     /// # Errors
-    /// The first number that is not the expected one.
+    /// Returns the first number that differs.
     pub check: fn(&mut Device) -> Result<(), Mismatch>,
 }
 
-/// All of them, along the signal path.
+/// All vectors, in the order of the signal path.
 pub const VECTORS: [Vector; 11] = [
     Vector {
         name: "filters, 512 Hz, 50 Hz mains",
@@ -54,7 +67,7 @@ pub const VECTORS: [Vector; 11] = [
     },
     Vector {
         name: "int8 kernels, random layers",
-        check: |_| mismatch::same("sum", &golden::KERNELS, &kernels::results()),
+        check: |_| mismatch::expect_equal("sum", &golden::KERNELS, &kernels::results()),
     },
     Vector {
         name: "network's sum",
@@ -93,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_vector_holds_on_the_pc_and_again_on_a_device_that_is_not_new() {
+    fn every_vector_passes_on_the_pc_and_again_on_a_used_device() {
         let mut device = Box::new(Device::new());
         for vector in VECTORS.iter().chain(&VECTORS) {
             let outcome = (vector.check)(&mut device);

@@ -1,7 +1,7 @@
-//! The image: runs every vector, says on the host's standard output what came of each, and ends with an
-//! exit status, all by semihosting. QEMU understands that, and `probe-rs run`.
+//! The image: runs every vector, prints each result on the host's standard output, and ends with an exit status.
+//! Both use semihosting, which QEMU and `probe-rs run` support.
 //!
-//! It starts no clock and no cache: a board runs it as it comes out of its reset.
+//! The image configures neither clocks nor caches: a board runs it with the settings after reset.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 #![forbid(unsafe_code)]
@@ -26,12 +26,12 @@ mod image {
 
     use crate::clock;
 
-    /// Made at the start: as an initialised variable it would take 22 KB of flash, which a NUCLEO-F446RE does
-    /// not have beside the model.
+    /// Initialised at run time: as an initialised variable it would take 22 KB of flash, which a NUCLEO-F446RE does not
+    /// have in addition to the model.
     static DEVICE: StaticCell<Device> = StaticCell::new();
 
-    /// Says one line for each vector, `passed TICKS NAME` or `FAILED NAME: WHY`, and at last how many
-    /// there are.
+    /// Prints one line for each vector, `passed TICKS NAME` or `FAILED NAME: WHY`, and a last line with the numbers of
+    /// all and of failed vectors.
     #[entry]
     fn main() -> ! {
         let Some(mut core) = cortex_m::Peripherals::take() else {
@@ -41,9 +41,9 @@ mod image {
         let device = device();
         let mut failed = 0;
         for vector in VECTORS {
-            let begin = clock::ticks();
+            let start = clock::ticks();
             let outcome = (vector.check)(device);
-            let ticks = clock::ticks() - begin;
+            let ticks = clock::ticks() - start;
             match outcome {
                 Ok(()) => hprintln!("passed {} {}", ticks, vector.name),
                 Err(mismatch) => {
@@ -56,16 +56,16 @@ mod image {
         end(failed == 0)
     }
 
-    /// Not part of `main`, whose frame stays on the stack for ever.
+    /// Not inlined: the stack frame of `main` is never freed.
     #[inline(never)]
     fn device() -> &'static mut Device {
         DEVICE.init_with(Device::new)
     }
 
-    /// Ends the emulation, or the host's command.
-    fn end(well: bool) -> ! {
+    /// Ends the emulation or `probe-rs run`, with status 0 on success.
+    fn end(success: bool) -> ! {
         loop {
-            debug::exit(if well {
+            debug::exit(if success {
                 debug::EXIT_SUCCESS
             } else {
                 debug::EXIT_FAILURE

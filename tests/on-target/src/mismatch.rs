@@ -1,23 +1,23 @@
-//! Where a device and a golden vector part.
+//! Comparison of computed with expected numbers.
 
 use core::fmt;
 
-/// The first number that is not the expected one.
+/// The first number that differs from the expected one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mismatch {
-    /// What the numbers are.
+    /// Name of the compared numbers.
     pub what: &'static str,
-    /// Which of them; none where there are too few or too many.
+    /// Index of the number; `None` where there are too few or too many numbers.
     pub index: Option<usize>,
-    /// What it, or their count, should be.
+    /// Expected number, or expected count of numbers.
     pub expected: i64,
-    /// What it is.
+    /// Computed number, or count of numbers.
     pub got: i64,
 }
 
 impl Mismatch {
-    /// The same, where so many numbers came before those that were compared.
-    pub(crate) fn behind(self, before: usize) -> Self {
+    /// Adds `before`, the number of numbers compared earlier, to the index.
+    pub(crate) fn offset_by(self, before: usize) -> Self {
         Self {
             index: self.index.map(|index| before + index),
             ..self
@@ -40,23 +40,23 @@ impl fmt::Display for Mismatch {
     }
 }
 
-/// Whether both are the same, number by number.
+/// Checks that both slices hold equal numbers.
 ///
 /// # Errors
-/// The first that is not, or the lengths.
-pub(crate) fn same<T: Copy + Into<i64>>(
+/// Returns the first difference, or the lengths.
+pub(crate) fn expect_equal<T: Copy + Into<i64>>(
     what: &'static str,
     expected: &[T],
     got: &[T],
 ) -> Result<(), Mismatch> {
-    near(what, 0, expected, got)
+    expect_near(what, 0, expected, got)
 }
 
-/// Whether no number is further from the expected one than `tolerance`.
+/// Checks that no number differs from the expected one by more than `tolerance`.
 ///
 /// # Errors
-/// The first that is, or the lengths.
-pub(crate) fn near<T: Copy + Into<i64>>(
+/// Returns the first larger difference, or the lengths.
+pub(crate) fn expect_near<T: Copy + Into<i64>>(
     what: &'static str,
     tolerance: u64,
     expected: &[T],
@@ -93,26 +93,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_bit_that_differs_is_named_with_its_place() {
-        let mismatch = same("values", &[1_i32, 2, 3], &[1, 2, 7]).expect_err("they differ");
+    fn one_different_number_is_named_with_its_index() {
+        let mismatch = expect_equal("values", &[1_i32, 2, 3], &[1, 2, 7]).expect_err("they differ");
         assert_eq!(mismatch.to_string(), "values 2: got 7, expected 3");
         assert_eq!(
-            mismatch.behind(128).to_string(),
+            mismatch.offset_by(128).to_string(),
             "values 130: got 7, expected 3"
         );
-        assert_eq!(same("values", &[1_i32], &[1]), Ok(()));
+        assert_eq!(expect_equal("values", &[1_i32], &[1]), Ok(()));
     }
 
     #[test]
-    fn numbers_that_are_missing_are_a_mismatch() {
-        let mismatch = same("values", &[1_i32, 2], &[1]).expect_err("one is missing");
+    fn missing_numbers_are_a_mismatch() {
+        let mismatch = expect_equal("values", &[1_i32, 2], &[1]).expect_err("one is missing");
         assert_eq!(mismatch.to_string(), "values: got 1 of them, expected 2");
-        assert!(same::<i32>("values", &[], &[1]).is_err());
+        assert!(expect_equal::<i32>("values", &[], &[1]).is_err());
     }
 
     #[test]
-    fn a_tolerance_holds_to_its_end_and_no_further() {
-        assert_eq!(near("values", 2, &[10_i32], &[12]), Ok(()));
-        assert!(near("values", 2, &[10_i32], &[13]).is_err());
+    fn a_difference_of_exactly_the_tolerance_is_accepted() {
+        assert_eq!(expect_near("values", 2, &[10_i32], &[12]), Ok(()));
+        assert!(expect_near("values", 2, &[10_i32], &[13]).is_err());
     }
 }

@@ -1,19 +1,23 @@
-//! The built-in network: what lies in flash, and what it makes of the artifact's golden windows.
+//! The built-in network: its checksum, and its codes of the artifact's golden windows.
 
 use core::hint::black_box;
 
 use model::{CODE, NETWORK, NETWORK_SUM};
 use pipeline::{Encoder, Step};
 
-use crate::{Mismatch, golden, mismatch::same};
+use crate::{
+    golden,
+    mismatch::{Mismatch, expect_equal},
+};
 
-/// The sum over the network as the compiler has it, against that of the flash.
+/// Compares the checksum that the compiler has computed with that of the network in flash.
 pub(crate) fn check_sum() -> Result<(), Mismatch> {
-    // The compiler knows the answer, the flash need not.
-    same("sum", &[NETWORK_SUM], &[black_box(&NETWORK).sum()])
+    // `black_box` hides the network's contents from the compiler, so that the flash is read.
+    expect_equal("sum", &[NETWORK_SUM], &[black_box(&NETWORK).sum()])
 }
 
-/// Each window alone, as model-gen's batch reference has encoded it. Values count through all codes.
+/// Encodes each window with a restarted encoder and compares it with the code of model-gen's batch reference. The
+/// index of a mismatch counts the values of all codes.
 pub(crate) fn check_codes(encoder: &mut Encoder<'static>) -> Result<(), Mismatch> {
     let mut made = 0;
     for (window, expected) in golden::WINDOWS.iter().zip(&golden::WINDOW_CODES) {
@@ -26,11 +30,11 @@ pub(crate) fn check_codes(encoder: &mut Encoder<'static>) -> Result<(), Mismatch
             });
         }
         if let Some(code) = code {
-            same("values", expected, &code.values.steps())
-                .map_err(|mismatch| mismatch.behind(CODE * made))?;
+            expect_equal("values", expected, &code.values.steps())
+                .map_err(|mismatch| mismatch.offset_by(CODE * made))?;
             made += 1;
         }
     }
     let made = u32::try_from(made).unwrap_or(u32::MAX);
-    same("codes", &[golden::WINDOWS_IN_ALL], &[made])
+    expect_equal("codes", &[golden::WINDOWS_IN_ALL], &[made])
 }

@@ -1,15 +1,41 @@
-//! The whole pipeline, with the filters as they were compiled for the model.
+//! The whole pipeline, from samples to codes, with the model's filters.
 
 use model::CODE;
-use pipeline::{Code, Mains};
+use pipeline::{Acquisition, Code, Encoder, Mains};
 
-use crate::{Device, Mismatch, mismatch::same, signal};
+use crate::{
+    mismatch::{Mismatch, expect_equal},
+    signal,
+};
 
-/// Numbers of a code beside its values.
+/// State of the pipeline; too large for a stack.
+#[derive(Debug)]
+pub struct Device {
+    acquisition: Acquisition,
+    pub(crate) encoder: Encoder<'static>,
+}
+
+impl Device {
+    /// Creates a device in its initial state.
+    pub const fn new() -> Self {
+        Self {
+            acquisition: Acquisition::new(Mains::Hz50),
+            encoder: Encoder::new(),
+        }
+    }
+}
+
+impl Default for Device {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Numbers of a code in addition to its values.
 const NUMBERS: usize = 8;
 
-/// The codes of [`signal::samples`] from rest, one after the other, in every field. Numbers and values count
-/// through all codes.
+/// Restarts the device and compares its codes of [`signal::samples`] in every field. The index of a mismatch counts
+/// the numbers or values of all codes.
 pub(crate) fn check(device: &mut Device, mains: Mains, codes: &[Code]) -> Result<(), Mismatch> {
     device.acquisition.restart(mains);
     device.encoder.restart();
@@ -18,20 +44,20 @@ pub(crate) fn check(device: &mut Device, mains: Mains, codes: &[Code]) -> Result
         device.encoder.push(&step)
     });
     for (index, expected) in codes.iter().enumerate() {
-        // Samples do not end, so that there is a next code.
+        // Not reached: the samples are endless.
         let Some(code) = made.next() else {
-            return same("codes", &[1], &[0]);
+            return expect_equal("codes", &[1], &[0]);
         };
-        same("numbers", &numbers(expected), &numbers(&code))
-            .map_err(|mismatch| mismatch.behind(NUMBERS * index))?;
-        same("values", &expected.values.steps(), &code.values.steps())
-            .map_err(|mismatch| mismatch.behind(CODE * index))?;
+        expect_equal("numbers", &numbers(expected), &numbers(&code))
+            .map_err(|mismatch| mismatch.offset_by(NUMBERS * index))?;
+        expect_equal("values", &expected.values.steps(), &code.values.steps())
+            .map_err(|mismatch| mismatch.offset_by(CODE * index))?;
     }
     Ok(())
 }
 
-/// Window, first sample, offset, clipped inputs, clipped values, settling, then saturated in two halves,
-/// the lower first.
+/// Returns window, first sample, offset, clipped inputs, clipped values, settling, and the lower and upper half of
+/// the saturated channels.
 fn numbers(code: &Code) -> [i64; NUMBERS] {
     let half =
         |shift: u32| i64::from(u32::try_from(code.saturated >> shift & 0xffff_ffff).unwrap_or(0));

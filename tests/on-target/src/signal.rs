@@ -1,8 +1,9 @@
-//! Inputs that everybody can make: device, PC and `scipy_rates.py`. `build.rs` has this file, too.
+//! Input signals that the device, the PC and `scipy_rates.py` generate identically. `build.rs` includes this file as
+//! well.
 
 use pipeline::Sample;
 
-/// Numerical Recipes' linear congruential generator (section 7.1), 32 bits, the upper ones the better.
+/// Linear congruential generator of 32 bits (Numerical Recipes, section 7.1); its upper bits are the most random.
 pub(crate) struct Noise(pub(crate) u32);
 
 impl Noise {
@@ -12,18 +13,18 @@ impl Noise {
     }
 }
 
-/// One channel: 20 mV of offset and noise of 46 uV at most, counts. Those of
-/// `pipeline/tests/front_end/scipy_rates.py`.
+/// Counts of one channel, as in `pipeline/tests/front_end/scipy_rates.py`: an offset of 20 mV and noise of at most
+/// 46 uV.
 pub(crate) fn counts() -> impl Iterator<Item = i32> {
     let mut noise = Noise(1);
     core::iter::from_fn(move || Some(894_784 + (noise.next() >> 20).cast_signed() - 2_048))
 }
 
-/// Samples a channel stands at one rail before it goes to the other.
+/// Samples that a channel stays at one rail before it jumps to the other.
 const AT_RAIL: usize = 100;
 
-/// All channels. Of sixteen, one has noise of 24 bits, one goes from rail to rail, one has 2.2 mV of offset;
-/// they and all others have noise of 183 uV at most.
+/// Samples of all channels. Of each sixteen channels, the first has noise of 24 bits, the second jumps from rail to
+/// rail, and the third has an offset of 2.2 mV. The third and all others have noise of at most 183 uV.
 pub(crate) fn samples() -> impl Iterator<Item = Sample> {
     let mut noise = Noise(7);
     (0..).map(move |index: usize| Sample {

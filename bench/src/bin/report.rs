@@ -1,0 +1,16 @@
+//! Runs a benchmark, prints its figures, and checks them against `bench/limits.toml`; see `bench::report`.
+#![cfg_attr(target_os = "none", no_std)]
+#![cfg_attr(target_os = "none", no_main)]
+#![forbid(unsafe_code)]
+
+#[cfg(not(target_os = "none"))]
+fn main() -> std::process::ExitCode {
+    bench::report::main()
+}
+
+/// Built for a microcontroller, where lints check all programs of this crate, it contains nothing.
+#[cfg(target_os = "none")]
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    loop {}
+}

@@ -1,0 +1,185 @@
+//! All contenders: our filters in the forms in which they are used, and the filters of idsp, a peer.
+
+use fixed_dsp::{BLOCK, CascadeState, DelayLine, Filter, Resampler};
+use idsp::iir::{DirectForm1, DirectForm1Dither, DirectForm1Wide};
+use model::{CHANNELS, ELECTRODES, GUARD_BITS, SECTIONS};
+use pipeline::{Acquisition, Electrodes, Mains, Sample};
+
+use crate::{
+    any_sections::AnySections,
+    block::{Block, SILENCE},
+    contender::Contender,
+    idsp_cascade::IdspCascade,
+};
+
+/// Names of the contenders in reports, in the order of [`with_contenders`].
+pub const NAMES: [&str; 8] = [
+    "ours-blocks",
+    "ours-singles",
+    "ours-resampler-64",
+    "ours-acquisition",
+    "ours-any-sections",
+    "idsp-dither",
+    "idsp-wide",
+    "idsp-plain",
+];
+
+/// Calls `use_them` with all contenders, their states zero.
+pub fn with_contenders<R>(use_them: impl FnOnce([&mut dyn Contender; NAMES.len()]) -> R) -> R {
+    use_them([
+        &mut Blocks::default(),
+        &mut Singles::default(),
+        &mut Resampling::default(),
+        &mut Acquiring::default(),
+        &mut AnySections::default(),
+        &mut IdspCascade::<DirectForm1Dither>::default(),
+        &mut IdspCascade::<DirectForm1Wide>::default(),
+        &mut IdspCascade::<DirectForm1<i32>>::default(),
+    ])
+}
+
+/// Our filters for 50 Hz mains, four samples at a time.
+struct Blocks {
+    states: [CascadeState<SECTIONS>; ELECTRODES],
+    block: Block,
+}
+
+impl Default for Blocks {
+    fn default() -> Self {
+        Self {
+            states: [CascadeState::REST; ELECTRODES],
+            block: SILENCE,
+        }
+    }
+}
+
+impl Contender for Blocks {
+    fn load(&mut self, block: &Block) {
+        self.block = *block;
+    }
+
+    fn run(&mut self) {
+        Mains::Hz50.blocks(&mut self.states, &mut self.block);
+    }
+
+    fn output(&self) -> Block {
+        self.block
+    }
+}
+
+/// Our filters for 50 Hz mains, one sample of all electrodes at a time.
+#[derive(Default)]
+struct Singles(Blocks);
+
+impl Contender for Singles {
+    fn load(&mut self, block: &Block) {
+        self.0.load(block);
+    }
+
+    fn run(&mut self) {
+        let Blocks { states, block } = &mut self.0;
+        for sample in 0..BLOCK {
+            for (state, channel) in states.iter_mut().zip(&mut *block) {
+                channel[sample] = Mains::Hz50.step(state, channel[sample]);
+            }
+        }
+    }
+
+    fn output(&self) -> Block {
+        self.0.output()
+    }
+}
+
+/// Taps of the counted resampler: as many as a decimation from 512 Hz needs. Their values do not affect the count.
+const TAPS: usize = 64;
+
+/// A resampler from 512 to 128 Hz: four samples enter the delay line, one output leaves.
+struct Resampling {
+    resampler: Resampler<1, TAPS>,
+    line: DelayLine<ELECTRODES, TAPS>,
+    block: Block,
+    outputs: Electrodes,
+}
+
+impl Default for Resampling {
+    fn default() -> Self {
+        let taps = [[Resampler::<1, TAPS>::UNITY / 64; TAPS]];
+        Self {
+            resampler: core::hint::black_box(Resampler { down: 4, taps }),
+            line: DelayLine::SILENCE,
+            block: SILENCE,
+            outputs: [0; ELECTRODES],
+        }
+    }
+}
+
+impl Contender for Resampling {
+    fn load(&mut self, block: &Block) {
+        self.block = *block;
+    }
+
+    fn run(&mut self) {
+        for sample in 0..BLOCK {
+            self.line
+                .push(self.block.iter().map(|samples| samples[sample]));
+        }
+        self.outputs = self.resampler.outputs(0, &self.line);
+    }
+
+    fn output(&self) -> Block {
+        as_block(&self.outputs)
+    }
+}
+
+/// The whole acquisition: rail detection, filters, decimation, scalp grid, quantisation.
+struct Acquiring {
+    acquisition: Acquisition,
+    samples: [Sample; BLOCK],
+    electrodes: Electrodes,
+}
+
+impl Default for Acquiring {
+    /// Passes one sample of silence, which completes the first time step, so that every later block of four
+    /// samples completes one as well.
+    fn default() -> Self {
+        let mut acquisition = Acquisition::new(Mains::Hz50);
+        acquisition.push(&Sample::default());
+        Self {
+            acquisition,
+            samples: [Sample::default(); BLOCK],
+            electrodes: [0; ELECTRODES],
+        }
+    }
+}
+
+impl Contender for Acquiring {
+    fn load(&mut self, block: &Block) {
+        for (sample, time) in self.samples.iter_mut().zip(0..) {
+            sample.counts = [0; CHANNELS];
+            for (count, channel) in sample.counts.iter_mut().zip(block) {
+                *count = channel[time] >> GUARD_BITS;
+            }
+        }
+    }
+
+    fn run(&mut self) {
+        for sample in &self.samples {
+            if let Some(step) = self.acquisition.push(sample) {
+                self.electrodes = step.electrodes;
+            }
+        }
+    }
+
+    fn output(&self) -> Block {
+        as_block(&self.electrodes)
+    }
+}
+
+/// Block with the values as its first samples and zeros after them.
+fn as_block(electrodes: &Electrodes) -> Block {
+    electrodes.map(|value| {
+        let mut samples = [0; BLOCK];
+        samples[0] = value;
+        samples
+    })
+}

@@ -1,0 +1,213 @@
+//! Cycles that follow from counted instructions: computed, not measured on a processor.
+
+use emulator::{Image, Machine};
+use model::{HIDDEN, HOP, NETWORK, POOLED, POOLED_STEPS, SHORTCUT_STEPS, STEP_RATE_HZ};
+use serde::Serialize;
+
+use super::disassembly::{Loop, disassemble};
+use crate::report::tools;
+
+/// Cycles of an instruction outside the loops on a Cortex-M4: those of a load that follows no other load, the
+/// slowest of the common instructions there.
+pub(crate) const REST_M4: f64 = 2.0;
+/// Cycles of an instruction outside the loops on a Cortex-M7, which issues up to two instructions at once.
+pub(crate) const REST_M7: f64 = 1.0;
+/// Cycles of a taken branch on a Cortex-M4: 1 + P with P = 1 to 3 (ARM 100166, section 3.3.1).
+const BRANCH_M4: u32 = 3;
+/// Cycles of a predicted branch on a Cortex-M7; the second one is for an instruction that cannot be issued together
+/// with it.
+const BRANCH_M7: u32 = 2;
+
+/// Multiplications of two pairs of 16 bits.
+const PRODUCTS: &[&str] = &["smlad", "smuad"];
+
+/// Returns the loops that take most of the encoder's time: the function, instructions of which each iteration
+/// executes a fixed number, and how many of these instructions a code needs.
+fn work() -> [(&'static str, &'static [&'static str], usize); 4] {
+    // Products of one time step, two weights in a pair of 16 bits; none in a mode without this branch.
+    let fc = NETWORK.fc.first().into_iter().flatten();
+    let fc = 2 * fc.map(|weights| weights.len()).sum::<usize>();
+    let shortcut = 2 * NETWORK.shortcut.first().map_or(0, |weights| weights.len());
+    let conv1 = NETWORK.conv1().patches_len() * HIDDEN.channels;
+    let conv2 = 3 * NETWORK.conv2().transformed_len() * POOLED.channels;
+    let linear = fc * POOLED_STEPS + shortcut * SHORTCUT_STEPS;
+    [
+        ("dots_1x14", PRODUCTS, conv1 * HOP),
+        ("dots_3x8", PRODUCTS, conv2 * HOP),
+        ("quads", PRODUCTS, linear),
+        ("tiles_of_pair", &["str"], POOLED.len() * HOP),
+    ]
+}
+
+/// Cycles of one loop on one machine.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct LoopCycles {
+    name: &'static str,
+    /// Iterations.
+    turns_per_code: u32,
+    /// Instructions of an iteration.
+    instructions: u32,
+    /// Cycles of an iteration by ARM's table, which exists for the Cortex-M4 only.
+    arm_table: Option<u32>,
+    /// Cycles of an iteration by llvm-mca.
+    llvm_mca: Option<f64>,
+}
+
+impl LoopCycles {
+    pub(crate) fn by_table(&self) -> Option<f64> {
+        self.arm_table.map(f64::from)
+    }
+
+    pub(crate) fn by_mca(&self) -> Option<f64> {
+        self.llvm_mca
+    }
+}
+
+/// All loops of one machine's image.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Loops {
+    pub(crate) loops: Vec<LoopCycles>,
+    /// Cycles that are left out, with the reason.
+    pub(crate) skipped: Vec<String>,
+}
+
+impl Loops {
+    /// Reads the loops from the image, where LLVM's tools are installed.
+    pub(crate) fn read(machine: Machine, image: &Image) -> Self {
+        let core = machine.core;
+        let mca = tools::llvm("llvm-mca");
+        match loops(image, core == "Cortex-M7", mca.as_deref()) {
+            Ok(loops) => {
+                let why = "no llvm-mca; Debian's package is `llvm`";
+                let skipped = format!("simulated cycles of the {core}: {why}");
+                let skipped = mca.is_none().then_some(skipped);
+                Self {
+                    loops,
+                    skipped: Vec::from_iter(skipped),
+                }
+            }
+            Err(why) => Self {
+                loops: Vec::new(),
+                skipped: vec![format!("cycles of the {core}: {why}")],
+            },
+        }
+    }
+
+    /// Returns the cycles of a code of this many instructions: those of each loop's iterations, and `rest` for
+    /// each other instruction. `None` where a loop's cycles are unknown.
+    pub(crate) fn per_code(
+        &self,
+        instructions: u32,
+        rest: f64,
+        iteration: fn(&LoopCycles) -> Option<f64>,
+    ) -> Option<f64> {
+        let mut outside = instructions;
+        let mut cycles = 0.0;
+        for each in &self.loops {
+            outside = outside.checked_sub(each.turns_per_code * each.instructions)?;
+            cycles += f64::from(each.turns_per_code) * iteration(each)?;
+        }
+        (!self.loops.is_empty()).then(|| cycles + rest * f64::from(outside))
+    }
+}
+
+fn loops(image: &Image, is_m7: bool, mca: Option<&str>) -> Result<Vec<LoopCycles>, String> {
+    let no_objdump = "no llvm-objdump; Debian's package is `llvm`";
+    let disassembly = disassemble(image.path()).ok_or(no_objdump)?;
+    let (cpu, branch) = if is_m7 {
+        ("cortex-m7", BRANCH_M7)
+    } else {
+        ("cortex-m4", BRANCH_M4)
+    };
+    let read = |(function, names, per_code): (_, &[&str], usize)| {
+        let body = Loop::find(&disassembly, function)
+            .ok_or_else(|| format!("{function} has no loop, or is not in the image"))?;
+        let share = body.named(names);
+        if share == 0 || !per_code.is_multiple_of(share) {
+            return Err(format!(
+                "{function} does {share} at a time, the network takes {per_code}: other loops run"
+            ));
+        }
+        let simulated = mca.and_then(|mca| body.simulated(mca, cpu));
+        Ok(LoopCycles {
+            name: function,
+            turns_per_code: u32::try_from(per_code / share).unwrap_or(u32::MAX),
+            instructions: body.count(),
+            arm_table: (!is_m7).then(|| arm_table(&body.instructions) + branch),
+            llvm_mca: simulated.map(|cycles| cycles + f64::from(branch)),
+        })
+    };
+    work().into_iter().map(read).collect()
+}
+
+/// Returns the share of a clock that the codes of a stream take, percent.
+pub(crate) fn load_percent(cycles_per_code: f64, mhz: f64) -> f64 {
+    let codes_per_second = f64::from(STEP_RATE_HZ) / f64::from(u32::try_from(HOP).unwrap_or(1));
+    100.0 * cycles_per_code * codes_per_second / (mhz * 1e6)
+}
+
+/// Returns the cycles on a Cortex-M4 by ARM's table (ARM 100166, section 3.3.1). A load or store of n words takes
+/// 1 + n; a single one takes 2, or 1 directly after another single one; every other instruction here takes 1.
+fn arm_table(instructions: &[String]) -> u32 {
+    let mut cycles = 0;
+    let mut was_single = false;
+    for instruction in instructions {
+        let name = instruction.split([' ', '.']).next().unwrap_or(instruction);
+        let registers = instruction.split_once('{').map_or(0, |(_, list)| {
+            u32::try_from(list.split(',').count()).unwrap_or(u32::MAX)
+        });
+        let is_single = matches!(name, "ldr" | "str" | "ldrh" | "strh" | "ldrsb");
+        cycles += match name {
+            "ldm" | "stm" | "push" | "pop" => 1 + registers,
+            "ldrd" | "strd" => 3,
+            _ if is_single && !was_single => 2,
+            _ => 1,
+        };
+        was_single = is_single;
+    }
+    cycles
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::disassembly::tests::DISASSEMBLY;
+    use super::*;
+
+    fn quads(turns_per_code: u32) -> Loops {
+        Loops {
+            loops: vec![LoopCycles {
+                name: "quads",
+                turns_per_code,
+                instructions: 10,
+                arm_table: Some(15),
+                llvm_mca: Some(12.5),
+            }],
+            skipped: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn arms_table_counts_words_and_loads_after_loads() {
+        let body = Loop::find(DISASSEMBLY, "quads").expect("a loop");
+        // LDM of four words 5, LDRD 3, SMLAD 1, LDR 2, LDR after it 1, STR after it 1, CMP 1.
+        assert_eq!(arm_table(&body.instructions), 14);
+    }
+
+    #[test]
+    fn the_cycles_of_a_code_are_those_of_its_iterations_and_the_rest() {
+        let cycles = |rest, iteration| quads(100).per_code(1_200, rest, iteration);
+        assert_eq!(cycles(REST_M4, LoopCycles::by_table), Some(1_500.0 + 400.0));
+        assert_eq!(cycles(REST_M4, LoopCycles::by_mca), Some(1_250.0 + 400.0));
+        assert_eq!(cycles(REST_M7, LoopCycles::by_mca), Some(1_250.0 + 200.0));
+        let load = load_percent(1_900.0, 168.0);
+        assert!((load - 1_900.0 * 16.0 / 1.68e6).abs() < 1e-12, "{load}");
+    }
+
+    #[test]
+    fn unknown_cycles_are_missing_and_not_a_number() {
+        let cycles = |loops: Loops| loops.per_code(1_200, REST_M4, LoopCycles::by_table);
+        assert_eq!(cycles(Loops::default()), None);
+        // More instructions in the loops than were counted in all: the iterations are wrong.
+        assert_eq!(cycles(quads(121)), None);
+    }
+}

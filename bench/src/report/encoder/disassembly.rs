@@ -1,0 +1,187 @@
+//! Inner loops of a built image, as LLVM's tools show them.
+
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use crate::report::tools;
+
+/// Instructions of a loop in order, without its branch.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Loop {
+    /// In the assembler's syntax.
+    pub(crate) instructions: Vec<String>,
+}
+
+impl Loop {
+    /// Finds the innermost loop of the function of this name: the instructions between its first backward
+    /// branch and the branch's target.
+    pub(crate) fn find(disassembly: &str, function: &str) -> Option<Self> {
+        let mut lines = disassembly.lines();
+        let ends = [format!("::{function}::"), format!("::{function}>")];
+        lines.find(|line| {
+            line.ends_with(">:") && ends.iter().any(|end| line.contains(end.as_str()))
+        })?;
+        let mut seen: Vec<(u32, String)> = Vec::new();
+        for line in lines.take_while(|line| !line.is_empty()) {
+            let (address, instruction) = line.split_once(':')?;
+            let address = u32::from_str_radix(address.trim(), 16).ok()?;
+            let instruction = instruction.trim().replace('\t', " ");
+            if let Some(target) = branch_target(&instruction)
+                && let Some(first) = seen.iter().position(|(address, _)| *address == target)
+            {
+                let body = seen.drain(first..).map(|(_, instruction)| instruction);
+                return Some(Self {
+                    instructions: body.collect(),
+                });
+            }
+            seen.push((address, instruction));
+        }
+        None
+    }
+
+    /// Returns the number of instructions of an iteration, including the branch.
+    pub(crate) fn count(&self) -> u32 {
+        u32::try_from(self.instructions.len() + 1).unwrap_or(u32::MAX)
+    }
+
+    /// Returns the number of instructions whose name starts with one of these.
+    pub(crate) fn named(&self, names: &[&str]) -> usize {
+        let is_named =
+            |instruction: &&String| names.iter().any(|name| instruction.starts_with(name));
+        self.instructions.iter().filter(is_named).count()
+    }
+
+    /// Simulates the loop with llvm-mca on this processor, and returns the mean cycles of an iteration without
+    /// its branch.
+    pub(crate) fn simulated(&self, llvm_mca: &str, cpu: &str) -> Option<f64> {
+        const ITERATIONS: u32 = 100;
+        let mut child = Command::new(llvm_mca)
+            .args(["-mtriple=thumbv7em-none-eabihf", "-mcpu", cpu])
+            .arg(format!("-iterations={ITERATIONS}"))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .ok()?;
+        let text = format!(
+            ".syntax unified\n.thumb\n{}\n",
+            self.unconditional().join("\n")
+        );
+        // The pipe is dropped at the end of the statement, which ends the tool's input.
+        child.stdin.take()?.write_all(text.as_bytes()).ok()?;
+        let output = child.wait_with_output().ok()?;
+        let text = String::from_utf8(output.stdout).ok()?;
+        let line = text
+            .lines()
+            .find_map(|line| line.strip_prefix("Total Cycles:"))?;
+        let cycles: u32 = line.trim().parse().ok()?;
+        output
+            .status
+            .success()
+            .then(|| f64::from(cycles) / f64::from(ITERATIONS))
+    }
+
+    /// Replaces each IT instruction with a NOP and removes the conditions that it sets: LLVM's model of the
+    /// Cortex-M7 does not know IT, and a skipped instruction takes its time all the same.
+    fn unconditional(&self) -> Vec<String> {
+        let mut condition = "";
+        let mut left = 0;
+        let mut plain = Vec::new();
+        for instruction in &self.instructions {
+            let (name, operands) = instruction.split_once(' ').unwrap_or((instruction, ""));
+            let is_it = name.starts_with('i') && name[1..].chars().all(|each| "te".contains(each));
+            if is_it {
+                (condition, left) = (operands.trim(), name.len() - 1);
+                plain.push("nop".to_owned());
+            } else if left > 0 {
+                left -= 1;
+                let (name, width) = name.split_once('.').unwrap_or((name, ""));
+                let name = name.strip_suffix(condition).unwrap_or(name);
+                let dot = if width.is_empty() { "" } else { "." };
+                plain.push(format!("{name}{dot}{width} {operands}"));
+            } else {
+                plain.push(instruction.clone());
+            }
+        }
+        plain
+    }
+}
+
+/// Disassembles all functions of an image, where llvm-objdump is installed.
+pub(crate) fn disassemble(image: &Path) -> Option<String> {
+    let mut command = Command::new(tools::llvm("llvm-objdump")?);
+    let output = command
+        .args(["--disassemble", "--demangle", "--no-show-raw-insn"])
+        .arg(image)
+        .output();
+    let output = output.ok().filter(|output| output.status.success())?;
+    String::from_utf8(output.stdout).ok()
+}
+
+/// Returns the target address of a conditional branch.
+fn branch_target(instruction: &str) -> Option<u32> {
+    let (name, operand) = instruction.split_once(' ')?;
+    ["bne", "bne.w", "blo", "blo.w", "bhi", "bhi.w"]
+        .contains(&name)
+        .then_some(())?;
+    let address = operand.trim().strip_prefix("0x")?.split(' ').next()?;
+    u32::from_str_radix(address, 16).ok()
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A function with two nested loops, and one with a forward branch.
+    pub(crate) const DISASSEMBLY: &str = "
+0000562c <crate::cortex_m::quads::hc954fcd4a8abe7a6>:
+    562c:      \tpush.w\t{r4, r5, lr}
+    5630:      \tmovs\tr0, #0
+    5640:      \tldm.w\tr12!, {r4, r5, r6, r7}
+    5644:      \tldrd\tr8, r9, [r11], #8
+    5648:      \tsmlad\tr0, r8, r4, r0
+    564c:      \tldr\tr4, [r0]
+    564e:      \tldr\tr5, [r1]
+    5650:      \tstr\tr5, [r2]
+    5720:      \tcmp\tr11, lr
+    5722:      \tbne.w\t0x5640 <crate::cortex_m::quads::hc954+0x14> @ imm = #-230
+    574c:      \tbne.w\t0x5630 <crate::cortex_m::quads::hc954+0x8> @ imm = #-284
+
+00005754 <crate::cortex_m::straight::hfc2d6b2c5c32b2e8>:
+    5754:      \tbne\t0x5790 <crate::cortex_m::straight::hfc+0x8> @ imm = #-284
+";
+
+    #[test]
+    fn the_innermost_loop_is_found_by_its_branch() {
+        let found = Loop::find(DISASSEMBLY, "quads").expect("a loop");
+        assert_eq!(found.count(), 8);
+        assert_eq!(found.instructions[0], "ldm.w r12!, {r4, r5, r6, r7}");
+        assert_eq!(found.instructions[6], "cmp r11, lr");
+        assert_eq!(found.named(&["smlad", "smuad"]), 1);
+        assert_eq!(Loop::find(DISASSEMBLY, "straight"), None);
+        assert_eq!(Loop::find(DISASSEMBLY, "quad"), None);
+    }
+
+    #[test]
+    fn an_it_instruction_makes_as_many_instructions_unconditional_as_it_covers() {
+        let conditional = [
+            "cmp r6, r5",
+            "itt lt",
+            "movlt r6, r5",
+            "addlt.w r1, r1, r2",
+            "movslt r1, r2",
+        ];
+        let body = Loop {
+            instructions: conditional.map(str::to_owned).to_vec(),
+        };
+        let plain = [
+            "cmp r6, r5",
+            "nop",
+            "mov r6, r5",
+            "add.w r1, r1, r2",
+            "movslt r1, r2",
+        ];
+        assert_eq!(body.unconditional(), plain);
+    }
+}

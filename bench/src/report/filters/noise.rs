@@ -1,0 +1,267 @@
+//! Noise that the arithmetic adds to the signal: fixed-point filters minus their float64 twin.
+
+use std::f64::consts::PI;
+
+use dsp_process::SplitProcess;
+use fixed_dsp::{CascadeState, Filter};
+use idsp::iir::{DirectForm1Dither, DirectForm1Wide};
+use model::GUARD_BITS;
+use picture::canvas::{FAINT, REFERENCE, RESULT, SOURCE};
+use picture::curves::{Curve, Curves, Mark};
+use pipeline::Mains;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use realfft::{RealFftPlanner, num_complex::Complex64};
+use serde_json::Value as Json;
+
+use super::spectrum::{Spectrum, real};
+use crate::idsp_cascade::{IdspCascade, Section29};
+use crate::response::{BAND_HZ, MAINS_HZ, Twin};
+
+/// Time before the measurement in which the filters settle, s: the slowest poles, 0.97 / s, decay by e^-31.
+const SETTLING_S: usize = 32;
+/// Duration of the measurement, s.
+const MEASURED_S: usize = 64;
+/// Electrodes, each with its own signal; their powers are averaged.
+const ELECTRODES: u64 = 8;
+
+/// Test signals: name, and amplitudes in uV of the electrode offset (of alternating sign from electrode to
+/// electrode), of 50 Hz (peak), and of pink noise from 0.5 Hz upwards (rms).
+const SIGNALS: [(&str, [f64; 3]); 3] = [
+    ("eeg", EEG),
+    ("mains", [0.0, 100.0, 0.0]),
+    ("silence", [0.0; 3]),
+];
+const EEG: [f64; 3] = [20_000.0, 100.0, 30.0];
+
+/// Noise of one filter.
+#[derive(Debug, Clone)]
+pub(crate) struct Measured {
+    /// Noise between 0.5 and 60 Hz with each of [`SIGNALS`], nV rms.
+    in_band: [f64; SIGNALS.len()],
+    /// With [`EEG`]: frequency in Hz, density in nV per root Hz.
+    density: Vec<(f64, f64)>,
+}
+
+/// Noise of each of [`Noise::FILTERS`].
+#[derive(Debug)]
+pub(crate) struct Noise([Measured; Self::FILTERS.len()]);
+
+impl Noise {
+    /// Our filters, and idsp's two quiet forms `DirectForm1Dither` and `DirectForm1Wide`.
+    pub(crate) const FILTERS: [&str; 3] = ["ours", "idsp_dither", "idsp_wide"];
+
+    /// Measures all filters; calls `on_filter` with the name of each before.
+    pub(crate) fn measure(twin: &Twin, mut on_filter: impl FnMut(&'static str)) -> Self {
+        let ours = || {
+            let mut state = CascadeState::REST;
+            move |x| Mains::Hz50.step(&mut state, x)
+        };
+        let filters: [&dyn Fn() -> Measured; Self::FILTERS.len()] = [
+            &|| measure(twin, ours),
+            &|| measure(twin, peer::<DirectForm1Dither>),
+            &|| measure(twin, peer::<DirectForm1Wide>),
+        ];
+        Self(std::array::from_fn(|filter| {
+            on_filter(Self::FILTERS[filter]);
+            filters[filter]()
+        }))
+    }
+
+    /// Noise of our filters between 0.5 and 60 Hz with [`EEG`], nV rms.
+    pub(crate) fn ours_nv_rms(&self) -> f64 {
+        self.0[0].in_band[0]
+    }
+
+    /// Returns the noise of each filter with each signal, nV rms.
+    pub(crate) fn json(&self) -> Json {
+        let signals = |measured: &Measured| -> Json {
+            let signals = SIGNALS.iter().zip(measured.in_band);
+            signals.map(|((name, _), nv)| (*name, nv)).collect()
+        };
+        let filters = Self::FILTERS.into_iter().zip(self.0.iter().map(signals));
+        filters.collect()
+    }
+
+    /// Chart of the noise densities.
+    pub(crate) fn chart(&self) -> Curves {
+        let [ours, idsp_dither, idsp_wide] = &self.0;
+        let line = |label: &str, color, measured: &Measured| Curve {
+            label: format!("{label}: {:.1} nV rms", measured.in_band[0]),
+            color,
+            mark: Mark::Line,
+            points: measured.density.iter().copied().skip(1).collect(),
+        };
+        let nyquist_hz = f64::from(model::ADC_RATE_HZ) / 2.0;
+        // The ADC rounds to whole counts: LSB^2 / 12, evenly over all frequencies.
+        let adc = f64::from(model::LSB_NV) / (12.0 * nyquist_hz).sqrt();
+        let adc_in_band = adc * (BAND_HZ[1] - BAND_HZ[0]).sqrt();
+        let densities = self.0.iter().flat_map(|measured| &measured.density);
+        let highest = densities
+            .filter(|(hz, _)| *hz >= 0.25)
+            .map(|(_, density)| *density)
+            .fold(adc, f64::max);
+        Curves {
+            title: "What integer arithmetic adds to the EEG, beside what rounding in the ADC adds",
+            subtitle:
+                "output minus that of a float64 twin, on 20 mV offset, 100 µV mains and 30 µV \
+                       EEG; the lower the quieter; rms over 0.5 to 60 Hz"
+                    .to_owned(),
+            x_hz: [0.25, nyquist_hz],
+            y: [0.0, 1.2 * highest],
+            y_label: "density (nV per √Hz)",
+            band_hz: BAND_HZ,
+            mains_hz: MAINS_HZ,
+            curves: vec![
+                line("idsp dither", RESULT, idsp_dither),
+                line("idsp wide", REFERENCE, idsp_wide),
+                line("ours", SOURCE, ours),
+                Curve {
+                    label: format!("rounding in the ADC: {adc_in_band:.1} nV rms"),
+                    color: FAINT,
+                    mark: Mark::Line,
+                    points: vec![(0.25, adc), (nyquist_hz, adc)],
+                },
+            ],
+        }
+    }
+}
+
+fn peer<S: Default>() -> impl FnMut(i32) -> i32
+where
+    Section29: SplitProcess<i32, i32, S>,
+{
+    let mut cascade = IdspCascade::<S>::default();
+    move |x| cascade.apply(0, x)
+}
+
+/// Measures the filters that `at_rest` returns, one call per electrode.
+fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measured {
+    let spectrum = |amplitudes| {
+        let spectra = (0..ELECTRODES).map(|electrode| {
+            let counts = counts(amplitudes, electrode);
+            let error = error_nv(&counts, twin.clone(), at_rest());
+            Spectrum::new(&error, model::ADC_RATE_HZ.into())
+        });
+        Spectrum::mean(&spectra.collect::<Vec<_>>())
+    };
+    let spectra = SIGNALS.map(|(_, amplitudes)| spectrum(amplitudes));
+    let density = spectra[0].points().map(|(hz, power)| (hz, power.sqrt()));
+    Measured {
+        in_band: spectra.each_ref().map(|spectrum| spectrum.rms(BAND_HZ)),
+        density: density.collect(),
+    }
+}
+
+/// Returns the difference of filter and twin on the same counts after settling, nV.
+fn error_nv(counts: &[i32], mut twin: Twin, mut filter: impl FnMut(i32) -> i32) -> Vec<f64> {
+    let nv = f64::from(model::LSB_NV) / f64::from(1 << GUARD_BITS);
+    let errors = counts.iter().map(|count| {
+        let x = count << GUARD_BITS;
+        (f64::from(filter(x)) - twin.apply(x.into())) * nv
+    });
+    errors.skip(SETTLING_S * rate()).collect()
+}
+
+/// Returns the ADC's counts of a test signal at one electrode.
+fn counts([offset, mains, eeg]: [f64; 3], electrode: u64) -> Vec<i32> {
+    let mut random = ChaCha8Rng::seed_from_u64(electrode);
+    let samples = (SETTLING_S + MEASURED_S) * rate();
+    let pink = pink(&mut random, samples);
+    let phase = random.random_range(0.0..2.0 * PI);
+    let sign = if electrode.is_multiple_of(2) {
+        1.0
+    } else {
+        -1.0
+    };
+    let uv = pink.iter().enumerate().map(|(n, pink)| {
+        let angle = phase + 2.0 * PI * MAINS_HZ * real(n) / real(rate());
+        sign * offset + mains * angle.sin() + eeg * pink
+    });
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "below 21 mV, a ninth of full scale"
+    )]
+    uv.map(|uv| (uv * 1000.0 / f64::from(model::LSB_NV)).round() as i32)
+        .collect()
+}
+
+/// Returns noise of power 1/f from 0.5 Hz upwards, with random phases and rms 1.
+fn pink(random: &mut ChaCha8Rng, samples: usize) -> Vec<f64> {
+    let transform = RealFftPlanner::<f64>::new().plan_fft_inverse(samples);
+    let mut bins = transform.make_input_vec();
+    let last = bins.len() - 1;
+    for (bin, value) in bins.iter_mut().enumerate().take(last).skip(1) {
+        let hz = real(bin) * real(rate()) / real(samples);
+        if hz >= BAND_HZ[0] {
+            *value = Complex64::from_polar(hz.powf(-0.5), random.random_range(0.0..2.0 * PI));
+        }
+    }
+    let mut signal = transform.make_output_vec();
+    // Fails only for lengths other than that of the plan, and leaves silence then.
+    let _ = transform.process(&mut bins, &mut signal);
+    let rms = (signal.iter().map(|x| x * x).sum::<f64>() / real(samples)).sqrt();
+    signal.iter().map(|x| x / rms).collect()
+}
+
+fn rate() -> usize {
+    model::ADC_RATE_HZ.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::checked_in;
+
+    impl Noise {
+        /// Noise of three filters with 2.4 nV each.
+        pub(crate) fn of_2_4_nv() -> Self {
+            let measured = Measured {
+                in_band: [2.4, 2.4, 0.0],
+                density: Vec::new(),
+            };
+            Self(std::array::from_fn(|_| measured.clone()))
+        }
+    }
+
+    #[test]
+    fn rounding_every_output_to_a_count_measures_as_the_noise_of_rounding() {
+        // The twin itself, rounded to whole counts: a filter whose noise is known.
+        let artifact = checked_in::artifact().expect("the artifact");
+        let twin = Twin::new(&artifact.description.filters);
+        let mut exact = twin.clone();
+        #[expect(clippy::cast_possible_truncation, reason = "an EEG of 20 mV at most")]
+        let filter = move |x| {
+            let levels_per_count = 1 << GUARD_BITS;
+            let counts = exact.apply(f64::from(x)) / f64::from(levels_per_count);
+            counts.round() as i32 * levels_per_count
+        };
+        let error = error_nv(&counts(EEG, 0), twin, filter);
+        let rms = Spectrum::new(&error, model::ADC_RATE_HZ.into()).rms(BAND_HZ);
+        // LSB / sqrt(12), of which 59.5 Hz of 256 Hz are in the band.
+        let expected = f64::from(model::LSB_NV) / 12.0_f64.sqrt() * (59.5_f64 / 256.0).sqrt();
+        // Measured 1 % apart; the standard error of white noise over 64 s is 2 %.
+        assert!(
+            (rms / expected - 1.0).abs() < 0.05,
+            "{rms} instead of {expected}"
+        );
+    }
+
+    #[test]
+    fn the_test_signal_has_its_offset_mains_and_eeg() {
+        let nv = f64::from(model::LSB_NV);
+        let uv: Vec<f64> = counts(EEG, 1)
+            .iter()
+            .map(|count| f64::from(*count) * nv / 1000.0)
+            .collect();
+        let mean = uv.iter().sum::<f64>() / real(uv.len());
+        assert!((mean + 20_000.0).abs() < 1.0, "{mean}");
+        let spectrum = Spectrum::new(&uv, model::ADC_RATE_HZ.into());
+        let mains = spectrum.rms([49.5, 50.5]);
+        assert!((mains - 100.0 / 2.0_f64.sqrt()).abs() < 1.0, "{mains}");
+        let eeg = spectrum
+            .rms([0.25, 49.0])
+            .hypot(spectrum.rms([51.0, 256.0]));
+        assert!((eeg - 30.0).abs() < 1.0, "{eeg}");
+    }
+}

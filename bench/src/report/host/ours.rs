@@ -1,0 +1,121 @@
+//! Our encoder, timed in this process on synthetic EEG.
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use model::{CELLS, HOP, INPUT_SCALE_UV, STEPS};
+use pipeline::{Acquisition, Code, Encoder, Mains, Pipeline, Sample, Step};
+
+use crate::report::eeg;
+use crate::report::failure::Failure;
+
+/// Windows of the input, and of PyTorch's batch.
+pub(crate) const WINDOWS: usize = 256;
+
+/// Shortest duration of a measurement; `torch_encoder.py` has the same.
+const TURN: Duration = Duration::from_millis(200);
+
+/// Our encoder in the forms that are timed, with its input.
+pub(crate) struct Ours {
+    samples: Vec<Sample>,
+    /// The acquisition's output for `samples`.
+    steps: Vec<Step>,
+    encoder: Encoder<'static>,
+    pipeline: Pipeline,
+}
+
+impl Ours {
+    /// Makes the same input on every run.
+    pub(crate) fn new() -> Result<Self, Failure> {
+        let mut generator = eeg::synthetic()?;
+        let mut acquisition = Acquisition::new(Mains::Hz50);
+        let (mut samples, mut steps) = (Vec::new(), Vec::new());
+        while steps.len() < STEPS + (WINDOWS - 1) * HOP {
+            let counts = generator.next_sample();
+            let sample = Sample { counts };
+            steps.extend(acquisition.push(&sample));
+            samples.push(sample);
+        }
+        Ok(Self {
+            samples,
+            steps,
+            encoder: Encoder::new(),
+            pipeline: Pipeline::new(Mains::Hz50),
+        })
+    }
+
+    /// Returns the windows as the float network takes them, ordered by time step and cell.
+    pub(crate) fn float_windows(&self, sd_uv: f64) -> Vec<[f32; STEPS * CELLS]> {
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "the network computes in f32"
+        )]
+        let scale = INPUT_SCALE_UV / sd_uv as f32;
+        let windows = self.steps.windows(STEPS).step_by(HOP).map(|window| {
+            let cell = |cell: usize| f32::from(window[cell / CELLS].plane[cell % CELLS]) * scale;
+            std::array::from_fn(cell)
+        });
+        windows.collect()
+    }
+
+    /// Returns the codes of all windows, value by value.
+    ///
+    /// # Errors
+    /// The codes of the stream are not those of its windows one by one.
+    pub(crate) fn codes(&self) -> Result<Vec<i32>, Failure> {
+        let values = |codes: &[Code]| -> Vec<i32> {
+            codes.iter().flat_map(|code| code.values.steps()).collect()
+        };
+        let streamed = values(&streamed(&mut Encoder::new(), &self.steps));
+        if streamed == values(&windows(&self.steps)) {
+            return Ok(streamed);
+        }
+        Err(Failure::new(
+            "the encoder on this PC",
+            "the codes of a stream are not those of its windows one by one",
+            "`cargo test --package pipeline --test streaming_equals_batch`",
+        ))
+    }
+
+    /// Times one encoder on the stream of time steps; returns codes per second.
+    pub(crate) fn streaming(&mut self) -> f64 {
+        timed(|| streamed(&mut self.encoder, &self.steps).len())
+    }
+
+    /// Times window after window, each with a new encoder; returns codes per second.
+    pub(crate) fn by_window(&self) -> f64 {
+        timed(|| windows(&self.steps).len())
+    }
+
+    /// Times acquisition and encoder on ADC samples; returns codes per second.
+    pub(crate) fn pipeline(&mut self) -> f64 {
+        timed(|| {
+            let samples = self.samples.iter();
+            let codes = samples.filter_map(|sample| self.pipeline.push(sample));
+            codes.map(black_box).count()
+        })
+    }
+}
+
+/// Repeats `codes`, which returns the number of its codes, for [`TURN`]; returns codes per second.
+fn timed(mut codes: impl FnMut() -> usize) -> f64 {
+    let start = Instant::now();
+    let mut count = 0.0;
+    while start.elapsed() < TURN {
+        count += f64::from(u32::try_from(codes()).unwrap_or(u32::MAX));
+    }
+    count / start.elapsed().as_secs_f64()
+}
+
+fn streamed(encoder: &mut Encoder, steps: &[Step]) -> Vec<Code> {
+    let codes = steps.iter().filter_map(|step| encoder.push(step));
+    codes.map(black_box).collect()
+}
+
+/// Encodes each window with a new encoder, without use of the overlap.
+fn windows(steps: &[Step]) -> Vec<Code> {
+    let windows = steps.windows(STEPS).step_by(HOP);
+    windows
+        .filter_map(|window| streamed(&mut Encoder::new(), window).pop())
+        .collect()
+}

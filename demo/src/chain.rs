@@ -1,0 +1,185 @@
+//! Board, bridge, ROS master and subscriber, started for one run.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use neuro_ros::{NeuroFrame, RosMessage, Wire};
+use ros1::{Master, Node, NodeOptions, Subscriber};
+use tokio::time::sleep_until;
+
+use crate::failure::Failure;
+use crate::program::Program;
+use crate::progress::Progress;
+use crate::run::{Received, Run};
+
+/// Program of the virtual board.
+pub(crate) const BOARD: &str = "host-sim";
+/// Program of the bridge.
+pub(crate) const BRIDGE: &str = "corticode-bridge";
+
+/// Codes per second.
+const CODE_RATE_HZ: u64 = 16;
+/// Silence after which the path counts as broken: 80 codes.
+const SILENCE: Duration = Duration::from_secs(5);
+/// Longest start on a busy machine.
+const START: Duration = Duration::from_secs(20);
+/// Longest time from the board's end to the last message.
+const STRAGGLERS: Duration = Duration::from_millis(700);
+/// Messages that the subscriber queues while the progress bar is drawn.
+const QUEUE: usize = 64;
+
+/// Runs the whole path and returns what the subscriber received; stops everything it started.
+///
+/// # Errors
+/// A part does not start, ends early or stays silent; Ctrl-C.
+pub(crate) async fn run(seconds: u32, seed: u64, programs: &Path) -> Result<Run, Failure> {
+    let folder = tempfile::tempdir().map_err(|error| Failure::Check {
+        what: "making a temporary folder".to_owned(),
+        why: error.to_string(),
+        next: "is the disk full? is TMPDIR writable?".to_owned(),
+    })?;
+    tokio::select! {
+        run = path(seconds, seed, programs, folder.path()) => run,
+        _ = tokio::signal::ctrl_c() => Err(Failure::Interrupted),
+    }
+}
+
+async fn path(seconds: u32, seed: u64, programs: &Path, folder: &Path) -> Result<Run, Failure> {
+    let progress = Progress::new(u64::from(seconds) * CODE_RATE_HZ);
+    let address = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+    let master = Master::start(address).await.map_err(no_master)?;
+    let node_options = NodeOptions {
+        host: Some("127.0.0.1".to_owned()),
+        ..NodeOptions::new("demo", master.uri())
+    };
+    let node = Node::start(node_options).await.map_err(no_master)?;
+    let subscribe = async |topic| {
+        let subscriber = node.subscribe(topic, NeuroFrame::TYPE, QUEUE).await;
+        subscriber.map_err(no_master)
+    };
+    let mut listener = Listener {
+        codes: subscribe("/encoded").await?,
+        reconstructed: subscribe("/neurodata_reconstructed").await?,
+        run: Run::default(),
+    };
+
+    // The bridge starts first and waits for its port: the subscriber is linked before the first code.
+    let port = folder.join("board").to_string_lossy().into_owned();
+    let arguments = ["--port", &port, "--ros-master-uri", master.uri()];
+    let mut bridge = Program::start(programs, BRIDGE, &arguments, folder)?;
+    progress.waiting("waiting for the bridge to announce its topics");
+    listener.wait_for_links(&mut bridge).await?;
+    let [seed, duration] = [seed.to_string(), seconds.to_string()];
+    let output = format!("pty:{port}");
+    let arguments = [
+        "run",
+        "--input=synthetic",
+        "--realtime",
+        "--seed",
+        &seed,
+        "--duration",
+        &duration,
+        "--output",
+        &output,
+    ];
+    let mut board = Program::start(programs, BOARD, &arguments, folder)?;
+    progress.waiting("waiting for the first code");
+    listener.listen(&progress, &mut board, &mut bridge).await?;
+    listener.run.made_by_board = codes_made(&board.log());
+    drop(progress);
+    bridge.terminate(SILENCE).await?;
+    node.shutdown().await;
+    master.shutdown().await;
+    Ok(listener.run)
+}
+
+/// Subscriptions to the bridge's topics, and the messages received so far.
+struct Listener {
+    codes: Subscriber,
+    reconstructed: Subscriber,
+    run: Run,
+}
+
+impl Listener {
+    /// Waits until the bridge publishes both topics and both are linked.
+    async fn wait_for_links(&mut self, bridge: &mut Program) -> Result<(), Failure> {
+        let deadline = Instant::now() + START;
+        while self.codes.publishers() == 0 || self.reconstructed.publishers() == 0 {
+            bridge.check_running()?;
+            if Instant::now() > deadline {
+                return Err(bridge.timed_out("it announced no topic", START));
+            }
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+        Ok(())
+    }
+
+    /// Receives until the board has ended and its last messages have arrived.
+    async fn listen(
+        &mut self,
+        progress: &Progress,
+        board: &mut Program,
+        bridge: &mut Program,
+    ) -> Result<(), Failure> {
+        let mut deadline = Instant::now() + START;
+        let mut board_ended = false;
+        loop {
+            tokio::select! {
+                body = self.codes.recv() => {
+                    self.run.codes.extend(received(body));
+                    progress.show(&self.run);
+                    deadline = Instant::now() + if board_ended { STRAGGLERS } else { SILENCE };
+                }
+                body = self.reconstructed.recv() => {
+                    self.run.reconstructed.extend(received(body));
+                }
+                status = board.child.wait(), if !board_ended => {
+                    if !status.is_ok_and(|status| status.success()) {
+                        return Err(board.ended());
+                    }
+                    board_ended = true;
+                    deadline = Instant::now() + STRAGGLERS;
+                }
+                _ = bridge.child.wait() => return Err(bridge.ended()),
+                () = sleep_until(deadline.into()) => {
+                    if board_ended {
+                        return Ok(());
+                    }
+                    return Err(bridge.timed_out("no code came", SILENCE));
+                }
+            }
+        }
+    }
+}
+
+fn received(body: Option<Vec<u8>>) -> Option<Received> {
+    let arrival = Instant::now();
+    let frame = NeuroFrame::from_bytes(&body?).ok()?;
+    Some(Received { arrival, frame })
+}
+
+/// Parses "... N codes made, ..." in the board's report.
+fn codes_made(report: &str) -> Option<usize> {
+    let (before, _) = report.rsplit_once(" codes made")?;
+    before.rsplit(' ').next()?.parse().ok()
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "for `map_err`")]
+fn no_master(error: impl ToString) -> Failure {
+    let what = "the master in this program";
+    Failure::unreachable(what, &error.to_string(), "is 127.0.0.1 up?")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_boards_own_count_is_read_from_its_report() {
+        let report = "virtual board with model 00 on pty:x\n15.0 s of signal in 15.00 s (1.0 times real time): \
+                      239 codes made, 0 frames dropped, 3 values clipped, 0 in codes (int8)\n";
+        assert_eq!(codes_made(report), Some(239));
+        assert_eq!(codes_made("nothing"), None);
+    }
+}

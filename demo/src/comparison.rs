@@ -1,0 +1,108 @@
+//! The reconstructed EEG against its reference: the same EEG through the same filters, without a link.
+
+use host_sim::synthetic::{Generator, SyntheticSpec};
+use pipeline::{ELECTRODES, Electrodes, FrontEnd, Mains, Sample};
+
+use crate::failure::Failure;
+use crate::run::Run;
+
+/// Values of all electrodes at one step of 128 Hz, uV.
+type StepUv = [f32; ELECTRODES];
+
+/// Reference and reconstruction over the same steps: the last stretch without settling or fillers.
+#[derive(Debug, Clone)]
+pub(crate) struct Comparison {
+    /// Index of the first step since the start of the stream.
+    pub(crate) first_step: usize,
+    /// Filtered EEG, uV.
+    pub(crate) source_uv: Vec<StepUv>,
+    /// EEG decoded from the codes, uV.
+    pub(crate) result_uv: Vec<StepUv>,
+    /// `100 sqrt(sum (x - y)^2 / sum x^2)` over all electrodes and steps, percent.
+    pub(crate) prd_percent: f64,
+}
+
+impl Comparison {
+    /// Compares a run with the EEG that host-sim makes from `seed`.
+    ///
+    /// # Errors
+    /// The generator refuses the model's electrodes.
+    pub(crate) fn new(run: &Run, seconds: u32, seed: u64) -> Result<Self, Failure> {
+        let reference = reference(seconds, seed)?;
+        let mut first_step = 0;
+        let mut source_uv: Vec<StepUv> = Vec::new();
+        let mut result_uv: Vec<StepUv> = Vec::new();
+        // Frame w of `/neurodata_reconstructed` holds the steps from w * HOP on.
+        for frame in &run.reconstructed {
+            let window = usize::try_from(frame.window()).unwrap_or(usize::MAX);
+            let first = window.saturating_mul(model::HOP);
+            let steps = frame.frame.eeg.data.as_chunks().0;
+            let usable = !frame.is_settling() && !frame.is_filler();
+            if !usable || first != first_step + source_uv.len() {
+                source_uv.clear();
+                result_uv.clear();
+                first_step = first;
+            }
+            let source = reference.get(first..first.saturating_add(steps.len()));
+            if let (true, Some(source)) = (usable, source) {
+                source_uv.extend(source);
+                result_uv.extend(steps);
+            }
+        }
+        Ok(Self {
+            first_step,
+            prd_percent: prd_percent(&source_uv, &result_uv),
+            source_uv,
+            result_uv,
+        })
+    }
+}
+
+/// Returns the filtered electrodes of the whole run, one entry per step.
+fn reference(seconds: u32, seed: u64) -> Result<Vec<StepUv>, Failure> {
+    let spec = SyntheticSpec::new(seed, model::LABELS.split(' '));
+    let mut generator = Generator::new(&spec).map_err(|error| Failure::Check {
+        what: "synthesising the reference".to_owned(),
+        why: error.to_string(),
+        next: "compare model/artifact/model.toml with the electrodes that host-sim knows"
+            .to_owned(),
+    })?;
+    let mut front_end = FrontEnd::new(Mains::Hz50, &model::RESAMPLER);
+    let samples = 0..u64::from(seconds) * u64::from(model::ADC_RATE_HZ);
+    let steps = samples.filter_map(|_| {
+        let counts = generator.next_sample();
+        let (electrodes, _) = front_end.push(&Sample { counts })?;
+        Some(microvolts(&electrodes))
+    });
+    Ok(steps.collect())
+}
+
+fn microvolts(electrodes: &Electrodes) -> StepUv {
+    // Q27.5 of counts of LSB_NV nanovolts each.
+    let levels_per_count = f32::from(1_u16 << model::GUARD_BITS);
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "a picture needs no more than 24 bits"
+    )]
+    electrodes.map(|value| value as f32 / levels_per_count * model::LSB_NV / 1000.0)
+}
+
+fn prd_percent<const N: usize>(source: &[[f32; N]], result: &[[f32; N]]) -> f64 {
+    let pairs = || source.as_flattened().iter().zip(result.as_flattened());
+    let error: f64 = pairs().map(|(x, y)| f64::from(x - y).powi(2)).sum();
+    let power: f64 = pairs().map(|(x, _)| f64::from(*x).powi(2)).sum();
+    100.0 * (error / power).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_prd_of_a_tenth_too_little_is_10_percent() {
+        let source = [[1.0_f32, -2.0], [3.0, 4.0]];
+        let result = source.map(|step| step.map(|x| 0.9 * x));
+        assert!((prd_percent(&source, &result) - 10.0).abs() < 1e-4);
+        assert!(prd_percent(&source, &source) < 1e-9);
+    }
+}

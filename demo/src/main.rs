@@ -1,0 +1,101 @@
+//! `cargo demo`: the whole signal path on this machine for some seconds, and pictures of the run.
+//!
+//! ```text
+//! host-sim ── PTY ── corticode-bridge ── TCPROS ── chain (master, subscriber) ── Run
+//!                                                                                 │
+//! Reference (the same EEG through the filters alone) ────────── Comparison ───────┴─ pictures
+//! ```
+#![forbid(unsafe_code)]
+
+mod chain;
+mod comparison;
+mod failure;
+mod pictures;
+mod program;
+mod progress;
+mod response;
+mod run;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use picture::spread::Spread;
+
+use crate::comparison::Comparison;
+use crate::failure::Failure;
+
+/// Command-line options.
+#[derive(Debug, Clone, Copy, Parser)]
+#[command(
+    name = "cargo demo",
+    bin_name = "cargo demo",
+    about = "Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures"
+)]
+struct Options {
+    /// Seconds of EEG; the filters take the first 9.5 to settle, and nothing is compared before.
+    #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(12..=3600))]
+    seconds: u32,
+    /// Seed of the synthetic EEG.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+fn main() -> ExitCode {
+    match demo(Options::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("\nerror: {failure}");
+            failure.exit_code()
+        }
+    }
+}
+
+/// Runs the path, draws the pictures and prints the summary.
+fn demo(Options { seconds, seed }: Options) -> Result<(), Failure> {
+    let programs = programs_folder()?;
+    let pictures = programs.with_file_name("demo");
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build();
+    let runtime = runtime.map_err(|error| Failure::Check {
+        what: "starting threads".to_owned(),
+        why: error.to_string(),
+        next: "look for a limit on processes: `ulimit -u`".to_owned(),
+    })?;
+    let run = runtime.block_on(chain::run(seconds, seed, &programs))?;
+    let comparison = Comparison::new(&run, seconds, seed)?;
+    pictures::draw_all(&run, &comparison, &pictures)?;
+
+    let arrival = Spread::from_values(&run.arrival_intervals_ms());
+    let device = Spread::from_values(&run.device_intervals_ms());
+    let [made, received, lost] = [run.made(), run.received(), run.lost()];
+    println!("pictures: {}", pictures.display());
+    println!(
+        "codes made {made}, received {received}, lost {lost}; interval {arrival} ms at the \
+         subscriber, {device} ms by the device's stamps; reconstruction PRD {:.1} % (synthetic EEG)",
+        comparison.prd_percent
+    );
+    if lost == 0 && received > 0 {
+        return Ok(());
+    }
+    Err(Failure::Check {
+        what: "the demo".to_owned(),
+        why: format!("{lost} of {made} codes did not arrive"),
+        next: "is the machine busy? `cargo demo` again; then `cargo xtask test`".to_owned(),
+    })
+}
+
+/// Returns the folder of this program, in which `cargo demo` builds host-sim and the bridge too.
+fn programs_folder() -> Result<PathBuf, Failure> {
+    let own = std::env::current_exe().map_err(|error| Failure::not_built(&error.to_string()))?;
+    let folder = own.parent().map(PathBuf::from).unwrap_or_default();
+    for program in [chain::BOARD, chain::BRIDGE] {
+        let file = folder.join(program);
+        if !file.exists() {
+            return Err(Failure::not_built(&format!("no {}", file.display())));
+        }
+    }
+    Ok(folder)
+}

@@ -1,0 +1,102 @@
+//! The demo's four pictures, drawn from a run.
+
+use std::path::Path;
+
+use picture::heat_map::HeatMap;
+use picture::intervals::Intervals;
+use picture::traces::{Trace, Traces};
+
+use crate::comparison::Comparison;
+use crate::failure::Failure;
+use crate::response::Response;
+use crate::run::{Received, Run};
+
+/// Electrodes in the picture, front to back.
+const SHOWN: [&str; 7] = ["F3", "Fz", "F4", "C3", "Cz", "C4", "Pz"];
+/// Seconds in the picture: few enough to see single waves of 10 Hz.
+const SHOWN_SECONDS: usize = 4;
+
+/// Draws all pictures into `folder`.
+///
+/// # Errors
+/// The folder or a file cannot be written, or the artifact not read.
+pub(crate) fn draw_all(run: &Run, comparison: &Comparison, folder: &Path) -> Result<(), Failure> {
+    let response = Response::from_artifact()?;
+    let draw = || -> Result<(), Box<dyn std::error::Error>> {
+        std::fs::create_dir_all(folder)?;
+        traces(comparison).draw(&folder.join("traces.svg"))?;
+        heat_map(run).draw(&folder.join("codes.svg"))?;
+        intervals(run).draw(&folder.join("intervals.svg"))?;
+        Ok(response.curves().draw(&folder.join("filters.svg"))?)
+    };
+    draw().map_err(|error| Failure::Check {
+        what: "drawing the pictures".to_owned(),
+        why: error.to_string(),
+        next: format!("is {} writable, and the disk not full?", folder.display()),
+    })
+}
+
+fn traces(comparison: &Comparison) -> Traces {
+    let rate = usize::from(model::STEP_RATE_HZ);
+    let steps = comparison.source_uv.len();
+    let start = steps.saturating_sub(SHOWN_SECONDS * rate);
+    let labels: Vec<&str> = model::LABELS.split(' ').collect();
+    let shown = SHOWN.iter().filter_map(|label| {
+        let electrode = labels.iter().position(|other| other == label)?;
+        let part = |uv: &[[f32; pipeline::ELECTRODES]]| {
+            uv[start..].iter().map(|step| step[electrode]).collect()
+        };
+        Some(Trace {
+            label: (*label).to_owned(),
+            source_uv: part(&comparison.source_uv),
+            result_uv: part(&comparison.result_uv),
+        })
+    });
+    Traces {
+        rows: shown.collect(),
+        rate_hz: f64::from(model::STEP_RATE_HZ),
+        start_s: seconds(comparison.first_step + start),
+        subtitle: format!(
+            "{} of {} electrodes of synthetic EEG; the model was trained on a recording. PRD {:.1} % over {:.0} s",
+            SHOWN.len(),
+            labels.len(),
+            comparison.prd_percent,
+            seconds(steps)
+        ),
+    }
+}
+
+fn heat_map(run: &Run) -> HeatMap {
+    let first = run.codes.first().map_or(0, Received::window);
+    let codes = run.codes.iter();
+    let settling = codes.clone().take_while(|code| code.is_settling());
+    HeatMap {
+        settling: settling.count(),
+        codes: codes
+            .map(|code| (!code.is_filler()).then(|| code.frame.eeg.data.clone()))
+            .collect(),
+        start_s: seconds(usize::try_from(first).unwrap_or(0) * model::HOP),
+        interval_s: seconds(model::HOP),
+        subtitle: format!(
+            "{} codes received from /encoded, {} lost; each component around its own mean",
+            run.received(),
+            run.lost()
+        ),
+    }
+}
+
+fn intervals(run: &Run) -> Intervals {
+    Intervals {
+        arrival_ms: run.arrival_intervals_ms(),
+        device_ms: run.device_intervals_ms(),
+        subtitle: format!(
+            "{} codes through PTY, bridge and TCPROS, all on this machine; the stamps are the device's own clock",
+            run.received()
+        ),
+    }
+}
+
+/// Duration of steps at 128 Hz, s.
+fn seconds(steps: usize) -> f64 {
+    f64::from(u32::try_from(steps).unwrap_or(u32::MAX)) / f64::from(model::STEP_RATE_HZ)
+}

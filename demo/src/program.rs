@@ -1,0 +1,92 @@
+//! A child process whose output goes to a log file.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::Duration;
+
+use rustix::process::{Pid, Signal, kill_process};
+use tokio::process::{Child, Command};
+use tokio::time::timeout;
+
+use crate::failure::Failure;
+
+/// A running program; killed when dropped.
+pub(crate) struct Program {
+    name: String,
+    pub(crate) child: Child,
+    log: PathBuf,
+}
+
+impl Program {
+    /// Starts the program `name` of the folder `programs`; stdout and stderr go to a file in `logs`.
+    pub(crate) fn start(
+        programs: &Path,
+        name: &str,
+        arguments: &[&str],
+        logs: &Path,
+    ) -> Result<Self, Failure> {
+        let log = logs.join(format!("{name}.log"));
+        let start = || {
+            let file = File::create(&log)?;
+            Command::new(programs.join(name))
+                .args(arguments)
+                .stdin(Stdio::null())
+                .stdout(file.try_clone()?)
+                .stderr(file)
+                // A group of its own: the terminal sends Ctrl-C to this program alone, which
+                // then stops its children.
+                .process_group(0)
+                .kill_on_drop(true)
+                .spawn()
+        };
+        let child = start().map_err(|error| {
+            Failure::unreachable(name, &error.to_string(), "`cargo build --release`")
+        })?;
+        let name = name.to_owned();
+        Ok(Self { name, child, log })
+    }
+
+    /// Returns everything the program has printed so far.
+    pub(crate) fn log(&self) -> String {
+        std::fs::read_to_string(&self.log).unwrap_or_default()
+    }
+
+    /// Fails if the program has ended.
+    pub(crate) fn check_running(&mut self) -> Result<(), Failure> {
+        match self.child.try_wait() {
+            Ok(None) => Ok(()),
+            _ => Err(self.ended()),
+        }
+    }
+
+    /// Failure of a program that ended before it should.
+    pub(crate) fn ended(&self) -> Failure {
+        let why = format!("it ended early and printed:\n{}", self.log());
+        Failure::unreachable(&self.name, &why, "see its message")
+    }
+
+    /// Failure of a program that did not do `what` in time.
+    pub(crate) fn timed_out(&self, what: &str, after: Duration) -> Failure {
+        let why = format!(
+            "{what} within {after:?}; {} printed:\n{}",
+            self.name,
+            self.log()
+        );
+        let next = "is the machine very busy? `cargo demo` again";
+        Failure::unreachable("the path", &why, next)
+    }
+
+    /// Sends SIGTERM and waits until the program has ended with status 0.
+    pub(crate) async fn terminate(&mut self, deadline: Duration) -> Result<(), Failure> {
+        let pid = self.child.id().map(u32::cast_signed);
+        if let Some(pid) = pid.and_then(Pid::from_raw) {
+            // Fails if the program has just ended by itself; `wait` below tells.
+            let _ = kill_process(pid, Signal::TERM);
+        }
+        match timeout(deadline, self.child.wait()).await {
+            Ok(Ok(status)) if status.success() => Ok(()),
+            _ => Err(self.timed_out("it did not end cleanly on SIGTERM", deadline)),
+        }
+    }
+}

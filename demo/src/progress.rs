@@ -1,0 +1,84 @@
+//! Progress bar with the counts and the latest code.
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::run::Run;
+
+/// Components of the code that fit on a line of 80 characters next to the counts.
+const SHOWN: usize = 24;
+/// Codes per printed line where there is no terminal to draw a bar on: one line in 5 s.
+const LINE_EVERY: usize = 80;
+
+/// A bar on the terminal, cleared when dropped.
+#[derive(Debug)]
+pub(crate) struct Progress {
+    bar: ProgressBar,
+}
+
+impl Progress {
+    pub(crate) fn new(codes: u64) -> Self {
+        let bar = ProgressBar::new(codes);
+        // The default style remains if the template has an error.
+        if let Ok(style) = ProgressStyle::with_template("{elapsed_precise} {bar:16} {msg}") {
+            bar.set_style(style);
+        }
+        Self { bar }
+    }
+
+    /// Shows what the demo is waiting for.
+    pub(crate) fn waiting(&self, what: &str) {
+        self.bar.set_message(what.to_owned());
+    }
+
+    /// Shows the counts and the latest code.
+    pub(crate) fn show(&self, run: &Run) {
+        let Some(latest) = run.codes.last() else {
+            return;
+        };
+        let fillers = run.codes.len() - run.received();
+        let counts = format!("frame {:4}  lost {fillers}", latest.frame.neuroheader.seq);
+        let position = u64::try_from(run.codes.len()).unwrap_or(u64::MAX);
+        self.bar.set_position(position);
+        let code = blocks(&latest.frame.eeg.data);
+        self.bar.set_message(format!("{counts}  {code}"));
+        if self.bar.is_hidden() && run.codes.len().is_multiple_of(LINE_EVERY) {
+            eprintln!("{counts}");
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// Formats the first components as blocks of eight heights, scaled to the largest magnitude.
+fn blocks(code: &[f32]) -> String {
+    const HEIGHTS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+    let shown = &code[..code.len().min(SHOWN)];
+    let sizes = shown.iter().map(|x| x.abs());
+    let largest = sizes.fold(f32::MIN_POSITIVE, f32::max);
+    let height = |x: &f32| {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "0..=7: x / largest is within -1..=1; NaN becomes 0"
+        )]
+        let height = ((x / largest + 1.0) * 3.5).round() as usize;
+        HEIGHTS[height.min(7)]
+    };
+    shown.iter().map(height).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_rise_with_the_value() {
+        assert_eq!(blocks(&[-2.0, 0.0, 2.0]), "▁▅█");
+        assert_eq!(blocks(&[f32::NAN, 1.0]), "▁█");
+        assert_eq!(blocks(&[]), "");
+    }
+}

@@ -1,0 +1,102 @@
+//! The page that every chart is drawn on: title, colours, text, legend.
+
+use std::path::{Path, PathBuf};
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+/// Part of a page to draw on.
+pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+pub(crate) type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+
+/// Dark blue-grey of text, ticks and emphasised lines.
+pub const INK: RGBColor = RGBColor(0x1f, 0x29, 0x33);
+/// Grey of subtitles and axes.
+pub const FAINT: RGBColor = RGBColor(0x62, 0x70, 0x80);
+/// Light grey of grid lines.
+pub(crate) const GRID: RGBColor = RGBColor(0xe4, 0xe9, 0xee);
+/// Blue of input signals and of our own figures.
+pub const SOURCE: RGBColor = RGBColor(0x2b, 0x6c, 0xb0);
+/// Orange of output signals and of what ours is compared with.
+pub const RESULT: RGBColor = RGBColor(0xdd, 0x6b, 0x20);
+/// Green of published and designed values.
+pub const REFERENCE: RGBColor = RGBColor(0x2f, 0x85, 0x5a);
+
+const FONT: &str = "Helvetica, Arial, DejaVu Sans, sans-serif";
+/// Space above every plot for title and subtitle, pixels.
+const HEAD: i32 = 78;
+/// Left edge of title and subtitle, pixels.
+const MARGIN: i32 = 28;
+
+/// A picture that cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[error("the picture {} cannot be written: {why}", path.display())]
+pub struct PictureError {
+    path: PathBuf,
+    why: String,
+}
+
+/// Writes an SVG file of `size` pixels with title and subtitle; `draw` fills the area below them.
+pub(crate) fn page(
+    path: &Path,
+    size: (u32, u32),
+    [title, subtitle]: [&str; 2],
+    draw: impl FnOnce(&Area) -> Drawn,
+) -> Result<(), PictureError> {
+    let page = SVGBackend::new(path, size).into_drawing_area();
+    let drawn = (|| {
+        page.fill(&WHITE)?;
+        page.draw(&Text::new(title, (MARGIN, 20), text(25, INK)))?;
+        page.draw(&Text::new(subtitle, (MARGIN, 52), text(16, FAINT)))?;
+        let (_, below) = page.split_vertically(HEAD);
+        draw(&below)?;
+        page.present()
+    })();
+    drawn.map_err(|error| PictureError {
+        path: path.to_owned(),
+        why: error.to_string(),
+    })
+}
+
+/// Prepares a chart with a labelled x axis; margins and the width of the y labels in pixels.
+pub(crate) fn chart<'a, 'b>(
+    area: &'a Area<'b>,
+    [top, left, right]: [i32; 3],
+    y_labels: u32,
+) -> ChartBuilder<'a, 'b, SVGBackend<'b>> {
+    let mut chart = ChartBuilder::on(area);
+    chart.margin_top(top).margin_left(left).margin_right(right);
+    chart.margin_bottom(16).x_label_area_size(52);
+    chart.y_label_area_size(y_labels);
+    chart
+}
+
+/// Text style of this height in pixels, anchored at its top left.
+pub(crate) fn text(height: u32, color: RGBColor) -> TextStyle<'static> {
+    (FONT, height).into_font().color(&color)
+}
+
+/// Text style anchored at `side` horizontally and at the centre vertically.
+pub(crate) fn anchored(height: u32, color: RGBColor, side: HPos) -> TextStyle<'static> {
+    text(height, color).pos(Pos::new(side, VPos::Center))
+}
+
+/// Draws one entry of a legend at a pixel of the area: a short line and its label.
+pub(crate) fn legend(area: &Area, at: (i32, i32), color: RGBColor, label: &str) -> Drawn {
+    let line = vec![at, (at.0 + 26, at.1)];
+    area.draw(&PathElement::new(line, color.stroke_width(3)))?;
+    let style = anchored(16, INK, HPos::Left);
+    area.draw(&Text::new(label.to_owned(), (at.0 + 34, at.1), style))
+}
+
+/// Converts a pixel of the page, which charts return, to one of the area, which drawing takes.
+pub(crate) fn inside(area: &Area, (x, y): (i32, i32)) -> (i32, i32) {
+    (x, y - area.get_base_pixel().1)
+}
+
+/// Converts a count to a float, saturating at 2^32 - 1.
+pub(crate) fn real(count: usize) -> f64 {
+    f64::from(u32::try_from(count).unwrap_or(u32::MAX))
+}

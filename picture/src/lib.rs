@@ -1,0 +1,34 @@
+//! Charts as SVG files, drawn without any font or library of the system.
+//!
+//! Each chart is a struct of plain numbers with a `draw` method that writes one file. The demo draws
+//! a run of the signal path, the benchmarks draw the filters over frequency.
+//!
+//! ```text
+//! demo  ──┬─ Traces     electrodes over time ─────┐
+//!         ├─ HeatMap    codes over time ──────────┤
+//!         ├─ Intervals  histogram of intervals ───┼─ canvas (title, axes, colours) ── *.svg
+//! bench ──┴─ Curves     curves over frequency ────┘
+//! ```
+//!
+//! ```
+//! use picture::intervals::Intervals;
+//!
+//! let folder = tempfile::tempdir()?;
+//! let file = folder.path().join("intervals.svg");
+//! let intervals = Intervals {
+//!     arrival_ms: vec![62.4, 62.5, 62.6],
+//!     device_ms: vec![62.5, 62.5, 62.5],
+//!     subtitle: "three intervals".to_owned(),
+//! };
+//! intervals.draw(&file)?;
+//! assert!(std::fs::read_to_string(file)?.contains("three intervals"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+#![forbid(unsafe_code)]
+
+pub mod canvas;
+pub mod curves;
+pub mod heat_map;
+pub mod intervals;
+pub mod spread;
+pub mod traces;

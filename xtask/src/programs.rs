@@ -1,0 +1,82 @@
+//! Verbs that become one program: its output and its exit status are theirs.
+
+use std::process::Command;
+
+use crate::command::{AFTER_A_BUILD, Failure, cargo, replace, run, succeeds, target_folder};
+use crate::images::{self, Board};
+use crate::install;
+
+/// Builds the demo and the programs it starts in one call of cargo, and runs it.
+///
+/// # Errors
+/// A program does not build or start.
+pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
+    eprintln!(
+        "The whole path of Corticode for {seconds} s: synthetic EEG, virtual board, bridge, ROS master and \
+         subscriber, then four pictures in target/demo/.\n\
+         First its programs are built, which takes some minutes the first time."
+    );
+    let build = "build --release --package demo --package host-sim --package bridge --bins";
+    run(&mut cargo(build), AFTER_A_BUILD)?;
+    let mut demo = Command::new(target_folder().join("release/demo"));
+    replace(demo.args([
+        "--seconds",
+        &seconds.to_string(),
+        "--seed",
+        &seed.to_string(),
+    ]))
+}
+
+/// Runs the benchmarks' report; only the timings of the PC need optimised programs.
+///
+/// # Errors
+/// Cargo does not start.
+pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
+    install::board_target()?;
+    let is_timing = words.first().is_some_and(|word| word == "host");
+    let profile = if is_timing { "--release" } else { "" };
+    replace(cargo(&format!("run {profile} --package bench --bin report --")).args(words))
+}
+
+/// Builds the boards' images and runs the check of their sizes and layouts.
+///
+/// # Errors
+/// An image does not build, or cargo does not start.
+pub(crate) fn budget(json: bool) -> Result<(), Failure> {
+    Board::ALL.into_iter().try_for_each(images::build)?;
+    let mut budget = cargo("run --quiet --package budget --");
+    replace(budget.arg(images::folder()).args(json.then_some("--json")))
+}
+
+/// Runs the application in real time on an emulated microcontroller.
+///
+/// # Errors
+/// Cargo does not start.
+pub(crate) fn live_qemu(port: u16) -> Result<(), Failure> {
+    install::board_target()?;
+    replace(&mut cargo(&format!(
+        "run --package emulated --bin live -- --port {port}"
+    )))
+}
+
+/// Runs cargo-deny over both workspaces.
+///
+/// # Errors
+/// cargo-deny is missing, or refuses something.
+pub(crate) fn deny() -> Result<(), Failure> {
+    if !succeeds(&mut cargo("deny --version")) {
+        let [why, next] = [
+            "`cargo deny --version` does not run",
+            "`cargo install --locked cargo-deny`",
+        ];
+        return Err(Failure::missing("cargo-deny", why, next));
+    }
+    for manifest in ["Cargo.toml", "tests/virtual-board/Cargo.toml"] {
+        let next = "read its report above, then the deny.toml next to that manifest";
+        run(
+            &mut cargo(&format!("deny --manifest-path {manifest} check")),
+            next,
+        )?;
+    }
+    Ok(())
+}
