@@ -84,12 +84,12 @@ impl AcquisitionInfo {
         &self.response.frame
     }
 
-    /// Model name of the device.
+    /// Model name of the device as free text, such as board and firmware version.
     pub fn device_model(&self) -> &str {
         &self.response.device_model
     }
 
-    /// Identifier of the individual device.
+    /// Identifier of the individual device, such as its unique ID.
     pub fn device_id(&self) -> &str {
         &self.response.device_id
     }

@@ -44,7 +44,7 @@ impl_wire!(DiagnosticStatus {
 pub struct KeyValue {
     /// Name with unit, such as `round trip us`.
     pub key: String,
-    /// The value as text.
+    /// Formatted value without its unit.
     pub value: String,
 }
 
@@ -54,7 +54,7 @@ impl_wire!(KeyValue {
 });
 
 impl KeyValue {
-    /// Formats `value` as text.
+    /// Formats `value` with its `Display` implementation.
     pub fn new(key: &str, value: &dyn std::fmt::Display) -> KeyValue {
         KeyValue {
             key: key.to_owned(),

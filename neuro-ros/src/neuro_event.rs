@@ -8,7 +8,7 @@ use crate::wire::impl_wire;
 /// `rosneuro_msgs/NeuroEvent`: an event such as a trigger edge.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NeuroEvent {
-    /// `header.stamp` is the time of the event.
+    /// `header.stamp` is the start of the event.
     pub header: Header,
     /// `neuroheader.seq` is the number of the event.
     pub neuroheader: NeuroHeader,
@@ -20,7 +20,7 @@ pub struct NeuroEvent {
     pub duration: f32,
     /// Group of event codes that `event` belongs to.
     pub family: i32,
-    /// Readable text for people.
+    /// Description of the event for display.
     pub description: String,
 }
 

@@ -14,9 +14,9 @@ pub enum ContractError {
     Labels {
         /// `eeg`, `exg` or `tri`.
         block: &'static str,
-        /// Number of labels.
+        /// Number of labels in the block.
         labels: usize,
-        /// Number of channels.
+        /// Number of channels that the block announces.
         nchannels: u16,
     },
     /// `minmax` is not two finite values in ascending order.
@@ -34,7 +34,7 @@ pub enum ContractError {
         block: &'static str,
         /// The invalid stride, bytes.
         stride: u16,
-        /// Number of channels.
+        /// Number of channels that the block announces.
         nchannels: u16,
     },
     /// The number of values is not `nsamples * nchannels`. The recorder copies them unchecked.
@@ -42,11 +42,11 @@ pub enum ContractError {
     Length {
         /// `eeg`, `exg` or `tri`.
         block: &'static str,
-        /// Number of values.
+        /// Number of values in the block.
         length: usize,
         /// Samples per channel that the block announces.
         nsamples: u16,
-        /// Channels that the block announces.
+        /// Number of channels that the block announces.
         nchannels: u16,
     },
     /// `isint` does not match the type of the block.

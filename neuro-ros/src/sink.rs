@@ -1,4 +1,4 @@
-//! Destinations of messages.
+//! The interface to message destinations.
 
 use thiserror::Error;
 
@@ -18,7 +18,7 @@ pub trait Sink<M>: Send {
     fn dropped(&self) -> u64;
 }
 
-/// Destination of NeuroFrames.
+/// A sink for [`NeuroFrame`]s, whatever its type; used as a trait object.
 pub trait FrameSink: Sink<NeuroFrame> {}
 
 impl<S: Sink<NeuroFrame>> FrameSink for S {}

@@ -7,7 +7,7 @@ use thiserror::Error;
 /// Why a recording cannot be read or played.
 #[derive(Debug, Error)]
 pub enum RecordingError {
-    /// The file cannot be opened.
+    /// The file does not exist or cannot be opened for reading.
     #[error("cannot open {}; check the path and the permissions", path.display())]
     Open {
         /// Path of the file as passed by the caller.
@@ -133,7 +133,7 @@ pub enum RecordingError {
     TooManyElectrodes {
         /// Number of electrodes in the montage.
         electrodes: usize,
-        /// Number of channels of the ADC.
+        /// Upper limit, the number of channels of the ADC.
         channels: usize,
     },
     /// The resampler's buffers have inconsistent sizes. This is a defect of this crate, not of the

@@ -1,6 +1,6 @@
 //! Events of a recording: GDF event tables and EDF+ annotations.
 
-/// Kind of an event.
+/// Identification of an event; its form depends on the file format.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum EventLabel {
     /// A GDF event type, such as 0x0300 = 768 for the start of a trial. Bit 15 marks the end of the

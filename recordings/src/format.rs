@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::error::RecordingError;
 
-/// File format of a recording.
+/// Format, variant and version of a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Format {
     /// European Data Format: 16-bit samples.

@@ -11,7 +11,6 @@ use crate::{
 /// Length of the fixed part and of the part of each signal, bytes; the same in EDF, BDF and GDF.
 pub(crate) const HEADER_BLOCK: usize = 256;
 
-/// The parsed header of a recording.
 #[derive(Debug, Clone)]
 pub(crate) struct Header {
     pub(crate) format: Format,

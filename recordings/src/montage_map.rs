@@ -15,7 +15,7 @@ pub enum Missing {
     Interpolate,
     /// Set the electrode to 0.
     Zero,
-    /// Refuse the recording.
+    /// Return [`MontageMapError::MissingElectrodes`].
     Refuse,
 }
 
@@ -61,7 +61,7 @@ pub enum MontageMapError {
     /// Electrodes are missing and [`Missing::Refuse`] was chosen.
     #[error("the recording lacks {}; interpolate them, set them to zero, or use another recording", labels.join(" "))]
     MissingElectrodes {
-        /// Labels of the missing electrodes.
+        /// Labels of the missing electrodes in montage order.
         labels: Vec<String>,
     },
 }

@@ -40,9 +40,9 @@ pub struct Recording {
 /// Consecutive records of a recording in physical units.
 #[derive(Debug, Default, Clone, PartialEq)]
 pub struct Block {
-    /// Index of the first record in the block.
+    /// Index of the first record, counted from the start of the file.
     pub first_record: u64,
-    /// Number of records in the block.
+    /// Number of whole records; 0 after the end of the recording.
     pub records: u64,
     /// Samples of each signal in the signal's unit; empty for annotations.
     pub samples: Vec<Vec<f64>>,

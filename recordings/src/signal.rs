@@ -9,7 +9,7 @@ use calibration::Calibration;
 use sample_type::SampleType;
 use unit::Unit;
 
-/// Content of a signal.
+/// Kind of a signal. Files store annotations in the form of signals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SignalKind {
     /// Samples of a measured quantity.

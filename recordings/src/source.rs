@@ -1,4 +1,4 @@
-//! Reading bytes from a file or from memory.
+//! Random access to the bytes of a file or of memory.
 
 use std::io::{Read, Seek, SeekFrom};
 

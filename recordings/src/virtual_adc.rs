@@ -72,14 +72,13 @@ pub struct VirtualAdc {
 
 /// A weighted signal in the mix of an electrode.
 struct MixTerm {
-    /// Index of the rate group.
     group: usize,
     /// Index of the signal within its group.
     member: usize,
     weight: f64,
 }
 
-/// All signals of one sampling rate.
+/// The signals that share a sampling rate and therefore a converter.
 struct RateGroup {
     signals: Vec<usize>,
     converter: RateConverter,
@@ -156,12 +155,12 @@ impl VirtualAdc {
         })
     }
 
-    /// Rate and scale of the ADC.
+    /// The rate and scale passed to [`VirtualAdc::new`].
     pub fn spec(&self) -> AdcSpec {
         self.spec
     }
 
-    /// The recording that the ADC plays.
+    /// The recording being played. Its read position is ahead of the samples delivered.
     pub fn recording(&self) -> &Recording {
         &self.recording
     }

@@ -1,4 +1,4 @@
-//! Services as the network sees them: the provider's side and the client's side.
+//! The network side of services: the provider and the client.
 
 pub(crate) mod client;
 pub(crate) mod provider;

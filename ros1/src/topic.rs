@@ -1,4 +1,4 @@
-//! Topics as the network sees them: queues and TCPROS connections. Nothing here knows the master.
+//! The network side of topics: queues and TCPROS connections, independent of the master.
 
 pub(crate) mod inbox;
 pub(crate) mod publication;

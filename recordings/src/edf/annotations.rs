@@ -7,7 +7,6 @@ const TEXT_END: u8 = 0x14;
 /// Separates onset and duration.
 const DURATION: u8 = 0x15;
 
-/// The annotations of one record.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct RecordAnnotations {
     /// Start of the record, s after the start of the file. EDF+ requires a list without text at the

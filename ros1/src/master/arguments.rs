@@ -19,7 +19,6 @@ pub(super) enum Check {
     Subgraph(&'static str),
     /// Any value but nil.
     Value(&'static str),
-    /// Any value.
     Any,
 }
 

@@ -187,7 +187,7 @@ impl Registrations {
         })
     }
 
-    /// All registrations of one kind.
+    /// All registrations of one kind in order of registration.
     pub(super) fn entries(&self, kind: Kind) -> &[(String, Vec<Registrant>)] {
         match kind {
             Kind::Publisher => &self.publishers,

@@ -24,7 +24,6 @@ const TRANSFER_TIMEOUT: Duration = Duration::from_mins(1);
 /// the caller.
 type Handler = dyn Fn(&[u8]) -> Result<Vec<u8>, String> + Send + Sync;
 
-/// One service: its type and its handler.
 pub(crate) struct Provider {
     /// Full name of the service.
     pub(crate) name: String,

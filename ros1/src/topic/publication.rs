@@ -29,7 +29,6 @@ pub struct PublisherOptions {
     pub latch: bool,
 }
 
-/// One topic that the node publishes.
 #[derive(Debug)]
 pub(crate) struct Publication {
     /// Full name of the topic.
@@ -48,7 +47,7 @@ struct State {
     closed: bool,
 }
 
-/// The connection to one subscriber.
+/// The connection to one subscriber, with its queue and counters.
 #[derive(Debug)]
 pub(crate) struct SubscriberLink {
     /// Number of the link within its topic, from 0.
@@ -107,12 +106,10 @@ impl Publication {
         reached
     }
 
-    /// Returns the links of all connected subscribers.
     pub(crate) fn links(&self) -> Vec<Arc<SubscriberLink>> {
         lock(&self.state).links.clone()
     }
 
-    /// Number of connected subscribers.
     pub(crate) fn subscribers(&self) -> usize {
         lock(&self.state).links.len()
     }

@@ -1,6 +1,6 @@
-//! XML-RPC values.
+//! The data types of XML-RPC.
 
-/// One XML-RPC value.
+/// A value together with its XML-RPC type.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
     /// `<int>`, `<i4>`.

@@ -10,7 +10,7 @@ use tokio::{
     time::timeout,
 };
 
-use crate::local::{TIMEOUT, address_of};
+use crate::local::{TIMEOUT, socket_address};
 
 /// Forwards every call to a master and holds back the first answer to `method` until
 /// [`DelayingProxy::release`].
@@ -26,7 +26,7 @@ impl DelayingProxy {
             held: Arc::clone(&held),
             release: Arc::clone(&release),
         };
-        let master = address_of(master);
+        let master = socket_address(master);
         tokio::spawn(async move {
             let mut first = true;
             loop {

@@ -10,7 +10,8 @@ use tokio::time::timeout;
 
 use crate::{
     local::{
-        TIMEOUT, address_of, is_registered, report_skipped, start_master, start_node, wait_until,
+        TIMEOUT, is_registered, report_skipped, socket_address, start_master, start_node,
+        wait_until,
     },
     types::{SET_BOOL, STRING, string},
 };
@@ -95,7 +96,7 @@ async fn shutdown_unregisters_everything_sends_queued_messages_and_frees_the_por
     listener.shutdown().await;
     assert_eq!(subscriber.recv().await, None);
     assert_eq!(system_state(&master).await, no_registrations());
-    let address = address_of(&master);
+    let address = socket_address(&master);
     master.shutdown().await;
     drop(std::net::TcpListener::bind(address).unwrap());
 }
@@ -194,7 +195,7 @@ async fn topics_and_services_work_over_ipv6() {
 #[tokio::test]
 async fn a_master_reports_a_shutdown_request_and_an_address_in_use() {
     let first = start_master().await;
-    let second = Master::start(address_of(&first)).await;
+    let second = Master::start(socket_address(&first)).await;
     assert_eq!(second.unwrap_err().kind(), std::io::ErrorKind::AddrInUse);
     let arguments = [Value::from("/test"), "enough".into()];
     call_ros(first.uri(), "shutdown", &arguments).await.unwrap();

@@ -68,7 +68,7 @@ pub(crate) fn report_skipped(test: &str, why: &str) {
 }
 
 /// Returns the socket address on which a master listens.
-pub(crate) fn address_of(master: &Master) -> SocketAddr {
+pub(crate) fn socket_address(master: &Master) -> SocketAddr {
     master
         .uri()
         .trim_start_matches("http://")

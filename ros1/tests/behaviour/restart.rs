@@ -17,7 +17,9 @@ use tokio::{net::TcpListener, time::timeout};
 
 use crate::{
     delaying_proxy::DelayingProxy,
-    local::{TIMEOUT, address_of, free_port, is_registered, start_master, start_node, wait_until},
+    local::{
+        TIMEOUT, free_port, is_registered, socket_address, start_master, start_node, wait_until,
+    },
     types::{SET_BOOL, STRING, string},
 };
 
@@ -33,7 +35,7 @@ const LATCH: PublisherOptions = PublisherOptions {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn nodes_register_again_after_a_restart_under_load_and_no_message_is_lost() {
     let first = start_master().await;
-    let address = address_of(&first);
+    let address = socket_address(&first);
     let talker = start_node("talker", &first).await;
     let listener = start_node("listener", &first).await;
     let publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
