@@ -13,30 +13,30 @@ use serde::Serialize;
 use crate::frames::Boot;
 use crate::input;
 
-/// Package and program of the application's image.
+/// Name of the application's package, and of the program in it.
 pub const APPLICATION: &str = "board-qemu";
 
-/// Virtual time: one instruction lasts 2^4 ns, which is 62.5 million instructions a second. At 168 MHz that is 2.7
-/// cycles for each; docs/real-time.md computes 1.6 for those of a code.
+/// Virtual time: one instruction lasts 2^4 ns, which is 62.5 million instructions a second, or 2.7 cycles per
+/// instruction at 168 MHz. docs/real-time.md computes 1.6 cycles per instruction of a code.
 pub const INSTRUCTION_SHIFT: u8 = 4;
 
 /// Time to start and end QEMU on a loaded machine.
 const START_TIMEOUT: Duration = Duration::from_mins(1);
 
-/// A machine, and the image for it.
+/// An emulated board with its image.
 #[derive(Debug)]
 pub struct Board {
-    /// The machine that QEMU emulates.
+    /// QEMU's board, with its name and processor.
     pub machine: Machine,
-    /// The image, built with the kernels for this machine.
+    /// Image with the kernels for this machine's processor.
     pub image: Image,
 }
 
-/// Both boards with the image `program` of the package of that name; none where QEMU or the target is missing,
-/// which reports `test` as skipped.
+/// Returns both boards with the image of the package `program`. Where QEMU or the target is missing, there is no board,
+/// and `test` is reported as skipped.
 ///
-/// Each image is built when the iterator reaches it. One board at a time keeps the load of the PC, and with it the
-/// jitter of the emulated UART, the same in every scenario.
+/// The iterator builds each image when it reaches it. A scenario runs on one board after the other: the load of the PC
+/// affects the timing of the emulated UART.
 ///
 /// # Panics
 /// When the image does not build, or with `CORTICODE_REQUIRE_ROS=1` where something is missing.
@@ -61,19 +61,19 @@ pub fn or_panic<T>(result: Result<T, EmulatorError>) -> T {
     result.unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// What the image has sent and printed in one run.
+/// Output of the image in one run.
 #[derive(Debug, Clone)]
 pub struct Run {
-    /// Bytes of the UART.
+    /// Bytes that the UART has sent.
     pub sent: Vec<u8>,
-    /// Lines that the image printed.
+    /// Lines that the image has printed through semihosting.
     pub lines: Vec<String>,
-    /// Duration on this PC.
+    /// Duration of the run in real time.
     pub wall: Duration,
 }
 
 impl Run {
-    /// The number that the image printed after `name`.
+    /// Returns the number that the image printed after `name`.
     ///
     /// # Panics
     /// When the image did not print it.
@@ -83,7 +83,7 @@ impl Run {
         number.unwrap_or_else(|| panic!("the image printed no `{name}`: {:?}", self.lines))
     }
 
-    /// Overruns that the image printed at its end or reported in `Stats`, whichever are more.
+    /// Number of overruns, printed at the end or reported in the last `Stats`; the larger of both.
     pub fn overruns(&self, boot: &Boot) -> u64 {
         let reported = u64::from(boot.last_stats().overruns);
         self.printed("overruns").max(reported)
@@ -118,15 +118,15 @@ pub struct Scenario {
 }
 
 impl Board {
-    /// Records figures of this machine.
+    /// Records figures with the name of this machine.
     ///
     /// # Panics
-    /// When they cannot be written.
+    /// As [`figures::record`].
     pub fn record(&self, figures: &impl Serialize) {
         figures::record(Some(self.machine.name), figures);
     }
 
-    /// Prepares the folder of a scenario, in which the image reads these samples.
+    /// Creates the folder of a scenario, and the file of samples in it.
     ///
     /// # Panics
     /// When the folder cannot be written.
@@ -145,24 +145,24 @@ impl Board {
 }
 
 impl Scenario {
-    /// The same scenario with another image.
+    /// Replaces the image.
     #[must_use]
     pub fn with_image(self, image: Image) -> Self {
         Self { image, ..self }
     }
 
-    /// Writes a file that the image reads.
+    /// Writes a file into the folder.
     ///
     /// # Panics
     /// When the file cannot be written.
     pub fn write(&self, name: &str, bytes: &[u8]) {
         let path = self.folder.join(name);
-        // A named pipe of an earlier run would block.
+        // Writing to a named pipe of an earlier run would block.
         let _ = fs::remove_file(&path);
         or_panic(fs::write(&path, bytes).map_err(EmulatorError::file(&path)));
     }
 
-    /// QEMU with the application's arguments, in virtual time, without a UART.
+    /// Prepares QEMU with arguments for the application, in virtual time; the UART is not yet connected.
     pub fn qemu(&self, arguments: &[&str]) -> Qemu {
         let arguments = [&[APPLICATION], arguments].concat();
         let mut qemu = Qemu::new(&self.image, self.machine, &self.folder, &arguments);
@@ -170,7 +170,7 @@ impl Scenario {
         qemu
     }
 
-    /// Runs the image to its end; its UART writes into a file of this name.
+    /// Runs the image to its end. The file `uart` in the folder receives the bytes of the UART.
     ///
     /// # Panics
     /// When QEMU fails.
@@ -186,8 +186,7 @@ impl Scenario {
         }
     }
 
-    /// Runs the image twice at the same time: a disturbance of the PC does not hit both runs at the same
-    /// instruction.
+    /// Runs the image twice, at the same time: a disturbance of the PC affects both runs at different instructions.
     ///
     /// # Panics
     /// When QEMU fails.

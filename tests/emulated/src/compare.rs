@@ -1,4 +1,4 @@
-//! Differences between what was expected and what was found, by number and by the first of them.
+//! Differences between expected and found items: their number, and a description of the first.
 
 use std::fmt::Debug;
 

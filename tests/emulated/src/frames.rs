@@ -8,7 +8,7 @@ use model::{HOP, STEP_RATE_HZ};
 
 use crate::compare;
 
-/// Calls `look` with every intact frame, in order.
+/// Calls `look` with header and message of every intact frame, in order.
 pub fn for_each(mut sent: &[u8], mut look: impl FnMut(Header, &ToHost<'_>)) {
     let mut decoder = Decoder::<MAX_FRAME>::new();
     while let Some(outcome) = decoder.next::<ToHost<'_>>(&mut sent) {
@@ -18,7 +18,7 @@ pub fn for_each(mut sent: &[u8], mut look: impl FnMut(Header, &ToHost<'_>)) {
     }
 }
 
-/// The message as the first frame of a sender at time 0; equal messages have equal bytes.
+/// Encodes a message as the first frame of a sender at time 0; equal messages have equal bytes.
 ///
 /// # Panics
 /// When the message is longer than a frame.
@@ -28,25 +28,25 @@ pub fn encoded<'m>(message: &impl Message<'m>) -> Vec<u8> {
     frame.expect("the message fits a frame").to_vec()
 }
 
-/// The board's introduction of itself.
+/// Fields of the link's `Hello` that the tests check.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Hello {
-    /// Name of the board.
+    /// Board type, "qemu-mps2" here.
     pub board: String,
-    /// Id of the model in its flash.
+    /// Id of the model in the board's flash.
     pub model_id: [u8; 8],
     /// Cause of the reset before this boot.
     pub cause: ResetCause,
-    /// Fault of the boot before, or a damage that was found at the start; empty where there is none.
+    /// Fault of the previous boot, or damage found at the start; empty without a fault.
     pub fault: String,
 }
 
 /// Everything that a board has sent from one reset to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Boot {
-    /// One `Hello` per boot, and one per `Identify`.
+    /// One `Hello` at the start, and one per `Identify`.
     pub hellos: Vec<Hello>,
-    /// `Capabilities`, as the bytes of [`encoded`].
+    /// `Capabilities` in the form of [`encoded`].
     pub capabilities: Vec<Vec<u8>>,
     /// Codes with their device times in microseconds.
     pub timed_codes: Vec<(u64, Code)>,
@@ -54,19 +54,19 @@ pub struct Boot {
     pub quality: Vec<Quality>,
     /// Counters, one frame per second.
     pub stats: Vec<Stats>,
-    /// Times of the stages since the boot.
+    /// Times of the stages, each counted from the start of the boot.
     pub timing: Vec<Timing>,
-    /// Answers to commands.
+    /// Answers to commands, in order.
     pub acks: Vec<Ack>,
-    /// Readings of the clock, with the device times of their frames in microseconds.
+    /// Answers to `SyncTime`, with the device times of their frames in microseconds.
     pub clock_readings: Vec<(u64, ClockReading)>,
     /// Number of intact frames.
     pub frames: u32,
     /// Number of frames that could not be decoded.
     pub damaged: u32,
-    /// Why the first of them could not be decoded.
+    /// Decoding error of the first damaged frame.
     pub first_damage: Option<FrameError>,
-    /// Sequence numbers that no frame had.
+    /// Number of sequence numbers that no frame had.
     pub missing: u32,
     /// Device time of the latest frame in microseconds.
     pub latest_us: u64,
@@ -75,7 +75,7 @@ pub struct Boot {
 }
 
 impl Boot {
-    /// Splits what was sent at each frame with the sequence number 0; there is at least one boot.
+    /// Decodes what was sent, and splits it at each frame with the sequence number 0. Returns at least one boot.
     pub fn split(mut sent: &[u8]) -> Vec<Self> {
         let mut boots = Vec::new();
         let mut boot = Self::default();
@@ -108,7 +108,7 @@ impl Boot {
         boots
     }
 
-    /// The boot of a board that has not reset itself.
+    /// Decodes what was sent by a board that has not reset itself.
     ///
     /// # Panics
     /// When there are several boots.
@@ -151,12 +151,12 @@ impl Boot {
         }
     }
 
-    /// The codes without their times.
+    /// Returns the codes without their times.
     pub fn codes(&self) -> Vec<Code> {
         self.timed_codes.iter().map(|(_, code)| *code).collect()
     }
 
-    /// The last counters, or zeros.
+    /// Returns the last counters; zeros without any.
     pub fn last_stats(&self) -> Stats {
         self.stats.last().copied().unwrap_or_default()
     }
@@ -174,10 +174,10 @@ impl Boot {
         differences.max().unwrap_or(0)
     }
 
-    /// Checks the codes, and the reports on the electrodes, against host-sim's.
+    /// Checks that codes and reports on electrodes equal the expected ones of host-sim.
     ///
     /// # Panics
-    /// Naming the first code that differs, or the number of reports that do.
+    /// When they differ; the message names the first code, or the number of reports.
     pub fn assert_equal_outputs(&self, expected: &Self) {
         if let Some(difference) = compare::first_different_code(&expected.codes(), &self.codes()) {
             panic!("the codes are not host-sim's: {difference}");
@@ -187,7 +187,7 @@ impl Boot {
     }
 }
 
-/// The frames of what was sent, without the measured times of the stages.
+/// Splits what was sent into frames, and removes those with measured times of the stages.
 pub fn without_timing(sent: &[u8]) -> Vec<&[u8]> {
     let is_timing = |frame: &&[u8]| {
         let terminated = [frame, &[0][..]].concat();
@@ -207,7 +207,7 @@ mod tests {
     use super::*;
     use crate::host;
 
-    /// The frames of a sender that starts with the number 0.
+    /// Encodes messages as frames with sequence numbers from 0.
     fn frames(messages: &[ToHost<'_>]) -> Vec<Vec<u8>> {
         let mut encoder = Encoder::starting_at(0);
         let mut buffer = [0; MAX_FRAME];
@@ -245,7 +245,7 @@ mod tests {
 
     #[test]
     fn a_boot_starts_with_the_sequence_number_0() {
-        // The second boot cuts a frame of the first.
+        // The reset cuts the last frame of the first boot.
         let cut = &stats(3).concat()[..stats(2).concat().len() + 7];
         let boots = Boot::split(&[cut, &stats(4).concat()].concat());
         assert!(boots.iter().map(|boot| boot.frames).eq([2, 4]));

@@ -1,4 +1,4 @@
-//! Tests of the checks themselves: a check that accepts a faulty board is worth nothing.
+//! Tests of the scenarios' own checks: each must fail for a faulty board.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 

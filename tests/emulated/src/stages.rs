@@ -1,4 +1,4 @@
-//! How long the stages of an emulated board take, in virtual time.
+//! Worst times of the stages of an emulated board, in virtual time, and their limits.
 
 use std::fmt;
 
@@ -12,8 +12,9 @@ use crate::board::INSTRUCTION_SHIFT;
 /// PC is busy.
 pub const LIMIT: f64 = 0.55;
 
-/// The same limit where a board sends all streams, or receives a hundred commands a second. The worst measured
-/// are 0.75 and 0.82, of a step with which samples, filtered steps, an audit, a report and a code go out at once.
+/// Largest part of its deadline that a stage may take when a board sends all streams, or receives a hundred commands
+/// a second. The worst measured are 0.75 and 0.82, of a step with which samples, filtered steps, an audit, a report
+/// and a code go out at once.
 pub const LIMIT_BUSY: f64 = 0.9;
 
 /// Largest part of the stack that may have been used.
@@ -26,7 +27,7 @@ pub struct Stages {
     each: Vec<Stage>,
     /// Bytes of the stack that have been used since the boot.
     stack_used: u32,
-    /// Bytes of the stack.
+    /// Size of the stack in bytes.
     stack_size: u32,
 }
 
@@ -35,13 +36,12 @@ struct Stage {
     name: String,
     worst_ns: u32,
     deadline_ns: u32,
-    /// The worst time in instructions, those of other tasks and of interrupts included, and as many as an idle
-    /// core would have executed meanwhile: `send` waits for the UART. The board's clock ticks every 2.5
-    /// instructions.
+    /// `worst_ns` in instructions. Those of other tasks and of interrupts are included, and so is idle time: `send`
+    /// waits for the UART. The board's clock ticks every 2.5 instructions.
     worst_instructions: u32,
-    /// Instructions until the deadline, at 62.5 million a second.
+    /// `deadline_ns` in instructions, at 62.5 million a second.
     deadline_instructions: u32,
-    /// Number of times past the deadline.
+    /// Number of times that the stage missed its deadline.
     late: u32,
 }
 

@@ -72,7 +72,7 @@ fn add_command(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     }
 }
 
-/// Adds bytes that are no command, terminated by the zero that precedes every frame.
+/// Adds bytes that are not a valid command. They end with a zero, so that the next frame is intact.
 fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     let ping = frame(7, VERSION, &ToDevice::Ping);
     let mut bytes = match random.random_range(0..6) {

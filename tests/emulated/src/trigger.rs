@@ -14,7 +14,7 @@ const SAMPLES: u64 = 8;
 const SAMPLES_US: u64 = SAMPLES * 1_000_000 / ADC_RATE_HZ as u64;
 const _: () = assert!((SAMPLES * 1_000_000).is_multiple_of(ADC_RATE_HZ as u64));
 
-/// Samples from one group of edges to the next: a fifth of a second, and another part of a window each time.
+/// Samples from one group of edges to the next: a fifth of a second, and a different part of the window each time.
 const GROUP_PERIOD: u64 = 13 * SAMPLES;
 
 /// Groups from one burst to the next.
@@ -23,8 +23,8 @@ const BURST_PERIOD: u64 = 40;
 /// Edges of a burst: more than the 16 that the board can keep (`firmware::deadlines::EVENTS_WAITING`).
 const BURST_EDGES: u64 = 24;
 
-/// Edges of a burst that are kept at least: 16 less the three around the preceding DRDY, which wait while the
-/// encoder is busy.
+/// Edges of a burst of which an event must arrive at least: 16, less the three around the preceding DRDY, whose events
+/// wait while the encoder is busy.
 const BURST_KEPT: usize = 13;
 
 /// Time between the edges of a burst in microseconds; all of them are between two samples.
@@ -47,12 +47,13 @@ pub fn edges(samples: usize) -> Vec<u64> {
     edges
 }
 
-/// First sample whose DRDY is not before an edge. No edge is next to a DRDY that falls between two microseconds.
+/// Index of the first sample whose DRDY is not before an edge. A DRDY between two whole microseconds has no edge next
+/// to it, so rounding is irrelevant.
 fn sample_of(edge: u64) -> u64 {
     (edge * u64::from(ADC_RATE_HZ)).div_ceil(1_000_000)
 }
 
-/// Whether another edge is as near to this one as the edges of a burst are.
+/// Whether a neighbouring edge is [`BOUNCE_US`] away, as in a burst only.
 fn is_in_burst(edges: &[u64], number: usize) -> bool {
     let is_near = |other: Option<usize>| {
         let other = other.and_then(|other| edges.get(other));
@@ -69,7 +70,7 @@ pub struct Triggers {
     events: Vec<(u64, Event)>,
 }
 
-/// Number of edges, of events, and of events that were lost.
+/// Figures of a run: edges at the input, events received, and edges without an event.
 #[derive(Debug, Clone, Serialize)]
 pub struct Counts {
     edges: usize,
@@ -78,7 +79,7 @@ pub struct Counts {
 }
 
 impl Triggers {
-    /// The events among the frames that were sent.
+    /// Collects the events from the frames that were sent.
     pub fn new(sent: &[u8], edges: Vec<u64>) -> Self {
         let mut events = Vec::new();
         frames::for_each(sent, |header, message| {
@@ -89,7 +90,7 @@ impl Triggers {
         Self { edges, events }
     }
 
-    /// Number of edges, of events, and of events that were lost.
+    /// Counts edges, events, and edges without an event.
     pub fn counts(&self) -> Counts {
         Counts {
             edges: self.edges.len(),
@@ -98,7 +99,7 @@ impl Triggers {
         }
     }
 
-    /// Numbers of the edges of which no event came.
+    /// Indices of the edges without an event.
     fn lost(&self) -> Vec<usize> {
         let came = |number: usize| {
             let mut events = self.events.iter();

@@ -1,4 +1,4 @@
-//! All streams at once, with a trigger input that bounces: everything that is sent is host-sim's.
+//! All streams at once, with a bouncing trigger input: the board sends what host-sim sends, and every event.
 #![forbid(unsafe_code)]
 
 use std::collections::HashMap;
@@ -16,15 +16,16 @@ use serde_json::json;
 
 const TEST: &str = "all streams of the emulated application";
 
-/// Samples from the middle of the input, where a recording begins: 31 s, and so four audits. A multiple of the
-/// samples in a frame.
+/// Number of samples, from the middle of the input, where the real recording starts: 31 s, for four audits. A multiple
+/// of the samples in a frame.
 const SAMPLES: usize = 15_872;
 
-/// Samples that a board may have acquired beyond its report: those that wait for the encoder.
+/// Largest number of samples by which the counters of the acquisition can be ahead of host-sim's: those that wait for
+/// the encoder.
 const MAX_AHEAD: u64 = 16;
 
 #[test]
-fn everything_that_is_sent_at_once_is_host_sims() {
+fn all_streams_at_once_equal_host_sims() {
     let input = Input::from_environment();
     let skip = input.samples.len().saturating_sub(SAMPLES) / 2;
     let samples = &input.samples[skip..input.samples.len().min(skip + SAMPLES)];
@@ -66,7 +67,7 @@ fn everything_that_is_sent_at_once_is_host_sims() {
     }
 }
 
-/// Checks what a board and host-sim have in common.
+/// Checks the outputs and counters that host-sim sends, too.
 fn check(sent: &[u8], samples: &[Sample], expected: &[u8]) {
     let difference = first_difference(&Output::all(expected), &Output::all(sent));
     assert_eq!(difference, None, "an output is not host-sim's");
@@ -86,18 +87,18 @@ fn check(sent: &[u8], samples: &[Sample], expected: &[u8]) {
     assert_eq!(difference, None, "Stats are not host-sim's");
 }
 
-/// A frame of the pipeline's output, without its sequence number.
+/// A frame with output of the pipeline, without its sequence number.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Output {
     kind: &'static str,
     /// Device time in microseconds.
     at_us: u64,
-    /// The message, as [`frames::encoded`].
+    /// The message in the form of [`frames::encoded`].
     bytes: Vec<u8>,
 }
 
 impl Output {
-    /// The outputs among the frames that were sent, in order. Events are not among them.
+    /// Collects the outputs in order. Events are left out: host-sim has no trigger here.
     fn all(sent: &[u8]) -> Vec<Self> {
         let mut all = Vec::new();
         frames::for_each(sent, |header, message| {
@@ -119,8 +120,8 @@ impl Output {
     }
 }
 
-/// The first output that differs in its kind, its content, or its time after the first output; `None` where all
-/// are equal.
+/// Describes the first output that differs in its kind, its content, or its time since the first output; `None` where
+/// all are equal.
 fn first_difference(expected: &[Output], found: &[Output]) -> Option<String> {
     let start_us = |all: &[Output]| all.first().map_or(0, |output| output.at_us);
     let starts_us = [start_us(expected), start_us(found)];
@@ -147,8 +148,8 @@ fn first_difference(expected: &[Output], found: &[Output]) -> Option<String> {
     (expected != found).then(|| format!("{found} frames, {expected} expected"))
 }
 
-/// For each audit, whether its code is the one that the encoder makes of its planes, and the one that was sent for
-/// its window.
+/// Returns for each audit whether its code equals the one that the encoder computes from its planes, and the one that
+/// was sent for its window.
 fn audits(sent: &[u8]) -> Vec<bool> {
     let mut codes = HashMap::new();
     let mut sound = Vec::new();
@@ -176,7 +177,7 @@ fn audits(sent: &[u8]) -> Vec<bool> {
     sound
 }
 
-/// The values of a code, in the link's type.
+/// Converts the values of a code to the link's type.
 fn to_link(values: &pipeline::CodeValues) -> link::CodeValues {
     match *values {
         pipeline::CodeValues::Int8(values) => link::CodeValues::Int8(values),
@@ -187,7 +188,7 @@ fn to_link(values: &pipeline::CodeValues) -> link::CodeValues {
     }
 }
 
-/// The samples of all raw frames that continue without a gap.
+/// Collects the samples of the raw frames up to the first gap.
 fn raw_samples(sent: &[u8]) -> Vec<Sample> {
     let mut samples = Vec::new();
     frames::for_each(sent, |_, message| {
@@ -202,7 +203,7 @@ fn raw_samples(sent: &[u8]) -> Vec<Sample> {
     samples
 }
 
-/// The first counters that are not host-sim's. Those of the acquisition may be ahead of them.
+/// Describes the first counters that are not host-sim's. Those of the acquisition can be ahead by [`MAX_AHEAD`].
 fn first_different_count(expected: &[Stats], found: &[Stats]) -> Option<String> {
     let found = found.iter().enumerate().map(|(index, found)| {
         let Some(expected) = expected.get(index) else {
@@ -233,7 +234,7 @@ mod checks {
         frame.expect("a frame").to_vec()
     }
 
-    /// What was sent, with some frames replaced.
+    /// Replaces the frames for which `change` returns another one.
     fn changed(
         sent: &[u8],
         mut change: impl FnMut(Header, ToHost<'_>) -> Option<Vec<u8>>,
@@ -316,7 +317,7 @@ mod checks {
             first_difference(&all, &changed).unwrap_or_default()
         };
         assert_eq!(found(|_| ()), "");
-        // A board that has started later.
+        // A board that starts later is not refused.
         let later = |all: &mut Vec<Output>| all.iter_mut().for_each(|output| output.at_us += 9);
         assert_eq!(found(later), "");
         let late = found(|all| all[5].at_us += 1);

@@ -14,7 +14,7 @@ use serde_json::json;
 
 const TEST: &str = "a damaged model";
 
-/// Seconds of samples; the board receives `Start` early in them.
+/// Duration of the samples in seconds; the board receives `Start` early in them.
 const SECONDS: usize = 10;
 
 /// Fault that `Hello` reports for a damaged model.
@@ -69,7 +69,7 @@ fn faults(boot: &Boot) -> String {
     faults.collect::<Vec<_>>().join("; ")
 }
 
-/// The image with one bit of the network's bias inverted.
+/// Inverts one bit of the network's bias in an image.
 fn damaged(mut elf: Vec<u8>) -> Vec<u8> {
     let bias = model::NETWORK.fc_bias.map(i32::to_le_bytes);
     let bias = bias.as_flattened();
@@ -91,7 +91,7 @@ fn damaged(mut elf: Vec<u8>) -> Vec<u8> {
     elf
 }
 
-/// Offsets at which `data` contains `bytes`.
+/// Returns the offsets at which `data` contains `bytes`.
 fn places(data: &[u8], bytes: &[u8]) -> impl Iterator<Item = usize> {
     let windows = data.windows(bytes.len()).enumerate();
     windows

@@ -13,17 +13,17 @@ use serde_json::json;
 
 const TEST: &str = "failures of the emulated application";
 
-/// Argument that makes the image fail after a second, and what its next `Hello` must report.
+/// Argument that makes the image fail after a second; reset cause and part of the fault in its next `Hello`.
 const FAILURES: [(&str, ResetCause, &str); 3] = [
     ("hang", ResetCause::Watchdog, "watchdog"),
     ("panic", ResetCause::Fault, "asked to panic"),
     ("fault", ResetCause::Fault, "hard fault at 0x"),
 ];
 
-/// Seconds of samples; the image reads them from the start again after its reset.
+/// Duration of the samples in seconds; the image reads them from the start again after its reset.
 const SECONDS: usize = 3;
 
-/// Codes of all samples.
+/// Number of codes of all samples.
 const CODES: usize = 1 + (SECONDS * STEP_RATE_HZ as usize - STEPS) / HOP;
 
 #[test]

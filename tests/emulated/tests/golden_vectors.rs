@@ -10,7 +10,7 @@ use emulator::{Qemu, Uart};
 
 const TEST: &str = "golden vectors on emulated microcontrollers";
 
-/// Package and program of the image.
+/// Name of the image's package, and of the program in it.
 const IMAGE: &str = "on-target";
 
 /// One instruction lasts 2^10 ns of virtual time, which is 25.6 ticks of the image's 25 MHz clock.
@@ -31,7 +31,7 @@ fn every_golden_vector_passes() {
     }
 }
 
-/// A line of the image.
+/// A result that the image prints.
 #[derive(Debug, PartialEq, Eq)]
 enum Line<'l> {
     Passed { ticks: u64, vector: &'l str },
@@ -40,7 +40,7 @@ enum Line<'l> {
 }
 
 impl<'l> Line<'l> {
-    /// `None` for a line that is not one of the image's results.
+    /// Parses a line; `None` where it is not a result.
     fn parse(line: &'l str) -> Option<Self> {
         if line.starts_with("FAILED ") {
             return Some(Self::Failed);
@@ -58,7 +58,7 @@ impl<'l> Line<'l> {
     }
 }
 
-/// The line with its ticks as instructions.
+/// Formats a line, with instructions in place of ticks.
 fn in_instructions(line: &str) -> String {
     match Line::parse(line) {
         Some(Line::Passed { ticks, vector }) => {
@@ -69,7 +69,7 @@ fn in_instructions(line: &str) -> String {
     }
 }
 
-/// Checks that the image has reached its end, where it counts its vectors, and that each of them has passed.
+/// Checks that each vector has passed, and that the image has reached its end and counted the same number.
 fn check(lines: &[String]) {
     let results: Vec<_> = lines.iter().filter_map(|line| Line::parse(line)).collect();
     let passed = results.iter();

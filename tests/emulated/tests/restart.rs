@@ -11,15 +11,15 @@ use serde_json::json;
 
 const TEST: &str = "starts and resets";
 
-/// Seconds of samples.
+/// Duration of the samples in seconds.
 const SECONDS: usize = 3;
 
-/// Time from an accepted `Reset` to the reset in microseconds: frames that wait are sent meanwhile.
+/// Time from an accepted `Reset` to the reset in microseconds, in which waiting frames are sent.
 const DRAIN_US: u64 = 100_000;
-/// Largest delay of the reset in microseconds: the board's clock ticks at the next of its alarms.
+/// Largest delay of the reset in microseconds, up to the next alarm of the board's clock.
 const ALARM_US: u64 = 5_000;
 
-/// Time of the host's clock in microseconds.
+/// Host's clock in `SyncTime`, in microseconds; the board returns it unchanged.
 const HOST_US: u64 = 1 << 50;
 
 /// Commands of the first boot and of the second: device time in microseconds, command, answer.
@@ -127,7 +127,7 @@ fn check(sent: &[u8], expected: &[Ack]) {
     );
 }
 
-/// Outputs from one start to the next.
+/// Indices of the outputs from one start to the next.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 struct Run {
     windows: Vec<u32>,
@@ -136,7 +136,7 @@ struct Run {
 }
 
 impl Run {
-    /// Whether windows and steps start at 0 and have no gap.
+    /// Whether there are windows, and windows and steps start at 0 and have no gap.
     fn is_whole(&self) -> bool {
         let steps = (0..).step_by(link::FILTERED_STEPS);
         !self.windows.is_empty()
@@ -145,7 +145,7 @@ impl Run {
     }
 }
 
-/// The runs of all boots: each starts with window 0, and, where it has steps, with those that precede it.
+/// Splits the outputs of all boots into runs. A run starts with window 0, or with step 0 where it has steps.
 fn runs(sent: &[u8]) -> Vec<Run> {
     let mut runs: Vec<Run> = vec![Run::default()];
     frames::for_each(sent, |_, message| {
@@ -175,7 +175,7 @@ mod checks {
 
     type Frames = Vec<(u64, ToHost<'static>)>;
 
-    /// Frames of a correct board, with their device times in microseconds.
+    /// Messages of a correct board in both boots, with their device times in microseconds.
     fn boots() -> [Frames; 2] {
         let answers = script().answers;
         let hello = |reset_cause| {

@@ -1,5 +1,5 @@
-//! A host that sends a hundred commands a second and garbage in between costs the stream nothing, and each command
-//! is answered.
+//! A host that sends a hundred commands a second, and garbage in between: each command is answered, and the stream
+//! loses nothing.
 #![forbid(unsafe_code)]
 
 use emulated::board::{APPLICATION, boards};
@@ -19,11 +19,11 @@ const TEST: &str = "a storm of commands";
 /// Duration of the storm in seconds of samples, for an input that is long enough.
 const SECONDS: usize = 60;
 
-/// Longest time in microseconds from a command to its reading by the board, which acquires samples first.
+/// Longest time from the arrival of a command to its reading in microseconds; acquiring samples has priority.
 const READ_WITHIN_US: u64 = 5_000;
 
 #[test]
-fn a_storm_of_commands_is_answered_and_costs_the_stream_nothing() {
+fn a_storm_of_commands_is_answered_and_the_stream_loses_nothing() {
     let input = Input::from_environment();
     let samples = input.first_seconds(SECONDS);
     let expected = Boot::only(&host::sent(Streams::CODES, samples));
@@ -61,7 +61,7 @@ fn a_storm_of_commands_is_answered_and_costs_the_stream_nothing() {
     }
 }
 
-/// Checks answers, codes and reports.
+/// Checks answers, codes, reports and times.
 fn check(boot: &Boot, script: &Script, expected: &Boot) {
     let difference = first_difference(&script.answers, &boot.acks);
     assert_eq!(difference, None, "the first unexpected answer");
@@ -72,15 +72,15 @@ fn check(boot: &Boot, script: &Script, expected: &Boot) {
     assert_eq!(boot.jitter_us(), 0, "jitter of the codes' times");
 }
 
-/// Whether the clock was read soon after the host has asked, and sent afterwards. The host's clock is the board's
-/// here; each repetition of a command comes [`PERIOD_US`] later.
+/// Whether the board has read its clock soon after the command, and sent the reading afterwards. The script's host has
+/// the board's clock, and repeats a command after a multiple of [`PERIOD_US`].
 fn is_prompt(device_us: u64, reading: &ClockReading) -> bool {
     let waited = reading.received_us.checked_sub(reading.host_time_us);
     waited.is_some_and(|waited| waited % PERIOD_US <= READ_WITHIN_US)
         && device_us >= reading.received_us
 }
 
-/// The messages of all frames, without measured times.
+/// Returns the messages of all frames, without measured times.
 fn contents(sent: &[u8]) -> Vec<Vec<u8>> {
     let mut all = Vec::new();
     frames::for_each(sent, |_, message| match message {

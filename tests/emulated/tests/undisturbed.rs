@@ -32,12 +32,12 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
         board.record(&json!({
             "core": board.machine.core,
             "codes": boot.timed_codes.len(),
-            // In values, window, first sample or flags; missing ones, too.
+            // Codes that differ in any field, and missing codes.
             "different_codes": count_differences(&expected.codes(), &boot.codes()),
             "different_reports": count_differences(&expected.quality, &boot.quality),
             "repeatable": is_repeated(&runs),
-            // Measured times differ on a busy PC, presumably because QEMU's main loop is a thread of its own: an
-            // interrupt of the UART then comes some instructions sooner or later.
+            // Measured times differ on a busy PC, presumably because QEMU's main loop is a separate thread: an
+            // interrupt of the UART then comes some instructions earlier or later.
             "times_repeat": first.sent == second.sent,
             "samples": first.printed("samples"),
             "overruns": first.overruns(&boot).max(second.printed("overruns")),
@@ -61,7 +61,7 @@ fn is_repeated([first, second]: &[Run; 2]) -> bool {
     without_timing(&first.sent) == without_timing(&second.sent) && first.lines == second.lines
 }
 
-/// Checks what a board and host-sim have in common.
+/// Checks everything that host-sim sends, too.
 fn check(runs: &[Run; 2], boot: &Boot, expected: &Boot, samples: usize) {
     for run in runs {
         run.assert_complete(boot, samples);
@@ -72,7 +72,7 @@ fn check(runs: &[Run; 2], boot: &Boot, expected: &Boot, samples: usize) {
     assert_eq!(boot.capabilities, expected.capabilities, "capabilities");
 }
 
-/// Checks what only a board reports: its name, and its counters every second.
+/// Checks the name of the board, and that its counters come every second; host-sim sends others.
 fn check_reports(boot: &Boot, samples: usize) {
     let hello = Hello {
         board: "qemu-mps2".to_owned(),

@@ -2,7 +2,6 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::process::ExitStatus;
 use std::time::Duration;
 
 /// Each message states what failed, why, and what to do next.
@@ -23,45 +22,37 @@ pub enum EmulatorError {
     /// Cargo failed; its own messages went to the standard error.
     #[error("`{command}` failed: {why}\n  next: read the compiler's message above")]
     Build {
-        /// The command line of cargo.
+        /// Command line of cargo, as typed in a shell.
         command: String,
         /// Cargo's exit status, or what its output lacked.
         why: String,
     },
-    /// The image printed nothing for too long.
-    #[error("the image failed: silent for {} s; it printed: {}\n  next: {next}", silence.as_secs(), lines.join(" / "))]
+    /// The image printed no line for too long, and was ended.
+    #[error("the image failed: silent for {} s; it printed: {output}\n  next: {next}", silence.as_secs())]
     Silent {
         /// Longest permitted time without a line.
         silence: Duration,
-        /// Lines that the image had printed.
-        lines: Vec<String>,
-        /// How to run the image by hand.
+        /// Lines printed before the silence, separated by slashes.
+        output: String,
+        /// How to repeat the run by hand.
         next: String,
     },
-    /// The emulator or its image ended with an error.
-    #[error("the image failed: {status}; it printed: {}\n  next: {next}", lines.join(" / "))]
+    /// The emulator did not start, or it or its image ended with an error.
+    #[error("the image failed: {why}; it printed: {output}\n  next: {next}")]
     Failed {
-        /// Exit status of the emulator.
-        status: ExitStatus,
-        /// Lines that the image had printed.
-        lines: Vec<String>,
-        /// How to run the image by hand.
+        /// Exit status of the emulator, or the reason of the operating system.
+        why: String,
+        /// All printed lines, separated by slashes.
+        output: String,
+        /// How to repeat the run by hand.
         next: String,
-    },
-    /// The operating system refused to start or to await a program.
-    #[error("`{program}` does not run: {error}\n  next: run it by hand")]
-    Start {
-        /// Name of the program.
-        program: &'static str,
-        /// The system's reason.
-        error: io::Error,
     },
     /// A file of the run cannot be created, read or written.
     #[error("cannot use the file {}: {error}\n  next: is its folder writable, and the disk not full?", path.display())]
     File {
-        /// The file.
+        /// The file, or the folder for it.
         path: PathBuf,
-        /// The system's reason.
+        /// Reason of the operating system.
         error: io::Error,
     },
 }

@@ -10,11 +10,12 @@ use serde_json::Value;
 /// Environment variable with the path of the file.
 pub const FILE: &str = "CORTICODE_FIGURES";
 
-/// Prints a line of figures, and appends it to the file where [`FILE`] names one. The figures are a map or a
-/// struct; their keys stand next to `machine`, which is left out where the figures are those of no machine.
+/// Prints figures as one JSON object, and appends it as a line to the file that [`FILE`] names, if it is set.
+///
+/// The object has the keys of `figures`, which is a map or a struct, and `machine` where there is one.
 ///
 /// # Panics
-/// The figures cannot be written.
+/// When `figures` has no keys, or the file cannot be written.
 pub fn record(machine: Option<&str>, figures: &impl Serialize) {
     let line = line(machine, figures);
     print!("{line}");

@@ -1,4 +1,4 @@
-//! Images for the emulated microcontrollers.
+//! Images for microcontrollers, built by cargo.
 
 use std::env;
 use std::fs;
@@ -17,7 +17,7 @@ pub struct Image {
     path: PathBuf,
 }
 
-/// The part of a cargo message that names a built program.
+/// The fields of a cargo message that name a built program.
 #[derive(Debug, Deserialize)]
 struct Message {
     target: Option<Target>,
@@ -63,17 +63,17 @@ impl Image {
         Ok(Self { path })
     }
 
-    /// An image that already exists, such as a modified copy.
+    /// An image that exists already, such as a modified copy.
     pub fn at(path: impl Into<PathBuf>) -> Self {
         Self { path: path.into() }
     }
 
-    /// The ELF file.
+    /// Path of the ELF file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Creates `NAME` below cargo's target folder, for the files of a run.
+    /// Creates the folder `name` in cargo's target folder, for the files of a run.
     ///
     /// # Errors
     /// The folder cannot be created.
@@ -84,12 +84,12 @@ impl Image {
     }
 }
 
-/// Cargo's target folder: every image is three folders below it.
+/// Cargo's target folder: `target/TRIPLE/PROFILE/bin` and `target/emulator/VARIANT/bin` are both three levels deep.
 fn target_folder_of(image: &Path) -> &Path {
     image.ancestors().nth(3).unwrap_or(Path::new("."))
 }
 
-/// Runs the cargo that runs this program in the workspace's root, and returns its messages as JSON lines.
+/// Runs cargo in the workspace's root and returns its messages as JSON lines. Under cargo, this is the same cargo.
 fn cargo(arguments: &[&str]) -> Result<String, EmulatorError> {
     let failed = |why: String| EmulatorError::Build {
         command: format!("cargo {}", arguments.join(" ")),

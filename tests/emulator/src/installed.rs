@@ -1,4 +1,4 @@
-//! Whether this machine has what it takes to build and emulate an image.
+//! Checks for the programs that build and emulate an image.
 
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -1,4 +1,4 @@
-//! The emulated microcontrollers.
+//! The two boards that QEMU emulates for the tests and benchmarks.
 
 /// Target triple of the images: Cortex-M4F and M7 with a single-precision FPU.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
@@ -11,7 +11,7 @@ pub const QEMU: &str = "qemu-system-arm";
 pub struct Machine {
     /// QEMU's name of the board, for `-machine`.
     pub name: &'static str,
-    /// The board's processor.
+    /// Processor of the board, as printed in reports: "Cortex-M4F".
     pub core: &'static str,
     /// Arguments of cargo that select the kernels for this processor.
     pub features: &'static [&'static str],

@@ -14,7 +14,7 @@ use rustix::pipe::fcntl_setpipe_size;
 use crate::error::EmulatorError;
 use crate::qemu::{Qemu, Uart};
 
-/// Interval between two looks at an empty pipe.
+/// Polling interval of a pipe that is empty, or not to be read yet.
 const POLL: Duration = Duration::from_millis(5);
 
 /// Capacity of a UART's pipe in bytes: one second of codes. The board's own queue holds two more seconds.
@@ -53,8 +53,8 @@ pub fn run(
     lines.and_then(|_| sent.map_err(failed))
 }
 
-/// Creates a named pipe and writes the chunks into it from a thread of its own, as fast as its reader and the
-/// iterator permit. Replaces a file of the same name.
+/// Creates a named pipe, in place of any file of that name. A separate thread writes the chunks into it, as fast as
+/// the reader and the iterator permit.
 ///
 /// # Errors
 /// The pipe cannot be created.
@@ -64,7 +64,7 @@ pub fn feed<T: AsRef<[u8]>>(
 ) -> Result<(), EmulatorError> {
     create(path).map_err(EmulatorError::file(path))?;
     let path = path.to_owned();
-    // The thread ends when QEMU, the reader, closes its end.
+    // The thread ends when QEMU, the reader, closes the pipe.
     thread::spawn(move || -> io::Result<()> {
         let mut pipe = OpenOptions::new().write(true).open(path)?;
         chunks.try_for_each(|chunk| pipe.write_all(chunk.as_ref()))

@@ -12,10 +12,10 @@ use crate::error::EmulatorError;
 use crate::image::Image;
 use crate::machine::{Machine, QEMU};
 
-/// Where the bytes of the emulated board's UART go.
+/// Connection of the emulated board's first UART.
 #[derive(Debug, Clone, Copy)]
 pub enum Uart<'f> {
-    /// The image does not use it.
+    /// Nowhere; the image does not use the UART.
     None,
     /// To a file of this name in the run's folder; nothing is received.
     File(&'f str),
@@ -25,7 +25,7 @@ pub enum Uart<'f> {
     Tcp(u16),
 }
 
-/// A QEMU that is ready to start.
+/// Command line of QEMU with an image; [`Qemu::run`] starts it.
 #[derive(Debug)]
 pub struct Qemu {
     command: Command,
@@ -56,7 +56,7 @@ impl Qemu {
         self
     }
 
-    /// Connects the first UART.
+    /// Connects the first UART; without this call QEMU connects it to the standard output.
     pub fn uart(&mut self, uart: Uart<'_>) -> &mut Self {
         let serial = match uart {
             Uart::None => "none".to_owned(),
@@ -68,7 +68,7 @@ impl Qemu {
         self
     }
 
-    /// The prepared command, for a caller that watches over the process.
+    /// Returns the prepared command, for a caller that manages the process itself.
     pub fn into_command(self) -> Command {
         self.command
     }
@@ -92,20 +92,30 @@ impl fmt::Display for Qemu {
     }
 }
 
-/// Runs a program as [`Qemu::run`] does.
+/// Runs QEMU, or in tests a shell, as [`Qemu::run`] describes.
 fn run_to_end(
     command: &mut Command,
     silence: Duration,
     mut on_line: impl FnMut(&str),
 ) -> Result<Vec<String>, EmulatorError> {
-    let spawned = command.stdout(Stdio::piped()).spawn();
-    let mut emulator = Running(spawned.map_err(|error| match error.kind() {
-        ErrorKind::NotFound => EmulatorError::QemuMissing,
-        _ => EmulatorError::Start {
-            program: QEMU,
-            error,
-        },
-    })?);
+    let folder = command.get_current_dir().unwrap_or(Path::new("."));
+    let next = format!(
+        "run it by hand in {}: `{}`",
+        folder.display(),
+        as_typed(command)
+    );
+    let failed = |why: String, lines: &[String], next: String| EmulatorError::Failed {
+        why,
+        output: lines.join(" / "),
+        next,
+    };
+    let mut emulator = match command.stdout(Stdio::piped()).spawn() {
+        Ok(child) => Running(child),
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            return Err(EmulatorError::QemuMissing);
+        }
+        Err(error) => return Err(failed(error.to_string(), &[], next)),
+    };
     let printed = emulator.lines();
     let mut lines = Vec::new();
     loop {
@@ -116,10 +126,9 @@ fn run_to_end(
             }
             Err(mpsc::RecvTimeoutError::Disconnected) => break,
             Err(mpsc::RecvTimeoutError::Timeout) => {
-                let next = by_hand(command);
                 return Err(EmulatorError::Silent {
                     silence,
-                    lines,
+                    output: lines.join(" / "),
                     next,
                 });
             }
@@ -127,29 +136,12 @@ fn run_to_end(
     }
     match emulator.0.wait() {
         Ok(status) if status.success() => Ok(lines),
-        Ok(status) => Err(EmulatorError::Failed {
-            status,
-            lines,
-            next: by_hand(command),
-        }),
-        Err(error) => Err(EmulatorError::Start {
-            program: QEMU,
-            error,
-        }),
+        Ok(status) => Err(failed(status.to_string(), &lines, next)),
+        Err(error) => Err(failed(error.to_string(), &lines, next)),
     }
 }
 
-/// How to repeat a run in a shell.
-fn by_hand(command: &Command) -> String {
-    let folder = command.get_current_dir().unwrap_or(Path::new("."));
-    format!(
-        "run it by hand in {}: `{}`",
-        folder.display(),
-        as_typed(command)
-    )
-}
-
-/// The command line as typed in a shell.
+/// Command line as typed in a shell, for arguments without blanks.
 fn as_typed(command: &Command) -> String {
     let words = [command.get_program()]
         .into_iter()
@@ -158,7 +150,7 @@ fn as_typed(command: &Command) -> String {
     words.join(" ")
 }
 
-/// A started QEMU; dropping it ends the process.
+/// A started process; dropping it ends the process.
 struct Running(Child);
 
 impl Running {
@@ -219,7 +211,7 @@ mod tests {
         let error = shell("echo one; exec sleep 600", Duration::from_millis(200));
         assert!(matches!(
             error,
-            Err(EmulatorError::Silent { lines, .. }) if lines == ["one"]
+            Err(EmulatorError::Silent { output, .. }) if output == "one"
         ));
     }
 

@@ -1,4 +1,4 @@
-//! Tests that cannot run on this machine state so where everybody sees it.
+//! Reports of tests that cannot run on this machine, printed even where the harness captures output.
 
 use std::env;
 use std::fmt::Display;
@@ -11,10 +11,10 @@ pub fn skipped(what: &str, why: impl Display) {
     let _ = std::io::stderr().write_all(line.as_bytes());
 }
 
-/// Reports that `test` is skipped.
+/// Reports that `test` is skipped because of `why`.
 ///
 /// # Panics
-/// With `CORTICODE_REQUIRE_ROS=1`, which forbids to skip what can be installed.
+/// With `CORTICODE_REQUIRE_ROS=1`: CI must not skip tests whose programs can be installed.
 pub fn skip_unless_required(test: &str, why: impl Display) {
     let required = env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
     assert!(

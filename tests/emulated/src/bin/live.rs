@@ -14,7 +14,7 @@ use emulated::board::APPLICATION;
 use emulator::{EmulatorError, Image, MACHINES, Qemu, Uart, installed};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-/// Interval between two looks at QEMU and the signals.
+/// Polling interval for signals and the end of QEMU.
 const POLL: Duration = Duration::from_millis(50);
 
 /// Runs the application on an emulated microcontroller in real time, until Ctrl-C.
@@ -55,7 +55,7 @@ fn run(port: u16) -> Result<(), Box<dyn Error>> {
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
     }
     let by_hand = qemu.to_string();
-    // A process group of its own: the terminal would send Ctrl-C to QEMU, too.
+    // A separate process group: otherwise the terminal would send Ctrl-C to QEMU, too.
     let mut running = qemu.into_command().process_group(0).spawn()?;
     let ended = loop {
         let ended = running.try_wait()?;
