@@ -18,8 +18,10 @@ pub(crate) fn table(title: &str, rows: &[Vec<String>]) -> String {
                 _ => format!("    {cell:>width$}"),
             };
         }
-        text += line.trim_end();
-        text.push('\n');
+        if !line.trim().is_empty() {
+            text += line.trim_end();
+            text.push('\n');
+        }
     }
     text
 }
@@ -53,7 +55,10 @@ pub(crate) fn tables(title: &str, value: &Json) -> String {
             .iter()
             .map(|(key, value)| (key.clone(), value))
             .collect(),
-        flat => return format!("\n{title}: {}\n", cell(flat)),
+        flat => match cell(flat).as_str() {
+            "" => return String::new(),
+            text => return format!("\n{title}: {text}\n"),
+        },
     };
     let mut rows = vec![vec![String::new()]];
     let mut nested = String::new();
@@ -134,7 +139,7 @@ outer, b: inner
         );
         assert_eq!(
             tables("t", &json!([[1, 2], [34, 5]])),
-            "\nt\n\n  1     1    2\n  2    34    5\n"
+            "\nt\n  1     1    2\n  2    34    5\n"
         );
         assert_eq!(tables("t", &json!(["a", "b"])), "\nt: a, b\n");
     }
