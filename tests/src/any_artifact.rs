@@ -1,4 +1,4 @@
-//! Random networks of every mode, padding and pool, calibrated as a trained one is.
+//! Random networks of every mode, padding and pool, calibrated as a trained network is.
 
 use artifact::{
     Artifact, ArtifactError, CODE, ELECTRODES, FloatEncoder, Geometry, Mode, NetworkShape, Padding,
@@ -8,14 +8,14 @@ use model_gen::{CELLS, IntegerModel, Plane, STEPS};
 
 use crate::workspace;
 
-/// A window on the scalp grid: step, row, column; uV over the input's standard deviation.
+/// A window on the scalp grid, indexed by step, row, column, in units of the input's standard deviation.
 pub type Window = Box<[f32; WINDOW_CELLS]>;
 
-/// Windows that calibrate a network.
+/// Windows that each network is calibrated on.
 const CALIBRATION: usize = 16;
 
-/// Every mode, padding and pool of which the tests make a network; mode `paper`, whose encoder is
-/// that of `paper-code-only`, once per padding.
+/// Every tested combination of mode, padding and pool. Mode `paper` occurs once per padding: its encoder is that of
+/// `paper-code-only`.
 pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
     let mut variants = vec![(Mode::Pca, Padding::None, [2, 2, 2])];
     for padding in [Padding::None, Padding::Space, Padding::All] {
@@ -28,7 +28,7 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
             [2, 1, 1],
             [2, 2, 1],
         ] {
-            // Windows whose steps are padded have no pools of four.
+            // A pool of four steps does not fit a window whose steps are padded.
             if !(padding.pads_time() && pool[0] == 4) {
                 variants.push((Mode::PaperCodeOnly, padding, pool));
                 variants.push((Mode::Shortcut, padding, pool));
@@ -38,13 +38,12 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
     variants
 }
 
-/// A network in which every weight matters, described as the built-in model but for what is asked:
-/// dense random tensors, batch norms with negative, zero and positive factors and offsets of their
-/// own. Calibrated on windows as [`windows`] makes them, so that codes of such neither all clip nor
-/// all vanish.
+/// A network in which every weight matters: dense random tensors, and batch norms with negative, zero and positive
+/// factors and different offsets. The rest of the description is the built-in model's. The network is calibrated on
+/// other windows of the distribution of [`windows`], so that their codes neither all clip nor all vanish.
 ///
 /// # Errors
-/// When the built-in model cannot be read or no model has this shape.
+/// When the built-in model cannot be read, or a model cannot have this shape.
 pub fn any_artifact(
     seed: u32,
     mode: Mode,
@@ -65,10 +64,10 @@ pub fn any_artifact(
     Artifact::new(artifact.description, artifact.weights, calibration)
 }
 
-/// Smooth random windows of a model's electrodes.
+/// Random windows of a model's electrodes, smooth over time.
 pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     let grid = ScalpGrid::new(&artifact.description);
-    // Not the numbers that weights of the same seed have: each would be its own matched filter.
+    // Different numbers from those of the weights of the same seed: each window would match a filter exactly.
     let mut noise = Noise(seed ^ 0x9e37_79b9);
     let mut window = || {
         let mut last = [0.0_f32; ELECTRODES];
@@ -84,7 +83,7 @@ pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     (0..count).map(|_| window()).collect()
 }
 
-/// The planes that the device would see of a window.
+/// The quantised planes of a window, as on the device.
 pub fn planes(artifact: &Artifact, model: &IntegerModel, window: &Window) -> [Plane; STEPS] {
     let sd_uv = artifact.description.input.sd_uv;
     let mut planes = [[0; CELLS]; STEPS];
@@ -119,7 +118,7 @@ fn dense_weights(noise: &mut Noise, mode: Mode, geometry: &Geometry) -> Tensors 
             }
         }
         if name.contains("norm") && name.ends_with(".weight") {
-            // Both signs and zero, whatever the seed.
+            // Both signs and zero, for every seed.
             (values[0], values[1], values[2]) = (-0.7, 0.0, 0.7);
         }
         weights.insert(name, &shape, values);
@@ -142,7 +141,7 @@ fn calibration(artifact: &Artifact, windows: &[Window], traced: &[Traced]) -> Te
         calibration.insert("activation1.max", &[1], first);
         calibration.insert("activation2.max", &[1], second);
     }
-    // A few windows reach about half as far as many do.
+    // The range of a few windows is about half of the range of many.
     let (low, high): (Vec<f32>, Vec<f32>) = (0..CODE)
         .map(|j| {
             let of =

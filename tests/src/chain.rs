@@ -1,4 +1,4 @@
-//! Board, bridge, real roscore, rospy subscriber and rosbag: up for one test.
+//! The whole chain of one test: board, bridge, roscore, rospy subscriber and rosbag.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -9,26 +9,25 @@ use serde::Deserialize;
 
 use crate::process::Process;
 use crate::programs::programs;
-use crate::ros::{PATIENCE, Ros};
+use crate::ros::{Ros, TIMEOUT};
 use crate::workspace;
 
-/// ROS-Neuro's MD5 sum of NeuroFrame.
+/// MD5 sum of ROS-Neuro's definition of NeuroFrame.
 pub const NEURO_FRAME_MD5: &str = "797997e5036eb017437ce855856d3bad";
 
-/// From one code to the next by the device's stamps, microseconds.
+/// Device time from one code to the next in microseconds.
 const HOP_US: u64 = 62_500;
 
-/// Flags that no code of a sound run has, by their place: adc_status_bad, overrun, filler
-/// (docs/wire-format.md).
+/// Flags that no code of an undisturbed run has: adc_status_bad, overrun, filler (docs/wire-format.md).
 const BAD_FLAGS: u64 = 1 << 0 | 1 << 5 | 1 << 15;
 
-/// What ends a program that behaves.
-const FAREWELL: Duration = Duration::from_secs(20);
+/// Longest time for a program to end after a signal.
+const EXIT_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// A message as `tests/ros/subscribe.py` tells of it.
+/// A NeuroFrame, as `tests/ros/subscribe.py` prints it.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Message {
-    /// Arrival, seconds of a monotonic clock.
+    /// Arrival in seconds of a monotonic clock.
     pub arrival: f64,
     /// MD5 sum in the publisher's connection header.
     pub md5: String,
@@ -37,73 +36,73 @@ pub struct Message {
     pub type_name: String,
     /// `header.seq`.
     pub header_seq: u32,
-    /// `header.stamp`, seconds since 1970.
+    /// `header.stamp` in seconds since 1970.
     pub stamp: f64,
     /// `neuroheader.seq`.
     pub seq: u32,
     /// `sr`, samples per second.
     pub sr: u16,
-    /// Shape of `eeg`.
+    /// Description of the block `eeg`.
     pub eeg: Block,
-    /// Shape of `exg`.
+    /// Description of the block `exg`.
     pub exg: Block,
-    /// Shape of `tri`.
+    /// Description of the block `tri`.
     pub tri: Block,
-    /// The words of `tri` by label.
+    /// Words of the block `tri`, by label.
     pub status: Status,
-    /// The numbers in `eeg`.
+    /// Data of the block `eeg`.
     pub values: Vec<f64>,
 }
 
-/// Shape of a block.
+/// Description of one block of a NeuroFrame.
 #[derive(Debug, Clone, Deserialize, PartialEq)]
 pub struct Block {
     /// Samples per channel.
     pub nsamples: u16,
-    /// Channels.
+    /// Number of channels.
     pub nchannels: u16,
-    /// Bytes of one sample of all channels.
+    /// Bytes of one sample over all channels.
     pub stride: u16,
-    /// 1 if integers.
+    /// 1 for integers, 0 for floating point.
     pub isint: u8,
-    /// Range.
+    /// Smallest and largest possible value.
     pub minmax: Vec<f64>,
-    /// One per channel.
+    /// Label of each channel.
     pub labels: Vec<String>,
-    /// Numbers in the block.
+    /// Number of values in the block.
     pub count: usize,
 }
 
-/// Status words, 16 bits each.
+/// Status words of the block `tri`, 16 bits each.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Status {
-    /// Flags.
+    /// Flags of the code (docs/wire-format.md).
     pub flags: u64,
     seq_lo: u64,
     seq_hi: u64,
     t_us_0: u64,
     t_us_1: u64,
     t_us_2: u64,
-    /// Codes lost so far.
+    /// Number of codes lost since the start of the session.
     pub lost: u64,
 }
 
 impl Status {
-    /// Index of the code since the device's start of the stream.
+    /// Index of the code's window since the start of the stream.
     pub fn window(&self) -> u64 {
         self.seq_lo | self.seq_hi << 16
     }
 
-    /// Device time, microseconds.
+    /// Device time in microseconds.
     pub fn device_us(&self) -> u64 {
         self.t_us_0 | self.t_us_1 << 16 | self.t_us_2 << 32
     }
 }
 
-/// A bridge between a port and a roscore, with a subscriber and a recorder behind it.
+/// A bridge between a port and a roscore, with a subscriber and a recorder of its topic.
 #[derive(Debug)]
 pub struct Chain<'a> {
-    /// The real ROS.
+    /// The roscore, and the environment of ROS tools.
     pub ros: Ros<'a>,
     folder: &'a Path,
     bridge: Process,
@@ -112,31 +111,32 @@ pub struct Chain<'a> {
 }
 
 impl<'a> Chain<'a> {
-    /// Starts everything but the board, which [`Self::board`] starts, and waits until it is linked.
+    /// Starts everything but the board, and waits until the subscriber and the recorder are connected. The board is
+    /// started by [`Self::board`].
     ///
     /// # Panics
-    /// When a part does not come up.
+    /// When a program does not start.
     pub fn start(folder: &'a Path) -> Self {
         Self::start_at(folder, &port(folder).to_string_lossy())
     }
 
-    /// The same with other options of the bridge.
+    /// [`Self::start`] with options for the bridge.
     ///
     /// # Panics
-    /// When a part does not come up.
+    /// When a program does not start.
     pub fn start_with(folder: &'a Path, options: &[&str]) -> Self {
-        Self::up(folder, &port(folder).to_string_lossy(), options)
+        Self::start_bridge(folder, &port(folder).to_string_lossy(), options)
     }
 
-    /// The same for a board that will be at this address, as the bridge names it.
+    /// [`Self::start`] for a board at an address as the bridge's `--port` takes it.
     ///
     /// # Panics
-    /// When a part does not come up.
+    /// When a program does not start.
     pub fn start_at(folder: &'a Path, address: &str) -> Self {
-        Self::up(folder, address, &[])
+        Self::start_bridge(folder, address, &[])
     }
 
-    fn up(folder: &'a Path, address: &str, options: &[&str]) -> Self {
+    fn start_bridge(folder: &'a Path, address: &str, options: &[&str]) -> Self {
         let ros = Ros::start(folder).expect("roscore starts");
         let mut bridge = Command::new(&programs().bridge);
         bridge
@@ -156,14 +156,14 @@ impl<'a> Chain<'a> {
             subscriber,
             recorder,
         };
-        chain.wait_for_links();
+        chain.wait_until_connected();
         chain
     }
 
-    /// Starts the virtual board with these arguments of `host-sim run`.
+    /// Starts `host-sim run` with these arguments as the board.
     ///
     /// # Panics
-    /// When it does not start.
+    /// When host-sim does not start.
     pub fn board(&self, arguments: &[&str]) -> Process {
         let mut board = Command::new(&programs().host_sim);
         board.arg("run").args(arguments).arg("--realtime");
@@ -171,54 +171,55 @@ impl<'a> Chain<'a> {
         Process::start("board", &mut board, self.folder).expect("host-sim starts")
     }
 
-    /// Another subscriber.
+    /// Starts another subscriber of `/encoded`.
     pub fn another_subscriber(&self) -> Process {
         self.subscriber_of("/encoded")
     }
 
-    /// A subscriber of another topic of NeuroFrames.
+    /// Starts a subscriber of a topic of NeuroFrames.
     ///
     /// # Panics
-    /// When it does not start.
+    /// When the subscriber does not start.
     pub fn subscriber_of(&self, topic: &str) -> Process {
         let name = topic.trim_start_matches('/').replace('/', "-");
         subscribe(&self.ros, self.folder, &format!("of-{name}"), topic)
     }
 
-    /// What the first subscriber has heard so far.
-    pub fn heard(&self) -> Vec<Message> {
-        heard(&self.subscriber)
+    /// Messages that the first subscriber has received so far.
+    pub fn messages(&self) -> Vec<Message> {
+        messages_of(&self.subscriber)
     }
 
-    /// Waits until the first subscriber has heard so many messages.
+    /// Waits until the first subscriber has received `messages` messages.
     ///
     /// # Panics
-    /// When it does not.
+    /// When it does not within [`TIMEOUT`].
     pub fn wait_for(&mut self, messages: usize) {
         let what = format!("{messages} messages at the subscriber");
-        self.subscriber.wait_until(&what, PATIENCE, |subscriber| {
+        self.subscriber.wait_until(&what, TIMEOUT, |subscriber| {
             subscriber.output().lines().count() > messages
         });
     }
 
-    /// Ends everything as a person would; returns what `rosbag info` says of the recording.
+    /// Stops recorder and bridge by signals, as a user does, and returns the output of `rosbag info` for the
+    /// recording.
     ///
     /// # Panics
-    /// When a part does not leave cleanly.
-    pub fn end(self) -> String {
-        let recorded = self.recorder.end(Signal::INT, FAREWELL);
+    /// When a program does not exit cleanly.
+    pub fn stop(self) -> String {
+        let recorded = self.recorder.stop(Signal::INT, EXIT_TIMEOUT);
         assert!(recorded.success(), "rosbag record: {recorded}");
         let info = self.ros.tool("rosbag", &["info", "run.bag"]);
         let log = self.bridge.log();
-        let left = self.bridge.end(Signal::TERM, FAREWELL);
-        assert!(left.success(), "the bridge on SIGTERM: {left}\n{log}");
+        let exit = self.bridge.stop(Signal::TERM, EXIT_TIMEOUT);
+        assert!(exit.success(), "the bridge on SIGTERM: {exit}\n{log}");
         info
     }
 
-    /// Both consumers know the bridge once the master lists them; their links follow at once.
-    fn wait_for_links(&mut self) {
+    /// Waits until the master lists the bridge, the subscriber and the recorder, which then connect at once.
+    fn wait_until_connected(&mut self) {
         let Self { ros, bridge, .. } = self;
-        bridge.wait_until("both subscribers are known to the master", PATIENCE, |_| {
+        bridge.wait_until("both subscribers are known to the master", TIMEOUT, |_| {
             let info = ros.command("rostopic").args(["info", "/encoded"]).output();
             let text = info.map(|info| String::from_utf8_lossy(&info.stdout).into_owned());
             text.is_ok_and(|text| text.matches(" * /").count() == 3)
@@ -227,13 +228,13 @@ impl<'a> Chain<'a> {
     }
 }
 
-/// Every code of the stream, each a hop after the one before, from a network that has an input; stamps may
-/// be `off_us` off.
+/// Checks that the codes start at window 0, that none is missing or repeated, and that each has the device time of
+/// its hop within `tolerance_us`.
 ///
 /// # Panics
-/// When one is missing, wrong or repeated.
-pub fn assert_whole(messages: &[Message], off_us: u64) {
-    let begin = messages[0].status.device_us();
+/// When a code is missing, repeated or wrong.
+pub fn assert_continuous(messages: &[Message], tolerance_us: u64) {
+    let start = messages[0].status.device_us();
     for (index, message) in (0..).zip(messages) {
         assert_eq!(message.md5, NEURO_FRAME_MD5);
         assert_eq!((message.sr, message.eeg.nchannels), (16, 128));
@@ -241,8 +242,11 @@ pub fn assert_whole(messages: &[Message], off_us: u64) {
         assert_eq!(message.status.window(), index, "a gap");
         assert_eq!(message.status.lost, 0);
         assert_eq!(message.status.flags & BAD_FLAGS, 0, "code {index}");
-        let off = (message.status.device_us() - begin).abs_diff(index * HOP_US);
-        assert!(off <= off_us, "code {index} is {off} us off");
+        let error_us = (message.status.device_us() - start).abs_diff(index * HOP_US);
+        assert!(
+            error_us <= tolerance_us,
+            "code {index} is {error_us} us off"
+        );
     }
     for pair in messages.windows(2) {
         assert_ne!(pair[0].values, pair[1].values, "two codes are the same");
@@ -250,8 +254,8 @@ pub fn assert_whole(messages: &[Message], off_us: u64) {
     }
 }
 
-/// Codes per second, by the stamps of the first and the last; not a number for fewer than two.
-#[expect(clippy::cast_precision_loss, reason = "microseconds of minutes")]
+/// Codes per second by the device times of the first and the last code; NaN for fewer than two codes.
+#[expect(clippy::cast_precision_loss, reason = "minutes in microseconds")]
 pub fn rate(messages: &[Message]) -> f64 {
     let time = |message: &Message| message.status.device_us() as f64 * 1e-6;
     let [first, .., last] = messages else {
@@ -260,14 +264,14 @@ pub fn rate(messages: &[Message]) -> f64 {
     (messages.len() - 1) as f64 / (time(last) - time(first))
 }
 
-/// Messages that a subscriber has printed.
+/// Messages that a subscriber has received so far.
 ///
 /// # Panics
-/// When its lines are not what `subscribe.py` prints.
-pub fn heard(subscriber: &Process) -> Vec<Message> {
+/// When its output does not have the format of `subscribe.py`.
+pub fn messages_of(subscriber: &Process) -> Vec<Message> {
     let output = subscriber.output();
-    let whole = output.rfind('\n').map_or("", |end| &output[..end]);
-    whole
+    let complete = output.rfind('\n').map_or("", |end| &output[..end]);
+    complete
         .lines()
         .skip(1)
         .map(|line| serde_json::from_str(line).expect("a message"))
@@ -278,14 +282,14 @@ fn port(folder: &Path) -> PathBuf {
     folder.join("board-port")
 }
 
-/// A rospy subscriber to a topic, with the class that genpy makes from our definition.
+/// Starts a rospy subscriber of a topic, with the class that genpy generates from `neuro-ros/msg`.
 fn subscribe(ros: &Ros<'_>, folder: &Path, name: &str, topic: &str) -> Process {
     let script = workspace::root().join("tests/ros/subscribe.py");
-    let script = script.canonicalize().expect("the script is there");
+    let script = script.canonicalize().expect("the script exists");
     let mut python = ros.command("python3");
     python.arg(script).arg(topic);
     let mut subscriber = Process::start(name, &mut python, folder).expect("python3 starts");
-    subscriber.wait_until("rospy subscribes", PATIENCE, |subscriber| {
+    subscriber.wait_until("rospy subscribes", TIMEOUT, |subscriber| {
         subscriber.output().contains('\n')
     });
     let ready = subscriber.output();

@@ -1,9 +1,24 @@
-//! What the whole promises, end to end: processes as a user starts them, judged from outside.
+//! Acceptance tests: programs as a user starts them, checked from outside, end to end.
+//!
+//! Each file of `tests/` checks one promise. This library starts and stops what the tests need: the workspace's own
+//! programs, emulated boards, ROS and numpy.
+//!
+//! ```text
+//! host-sim, QEMU or virtual-board ── PTY or TCP ──> bridge ──> roscore ──> rospy subscriber, rosbag
+//!                                    Chain: starts them, collects the messages, stops them
+//! ```
+//!
+//! ```
+//! use acceptance::workspace;
+//!
+//! let folders = workspace::folders().expect("cargo metadata");
+//! assert!(folders.contains_key("bridge"));
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod any_artifact;
 pub mod chain;
-pub mod emulator;
+pub mod emulated_board;
 pub mod npz;
 pub mod numpy_reference;
 pub mod process;
@@ -11,6 +26,5 @@ pub mod programs;
 pub mod real_data;
 pub mod ros;
 pub mod ros_messages;
-pub mod skip;
 pub mod virtual_board;
 pub mod workspace;

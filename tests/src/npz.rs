@@ -1,7 +1,7 @@
-//! Arrays that numpy saved: a zip file with one `.npy` per array.
+//! Reader of numpy's `.npz` files: zip archives with one `.npy` file per array.
 //!
-//! Layout of `.npy`: numpy's own description, `numpy/lib/format.py`: magic, version, length of the
-//! header, the header as a Python dictionary, the values.
+//! A `.npy` file has a magic number, a version, the length of the header, the header as a Python dictionary, and the
+//! values (`numpy/lib/format.py`).
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -9,38 +9,38 @@ use std::path::Path;
 
 use zip::ZipArchive;
 
-/// A file of arrays.
+/// An open `.npz` file.
 #[derive(Debug)]
 pub struct Npz(ZipArchive<File>);
 
-/// An array, row-major.
+/// An array in row-major order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Array {
     /// Length of each axis.
     pub shape: Vec<usize>,
-    /// The values; the last axis is the fastest. float32 is widened.
+    /// Values, the last axis varying fastest; float32 is widened.
     pub values: Vec<f64>,
 }
 
-/// The file or an array in it is not what is expected.
+/// The file cannot be read, or an array in it has another format.
 #[derive(Debug, thiserror::Error)]
 pub enum NpzError {
-    /// The file.
+    /// The file cannot be opened or read.
     #[error("cannot be read: {0}")]
     Io(#[from] io::Error),
-    /// The archive, or no array of that name.
+    /// The file is not a zip archive, or has no array of that name.
     #[error("no such array in the archive: {0}")]
     Zip(#[from] zip::result::ZipError),
-    /// Not the `.npy` that this reader knows.
+    /// The named part of the `.npy` file is not supported.
     #[error("the array's {0} is not one that this reader knows: row-major `<f4` or `<f8`")]
     Format(&'static str),
 }
 
 impl Npz {
-    /// Opens the file.
+    /// Opens the archive and reads its directory.
     ///
     /// # Errors
-    /// It is not there, or no zip file.
+    /// The file does not exist, or is not a zip archive.
     pub fn open(path: &Path) -> Result<Self, NpzError> {
         Ok(Self(ZipArchive::new(File::open(path)?)?))
     }
@@ -48,7 +48,7 @@ impl Npz {
     /// Reads one array of float32 or float64.
     ///
     /// # Errors
-    /// There is none of that name, or its type is another.
+    /// The archive has no array of that name, or the array has another type.
     pub fn array(&mut self, name: &str) -> Result<Array, NpzError> {
         let mut bytes = Vec::new();
         self.0
@@ -88,7 +88,7 @@ fn parse(bytes: &[u8]) -> Result<Array, NpzError> {
     Ok(Array { shape, values })
 }
 
-/// Header and values. Version 1 has a length of two bytes, later ones of four.
+/// Splits the header from the values. The header's length has two bytes in version 1 and four in later versions.
 fn split_header(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let rest = bytes.strip_prefix(b"\x93NUMPY")?;
     let (version, rest) = rest.split_at_checked(2)?;
@@ -102,7 +102,7 @@ fn split_header(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     rest.split_at_checked(length)
 }
 
-/// The numbers in `'shape': (240, 16, 10, 9)`.
+/// Parses the numbers of an entry such as `'shape': (240, 16, 10, 9)`.
 fn shape_in(dictionary: &str) -> Option<Vec<usize>> {
     let (_, rest) = dictionary.split_once("'shape': (")?;
     let (numbers, _) = rest.split_once(')')?;
@@ -117,7 +117,7 @@ fn shape_in(dictionary: &str) -> Option<Vec<usize>> {
 mod tests {
     use super::*;
 
-    /// `np.save` of `np.array([[1, 2, 3], [4, 5, -6]], '<f4')`, its header written out.
+    /// The file that `np.save` writes for `np.array([[1, 2, 3], [4, 5, -6]], '<f4')`.
     fn two_by_three() -> Vec<u8> {
         let header = b"{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }          \n";
         let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn an_array_comes_with_its_shape() {
+    fn an_array_has_its_shape_and_values() {
         let array = parse(&two_by_three()).expect("an array");
         assert_eq!(array.shape, [2, 3]);
         assert_eq!(array.values, [1.0, 2.0, 3.0, 4.0, 5.0, -6.0]);

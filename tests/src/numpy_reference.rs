@@ -1,4 +1,4 @@
-//! Runs of `tests/*.py`: the networks once more, in numpy, by programs that share no line with ours.
+//! Runs the numpy implementations of the networks, `tests/tests/*.py`, which share no code with the Rust ones.
 
 use std::fs;
 use std::io;
@@ -8,50 +8,50 @@ use std::process::Command;
 use artifact::IntegerCode;
 use model_gen::{CODE, IntegerModel, Plane, STEPS};
 
-use crate::{skip::skipped, workspace};
+use emulator::skip::skip_unless_required;
 
-/// Debian's own Python: another one may have no numpy.
+use crate::workspace;
+
+/// Debian's Python; another one on the PATH can lack numpy.
 const PYTHON: &str = "/usr/bin/python3";
 
-/// A run without a result.
+/// A numpy program did not run, or failed.
 #[derive(Debug, thiserror::Error)]
 pub enum NumpyError {
-    /// A file between the programs, or Python itself.
-    #[error("{0}: is {PYTHON} there, and the temporary folder writable?")]
+    /// Python does not start, or an exchanged file cannot be written or read.
+    #[error("{0}: does {PYTHON} exist, and is the temporary folder writable?")]
     Io(#[from] io::Error),
     /// Python ended with an error.
-    #[error("{PYTHON} {script} failed; it said:\n{message}")]
+    #[error("{PYTHON} {script} failed:\n{message}")]
     Failed {
-        /// The program.
+        /// File name of the program.
         script: String,
-        /// Its standard error.
+        /// Standard error of the program.
         message: String,
     },
 }
 
-/// Whether there is a numpy; says loudly that `test` is skipped when there is not.
+/// Whether numpy is installed; reports `test` as skipped where it is not.
 ///
 /// # Panics
-/// When there is none and `CORTICODE_REQUIRE_ROS=1`, as in CI.
-pub fn is_there(test: &str) -> bool {
-    let asked = Command::new(PYTHON).args(["-c", "import numpy"]).output();
-    if asked.is_ok_and(|output| output.status.success()) {
+/// When it is not installed and `CORTICODE_REQUIRE_ROS=1`, as in CI.
+pub fn available(test: &str) -> bool {
+    let import = Command::new(PYTHON).args(["-c", "import numpy"]).output();
+    if import.is_ok_and(|output| output.status.success()) {
         return true;
     }
     let why = format!("{PYTHON} has no numpy; `apt-get install python3-numpy`");
-    let required = std::env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
-    assert!(!required, "{test}: CORTICODE_REQUIRE_ROS=1, and {why}");
-    skipped(test, &why);
+    skip_unless_required(test, why);
     false
 }
 
-/// The codes that numpy computes from the integers of a model.
+/// The codes that `encoder_numpy.py` computes from the integers of a model.
 ///
 /// # Errors
-/// When Python fails or the files between cannot be written.
+/// When Python fails, or an exchanged file cannot be written or read.
 ///
 /// # Panics
-/// When a window has not 16 planes, or an exponent is none.
+/// When a window does not have 16 planes, or an exponent is out of range.
 pub fn integer_codes<'w>(
     model: &IntegerModel,
     windows: impl IntoIterator<Item = &'w [Plane]>,
@@ -77,7 +77,7 @@ pub fn integer_codes<'w>(
         .collect())
 }
 
-/// Runs a program of `tests/tests` on a folder and passes on what it prints.
+/// Runs a program of `tests/tests` with a folder as its argument, and prints its output.
 ///
 /// # Errors
 /// When Python does not start or the program fails.
@@ -94,7 +94,7 @@ pub fn run(script: &str, folder: &Path) -> Result<(), NumpyError> {
     })
 }
 
-/// What `encoder_numpy.py` reads of a model.
+/// Writes the files of a model that `encoder_numpy.py` reads.
 fn write_model(folder: &Path, model: &IntegerModel) -> io::Result<()> {
     let geometry = &model.geometry;
     let parts = [model.mode.has_convolutions(), model.mode.has_shortcut()];
@@ -122,7 +122,7 @@ fn write_model(folder: &Path, model: &IntegerModel) -> io::Result<()> {
     write(folder, "code.range", [least, greatest, exponent.into()])
 }
 
-/// Integers of any width as 64 bits, little endian.
+/// Writes integers of any width as 64 bits, little endian, to `NAME.i64`.
 fn write(folder: &Path, name: &str, values: impl IntoIterator<Item: Into<i64>>) -> io::Result<()> {
     let values = values.into_iter().map(Into::<i64>::into);
     let bytes: Vec<u8> = values.flat_map(i64::to_le_bytes).collect();

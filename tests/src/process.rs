@@ -1,4 +1,4 @@
-//! Programs that a test starts, none of which outlives it.
+//! Programs that a test starts; none of them outlives the test.
 
 use std::fs::{self, File};
 use std::io;
@@ -9,12 +9,12 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group, test_kill_process_group};
 
-/// How often a condition is looked at.
+/// Interval between two evaluations of a condition.
 const POLL: Duration = Duration::from_millis(20);
 
-/// A running program in a process group of its own, with its output in two files.
+/// A running program with a separate process group, whose output goes to two files.
 ///
-/// Dropping it kills the group and every descendant: roscore's children have sessions of their own.
+/// Dropping it kills the group and every descendant: roscore's children have separate sessions.
 #[derive(Debug)]
 pub struct Process {
     name: String,
@@ -24,10 +24,10 @@ pub struct Process {
 }
 
 impl Process {
-    /// Starts the command; its output goes to `NAME.out` and `NAME.err` in `folder`.
+    /// Starts a command, whose output goes to `NAME.out` and `NAME.err` in `folder`.
     ///
     /// # Errors
-    /// The program does not start, or the files cannot be made.
+    /// The program does not start, or the files cannot be created.
     pub fn start(name: &str, command: &mut Command, folder: &Path) -> io::Result<Self> {
         let output = folder.join(format!("{name}.out"));
         let errors = folder.join(format!("{name}.err"));
@@ -45,66 +45,66 @@ impl Process {
         })
     }
 
-    /// What it has printed on standard output so far.
+    /// The standard output so far.
     pub fn output(&self) -> String {
         fs::read_to_string(&self.output).unwrap_or_default()
     }
 
-    /// What it has printed on standard error so far.
+    /// The standard error so far.
     pub fn errors(&self) -> String {
         fs::read_to_string(&self.errors).unwrap_or_default()
     }
 
-    /// Whether it still runs.
+    /// Whether the program itself has not ended; its children are not considered.
     pub fn is_running(&mut self) -> bool {
         matches!(self.child.try_wait(), Ok(None))
     }
 
-    /// Sends a signal to the group and waits until the program has left, and then for what else is
-    /// in the group: `rosbag record` ends before the recorder that it started has closed its bag.
+    /// Sends a signal to the group and waits for the program, and then for the rest of the group: `rosbag record`
+    /// ends before the recorder that it started has closed its bag.
     ///
     /// # Panics
-    /// When it still runs after `patience`: leaving cleanly is part of what is tested.
-    pub fn end(mut self, signal: Signal, patience: Duration) -> ExitStatus {
+    /// When the program still runs after `timeout`: a clean exit is part of what is tested.
+    pub fn stop(mut self, signal: Signal, timeout: Duration) -> ExitStatus {
         self.signal(signal);
-        let status = self.wait(patience);
-        let end = Instant::now() + patience;
-        while Instant::now() < end && self.group_lives() {
+        let status = self.wait(timeout);
+        let end = Instant::now() + timeout;
+        while Instant::now() < end && self.group_is_running() {
             std::thread::sleep(POLL);
         }
         status
     }
 
-    /// Whether any process of the group is left.
-    fn group_lives(&self) -> bool {
+    /// Whether any process of the group has not ended.
+    fn group_is_running(&self) -> bool {
         test_kill_process_group(Pid::from_child(&self.child)).is_ok()
     }
 
-    /// Kills the group and every descendant at once.
+    /// Kills the group and every descendant with SIGKILL.
     pub fn kill(&mut self) {
-        // Looked up before the parent dies: afterwards they are nobody's children.
+        // Collect the descendants first: they lose their parent with its death.
         let descendants = descendants(self.child.id());
         self.signal(Signal::KILL);
         for pid in descendants.into_iter().filter_map(pid_of) {
-            // One that has ended meanwhile is what we want.
+            // Fails for a process that has ended meanwhile, which is fine.
             let _ = kill_process(pid, Signal::KILL);
         }
-        // Reaps it; it cannot refuse.
+        // Reaps the killed child.
         let _ = self.child.wait();
     }
 
     /// Waits until the program ends by itself.
     ///
     /// # Panics
-    /// When it still runs after `patience`.
-    pub fn wait(&mut self, patience: Duration) -> ExitStatus {
-        let end = Instant::now() + patience;
+    /// When it still runs after `timeout`.
+    pub fn wait(&mut self, timeout: Duration) -> ExitStatus {
+        let end = Instant::now() + timeout;
         loop {
             match self.child.try_wait() {
                 Ok(Some(status)) => return status,
                 Ok(None) if Instant::now() < end => std::thread::sleep(POLL),
                 other => panic!(
-                    "`{}` has not ended after {patience:?} ({other:?}):\n{}",
+                    "`{}` has not ended after {timeout:?} ({other:?}):\n{}",
                     self.name,
                     self.log()
                 ),
@@ -112,17 +112,17 @@ impl Process {
         }
     }
 
-    /// Waits until `condition` holds while the program runs.
+    /// Waits until `condition` holds; `what` names it in messages.
     ///
     /// # Panics
-    /// When the program ends before, or `patience` does; the message has the program's output.
+    /// When the program ends first, or `timeout` passes; the message contains the program's output.
     pub fn wait_until(
         &mut self,
         what: &str,
-        patience: Duration,
+        timeout: Duration,
         mut condition: impl FnMut(&Self) -> bool,
     ) {
-        let end = Instant::now() + patience;
+        let end = Instant::now() + timeout;
         while !condition(self) {
             assert!(
                 self.is_running(),
@@ -132,14 +132,14 @@ impl Process {
             );
             assert!(
                 Instant::now() < end,
-                "{what}: not within {patience:?}:\n{}",
+                "{what}: not within {timeout:?}:\n{}",
                 self.log()
             );
             std::thread::sleep(POLL);
         }
     }
 
-    /// Both outputs, for a message.
+    /// The last lines of both outputs, for an error message.
     pub fn log(&self) -> String {
         let (output, errors) = (self.output(), self.errors());
         format!(
@@ -151,7 +151,7 @@ impl Process {
     }
 
     fn signal(&self, signal: Signal) {
-        // A group that is gone already is what we want.
+        // Fails when the whole group has ended, which is fine.
         let _ = kill_process_group(Pid::from_child(&self.child), signal);
     }
 }
@@ -162,7 +162,7 @@ impl Drop for Process {
     }
 }
 
-/// Children, their children, and so on, by `/proc`.
+/// Process ids of all descendants, from `/proc`.
 fn descendants(root: u32) -> Vec<u32> {
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
     let parents: Vec<(u32, u32)> = entries
@@ -183,7 +183,7 @@ fn descendants(root: u32) -> Vec<u32> {
     found.split_off(1)
 }
 
-/// Fourth field of `/proc/PID/stat`; the second, in brackets, may hold anything.
+/// The parent: fourth field of `/proc/PID/stat`. The second field, in parentheses, can contain any character.
 fn parent(pid: u32) -> Option<u32> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     let (_, rest) = stat.rsplit_once(')')?;
@@ -194,7 +194,7 @@ fn pid_of(id: u32) -> Option<Pid> {
     Pid::from_raw(id.cast_signed())
 }
 
-/// The last lines: a subscriber prints one per frame.
+/// The last 20 lines, up to 400 characters each: a subscriber prints a line per frame.
 fn tail(text: &str) -> String {
     let lines: Vec<&str> = text.lines().collect();
     let last = lines.len().saturating_sub(20);
@@ -208,32 +208,32 @@ fn tail(text: &str) -> String {
 mod tests {
     use super::*;
 
-    const PATIENCE: Duration = Duration::from_secs(10);
+    const TIMEOUT: Duration = Duration::from_secs(10);
 
     fn shell(script: &str, folder: &Path) -> Process {
         Process::start("sh", Command::new("sh").args(["-c", script]), folder).expect("a shell")
     }
 
     fn runs(pid: i32) -> bool {
-        // A zombie counts as gone.
+        // A zombie has ended.
         fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|stat| !stat.contains(") Z "))
     }
 
     #[test]
-    fn a_dropped_process_takes_its_children_along() {
+    fn dropping_a_process_kills_its_children() {
         let folder = tempfile::tempdir().expect("a folder");
-        // In a session of its own, as roscore starts its master.
+        // With a separate session, as roscore starts its master.
         let mut process = shell(
             "setsid sleep 600 & sleep 0.2; pgrep -P $$ sleep; wait",
             folder.path(),
         );
-        process.wait_until("the child's id", PATIENCE, |process| {
+        process.wait_until("the child's id", TIMEOUT, |process| {
             process.output().ends_with('\n')
         });
         let child: i32 = process.output().trim().parse().expect("an id");
         assert!(runs(child));
         drop(process);
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TIMEOUT;
         while runs(child) {
             assert!(Instant::now() < end, "the child still runs");
             std::thread::sleep(POLL);
@@ -244,7 +244,7 @@ mod tests {
     fn output_and_status_are_kept() {
         let folder = tempfile::tempdir().expect("a folder");
         let mut process = shell("echo out; echo err >&2; exit 3", folder.path());
-        assert_eq!(process.wait(PATIENCE).code(), Some(3));
+        assert_eq!(process.wait(TIMEOUT).code(), Some(3));
         assert_eq!(
             (process.output().as_str(), process.errors().as_str()),
             ("out\n", "err\n")

@@ -1,28 +1,28 @@
-//! Our programs as a user runs them.
+//! The workspace's programs, as a user runs them.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use crate::workspace::cargo;
 
-/// Where the programs lie.
+/// Paths of the programs.
 #[derive(Debug, Clone)]
 pub struct Programs {
-    /// The virtual board.
+    /// `host-sim`, the virtual board.
     pub host_sim: PathBuf,
-    /// The bridge to ROS.
+    /// `corticode-bridge`, the bridge to ROS.
     pub bridge: PathBuf,
 }
 
-/// Builds them, once per test program, with the profile that the tests have.
+/// Builds the programs with the profile of the tests, once per test program.
 ///
 /// # Panics
-/// When they do not build.
+/// When a program does not build.
 pub fn programs() -> &'static Programs {
     static PROGRAMS: OnceLock<Programs> = OnceLock::new();
     PROGRAMS.get_or_init(|| {
-        // All default members, as `cargo test` builds them: another choice of packages would have
-        // other features, and everything would be compiled a second time.
+        // Build all default members, as `cargo test` does: another choice of packages can have other features, and
+        // everything would be compiled a second time.
         let mut arguments = vec!["build", "--bins", "--message-format=json"];
         if !cfg!(debug_assertions) {
             arguments.push("--release");
@@ -35,7 +35,7 @@ pub fn programs() -> &'static Programs {
     })
 }
 
-/// Path of a program in what cargo says about a build.
+/// Path of a program in cargo's JSON messages of a build.
 pub(crate) fn executable(messages: &str, name: &str) -> PathBuf {
     let mut built = messages.lines().filter_map(|line| {
         let message: serde_json::Value = serde_json::from_str(line).ok()?;

@@ -1,57 +1,56 @@
-//! Real EEG, in a folder outside the project that `CORTICODE_DATA` names.
+//! Real EEG, in the folder outside the project that `CORTICODE_DATA` names.
 
 use std::path::PathBuf;
 
+use emulator::skip::skipped;
 use pipeline::Sample;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, RecordingError, VirtualAdc};
 
-use crate::skip::skipped;
-
-/// 61 electrodes at 512 Hz, int16, 30 s.
+/// GDF file: 61 electrodes at 512 Hz, int16, 30 s.
 pub const GDF_I16: &str = "derived/s001r04_61ch_512hz_i16.gdf";
-/// The same as float32, unrounded.
+/// GDF file: the signals of [`GDF_I16`] as float32, unrounded.
 pub const GDF_F32: &str = "derived/s001r04_61ch_512hz_f32.gdf";
-/// The float32 file after scipy's filters, as windows, with scipy's coefficients.
+/// numpy archive: windows of [`GDF_F32`] after scipy's filters, with scipy's coefficients.
 pub const SCIPY_WINDOWS: &str = "derived/ref_windows_128hz.npz";
-/// 64 electrodes at 160 Hz, 125 s; held out of the training.
+/// EDF file: 64 electrodes at 160 Hz, 125 s; held out of the training.
 pub const EDF_R11: &str = "eegmmidb_S001/S001R11.edf";
-/// As R11.
+/// EDF file: another recording of the format and length of [`EDF_R11`], held out of the training, too.
 pub const EDF_R12: &str = "eegmmidb_S001/S001R12.edf";
 
-/// A recording cannot become samples.
+/// A recording cannot be converted to samples.
 #[derive(Debug, thiserror::Error)]
 pub enum SamplesError {
-    /// The file.
+    /// The file cannot be read.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// Its electrodes.
+    /// An electrode is missing and cannot be interpolated.
     #[error(transparent)]
     Montage(#[from] recordings::MontageMapError),
 }
 
-/// Path of a file under `CORTICODE_DATA`; says loudly that `test` is skipped when that is unset.
+/// Path of a file under `CORTICODE_DATA`; reports `test` as skipped where the variable is not set.
 ///
 /// # Panics
-/// When the variable is set and the file is not there: a wrong path must not look like a skip.
+/// When the variable is set and the file does not exist: a wrong path must not look like a skip.
 pub fn path(test: &str, file: &str) -> Option<PathBuf> {
     let Some(folder) = std::env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty())
     else {
         skipped(
             test,
-            &format!("CORTICODE_DATA is not set; it names the folder that has {file}"),
+            format!("CORTICODE_DATA is not set; it names the folder that has {file}"),
         );
         return None;
     };
     let path = PathBuf::from(folder).join(file);
     assert!(
         path.exists(),
-        "CORTICODE_DATA is set, and {} is not there",
+        "CORTICODE_DATA is set, but {} does not exist",
         path.display()
     );
     Some(path)
 }
 
-/// The file as the virtual ADC delivers it, in the order of `electrodes`, at 512 Hz.
+/// Samples of a recording as the virtual ADC delivers them, at 512 Hz, with the channels in the order of `electrodes`.
 ///
 /// # Errors
 /// The file cannot be read, or lacks electrodes that cannot be interpolated.

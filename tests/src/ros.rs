@@ -1,26 +1,26 @@
-//! Debian's ROS 1: its master and its tools, each as a process of its own.
+//! Debian's ROS 1: its master and its tools, each as a separate process.
 
-use std::env;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Command, Output};
 use std::time::Duration;
 
+use emulator::skip::skip_unless_required;
+
 use crate::process::Process;
 use crate::ros_messages;
-use crate::skip::skipped;
 
-/// Debian's own Python and tools come first: another Python has no rospy.
+/// Search path with Debian's programs only: another Python can lack rospy.
 const PATH: &str = "/usr/bin:/bin:/usr/sbin:/sbin";
 
-/// How long a busy machine may take for what takes 2 s.
-pub const PATIENCE: Duration = Duration::from_mins(1);
+/// Longest time for an action that takes 2 s, such as a start; the rest is for a busy machine.
+pub const TIMEOUT: Duration = Duration::from_mins(1);
 
-/// Whether there is a ROS to test against; says loudly that `test` is skipped when there is not.
+/// Whether ROS is installed; reports `test` as skipped where it is not.
 ///
 /// # Panics
-/// When there is none and `CORTICODE_REQUIRE_ROS=1`.
+/// When it is not installed and `CORTICODE_REQUIRE_ROS=1`.
 pub fn available(test: &str) -> bool {
     let missing: Vec<&str> = ["roscore", "rostopic", "rosservice", "rosbag"]
         .into_iter()
@@ -33,12 +33,7 @@ pub fn available(test: &str) -> bool {
         "no {} in /usr/bin; `apt-get install ros-core python3-std-srvs python3-numpy`",
         missing.join(", ")
     );
-    let required = env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
-    assert!(
-        !required,
-        "{test}: CORTICODE_REQUIRE_ROS=1, and there is {why}"
-    );
-    skipped(test, &why);
+    skip_unless_required(test, why);
     false
 }
 
@@ -46,7 +41,7 @@ fn installed(tool: &str) -> bool {
     Path::new("/usr/bin").join(tool).exists()
 }
 
-/// A roscore on a port of its own, and commands that know it.
+/// A roscore on a free port, and the environment of commands that use it.
 #[derive(Debug)]
 pub struct Ros<'a> {
     port: u16,
@@ -56,10 +51,10 @@ pub struct Ros<'a> {
 }
 
 impl<'a> Ros<'a> {
-    /// Starts roscore; its logs go under `folder`.
+    /// Starts roscore, whose logs go to `folder`.
     ///
     /// # Errors
-    /// No free port, or it does not start.
+    /// There is no free port, or roscore does not start.
     pub fn start(folder: &'a Path) -> io::Result<Self> {
         ros_messages::generate(folder);
         let port = free_port()?;
@@ -72,20 +67,20 @@ impl<'a> Ros<'a> {
         })
     }
 
-    /// Where the master is.
+    /// The master's address, for `ROS_MASTER_URI`.
     pub fn master_uri(&self) -> String {
         master_uri(self.port)
     }
 
-    /// Kills the master and all that roscore started.
+    /// Kills the master and every process that roscore has started.
     pub fn kill_core(&mut self) {
         self.core.kill();
     }
 
-    /// Starts a new master where the old one was.
+    /// Replaces the master by a new one on the same port.
     ///
     /// # Errors
-    /// It does not start.
+    /// The new master does not start.
     pub fn restart_core(&mut self) -> io::Result<()> {
         self.kill_core();
         self.core = start_core(self.port, self.folder, self.starts)?;
@@ -93,15 +88,15 @@ impl<'a> Ros<'a> {
         Ok(())
     }
 
-    /// A program of Debian's, or a script for Debian's Python, in this ROS's environment.
+    /// A command in the environment of this ROS; the program is one of Debian's.
     pub fn command(&self, program: &str) -> Command {
         command(program, self.port, self.folder)
     }
 
-    /// Runs a tool to its end.
+    /// Runs a tool to its end and returns its standard output.
     ///
     /// # Panics
-    /// When it does not start or ends with another status than 0.
+    /// When the tool does not start or fails.
     pub fn tool(&self, program: &str, arguments: &[&str]) -> String {
         let output: Output = self
             .command(program)
@@ -123,16 +118,16 @@ fn start_core(port: u16, folder: &Path, number: u32) -> io::Result<Process> {
     roscore.args(["-p", &port.to_string()]);
     let mut core = Process::start(&format!("roscore{number}"), &mut roscore, folder)?;
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
-    core.wait_until("roscore has started its log node", PATIENCE, |core| {
-        // rosout is the last that it starts; the port alone opens earlier.
+    core.wait_until("roscore has started its log node", TIMEOUT, |core| {
+        // roscore starts its log node, rosout, last; the port opens earlier.
         core.output().contains("started core service") && TcpStream::connect(address).is_ok()
     });
     Ok(core)
 }
 
 fn command(program: &str, port: u16, folder: &Path) -> Command {
-    // A shell starts background jobs with SIGINT ignored, its children inherit that, and `rosbag
-    // record` would then not close its bag.
+    // A shell starts background jobs with SIGINT ignored. Children inherit that, and `rosbag record` would not close
+    // its bag.
     let mut command = Command::new("env");
     command
         .args(["--default-signal=INT", program])
@@ -152,10 +147,10 @@ fn master_uri(port: u16) -> String {
     format!("http://127.0.0.1:{port}/")
 }
 
-/// A TCP port of 127.0.0.1 that nobody listens at.
+/// A TCP port of 127.0.0.1 that is free now.
 ///
 /// # Errors
-/// The system has none.
+/// The system has no free port.
 pub fn free_port() -> io::Result<u16> {
     Ok(TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?
         .local_addr()?

@@ -1,4 +1,4 @@
-//! The Python classes of our messages, as a ROS workspace would build them.
+//! Python classes of the NeuroFrame messages, generated as in a ROS workspace.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,14 +6,14 @@ use std::process::Command;
 
 use crate::workspace;
 
-/// Where Debian's genpy has its generators.
+/// Folder of the generators of Debian's genpy.
 const GENERATORS: &str = "/usr/lib/genpy";
 
-/// Generates the package `rosneuro_msgs` from neuro-ros' definitions; returns the folder for
-/// `PYTHONPATH`. rostopic and rosservice know a type only through such a package.
+/// Generates the package `rosneuro_msgs` from the definitions in `neuro-ros/`, and returns the folder for
+/// `PYTHONPATH`. rostopic and rosservice find a type only in its package.
 ///
 /// # Panics
-/// When genpy is not there or does not like a definition.
+/// When genpy is missing or refuses a definition.
 pub fn generate(folder: &Path) -> PathBuf {
     let python_path = folder.join("python");
     let package = python_path.join("rosneuro_msgs");
@@ -41,11 +41,11 @@ pub fn generate(folder: &Path) -> PathBuf {
             .run();
         generator(kind, &output).arg("--initpy").run();
     }
-    fs::write(package.join("__init__.py"), "").expect("written");
+    fs::write(package.join("__init__.py"), "").expect("the package folder is writable");
     python_path
 }
 
-/// A generator's command line.
+/// Command line of one generator.
 struct Generator(Command);
 
 fn generator(kind: &str, output: &Path) -> Generator {

@@ -1,28 +1,26 @@
-//! The images that are flashed, on emulated boards behind a TCP port.
+//! The images for the NUCLEO boards, on virtual boards with a TCP port.
 
-use std::env;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use emulator::Image;
+use emulator::skip::skip_unless_required;
+
 use crate::process::Process;
 use crate::programs::executable;
-use crate::skip::skipped;
-use crate::workspace::{cargo, root};
+use crate::workspace::root;
 
-/// The toolchain that the emulated boards are built with: the channel in their rust-toolchain.toml.
+/// The toolchain that builds the virtual boards: the channel in their rust-toolchain.toml.
 fn toolchain() -> &'static str {
     let file = include_str!("../virtual-board/rust-toolchain.toml");
     let channel = file.split("channel = \"").nth(1).expect("a channel");
     channel.split('"').next().expect("its end")
 }
 
-/// The microcontroller's target.
-const TARGET: &str = "thumbv7em-none-eabihf";
-
-/// Whether the emulated boards can be built; says loudly that `test` is skipped when they cannot.
+/// Whether the toolchain of the virtual boards is installed; reports `test` as skipped where it is not.
 ///
 /// # Panics
-/// When they cannot and `CORTICODE_REQUIRE_ROS=1`.
+/// When it is not installed and `CORTICODE_REQUIRE_ROS=1`.
 pub fn available(test: &str) -> bool {
     let mut version = Command::new("rustup");
     version.args(["run", toolchain(), "cargo", "--version"]);
@@ -32,69 +30,58 @@ pub fn available(test: &str) -> bool {
     }
     let channel = toolchain();
     let why = format!("no Rust {channel}; `rustup toolchain install {channel} --profile minimal`");
-    let required = env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
-    assert!(
-        !required,
-        "{test}: CORTICODE_REQUIRE_ROS=1, and there is {why}"
-    );
-    skipped(test, &why);
+    skip_unless_required(test, why);
     false
 }
 
-/// A board by its word, `h743` or `f446`, with its default image.
+/// A virtual board with its default image.
 #[derive(Debug, Clone)]
 pub struct Board {
-    word: &'static str,
+    /// `h743` or `f446`.
+    name: &'static str,
     program: PathBuf,
-    image: PathBuf,
+    image: Image,
 }
 
 impl Board {
-    /// Builds the emulated board and its image, with the profile that `cargo flash` builds with.
+    /// Builds the board `h743` or `f446` and its image, with the profile of `cargo flash`.
     ///
     /// # Panics
-    /// When one of them does not build.
-    pub fn build(word: &'static str) -> Self {
-        let package = format!("board-{word}");
-        let messages = cargo(&[
-            "build",
-            "--package",
-            &package,
-            "--profile=firmware",
-            &format!("--target={TARGET}"),
-            "--message-format=json",
-        ]);
-        let image = executable(&messages.expect("the image builds"), &package);
-        // Beside the images' target folder, where `cargo xtask board` builds it, too.
-        let target = image.ancestors().nth(3).expect("a target folder");
+    /// When the board or its image does not build.
+    pub fn build(name: &'static str) -> Self {
+        let package = format!("board-{name}");
+        let image = Image::build(&package, &package, &[]);
+        let image = image.unwrap_or_else(|error| panic!("{error}"));
+        // The folder in which `cargo xtask board` builds the virtual boards.
+        let target = image.create_folder("virtual-board");
         let output = Command::new("rustup")
             .args(["run", toolchain(), "cargo", "build", "--release"])
             .arg("--message-format=json")
             .current_dir(root().join("tests/virtual-board"))
-            .env("CARGO_TARGET_DIR", target.join("virtual-board"))
+            .env("CARGO_TARGET_DIR", target.expect("a folder"))
             .stderr(Stdio::inherit())
             .output()
             .expect("rustup starts");
-        assert!(output.status.success(), "the emulated boards build");
+        assert!(output.status.success(), "the virtual boards build");
         let messages = String::from_utf8_lossy(&output.stdout);
         Self {
-            word,
+            name,
             program: executable(&messages, "virtual-board"),
             image,
         }
     }
 
-    /// Starts it at a TCP port of 127.0.0.1: in real time, or as fast as this machine can.
+    /// Starts the board with a TCP port on 127.0.0.1, in real time or as fast as this machine can.
     ///
     /// # Panics
-    /// When it does not start.
+    /// When the board does not start.
     pub fn start(&self, port: u16, folder: &Path) -> Process {
         let mut board = Command::new(&self.program);
         board
-            .arg(self.word)
+            .arg(self.name)
             .arg("--image")
-            .arg(&self.image)
+            .arg(self.image.path())
             .args(["--port", &port.to_string()]);
-        Process::start("board", &mut board, folder).expect("the emulated board starts")
+        Process::start("board", &mut board, folder).expect("the virtual board starts")
     }
 }

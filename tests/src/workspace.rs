@@ -1,4 +1,4 @@
-//! The workspace as cargo sees it: where it lies, its members and their arrows.
+//! The workspace as cargo sees it: its folder, its members and their dependencies.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -6,39 +6,39 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// Names of our own crates.
+/// Names of crates of this workspace.
 pub type Names = BTreeSet<String>;
 
-/// What one member depends on, by the purpose of the dependency; only our own crates.
+/// Crates of this workspace that one member depends on, by kind of dependency.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Arrows {
-    /// Linked into the crate.
+    /// Dependencies of the crate itself.
     pub normal: Names,
-    /// Linked into its `build.rs`.
+    /// Dependencies of its `build.rs`.
     pub build: Names,
-    /// Linked into its tests only.
+    /// Dependencies of its tests only.
     pub tests: Names,
 }
 
-/// Cargo could not be asked, or answered something else than before.
+/// Cargo failed, or its output has another format than expected.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkspaceError {
     /// The cargo binary did not start.
     #[error("cargo does not start: {0}; is it on PATH?")]
     Start(#[from] std::io::Error),
     /// Cargo ended with an error.
-    #[error("`cargo {arguments}` failed; run it by hand. It said:\n{message}")]
+    #[error("`cargo {arguments}` failed:\n{message}\n  next: run it by hand")]
     Failed {
-        /// What it was asked.
+        /// Arguments of the failed command.
         arguments: String,
-        /// Its standard error.
+        /// Standard error of the failed command.
         message: String,
     },
-    /// The answer is not the JSON of `cargo metadata`.
-    #[error("`cargo metadata` answered no JSON: {0}; has its format changed?")]
+    /// The output of `cargo metadata` is not JSON.
+    #[error("`cargo metadata` printed no JSON: {0}; has its format changed?")]
     Json(#[from] serde_json::Error),
-    /// A field of the answer is missing.
-    #[error("`cargo metadata` answered without `{0}`; has its format changed?")]
+    /// A field is missing in the output of `cargo metadata`.
+    #[error("`cargo metadata` printed no `{0}`; has its format changed?")]
     Field(&'static str),
 }
 
@@ -47,7 +47,7 @@ pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// What cargo prints on standard output, asked in the root folder with this toolchain.
+/// Runs cargo of this toolchain in the root folder and returns its standard output.
 ///
 /// # Errors
 /// Cargo is missing or fails.
@@ -69,7 +69,7 @@ pub fn cargo(arguments: &[&str]) -> Result<String, WorkspaceError> {
 /// Folder of every member, by crate name.
 ///
 /// # Errors
-/// Cargo is missing, fails, or answers in another format.
+/// Cargo is missing, fails, or prints another format.
 pub fn folders() -> Result<BTreeMap<String, PathBuf>, WorkspaceError> {
     let mut folders = BTreeMap::new();
     for package in packages()? {
@@ -82,17 +82,17 @@ pub fn folders() -> Result<BTreeMap<String, PathBuf>, WorkspaceError> {
     Ok(folders)
 }
 
-/// Arrows of every member, by crate name.
+/// Dependencies of every member on other members, by crate name.
 ///
 /// # Errors
-/// Cargo is missing, fails, or answers in another format.
+/// Cargo is missing, fails, or prints another format.
 pub fn arrows() -> Result<BTreeMap<String, Arrows>, WorkspaceError> {
     let mut all = BTreeMap::new();
     for package in packages()? {
         let mut arrows = Arrows::default();
         let dependencies = package["dependencies"].as_array();
         for dependency in dependencies.ok_or(WorkspaceError::Field("dependencies"))? {
-            // Only a path dependency is ours.
+            // Only dependencies by path are crates of this workspace.
             if dependency["path"].is_null() {
                 continue;
             }

@@ -1,4 +1,4 @@
-//! The crates depend on each other as ARCHITECTURE.md says, and its rules about files hold.
+//! The crates depend on each other as ARCHITECTURE.md states, and its rules about files hold.
 #![forbid(unsafe_code)]
 
 use std::collections::BTreeMap;
@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 
 use acceptance::workspace::{self, Arrows, Names};
 
-/// Lines that a source file may have, tests included.
-const LONGEST_FILE: usize = 400;
+/// Largest number of lines of a source file, tests included.
+const MAX_LINES: usize = 400;
 
-/// File names that say nothing about what is inside.
-const EMPTY_NAMES: [&str; 6] = ["mod", "util", "utils", "common", "helper", "helpers"];
+/// File names that do not describe the contents.
+const VAGUE_NAMES: [&str; 6] = ["mod", "util", "utils", "common", "helper", "helpers"];
 
 #[test]
 fn arrows_are_those_of_architecture_md() {
@@ -35,13 +35,13 @@ fn arrows_are_those_of_architecture_md() {
         .collect();
     assert!(
         differences.is_empty(),
-        "ARCHITECTURE.md and the manifests disagree; is the new arrow meant?\n{}",
+        "ARCHITECTURE.md and the manifests disagree; is the new dependency intended?\n{}",
         differences.join("\n")
     );
 }
 
 #[test]
-fn nobody_depends_on_the_acceptance() {
+fn no_crate_depends_on_the_acceptance_tests() {
     for (name, arrows) in workspace::arrows().expect("cargo metadata") {
         for kind in [&arrows.normal, &arrows.build, &arrows.tests] {
             assert!(
@@ -53,7 +53,7 @@ fn nobody_depends_on_the_acceptance() {
 }
 
 #[test]
-fn every_crate_forbids_unsafe_code_but_for_the_places_that_architecture_md_names() {
+fn only_the_files_that_architecture_md_lists_contain_unsafe_code() {
     let mut places = Names::new();
     let mut roots = 0;
     for (name, folder) in folders() {
@@ -70,7 +70,7 @@ fn every_crate_forbids_unsafe_code_but_for_the_places_that_architecture_md_names
             roots += 1;
             assert!(
                 text.contains("#![forbid(unsafe_code)]") == own.is_empty(),
-                "{name}/{root} forbids unsafe code exactly if none of its files expects any"
+                "{name}/{root} forbids unsafe code exactly if none of its files permits it"
             );
         }
         places.extend(own);
@@ -83,7 +83,7 @@ fn every_crate_forbids_unsafe_code_but_for_the_places_that_architecture_md_names
     );
 }
 
-/// The file's path below the root, if it expects unsafe code.
+/// Path of a file below the root, if the file permits unsafe code.
 fn unsafe_place(file: &Path) -> Option<String> {
     let text = fs::read_to_string(file).expect("a source file");
     let expects = ["expect(", "allow("].iter().any(|attribute| {
@@ -91,13 +91,13 @@ fn unsafe_place(file: &Path) -> Option<String> {
         rest.any(|words| words.trim_start().starts_with("unsafe_code,"))
     });
     let root = workspace::root().canonicalize().expect("the root");
-    let below = file.strip_prefix(root).expect("a file of ours");
+    let below = file.strip_prefix(root).expect("a file of the workspace");
     expects.then(|| below.to_string_lossy().into_owned())
 }
 
-/// The files in backticks below "Unsafe code" of ARCHITECTURE.md.
+/// Files that the section "Unsafe code" of ARCHITECTURE.md lists in backticks.
 fn written_unsafe_places() -> Names {
-    let text = fs::read_to_string(workspace::root().join("ARCHITECTURE.md")).expect("it is there");
+    let text = fs::read_to_string(workspace::root().join("ARCHITECTURE.md")).expect("the document");
     let section = text.split("## Unsafe code").nth(1).expect("the section");
     let section = section.split("\n## ").next().expect("a section has text");
     let quoted = section.split('`').skip(1).step_by(2);
@@ -108,7 +108,7 @@ fn written_unsafe_places() -> Names {
 }
 
 #[test]
-fn a_source_file_is_short_and_named_after_something() {
+fn a_source_file_is_short_and_its_name_describes_its_contents() {
     let mut files = Vec::new();
     for folder in folders().values() {
         collect_sources(folder, &mut files);
@@ -120,9 +120,9 @@ fn a_source_file_is_short_and_named_after_something() {
             .expect("a source file")
             .lines()
             .count();
-        if lines > LONGEST_FILE {
+        if lines > MAX_LINES {
             faults.push(format!(
-                "{}: {lines} lines, {LONGEST_FILE} allowed",
+                "{}: {lines} lines, {MAX_LINES} allowed",
                 file.display()
             ));
         }
@@ -131,14 +131,17 @@ fn a_source_file_is_short_and_named_after_something() {
             .unwrap_or_default()
             .to_string_lossy()
             .into_owned();
-        if EMPTY_NAMES.contains(&stem.as_str()) {
-            faults.push(format!("{}: name the noun that it holds", file.display()));
+        if VAGUE_NAMES.contains(&stem.as_str()) {
+            faults.push(format!(
+                "{}: name the file after the noun that it holds",
+                file.display()
+            ));
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// The table "Crates and arrows" of ARCHITECTURE.md.
+/// Dependencies in the table "Crates and arrows" of ARCHITECTURE.md, by crate name.
 fn written_arrows() -> BTreeMap<String, Arrows> {
     let text = fs::read_to_string(workspace::root().join("ARCHITECTURE.md")).expect("the document");
     let (_, section) = text
@@ -148,7 +151,7 @@ fn written_arrows() -> BTreeMap<String, Arrows> {
     let mut table = BTreeMap::new();
     for line in section.lines().filter(|line| line.starts_with("| `")) {
         let cells: Vec<&str> = line.trim_matches('|').split('|').collect();
-        let [name, _gives, normal, build, tests] = cells[..] else {
+        let [name, _purpose, normal, build, tests] = cells[..] else {
             panic!("a row has five cells: {line}");
         };
         let arrows = Arrows {
@@ -165,7 +168,7 @@ fn written_arrows() -> BTreeMap<String, Arrows> {
     table
 }
 
-/// What stands between backticks.
+/// Names in backticks.
 fn names_in(cell: &str) -> Names {
     cell.split('`')
         .skip(1)
@@ -174,7 +177,7 @@ fn names_in(cell: &str) -> Names {
         .collect()
 }
 
-/// Every member's folder, and that of the emulated boards, a workspace of its own.
+/// Folder of every member, and of the virtual boards, which are a separate workspace.
 fn folders() -> BTreeMap<String, PathBuf> {
     let mut folders = workspace::folders().expect("cargo metadata");
     let root = workspace::root().canonicalize().expect("the root");
@@ -182,17 +185,17 @@ fn folders() -> BTreeMap<String, PathBuf> {
     folders
 }
 
-/// Every `.rs` file of a member that a person wrote; a folder with a manifest of its own is another member.
+/// Adds every `.rs` file of a member, without build outputs. A folder with its own manifest is another member.
 fn collect_sources(folder: &Path, files: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder)
         .expect("a folder")
         .map(|entry| entry.expect("an entry"))
     {
         let path = entry.path();
-        let is_ours = path.file_name().is_none_or(|name| name != "target")
+        let is_source = path.file_name().is_none_or(|name| name != "target")
             && !path.join("Cargo.toml").exists();
         if path.is_dir() {
-            if is_ours {
+            if is_source {
                 collect_sources(&path, files);
             }
         } else if path.extension().is_some_and(|extension| extension == "rs") {

@@ -1,41 +1,41 @@
-//! From the image that is flashed, on an emulated board, to a rospy subscriber of a real roscore.
+//! The images for the NUCLEO boards, on virtual boards, stream to a rospy subscriber of a real roscore.
 #![forbid(unsafe_code)]
 
 use std::time::{Duration, Instant};
 
-use acceptance::chain::{Chain, NEURO_FRAME_MD5, assert_whole, rate};
+use acceptance::chain::{Chain, NEURO_FRAME_MD5, assert_continuous, rate};
 use acceptance::{ros, virtual_board};
 
-/// Codes to see: 16 s of the board's time.
+/// Number of codes to receive: 16 s of the board's time.
 const CODES: usize = 256;
-/// Real time for them: a busy machine runs a board at a fraction of real time.
-const LONGEST: Duration = Duration::from_mins(4);
+/// Longest time for them on the wall clock: a busy machine runs a board slower than real time.
+const TIMEOUT: Duration = Duration::from_mins(4);
 
 #[test]
-fn the_default_board_streams_over_usb_to_rospy_code_by_code() {
+fn every_code_of_the_default_board_reaches_rospy_over_usb() {
     streams_to_rospy("h743", "NUCLEO-H743ZI2 to rospy");
 }
 
 #[test]
-fn the_small_board_streams_over_its_uart_to_rospy_code_by_code() {
+fn every_code_of_the_small_board_reaches_rospy_over_its_uart() {
     streams_to_rospy("f446", "NUCLEO-F446RE to rospy");
 }
 
-fn streams_to_rospy(word: &'static str, test: &str) {
+fn streams_to_rospy(name: &'static str, test: &str) {
     if !ros::available(test) || !virtual_board::available(test) {
         return;
     }
-    let board = virtual_board::Board::build(word);
+    let board = virtual_board::Board::build(name);
     let folder = tempfile::tempdir().expect("a folder");
     let port = ros::free_port().expect("a port");
     let chain = Chain::start_at(folder.path(), &format!("tcp:127.0.0.1:{port}"));
     let mut board = board.start(port, folder.path());
 
-    let begin = Instant::now();
-    while chain.heard().len() < CODES && begin.elapsed() < LONGEST && board.is_running() {
+    let start = Instant::now();
+    while chain.messages().len() < CODES && start.elapsed() < TIMEOUT && board.is_running() {
         std::thread::sleep(Duration::from_millis(500));
     }
-    let messages = chain.heard();
+    let messages = chain.messages();
     assert!(board.is_running(), "{}", board.log());
     assert!(
         messages.len() >= CODES,
@@ -43,14 +43,14 @@ fn streams_to_rospy(word: &'static str, test: &str) {
         messages.len(),
         board.log()
     );
-    // The device's clock counts whole microseconds of its own quartz.
-    assert_whole(&messages, 1);
+    // Device times are whole microseconds of the board's own quartz.
+    assert_continuous(&messages, 1);
     println!(
-        "{test}: {} codes in {:.1} s of the wall, none lost, {:.3} Hz by device stamps",
+        "{test}: {} codes in {:.1} s of wall time, none lost, {:.3} Hz by device time",
         messages.len(),
-        begin.elapsed().as_secs_f64(),
+        start.elapsed().as_secs_f64(),
         rate(&messages)
     );
-    let bag = chain.end();
+    let bag = chain.stop();
     assert!(bag.contains(NEURO_FRAME_MD5), "{bag}");
 }

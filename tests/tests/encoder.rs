@@ -1,4 +1,4 @@
-//! The streaming encoder gives the codes of the batch reference, on every window of held-out EEG.
+//! The streaming encoder computes the codes of the batch reference, on every window of held-out EEG.
 #![forbid(unsafe_code)]
 
 use acceptance::{real_data, workspace};
@@ -9,16 +9,16 @@ use pipeline::{Code, FrontEnd, Mains, Pipeline, Plane, Sample, quantise};
 const STEPS: usize = model::STEPS;
 
 #[test]
-fn every_window_of_r11_streams_as_it_batches() {
+fn streaming_equals_batch_on_every_window_of_r11() {
     compare(real_data::EDF_R11);
 }
 
 #[test]
-fn every_window_of_r12_streams_as_it_batches() {
+fn streaming_equals_batch_on_every_window_of_r12() {
     compare(real_data::EDF_R12);
 }
 
-/// Codes of the pipeline against model-gen's plain loops over the same quantised planes.
+/// Compares the codes of the pipeline with those of model-gen's plain loops over the same quantised planes.
 fn compare(file: &str) {
     let test = format!("streaming equals batch on {file}");
     let Some(path) = real_data::path(&test, file) else {
@@ -29,7 +29,7 @@ fn compare(file: &str) {
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
     let samples = real_data::samples(&path, &electrodes).expect("samples");
 
-    // Recorded where the mains have 60 Hz.
+    // The recordings come from a country with 60 Hz mains.
     let mut pipeline = Pipeline::new(Mains::Hz60);
     let mut front_end = FrontEnd::new(Mains::Hz60, &model::RESAMPLER);
     let mut planes: Vec<Plane> = Vec::new();
@@ -47,7 +47,7 @@ fn compare(file: &str) {
     let different = different(&batch, &planes, &codes);
     println!("{file}: {} windows, {different} different", codes.len());
     assert_eq!(different, 0);
-    // 125 s of EEG: neither constant nor clipped away.
+    // 125 s of EEG, whose codes are neither constant nor all clipped.
     assert!(codes.len() > 1900);
     assert!(
         codes

@@ -1,8 +1,8 @@
-//! The streaming encoder gives the codes that numpy computes from the integer model, byte for byte.
+//! The streaming encoder computes the codes that numpy computes from the integer model, byte for byte, and so does
+//! the integer reference for networks of every shape.
 //!
-//! So does the integer reference, of networks of every shape. `encoder_numpy.py` beside this file is
-//! the other implementation: it shares no line with ours, only the integers that model-gen made of
-//! the weights, in PyTorch's order.
+//! The numpy implementation, `encoder_numpy.py`, shares no code with the Rust ones. It reads the integers that
+//! model-gen makes of the weights, in PyTorch's order.
 #![forbid(unsafe_code)]
 
 use acceptance::{any_artifact, numpy_reference, real_data, workspace};
@@ -15,7 +15,7 @@ use pipeline::{Acquisition, Encoder, Mains, Plane, Sample, Step};
 /// Windows over all inputs, unless `CORTICODE_WINDOWS` asks for more.
 const WINDOWS: usize = 1_000;
 
-/// Formats of codes, which the networks of every shape take in turn.
+/// Formats of codes; network number n has format n modulo 3.
 const FORMATS: [CodeFormat; 3] = [
     CodeFormat::Int8,
     CodeFormat::Int8Exponent,
@@ -25,7 +25,7 @@ const FORMATS: [CodeFormat; 3] = [
 #[test]
 fn numpy_computes_the_codes_of_the_streaming_encoder() {
     let test = "codes against numpy";
-    if !numpy_reference::is_there(test) {
+    if !numpy_reference::available(test) {
         return;
     }
     let inputs = inputs(test);
@@ -41,14 +41,14 @@ fn numpy_computes_the_codes_of_the_streaming_encoder() {
     let different = pairs.filter(|(ours, theirs)| ours != theirs).count();
     println!("{} windows, {different} different", codes.len());
     assert_eq!((theirs.len(), different), (codes.len(), 0));
-    // Silence repeats itself, everything else does not.
+    // Codes repeat only in silence.
     let changes = codes.windows(2).filter(|pair| pair[0] != pair[1]).count();
     assert!(changes > codes.len() / 2, "{changes} of {}", codes.len());
 }
 
 #[test]
-fn numpy_computes_the_codes_of_the_reference_in_every_variant() {
-    if !numpy_reference::is_there("codes of every variant against numpy") {
+fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
+    if !numpy_reference::available("codes of every variant against numpy") {
         return;
     }
     for (seed, (mode, padding, pool)) in (1..).zip(any_artifact::every_variant()) {
@@ -60,7 +60,7 @@ fn numpy_computes_the_codes_of_the_reference_in_every_variant() {
         let quiet = windows
             .iter()
             .map(|window| any_artifact::planes(&artifact, &model, window));
-        // The rails take activations and codes to theirs.
+        // Inputs at the rails drive activations and codes to their rails.
         let rails = std::array::from_fn(|step| [if step % 5 < 3 { 127 } else { -128 }; 90]);
         let windows: Vec<[Plane; STEPS]> = quiet.chain([rails]).collect();
         let theirs = numpy_reference::integer_codes(&model, windows.iter().map(|w| &w[..]));
@@ -86,10 +86,10 @@ fn numpy_computes_the_codes_of_the_reference_in_every_variant() {
     }
 }
 
-/// Planes that no head makes, synthetic EEG, and real EEG where there is some.
+/// Planes of extreme inputs, of synthetic EEG, and of real EEG where it is available.
 fn inputs(test: &str) -> Vec<Vec<Plane>> {
-    let asked = std::env::var("CORTICODE_WINDOWS").ok();
-    let windows = asked.map_or(WINDOWS, |text| text.parse().expect("a number of windows"));
+    let requested = std::env::var("CORTICODE_WINDOWS").ok();
+    let windows = requested.map_or(WINDOWS, |text| text.parse().expect("a number of windows"));
     let real = real_data::path(test, real_data::EDF_R12);
     let count = Stress::ALL.len() + 1 + usize::from(real.is_some());
     let steps = hop::steps(windows.div_ceil(count));

@@ -1,20 +1,20 @@
-//! The fixed-point filters give what scipy's floating-point filters give, on real EEG.
+//! The output of the fixed-point filters equals that of scipy's floating-point filters, on real EEG.
 #![forbid(unsafe_code)]
 
 use acceptance::npz::{Array, Npz};
 use acceptance::real_data;
 use pipeline::{FrontEnd, Mains};
 
-/// Half a step of the ADC: what rounding to counts may change, uV.
+/// Largest error of rounding to counts: half a count, in uV.
 const HALF_COUNT_UV: f64 = 0.5 * model::LSB_NV as f64 / 1000.0;
 
-/// Steps of a filtered sample in a count.
-const STEPS_PER_COUNT: f64 = (1_u32 << model::GUARD_BITS) as f64;
+/// Quantisation levels of a filtered sample per count.
+const LEVELS_PER_COUNT: f64 = (1_u32 << model::GUARD_BITS) as f64;
 
-/// scipy: `butter(5, [0.5, 60], 'bandpass', fs=512, output='sos')` after `iirnotch(50, 30, 512)`,
-/// `sosfilt` from rest, every fourth sample, float32; the archive holds the coefficients too.
+/// The reference is scipy's `sosfilt` from rest with `iirnotch(50, 30, 512)`, followed by `butter(5, [0.5, 60],
+/// 'bandpass', fs=512, output='sos')`; every fourth sample, float32. Its archive contains the coefficients, too.
 #[test]
-fn filtered_eeg_equals_scipys_up_to_the_adcs_rounding() {
+fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
     let test = "filters against scipy";
     let Some(recording) = real_data::path(test, real_data::GDF_F32) else {
         return;
@@ -35,32 +35,32 @@ fn filtered_eeg_equals_scipys_up_to_the_adcs_rounding() {
         .collect();
     assert_eq!(filtered.len(), 240 * 16);
 
-    let uv_per_step = f64::from(model::LSB_NV) / 1000.0 / STEPS_PER_COUNT;
+    let uv_per_level = f64::from(model::LSB_NV) / 1000.0 / LEVELS_PER_COUNT;
     let [mut worst, mut largest, mut squares] = [0.0_f64; 3];
     for (plane, electrodes) in windows.values.chunks_exact(90).zip(&filtered) {
         for (value, cell) in electrodes.iter().zip(model::GRID_CELL) {
             let expected = plane[usize::from(cell)];
-            let error = (f64::from(*value) * uv_per_step - expected).abs();
+            let error = (f64::from(*value) * uv_per_level - expected).abs();
             worst = worst.max(error);
             largest = largest.max(expected.abs());
             squares += error * error;
         }
     }
     let rms = (squares / (240.0 * 16.0 * 61.0)).sqrt();
-    // Rounding to counts, at worst in step with the impulse response, and float32 of the reference.
+    // Rounding to counts, at worst with the signs of the impulse response, and float32 of the reference.
     let rounding = worst_gain * HALF_COUNT_UV + largest * f64::from(f32::EPSILON);
-    // The filters' own rounding: one count. Measured in all: 0.0177 uV.
-    let bound = rounding + STEPS_PER_COUNT * uv_per_step;
+    // The filters' own rounding: one count. The total error was measured as 0.0177 uV.
+    let bound = rounding + LEVELS_PER_COUNT * uv_per_level;
     println!(
         "filters against scipy: max error {worst:.4} uV (bound {bound:.4}), rms {rms:.4} uV, of \
          at most {largest:.1} uV; worst-case gain {worst_gain:.3}"
     );
     assert!(worst <= bound);
-    // A test that compares zeros with zeros would pass as well.
+    // The signal is not zero: two zero signals would be equal, too.
     assert!(largest > 50.0);
 }
 
-/// scipy's sections, the notch first: b0, b1, b2, a0 = 1, a1, a2 each.
+/// scipy's sections, the notch first; each has b0, b1, b2, a0 = 1, a1, a2.
 fn sections(reference: &mut Npz) -> Vec<[f64; 6]> {
     let band_pass: Array = reference.array("sos").expect("sos");
     let notch = reference.array("notch").expect("notch");
@@ -72,7 +72,7 @@ fn sections(reference: &mut Npz) -> Vec<[f64; 6]> {
     values.as_chunks().0.to_vec()
 }
 
-/// Sum of the magnitudes of the impulse response: the gain for the worst input there is.
+/// Sum of the magnitudes of the impulse response: the gain for the worst possible input.
 fn l1_norm(sections: &[[f64; 6]]) -> f64 {
     let mut states = vec![[0.0; 2]; sections.len()];
     // 20 s: the slowest pole, at 0.5 Hz, has decayed by e^-40.

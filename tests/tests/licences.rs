@@ -1,21 +1,20 @@
-//! Everything we link has a licence on deny.toml's list.
+//! Every linked package has a licence on the list in deny.toml.
 #![forbid(unsafe_code)]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 
-use acceptance::skip::skipped;
 use acceptance::workspace::{self, WorkspaceError};
+use emulator::skip::skipped;
 use spdx::{Expression, LicenseReq, ParseMode};
 
-/// Old manifests write `/` for `OR`; every other deviation from SPDX is an error.
+/// Old manifests contain `/` for `OR`; every other deviation from SPDX is an error.
 const MODE: ParseMode = ParseMode {
     allow_slash_as_or_operator: true,
     ..ParseMode::STRICT
 };
 
-/// Folders with a manifest and a deny.toml: everything that is built and shipped, and the emulated boards,
-/// which only tests run.
+/// Workspaces with a deny.toml: the main one, and that of the virtual boards, which only tests run.
 const WORKSPACES: [&str; 2] = [".", "tests/virtual-board"];
 
 #[test]
@@ -67,7 +66,7 @@ fn a_copyleft_licence_and_a_missing_one_are_refused() {
     assert!(!accepts(&allowed, ""));
 }
 
-/// The list under `[licenses] allow`.
+/// The list `allow` of the table `[licenses]`.
 fn allowed(workspace: &str) -> BTreeSet<String> {
     let file = workspace::root().join(workspace).join("deny.toml");
     let text = fs::read_to_string(file).expect("deny.toml");
@@ -78,13 +77,13 @@ fn allowed(workspace: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// Licence expression of every package that any target, build script or test of ours links.
+/// Licence expression of every package that a target, build script or test of the workspace links, by package.
 ///
-/// `cargo tree` and not `cargo metadata`: the latter also lists what no enabled feature reaches.
+/// From `cargo tree`: `cargo metadata` also lists packages that no enabled feature reaches.
 fn dependencies(workspace: &str) -> BTreeMap<String, String> {
     let all = tree(workspace, &["--target=all"]).or_else(|error| {
-        // Packages of other systems are not on this machine until cargo fetches them.
-        skipped("licences of other systems' packages", &error.to_string());
+        // Packages of other systems are missing on this machine until cargo fetches them.
+        skipped("licences of other systems' packages", error);
         tree(workspace, &["--offline"])
     });
     let packages: BTreeMap<String, String> = all
@@ -101,7 +100,7 @@ fn dependencies(workspace: &str) -> BTreeMap<String, String> {
     packages
 }
 
-/// Every package and its licence, one per line.
+/// Lines `PACKAGE|LICENCE` of `cargo tree`; `choice` selects the targets.
 fn tree(workspace: &str, choice: &[&str]) -> Result<String, WorkspaceError> {
     let manifest = format!("--manifest-path={workspace}/Cargo.toml");
     let arguments = [
@@ -116,7 +115,7 @@ fn tree(workspace: &str, choice: &[&str]) -> Result<String, WorkspaceError> {
     workspace::cargo(&[&arguments, choice].concat())
 }
 
-/// Whether this licence expression can be met by the allowed licences alone.
+/// Whether the allowed licences satisfy a licence expression.
 fn accepts(allowed: &BTreeSet<String>, licence: &str) -> bool {
     let on_list = |required: &LicenseReq| allowed.contains(&required.to_string());
     Expression::parse_mode(licence, MODE).is_ok_and(|expression| expression.evaluate(on_list))

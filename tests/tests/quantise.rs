@@ -1,15 +1,15 @@
-//! The integer encoder against the float one, on networks in which every layer, every padding and
-//! every sign of batch norm matters.
+//! The codes of the integer encoder follow those of the float encoder, on networks in which every layer, every
+//! padding and every sign of a batch norm matters.
 #![forbid(unsafe_code)]
 
 use acceptance::any_artifact::{any_artifact, every_variant, planes, windows};
 use artifact::{Artifact, CODE, FloatEncoder, Mode, Padding};
 use model_gen::{IntegerModel, ModelGenError, quantise};
 
-/// Windows of each variant; other ones than those of its calibration.
+/// Windows of each variant, which its calibration has not seen.
 const WINDOWS: usize = 6;
 
-/// Codes of the same windows by both encoders, the integers dequantised.
+/// Codes of the same windows by the float encoder, and by the integer encoder after dequantisation.
 fn codes(
     artifact: &Artifact,
     model: &IntegerModel,
@@ -25,7 +25,7 @@ fn codes(
         .unzip()
 }
 
-/// Signal over quantisation noise of all codes, dB, means removed per dimension.
+/// Ratio of signal to quantisation noise over all codes in dB, without the mean of each dimension.
 fn sqnr_db((float, integer): &(Vec<[f32; CODE]>, Vec<[f32; CODE]>)) -> f32 {
     let (mut signal, mut noise) = (0.0, 0.0);
     for j in 0..CODE {
@@ -46,7 +46,7 @@ fn integer_codes_follow_the_float_codes_in_every_variant() {
         let model = quantise(&artifact).expect("a quantisable network");
         let sqnr = sqnr_db(&codes(&artifact, &model, seed));
         println!("{mode:?}, {padding:?}, {pool:?}: {sqnr:.1} dB");
-        // Measured 29.5 dB at least with a shortcut, 22.2 dB without.
+        // Measured at least 29.5 dB with a shortcut, 22.2 dB without.
         let floor_db = if mode.has_shortcut() { 27.0 } else { 21.0 };
         assert!(
             sqnr > floor_db,
@@ -56,7 +56,7 @@ fn integer_codes_follow_the_float_codes_in_every_variant() {
 }
 
 #[test]
-fn zeros_in_place_of_the_padding_spoil_the_codes() {
+fn zeros_in_place_of_the_padding_degrade_the_codes() {
     for padding in [Padding::Space, Padding::All] {
         let artifact = any_artifact(7, Mode::PaperCodeOnly, padding, [2, 2, 2], 8);
         let artifact = artifact.expect("an artifact");
@@ -65,13 +65,13 @@ fn zeros_in_place_of_the_padding_spoil_the_codes() {
         model.hidden_padding.fill(0);
         let wrong = sqnr_db(&codes(&artifact, &model, 7));
         println!("{padding:?}: {right:.1} dB, with zeros {wrong:.1} dB");
-        // Measured 26 dB less.
+        // Measured: 26 dB less.
         assert!(wrong < right - 20.0, "{padding:?}: {right:.1}, {wrong:.1}");
     }
 }
 
 #[test]
-fn what_a_mode_lacks_is_empty() {
+fn layers_that_a_mode_lacks_are_empty() {
     let model = |mode| {
         let artifact = any_artifact(3, mode, Padding::None, [2, 2, 2], 16).expect("an artifact");
         quantise(&artifact).expect("a quantisable network")
@@ -90,7 +90,7 @@ fn what_a_mode_lacks_is_empty() {
 }
 
 #[test]
-fn a_padding_beyond_16_bits_is_refused_by_channel() {
+fn a_padding_beyond_16_bits_is_refused_naming_its_channel() {
     let mut artifact =
         any_artifact(5, Mode::Shortcut, Padding::Space, [2, 2, 2], 8).expect("an artifact");
     let mut bias = vec![0.0; 16];
@@ -104,7 +104,7 @@ fn a_padding_beyond_16_bits_is_refused_by_channel() {
 }
 
 #[test]
-fn a_dimension_that_never_comes_near_zero_keeps_its_resolution() {
+fn a_dimension_far_from_zero_keeps_its_resolution() {
     let mut artifact =
         any_artifact(4, Mode::Shortcut, Padding::None, [2, 2, 2], 8).expect("an artifact");
     let raise = |name: &str, by: f32| {

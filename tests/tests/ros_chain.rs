@@ -1,9 +1,9 @@
-//! From EEG to a rospy subscriber of a real roscore: every code, in order, with the right numbers.
+//! Every code of an EEG reaches a rospy subscriber of a real roscore, in order, with the right values.
 #![forbid(unsafe_code)]
 
 use std::time::{Duration, Instant};
 
-use acceptance::chain::{Chain, Message, NEURO_FRAME_MD5, heard};
+use acceptance::chain::{Chain, Message, NEURO_FRAME_MD5, messages_of};
 use acceptance::{real_data, ros};
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
@@ -11,11 +11,11 @@ use pipeline::{Mains, Pipeline, Sample};
 
 /// Seconds of EEG per run.
 const SECONDS: u32 = 20;
-/// What the end of a run may lag behind on a busy machine.
+/// Longest delay of the end of a run on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
-fn synthetic_eeg_reaches_rospy_code_by_code() {
+fn every_code_of_synthetic_eeg_reaches_rospy() {
     let test = "synthetic EEG to rospy";
     if !ros::available(test) {
         return;
@@ -34,12 +34,12 @@ fn synthetic_eeg_reaches_rospy_code_by_code() {
 }
 
 #[test]
-fn a_gdf_recording_at_512_hz_reaches_rospy_code_by_code() {
+fn every_code_of_a_gdf_recording_at_512_hz_reaches_rospy() {
     recording_passes("GDF, 512 Hz, to rospy", real_data::GDF_I16);
 }
 
 #[test]
-fn an_edf_recording_at_160_hz_reaches_rospy_code_by_code() {
+fn every_code_of_an_edf_recording_at_160_hz_reaches_rospy() {
     recording_passes("EDF, 160 Hz, to rospy", real_data::EDF_R11);
 }
 
@@ -57,14 +57,14 @@ fn recording_passes(test: &str, file: &str) {
     passes(test, &[&input, "--mains=60"], Mains::Hz60, samples);
 }
 
-/// Runs the chain on `input` and holds what rospy hears against the pipeline in this process.
+/// Runs the chain on `input` and compares the messages at rospy with the pipeline in this process.
 fn passes(test: &str, input: &[&str], mains: Mains, samples: impl Iterator<Item = Sample>) {
     let folder = tempfile::tempdir().expect("a folder");
     let mut chain = Chain::start(folder.path());
     let duration = SECONDS.to_string();
     let mut board = chain.board(&[input, &["--duration", &duration]].concat());
 
-    // While it runs: what a person types first.
+    // While the chain runs, try what a user types first.
     chain.wait_for(16);
     let echo = chain.ros.tool("rostopic", &["echo", "-n1", "/encoded"]);
     assert!(
@@ -82,14 +82,14 @@ fn passes(test: &str, input: &[&str], mains: Mains, samples: impl Iterator<Item 
     let ended = board.wait(SLACK);
     assert!(ended.success(), "{}", board.log());
     let expected = expected_codes(mains, samples);
-    let made = format!("{} codes made, 0 frames dropped", expected.len());
+    let summary = format!("{} codes made, 0 frames dropped", expected.len());
     assert!(
-        board.errors().contains(&made),
-        "not {made:?}: {}",
+        board.errors().contains(&summary),
+        "not {summary:?}: {}",
         board.errors()
     );
     chain.wait_for(expected.len());
-    let messages = chain.heard();
+    let messages = chain.messages();
     assert_eq!(messages.len(), expected.len(), "messages at the subscriber");
     assert_contract(&messages);
     for (message, values) in messages.iter().zip(&expected) {
@@ -99,7 +99,7 @@ fn passes(test: &str, input: &[&str], mains: Mains, samples: impl Iterator<Item 
             .zip(values)
             .map(|(x, y)| (x - y).abs())
             .fold(0.0, f64::max);
-        // Six decimals in the subscriber's lines, and float32.
+        // The subscriber prints six decimals of a float32.
         assert!(
             largest < 2e-5 * values.iter().fold(1.0, |m: f64, x| m.max(x.abs())),
             "{largest}"
@@ -107,7 +107,7 @@ fn passes(test: &str, input: &[&str], mains: Mains, samples: impl Iterator<Item 
     }
     report(test, &messages);
 
-    let bag = chain.end();
+    let bag = chain.stop();
     assert!(bag.contains(NEURO_FRAME_MD5), "{bag}");
     let recorded = format!("{} msgs", expected.len());
     assert!(
@@ -124,16 +124,16 @@ fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Ve
         .take(count)
         .filter_map(|sample| pipeline.push(&sample));
     let scales = model::CODE_SCALE.iter().zip(&model::CODE_ZERO_POINT);
-    let dequantise = |steps: [i32; 128]| {
-        let pairs = steps.into_iter().zip(scales.clone());
+    let dequantise = |levels: [i32; 128]| {
+        let pairs = levels.into_iter().zip(scales.clone());
         pairs
-            .map(|(step, (scale, zero))| f64::from(step - i32::from(*zero)) * f64::from(*scale))
+            .map(|(level, (scale, zero))| f64::from(level - i32::from(*zero)) * f64::from(*scale))
             .collect()
     };
     codes.map(|code| dequantise(code.values.steps())).collect()
 }
 
-/// The contract of ROS-Neuro's acquisition, and nothing lost.
+/// Checks the contract of ROS-Neuro's acquisition, and that no code is lost.
 fn assert_contract(messages: &[Message]) {
     let labels: Vec<String> = (0..128).map(|index| format!("z{index:03}")).collect();
     for (index, message) in messages.iter().enumerate() {
@@ -169,7 +169,7 @@ fn assert_contract(messages: &[Message]) {
                 .all(|value| (low..=high).contains(value))
         );
     }
-    // 16.00 Hz: the device's stamps are 32 samples of 512 Hz apart, to the microsecond.
+    // 16.00 Hz: device times are exactly 32 samples of 512 Hz apart.
     for pair in messages.windows(2) {
         assert_eq!(
             pair[1].status.device_us() - pair[0].status.device_us(),
@@ -179,7 +179,7 @@ fn assert_contract(messages: &[Message]) {
     }
 }
 
-/// Arrival times are the machine's affair: shown, not judged.
+/// Prints the arrival times, which depend on the load of the machine and are not checked.
 fn report(test: &str, messages: &[Message]) {
     let intervals: Vec<f64> = messages
         .windows(2)
@@ -189,13 +189,13 @@ fn report(test: &str, messages: &[Message]) {
     let mean = intervals.iter().sum::<f64>() / count;
     let sd = (intervals.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt();
     println!(
-        "{test}: {} codes, none lost, 62.500 ms by device stamps, {mean:.3} +- {sd:.3} ms at rospy",
+        "{test}: {} codes, none lost, 62.500 ms by device time, {mean:.3} +- {sd:.3} ms at rospy",
         messages.len()
     );
 }
 
 #[test]
-fn a_restarted_roscore_costs_no_code() {
+fn a_restart_of_roscore_loses_no_code() {
     if !ros::available("roscore restart") {
         return;
     }
@@ -204,36 +204,39 @@ fn a_restarted_roscore_costs_no_code() {
     let mut board = chain.board(&["--input=synthetic", "--duration=45"]);
     chain.wait_for(48);
     chain.ros.restart_core().expect("a new roscore");
-    let begin = Instant::now();
-    // A new subscriber knows only the new master: it hears once the bridge has registered again.
+    let start = Instant::now();
+    // A new subscriber knows only the new master: it receives codes once the bridge has registered again.
     let mut another = chain.another_subscriber();
     another.wait_until(
         "the bridge is registered at the new master",
         SLACK,
-        |another| heard(another).len() >= 16,
+        |another| messages_of(another).len() >= 16,
     );
     println!(
         "roscore restart: a new subscriber has 16 codes after {:.1} s",
-        begin.elapsed().as_secs_f64()
+        start.elapsed().as_secs_f64()
     );
     assert!(
         board.is_running(),
-        "the board ended before the new subscriber heard it"
+        "the board ended before the new subscriber received a code"
     );
-    let from_new: Vec<u32> = heard(&another).iter().map(|message| message.seq).collect();
+    let from_new: Vec<u32> = messages_of(&another)
+        .iter()
+        .map(|message| message.seq)
+        .collect();
     assert!(
         from_new.windows(2).all(|pair| pair[1] == pair[0] + 1),
         "gaps: {from_new:?}"
     );
 
     assert!(board.wait(SLACK).success(), "{}", board.log());
-    let made = 1 + (45 * 128 - 16) / 8;
-    chain.wait_for(made);
-    let messages = chain.heard();
+    let codes = 1 + (45 * 128 - 16) / 8;
+    chain.wait_for(codes);
+    let messages = chain.messages();
     assert_eq!(
         messages.len(),
-        made,
-        "messages over the link that outlived the old master"
+        codes,
+        "messages over the connection from before the restart"
     );
     assert_contract(&messages);
 }

@@ -1,9 +1,9 @@
-//! Raw samples and filtered steps on their way to rospy: every one, in order, with the right numbers.
+//! Every raw sample and every filtered step reaches rospy, in order, with the right values.
 #![forbid(unsafe_code)]
 
 use std::time::Duration;
 
-use acceptance::chain::{Chain, Message, NEURO_FRAME_MD5, heard};
+use acceptance::chain::{Chain, Message, NEURO_FRAME_MD5, messages_of};
 use acceptance::process::Process;
 use acceptance::ros;
 use host_sim::synthetic::{Generator, SyntheticSpec};
@@ -13,15 +13,15 @@ use pipeline::{Acquisition, Mains, Sample};
 
 /// Seconds of EEG.
 const SECONDS: usize = 8;
-/// Samples in a frame of `/neurodata`: those of a hop.
+/// Samples per frame of `/neurodata`: those of a hop.
 const SAMPLES: usize = HOP * ADC_RATE_HZ as usize / STEP_RATE_HZ as usize;
-/// Bits behind the point of a filtered step.
+/// Scale of a filtered step: 2^5, for 5 fraction bits.
 const FRACTION: f64 = 32.0;
-/// What the end of a run may lag behind on a busy machine.
+/// Longest delay of the end of a run on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
-fn samples_and_steps_reach_rospy_beside_the_codes() {
+fn samples_and_steps_reach_rospy_together_with_the_codes() {
     let test = "raw samples and filtered steps to rospy";
     if !ros::available(test) {
         return;
@@ -34,8 +34,8 @@ fn samples_and_steps_reach_rospy_beside_the_codes() {
     let mut board = chain.board(&["--input=synthetic", "--seed=7", "--duration", &duration]);
     let ended = board.wait(SLACK);
     assert!(ended.success(), "{}", board.log());
-    let made = board.errors();
-    assert!(made.contains(" 0 frames dropped"), "{made}");
+    let summary = board.errors();
+    assert!(summary.contains(" 0 frames dropped"), "{summary}");
 
     let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
     let mut generator = Generator::new(&spec).expect("the model's electrodes");
@@ -72,25 +72,25 @@ fn samples_and_steps_reach_rospy_beside_the_codes() {
     assert_frames(&messages, HOP, STEP_RATE_HZ);
     assert_values(&messages, &expected);
 
-    let codes = chain.heard();
+    let codes = chain.messages();
     assert!(codes.iter().all(|code| code.status.lost == 0));
     println!("{test}: {total} samples and their steps, none lost");
-    let bag = chain.end();
+    let bag = chain.stop();
     assert!(bag.contains(NEURO_FRAME_MD5), "{bag}");
 }
 
-/// All messages of a topic, when they have come.
+/// Waits for all messages of a topic.
 fn all(subscriber: &mut Process, count: usize) -> Vec<Message> {
     let what = format!("{count} frames of samples");
     subscriber.wait_until(&what, SLACK, |subscriber| {
         subscriber.output().lines().count() > count
     });
-    let messages = heard(subscriber);
+    let messages = messages_of(subscriber);
     assert_eq!(messages.len(), count);
     messages
 }
 
-/// ROS-Neuro's contract: samples-major, one label per channel, in order, nothing made up.
+/// Checks ROS-Neuro's contract: samples-major, one label per channel, in order, no filler.
 fn assert_frames(messages: &[Message], nsamples: usize, rate_hz: u16) {
     let labels: Vec<String> = model::LABELS.split(' ').map(str::to_owned).collect();
     for (index, message) in (0..).zip(messages) {
@@ -112,14 +112,14 @@ fn assert_frames(messages: &[Message], nsamples: usize, rate_hz: u16) {
         assert_eq!((message.eeg.minmax.len(), message.exg.minmax.len()), (2, 2));
     }
     for pair in messages.windows(2) {
-        let apart = pair[1].status.device_us() - pair[0].status.device_us();
-        // Samples do not come at whole microseconds.
-        assert!(apart.abs_diff(62_500) <= 1, "{apart} us");
+        let period_us = pair[1].status.device_us() - pair[0].status.device_us();
+        // Samples are not a whole number of microseconds apart.
+        assert!(period_us.abs_diff(62_500) <= 1, "{period_us} us");
         assert!(pair[1].stamp > pair[0].stamp);
     }
 }
 
-/// Six decimals in the subscriber's lines, and float32.
+/// Checks values, within the six decimals of the subscriber's lines and float32.
 fn assert_values(messages: &[Message], expected: &[f64]) {
     let values = messages.iter().flat_map(|message| &message.values);
     let mut count = 0;

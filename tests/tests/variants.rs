@@ -1,7 +1,7 @@
-//! The device's half of other models than the built-in one: built from their artifacts as a user
-//! builds them, and streamed against the batch reference.
+//! The pipeline with other models than the built-in one, built from their artifacts as a user builds them, streams
+//! the codes of the batch reference.
 //!
-//! The reference itself is held to numpy for every variant in `encoder_numpy.rs`.
+//! `encoder_numpy.rs` compares the reference itself with numpy for every variant.
 #![forbid(unsafe_code)]
 
 use std::process::Command;
@@ -13,7 +13,7 @@ use artifact::{
     Padding,
 };
 
-/// One for each kernel, for each end of a padded window, and for each half that can be missing.
+/// Models that together use every kernel, both ends of a padded window, and an encoder without each optional half.
 const VARIANTS: [(Mode, Padding, [usize; 3], usize); 6] = [
     (Paper, Padding::None, [2, 2, 2], 16),
     (Paper, Padding::None, [4, 3, 3], 8),
@@ -23,7 +23,7 @@ const VARIANTS: [(Mode, Padding, [usize; 3], usize); 6] = [
     (Pca, Padding::None, [2, 2, 2], 8),
 ];
 
-/// Formats of codes, which the variants take in turn.
+/// Formats of codes, assigned to the variants in rotation.
 const FORMATS: [CodeFormat; 3] = [
     CodeFormat::Int8Exponent,
     CodeFormat::Int16,
@@ -31,7 +31,7 @@ const FORMATS: [CodeFormat; 3] = [
 ];
 
 #[test]
-fn any_model_streams_as_it_batches() {
+fn streaming_equals_batch_with_every_variant() {
     let formats = FORMATS.into_iter().cycle();
     for ((seed, (mode, padding, pool, hop)), format) in (1..).zip(VARIANTS).zip(formats) {
         let folder = tempfile::tempdir().expect("a folder");
@@ -49,23 +49,23 @@ fn any_model_streams_as_it_batches() {
             .args(test)
             .current_dir(workspace::root())
             .env("CORTICODE_ARTIFACT", folder.path())
-            // Beside the others: a change of the model would rebuild everything behind it, twice.
+            // A separate folder: each change of the model would rebuild its dependants in the usual one, twice.
             .env("CARGO_TARGET_DIR", target().join("variants"))
             .output()
             .expect("cargo runs");
-        let said = String::from_utf8_lossy(&output.stdout);
+        let stdout = String::from_utf8_lossy(&output.stdout);
         let variant = format!("{mode:?}, padding {padding:?}, pool {pool:?}, hop {hop}, {format}");
         assert!(
             output.status.success(),
-            "{variant}:\n{said}\n{}",
+            "{variant}:\n{stdout}\n{}",
             String::from_utf8_lossy(&output.stderr)
         );
-        let result = said.lines().find(|line| line.starts_with("test result"));
+        let result = stdout.lines().find(|line| line.starts_with("test result"));
         println!("{variant}: {}", result.expect("a test ran"));
     }
 }
 
-/// Where cargo builds this test.
+/// Cargo's target folder, in which this test was built.
 fn target() -> std::path::PathBuf {
     let this = std::env::current_exe().expect("this program has a path");
     let profile = this.ancestors().nth(2).expect("target/profile/deps/test");

@@ -5,18 +5,10 @@ use std::fs::OpenOptions;
 use std::io::Write;
 
 use serde::Serialize;
+use serde_json::Value;
 
 /// Environment variable with the path of the file.
 pub const FILE: &str = "CORTICODE_FIGURES";
-
-/// One line of the file.
-#[derive(Debug, Serialize)]
-struct Line<'f, F> {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    machine: Option<&'f str>,
-    #[serde(flatten)]
-    figures: &'f F,
-}
 
 /// Prints a line of figures, and appends it to the file where [`FILE`] names one. The figures are a map or a
 /// struct; their keys stand next to `machine`, which is left out where the figures are those of no machine.
@@ -24,8 +16,7 @@ struct Line<'f, F> {
 /// # Panics
 /// The figures cannot be written.
 pub fn record(machine: Option<&str>, figures: &impl Serialize) {
-    let line = Line { machine, figures };
-    let line = serde_json::to_string(&line).expect("figures are a map with text keys") + "\n";
+    let line = line(machine, figures);
     print!("{line}");
     let Some(path) = env::var_os(FILE) else {
         return;
@@ -34,6 +25,14 @@ pub fn record(machine: Option<&str>, figures: &impl Serialize) {
     // One write, so that lines of parallel tests stay whole.
     let written = file.and_then(|mut file| file.write_all(line.as_bytes()));
     written.expect("the file named by CORTICODE_FIGURES is writable");
+}
+
+fn line(machine: Option<&str>, figures: &impl Serialize) -> String {
+    let mut line = serde_json::to_value(figures).expect("figures are a map with text keys");
+    if let Some(machine) = machine {
+        line["machine"] = Value::from(machine);
+    }
+    format!("{line}\n")
 }
 
 #[cfg(test)]
@@ -46,11 +45,8 @@ mod tests {
         struct Codes {
             codes: usize,
         }
-        let text = |machine| {
-            let figures = &Codes { codes: 7 };
-            serde_json::to_string(&Line { machine, figures }).expect("JSON")
-        };
-        assert_eq!(text(Some("m")), r#"{"machine":"m","codes":7}"#);
-        assert_eq!(text(None), r#"{"codes":7}"#);
+        let codes = Codes { codes: 7 };
+        assert_eq!(line(Some("m"), &codes), "{\"codes\":7,\"machine\":\"m\"}\n");
+        assert_eq!(line(None, &codes), "{\"codes\":7}\n");
     }
 }

@@ -8,7 +8,8 @@ use std::process::{Command, Stdio};
 use serde::Deserialize;
 
 use crate::error::EmulatorError;
-use crate::machine::{TARGET, check_target};
+use crate::installed::check_target;
+use crate::machine::TARGET;
 
 /// A linked program for a microcontroller.
 #[derive(Debug, Clone)]
@@ -116,7 +117,7 @@ fn executable(messages: &str, bin: &str) -> Option<PathBuf> {
     messages
         .filter(|message| message.target.as_ref().is_some_and(|t| t.name == bin))
         .filter_map(|message| message.executable)
-        .last()
+        .next_back()
 }
 
 #[cfg(test)]

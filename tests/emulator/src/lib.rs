@@ -26,6 +26,7 @@
 pub mod error;
 pub mod figures;
 pub mod image;
+pub mod installed;
 pub mod machine;
 pub mod pipes;
 pub mod qemu;

@@ -1,9 +1,4 @@
-//! The emulated microcontrollers, and the programs that a machine needs to emulate them.
-
-use std::path::Path;
-use std::process::{Command, Stdio};
-
-use crate::error::EmulatorError;
+//! The emulated microcontrollers.
 
 /// Target triple of the images: Cortex-M4F and M7 with a single-precision FPU.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
@@ -35,36 +30,3 @@ pub const MACHINES: [Machine; 2] = [
         features: &["--features=pipeline/cortex-m7"],
     },
 ];
-
-/// Checks that QEMU starts and that the compiler has the standard library of [`TARGET`].
-///
-/// # Errors
-/// [`EmulatorError::QemuMissing`] or [`EmulatorError::TargetMissing`].
-pub fn check_installed() -> Result<(), EmulatorError> {
-    let mut qemu = Command::new(QEMU);
-    qemu.arg("--version").stdout(Stdio::null());
-    if !qemu.status().is_ok_and(|status| status.success()) {
-        return Err(EmulatorError::QemuMissing);
-    }
-    check_target()
-}
-
-/// Checks that the compiler has the standard library of [`TARGET`].
-///
-/// # Errors
-/// [`EmulatorError::TargetMissing`].
-pub fn check_target() -> Result<(), EmulatorError> {
-    let mut library = Command::new("rustc");
-    library.args(["--print=target-libdir", "--target", TARGET]);
-    let folder = library.output().ok();
-    let folder = folder.filter(|output| output.status.success());
-    let exists = folder.is_some_and(|output| {
-        let path = String::from_utf8_lossy(&output.stdout);
-        Path::new(path.trim()).is_dir()
-    });
-    if exists {
-        Ok(())
-    } else {
-        Err(EmulatorError::TargetMissing)
-    }
-}

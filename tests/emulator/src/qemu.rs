@@ -187,7 +187,7 @@ impl Drop for Running {
 mod tests {
     use super::*;
 
-    const SILENCE: Duration = Duration::from_secs(60);
+    const SILENCE: Duration = Duration::from_mins(1);
 
     fn shell(script: &str, silence: Duration) -> Result<Vec<String>, EmulatorError> {
         run_to_end(Command::new("sh").args(["-c", script]), silence, |_| ())

@@ -23,18 +23,3 @@ pub fn skip_unless_required(test: &str, why: impl Display) {
     );
     skipped(test, why);
 }
-
-/// Whether the emulator and the standard library of its target are installed; reports `test` as skipped where
-/// they are not.
-///
-/// # Panics
-/// When they are not, and `CORTICODE_REQUIRE_ROS=1`.
-pub fn emulator_available(test: &str) -> bool {
-    match crate::machine::check_installed() {
-        Ok(()) => true,
-        Err(error) => {
-            skip_unless_required(test, error);
-            false
-        }
-    }
-}

@@ -1,0 +1,204 @@
+//! The emulated boards, and runs of an image on them.
+
+use std::fs;
+use std::path::PathBuf;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use emulator::{EmulatorError, Image, MACHINES, Machine, Qemu, Uart, figures, installed};
+use model::ADC_RATE_HZ;
+use pipeline::Sample;
+use serde::Serialize;
+
+use crate::frames::Boot;
+use crate::input;
+
+/// Package and program of the application's image.
+pub const APPLICATION: &str = "board-qemu";
+
+/// Virtual time: one instruction lasts 2^4 ns, which is 62.5 million instructions a second. At 168 MHz that is 2.7
+/// cycles for each; docs/real-time.md computes 1.6 for those of a code.
+pub const INSTRUCTION_SHIFT: u8 = 4;
+
+/// Time to start and end QEMU on a loaded machine.
+const START_TIMEOUT: Duration = Duration::from_mins(1);
+
+/// A machine, and the image for it.
+#[derive(Debug)]
+pub struct Board {
+    /// The machine that QEMU emulates.
+    pub machine: Machine,
+    /// The image, built with the kernels for this machine.
+    pub image: Image,
+}
+
+/// Both boards with the image `program` of the package of that name; none where QEMU or the target is missing,
+/// which reports `test` as skipped.
+///
+/// Each image is built when the iterator reaches it. One board at a time keeps the load of the PC, and with it the
+/// jitter of the emulated UART, the same in every scenario.
+///
+/// # Panics
+/// When the image does not build, or with `CORTICODE_REQUIRE_ROS=1` where something is missing.
+pub fn boards(test: &str, program: &str) -> impl Iterator<Item = Board> {
+    let machines: &[Machine] = if installed::available(test) {
+        &MACHINES
+    } else {
+        &[]
+    };
+    machines.iter().map(move |&machine| {
+        println!("{}, {} (emulated)", machine.name, machine.core);
+        let image = or_panic(Image::build(program, program, machine.features));
+        Board { machine, image }
+    })
+}
+
+/// Unwraps a result of the emulator, whose message names the next step.
+///
+/// # Panics
+/// With the error's message.
+pub fn or_panic<T>(result: Result<T, EmulatorError>) -> T {
+    result.unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// What the image has sent and printed in one run.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// Bytes of the UART.
+    pub sent: Vec<u8>,
+    /// Lines that the image printed.
+    pub lines: Vec<String>,
+    /// Duration on this PC.
+    pub wall: Duration,
+}
+
+impl Run {
+    /// The number that the image printed after `name`.
+    ///
+    /// # Panics
+    /// When the image did not print it.
+    pub fn printed(&self, name: &str) -> u64 {
+        let words = self.lines.iter().find_map(|line| line.strip_prefix(name));
+        let number = words.and_then(|words| words.trim().parse().ok());
+        number.unwrap_or_else(|| panic!("the image printed no `{name}`: {:?}", self.lines))
+    }
+
+    /// Overruns that the image printed at its end or reported in `Stats`, whichever are more.
+    pub fn overruns(&self, boot: &Boot) -> u64 {
+        let reported = u64::from(boot.last_stats().overruns);
+        self.printed("overruns").max(reported)
+    }
+
+    /// Checks that the board has acquired every sample, and that every frame has arrived intact.
+    ///
+    /// # Panics
+    /// When a sample was not acquired in time, or a frame was dropped, is missing or is damaged.
+    pub fn assert_complete(&self, boot: &Boot, samples: usize) {
+        assert_eq!(self.printed("samples"), samples as u64, "samples");
+        assert_eq!(self.overruns(boot), 0, "overruns");
+        let dropped = boot.last_stats().frames_dropped;
+        assert_eq!(
+            (dropped, boot.missing, boot.damaged),
+            (0, 0, 0),
+            "frames dropped, missing, damaged; the first damage: {:?}",
+            boot.first_damage
+        );
+    }
+}
+
+/// A folder with the files of a run, and the board that runs in it.
+#[derive(Debug)]
+pub struct Scenario {
+    machine: Machine,
+    image: Image,
+    /// QEMU's working folder, in which the image reads its files.
+    pub folder: PathBuf,
+    /// Longest time that the image may print nothing: it prints at its end, and runs faster than real time.
+    pub silence: Duration,
+}
+
+impl Board {
+    /// Records figures of this machine.
+    ///
+    /// # Panics
+    /// When they cannot be written.
+    pub fn record(&self, figures: &impl Serialize) {
+        figures::record(Some(self.machine.name), figures);
+    }
+
+    /// Prepares the folder of a scenario, in which the image reads these samples.
+    ///
+    /// # Panics
+    /// When the folder cannot be written.
+    pub fn scenario(&self, name: &str, samples: &[Sample]) -> Scenario {
+        let folder = PathBuf::from("emulated").join(self.machine.name).join(name);
+        let scenario = Scenario {
+            machine: self.machine,
+            image: self.image.clone(),
+            folder: or_panic(self.image.create_folder(folder)),
+            silence: START_TIMEOUT
+                + Duration::from_secs((samples.len() / usize::from(ADC_RATE_HZ)) as u64),
+        };
+        scenario.write(input::FILE, &input::to_bytes(samples));
+        scenario
+    }
+}
+
+impl Scenario {
+    /// The same scenario with another image.
+    #[must_use]
+    pub fn with_image(self, image: Image) -> Self {
+        Self { image, ..self }
+    }
+
+    /// Writes a file that the image reads.
+    ///
+    /// # Panics
+    /// When the file cannot be written.
+    pub fn write(&self, name: &str, bytes: &[u8]) {
+        let path = self.folder.join(name);
+        // A named pipe of an earlier run would block.
+        let _ = fs::remove_file(&path);
+        or_panic(fs::write(&path, bytes).map_err(EmulatorError::file(&path)));
+    }
+
+    /// QEMU with the application's arguments, in virtual time, without a UART.
+    pub fn qemu(&self, arguments: &[&str]) -> Qemu {
+        let arguments = [&[APPLICATION], arguments].concat();
+        let mut qemu = Qemu::new(&self.image, self.machine, &self.folder, &arguments);
+        qemu.instruction_time(INSTRUCTION_SHIFT);
+        qemu
+    }
+
+    /// Runs the image to its end; its UART writes into a file of this name.
+    ///
+    /// # Panics
+    /// When QEMU fails.
+    pub fn run(&self, arguments: &[&str], uart: &str) -> Run {
+        let begin = Instant::now();
+        let mut qemu = self.qemu(arguments);
+        let lines = or_panic(qemu.uart(Uart::File(uart)).run(self.silence, |_| ()));
+        let path = self.folder.join(uart);
+        Run {
+            sent: or_panic(fs::read(&path).map_err(EmulatorError::file(&path))),
+            lines,
+            wall: begin.elapsed(),
+        }
+    }
+
+    /// Runs the image twice at the same time: a disturbance of the PC does not hit both runs at the same
+    /// instruction.
+    ///
+    /// # Panics
+    /// When QEMU fails.
+    pub fn run_twice(&self, arguments: &[&str]) -> [Run; 2] {
+        thread::scope(|scope| {
+            ["first.uart", "second.uart"]
+                .map(|uart| scope.spawn(move || self.run(arguments, uart)))
+                .map(|run| {
+                    run.join()
+                        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+                })
+        })
+    }
+}

@@ -1,0 +1,134 @@
+//! Samples that the emulated converter reads.
+
+use std::env;
+use std::path::{Path, PathBuf};
+
+use host_sim::synthetic::{Generator, SyntheticSpec};
+use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ, STEPS};
+use pipeline::Sample;
+use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
+
+/// File of the samples in the image's folder: 32-bit counts, little endian, one sample after the other.
+pub const FILE: &str = "samples.i32";
+
+/// Real EEG below the folder that `CORTICODE_DATA` names: 125 s, held out of the training.
+const REAL: &str = "eegmmidb_S001/S001R11.edf";
+
+/// Environment variable with the number of codes per run, and its default.
+const CODES: (&str, usize) = ("CORTICODE_CODES", 1000);
+
+/// Samples, and where they come from.
+#[derive(Debug)]
+pub struct Input {
+    /// Samples of all sources, one source after the other.
+    pub samples: Vec<Sample>,
+    /// Names of the sources.
+    pub names: Vec<&'static str>,
+    /// Sources that are not available on this machine, and why.
+    pub skipped: Vec<String>,
+}
+
+impl Input {
+    /// Samples for the number of codes that `CORTICODE_CODES` asks for, 1000 by default.
+    ///
+    /// # Panics
+    /// When the variable is not a number of 500 to 100 000, or as [`Input::new`].
+    pub fn from_environment() -> Self {
+        let (variable, default) = CODES;
+        let codes = env::var(variable).map_or(default, |codes| {
+            codes.parse().expect("CORTICODE_CODES is a number")
+        });
+        assert!(
+            (500..=100_000).contains(&codes),
+            "CORTICODE_CODES is {codes}; 500 to 100 000 are possible"
+        );
+        Self::new(codes)
+    }
+
+    /// Samples for `codes` codes: synthetic EEG with channels at the rail, followed, for up to half of the codes,
+    /// by a real recording. The same in every run.
+    ///
+    /// # Panics
+    /// When `CORTICODE_DATA` is set and the recording cannot be read.
+    pub fn new(codes: usize) -> Self {
+        let steps = STEPS + HOP * codes.saturating_sub(1);
+        let total = (steps * usize::from(ADC_RATE_HZ)).div_ceil(usize::from(STEP_RATE_HZ));
+        let (mut names, mut skipped) = (vec!["synthetic EEG"], Vec::new());
+        let folder = env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty());
+        let real = if let Some(folder) = folder {
+            names.push("real EEG");
+            recorded(&PathBuf::from(folder).join(REAL), total / 2)
+        } else {
+            let why = "CORTICODE_DATA is not set; it names the folder that has";
+            skipped.push(format!("real EEG as input: {why} {REAL}"));
+            Vec::new()
+        };
+        let spec = SyntheticSpec {
+            rails: true,
+            ..SyntheticSpec::new(7, model::LABELS.split(' '))
+        };
+        let synthetic = Generator::new(&spec).expect("the model's electrodes have positions");
+        let synthetic = synthetic.take(total - real.len());
+        Self {
+            samples: synthetic
+                .map(|counts| Sample { counts })
+                .chain(real)
+                .collect(),
+            names,
+            skipped,
+        }
+    }
+
+    /// The samples of the first seconds, or all of a shorter input.
+    pub fn first_seconds(&self, seconds: usize) -> &[Sample] {
+        let count = seconds * usize::from(ADC_RATE_HZ);
+        &self.samples[..count.min(self.samples.len())]
+    }
+}
+
+/// At most `count` samples of a recording, from its start, as the virtual ADC delivers them.
+fn recorded(path: &Path, count: usize) -> Vec<Sample> {
+    let recording = Recording::open(path);
+    let recording = recording.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
+    let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate)
+        .expect("the recording has the model's electrodes, or their neighbours");
+    let adc = AdcSpec::ads1299(ADC_RATE_HZ.into());
+    let adc = VirtualAdc::new(recording, &map, adc).expect("a rate that can be resampled");
+    adc.take(count)
+        .map(|counts| Sample {
+            counts: counts.expect("the recording is whole"),
+        })
+        .collect()
+}
+
+/// Samples in the format of [`FILE`].
+pub fn to_bytes(samples: &[Sample]) -> Vec<u8> {
+    let counts = samples.iter().flat_map(|sample| sample.counts);
+    counts.flat_map(i32::to_le_bytes).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use pipeline::{Mains, Pipeline};
+
+    use super::*;
+
+    #[test]
+    fn an_input_makes_the_requested_number_of_codes_and_no_two_alike() {
+        let input = Input::new(40);
+        let mut pipeline = Pipeline::new(Mains::default());
+        let codes: Vec<_> = input
+            .samples
+            .iter()
+            .filter_map(|sample| pipeline.push(sample))
+            .collect();
+        assert_eq!(codes.len(), 40);
+        assert!(
+            codes
+                .windows(2)
+                .all(|pair| pair[0].values != pair[1].values)
+        );
+        assert_eq!(to_bytes(&input.samples).len(), input.samples.len() * 64 * 4);
+    }
+}

@@ -1,0 +1,31 @@
+//! Runs the application's image on both emulated microcontrollers and compares what it sends with host-sim.
+//!
+//! Each file of `tests/` is one scenario: it prepares the files that the image reads, runs the image in virtual
+//! time, records its figures and checks them. This library holds what the scenarios share.
+//!
+//! ```text
+//! Input ─┬─ samples.i32 ──> board-qemu in QEMU ── UART ──> Boot ─┬─ assertions
+//!        └─ host-sim's virtual board ── Outbox ─────────> Boot ─┘
+//! ```
+//!
+//! ```
+//! use emulated::frames::Boot;
+//! use emulated::{host, input::Input};
+//! use link::Streams;
+//!
+//! let input = Input::new(3);
+//! let boot = Boot::only(&host::sent(Streams::CODES, &input.samples));
+//! assert_eq!(boot.codes().len(), 3);
+//! ```
+#![forbid(unsafe_code)]
+
+pub mod board;
+pub mod compare;
+pub mod frames;
+pub mod host;
+pub mod input;
+pub mod refusal;
+pub mod script;
+pub mod stages;
+pub mod storm;
+pub mod trigger;

@@ -1,0 +1,123 @@
+//! A storm of commands: a hundred a second, with garbage in between.
+
+use link::{Ack, AckResult, Message, ResetInto, Start, Streams, ToDevice, ToHost, VERSION};
+use model::ADC_RATE_HZ;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::frames::encoded;
+use crate::script::{Script, frame};
+
+/// Time from one command to the next in microseconds.
+pub const PERIOD_US: u64 = 10_000;
+/// Time from a command to the garbage that follows it in microseconds.
+const GARBAGE_US: u64 = 5_000;
+/// Silence before the samples end in microseconds, so that the last counters include every command.
+const SILENCE_US: u64 = 1_500_000;
+
+/// A command that no board knows.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+struct Unknown(u32);
+
+impl Message<'_> for Unknown {
+    const KINDS: u32 = u32::MAX;
+    const DIRECTION: u8 = ToDevice::DIRECTION;
+}
+
+/// A hundred commands a second for as long as `samples` samples last: every kind that does not end the stream,
+/// wrong arguments, repetitions, and garbage in between. The same in every run.
+pub fn script(samples: usize) -> Script {
+    let mut random = ChaCha8Rng::seed_from_u64(13);
+    let mut script = Script::default();
+    let end_us = samples as u64 * 1_000_000 / u64::from(ADC_RATE_HZ);
+    let mut at_us = 50_000;
+    while at_us + SILENCE_US < end_us {
+        add_command(&mut script, at_us, &mut random);
+        if random.random_ratio(1, 3) {
+            add_garbage(&mut script, at_us + GARBAGE_US, &mut random);
+        }
+        at_us += PERIOD_US;
+    }
+    script
+}
+
+fn start(streams: Streams, mains_hz: u8) -> ToDevice {
+    ToDevice::Start(Start { streams, mains_hz })
+}
+
+fn add_command(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
+    let mut add = |command: ToDevice, result| script.add_command(1, at_us, &command, result);
+    let (done, bad) = (AckResult::Done, AckResult::BadArgument);
+    let not_here = AckResult::NotSupported;
+    match random.random_range(0..20) {
+        0 => add(ToDevice::Identify, done),
+        1 => add(start(Streams::CODES, 0), done),
+        2 => add(start(Streams::CODES, 50), done),
+        3 => add(start(Streams::CODES, random.random_range(61..=255)), bad),
+        4 => add(start(Streams::from_bits(1 | 1 << 9), 0), bad),
+        5 => add(start(Streams::empty(), 0), bad),
+        6 => add(ToDevice::SelfTest, not_here),
+        7 => add(ToDevice::Reset(ResetInto::Bootloader), not_here),
+        8 => add(ToDevice::Reset(ResetInto::Newer(9)), bad),
+        9 => script.add_command(1, at_us, &Unknown(77), AckResult::UnknownCommand),
+        10..=12 => script.repeat_command(1, at_us),
+        13..=16 => add(
+            ToDevice::SyncTime {
+                host_time_us: at_us,
+            },
+            done,
+        ),
+        _ => add(ToDevice::Ping, done),
+    }
+}
+
+/// Adds bytes that are no command, terminated by the zero that precedes every frame.
+fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
+    let ping = frame(7, VERSION, &ToDevice::Ping);
+    let mut bytes = match random.random_range(0..6) {
+        0 => {
+            let length = random.random_range(1..200);
+            (0..length).map(|_| random.random()).collect()
+        }
+        1 => {
+            let mut damaged = ping;
+            let bit = random.random_range(8..8 * (damaged.len() - 1));
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            damaged
+        }
+        2 => ping[..random.random_range(1..ping.len() - 1)].to_vec(),
+        // An echo of the board's own answer.
+        3 => encoded(&ToHost::Ack(Ack {
+            of: 7,
+            result: AckResult::Done,
+        })),
+        4 => frame(7, VERSION + 1, &ToDevice::Ping),
+        _ => {
+            // Longer than any frame, in pieces that fit the receive buffer of the UART.
+            for piece in 0..5 {
+                script.add_bytes(1, at_us + 800 * piece, &[0x55; 500]);
+            }
+            script.add_bytes(1, at_us + 4_000, &[0]);
+            return;
+        }
+    };
+    bytes.push(0);
+    script.add_bytes(1, at_us, &bytes);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_storm_has_a_hundred_commands_a_second_and_garbage_that_costs_none_of_them() {
+        let storm = script(10 * usize::from(ADC_RATE_HZ));
+        assert_eq!(storm.answers.len(), 845);
+        let (decodable, unusable) = storm.decodable_and_unusable();
+        let unknown = |ack: &&Ack| ack.result == AckResult::UnknownCommand;
+        let unknown = storm.answers.iter().filter(unknown).count();
+        assert!(unknown > 10 && unusable as usize > 100 + unknown);
+        assert_eq!(decodable as usize + unknown, storm.answers.len());
+    }
+}

@@ -1,0 +1,55 @@
+//! Whether this machine has what it takes to build and emulate an image.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use crate::error::EmulatorError;
+use crate::machine::{QEMU, TARGET};
+use crate::skip::skip_unless_required;
+
+/// Whether QEMU and the standard library of [`TARGET`] are installed; reports `test` as skipped where they are not.
+///
+/// # Panics
+/// When they are not, and `CORTICODE_REQUIRE_ROS=1`.
+pub fn available(test: &str) -> bool {
+    match check() {
+        Ok(()) => true,
+        Err(error) => {
+            skip_unless_required(test, error);
+            false
+        }
+    }
+}
+
+/// Checks that QEMU starts and that the compiler has the standard library of [`TARGET`].
+///
+/// # Errors
+/// [`EmulatorError::QemuMissing`] or [`EmulatorError::TargetMissing`].
+pub fn check() -> Result<(), EmulatorError> {
+    let mut qemu = Command::new(QEMU);
+    qemu.arg("--version").stdout(Stdio::null());
+    if !qemu.status().is_ok_and(|status| status.success()) {
+        return Err(EmulatorError::QemuMissing);
+    }
+    check_target()
+}
+
+/// Checks that the compiler has the standard library of [`TARGET`].
+///
+/// # Errors
+/// [`EmulatorError::TargetMissing`].
+pub fn check_target() -> Result<(), EmulatorError> {
+    let mut library = Command::new("rustc");
+    library.args(["--print=target-libdir", "--target", TARGET]);
+    let folder = library.output().ok();
+    let folder = folder.filter(|output| output.status.success());
+    let exists = folder.is_some_and(|output| {
+        let path = String::from_utf8_lossy(&output.stdout);
+        Path::new(path.trim()).is_dir()
+    });
+    if exists {
+        Ok(())
+    } else {
+        Err(EmulatorError::TargetMissing)
+    }
+}

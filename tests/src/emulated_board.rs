@@ -1,0 +1,63 @@
+//! The application on an emulated microcontroller in real time, as a board with a TCP port.
+
+use std::path::Path;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use emulator::{Image, MACHINES, Qemu, Uart, pipes};
+use pipeline::CHANNELS;
+
+use crate::process::Process;
+
+/// Package and program of the image.
+const IMAGE: &str = "board-qemu";
+
+/// File in the run's folder from which the image reads its samples: 32-bit counts, little endian.
+const SAMPLES: &str = "samples.i32";
+
+/// Samples per second.
+const RATE_HZ: u32 = 512;
+
+/// One instruction lasts 2^4 ns of virtual time.
+const INSTRUCTION_SHIFT: u8 = 4;
+
+/// Builds the image for a Cortex-M4F, with the profile of the boards.
+///
+/// # Panics
+/// When it does not build.
+pub fn image() -> Image {
+    let [cortex_m4f, _] = MACHINES;
+    Image::build(IMAGE, IMAGE, cortex_m4f.features).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Starts the image on a Cortex-M4F. Its UART is TCP port `port` of 127.0.0.1, its converter reads `samples`.
+///
+/// Virtual time counts instructions, but each sample arrives when it is due by the wall clock: on a late PC the
+/// emulated board waits, and does not notice.
+///
+/// # Panics
+/// When the folder cannot be written, or QEMU does not start.
+pub fn start(
+    image: &Image,
+    port: u16,
+    folder: &Path,
+    samples: impl Iterator<Item = [i32; CHANNELS]> + Send + 'static,
+) -> Process {
+    pipes::feed(&folder.join(SAMPLES), paced(samples)).expect("a named pipe");
+    let [cortex_m4f, _] = MACHINES;
+    let mut qemu = Qemu::new(image, cortex_m4f, folder, &[IMAGE]);
+    qemu.instruction_time(INSTRUCTION_SHIFT)
+        .uart(Uart::Tcp(port));
+    Process::start("qemu", &mut qemu.into_command(), folder).expect("QEMU starts")
+}
+
+/// The bytes of each sample, which the iterator yields when the sample is due.
+fn paced(samples: impl Iterator<Item = [i32; CHANNELS]>) -> impl Iterator<Item = Vec<u8>> {
+    let mut start = None;
+    (1..).zip(samples).map(move |(index, counts)| {
+        let start = *start.get_or_insert_with(Instant::now);
+        let due = start + Duration::from_secs(1) * index / RATE_HZ;
+        thread::sleep(due.saturating_duration_since(Instant::now()));
+        counts.map(i32::to_le_bytes).as_flattened().to_vec()
+    })
+}
