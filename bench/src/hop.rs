@@ -16,4 +16,10 @@ pub const fn steps(windows: usize) -> usize {
     FILLING + HOP * windows.saturating_sub(2)
 }
 
+/// Number of complete windows after `steps` time steps.
+pub const fn windows(steps: usize) -> usize {
+    (steps - STEPS) / HOP + 1
+}
+
+const _: () = assert!(windows(steps(2)) == 2 && windows(steps(9)) == 9);
 const _: () = assert!(steps(2) == FILLING && steps(3) == FILLING + HOP);

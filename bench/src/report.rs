@@ -1,13 +1,13 @@
 //! The program `report`: runs a benchmark, prints its figures, and checks them against `bench/limits.toml`.
 
 mod checked_in;
-mod eeg;
 mod encoder;
 mod failure;
 mod figures;
 mod filters;
 mod host;
 mod images;
+mod inputs;
 mod limits;
 mod table;
 mod tools;

@@ -10,15 +10,16 @@ use std::path::Path;
 
 use emulator::{Image, MACHINES};
 use model::{CODE, HOP};
-use pipeline::{CodeValues, Encoder, Step};
+use pipeline::{CodeValues, Encoder, Plane, Step};
 use serde_json::{Value as Json, json};
 
 use self::counts::Counts;
 use self::cycles::{LoopCycles, Loops, REST_M4, REST_M7, load_percent};
-use self::inputs::Inputs;
 use super::failure::Failure;
 use super::figures::Report;
+use super::inputs::Inputs;
 use super::{checked_in, images, tools};
+use crate::hop;
 
 /// Lines that an image prints in addition to those of its inputs: memory, acquisition, kernels.
 const OTHER_LINES: usize = 8;
@@ -28,7 +29,8 @@ const OTHER_LINES: usize = 8;
 /// # Errors
 /// QEMU or the target is missing, an image does not build or run, or an input cannot be made.
 pub(crate) fn measure(windows: usize) -> Result<Report, Failure> {
-    let inputs = Inputs::new(windows)?;
+    let inputs = inputs::inputs(windows)?;
+    let bytes = inputs::file(&inputs);
     tools::print_skipped(&inputs.skipped);
     let mut expected = codes(&inputs);
     // The image appends the digests of random networks, as long as one code.
@@ -46,7 +48,6 @@ pub(crate) fn measure(windows: usize) -> Result<Report, Failure> {
         let loops = Loops::read(machine, &image);
         tools::print_skipped(&loops.skipped);
         let folder = image.create_folder(Path::new("bench/encoder").join(machine.name))?;
-        let bytes = inputs.bytes();
         let (lines, output) = images::run(&image, machine, &folder, &bytes, &expected, &progress)?;
         let mut counts = Counts::parse(machine, &lines, inputs.names.len())
             .map_err(|why| images::mismatch(machine, why))?;
@@ -58,9 +59,9 @@ pub(crate) fn measure(windows: usize) -> Result<Report, Failure> {
 }
 
 /// Returns the codes that this PC computes, each input with a new encoder.
-fn codes(inputs: &Inputs) -> Vec<u8> {
+fn codes(inputs: &Inputs<Plane>) -> Vec<u8> {
     let mut codes = Vec::new();
-    for planes in &inputs.planes {
+    for planes in &inputs.data {
         let mut encoder = Encoder::new();
         for &plane in planes {
             let step = Step {
@@ -83,7 +84,7 @@ fn different(expected: &[u8], output: &[u8]) -> usize {
 
 /// Puts the figures together; the machines are those of [`MACHINES`].
 fn report(
-    inputs: &Inputs,
+    inputs: &Inputs<Plane>,
     machines: &[(Counts, Loops)],
     flash_bytes: usize,
 ) -> Result<Report, Failure> {
@@ -92,13 +93,13 @@ fn report(
         let names: Vec<&str> = blamed.map(|(counts, _)| counts.machine.name).collect();
         names.join(", ")
     };
-    let cycles = |machine: usize, rest, iteration| {
+    let cycles = |machine: usize, rest, iteration: fn(&LoopCycles) -> Option<f64>| {
         let (counts, loops) = machines.get(machine)?;
         loops.per_code(counts.per_code(), rest, iteration)
     };
-    let m4 = cycles(0, REST_M4, LoopCycles::by_table);
-    let m4_by_mca = cycles(0, REST_M4, LoopCycles::by_mca);
-    let m7 = cycles(1, REST_M7, LoopCycles::by_mca);
+    let m4 = cycles(0, REST_M4, |each| each.arm_table.map(f64::from));
+    let m4_mca = cycles(0, REST_M4, |each| each.llvm_mca);
+    let m7 = cycles(1, REST_M7, |each| each.llvm_mca);
     let load = |cycles: Option<f64>, mhz| cycles.map(|cycles| load_percent(cycles, mhz));
 
     let next = "compare with `git log` of int8-nn, pipeline, model and the toolchain";
@@ -110,7 +111,7 @@ fn report(
     }
     // With the shortcut, from memory without wait states.
     report.optional("cycles_per_code_m4", "cycles", m4);
-    report.optional("cycles_per_code_m4_llvm_mca", "cycles", m4_by_mca);
+    report.optional("cycles_per_code_m4_llvm_mca", "cycles", m4_mca);
     report.optional("cycles_per_code_m7", "cycles", m7);
     report.optional("load_168_mhz_percent", "%", load(m4, 168.0));
     report.optional("load_480_mhz_percent", "%", load(m7, 480.0));
@@ -121,7 +122,8 @@ fn report(
     report.figure("flash_bytes", "bytes", flash_bytes);
     add_parts(&mut report, flash_bytes, ram_bytes)?;
     report.flag("bytes_equal", blamed(|counts| counts.different > 0));
-    let windows = inputs.windows * inputs.names.len();
+    let steps = inputs.data.iter().map(Vec::len);
+    let windows: usize = steps.map(hop::windows).sum();
     report.figure("windows", "per machine", windows);
     report.detail("machines", machines.iter().map(json).collect::<Json>());
     report.detail("inputs", inputs.names.clone());
@@ -136,8 +138,8 @@ fn add_parts(report: &mut Report, flash_bytes: usize, ram_bytes: u32) -> Result<
     for part in checked_in::parts()? {
         let flash_left = part.flash_kib * 1024 - i64::try_from(flash_bytes).unwrap_or(i64::MAX);
         let ram_left = part.ram_kib * 1024 - i64::from(ram_bytes);
-        report.figure_of(&part.name, "flash_left", "bytes", flash_left);
-        report.figure_of(&part.name, "ram_left", "bytes", ram_left);
+        report.part(&part.name, "flash_left", flash_left);
+        report.part(&part.name, "ram_left", ram_left);
         rooms.push(json!({
             "part": part.name,
             "region": part.region,
@@ -177,11 +179,10 @@ mod tests {
 
     /// Report of one machine with all figures within their limits.
     fn sound(counts: Counts) -> Report {
-        let inputs = Inputs {
-            names: vec!["silence", "noise"],
-            windows: 12,
-            ..Inputs::default()
-        };
+        let mut inputs = Inputs::new();
+        for name in ["silence", "noise"] {
+            inputs.add(name, vec![[0; 90]; hop::steps(12)]);
+        }
         let machines = [(counts, Loops::default())];
         let mut report = report(&inputs, &machines, 300_000).expect("a report");
         report.set("worst_over_mean", 1.1);

@@ -17,8 +17,8 @@ struct Figure {
     /// Empty for a flag.
     unit: &'static str,
     value: Json,
-    /// Part that the value belongs to; empty for a key of the JSON object.
-    place: String,
+    /// Microcontroller that the value belongs to; empty for a key of the JSON object.
+    part: String,
     /// Names what makes a flag false.
     blamed: String,
     /// False where this PC lacks a tool to measure the figure.
@@ -63,7 +63,7 @@ impl Report {
             name,
             unit,
             value: value.into(),
-            place: String::new(),
+            part: String::new(),
             blamed: String::new(),
             is_measured: true,
             limit: String::new(),
@@ -83,15 +83,9 @@ impl Report {
     }
 
     /// Adds a figure of a part. It is judged, but a detail holds its key of the JSON object.
-    pub(crate) fn figure_of(
-        &mut self,
-        place: &str,
-        name: &'static str,
-        unit: &'static str,
-        value: impl Into<Json>,
-    ) {
-        self.figure(name, unit, value);
-        place.clone_into(&mut self.last().place);
+    pub(crate) fn part(&mut self, part: &str, name: &'static str, bytes_left: i64) {
+        self.figure(name, "bytes", bytes_left);
+        part.clone_into(&mut self.last().part);
     }
 
     fn last(&mut self) -> &mut Figure {
@@ -139,7 +133,7 @@ impl Report {
 impl Serialize for Report {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
-        for figure in self.figures.iter().filter(|figure| figure.place.is_empty()) {
+        for figure in self.figures.iter().filter(|figure| figure.part.is_empty()) {
             map.serialize_entry(figure.name, &figure.value)?;
         }
         for (key, value) in &self.details {
@@ -153,8 +147,8 @@ impl Serialize for Report {
 impl fmt::Display for Figure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name)?;
-        if !self.place.is_empty() {
-            write!(f, " of {}", self.place)?;
+        if !self.part.is_empty() {
+            write!(f, " of {}", self.part)?;
         }
         write!(f, " is {}", table::cell(&self.value))?;
         if !self.unit.is_empty() {
@@ -171,7 +165,7 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut rows = vec![["", "value", "unit", "limit"].map(str::to_owned).to_vec()];
         for figure in &self.figures {
-            let name = [figure.name, &figure.place].join(" ").trim_end().to_owned();
+            let name = [figure.name, &figure.part].join(" ").trim_end().to_owned();
             let value = table::cell(&figure.value);
             rows.push(vec![
                 name,

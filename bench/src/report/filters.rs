@@ -11,13 +11,13 @@ use fixed_dsp::BLOCK;
 use model::ELECTRODES;
 use serde_json::{Value as Json, json};
 
-use self::inputs::Inputs;
 use self::noise::Noise;
 use super::failure::Failure;
 use super::figures::Report;
 use super::images::{self, Lines, Tallies};
+use super::inputs::Inputs;
 use super::{checked_in, tools};
-use crate::block::{self, BLOCKS, BYTES};
+use crate::block::{self, BYTES, Block};
 use crate::contenders::{NAMES, with_contenders};
 use crate::response::{Response, Twin};
 
@@ -53,16 +53,17 @@ impl Counts {
 /// QEMU or the target is missing, the image does not build or run, or an input or picture cannot be made.
 pub(crate) fn measure() -> Result<Report, Failure> {
     let image = Image::build("bench", "filters", &[])?;
-    let inputs = Inputs::new()?;
+    let inputs = inputs::inputs()?;
     tools::print_skipped(&inputs.skipped);
+    let blocks = inputs.data.iter().flatten();
+    let bytes: Vec<u8> = blocks.flat_map(block::to_bytes).collect();
     let expected = expected(&inputs);
     let lines = inputs.names.len() * NAMES.len();
     let progress = tools::progress_bar(MACHINES.len() * lines + Noise::FILTERS.len());
     let mut machines = Vec::new();
     for machine in MACHINES {
         let folder = image.create_folder(Path::new("bench").join(machine.name))?;
-        let bytes = &inputs.bytes;
-        let (lines, output) = images::run(&image, machine, &folder, bytes, &expected, &progress)?;
+        let (lines, output) = images::run(&image, machine, &folder, &bytes, &expected, &progress)?;
         machines.push(Counts {
             machine,
             tallies: tallies(&lines, inputs.names.len())
@@ -81,9 +82,9 @@ pub(crate) fn measure() -> Result<Report, Failure> {
 }
 
 /// Returns the file that an image should write: the outputs of all contenders on this PC.
-fn expected(inputs: &Inputs) -> Vec<u8> {
+fn expected(inputs: &Inputs<Block>) -> Vec<u8> {
     let mut bytes = Vec::new();
-    for input in inputs.blocks.chunks(BLOCKS) {
+    for input in &inputs.data {
         with_contenders(|mut contenders| {
             for block in input {
                 for contender in &mut contenders {
@@ -132,7 +133,7 @@ fn draw(twin: &Twin, noise: &Noise, folder: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-fn report(inputs: &Inputs, machines: &[Counts], noise: &Noise) -> Result<Report, Failure> {
+fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> Result<Report, Failure> {
     let extreme = |contender, end: usize, pick: fn(f64, f64) -> f64| {
         let figures = machines.iter().map(|each| each.per_sample(contender)[end]);
         figures.reduce(pick).unwrap_or(f64::NAN)
@@ -212,11 +213,7 @@ mod tests {
             tallies: Tallies::of_two_inputs(&counts, varying),
             different,
         };
-        let inputs = Inputs {
-            names: vec!["silence", "noise"],
-            ..Inputs::default()
-        };
-        report(&inputs, &[machine], &Noise::of_2_4_nv()).expect("a report")
+        report(&Inputs::new(), &[machine], &Noise::of_2_4_nv()).expect("a report")
     }
 
     #[test]

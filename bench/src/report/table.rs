@@ -7,21 +7,20 @@ const LABELS: [&str; 3] = ["name", "machine", "part"];
 
 /// Lays out rows of cells under a title: the first column to the left, all others to the right.
 pub(crate) fn table(title: &str, rows: &[Vec<String>]) -> String {
-    let mut text = format!("{title}\n");
+    let mut lines = vec![title.to_owned()];
     for row in rows {
-        let mut line = String::new();
-        for (column, cell) in row.iter().enumerate() {
+        let cells = row.iter().enumerate().map(|(column, cell)| {
             let cells = rows.iter().filter_map(|row| row.get(column));
             let width = cells.map(|cell| cell.chars().count()).max().unwrap_or(0);
-            line += &match column {
+            match column {
                 0 => format!("  {cell:<width$}"),
                 _ => format!("    {cell:>width$}"),
-            };
-        }
-        text += line.trim_end();
-        text.push('\n');
+            }
+        });
+        lines.push(cells.collect::<String>().trim_end().to_owned());
     }
-    text
+    lines.retain(|line| !line.is_empty());
+    lines.join("\n") + "\n"
 }
 
 /// Text of a number, flag, string or flat array; numbers have at most three decimals.
@@ -53,7 +52,10 @@ pub(crate) fn tables(title: &str, value: &Json) -> String {
             .iter()
             .map(|(key, value)| (key.clone(), value))
             .collect(),
-        flat => return format!("\n{title}: {}\n", cell(flat)),
+        flat => match cell(flat).as_str() {
+            "" => return String::new(),
+            text => return format!("\n{title}: {text}\n"),
+        },
     };
     let mut rows = vec![vec![String::new()]];
     let mut nested = String::new();
@@ -134,7 +136,7 @@ outer, b: inner
         );
         assert_eq!(
             tables("t", &json!([[1, 2], [34, 5]])),
-            "\nt\n\n  1     1    2\n  2    34    5\n"
+            "\nt\n  1     1    2\n  2    34    5\n"
         );
         assert_eq!(tables("t", &json!(["a", "b"])), "\nt: a, b\n");
     }

@@ -48,19 +48,9 @@ pub(crate) struct LoopCycles {
     /// Instructions of an iteration.
     instructions: u32,
     /// Cycles of an iteration by ARM's table, which exists for the Cortex-M4 only.
-    arm_table: Option<u32>,
+    pub(crate) arm_table: Option<u32>,
     /// Cycles of an iteration by llvm-mca.
-    llvm_mca: Option<f64>,
-}
-
-impl LoopCycles {
-    pub(crate) fn by_table(&self) -> Option<f64> {
-        self.arm_table.map(f64::from)
-    }
-
-    pub(crate) fn by_mca(&self) -> Option<f64> {
-        self.llvm_mca
-    }
+    pub(crate) llvm_mca: Option<f64>,
 }
 
 /// All loops of one machine's image.
@@ -196,16 +186,20 @@ mod tests {
     #[test]
     fn the_cycles_of_a_code_are_those_of_its_iterations_and_the_rest() {
         let cycles = |rest, iteration| quads(100).per_code(1_200, rest, iteration);
-        assert_eq!(cycles(REST_M4, LoopCycles::by_table), Some(1_500.0 + 400.0));
-        assert_eq!(cycles(REST_M4, LoopCycles::by_mca), Some(1_250.0 + 400.0));
-        assert_eq!(cycles(REST_M7, LoopCycles::by_mca), Some(1_250.0 + 200.0));
+        assert_eq!(
+            cycles(REST_M4, |each| each.arm_table.map(f64::from)),
+            Some(1_500.0 + 400.0)
+        );
+        assert_eq!(cycles(REST_M4, |each| each.llvm_mca), Some(1_250.0 + 400.0));
+        assert_eq!(cycles(REST_M7, |each| each.llvm_mca), Some(1_250.0 + 200.0));
         let load = load_percent(1_900.0, 168.0);
         assert!((load - 1_900.0 * 16.0 / 1.68e6).abs() < 1e-12, "{load}");
     }
 
     #[test]
     fn unknown_cycles_are_missing_and_not_a_number() {
-        let cycles = |loops: Loops| loops.per_code(1_200, REST_M4, LoopCycles::by_table);
+        let cycles =
+            |loops: Loops| loops.per_code(1_200, REST_M4, |each| each.arm_table.map(f64::from));
         assert_eq!(cycles(Loops::default()), None);
         // More instructions in the loops than were counted in all: the iterations are wrong.
         assert_eq!(cycles(quads(121)), None);

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use model::{CELLS, HOP, INPUT_SCALE_UV, STEPS};
 use pipeline::{Acquisition, Code, Encoder, Mains, Pipeline, Sample, Step};
 
-use crate::report::eeg;
 use crate::report::failure::Failure;
+use crate::report::inputs;
 
 /// Windows of the input, and of PyTorch's batch.
 pub(crate) const WINDOWS: usize = 256;
@@ -27,7 +27,7 @@ pub(crate) struct Ours {
 impl Ours {
     /// Makes the same input on every run.
     pub(crate) fn new() -> Result<Self, Failure> {
-        let mut generator = eeg::synthetic()?;
+        let mut generator = inputs::synthetic()?;
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let (mut samples, mut steps) = (Vec::new(), Vec::new());
         while steps.len() < STEPS + (WINDOWS - 1) * HOP {

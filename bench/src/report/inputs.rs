@@ -1,17 +1,40 @@
-//! EEG as input: synthetic, and recordings through the virtual ADC.
+//! Inputs of the benchmarks on emulated microcontrollers.
 
 use std::env;
 use std::path::{Path, PathBuf};
 
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::CHANNELS;
-use pipeline::{Acquisition, Mains, Plane, Sample};
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 
 use super::failure::Failure;
 
 /// ADC counts of all channels at one sample time.
 pub(crate) type Counts = [i32; CHANNELS];
+
+/// Named inputs, each as blocks or planes.
+#[derive(Debug)]
+pub(crate) struct Inputs<T> {
+    pub(crate) names: Vec<&'static str>,
+    pub(crate) data: Vec<Vec<T>>,
+    /// Inputs that are left out, with the reason.
+    pub(crate) skipped: Vec<String>,
+}
+
+impl<T> Inputs<T> {
+    pub(crate) fn new() -> Self {
+        Self {
+            names: Vec::new(),
+            data: Vec::new(),
+            skipped: Vec::new(),
+        }
+    }
+
+    pub(crate) fn add(&mut self, name: &'static str, data: Vec<T>) {
+        self.names.push(name);
+        self.data.push(data);
+    }
+}
 
 /// Returns an endless generator of EEG, the same on every call.
 pub(crate) fn synthetic() -> Result<Generator, Failure> {
@@ -30,9 +53,6 @@ pub(crate) fn recording(file: &str) -> Result<PathBuf, String> {
 }
 
 /// Reads at most `samples` samples from the start of a recording, as the virtual ADC delivers them.
-///
-/// # Errors
-/// The file cannot be read or lacks electrodes.
 pub(crate) fn recorded(path: &Path, samples: usize) -> Result<Vec<Counts>, Failure> {
     let recording = Recording::open(path).map_err(Failure::input)?;
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
@@ -41,19 +61,4 @@ pub(crate) fn recorded(path: &Path, samples: usize) -> Result<Vec<Counts>, Failu
     let adc = VirtualAdc::new(recording, &map.map_err(Failure::input)?, adc);
     let samples: Result<Vec<Counts>, _> = adc.map_err(Failure::input)?.take(samples).collect();
     samples.map_err(Failure::input)
-}
-
-/// Returns the planes of at most `steps` time steps that the acquisition makes of these samples.
-pub(crate) fn planes(
-    mains: Mains,
-    samples: impl IntoIterator<Item = Counts>,
-    steps: usize,
-) -> Vec<Plane> {
-    let mut acquisition = Acquisition::new(mains);
-    samples
-        .into_iter()
-        .filter_map(|counts| acquisition.push(&Sample { counts }))
-        .map(|step| step.plane)
-        .take(steps)
-        .collect()
 }
