@@ -31,7 +31,7 @@ mod tests {
     fn the_documentation_lists_the_pins_of_the_code() {
         let text = include_str!("../../../docs/hardware.md");
         assert!(
-            board_stm32::are_documented(parts::PINS, text, "### NUCLEO-F446RE"),
+            board_stm32::parts::are_documented(parts::PINS, text, "### NUCLEO-F446RE"),
             "`cargo run --package board-f446` prints the rows for docs/hardware.md"
         );
     }

@@ -33,7 +33,7 @@ mod tests {
     fn the_documentation_lists_the_pins_of_the_code() {
         let text = include_str!("../../../docs/hardware.md");
         assert!(
-            board_stm32::are_documented(parts::PINS, text, "### NUCLEO-H743ZI2"),
+            board_stm32::parts::are_documented(parts::PINS, text, "### NUCLEO-H743ZI2"),
             "`cargo run --package board-h743` prints the rows for docs/hardware.md"
         );
     }

@@ -15,7 +15,7 @@
 //! A board's test compares its pins with the documentation:
 //!
 //! ```
-//! use board_stm32::{Pin, are_documented};
+//! use board_stm32::parts::{Pin, are_documented};
 //!
 //! let pins = [Pin { signal: "SCLK", name: "PA5", to: "all chips" }];
 //! let page = "## Pins\n| Signal | Pin | To |\n| --- | --- | --- |\n| SCLK | PA5 | all chips |\n";
@@ -51,7 +51,7 @@ mod failure;
 mod interrupts;
 #[cfg(target_os = "none")]
 mod loader;
-mod parts;
+pub mod parts;
 #[cfg(any(test, target_os = "none"))]
 mod port;
 #[cfg(target_os = "none")]
@@ -63,7 +63,6 @@ mod trigger_line;
 
 #[cfg(any(test, target_os = "none"))]
 pub use clock_source::ClockSource;
-pub use parts::{Pin, are_documented};
 #[cfg(all(target_os = "none", feature = "uart"))]
 pub use port::{PortMemory, Uart, UartInterrupt};
 #[cfg(target_os = "none")]

@@ -54,7 +54,7 @@ macro_rules! parts {
     ) => {
         /// Pins of the board, in the order of its documentation.
         #[cfg(any(test, not(target_os = "none")))]
-        pub(crate) const PINS: &[$crate::Pin] = &[$($crate::Pin {
+        pub(crate) const PINS: &[$crate::parts::Pin] = &[$($crate::parts::Pin {
             signal: $signal,
             name: stringify!($name),
             to: $to,
