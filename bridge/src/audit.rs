@@ -51,7 +51,7 @@ impl AuditedWindow {
             device,
             window: audit.window,
             planes: planes.collect(),
-            steps: Box::new(audit.values.steps()),
+            steps: Box::new(audit.values.levels()),
             resolution,
         }
     }

@@ -30,7 +30,7 @@ impl ChainReport {
         }
         ChainReport {
             fault: converters.fault.as_str().to_owned(),
-            ready_mhz: converters.ready_mhz,
+            ready_mhz: converters.drdy_millihertz,
             off_positive: converters.off_positive,
             off_negative: converters.off_negative,
             frames_bad: converters.frames_bad.to_vec(),

@@ -254,7 +254,7 @@ impl Device {
 
     /// `z = (step - zero_point) * scale`, whatever the format.
     pub fn dequantise(&self, values: &CodeValues, z: &mut [f32; CODE_LEN]) {
-        let steps = values.steps();
+        let steps = values.levels();
         for (index, z) in z.iter_mut().enumerate() {
             *z = dequantised(steps[index], self.scale[index], self.zero_point[index]);
         }

@@ -178,15 +178,15 @@ impl DeviceLine {
 impl ReadyReport {
     fn new(test: &SelfTest) -> ReadyReport {
         let hz = |mhz: u32| f64::from(mhz) / 1000.0;
-        let expected_hz = hz(test.expected_mhz);
-        let rate_hz = (test.ready_mhz > 0).then(|| hz(test.ready_mhz));
-        let known = rate_hz.filter(|_| test.expected_mhz > 0);
+        let expected_hz = hz(test.expected_millihertz);
+        let rate_hz = (test.drdy_millihertz > 0).then(|| hz(test.drdy_millihertz));
+        let known = rate_hz.filter(|_| test.expected_millihertz > 0);
         ReadyReport {
             rate_hz,
             expected_hz,
             ppm: known.map(|rate_hz| (rate_hz / expected_hz - 1.0) * 1e6),
-            early: test.ready_early,
-            missed: test.ready_missed,
+            early: test.drdy_early,
+            missed: test.drdy_missed,
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The newest window of planes.
+//! The newest window of planes, with its code.
 
 use link::Audit;
 use model::{CELLS, CODE, HOP, STEP_RATE_HZ, STEPS};
@@ -7,13 +7,13 @@ use pipeline::{CodeValues, Plane};
 use crate::message;
 
 /// Seconds from one audit to the next.
-const EVERY_S: u32 = 10;
+const PERIOD_S: u32 = 10;
 
 /// Windows from one audit to the next.
 #[expect(clippy::cast_possible_truncation, reason = "a hop is below 256")]
-const EVERY: u32 = EVERY_S * STEP_RATE_HZ as u32 / HOP as u32;
+const PERIOD_WINDOWS: u32 = PERIOD_S * STEP_RATE_HZ as u32 / HOP as u32;
 
-/// The planes of the newest window, and its code when there is one.
+/// Planes of the newest window, and its code once it is complete.
 #[derive(Clone, Debug)]
 pub struct AuditedWindow {
     window: u32,
@@ -22,15 +22,15 @@ pub struct AuditedWindow {
 }
 
 impl AuditedWindow {
-    /// Silence.
+    /// Planes of zeros.
     pub(crate) const EMPTY: Self = Self {
         window: 0,
         values: CodeValues::Int8([0; CODE]),
         planes: [0; STEPS * CELLS],
     };
 
-    /// Takes a plane in; the oldest one falls out.
-    pub(crate) fn push(&mut self, plane: &Plane) {
+    /// Appends a plane and discards the oldest one.
+    pub(crate) fn push_plane(&mut self, plane: &Plane) {
         self.planes.copy_within(CELLS.., 0);
         let newest = &mut self.planes[(STEPS - 1) * CELLS..];
         for (place, cell) in newest.iter_mut().zip(plane) {
@@ -38,19 +38,19 @@ impl AuditedWindow {
         }
     }
 
-    /// Whether the host is told of this window.
+    /// Returns true if this window is sent to the host: every ten seconds, window 0 included.
     pub(crate) const fn is_due(window: u32) -> bool {
-        window.is_multiple_of(EVERY)
+        window.is_multiple_of(PERIOD_WINDOWS)
     }
 
-    /// These planes make this code.
+    /// Stores index and code of the window that the planes form.
     pub(crate) fn complete(&mut self, window: u32, values: &CodeValues) -> &Self {
         self.window = window;
         self.values = *values;
         self
     }
 
-    /// As it goes over the wire.
+    /// Builds the wire message, which borrows the planes.
     pub(crate) fn message(&self) -> Audit<'_> {
         Audit {
             model_id: model::MODEL_ID,

@@ -1,15 +1,17 @@
-//! From the converters' words to the wire's.
+//! Wire messages about the converters, built from the driver's types.
 
 use ads1299::{Error, Reading, SamplerCounters, SelfTestFault, SelfTestReport};
 use link::{ChannelFault, ChannelTest, ChipTest, Converters, SelfTest};
 
-use crate::fault_text;
+use crate::fault_text::fault_text;
 
-/// How a chain of converters is, as it goes over the wire: what was wrong when it came up, its rate,
-/// its newest reading, and what it has counted.
-pub fn converters<const CHIPS: usize>(
+/// Builds the status message of a chain.
+///
+/// Arguments: the fault found at its initialisation, the measured rate of DRDY in millihertz, the
+/// newest reading and the driver's counters.
+pub fn converters_message<const CHIPS: usize>(
     fault: Option<&Error>,
-    millihertz: Option<u32>,
+    drdy_millihertz: Option<u32>,
     newest: Option<&Reading<CHIPS>>,
     counters: &SamplerCounters<CHIPS>,
 ) -> Converters {
@@ -21,15 +23,15 @@ pub fn converters<const CHIPS: usize>(
     };
     Converters {
         fault: fault.map(fault_text).unwrap_or_default(),
-        ready_mhz: millihertz.unwrap_or(0),
+        drdy_millihertz: drdy_millihertz.unwrap_or(0),
         off_positive: off(Reading::off_positive),
         off_negative: off(Reading::off_negative),
         frames_bad: counters.errors.into_iter().collect(),
     }
 }
 
-/// What a self-test has found, as it goes over the wire.
-pub fn self_test<const CHIPS: usize>(report: &SelfTestReport<CHIPS>) -> SelfTest {
+/// Builds the message with the result of a self-test.
+pub fn self_test_message<const CHIPS: usize>(report: &SelfTestReport<CHIPS>) -> SelfTest {
     let chips = report.chips.iter().map(|chip| ChipTest {
         id: chip.id,
         registers_wrong: chip.differing,
@@ -49,10 +51,10 @@ pub fn self_test<const CHIPS: usize>(report: &SelfTestReport<CHIPS>) -> SelfTest
         });
     SelfTest {
         fault: report.check().err().map(fault_text).unwrap_or_default(),
-        ready_mhz: report.ready.measured,
-        expected_mhz: report.ready.expected,
-        ready_early: report.ready.early,
-        ready_missed: report.ready.missed,
+        drdy_millihertz: report.ready.measured,
+        expected_millihertz: report.ready.expected,
+        drdy_early: report.ready.early,
+        drdy_missed: report.ready.missed,
         chips: chips.collect(),
         channels: channels.collect(),
     }
@@ -76,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_report_keeps_its_figures_and_its_verdict() {
+    fn a_message_keeps_the_reports_figures_and_verdict() {
         let mut report = SelfTestReport::<2>::EMPTY;
         report.chips[1].id = 0x3e;
         report.channels[1][3].gain_error = -1.0;
@@ -85,9 +87,9 @@ mod tests {
             limit: 0.03,
         });
         report.ready.measured = 511_990;
-        let wire = self_test(&report);
+        let wire = self_test_message(&report);
         assert_eq!((wire.chips.len(), wire.channels.len()), (2, 16));
-        assert_eq!((wire.chips[1].id, wire.ready_mhz), (0x3e, 511_990));
+        assert_eq!((wire.chips[1].id, wire.drdy_millihertz), (0x3e, 511_990));
         assert_eq!(wire.channels[11].fault, ChannelFault::Gain);
         assert!(
             wire.fault.contains("ADS1299 1") && wire.fault.contains("gain"),
@@ -96,7 +98,7 @@ mod tests {
         );
 
         report.ready.fault = Some(RateError::NotMeasured { chip: 0 });
-        assert!(self_test(&report).fault.contains("ADS1299 0"));
-        assert_eq!(self_test(&SelfTestReport::<2>::EMPTY).fault, "");
+        assert!(self_test_message(&report).fault.contains("ADS1299 0"));
+        assert_eq!(self_test_message(&SelfTestReport::<2>::EMPTY).fault, "");
     }
 }

@@ -1,30 +1,28 @@
-//! A few filtered steps on their way to the host.
+//! Consecutive filtered steps for one message.
 
 use link::{FILTERED_STEPS, Filtered, Flags, VALUE_BYTES};
 use model::ELECTRODES;
 use pipeline::Step;
 
-use crate::Marks;
+use crate::marks::Marks;
 
-/// Bytes of a step.
 const STEP_BYTES: usize = ELECTRODES * VALUE_BYTES;
 
-/// Bits behind the point of a filtered electrode.
+/// Fraction bits of a filtered electrode (Q27.5).
 const FRACTION_BITS: u8 = 5;
 
-/// Up to [`FILTERED_STEPS`] steps in a row.
+/// Up to [`FILTERED_STEPS`] consecutive steps, serialised.
 #[derive(Clone, Debug)]
 pub struct FilteredChunk {
     first: u64,
     steps: usize,
     flags: Flags,
-    /// Device time of the last one, microseconds.
+    /// Device time of the last step, microseconds.
     last_us: u64,
     values: [u8; FILTERED_STEPS * STEP_BYTES],
 }
 
 impl FilteredChunk {
-    /// No step.
     pub(crate) const EMPTY: Self = Self {
         first: 0,
         steps: 0,
@@ -41,8 +39,8 @@ impl FilteredChunk {
         self.steps == FILTERED_STEPS
     }
 
-    /// Whether a step comes right after these.
-    pub(crate) const fn goes_on_with(&self, index: u64) -> bool {
+    /// Returns true if the step `index` directly follows the last one.
+    pub(crate) const fn continues_with(&self, index: u64) -> bool {
         self.first + self.steps as u64 == index
     }
 
@@ -50,8 +48,8 @@ impl FilteredChunk {
         self.steps = 0;
     }
 
-    /// Takes a step that goes on; there must be room.
-    pub(crate) fn push(&mut self, step: &Step, index: u64, marks: Marks, at_us: u64) {
+    /// Appends a step; ignored if the chunk is full.
+    pub(crate) fn append(&mut self, step: &Step, index: u64, marks: Marks, at_us: u64) {
         if self.steps == 0 {
             self.first = index;
             self.flags = Flags::empty();
@@ -73,12 +71,11 @@ impl FilteredChunk {
         self.last_us = at_us;
     }
 
-    /// Device time of the last step, microseconds.
     pub(crate) const fn last_us(&self) -> u64 {
         self.last_us
     }
 
-    /// As it goes over the wire.
+    /// Builds the wire message, which borrows the values.
     pub(crate) fn message(&self) -> Filtered<'_> {
         Filtered {
             first_step: self.first,

@@ -1,24 +1,26 @@
-//! Whole frames in a ring of bytes.
+//! Queue of whole frames in a ring buffer.
 
-use crate::FrameQueue;
+use crate::sender::FrameQueue;
 
-/// Bytes of a frame's length, in front of it.
+/// Bytes of the length field in front of each frame.
 const LENGTH: usize = 2;
 
-/// Whole frames that wait for a host, in a ring of `BYTES` bytes. A host that does not read costs the
-/// oldest frames, whole, and they are counted; the newest is what a closed loop needs.
+/// Queue of whole frames in a ring buffer of `BYTES` bytes.
+///
+/// While the host does not read, the oldest frames are dropped whole and counted: a closed loop needs
+/// the newest.
 #[derive(Clone, Debug)]
 pub struct FrameRing<const BYTES: usize> {
     bytes: [u8; BYTES],
-    /// Where the oldest frame begins.
+    /// Offset of the oldest frame.
     first: usize,
-    /// Bytes that are taken.
+    /// Bytes in use.
     used: usize,
     dropped: u32,
 }
 
 impl<const BYTES: usize> FrameRing<BYTES> {
-    /// An empty ring.
+    /// Creates an empty ring; usable in a `static`.
     pub const fn new() -> Self {
         Self {
             bytes: [0; BYTES],
@@ -28,16 +30,16 @@ impl<const BYTES: usize> FrameRing<BYTES> {
         }
     }
 
-    /// True when no frame waits.
+    /// Returns true if every frame was popped or dropped.
     pub const fn is_empty(&self) -> bool {
         self.used == 0
     }
 
-    /// Takes the oldest frame out into `frame`, and gives the part that it fills; none when no frame
-    /// waits. A frame longer than `frame` is dropped and counted.
-    pub fn take<'f>(&mut self, frame: &'f mut [u8]) -> Option<&'f [u8]> {
+    /// Moves the oldest frame into `frame` and returns the part it fills; `None` if no frame waits. A
+    /// frame longer than `frame` is dropped and counted.
+    pub fn pop<'f>(&mut self, frame: &'f mut [u8]) -> Option<&'f [u8]> {
         while self.used > 0 && self.length() > frame.len() {
-            self.forget_oldest();
+            self.discard_oldest();
             self.count_dropped();
         }
         if self.used == 0 {
@@ -45,24 +47,24 @@ impl<const BYTES: usize> FrameRing<BYTES> {
         }
         let frame = &mut frame[..self.length()];
         let (wrapped, up_to_end) = self.bytes.split_at((self.first + LENGTH) % BYTES);
-        // What lies before the ring's end, and what lies at its beginning.
+        // The frame can wrap around: `head` is up to the buffer's end, `rest` is at its start.
         let (head, rest) = frame.split_at_mut(frame.len().min(up_to_end.len()));
         head.copy_from_slice(&up_to_end[..head.len()]);
         rest.copy_from_slice(&wrapped[..rest.len()]);
-        self.forget_oldest();
+        self.discard_oldest();
         Some(frame)
     }
 
-    /// Length of the oldest frame.
+    /// Returns the length of the oldest frame, bytes, without its length field.
     fn length(&self) -> usize {
         let bytes = [self.first, self.first + 1].map(|at| self.bytes[at % BYTES]);
         u16::from_le_bytes(bytes).into()
     }
 
-    fn forget_oldest(&mut self) {
-        let taken = LENGTH + self.length();
-        self.first = (self.first + taken) % BYTES;
-        self.used -= taken;
+    fn discard_oldest(&mut self) {
+        let bytes = LENGTH + self.length();
+        self.first = (self.first + bytes) % BYTES;
+        self.used -= bytes;
     }
 
     fn append(&mut self, bytes: &[u8]) {
@@ -88,15 +90,15 @@ impl<const BYTES: usize> FrameQueue for FrameRing<BYTES> {
             return;
         };
         while self.used + LENGTH + frame.len() > BYTES {
-            self.forget_oldest();
+            self.discard_oldest();
             self.count_dropped();
         }
         self.append(&length.to_le_bytes());
         self.append(frame);
     }
 
-    /// Samples may fill three quarters of the ring; what is left is for codes and answers.
-    fn push_aside(&mut self, frame: &[u8]) {
+    /// Bulk frames can fill three quarters of the ring; the rest is reserved for codes and answers.
+    fn push_bulk(&mut self, frame: &[u8]) {
         if self.used + LENGTH + frame.len() > BYTES / 4 * 3 {
             self.count_dropped();
         } else {
@@ -122,25 +124,25 @@ mod tests {
     use super::*;
 
     #[derive(Clone, Debug)]
-    enum Step {
+    enum Operation {
         Push(Vec<u8>),
-        Take,
+        Pop,
     }
 
-    fn steps() -> impl Strategy<Value = Vec<Step>> {
-        let push = prop::collection::vec(any::<u8>(), 0..30).prop_map(Step::Push);
-        prop::collection::vec(prop_oneof![2 => push, 1 => Just(Step::Take)], 0..200)
+    fn operations() -> impl Strategy<Value = Vec<Operation>> {
+        let push = prop::collection::vec(any::<u8>(), 0..30).prop_map(Operation::Push);
+        prop::collection::vec(prop_oneof![2 => push, 1 => Just(Operation::Pop)], 0..200)
     }
 
     proptest! {
         #[test]
-        fn what_comes_out_is_what_went_in_but_for_the_oldest_that_were_counted(steps in steps()) {
+        fn frames_come_out_in_order_except_the_oldest_which_are_counted(operations in operations()) {
             let mut ring = FrameRing::<64>::new();
             let mut expected: VecDeque<Vec<u8>> = VecDeque::new();
             let mut dropped = 0;
-            for step in steps {
-                match step {
-                    Step::Push(frame) => {
+            for operation in operations {
+                match operation {
+                    Operation::Push(frame) => {
                         ring.push(&frame);
                         expected.push_back(frame);
                         while expected.iter().map(|frame| LENGTH + frame.len()).sum::<usize>() > 64 {
@@ -148,9 +150,9 @@ mod tests {
                             dropped += 1;
                         }
                     }
-                    Step::Take => {
+                    Operation::Pop => {
                         let mut buffer = [0; 32];
-                        let found = ring.take(&mut buffer).map(<[u8]>::to_vec);
+                        let found = ring.pop(&mut buffer).map(<[u8]>::to_vec);
                         prop_assert_eq!(found, expected.pop_front());
                     }
                 }
@@ -161,12 +163,12 @@ mod tests {
     }
 
     #[test]
-    fn samples_displace_no_codes_and_codes_displace_the_oldest() {
+    fn bulk_frames_displace_none_and_others_displace_the_oldest() {
         let mut ring = FrameRing::<64>::new();
         for number in 0..9 {
-            ring.push_aside(&[number; 10]);
+            ring.push_bulk(&[number; 10]);
         }
-        // Four of 12 bytes fill three quarters.
+        // Four frames of 12 bytes fill three quarters.
         assert_eq!(ring.dropped(), 5);
         ring.push(&[100; 10]);
         assert_eq!(ring.dropped(), 5);
@@ -174,20 +176,20 @@ mod tests {
         assert_eq!(ring.dropped(), 6);
         let mut buffer = [0; 16];
         let mut firsts = Vec::new();
-        while let Some(frame) = ring.take(&mut buffer) {
+        while let Some(frame) = ring.pop(&mut buffer) {
             firsts.push(frame[0]);
         }
         assert_eq!(firsts, [1, 2, 3, 100, 101]);
     }
 
     #[test]
-    fn a_frame_that_no_ring_holds_is_counted_and_costs_no_other() {
+    fn a_frame_longer_than_the_ring_is_counted_and_displaces_none() {
         let mut ring = FrameRing::<16>::new();
         ring.push(&[1; 10]);
         ring.push(&[2; 15]);
         assert_eq!(ring.dropped(), 1);
-        assert_eq!(ring.take(&mut [0; 16]), Some(&[1; 10][..]));
+        assert_eq!(ring.pop(&mut [0; 16]), Some(&[1; 10][..]));
         ring.push(&[3; 10]);
-        assert_eq!((ring.take(&mut [0; 4]), ring.dropped()), (None, 2));
+        assert_eq!((ring.pop(&mut [0; 4]), ring.dropped()), (None, 2));
     }
 }

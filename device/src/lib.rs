@@ -1,48 +1,76 @@
-//! What a board does between its pipeline and its port, without time, port or registers: the firmware
-//! and host-sim run the same.
+//! What a board does between pipeline and port: session with the host, messages, waiting frames.
+//!
+//! The firmware and host-sim run this code unchanged. It has no port, no registers and no clock:
+//! every call takes the device time as an argument, in microseconds since boot.
 //!
 //! ```text
-//! bytes from the host --Session--> Order to the acquisition, answers --Sender--> frames --FrameRing--> port
-//! codes, quality, counts --Session--^
+//! AcquiredSample --> Producer --Output--+
+//!                                       v
+//! bytes from the host ---------------> Session --ToHost--> Sender --> FrameRing --> port
+//!                                       |
+//! acquisition <--Order------------------+
 //! ```
 //!
-//! Time is an argument everywhere: the device clock in microseconds since boot.
+//! ```
+//! use device::{Abilities, Counts, FrameRing, Identity, Sender, Session};
+//! use link::{Decoder, Encoder, MAX_FRAME, ResetCause, ToDevice, ToHost};
+//!
+//! let identity = Identity {
+//!     firmware: "0.1.0",
+//!     board: "example",
+//!     chip_uid: [0; 12],
+//!     session_id: 1,
+//!     reset_cause: ResetCause::PowerOn,
+//!     fault: "",
+//! };
+//! let mut session = Session::new(identity, Abilities::CODES, pipeline::Mains::Hz50);
+//! let mut sender = Sender::new(FrameRing::<4096>::new());
+//!
+//! let mut command = [0; MAX_FRAME];
+//! let ping = Encoder::starting_at(7).encode(0, &ToDevice::Ping, &mut command)?;
+//! session.receive(ping, 1_000, Counts::default(), &mut sender, |_order| ());
+//!
+//! let mut frame = [0; MAX_FRAME];
+//! let mut answer: &[u8] = sender.queue().pop(&mut frame).expect("an answer waits");
+//! let mut host = Decoder::<MAX_FRAME>::new();
+//! let answer = host.next::<ToHost>(&mut answer).expect("a whole frame");
+//! assert!(matches!(answer?.message, ToHost::Ack(ack) if ack.of == 7));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
 
 #[cfg(test)]
 extern crate std;
 
-mod abilities;
+mod acquired_sample;
 mod audited_window;
+mod board;
 mod converters;
-mod counts;
 mod fault_text;
 mod filtered_chunk;
 mod frame_ring;
-mod identity;
-mod made;
 mod marks;
 mod message;
+mod order;
+mod output;
 mod producer;
 mod raw_chunk;
 mod sender;
 mod session;
-mod taken;
 
-pub use abilities::Abilities;
+pub use acquired_sample::{AcquiredSample, Counts};
 pub use audited_window::AuditedWindow;
-pub use converters::{converters, self_test};
-pub use counts::Counts;
+pub use board::{Abilities, Identity};
+pub use converters::{converters_message, self_test_message};
 pub use fault_text::fault_text;
 pub use filtered_chunk::FilteredChunk;
 pub use frame_ring::FrameRing;
-pub use identity::Identity;
-pub use made::{Made, What};
 pub use marks::Marks;
 pub use message::CODE_FORMAT;
-pub use producer::{Captured, Producer};
+pub use order::{Order, Run};
+pub use output::{Output, Payload};
+pub use producer::{CapturedEvent, Producer};
 pub use raw_chunk::RawChunk;
 pub use sender::{FrameQueue, Sender};
-pub use session::{Order, Run, Session};
-pub use taken::Taken;
+pub use session::Session;

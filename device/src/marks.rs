@@ -1,9 +1,9 @@
-//! What goes wrong outside the pipeline.
+//! Faults that the acquisition detects, per sample and per window.
 
 use link::Flags;
 use model::{HOP, STEPS};
 
-/// What went wrong around a sample or a window, outside the pipeline.
+/// Faults of a sample or a window that the pipeline cannot see.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Marks {
     /// A status word of the ADC chain was wrong.
@@ -15,16 +15,16 @@ pub struct Marks {
 }
 
 impl Marks {
-    /// Nothing went wrong.
+    /// Marks of a sample without faults.
     pub const NONE: Self = Self {
         adc_status_bad: false,
         lead_off: false,
         overrun: false,
     };
 
-    /// What went wrong in one or the other.
+    /// Returns the faults of both operands.
     #[must_use]
-    pub const fn or(self, other: Self) -> Self {
+    pub const fn union(self, other: Self) -> Self {
         Self {
             adc_status_bad: self.adc_status_bad | other.adc_status_bad,
             lead_off: self.lead_off | other.lead_off,
@@ -32,7 +32,7 @@ impl Marks {
         }
     }
 
-    /// As they go over the wire.
+    /// Converts to the wire's flags.
     pub(crate) fn flags(self) -> Flags {
         [
             (self.adc_status_bad, Flags::ADC_STATUS_BAD),
@@ -45,30 +45,30 @@ impl Marks {
     }
 }
 
-/// What went wrong in the windows that are open.
+/// Faults of the windows that are in progress.
 #[derive(Clone, Debug)]
 pub(crate) struct WindowMarks {
     /// Steps since the start.
     steps: u64,
-    /// Of the last hops, the newest first.
+    /// Faults of the last hops, newest first; together they cover a window.
     hops: [Marks; STEPS.div_ceil(HOP)],
 }
 
 impl WindowMarks {
-    /// Before the first step.
+    /// State before the first step.
     pub(crate) const NONE: Self = Self {
         steps: 0,
         hops: [Marks::NONE; STEPS.div_ceil(HOP)],
     };
 
-    /// Something went wrong since the last step.
+    /// Adds faults that occurred since the last step.
     pub(crate) fn mark(&mut self, marks: Marks) {
-        self.hops[0] = self.hops[0].or(marks);
+        self.hops[0] = self.hops[0].union(marks);
     }
 
-    /// A step is through; gives what went wrong in the window that ends with it.
-    pub(crate) fn step(&mut self) -> Marks {
-        let window = self.hops.into_iter().fold(Marks::NONE, Marks::or);
+    /// Ends a step and returns the faults of the window that ends with it.
+    pub(crate) fn end_step(&mut self) -> Marks {
+        let window = self.hops.into_iter().fold(Marks::NONE, Marks::union);
         self.steps += 1;
         if self.steps.is_multiple_of(HOP as u64) {
             self.hops.rotate_right(1);
@@ -77,7 +77,6 @@ impl WindowMarks {
         window
     }
 
-    /// Steps since the start.
     pub(crate) const fn steps(&self) -> u64 {
         self.steps
     }
@@ -95,7 +94,7 @@ mod tests {
     };
 
     #[test]
-    fn the_windows_that_contain_a_marked_step_are_marked_and_no_others() {
+    fn exactly_the_windows_that_contain_a_marked_step_are_marked() {
         for marked in 0..6 * HOP {
             let mut windows = WindowMarks::NONE;
             let mut found = Vec::new();
@@ -103,7 +102,7 @@ mod tests {
                 if step == marked {
                     windows.mark(OVERRUN);
                 }
-                let marks = windows.step();
+                let marks = windows.end_step();
                 if step + 1 >= STEPS && (step + 1 - STEPS).is_multiple_of(HOP) && marks.overrun {
                     found.push((step + 1 - STEPS) / HOP);
                 }

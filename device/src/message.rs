@@ -1,4 +1,4 @@
-//! From the pipeline's words to the wire's.
+//! Wire messages, built from the pipeline's and the model's types.
 
 use link::{
     Capabilities, Code as CodeMessage, CodeFormat, CodeValues, ElectrodeQuality, Flags,
@@ -6,7 +6,7 @@ use link::{
 };
 use pipeline::{Code, Mains, Quality};
 
-use crate::Marks;
+use crate::marks::Marks;
 
 const _: () = {
     assert!(model::ELECTRODES <= MAX_ELECTRODES);
@@ -15,14 +15,14 @@ const _: () = {
     assert!(model::MAINS_60.description.len() <= MAX_TEXT_BYTES);
 };
 
-/// Format of the codes, in the words of the link: that of the model that this program was built with.
+/// Wire format of the codes of the model that this program was built with.
 pub const CODE_FORMAT: CodeFormat = match model::CODE_FORMAT {
     model::CodeFormat::Int8 => CodeFormat::Int8,
     model::CodeFormat::Int8Exponent => CodeFormat::Int8Exponent,
     model::CodeFormat::Int16 => CodeFormat::Int16,
 };
 
-/// A dimension of the model as it goes over the wire.
+/// Converts a dimension of the model to the wire's byte; fails to compile if it does not fit.
 const fn narrow(dimension: usize) -> u8 {
     assert!(dimension < 256, "the model's dimensions are below 256");
     #[expect(clippy::cast_possible_truncation, reason = "asserted")]

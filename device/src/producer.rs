@@ -1,20 +1,25 @@
-//! What is made of samples and steps.
+//! Codes and requested streams, produced from samples and steps.
 
 use core::borrow::BorrowMut;
 
 use link::{Event, EventKind, Streams};
 use pipeline::{Code, CodeValues, Encoder, EncoderMemory, Quality, SignalQuality, Step};
 
-use crate::marks::WindowMarks;
-use crate::{AuditedWindow, FilteredChunk, Made, Marks, RawChunk, Run, Taken, What};
+use crate::acquired_sample::AcquiredSample;
+use crate::audited_window::AuditedWindow;
+use crate::filtered_chunk::FilteredChunk;
+use crate::marks::{Marks, WindowMarks};
+use crate::order::Run;
+use crate::output::{Output, Payload};
+use crate::raw_chunk::RawChunk;
 
-/// Makes codes, and everything else that the host has asked for, of what the acquisition takes.
+/// Produces codes, and the other streams that the host requested, from acquired samples.
 ///
-/// A step for which there was no room is filled in by the one before it, so that a window's index
-/// stays that of its time; its codes are marked.
+/// A step that is missing because a queue was full is replaced by the one before it. The window's
+/// index thus keeps its relation to time; the codes are marked with an overrun.
 ///
-/// What is made takes two kilobytes on its way out, whatever it is: what gives it is never part of its
-/// caller, so that a task's frame does not hold all of them at once.
+/// An [`Output`] takes two kilobytes, whatever its payload. The functions that build one are never
+/// inlined, so that a task's stack frame does not hold several at once.
 ///
 /// `M` is the encoder's memory, or a reference to it: a board keeps it in a static.
 #[derive(Debug)]
@@ -23,30 +28,30 @@ pub struct Producer<M = &'static mut EncoderMemory> {
     encoder: Encoder<'static, M>,
     quality: SignalQuality,
     windows: WindowMarks,
-    /// What went wrong since the last step that was filtered.
+    /// Faults since the last step that was filtered.
     since_step: Marks,
-    /// The last step, in place of one that is missing.
+    /// The newest step, which replaces missing ones.
     last: Step,
     raw: RawChunk,
     filtered: FilteredChunk,
     audited: AuditedWindow,
     /// An event that is later than the newest sample.
-    ahead: Option<Captured>,
+    ahead: Option<CapturedEvent>,
 }
 
-/// Something that happened at an input, as it was captured.
+/// An edge at an input, as the capture hardware or its interrupt recorded it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Captured {
-    /// What it was.
+pub struct CapturedEvent {
+    /// Input and direction of the edge.
     pub kind: EventKind,
     /// Number of the event since boot, wraps.
     pub number: u32,
-    /// Device time, microseconds.
+    /// Device time of the edge, microseconds.
     pub at_us: u64,
 }
 
 impl<M: BorrowMut<EncoderMemory>> Producer<M> {
-    /// Before the first run; with the encoder's memory, which is empty.
+    /// Creates a producer without a run; `memory` must be empty.
     pub const fn new(memory: M) -> Self {
         Self {
             run: Run::NONE,
@@ -62,49 +67,51 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         }
     }
 
-    /// Takes a sample, and gives what there is with it for the host.
-    pub fn take(&mut self, taken: &Taken, hand_on: &mut impl FnMut(Made)) {
-        if let Some(run) = taken.begun {
-            self.begin(run, taken.drdy_us);
+    /// Processes a sample and passes the results to `emit`.
+    pub fn process(&mut self, acquired: &AcquiredSample, emit: &mut impl FnMut(Output)) {
+        if let Some(run) = acquired.new_run {
+            self.start_run(run, acquired.drdy_us);
         }
-        self.windows.mark(taken.marks);
-        self.since_step = self.since_step.or(taken.marks);
+        self.windows.mark(acquired.marks);
+        self.since_step = self.since_step.union(acquired.marks);
         if self.wants(Streams::RAW) {
-            self.take_raw(taken, hand_on);
+            self.collect_raw(acquired, emit);
         }
-        if let Some((index, step)) = &taken.step {
+        if let Some((index, step)) = &acquired.step {
             while self.windows.steps() < *index {
                 let substitute = self.last;
                 self.windows.mark(Marks {
                     overrun: true,
                     ..Marks::NONE
                 });
-                self.encode(&substitute, taken.drdy_us, hand_on);
+                self.encode(&substitute, acquired.drdy_us, emit);
             }
             self.last = *step;
             let marks = core::mem::take(&mut self.since_step);
             if self.wants(Streams::FILTERED) {
-                self.take_filtered((*index, step), marks, taken.drdy_us, hand_on);
+                self.collect_filtered((*index, step), marks, acquired.drdy_us, emit);
             }
-            self.encode(step, taken.drdy_us, hand_on);
+            self.encode(step, acquired.drdy_us, emit);
         }
-        let step = taken.step.as_ref().map(|(_, step)| step);
-        if let Some(quality) = self.quality.push(&taken.sample, step) {
-            self.give_quality(taken.drdy_us, &quality, hand_on);
+        let step = acquired.step.as_ref().map(|(_, step)| step);
+        if let Some(quality) = self.quality.push(&acquired.sample, step) {
+            self.emit_quality(acquired.drdy_us, &quality, emit);
         }
     }
 
-    /// Places what has happened at an input before a sample; `next` gives what was captured, the oldest
-    /// first. Comes before [`Self::take`] of the same sample, so that the host knows of an edge when it
-    /// reads what was made of the sample; but after that of a run's first sample, which begins the run.
-    pub fn place(
+    /// Passes the events up to a sample to `emit`, with the index of the sample that each precedes.
+    ///
+    /// `next` returns the captured events, oldest first. Call this before [`Self::process`] of the
+    /// same sample, so that the host receives an edge before the results of the sample. For a run's
+    /// first sample, call it after [`Self::process`], which starts the run.
+    pub fn place_events(
         &mut self,
-        taken: &Taken,
-        mut next: impl FnMut() -> Option<Captured>,
-        hand_on: &mut impl FnMut(Made),
+        acquired: &AcquiredSample,
+        mut next: impl FnMut() -> Option<CapturedEvent>,
+        emit: &mut impl FnMut(Output),
     ) {
         while let Some(captured) = self.ahead.take().or_else(&mut next) {
-            if captured.at_us > taken.drdy_us {
+            if captured.at_us > acquired.drdy_us {
                 self.ahead = Some(captured);
                 return;
             }
@@ -112,14 +119,14 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
                 let event = Event {
                     kind: captured.kind,
                     number: captured.number,
-                    sample: taken.index,
+                    sample: acquired.index,
                 };
-                self.give_event(captured.at_us, event, hand_on);
+                self.emit_event(captured.at_us, event, emit);
             }
         }
     }
 
-    fn begin(&mut self, run: Run, begin_us: u64) {
+    fn start_run(&mut self, run: Run, start_us: u64) {
         self.run = run;
         self.encoder.restart();
         self.quality.restart(run.mains);
@@ -127,110 +134,110 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         self.since_step = Marks::NONE;
         self.raw.clear();
         self.filtered.clear();
-        // What happened before the run is of no interest; what is ahead of its first sample as well is.
-        self.ahead = self.ahead.take_if(|event| event.at_us >= begin_us);
+        // An event that waits for a later sample stays only if it happened within this run.
+        self.ahead = self.ahead.take_if(|event| event.at_us >= start_us);
     }
 
     const fn wants(&self, stream: Streams) -> bool {
         self.run.streams.contains(stream)
     }
 
-    fn encode(&mut self, step: &Step, drdy_us: u64, hand_on: &mut impl FnMut(Made)) {
+    fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output)) {
         let code = self.encoder.push(step);
-        let marks = self.windows.step();
+        let marks = self.windows.end_step();
         let audits = self.wants(Streams::AUDIT);
         if audits {
-            self.audited.push(&step.plane);
+            self.audited.push_plane(&step.plane);
         }
         let Some(code) = code else { return };
         let at_us = drdy_us + u64::from(code.offset_us);
         let (window, values) = (code.window, code.values);
         if self.wants(Streams::CODES) {
-            self.give_code(at_us, &code, marks, hand_on);
+            self.emit_code(at_us, &code, marks, emit);
         }
         if audits && AuditedWindow::is_due(window) {
-            self.give_audit((at_us, window), &values, hand_on);
+            self.emit_audit((at_us, window), &values, emit);
         }
     }
 
-    fn take_raw(&mut self, taken: &Taken, hand_on: &mut impl FnMut(Made)) {
-        if !self.raw.is_empty() && !self.raw.goes_on_with(taken.index) {
-            self.give_raw(hand_on);
+    fn collect_raw(&mut self, acquired: &AcquiredSample, emit: &mut impl FnMut(Output)) {
+        if !self.raw.is_empty() && !self.raw.continues_with(acquired.index) {
+            self.emit_raw(emit);
         }
-        let Taken {
+        let AcquiredSample {
             sample,
             index,
             marks,
             drdy_us,
             ..
-        } = taken;
-        self.raw.push(sample, *index, *marks, *drdy_us);
+        } = acquired;
+        self.raw.append(sample, *index, *marks, *drdy_us);
         if self.raw.is_full() {
-            self.give_raw(hand_on);
+            self.emit_raw(emit);
         }
     }
 
     #[inline(never)]
-    fn give_raw(&mut self, hand_on: &mut impl FnMut(Made)) {
-        self.give(self.raw.last_us(), What::Raw(self.raw.clone()), hand_on);
+    fn emit_raw(&mut self, emit: &mut impl FnMut(Output)) {
+        self.emit(self.raw.last_us(), Payload::Raw(self.raw.clone()), emit);
         self.raw.clear();
     }
 
-    fn take_filtered(
+    fn collect_filtered(
         &mut self,
         (index, step): (u64, &Step),
         marks: Marks,
         drdy_us: u64,
-        hand_on: &mut impl FnMut(Made),
+        emit: &mut impl FnMut(Output),
     ) {
-        if !self.filtered.is_empty() && !self.filtered.goes_on_with(index) {
-            self.give_filtered(hand_on);
+        if !self.filtered.is_empty() && !self.filtered.continues_with(index) {
+            self.emit_filtered(emit);
         }
         let at_us = drdy_us + u64::from(step.offset_us);
-        self.filtered.push(step, index, marks, at_us);
+        self.filtered.append(step, index, marks, at_us);
         if self.filtered.is_full() {
-            self.give_filtered(hand_on);
+            self.emit_filtered(emit);
         }
     }
 
     #[inline(never)]
-    fn give_filtered(&mut self, hand_on: &mut impl FnMut(Made)) {
-        let what = What::Filtered(self.filtered.clone());
-        self.give(self.filtered.last_us(), what, hand_on);
+    fn emit_filtered(&mut self, emit: &mut impl FnMut(Output)) {
+        let payload = Payload::Filtered(self.filtered.clone());
+        self.emit(self.filtered.last_us(), payload, emit);
         self.filtered.clear();
     }
 
     #[inline(never)]
-    fn give_audit(
+    fn emit_audit(
         &mut self,
         (at_us, window): (u64, u32),
         values: &CodeValues,
-        hand_on: &mut impl FnMut(Made),
+        emit: &mut impl FnMut(Output),
     ) {
         let audited = self.audited.complete(window, values).clone();
-        self.give(at_us, What::Audit(audited), hand_on);
+        self.emit(at_us, Payload::Audit(audited), emit);
     }
 
     #[inline(never)]
-    fn give_code(&self, at_us: u64, code: &Code, marks: Marks, hand_on: &mut impl FnMut(Made)) {
-        self.give(at_us, What::Code(*code, marks), hand_on);
+    fn emit_code(&self, at_us: u64, code: &Code, marks: Marks, emit: &mut impl FnMut(Output)) {
+        self.emit(at_us, Payload::Code(*code, marks), emit);
     }
 
     #[inline(never)]
-    fn give_event(&self, at_us: u64, event: Event, hand_on: &mut impl FnMut(Made)) {
-        self.give(at_us, What::Event(event), hand_on);
+    fn emit_event(&self, at_us: u64, event: Event, emit: &mut impl FnMut(Output)) {
+        self.emit(at_us, Payload::Event(event), emit);
     }
 
     #[inline(never)]
-    fn give_quality(&self, at_us: u64, quality: &Quality, hand_on: &mut impl FnMut(Made)) {
-        self.give(at_us, What::Quality(*quality), hand_on);
+    fn emit_quality(&self, at_us: u64, quality: &Quality, emit: &mut impl FnMut(Output)) {
+        self.emit(at_us, Payload::Quality(*quality), emit);
     }
 
-    fn give(&self, at_us: u64, what: What, hand_on: &mut impl FnMut(Made)) {
-        hand_on(Made {
+    fn emit(&self, at_us: u64, payload: Payload, emit: &mut impl FnMut(Output)) {
+        emit(Output {
             run: self.run.number,
             at_us,
-            what,
+            payload,
         });
     }
 }

@@ -1,27 +1,25 @@
-//! A few samples on their way to the host.
+//! Consecutive samples for one message.
 
 use link::{COUNT_BYTES, RAW_SAMPLES, Raw};
 use model::CHANNELS;
 use pipeline::Sample;
 
-use crate::Marks;
+use crate::marks::Marks;
 
-/// Bytes of a sample.
 const SAMPLE_BYTES: usize = CHANNELS * COUNT_BYTES;
 
-/// Up to [`RAW_SAMPLES`] samples in a row, packed.
+/// Up to [`RAW_SAMPLES`] consecutive samples, packed to 24 bits per count.
 #[derive(Clone, Debug)]
 pub struct RawChunk {
     first: u64,
     samples: usize,
     marks: Marks,
-    /// Device time of the last one, microseconds.
+    /// Device time of the last sample, microseconds.
     last_us: u64,
     counts: [u8; RAW_SAMPLES * SAMPLE_BYTES],
 }
 
 impl RawChunk {
-    /// No sample.
     pub(crate) const EMPTY: Self = Self {
         first: 0,
         samples: 0,
@@ -38,8 +36,8 @@ impl RawChunk {
         self.samples == RAW_SAMPLES
     }
 
-    /// Whether a sample comes right after these.
-    pub(crate) const fn goes_on_with(&self, index: u64) -> bool {
+    /// Returns true if the sample `index` directly follows the last one.
+    pub(crate) const fn continues_with(&self, index: u64) -> bool {
         self.first + self.samples as u64 == index
     }
 
@@ -47,8 +45,8 @@ impl RawChunk {
         self.samples = 0;
     }
 
-    /// Takes a sample that goes on; there must be room.
-    pub(crate) fn push(&mut self, sample: &Sample, index: u64, marks: Marks, at_us: u64) {
+    /// Appends a sample; ignored if the chunk is full.
+    pub(crate) fn append(&mut self, sample: &Sample, index: u64, marks: Marks, at_us: u64) {
         if self.samples == 0 {
             self.first = index;
             self.marks = Marks::NONE;
@@ -61,16 +59,15 @@ impl RawChunk {
             *place = [low, middle, high];
         }
         self.samples += 1;
-        self.marks = self.marks.or(marks);
+        self.marks = self.marks.union(marks);
         self.last_us = at_us;
     }
 
-    /// Device time of the last sample, microseconds.
     pub(crate) const fn last_us(&self) -> u64 {
         self.last_us
     }
 
-    /// As it goes over the wire.
+    /// Builds the wire message, which borrows the counts.
     pub(crate) fn message(&self) -> Raw<'_> {
         Raw {
             first_sample: self.first,

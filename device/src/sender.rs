@@ -1,26 +1,27 @@
-//! Numbers messages and queues their frames.
+//! Numbering and queueing of frames.
 
 use link::{Encoder, MAX_FRAME, ToHost};
 
-/// Whole frames on their way to the port. It never waits: what it cannot hold, it drops and counts.
+/// A queue of whole frames in front of the port. It never blocks: frames without room are dropped
+/// and counted.
 pub trait FrameQueue {
-    /// Puts a frame at the end.
+    /// Appends a frame; can drop older ones to make room.
     fn push(&mut self, frame: &[u8]);
 
-    /// The same with a frame that may not displace others: samples and steps come fast enough to push
-    /// out the codes of a host that looks away for a moment.
-    fn push_aside(&mut self, frame: &[u8]) {
+    /// Appends a frame of a bulk stream, which must not displace others. Raw samples and filtered
+    /// steps are so frequent that they would push out the codes while a host pauses briefly.
+    fn push_bulk(&mut self, frame: &[u8]) {
         self.push(frame);
     }
 
-    /// Counts a frame that was numbered but never pushed.
+    /// Counts a frame that was numbered but never queued.
     fn count_dropped(&mut self);
 
-    /// Frames that were dropped since boot; wraps.
+    /// Returns the number of frames dropped since boot; wraps.
     fn dropped(&self) -> u32;
 }
 
-/// Numbers messages and queues their frames, one per device.
+/// Numbers messages, encodes them and queues the frames; a device has one.
 #[derive(Clone, Debug)]
 pub struct Sender<Q> {
     encoder: Encoder,
@@ -29,7 +30,7 @@ pub struct Sender<Q> {
 }
 
 impl<Q: FrameQueue> Sender<Q> {
-    /// A sender whose first frame has `seq` 0.
+    /// Creates a sender whose first frame has `seq` 0.
     pub const fn new(queue: Q) -> Self {
         Self {
             encoder: Encoder::starting_at(0),
@@ -38,38 +39,38 @@ impl<Q: FrameQueue> Sender<Q> {
         }
     }
 
-    /// Queues a message of this device time.
+    /// Numbers, encodes and queues a message; `device_time_us` goes into its header.
     pub fn send(&mut self, device_time_us: u64, message: &ToHost<'_>) {
         match self
             .encoder
             .encode(device_time_us, message, &mut self.buffer)
         {
-            Ok(frame) if is_aside(message) => self.queue.push_aside(frame),
+            Ok(frame) if is_bulk(message) => self.queue.push_bulk(frame),
             Ok(frame) => self.queue.push(frame),
-            // Numbered but not sendable: the host sees the gap, the count says why.
+            // Too long for a frame: the host sees the gap in `seq`, the counter explains it.
             Err(_) => self.queue.count_dropped(),
         }
     }
 
-    /// Numbers a message that was lost before it became one, and counts it.
+    /// Uses up the number of a message that was lost before encoding, and counts it as dropped.
     pub fn skip(&mut self) {
         self.encoder.skip();
         self.queue.count_dropped();
     }
 
-    /// The frames that wait.
+    /// Returns the queue, for the task that writes to the port.
     pub const fn queue(&mut self) -> &mut Q {
         &mut self.queue
     }
 
-    /// Frames that were dropped since boot; wraps.
+    /// Returns the number of frames dropped since boot; wraps.
     pub fn dropped(&self) -> u32 {
         self.queue.dropped()
     }
 }
 
-/// Whether a message is of those that stream beside the codes and take most of the port.
-const fn is_aside(message: &ToHost<'_>) -> bool {
+/// Returns true for the messages that take most of the port's bandwidth.
+const fn is_bulk(message: &ToHost<'_>) -> bool {
     matches!(
         message,
         ToHost::Raw(_) | ToHost::Filtered(_) | ToHost::Audit(_)

@@ -1,4 +1,4 @@
-//! The device's side of the conversation with its host.
+//! The device's side of the protocol with the host.
 
 use link::{
     Ack, AckResult, ClockReading, Converters, Counters, Decoder, Event, FrameError, ResetInto,
@@ -6,67 +6,40 @@ use link::{
 };
 use pipeline::{Code, Mains, Quality};
 
-use crate::{
-    Abilities, AuditedWindow, Counts, FilteredChunk, FrameQueue, Identity, Made, Marks, RawChunk,
-    Sender, What, message,
-};
+use crate::acquired_sample::Counts;
+use crate::audited_window::AuditedWindow;
+use crate::board::{Abilities, Identity};
+use crate::filtered_chunk::FilteredChunk;
+use crate::marks::Marks;
+use crate::message;
+use crate::order::{Order, Run};
+use crate::output::{Output, Payload};
+use crate::raw_chunk::RawChunk;
+use crate::sender::{FrameQueue, Sender};
 
-/// From one start to the next.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Run {
-    /// Starts before this one, since boot; wraps. Tells what is still under way from what is new.
-    pub number: u32,
-    /// The notch.
-    pub mains: Mains,
-    /// What the host wants to have.
-    pub streams: Streams,
-}
-
-impl Run {
-    /// Before the first start.
-    pub const NONE: Self = Self {
-        number: 0,
-        mains: Mains::Hz50,
-        streams: Streams::empty(),
-    };
-}
-
-/// What a command makes the board do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
-    /// Begin at sample 0.
-    Start(Run),
-    /// Rest.
-    Stop,
-    /// Try the converters; [`Session::self_test`] tells the host.
-    SelfTest,
-    /// Start anew, when what waits for the host has had a tenth of a second to go out.
-    Reset(ResetInto),
-}
-
-/// Obeys commands and puts what happens into messages.
+/// Answers the host's commands and turns outputs into messages.
 ///
-/// Messages are built on the stack, the largest in two kilobytes: what makes them is never part of its
-/// caller, so that a task's frame does not hold all of them at once.
+/// Messages are built on the stack and take up to two kilobytes. The functions that build one are
+/// never inlined, so that a task's stack frame does not hold several at once.
 #[derive(Debug)]
 pub struct Session<'i> {
     identity: Identity<'i>,
     abilities: Abilities,
-    /// The run that is, or the last one, whose streams are then none.
+    /// The active run, or the last one with its streams cleared.
     run: Run,
-    /// Whether there is anything to start.
+    /// False if the model is damaged.
     can_stream: bool,
-    /// How the converters are, if there are any.
+    /// The newest status of the converters; `None` until the first one.
     converters: Option<Converters>,
-    /// A self-test was ordered and has no result yet.
+    /// A self-test was ordered and its result is outstanding.
     is_testing: bool,
     decoder: Decoder,
-    /// What this side counts; the rest is filled in when it is sent.
+    /// Counters of the session; the others are filled in by [`Self::stats`].
     stats: Stats,
 }
 
 impl<'i> Session<'i> {
-    /// A session of a device that has just started; [`Self::introduce`] comes first.
+    /// Creates the session of a device that has just started; call [`Self::introduce`] first.
     pub fn new(identity: Identity<'i>, abilities: Abilities, mains: Mains) -> Self {
         Self {
             identity,
@@ -80,30 +53,31 @@ impl<'i> Session<'i> {
         }
     }
 
-    /// Starts nothing from now on: the model is damaged. [`Identity::fault`] should say so.
+    /// Refuses every `Start` from now on, because the model is damaged. Report the damage in
+    /// [`Identity::fault`].
     pub fn refuse_starts(&mut self) {
         self.can_stream = false;
     }
 
-    /// Whether a host has started a stream.
+    /// Returns true between a `Start` and the next `Stop`.
     pub const fn is_streaming(&self) -> bool {
         !self.run.streams.is_empty()
     }
 
-    /// Whether what was made in this run still interests the host.
-    fn is_of_now(&self, run: u32) -> bool {
+    /// Returns true if `run` is the number of the active run.
+    fn is_current_run(&self, run: u32) -> bool {
         self.is_streaming() && run == self.run.number
     }
 
-    /// Says who the device is and what it measures.
+    /// Sends `Hello`, `Capabilities` and, if known, `Converters`.
     pub fn introduce(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         self.send_hello(now_us, sender);
         self.send_capabilities(now_us, sender);
         self.send_converters(now_us, sender);
     }
 
-    /// Takes bytes from the host and answers the commands that they complete; `order` gets what the
-    /// acquisition has to do about them, before the answer goes out.
+    /// Reads bytes from the host and answers the commands that they complete. `order` receives the
+    /// effect of a command on the board before its `Ack` is queued.
     #[inline(never)]
     pub fn receive(
         &mut self,
@@ -117,19 +91,19 @@ impl<'i> Session<'i> {
             let (of, result) = match outcome {
                 Ok(frame) => {
                     self.stats.commands = self.stats.commands.wrapping_add(1);
-                    let (result, what) = self.obey(frame.message, now_us, counts, sender);
-                    what.into_iter().for_each(&mut order);
+                    let (result, effect) = self.execute(frame.message, now_us, counts, sender);
+                    effect.into_iter().for_each(&mut order);
                     (frame.header.seq, result)
                 }
                 Err(FrameError::Unknown { header, .. }) => (header.seq, AckResult::UnknownCommand),
-                // Counted by the decoder; there is no seq to acknowledge.
+                // The decoder has counted it; without a `seq` there is nothing to acknowledge.
                 Err(_) => continue,
             };
             send_ack(Ack { of, result }, now_us, sender);
         }
     }
 
-    fn obey(
+    fn execute(
         &mut self,
         command: ToDevice,
         now_us: u64,
@@ -141,7 +115,7 @@ impl<'i> Session<'i> {
             ToDevice::Stop => return self.stop(now_us, counts, sender),
             ToDevice::Identify => self.introduce(now_us, sender),
             ToDevice::Ping => {}
-            ToDevice::SelfTest => return self.begin_self_test(),
+            ToDevice::SelfTest => return self.start_self_test(),
             ToDevice::SyncTime { host_time_us } => {
                 let reading = ClockReading {
                     host_time_us,
@@ -160,14 +134,14 @@ impl<'i> Session<'i> {
         counts: Counts,
         sender: &mut Sender<impl FrameQueue>,
     ) -> (AckResult, Option<Order>) {
-        // An order that nobody needs would displace one that somebody waits for.
+        // An unnecessary order would replace one that the acquisition has not executed yet.
         let order = self.is_streaming().then_some(Order::Stop);
         self.run.streams = Streams::empty();
         self.send_stats(now_us, counts, sender);
         (AckResult::Done, order)
     }
 
-    fn begin_self_test(&mut self) -> (AckResult, Option<Order>) {
+    fn start_self_test(&mut self) -> (AckResult, Option<Order>) {
         if !self.abilities.self_test {
             return (AckResult::NotSupported, None);
         }
@@ -186,7 +160,8 @@ impl<'i> Session<'i> {
         }
     }
 
-    /// Obeys a `Start`: windows and samples are counted from 0 again, unless the same runs already.
+    /// Executes a `Start`. Windows and samples are counted from 0 again, unless the same streams run
+    /// already with the same mains frequency.
     pub fn start(
         &mut self,
         start: Start,
@@ -213,38 +188,39 @@ impl<'i> Session<'i> {
         if streams == self.run.streams && mains == self.run.mains {
             return (AckResult::Done, None);
         }
-        let before = self.run.mains;
+        let previous_mains = self.run.mains;
         let number = self.run.number.wrapping_add(1);
         self.run = Run {
             number,
             mains,
             streams,
         };
-        if mains != before {
+        if mains != previous_mains {
             self.send_capabilities(now_us, sender);
         }
         self.stats.next_window = 0;
         (AckResult::Done, Some(Order::Start(self.run)))
     }
 
-    /// Sends what was made, if it is of the present run: a start or a stop may have overtaken it.
-    pub fn send(&mut self, made: &Made, sender: &mut Sender<impl FrameQueue>) {
-        if !self.is_of_now(made.run) {
+    /// Sends an output if it belongs to the active run; a `Start` or `Stop` can have overtaken it in
+    /// its queue.
+    pub fn send(&mut self, output: &Output, sender: &mut Sender<impl FrameQueue>) {
+        if !self.is_current_run(output.run) {
             return;
         }
-        match &made.what {
-            What::Nothing => {}
-            What::Code(code, marks) => self.code(code, *marks, made.at_us, sender),
-            What::Quality(quality) => send_quality(quality, made.at_us, sender),
-            What::Raw(samples) => send_raw(samples, made.at_us, sender),
-            What::Filtered(steps) => send_filtered(steps, made.at_us, sender),
-            What::Audit(window) => send_audit(window, made.at_us, sender),
-            What::Event(event) => send_event(*event, made.at_us, sender),
+        match &output.payload {
+            Payload::Nothing => {}
+            Payload::Code(code, marks) => self.send_code(code, *marks, output.at_us, sender),
+            Payload::Quality(quality) => send_quality(quality, output.at_us, sender),
+            Payload::Raw(samples) => send_raw(samples, output.at_us, sender),
+            Payload::Filtered(steps) => send_filtered(steps, output.at_us, sender),
+            Payload::Audit(window) => send_audit(window, output.at_us, sender),
+            Payload::Event(event) => send_event(*event, output.at_us, sender),
         }
     }
 
     #[inline(never)]
-    fn code(
+    fn send_code(
         &mut self,
         code: &Code,
         marks: Marks,
@@ -258,23 +234,23 @@ impl<'i> Session<'i> {
         sender.send(step_us, &ToHost::Code(message::code(code, marks)));
     }
 
-    /// The chain of converters is like this now. It goes out while something streams, when it is other
-    /// than before, and with every introduction from now on.
+    /// Stores the status of the converters for later introductions. Sends it now if anything streams
+    /// or if the fault has changed.
     #[inline(never)]
-    pub fn converters(
+    pub fn update_converters(
         &mut self,
         converters: Converters,
         now_us: u64,
         sender: &mut Sender<impl FrameQueue>,
     ) {
-        let before = self.converters.replace(converters);
-        let is_news = before.is_none_or(|before| self.fault() != before.fault);
-        if is_news || self.is_streaming() {
+        let previous = self.converters.replace(converters);
+        let is_new = previous.is_none_or(|previous| self.converters_fault() != previous.fault);
+        if is_new || self.is_streaming() {
             self.send_converters(now_us, sender);
         }
     }
 
-    fn fault(&self) -> &str {
+    fn converters_fault(&self) -> &str {
         let converters = self.converters.as_ref();
         converters.map_or("", |converters| &converters.fault)
     }
@@ -286,9 +262,9 @@ impl<'i> Session<'i> {
         }
     }
 
-    /// Sends the result of the self-test that was ordered.
+    /// Sends the result of the self-test that was ordered, and allows starts again.
     #[inline(never)]
-    pub fn self_test(
+    pub fn send_self_test(
         &mut self,
         result: &SelfTest,
         now_us: u64,
@@ -298,21 +274,21 @@ impl<'i> Session<'i> {
         sender.send(now_us, &ToHost::SelfTest(result.clone()));
     }
 
-    /// Sends the counters; a device does so every second while it streams, and after `Stop`.
+    /// Sends the counters. A device calls this every second while it streams; `Stop` does so by itself.
     #[inline(never)]
     pub fn send_stats(&self, now_us: u64, counts: Counts, sender: &mut Sender<impl FrameQueue>) {
         let stats = self.stats(counts, sender.dropped());
         sender.send(now_us, &ToHost::Stats(stats));
     }
 
-    /// Sends how long the stages took since boot; a device that measures it does so every second
-    /// while it streams, after the counters.
+    /// Sends the durations of the stages. A device that measures them calls this every second while
+    /// it streams, after [`Self::send_stats`].
     #[inline(never)]
-    pub fn timing(&self, timing: &Timing, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
+    pub fn send_timing(&self, timing: &Timing, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         sender.send(now_us, &ToHost::Timing(timing.clone()));
     }
 
-    /// What the device has counted since boot.
+    /// Returns the counters of session and acquisition since boot.
     pub fn stats(&self, counts: Counts, frames_dropped: u32) -> Stats {
         Stats {
             streams: self.run.streams,
@@ -373,7 +349,7 @@ fn send_event(event: Event, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
     sender.send(at_us, &ToHost::Event(event));
 }
 
-/// Frames from the host that could not be used.
+/// Returns the number of frames from the host that could not be used; wraps.
 fn input_bad(counters: &Counters) -> u32 {
     [
         counters.crc,

@@ -135,7 +135,7 @@ impl Running {
             return;
         };
         let place = &mut slot.acquired;
-        place.begun = self.start.take();
+        place.new_run = self.start.take();
         place.sample = *sample;
         place.index = index;
         place.step = step.map(|step| (step_index, *step));

@@ -6,7 +6,7 @@ use core::{
     sync::atomic::Ordering::Relaxed,
 };
 
-use device::{Order, Session, What};
+use device::{Order, Payload, Session};
 use embassy_futures::join::join5;
 use embassy_sync::{blocking_mutex::raw::NoopRawMutex, signal::Signal};
 use embassy_time::{Instant, Timer, with_timeout};
@@ -144,22 +144,22 @@ impl Conversation<'_, '_> {
 
     /// Queues the frame of one output.
     ///
-    /// The pipeline completes a `Quality` every second of samples. `Stats` and `Timing` precede it with its
-    /// time stamp, in the order that the wire format specifies.
+    /// At the end of each second of a run, `Stats` and `Timing` precede the output with the same time stamp, as
+    /// the wire format specifies.
     ///
     /// Not inlined, to keep the messages off the task's stack frame.
     #[inline(never)]
     fn send_output(&self, slot: &OutputSlot) {
         let (session, frames) = &mut *self.state.borrow_mut();
         self.skip_lost(frames);
-        if matches!(slot.output.what, What::Quality(_)) && session.is_streaming() {
+        if slot.output.ends_second() && session.is_streaming() {
             let at_us = slot.output.at_us;
             session.send_stats(at_us, self.shared.counts(), frames);
             let timing = self.shared.timing.report(self.machine.stack);
-            session.timing(&timing, at_us, frames);
+            session.send_timing(&timing, at_us, frames);
         }
         session.send(&slot.output, frames);
-        if let What::Code(..) = slot.output.what {
+        if let Payload::Code(..) = slot.output.payload {
             self.code_ticks.set(Some(slot.queued_ticks));
         }
     }
@@ -179,7 +179,7 @@ impl Conversation<'_, '_> {
             loop {
                 let frame = {
                     let (_, frames) = &mut *self.state.borrow_mut();
-                    frames.queue().take(&mut buffer).map(<[u8]>::len)
+                    frames.queue().pop(&mut buffer).map(<[u8]>::len)
                 };
                 let Some(length) = frame else { break };
                 if output.write_all(&buffer[..length]).await.is_err() {
@@ -200,7 +200,7 @@ impl Conversation<'_, '_> {
             let status = self.shared.converter_status.wait().await;
             {
                 let (session, frames) = &mut *self.state.borrow_mut();
-                session.converters(status, now_us(), frames);
+                session.update_converters(status, now_us(), frames);
             }
             self.frames_waiting.signal(());
         }
@@ -212,7 +212,7 @@ impl Conversation<'_, '_> {
             let result = self.shared.self_test_result.wait().await;
             {
                 let (session, frames) = &mut *self.state.borrow_mut();
-                session.self_test(&result, now_us(), frames);
+                session.send_self_test(&result, now_us(), frames);
             }
             self.frames_waiting.signal(());
         }

@@ -2,7 +2,7 @@
 
 use core::sync::atomic::Ordering::Relaxed;
 
-use device::{Made, Producer, What};
+use device::{Output, Payload, Producer};
 use link::Stage;
 
 use crate::{
@@ -18,8 +18,8 @@ pub async fn encode(
     loop {
         let slot = samples.receive().await;
         let start_ticks = shared.timing.now();
-        let mut hand_over = |output: Made| {
-            let is_code = matches!(output.what, What::Code(..));
+        let mut hand_over = |output: Output| {
+            let is_code = matches!(output.payload, Payload::Code(..));
             hand_over(shared, &mut outputs, output);
             if is_code {
                 shared.timing.record(Stage::Code, slot.drdy_ticks);
@@ -27,15 +27,15 @@ pub async fn encode(
         };
         // The events up to a sample precede the outputs made from it. Only the first sample of a run comes
         // before its events, because it starts the run.
-        let starts_run = slot.acquired.begun.is_some();
+        let starts_run = slot.acquired.new_run.is_some();
         if starts_run {
             shared.inputs.discard_before(slot.acquired.drdy_us);
         } else {
-            producer.place(&slot.acquired, || shared.inputs.pop_event(), &mut hand_over);
+            producer.place_events(&slot.acquired, || shared.inputs.pop_event(), &mut hand_over);
         }
-        producer.take(&slot.acquired, &mut hand_over);
+        producer.process(&slot.acquired, &mut hand_over);
         if starts_run {
-            producer.place(&slot.acquired, || shared.inputs.pop_event(), &mut hand_over);
+            producer.place_events(&slot.acquired, || shared.inputs.pop_event(), &mut hand_over);
         }
         if slot.acquired.step.is_some() {
             shared.timing.record(Stage::Step, start_ticks);
@@ -46,7 +46,7 @@ pub async fn encode(
 }
 
 /// Queues an output for the conversation, or counts it as lost if the queue is full.
-fn hand_over(shared: &Shared, outputs: &mut OutputSender, output: Made) {
+fn hand_over(shared: &Shared, outputs: &mut OutputSender, output: Output) {
     if let Some(slot) = outputs.try_send() {
         slot.output = output;
         slot.queued_ticks = shared.timing.now();

@@ -5,14 +5,14 @@ use core::{
     sync::atomic::{AtomicU32, Ordering::Relaxed},
 };
 
-use device::Captured;
+use device::CapturedEvent;
 use embassy_sync::blocking_mutex;
 use heapless::Deque;
 use link::EventKind;
 
 use crate::{deadlines, queues::RawMutex};
 
-type EventQueue = Deque<Captured, { deadlines::EVENTS_WAITING }>;
+type EventQueue = Deque<CapturedEvent, { deadlines::EVENTS_WAITING }>;
 
 /// Queue of captured events that have not been assigned to a sample yet.
 pub struct Inputs {
@@ -35,7 +35,7 @@ impl Inputs {
         let number = self.number.fetch_add(1, Relaxed);
         // A dropped event is counted by its number.
         let _ = self.with_queue(|queue| {
-            queue.push_back(Captured {
+            queue.push_back(CapturedEvent {
                 kind,
                 number,
                 at_us,
@@ -48,7 +48,7 @@ impl Inputs {
         self.number.fetch_add(events, Relaxed);
     }
 
-    pub(crate) fn pop_event(&self) -> Option<Captured> {
+    pub(crate) fn pop_event(&self) -> Option<CapturedEvent> {
         self.with_queue(Deque::pop_front).flatten()
     }
 

@@ -1,6 +1,6 @@
 //! Queues between the tasks: what their slots hold, and their ends.
 
-use device::{Made, Taken};
+use device::{AcquiredSample, Output};
 use embassy_sync::{
     blocking_mutex::raw::CriticalSectionRawMutex,
     zerocopy_channel::{Receiver, Sender},
@@ -13,7 +13,7 @@ pub type RawMutex = CriticalSectionRawMutex;
 #[derive(Clone, Debug, Default)]
 pub struct SampleSlot {
     /// Sample, and its step if one is due.
-    pub acquired: Taken,
+    pub acquired: AcquiredSample,
     /// DRDY edge of the sample, in ticks of the board's [`Clock`](crate::Clock).
     pub drdy_ticks: u32,
 }
@@ -22,7 +22,7 @@ pub struct SampleSlot {
 #[derive(Clone, Debug, Default)]
 pub struct OutputSlot {
     /// Code, report or chunk for the host.
-    pub output: Made,
+    pub output: Output,
     /// Time at which the encoder queued the output, in ticks of the board's [`Clock`](crate::Clock).
     pub queued_ticks: u32,
 }

@@ -1,4 +1,4 @@
-//! What can be asked for on the command line.
+//! Options of the command line.
 
 use std::{convert::Infallible, path::PathBuf, str::FromStr, time::Duration};
 
@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use host_sim::{FAULTS, Fault, Output, Trigger};
 use recordings::Missing;
 
-/// The board without a board: plays EEG through the pipeline of the firmware, bit for bit.
+/// Virtual board: plays EEG through the firmware's pipeline, bit for bit.
 #[derive(Debug, Parser)]
 #[command(version)]
 pub(crate) struct CommandLine {
@@ -22,10 +22,10 @@ pub(crate) enum Command {
     Inspect(InspectOptions),
 }
 
-/// Where the EEG comes from.
+/// Source of the EEG.
 #[derive(Clone, Debug)]
 pub(crate) enum Input {
-    /// A generator.
+    /// The generator of synthetic EEG.
     Synthetic,
     /// An EDF, BDF or GDF file.
     Recording(PathBuf),
@@ -45,9 +45,9 @@ impl FromStr for Input {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum MissingElectrodes {
-    /// Mix them from the four nearest ones by position.
+    /// Interpolate them from the four nearest electrodes.
     Interpolate,
-    /// Leave them at 0.
+    /// Set them to 0.
     Zero,
     /// Refuse the recording.
     Refuse,
@@ -78,48 +78,48 @@ pub(crate) struct RunOptions {
     /// EDF, BDF or GDF file, or the word `synthetic`.
     #[arg(long, value_name = "FILE|synthetic")]
     pub(crate) input: Input,
-    /// Where the frames go: pty:PATH, tcp:HOST:PORT (listens) or file:PATH.
+    /// Destination of the frames: pty:PATH, tcp:HOST:PORT (listens) or file:PATH.
     #[arg(long, value_name = "OUTPUT")]
     pub(crate) output: Output,
     #[command(flatten)]
     pub(crate) pace: PaceOptions,
-    /// Mains frequency for the notch until a host asks for another, Hz.
+    /// Mains frequency of the notch until a host selects another one, Hz.
     #[arg(long, value_enum, default_value = "50")]
     pub(crate) mains: MainsHz,
-    /// Stop after so many seconds of signal.
+    /// Stop after this many seconds of signal.
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) duration: Option<f64>,
-    /// What to do about electrodes of the montage that the recording lacks.
+    /// Treatment of montage electrodes that the recording lacks.
     #[arg(long, value_enum, default_value = "interpolate")]
     pub(crate) missing: MissingElectrodes,
     /// Seed of the synthetic EEG.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
-    /// Let an electrode of the synthetic EEG hit the rail now and then.
+    /// Drive single electrodes of the synthetic EEG to the ADC's rail at random times.
     #[arg(long)]
     pub(crate) rails: bool,
-    /// Let a converter or an electrode break, such as dead@3s:chip2; may be repeated. --help lists what
-    /// can break.
+    /// Inject a fault into a converter or an electrode, such as dead@3s:chip2; can be repeated. --help
+    /// lists the faults.
     #[arg(long, value_name = "FAULT", long_help = FAULTS)]
     pub(crate) fault: Vec<Fault>,
-    /// Make up edges of the trigger, one every so many seconds of device time, high and low in turn; a
-    /// bridge has them on /events/bus.
+    /// Generate trigger edges at this interval of device time, rising and falling in turn; a bridge
+    /// publishes them on /events/bus.
     #[arg(long, value_name = "SECONDS", value_parser = parse_trigger)]
     pub(crate) trigger_every: Option<Trigger>,
-    /// Session id that the board reports; drawn from the clock in real time, 1 otherwise.
+    /// Session id that the board reports; by default random in real time, and 1 otherwise.
     #[arg(long, value_name = "NUMBER")]
     pub(crate) session_id: Option<u32>,
-    /// No progress bar and no report.
+    /// Print no progress bar and no report.
     #[arg(long, short)]
     pub(crate) quiet: bool,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct PaceOptions {
-    /// Samples are taken when they are due, as on a board (default for pty and tcp).
+    /// Process samples when they are due, as on a board (default for pty and tcp).
     #[arg(long, conflicts_with = "fast")]
     pub(crate) realtime: bool,
-    /// Samples are taken as fast as the host takes the frames (default for file).
+    /// Process samples as fast as the host reads the frames (default for file).
     #[arg(long)]
     pub(crate) fast: bool,
 }
@@ -138,13 +138,12 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 }
 
 fn parse_trigger(text: &str) -> Result<Trigger, String> {
-    let seconds = Duration::try_from_secs_f64(parse_seconds(text)?);
-    let trigger = seconds.map_err(|error| error.to_string())?;
-    Trigger::every(trigger).map_err(|error| error.to_string())
+    let interval = Duration::try_from_secs_f64(parse_seconds(text)?);
+    let interval = interval.map_err(|error| error.to_string())?;
+    Trigger::every(interval).map_err(|error| error.to_string())
 }
 
 impl MainsHz {
-    /// The frequency, Hz.
     pub(crate) fn hz(self) -> u8 {
         match self {
             Self::Fifty => 50,

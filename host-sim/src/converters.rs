@@ -1,4 +1,4 @@
-//! The simulated converters, behind the driver that a board uses.
+//! The simulated converters and the driver that boards use for them.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -11,19 +11,8 @@ use ads1299::{
 };
 use pipeline::Sample;
 
-use crate::{Faults, fault::Change};
-
-/// Converters in the chain.
-pub const CHIPS: usize = 8;
-
-const _: () = assert!(model::CHANNELS == CHIPS * CHANNELS);
-
-/// From one sample to the next in the chain's own time, ns: 4096 cycles of 2^21 Hz. What the model
-/// calls its rate is another matter: it belongs to the device's time.
-const PERIOD_NS: u64 = 1_953_125;
-
-/// Samples per second of the chain's own time, Hz.
-const RATE_HZ: u64 = 512;
+use crate::chain::{CHIPS, PERIOD_NS, RATE_HZ};
+use crate::fault::{Change, Faults};
 
 type Counts = [[i32; CHANNELS]; CHIPS];
 
@@ -35,51 +24,51 @@ type Simulated = Sampler<
     { frame_bytes(CHIPS) },
 >;
 
-/// A chain of eight simulated converters, and the driver that reads them: counts go in as what the
-/// electrodes deliver, and come out of the driver's decoder.
+/// A chain of eight simulated converters with the driver that reads them.
 ///
-/// The chain's time is virtual: a period passes with each sample that is delivered, whatever the
-/// device's clock says.
+/// Counts enter as signals at the electrodes and leave through the driver's decoder. The chain's time
+/// is virtual: each sample that enters advances it by one period, whatever the device's clock shows.
 #[derive(Debug)]
 pub struct Converters {
     simulation: Simulation<CHIPS>,
     sampler: Simulated,
     drdy: SimulatedReady<CHIPS>,
-    /// What the electrodes deliver at the next conversion.
+    /// Counts at the electrodes for the next conversion.
     electrodes: Arc<Mutex<Counts>>,
     faults: Faults,
-    /// Samples delivered.
-    delivered: u64,
-    /// When the edge of the sample in work is due; none before the first.
+    /// Periods started, which is the time axis of the faults.
+    periods: u64,
+    /// Due time of the current sample's DRDY edge; `None` before the first.
     due_ns: Option<u64>,
-    /// Whether the sample in work has been read or given up.
+    /// The current period has no more samples.
     is_done: bool,
-    /// Whether an edge has come in this period.
-    came: bool,
-    /// Periods without an edge in a row.
+    /// An edge has come in the current period.
+    edge_seen: bool,
+    /// Consecutive periods without an edge.
     silent: u32,
-    /// Why the chain did not come up as it should.
+    /// Fault found when the chain was initialised.
     failure: Option<Error>,
 }
 
-/// A sample that was read, or one that stands for those that do not come.
+/// A sample from the driver, or a repeated one that replaces missing samples.
 #[derive(Clone, Copy, Debug)]
-pub struct Converted {
-    /// The counts; those of before where a chip is bad.
+pub struct ConvertedSample {
+    /// Counts of all channels; those of a bad chip repeat its last good sample.
     pub sample: Sample,
-    /// What was found.
+    /// Status of the chips, and samples missed before this one.
     pub reading: Reading<CHIPS>,
-    /// By how much it came before it was due, us of device time: a chain that is too fast.
+    /// Time by which the sample came before it was due, us of device time; above 0 for a chain that is
+    /// too fast.
     pub early_us: u64,
 }
 
 impl Converters {
-    /// Power on, with what is broken from the beginning and what is to break.
+    /// Powers on the chain with the faults that are present from the beginning, and initialises it.
     pub fn new(faults: Faults) -> Self {
         let electrodes = Arc::new(Mutex::new([[0; CHANNELS]; CHIPS]));
-        let delivered = electrodes.clone();
+        let at_electrodes = electrodes.clone();
         let deliver = Electrodes::counts(move |_, counts| {
-            *counts = *delivered.lock().unwrap_or_else(PoisonError::into_inner);
+            *counts = *at_electrodes.lock().unwrap_or_else(PoisonError::into_inner);
         });
         let simulation = Simulation::new(Options::default(), deliver);
         let sampler = Sampler::new(simulation.chain(), Settings::EEG.with_lead_off());
@@ -90,28 +79,28 @@ impl Converters {
             drdy,
             electrodes,
             faults,
-            delivered: 0,
+            periods: 0,
             due_ns: None,
             is_done: true,
-            came: false,
+            edge_seen: false,
             silent: 0,
             failure: None,
         };
-        converters.break_and_mend();
-        let begun = finish(converters.sampler.begin(|| ()));
-        converters.failure = begun.and_then(Result::err);
+        converters.apply_faults();
+        let started = finish(converters.sampler.begin(|| ()));
+        converters.failure = started.and_then(Result::err);
         converters
     }
 
-    /// Why the chain did not come up as it should; the driver's own words.
+    /// Returns the fault that the driver found when it initialised the chain.
     pub const fn failure(&self) -> Option<Error> {
         self.failure
     }
 
-    /// How the chain is, for the host.
+    /// Builds the status message for the host.
     pub fn message(&self) -> link::Converters {
         let sampler = &self.sampler;
-        device::converters(
+        device::converters_message(
             self.failure.as_ref(),
             sampler.millihertz(),
             sampler.last(),
@@ -119,10 +108,11 @@ impl Converters {
         )
     }
 
-    /// Lets a period begin at whose end the electrodes deliver a sample; [`Self::take`] has it then.
-    pub fn deliver(&mut self, sample: &Sample) {
-        self.break_and_mend();
-        self.delivered += 1;
+    /// Starts a period, at the end of which the electrodes deliver `sample`. [`Self::read`] then
+    /// returns what the driver reads in this period.
+    pub fn start_period(&mut self, sample: &Sample) {
+        self.apply_faults();
+        self.periods += 1;
         let mut electrodes = self
             .electrodes
             .lock()
@@ -131,7 +121,7 @@ impl Converters {
             .as_flattened_mut()
             .copy_from_slice(&sample.counts);
         drop(electrodes);
-        // The first one comes when the filter has settled; of a chain that does not run none does.
+        // The first edge comes when the chips' filter has settled; a chain that does not run has none.
         let first_ns = || {
             let now_ns = self.simulation.time_us() * 1_000;
             Some(self.simulation.next_edge_ns().unwrap_or(now_ns + PERIOD_NS))
@@ -139,15 +129,15 @@ impl Converters {
         let next_ns = |due_ns| Some(due_ns + PERIOD_NS);
         self.due_ns = self.due_ns.map_or_else(first_ns, next_ns);
         self.is_done = false;
-        self.came = false;
+        self.edge_seen = false;
     }
 
-    /// The next sample of this period, as the driver reads it: one, but none where an edge is missing,
-    /// and two of a chain that is twice as fast.
-    pub fn take(&mut self) -> Option<Converted> {
+    /// Returns the next sample of this period: one in all, none where an edge is missing, two from a
+    /// chain that is twice as fast.
+    pub fn read(&mut self) -> Option<ConvertedSample> {
         let due_ns = self.due_ns.filter(|_| !self.is_done)?;
         if let Some(edge_ns) = self.simulation.pass_to_edge(due_ns) {
-            self.came = true;
+            self.edge_seen = true;
             self.silent = 0;
             let reading = finish(self.sampler.read(edge_ns / 1_000));
             let early_ns = due_ns.saturating_sub(edge_ns);
@@ -155,7 +145,7 @@ impl Converters {
             return reading.map(|reading| self.converted(reading, early_us));
         }
         self.is_done = true;
-        if self.came {
+        if self.edge_seen {
             return None;
         }
         self.silent = (self.silent + 1).min(SILENCE + 1);
@@ -168,42 +158,41 @@ impl Converters {
         Some(self.converted(reading, 0))
     }
 
-    fn converted(&self, reading: Reading<CHIPS>, early_us: u64) -> Converted {
+    fn converted(&self, reading: Reading<CHIPS>, early_us: u64) -> ConvertedSample {
         let mut sample = Sample::default();
         let counts = self.sampler.counts().as_flattened();
         sample.counts.copy_from_slice(counts);
-        Converted {
+        ConvertedSample {
             sample,
             reading,
             early_us,
         }
     }
 
-    /// The driver's whole self-test; the chain converts again afterwards.
-    pub fn self_test(&mut self) -> SelfTestReport<CHIPS> {
+    /// Runs the driver's complete self-test in virtual time; the chain converts again afterwards.
+    pub fn run_self_test(&mut self) -> SelfTestReport<CHIPS> {
         let mut test = Box::new(SelfTest::new());
         let simulation = &self.simulation;
         let now_us = || simulation.time_us();
         let run = self
             .sampler
             .self_test(&mut test, &mut self.drdy, now_us, || ());
-        // Time is virtual: it does not wait.
         finish(run);
         self.due_ns = None;
         self.silent = 0;
         test.report().clone()
     }
 
-    /// What the driver has counted.
+    /// Returns the driver, for its counters.
     pub const fn sampler(&self) -> &Simulated {
         &self.sampler
     }
 
-    fn break_and_mend(&mut self) {
-        for change in self.faults.at(self.delivered) {
+    fn apply_faults(&mut self) {
+        for change in self.faults.take_due(self.periods) {
             match change {
-                Change::Break(chip, fault) => self.simulation.inject(chip, fault),
-                Change::Mend(chip) => self.simulation.repair(chip),
+                Change::Inject(chip, fault) => self.simulation.inject(chip, fault),
+                Change::Repair(chip) => self.simulation.repair(chip),
                 Change::Electrode { channel, on } => {
                     let (chip, channel) = (channel / CHANNELS, channel % CHANNELS);
                     self.simulation.set_electrode(chip, channel, true, on);

@@ -1,32 +1,32 @@
-//! The virtual board's time.
+//! Device time of the virtual board.
 
 use std::{
     thread,
     time::{Duration, Instant},
 };
 
-/// Whether the board's time is that of the wall.
+/// Relation of device time to wall-clock time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// Samples are taken when they are due.
+    /// Device time follows the wall clock: samples are processed when they are due.
     Realtime,
-    /// Samples are taken as fast as they can be processed; time is counted in samples.
+    /// Device time counts samples, which are processed as fast as possible.
     Fast,
 }
 
-/// Counts samples and says when each is due.
+/// Counts samples and computes when each is due.
 #[derive(Clone, Debug)]
 pub struct DeviceClock {
     pace: Pace,
     rate_hz: u32,
     boot: Instant,
-    /// Device time of sample 0.
+    /// Device time of sample 0, microseconds.
     start_us: u64,
     samples: u64,
 }
 
 impl DeviceClock {
-    /// A clock at 0 whose samples are `1 / rate_hz` apart.
+    /// Creates a clock at 0 whose samples are `1 / rate_hz` apart.
     pub fn new(pace: Pace, rate_hz: u32) -> Self {
         Self {
             pace,
@@ -37,7 +37,7 @@ impl DeviceClock {
         }
     }
 
-    /// Microseconds since boot, now.
+    /// Returns the device time, microseconds since boot.
     pub fn now_us(&self) -> u64 {
         match self.pace {
             Pace::Realtime => micros(self.boot.elapsed()),
@@ -45,21 +45,22 @@ impl DeviceClock {
         }
     }
 
-    /// Lets the next sample be due now: sampling begins.
-    pub fn begin(&mut self) {
+    /// Starts sampling: the next sample is number 0 and due now.
+    pub fn start(&mut self) {
         self.start_us = self.now_us();
         self.samples = 0;
     }
 
-    /// The DRDY time of the next sample, which then counts as taken. Exact: the n-th sample is due
-    /// at n / rate after the first, whenever the thread woke up.
+    /// Returns the DRDY time of the next sample and counts it, microseconds. Sample n is due exactly
+    /// n / rate after the first, whenever the thread woke up.
     pub fn next_drdy_us(&mut self) -> u64 {
         let due = self.due_us(self.samples);
         self.samples += 1;
         due
     }
 
-    /// Sleeps until the next sample is due. An absolute deadline: lateness does not add up.
+    /// Sleeps until the next sample is due; returns at once in virtual time. The deadline is absolute,
+    /// so lateness does not accumulate.
     pub fn wait_for_next(&self) {
         if self.pace == Pace::Fast {
             return;

@@ -1,73 +1,73 @@
-//! What is to break, and when.
+//! Scheduled faults of converters and electrodes.
 
 use std::str::FromStr;
 
 use ads1299::{Register, simulation};
 use thiserror::Error;
 
-use crate::CHIPS;
+use crate::chain::CHIPS;
 
-/// The names, and what each does; the text of `--help`.
+/// Syntax of a fault and all kinds; the text of `--help`.
 pub const FAULTS: &str = "\
-What can break: KIND[@FROM[..TO]]:WHERE, such as dead@3s:chip2, stuck@2s..4.5s:chip0, lead-off@2s:Cz.
-FROM and TO are seconds of signal since power-on; without FROM it is broken from the beginning, without
-TO it stays so. Chips count from 0 to 7; chip 0 is the one whose DRDY is wired. Kinds:
-  dead          no power; what the chips behind it send does not get past it
-  stuck         sends its last sample for ever
-  wrong-id      says to be another part; seen at power-on and by the self-test
-  forgets       CH1SET keeps its value; seen at power-on and by the self-test
+KIND[@FROM[..TO]]:WHERE, such as dead@3s:chip2, stuck@2s..4.5s:chip0, lead-off@2s:Cz.
+FROM and TO are seconds of signal since power-on; without FROM the fault is present at power-on, without
+TO it stays. Chips count from 0 to 7; chip 0 is the one whose DRDY is wired. Kinds:
+  dead          no power; it also blocks the data of the chips that are daisy-chained through it
+  stuck         repeats its last sample
+  wrong-id      its ID is that of another part; detected at power-on and by the self-test
+  forgets       CH1SET ignores what is written; detected at power-on and by the self-test
   double-rate   converts twice as fast; chip 0 only
-  missed-drdy   one edge of DRDY does not come; chip 0 only, without TO
-  wrong-status  its status does not begin with 1100
-  shifted-bit   it and the chips behind it come a bit late
+  missed-drdy   one edge of DRDY is missing; chip 0 only, without TO
+  wrong-status  its status word does not begin with 1100
+  shifted-bit   its data, and that of the chips daisy-chained through it, is one bit late
   lead-off      an electrode comes off; WHERE is its label";
 
-/// What happens to a chip or an electrode.
+/// A fault without its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Chip(usize, simulation::Fault),
-    /// ADC channel.
+    /// An electrode that is off, by its ADC channel.
     Electrode(usize),
 }
 
-/// Something that breaks at a time, and may be mended at another.
+/// A fault of a converter or an electrode, with its start and end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
     kind: Kind,
-    /// Samples before it; 0 is before the chain is brought up.
+    /// Samples before it; 0 is before the chain is initialised.
     from: u64,
-    /// Samples before it is mended.
+    /// Samples before its repair; `None` if it stays.
     to: Option<u64>,
 }
 
-/// Why a fault is none.
+/// A text that is no fault, or two faults that exclude each other.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum FaultError {
-    /// No place.
-    #[error("{0:?} does not say where; write KIND@FROM:WHERE, such as dead@3s:chip2")]
+    /// The colon and the place after it are missing.
+    #[error("{0:?} names no place; write KIND@FROM:WHERE, such as dead@3s:chip2")]
     NoPlace(String),
-    /// Not one of the kinds.
-    #[error("{0:?} cannot break; there are {KINDS}")]
+    /// The kind is unknown.
+    #[error("{0:?} is no kind of fault; the kinds are {KINDS}")]
     NoKind(String),
-    /// Not a chip.
-    #[error("{0:?} is no chip; there are chip0 to chip7")]
+    /// The place is not a chip of the chain.
+    #[error("{0:?} is no chip; write chip0 to chip7")]
     NoChip(String),
-    /// Not an electrode of the model.
-    #[error("{0:?} is no electrode of the model; there are {labels}", labels = model::LABELS)]
+    /// The place is not an electrode of the model.
+    #[error("{0:?} is no electrode of the model; its electrodes are {labels}", labels = model::LABELS)]
     NoElectrode(String),
-    /// Not a time.
+    /// FROM or TO is not a number of seconds.
     #[error("{0:?} is no time; write seconds, such as 3s or 0.5s")]
     NoTime(String),
-    /// Ends before it begins.
-    #[error("{0:?} ends before it begins")]
+    /// TO is not after FROM.
+    #[error("{0:?} ends before it begins; write FROM before TO")]
     Backwards(String),
-    /// Only chip 0's DRDY is wired.
-    #[error("{0} shows at DRDY, and only that of chip0 is wired")]
+    /// The fault affects DRDY, and only chip 0's is wired.
+    #[error("{0} affects DRDY, and only that of chip0 is wired; write chip0")]
     NotWired(String),
-    /// Cannot be mended.
-    #[error("a missed edge of DRDY is over by itself; leave ..TO out")]
+    /// A fault of a single edge has a TO.
+    #[error("a missed edge of DRDY ends by itself; omit ..TO")]
     Passing,
-    /// Two at once.
+    /// Two faults of one chip overlap in time.
     #[error(
         "chip{0} has two faults at the same time; the simulated chip breaks in one way at a time"
     )]
@@ -102,7 +102,7 @@ impl FromStr for Fault {
         if passes && to.is_some() {
             return Err(FaultError::Passing);
         }
-        // It is over with the sample that it takes.
+        // Repaired with the next sample.
         let to = if passes { Some(from + 1) } else { to };
         Ok(Self { kind, from, to })
     }
@@ -113,7 +113,7 @@ fn kind(name: &str, place: &str) -> Result<Kind, FaultError> {
     let broken = match name {
         "dead" => Broken::Dead,
         "stuck" => Broken::StuckData,
-        // An ADS1298.
+        // The id of an ADS1298.
         "wrong-id" => Broken::WrongId(0x92),
         "forgets" => Broken::Forgets(Register::CH1SET),
         "double-rate" => Broken::DoubleRate,
@@ -137,7 +137,7 @@ fn kind(name: &str, place: &str) -> Result<Kind, FaultError> {
     Ok(Kind::Chip(chip, broken))
 }
 
-/// Samples of the ADC before a time in seconds.
+/// Parses a time in seconds and returns the number of ADC samples before it.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -150,71 +150,74 @@ fn samples(text: &str) -> Result<u64, FaultError> {
     Ok((seconds * f64::from(model::ADC_RATE_HZ)).round() as u64)
 }
 
-/// What breaks or is mended at one moment.
+/// A change of the simulated chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Change {
-    Break(usize, simulation::Fault),
-    Mend(usize),
+    Inject(usize, simulation::Fault),
+    Repair(usize),
     Electrode { channel: usize, on: bool },
 }
 
-/// All that is to break.
+/// Schedule of the faults of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Faults {
-    /// By time; what is mended comes before what breaks at the same time.
+    /// By time in samples; at the same time, repairs come before faults.
     changes: Vec<(u64, Change)>,
-    /// How many of them have been made.
-    made: usize,
+    /// Number of changes that were already applied.
+    applied: usize,
 }
 
 impl Faults {
-    /// Nothing breaks.
+    /// A run without faults.
     pub const NONE: Self = Self {
         changes: Vec::new(),
-        made: 0,
+        applied: 0,
     };
 
-    /// All of these.
+    /// Sorts the faults into a schedule.
     ///
     /// # Errors
-    /// [`FaultError::Twice`].
+    /// [`FaultError::Twice`]: two faults of one chip overlap.
     pub fn new(faults: &[Fault]) -> Result<Self, FaultError> {
         let mut changes = Vec::new();
         for (index, fault) in faults.iter().enumerate() {
             if let Kind::Chip(chip, _) = fault.kind
-                && faults[..index].iter().any(|other| fault.meets(other))
+                && faults[..index].iter().any(|other| fault.overlaps(other))
             {
                 return Err(FaultError::Twice(chip));
             }
-            let (broken, mended) = match fault.kind {
-                Kind::Chip(chip, fault) => (Change::Break(chip, fault), Change::Mend(chip)),
+            let (broken, repaired) = match fault.kind {
+                Kind::Chip(chip, fault) => (Change::Inject(chip, fault), Change::Repair(chip)),
                 Kind::Electrode(channel) => (
                     Change::Electrode { channel, on: false },
                     Change::Electrode { channel, on: true },
                 ),
             };
             changes.push((fault.from, broken));
-            changes.extend(fault.to.map(|to| (to, mended)));
+            changes.extend(fault.to.map(|to| (to, repaired)));
         }
-        changes.sort_by_key(|(time, change)| (*time, matches!(change, Change::Break(..))));
-        Ok(Self { changes, made: 0 })
+        changes.sort_by_key(|(time, change)| (*time, matches!(change, Change::Inject(..))));
+        Ok(Self {
+            changes,
+            applied: 0,
+        })
     }
 
-    /// What happens once so many samples have been taken, and has not been told yet.
-    pub(crate) fn at(&mut self, samples: u64) -> Vec<Change> {
-        let due = self.changes[self.made..].iter();
+    /// Returns the changes that are due once `samples` samples have been taken; each change once.
+    pub(crate) fn take_due(&mut self, samples: u64) -> Vec<Change> {
+        let due = self.changes[self.applied..].iter();
         let due: Vec<Change> = due
             .take_while(|(time, _)| *time <= samples)
             .map(|(_, change)| *change)
             .collect();
-        self.made += due.len();
+        self.applied += due.len();
         due
     }
 }
 
 impl Fault {
-    /// Whether both are at the same chip at the same time.
-    fn meets(&self, other: &Self) -> bool {
+    /// Returns true if both affect the same chip at the same time.
+    fn overlaps(&self, other: &Self) -> bool {
         let same = match (self.kind, other.kind) {
             (Kind::Chip(one, _), Kind::Chip(two, _)) => one == two,
             _ => false,
@@ -234,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_read_with_their_times_and_places() {
+    fn a_fault_is_parsed_with_its_times_and_place() {
         let rate = u64::from(model::ADC_RATE_HZ);
         let dead: Fault = "dead@3s..6.5s:chip2".parse().expect("a fault");
         assert_eq!((dead.from, dead.to), (3 * rate, Some(13 * rate / 2)));
@@ -248,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_fault_is_refused_with_what_to_write_instead() {
+    fn a_text_that_is_no_fault_is_refused_with_a_remedy() {
         assert!(error("dead@3s").contains("dead@3s:chip2"));
         assert!(error("smoke:chip1").contains("shifted-bit"));
         assert!(error("dead:chip8").contains("chip0 to chip7"));
@@ -260,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chip_breaks_in_one_way_at_a_time() {
+    fn faults_of_a_chip_must_not_overlap() {
         let faults = |texts: &[&str]| {
             let faults: Vec<Fault> = texts.iter().map(|t| t.parse().expect("a fault")).collect();
             Faults::new(&faults)
@@ -269,13 +272,16 @@ mod tests {
         assert_eq!(twice, FaultError::Twice(1));
         let mut fine = faults(&["stuck@2s:chip1", "dead@1s..2s:chip1"]).expect("one by one");
         let second = u64::from(model::ADC_RATE_HZ);
-        assert_eq!(fine.at(second - 1), []);
-        assert_eq!(fine.at(second), [Change::Break(1, simulation::Fault::Dead)]);
+        assert_eq!(fine.take_due(second - 1), []);
+        assert_eq!(
+            fine.take_due(second),
+            [Change::Inject(1, simulation::Fault::Dead)]
+        );
         let then = [
-            Change::Mend(1),
-            Change::Break(1, simulation::Fault::StuckData),
+            Change::Repair(1),
+            Change::Inject(1, simulation::Fault::StuckData),
         ];
-        assert_eq!(fine.at(2 * second), then);
-        assert_eq!(fine.at(3 * second), []);
+        assert_eq!(fine.take_due(2 * second), then);
+        assert_eq!(fine.take_due(3 * second), []);
     }
 }

@@ -1,4 +1,4 @@
-//! `host-sim inspect`.
+//! The command `host-sim inspect`.
 
 use std::error::Error;
 

@@ -1,15 +1,38 @@
-//! The board without a board: sources, virtual board, ports.
+//! A virtual board: EEG through simulated converters and the firmware's pipeline, onto a port.
 //!
-//! The same pipeline and link as on a microcontroller, bit for bit, behind a pseudo-terminal, a TCP
-//! port or a file:
+//! Converter driver, pipeline and link are those of the firmware, so codes equal a board's bit for
+//! bit. The program `host-sim` is a command line around [`Session`].
 //!
 //! ```text
-//! Source ------> Converters ------> VirtualBoard ------> Outbox ------> Port
-//! recording or   simulated chain,   pipeline + link,     whole frames,  pty, tcp
-//! synthetic EEG  real driver        answers commands     drops oldest   or file
+//! Source -------> Converters -------> VirtualBoard ------> Outbox ------> Port
+//! recording or    simulated chain,    pipeline, link,      whole frames,  PTY, TCP
+//! synthetic EEG   real driver         commands             drops oldest   or file
+//! ```
+//!
+//! A second of synthetic EEG, without a host:
+//!
+//! ```
+//! use host_sim::synthetic::{Generator, SyntheticSpec};
+//! use host_sim::{Identity, Outbox, VirtualBoard, WhenFull};
+//! use link::{Start, Streams};
+//! use pipeline::{Mains, Sample};
+//!
+//! let identity = Identity { session_id: 1, chip_uid: [0; 12] };
+//! let outbox = Outbox::new(WhenFull::DropOldest);
+//! let mut board = VirtualBoard::new(identity, Mains::Hz50, outbox);
+//! board.start(Start { streams: Streams::CODES, mains_hz: 0 }, 0);
+//!
+//! let eeg = Generator::new(&SyntheticSpec::new(1, model::LABELS.split(' ')))?;
+//! for (index, counts) in (0..512).zip(eeg) {
+//!     board.process_sample(&Sample { counts }, index * 1_000_000 / 512);
+//! }
+//! // 128 steps: the first code after 16 of them, then one for every 8.
+//! assert_eq!(board.stats().codes_made, 15);
+//! # Ok::<(), host_sim::synthetic::SyntheticError>(())
 //! ```
 #![forbid(unsafe_code)]
 
+mod chain;
 mod converters;
 mod device_clock;
 mod fault;
@@ -21,7 +44,8 @@ pub mod synthetic;
 mod trigger;
 mod virtual_board;
 
-pub use converters::{CHIPS, Converted, Converters};
+pub use chain::CHIPS;
+pub use converters::{ConvertedSample, Converters};
 pub use device_clock::{DeviceClock, Pace};
 pub use fault::{FAULTS, Fault, FaultError, Faults};
 pub use outbox::{Outbox, WhenFull};

@@ -12,9 +12,9 @@ use host_sim::SessionError;
 
 use command_line::{Command, CommandLine};
 
-/// Exit status: the input cannot be used.
+/// Exit status when the input cannot be used.
 const UNUSABLE: u8 = 2;
-/// Exit status: the output cannot be reached.
+/// Exit status when the output cannot be opened or written.
 const UNREACHABLE: u8 = 3;
 
 fn main() -> ExitCode {
@@ -26,13 +26,15 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("host-sim: {}", chain(&*error));
-            let unreachable = error.downcast_ref().is_some_and(SessionError::is_of_output);
+            let unreachable = error
+                .downcast_ref()
+                .is_some_and(SessionError::is_output_error);
             ExitCode::from(if unreachable { UNREACHABLE } else { UNUSABLE })
         }
     }
 }
 
-/// An error and its causes, one a line.
+/// Formats an error and its causes, one per line.
 fn chain(error: &dyn Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();

@@ -1,4 +1,4 @@
-//! Whole frames on their way to a host that may be slow.
+//! Queue of whole frames in front of a host that can be slow.
 
 use std::{
     collections::VecDeque,
@@ -7,18 +7,18 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// What to do when the host does not take frames as fast as they are made.
+/// Behaviour when the host reads frames more slowly than they are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhenFull {
-    /// Drop the oldest whole frames and count them: what a board does, whose time does not wait.
+    /// Drop the oldest whole frames and count them, as a board does: real time cannot wait.
     DropOldest,
-    /// Wait for room: for virtual time, which can.
+    /// Wait for room, in virtual time.
     Wait,
 }
 
-/// A bounded queue of frames between the board and the writer of a port.
+/// A bounded queue of frames between the board and the thread that writes to a port.
 ///
-/// Every frame that is pushed is written or counted as dropped, whatever happens.
+/// Every queued frame is either written or counted as dropped. Clones share one queue.
 #[derive(Clone, Debug)]
 pub struct Outbox {
     shared: Arc<Shared>,
@@ -33,28 +33,28 @@ struct Shared {
 
 #[derive(Debug, Default)]
 struct Queue {
-    /// With the time when each was made.
+    /// Frames with the time at which each was queued.
     frames: VecDeque<(Instant, Vec<u8>)>,
-    /// A frame was taken and is neither written nor lost yet.
+    /// A frame was popped and is neither written nor lost yet.
     writing: bool,
     closed: bool,
     dropped: u32,
     failure: Option<io::Error>,
 }
 
-/// Frames that wait at most where time can wait: 4 s of codes.
+/// Most frames in the queue in virtual time: 4 s of codes.
 const CAPACITY: usize = 64;
 
-/// How old a frame gets where it cannot. Not a number of frames: then samples on request, of which
-/// there are four times as many, would push codes out in a stall that codes alone outlast.
-const OLDEST: Duration = Duration::from_secs(4);
+/// Greatest age of a frame in real time. A limit on the number of frames would be wrong: raw samples,
+/// four times as many, would displace codes in a pause that codes alone survive.
+const MAX_AGE: Duration = Duration::from_secs(4);
 
-/// Frames that wait at most where time cannot: more than 4 s of every stream, 64 raw ones, 32
-/// filtered, 16 codes and 5 reports a second; 0.5 MB.
-const MOST: usize = 512;
+/// Most frames in the queue in real time, 0.5 MB: more than 4 s of every stream, which has 64 raw and
+/// 32 filtered frames, 16 codes and 5 reports a second.
+const MAX_FRAMES: usize = 512;
 
 impl Outbox {
-    /// An empty queue.
+    /// Creates an empty queue.
     pub fn new(when_full: WhenFull) -> Self {
         let shared = Shared {
             queue: Mutex::default(),
@@ -66,20 +66,21 @@ impl Outbox {
         }
     }
 
-    /// What happens when the queue is full.
+    /// Returns the behaviour that was chosen at creation.
     pub fn when_full(&self) -> WhenFull {
         self.when_full
     }
 
-    /// Waits until there is room, at most `patience`; true when there is. A queue that drops always
-    /// has room.
-    pub fn wait_for_room(&self, patience: Duration) -> bool {
+    /// Waits until there is room, at most `timeout`, and returns true if there is. A queue that drops
+    /// frames always has room.
+    pub fn wait_for_room(&self, timeout: Duration) -> bool {
         let full = |queue: &Queue| queue.frames.len() >= CAPACITY && !queue.closed;
-        self.when_full == WhenFull::DropOldest || self.wait_while(patience, full)
+        self.when_full == WhenFull::DropOldest || self.wait_while(timeout, full)
     }
 
-    /// Puts a frame at the end. A queue that drops loses what is older than 4 s; one that waits grows:
-    /// wait for room before a frame is made. Frames for a closed outbox count as dropped.
+    /// Appends a frame. A queue that drops discards frames older than 4 s. A queue that waits grows
+    /// instead: call [`Outbox::wait_for_room`] before making a frame. A closed outbox counts the frame as
+    /// dropped.
     pub fn push(&self, frame: &[u8]) {
         self.push_at(frame, Instant::now());
     }
@@ -97,9 +98,9 @@ impl Outbox {
         self.shared.changed.notify_all();
     }
 
-    /// The oldest frame, waiting for one; none when the outbox is closed. Follow it by
-    /// [`Outbox::written`] or [`Outbox::lost`].
-    pub fn take(&self) -> Option<Vec<u8>> {
+    /// Removes and returns the oldest frame, waiting for one; `None` when the outbox is closed. Call
+    /// [`Outbox::mark_written`] or [`Outbox::mark_lost`] next.
+    pub fn pop(&self) -> Option<Vec<u8>> {
         let mut queue = self.lock();
         while queue.frames.is_empty() && !queue.closed {
             queue = self
@@ -114,16 +115,16 @@ impl Outbox {
         frame
     }
 
-    /// The frame that was taken is out.
-    pub fn written(&self) {
+    /// Reports that the popped frame was written.
+    pub fn mark_written(&self) {
         self.lock().writing = false;
         self.shared.changed.notify_all();
     }
 
-    /// The frame that was taken could not be written, and why; the first reason is kept.
-    pub fn lost(&self, reason: io::Error) {
+    /// Reports that the popped frame could not be written. The first reason is kept.
+    pub fn mark_lost(&self, reason: io::Error) {
         let mut queue = self.lock();
-        // A closed outbox has counted it already.
+        // `close` has counted it already if it cleared the flag.
         if std::mem::take(&mut queue.writing) {
             queue.drop_frames(1);
         }
@@ -131,32 +132,32 @@ impl Outbox {
         self.shared.changed.notify_all();
     }
 
-    /// Frames that were dropped; wraps.
+    /// Returns the number of frames dropped since creation; wraps.
     pub fn dropped(&self) -> u32 {
         self.lock().dropped
     }
 
-    /// Counts a frame that was made but never pushed.
+    /// Counts a frame that was numbered but never queued.
     pub fn count_dropped(&self) {
         self.lock().drop_frames(1);
     }
 
-    /// Why the first frame could not be written, once.
-    pub fn failure(&self) -> Option<io::Error> {
+    /// Returns why the first lost frame could not be written; `None` from the second call on.
+    pub fn take_failure(&self) -> Option<io::Error> {
         self.lock().failure.take()
     }
 
-    /// Whether the outbox was closed.
+    /// Returns true after [`Outbox::close`].
     pub fn is_closed(&self) -> bool {
         self.lock().closed
     }
 
-    /// Waits until everything was written, at most `patience`; true when it was.
-    pub fn drain(&self, patience: Duration) -> bool {
-        self.wait_while(patience, |queue| !queue.frames.is_empty() || queue.writing)
+    /// Waits until every frame was written, at most `timeout`, and returns true if so.
+    pub fn drain(&self, timeout: Duration) -> bool {
+        self.wait_while(timeout, |queue| !queue.frames.is_empty() || queue.writing)
     }
 
-    /// Ends [`Outbox::take`]; what was not written by now counts as dropped.
+    /// Ends [`Outbox::pop`] for every thread; frames not written by now count as dropped.
     pub fn close(&self) {
         let mut queue = self.lock();
         let unsent = queue.frames.len() + usize::from(std::mem::take(&mut queue.writing));
@@ -166,9 +167,9 @@ impl Outbox {
         self.shared.changed.notify_all();
     }
 
-    /// True when the condition ended within `patience`.
-    fn wait_while(&self, patience: Duration, condition: impl Fn(&Queue) -> bool) -> bool {
-        let deadline = Instant::now() + patience;
+    /// Waits while `condition` holds and returns true if it ended within `timeout`.
+    fn wait_while(&self, timeout: Duration, condition: impl Fn(&Queue) -> bool) -> bool {
+        let deadline = Instant::now() + timeout;
         let mut queue = self.lock();
         while condition(&queue) {
             let Some(left) = deadline.checked_duration_since(Instant::now()) else {
@@ -190,8 +191,8 @@ impl Outbox {
 
 impl Queue {
     fn make_room(&mut self, now: Instant) {
-        while let Some((made, _)) = self.frames.front()
-            && (self.frames.len() >= MOST || now.duration_since(*made) > OLDEST)
+        while let Some((queued, _)) = self.frames.front()
+            && (self.frames.len() >= MAX_FRAMES || now.duration_since(*queued) > MAX_AGE)
         {
             self.frames.pop_front();
             self.drop_frames(1);
@@ -213,50 +214,49 @@ mod tests {
     #[test]
     fn a_full_outbox_drops_the_oldest_whole_frame_and_counts_it() {
         let outbox = Outbox::new(WhenFull::DropOldest);
-        for index in 0..MOST + 3 {
+        for index in 0..MAX_FRAMES + 3 {
             assert!(outbox.wait_for_room(SOON));
             outbox.push(&index.to_le_bytes());
         }
         assert_eq!(outbox.dropped(), 3);
-        assert_eq!(outbox.take(), Some(3_usize.to_le_bytes().to_vec()));
+        assert_eq!(outbox.pop(), Some(3_usize.to_le_bytes().to_vec()));
     }
 
     #[test]
-    fn a_stall_of_four_seconds_loses_nothing_however_much_is_streamed_and_a_longer_one_the_oldest()
-    {
+    fn a_pause_of_four_seconds_loses_nothing_with_any_streams_and_a_longer_one_the_oldest() {
         let outbox = Outbox::new(WhenFull::DropOldest);
-        let begun = Instant::now();
-        // Every stream: 117 frames a second.
+        let start = Instant::now();
+        // All streams: 64 raw, 32 filtered, 16 codes and 5 reports a second.
         for index in 0..6 * 117_u32 {
             outbox.push_at(
                 &index.to_le_bytes(),
-                begun + index * Duration::from_secs(1) / 117,
+                start + index * Duration::from_secs(1) / 117,
             );
             if index == 4 * 117 {
                 assert_eq!(outbox.dropped(), 0);
             }
         }
         assert_eq!(outbox.dropped(), 2 * 117 - 1);
-        // Codes alone: 16 and 5 reports.
+        // Codes alone: 16 codes and 5 reports a second.
         let outbox = Outbox::new(WhenFull::DropOldest);
         for index in 0..6 * 21_u32 {
             outbox.push_at(
                 &index.to_le_bytes(),
-                begun + index * Duration::from_secs(1) / 21,
+                start + index * Duration::from_secs(1) / 21,
             );
         }
         assert_eq!(outbox.dropped(), 2 * 21 - 1);
     }
 
     #[test]
-    fn virtual_time_waits_for_the_writer_and_loses_nothing() {
+    fn in_virtual_time_the_board_waits_for_the_writer_and_loses_nothing() {
         let outbox = Outbox::new(WhenFull::Wait);
         let writer = outbox.clone();
         let received = std::thread::spawn(move || {
             let mut received = Vec::new();
-            while let Some(frame) = writer.take() {
+            while let Some(frame) = writer.pop() {
                 received.push(frame[0]);
-                writer.written();
+                writer.mark_written();
             }
             received
         });
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn waiting_for_room_ends_when_nobody_writes() {
+    fn waiting_for_room_times_out_without_a_writer() {
         let outbox = Outbox::new(WhenFull::Wait);
         (0..CAPACITY).for_each(|_| outbox.push(b"frame"));
         assert!(!outbox.wait_for_room(SOON));
@@ -280,18 +280,18 @@ mod tests {
     }
 
     #[test]
-    fn what_is_queued_or_half_written_when_the_outbox_closes_counts_as_dropped_once() {
+    fn frames_queued_or_half_written_at_closing_count_as_dropped_once() {
         let outbox = Outbox::new(WhenFull::DropOldest);
         (0..5).for_each(|_| outbox.push(b"frame"));
-        assert!(outbox.take().is_some());
+        assert!(outbox.pop().is_some());
         outbox.close();
-        outbox.lost(io::ErrorKind::BrokenPipe.into());
+        outbox.mark_lost(io::ErrorKind::BrokenPipe.into());
         outbox.push(b"too late");
         assert_eq!(outbox.dropped(), 6);
-        assert_eq!(outbox.take(), None);
+        assert_eq!(outbox.pop(), None);
         assert!(
             outbox
-                .failure()
+                .take_failure()
                 .is_some_and(|e| e.kind() == io::ErrorKind::BrokenPipe)
         );
     }

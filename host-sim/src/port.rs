@@ -1,4 +1,4 @@
-//! The virtual board's end of a port: pseudo-terminal, TCP listener or file.
+//! The virtual board's port: pseudo-terminal, TCP listener or file.
 
 use std::{
     fmt,
@@ -18,26 +18,26 @@ use rustix::{
     termios::{OptionalActions, tcgetattr, tcsetattr},
 };
 
-use crate::{Outbox, WhenFull};
+use crate::outbox::{Outbox, WhenFull};
 
-/// Pause before something is tried again that just failed.
+/// Pause before a failed operation is tried again.
 const RETRY: Duration = Duration::from_millis(20);
 
-/// How often a host that is behind is looked at.
+/// Interval at which the unread bytes of a slow host are checked.
 const POLL: Duration = Duration::from_millis(2);
 
-/// Bytes that a terminal may hold for a host that is behind: half a second of codes. The kernel
-/// alone would take 64 KB, half a minute of codes that are stale when the host reads them.
-const UNREAD_AT_MOST: u64 = 1_024;
+/// Most bytes that wait in a terminal for a slow host: half a second of codes. The kernel alone would
+/// buffer 64 KB, half a minute of codes, which are stale when the host reads them.
+const MAX_UNREAD: u64 = 1_024;
 
-/// Where the frames go.
+/// Destination of the frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// A pseudo-terminal; the path becomes a link to it.
+    /// A pseudo-terminal; the path becomes a symbolic link to it.
     Pty(PathBuf),
-    /// A TCP port that one host at a time may connect to.
+    /// A TCP port for one host at a time, as HOST:PORT to listen on.
     Tcp(String),
-    /// A file; no commands come back, so the codes start at once.
+    /// A file. It sends no commands, so the codes start at once.
     File(PathBuf),
 }
 
@@ -66,48 +66,48 @@ impl fmt::Display for Output {
     }
 }
 
-/// An output that could not be opened.
+/// Reason why an output could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
-    /// No pseudo-terminal.
+    /// The system provides no pseudo-terminal.
     #[error("cannot open a pseudo-terminal; is /dev/pts mounted?")]
     Pty(#[source] io::Error),
     /// The link to the pseudo-terminal could not be made.
-    #[error("cannot make the link {path}; choose a path in a folder that you may write to")]
+    #[error("cannot make the link {path}; choose a path in a writable folder")]
     Link {
-        /// Path of the link.
+        /// Path in [`Output::Pty`].
         path: PathBuf,
-        /// Why.
+        /// Error of the system call `symlink`.
         #[source]
         source: io::Error,
     },
-    /// Something other than a link lies where the link should be.
+    /// The path of the link exists and is not a link.
     #[error("{path} exists and is no link; remove it or choose another path")]
     Occupied {
-        /// Path of the link.
+        /// Path in [`Output::Pty`].
         path: PathBuf,
     },
     /// The TCP port could not be opened.
     #[error("cannot listen on {address}; is another program using the port?")]
     Listen {
-        /// Address asked for.
+        /// Address in [`Output::Tcp`].
         address: String,
-        /// Why.
+        /// Error of resolving the address or of listening.
         #[source]
         source: io::Error,
     },
     /// The file could not be created.
-    #[error("cannot write {path}")]
+    #[error("cannot write {path}; choose a path in a writable folder")]
     File {
-        /// Path of the file.
+        /// Path in [`Output::File`].
         path: PathBuf,
-        /// Why.
+        /// Error of creating the file.
         #[source]
         source: io::Error,
     },
 }
 
-/// An open output: a thread writes the outbox to it, another one reads commands.
+/// An open output. One thread writes the outbox to it, another one reads commands.
 pub struct Port {
     commands: mpsc::Receiver<Vec<u8>>,
     pty: Option<Pty>,
@@ -115,15 +115,15 @@ pub struct Port {
 
 struct Pty {
     link: PathBuf,
-    /// Held open, so that a host may close the terminal and open it again.
+    /// Kept open, so that a host can close the terminal and open it again.
     terminal: OwnedFd,
 }
 
 impl Port {
-    /// Opens the output and starts to write the outbox to it.
+    /// Opens the output and starts the thread that writes the outbox to it.
     ///
     /// # Errors
-    /// When it cannot be opened.
+    /// One variant of [`PortError`] for each kind of output.
     pub fn open(output: &Output, outbox: &Outbox) -> Result<Self, PortError> {
         let (sender, commands) = mpsc::channel();
         let pty = match output {
@@ -158,30 +158,30 @@ impl Port {
         Ok(Self { commands, pty })
     }
 
-    /// Bytes from the host that have come meanwhile.
+    /// Returns the chunks of bytes that the host has sent since the last call, without waiting.
     pub fn received(&self) -> impl Iterator<Item = Vec<u8>> {
         self.commands.try_iter()
     }
 
-    /// Waits for bytes from the host, at most `patience`.
-    pub fn wait(&self, patience: Duration) -> Option<Vec<u8>> {
-        match self.commands.recv_timeout(patience) {
+    /// Waits for bytes from the host, at most `timeout`.
+    pub fn receive_timeout(&self, timeout: Duration) -> Option<Vec<u8>> {
+        match self.commands.recv_timeout(timeout) {
             Ok(bytes) => Some(bytes),
             Err(mpsc::RecvTimeoutError::Timeout) => None,
             Err(mpsc::RecvTimeoutError::Disconnected) => {
-                thread::sleep(patience);
+                thread::sleep(timeout);
                 None
             }
         }
     }
 
-    /// Waits until the host has read what was written, at most `patience`, and gives the bytes that
-    /// it has not read: closing a pseudo-terminal throws them away.
-    pub fn linger(&self, patience: Duration) -> u64 {
+    /// Waits until the host has read everything, at most `timeout`, and returns the number of unread
+    /// bytes. Closing a pseudo-terminal discards them; other outputs return 0 at once.
+    pub fn wait_until_read(&self, timeout: Duration) -> u64 {
         let Some(pty) = &self.pty else { return 0 };
         let unread = || unread_in(&pty.terminal);
-        let deadline = Instant::now() + patience;
-        // Bytes may still be on their way to the terminal's queue: it must be empty twice.
+        let deadline = Instant::now() + timeout;
+        // Bytes can still be on their way to the terminal's queue, so it must be empty twice.
         let mut empty = 0;
         while Instant::now() < deadline && empty < 2 {
             thread::sleep(RETRY);
@@ -194,13 +194,13 @@ impl Port {
 impl Drop for Port {
     fn drop(&mut self) {
         if let Some(pty) = &self.pty {
-            // Nothing to do about a link that is gone already.
+            // An error means that the link is already gone.
             let _ = fs::remove_file(&pty.link);
         }
     }
 }
 
-/// Bytes that wait in a terminal for the host to read them; 4095 stands for more.
+/// Returns the number of bytes in a terminal that the host has not read; 4095 also stands for more.
 fn unread_in(terminal: &OwnedFd) -> u64 {
     rustix::io::ioctl_fionread(terminal).unwrap_or(0)
 }
@@ -230,7 +230,7 @@ fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
                 path: link.to_owned(),
             });
         }
-        // A link that an earlier run left behind.
+        // A link left by an earlier run.
         Ok(_) => drop(fs::remove_file(link)),
         Err(_) => {}
     }
@@ -247,22 +247,22 @@ fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
     ))
 }
 
-/// Writes frames until the outbox is closed; a frame that cannot be written is counted.
+/// Writes frames until the outbox is closed; a frame that cannot be written is counted as lost.
 ///
-/// Before each frame it waits until `unread`, the bytes that the host has not read yet, is small.
+/// Waits before each frame until `unread`, the number of bytes that the host has not read, is small.
 fn write_all_to(mut out: impl Write, unread: impl Fn() -> u64, outbox: &Outbox) {
-    while let Some(frame) = outbox.take() {
-        while unread() > UNREAD_AT_MOST && !outbox.is_closed() {
+    while let Some(frame) = outbox.pop() {
+        while unread() > MAX_UNREAD && !outbox.is_closed() {
             thread::sleep(POLL);
         }
         match out.write_all(&frame).and_then(|()| out.flush()) {
-            Ok(()) => outbox.written(),
-            Err(error) => outbox.lost(error),
+            Ok(()) => outbox.mark_written(),
+            Err(error) => outbox.mark_lost(error),
         }
     }
 }
 
-/// Hands what the host sends to the board until either is gone.
+/// Forwards the host's bytes to the board until either is gone.
 fn forward(mut input: impl Read, commands: &mpsc::Sender<Vec<u8>>) {
     let mut buffer = [0; 512];
     loop {
@@ -279,21 +279,21 @@ fn forward(mut input: impl Read, commands: &mpsc::Sender<Vec<u8>>) {
     }
 }
 
-/// The host that is connected now, if one is.
+/// The connected host; `None` without one.
 type CurrentHost = Arc<Mutex<Option<Arc<TcpStream>>>>;
 
-/// Serves one host at a time; a new connection takes over from the old one. Without a host, frames
-/// are dropped and counted, or, in virtual time, wait for one.
+/// Serves one host at a time; a new connection replaces the old one. Without a host, frames are dropped
+/// and counted in real time, and wait in virtual time.
 fn serve(listener: TcpListener, outbox: &Outbox, commands: &mpsc::Sender<Vec<u8>>) {
     let host = CurrentHost::default();
     let (current, commands) = (host.clone(), commands.clone());
     thread::spawn(move || accept(&listener, &current, &commands));
     let outbox = outbox.clone();
     thread::spawn(move || {
-        while let Some(frame) = outbox.take() {
+        while let Some(frame) = outbox.pop() {
             match send(&frame, &host, &outbox) {
-                Ok(()) => outbox.written(),
-                Err(error) => outbox.lost(error),
+                Ok(()) => outbox.mark_written(),
+                Err(error) => outbox.mark_lost(error),
             }
         }
     });
@@ -302,7 +302,7 @@ fn serve(listener: TcpListener, outbox: &Outbox, commands: &mpsc::Sender<Vec<u8>
 fn accept(listener: &TcpListener, current: &CurrentHost, commands: &mpsc::Sender<Vec<u8>>) {
     loop {
         let Ok((stream, _)) = listener.accept() else {
-            // Out of descriptors, most likely: trying again at once would only burn the processor.
+            // Most likely out of file descriptors: an immediate retry would only load the processor.
             thread::sleep(RETRY);
             continue;
         };
@@ -311,7 +311,7 @@ fn accept(listener: &TcpListener, current: &CurrentHost, commands: &mpsc::Sender
         };
         let mut current = current.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(old) = current.replace(Arc::new(stream)) {
-            // The old host may be gone already.
+            // An error means that the old host is already gone.
             let _ = old.shutdown(std::net::Shutdown::Both);
         }
         let commands = commands.clone();
@@ -319,7 +319,7 @@ fn accept(listener: &TcpListener, current: &CurrentHost, commands: &mpsc::Sender
     }
 }
 
-/// Sends a frame to the current host. In virtual time a frame waits until a host takes it.
+/// Sends a frame to the current host. In virtual time, tries again until a host accepts the frame.
 fn send(frame: &[u8], host: &CurrentHost, outbox: &Outbox) -> io::Result<()> {
     loop {
         let current = host.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -339,7 +339,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_output_is_read_from_its_text() {
+    fn an_output_is_parsed_from_its_text() {
         assert_eq!(
             "pty:/tmp/board".parse(),
             Ok(Output::Pty("/tmp/board".into()))

@@ -1,4 +1,4 @@
-//! `host-sim run`.
+//! The command `host-sim run`.
 
 use std::{
     error::Error,
@@ -23,7 +23,7 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
     for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, stop.clone())?;
     }
-    let mut source = open(options)?;
+    let mut source = open_source(options)?;
     let session = session(options, Faults::new(&options.fault)?);
     let total = match (source.samples(), session.limit) {
         (Some(samples), Some(limit)) => Some(samples.min(limit)),
@@ -60,8 +60,8 @@ fn session(options: &RunOptions, faults: Faults) -> Session {
         (true, _, _) | (false, false, Output::File(_)) => Pace::Fast,
         _ => Pace::Realtime,
     };
-    let drawn = || match pace {
-        // A run in virtual time is the same every time, to the last byte.
+    let default_id = || match pace {
+        // A constant id: runs in virtual time must be equal to the last byte.
         Pace::Fast => 1,
         Pace::Realtime => SystemTime::now()
             .duration_since(UNIX_EPOCH)
@@ -85,7 +85,7 @@ fn session(options: &RunOptions, faults: Faults) -> Session {
             MainsHz::Sixty => Mains::Hz60,
         },
         identity: Identity {
-            session_id: options.session_id.unwrap_or_else(drawn),
+            session_id: options.session_id.unwrap_or_else(default_id),
             chip_uid: *b"\0host-sim\0\0\0",
         },
         limit,
@@ -94,7 +94,7 @@ fn session(options: &RunOptions, faults: Faults) -> Session {
     }
 }
 
-fn open(options: &RunOptions) -> Result<Source, Box<dyn Error>> {
+fn open_source(options: &RunOptions) -> Result<Source, Box<dyn Error>> {
     Ok(match &options.input {
         Input::Synthetic => {
             let mut spec = SyntheticSpec::new(options.seed, model::LABELS.split(' '));
@@ -104,7 +104,7 @@ fn open(options: &RunOptions) -> Result<Source, Box<dyn Error>> {
             Source::Synthetic(Box::new(Generator::new(&spec)?))
         }
         Input::Recording(path) => {
-            let adc = play(path, options)?;
+            let adc = open_recording(path, options)?;
             if !options.quiet {
                 for warning in adc.recording().warnings() {
                     eprintln!("warning: {warning}");
@@ -115,8 +115,8 @@ fn open(options: &RunOptions) -> Result<Source, Box<dyn Error>> {
     })
 }
 
-/// A recording through the virtual ADC, laid on the model's montage.
-fn play(path: &Path, options: &RunOptions) -> Result<VirtualAdc, Box<dyn Error>> {
+/// Opens a recording and maps its signals to the model's montage.
+fn open_recording(path: &Path, options: &RunOptions) -> Result<VirtualAdc, Box<dyn Error>> {
     let recording = Recording::open(path)?;
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
     let map = MontageMap::new(&recording.labels(), &electrodes, options.missing.into())?;

@@ -1,4 +1,4 @@
-//! One run of the virtual board: from its start to the end of its source.
+//! A run of the virtual board, from its start to the end of its source.
 
 use std::{
     sync::atomic::{AtomicBool, Ordering},
@@ -10,92 +10,96 @@ use link::{Start, Stats, Streams};
 use pipeline::Mains;
 use recordings::RecordingError;
 
-use crate::{
-    CHIPS, DeviceClock, Faults, Identity, Outbox, Output, Pace, Port, PortError, Source, Trigger,
-    VirtualBoard, WhenFull,
-};
+use crate::chain::CHIPS;
+use crate::device_clock::{DeviceClock, Pace};
+use crate::fault::Faults;
+use crate::outbox::{Outbox, WhenFull};
+use crate::port::{Output, Port, PortError};
+use crate::source::Source;
+use crate::trigger::Trigger;
+use crate::virtual_board::{Identity, VirtualBoard};
 
-/// How long to wait for a host that does not read, at the end.
-const FAREWELL: Duration = Duration::from_secs(3);
+/// Longest wait at the end for a host that does not read.
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// How often an idle board looks for the signal to stop.
-const IDLE: Duration = Duration::from_millis(20);
+/// Interval at which an idle board checks the stop flag.
+const IDLE_POLL: Duration = Duration::from_millis(20);
 
-/// What to run.
+/// Configuration of a run.
 #[derive(Clone, Debug)]
 pub struct Session {
-    /// Where the frames go.
+    /// Destination of the frames; it is opened when the run starts.
     pub output: Output,
-    /// Real time or as fast as possible.
+    /// Real time or virtual time; decides whether a slow host loses frames or delays the board.
     pub pace: Pace,
-    /// Mains frequency until a host asks for another.
+    /// Mains frequency of the notch until a host selects another one.
     pub mains: Mains,
-    /// Who the board says it is.
+    /// Session id and chip id that the board reports in `Hello`.
     pub identity: Identity,
-    /// ADC samples to take at most.
+    /// ADC samples after which the run ends; `None` for no limit.
     pub limit: Option<u64>,
-    /// What breaks.
+    /// Faults of converters and electrodes, by time.
     pub faults: Faults,
-    /// Edges that are made up.
+    /// Simulated trigger input; `None` for an input without edges.
     pub trigger: Option<Trigger>,
 }
 
-/// Why a run ended early.
+/// Failure of a run.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     /// The output could not be opened.
     #[error("cannot open the output {output}")]
     Port {
-        /// The output.
+        /// Output as in [`Session::output`].
         output: Output,
-        /// Why.
+        /// Error of opening the port.
         #[source]
         source: PortError,
     },
     /// Frames could not be written to a file.
     #[error("cannot write to {output}; is the disk full?")]
     Write {
-        /// The output.
+        /// Output as in [`Session::output`].
         output: Output,
-        /// Why.
+        /// Error of the first frame that was not written.
         #[source]
         source: std::io::Error,
     },
-    /// The recording could not be read on; what came before was sent.
+    /// The rest of the recording could not be read; the samples before were processed and sent.
     #[error("the recording broke off after {samples} samples of the ADC; they were sent")]
     Source {
-        /// Samples before.
+        /// Samples read until then.
         samples: u64,
-        /// Why.
+        /// Error of the file's reader.
         #[source]
         source: RecordingError,
     },
 }
 
 impl SessionError {
-    /// Whether the output failed, not the input.
-    pub fn is_of_output(&self) -> bool {
+    /// Returns true if the output failed, false if the input did.
+    pub fn is_output_error(&self) -> bool {
         !matches!(self, Self::Source { .. })
     }
 }
 
-/// What a run did.
+/// Result of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Report {
-    /// The board's counters.
+    /// Counters of the board at the end.
     pub stats: Stats,
-    /// What the converters' driver has counted.
+    /// Counters of the converters' driver at the end.
     pub converters: SamplerCounters<CHIPS>,
-    /// Why the converters did not come up as they should.
+    /// Fault found when the converters were initialised.
     pub failure: Option<ads1299::Error>,
-    /// From the first `Start` to the last sample.
+    /// Wall-clock time from the first sample to the end of the run.
     pub elapsed: Duration,
-    /// Bytes that were written to a pseudo-terminal and that nobody had read at the end.
+    /// Bytes in a pseudo-terminal that the host had not read at the end.
     pub unread_bytes: u64,
 }
 
 impl Report {
-    /// Seconds of signal that were processed.
+    /// Returns the duration of the processed signal, seconds.
     #[expect(
         clippy::cast_precision_loss,
         reason = "sample counts are far below 2^52"
@@ -106,16 +110,16 @@ impl Report {
 }
 
 impl Session {
-    /// Runs the board until the source ends, the limit is reached or `stop` is set; `watch` is
-    /// called once per second of signal.
+    /// Runs the board until the source ends, the limit is reached or `stop` is set. Calls `on_second`
+    /// after each second of signal.
     ///
     /// # Errors
-    /// When the output cannot be opened, a file not be written or the recording not be read on.
+    /// The output cannot be opened, a file cannot be written, or the recording cannot be read.
     pub fn run(
         &self,
         source: &mut Source,
         stop: &AtomicBool,
-        mut watch: impl FnMut(&Stats),
+        mut on_second: impl FnMut(&Stats),
     ) -> Result<Report, SessionError> {
         let outbox = Outbox::new(self.when_full());
         let port = Port::open(&self.output, &outbox).map_err(|source| SessionError::Port {
@@ -128,7 +132,7 @@ impl Session {
                 .with_trigger(self.trigger);
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into());
         if let Output::File(_) = self.output {
-            // Nobody can send a command.
+            // No host can send a `Start` through a file.
             board.start(
                 Start {
                     streams: Streams::CODES,
@@ -138,7 +142,7 @@ impl Session {
             );
         }
 
-        let mut begun = None;
+        let mut started = None;
         let mut samples = 0;
         let outcome = loop {
             if stop.load(Ordering::Relaxed) || self.limit == Some(samples) {
@@ -148,39 +152,39 @@ impl Session {
                 board.receive(&bytes, clock.now_us());
             }
             if !board.is_streaming() {
-                if let Some(bytes) = port.wait(IDLE) {
+                if let Some(bytes) = port.receive_timeout(IDLE_POLL) {
                     board.receive(&bytes, clock.now_us());
                 }
                 if board.is_streaming() {
-                    clock.begin();
+                    clock.start();
                 }
                 continue;
             }
-            if !outbox.wait_for_room(IDLE) {
+            if !outbox.wait_for_room(IDLE_POLL) {
                 continue;
             }
-            begun.get_or_insert_with(Instant::now);
+            started.get_or_insert_with(Instant::now);
             clock.wait_for_next();
             match source.next_sample() {
-                Ok(Some(sample)) => board.sample(&sample, clock.next_drdy_us()),
+                Ok(Some(sample)) => board.process_sample(&sample, clock.next_drdy_us()),
                 Ok(None) => break Ok(()),
                 Err(source) => break Err(SessionError::Source { samples, source }),
             }
             samples += 1;
             if samples.is_multiple_of(model::ADC_RATE_HZ.into()) {
-                watch(&board.stats());
+                on_second(&board.stats());
             }
         };
-        let elapsed = begun.map_or(Duration::ZERO, |begun: Instant| begun.elapsed());
+        let elapsed = started.map_or(Duration::ZERO, |started: Instant| started.elapsed());
         board.send_stats(clock.now_us());
-        let unread_bytes = if outbox.drain(FAREWELL) {
-            port.linger(FAREWELL)
+        let unread_bytes = if outbox.drain(DRAIN_TIMEOUT) {
+            port.wait_until_read(DRAIN_TIMEOUT)
         } else {
             0
         };
         outbox.close();
         outcome?;
-        if let (Output::File(_), Some(source)) = (&self.output, outbox.failure()) {
+        if let (Output::File(_), Some(source)) = (&self.output, outbox.take_failure()) {
             return Err(SessionError::Write {
                 output: self.output.clone(),
                 source,

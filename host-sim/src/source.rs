@@ -1,4 +1,4 @@
-//! Where the virtual board's samples come from.
+//! Source of the virtual board's samples.
 
 use pipeline::Sample;
 use recordings::{RecordingError, VirtualAdc};
@@ -9,17 +9,17 @@ const _: () = assert!(model::CHANNELS == recordings::virtual_adc::CHANNELS);
 
 /// A stream of samples at the ADC's rate.
 pub enum Source {
-    /// A recording through the virtual ADC; it ends.
+    /// A recording through the virtual ADC; finite.
     Recording(Box<VirtualAdc>),
-    /// Synthetic EEG; it does not.
+    /// Synthetic EEG; endless.
     Synthetic(Box<Generator>),
 }
 
 impl Source {
-    /// The next sample; none at the end of a recording.
+    /// Returns the next sample; `None` at the end of a recording.
     ///
     /// # Errors
-    /// When the recording cannot be read on.
+    /// The rest of the recording cannot be read.
     pub fn next_sample(&mut self) -> Result<Option<Sample>, RecordingError> {
         match self {
             Self::Recording(adc) => adc
@@ -32,7 +32,7 @@ impl Source {
         }
     }
 
-    /// Samples that are to come in all; none for a source that does not end.
+    /// Returns the total number of samples; `None` for an endless source.
     pub fn samples(&self) -> Option<u64> {
         match self {
             Self::Recording(adc) => Some(adc.samples()),

@@ -1,25 +1,30 @@
-//! The board's behaviour between ADC and port, without time and without a port.
+//! A board without clock and port: samples and commands in, frames out.
 
 use ads1299::SelfTestReport;
 use device::{
-    Abilities, Counts, FrameQueue, Made, Marks, Order, Producer, Run, Sender, Session, Taken, What,
+    Abilities, AcquiredSample, Counts, FrameQueue, Marks, Order, Output, Producer, Run, Sender,
+    Session,
 };
 use link::{AckResult, ResetCause, Start, Stats, Streams};
 use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
 
-use crate::{CHIPS, Converted, Converters, Faults, Outbox, Trigger};
+use crate::chain::CHIPS;
+use crate::converters::{ConvertedSample, Converters};
+use crate::fault::Faults;
+use crate::outbox::Outbox;
+use crate::trigger::Trigger;
 
-/// Who the virtual board says it is.
+/// Part of `Hello` that a user of the virtual board chooses.
 #[derive(Clone, Copy, Debug)]
 pub struct Identity {
-    /// Differs from start to start.
+    /// Should differ from start to start; a `Reset` increments it.
     pub session_id: u32,
-    /// Made-up chip id.
+    /// Replaces the unique id of a microcontroller, 96 bits.
     pub chip_uid: [u8; 12],
 }
 
 impl Identity {
-    fn after(&self, reset_cause: ResetCause) -> device::Identity<'static> {
+    fn with_reset_cause(&self, reset_cause: ResetCause) -> device::Identity<'static> {
         device::Identity {
             firmware: env!("CARGO_PKG_VERSION"),
             board: "host-sim",
@@ -31,49 +36,47 @@ impl Identity {
     }
 }
 
-/// What the virtual board can do.
 const ABILITIES: Abilities = Abilities {
     streams: Streams::ALL,
     self_test: true,
     bootloader: false,
 };
 
-/// Converters, pipeline and link as on a board: samples at the electrodes and bytes in, frames out.
+/// A board with simulated converters: samples at the electrodes and bytes in, frames out.
 ///
-/// Time is an argument: the device clock in microseconds since boot.
+/// Every call takes the device time as an argument, in microseconds since boot.
 #[derive(Debug)]
 pub struct VirtualBoard {
     identity: Identity,
-    /// At boot.
+    /// Mains frequency of the notch after a boot.
     mains: Mains,
     session: Session<'static>,
     sender: Sender<Outbox>,
     converters: Converters,
-    /// None where nothing happens at the inputs.
     trigger: Option<Trigger>,
     acquisition: Acquisition,
     producer: Box<Producer<EncoderMemory>>,
-    /// Told to the producer with the next sample.
-    begun: Option<Run>,
-    /// Since boot.
+    /// A run that starts with the next sample.
+    new_run: Option<Run>,
+    /// Samples since boot, as the two counters below.
     samples: u64,
     overruns: u32,
     adc_status_bad: u32,
     /// Steps since the last `Start`.
     steps: u64,
-    /// Values that the int8 input clipped before the last `Start`.
+    /// Electrode values clipped to int8 before the last `Start`; wraps.
     clipped_before: u32,
 }
 
 impl VirtualBoard {
-    /// A board that has just started: it introduces itself into the outbox.
+    /// Creates a board that has just started and has put its introduction into the outbox.
     pub fn new(identity: Identity, mains: Mains, outbox: Outbox) -> Self {
         Self::with_faults(identity, mains, Faults::NONE, outbox)
     }
 
-    /// The same with converters that break.
+    /// Creates a board as [`Self::new`] does, with faults in its converters.
     pub fn with_faults(identity: Identity, mains: Mains, faults: Faults, outbox: Outbox) -> Self {
-        let boot = identity.after(ResetCause::PowerOn);
+        let boot = identity.with_reset_cause(ResetCause::PowerOn);
         let mut board = Self {
             identity,
             mains,
@@ -83,7 +86,7 @@ impl VirtualBoard {
             trigger: None,
             acquisition: Acquisition::new(mains),
             producer: Box::new(Producer::new(EncoderMemory::EMPTY)),
-            begun: None,
+            new_run: None,
             samples: 0,
             overruns: 0,
             adc_status_bad: 0,
@@ -94,14 +97,14 @@ impl VirtualBoard {
         board
     }
 
-    /// The same with edges that are made up.
+    /// Adds a simulated trigger input.
     #[must_use]
     pub fn with_trigger(mut self, trigger: Option<Trigger>) -> Self {
         self.trigger = trigger;
         self
     }
 
-    /// Takes bytes from the host and answers the commands that they complete.
+    /// Reads bytes from the host and answers the commands that they complete.
     pub fn receive(&mut self, bytes: &[u8], now_us: u64) {
         let counts = self.counts();
         let mut order = None;
@@ -110,47 +113,48 @@ impl VirtualBoard {
                 order = Some(new);
             });
         if let Some(order) = order {
-            self.obey(order, now_us);
+            self.execute(order, now_us);
         }
     }
 
-    /// Obeys a `Start` that no host has sent.
+    /// Executes a `Start` without a host and without an `Ack`.
     pub fn start(&mut self, start: Start, now_us: u64) -> AckResult {
         let (result, order) = self.session.start(start, now_us, &mut self.sender);
         if let Some(order) = order {
-            self.obey(order, now_us);
+            self.execute(order, now_us);
         }
         result
     }
 
-    fn obey(&mut self, order: Order, now_us: u64) {
+    fn execute(&mut self, order: Order, now_us: u64) {
         match order {
             Order::Start(run) => {
                 self.clipped_before = self.clipped_before.wrapping_add(self.acquisition.clipped());
                 self.acquisition = Acquisition::new(run.mains);
-                self.begun = Some(run);
+                self.new_run = Some(run);
                 self.steps = 0;
             }
             Order::Stop => {}
             Order::SelfTest => {
-                let report = self.converters.self_test();
-                let result = device::self_test(&report);
-                self.session.self_test(&result, now_us, &mut self.sender);
-                self.tell_of_converters(now_us);
+                let report = self.converters.run_self_test();
+                let result = device::self_test_message(&report);
+                self.session
+                    .send_self_test(&result, now_us, &mut self.sender);
+                self.update_converters(now_us);
             }
             Order::Reset(_) => self.restart(now_us),
         }
     }
 
-    /// Begins anew, as after a reset; what waits still goes out.
+    /// Restarts the board as a reset does; waiting frames still go out.
     fn restart(&mut self, now_us: u64) {
         let outbox = self.sender.queue().clone();
         self.identity.session_id = self.identity.session_id.wrapping_add(1);
-        let identity = self.identity.after(ResetCause::Software);
+        let identity = self.identity.with_reset_cause(ResetCause::Software);
         self.session = Session::new(identity, ABILITIES, self.mains);
         self.sender = Sender::new(outbox);
         self.acquisition = Acquisition::new(self.mains);
-        self.begun = None;
+        self.new_run = None;
         (self.samples, self.overruns, self.adc_status_bad) = (0, 0, 0);
         self.clipped_before = 0;
         if let Some(trigger) = &mut self.trigger {
@@ -161,31 +165,32 @@ impl VirtualBoard {
 
     fn introduce(&mut self, now_us: u64) {
         self.session.introduce(now_us, &mut self.sender);
-        self.tell_of_converters(now_us);
+        self.update_converters(now_us);
     }
 
-    fn tell_of_converters(&mut self, now_us: u64) {
+    fn update_converters(&mut self, now_us: u64) {
         let message = self.converters.message();
-        self.session.converters(message, now_us, &mut self.sender);
+        self.session
+            .update_converters(message, now_us, &mut self.sender);
     }
 
-    /// Lets the electrodes deliver a sample whose DRDY edge is due at `now_us`, and takes what the
-    /// converters make of it. Ignored while nothing streams.
-    pub fn sample(&mut self, sample: &Sample, now_us: u64) {
+    /// Applies a sample to the electrodes, with its DRDY edge due at `now_us`, and processes what the
+    /// converters read. Ignored while nothing streams.
+    pub fn process_sample(&mut self, sample: &Sample, now_us: u64) {
         if !self.is_streaming() {
             return;
         }
-        self.converters.deliver(sample);
-        while let Some(converted) = self.converters.take() {
-            self.take(&converted, now_us.saturating_sub(converted.early_us));
+        self.converters.start_period(sample);
+        while let Some(converted) = self.converters.read() {
+            self.process(&converted, now_us.saturating_sub(converted.early_us));
         }
     }
 
-    fn take(
+    fn process(
         &mut self,
-        Converted {
+        ConvertedSample {
             sample, reading, ..
-        }: &Converted,
+        }: &ConvertedSample,
         now_us: u64,
     ) {
         let marks = Marks {
@@ -203,8 +208,8 @@ impl VirtualBoard {
             self.steps += 1;
             (self.steps - 1, step)
         });
-        let taken = Taken {
-            begun: self.begun.take(),
+        let acquired = AcquiredSample {
+            new_run: self.new_run.take(),
             sample: *sample,
             index,
             step,
@@ -214,50 +219,52 @@ impl VirtualBoard {
         let counts = self.counts();
         let (session, sender) = (&mut self.session, &mut self.sender);
         let converters = &self.converters;
-        let mut hand_on = |made: Made| {
-            if matches!(made.what, What::Quality(_)) {
-                session.send_stats(made.at_us, counts, sender);
-                session.converters(converters.message(), made.at_us, sender);
+        let mut emit = |output: Output| {
+            if output.ends_second() {
+                session.send_stats(output.at_us, counts, sender);
+                session.update_converters(converters.message(), output.at_us, sender);
             }
-            session.send(&made, sender);
+            session.send(&output, sender);
         };
         let mut trigger = self.trigger.as_mut();
-        let begins = taken.begun.is_some();
-        if let (true, Some(trigger)) = (begins, &mut trigger) {
-            trigger.forget_before(now_us);
+        let is_first = acquired.new_run.is_some();
+        if let (true, Some(trigger)) = (is_first, &mut trigger) {
+            trigger.skip_before(now_us);
         }
         let mut next = || trigger.as_mut()?.next(now_us);
-        // Events first: what is made of the sample says how the input stood. A run must have begun.
-        if !begins {
-            self.producer.place(&taken, &mut next, &mut hand_on);
+        // Events precede the results of their sample, except in a run's first sample, which starts the
+        // run.
+        if !is_first {
+            self.producer.place_events(&acquired, &mut next, &mut emit);
         }
-        self.producer.take(&taken, &mut hand_on);
-        if begins {
-            self.producer.place(&taken, &mut next, &mut hand_on);
+        self.producer.process(&acquired, &mut emit);
+        if is_first {
+            self.producer.place_events(&acquired, &mut next, &mut emit);
         }
     }
 
-    /// Whether a host has started the codes.
+    /// Returns true between a `Start` and the next `Stop`.
     pub const fn is_streaming(&self) -> bool {
         self.session.is_streaming()
     }
 
-    /// The converters: their counters, and why they did not come up as they should.
+    /// Returns the converters, for their counters and the fault found at their initialisation.
     pub const fn converters(&self) -> &Converters {
         &self.converters
     }
 
-    /// Tests the converters as a board does; they convert again afterwards. No code may be under way.
-    pub fn self_test(&mut self) -> SelfTestReport<CHIPS> {
-        self.converters.self_test()
+    /// Tests the converters as a board does; they convert again afterwards. Unlike the command, this
+    /// does not check that nothing streams.
+    pub fn run_self_test(&mut self) -> SelfTestReport<CHIPS> {
+        self.converters.run_self_test()
     }
 
-    /// What the board has counted since its start.
+    /// Returns the counters since boot.
     pub fn stats(&self) -> Stats {
         self.session.stats(self.counts(), self.sender.dropped())
     }
 
-    /// Sends the counters; a board does so every second and after `Stop`.
+    /// Sends the counters, as a board does every second and after `Stop`.
     pub fn send_stats(&mut self, now_us: u64) {
         let counts = self.counts();
         self.session.send_stats(now_us, counts, &mut self.sender);

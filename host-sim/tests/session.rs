@@ -1,4 +1,4 @@
-//! Whole runs of the virtual board over each kind of output.
+//! Runs of the virtual board with each kind of output.
 
 use std::{
     fs::{self, File, OpenOptions},
@@ -20,8 +20,8 @@ use host_sim::{
 use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice, ToHost};
 use pipeline::Mains;
 
-/// Longest that anything here may take; these machines are shared.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// Longest wait for anything in these tests; generous, because CI machines are shared.
+const TIMEOUT: Duration = Duration::from_secs(30);
 
 fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
     Session {
@@ -39,23 +39,23 @@ fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
 }
 
 fn run(session: &Session, stop: &AtomicBool) -> Result<Report, SessionError> {
-    run_watched(session, stop, |_| ())
+    run_observed(session, stop, |_| ())
 }
 
-fn run_watched(
+fn run_observed(
     session: &Session,
     stop: &AtomicBool,
-    watch: impl FnMut(&link::Stats),
+    on_second: impl FnMut(&link::Stats),
 ) -> Result<Report, SessionError> {
     let spec = SyntheticSpec::new(1, model::LABELS.split(' '));
     let generator = Generator::new(&spec).expect("the default specification");
-    session.run(&mut Source::Synthetic(Box::new(generator)), stop, watch)
+    session.run(&mut Source::Synthetic(Box::new(generator)), stop, on_second)
 }
 
-/// A run in a thread of its own, stopped when this is dropped.
+/// A run in a separate thread; dropping this stops it.
 struct Running {
     stop: Arc<AtomicBool>,
-    /// Codes made, updated every second of signal.
+    /// Codes made until the last full second of signal.
     codes: Arc<AtomicU32>,
     thread: Option<JoinHandle<Result<Report, SessionError>>>,
 }
@@ -65,8 +65,8 @@ impl Running {
         let stop = Arc::new(AtomicBool::new(false));
         let codes = Arc::new(AtomicU32::new(0));
         let (flag, count) = (stop.clone(), codes.clone());
-        let watch = move |stats: &link::Stats| count.store(stats.codes_made, Ordering::Relaxed);
-        let thread = thread::spawn(move || run_watched(&session, &flag, watch));
+        let on_second = move |stats: &link::Stats| count.store(stats.codes_made, Ordering::Relaxed);
+        let thread = thread::spawn(move || run_observed(&session, &flag, on_second));
         Self {
             stop,
             codes,
@@ -91,14 +91,14 @@ fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
-/// Tries until it works.
+/// Repeats an attempt until it returns a value.
 fn eventually<T>(mut attempt: impl FnMut() -> Option<T>) -> T {
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + TIMEOUT;
     loop {
         if let Some(value) = attempt() {
             return value;
         }
-        assert!(Instant::now() < deadline, "still not so after {PATIENCE:?}");
+        assert!(Instant::now() < deadline, "no success within {TIMEOUT:?}");
         thread::sleep(Duration::from_millis(10));
     }
 }
@@ -115,7 +115,7 @@ fn send(port: &mut impl Write, command: ToDevice) {
     port.write_all(frame).expect("the board's port is open");
 }
 
-/// Reads until so many codes have come; gives their window indices.
+/// Reads until `count` codes have arrived and returns their window indices.
 fn read_codes(port: &mut impl Read, count: usize) -> Vec<u32> {
     let mut decoder = Decoder::<MAX_FRAME>::new();
     let mut windows = Vec::new();
@@ -147,7 +147,7 @@ fn file_of(seconds: u64, path: PathBuf) -> (Vec<u8>, Report) {
 }
 
 #[test]
-fn a_file_holds_every_code_and_is_the_same_every_time() {
+fn a_file_contains_every_code_and_equal_runs_are_equal_files() {
     let folder = folder();
     let (bytes, report) = file_of(5, folder.path().join("first"));
     let codes = (5 * 128 - 16) / 8 + 1;
@@ -161,7 +161,7 @@ fn a_file_holds_every_code_and_is_the_same_every_time() {
 }
 
 #[test]
-fn a_full_disk_is_an_error_and_not_a_silent_loss() {
+fn a_full_disk_is_an_error() {
     let session = session(Output::File("/dev/full".into()), Pace::Fast, Some(2));
     let error = run(&session, &AtomicBool::new(false)).expect_err("nothing can be written");
     assert!(matches!(error, SessionError::Write { .. }), "{error:?}");
@@ -185,34 +185,34 @@ fn a_terminal_can_be_closed_and_opened_again() {
     );
     send(&mut terminal, ToDevice::Stop);
     running.finish();
-    assert!(!link.exists(), "the link goes with the board");
+    assert!(!link.exists(), "the board removes its link");
 }
 
 #[test]
-fn a_board_whose_codes_nobody_reads_counts_them_and_stops_when_told() {
+fn a_board_without_a_reader_counts_its_codes_as_dropped_and_stops_on_request() {
     let folder = folder();
     let link = folder.path().join("board");
     let running = Running::start(session(Output::Pty(link.clone()), Pace::Fast, None));
     let mut terminal = open_terminal(&link);
     send(&mut terminal, START);
-    // Until the terminal and the queue are full and the board waits.
+    // Wait until the terminal and the queue are full, so that the board waits.
     let mut codes = 0;
     eventually(|| {
         thread::sleep(Duration::from_secs(1));
         let before = std::mem::replace(&mut codes, running.codes.load(Ordering::Relaxed));
         (codes > 32 && codes == before).then_some(())
     });
-    let begun = Instant::now();
+    let start = Instant::now();
     let report = running.finish();
-    assert!(begun.elapsed() < PATIENCE);
-    // All but the half second in the terminal counts as dropped.
+    assert!(start.elapsed() < TIMEOUT);
+    // Everything except the half second in the terminal counts as dropped.
     let stats = report.stats;
     assert!(stats.frames_dropped > stats.codes_made / 2, "{report:?}");
     assert!(stats.codes_made < 200, "{report:?}");
 }
 
 #[test]
-fn a_second_host_takes_over_and_virtual_time_waits_for_it() {
+fn a_second_host_replaces_the_first_and_virtual_time_waits_for_it() {
     let port = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
     let address = port.local_addr().expect("its address").to_string();
     drop(port);
@@ -232,7 +232,7 @@ fn a_second_host_takes_over_and_virtual_time_waits_for_it() {
 }
 
 #[test]
-fn what_lies_in_the_way_of_the_link_is_not_overwritten() {
+fn a_file_at_the_path_of_the_link_is_not_overwritten() {
     let folder = folder();
     let path = folder.path().join("precious");
     fs::write(&path, "data").expect("a file");

@@ -1,28 +1,165 @@
-//! One code: what the encoder made of one window.
+//! The code of a window, its number formats, and audits of it.
 
-use serde::{Deserialize, Serialize};
+use core::fmt;
 
-use crate::{CodeValues, Flags};
+use serde::{Deserialize, Deserializer, Serialize, de::Error};
 
-/// One code: what the encoder made of one window.
+use crate::flags::Flags;
+use crate::packed;
+
+/// Numbers in a code.
+pub const CODE_LEN: usize = 128;
+
+/// Largest exponent of a code: 8 bits of value and 8 of exponent make 16.
+pub const MAX_EXPONENT: u8 = 8;
+
+/// Output of the encoder for one window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Code {
     /// First 8 bytes of the SHA-256 over the model; only its decoder can read the values.
     pub model_id: [u8; 8],
-    /// Index of the window since `Start`, wraps at 2^32. Goes up by one with every code made,
+    /// Index of the window since `Start`, wraps at 2^32. Increases by one with every code made,
     /// dropped ones included.
     pub window: u32,
-    /// Index since `Start` of the ADC sample that the window's first step was picked from.
+    /// Index since `Start` of the ADC sample with which the window's first step was taken.
     pub first_sample: u64,
-    /// What was wrong with, or special about, the window.
+    /// Faults and events of the window.
     pub flags: Flags,
-    /// Values of the window that were clipped on their way into int8; saturates at 65535.
+    /// Electrode values of the window that were clipped to int8; saturates at 65535.
     pub clipped: u16,
-    /// Values of the code itself that were clipped, 0 to 128.
+    /// Numbers of the code itself that were clipped, 0 to 128.
     pub clipped_values: u8,
-    /// ADC channels that stood at the converter's rail inside the window; bit = channel, in the
+    /// ADC channels that reached the converter's rail inside the window; bit = channel, in the
     /// order of [`Capabilities::labels`](crate::Capabilities::labels).
     pub saturated: u64,
-    /// The code, in the format that [`Capabilities::code_format`](crate::Capabilities) names.
+    /// Numbers in the format that [`Capabilities::code_format`](crate::Capabilities) names.
+    pub values: CodeValues,
+}
+
+/// The numbers of a code, in one of three formats.
+///
+/// In every format `z = (level - code_zero_point) * code_scale`, with zero points and scales from
+/// [`Capabilities`](crate::Capabilities) and the [levels](Self::levels) defined below. On the wire:
+/// one byte with the format's number, then a fixed number of bytes; none of them is a varint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum CodeValues {
+    /// 0: 128 bytes, each a level.
+    Int8(#[serde(with = "packed")] [i8; CODE_LEN]),
+    /// 1: an exponent for all values, and 128 bytes: `level = value * 2^exponent`.
+    Int8Exponent {
+        /// 0 to [`MAX_EXPONENT`]; a frame with a larger one is malformed.
+        #[serde(deserialize_with = "exponent")]
+        exponent: u8,
+        /// One mantissa per code number, -128 to 127.
+        #[serde(with = "packed")]
+        values: [i8; CODE_LEN],
+    },
+    /// 2: 128 levels of 16 bits, least significant byte first.
+    Int16(#[serde(with = "packed")] [i16; CODE_LEN]),
+}
+
+impl CodeValues {
+    /// Returns the format's name, as [`Capabilities`](crate::Capabilities) announces it.
+    pub const fn format(&self) -> CodeFormat {
+        match self {
+            CodeValues::Int8(_) => CodeFormat::Int8,
+            CodeValues::Int8Exponent { .. } => CodeFormat::Int8Exponent,
+            CodeValues::Int16(_) => CodeFormat::Int16,
+        }
+    }
+
+    /// Returns the quantisation levels, -32768 to 32767.
+    pub fn levels(&self) -> [i32; CODE_LEN] {
+        match self {
+            CodeValues::Int8(values) => values.map(i32::from),
+            CodeValues::Int8Exponent { exponent, values } => {
+                values.map(|value| i32::from(value) << (*exponent).min(MAX_EXPONENT))
+            }
+            CodeValues::Int16(values) => values.map(i32::from),
+        }
+    }
+}
+
+fn exponent<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> {
+    let exponent = u8::deserialize(deserializer)?;
+    if exponent > MAX_EXPONENT {
+        return Err(D::Error::custom("an exponent beyond 8"));
+    }
+    Ok(exponent)
+}
+
+/// Format of a device's codes; one byte on the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "u8", into = "u8")]
+pub enum CodeFormat {
+    /// 0: [`CodeValues::Int8`].
+    Int8,
+    /// 1: [`CodeValues::Int8Exponent`].
+    Int8Exponent,
+    /// 2: [`CodeValues::Int16`].
+    Int16,
+    /// Any other: a format newer than this host, which cannot read its codes.
+    Newer(u8),
+}
+
+impl CodeFormat {
+    /// Returns the smallest and the largest [level](CodeValues::levels); `None` for a newer format.
+    pub const fn range(self) -> Option<[i32; 2]> {
+        match self {
+            CodeFormat::Int8 => Some([-128, 127]),
+            CodeFormat::Int8Exponent => Some([-128 << MAX_EXPONENT, 127 << MAX_EXPONENT]),
+            CodeFormat::Int16 => Some([-32768, 32767]),
+            CodeFormat::Newer(_) => None,
+        }
+    }
+}
+
+impl fmt::Display for CodeFormat {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            CodeFormat::Int8 => formatter.write_str("int8"),
+            CodeFormat::Int8Exponent => formatter.write_str("int8-exponent"),
+            CodeFormat::Int16 => formatter.write_str("int16"),
+            CodeFormat::Newer(number) => write!(formatter, "number {number}"),
+        }
+    }
+}
+
+impl From<u8> for CodeFormat {
+    fn from(byte: u8) -> CodeFormat {
+        match byte {
+            0 => CodeFormat::Int8,
+            1 => CodeFormat::Int8Exponent,
+            2 => CodeFormat::Int16,
+            newer => CodeFormat::Newer(newer),
+        }
+    }
+}
+
+impl From<CodeFormat> for u8 {
+    fn from(format: CodeFormat) -> u8 {
+        match format {
+            CodeFormat::Int8 => 0,
+            CodeFormat::Int8Exponent => 1,
+            CodeFormat::Int16 => 2,
+            CodeFormat::Newer(newer) => newer,
+        }
+    }
+}
+
+/// A window as the encoder read it, with the code it produced; every ten seconds, on request.
+///
+/// A host that has the model recomputes the code and checks that the device still computes what it
+/// was built for. The header's time is that of the window's [`Code`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Audit<'a> {
+    /// First 8 bytes of the SHA-256 over the model.
+    pub model_id: [u8; 8],
+    /// Index of the window since `Start`, as in its [`Code`].
+    pub window: u32,
+    /// Planes of the window, oldest first; each row-major, one int8 byte per cell.
+    #[serde(borrow, serialize_with = "packed::serialize_bytes")]
+    pub planes: &'a [u8],
+    /// Numbers in the format that [`Capabilities::code_format`](crate::Capabilities) names.
     pub values: CodeValues,
 }

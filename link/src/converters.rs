@@ -1,27 +1,125 @@
-//! How the chain of converters is.
+//! Status and self-test of the chain of converters.
 
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
-use crate::MAX_TEXT_BYTES;
+use crate::introduction::MAX_TEXT_BYTES;
+use crate::quality::MAX_ELECTRODES;
 
 /// Most chips of a chain.
 pub const MAX_CHIPS: usize = 8;
 
-/// How the chain of converters is: sent after [`Capabilities`](crate::Capabilities) and every second
-/// while streaming, by a device that has a chain.
+/// Status of the chain of converters.
+///
+/// A device that has a chain sends it after [`Capabilities`](crate::Capabilities) and every second
+/// while streaming.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Converters {
-    /// What was wrong when the chain was brought up, in words that name the chip; empty where all is
-    /// well.
+    /// Fault found when the chain was initialised, in words that name the chip; empty without one.
     pub fault: String<MAX_TEXT_BYTES>,
-    /// Rate of DRDY's edges since the chain was started, millihertz; 0 where it is not known.
-    pub ready_mhz: u32,
+    /// Rate of the DRDY edges since the chain was started, millihertz; 0 if it is not known.
+    pub drdy_millihertz: u32,
     /// ADC channels whose positive electrode is off in the newest sample; bit = channel.
     pub off_positive: u64,
     /// ADC channels whose negative electrode is off in the newest sample; bit = channel.
     pub off_negative: u64,
-    /// Of each chip, the first being the one at MISO: frames that were not to be trusted, since boot;
-    /// wraps.
+    /// Frames of each chip that were refused as wrong, since boot; wraps. Element 0 is the chip
+    /// whose data output is wired to MISO.
     pub frames_bad: Vec<u32, MAX_CHIPS>,
+}
+
+/// Result of a `SelfTest`: sent once, some seconds after its `Ack`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SelfTest {
+    /// The first fault found, in words that name the chip; empty without one.
+    pub fault: String<MAX_TEXT_BYTES>,
+    /// Rate of the DRDY edges, millihertz on the device's clock; 0 if it was not measured.
+    pub drdy_millihertz: u32,
+    /// Rate that the converters are configured for, millihertz.
+    pub expected_millihertz: u32,
+    /// DRDY edges that came too early.
+    pub drdy_early: u32,
+    /// DRDY edges that are missing.
+    pub drdy_missed: u32,
+    /// One entry per chip; element 0 is the chip whose data output is wired to MISO.
+    pub chips: Vec<ChipTest, MAX_CHIPS>,
+    /// One entry per ADC channel, in the ADC's order; empty if the test ended before them.
+    pub channels: Vec<ChannelTest, MAX_ELECTRODES>,
+}
+
+/// Self-test result of one chip.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ChipTest {
+    /// Content of its ID register; an ADS1299 of eight channels has 0x3E.
+    pub id: u8,
+    /// Number of registers that did not keep the value written.
+    pub registers_wrong: u8,
+    /// Address of the first wrong register. 0 if there is none; 0 is otherwise the ID register.
+    pub first_wrong: u8,
+    /// Frames that were refused as wrong during the test.
+    pub frames_bad: u32,
+}
+
+/// Self-test result of one channel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ChannelTest {
+    /// Measured amplitude of the chip's test square wave over the configured one, minus 1.
+    pub gain_error: f32,
+    /// Mean of the two levels of the square wave, microvolt at the input.
+    pub offset_uv: f32,
+    /// Noise around the levels of the square wave, microvolt RMS at the input.
+    pub noise_uv: f32,
+    /// Noise with the input shorted, microvolt RMS at the input.
+    pub shorted_noise_uv: f32,
+    /// The first limit that is exceeded.
+    pub fault: ChannelFault,
+}
+
+/// Fault of a channel; one byte on the wire.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "u8", into = "u8")]
+pub enum ChannelFault {
+    /// 0: every limit is kept.
+    #[default]
+    None,
+    /// 1: too few samples for a result.
+    Samples,
+    /// 2: the amplitude of the square wave is wrong.
+    Gain,
+    /// 3: the offset is too large.
+    Offset,
+    /// 4: the noise is too large.
+    Noisy,
+    /// 5: the noise is smaller than that of a working converter.
+    Silent,
+    /// Any other: a fault newer than this host.
+    Newer(u8),
+}
+
+impl From<u8> for ChannelFault {
+    fn from(byte: u8) -> ChannelFault {
+        match byte {
+            0 => ChannelFault::None,
+            1 => ChannelFault::Samples,
+            2 => ChannelFault::Gain,
+            3 => ChannelFault::Offset,
+            4 => ChannelFault::Noisy,
+            5 => ChannelFault::Silent,
+            newer => ChannelFault::Newer(newer),
+        }
+    }
+}
+
+impl From<ChannelFault> for u8 {
+    fn from(fault: ChannelFault) -> u8 {
+        match fault {
+            ChannelFault::None => 0,
+            ChannelFault::Samples => 1,
+            ChannelFault::Gain => 2,
+            ChannelFault::Offset => 3,
+            ChannelFault::Noisy => 4,
+            ChannelFault::Silent => 5,
+            ChannelFault::Newer(newer) => newer,
+        }
+    }
 }

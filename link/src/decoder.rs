@@ -1,39 +1,39 @@
-//! From any byte stream to frames.
+//! Search for frames in a byte stream.
 
 use core::fmt;
 
-use crate::encoder::{CRC_BYTES, digest};
-use crate::{Header, MAX_FRAME, Message, VERSION};
+use crate::frame::{CRC_BYTES, Header, MAX_FRAME, VERSION, digest};
+use crate::message::Message;
 
-/// One whole frame.
+/// One intact frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame<M> {
-    /// Version, number and time.
+    /// Version, number and time, as the sender wrote them.
     pub header: Header,
-    /// What it says.
+    /// A [`ToHost`](crate::ToHost) or a [`ToDevice`](crate::ToDevice); can borrow from the decoder.
     pub message: M,
 }
 
-/// Why the bytes between two zeros are not a frame that can be used.
+/// Why the bytes between two zeros are not a usable frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameError {
-    /// More bytes without a zero than a frame can have.
+    /// More bytes without a zero than the buffer, and therefore a frame, can hold.
     Oversize,
     /// Not COBS: a byte was changed, lost or added.
     Cobs,
-    /// The CRC does not fit: a byte was changed, lost or added, or it is a frame of the other
+    /// The CRC does not match: a byte was changed, lost or added, or the frame belongs to the other
     /// direction (an echo).
     Crc,
-    /// A sound frame of another version of frame and header.
+    /// An intact frame of another version of frame and header.
     Version(u8),
-    /// A sound frame with a message that is newer than this receiver.
+    /// An intact frame with a message that is newer than this receiver.
     Unknown {
-        /// Its header.
+        /// Its `seq` counts as received.
         header: Header,
         /// The message's number in its enum.
         kind: u32,
     },
-    /// A sound frame whose content does not fit the message it names: the sender breaks the
+    /// An intact frame whose content does not match the message it names: the sender violates the
     /// format.
     Malformed,
 }
@@ -52,7 +52,7 @@ impl fmt::Display for FrameError {
             FrameError::Unknown { kind, .. } => {
                 write!(
                     formatter,
-                    "message {kind} is newer than this side; it is left out"
+                    "message {kind} is newer than this side and is ignored"
                 )
             }
             FrameError::Malformed => write!(formatter, "content does not fit its message"),
@@ -62,33 +62,33 @@ impl fmt::Display for FrameError {
 
 impl core::error::Error for FrameError {}
 
-/// What a [`Decoder`] has seen; every counter wraps.
+/// Counters of a [`Decoder`] since it was created; each wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Bytes fed.
+    /// Bytes read, the zeros included.
     pub bytes: u64,
-    /// Frames handed out as messages.
+    /// Frames returned as messages.
     pub frames: u32,
-    /// [`FrameError::Crc`].
+    /// Frames refused with [`FrameError::Crc`].
     pub crc: u32,
-    /// [`FrameError::Cobs`].
+    /// Frames refused with [`FrameError::Cobs`].
     pub cobs: u32,
-    /// [`FrameError::Oversize`].
+    /// Frames refused with [`FrameError::Oversize`].
     pub oversize: u32,
-    /// [`FrameError::Version`].
+    /// Frames refused with [`FrameError::Version`].
     pub version: u32,
-    /// [`FrameError::Unknown`].
+    /// Frames left out with [`FrameError::Unknown`].
     pub unknown: u32,
-    /// [`FrameError::Malformed`].
+    /// Frames refused with [`FrameError::Malformed`].
     pub malformed: u32,
-    /// Damaged stretches: bad frames in a row count once.
+    /// Damaged stretches: consecutive bad frames count once.
     pub resyncs: u32,
 }
 
-/// Finds frames in any byte stream; begins anew at every zero.
+/// Finds frames in any byte stream and resynchronises at every zero.
 ///
-/// `N` bytes of buffer; [`MAX_FRAME`] is right for both directions unless RAM is short and only
-/// commands come in. Bounded work per byte, no allocation.
+/// `N` is the buffer's length in bytes. [`MAX_FRAME`] suits both directions; a device that is short
+/// of RAM and receives only commands can use less. Work per byte is bounded, and nothing allocates.
 ///
 /// ```
 /// use link::{Decoder, Encoder, ToDevice, MAX_FRAME};
@@ -104,9 +104,10 @@ pub struct Counters {
 pub struct Decoder<const N: usize = MAX_FRAME> {
     buffer: [u8; N],
     filled: usize,
-    /// The frame was handed out: its bytes are garbage now and go before the next byte comes.
+    /// The last frame was returned, so the next byte overwrites the buffer.
     handed_out: bool,
     overflowed: bool,
+    /// The last frame was bad, so another bad one belongs to the same damaged stretch.
     damaged: bool,
     counters: Counters,
 }
@@ -118,7 +119,7 @@ impl<const N: usize> Default for Decoder<N> {
 }
 
 impl<const N: usize> Decoder<N> {
-    /// An empty decoder.
+    /// Creates a decoder with an empty buffer and counters at 0; usable in a `static`.
     pub const fn new() -> Self {
         Self {
             buffer: [0; N],
@@ -140,20 +141,20 @@ impl<const N: usize> Decoder<N> {
         }
     }
 
-    /// What was seen so far.
+    /// Returns the counters; [`Decoder::reset`] does not clear them.
     pub const fn counters(&self) -> &Counters {
         &self.counters
     }
 
-    /// Forget a frame that was begun; for a port that was closed and opened again.
+    /// Discards an unfinished frame, after a port was closed and opened again.
     pub fn reset(&mut self) {
         self.filled = 0;
         self.handed_out = false;
         self.overflowed = false;
     }
 
-    /// Take bytes from `input` until a frame ends, and say what it is; `None` when the input is
-    /// used up. Everything that is not a usable frame is counted.
+    /// Reads bytes from `input` until a frame ends and returns it; `None` when the input is used
+    /// up. Everything that is not a usable frame is counted.
     ///
     /// # Errors
     ///
@@ -185,12 +186,12 @@ impl<const N: usize> Decoder<N> {
         None
     }
 
-    /// Judge the bytes that lie between two zeros.
+    /// Decodes the bytes between two zeros and updates the counters.
     fn finish<'d, M: Message<'d>>(&'d mut self) -> Result<Frame<M>, FrameError> {
         let outcome = if core::mem::take(&mut self.overflowed) {
             Err(FrameError::Oversize)
         } else {
-            open(&mut self.buffer[..self.filled])
+            decode_in_place(&mut self.buffer[..self.filled])
         };
         let counters = &mut self.counters;
         let counter = match &outcome {
@@ -215,8 +216,8 @@ impl<const N: usize> Decoder<N> {
     }
 }
 
-/// Undo COBS in place, check the CRC, read header and message.
-fn open<'d, M: Message<'d>>(bytes: &'d mut [u8]) -> Result<Frame<M>, FrameError> {
+/// Reverses COBS in place, checks the CRC, and reads header and message.
+fn decode_in_place<'d, M: Message<'d>>(bytes: &'d mut [u8]) -> Result<Frame<M>, FrameError> {
     let length = cobs::decode_in_place(bytes).map_err(|_| FrameError::Cobs)?;
     let bytes: &'d [u8] = bytes;
     let (body, crc) = bytes[..length]

@@ -1,39 +1,19 @@
-//! From message to frame.
+//! Encoding of messages into frames.
 
 use core::fmt;
 
 use cobs::CobsEncoder;
-use crc::{CRC_32_ISCSI, Crc, Digest};
+use crc::Digest;
 use postcard::ser_flavors::Flavor;
 
-use crate::{Header, Message, VERSION};
+use crate::frame::{CRC_BYTES, Header, MAX_BODY, MAX_FRAME, VERSION, digest};
+use crate::message::Message;
 
-/// CRC-32C (Castagnoli); crc's name for it is CRC-32/ISCSI.
-const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
-
-/// The CRC as it stands before the header: the direction is in it.
-pub(crate) fn digest<'m, M: Message<'m>>() -> Digest<'static, u32> {
-    let mut digest = CRC.digest();
-    digest.update(&[M::DIRECTION]);
-    digest
-}
-
-/// Bytes of the CRC.
-pub(crate) const CRC_BYTES: usize = 4;
-
-/// Longest body (header, message and CRC before COBS), bytes. The largest message is an `Audit`,
-/// a window's int8 planes with its code, 1733 (test `samples_windows_and_self_tests_fit_a_frame`).
-pub const MAX_BODY: usize = 2048;
-
-/// Longest frame with both zeros, bytes.
-pub const MAX_FRAME: usize = cobs::max_encoding_length(MAX_BODY) + 2;
-
-/// The message does not fit: the buffer is shorter than the frame, or the body would exceed
-/// [`MAX_BODY`]. Give [`encode`] a buffer of [`MAX_FRAME`] bytes and keep texts within their
-/// limits.
+/// A frame does not fit: the buffer is too short, or the body would exceed [`MAX_BODY`]. Pass
+/// [`encode`] a buffer of [`MAX_FRAME`] bytes and keep texts within their limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EncodeError {
-    /// Length of the buffer, bytes.
+    /// Length of the buffer that was passed, bytes.
     pub buffer: usize,
 }
 
@@ -50,9 +30,9 @@ impl fmt::Display for EncodeError {
 
 impl core::error::Error for EncodeError {}
 
-/// Write one frame into `out`, both zeros included, and return the part written.
+/// Writes one frame into `out`, both zeros included, and returns the part written.
 ///
-/// One pass, no scratch buffer: postcard's bytes go through the CRC and into COBS as they come.
+/// One pass without a scratch buffer: each byte from postcard goes straight through CRC and COBS.
 ///
 /// # Errors
 ///
@@ -79,24 +59,25 @@ pub fn encode<'m, 'b, M: Message<'m>>(
     Ok(&out[..written + 2])
 }
 
-/// Numbers frames and writes them: one per direction and device.
+/// Numbers frames and writes them; a sender has one for its direction.
 #[derive(Clone, Debug, Default)]
 pub struct Encoder {
     next_seq: u32,
 }
 
 impl Encoder {
-    /// An encoder whose first frame has `seq`.
+    /// Creates an encoder whose first frame has `seq`.
     pub const fn starting_at(seq: u32) -> Encoder {
         Encoder { next_seq: seq }
     }
 
-    /// The `seq` that the next frame will have.
+    /// Returns the number of the next frame, without using it up.
     pub const fn next_seq(&self) -> u32 {
         self.next_seq
     }
 
-    /// Number a frame and write it into `out`; a frame that is then dropped stays numbered.
+    /// Numbers a frame and writes it into `out`. A frame that the caller then drops keeps its
+    /// number.
     ///
     /// # Errors
     ///
@@ -110,7 +91,7 @@ impl Encoder {
         encode(&self.number(device_time_us), message, out)
     }
 
-    /// Number a frame that is not even written: it counts as made and lost.
+    /// Uses up the number of a frame that is never written, so that its loss shows at the receiver.
     pub fn skip(&mut self) {
         self.number(0);
     }
@@ -126,11 +107,11 @@ impl Encoder {
     }
 }
 
-/// Where postcard's bytes go: through the CRC and into COBS.
+/// Output of postcard: updates the CRC and writes COBS.
 struct FrameSink<'b> {
     encoder: CobsEncoder<'b>,
     digest: Digest<'static, u32>,
-    /// Bytes that the body may still take, the CRC included.
+    /// Bytes of [`MAX_BODY`] that are left, the CRC included.
     room: usize,
 }
 

@@ -1,20 +1,22 @@
-//! What happened at one of the device's inputs.
+//! Edges at the device's inputs.
 
 use serde::{Deserialize, Serialize};
 
-/// What happened at one of the device's inputs; on request. The header's time is that of the event
-/// itself, as finely as the device's clock runs: an experiment's trigger is placed between samples.
+/// An edge at one of the device's inputs; on request.
+///
+/// The header's time is that of the edge itself, at the resolution of the device's clock, so that
+/// an experiment's trigger can be placed between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Event {
-    /// What it was.
+    /// Input and direction of the edge.
     pub kind: EventKind,
-    /// Number of the event since boot, over all kinds, wraps; a gap is events that were lost.
+    /// Number of the event since boot, over all kinds, wraps; a gap means lost events.
     pub number: u32,
     /// Index since `Start` of the first ADC sample whose DRDY edge was not before the event.
     pub sample: u64,
 }
 
-/// What happened; one byte on the wire.
+/// Kind of an event; one byte on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "u8", into = "u8")]
 pub enum EventKind {

@@ -1,72 +1,80 @@
-//! The wire format between board and host, both ends.
+//! The wire format between board and host, for both ends.
 //!
-//! A frame is `0x00 COBS(postcard(Header) ++ postcard(message) ++ CRC-32C LE) 0x00`. The zeros on
-//! both sides mean that after garbage, a reset or a lost byte at most one frame is lost beside the
-//! one that was hit. The same bytes run over USB, UART, TCP and a PTY; `docs/wire-format.md` has
-//! the field tables and real frames as hex dumps.
+//! [`Encoder`] numbers messages and writes them as frames; [`Decoder`] finds frames in any byte
+//! stream and counts the bytes it cannot use. The same bytes run over USB, UART, TCP and a
+//! pseudo-terminal. `docs/wire-format.md` has the field tables and real frames as hex dumps.
 //!
-//! Messages: [`ToHost`] from board to host, [`ToDevice`] the other way. [`Encoder`] makes frames
-//! and numbers them; [`Decoder`] finds them in any byte stream and counts what it could not use.
+//! ```text
+//! board                                                                       host
+//! ToHost   --> Encoder --> 00 COBS(header, message, CRC-32C) 00 --> Decoder --> ToHost
+//! ToDevice <-- Decoder <-- 00 COBS(header, message, CRC-32C) 00 <-- Encoder <-- ToDevice
+//! ```
+//!
+//! Header and message are serialised with postcard. A zero byte on both sides of a frame limits
+//! the damage: garbage, a reset or a lost byte costs the frame it hits and at most one more.
+//!
+//! ```
+//! use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice};
+//!
+//! let start = ToDevice::Start(Start { streams: Streams::CODES, mains_hz: 50 });
+//! let mut buffer = [0; MAX_FRAME];
+//! let frame = Encoder::default().encode(0, &start, &mut buffer)?;
+//!
+//! let bytes = [b"line noise", frame].concat();
+//! let mut input = &bytes[..];
+//! let mut decoder = Decoder::<MAX_FRAME>::new();
+//! let noise = decoder.next::<ToDevice>(&mut input).expect("bytes before a zero");
+//! assert!(noise.is_err());
+//! let received = decoder.next::<ToDevice>(&mut input).expect("a whole frame");
+//! assert_eq!(received.map(|frame| frame.message), Ok(start));
+//! assert_eq!(decoder.counters().resyncs, 1);
+//! # Ok::<(), link::EncodeError>(())
+//! ```
 //!
 //! # Compatibility
 //!
-//! * [`VERSION`] names the frame and the header. It changes only if these change; a frame of
-//!   another version is refused and counted, and the decoder remembers which version it was.
-//! * Both enums only grow, at their end. Fields of an existing message never change; a message
-//!   that must carry more is a new message. A message newer than the receiver is
-//!   [`FrameError::Unknown`]: a sound frame (its `seq` counts as received), never corruption.
-//! * A device answers a command that it does not know with [`AckResult::UnknownCommand`], so an
-//!   old device tells a new host so, and the host goes on with what both know.
-//! * Lists of reasons ([`ResetCause`], [`AckResult`], [`ChannelFault`]), [`CodeFormat`], [`Stage`],
-//!   [`EventKind`] and [`ResetInto`] travel as one byte and keep a value that the receiver does not know; bit sets ([`Flags`], [`Streams`]) keep their
-//!   unknown bits.
+//! * [`VERSION`] names the layout of frame and header and changes only with them. A frame of
+//!   another version is refused and counted; [`FrameError::Version`] carries its number.
+//! * [`ToHost`] and [`ToDevice`] grow only at their end. Fields of an existing message never
+//!   change; a message that must carry more is a new message. A message newer than the receiver is
+//!   [`FrameError::Unknown`]: an intact frame whose `seq` counts as received, never corruption.
+//! * A device answers a command that it does not know with [`AckResult::UnknownCommand`]. The host
+//!   then uses only the commands that both sides know.
+//! * [`ResetCause`], [`AckResult`], [`ChannelFault`], [`CodeFormat`], [`Stage`], [`EventKind`] and
+//!   [`ResetInto`] travel as one byte and keep a value that the receiver does not know.
+//!   [`Flags`] and [`Streams`] keep their unknown bits.
 #![no_std]
 #![forbid(unsafe_code)]
 
-mod ack;
-mod array;
-mod audit;
-mod bytes;
-mod capabilities;
-mod clock_reading;
+mod answer;
 mod code;
-mod code_values;
+mod command;
 mod converters;
 mod decoder;
 mod encoder;
 mod event;
-mod filtered;
 mod flags;
-mod header;
-mod hello;
+mod frame;
+mod introduction;
 mod message;
+mod packed;
 mod quality;
-mod raw;
-mod reset;
-mod self_test;
-mod start;
+mod signal;
 mod stats;
 mod timing;
 
-pub use ack::{Ack, AckResult};
-pub use audit::Audit;
-pub use capabilities::{Capabilities, MAX_LABELS_BYTES};
-pub use clock_reading::ClockReading;
-pub use code::Code;
-pub use code_values::{CODE_LEN, CodeFormat, CodeValues, MAX_EXPONENT};
-pub use converters::{Converters, MAX_CHIPS};
+pub use answer::{Ack, AckResult, ClockReading};
+pub use code::{Audit, CODE_LEN, Code, CodeFormat, CodeValues, MAX_EXPONENT};
+pub use command::{ResetInto, Start, Streams};
+pub use converters::{ChannelFault, ChannelTest, ChipTest, Converters, MAX_CHIPS, SelfTest};
 pub use decoder::{Counters, Decoder, Frame, FrameError};
-pub use encoder::{EncodeError, Encoder, MAX_BODY, MAX_FRAME, encode};
+pub use encoder::{EncodeError, Encoder, encode};
 pub use event::{Event, EventKind};
-pub use filtered::{FILTERED_STEPS, Filtered, VALUE_BYTES};
 pub use flags::Flags;
-pub use header::{Header, VERSION};
-pub use hello::{Hello, MAX_TEXT_BYTES, ResetCause};
+pub use frame::{Header, MAX_BODY, MAX_FRAME, VERSION};
+pub use introduction::{Capabilities, Hello, MAX_LABELS_BYTES, MAX_TEXT_BYTES, ResetCause};
 pub use message::{Message, ToDevice, ToHost};
 pub use quality::{ElectrodeQuality, MAX_ELECTRODES, Quality};
-pub use raw::{COUNT_BYTES, RAW_SAMPLES, Raw};
-pub use reset::ResetInto;
-pub use self_test::{ChannelFault, ChannelTest, ChipTest, SelfTest};
-pub use start::{Start, Streams};
+pub use signal::{COUNT_BYTES, FILTERED_STEPS, Filtered, RAW_SAMPLES, Raw, VALUE_BYTES};
 pub use stats::Stats;
 pub use timing::{MAX_STAGES, Stage, StageTiming, Timing};

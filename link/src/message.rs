@@ -1,60 +1,66 @@
-//! The messages of each direction.
+//! The messages of both directions, numbered.
 
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    Ack, Audit, Capabilities, ClockReading, Code, Converters, Event, Filtered, Hello, Quality, Raw,
-    ResetInto, SelfTest, Start, Stats, Timing,
-};
+use crate::answer::{Ack, ClockReading};
+use crate::code::{Audit, Code};
+use crate::command::{ResetInto, Start};
+use crate::converters::{Converters, SelfTest};
+use crate::event::Event;
+use crate::introduction::{Capabilities, Hello};
+use crate::quality::Quality;
+use crate::signal::{Filtered, Raw};
+use crate::stats::Stats;
+use crate::timing::Timing;
 
-/// A message that can be framed: one enum per direction.
+/// A message that can be framed; one enum implements it for each direction.
 pub trait Message<'a>: Serialize + Deserialize<'a> {
-    /// Messages that this version knows; a larger number on the wire is a newer message.
+    /// Number of messages that this version knows; a number at or above it is a newer message.
     const KINDS: u32;
-    /// Goes into the CRC before the header and is never sent, so that no frame passes for one of
-    /// the other direction: an echo on a looped line is refused as damaged, and nobody answers it.
+    /// Byte that enters the CRC before the header and is never sent. A frame of the other direction,
+    /// such as an echo on a looped line, therefore fails the CRC and is not answered.
     const DIRECTION: u8;
 }
 
-/// From device to host. Grows only at its end; the number of a message is its place here.
+/// Messages from device to host. Grows only at its end: a variant's position is its wire number.
 #[expect(
     clippy::large_enum_variant,
     reason = "no heap in no_std; a decoder holds one message at a time, about 1 KB"
 )]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ToHost<'a> {
-    /// 0: who the device is.
+    /// 0: identity of the device.
     #[serde(borrow)]
     Hello(Hello<'a>),
-    /// 1: what it measures and how its codes are to be read.
+    /// 1: rates, dimensions, labels and the scales of the codes.
     #[serde(borrow)]
     Capabilities(Capabilities<'a>),
-    /// 2: one code.
+    /// 2: the code of one window.
     Code(Code),
-    /// 3: what it has counted.
+    /// 3: counters since boot.
     Stats(Stats),
     /// 4: the answer to a command.
     Ack(Ack),
-    /// 5: what each electrode delivered within one second.
+    /// 5: signal quality of each electrode in one second.
     Quality(Quality),
-    /// 6: how long its stages took.
+    /// 6: durations of the device's stages.
     Timing(Timing),
-    /// 7: the ADC's samples as they came.
+    /// 7: unfiltered ADC samples.
     #[serde(borrow)]
     Raw(Raw<'a>),
-    /// 8: what the filters made of them.
+    /// 8: filtered electrodes at the encoder's rate.
     #[serde(borrow)]
     Filtered(Filtered<'a>),
-    /// 9: a window together with its code.
+    /// 9: a window with its code.
     #[serde(borrow)]
     Audit(Audit<'a>),
-    /// 10: what happened at an input.
+    /// 10: an edge at an input.
     Event(Event),
-    /// 11: how the converters are.
+    /// 11: status of the converters.
     Converters(Converters),
-    /// 12: what the device found out about its converters.
+    /// 12: the result of a self-test of the converters.
     SelfTest(SelfTest),
-    /// 13: the device's clock beside the host's.
+    /// 13: the device's clock, in answer to the host's.
     ClockReading(ClockReading),
 }
 
@@ -63,25 +69,26 @@ impl<'a> Message<'a> for ToHost<'a> {
     const DIRECTION: u8 = b'H';
 }
 
-/// From host to device. Grows only at its end; the number of a message is its place here.
+/// Messages from host to device. Grows only at its end: a variant's position is its wire number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ToDevice {
-    /// 0: begin streaming.
+    /// 0: start streaming.
     Start(Start),
-    /// 1: end streaming.
+    /// 1: stop streaming.
     Stop,
     /// 2: answer with `Hello` and `Capabilities`.
     Identify,
-    /// 3: answer with the `Ack` alone; tells a live link from a dead one.
+    /// 3: answer with an `Ack` only; tells a live link from a dead one.
     Ping,
-    /// 4: try the converters with their own signals; nothing may stream. `SelfTest` follows.
+    /// 4: test the converters with their internal signals; refused while anything streams.
+    /// `SelfTest` follows.
     SelfTest,
     /// 5: answer with a `ClockReading`.
     SyncTime {
-        /// The host's clock, microseconds; given back as it is.
+        /// The host's clock, microseconds; the answer repeats it.
         host_time_us: u64,
     },
-    /// 6: start anew, a tenth of a second after the `Ack`.
+    /// 6: restart, a tenth of a second after the `Ack`.
     Reset(ResetInto),
 }
 

@@ -1,37 +1,39 @@
-//! What each electrode delivered, once a second.
+//! Signal quality of the electrodes, once a second.
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Most electrodes that a [`Quality`] may carry; as many as [`Code::saturated`](crate::Code) has
-/// bits.
+/// Most electrodes in a [`Quality`]; equals the number of bits of
+/// [`Code::saturated`](crate::Code::saturated).
 pub const MAX_ELECTRODES: usize = 64;
 
-/// What each electrode delivered within one second; sent every second while streaming. Seconds are
-/// counted from `Start`; one that `Stop` cuts short is not reported.
+/// Signal quality of each electrode over one second; sent every second while streaming.
+///
+/// Seconds are counted from `Start`; one that `Stop` interrupts is not reported.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// Index since `Start` of the second's first ADC sample.
     pub first_sample: u64,
-    /// The filters had not settled yet: the filtered figures show their start as well.
+    /// The filters had not settled: the filtered figures include their transient.
     pub settling: bool,
-    /// The electrodes, in the order of [`Capabilities::labels`](crate::Capabilities::labels).
+    /// One entry per electrode, in the order of
+    /// [`Capabilities::labels`](crate::Capabilities::labels).
     pub electrodes: Vec<ElectrodeQuality, MAX_ELECTRODES>,
 }
 
-/// What one electrode delivered within one second.
+/// Signal quality of one electrode over one second.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ElectrodeQuality {
-    /// RMS of the filtered steps, microvolt: what the encoder reads.
+    /// RMS of the filtered steps that the encoder reads, microvolt.
     pub rms_uv: f32,
-    /// RMS of the frequency [`Capabilities::mains_hz`](crate::Capabilities::mains_hz) at the input,
-    /// microvolt: no filter has seen it yet.
+    /// RMS of the mains frequency ([`Capabilities::mains_hz`](crate::Capabilities::mains_hz)) at the
+    /// input, before any filter, microvolt.
     pub mains_uv: f32,
-    /// RMS of the same frequency left in the filtered steps, microvolt.
+    /// RMS of the mains frequency that is left in the filtered steps, microvolt.
     pub mains_residual_uv: f32,
     /// ADC samples at the converter's rail, 0 to the ADC's rate.
     pub samples_at_rail: u16,
-    /// The ADC samples differed by less than half the converter's own noise: a live one, even with
+    /// The ADC samples differed by less than half the converter's own noise: a working one, even with
     /// its input shorted, differs by more.
     pub flat: bool,
 }

@@ -1,21 +1,21 @@
-//! What the device has counted.
+//! Counters of the device.
 
 use serde::{Deserialize, Serialize};
 
-use crate::Streams;
+use crate::command::Streams;
 
-/// What the device has counted since boot; sent every second while streaming, and after `Stop`.
+/// Counters of the device since boot; sent every second while streaming, and after `Stop`.
 ///
-/// Every counter wraps; a host takes differences modulo its width.
+/// Every counter wraps; a host computes differences modulo its width.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stats {
-    /// Streams that are running.
+    /// Streams that are running; empty on an idle device.
     pub streams: Streams,
     /// Window index that the next code will have: codes made since `Start`.
     pub next_window: u32,
-    /// Codes made since boot.
+    /// Codes made since boot, dropped ones included.
     pub codes_made: u32,
-    /// Frames that were made, numbered and then dropped because the host did not take them.
+    /// Frames that were made, numbered and then dropped because the host did not read them.
     pub frames_dropped: u32,
     /// ADC samples taken.
     pub samples: u64,
@@ -23,11 +23,11 @@ pub struct Stats {
     pub overruns: u32,
     /// ADC samples with a wrong status word.
     pub adc_status_bad: u32,
-    /// Values clipped on their way into int8, each once.
+    /// Electrode values clipped to int8, each counted once although windows overlap.
     pub clipped: u32,
-    /// Values of codes that were clipped.
+    /// Numbers of codes that were clipped.
     pub clipped_values: u32,
-    /// Commands received whole.
+    /// Commands received intact.
     pub commands: u32,
     /// Frames from the host that could not be used: CRC, COBS, length, version, unknown.
     pub input_bad: u32,

@@ -1,50 +1,50 @@
-//! How long the device's stages took, once a second.
+//! Durations of the device's stages, once a second.
 
 use core::fmt;
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Most stages that a [`Timing`] may carry.
+/// Most stages in a [`Timing`].
 pub const MAX_STAGES: usize = 8;
 
-/// How long the device's stages took since boot; sent every second while streaming, after `Stats`,
-/// by a device that measures it.
+/// Durations of the device's stages since boot; sent every second while streaming, after `Stats`, by
+/// a device that measures them.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Timing {
     /// The stages that are measured, each once, in the order of [`Stage`].
     pub stages: Vec<StageTiming, MAX_STAGES>,
-    /// Deepest use of the stack since boot, bytes; 0 where nobody measures it.
+    /// Deepest use of the stack since boot, bytes; 0 on a device that does not measure it.
     pub stack_used: u32,
-    /// Size of the stack, bytes; 0 where nobody measures its use.
+    /// Size of the stack, bytes; 0 on a device that does not measure its use.
     pub stack_size: u32,
 }
 
-/// How long one stage took since boot.
+/// Durations of one stage since boot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StageTiming {
-    /// Which one.
+    /// Start and end of the measured interval.
     pub stage: Stage,
-    /// Nanoseconds that it may take; more is late.
+    /// Longest allowed duration, nanoseconds; anything longer is late.
     pub deadline_ns: u32,
-    /// Nanoseconds that it took at most, saturates.
+    /// Longest measured duration, nanoseconds; saturates.
     pub worst_ns: u32,
-    /// How often it took up to 1/8, more and up to 2/8, .. more than 7/8 and up to 8/8 of its
-    /// deadline, and last how often it was late; each wraps.
+    /// Durations by eighths of the deadline: element k counts those above k/8 and up to (k+1)/8,
+    /// element 8 the late ones; each wraps.
     pub histogram: [u32; 9],
 }
 
-/// From where to where a time is taken; one byte on the wire.
+/// Interval between two points of the signal path; one byte on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "u8", into = "u8")]
 pub enum Stage {
-    /// 0: from a sample's DRDY edge until the sample is handed on.
+    /// 0: from a sample's DRDY edge until the sample is in the encoder's queue.
     Acquire,
-    /// 1: all that is made of a sample with a step: encoder, reports, streams.
+    /// 1: processing of a sample with a step: encoder, reports, streams.
     Step,
-    /// 2: from the DRDY edge of a window's last sample until its code is handed on.
+    /// 2: from the DRDY edge of a window's last sample until its code is in the output queue.
     Code,
-    /// 3: from there until the code's frame is written to the port.
+    /// 3: from the output queue until the code's frame is written to the port.
     Send,
     /// Any other: a stage newer than this host.
     Newer(u8),

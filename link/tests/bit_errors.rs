@@ -1,4 +1,4 @@
-//! T6: how loss grows with the bit error rate, and that nothing wrong is ever accepted.
+//! Loss grows with the bit error rate as computed, and no wrong frame is ever accepted.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 #![allow(
     clippy::cast_precision_loss,
@@ -8,7 +8,7 @@
 )]
 use link::{CODE_LEN, Code, CodeValues, Decoder, Encoder, Flags, MAX_FRAME, ToHost};
 
-/// SplitMix64 (Steele, Lea, Flood 2014): seeded noise without a dependency.
+/// SplitMix64 (Steele, Lea, Flood 2014): a seeded generator without a dependency.
 struct Noise(u64);
 
 impl Noise {
@@ -19,7 +19,7 @@ impl Noise {
         mixed ^ (mixed >> 31)
     }
 
-    /// Bits until the next error at rate `ber`: geometric, by inversion.
+    /// Returns the bits until the next error at rate `ber`: geometrically distributed, by inversion.
     fn gap(&mut self, ber: f64) -> u64 {
         let uniform = ((self.next() >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
         (uniform.ln() / (1.0 - ber).ln()) as u64
@@ -28,7 +28,7 @@ impl Noise {
 
 #[test]
 fn loss_follows_the_bit_error_rate_and_no_wrong_frame_is_accepted() {
-    // Frames per rate: enough for some 400 or more losses where that is affordable.
+    // Bit error rate and frames: enough for about 400 losses where the run time allows it.
     for (ber, count) in [
         (1e-6, 200_000),
         (1e-5, 60_000),
@@ -88,12 +88,12 @@ fn loss_follows_the_bit_error_rate_and_no_wrong_frame_is_accepted() {
         let lost = count - received;
         let mean_bits = bits as f64 / count as f64;
         let expected = count as f64 * (1.0 - (1.0 - ber).powf(mean_bits));
-        // Every frame hit is lost; its neighbour only if both zeros between them are hit.
+        // Every damaged frame is lost; its neighbour only if both zeros between them are damaged.
         assert!(
             lost <= 2 * hits,
             "more than one extra frame lost per hit: {lost} of {hits}"
         );
-        // 10 % by the requirement, widened by four standard deviations of the count itself.
+        // 10 % of the expected loss, plus four standard deviations of the count itself.
         let tolerance = 0.1 * expected + 4.0 * expected.sqrt();
         assert!(
             (lost as f64 - expected).abs() <= tolerance,

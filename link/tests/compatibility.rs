@@ -1,4 +1,4 @@
-//! Old meets new: versions, newer messages, echoes.
+//! Peers of different releases: versions, newer messages, echoes.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
@@ -7,7 +7,7 @@ use link::{
 };
 use serde::{Deserialize, Serialize};
 
-/// The enum of some later release: one message more.
+/// `ToDevice` of a later release: one more message.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 enum LaterToDevice {
     Start(u8),
@@ -25,7 +25,7 @@ impl Message<'_> for LaterToDevice {
     const DIRECTION: u8 = ToDevice::DIRECTION;
 }
 
-/// What a host knew before there was `Timing`.
+/// `ToHost` of a release before `Timing`.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 enum EarlierToHost {
     Hello,
@@ -49,7 +49,7 @@ fn first(
 }
 
 #[test]
-fn a_newer_message_is_a_sound_frame_that_is_left_out() {
+fn a_newer_message_is_an_intact_frame_that_is_ignored() {
     let mut buffer = [0; MAX_FRAME];
     let mut encoder = Encoder::starting_at(7);
     let later = LaterToDevice::Later {
@@ -87,7 +87,7 @@ fn a_newer_message_is_a_sound_frame_that_is_left_out() {
 }
 
 #[test]
-fn a_host_from_before_timing_counts_it_as_unknown_and_goes_on() {
+fn a_host_older_than_timing_counts_it_as_unknown_and_continues() {
     let mut buffer = [0; MAX_FRAME];
     let mut encoder = Encoder::default();
     let mut host = Decoder::<MAX_FRAME>::new();
@@ -133,7 +133,7 @@ fn another_version_is_refused_with_its_number() {
 }
 
 #[test]
-fn an_echo_is_no_frame_of_the_other_direction() {
+fn an_echo_is_refused_in_the_other_direction() {
     let mut buffer = [0; MAX_FRAME];
     let mut encoder = Encoder::default();
     let ack = ToHost::Ack(Ack {
@@ -168,7 +168,7 @@ fn an_echo_is_no_frame_of_the_other_direction() {
 }
 
 #[test]
-fn a_code_with_an_exponent_that_cannot_be_is_malformed() {
+fn a_code_with_an_exponent_above_the_maximum_is_malformed() {
     let mut buffer = [0; MAX_FRAME];
     let mut encoder = Encoder::default();
     for exponent in 0..=u8::MAX {
@@ -201,9 +201,9 @@ fn a_code_with_an_exponent_that_cannot_be_is_malformed() {
 }
 
 #[test]
-fn steps_are_within_the_range_of_their_format() {
+fn levels_span_the_range_of_their_format() {
     let ends = |values: link::CodeValues| {
-        let [least, .., greatest] = values.steps();
+        let [least, .., greatest] = values.levels();
         assert_eq!(values.format().range(), Some([least, greatest]));
     };
     let mut values = [0; link::CODE_LEN];
@@ -217,7 +217,7 @@ fn steps_are_within_the_range_of_their_format() {
 }
 
 #[test]
-fn reasons_that_this_side_does_not_know_are_kept() {
+fn unknown_reasons_keep_their_number() {
     for byte in 0..=u8::MAX {
         assert_eq!(u8::from(AckResult::from(byte)), byte);
         assert_eq!(u8::from(ResetCause::from(byte)), byte);

@@ -1,4 +1,4 @@
-//! The buffer sizes are sufficient.
+//! Every message with its largest content fits the buffers.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
@@ -9,7 +9,7 @@ use link::{
     SelfTest, Stage, StageTiming, Start, Stats, Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
-/// Bytes of the body, from the frame's length: COBS adds 1 + 1 per 254, the zeros 2.
+/// Returns the length of the message's body, bytes, for the largest header.
 fn body_bytes<'m, M: Message<'m>>(message: &M) -> usize {
     let mut buffer = [0; MAX_FRAME];
     let mut encoder = Encoder::starting_at(u32::MAX);
@@ -41,8 +41,8 @@ fn the_largest_frame_fits() {
     let labels = "x".repeat(MAX_LABELS_BYTES);
     let text = "x".repeat(MAX_TEXT_BYTES);
     let largest = body_bytes(&capabilities(&labels, &text));
-    // 16 header (1 + 5 + 10), 1 kind, 3 + 3 rates, 3 bytes, 4 LSB, 1 mains, 5 delay, 2 + 512
-    // labels, 2 + 256 filters, 1 format, 2 + 512 scales, 2 + 128 zero points, 4 CRC.
+    // Bytes: 16 header (1 + 5 + 10), 1 kind, 3 + 3 rates, 3 dimensions, 4 LSB, 1 mains, 5 delay,
+    // 2 + 512 labels, 2 + 256 filters, 1 format, 2 + 512 scales, 2 + 128 zero points, 4 CRC.
     assert_eq!(largest, 1457);
     assert!(largest <= MAX_BODY);
 
@@ -142,7 +142,7 @@ fn samples_windows_and_self_tests_fit_a_frame() {
     });
     let converters = ToHost::Converters(Converters {
         fault: text.as_str().try_into().unwrap(),
-        ready_mhz: u32::MAX,
+        drdy_millihertz: u32::MAX,
         off_positive: u64::MAX,
         off_negative: u64::MAX,
         frames_bad: heapless::Vec::from_array([u32::MAX; MAX_CHIPS]),
@@ -159,16 +159,16 @@ fn samples_windows_and_self_tests_fit_a_frame() {
     };
     let self_test = ToHost::SelfTest(SelfTest {
         fault: text.as_str().try_into().unwrap(),
-        ready_mhz: u32::MAX,
-        expected_mhz: u32::MAX,
-        ready_early: u32::MAX,
-        ready_missed: u32::MAX,
+        drdy_millihertz: u32::MAX,
+        expected_millihertz: u32::MAX,
+        drdy_early: u32::MAX,
+        drdy_missed: u32::MAX,
         chips: heapless::Vec::from_array([chip; MAX_CHIPS]),
         channels: heapless::Vec::from_array([channel; MAX_ELECTRODES]),
     });
     let [raw, filtered, audit, converters, self_test] =
         [raw, filtered, audit, converters, self_test].map(|message| body_bytes(&message));
-    // In this order: 16 header, 1 kind, 4 CRC, and what a message is made of.
+    // Each sum starts with 21 bytes: 16 header, 1 kind, 4 CRC. The fields follow in their order.
     assert_eq!(raw, 21 + 10 + 1 + 3 + 2 + 1536);
     assert_eq!(filtered, 21 + 10 + 1 + 1 + 3 + 2 + 1024);
     assert_eq!(audit, 21 + 8 + 5 + 2 + 1440 + 1 + 256);
@@ -180,8 +180,8 @@ fn samples_windows_and_self_tests_fit_a_frame() {
 }
 
 #[test]
-fn a_body_of_the_limit_needs_no_more_than_the_longest_frame() {
-    // COBS is longest without zeros; this Hello has none outside its header.
+fn a_body_of_the_maximum_length_fits_the_longest_frame() {
+    // COBS adds most to a body without zeros; this Hello has none outside its header.
     let text = "x".repeat(MAX_BODY);
     let mut frame = [0; MAX_FRAME];
     let mut longest = 0;
@@ -208,7 +208,7 @@ fn a_body_of_the_limit_needs_no_more_than_the_longest_frame() {
 }
 
 #[test]
-fn a_short_buffer_is_refused_and_the_number_is_used_up() {
+fn a_short_buffer_is_refused_and_uses_up_the_number() {
     let mut encoder = Encoder::default();
     for length in 0..8 {
         assert!(

@@ -212,7 +212,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             return answer;
         }
         let moment = self.moment();
-        if byte == 0 && self.is_deaf_to_zeros(moment) {
+        if byte == 0 && self.ignores_null_bytes(moment) {
             return answer;
         }
         self.is_deaf = None;
@@ -235,9 +235,9 @@ impl<const CHIPS: usize> Board<CHIPS> {
     }
 
     /// Whether a zero says nothing to any of the selected chips, as in a burst.
-    fn is_deaf_to_zeros(&mut self, moment: Moment) -> bool {
+    fn ignores_null_bytes(&mut self, moment: Moment) -> bool {
         let mut selected = self.chips.iter().filter(|chip| chip.selected);
-        let look = || selected.all(|chip| chip.is_deaf_to_zeros(moment));
+        let look = || selected.all(|chip| chip.ignores_null_bytes(moment));
         *self.is_deaf.get_or_insert_with(look)
     }
 

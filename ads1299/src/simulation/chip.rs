@@ -173,7 +173,7 @@ impl Chip {
     }
 
     /// Whether a zero says nothing to it: it waits for an opcode, and a zero is none.
-    pub(super) fn is_deaf_to_zeros(&self, moment: Moment) -> bool {
+    pub(super) fn ignores_null_bytes(&self, moment: Moment) -> bool {
         let waits = self.state == State::Opcode && self.pending.is_none();
         waits && (self.continuous || self.is_dead()) && moment.now_ns >= self.awake_ns
     }

@@ -10,7 +10,7 @@ use crate::recorder::{Desk, SETTINGS};
 fn told(desk: &mut Desk, change: impl FnOnce(&mut Converters)) -> DiagnosticStatus {
     let mut converters = Converters {
         fault: heapless::String::new(),
-        ready_mhz: 512_010,
+        drdy_millihertz: 512_010,
         off_positive: 0,
         off_negative: 0,
         frames_bad: [0, 0].into_iter().collect(),
@@ -40,7 +40,7 @@ fn chips_in_order_are_no_warning() {
     );
     assert_eq!(value(&status, "positive electrodes off"), "none");
     assert_eq!(value(&status, "chip 1: frames bad"), "0");
-    let status = told(&mut desk, |converters| converters.ready_mhz = 0);
+    let status = told(&mut desk, |converters| converters.drdy_millihertz = 0);
     assert_eq!(value(&status, "DRDY"), "not known");
 }
 

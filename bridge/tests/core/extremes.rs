@@ -114,7 +114,7 @@ fn take_everything(filler: FillerPolicy) {
                 sample: first,
             }),
             3 => ToHost::Converters(Converters {
-                ready_mhz: small,
+                drdy_millihertz: small,
                 off_positive: first,
                 off_negative: other,
                 frames_bad: [small; 8].into_iter().collect(),

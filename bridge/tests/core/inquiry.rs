@@ -23,10 +23,10 @@ fn result(change: impl FnOnce(&mut SelfTest)) -> SelfTest {
     };
     let mut test = SelfTest {
         fault: heapless::String::new(),
-        ready_mhz: 512_005,
-        expected_mhz: 512_000,
-        ready_early: 0,
-        ready_missed: 0,
+        drdy_millihertz: 512_005,
+        expected_millihertz: 512_000,
+        drdy_early: 0,
+        drdy_missed: 0,
         chips: [chip; 8].into_iter().collect(),
         channels: [FINE; 64].into_iter().collect(),
     };
@@ -162,8 +162,8 @@ fn what_is_wrong_stands_in_its_row_and_in_the_last_line() {
         test.channels[10].fault = ChannelFault::Gain;
         test.channels[10].gain_error = -1.0;
         test.channels[61].fault = ChannelFault::Newer(9);
-        test.ready_mhz = 0;
-        test.ready_missed = 3;
+        test.drdy_millihertz = 0;
+        test.drdy_missed = 3;
     }));
     assert!(!report.passed);
     let text = report.to_string();

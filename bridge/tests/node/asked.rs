@@ -21,8 +21,8 @@ fn result(fault: ChannelFault) -> SelfTest {
         ..ChannelTest::default()
     };
     SelfTest {
-        ready_mhz: 512_000,
-        expected_mhz: 512_000,
+        drdy_millihertz: 512_000,
+        expected_millihertz: 512_000,
         chips: [chip; 8].into_iter().collect(),
         channels: [channel; 64].into_iter().collect(),
         ..SelfTest::default()

@@ -1,4 +1,4 @@
-//! What comes of samples and steps, and of those that are missing.
+//! Outputs for complete and incomplete sequences of samples and steps.
 
 use std::{boxed::Box, vec, vec::Vec};
 
@@ -7,7 +7,7 @@ use model::{CELLS, HOP, STEPS};
 
 use super::*;
 
-/// Samples of a step.
+/// Samples per step.
 const PER_STEP: u64 = model::ADC_RATE_HZ as u64 / model::STEP_RATE_HZ as u64;
 
 const OVERRUN: Marks = Marks {
@@ -23,14 +23,14 @@ fn run(number: u32, streams: Streams) -> Run {
     }
 }
 
-/// Sample number `index` of a run, at a thousand microseconds for each, and its step, if one is due.
-fn taken(index: u64) -> Taken {
-    let mut taken = Taken {
+/// Sample number `index` of a run, 1,000 us after the one before, with its step if one is due.
+fn acquired(index: u64) -> AcquiredSample {
+    let mut acquired = AcquiredSample {
         index,
         drdy_us: 1_000 * index,
-        ..Taken::default()
+        ..AcquiredSample::default()
     };
-    taken.sample.counts[5] = i32::try_from(index).expect("few");
+    acquired.sample.counts[5] = i32::try_from(index).expect("few");
     if (index + 1).is_multiple_of(PER_STEP) {
         let number = index / PER_STEP;
         let plane = core::array::from_fn(|cell| {
@@ -42,39 +42,41 @@ fn taken(index: u64) -> Taken {
             plane,
             ..Step::SILENCE
         };
-        taken.step = Some((number, step));
+        acquired.step = Some((number, step));
     }
-    taken
+    acquired
 }
 
-/// What a new producer makes of these samples.
-fn made_of(samples: impl IntoIterator<Item = Taken>) -> Vec<Made> {
+/// Outputs of a new producer for these samples.
+fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output> {
     let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
-    let mut made = Vec::new();
+    let mut outputs = Vec::new();
     for sample in samples {
-        producer.take(&sample, &mut |what| made.push(what));
+        producer.process(&sample, &mut |output| outputs.push(output));
     }
-    made
+    outputs
 }
 
-/// The samples of a run, without those that are `lost`; the first that comes begins it.
-fn samples(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = Taken> {
-    let came = (0..count).filter(move |index| !lost.contains(index));
-    came.enumerate().map(move |(place, index)| Taken {
-        begun: (place == 0).then(|| run(1, streams)),
-        marks: if index > 0 && lost.contains(&(index - 1)) {
-            OVERRUN
-        } else {
-            Marks::NONE
-        },
-        ..taken(index)
-    })
+/// The samples of a run except the `lost` ones; the first that remains starts the run.
+fn samples(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = AcquiredSample> {
+    let remaining = (0..count).filter(move |index| !lost.contains(index));
+    remaining
+        .enumerate()
+        .map(move |(place, index)| AcquiredSample {
+            new_run: (place == 0).then(|| run(1, streams)),
+            marks: if index > 0 && lost.contains(&(index - 1)) {
+                OVERRUN
+            } else {
+                Marks::NONE
+            },
+            ..acquired(index)
+        })
 }
 
-/// First sample, samples and flags of each raw frame.
-fn raw_frames(made: &[Made]) -> Vec<(u64, usize, Flags)> {
-    let raw = made.iter().filter_map(|made| match &made.what {
-        What::Raw(raw) => Some(raw.message()),
+/// First sample, number of samples and flags of each raw output.
+fn raw_frames(outputs: &[Output]) -> Vec<(u64, usize, Flags)> {
+    let raw = outputs.iter().filter_map(|output| match &output.payload {
+        Payload::Raw(raw) => Some(raw.message()),
         _ => None,
     });
     raw.map(|raw| {
@@ -87,15 +89,15 @@ fn raw_frames(made: &[Made]) -> Vec<(u64, usize, Flags)> {
 }
 
 #[test]
-fn a_run_makes_what_the_host_wants_and_nothing_else() {
+fn a_run_produces_exactly_the_requested_streams() {
     let kinds = |streams| {
-        let mut kinds = made_of(samples(streams, 2 * 512, &[]))
+        let mut kinds = outputs_of(samples(streams, 2 * 512, &[]))
             .iter()
-            .map(|made| match made.what {
-                What::Code(..) => Streams::CODES,
-                What::Raw(_) => Streams::RAW,
-                What::Filtered(_) => Streams::FILTERED,
-                What::Audit(_) => Streams::AUDIT,
+            .map(|output| match output.payload {
+                Payload::Code(..) => Streams::CODES,
+                Payload::Raw(_) => Streams::RAW,
+                Payload::Filtered(_) => Streams::FILTERED,
+                Payload::Audit(_) => Streams::AUDIT,
                 _ => Streams::empty(),
             })
             .collect::<Vec<_>>();
@@ -116,11 +118,11 @@ fn a_run_makes_what_the_host_wants_and_nothing_else() {
 }
 
 #[test]
-fn a_raw_frame_ends_before_a_sample_that_is_lost_and_the_next_one_begins_behind_it() {
-    let made = made_of(samples(Streams::RAW, 32, &[11, 12]));
+fn a_raw_frame_ends_before_a_lost_sample_and_the_next_one_starts_after_it() {
+    let outputs = outputs_of(samples(Streams::RAW, 32, &[11, 12]));
     let whole = RAW_SAMPLES;
     assert_eq!(
-        raw_frames(&made),
+        raw_frames(&outputs),
         [
             (0, whole, Flags::empty()),
             (8, 3, Flags::empty()),
@@ -128,24 +130,25 @@ fn a_raw_frame_ends_before_a_sample_that_is_lost_and_the_next_one_begins_behind_
             (21, whole, Flags::empty()),
         ]
     );
-    let times: Vec<u64> = made.iter().map(|made| made.at_us).collect();
+    let times: Vec<u64> = outputs.iter().map(|output| output.at_us).collect();
     assert_eq!(
         times,
         [7_000, 10_000, 20_000, 28_000],
-        "their last samples'"
+        "the time of each frame's last sample"
     );
 }
 
 #[test]
-fn filtered_steps_end_before_one_that_is_lost_and_tell_what_was_wrong_with_any_of_their_samples() {
-    // The sample of step 5, and then one between steps 8 and 9.
-    let mut input: Vec<Taken> = samples(Streams::FILTERED, 64, &[5 * PER_STEP + 3]).collect();
-    for taken in &mut input {
-        taken.marks.adc_status_bad = taken.index == 9 * PER_STEP + 1;
+fn a_filtered_frame_ends_before_a_lost_step_and_has_the_flags_of_all_its_samples() {
+    // The sample with step 5 is lost; one between steps 8 and 9 has a bad status.
+    let mut input: Vec<AcquiredSample> =
+        samples(Streams::FILTERED, 64, &[5 * PER_STEP + 3]).collect();
+    for acquired in &mut input {
+        acquired.marks.adc_status_bad = acquired.index == 9 * PER_STEP + 1;
     }
-    let found = made_of(input);
-    let filtered = found.iter().filter_map(|made| match &made.what {
-        What::Filtered(steps) => Some(steps.message()),
+    let found = outputs_of(input);
+    let filtered = found.iter().filter_map(|output| match &output.payload {
+        Payload::Filtered(steps) => Some(steps.message()),
         _ => None,
     });
     let filtered: Vec<_> = filtered
@@ -167,14 +170,14 @@ fn filtered_steps_end_before_one_that_is_lost_and_tell_what_was_wrong_with_any_o
 }
 
 #[test]
-fn windows_keep_their_time_where_steps_are_lost_and_their_codes_say_so() {
+fn lost_steps_shift_no_window_and_mark_the_codes_that_contain_them() {
     // Steps 20 and 21 are lost.
     let lost = [20 * PER_STEP + 3, 21 * PER_STEP + 3];
     let count = (STEPS + 4 * HOP) as u64 * PER_STEP;
-    let codes: Vec<(u32, u64, bool)> = made_of(samples(Streams::CODES, count, &lost))
+    let codes: Vec<(u32, u64, bool)> = outputs_of(samples(Streams::CODES, count, &lost))
         .iter()
-        .filter_map(|made| match &made.what {
-            What::Code(code, marks) => Some((code.window, made.at_us, marks.overrun)),
+        .filter_map(|output| match &output.payload {
+            Payload::Code(code, marks) => Some((code.window, output.at_us, marks.overrun)),
             _ => None,
         })
         .collect();
@@ -187,21 +190,21 @@ fn windows_keep_their_time_where_steps_are_lost_and_their_codes_say_so() {
             (number, end(window), is_marked)
         })
         .collect();
-    // Step 22, behind them, is marked as well, and lies in the same windows.
+    // Step 22, after them, is marked as well, and is in the same windows.
     assert_eq!(codes, due);
 }
 
 #[test]
-fn an_audit_holds_the_planes_of_its_code_and_comes_every_ten_seconds() {
+fn an_audit_with_the_planes_of_its_code_follows_every_ten_seconds() {
     let windows = 161;
     let count = (STEPS + (windows - 1) * HOP) as u64 * PER_STEP;
-    let made = made_of(samples(Streams::CODES | Streams::AUDIT, count, &[]));
+    let outputs = outputs_of(samples(Streams::CODES | Streams::AUDIT, count, &[]));
     let mut codes = Vec::new();
     let mut audits = Vec::new();
-    for made in &made {
-        match &made.what {
-            What::Code(code, _) => codes.push((made.at_us, code.values)),
-            What::Audit(audit) => {
+    for output in &outputs {
+        match &output.payload {
+            Payload::Code(code, _) => codes.push((output.at_us, code.values)),
+            Payload::Audit(audit) => {
                 let message = audit.message();
                 let planes: &[[u8; CELLS]] = message.planes.as_chunks().0;
                 let mut encoder = Encoder::new();
@@ -211,8 +214,8 @@ fn an_audit_holds_the_planes_of_its_code_and_comes_every_ten_seconds() {
                         ..Step::SILENCE
                     })
                 });
-                let (at_us, values) = codes.last().expect("its code comes before it");
-                assert_eq!(*at_us, made.at_us);
+                let (at_us, values) = codes.last().expect("the code precedes its audit");
+                assert_eq!(*at_us, output.at_us);
                 assert_eq!(again.map(|code| code.values), Some(*values));
                 audits.push(message.window);
             }
@@ -223,60 +226,59 @@ fn an_audit_holds_the_planes_of_its_code_and_comes_every_ten_seconds() {
 }
 
 #[test]
-fn a_new_run_takes_nothing_over_from_the_one_before() {
+fn a_new_run_keeps_nothing_of_the_previous_one() {
     let streams = Streams::RAW | Streams::CODES;
-    let mut input: Vec<Taken> = samples(streams, 13, &[]).collect();
-    input.extend(samples(streams, 70, &[]).map(|mut taken| {
-        taken.begun = taken.begun.map(|run| Run { number: 2, ..run });
-        taken
+    let mut input: Vec<AcquiredSample> = samples(streams, 13, &[]).collect();
+    input.extend(samples(streams, 70, &[]).map(|mut acquired| {
+        acquired.new_run = acquired.new_run.map(|run| Run { number: 2, ..run });
+        acquired
     }));
-    let made = made_of(input);
-    let of_each = |number| {
-        let made: Vec<Made> = made
+    let outputs = outputs_of(input);
+    let of_run = |number| {
+        let outputs: Vec<Output> = outputs
             .iter()
-            .filter(|made| made.run == number)
+            .filter(|output| output.run == number)
             .cloned()
             .collect();
-        raw_frames(&made)
+        raw_frames(&outputs)
     };
-    assert_eq!(of_each(1), [(0, 8, Flags::empty())]);
-    assert_eq!(of_each(2)[0], (0, 8, Flags::empty()));
-    let fresh = made_of(samples(streams, 70, &[]));
-    let codes = |made: &[Made], run| {
-        let made = made.iter().filter(|made| made.run == run);
-        let codes = made.filter_map(|made| match &made.what {
-            What::Code(code, _) => Some(*code),
+    assert_eq!(of_run(1), [(0, 8, Flags::empty())]);
+    assert_eq!(of_run(2)[0], (0, 8, Flags::empty()));
+    let fresh = outputs_of(samples(streams, 70, &[]));
+    let codes = |outputs: &[Output], run| {
+        let outputs = outputs.iter().filter(|output| output.run == run);
+        let codes = outputs.filter_map(|output| match &output.payload {
+            Payload::Code(code, _) => Some(*code),
             _ => None,
         });
         codes.collect::<Vec<_>>()
     };
-    assert_eq!(codes(&made, 2), codes(&fresh, 1));
+    assert_eq!(codes(&outputs, 2), codes(&fresh, 1));
     assert_eq!(codes(&fresh, 1).len(), 1);
 }
 
-/// Places what was captured at these times around the samples of a run; gives time and sample of the
-/// events.
+/// Returns time and sample of the emitted events. `captured` holds the time of each edge, and the index
+/// of the sample after which the producer can see it.
 fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
     let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
-    let mut made = Vec::new();
+    let mut outputs = Vec::new();
     let mut captured = captured.iter().peekable();
     for index in 0..6 {
-        let mut sample = taken(index);
-        sample.begun = (index == 0).then(|| run(1, streams));
-        producer.take(&sample, &mut |what| made.push(what));
-        // When it was captured is when the encoder may find it.
+        let mut sample = acquired(index);
+        sample.new_run = (index == 0).then(|| run(1, streams));
+        producer.process(&sample, &mut |output| outputs.push(output));
         let next = || {
             let (at_us, _) = captured.next_if(|(_, found_at)| *found_at <= index)?;
-            Some(Captured {
+            Some(CapturedEvent {
                 kind: EventKind::TriggerRise,
                 number: 0,
                 at_us: *at_us,
             })
         };
-        producer.place(&sample, next, &mut |what| made.push(what));
+        producer.place_events(&sample, next, &mut |output| outputs.push(output));
     }
-    let events = made.iter().filter_map(|made| match &made.what {
-        What::Event(event) => Some((made.at_us, event.sample)),
+    let events = outputs.iter().filter_map(|output| match &output.payload {
+        Payload::Event(event) => Some((output.at_us, event.sample)),
         _ => None,
     });
     events.collect()
@@ -284,7 +286,7 @@ fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
 
 #[test]
 fn an_event_belongs_to_the_first_sample_that_is_not_before_it() {
-    // Time, and the sample after which the encoder finds it: a late encoder finds several at once.
+    // A late encoder sees several edges at once, after sample 1.
     let captured = [
         (0, 0),
         (1, 1),
@@ -311,36 +313,38 @@ fn an_event_belongs_to_the_first_sample_that_is_not_before_it() {
 }
 
 #[test]
-fn events_that_the_host_does_not_want_are_taken_out_and_not_sent() {
+fn events_that_were_not_requested_are_discarded() {
     assert_eq!(events(Streams::CODES, &[(0, 0), (1_500, 2)]), []);
 }
 
-/// An event that was captured at this time, after the first sample of a run at 1,000 us, which is the only
-/// one: the next begins at 2,000 us. Gives its run and sample.
+/// Returns run and sample of an edge at `at_us`. Run 1 has one sample, at 1,000 us; run 2 starts at
+/// 2,000 us.
 fn event_before_a_new_run(at_us: u64) -> Option<(u32, u64)> {
     let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
-    let mut made = Vec::new();
-    let mut captured = Some(Captured {
+    let mut outputs = Vec::new();
+    let mut captured = Some(CapturedEvent {
         kind: EventKind::TriggerFall,
         number: 3,
         at_us,
     });
-    for (index, begun) in [(0, Some(1)), (0, Some(2)), (1, None)] {
-        let mut sample = taken(index);
-        sample.begun = begun.map(|number| run(number, Streams::EVENTS));
-        sample.drdy_us = 1_000 * (index + u64::from(begun.unwrap_or(2)));
-        producer.take(&sample, &mut |what| made.push(what));
-        producer.place(&sample, || captured.take(), &mut |what| made.push(what));
+    for (index, new_run) in [(0, Some(1)), (0, Some(2)), (1, None)] {
+        let mut sample = acquired(index);
+        sample.new_run = new_run.map(|number| run(number, Streams::EVENTS));
+        sample.drdy_us = 1_000 * (index + u64::from(new_run.unwrap_or(2)));
+        producer.process(&sample, &mut |output| outputs.push(output));
+        producer.place_events(&sample, || captured.take(), &mut |output| {
+            outputs.push(output);
+        });
     }
-    assert!(made.len() < 2, "{made:?}");
-    made.first().map(|made| match &made.what {
-        What::Event(event) => (made.run, event.sample),
-        what => panic!("{what:?}"),
+    assert!(outputs.len() < 2, "{outputs:?}");
+    outputs.first().map(|output| match &output.payload {
+        Payload::Event(event) => (output.run, event.sample),
+        payload => panic!("{payload:?}"),
     })
 }
 
 #[test]
-fn an_event_that_waits_for_its_sample_reaches_into_the_next_run_if_it_happened_in_it() {
+fn an_event_that_waits_for_its_sample_is_kept_if_it_happened_in_the_new_run() {
     assert_eq!(event_before_a_new_run(1_500), None);
     assert_eq!(event_before_a_new_run(1_999), None);
     assert_eq!(event_before_a_new_run(2_000), Some((2, 0)));

@@ -1,15 +1,15 @@
-//! What a host commands, and what becomes of it.
+//! Commands of a host, and the orders and messages that follow.
 
 use std::{vec, vec::Vec};
 
 use link::{EventKind, Header, MAX_FRAME, ResetCause, Stage, StageTiming};
 
 use super::*;
-use crate::FrameRing;
+use crate::frame_ring::FrameRing;
 
 type Ring = Sender<FrameRing<16_384>>;
 
-/// A board that can do everything.
+/// Abilities of a board that supports every command and stream.
 const EVERYTHING: Abilities = Abilities {
     streams: Streams::ALL,
     self_test: true,
@@ -39,8 +39,8 @@ const fn start(streams: Streams) -> ToDevice {
     })
 }
 
-/// Gives a command that arrives at 1,000 us; gives what the acquisition is to do, and the answer.
-fn give(
+/// Sends a command that arrives at 1,000 us; returns the order to the acquisition and the answer.
+fn execute(
     session: &mut Session<'_>,
     sender: &mut Ring,
     command: ToDevice,
@@ -62,21 +62,21 @@ fn give(
     (orders.pop(), acks[0].result)
 }
 
-/// What `look` finds in the frames that wait; they are taken out.
-fn sent<T>(sender: &mut Ring, look: impl Fn(&Header, &ToHost<'_>) -> Option<T>) -> Vec<T> {
+/// Removes the frames that wait and returns what `select` picks from them.
+fn sent<T>(sender: &mut Ring, select: impl Fn(&Header, &ToHost<'_>) -> Option<T>) -> Vec<T> {
     let mut host = Decoder::<MAX_FRAME>::new();
     let mut found = Vec::new();
     let mut buffer = [0; MAX_FRAME];
-    while let Some(mut bytes) = sender.queue().take(&mut buffer) {
+    while let Some(mut bytes) = sender.queue().pop(&mut buffer) {
         while let Some(frame) = host.next::<ToHost<'_>>(&mut bytes) {
             let frame = frame.expect("a sound frame");
-            found.extend(look(&frame.header, &frame.message));
+            found.extend(select(&frame.header, &frame.message));
         }
     }
     found
 }
 
-/// Numbers of the messages that wait, in their enum.
+/// Removes the messages that wait and returns their names.
 fn kinds(sender: &mut Ring) -> Vec<&'static str> {
     sent(sender, |_, message| {
         Some(match message {
@@ -94,7 +94,7 @@ fn kinds(sender: &mut Ring) -> Vec<&'static str> {
     })
 }
 
-/// Gives a command and lists everything that is sent of it.
+/// Executes a command and returns the names of the messages that it causes.
 fn kinds_after(
     session: &mut Session<'_>,
     sender: &mut Ring,
@@ -106,11 +106,11 @@ fn kinds_after(
     kinds(sender)
 }
 
-fn event(run: u32) -> Made {
-    Made {
+fn event(run: u32) -> Output {
+    Output {
         run,
         at_us: 5,
-        what: What::Event(link::Event {
+        payload: Payload::Event(link::Event {
             kind: EventKind::TriggerRise,
             number: 0,
             sample: 0,
@@ -132,21 +132,21 @@ fn code(window: u32, clipped_values: u8) -> Code {
 }
 
 #[test]
-fn a_device_with_a_damaged_model_answers_and_starts_nothing() {
+fn a_device_with_a_damaged_model_answers_and_refuses_starts() {
     let (mut session, mut sender) = board(EVERYTHING);
     session.refuse_starts();
-    let answer = give(&mut session, &mut sender, start(Streams::CODES));
+    let answer = execute(&mut session, &mut sender, start(Streams::CODES));
     assert_eq!(answer, (None, AckResult::NotSupported));
     assert!(!session.is_streaming());
 }
 
 #[test]
-fn what_was_made_in_an_old_run_is_dropped_also_when_their_numbers_wrap() {
+fn outputs_of_an_earlier_run_are_dropped_also_when_run_numbers_wrap() {
     let (mut session, mut sender) = board(EVERYTHING);
     session.run.number = u32::MAX - 1;
     let mut runs = Vec::new();
     for streams in [Streams::EVENTS, Streams::ALL] {
-        let (order, _) = give(&mut session, &mut sender, start(streams));
+        let (order, _) = execute(&mut session, &mut sender, start(streams));
         let Some(Order::Start(run)) = order else {
             panic!("{order:?}");
         };
@@ -156,14 +156,14 @@ fn what_was_made_in_an_old_run_is_dropped_also_when_their_numbers_wrap() {
     }
     assert_eq!(runs, [u32::MAX, 0]);
     session.send(&event(u32::MAX), &mut sender);
-    assert_eq!(kinds(&mut sender), [""; 0], "of the run before");
-    give(&mut session, &mut sender, ToDevice::Stop);
+    assert_eq!(kinds(&mut sender), [""; 0], "of the previous run");
+    execute(&mut session, &mut sender, ToDevice::Stop);
     session.send(&event(0), &mut sender);
-    assert_eq!(kinds(&mut sender), [""; 0], "nothing runs");
+    assert_eq!(kinds(&mut sender), [""; 0], "no run is active");
 }
 
 #[test]
-fn other_streams_are_a_new_run_and_the_same_ones_are_none() {
+fn a_start_with_other_streams_is_a_new_run_and_a_repeated_one_is_not() {
     let (mut session, mut sender) = board(EVERYTHING);
     let mut numbers = Vec::new();
     for streams in [
@@ -173,7 +173,7 @@ fn other_streams_are_a_new_run_and_the_same_ones_are_none() {
         Streams::CODES | Streams::RAW,
         Streams::RAW,
     ] {
-        let (order, result) = give(&mut session, &mut sender, start(streams));
+        let (order, result) = execute(&mut session, &mut sender, start(streams));
         assert_eq!(result, AckResult::Done);
         numbers.push(match order {
             Some(Order::Start(run)) => {
@@ -184,7 +184,7 @@ fn other_streams_are_a_new_run_and_the_same_ones_are_none() {
         });
     }
     assert_eq!(numbers, [Some(1), None, Some(2), None, Some(3)]);
-    // Other mains are another run, and the host learns of the filters.
+    // Another mains frequency is a new run and changes the filters that the host knows.
     let mains = ToDevice::Start(Start {
         streams: Streams::RAW,
         mains_hz: 60,
@@ -195,7 +195,7 @@ fn other_streams_are_a_new_run_and_the_same_ones_are_none() {
 }
 
 #[test]
-fn streams_that_a_board_has_not_none_and_unknown_ones_are_refused() {
+fn missing_empty_and_unknown_streams_are_refused() {
     let (mut session, mut sender) = board(Abilities::CODES);
     for streams in [
         Streams::empty(),
@@ -203,56 +203,59 @@ fn streams_that_a_board_has_not_none_and_unknown_ones_are_refused() {
         Streams::CODES | Streams::EVENTS,
         Streams::from_bits(1 | 1 << 12),
     ] {
-        let answer = give(&mut session, &mut sender, start(streams));
+        let answer = execute(&mut session, &mut sender, start(streams));
         assert_eq!(answer, (None, AckResult::BadArgument), "{streams:?}");
     }
     assert!(!session.is_streaming());
 }
 
 #[test]
-fn while_the_converters_are_tried_nothing_starts_and_a_stop_does_not_end_the_test() {
+fn during_a_self_test_starts_are_refused_and_a_stop_does_not_end_it() {
     let (mut session, mut sender) = board(EVERYTHING);
-    let ordered = give(&mut session, &mut sender, ToDevice::SelfTest);
+    let ordered = execute(&mut session, &mut sender, ToDevice::SelfTest);
     assert_eq!(ordered, (Some(Order::SelfTest), AckResult::Done));
     let busy = (None, AckResult::Busy);
     for command in [ToDevice::SelfTest, start(Streams::CODES)] {
-        assert_eq!(give(&mut session, &mut sender, command), busy);
+        assert_eq!(execute(&mut session, &mut sender, command), busy);
     }
-    let stopped = give(&mut session, &mut sender, ToDevice::Stop);
+    let stopped = execute(&mut session, &mut sender, ToDevice::Stop);
     assert_eq!(stopped, (None, AckResult::Done));
-    assert_eq!(give(&mut session, &mut sender, start(Streams::CODES)), busy);
+    assert_eq!(
+        execute(&mut session, &mut sender, start(Streams::CODES)),
+        busy
+    );
 
-    session.self_test(&SelfTest::default(), 9, &mut sender);
+    session.send_self_test(&SelfTest::default(), 9, &mut sender);
     assert_eq!(kinds(&mut sender), ["self-test"]);
-    let (order, result) = give(&mut session, &mut sender, start(Streams::CODES));
+    let (order, result) = execute(&mut session, &mut sender, start(Streams::CODES));
     assert!(matches!(order, Some(Order::Start(_))), "{order:?}");
     assert_eq!(result, AckResult::Done);
-    assert_eq!(give(&mut session, &mut sender, ToDevice::SelfTest), busy);
+    assert_eq!(execute(&mut session, &mut sender, ToDevice::SelfTest), busy);
 }
 
 #[test]
-fn what_a_board_cannot_is_not_supported() {
+fn commands_beyond_a_boards_abilities_are_not_supported() {
     let (mut session, mut sender) = board(Abilities::CODES);
     for command in [ToDevice::SelfTest, ToDevice::Reset(ResetInto::Bootloader)] {
-        let answer = give(&mut session, &mut sender, command);
+        let answer = execute(&mut session, &mut sender, command);
         assert_eq!(answer, (None, AckResult::NotSupported));
     }
 }
 
 #[test]
-fn a_reset_is_ordered_into_what_is_known_and_nothing_else() {
+fn only_resets_into_known_programs_are_ordered() {
     let (mut session, mut sender) = board(EVERYTHING);
     for into in [ResetInto::Firmware, ResetInto::Bootloader] {
-        let answer = give(&mut session, &mut sender, ToDevice::Reset(into));
+        let answer = execute(&mut session, &mut sender, ToDevice::Reset(into));
         assert_eq!(answer, (Some(Order::Reset(into)), AckResult::Done));
     }
     let newer = ToDevice::Reset(ResetInto::Newer(2));
-    let answer = give(&mut session, &mut sender, newer);
+    let answer = execute(&mut session, &mut sender, newer);
     assert_eq!(answer, (None, AckResult::BadArgument));
 }
 
 #[test]
-fn a_clock_is_read_before_the_answer_goes_out() {
+fn a_clock_reading_precedes_its_ack() {
     let (mut session, mut sender) = board(EVERYTHING);
     let command = ToDevice::SyncTime { host_time_us: 77 };
     assert_eq!(
@@ -280,45 +283,46 @@ fn a_clock_is_read_before_the_answer_goes_out() {
 }
 
 #[test]
-fn converters_are_told_of_with_the_introduction_when_their_fault_changes_and_while_streaming() {
+fn the_converters_status_is_sent_on_introduction_on_a_new_fault_and_while_streaming() {
     let (mut session, mut sender) = board(EVERYTHING);
     let introduced = |session: &mut Session<'_>, sender: &mut Ring| {
         kinds_after(session, sender, ToDevice::Identify)
     };
     let none = introduced(&mut session, &mut sender);
     assert_eq!(none, ["hello", "capabilities", "ack"]);
-    let tell = |session: &mut Session<'_>, sender: &mut Ring, fault: &str| {
+    let update = |session: &mut Session<'_>, sender: &mut Ring, fault: &str| {
         let converters = Converters {
-            fault: crate::fault_text(fault),
+            fault: crate::fault_text::fault_text(fault),
             ..Converters::default()
         };
-        session.converters(converters, 5, sender);
+        session.update_converters(converters, 5, sender);
         kinds(sender).len()
     };
-    let told = ["", "", "chip 3", "chip 3", ""].map(|fault| tell(&mut session, &mut sender, fault));
-    assert_eq!(told, [1, 0, 1, 0, 1]);
+    let sent_counts =
+        ["", "", "chip 3", "chip 3", ""].map(|fault| update(&mut session, &mut sender, fault));
+    assert_eq!(sent_counts, [1, 0, 1, 0, 1]);
     let known = introduced(&mut session, &mut sender);
     assert_eq!(known, ["hello", "capabilities", "converters", "ack"]);
-    give(&mut session, &mut sender, start(Streams::CODES));
-    assert_eq!(tell(&mut session, &mut sender, ""), 1);
+    execute(&mut session, &mut sender, start(Streams::CODES));
+    assert_eq!(update(&mut session, &mut sender, ""), 1);
 }
 
 #[test]
-fn counters_wrap_and_the_ledger_goes_on() {
+fn counters_wrap_and_windows_are_still_counted() {
     let (mut session, mut sender) = board(EVERYTHING);
     session.stats.codes_made = u32::MAX;
     session.stats.clipped_values = u32::MAX - 1;
     session.stats.commands = u32::MAX;
-    let (order, _) = give(&mut session, &mut sender, start(Streams::CODES));
+    let (order, _) = execute(&mut session, &mut sender, start(Streams::CODES));
     let Some(Order::Start(run)) = order else {
         panic!("{order:?}");
     };
-    let made = Made {
+    let output = Output {
         run: run.number,
         at_us: u64::MAX,
-        what: What::Code(code(u32::MAX, 3), Marks::NONE),
+        payload: Payload::Code(code(u32::MAX, 3), Marks::NONE),
     };
-    session.send(&made, &mut sender);
+    session.send(&output, &mut sender);
     let stats = session.stats(Counts::default(), u32::MAX);
     assert_eq!(stats.codes_made, 0);
     assert_eq!(stats.clipped_values, 1);
@@ -329,25 +333,25 @@ fn counters_wrap_and_the_ledger_goes_on() {
 }
 
 #[test]
-fn a_start_counts_windows_from_0_and_a_stop_keeps_the_end() {
+fn a_start_resets_the_next_window_and_a_stop_keeps_it() {
     let (mut session, mut sender) = board(EVERYTHING);
     let next = |session: &Session<'_>| session.stats(Counts::default(), 0).next_window;
-    give(&mut session, &mut sender, start(Streams::CODES));
-    let made = Made {
+    execute(&mut session, &mut sender, start(Streams::CODES));
+    let output = Output {
         run: session.run.number,
         at_us: 0,
-        what: What::Code(code(41, 0), Marks::NONE),
+        payload: Payload::Code(code(41, 0), Marks::NONE),
     };
-    session.send(&made, &mut sender);
+    session.send(&output, &mut sender);
     let stopped = kinds_after(&mut session, &mut sender, ToDevice::Stop);
     assert_eq!(stopped, ["code", "stats", "ack"]);
     assert_eq!(next(&session), 42);
-    give(&mut session, &mut sender, start(Streams::CODES));
+    execute(&mut session, &mut sender, start(Streams::CODES));
     assert_eq!(next(&session), 0);
 }
 
 #[test]
-fn timing_goes_out_as_it_was_measured() {
+fn timing_is_sent_unchanged() {
     let (session, mut sender) = board(EVERYTHING);
     let send = StageTiming {
         stage: Stage::Send,
@@ -360,7 +364,7 @@ fn timing_goes_out_as_it_was_measured() {
         stack_used: 1_024,
         stack_size: 4_096,
     };
-    session.timing(&timing, 5, &mut sender);
+    session.send_timing(&timing, 5, &mut sender);
     let found = sent(&mut sender, |header, message| match message {
         ToHost::Timing(timing) => Some((header.device_time_us, timing.clone())),
         _ => None,

@@ -34,7 +34,7 @@ fn due(first: u64, index: u64) -> u64 {
 }
 
 /// Starts the converter. Returns the time of the first edge, in ticks, one period later. That edge is on a whole
-/// microsecond, so that the device times of all edges differ from run to run by a constant only.
+/// microsecond, so that the device times of the edges differ between runs only by a constant.
 pub(crate) fn start() -> u64 {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);

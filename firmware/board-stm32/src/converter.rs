@@ -148,7 +148,7 @@ impl Converter for &mut Adc {
 
     fn status(&self) -> Option<link::Converters> {
         let sampler = self.chain.sampler();
-        Some(device::converters(
+        Some(device::converters_message(
             self.chain.failure(),
             sampler.millihertz(),
             sampler.last(),
@@ -169,6 +169,6 @@ impl Converter for &mut Adc {
     }
 
     fn self_test_result(&self) -> Option<link::SelfTest> {
-        Some(device::self_test(self.test.report()))
+        Some(device::self_test_message(self.test.report()))
     }
 }

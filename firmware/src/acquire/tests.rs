@@ -96,7 +96,7 @@ fn handed_over(
         let mut queued = Vec::new();
         while let Some(slot) = receiver.try_receive() {
             let acquired = &slot.acquired;
-            let run = acquired.begun.map(|run| run.number);
+            let run = acquired.new_run.map(|run| run.number);
             queued.push((run, acquired.index, acquired.marks.overrun));
             receiver.receive_done();
         }
@@ -167,7 +167,7 @@ fn samples_that_find_the_queue_full_are_counted_and_marked_and_the_start_of_a_ru
     left.set(1);
     let _ = task.as_mut().poll(&mut context);
     let slot = receiver.try_receive().expect("there is room again");
-    assert_eq!(slot.acquired.begun.map(|run| run.number), Some(2));
+    assert_eq!(slot.acquired.new_run.map(|run| run.number), Some(2));
     assert_eq!(
         (slot.acquired.index, slot.acquired.marks.overrun),
         (2, true)

@@ -1,23 +1,24 @@
-//! Alpha: 10 Hz over the back of the head, waxing and waning, in bursts.
+//! Alpha rhythm: bursts of 10 Hz over the back of the head.
 
 use recordings::Position;
 
 use super::{
     noise::{Noise, pole},
-    rotor::Rotor,
+    phasor::Phasor,
     scalp::Scalp,
 };
 
-/// Frequency of the rhythm, Hz.
-pub(super) const ALPHA_HZ: f64 = 10.0;
-/// Half its width, Hz: it waxes and wanes within about a second by itself.
+/// Centre frequency of the rhythm, Hz.
+const ALPHA_HZ: f64 = 10.0;
+/// Half of the rhythm's bandwidth, Hz: its amplitude varies within about a second, even in a burst.
 const HALF_WIDTH: f64 = 0.5;
-/// Where it comes from, and how far it reaches, radii of the head.
+/// Electrodes below which the sources are.
 const SITES: [&str; 3] = ["PO3", "POz", "PO4"];
+/// Reach of a source, radii of the head.
 const REACH: f64 = 0.7;
-/// What is left of it between bursts.
+/// Amplitude between bursts, relative to a burst.
 const REST: f64 = 0.15;
-/// How fast bursts come and go: corner of the envelope, Hz.
+/// Corner frequency of the envelope's low-pass, Hz.
 const ENVELOPE: f64 = 0.6;
 
 #[derive(Debug, Clone)]
@@ -26,7 +27,7 @@ pub(super) struct Alpha {
     rate: f64,
     damping: f64,
     drive: f64,
-    rotors: Vec<Rotor>,
+    phasors: Vec<Phasor>,
     /// uV RMS per electrode and source, one row of sources per electrode.
     mixing: Vec<Vec<f64>>,
     in_burst: bool,
@@ -39,7 +40,7 @@ impl Alpha {
     pub(super) fn new(noise: Noise, scalp: &Scalp, rate: f64, rms_uv: f64) -> Self {
         let sites = SITES.iter().filter_map(|label| Position::of_label(label));
         let seen: Vec<Vec<f64>> = sites.map(|site| scalp.weights(site, REACH)).collect();
-        // Independent sources add up by their squares; the middle one sees all three.
+        // Powers of independent sources add up; an electrode between them sees all three.
         let scale = rms_uv / f64::from(3_u8).sqrt();
         let mixing = (0..scalp.electrodes())
             .map(|electrode| seen.iter().map(|row| row[electrode] * scale).collect())
@@ -50,7 +51,7 @@ impl Alpha {
             rate,
             damping,
             drive: (1.0 - damping * damping).sqrt(),
-            rotors: vec![Rotor::new(ALPHA_HZ, rate); SITES.len()],
+            phasors: vec![Phasor::new(ALPHA_HZ, rate); SITES.len()],
             mixing,
             in_burst: false,
             samples_left: 1,
@@ -65,18 +66,18 @@ impl Alpha {
             self.in_burst = !self.in_burst;
             self.samples_left = self.noise.samples(1.0, 4.0, self.rate);
         }
-        let aim = if self.in_burst { 1.0 } else { REST };
-        self.envelope = aim + self.envelope_pole * (self.envelope - aim);
-        for rotor in &mut self.rotors {
-            rotor.turn_by(self.damping);
-            rotor.point.0 += self.drive * self.noise.normal();
-            rotor.point.1 += self.drive * self.noise.normal();
+        let target = if self.in_burst { 1.0 } else { REST };
+        self.envelope = target + self.envelope_pole * (self.envelope - target);
+        for phasor in &mut self.phasors {
+            phasor.rotate(self.damping);
+            phasor.point.0 += self.drive * self.noise.normal();
+            phasor.point.1 += self.drive * self.noise.normal();
         }
         for (uv, row) in microvolts.iter_mut().zip(&self.mixing) {
             let mixed: f64 = row
                 .iter()
-                .zip(&self.rotors)
-                .map(|(w, rotor)| w * rotor.point.0)
+                .zip(&self.phasors)
+                .map(|(w, phasor)| w * phasor.point.0)
                 .sum();
             *uv += mixed * self.envelope;
         }

@@ -1,24 +1,26 @@
-//! The 1/f background: independent sources that neighbouring electrodes share.
+//! The 1/f background: independent sources, each seen by several electrodes.
 
 use recordings::Position;
 
 use super::{
-    noise::{Noise, Wander},
+    noise::{LowPassNoise, Noise},
     scalp::Scalp,
 };
 
-/// Corner frequencies of the noises that make up a source, Hz. Each next one has four times the
-/// corner and half the variance, whose sum falls as 1/f^1.5 between the first and the last.
+/// Corner frequencies of the low-pass noises that make up a source, Hz. Each has four times the
+/// corner and half the variance of the one before. Their sum falls as 1/f^1.5 from the first corner to
+/// the last.
 const CORNERS: [f64; 5] = [0.5, 2.0, 8.0, 32.0, 128.0];
 
-/// Share of a source's variance within 0.5-60 Hz: a first-order noise of corner c has
-/// `2/pi (atan(60 / c) - atan(0.5 / c))` of its own there; their mean, weighted by variance.
+/// Share of a source's variance within 0.5-60 Hz: the mean, weighted by variance, of
+/// `2/pi (atan(60 / c) - atan(0.5 / c))` over the corners c.
 const IN_BAND: f64 = 0.633;
 
-/// Reach of a source, radii of the head, and the share of the variance that all electrodes have
-/// in common. With both, correlation falls with distance as on a real cap: measured 0.96 at 0.3
-/// radii, 0.60 at 1.1 and 0.42 at 1.7; EEGMMIDB S001R03 after 0.5-60 Hz has 0.93, 0.65 and 0.41.
+/// Reach of a source, radii of the head. With [`COMMON`], correlation falls with distance as on a real
+/// cap: measured 0.96 at 0.3 radii, 0.60 at 1.1 and 0.42 at 1.7. EEGMMIDB S001R03 within 0.5-60 Hz has
+/// 0.93, 0.65 and 0.41.
 const REACH: f64 = 0.8;
+/// Share of the variance that all electrodes have in common.
 const COMMON: f64 = 0.3;
 
 /// Sensor noise of each electrode, uV RMS, white: 1.0 uV peak to peak (ADS1299, SBAS499 table 1)
@@ -28,7 +30,7 @@ const SENSOR_UV: f64 = 0.3;
 #[derive(Debug, Clone)]
 pub(super) struct Background {
     noise: Noise,
-    sources: Vec<[Wander; CORNERS.len()]>,
+    sources: Vec<[LowPassNoise; CORNERS.len()]>,
     /// uV RMS per electrode and source, one row of sources per electrode.
     mixing: Vec<Vec<f64>>,
     now: Vec<f64>,
@@ -54,7 +56,7 @@ impl Background {
                     .collect()
             })
             .collect();
-        let source = |_| CORNERS.map(|corner| Wander::new(corner, rate, &mut noise));
+        let source = |_| CORNERS.map(|corner| LowPassNoise::new(corner, rate, &mut noise));
         let sources: Vec<_> = (0..=sites.len()).map(source).collect();
         let now = vec![0.0; sources.len()];
         let sensor_uv = if rms_uv > 0.0 { SENSOR_UV } else { 0.0 };
@@ -68,14 +70,14 @@ impl Background {
     }
 
     pub(super) fn add(&mut self, microvolts: &mut [f64]) {
-        // Variances 1, 1/2, ... 1/16 add up to 31/16.
+        // The variances 1, 1/2, ... 1/16 sum to 31/16.
         let scale = (16.0 / 31.0 / IN_BAND).sqrt();
         let half = 0.5_f64.sqrt();
         for (now, source) in self.now.iter_mut().zip(&mut self.sources) {
             let mut weight = scale;
             *now = 0.0;
-            for wander in source {
-                *now += weight * wander.step(&mut self.noise);
+            for component in source {
+                *now += weight * component.advance(&mut self.noise);
                 weight *= half;
             }
         }
@@ -90,16 +92,13 @@ impl Background {
     }
 }
 
-/// 24 places that cover the head above the ears' level evenly enough: three rings and the vertex.
+/// Returns 24 source positions that cover the head above the ears: two rings and the vertex.
 fn sites() -> Vec<Position> {
     let rings = [
-        (
-            "Fpz AF7 F7 FT7 T7 TP7 P7 PO7 Oz PO8 P8 TP8 T8 FT8 F8 AF8",
-            16,
-        ),
-        ("Fz FC3 C3 CP3 Pz CP4 C4", 7),
-        ("Cz", 1),
+        "Fpz AF7 F7 FT7 T7 TP7 P7 PO7 Oz PO8 P8 TP8 T8 FT8 F8 AF8",
+        "Fz FC3 C3 CP3 Pz CP4 C4",
+        "Cz",
     ];
-    let labels = rings.iter().flat_map(|(labels, _)| labels.split(' '));
+    let labels = rings.iter().flat_map(|labels| labels.split(' '));
     labels.filter_map(Position::of_label).collect()
 }

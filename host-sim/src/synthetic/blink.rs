@@ -1,14 +1,16 @@
-//! Blinks: large, frontal, a third of a second long.
+//! Blinks: large frontal deflections of 0.3 s.
 
 use recordings::Position;
 
 use super::{noise::Noise, scalp::Scalp};
 
-/// Where they are largest, and how far they reach, radii of the head.
+/// Position of the largest amplitude.
 const SITE: &str = "Fpz";
+/// Reach of a blink, radii of the head.
 const REACH: f64 = 0.8;
-/// Rise and fall of a blink, s.
+/// Duration of a blink's rise, s.
 const RISE_S: f64 = 0.1;
+/// Duration of a blink's fall, s.
 const FALL_S: f64 = 0.2;
 
 #[derive(Debug, Clone)]
@@ -16,9 +18,9 @@ pub(super) struct Blinks {
     noise: Noise,
     rate: f64,
     weights: Vec<f64>,
-    /// Samples until the lids begin to fall; counts down.
+    /// Samples until the next blink; counts down between blinks.
     wait: u32,
-    /// Time within the blink, s, and its height at the site, uV.
+    /// Time since the blink's start, s, and its peak at the site, uV; `None` between blinks.
     now: Option<(f64, f64)>,
 }
 
@@ -45,7 +47,7 @@ impl Blinks {
             }
             return;
         };
-        let shape = smooth_step(time / RISE_S) * smooth_step((RISE_S + FALL_S - time) / FALL_S);
+        let shape = smoothstep(time / RISE_S) * smoothstep((RISE_S + FALL_S - time) / FALL_S);
         for (uv, weight) in microvolts.iter_mut().zip(&self.weights) {
             *uv += weight * height * shape;
         }
@@ -54,8 +56,8 @@ impl Blinks {
     }
 }
 
-/// 0 below 0, 1 above 1, `x^2 (3 - 2x)` between.
-fn smooth_step(x: f64) -> f64 {
+/// Returns 0 below 0, 1 above 1 and `x^2 (3 - 2x)` between.
+fn smoothstep(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }

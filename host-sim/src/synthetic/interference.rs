@@ -1,28 +1,28 @@
-//! What is not brain: mains, electrode offset, drift.
+//! Interference at each electrode: mains, offset and drift.
 
 use super::{
-    SyntheticSpec,
-    noise::{Noise, Wander},
-    rotor::Rotor,
+    noise::{LowPassNoise, Noise},
+    phasor::Phasor,
+    spec::SyntheticSpec,
 };
 
-/// Corner frequency of the drift, Hz.
+/// Corner frequency of the drift's low-pass, Hz.
 const DRIFT_HZ: f64 = 0.02;
 
 #[derive(Debug, Clone)]
 pub(super) struct Interference {
     noise: Noise,
-    mains: Rotor,
+    mains: Phasor,
     drift_uv: f64,
     electrodes: Vec<ElectrodeInterference>,
 }
 
 #[derive(Debug, Clone)]
 struct ElectrodeInterference {
-    /// uV on the mains' cosine and sine.
+    /// Amplitudes of the mains' cosine and sine, uV.
     mains_uv: (f64, f64),
     offset_uv: f64,
-    drift: Wander,
+    drift: LowPassNoise,
 }
 
 impl Interference {
@@ -30,17 +30,17 @@ impl Interference {
         let rate = f64::from(spec.rate_hz);
         let mut electrode = || {
             let amplitude = spec.mains_uv * noise.uniform(0.5, 1.5);
-            // A point of the circle from the tangent of half its angle: within +-33 degrees.
+            // Cosine and sine of the phase from the tangent of half of it: within +-33 degrees.
             let tangent = noise.uniform(-0.3, 0.3);
             let scale = amplitude / (1.0 + tangent * tangent);
             ElectrodeInterference {
                 mains_uv: (scale * (1.0 - tangent * tangent), scale * 2.0 * tangent),
                 offset_uv: noise.uniform(-1000.0, 1000.0) * spec.offset_mv,
-                drift: Wander::new(DRIFT_HZ, rate, &mut noise),
+                drift: LowPassNoise::new(DRIFT_HZ, rate, &mut noise),
             }
         };
         let electrodes = spec.electrodes.iter().map(|_| electrode()).collect();
-        let mains = Rotor::new(f64::from(spec.mains_hz), rate);
+        let mains = Phasor::new(f64::from(spec.mains_hz), rate);
         Self {
             noise,
             mains,
@@ -50,9 +50,9 @@ impl Interference {
     }
 
     pub(super) fn add(&mut self, microvolts: &mut [f64]) {
-        let (cos, sin) = self.mains.step();
+        let (cos, sin) = self.mains.advance();
         for (uv, electrode) in microvolts.iter_mut().zip(&mut self.electrodes) {
-            let drift = self.drift_uv * electrode.drift.step(&mut self.noise);
+            let drift = self.drift_uv * electrode.drift.advance(&mut self.noise);
             let (on_cos, on_sin) = electrode.mains_uv;
             *uv += electrode.offset_uv + drift + on_cos * cos + on_sin * sin;
         }

@@ -1,4 +1,4 @@
-//! Random numbers and the filtered noises made of them.
+//! Random numbers and low-pass noise.
 
 use rand_chacha::{
     ChaCha8Rng,
@@ -12,15 +12,15 @@ pub(super) struct Noise {
 }
 
 impl Noise {
-    /// Streams of one seed are independent of each other.
+    /// Creates the stream with this number; streams of one seed are independent of each other.
     pub(super) fn new(seed: u64, stream: u64) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(stream);
         Self { random }
     }
 
-    /// Mean 0, variance 1, |x| <= 3.47: the sum of four uniform 16-bit numbers. Sums of dozens of
-    /// these, as everywhere here, are normal for all purposes, and no logarithm is needed.
+    /// Returns a number of mean 0 and variance 1, |x| <= 3.47: the scaled sum of four uniform 16-bit
+    /// numbers. Every use adds up dozens of them, which is close to normal and needs no logarithm.
     pub(super) fn normal(&mut self) -> f64 {
         let bits = self.random.next_u64();
         let [a, b, c, d, e, f, g, h] = bits.to_le_bytes();
@@ -33,12 +33,12 @@ impl Noise {
         (f64::from(sum) - 131_070.0) / 37_837.227_2
     }
 
-    /// Uniform within low..high.
+    /// Returns a uniform number within low..high.
     pub(super) fn uniform(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * (f64::from(self.random.next_u32()) / 4_294_967_296.0)
     }
 
-    /// A number of samples that lasts `low` to `high` s, at least 1.
+    /// Returns a random duration between `low` and `high` s as a number of samples, at least 1.
     pub(super) fn samples(&mut self, low: f64, high: f64, rate: f64) -> u32 {
         #[expect(
             clippy::cast_possible_truncation,
@@ -49,7 +49,7 @@ impl Noise {
         samples.max(1)
     }
 
-    /// One of `count` indices, `count` > 0.
+    /// Returns a uniform index below `count`, `count` > 0.
     pub(super) fn index(&mut self, count: usize) -> usize {
         let scaled = (u128::from(self.random.next_u64()) * count as u128) >> 64;
         usize::try_from(scaled).unwrap_or(0)
@@ -58,14 +58,14 @@ impl Noise {
 
 /// First-order low-pass noise of variance 1: `x <- pole * x + drive * normal`.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Wander {
+pub(super) struct LowPassNoise {
     pole: f64,
     drive: f64,
     value: f64,
 }
 
-impl Wander {
-    /// Corner frequency and rate in Hz; begins somewhere, not at 0.
+impl LowPassNoise {
+    /// Creates the noise with a random first value; corner frequency and rate in Hz.
     pub(super) fn new(corner: f64, rate: f64, noise: &mut Noise) -> Self {
         let pole = pole(corner, rate);
         Self {
@@ -75,14 +75,14 @@ impl Wander {
         }
     }
 
-    pub(super) fn step(&mut self, noise: &mut Noise) -> f64 {
+    pub(super) fn advance(&mut self, noise: &mut Noise) -> f64 {
         self.value = self.pole * self.value + self.drive * noise.normal();
         self.value
     }
 }
 
-/// The pole of a first-order low-pass by the bilinear transform,
-/// `(1 - pi f / rate) / (1 + pi f / rate)`; rational, so the same everywhere.
+/// Returns the pole of a first-order low-pass by the bilinear transform,
+/// `(1 - pi f / rate) / (1 + pi f / rate)`. A rational function, so equal on every platform.
 pub(super) fn pole(corner: f64, rate: f64) -> f64 {
     let angle = std::f64::consts::PI * corner / rate;
     (1.0 - angle) / (1.0 + angle)

@@ -1,9 +1,9 @@
-//! Episodes in which one electrode is at the ADC's rail, as when it comes loose.
+//! Episodes with one electrode at the ADC's rail, as when it comes loose.
 
 use super::noise::Noise;
 
-/// Far beyond the ADC's +-187,500 uV: whatever else is there, the count saturates.
-const PULL_UV: f64 = 1e6;
+/// Added voltage, uV: far beyond the ADC's +-187,500 uV, so the count saturates in any case.
+const RAIL_UV: f64 = 1e6;
 
 #[derive(Debug, Clone)]
 pub(super) struct Rails {
@@ -11,7 +11,7 @@ pub(super) struct Rails {
     electrodes: usize,
     rate: f64,
     wait: u32,
-    /// Electrode, pull and samples left.
+    /// Electrode, added voltage in uV and remaining samples; `None` between episodes.
     now: Option<(usize, f64, u32)>,
 }
 
@@ -28,23 +28,23 @@ impl Rails {
     }
 
     pub(super) fn add(&mut self, microvolts: &mut [f64]) {
-        let Some((electrode, pull, left)) = self.now else {
+        let Some((electrode, added_uv, left)) = self.now else {
             self.wait -= 1;
             if self.wait == 0 && self.electrodes > 0 {
                 let electrode = self.noise.index(self.electrodes);
-                let pull = if self.noise.uniform(0.0, 1.0) < 0.5 {
-                    -PULL_UV
+                let added_uv = if self.noise.uniform(0.0, 1.0) < 0.5 {
+                    -RAIL_UV
                 } else {
-                    PULL_UV
+                    RAIL_UV
                 };
-                self.now = Some((electrode, pull, self.noise.samples(0.2, 1.5, self.rate)));
+                self.now = Some((electrode, added_uv, self.noise.samples(0.2, 1.5, self.rate)));
             }
             if self.wait == 0 {
                 self.wait = self.noise.samples(5.0, 20.0, self.rate);
             }
             return;
         };
-        microvolts[electrode] += pull;
-        self.now = (left > 1).then_some((electrode, pull, left - 1));
+        microvolts[electrode] += added_uv;
+        self.now = (left > 1).then_some((electrode, added_uv, left - 1));
     }
 }

@@ -1,41 +1,43 @@
-//! How strongly places under the scalp are seen by electrodes.
+//! Sensitivity of the electrodes to sources under the scalp.
 
 use recordings::Position;
 
-use super::SyntheticError;
+use super::spec::SyntheticError;
 
-/// The electrodes' places.
+/// Positions of the electrodes.
 #[derive(Debug, Clone)]
 pub(super) struct Scalp {
-    places: Vec<Position>,
+    positions: Vec<Position>,
 }
 
 impl Scalp {
     /// # Errors
     /// [`SyntheticError::UnknownElectrode`].
     pub(super) fn new(labels: &[String]) -> Result<Self, SyntheticError> {
-        let place = |label: &String| {
+        let position = |label: &String| {
             Position::of_label(label).ok_or_else(|| SyntheticError::UnknownElectrode {
                 label: label.clone(),
             })
         };
         Ok(Self {
-            places: labels.iter().map(place).collect::<Result<_, _>>()?,
+            positions: labels.iter().map(position).collect::<Result<_, _>>()?,
         })
     }
 
     pub(super) fn electrodes(&self) -> usize {
-        self.places.len()
+        self.positions.len()
     }
 
-    /// What each electrode sees of a source, 0..=1: `1 / (1 + d^2 / reach^2)^2`, d = straight
-    /// distance on the unit sphere. A bell without an exponential, rounded to 2^-20 so that the
-    /// last bit of the platform's sines (in the positions) is gone.
+    /// Returns the weight of a source at each electrode, 0..=1: `1 / (1 + d^2 / reach^2)^2`, with d the
+    /// straight distance between points of the unit sphere.
+    ///
+    /// A bell curve without an exponential. Rounding to 2^-20 removes the last bits of the positions,
+    /// which differ with the platform's sines.
     pub(super) fn weights(&self, source: Position, reach: f64) -> Vec<f64> {
-        let weight = |place: &Position| {
-            let bell = 1.0 + place.chord_squared(source) / (reach * reach);
+        let weight = |position: &Position| {
+            let bell = 1.0 + position.chord_squared(source) / (reach * reach);
             (1.0 / (bell * bell) * 1_048_576.0).round() / 1_048_576.0
         };
-        self.places.iter().map(weight).collect()
+        self.positions.iter().map(weight).collect()
     }
 }

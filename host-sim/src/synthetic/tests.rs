@@ -1,8 +1,8 @@
-//! What the generator promises, measured on what it gives.
+//! Properties of the generated samples.
 
 use super::*;
 
-/// The scalp grid's electrodes and the front and back of the head.
+/// The electrodes of the scalp grid, and three at the front and back of the head.
 const LABELS: &str = "F3 F1 Fz F2 F4 FFC5 FFC3 FFC1 FFC2 FFC4 FFC6 FC5 FC3 FC1 FCz FC2 FC4 FC6 \
     FTT7 FCC5 FCC3 FCC1 FCC2 FCC4 FCC6 FTT8 C5 C3 C1 Cz C2 C4 C6 TTP7 CCP5 CCP3 CCP1 CCP2 CCP4 CCP6 \
     TTP8 CP5 CP3 CP1 CPz CP2 CP4 CP6 CPP5 CPP3 CPP1 CPP2 CPP4 CPP6 P3 P1 Pz P2 P4 PPO1 PPO2 \
@@ -31,8 +31,8 @@ fn channel(label: &str) -> usize {
         .expect("in the list")
 }
 
-/// `seconds` of all channels, uV, one vector per channel.
-fn play(spec: &SyntheticSpec, seconds: usize) -> Vec<Vec<f64>> {
+/// Generates `seconds` of all channels, uV, one vector per channel.
+fn generate(spec: &SyntheticSpec, seconds: usize) -> Vec<Vec<f64>> {
     let lsb_uv = AdcSpec::ads1299(512).lsb_uv;
     let generator = Generator::new(spec).expect("a usable spec");
     let mut traces = vec![Vec::new(); CHANNELS];
@@ -44,7 +44,7 @@ fn play(spec: &SyntheticSpec, seconds: usize) -> Vec<Vec<f64>> {
     traces
 }
 
-/// Amplitude (peak) at a frequency, uV, over Hann windows of four seconds, as a mean power.
+/// Returns the amplitude (peak) at a frequency, uV: mean power over Hann windows of four seconds.
 fn amplitude(trace: &[f64], hz: f64) -> f64 {
     let window = 4 * 512;
     let powers: Vec<f64> = trace
@@ -83,7 +83,7 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bytes() {
+fn equal_seeds_yield_equal_bytes() {
     // FNV-1a (64 bits) over the little-endian counts of the first second.
     let hash = |spec: &SyntheticSpec| {
         let samples = Generator::new(spec)
@@ -96,19 +96,19 @@ fn the_same_seed_gives_the_same_bytes() {
                 (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
             })
     };
-    // Printed by this very test on x86-64 Linux; another value elsewhere breaks the promise.
+    // Printed by this test on x86-64 Linux; every platform must yield the same value.
     assert_eq!(format!("{:016x}", hash(&spec())), "471a55ecbb494318");
     assert_ne!(hash(&spec()), hash(&SyntheticSpec { seed: 8, ..spec() }));
 }
 
 #[test]
-fn the_background_falls_as_its_exponent_says() {
-    let traces = play(&quiet(), 240);
+fn the_background_falls_with_its_exponent() {
+    let traces = generate(&quiet(), 240);
     let power = |hz: f64| {
         let near = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|d| amplitude(&traces[channel("Cz")], hz + d));
         near.iter().map(|a| a * a).sum::<f64>().log2()
     };
-    // Two octaves twice; 1.5 by design, the resolution of 60 windows x 5 lines is about 0.1.
+    // Each range is two octaves. 1.5 by design; the resolution of 60 windows x 5 lines is about 0.1.
     for (low, high) in [(3.0, 12.0), (10.0, 40.0)] {
         let exponent = (power(low) - power(high)) / 2.0;
         assert!(
@@ -120,17 +120,17 @@ fn the_background_falls_as_its_exponent_says() {
 
 #[test]
 fn amplitudes_are_as_specified() {
-    let traces = play(&quiet(), 40);
+    let traces = generate(&quiet(), 40);
     let found: Vec<f64> = traces
         .iter()
         .step_by(9)
         .map(|trace| {
-            // A Hann window spreads noise over 1.5 of its lines.
+            // The noise bandwidth of a Hann window is 1.5 lines.
             let power = (2..=240).map(|line| amplitude(trace, f64::from(line) / 4.0).powi(2) / 2.0);
             (power.sum::<f64>() / 1.5).sqrt()
         })
         .collect();
-    // 20 uV times 0.7 to 1.3; 40 s of slow noise are some 10 % uncertain.
+    // 20 uV times 0.7 to 1.3; the RMS of 40 s of slow noise has an uncertainty of about 10 %.
     assert!(
         found.iter().all(|rms| (12.0..30.0).contains(rms)),
         "{found:?}"
@@ -140,7 +140,7 @@ fn amplitudes_are_as_specified() {
 
 #[test]
 fn correlation_falls_with_distance() {
-    let traces = play(&quiet(), 60);
+    let traces = generate(&quiet(), 60);
     let with = |a, b| correlation(&traces[channel(a)], &traces[channel(b)]);
     let (near, far, across) = (with("Cz", "C1"), with("Cz", "O1"), with("Fpz", "O2"));
     assert!(near > 0.9, "Cz and C1, 18 degrees apart: {near}");
@@ -152,13 +152,13 @@ fn correlation_falls_with_distance() {
 }
 
 #[test]
-fn alpha_is_posterior_and_waxes_and_wanes() {
+fn alpha_is_posterior_and_comes_in_bursts() {
     let only_alpha = SyntheticSpec {
         background_uv: 0.0,
         alpha_uv: 20.0,
         ..quiet()
     };
-    let traces = play(&only_alpha, 120);
+    let traces = generate(&only_alpha, 120);
     let at = |label| amplitude(&traces[channel(label)], 10.0);
     assert!(
         at("O1") > 3.0 * at("F3"),
@@ -192,7 +192,7 @@ fn alpha_is_posterior_and_waxes_and_wanes() {
 #[test]
 fn mains_has_its_frequency_and_amplitude() {
     for mains_hz in [50, 60] {
-        let traces = play(
+        let traces = generate(
             &SyntheticSpec {
                 mains_hz,
                 mains_uv: 20.0,
@@ -204,7 +204,7 @@ fn mains_has_its_frequency_and_amplitude() {
         let hz = f64::from(mains_hz);
         let found: Vec<f64> = traces.iter().map(|trace| amplitude(trace, hz)).collect();
         assert!(found.iter().all(|uv| (9.9..30.1).contains(uv)), "{found:?}");
-        // 64 uniform numbers: the mean is within 3 * 5.8 / 8 of 20.
+        // The mean of 64 uniform numbers of SD 5.8 is within 3 * 5.8 / 8 of 20.
         assert!((mean(&found) - 20.0).abs() < 2.2, "{}", mean(&found));
         let widest =
             found.iter().copied().fold(0.0, f64::max) / found.iter().copied().fold(99.0, f64::min);
@@ -218,7 +218,7 @@ fn mains_has_its_frequency_and_amplitude() {
 
 #[test]
 fn offsets_are_millivolts_and_drift_is_slow() {
-    let traces = play(
+    let traces = generate(
         &SyntheticSpec {
             background_uv: 0.0,
             offset_mv: 20.0,
@@ -241,7 +241,7 @@ fn offsets_are_millivolts_and_drift_is_slow() {
 
 #[test]
 fn blinks_are_frontal_and_every_few_seconds() {
-    let traces = play(
+    let traces = generate(
         &SyntheticSpec {
             background_uv: 0.0,
             blinks: true,
@@ -250,11 +250,14 @@ fn blinks_are_frontal_and_every_few_seconds() {
         120,
     );
     let front = &traces[channel("Fpz")];
-    let begun = front
+    let blinks = front
         .windows(2)
         .filter(|w| w[0] < 75.0 && w[1] >= 75.0)
         .count();
-    assert!((15..=60).contains(&begun), "{begun} blinks in two minutes");
+    assert!(
+        (15..=60).contains(&blinks),
+        "{blinks} blinks in two minutes"
+    );
     let highest = front.iter().copied().fold(0.0, f64::max);
     assert!((150.0..=300.1).contains(&highest), "{highest} uV");
     let at_cz = traces[channel("Cz")].iter().copied().fold(0.0, f64::max);
@@ -262,7 +265,7 @@ fn blinks_are_frontal_and_every_few_seconds() {
 }
 
 #[test]
-fn the_rail_is_reached_only_when_asked_for() {
+fn the_rail_is_reached_only_on_request() {
     let railed = |spec: &SyntheticSpec| {
         let mut generator = Generator::new(spec).expect("a usable spec");
         let mut rail = [0_u64; CHANNELS];
@@ -290,7 +293,7 @@ fn the_rail_is_reached_only_when_asked_for() {
 }
 
 #[test]
-fn specs_that_make_no_sense_are_refused() {
+fn invalid_specs_are_refused() {
     let refused = |spec: &SyntheticSpec| Generator::new(spec).expect_err("refused");
     let label = "Q7".to_owned();
     let unknown = SyntheticSpec {

@@ -1,11 +1,11 @@
-//! The board's answers, without time and without a port.
+//! Answers and codes of a virtual board.
 
 use link::{Decoder, Encoder, Flags, MAX_FRAME, Streams, ToDevice, ToHost};
 
 mod streams;
 
 use super::*;
-use crate::WhenFull;
+use crate::outbox::WhenFull;
 
 fn board() -> (VirtualBoard, Outbox) {
     let outbox = Outbox::new(WhenFull::DropOldest);
@@ -25,16 +25,17 @@ fn send(board: &mut VirtualBoard, host: &mut Encoder, command: ToDevice) {
     board.receive(bytes, 1_000);
 }
 
-/// All frames in the outbox, decoded by `look`, with their seq.
-fn frames<T>(outbox: &Outbox, look: impl Fn(ToHost<'_>) -> Option<T>) -> Vec<T> {
+/// Removes all frames from the outbox and returns what `select` picks from their messages.
+fn frames<T>(outbox: &Outbox, select: impl Fn(ToHost<'_>) -> Option<T>) -> Vec<T> {
     let mut decoder = Decoder::<MAX_FRAME>::new();
     let mut seen = Vec::new();
     while !outbox.drain(std::time::Duration::ZERO) {
-        let frame = outbox.take().expect("a frame waits");
-        outbox.written();
+        let frame = outbox.pop().expect("a frame waits");
+        outbox.mark_written();
         let mut bytes = &frame[..];
         while let Some(outcome) = decoder.next::<ToHost<'_>>(&mut bytes) {
-            seen.extend(look(outcome.expect("the board sends sound frames").message));
+            let frame = outcome.expect("the board sends intact frames");
+            seen.extend(select(frame.message));
         }
     }
     seen
@@ -97,12 +98,12 @@ fn every_command_is_acknowledged_with_its_seq() {
 }
 
 #[test]
-fn codes_come_only_between_start_and_stop_and_begin_at_window_0() {
+fn codes_are_sent_only_between_start_and_stop_and_start_at_window_0() {
     let (mut board, outbox) = board();
     let mut host = Encoder::default();
     let second = |board: &mut VirtualBoard| {
         for _ in 0..512 {
-            board.sample(&Sample::default(), 0);
+            board.process_sample(&Sample::default(), 0);
         }
     };
     second(&mut board);
@@ -120,14 +121,14 @@ fn codes_come_only_between_start_and_stop_and_begin_at_window_0() {
 }
 
 #[test]
-fn a_clipped_value_is_counted_once_though_two_windows_hold_it() {
+fn a_clipped_value_in_two_windows_is_counted_once() {
     let (mut board, outbox) = board();
     let mut host = Encoder::default();
     send(&mut board, &mut host, START);
     for index in 0..512 {
         let mut sample = Sample::default();
         sample.counts[20] = if index == 200 { Sample::MAX } else { 0 };
-        board.sample(&sample, 0);
+        board.process_sample(&sample, 0);
     }
     let marked = frames(&outbox, |message| match message {
         ToHost::Code(code) if code.clipped > 0 => Some(code.clipped),
@@ -147,7 +148,7 @@ fn a_clipped_value_is_counted_once_though_two_windows_hold_it() {
 }
 
 #[test]
-fn a_code_names_the_channels_that_stood_at_the_rail() {
+fn a_code_names_the_channels_at_the_rail() {
     let (mut board, outbox) = board();
     send(&mut board, &mut Encoder::default(), START);
     for index in 0..512 {
@@ -155,7 +156,7 @@ fn a_code_names_the_channels_that_stood_at_the_rail() {
         if index == 200 {
             (sample.counts[3], sample.counts[40]) = (Sample::MAX, -Sample::MAX - 1);
         }
-        board.sample(&sample, 0);
+        board.process_sample(&sample, 0);
     }
     let marked = frames(&outbox, |message| match message {
         ToHost::Code(code) => Some((code.flags.contains(Flags::SATURATED), code.saturated)),
@@ -171,16 +172,16 @@ fn a_code_names_the_channels_that_stood_at_the_rail() {
 }
 
 #[test]
-fn every_second_of_a_stream_a_report_tells_of_each_electrode() {
+fn every_second_of_a_stream_the_quality_of_each_electrode_is_sent() {
     let (mut board, outbox) = board();
     let mut host = Encoder::default();
     for command in [START, ToDevice::Stop, START] {
         send(&mut board, &mut host, command);
-        // A second and a half: what is left of the second one is not reported.
+        // A second and a half: the incomplete second is not reported.
         for index in 0..3 * model::ADC_RATE_HZ / 2 {
             let mut sample = Sample::default();
             sample.counts[3] = if index < 100 { Sample::MAX } else { 0 };
-            board.sample(&sample, 0);
+            board.process_sample(&sample, 0);
         }
     }
     let reports = frames(&outbox, |message| match message {
@@ -206,8 +207,8 @@ fn echoed_answers_are_not_answered() {
     send(&mut board, &mut Encoder::default(), ToDevice::Ping);
     let mut echoes = Vec::new();
     while !outbox.drain(std::time::Duration::ZERO) {
-        echoes.push(outbox.take().expect("a frame waits"));
-        outbox.written();
+        echoes.push(outbox.pop().expect("a frame waits"));
+        outbox.mark_written();
     }
     for echo in &echoes {
         board.receive(echo, 0);
@@ -218,7 +219,7 @@ fn echoed_answers_are_not_answered() {
 }
 
 #[test]
-fn damaged_commands_are_counted_and_the_next_one_is_obeyed() {
+fn damaged_commands_are_counted_and_the_next_one_is_executed() {
     let (mut board, outbox) = board();
     board.receive(b"\0noise on the line\0", 0);
     send(&mut board, &mut Encoder::default(), ToDevice::Stop);

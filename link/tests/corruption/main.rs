@@ -1,4 +1,4 @@
-//! Whatever happens to the bytes: no false frame, no panic, in step again by the next zero.
+//! Damaged bytes yield no false frame and no panic, and the decoder resynchronises at a zero.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{Code, CodeValues, Decoder, Encoder, Flags, MAX_FRAME, ToDevice, ToHost};
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 mod messages;
 use messages::{message, owned};
 
-/// The frames of `messages` back to back, and where each begins.
+/// Returns the frames of `messages` back to back, and the offset of each.
 fn stream(messages: &[ToHost<'static>], first_seq: u32) -> (Vec<u8>, Vec<usize>) {
     let mut encoder = Encoder::starting_at(first_seq);
     let mut bytes = Vec::new();
@@ -24,7 +24,8 @@ fn stream(messages: &[ToHost<'static>], first_seq: u32) -> (Vec<u8>, Vec<usize>)
     (bytes, starts)
 }
 
-/// Messages that come out, with their place in the stream, and the number of bad frames.
+/// Returns the decoded messages with their position in the stream, and the number of bad frames.
+/// `chunk` is the number of bytes per call of the decoder.
 fn decode(bytes: &[u8], chunk: usize, first_seq: u32) -> (Vec<(u32, ToHost<'static>)>, usize) {
     let mut decoder = Decoder::<MAX_FRAME>::new();
     let (mut good, mut bad) = (Vec::new(), 0);
@@ -55,7 +56,7 @@ fn decode(bytes: &[u8], chunk: usize, first_seq: u32) -> (Vec<(u32, ToHost<'stat
     (good, bad)
 }
 
-/// One thing that happens to bytes on a line.
+/// One kind of damage to bytes on a line.
 #[derive(Clone, Debug)]
 enum Damage {
     Flip { bits: Vec<usize> },
@@ -77,7 +78,7 @@ fn damage() -> impl Strategy<Value = Damage> {
     ]
 }
 
-/// Damage `bytes` at `at`; returns where the damage ends in the original.
+/// Damages `bytes` at offset `at` and returns the end of the damage in the original bytes.
 fn apply(damage: &Damage, bytes: &mut Vec<u8>, at: usize) -> usize {
     match damage {
         Damage::Flip { bits } => {
@@ -121,7 +122,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
 
     #[test]
-    fn what_went_in_comes_out(
+    fn undamaged_messages_arrive_in_order(
         messages in prop::collection::vec(message(), 1..6),
         first_seq in any::<u32>(),
         chunk in 1usize..300,
@@ -134,7 +135,7 @@ proptest! {
     }
 
     #[test]
-    fn damage_yields_no_false_frame_and_spares_the_frames_it_does_not_touch(
+    fn damage_yields_no_false_frame_and_costs_only_the_frames_it_touches(
         messages in prop::collection::vec(message(), 1..6),
         first_seq in any::<u32>(),
         damage in damage(),
@@ -147,12 +148,12 @@ proptest! {
         let end = apply(&damage, &mut bytes, at);
         let (good, _) = decode(&bytes, chunk, first_seq);
         for (place, message) in &good {
-            // A frame that came out is one that was sent, whole (a duplicate of it is another).
+            // A decoded frame equals one that was sent; a duplicated frame can arrive twice.
             prop_assert_eq!(Some(message), messages.get(*place as usize), "false frame");
         }
         for (place, start) in starts.iter().enumerate() {
             let next = starts.get(place + 1).copied().unwrap_or(length);
-            // Whole bytes of this frame before the damage, or after it with its leading zero.
+            // The frame is entirely before the damage, or after it with its leading zero intact.
             if next <= at || *start > end {
                 let arrived = good.iter().any(|(seen, _)| *seen as usize == place);
                 prop_assert!(arrived, "frame {} at {}..{} lost, damage {}..{}", place, start, next, at, end);
@@ -161,13 +162,13 @@ proptest! {
     }
 
     #[test]
-    fn any_byte_soup_is_survived_and_the_next_frame_comes_out(
-        soup in prop::collection::vec(prop_oneof![1 => Just(0u8), 3 => any::<u8>()], 0..6000),
+    fn random_bytes_yield_no_frame_and_the_next_frame_arrives(
+        noise in prop::collection::vec(prop_oneof![1 => Just(0u8), 3 => any::<u8>()], 0..6000),
         chunk in 1usize..300,
         message in message(),
     ) {
         let mut decoder = Decoder::<MAX_FRAME>::new();
-        for mut input in soup.chunks(chunk) {
+        for mut input in noise.chunks(chunk) {
             while let Some(outcome) = decoder.next::<ToHost>(&mut input) {
                 prop_assert!(outcome.is_err());
             }
@@ -180,7 +181,7 @@ proptest! {
         }
         prop_assert_eq!(frames, 1);
         let mut commands = Decoder::<64>::new();
-        let mut input = soup.as_slice();
+        let mut input = noise.as_slice();
         while let Some(outcome) = commands.next::<ToDevice>(&mut input) {
             prop_assert!(outcome.is_err());
         }
@@ -188,17 +189,17 @@ proptest! {
 }
 
 #[test]
-fn every_single_bit_and_byte_of_a_code_is_guarded() {
+fn damage_to_any_single_bit_or_byte_of_a_code_is_detected() {
     let values = core::array::from_fn(|index| i8::try_from(index).unwrap());
     let exponent = 3;
-    assert_guarded(&CodeValues::Int8(values));
-    assert_guarded(&CodeValues::Int8Exponent { exponent, values });
-    assert_guarded(&CodeValues::Int16(
+    assert_damage_is_detected(&CodeValues::Int8(values));
+    assert_damage_is_detected(&CodeValues::Int8Exponent { exponent, values });
+    assert_damage_is_detected(&CodeValues::Int16(
         values.map(|value| 257 * i16::from(value)),
     ));
 }
 
-fn assert_guarded(values: &CodeValues) {
+fn assert_damage_is_detected(values: &CodeValues) {
     let code = ToHost::Code(Code {
         model_id: *b"\x01\x02\x03\x04\x05\x06\x07\x08",
         window: 70_000,
@@ -233,7 +234,7 @@ fn assert_guarded(values: &CodeValues) {
                     .all(|(place, message)| *place < 3 && *message == code)
             );
             assert!(good.iter().any(|(place, _)| *place == 0), "byte {at}");
-            // A changed zero between two frames may cost one neighbour, never more.
+            // A damaged zero between two frames can cost one neighbour, never more.
             assert!(good.len() >= 2, "byte {at}");
             assert!(good.iter().any(|(place, _)| *place == 2), "byte {at}");
         }

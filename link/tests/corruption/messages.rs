@@ -1,4 +1,4 @@
-//! Any message.
+//! Random messages for proptest.
 
 use link::{
     Ack, AckResult, Audit, CODE_LEN, ClockReading, Code, CodeValues, ElectrodeQuality, Event,
@@ -7,7 +7,7 @@ use link::{
 };
 use proptest::prelude::*;
 
-/// A code in any format.
+/// Code values in each of the formats.
 fn values() -> impl Strategy<Value = CodeValues> {
     let bytes = || prop::collection::vec(any::<i8>(), CODE_LEN);
     let int8 = bytes().prop_map(|values| CodeValues::Int8(values.try_into().unwrap()));
@@ -20,7 +20,7 @@ fn values() -> impl Strategy<Value = CodeValues> {
     prop_oneof![int8, exponent, int16]
 }
 
-/// Any number of stages, unknown ones too.
+/// A `Timing` with any number of stages, unknown ones included.
 fn timing() -> impl Strategy<Value = ToHost<'static>> {
     let stage = (any::<u8>(), any::<[u32; 2]>(), any::<[u32; 9]>()).prop_map(
         |(stage, [deadline_ns, worst_ns], histogram)| StageTiming {
@@ -40,7 +40,7 @@ fn timing() -> impl Strategy<Value = ToHost<'static>> {
     })
 }
 
-/// What carries bytes of any content, and what has numbers only.
+/// Messages that carry byte slices, events and clock readings.
 fn streamed() -> impl Strategy<Value = ToHost<'static>> {
     let bytes = || prop::collection::vec(any::<u8>(), 0..=1536).prop_map(|bytes| &*bytes.leak());
     let raw =
@@ -166,7 +166,7 @@ pub(crate) fn message() -> impl Strategy<Value = ToHost<'static>> {
     prop_oneof![4 => code, 1 => ack, 1 => stats, 1 => hello, 1 => quality, 1 => timing(), 2 => streamed()]
 }
 
-/// The same message with texts that live for ever (there are only two).
+/// Copies a decoded message into one with `'static` content; leaks byte slices.
 pub(crate) fn owned(message: &ToHost<'_>) -> ToHost<'static> {
     match message {
         ToHost::Hello(hello) => {
@@ -201,7 +201,7 @@ pub(crate) fn owned(message: &ToHost<'_>) -> ToHost<'static> {
         ToHost::Event(event) => ToHost::Event(*event),
         ToHost::ClockReading(reading) => ToHost::ClockReading(*reading),
         ToHost::Capabilities(_) | ToHost::Converters(_) | ToHost::SelfTest(_) => {
-            panic!("none was sent")
+            panic!("the generator makes no such message")
         }
     }
 }

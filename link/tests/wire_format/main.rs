@@ -1,4 +1,4 @@
-//! The hex dumps of docs/wire-format.md are what the encoder makes, byte for byte.
+//! The hex dumps of docs/wire-format.md equal the encoder's output, byte for byte.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
@@ -15,7 +15,7 @@ use messages::{
 
 const DOCUMENT: &str = include_str!("../../../docs/wire-format.md");
 
-/// The fenced blocks that open with ```` ```hex NAME ````: name and bytes.
+/// Returns name and bytes of the fenced blocks that open with ```` ```hex NAME ````.
 fn dumps() -> Vec<(&'static str, Vec<u8>)> {
     let mut dumps = Vec::new();
     let mut lines = DOCUMENT.lines();
@@ -72,7 +72,7 @@ fn check<'d, M: Message<'d> + PartialEq + core::fmt::Debug>(
 }
 
 #[test]
-fn every_dump_is_what_the_encoder_makes() {
+fn every_dump_equals_the_encoders_output() {
     let start = ToDevice::Start(Start {
         streams: Streams::CODES,
         mains_hz: 50,
@@ -136,7 +136,7 @@ fn every_dump_is_what_the_encoder_makes() {
 }
 
 #[test]
-fn a_code_frame_takes_the_bytes_that_the_document_says() {
+fn the_document_states_the_size_of_a_code_frame() {
     let length = |message| {
         let ToHost::Code(code) = message else {
             panic!()
@@ -159,7 +159,7 @@ fn a_code_frame_takes_the_bytes_that_the_document_says() {
 }
 
 #[test]
-fn a_quality_frame_takes_the_bytes_that_the_document_says() {
+fn the_document_states_the_size_of_a_quality_frame() {
     let ToHost::Quality(quality) = quality() else {
         panic!()
     };
@@ -180,12 +180,12 @@ fn a_quality_frame_takes_the_bytes_that_the_document_says() {
 }
 
 #[test]
-fn a_timing_frame_takes_the_bytes_that_the_document_says() {
+fn the_document_states_the_size_of_a_timing_frame() {
     let stage = |stage, per_second: u32| StageTiming {
         stage,
         deadline_ns: 1_000_000_000 / per_second,
         worst_ns: u32::MAX,
-        // Every count as large as it can be, were the others 0.
+        // An upper bound: each element as large as if all durations fell into it.
         histogram: [86_400 * per_second; 9],
     };
     let stages = [
@@ -223,7 +223,7 @@ fn every_flag_is_in_the_document() {
 }
 
 #[test]
-fn frames_of_samples_and_steps_take_the_bytes_that_the_document_says() {
+fn the_document_states_the_sizes_of_raw_and_filtered_frames() {
     let counts = [1; 64 * RAW_SAMPLES * COUNT_BYTES];
     let raw = ToHost::Raw(Raw {
         first_sample: 512 * 86_400,

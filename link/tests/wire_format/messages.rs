@@ -1,4 +1,4 @@
-//! One message of each kind, as `docs/wire-format.md` shows them.
+//! One message of each kind, with the contents of the dumps in `docs/wire-format.md`.
 
 use link::{
     Audit, CODE_LEN, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading, Code,
@@ -18,7 +18,7 @@ pub(crate) fn hello() -> ToHost<'static> {
     })
 }
 
-/// A board of two electrodes and two code values, to keep the dump short.
+/// A board with two electrodes and two code values, to keep the dump short.
 pub(crate) fn capabilities() -> ToHost<'static> {
     ToHost::Capabilities(Capabilities {
         adc_rate_hz: 512,
@@ -37,8 +37,8 @@ pub(crate) fn capabilities() -> ToHost<'static> {
     })
 }
 
-/// -64 to 63.
-pub(crate) fn steps() -> [i8; CODE_LEN] {
+/// The values -64 to 63.
+pub(crate) fn ramp() -> [i8; CODE_LEN] {
     core::array::from_fn(|index| i8::try_from(index).unwrap() - 64)
 }
 
@@ -51,11 +51,11 @@ pub(crate) fn code() -> ToHost<'static> {
         clipped: 2,
         clipped_values: 1,
         saturated: 1 << 20,
-        values: CodeValues::Int8(steps()),
+        values: CodeValues::Int8(ramp()),
     })
 }
 
-/// The same window from a model with codes in another format.
+/// The window of [`code`] from a model with codes in another format.
 pub(crate) fn code_in(values: &CodeValues) -> ToHost<'static> {
     let ToHost::Code(code) = code() else { panic!() };
     ToHost::Code(Code {
@@ -65,13 +65,13 @@ pub(crate) fn code_in(values: &CodeValues) -> ToHost<'static> {
 }
 
 pub(crate) fn code_with_exponent() -> ToHost<'static> {
-    let (exponent, values) = (3, steps());
+    let (exponent, values) = (3, ramp());
     code_in(&CodeValues::Int8Exponent { exponent, values })
 }
 
 pub(crate) fn code_of_16_bits() -> ToHost<'static> {
     code_in(&CodeValues::Int16(
-        steps().map(|step| 256 * i16::from(step)),
+        ramp().map(|value| 256 * i16::from(value)),
     ))
 }
 
@@ -91,7 +91,7 @@ pub(crate) fn stats() -> ToHost<'static> {
     })
 }
 
-/// Two electrodes, the second one off.
+/// Signal quality of two electrodes, the second one off.
 pub(crate) fn quality() -> ToHost<'static> {
     let good = ElectrodeQuality {
         rms_uv: 12.5,
@@ -112,7 +112,7 @@ pub(crate) fn quality() -> ToHost<'static> {
     })
 }
 
-/// 19 s of two stages; one code was late.
+/// Durations of two stages over 19 s; one code was late.
 pub(crate) fn timing() -> ToHost<'static> {
     let acquire = StageTiming {
         stage: Stage::Acquire,
@@ -143,7 +143,7 @@ pub(crate) fn raw() -> ToHost<'static> {
     })
 }
 
-/// A step of two electrodes.
+/// One step of two electrodes.
 pub(crate) fn filtered() -> ToHost<'static> {
     ToHost::Filtered(Filtered {
         first_step: 2_412,
@@ -156,7 +156,7 @@ pub(crate) fn filtered() -> ToHost<'static> {
 
 /// A window of two planes with two cells each, to keep the dump short.
 pub(crate) fn audit() -> ToHost<'static> {
-    let (exponent, values) = (3, steps());
+    let (exponent, values) = (3, ramp());
     ToHost::Audit(Audit {
         model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
         window: 300,
@@ -173,18 +173,18 @@ pub(crate) fn event() -> ToHost<'static> {
     })
 }
 
-/// Two chips; the second one has delivered three bad frames, and an electrode of it is off.
+/// Status of two chips; the second has delivered three bad frames and has an electrode off.
 pub(crate) fn converters() -> ToHost<'static> {
     ToHost::Converters(Converters {
         fault: heapless::String::new(),
-        ready_mhz: 512_003,
+        drdy_millihertz: 512_003,
         off_positive: 1 << 9,
         off_negative: 0,
         frames_bad: [0, 3].into_iter().collect(),
     })
 }
 
-/// A chip with two channels, to keep the dump short; the second one is dead.
+/// Result of a chip with two channels, to keep the dump short; the second one is dead.
 pub(crate) fn self_test() -> ToHost<'static> {
     let good = ChannelTest {
         gain_error: 0.015_625,
@@ -206,10 +206,10 @@ pub(crate) fn self_test() -> ToHost<'static> {
     };
     ToHost::SelfTest(SelfTest {
         fault: "chip 0, channel 2".try_into().unwrap(),
-        ready_mhz: 512_000,
-        expected_mhz: 512_000,
-        ready_early: 0,
-        ready_missed: 0,
+        drdy_millihertz: 512_000,
+        expected_millihertz: 512_000,
+        drdy_early: 0,
+        drdy_missed: 0,
         chips: [chip].into_iter().collect(),
         channels: [good, dead].into_iter().collect(),
     })

@@ -36,9 +36,9 @@ pub(super) fn sent_of(streams: Streams, samples: &[Sample]) -> Result<Vec<u8>, F
     let sent = thread::scope(|scope| {
         let reader = scope.spawn(|| {
             let mut sent = Vec::new();
-            while let Some(frame) = outbox.take() {
+            while let Some(frame) = outbox.pop() {
                 sent.extend(frame);
-                outbox.written();
+                outbox.mark_written();
             }
             sent
         });
@@ -48,7 +48,7 @@ pub(super) fn sent_of(streams: Streams, samples: &[Sample]) -> Result<Vec<u8>, F
         };
         board.start(start, 0);
         for (index, sample) in (0..).zip(samples) {
-            board.sample(sample, index * 1_000_000 / u64::from(ADC_RATE_HZ));
+            board.process_sample(sample, index * 1_000_000 / u64::from(ADC_RATE_HZ));
         }
         outbox.drain(PATIENCE);
         outbox.close();

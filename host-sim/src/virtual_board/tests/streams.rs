@@ -1,4 +1,4 @@
-//! What a host may ask for beside codes.
+//! Streams other than codes, self-test, reset and trigger.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use pipeline::{Acquisition, CodeValues, Step};
 
 use super::*;
 
-/// Noise of 20 bits, the same every time, with a channel at the rail now and then.
+/// Seeded noise of 20 bits; every hundredth sample has a channel at the rail.
 fn samples(count: usize) -> Vec<Sample> {
     let mut state = 1_u32;
     let mut next = || {
@@ -33,31 +33,31 @@ fn start(streams: Streams) -> ToDevice {
     })
 }
 
-/// Streams the samples, and gives what `look` sees.
+/// Streams the samples and returns what `select` picks from the messages.
 fn streamed<T>(
     streams: Streams,
     samples: &[Sample],
-    look: impl Fn(ToHost<'_>) -> Option<T>,
+    select: impl Fn(ToHost<'_>) -> Option<T>,
 ) -> Vec<T> {
     let (mut board, outbox) = board();
     send(&mut board, &mut Encoder::default(), start(streams));
     let mut seen = Vec::new();
     for (index, sample) in (1..).zip(samples) {
-        board.sample(sample, index * 1_000_000 / 512);
-        seen.extend(frames(&outbox, &look));
+        board.process_sample(sample, index * 1_000_000 / 512);
+        seen.extend(frames(&outbox, &select));
     }
     seen
 }
 
 #[test]
-fn raw_frames_put_together_are_what_the_converters_delivered() {
+fn raw_frames_contain_every_sample_of_the_converters() {
     let samples = samples(1_024);
     let seen = streamed(Streams::RAW, &samples, |message| match message {
         ToHost::Raw(raw) => {
             assert_eq!(raw.channels, 64);
             Some((raw.first_sample, raw.counts().collect::<Vec<_>>()))
         }
-        ToHost::Code(_) | ToHost::Filtered(_) | ToHost::Audit(_) => panic!("not asked for"),
+        ToHost::Code(_) | ToHost::Filtered(_) | ToHost::Audit(_) => panic!("not requested"),
         _ => None,
     });
     let mut next = 0;
@@ -93,8 +93,8 @@ fn filtered_frames_are_the_steps_that_the_encoder_reads() {
 }
 
 #[test]
-fn an_audit_has_the_planes_that_make_its_code() {
-    // The windows 0 and 160.
+fn an_audit_contains_the_planes_of_its_code() {
+    // Long enough for the windows 0 and 160.
     let samples = samples(32 * 162);
     let seen = streamed(Streams::AUDIT, &samples, |message| match message {
         ToHost::Audit(audit) => Some((audit.window, audit.planes.to_vec(), audit.values)),
@@ -123,7 +123,7 @@ fn an_audit_has_the_planes_that_make_its_code() {
 }
 
 #[test]
-fn a_self_test_is_answered_and_nothing_streams_meanwhile() {
+fn a_self_test_is_refused_while_streaming_and_answered_after_a_stop() {
     let (mut board, outbox) = board();
     let mut host = Encoder::default();
     for command in [
@@ -162,7 +162,7 @@ fn a_self_test_is_answered_and_nothing_streams_meanwhile() {
 }
 
 #[test]
-fn after_a_reset_the_board_introduces_itself_as_another_boot() {
+fn after_a_reset_the_board_introduces_itself_with_another_session_id() {
     let (mut board, outbox) = board();
     let mut host = Encoder::default();
     for into in [
@@ -194,23 +194,23 @@ fn after_a_reset_the_board_introduces_itself_as_another_boot() {
         _ => None,
     };
     send(&mut board, &mut host, START);
-    board.sample(&Sample::default(), 2_000);
+    board.process_sample(&Sample::default(), 2_000);
     send(&mut board, &mut host, ToDevice::Reset(ResetInto::Firmware));
     send(&mut board, &mut host, ToDevice::Stop);
     assert_eq!(frames(&outbox, samples), [(0, 0)], "counted since boot");
 }
 
 #[test]
-fn edges_that_are_made_up_come_before_the_samples_that_they_precede() {
+fn trigger_edges_are_sent_before_the_samples_that_follow_them() {
     let (board, outbox) = board();
-    let trigger = crate::Trigger::every(Duration::from_micros(15_625));
+    let trigger = crate::trigger::Trigger::every(Duration::from_micros(15_625));
     let mut board = board.with_trigger(Some(trigger.expect("slow enough")));
     let mut host = Encoder::default();
     let mut seen = Vec::new();
     let mut stream = |from: u64| {
         send(&mut board, &mut host, start(Streams::RAW | Streams::EVENTS));
         for index in 0..17 {
-            board.sample(&Sample::default(), from + index * 1_000_000 / 512);
+            board.process_sample(&Sample::default(), from + index * 1_000_000 / 512);
             seen.extend(frames(&outbox, |message| match message {
                 ToHost::Event(event) => Some(Ok(event)),
                 ToHost::Raw(raw) => Some(Err(raw.first_sample)),
@@ -220,8 +220,8 @@ fn edges_that_are_made_up_come_before_the_samples_that_they_precede() {
         send(&mut board, &mut host, ToDevice::Stop);
         frames(&outbox, |_| Some(()));
     };
-    // Edge 0 comes a microsecond after sample 0; edges 64 and 65 right before samples 7 and 15, which
-    // end a frame each. Of those in between nobody is told, but they have numbers.
+    // Edge 0 comes a microsecond after sample 0. Edges 64 and 65 come right before samples 7 and 15,
+    // each the last of a frame. The edges between the runs are not sent but numbered.
     stream(15_625 - 1);
     stream(1_002_000);
     let event = |kind, number, sample| {

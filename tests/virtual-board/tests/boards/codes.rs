@@ -127,9 +127,9 @@ fn simulated(first: u64, samples: u64) -> Vec<Code> {
     let bytes = thread::scope(|scope| {
         let reader = scope.spawn(|| {
             let mut bytes = Vec::new();
-            while let Some(frame) = outbox.take() {
+            while let Some(frame) = outbox.pop() {
                 bytes.extend(frame);
-                outbox.written();
+                outbox.mark_written();
             }
             bytes
         });
@@ -143,7 +143,7 @@ fn simulated(first: u64, samples: u64) -> Vec<Code> {
             for (channel, count) in sample.counts.iter_mut().enumerate() {
                 *count = eeg::count(first + number, channel);
             }
-            board.sample(&sample, number * 1_000_000 / 512);
+            board.process_sample(&sample, number * 1_000_000 / 512);
         }
         outbox.drain(Duration::from_secs(20));
         outbox.close();

@@ -30,7 +30,7 @@ pub(crate) fn self_test_passes(subject: Subject) -> Result<(), Trouble> {
     let result = results[0];
     assert_eq!(result.fault, "", "{result:?}");
     assert_eq!((result.chips.len(), result.channels.len()), (8, 64));
-    assert_eq!((result.ready_early, result.ready_missed), (0, 0));
+    assert_eq!((result.drdy_early, result.drdy_missed), (0, 0));
     let edges = board.converters().ready_edges();
     board.run_for_us(100_000)?;
     assert!(

@@ -1,31 +1,31 @@
-//! The answer to every command.
+//! Answers to the host's commands.
 
 use serde::{Deserialize, Serialize};
 
-/// The answer to every command, once per command received.
+/// Answer to a command; a device sends exactly one per command received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ack {
     /// `seq` of the command's frame.
     pub of: u32,
-    /// What became of it.
+    /// Whether the device obeyed, and if not, why.
     pub result: AckResult,
 }
 
-/// What became of a command; one byte on the wire.
+/// Outcome of a command; one byte on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "u8", into = "u8")]
 pub enum AckResult {
-    /// 0: done.
+    /// 0: the device obeyed.
     Done,
     /// 1: the firmware does not know the command: it is older than the host.
     UnknownCommand,
     /// 2: a value is out of its range.
     BadArgument,
-    /// 3: not now; the same command may work later.
+    /// 3: not possible now; the same command can succeed later.
     Busy,
     /// 4: the command is known, but this board or model cannot do it.
     NotSupported,
-    /// 5: tried and failed; `Stats` or the next `Hello` says more.
+    /// 5: tried and failed; `Stats` or the next `Hello` has the reason.
     Failed,
     /// Any other: a result newer than this host; not done.
     Newer(u8),
@@ -57,4 +57,16 @@ impl From<AckResult> for u8 {
             AckResult::Newer(newer) => newer,
         }
     }
+}
+
+/// Answer to `SyncTime`, sent before its `Ack`.
+///
+/// It carries two of the four times of a round trip; its header has the third (when the answer was
+/// made), and the host records the fourth (when the answer arrived).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ClockReading {
+    /// Time in the command, microseconds of the host's clock.
+    pub host_time_us: u64,
+    /// Time at which the device read the command, microseconds since boot.
+    pub received_us: u64,
 }

@@ -1,16 +1,17 @@
-//! A turning pointer: cosine and sine of a steadily growing angle.
+//! Cosine and sine of a linearly growing angle, by rotation.
 
-/// A point that turns on a circle, `frequency / rate` of a turn per sample.
+/// A point that rotates on a circle by `frequency / rate` of a turn per sample.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Rotor {
-    turn: (f64, f64),
-    /// Cosine and sine, or what a driven rotor makes of them.
+pub(super) struct Phasor {
+    /// Cosine and sine of the angle per sample.
+    rotation: (f64, f64),
+    /// Cosine and sine of the angle; [`Alpha`](super::alpha::Alpha) adds noise to both.
     pub(super) point: (f64, f64),
 }
 
-impl Rotor {
-    /// Begins at (1, 0). Cosine and sine of one step come from their series, not from the
-    /// platform: eight halvings make the angle < 0.0123, where four terms leave less than 1e-19.
+impl Phasor {
+    /// Starts at (1, 0). Cosine and sine of one sample's angle come from their series instead of the
+    /// platform: eight halvings make the angle < 0.0123, where four terms leave an error below 1e-19.
     pub(super) fn new(frequency: f64, rate: f64) -> Self {
         let angle = std::f64::consts::TAU * frequency / rate / 256.0;
         let square = angle * angle;
@@ -20,24 +21,24 @@ impl Rotor {
             (cos, sin) = (cos * cos - sin * sin, 2.0 * sin * cos);
         }
         Self {
-            turn: (cos, sin),
+            rotation: (cos, sin),
             point: (1.0, 0.0),
         }
     }
 
-    /// Turns by one sample and keeps the radius at 1: `(3 - r^2) / 2` is 1 / r near r = 1.
-    pub(super) fn step(&mut self) -> (f64, f64) {
-        self.turn_by(1.0);
+    /// Rotates by one sample and keeps the radius at 1: `(3 - r^2) / 2` is 1 / r near r = 1.
+    pub(super) fn advance(&mut self) -> (f64, f64) {
+        self.rotate(1.0);
         let (x, y) = self.point;
         let correction = (3.0 - (x * x + y * y)) / 2.0;
         self.point = (x * correction, y * correction);
         self.point
     }
 
-    /// Turns by one sample and scales by `factor`.
-    pub(super) fn turn_by(&mut self, factor: f64) {
+    /// Rotates by one sample and scales the radius by `factor`.
+    pub(super) fn rotate(&mut self, factor: f64) {
         let (x, y) = self.point;
-        let (cos, sin) = self.turn;
+        let (cos, sin) = self.rotation;
         self.point = (factor * (x * cos - y * sin), factor * (x * sin + y * cos));
     }
 }
@@ -47,12 +48,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_rotor_keeps_frequency_and_radius_for_an_hour() {
-        let mut rotor = Rotor::new(50.0, 512.0);
+    fn frequency_and_radius_are_kept_for_an_hour() {
+        let mut phasor = Phasor::new(50.0, 512.0);
         for _ in 0..3600 * 512 {
-            rotor.step();
+            phasor.advance();
         }
-        let (x, y) = rotor.point;
+        let (x, y) = phasor.point;
         // 180,000 whole turns; measured: radius exact, angle 2.0e-10 rad.
         assert!((x - 1.0).abs() < 1e-12 && y.abs() < 1e-9, "{x} {y}");
     }

@@ -1,16 +1,15 @@
-//! Arrays of fixed length for serde, which stops at 32 elements by itself.
+//! Serde adapters that write integers as bytes instead of varints.
 //!
-//! On the wire the elements in two's complement, least significant byte first, and no length before
-//! them.
+//! Arrays of fixed length become their elements in two's complement, least significant byte first,
+//! without a length before them. Serde's own arrays end at 32 elements.
 
 use core::{fmt, marker::PhantomData};
 
 use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
 use serde::ser::{Serialize, SerializeTuple, Serializer};
 
-/// An element as so many bytes: postcard would make a varint of an `i16`.
+/// An integer with a fixed number of bytes; postcard would write an `i16` as a varint.
 pub(crate) trait Element: Copy + Default {
-    /// Its bytes.
     type Bytes: Serialize + for<'de> Deserialize<'de>;
     fn to_bytes(self) -> Self::Bytes;
     fn from_bytes(bytes: Self::Bytes) -> Self;
@@ -40,6 +39,7 @@ impl Element for i16 {
     }
 }
 
+/// For `#[serde(with = "packed")]` on an array.
 pub(crate) fn serialize<S: Serializer, E: Element, const N: usize>(
     values: &[E; N],
     serializer: S,
@@ -51,10 +51,21 @@ pub(crate) fn serialize<S: Serializer, E: Element, const N: usize>(
     tuple.end()
 }
 
+/// The counterpart of [`serialize`].
 pub(crate) fn deserialize<'de, D: Deserializer<'de>, E: Element, const N: usize>(
     deserializer: D,
 ) -> Result<[E; N], D::Error> {
     deserializer.deserialize_tuple(N, ArrayVisitor(PhantomData))
+}
+
+/// Writes a byte slice in one piece: varint length, then the bytes.
+///
+/// Serde's derive produces the same bytes for a `&[u8]`, but one call per byte.
+pub(crate) fn serialize_bytes<S: Serializer>(
+    bytes: &&[u8],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.serialize_bytes(bytes)
 }
 
 struct ArrayVisitor<E, const N: usize>(PhantomData<E>);

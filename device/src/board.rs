@@ -1,0 +1,56 @@
+//! Identity and abilities of a board.
+
+use link::{Hello, ResetCause, Streams};
+
+/// Identity of the device, constant from its start to its next reset.
+#[derive(Clone, Debug)]
+pub struct Identity<'i> {
+    /// Version of the firmware, at most [`link::MAX_TEXT_BYTES`].
+    pub firmware: &'i str,
+    /// Name of the board, at most [`link::MAX_TEXT_BYTES`].
+    pub board: &'i str,
+    /// Unique id of the microcontroller, 96 bits.
+    pub chip_uid: [u8; 12],
+    /// Number that differs from boot to boot, random or counted.
+    pub session_id: u32,
+    /// Reset cause as the microcontroller or the kept fault record reports it.
+    pub reset_cause: ResetCause,
+    /// Fault of this start or of the previous run; empty without one. At most
+    /// [`link::MAX_TEXT_BYTES`].
+    pub fault: &'i str,
+}
+
+impl Identity<'_> {
+    /// Builds the message, with the id of the model that this program contains.
+    pub(crate) const fn hello(&self) -> Hello<'_> {
+        Hello {
+            firmware: self.firmware,
+            board: self.board,
+            chip_uid: self.chip_uid,
+            model_id: model::MODEL_ID,
+            session_id: self.session_id,
+            reset_cause: self.reset_cause,
+            fault: self.fault,
+        }
+    }
+}
+
+/// Commands and streams that a board supports; the session refuses all others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Abilities {
+    /// Streams that a `Start` can request.
+    pub streams: Streams,
+    /// Whether its converters can test themselves with their internal signals.
+    pub self_test: bool,
+    /// Whether it can start its microcontroller's built-in boot loader.
+    pub bootloader: bool,
+}
+
+impl Abilities {
+    /// Codes and nothing else.
+    pub const CODES: Self = Self {
+        streams: Streams::CODES,
+        self_test: false,
+        bootloader: false,
+    };
+}

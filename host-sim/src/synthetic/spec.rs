@@ -1,0 +1,91 @@
+//! Parameters of synthetic EEG, and what can be wrong with them.
+
+use recordings::virtual_adc::CHANNELS;
+use thiserror::Error;
+
+/// Parameters of synthetic EEG. An amplitude of 0 switches its component off.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SyntheticSpec {
+    /// Seed of every random stream: equal specs yield equal counts.
+    pub seed: u64,
+    /// Samples per second, Hz, 128..=16,000.
+    pub rate_hz: u32,
+    /// Labels of the 10-5 system; electrode e is on ADC channel e.
+    pub electrodes: Vec<String>,
+    /// Background, uV RMS within 0.5-60 Hz; each electrode has a random 0.7 to 1.3 times this.
+    pub background_uv: f64,
+    /// Alpha rhythm over the back of the head during a burst, uV RMS.
+    pub alpha_uv: f64,
+    /// Mains frequency, Hz, > 0 and below half the rate.
+    pub mains_hz: u32,
+    /// Mean amplitude (peak) of mains interference, uV; each electrode has a random 0.5 to 1.5 times
+    /// this.
+    pub mains_uv: f64,
+    /// Largest electrode offset, mV, either sign.
+    pub offset_mv: f64,
+    /// Slow drift on top of the offset, uV RMS.
+    pub drift_uv: f64,
+    /// Adds blinks: 150 to 300 uV at Fpz, every 2 to 7 s.
+    pub blinks: bool,
+    /// Drives single electrodes to the ADC's rail: for 0.2 to 1.5 s, every 5 to 20 s.
+    pub rails: bool,
+}
+
+impl SyntheticSpec {
+    /// Returns the parameters of a recording at rest: 512 Hz, 50 Hz mains, blinks, no rails.
+    ///
+    /// Slope and spatial correlation are those of a real cap (EEGMMIDB S001R03: 1/f^1.6 from 2 to
+    /// 40 Hz). With alpha and blinks the RMS is 24 to 46 uV within 0.5-60 Hz (seed 7, 120 s).
+    pub fn new(seed: u64, electrodes: impl IntoIterator<Item = impl Into<String>>) -> Self {
+        Self {
+            seed,
+            rate_hz: 512,
+            electrodes: electrodes.into_iter().map(Into::into).collect(),
+            background_uv: 20.0,
+            alpha_uv: 20.0,
+            mains_hz: 50,
+            mains_uv: 20.0,
+            offset_mv: 20.0,
+            drift_uv: 100.0,
+            blinks: true,
+            rails: false,
+        }
+    }
+}
+
+/// A parameter that the generator refuses.
+#[derive(Debug, Error, PartialEq)]
+pub enum SyntheticError {
+    /// A label without a position in the 10-5 system.
+    #[error(
+        "{label:?} is no electrode of the 10-20, 10-10 or 10-5 system, so it has no place on the scalp"
+    )]
+    UnknownElectrode {
+        /// Label in [`SyntheticSpec::electrodes`].
+        label: String,
+    },
+    /// More electrodes than the ADC has channels (64).
+    #[error("{electrodes} electrodes do not fit the ADC's {CHANNELS} channels")]
+    TooManyElectrodes {
+        /// Number of labels in the spec.
+        electrodes: usize,
+    },
+    /// Rate or mains frequency outside the generator's range.
+    #[error(
+        "{rate_hz} Hz with {mains_hz} Hz mains cannot be synthesised; give 128..=16000 Hz and a mains frequency below half of it"
+    )]
+    Rate {
+        /// Rate in the spec, Hz.
+        rate_hz: u32,
+        /// Mains frequency in the spec, Hz.
+        mains_hz: u32,
+    },
+    /// An amplitude that is negative, infinite or not a number.
+    #[error("{name} is {value}; write an amplitude of 0 or more")]
+    Amplitude {
+        /// Name of the field in [`SyntheticSpec`].
+        name: &'static str,
+        /// Value in the spec.
+        value: f64,
+    },
+}

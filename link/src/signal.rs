@@ -1,0 +1,88 @@
+//! ADC samples and filtered electrodes, streamed on request.
+
+use serde::{Deserialize, Serialize};
+
+use crate::flags::Flags;
+use crate::packed;
+
+/// Most samples that a device puts into a [`Raw`]: 64 channels take 1536 bytes of the body.
+pub const RAW_SAMPLES: usize = 8;
+
+/// Bytes of a count in [`Raw::counts`].
+pub const COUNT_BYTES: usize = 3;
+
+/// Most steps that a device puts into a [`Filtered`]: 61 electrodes take 976 bytes of the body.
+pub const FILTERED_STEPS: usize = 4;
+
+/// Bytes of a value in [`Filtered::values`].
+pub const VALUE_BYTES: usize = 4;
+
+/// Consecutive unfiltered ADC samples of all channels; on request.
+///
+/// The header's time is the DRDY edge of the last sample.
+///
+/// ```
+/// # use link::{Flags, Raw};
+/// let raw = Raw {
+///     first_sample: 0,
+///     channels: 2,
+///     flags: Flags::empty(),
+///     counts: &[1, 0, 0, 0xff, 0xff, 0xff, 2, 0, 0, 0, 0, 0x80],
+/// };
+/// assert!(raw.counts().eq([1, -1, 2, -(1 << 23)]));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Raw<'a> {
+    /// Index since `Start` of the first sample. The next frame's is higher by the samples of this
+    /// one; where it is higher still, samples are lost.
+    pub first_sample: u64,
+    /// Counts per sample; 64 on a chain of eight ADS1299.
+    pub channels: u8,
+    /// Faults of these samples: `ADC_STATUS_BAD`, `LEAD_OFF`, `OVERRUN`.
+    pub flags: Flags,
+    /// Counts, sample by sample and channel by channel; 24 bits in two's complement, least
+    /// significant byte first.
+    #[serde(borrow, serialize_with = "packed::serialize_bytes")]
+    pub counts: &'a [u8],
+}
+
+impl Raw<'_> {
+    /// Returns the counts in wire order, |count| <= 2^23; a truncated last count is omitted.
+    pub fn counts(&self) -> impl Iterator<Item = i32> {
+        let (counts, _) = self.counts.as_chunks::<COUNT_BYTES>();
+        // Shift the 24 bits to the top and back down, which extends the sign.
+        counts
+            .iter()
+            .map(|&[low, middle, high]| i32::from_le_bytes([0, low, middle, high]) >> 8)
+    }
+}
+
+/// Consecutive filtered steps of all electrodes at the encoder's rate, before quantisation; on
+/// request.
+///
+/// The header's time is that of the last step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Filtered<'a> {
+    /// Index since `Start` of the first step. The next frame's is higher by the steps of this one;
+    /// where it is higher still, steps are lost.
+    pub first_step: u64,
+    /// Electrodes of a step, in the order of [`Capabilities::labels`](crate::Capabilities::labels).
+    pub electrodes: u8,
+    /// Fraction bits of a value: `value * lsb_nv / 2^fraction_bits` is in nanovolt.
+    pub fraction_bits: u8,
+    /// Faults of the samples of these steps: `ADC_STATUS_BAD`, `LEAD_OFF`, `OVERRUN`, `SATURATED`,
+    /// `SETTLING`.
+    pub flags: Flags,
+    /// Values, step by step and electrode by electrode; 32 bits in two's complement, least
+    /// significant byte first.
+    #[serde(borrow, serialize_with = "packed::serialize_bytes")]
+    pub values: &'a [u8],
+}
+
+impl Filtered<'_> {
+    /// Returns the values in wire order; a truncated last value is omitted.
+    pub fn values(&self) -> impl Iterator<Item = i32> {
+        let (values, _) = self.values.as_chunks::<VALUE_BYTES>();
+        values.iter().map(|&value| i32::from_le_bytes(value))
+    }
+}
