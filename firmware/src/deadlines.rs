@@ -68,8 +68,7 @@ pub const FRAME_BYTES_WAITING: usize = 12_288;
 /// watchdog is no longer fed.
 pub const PROGRESS: Duration = CODE;
 
-/// Period of the watchdog at the nominal frequency of its oscillator, [`LSI_HZ`]. Over the oscillator's
-/// range that is 136 to 376 ms on an STM32F446 and 190 to 218 ms on an STM32H743.
+/// Period of the watchdog at the nominal 32 kHz of its oscillator (LSI). Over the oscillator's range that is 136 to 376 ms on an STM32F446 and 190 to 218 ms on an STM32H743.
 pub const WATCHDOG: Duration = Duration::from_millis(200);
 
 /// Nominal frequency of the watchdog's oscillator. Its range is 17 to 47 kHz on an STM32F446 (DS10693, LSI)

@@ -9,7 +9,7 @@ use embassy_stm32::{
 use crate::exti;
 
 /// Initialises the chip: clocks, DMA, GPIO, time driver. The interrupts of all pins are disabled afterwards
-/// ([`exti::disable_all`]).
+/// (`exti::disable_all`).
 ///
 /// The time driver (embassy-stm32 0.6.0, `time_driver/gp16.rs`) generates an update while counter and
 /// compare register 1 are both 0. That sets CC1IF, and the driver enables its interrupt without clearing

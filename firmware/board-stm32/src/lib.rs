@@ -1,10 +1,10 @@
-//! Everything that the boards with an STM32 share, between their pins and the tasks of [`firmware`].
+//! Everything that the boards with an STM32 share, between their pins and the tasks of `firmware`.
 //!
 //! ```text
-//!            DRDY -> [exti] -> stamp                                     USB
-//! 8 ADS1299 ---SPI, DMA------> [converter] --> firmware's tasks <--> [port] <--> host
-//!    TRIGGER -> TIM2 capture -> [trigger] ----^                          UART
-//!        panic, fault, watchdog -> [failure] -> record -> reset -> Hello
+//! DRDY ----edge---> [drdy] --time stamp--+
+//! ADS1299 x8 --SPI--> [bus] --counts--> [converter] --> firmware's tasks <--> [port] <--> USB or UART
+//! TRIGGER --TIM2 capture--> [trigger] ----events---------------^
+//! panic, hard fault --> [failure] --record--> reset --> [application] --> Hello
 //! ```
 //!
 //! The crate of a board defines pins, clocks and memory, and passes them to `start_tasks` as a `Board`. For
