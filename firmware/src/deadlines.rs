@@ -68,7 +68,8 @@ pub const FRAME_BYTES_WAITING: usize = 12_288;
 /// watchdog is no longer fed.
 pub const PROGRESS: Duration = CODE;
 
-/// Period of the watchdog at the nominal 32 kHz of its oscillator (LSI). Over the oscillator's range that is 136 to 376 ms on an STM32F446 and 190 to 218 ms on an STM32H743.
+/// Period of the watchdog at the nominal 32 kHz of its oscillator (LSI). Over the oscillator's range that is
+/// 136 to 376 ms on an STM32F446 and 190 to 218 ms on an STM32H743.
 pub const WATCHDOG: Duration = Duration::from_millis(200);
 
 /// Nominal frequency of the watchdog's oscillator. Its range is 17 to 47 kHz on an STM32F446 (DS10693, LSI)
@@ -79,7 +80,7 @@ const LSI_FASTEST_HZ: u64 = 47_000;
 
 const _: () = {
     assert!(SAMPLE.as_micros() < STEP.as_micros());
-    // Progress right after one check is seen at the next check but one, so two checks must fit.
+    // Up to two progress checks pass between two feeds, and the fastest watchdog must not expire meanwhile.
     assert!(2 * PROGRESS.as_micros() * LSI_FASTEST_HZ < WATCHDOG.as_micros() * LSI_HZ);
     assert!(
         priority::TIME < priority::DRDY
