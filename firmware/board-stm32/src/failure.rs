@@ -1,5 +1,8 @@
 //! Panics and faults: each leaves a record for the next run and resets the chip.
-#![expect(unsafe_code, reason = "the fault handler, which checks and reads the stack")]
+#![expect(
+    unsafe_code,
+    reason = "the fault handler, which checks and reads the stack"
+)]
 
 use core::{arch::naked_asm, panic::PanicInfo};
 
