@@ -1,9 +1,9 @@
-//! Links the image for the board. On a PC there is nothing to link.
+//! Links the image with the board's memory map.
 #![forbid(unsafe_code)]
 
 #[path = "../board-stm32/image.rs"]
 mod image;
 
 fn main() {
-    image::describe("stm32f446.x");
+    image::configure("stm32f446.x");
 }

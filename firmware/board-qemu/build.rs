@@ -1,4 +1,4 @@
-//! Links the image for the emulated board. On the host there is nothing to do.
+//! Links the image with the memory map of the emulated boards.
 #![forbid(unsafe_code)]
 
 use std::{env, fs, path::PathBuf};
@@ -10,8 +10,8 @@ fn main() {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    // The name that memory.x in the workspace's root passes on to; cortex-m-rt's link.x includes that and
-    // device.x, which is empty because the interrupts have their handlers in the table itself.
+    // memory.x in the workspace's root includes board.x. cortex-m-rt's link.x also includes device.x, which
+    // is empty because the vector table names its handlers itself.
     fs::copy("mps2.x", out.join("board.x")).expect("OUT_DIR is writable");
     fs::write(out.join("device.x"), "").expect("OUT_DIR is writable");
     println!("cargo::rustc-link-search={}", out.display());

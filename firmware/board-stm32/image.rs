@@ -1,9 +1,9 @@
-//! What the boards' build scripts share: how an image is linked, and what it calls itself.
+//! Shared by the boards' build scripts: linker arguments and version of an image.
 
 use std::{env, fs, path::PathBuf, process::Command};
 
-/// Links an image with a memory map, and names its version and commit.
-pub(crate) fn describe(memory_map: &str) {
+/// Sets the linker arguments for a memory map, and `CORTICODE_FIRMWARE` to version and commit.
+pub(crate) fn configure(memory_map: &str) {
     println!("cargo::rerun-if-changed={memory_map}");
     println!("cargo::rerun-if-changed=../../memory.x");
     println!("cargo::rustc-env=CORTICODE_FIRMWARE={}", version());
@@ -11,7 +11,7 @@ pub(crate) fn describe(memory_map: &str) {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    // The name that memory.x in the workspace's root passes on to.
+    // memory.x in the workspace's root includes it under this name.
     fs::copy(memory_map, out.join("board.x")).expect("the memory map can be copied");
     println!("cargo::rustc-link-search={}", out.display());
     for argument in ["-Tlink.x", "-Tdefmt.x", "--nmagic"] {
@@ -19,10 +19,11 @@ pub(crate) fn describe(memory_map: &str) {
     }
 }
 
-/// `0.1.0 5d4b736`, with a `+` where something is not committed; the version alone without git.
+/// Returns for example `0.1.0 5d4b736`, with a `+` if there are uncommitted changes; without git the version
+/// alone.
 fn version() -> String {
     let version = env::var("CARGO_PKG_VERSION").expect("cargo sets it");
-    // Every commit and every change of branch writes a line here.
+    // Every commit and every change of branch appends a line to this file.
     if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
         println!("cargo::rerun-if-changed={log}");
     }

@@ -1,47 +1,52 @@
-//! The most urgent task: takes every sample, and makes a step of it where one is due.
+//! Acquisition task, the most urgent: takes every sample, filters it and makes a step where one is due.
 
 use device::{Marks, Order, Run, fault_text};
 use link::{SelfTest, Stage};
+use model::ADC_RATE_HZ;
 use pipeline::{Acquisition, Sample, Step};
 
-use model::ADC_RATE_HZ;
+use crate::{
+    converter::{Conversion, Converter},
+    queues::SampleSender,
+    shared::Shared,
+};
 
-use crate::{Conversion, Converter, Shared, StampedIn};
-
-/// Takes samples for ever. While nothing streams they are read and forgotten.
+/// Runs the acquisition. Without an active run, samples are read and discarded.
 ///
-/// Nothing here waits but for the converter, allocates or logs. Where the encoder has no room, the
-/// sample is counted as an overrun, and the next one that is handed on says so.
+/// Waits only for the converter, and neither allocates nor logs. When the encoder's queue is full, the
+/// sample is dropped and counted as an overrun, and the next sample in the queue is marked.
 pub async fn acquire(
     mut converter: impl Converter,
     shared: &Shared,
-    (mut taken, acquisition): (StampedIn, &mut Acquisition),
+    (mut samples, acquisition): (SampleSender, &mut Acquisition),
 ) -> ! {
     let mut running: Option<Running> = None;
     let mut sample = Sample::default();
-    tell(&converter, shared);
-    let mut until_told = ADC_RATE_HZ;
+    publish_status(&converter, shared);
+    let mut samples_until_status = ADC_RATE_HZ;
     loop {
         let conversion = converter.next(&mut sample).await;
-        shared.progress.acquired();
+        shared.progress.mark_acquired();
         match shared.orders.try_take() {
             Some(Order::Start(run)) => {
                 acquisition.restart(run.mains);
-                running = Some(Running::of(run));
+                running = Some(Running::new(run));
             }
             Some(Order::Stop) => running = None,
             Some(Order::SelfTest) => {
                 running = None;
-                converter.self_test(|| shared.progress.acquired()).await;
-                tell_of_self_test(&converter, shared);
-                tell(&converter, shared);
+                converter
+                    .self_test(|| shared.progress.mark_acquired())
+                    .await;
+                publish_self_test_result(&converter, shared);
+                publish_status(&converter, shared);
             }
             Some(Order::Reset(_)) | None => {}
         }
-        until_told -= 1;
-        if until_told == 0 {
-            until_told = ADC_RATE_HZ;
-            tell(&converter, shared);
+        samples_until_status -= 1;
+        if samples_until_status == 0 {
+            samples_until_status = ADC_RATE_HZ;
+            publish_status(&converter, shared);
         }
         if let Some(running) = &mut running {
             shared.count_sample();
@@ -52,66 +57,69 @@ pub async fn acquire(
             running.marks.overrun |= conversion.missed > 0;
             running.marks.adc_status_bad |= conversion.status_bad;
             running.marks.lead_off |= conversion.lead_off;
-            let step = push(acquisition, &sample);
-            running.take(&sample, step.as_ref(), &conversion, shared, &mut taken);
-            shared.timing.end(Stage::Acquire, conversion.drdy_ticks);
+            let step = filter(acquisition, &sample);
+            running.hand_over(&sample, step.as_ref(), &conversion, shared, &mut samples);
+            shared.timing.record(Stage::Acquire, conversion.drdy_ticks);
         }
     }
 }
 
-/// The filters, apart from the board's task, which is compiled to be small.
+/// Filters one sample. A function of its own, because the boards compile the task around it for size.
 #[inline(never)]
-fn push(acquisition: &mut Acquisition, sample: &Sample) -> Option<Step> {
+fn filter(acquisition: &mut Acquisition, sample: &Sample) -> Option<Step> {
     acquisition.push(sample)
 }
 
-/// Leaves a note of how the converters are; its text stays off the task's frame.
+/// Publishes the converters' status for the conversation. Not inlined, to keep the status text off the
+/// task's stack frame.
 #[inline(never)]
-fn tell(converter: &impl Converter, shared: &Shared) {
-    if let Some(state) = converter.state() {
-        shared.converters.signal(state);
+fn publish_status(converter: &impl Converter, shared: &Shared) {
+    if let Some(status) = converter.status() {
+        shared.converter_status.signal(status);
     }
 }
 
-/// Leaves the result of a self-test, which is a kilobyte, without a place in the task's frame.
+/// Publishes the result of a self-test for the conversation. Not inlined, to keep the result, one kilobyte,
+/// off the task's stack frame.
 #[inline(never)]
-fn tell_of_self_test(converter: &impl Converter, shared: &Shared) {
-    let tested = converter.tested().unwrap_or_else(|| SelfTest {
+fn publish_self_test_result(converter: &impl Converter, shared: &Shared) {
+    let result = converter.self_test_result().unwrap_or_else(|| SelfTest {
         fault: fault_text("nothing was tested: the converters have no signals of their own"),
         ..SelfTest::default()
     });
-    shared.self_test.signal(tested);
+    shared.self_test_result.signal(result);
 }
 
-/// A stream that runs.
+/// State of an active run.
 struct Running {
-    /// Told to the encoder with the first sample that it has room for.
-    begun: Option<Run>,
+    /// Start of the run, for the encoder; cleared once a sample has carried it there.
+    start: Option<Run>,
     /// Samples taken since the start.
     samples: u64,
-    /// Steps made of them.
+    /// Steps made since the start.
     steps: u64,
-    /// Since the last sample that was handed on.
+    /// Faults since the last sample that was handed over.
     marks: Marks,
 }
 
 impl Running {
-    const fn of(run: Run) -> Self {
+    const fn new(run: Run) -> Self {
         Self {
-            begun: Some(run),
+            start: Some(run),
             samples: 0,
             steps: 0,
             marks: Marks::NONE,
         }
     }
 
-    fn take(
+    /// Queues a sample and its step for the encoder, or counts an overrun if the queue is full.
+    fn hand_over(
         &mut self,
         sample: &Sample,
         step: Option<&Step>,
         conversion: &Conversion,
         shared: &Shared,
-        taken: &mut StampedIn,
+        samples: &mut SampleSender,
     ) {
         if let Some(step) = step {
             shared.count_clipped(step.clipped);
@@ -119,22 +127,22 @@ impl Running {
         let (index, step_index) = (self.samples, self.steps);
         self.samples += 1;
         self.steps += u64::from(step.is_some());
-        // Also where there is no room: an encoder that hangs has a full queue, and is not idle.
-        shared.progress.handed_on();
-        let Some(slot) = taken.try_send() else {
+        // Even if the queue is full: the queue of a hung encoder is full, and it must not pass for idle.
+        shared.progress.mark_handed_over();
+        let Some(slot) = samples.try_send() else {
             shared.count_overruns(1);
             self.marks.overrun = true;
             return;
         };
-        let place = &mut slot.taken;
-        place.new_run = self.begun.take();
+        let place = &mut slot.acquired;
+        place.new_run = self.start.take();
         place.sample = *sample;
         place.index = index;
         place.step = step.map(|step| (step_index, *step));
         place.drdy_us = conversion.drdy_us;
         place.marks = core::mem::take(&mut self.marks);
         slot.drdy_ticks = conversion.drdy_ticks;
-        taken.send_done();
+        samples.send_done();
     }
 }
 

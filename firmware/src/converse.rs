@@ -1,4 +1,4 @@
-//! The task between port and pipeline: commands in, frames out.
+//! Conversation task, between port and pipeline: commands in, frames out.
 
 use core::{
     cell::{Cell, RefCell},
@@ -13,42 +13,48 @@ use embassy_time::{Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 use link::{MAX_FRAME, ResetInto, Stage, Start};
 
-use crate::{Frames, Handed, HandedOut, Shared, Stack, deadlines};
+use crate::{
+    deadlines,
+    memory::Frames,
+    queues::{OutputReceiver, OutputSlot},
+    shared::Shared,
+    stack::Stack,
+};
 
-/// Bytes that are read from the port at once: a packet of USB at full speed.
+/// Bytes read from the port at once: one USB packet at full speed.
 const PACKET: usize = 64;
 
-/// How often the conversation shows that it is alive.
+/// Longest time between two signs of progress of the conversation.
 const TICK: embassy_time::Duration = embassy_time::Duration::from_millis(20);
 
 /// Both directions of a port.
 #[derive(Debug)]
 pub struct Port<Input, Output> {
-    /// From the host.
+    /// Bytes from the host.
     pub input: Input,
-    /// To the host.
+    /// Bytes to the host.
     pub output: Output,
 }
 
-/// What the microcontroller itself can tell and do.
+/// The microcontroller, as far as the conversation needs it.
 #[derive(Clone, Copy, Debug)]
 pub struct Machine {
-    /// Its stack, where somebody has painted it.
+    /// Painted stack, whose peak goes into the `Timing` message; `None` if it is not painted.
     pub stack: Option<Stack>,
-    /// Starts it anew.
+    /// Resets the microcontroller on the host's command.
     pub restart: fn(ResetInto) -> !,
 }
 
-/// Introduces the device, answers commands and sends what is made, for ever; begins with `start`, if a
-/// board starts without a host.
+/// Runs the conversation: introduces the device, answers commands and sends outputs. With `start`, a run
+/// starts without a command.
 ///
-/// Reading, making and writing are one task of one priority: they share session and frames without
-/// locks. A port that takes nothing costs the oldest whole frames, which are counted.
+/// Reading, forwarding and writing are futures of one task, so they share session and frames without locks.
+/// When the port accepts no bytes, the oldest whole frames are dropped and counted.
 pub async fn converse(
     Port { input, output }: Port<impl Read, impl Write>,
     session: &mut Session<'_>,
     start: Option<Start>,
-    (frames, made): (&mut Frames, HandedOut),
+    (frames, outputs): (&mut Frames, OutputReceiver),
     shared: &Shared,
     machine: Machine,
 ) -> ! {
@@ -56,115 +62,120 @@ pub async fn converse(
     if let Some(start) = start {
         let (_, order) = session.start(start, now_us(), frames);
         if let Some(order) = order {
-            shared.order(order);
+            shared.send_order(order);
         }
     }
     let conversation = Conversation {
         state: RefCell::new((session, frames)),
-        made_ticks: Cell::new(None),
-        waiting: Signal::new(),
+        code_ticks: Cell::new(None),
+        frames_waiting: Signal::new(),
         shared,
         machine,
     };
-    conversation.waiting.signal(());
-    // In place: what is moved takes room on the stack as well, for ever.
+    conversation.frames_waiting.signal(());
+    // Pinned in place: a moved future would occupy the stack a second time, for the whole run.
     join5(
-        pin!(conversation.read(input)),
-        pin!(conversation.make(made)),
-        pin!(conversation.write(output)),
-        pin!(conversation.tell_of_converters()),
-        pin!(conversation.tell_of_self_test()),
+        pin!(conversation.receive_commands(input)),
+        pin!(conversation.forward_outputs(outputs)),
+        pin!(conversation.write_frames(output)),
+        pin!(conversation.report_converters()),
+        pin!(conversation.report_self_test()),
     )
     .await;
     unreachable!("none of the five ends")
 }
 
-/// What reading, making and writing share.
+/// State that the futures of the conversation share.
 struct Conversation<'c, 'i> {
     state: RefCell<(&'c mut Session<'i>, &'c mut Frames)>,
-    /// When the newest code was handed on, until the port has taken it.
-    made_ticks: Cell<Option<u32>>,
-    /// Frames wait.
-    waiting: Signal<NoopRawMutex, ()>,
+    /// Time at which the newest code was queued, until the port has accepted it.
+    code_ticks: Cell<Option<u32>>,
+    /// Set when there may be new frames to write.
+    frames_waiting: Signal<NoopRawMutex, ()>,
     shared: &'c Shared,
     machine: Machine,
 }
 
 impl Conversation<'_, '_> {
-    /// Obeys what the host commands.
-    async fn read(&self, mut input: impl Read) {
+    /// Reads commands from the port and executes them.
+    async fn receive_commands(&self, mut input: impl Read) {
         let mut packet = [0; PACKET];
         loop {
             let Ok(length) = input.read(&mut packet).await else {
-                // The port is closed: it comes back, or it does not.
+                // The port is closed; it may open again.
                 Timer::after(TICK).await;
                 continue;
             };
-            let restart = self.receive(&packet[..length]);
-            self.waiting.signal(());
+            let restart = self.handle_bytes(&packet[..length]);
+            self.frames_waiting.signal(());
             if let Some(into) = restart {
-                Timer::after(deadlines::FAREWELL).await;
+                Timer::after(deadlines::DRAIN_TIMEOUT).await;
                 (self.machine.restart)(into);
             }
         }
     }
 
-    /// Hands bytes to the session; gives what the device shall start anew with, if it shall.
-    fn receive(&self, bytes: &[u8]) -> Option<ResetInto> {
+    /// Passes bytes to the session. Returns the target of a reset if they complete that command.
+    fn handle_bytes(&self, bytes: &[u8]) -> Option<ResetInto> {
         let (session, frames) = &mut *self.state.borrow_mut();
-        // What a Stop is answered with counts what was lost before it.
+        // First, because the answer to a Stop includes the frames lost before it.
         self.skip_lost(frames);
         let counts = self.shared.counts();
         let mut restart = None;
         session.receive(bytes, now_us(), counts, frames, |order| match order {
             Order::Reset(into) => restart = Some(into),
-            order => self.shared.order(order),
+            order => self.shared.send_order(order),
         });
         restart
     }
 
-    /// Makes frames of what the encoder hands on.
-    async fn make(&self, mut made: HandedOut) {
+    /// Turns the encoder's outputs into frames.
+    async fn forward_outputs(&self, mut outputs: OutputReceiver) {
         loop {
-            self.shared.progress.conversed();
-            let Ok(handed) = with_timeout(TICK, made.receive()).await else {
+            self.shared.progress.mark_conversed();
+            let Ok(slot) = with_timeout(TICK, outputs.receive()).await else {
                 continue;
             };
-            self.put(handed);
-            made.receive_done();
-            self.waiting.signal(());
+            self.send_output(slot);
+            outputs.receive_done();
+            self.frames_waiting.signal(());
         }
     }
 
-    /// No part of its caller: what a message takes of the stack must not lie in the task's frame.
+    /// Queues the frame of one output.
+    ///
+    /// At the end of each second of a run, `Stats` and `Timing` precede the output with the same time stamp, as
+    /// the wire format specifies.
+    ///
+    /// Not inlined, to keep the messages off the task's stack frame.
     #[inline(never)]
-    fn put(&self, handed: &Handed) {
+    fn send_output(&self, slot: &OutputSlot) {
         let (session, frames) = &mut *self.state.borrow_mut();
         self.skip_lost(frames);
-        if handed.made.ends_second() && session.is_streaming() {
-            let at_us = handed.made.at_us;
+        if slot.output.ends_second() && session.is_streaming() {
+            let at_us = slot.output.at_us;
             session.send_stats(at_us, self.shared.counts(), frames);
             let timing = self.shared.timing.report(self.machine.stack);
             session.send_timing(&timing, at_us, frames);
         }
-        session.send(&handed.made, frames);
-        if let Payload::Code(..) = handed.made.payload {
-            self.made_ticks.set(Some(handed.ticks));
+        session.send(&slot.output, frames);
+        if let Payload::Code(..) = slot.output.payload {
+            self.code_ticks.set(Some(slot.queued_ticks));
         }
     }
 
-    /// Numbers and counts what the encoder could not hand on.
+    /// Skips a frame number for each output that the encoder could not queue, and counts it as dropped.
     fn skip_lost(&self, frames: &mut Frames) {
-        for _ in 0..self.shared.made_lost.swap(0, Relaxed) {
+        for _ in 0..self.shared.outputs_lost.swap(0, Relaxed) {
             frames.skip();
         }
     }
 
-    /// Writes frames to the port.
-    async fn write(&self, mut output: impl Write) {
+    /// Writes the waiting frames to the port.
+    async fn write_frames(&self, mut output: impl Write) {
         let mut buffer = [0; MAX_FRAME];
         loop {
-            self.waiting.wait().await;
+            self.frames_waiting.wait().await;
             loop {
                 let frame = {
                     let (_, frames) = &mut *self.state.borrow_mut();
@@ -177,33 +188,33 @@ impl Conversation<'_, '_> {
                 }
             }
             let _ = output.flush().await;
-            if let Some(begin) = self.made_ticks.take() {
-                self.shared.timing.end(Stage::Send, begin);
+            if let Some(start_ticks) = self.code_ticks.take() {
+                self.shared.timing.record(Stage::Send, start_ticks);
             }
         }
     }
 
-    /// Tells of the converters what the acquisition leaves notes of.
-    async fn tell_of_converters(&self) {
+    /// Sends the converters' status whenever the acquisition publishes it.
+    async fn report_converters(&self) {
         loop {
-            let converters = self.shared.converters.wait().await;
+            let status = self.shared.converter_status.wait().await;
             {
                 let (session, frames) = &mut *self.state.borrow_mut();
-                session.update_converters(converters, now_us(), frames);
+                session.update_converters(status, now_us(), frames);
             }
-            self.waiting.signal(());
+            self.frames_waiting.signal(());
         }
     }
 
-    /// Tells what came of a self-test.
-    async fn tell_of_self_test(&self) {
+    /// Sends the result of a self-test when the acquisition publishes it.
+    async fn report_self_test(&self) {
         loop {
-            let result = self.shared.self_test.wait().await;
+            let result = self.shared.self_test_result.wait().await;
             {
                 let (session, frames) = &mut *self.state.borrow_mut();
                 session.send_self_test(&result, now_us(), frames);
             }
-            self.waiting.signal(());
+            self.frames_waiting.signal(());
         }
     }
 }

@@ -1,50 +1,49 @@
-//! What a board has to give: samples.
+//! Interface of a board's analogue-to-digital converters.
 
 use core::future::ready;
 
 use link::{Converters, SelfTest};
 use pipeline::Sample;
 
-/// One reading of the converter.
+/// Time and status of one sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Conversion {
     /// Device time of the DRDY edge, microseconds since boot.
     pub drdy_us: u64,
-    /// The same edge on the board's [`Clock`](crate::Clock), ticks.
+    /// DRDY edge on the board's [`Clock`](crate::Clock), ticks.
     pub drdy_ticks: u32,
-    /// Samples before this one that came and were not read.
+    /// Samples lost between the previous one and this one.
     pub missed: u32,
-    /// A status word was wrong: the counts are not to be trusted.
+    /// Set if a status word is wrong: the counts are not to be trusted.
     pub status_bad: bool,
-    /// The converter reports an electrode off.
+    /// Set if the converter reports a disconnected electrode.
     pub lead_off: bool,
 }
 
-/// The analogue-to-digital converter of a board.
+/// Analogue-to-digital converter of a board: all channels at once.
 #[expect(
     async_fn_in_trait,
     reason = "an executor of one priority polls it; it need not be Send"
 )]
 pub trait Converter {
-    /// Waits for the next sample and writes it down; the same counts as before where the converter
-    /// gave nothing that can be read.
+    /// Waits for the next sample and writes its counts to `sample`. Where the converter returned nothing
+    /// readable, the counts of the sample before stay.
     async fn next(&mut self, sample: &mut Sample) -> Conversion;
 
-    /// How the converters are, for the host; none where there is nothing to tell.
-    fn state(&self) -> Option<Converters> {
+    /// Returns the `Converters` message for the host, or `None` if there is nothing to report.
+    fn status(&self) -> Option<Converters> {
         None
     }
 
-    /// Tries the converters with their own signals, some seconds long, and brings them back to where
-    /// they were; shows more often than the watchdog waits that it is alive.
+    /// Tests the converters with their internal test signals, which takes some seconds, and restores their
+    /// settings. Calls `alive` more often than the watchdog's period.
     fn self_test(&mut self, alive: impl FnMut()) -> impl Future<Output = ()> {
         let _ = alive;
         ready(())
     }
 
-    /// What the last self-test has found, for the host; none where the converters have no signals of
-    /// their own.
-    fn tested(&self) -> Option<SelfTest> {
+    /// Returns the result of the last self-test, or `None` if the converters have no test signals.
+    fn self_test_result(&self) -> Option<SelfTest> {
         None
     }
 }

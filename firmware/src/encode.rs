@@ -1,52 +1,57 @@
-//! The least urgent task: the encoder, and what else the host wants of the samples.
+//! Encoder task, the least urgent: makes codes and reports of the samples.
 
 use core::sync::atomic::Ordering::Relaxed;
 
 use device::{Output, Payload, Producer};
 use link::Stage;
 
-use crate::{HandedIn, Shared, StampedOut};
+use crate::{
+    queues::{OutputSender, SampleReceiver},
+    shared::Shared,
+};
 
-/// Makes of samples and steps what the host wants, for ever.
+/// Runs the encoder: makes every output that the host has requested from the queued samples.
 pub async fn encode(
     shared: &Shared,
-    (mut taken, mut made, producer): (StampedOut, HandedIn, &mut Producer),
+    (mut samples, mut outputs, producer): (SampleReceiver, OutputSender, &mut Producer),
 ) -> ! {
     loop {
-        let item = taken.receive().await;
-        let begin = shared.timing.now();
-        let mut hand_on = |what: Output| {
-            let is_code = matches!(what.payload, Payload::Code(..));
-            hand_on(shared, &mut made, what);
+        let slot = samples.receive().await;
+        let start_ticks = shared.timing.now();
+        let mut hand_over = |output: Output| {
+            let is_code = matches!(output.payload, Payload::Code(..));
+            hand_over(shared, &mut outputs, output);
             if is_code {
-                shared.timing.end(Stage::Code, item.drdy_ticks);
+                shared.timing.record(Stage::Code, slot.drdy_ticks);
             }
         };
-        // Events first: what is made of the sample says how the input stood. A run must have begun.
-        let begins = item.taken.new_run.is_some();
-        if begins {
-            shared.inputs.forget_before(item.taken.drdy_us);
+        // The events up to a sample precede the outputs made from it. Only the first sample of a run comes
+        // before its events, because it starts the run.
+        let starts_run = slot.acquired.new_run.is_some();
+        if starts_run {
+            shared.inputs.discard_before(slot.acquired.drdy_us);
         } else {
-            producer.place_events(&item.taken, || shared.inputs.next(), &mut hand_on);
+            producer.place_events(&slot.acquired, || shared.inputs.pop_event(), &mut hand_over);
         }
-        producer.process(&item.taken, &mut hand_on);
-        if begins {
-            producer.place_events(&item.taken, || shared.inputs.next(), &mut hand_on);
+        producer.process(&slot.acquired, &mut hand_over);
+        if starts_run {
+            producer.place_events(&slot.acquired, || shared.inputs.pop_event(), &mut hand_over);
         }
-        if item.taken.step.is_some() {
-            shared.timing.end(Stage::Step, begin);
+        if slot.acquired.step.is_some() {
+            shared.timing.record(Stage::Step, start_ticks);
         }
-        taken.receive_done();
-        shared.progress.encoded();
+        samples.receive_done();
+        shared.progress.mark_encoded();
     }
 }
 
-fn hand_on(shared: &Shared, made: &mut HandedIn, what: Output) {
-    if let Some(slot) = made.try_send() {
-        slot.made = what;
-        slot.ticks = shared.timing.now();
-        made.send_done();
+/// Queues an output for the conversation, or counts it as lost if the queue is full.
+fn hand_over(shared: &Shared, outputs: &mut OutputSender, output: Output) {
+    if let Some(slot) = outputs.try_send() {
+        slot.output = output;
+        slot.queued_ticks = shared.timing.now();
+        outputs.send_done();
     } else {
-        shared.made_lost.fetch_add(1, Relaxed);
+        shared.outputs_lost.fetch_add(1, Relaxed);
     }
 }

@@ -1,107 +1,111 @@
-//! What a run leaves to the next one.
+//! Record of why a run of the firmware ended.
 
 use core::fmt::{self, Write};
 
 use link::{ResetCause, ResetInto};
 
-/// Longest text, bytes; what is longer is cut.
-const TEXT: usize = 160;
+/// Bytes of a record's text; longer text is cut.
+const TEXT_BYTES: usize = 160;
 
-/// Marks a record that was written; anything else is what a memory holds when power comes up.
-const WRITTEN: u32 = 0x5245_434f;
+/// First word of a valid record; after power-on the memory holds random bits.
+const MAGIC: u32 = 0x5245_434f;
 
-/// Why a run ended, in memory that a reset does not touch.
+/// Why a run of the firmware ended, for memory that survives a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct FaultRecord {
-    written: u32,
-    end: u32,
+    magic: u32,
+    /// [`FAILURE`], [`HANG`], [`RESTART`] or [`RESTART_INTO_BOOTLOADER`].
+    reason: u32,
+    /// Bytes of `text` in use.
     length: u32,
-    text: [u8; TEXT],
-    /// Over all of the above.
-    sum: u32,
+    text: [u8; TEXT_BYTES],
+    /// FNV-1a of all fields above.
+    checksum: u32,
 }
 
-/// A panic or a fault.
-const FAILED: u32 = 0;
-/// A task made no progress.
-const HUNG: u32 = 1;
-/// The host has asked for it.
-const ASKED: u32 = 2;
-/// The host has asked for the microcontroller's own loader.
-const ASKED_FOR_BOOTLOADER: u32 = 3;
+/// Reason: a panic or a processor fault.
+const FAILURE: u32 = 0;
+/// Reason: a task made no progress.
+const HANG: u32 = 1;
+/// Reason: the host commanded a reset.
+const RESTART: u32 = 2;
+/// Reason: the host commanded a reset into the microcontroller's own boot loader.
+const RESTART_INTO_BOOTLOADER: u32 = 3;
 
 impl FaultRecord {
-    /// A record of a panic or a fault, in words.
-    pub fn failed(what: impl fmt::Display) -> Self {
-        Self::new(FAILED, &what)
+    /// Records a panic or a processor fault.
+    pub fn from_failure(description: impl fmt::Display) -> Self {
+        Self::new(FAILURE, &description)
     }
 
-    /// A record of a task that made no progress.
-    pub fn hung(what: impl fmt::Display) -> Self {
-        Self::new(HUNG, &what)
+    /// Records a task that made no progress.
+    pub fn from_hang(description: impl fmt::Display) -> Self {
+        Self::new(HANG, &description)
     }
 
-    /// A record of what the host has asked for.
-    pub fn asked(into: ResetInto) -> Self {
+    /// Records a reset that the host commanded; its text is empty.
+    pub fn from_restart(into: ResetInto) -> Self {
         match into {
-            ResetInto::Bootloader => Self::new(ASKED_FOR_BOOTLOADER, &""),
-            ResetInto::Firmware | ResetInto::Newer(_) => Self::new(ASKED, &""),
+            ResetInto::Bootloader => Self::new(RESTART_INTO_BOOTLOADER, &""),
+            ResetInto::Firmware | ResetInto::Newer(_) => Self::new(RESTART, &""),
         }
     }
 
-    fn new(end: u32, what: &dyn fmt::Display) -> Self {
+    fn new(reason: u32, description: &dyn fmt::Display) -> Self {
         let mut text = Text {
-            bytes: [0; TEXT],
+            bytes: [0; TEXT_BYTES],
             length: 0,
         };
-        // A text that is cut is still a text.
-        let _ = write!(text, "{what}");
+        // `Text` never fails; it drops the bytes that do not fit.
+        let _ = write!(text, "{description}");
         let mut record = Self {
-            written: WRITTEN,
-            end,
+            magic: MAGIC,
+            reason,
             length: u32::try_from(text.length).unwrap_or(0),
             text: text.bytes,
-            sum: 0,
+            checksum: 0,
         };
-        record.sum = record.sum_of_all();
+        record.checksum = record.compute_checksum();
         record
     }
 
-    /// Whether this was written by a run before, and whole.
-    pub fn is_sound(&self) -> bool {
-        self.written == WRITTEN && self.sum == self.sum_of_all()
+    /// Returns whether the memory holds a complete record, and not random bits.
+    pub fn is_valid(&self) -> bool {
+        self.magic == MAGIC && self.checksum == self.compute_checksum()
     }
 
-    /// The text.
+    /// Returns the description, cut to whole characters.
     pub fn text(&self) -> &str {
-        let length = usize::try_from(self.length).unwrap_or(TEXT).min(TEXT);
+        let length = usize::try_from(self.length)
+            .unwrap_or(TEXT_BYTES)
+            .min(TEXT_BYTES);
         let text = &self.text[..length];
         match core::str::from_utf8(text) {
             Ok(text) => text,
-            // Cut within a letter.
+            // The last character is incomplete.
             Err(error) => core::str::from_utf8(&text[..error.valid_up_to()]).unwrap_or(""),
         }
     }
 
-    /// What it is to the host.
-    pub const fn cause(&self) -> ResetCause {
-        match self.end {
-            HUNG => ResetCause::Watchdog,
-            ASKED | ASKED_FOR_BOOTLOADER => ResetCause::Software,
+    /// Returns the reset cause that `Hello` reports for this record.
+    pub const fn reset_cause(&self) -> ResetCause {
+        match self.reason {
+            HANG => ResetCause::Watchdog,
+            RESTART | RESTART_INTO_BOOTLOADER => ResetCause::Software,
             _ => ResetCause::Fault,
         }
     }
 
-    /// Whether the microcontroller's own loader shall run in place of this program.
-    pub const fn asks_for_bootloader(&self) -> bool {
-        self.end == ASKED_FOR_BOOTLOADER
+    /// Returns whether the host asked for the microcontroller's own boot loader instead of this firmware.
+    pub const fn requests_bootloader(&self) -> bool {
+        self.reason == RESTART_INTO_BOOTLOADER
     }
 
-    /// FNV-1a (Fowler, Noll and Vo; 32 bits). Once in an image: unrolled it takes a kilobyte.
+    /// FNV-1a (Fowler, Noll and Vo), 32 bits. Not inlined: unrolled, each copy takes a kilobyte of flash.
     #[inline(never)]
-    fn sum_of_all(&self) -> u32 {
-        let words = [self.written, self.end, self.length].map(u32::to_le_bytes);
+    fn compute_checksum(&self) -> u32 {
+        let words = [self.magic, self.reason, self.length].map(u32::to_le_bytes);
         let bytes = words.as_flattened().iter().chain(&self.text);
         bytes.fold(0x811c_9dc5, |sum, &byte| {
             (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193)
@@ -109,9 +113,9 @@ impl FaultRecord {
     }
 }
 
-/// Takes what fits.
+/// Writer that keeps the bytes that fit and drops the rest.
 struct Text {
-    bytes: [u8; TEXT],
+    bytes: [u8; TEXT_BYTES],
     length: usize,
 }
 
@@ -132,28 +136,31 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_record_says_what_was_written_and_a_single_bit_makes_it_none() {
-        let record = FaultRecord::failed(format_args!("panicked at {}", "encode.rs:7"));
-        assert!(record.is_sound());
+    fn a_record_keeps_its_text_and_cause_and_one_flipped_bit_makes_it_invalid() {
+        let record = FaultRecord::from_failure(format_args!("panicked at {}", "encode.rs:7"));
+        assert!(record.is_valid());
         assert_eq!(record.text(), "panicked at encode.rs:7");
-        assert_eq!(record.cause(), ResetCause::Fault);
+        assert_eq!(record.reset_cause(), ResetCause::Fault);
         let mut damaged = record;
         damaged.text[3] ^= 1;
-        assert!(!damaged.is_sound());
-        assert_eq!(FaultRecord::hung("encode").cause(), ResetCause::Watchdog);
+        assert!(!damaged.is_valid());
+        assert_eq!(
+            FaultRecord::from_hang("encode").reset_cause(),
+            ResetCause::Watchdog
+        );
         for (into, bootloader) in [(ResetInto::Firmware, false), (ResetInto::Bootloader, true)] {
-            let asked = FaultRecord::asked(into);
-            assert!(asked.is_sound() && asked.text().is_empty());
-            assert_eq!(asked.cause(), ResetCause::Software);
-            assert_eq!(asked.asks_for_bootloader(), bootloader);
+            let restart = FaultRecord::from_restart(into);
+            assert!(restart.is_valid() && restart.text().is_empty());
+            assert_eq!(restart.reset_cause(), ResetCause::Software);
+            assert_eq!(restart.requests_bootloader(), bootloader);
         }
     }
 
     #[test]
-    fn a_long_text_is_cut_between_letters() {
-        let long: String = core::iter::repeat_n('ä', TEXT).collect();
-        let record = FaultRecord::failed(std::format!("a{long}"));
-        assert!(record.is_sound());
-        assert_eq!(record.text().chars().count(), TEXT / 2);
+    fn a_long_text_is_cut_between_characters() {
+        let long: String = core::iter::repeat_n('ä', TEXT_BYTES).collect();
+        let record = FaultRecord::from_failure(std::format!("a{long}"));
+        assert!(record.is_valid());
+        assert_eq!(record.text().chars().count(), TEXT_BYTES / 2);
     }
 }

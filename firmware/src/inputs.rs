@@ -1,4 +1,4 @@
-//! What happens at a board's inputs.
+//! Events at a board's inputs, on their way from the interrupt to the encoder.
 
 use core::{
     cell::RefCell,
@@ -10,32 +10,32 @@ use embassy_sync::blocking_mutex;
 use heapless::Deque;
 use link::EventKind;
 
-use crate::{Mutex, deadlines};
+use crate::{deadlines, queues::RawMutex};
 
-type Waiting = Deque<CapturedEvent, { deadlines::EVENTS_WAITING }>;
+type EventQueue = Deque<CapturedEvent, { deadlines::EVENTS_WAITING }>;
 
-/// What was captured at the inputs and not yet placed between samples.
+/// Queue of captured events that have not been assigned to a sample yet.
 pub struct Inputs {
-    /// Events since boot, those that were lost included; wraps.
+    /// Events since boot, lost ones included; wraps.
     number: AtomicU32,
-    waiting: blocking_mutex::Mutex<Mutex, RefCell<Waiting>>,
+    queue: blocking_mutex::Mutex<RawMutex, RefCell<EventQueue>>,
 }
 
 impl Inputs {
     pub(crate) const fn new() -> Self {
         Self {
             number: AtomicU32::new(0),
-            waiting: blocking_mutex::Mutex::new(RefCell::new(Deque::new())),
+            queue: blocking_mutex::Mutex::new(RefCell::new(Deque::new())),
         }
     }
 
-    /// Something has happened at this device time; called by the input's interrupt. Where nobody comes
-    /// for the events the newest is lost, and the gap in the numbers tells so.
-    pub fn captured(&self, kind: EventKind, at_us: u64) {
+    /// Queues an event with its device time in microseconds; called by the input's interrupt. A full queue
+    /// drops the event, which leaves a gap in the event numbers.
+    pub fn push_event(&self, kind: EventKind, at_us: u64) {
         let number = self.number.fetch_add(1, Relaxed);
-        // Full: counted by its number.
-        let _ = self.with(|waiting| {
-            waiting.push_back(CapturedEvent {
+        // A dropped event is counted by its number.
+        let _ = self.with_queue(|queue| {
+            queue.push_back(CapturedEvent {
                 kind,
                 number,
                 at_us,
@@ -43,29 +43,30 @@ impl Inputs {
         });
     }
 
-    /// Events have happened that nobody saw; a gap in the numbers tells so.
-    pub fn lost(&self, events: u32) {
+    /// Skips the numbers of `events` events that happened but were not captured.
+    pub fn count_lost(&self, events: u32) {
         self.number.fetch_add(events, Relaxed);
     }
 
-    pub(crate) fn next(&self) -> Option<CapturedEvent> {
-        self.with(Deque::pop_front).flatten()
+    pub(crate) fn pop_event(&self) -> Option<CapturedEvent> {
+        self.with_queue(Deque::pop_front).flatten()
     }
 
-    /// What happened before a run is of no interest to it; `begin_us` is its first sample's device time.
-    pub(crate) fn forget_before(&self, begin_us: u64) {
-        self.with(|waiting| {
-            while waiting.front().is_some_and(|event| event.at_us < begin_us) {
-                waiting.pop_front();
+    /// Drops the events before a run; `start_us` is the device time of the run's first sample.
+    pub(crate) fn discard_before(&self, start_us: u64) {
+        self.with_queue(|queue| {
+            while queue.front().is_some_and(|event| event.at_us < start_us) {
+                queue.pop_front();
             }
         });
     }
 
-    /// Does something with what waits, alone: nobody else has it, so that it is always done.
-    fn with<T>(&self, action: impl FnOnce(&mut Waiting) -> T) -> Option<T> {
-        self.waiting.lock(|waiting| {
-            let mut waiting = waiting.try_borrow_mut().ok()?;
-            Some(action(&mut waiting))
+    /// Runs `action` on the queue within a critical section. The borrow cannot fail, because no `action`
+    /// calls this function.
+    fn with_queue<T>(&self, action: impl FnOnce(&mut EventQueue) -> T) -> Option<T> {
+        self.queue.lock(|queue| {
+            let mut queue = queue.try_borrow_mut().ok()?;
+            Some(action(&mut queue))
         })
     }
 }
@@ -75,30 +76,30 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_run_begins_with_what_happens_from_its_first_sample_on() {
+    fn a_run_starts_with_the_first_event_at_or_after_its_first_sample() {
         let inputs = Inputs::new();
         for at_us in [10, 19, 20, 21] {
-            inputs.captured(EventKind::TriggerRise, at_us);
+            inputs.push_event(EventKind::TriggerRise, at_us);
         }
-        inputs.forget_before(20);
-        assert_eq!(inputs.next().map(|event| event.at_us), Some(20));
-        assert_eq!(inputs.next().map(|event| event.number), Some(3));
-        assert_eq!(inputs.next(), None);
+        inputs.discard_before(20);
+        assert_eq!(inputs.pop_event().map(|event| event.at_us), Some(20));
+        assert_eq!(inputs.pop_event().map(|event| event.number), Some(3));
+        assert_eq!(inputs.pop_event(), None);
     }
 
     #[test]
-    fn events_come_out_in_order_and_what_does_not_fit_is_a_gap_in_the_numbers() {
+    fn events_come_out_in_order_and_dropped_ones_leave_a_gap_in_the_numbers() {
         let inputs = Inputs::new();
         let more = u32::try_from(deadlines::EVENTS_WAITING).expect("a few") + 3;
         for number in 0..more {
-            inputs.captured(EventKind::TriggerRise, number.into());
+            inputs.push_event(EventKind::TriggerRise, number.into());
         }
         for number in 0..more - 3 {
-            assert_eq!(inputs.next().map(|event| event.number), Some(number));
+            assert_eq!(inputs.pop_event().map(|event| event.number), Some(number));
         }
-        assert_eq!(inputs.next(), None);
-        inputs.lost(2);
-        inputs.captured(EventKind::TriggerFall, 99);
-        assert_eq!(inputs.next().map(|event| event.number), Some(more + 2));
+        assert_eq!(inputs.pop_event(), None);
+        inputs.count_lost(2);
+        inputs.push_event(EventKind::TriggerFall, 99);
+        assert_eq!(inputs.pop_event().map(|event| event.number), Some(more + 2));
     }
 }

@@ -1,16 +1,67 @@
-//! The application that every board runs.
+//! The application that every board runs: three tasks from the analogue-to-digital converters to the port.
 //!
 //! ```text
-//! Converter ---> [acquire] --Taken--> [encode] --Made--> [converse] ---> Port
-//!  board's        every      sample    lowest   code      commands in,    board's
-//!                 sample     and step  priority quality   frames out
+//! Converter --> acquire --SampleSlot--> encode --OutputSlot--> converse --> Port
+//! (board)       filters,                encoder,               frames out,  (board)
+//!               512 Hz                  128 Hz                 commands in
 //! ```
 //!
-//! Each bracket is a task, none waits for one of a lower priority: what a slower one has no room for
-//! is counted, and the host learns of it. [`deadlines`] says what is due when, and why.
+//! Each task has an interrupt priority of its own: `acquire` preempts `converse`, which preempts `encode`.
+//! No task waits for a less urgent one. A full queue drops what comes next and counts it, and the host
+//! receives the count. [`deadlines`] lists every rate, deadline and priority with its derivation.
 //!
-//! Boards give a [`Converter`], a port (embedded-io-async) and executors, and nothing else; tasks are
-//! spawned by them because a task is not generic.
+//! A board provides a [`Converter`], a [`Port`] (embedded-io-async) and the executors. It declares the tasks
+//! itself, because an embassy task cannot be generic.
+//!
+//! # Example
+//! Half a second of synthetic samples passes through acquisition and encoder.
+//!
+//! ```
+//! use core::{future::pending, pin::pin};
+//!
+//! use device::{Order, Run};
+//! use embassy_futures::{join::join, poll_once, yield_now};
+//! use firmware::{Clock, Conversion, Converter, Memory, Shared, acquire, encode};
+//! use link::Streams;
+//! use pipeline::Sample;
+//!
+//! /// A square wave of 256 samples.
+//! struct Square(u64);
+//!
+//! impl Converter for Square {
+//!     async fn next(&mut self, sample: &mut Sample) -> Conversion {
+//!         if self.0 == 256 {
+//!             pending::<()>().await;
+//!         }
+//!         yield_now().await;
+//!         self.0 += 1;
+//!         sample.counts.fill(if self.0 % 32 < 16 { 1_000 } else { -1_000 });
+//!         Conversion { drdy_us: self.0 * 1_953, ..Conversion::default() }
+//!     }
+//! }
+//!
+//! static MEMORY: Memory = Memory::new();
+//! static SHARED: Shared = Shared::new(Clock { now: || 0, hz: 1_000_000 });
+//!
+//! let memory = MEMORY.init();
+//! let (_, mut outputs) = memory.converse;
+//! SHARED.send_order(Order::Start(Run { streams: Streams::CODES, ..Run::NONE }));
+//! let mut tasks = pin!(join(
+//!     acquire(Square(0), &SHARED, memory.acquire),
+//!     encode(&SHARED, memory.encode),
+//! ));
+//! let mut codes = 0;
+//! for _ in 0..=256 {
+//!     assert!(poll_once(tasks.as_mut()).is_pending());
+//!     while outputs.try_receive().is_some() {
+//!         codes += 1;
+//!         outputs.receive_done();
+//!     }
+//! }
+//! assert_eq!(SHARED.counts().samples, 256);
+//! // 64 steps: a window of 16, then a code for every hop of 8.
+//! assert_eq!(codes, 7);
+//! ```
 #![no_std]
 #![deny(unsafe_code)]
 
@@ -22,15 +73,15 @@ mod converse;
 mod converter;
 pub mod deadlines;
 mod encode;
+#[cfg(target_os = "none")]
+pub mod failure;
 mod fault_record;
 mod inputs;
-mod kept;
 mod memory;
-mod model_check;
 mod progress;
+mod queues;
 mod shared;
 mod stack;
-mod stamped;
 mod start_fault;
 mod timing;
 
@@ -40,12 +91,12 @@ pub use converter::{Conversion, Converter};
 pub use encode::encode;
 pub use fault_record::FaultRecord;
 pub use inputs::Inputs;
-pub use kept::Kept;
-pub use memory::{Frames, HandedIn, HandedOut, Memory, Shares, StampedIn, StampedOut};
-pub use model_check::{MODEL_DAMAGED, model_is_sound};
+pub use memory::{Frames, Memory, TaskMemory};
 pub use progress::{Progress, keep_alive};
-pub use shared::{Mutex, Shared};
+pub use queues::{
+    OutputReceiver, OutputSender, OutputSlot, RawMutex, SampleReceiver, SampleSender, SampleSlot,
+};
+pub use shared::Shared;
 pub use stack::Stack;
-pub use stamped::{Handed, Stamped};
-pub use start_fault::start_fault;
+pub use start_fault::{MODEL_DAMAGED, model_is_sound, start_fault};
 pub use timing::Clock;

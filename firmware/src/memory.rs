@@ -1,95 +1,95 @@
-//! The memory of the tasks.
+//! Static memory of the tasks and of the queues between them.
 
 use device::{FrameRing, Producer, Sender};
-use embassy_sync::zerocopy_channel::{self, Channel};
+use embassy_sync::zerocopy_channel::Channel;
 use pipeline::{Acquisition, EncoderMemory, Mains};
 use static_cell::{ConstStaticCell, StaticCell};
 
-use crate::{Handed, Mutex, Stamped, deadlines};
+use crate::{
+    deadlines,
+    queues::{
+        OutputReceiver, OutputSender, OutputSlot, RawMutex, SampleReceiver, SampleSender,
+        SampleSlot,
+    },
+};
 
-/// Frames on their way to the port.
-pub type Frames = Sender<FrameRing<{ deadlines::FRAMES_WAITING }>>;
+/// Numbers frames and keeps them until the port takes them.
+pub type Frames = Sender<FrameRing<{ deadlines::FRAME_BYTES_WAITING }>>;
 
-/// The memory of a board's tasks and of the queues between them, a static of the board. It is made
-/// when it is [taken](Self::take), on the stack and then moved, but for the largest part, which is zero
-/// as long as nobody needs it: what lies in it costs no flash.
+/// Memory of a board's tasks and queues; a board declares one as a static.
+///
+/// [`init`](Self::init) builds most values on the stack and moves them into place. The encoder's memory,
+/// by far the largest, is zero from the start and takes no flash.
 pub struct Memory {
     frames: StaticCell<Frames>,
     acquisition: StaticCell<Acquisition>,
     encoder: ConstStaticCell<EncoderMemory>,
     producer: StaticCell<Producer>,
-    stamped: StaticCell<[Stamped; deadlines::SAMPLES_WAITING]>,
-    stamped_channel: StaticCell<Channel<'static, Mutex, Stamped>>,
-    handed: StaticCell<[Handed; deadlines::MADE_WAITING]>,
-    handed_channel: StaticCell<Channel<'static, Mutex, Handed>>,
+    samples: StaticCell<[SampleSlot; deadlines::SAMPLES_WAITING]>,
+    sample_channel: StaticCell<Channel<'static, RawMutex, SampleSlot>>,
+    outputs: StaticCell<[OutputSlot; deadlines::OUTPUTS_WAITING]>,
+    output_channel: StaticCell<Channel<'static, RawMutex, OutputSlot>>,
 }
 
-/// What each task gets of it.
-pub struct Shares {
-    /// For [`acquire`](crate::acquire).
-    pub acquire: (StampedIn, &'static mut Acquisition),
-    /// For [`encode`](crate::encode).
-    pub encode: (StampedOut, HandedIn, &'static mut Producer),
-    /// For [`converse`](crate::converse).
-    pub converse: (&'static mut Frames, HandedOut),
+/// References into a [`Memory`], one group for each task.
+pub struct TaskMemory {
+    /// For [`acquire`](fn@crate::acquire).
+    pub acquire: (SampleSender, &'static mut Acquisition),
+    /// For [`encode`](fn@crate::encode).
+    pub encode: (SampleReceiver, OutputSender, &'static mut Producer),
+    /// For [`converse`](fn@crate::converse).
+    pub converse: (&'static mut Frames, OutputReceiver),
 }
-
-/// Where samples go in.
-pub type StampedIn = zerocopy_channel::Sender<'static, Mutex, Stamped>;
-/// Where samples come out.
-pub type StampedOut = zerocopy_channel::Receiver<'static, Mutex, Stamped>;
-/// Where what is made goes in.
-pub type HandedIn = zerocopy_channel::Sender<'static, Mutex, Handed>;
-/// Where what is made comes out.
-pub type HandedOut = zerocopy_channel::Receiver<'static, Mutex, Handed>;
 
 impl Memory {
-    /// Not taken.
+    /// Reserves the memory without initialising it.
     pub const fn new() -> Self {
         Self {
             frames: StaticCell::new(),
             acquisition: StaticCell::new(),
             encoder: ConstStaticCell::new(EncoderMemory::EMPTY),
             producer: StaticCell::new(),
-            stamped: StaticCell::new(),
-            stamped_channel: StaticCell::new(),
-            handed: StaticCell::new(),
-            handed_channel: StaticCell::new(),
+            samples: StaticCell::new(),
+            sample_channel: StaticCell::new(),
+            outputs: StaticCell::new(),
+            output_channel: StaticCell::new(),
         }
     }
 
-    /// Makes everything and shares it out.
+    /// Initialises the memory and splits it among the tasks.
     ///
-    /// No part of its caller: the first tasks run before a start has returned, and what is moved here
-    /// would lie below them.
+    /// Never inlined: the first tasks run before the board's start function returns, and temporaries of
+    /// this function in that frame would take stack from them.
     ///
     /// # Panics
-    /// When it is taken twice.
+    /// On the second call.
     #[inline(never)]
-    pub fn take(&'static self) -> Shares {
-        let stamped = self
-            .stamped
-            .init_with(|| core::array::from_fn(|_| Stamped::default()));
-        let (stamped_in, stamped_out) = self.stamped_channel.init(Channel::new(stamped)).split();
-        let handed = self
-            .handed
-            .init_with(|| core::array::from_fn(|_| Handed::default()));
-        let (handed_in, handed_out) = self.handed_channel.init(Channel::new(handed)).split();
-        Shares {
+    pub fn init(&'static self) -> TaskMemory {
+        let samples = self
+            .samples
+            .init_with(|| core::array::from_fn(|_| SampleSlot::default()));
+        let (sample_sender, sample_receiver) =
+            self.sample_channel.init(Channel::new(samples)).split();
+        let outputs = self
+            .outputs
+            .init_with(|| core::array::from_fn(|_| OutputSlot::default()));
+        let (output_sender, output_receiver) =
+            self.output_channel.init(Channel::new(outputs)).split();
+        TaskMemory {
             acquire: (
-                stamped_in,
+                sample_sender,
                 self.acquisition
                     .init_with(|| Acquisition::new(Mains::default())),
             ),
             encode: (
-                stamped_out,
-                handed_in,
+                sample_receiver,
+                output_sender,
                 self.producer
                     .init_with(|| Producer::new(self.encoder.take())),
             ),
             converse: (
                 self.frames.init_with(|| Sender::new(FrameRing::new())),
-                handed_out,
+                output_receiver,
             ),
         }
     }

@@ -1,52 +1,52 @@
-//! Which tasks are alive.
+//! Progress of the tasks, which decides whether the watchdog is fed.
 
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use embassy_time::Timer;
 
-use crate::{Shared, deadlines};
+use crate::deadlines;
 
-/// Counts what each task has done; only that they move matters.
+/// One wrapping counter for each task. Only a change matters, not the value.
 #[derive(Debug)]
 pub struct Progress {
     acquired: AtomicU32,
-    handed_on: AtomicU32,
+    handed_over: AtomicU32,
     encoded: AtomicU32,
     conversed: AtomicU32,
 }
 
 impl Progress {
-    /// Nothing done.
+    /// All counters at zero.
     pub const fn new() -> Self {
         Self {
             acquired: AtomicU32::new(0),
-            handed_on: AtomicU32::new(0),
+            handed_over: AtomicU32::new(0),
             encoded: AtomicU32::new(0),
             conversed: AtomicU32::new(0),
         }
     }
 
-    pub(crate) fn acquired(&self) {
+    pub(crate) fn mark_acquired(&self) {
         self.acquired.fetch_add(1, Relaxed);
     }
 
-    /// The encoder has something to do.
-    pub(crate) fn handed_on(&self) {
-        self.handed_on.fetch_add(1, Relaxed);
+    /// Records that the encoder has a new sample to work on.
+    pub(crate) fn mark_handed_over(&self) {
+        self.handed_over.fetch_add(1, Relaxed);
     }
 
-    pub(crate) fn encoded(&self) {
+    pub(crate) fn mark_encoded(&self) {
         self.encoded.fetch_add(1, Relaxed);
     }
 
-    pub(crate) fn conversed(&self) {
+    pub(crate) fn mark_conversed(&self) {
         self.conversed.fetch_add(1, Relaxed);
     }
 
-    fn now(&self) -> Seen {
-        Seen {
+    fn snapshot(&self) -> Snapshot {
+        Snapshot {
             acquired: self.acquired.load(Relaxed),
-            handed_on: self.handed_on.load(Relaxed),
+            handed_over: self.handed_over.load(Relaxed),
             encoded: self.encoded.load(Relaxed),
             conversed: self.conversed.load(Relaxed),
         }
@@ -59,31 +59,32 @@ impl Default for Progress {
     }
 }
 
-/// The counts at one moment.
+/// Values of the counters at one moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Seen {
+struct Snapshot {
     acquired: u32,
-    handed_on: u32,
+    handed_over: u32,
     encoded: u32,
     conversed: u32,
 }
 
-impl Seen {
-    /// Whether every task has moved since `before`; the encoder need not where nothing was handed on
-    /// to it.
+impl Snapshot {
+    /// Returns whether every task has moved since `before`. The encoder is exempt while nothing is handed
+    /// over to it.
     fn all_moved_since(self, before: Self) -> bool {
         self.acquired != before.acquired
             && self.conversed != before.conversed
-            && (self.encoded != before.encoded || self.handed_on == before.handed_on)
+            && (self.encoded != before.encoded || self.handed_over == before.handed_over)
     }
 }
 
-/// Feeds the watchdog while all tasks move, and only then: a hung one lets the device be reset.
-pub async fn keep_alive(shared: &Shared, mut feed: impl FnMut()) -> ! {
-    let mut before = shared.progress.now();
+/// Calls `feed` after every [`deadlines::PROGRESS`] in which all tasks have moved, so that a hung task lets
+/// the watchdog expire.
+pub async fn keep_alive(progress: &Progress, mut feed: impl FnMut()) -> ! {
+    let mut before = progress.snapshot();
     loop {
         Timer::after(deadlines::PROGRESS).await;
-        let now = shared.progress.now();
+        let now = progress.snapshot();
         if now.all_moved_since(before) {
             feed();
         }
@@ -96,16 +97,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_task_that_stands_still_is_seen_and_an_idle_encoder_is_no_task_that_hangs() {
+    fn a_hung_task_is_detected_and_an_idle_encoder_does_not_count_as_hung() {
         let progress = Progress::new();
-        let start = progress.now();
-        progress.acquired();
-        assert!(!progress.now().all_moved_since(start), "no conversation");
-        progress.conversed();
-        assert!(progress.now().all_moved_since(start));
-        progress.handed_on();
-        assert!(!progress.now().all_moved_since(start), "the encoder hangs");
-        progress.encoded();
-        assert!(progress.now().all_moved_since(start));
+        let start = progress.snapshot();
+        progress.mark_acquired();
+        assert!(
+            !progress.snapshot().all_moved_since(start),
+            "no conversation"
+        );
+        progress.mark_conversed();
+        assert!(progress.snapshot().all_moved_since(start));
+        progress.mark_handed_over();
+        assert!(
+            !progress.snapshot().all_moved_since(start),
+            "the encoder hangs"
+        );
+        progress.mark_encoded();
+        assert!(progress.snapshot().all_moved_since(start));
     }
 }

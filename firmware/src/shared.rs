@@ -1,41 +1,42 @@
-//! What tasks of different priorities tell each other beside samples and codes.
+//! State that tasks of different priorities share outside their queues: orders, reports and counts.
 
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use device::{Counts, Order};
-use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, signal::Signal};
-
+use embassy_sync::signal::Signal;
 use link::{Converters, SelfTest};
 
-use crate::{Clock, Inputs, Progress, timing::Timing};
+use crate::{
+    inputs::Inputs,
+    progress::Progress,
+    queues::RawMutex,
+    timing::{Clock, Timing},
+};
 
-/// Guards what tasks of different priorities share.
-pub type Mutex = CriticalSectionRawMutex;
-
-/// Orders and counts. Counts have one writer each.
+/// Shared state of the tasks; a board declares one as a static. Each count has one writer.
 pub struct Shared {
-    /// What the acquisition has to do; a newer order replaces one that was not obeyed yet.
-    pub(crate) orders: Signal<Mutex, Order>,
+    /// Order to the acquisition; a newer one replaces one that it has not read yet.
+    pub(crate) orders: Signal<RawMutex, Order>,
+    /// Samples taken: lower and upper 32 bits.
     samples: [AtomicU32; 2],
     overruns: AtomicU32,
     adc_status_bad: AtomicU32,
     clipped: AtomicU32,
-    /// Codes and reports for which the conversation had no room.
-    pub(crate) made_lost: AtomicU32,
-    /// What happens at the board's inputs.
+    /// Outputs for which the queue to the conversation had no room.
+    pub(crate) outputs_lost: AtomicU32,
+    /// Events at the board's inputs.
     pub inputs: Inputs,
-    /// How the converters are, once the acquisition has looked.
-    pub(crate) converters: Signal<Mutex, Converters>,
-    /// The result of a self-test that was ordered.
-    pub(crate) self_test: Signal<Mutex, SelfTest>,
-    /// How long each stage takes.
+    /// Latest status of the converters, set by the acquisition.
+    pub(crate) converter_status: Signal<RawMutex, Converters>,
+    /// Result of the latest self-test, set by the acquisition.
+    pub(crate) self_test_result: Signal<RawMutex, SelfTest>,
     pub(crate) timing: Timing,
-    /// Which tasks have moved.
-    pub(crate) progress: Progress,
+    /// Progress of the tasks, for [`keep_alive`](crate::keep_alive).
+    pub progress: Progress,
 }
 
 impl Shared {
-    /// No order, nothing counted; times by this clock.
+    /// State at boot: no order, all counts zero. The stages are timed with `clock`.
     pub const fn new(clock: Clock) -> Self {
         Self {
             orders: Signal::new(),
@@ -43,23 +44,24 @@ impl Shared {
             overruns: AtomicU32::new(0),
             adc_status_bad: AtomicU32::new(0),
             clipped: AtomicU32::new(0),
-            made_lost: AtomicU32::new(0),
+            outputs_lost: AtomicU32::new(0),
             inputs: Inputs::new(),
-            converters: Signal::new(),
-            self_test: Signal::new(),
+            converter_status: Signal::new(),
+            self_test_result: Signal::new(),
             timing: Timing::new(clock),
             progress: Progress::new(),
         }
     }
 
-    /// Gives an order that no host has given.
-    pub fn order(&self, order: Order) {
+    /// Sends an order to the acquisition.
+    pub fn send_order(&self, order: Order) {
         self.orders.signal(order);
     }
 
-    /// What the acquisition has counted since boot.
+    /// Returns the acquisition's counts since boot.
     pub fn counts(&self) -> Counts {
-        // The acquisition is more urgent than any reader: a carry between the halves shows.
+        // The acquisition can interrupt any reader between the two loads. A carry into the upper half
+        // changes it, and the loop reads again.
         let [high, low] = loop {
             let high = self.samples[1].load(Relaxed);
             let low = self.samples[0].load(Relaxed);
@@ -109,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn a_newer_order_displaces_one_that_was_not_obeyed_yet() {
+    fn a_newer_order_replaces_one_that_was_not_read_yet() {
         let shared = shared();
         let run = |number| {
             Order::Start(Run {
@@ -118,12 +120,12 @@ mod tests {
                 ..Run::NONE
             })
         };
-        shared.order(run(1));
-        shared.order(Order::Stop);
+        shared.send_order(run(1));
+        shared.send_order(Order::Stop);
         assert_eq!(shared.orders.try_take(), Some(Order::Stop));
         assert_eq!(shared.orders.try_take(), None);
         for order in [Order::Stop, run(2), run(3)] {
-            shared.order(order);
+            shared.send_order(order);
         }
         assert_eq!(shared.orders.try_take(), Some(run(3)));
         assert_eq!(shared.orders.try_take(), None);

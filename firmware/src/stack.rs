@@ -1,29 +1,29 @@
-//! How deep the stack has been.
+//! Depth of the stack.
 #![expect(unsafe_code, reason = "reads memory below the stack pointer")]
 
-/// What cortex-m-rt's feature `paint-stack` fills the stack with at start-up.
+/// Word that cortex-m-rt's feature `paint-stack` fills the stack with at start-up.
 const PAINT: u32 = 0xCCCC_CCCC;
 
-/// The stack of all tasks and interrupts, from its symbols in the board's memory map.
+/// Stack of all tasks and interrupts; it grows down from `start` to `end`.
 #[derive(Clone, Copy, Debug)]
 pub struct Stack {
     /// Lowest address, a multiple of 4.
     end: usize,
-    /// Behind the highest one.
+    /// One past the highest address.
     start: usize,
 }
 
 impl Stack {
-    /// The stack between two addresses.
+    /// Describes the stack from `end`, its lowest address, up to but excluding `start`.
     ///
     /// # Safety
-    /// All words in between are readable memory that cortex-m-rt has painted, and nothing but the
-    /// stack writes to them.
-    pub const unsafe fn between(end: usize, start: usize) -> Self {
+    /// All words in between are readable memory that cortex-m-rt has painted, and only the stack writes to
+    /// them.
+    pub const unsafe fn from_bounds(end: usize, start: usize) -> Self {
         Self { end, start }
     }
 
-    /// Bytes that it has.
+    /// Returns the size of the whole stack in bytes.
     pub const fn size(self) -> usize {
         self.start - self.end
     }
@@ -37,12 +37,12 @@ impl Stack {
             && words <= (self.start - address) / size_of::<u32>()
     }
 
-    /// Bytes that were used at most since boot: what lies above the lowest word that is no paint. It
-    /// reads as many words as were never used: not for a task with a short deadline.
-    pub fn used(self) -> usize {
+    /// Returns the largest number of bytes in use since boot, from the lowest word that has lost its paint.
+    /// Reads every word that was never used: too slow for a task with a short deadline.
+    pub fn peak_bytes(self) -> usize {
         let words = (self.end..self.start).step_by(size_of::<u32>());
         let untouched = words.take_while(|&word| {
-            // SAFETY: `between` has promised it. Volatile, because the stack is in use.
+            // SAFETY: guaranteed by the caller of `from_bounds`. Volatile, because the stack is in use.
             let value = unsafe { (word as *const u32).read_volatile() };
             value == PAINT
         });
@@ -55,9 +55,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_are_in_the_stack_only_with_all_of_them_and_aligned() {
-        // SAFETY: nothing reads it.
-        let stack = unsafe { Stack::between(0x2000_0000, 0x2000_8000) };
+    fn the_stack_contains_words_only_if_aligned_and_entirely_inside() {
+        // SAFETY: the test reads none of this memory.
+        let stack = unsafe { Stack::from_bounds(0x2000_0000, 0x2000_8000) };
         for (address, is_inside) in [
             (0x2000_0000, true),
             (0x2000_7fe0, true),

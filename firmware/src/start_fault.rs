@@ -1,20 +1,33 @@
-//! What is wrong with a start.
+//! Faults that a device reports when it starts.
+
+use core::hint::black_box;
 
 use device::fault_text;
 use heapless::String;
 use link::MAX_TEXT_BYTES;
+use model::{NETWORK, NETWORK_SUM};
 
-use crate::{FaultRecord, MODEL_DAMAGED};
+use crate::fault_record::FaultRecord;
 
-/// What a device that has just started reports in `Hello`, the gravest first: a damaged model, what the
-/// board finds wrong with itself, and the record of the previous run. What does not fit is cut.
+/// Fault in `Hello` of a device whose model in flash is damaged.
+pub const MODEL_DAMAGED: &str = "the model in flash is damaged: flash the firmware again";
+
+/// Returns whether the model in flash matches its checksum. Reads the whole network once, which takes some
+/// milliseconds.
+pub fn model_is_sound() -> bool {
+    // Without black_box the compiler would evaluate the comparison at build time.
+    black_box(&NETWORK).sum() == NETWORK_SUM
+}
+
+/// Returns the fault text of `Hello`, gravest first: damaged model, fault of the board, end of the previous
+/// run. Text that does not fit is cut.
 pub fn start_fault(
     model_is_sound: bool,
     board: &str,
-    previous_run: Option<&FaultRecord>,
+    previous: Option<&FaultRecord>,
 ) -> String<MAX_TEXT_BYTES> {
     let model = if model_is_sound { "" } else { MODEL_DAMAGED };
-    let previous = previous_run.map_or("", FaultRecord::text);
+    let previous = previous.map_or("", FaultRecord::text);
     let between = |before: &str, after: &str| {
         if before.is_empty() || after.is_empty() {
             ""
@@ -35,9 +48,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_that_is_wrong_is_reported_the_gravest_first() {
-        let failed = FaultRecord::failed("panicked");
-        let previous = Some(&failed);
+    fn all_faults_are_reported_the_gravest_first() {
+        let failure = FaultRecord::from_failure("panicked");
+        let previous = Some(&failure);
         assert_eq!(start_fault(true, "", None), "");
         assert_eq!(start_fault(true, "", previous), "panicked");
         assert_eq!(start_fault(true, "no clock", None), "no clock");

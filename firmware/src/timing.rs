@@ -1,4 +1,4 @@
-//! How long each stage takes, against its deadline.
+//! Durations of the stages, as histograms over their deadlines.
 
 use core::{
     num::NonZeroU32,
@@ -8,21 +8,21 @@ use core::{
 use embassy_time::Duration;
 use link::{Stage, StageTiming};
 
-use crate::{Stack, deadlines};
+use crate::{deadlines, stack::Stack};
 
-/// A counter of a board that runs freely, as fast as the core if it can.
+/// Free-running 32-bit counter of a board.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
-    /// Ticks so far; wraps, later than the longest deadline.
+    /// Reads the counter, in ticks. It must not wrap within the longest deadline.
     pub now: fn() -> u32,
-    /// Ticks in a second.
+    /// Ticks per second.
     pub hz: u32,
 }
 
-/// Parts of a deadline that a histogram tells apart, and one for what was too late.
-const PARTS: usize = 8;
+/// Histogram bins up to the deadline; one more bin counts durations beyond it.
+const BINS: usize = 8;
 
-/// The stages of a board, in the order of [`Stage`], with their deadlines.
+/// Measured stages with their deadlines, in the order of [`Stage`].
 const STAGES: [(Stage, Duration); 4] = [
     (Stage::Acquire, deadlines::SAMPLE),
     (Stage::Step, deadlines::STEP),
@@ -30,7 +30,7 @@ const STAGES: [(Stage, Duration); 4] = [
     (Stage::Send, deadlines::CODE),
 ];
 
-/// What every stage has taken since boot.
+/// Durations of every stage since boot.
 #[derive(Debug)]
 pub(crate) struct Timing {
     clock: Clock,
@@ -45,26 +45,26 @@ impl Timing {
         };
         let mut index = 0;
         while index < STAGES.len() {
-            timing.stages[index].part = part(STAGES[index].1, clock.hz);
+            timing.stages[index].bin_ticks = bin_ticks(STAGES[index].1, clock.hz);
             index += 1;
         }
         timing
     }
 
-    /// Ticks of the board's clock, now.
+    /// Reads the board's clock, in ticks.
     pub(crate) fn now(&self) -> u32 {
         (self.clock.now)()
     }
 
-    /// A stage that began at `begin` ends now.
-    pub(crate) fn end(&self, stage: Stage, begin: u32) {
-        let ticks = self.now().wrapping_sub(begin);
+    /// Records that a stage which started at `start_ticks` ends now.
+    pub(crate) fn record(&self, stage: Stage, start_ticks: u32) {
+        let ticks = self.now().wrapping_sub(start_ticks);
         if let Some(time) = self.stages.get(usize::from(u8::from(stage))) {
-            time.take(ticks);
+            time.record(ticks);
         }
     }
 
-    /// As it goes over the wire.
+    /// Returns the `Timing` message.
     pub(crate) fn report(&self, stack: Option<Stack>) -> link::Timing {
         let bytes = |bytes: usize| u32::try_from(bytes).unwrap_or(u32::MAX);
         let stages = STAGES.iter().zip(&self.stages);
@@ -73,52 +73,52 @@ impl Timing {
                 .map(|(&(stage, deadline), time)| StageTiming {
                     stage,
                     deadline_ns: nanoseconds(deadline.as_micros(), 1_000_000),
-                    worst_ns: nanoseconds(time.worst.load(Relaxed).into(), self.clock.hz),
+                    worst_ns: nanoseconds(time.worst_ticks.load(Relaxed).into(), self.clock.hz),
                     histogram: time.histogram.each_ref().map(|count| count.load(Relaxed)),
                 })
                 .collect(),
-            stack_used: stack.map_or(0, |stack| bytes(stack.used())),
+            stack_used: stack.map_or(0, |stack| bytes(stack.peak_bytes())),
             stack_size: stack.map_or(0, |stack| bytes(stack.size())),
         }
     }
 }
 
-/// What one stage has taken since boot. It has one writer.
+/// Durations of one stage since boot. Only one task writes them.
 #[derive(Debug)]
 struct StageTime {
-    /// Ticks of a part of the deadline.
-    part: NonZeroU32,
-    worst: AtomicU32,
-    histogram: [AtomicU32; PARTS + 1],
+    /// Width of a histogram bin, in ticks.
+    bin_ticks: NonZeroU32,
+    worst_ticks: AtomicU32,
+    histogram: [AtomicU32; BINS + 1],
 }
 
 impl StageTime {
     const fn new() -> Self {
         Self {
-            part: NonZeroU32::MIN,
-            worst: AtomicU32::new(0),
-            histogram: [const { AtomicU32::new(0) }; PARTS + 1],
+            bin_ticks: NonZeroU32::MIN,
+            worst_ticks: AtomicU32::new(0),
+            histogram: [const { AtomicU32::new(0) }; BINS + 1],
         }
     }
 
-    fn take(&self, ticks: u32) {
-        if ticks > self.worst.load(Relaxed) {
-            self.worst.store(ticks, Relaxed);
+    fn record(&self, ticks: u32) {
+        if ticks > self.worst_ticks.load(Relaxed) {
+            self.worst_ticks.store(ticks, Relaxed);
         }
-        let part = usize::try_from(ticks.saturating_sub(1) / self.part).unwrap_or(PARTS);
-        if let Some(count) = self.histogram.get(part.min(PARTS)) {
+        let bin = usize::try_from(ticks.saturating_sub(1) / self.bin_ticks).unwrap_or(BINS);
+        if let Some(count) = self.histogram.get(bin.min(BINS)) {
             count.fetch_add(1, Relaxed);
         }
     }
 }
 
-/// Ticks of a part of a deadline, rounded down: what is late is never called in time.
-const fn part(deadline: Duration, hz: u32) -> NonZeroU32 {
+/// Returns an eighth of a deadline in ticks, rounded down so that a late stage never counts as in time.
+const fn bin_ticks(deadline: Duration, hz: u32) -> NonZeroU32 {
     let ticks = deadline.as_micros() * hz as u64 / 1_000_000;
     assert!(ticks < 1 << 31, "the clock wraps within a deadline");
     #[expect(clippy::cast_possible_truncation, reason = "asserted")]
-    let part = (ticks / PARTS as u64) as u32;
-    NonZeroU32::new(part).expect("the clock is slower than a part of the deadline")
+    let bin = (ticks / BINS as u64) as u32;
+    NonZeroU32::new(bin).expect("a tick of the clock is longer than a bin")
 }
 
 fn nanoseconds(ticks: u64, hz: u32) -> u32 {
@@ -130,15 +130,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stage_is_counted_in_its_part_of_the_deadline_and_the_worst_is_kept() {
+    fn a_duration_is_counted_in_its_bin_and_the_worst_is_kept() {
         const MHZ: Clock = Clock {
             now: || 10_000,
             hz: 1_000_000,
         };
         let timing = Timing::new(MHZ);
-        // Parts of 976 ticks: 7812 over 8.
+        // Bins of 976 ticks: 7812 / 8.
         for ticks in [1, 976, 977, 7_808, 7_809, 9_999] {
-            timing.end(Stage::Step, 10_000 - ticks);
+            timing.record(Stage::Step, 10_000 - ticks);
         }
         let report = timing.report(None);
         assert_eq!(report.stages.len(), STAGES.len());

@@ -24,7 +24,8 @@ mod image {
     use device::{Order, Producer, Run};
     use embassy_sync::zerocopy_channel::Channel;
     use firmware::{
-        Clock, Conversion, Converter, Handed, Mutex, Shared, Stamped, acquire, deadlines, encode,
+        Clock, Conversion, Converter, OutputSlot, RawMutex, SampleSlot, Shared, acquire, deadlines,
+        encode,
     };
     use pipeline::{Acquisition, EncoderMemory, Sample};
     use static_cell::{ConstStaticCell, StaticCell};
@@ -40,10 +41,10 @@ mod image {
     static ENCODER: ConstStaticCell<EncoderMemory> = ConstStaticCell::new(EncoderMemory::EMPTY);
     static PRODUCER: StaticCell<Producer> = StaticCell::new();
     static ACQUISITION: StaticCell<Acquisition> = StaticCell::new();
-    static STAMPED: StaticCell<[Stamped; deadlines::SAMPLES_WAITING]> = StaticCell::new();
-    static STAMPED_CHANNEL: StaticCell<Channel<'static, Mutex, Stamped>> = StaticCell::new();
-    static HANDED: StaticCell<[Handed; deadlines::MADE_WAITING]> = StaticCell::new();
-    static HANDED_CHANNEL: StaticCell<Channel<'static, Mutex, Handed>> = StaticCell::new();
+    static STAMPED: StaticCell<[SampleSlot; deadlines::SAMPLES_WAITING]> = StaticCell::new();
+    static STAMPED_CHANNEL: StaticCell<Channel<'static, RawMutex, SampleSlot>> = StaticCell::new();
+    static HANDED: StaticCell<[OutputSlot; deadlines::OUTPUTS_WAITING]> = StaticCell::new();
+    static HANDED_CHANNEL: StaticCell<Channel<'static, RawMutex, OutputSlot>> = StaticCell::new();
 
     /// Converter whose frames are opaque to the compiler.
     struct Unknown {
@@ -81,11 +82,11 @@ mod image {
     /// Runs both tasks forever; returns `None` if a static were already initialised, which cannot happen.
     fn run_tasks() -> Option<()> {
         let run = Run::NONE;
-        SHARED.order(black_box(Order::Start(run)));
-        let stamped = STAMPED.try_init_with(|| core::array::from_fn(|_| Stamped::default()))?;
+        SHARED.send_order(black_box(Order::Start(run)));
+        let stamped = STAMPED.try_init_with(|| core::array::from_fn(|_| SampleSlot::default()))?;
         let stamped = STAMPED_CHANNEL.try_init(Channel::new(stamped))?;
         let (stamped_in, stamped_out) = stamped.split();
-        let handed = HANDED.try_init_with(|| core::array::from_fn(|_| Handed::default()))?;
+        let handed = HANDED.try_init_with(|| core::array::from_fn(|_| OutputSlot::default()))?;
         let handed = HANDED_CHANNEL.try_init(Channel::new(handed))?;
         let (handed_in, mut handed_out) = handed.split();
         let acquisition = ACQUISITION.try_init_with(|| Acquisition::new(run.mains))?;

@@ -1,7 +1,7 @@
-//! The board's start.
+//! Start of the board: pins, clocks and memory, then the tasks.
 
 use board_stm32::{
-    Board, Bus, ClockSource, FRAME_BYTES, Loader, Port, Trigger, Wires, begin, init, sleep,
+    Board, Bus, ClockSource, FRAME_BYTES, Loader, Port, Trigger, Wires, init, sleep, start_tasks,
 };
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;
@@ -39,30 +39,30 @@ bind_interrupts!(struct UartIrqs {
 
 #[entry]
 fn main() -> ! {
-    // Before anything is what it was not at the reset.
-    Loader::Stm32F446.run_if_asked(reset::map_system_memory);
+    // First, while the chip is as its reset left it.
+    Loader::Stm32F446.run_if_requested(reset::map_system_memory);
     let clock = ClockSource::find(clocks::AFTER_RESET_HZ);
-    let parts = Parts::of(init(clocks::config(clock)));
-    // There are no tasks yet that could answer for a failure.
+    let parts = Parts::new(init(clocks::config(clock)));
+    // A failure is a fault of the image. It panics, because no task runs yet that could report it.
     start(parts, clock).expect("every task is spawned once");
     sleep()
 }
 
 #[embassy_executor::task]
-async fn watch(watchdog: Peri<'static, IWDG>) {
-    board_stm32::watch(watchdog).await;
+async fn feed_watchdog(watchdog: Peri<'static, IWDG>) {
+    board_stm32::feed_watchdog(watchdog).await;
 }
 
-/// Where the converters' DMA reads and writes.
-static BUFFER: ConstStaticCell<[u8; FRAME_BYTES]> = ConstStaticCell::new([0; FRAME_BYTES]);
+/// DMA buffer of the converters' SPI.
+static SPI_BUFFER: ConstStaticCell<[u8; FRAME_BYTES]> = ConstStaticCell::new([0; FRAME_BYTES]);
 
 #[cfg(feature = "uart")]
 static PORT_MEMORY: ConstStaticCell<PortMemory> = ConstStaticCell::new(PortMemory::EMPTY);
 
 fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
-    let reset_cause = reset::cause();
-    reset::spare_the_debugger();
-    clocks::accelerate();
+    let reset_cause = reset::take_cause();
+    reset::freeze_watchdog_in_debug();
+    clocks::enable_flash_accelerator();
 
     let spi = Spi::new(
         parts.spi,
@@ -75,7 +75,7 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
         Bus::config(),
     );
     let wires = Wires::new(
-        Bus::new(spi, BUFFER.take()),
+        Bus::new(spi, SPI_BUFFER.take()),
         [
             parts.select0.into(),
             parts.select1.into(),
@@ -115,7 +115,7 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
         UartIrqs,
         PORT_MEMORY.take(),
     );
-    let spawner = begin(Board {
+    let spawner = start_tasks(Board {
         name: "NUCLEO-F446RE",
         firmware: env!("CORTICODE_FIRMWARE"),
         reset_cause,
@@ -125,12 +125,12 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
         trigger,
         port,
     })?;
-    spawner.spawn(watch(parts.watchdog)?);
+    spawner.spawn(feed_watchdog(parts.watchdog)?);
     Ok(())
 }
 
-/// From the noise of the chip's own thermometer, because it has no generator of random numbers: the lowest
-/// bits of 64 readings, mixed as FNV-1a does. Enough to tell a boot from the one before, and no secret.
+/// Returns a number from the noise of the temperature sensor, because the chip has no random number generator:
+/// 64 readings, mixed with FNV-1a. It distinguishes one boot from the next, and is no secret.
 fn session_id(adc: Peri<'static, ADC1>) -> u32 {
     let mut adc = Adc::new(adc);
     let mut thermometer = adc.enable_temperature();

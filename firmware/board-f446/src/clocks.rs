@@ -1,6 +1,6 @@
-//! The clock tree: 168 MHz for the core, 21 MHz for SPI, 48 MHz for USB.
+//! Clock tree: 168 MHz for the core, 21 MHz for SPI, 48 MHz for USB.
 
-use board_stm32::{ClockSource, prioritise};
+use board_stm32::{ClockSource, nvic_priority};
 use embassy_stm32::{
     Config,
     pac::FLASH,
@@ -12,15 +12,15 @@ use embassy_stm32::{
 };
 use firmware::deadlines::priority;
 
-/// The core's clock after a reset: HSI (RM0390, RCC).
+/// Frequency of the core after a reset: HSI (RM0390, RCC).
 pub(crate) const AFTER_RESET_HZ: u32 = 16_000_000;
 
-/// The clocks, the same from either source.
+/// Returns the configuration of the clocks; the frequencies are the same from either source.
 pub(crate) fn config(source: ClockSource) -> Config {
     let mut config = Config::default();
-    config.dma_interrupt_priority = prioritise(priority::DRDY);
+    config.dma_interrupt_priority = nvic_priority(priority::DRDY);
     let rcc = &mut config.rcc;
-    // Both are the PLL's 2 MHz: a quarter of the ST-LINK's 8 (UM1724), and an eighth of HSI's 16.
+    // Both sources give the PLL its 2 MHz: a quarter of the ST-LINK's 8 (UM1724), an eighth of HSI's 16.
     let (source, prediv) = match source {
         ClockSource::StLink => {
             rcc.hse = Some(Hse {
@@ -31,8 +31,8 @@ pub(crate) fn config(source: ClockSource) -> Config {
         }
         ClockSource::Internal => (PllSource::HSI, PllPreDiv::DIV8),
     };
-    // 2 MHz * 168 = 336 MHz; the core has half of it, and USB a seventh. 180 MHz would want another
-    // PLL for USB's 48.
+    // 2 MHz * 168 = 336 MHz; the core runs at half of it, and USB at a seventh. A core at 180 MHz would
+    // need another PLL for USB's 48 MHz.
     rcc.pll_src = source;
     rcc.pll = Some(Pll {
         prediv,
@@ -45,18 +45,18 @@ pub(crate) fn config(source: ClockSource) -> Config {
     rcc.mux.clk48sel = mux::Clk48sel::PLL1_Q;
     rcc.ahb_pre = AHBPrescaler::DIV1;
     // 21 MHz. SPI divides it by 256, 82 kHz for registers, and by 2, 10.5 MHz for bursts: 165 us for a
-    // sample. 42 MHz would clock registers at 164 kHz, which is too fast.
-    // The UART divides it by 23: 913,043 baud, -0.93 %; 42 MHz / 46 and oversampling by 8 are no nearer.
-    // The ST-LINK has 923,077 (36 MHz / 39, from memory): 1.1 % apart of the 3.33 % that a receiver
-    // tolerates (RM0390, USART, tolerance of the receiver to clock deviation). A core at 162 MHz would
-    // have -0.12 %, and no 48 MHz for USB.
+    // sample. From 42 MHz registers would be clocked at 164 kHz, which is too fast.
+    // The UART divides it by 23: 913,043 baud, -0.93 %. 42 MHz / 46 and oversampling by 8 are no closer.
+    // The ST-LINK runs at 923,077 (36 MHz / 39, from memory). The difference is 1.1 %, and a receiver
+    // tolerates 3.33 % (RM0390, USART, tolerance of the receiver to clock deviation). A core at 162 MHz
+    // would be at -0.12 %, but leave no 48 MHz for USB.
     rcc.apb1_pre = APBPrescaler::DIV8;
     rcc.apb2_pre = APBPrescaler::DIV2;
     config
 }
 
-/// Lets the flash's accelerator hide its five wait states (RM0390, FLASH_ACR).
-pub(crate) fn accelerate() {
+/// Enables prefetch and caches of the flash, which hide its five wait states (RM0390, FLASH_ACR).
+pub(crate) fn enable_flash_accelerator() {
     FLASH.acr().modify(|access| {
         access.set_prften(true);
         access.set_icen(true);

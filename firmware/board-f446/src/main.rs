@@ -1,6 +1,6 @@
 //! The application on a NUCLEO-F446RE: STM32F446RE, Cortex-M4F at 168 MHz.
 //!
-//! **No board has run it.** On a PC it prints the pins, as `docs/hardware.md` has them.
+//! **It has not run on hardware yet.** On a PC it prints the pins as rows for `docs/hardware.md`.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 #![forbid(unsafe_code)]
@@ -16,7 +16,6 @@ mod reset;
 #[cfg(all(target_os = "none", feature = "uart"))]
 mod uart;
 
-/// The pins.
 #[cfg(not(target_os = "none"))]
 fn main() {
     for pin in parts::PINS {
@@ -29,10 +28,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_pins_in_the_documentation_are_those_of_the_code() {
+    fn the_documentation_lists_the_pins_of_the_code() {
         let text = include_str!("../../../docs/hardware.md");
         assert!(
-            board_stm32::are_documented(parts::PINS, text, "### NUCLEO-F446RE"),
+            board_stm32::parts::are_documented(parts::PINS, text, "### NUCLEO-F446RE"),
             "`cargo run --package board-f446` prints the rows for docs/hardware.md"
         );
     }

@@ -1,4 +1,4 @@
-//! The board's pins. Port C, so that all of the chain's signals come out on the NUCLEO's morpho headers.
+//! Pins of the board. Port C, because all of the chain's signals are then on the NUCLEO's morpho headers.
 
 board_stm32::parts! {
     pins {

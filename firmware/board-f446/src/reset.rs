@@ -1,11 +1,11 @@
-//! Why the chip has started.
+//! Flags of the last reset, and the watchdog under a debugger.
 
 use embassy_stm32::pac::{DBGMCU, RCC, SYSCFG};
 use link::ResetCause;
 
-/// Reads the cause and clears it for the next time (RM0390, RCC_CSR). A watchdog and software pull the reset
-/// pin too, and a supply that comes up is low before: the first that applies is the cause.
-pub(crate) fn cause() -> ResetCause {
+/// Returns the cause of the last reset and clears its flags (RM0390, RCC_CSR). Watchdog and software also pull
+/// the reset pin, and power-on passes the brown-out level, so the order of the tests decides.
+pub(crate) fn take_cause() -> ResetCause {
     let flags = RCC.csr().read();
     RCC.csr().modify(|flags| flags.set_rmvf(true));
     if flags.porrstf() {
@@ -23,15 +23,15 @@ pub(crate) fn cause() -> ResetCause {
     }
 }
 
-/// Shows the system memory where the core looks for its vectors (RM0390, SYSCFG_MEMRMP), as its loader wants it.
+/// Maps the system memory to address 0, as its boot loader expects it (RM0390, SYSCFG_MEMRMP).
 pub(crate) fn map_system_memory() {
     RCC.apb2enr().modify(|enable| enable.set_syscfgen(true));
-    // The clock runs a little later; a read from the register waits for it.
+    // The clock starts with a delay; a read from the register waits for it.
     let _ = RCC.apb2enr().read();
     SYSCFG.memrm().modify(|map| map.set_mem_mode(0b001));
 }
 
-/// Lets the watchdog wait while a debugger holds the core.
-pub(crate) fn spare_the_debugger() {
+/// Stops the watchdog's counter while a debugger halts the core.
+pub(crate) fn freeze_watchdog_in_debug() {
     DBGMCU.apb1fzr().modify(|freeze| freeze.set_iwdg(true));
 }

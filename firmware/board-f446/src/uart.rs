@@ -1,9 +1,9 @@
-//! The UART of the ST-LINK.
+//! Registers of the UART that the ST-LINK is connected to.
 
 use board_stm32::Uart;
 use embassy_stm32::{interrupt::Interrupt, pac, peripherals};
 
-/// USART2.
+/// USART2 (RM0390).
 pub(crate) struct Usart2;
 
 impl Uart for Usart2 {
@@ -15,11 +15,11 @@ impl Uart for Usart2 {
         Interrupt::DMA1_STREAM5,
     ];
 
-    fn data() -> *mut u8 {
+    fn data_register() -> *mut u8 {
         pac::USART2.dr().as_ptr().cast()
     }
 
-    fn listen() {
+    fn enable_receiver() {
         pac::USART2.cr3().modify(|control| {
             control.set_dmar(true);
             control.set_eie(true);
@@ -30,19 +30,19 @@ impl Uart for Usart2 {
         });
     }
 
-    /// Masks the flags until the next byte, which interrupts instead (RXNEIE) and unmasks them.
+    /// Masks the flags until the next byte, whose interrupt (RXNEIE) unmasks them.
     ///
-    /// IDLE, FE and NF are cleared by a read of SR and then one of DR (RM0390, USART_SR). DR is left to
-    /// the DMA: between the two reads a byte may come, and a byte that the CPU reads is missing in the
+    /// IDLE, FE and NF are cleared by a read of SR followed by one of DR (RM0390, USART_SR). Only the DMA
+    /// reads DR: a byte can arrive between the two reads, and a byte that the CPU reads is missing in the
     /// ring. So the CPU reads SR, and the DMA reads DR when it moves the next byte. If that did not clear
-    /// the flags, each byte would interrupt and wake the reader: slower, but nothing is lost.
+    /// the flags, each byte would interrupt and wake the reader, which is slower but loses nothing.
     ///
-    /// With ORE set a byte is lost already, and with RXNEIE it would interrupt without end: it is cleared
-    /// at once.
+    /// ORE means that a byte is lost already, and with RXNEIE it would interrupt continuously, so it is
+    /// cleared at once.
     fn acknowledge() {
         let uart = pac::USART2;
         let status = uart.sr().read();
-        // A byte in DR: the DMA is about to read it, which clears the flags that were read.
+        // With a byte in DR, the DMA is about to read it, which clears the flags.
         let is_moved = !status.rxne();
         if status.ore() && is_moved {
             let _ = uart.dr().read();

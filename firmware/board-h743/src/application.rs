@@ -1,6 +1,8 @@
-//! The board's start.
+//! Start of the board: pins, clocks and memory, then the tasks.
 
-use board_stm32::{Board, Bus, ClockSource, Loader, Port, Trigger, Wires, begin, init, sleep};
+use board_stm32::{
+    Board, Bus, ClockSource, Loader, Port, Trigger, Wires, init, sleep, start_tasks,
+};
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;
 use embassy_stm32::{
@@ -36,25 +38,25 @@ bind_interrupts!(struct UartIrqs {
 
 #[entry]
 fn main() -> ! {
-    // Before anything is what it was not at the reset.
-    Loader::Stm32H743.run_if_asked(|| {});
+    // First, while the chip is as its reset left it.
+    Loader::Stm32H743.run_if_requested(|| {});
     let clock = ClockSource::find(clocks::AFTER_RESET_HZ);
-    let parts = Parts::of(init(clocks::config(clock)));
-    // There are no tasks yet that could answer for a failure.
+    let parts = Parts::new(init(clocks::config(clock)));
+    // A failure is a fault of the image. It panics, because no task runs yet that could report it.
     start(parts, clock).expect("every task is spawned once");
     sleep()
 }
 
 #[embassy_executor::task]
-async fn watch(watchdog: Peri<'static, IWDG1>) {
-    board_stm32::watch(watchdog).await;
+async fn feed_watchdog(watchdog: Peri<'static, IWDG1>) {
+    board_stm32::feed_watchdog(watchdog).await;
 }
 
 fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
-    let reset_cause = reset::cause();
-    reset::spare_the_debugger();
-    let core = cortex_m::Peripherals::take().expect("nobody has taken them");
-    let memory = memory::begin(core);
+    let reset_cause = reset::take_cause();
+    reset::freeze_watchdog_in_debug();
+    let core = cortex_m::Peripherals::take().expect("nothing else takes them");
+    let memory = memory::init(core);
 
     let spi = Spi::new(
         parts.spi,
@@ -107,7 +109,7 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
         UartIrqs,
         &mut memory.port,
     );
-    let spawner = begin(Board {
+    let spawner = start_tasks(Board {
         name: "NUCLEO-H743ZI2",
         firmware: env!("CORTICODE_FIRMWARE"),
         reset_cause,
@@ -117,6 +119,6 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
         trigger,
         port,
     })?;
-    spawner.spawn(watch(parts.watchdog)?);
+    spawner.spawn(feed_watchdog(parts.watchdog)?);
     Ok(())
 }

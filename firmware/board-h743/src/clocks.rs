@@ -1,6 +1,6 @@
-//! The clock tree: 480 MHz for the core, 25.6 MHz for SPI, 48 MHz for USB.
+//! Clock tree: 480 MHz for the core, 25.6 MHz for SPI, 48 MHz for USB.
 
-use board_stm32::{ClockSource, prioritise};
+use board_stm32::{ClockSource, nvic_priority};
 use embassy_stm32::{
     Config,
     rcc::{
@@ -11,15 +11,15 @@ use embassy_stm32::{
 };
 use firmware::deadlines::priority;
 
-/// The core's clock after a reset: HSI (RM0433, RCC).
+/// Frequency of the core after a reset: HSI (RM0433, RCC).
 pub(crate) const AFTER_RESET_HZ: u32 = 64_000_000;
 
-/// The clocks, the same from either source.
+/// Returns the configuration of the clocks; the frequencies are the same from either source.
 pub(crate) fn config(source: ClockSource) -> Config {
     let mut config = Config::default();
-    config.dma_interrupt_priority = prioritise(priority::DRDY);
+    config.dma_interrupt_priority = nvic_priority(priority::DRDY);
     let rcc = &mut config.rcc;
-    // Both are the PLLs' 8 MHz: the ST-LINK's (UM2407), and an eighth of HSI's 64.
+    // Both sources give the PLLs their 8 MHz: the ST-LINK's (UM2407), or an eighth of HSI's 64.
     let (source, prediv) = match source {
         ClockSource::StLink => {
             rcc.hse = Some(Hse {
@@ -30,10 +30,10 @@ pub(crate) fn config(source: ClockSource) -> Config {
         }
         ClockSource::Internal => (PllSource::HSI, PllPreDiv::DIV8),
     };
-    // 8 MHz * 120 / 2: the most that revision V does, at the highest core voltage (DS12110, 6.3.1).
-    // A twentieth of the 960 MHz is USB's 48, as exact as the ST-LINK's quartz, and the generator of
-    // random numbers has it too. HSI48 would need CRS: embassy-stm32 0.6.0 synchronises that to the
-    // start of frame of USB1, and PA11 and PA12 are USB2 (RM0433, CRS_CFGR, SYNCSRC).
+    // 8 MHz * 120 / 2: the maximum of revision V, at the highest core voltage (DS12110, 6.3.1).
+    // A twentieth of the 960 MHz is the 48 MHz of USB, as accurate as the ST-LINK's crystal, and also
+    // clocks the random number generator. HSI48 would need CRS: embassy-stm32 0.6.0 synchronises that to
+    // the start of frame of USB1, but PA11 and PA12 belong to USB2 (RM0433, CRS_CFGR, SYNCSRC).
     rcc.pll1 = Some(Pll {
         source,
         prediv,

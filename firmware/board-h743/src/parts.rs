@@ -1,4 +1,4 @@
-//! The board's pins. Port E, so that all of the chain's signals come out on the NUCLEO's own sockets.
+//! Pins of the board. Port E, because all of the chain's signals are then on the NUCLEO's own sockets.
 
 board_stm32::parts! {
     pins {

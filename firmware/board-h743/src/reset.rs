@@ -1,11 +1,11 @@
-//! Why the chip has started.
+//! Flags of the last reset, and the watchdog under a debugger.
 
 use embassy_stm32::pac::{DBGMCU, RCC};
 use link::ResetCause;
 
-/// Reads the cause and clears it for the next time (RM0433, RCC_RSR). A watchdog and software pull the reset
-/// pin too, and a supply that comes up is low before: the first that applies is the cause.
-pub(crate) fn cause() -> ResetCause {
+/// Returns the cause of the last reset and clears its flags (RM0433, RCC_RSR). Watchdog and software also pull
+/// the reset pin, and power-on passes the brown-out level, so the order of the tests decides.
+pub(crate) fn take_cause() -> ResetCause {
     let flags = RCC.rsr().read();
     RCC.rsr().modify(|flags| flags.set_rmvf(true));
     if flags.porrstf() {
@@ -23,7 +23,7 @@ pub(crate) fn cause() -> ResetCause {
     }
 }
 
-/// Lets the watchdog wait while a debugger holds the core.
-pub(crate) fn spare_the_debugger() {
+/// Stops the watchdog's counter while a debugger halts the core.
+pub(crate) fn freeze_watchdog_in_debug() {
     DBGMCU.apb4fzr1().modify(|freeze| freeze.set_iwdg1(true));
 }

@@ -1,9 +1,9 @@
-//! The UART of the ST-LINK.
+//! Registers of the UART that the ST-LINK is connected to.
 
 use board_stm32::Uart;
 use embassy_stm32::{interrupt::Interrupt, pac, peripherals};
 
-/// USART3.
+/// USART3 (RM0433).
 pub(crate) struct Usart3;
 
 impl Uart for Usart3 {
@@ -15,11 +15,11 @@ impl Uart for Usart3 {
         Interrupt::DMA1_STREAM3,
     ];
 
-    fn data() -> *mut u8 {
+    fn data_register() -> *mut u8 {
         pac::USART3.rdr().as_ptr().cast()
     }
 
-    fn listen() {
+    fn enable_receiver() {
         pac::USART3.cr3().modify(|control| {
             control.set_dmar(true);
             control.set_eie(true);

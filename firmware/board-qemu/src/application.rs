@@ -1,4 +1,4 @@
-//! The board's start: peripherals, queues, executors, tasks.
+//! Start of the emulated board: peripherals, queues, executors, tasks.
 
 use core::sync::atomic::Ordering::Relaxed;
 
@@ -8,8 +8,9 @@ use device::{Abilities, Identity, Producer, Session};
 use embassy_executor::SpawnError;
 use embassy_time::{Duration, Timer};
 use firmware::{
-    Clock, FaultRecord, Frames, HandedIn, HandedOut, Machine, Memory, Port, Shared, StampedIn,
-    StampedOut, deadlines,
+    FaultRecord, Frames, Machine, Memory, OutputReceiver, OutputSender, Port, SampleReceiver,
+    SampleSender, deadlines,
+    failure::{previous_fault, stack},
 };
 use link::{ResetCause, Start, Streams};
 use pipeline::{Acquisition, Mains};
@@ -20,23 +21,18 @@ use crate::{
     failure::{self, Failure},
     host_file::HostFile,
     interrupts::{self, ACQUIRE, CONVERSE, ENCODE, Interrupt},
-    recording::{ENDED, Recording},
-    registers::CLOCK_HZ,
+    sample_source::{FILE_ENDED, SampleSource},
+    shared::SHARED,
     time_driver, trigger,
     uart::{self, Receiver, Transmitter},
 };
 
-/// From the end of the file to the end of the emulation: the last frames leave, and the watchdog, which
-/// misses the samples, does not end yet.
-const FAREWELL: Duration = Duration::from_millis(60);
+/// Delay between the end of the file and the end of the emulation, in which the last frames are sent. Shorter
+/// than the watchdog's period, because without samples the watchdog is not fed.
+const DRAIN_TIMEOUT: Duration = Duration::from_millis(60);
 
-pub(crate) static SHARED: Shared = Shared::new(Clock {
-    now: time_driver::ticks,
-    hz: CLOCK_HZ,
-});
 static MEMORY: Memory = Memory::new();
 
-/// What this board can do.
 const ABILITIES: Abilities = Abilities {
     streams: Streams::ALL,
     self_test: false,
@@ -44,24 +40,24 @@ const ABILITIES: Abilities = Abilities {
 };
 
 #[embassy_executor::task]
-async fn acquire(recording: Recording, share: (StampedIn, &'static mut Acquisition)) {
-    firmware::acquire(recording, &SHARED, share).await;
+async fn acquire(source: SampleSource, memory: (SampleSender, &'static mut Acquisition)) {
+    firmware::acquire(source, &SHARED, memory).await;
 }
 
 #[embassy_executor::task]
-async fn encode(share: (StampedOut, HandedIn, &'static mut Producer)) {
-    firmware::encode(&SHARED, share).await;
+async fn encode(memory: (SampleReceiver, OutputSender, &'static mut Producer)) {
+    firmware::encode(&SHARED, memory).await;
 }
 
 #[embassy_executor::task]
 async fn converse(
-    before: Option<FaultRecord>,
+    previous: Option<FaultRecord>,
     start: Option<Start>,
-    share: (&'static mut Frames, HandedOut),
+    memory: (&'static mut Frames, OutputReceiver),
 ) {
     let is_sound = firmware::model_is_sound();
-    let fault = firmware::start_fault(is_sound, "", before.as_ref());
-    let identity = identity(before.as_ref(), &fault);
+    let fault = firmware::start_fault(is_sound, "", previous.as_ref());
+    let identity = identity(previous.as_ref(), &fault);
     let mut session = Session::new(identity, ABILITIES, Mains::default());
     if !is_sound {
         session.refuse_starts();
@@ -71,60 +67,58 @@ async fn converse(
         output: Transmitter,
     };
     let machine = Machine {
-        stack: Some(failure::stack()),
+        stack: Some(stack()),
         restart: failure::restart,
     };
-    firmware::converse(port, &mut session, start, share, &SHARED, machine).await;
+    firmware::converse(port, &mut session, start, memory, &SHARED, machine).await;
 }
 
-/// Ends the emulation a while after the file.
+/// Ends the emulation some time after the end of the file, and prints the counts.
 #[embassy_executor::task]
 async fn end() {
-    while !ENDED.load(Relaxed) {
+    while !FILE_ENDED.load(Relaxed) {
         Timer::after(deadlines::STEP).await;
     }
-    Timer::after(FAREWELL).await;
+    Timer::after(DRAIN_TIMEOUT).await;
     let counts = SHARED.counts();
     hprintln!("samples {}", counts.samples);
     hprintln!("overruns {}", counts.overruns);
     debug::exit(debug::EXIT_SUCCESS);
 }
 
-/// Says what the host's file says.
 #[embassy_executor::task]
-async fn say(file: HostFile, boot: u32) {
-    commands::say(file, boot).await;
+async fn play_commands(file: HostFile, boot: u32) {
+    commands::play(file, boot).await;
 }
 
-/// Feeds the watchdog while all tasks move.
 #[embassy_executor::task]
-async fn watch() {
-    failure::begin_watchdog();
-    firmware::keep_alive(&SHARED, failure::feed_watchdog).await;
+async fn feed_watchdog() {
+    failure::start_watchdog();
+    firmware::keep_alive(&SHARED.progress, failure::feed_watchdog).await;
 }
 
-/// Fails as asked, after a second.
+/// Fails as requested, one second after the start.
 #[embassy_executor::task]
-async fn fail(how: Failure) {
+async fn fail(failure: Failure) {
     Timer::after_secs(1).await;
-    how.happen();
+    failure.happen();
 }
 
-fn identity<'f>(before: Option<&FaultRecord>, fault: &'f str) -> Identity<'f> {
+fn identity<'f>(previous: Option<&FaultRecord>, fault: &'f str) -> Identity<'f> {
     Identity {
         firmware: env!("CARGO_PKG_VERSION"),
         board: "qemu-mps2",
         chip_uid: *b"qemu-mps2\0\0\0",
-        session_id: if before.is_some() { 2 } else { 1 },
-        reset_cause: before.map_or(ResetCause::PowerOn, FaultRecord::cause),
+        session_id: if previous.is_some() { 2 } else { 1 },
+        reset_cause: previous.map_or(ResetCause::PowerOn, FaultRecord::reset_cause),
         fault,
     }
 }
 
 #[entry]
 fn main() -> ! {
-    let spawned = begin();
-    if spawned.is_err() {
+    let started = start();
+    if started.is_err() {
         hprintln!("a task could not be spawned");
         debug::exit(debug::EXIT_FAILURE);
     }
@@ -134,53 +128,60 @@ fn main() -> ! {
     }
 }
 
-/// Not part of `main`, whose frame stays on the stack for ever, under all tasks.
+/// Starts peripherals and tasks. Never inlined into `main`, whose stack frame stays below those of all tasks.
 #[inline(never)]
-fn begin() -> Result<(), SpawnError> {
-    let arguments = Arguments::of_emulator();
-    let before = failure::of_the_run_before();
+fn start() -> Result<(), SpawnError> {
+    let arguments = Arguments::read();
+    let previous = previous_fault();
     let start = [("start", Streams::CODES), ("start-all", Streams::ALL)]
         .into_iter()
-        .find(|(word, _)| arguments.has(word))
+        .find(|(argument, _)| arguments.has(argument))
         .map(|(_, streams)| Start {
             streams,
             mains_hz: 0,
         });
-    let recording = Recording::open();
+    let source = SampleSource::open();
     if let Some(mut core) = cortex_m::Peripherals::take() {
-        interrupts::prioritise(&mut core.NVIC);
+        interrupts::init(&mut core.NVIC);
     }
-    time_driver::begin();
-    uart::begin();
+    time_driver::start();
+    uart::start();
 
-    let shares = MEMORY.take();
+    let memory = MEMORY.init();
     let conversation = CONVERSE.start(Interrupt::Converse);
-    conversation.spawn(converse(before, start, shares.converse)?);
+    conversation.spawn(converse(previous, start, memory.converse)?);
     conversation.spawn(end()?);
-    conversation.spawn(watch()?);
-    if let Some(file) = open_for(&arguments, "commands", commands::COMMANDS) {
-        let boot = if before.is_some() { 2 } else { 1 };
-        conversation.spawn(say(file, boot)?);
+    conversation.spawn(feed_watchdog()?);
+    if let Some(file) = open_if_requested(&arguments, "commands", commands::COMMANDS) {
+        let boot = if previous.is_some() { 2 } else { 1 };
+        conversation.spawn(play_commands(file, boot)?);
     }
     let encoding = ENCODE.start(Interrupt::Encode);
-    if before.is_none()
+    if previous.is_none()
         && let Some(failure) = Failure::ALL
             .into_iter()
-            .find(|how| arguments.has(how.word()))
+            .find(|failure| arguments.has(failure.argument()))
     {
         encoding.spawn(fail(failure)?);
     }
-    encoding.spawn(encode(shares.encode)?);
+    encoding.spawn(encode(memory.encode)?);
     let acquisition = ACQUIRE.start(Interrupt::Acquire);
-    acquisition.spawn(acquire(recording, shares.acquire)?);
-    let origin = drdy::begin();
-    if let Some(file) = open_for(&arguments, "trigger", trigger::EDGES) {
-        trigger::begin(file, origin);
+    acquisition.spawn(acquire(source, memory.acquire)?);
+    let origin = drdy::start();
+    if let Some(file) = open_if_requested(&arguments, "trigger", trigger::EDGES) {
+        trigger::start(file, origin);
     }
     Ok(())
 }
 
-/// The host's file, where the emulator was started with the word for it.
-fn open_for(arguments: &Arguments, word: &str, name: &core::ffi::CStr) -> Option<HostFile> {
-    arguments.has(word).then(|| HostFile::open(name)).flatten()
+/// Opens a file on the PC if the emulator was started with `argument`.
+fn open_if_requested(
+    arguments: &Arguments,
+    argument: &str,
+    name: &core::ffi::CStr,
+) -> Option<HostFile> {
+    arguments
+        .has(argument)
+        .then(|| HostFile::open(name))
+        .flatten()
 }

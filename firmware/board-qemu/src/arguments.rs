@@ -1,35 +1,35 @@
-//! What the emulator was started with.
+//! Arguments that the emulator was started with.
 #![expect(unsafe_code, reason = "a semihosting call takes an address")]
 
 /// SYS_GET_CMDLINE (ARM semihosting, section 7.7).
 const GET_CMDLINE: usize = 0x15;
 
-/// Longest line.
-const LONGEST: usize = 128;
+/// Bytes of the longest command line.
+const MAX_LINE: usize = 128;
 
-/// The words behind QEMU's `-semihosting-config arg=`.
+/// Words of QEMU's `-semihosting-config arg=`.
 #[derive(Debug)]
 pub(crate) struct Arguments {
-    line: [u8; LONGEST],
+    line: [u8; MAX_LINE],
 }
 
 impl Arguments {
-    /// Asks the emulator.
-    pub(crate) fn of_emulator() -> Self {
-        let mut line = [0; LONGEST];
-        let block = [line.as_mut_ptr() as usize, LONGEST];
-        // SAFETY: the call writes at most as many bytes as the block says into the line, and its
-        // length into the block; both outlive it.
+    /// Reads the arguments from the emulator.
+    pub(crate) fn read() -> Self {
+        let mut line = [0; MAX_LINE];
+        let block = [line.as_mut_ptr() as usize, MAX_LINE];
+        // SAFETY: the call writes at most MAX_LINE bytes to the line, and the line's length to the block.
+        // Both outlive the call.
         let refused =
             unsafe { cortex_m_semihosting::syscall1(GET_CMDLINE, block.as_ptr() as usize) };
         let _ = refused;
         Self { line }
     }
 
-    /// Whether `word` is among them.
+    /// Returns whether `word` is one of the arguments.
     pub(crate) fn has(&self, word: &str) -> bool {
         let end = self.line.iter().position(|&byte| byte == 0);
-        let line = &self.line[..end.unwrap_or(LONGEST)];
+        let line = &self.line[..end.unwrap_or(MAX_LINE)];
         line.split(|&byte| byte == b' ')
             .any(|argument| argument == word.as_bytes())
     }

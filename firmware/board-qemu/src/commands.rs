@@ -1,35 +1,34 @@
-//! What a host says at set times, from a file: the same in every run, where a pipe's bytes come when the
-//! PC has time.
+//! Commands of a simulated host at fixed device times, from a file. Unlike the bytes of a pipe, whose timing
+//! depends on the PC, they are the same in every run.
 
 use embassy_time::{Instant, Timer};
 
 use crate::{host_file::HostFile, uart};
 
-/// The file: commands, each with when, in which run and how many bytes, all little endian, and then the
-/// bytes.
+/// File of commands: for each a head of [`HEAD`] bytes, little endian, followed by the command's bytes.
 pub(crate) const COMMANDS: &core::ffi::CStr = c"commands.bin";
 
-/// Bytes in front of a command: device time in microseconds, 64 bits; boot, counted from 1, and length,
-/// 32 bits each.
+/// Bytes of a head: device time in microseconds, 64 bits; number of the boot, from 1, 32 bits; length of the
+/// command in bytes, 32 bits.
 const HEAD: usize = 16;
 
-/// Bytes that come at once, without a wait in between.
+/// Bytes passed to the UART at once.
 const PIECE: usize = 64;
 
-/// Says what is for this boot, at its times, as if it came through the UART.
-pub(crate) async fn say(mut file: HostFile, boot: u32) {
+/// Plays the commands for this boot, at their times, as if they came through the UART.
+pub(crate) async fn play(mut file: HostFile, boot: u32) {
     let mut head = [0; HEAD];
     while file.read(&mut head) {
         let [at_us, rest] = head.as_chunks::<8>().0 else {
             return;
         };
         let at_us = u64::from_le_bytes(*at_us);
-        let [of, length] = rest.as_chunks::<4>().0 else {
+        let [command_boot, length] = rest.as_chunks::<4>().0 else {
             return;
         };
         let mut length = usize::try_from(u32::from_le_bytes(*length)).unwrap_or(0);
-        let is_for_now = u32::from_le_bytes(*of) == boot;
-        if is_for_now {
+        let is_for_this_boot = u32::from_le_bytes(*command_boot) == boot;
+        if is_for_this_boot {
             Timer::at(Instant::from_micros(at_us)).await;
         }
         let mut piece = [0; PIECE];
@@ -38,8 +37,8 @@ pub(crate) async fn say(mut file: HostFile, boot: u32) {
             if !file.read(&mut piece[..count]) {
                 return;
             }
-            if is_for_now {
-                uart::take_in(&piece[..count]);
+            if is_for_this_boot {
+                uart::push_received(&piece[..count]);
             }
             length -= count;
         }

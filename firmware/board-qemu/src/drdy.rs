@@ -1,4 +1,4 @@
-//! The converter's DRDY, by timer 1: exactly as many edges a second as the model's ADC.
+//! DRDY of the simulated converter, from timer 1, at exactly the model's sampling rate.
 
 use core::{cell::Cell, future::poll_fn, task::Poll};
 
@@ -8,36 +8,37 @@ use model::ADC_RATE_HZ;
 
 use crate::{
     registers::{CLOCK_HZ, TIMER1, timer},
-    time_driver::{TICKS_PER_US, all_ticks},
+    time_driver::{TICKS_PER_US, ticks_since_boot},
 };
 
 #[derive(Clone, Copy)]
 struct Edges {
-    /// Ticks of the first one.
+    /// Time of the first edge, ticks.
     first: u64,
-    /// Edges so far, and those of them that somebody waited for.
-    came: u64,
+    /// Edges so far.
+    count: u64,
+    /// Value of `count` when the edges were last taken.
     taken: u64,
 }
 
 static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
     first: 0,
-    came: 0,
+    count: 0,
     taken: 0,
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// When edge number `index` is due, in ticks: the n-th lies at n / rate behind the first.
+/// Returns the time of edge number `index`, in ticks: index / rate after the first.
 fn due(first: u64, index: u64) -> u64 {
     first + index * u64::from(CLOCK_HZ) / u64::from(ADC_RATE_HZ)
 }
 
-/// Lets the converter run; the first edge comes after a period, at these ticks. It falls on a whole
-/// microsecond, so that the device times of all edges are those of any clock, but for where it began.
-pub(crate) fn begin() -> u64 {
+/// Starts the converter. Returns the time of the first edge, in ticks, one period later. That edge is on a whole
+/// microsecond, so that the device times of the edges differ between runs only by a constant.
+pub(crate) fn start() -> u64 {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
-        let first = all_ticks() + due(0, 1);
+        let first = ticks_since_boot() + due(0, 1);
         edges.set(Edges {
             first: first.next_multiple_of(u64::from(TICKS_PER_US)),
             ..edges.get()
@@ -47,12 +48,12 @@ pub(crate) fn begin() -> u64 {
     })
 }
 
-/// Timer 1 has rung: an edge.
-pub(crate) fn edge() {
+/// Counts an edge; called when timer 1 expires.
+pub(crate) fn on_edge() {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
         edges.set(Edges {
-            came: edges.get().came + 1,
+            count: edges.get().count + 1,
             ..edges.get()
         });
         arm(edges.get());
@@ -60,11 +61,11 @@ pub(crate) fn edge() {
     WAKER.wake();
 }
 
-/// Lets timer 1 ring at the next edge: once, because QEMU 7.2 lets a periodic timer ring at half its
-/// rate under `-icount`.
+/// Sets timer 1 to expire once, at the next edge. A periodic timer would expire at half its rate, because of
+/// QEMU 7.2 under `-icount`.
 fn arm(edges: Edges) {
-    let wait = due(edges.first, edges.came)
-        .saturating_sub(all_ticks())
+    let wait = due(edges.first, edges.count)
+        .saturating_sub(ticks_since_boot())
         .max(1);
     TIMER1.write(timer::CONTROL, 0);
     TIMER1.write(timer::INTERRUPT, 1);
@@ -74,39 +75,39 @@ fn arm(edges: Edges) {
     TIMER1.write(timer::CONTROL, timer::RUN);
 }
 
-/// An edge.
+/// Edge of DRDY.
 pub(crate) struct Edge {
-    /// Device time, microseconds since boot, as a timer's capture would have it.
+    /// Device time, microseconds since boot, as exact as a timer capture.
     pub(crate) us: u64,
-    /// The same on the free-running timer, ticks; wraps.
+    /// Time on the free-running timer, ticks; wraps.
     pub(crate) ticks: u32,
-    /// Edges before it for which nobody came in time.
+    /// Edges before this one that were not taken in time.
     pub(crate) missed: u64,
 }
 
-/// Waits for the next edge that was not taken; gives the newest.
-pub(crate) async fn next() -> Edge {
+/// Waits for an edge that was not taken yet. Returns the newest.
+pub(crate) async fn next_edge() -> Edge {
     poll_fn(|context| {
         WAKER.register(context.waker());
         let (before, now) = critical_section::with(|section| {
             let edges = EDGES.borrow(section);
             let before = edges.get();
             edges.set(Edges {
-                taken: before.came,
+                taken: before.count,
                 ..before
             });
             (before.taken, edges.get())
         });
-        if now.came == before {
+        if now.count == before {
             return Poll::Pending;
         }
-        let edge = due(now.first, now.came - 1);
+        let edge = due(now.first, now.count - 1);
         #[expect(clippy::cast_possible_truncation, reason = "it wraps")]
         let ticks = edge as u32;
         Poll::Ready(Edge {
             us: edge / u64::from(TICKS_PER_US),
             ticks,
-            missed: now.came - before - 1,
+            missed: now.count - before - 1,
         })
     })
     .await

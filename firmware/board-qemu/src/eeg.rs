@@ -1,8 +1,8 @@
-//! Made-up EEG, in integers, for a host that gives no recording.
+//! Synthetic EEG in integers, for an emulator without a recording.
 
 use pipeline::Sample;
 
-/// Slow noise and a 10 Hz wave, shared by all channels in different parts.
+/// Slow noise of each channel, and a 10 Hz wave that the channels share at different amplitudes.
 #[derive(Debug)]
 pub(crate) struct Eeg {
     random: u32,
@@ -12,11 +12,11 @@ pub(crate) struct Eeg {
     wave: [i32; 2],
 }
 
-/// A 10 Hz wave's turn from sample to sample, Q15: cosine and sine of 2 pi 10 / 512.
-const TURN: [i32; 2] = [32_522, 4_011];
+/// Rotation of the 10 Hz wave from sample to sample, Q15: cosine and sine of 2 pi 10 / 512.
+const ROTATION: [i32; 2] = [32_522, 4_011];
 
-/// Amplitude of the wave in counts: 20 uV at 22.35 nV each.
-const WAVE: i32 = 895;
+/// Amplitude of the wave: 20 uV, in counts of 22.35 nV.
+const AMPLITUDE: i32 = 895;
 
 impl Eeg {
     pub(crate) fn new() -> Self {
@@ -27,23 +27,23 @@ impl Eeg {
         }
     }
 
-    /// The next sample.
-    pub(crate) fn next(&mut self, sample: &mut Sample) {
-        let ([c, s], [x, y]) = (TURN, self.wave);
+    /// Writes the counts of the next sample.
+    pub(crate) fn fill(&mut self, sample: &mut Sample) {
+        let ([c, s], [x, y]) = (ROTATION, self.wave);
         self.wave = [(c * x - s * y) >> 15, (s * x + c * y) >> 15];
         if self.wave[0] == 0 && self.wave[1] == 0 {
             self.wave = [i32::from(i16::MAX), 0];
         }
         let channels = sample.counts.iter_mut().zip(&mut self.slow.counts);
         for (index, (count, slow)) in (1..).zip(channels) {
-            // Numerical Recipes' generator.
+            // Linear congruential generator of Numerical Recipes.
             self.random = self
                 .random
                 .wrapping_mul(1_664_525)
                 .wrapping_add(1_013_904_223);
             let noise = self.random.cast_signed() >> 20;
             *slow += noise - (*slow >> 6);
-            let part = WAVE * (index % 5) / 4;
+            let part = AMPLITUDE * (index % 5) / 4;
             *count = *slow + ((self.wave[0] * part) >> 15);
         }
     }

@@ -1,14 +1,14 @@
-//! A file of the host that runs the emulation.
+//! Files of the PC that runs the emulator.
 #![expect(unsafe_code, reason = "semihosting calls take addresses")]
 
 use cortex_m_semihosting::{nr, syscall};
 
-/// A file of the host, open for reading.
+/// Handle of a file on the PC, open for reading.
 #[derive(Debug)]
 pub(crate) struct HostFile(usize);
 
 impl HostFile {
-    /// Opens a file of the emulator's working folder, if it is there.
+    /// Opens a file in the emulator's working directory. Returns `None` if there is no such file.
     pub(crate) fn open(name: &core::ffi::CStr) -> Option<Self> {
         let length = name.to_bytes().len();
         // SAFETY: SYS_OPEN reads the name and its length from an argument block that outlives it.
@@ -16,7 +16,7 @@ impl HostFile {
         (handle != usize::MAX).then_some(Self(handle))
     }
 
-    /// Fills the buffer; false where the file ends before.
+    /// Fills the buffer from the file. Returns false if the file ends before the buffer is full.
     pub(crate) fn read(&mut self, buffer: &mut [u8]) -> bool {
         // SAFETY: SYS_READ writes at most `len` bytes into the buffer, which is borrowed for it.
         let missing = unsafe { syscall!(READ, self.0, buffer.as_mut_ptr(), buffer.len()) };

@@ -1,13 +1,13 @@
-//! Which interrupt does what, and how urgent it is.
-#![expect(unsafe_code, reason = "the vector table, and what it points to")]
+//! Interrupt handlers, their priorities, and the vector table.
+#![expect(unsafe_code, reason = "the vector table and its handlers")]
 
 use cortex_m::peripheral::NVIC;
 use embassy_executor::InterruptExecutor;
 use firmware::deadlines::priority;
 
-use crate::{application, drdy, time_driver, trigger, uart};
+use crate::{drdy, shared::SHARED, time_driver, trigger, uart};
 
-/// Interrupts of the MPS2 that are used; the spare ones run executors.
+/// Interrupts of the MPS2 in use. The last three are spare and run the executors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u16)]
 pub(crate) enum Interrupt {
@@ -21,7 +21,7 @@ pub(crate) enum Interrupt {
     Converse = 31,
 }
 
-// SAFETY: the numbers are those of the MPS2's interrupts, and stay what they are.
+// SAFETY: the discriminants are the numbers of the MPS2's interrupts.
 unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
     fn number(self) -> u16 {
         self as u16
@@ -32,8 +32,8 @@ pub(crate) static ACQUIRE: InterruptExecutor = InterruptExecutor::new();
 pub(crate) static CONVERSE: InterruptExecutor = InterruptExecutor::new();
 pub(crate) static ENCODE: InterruptExecutor = InterruptExecutor::new();
 
-/// Gives every interrupt its priority; 3 bits of it, as in the emulated cores' 8, are its upper ones.
-pub(crate) fn prioritise(nvic: &mut NVIC) {
+/// Sets the priorities and enables the interrupts. As on the NUCLEO boards, the upper 4 bits hold the level.
+pub(crate) fn init(nvic: &mut NVIC) {
     for (interrupt, level) in [
         (Interrupt::Timer1, priority::DRDY),
         (Interrupt::DualTimer, priority::DRDY),
@@ -44,7 +44,7 @@ pub(crate) fn prioritise(nvic: &mut NVIC) {
         (Interrupt::Converse, priority::CONVERSE),
         (Interrupt::Encode, priority::ENCODE),
     ] {
-        // SAFETY: nothing runs yet that relies on another order.
+        // SAFETY: no code runs yet that relies on other priorities.
         unsafe { nvic.set_priority(interrupt, level << 4) };
     }
     for interrupt in [
@@ -75,32 +75,32 @@ unsafe extern "C" fn encode() {
 }
 
 unsafe extern "C" fn timer0() {
-    time_driver::alarm();
+    time_driver::on_alarm();
 }
 
 unsafe extern "C" fn timer1() {
-    drdy::edge();
+    drdy::on_edge();
 }
 
 unsafe extern "C" fn dual_timer() {
-    if let Some((kind, at_us)) = trigger::edge() {
-        application::SHARED.inputs.captured(kind, at_us);
+    if let Some((kind, at_us)) = trigger::take_edge() {
+        SHARED.inputs.push_event(kind, at_us);
     }
 }
 
 unsafe extern "C" fn uart0_receive() {
-    uart::receive();
+    uart::on_receive();
 }
 
 unsafe extern "C" fn uart0_transmit() {
-    uart::transmit();
+    uart::on_transmit();
 }
 
 unsafe extern "C" {
     fn DefaultHandler();
 }
 
-/// The table behind the core's own vectors; cortex-m-rt's linker script places it.
+/// Vectors of the peripherals; cortex-m-rt's linker script places them after the core's own.
 #[unsafe(link_section = ".vector_table.interrupts")]
 #[unsafe(no_mangle)]
 static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {

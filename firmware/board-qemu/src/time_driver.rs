@@ -1,4 +1,4 @@
-//! embassy-time on the board's timers: half of the dual timer runs freely, timer 0 rings.
+//! Time driver for embassy-time: one half of the dual timer is the clock, timer 0 the alarm.
 
 use core::{
     cell::{Cell, RefCell},
@@ -11,14 +11,14 @@ use embassy_time_queue_utils::Queue;
 
 use crate::registers::{CLOCK_HZ, DUAL_TIMER, TIMER0, dual_timer, timer};
 
-/// Ticks of the timers in a microsecond.
+/// Ticks of the timers per microsecond.
 pub(crate) const TICKS_PER_US: u32 = CLOCK_HZ / 1_000_000;
-/// The longest wait for an alarm, microseconds: the free-running half, which wraps after 171 s, is read
-/// at least so often.
+/// Longest time between two alarms, microseconds. Each alarm reads the free-running timer, whose wraps, 171 s
+/// apart, must all be seen.
 const LONGEST_US: u64 = 40_000_000;
 
 struct Time {
-    /// What the free-running half showed last, and how often it has wrapped.
+    /// Last value of the free-running timer, and number of its wraps.
     last: Mutex<Cell<(u32, u32)>>,
     queue: Mutex<RefCell<Queue>>,
 }
@@ -28,8 +28,8 @@ embassy_time_driver::time_driver_impl!(static TIME: Time = Time {
     queue: Mutex::new(RefCell::new(Queue::new())),
 });
 
-/// Lets time begin.
-pub(crate) fn begin() {
+/// Starts the clock and the alarm.
+pub(crate) fn start() {
     DUAL_TIMER.write(dual_timer::LOAD, u32::MAX);
     DUAL_TIMER.write(dual_timer::CONTROL, dual_timer::RUN_FREELY);
     critical_section::with(|section| {
@@ -37,14 +37,14 @@ pub(crate) fn begin() {
     });
 }
 
-/// Ticks of the board's clock since the beginning, 32 bits; wraps after 171 s.
+/// Ticks since [`start`], 32 bits; wraps after 171 s.
 #[inline]
 pub(crate) fn ticks() -> u32 {
     !DUAL_TIMER.read(dual_timer::VALUE)
 }
 
-/// The same, for ever.
-pub(crate) fn all_ticks() -> u64 {
+/// Ticks since [`start`], 64 bits.
+pub(crate) fn ticks_since_boot() -> u64 {
     critical_section::with(|section| {
         let now = ticks();
         let (last, wraps) = TIME.last.borrow(section).get();
@@ -54,8 +54,8 @@ pub(crate) fn all_ticks() -> u64 {
     })
 }
 
-/// Timer 0 has rung.
-pub(crate) fn alarm() {
+/// Wakes what is due; called when timer 0 expires.
+pub(crate) fn on_alarm() {
     critical_section::with(|section| {
         TIMER0.write(timer::CONTROL, 0);
         TIMER0.write(timer::INTERRUPT, 1);
@@ -67,7 +67,7 @@ pub(crate) fn alarm() {
 
 impl embassy_time_driver::Driver for Time {
     fn now(&self) -> u64 {
-        all_ticks() / u64::from(TICKS_PER_US)
+        ticks_since_boot() / u64::from(TICKS_PER_US)
     }
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
@@ -82,7 +82,7 @@ impl embassy_time_driver::Driver for Time {
 }
 
 impl Time {
-    /// Lets timer 0 ring at `next`, or after the longest wait.
+    /// Sets timer 0 to expire at `next`, in microseconds since boot, or after [`LONGEST_US`].
     fn arm(&self, _: CriticalSection<'_>, mut next: u64, queue: &mut Queue) {
         let now = loop {
             let now = self.now();

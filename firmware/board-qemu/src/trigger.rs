@@ -1,4 +1,4 @@
-//! The trigger input: edges at set times, by the second half of the dual timer.
+//! Trigger input of the emulated board: edges at times from a file, by the second half of the dual timer.
 
 use core::cell::RefCell;
 
@@ -8,26 +8,26 @@ use link::EventKind;
 use crate::{
     host_file::HostFile,
     registers::{DUAL_TIMER_SECOND, dual_timer},
-    time_driver::{TICKS_PER_US, all_ticks},
+    time_driver::{TICKS_PER_US, ticks_since_boot},
 };
 
-/// The file: the input's edges, rising and falling in turn, each in microseconds behind the converter's
-/// first DRDY; 64 bits, little endian.
+/// File of edges, rising and falling in turn: microseconds after the converter's first DRDY, 64 bits each,
+/// little endian.
 pub(crate) const EDGES: &core::ffi::CStr = c"trigger.u64";
 
-/// What the input does.
+/// State of the trigger input.
 struct Trigger {
     file: HostFile,
-    /// Ticks of the converter's first DRDY.
+    /// Time of the converter's first DRDY, ticks.
     origin: u64,
-    /// What comes next, and its ticks.
+    /// Next edge, and its time in ticks.
     next: (EventKind, u64),
 }
 
 static TRIGGER: Mutex<RefCell<Option<Trigger>>> = Mutex::new(RefCell::new(None));
 
-/// Lets the edges come; `origin` is when DRDY comes first, ticks.
-pub(crate) fn begin(file: HostFile, origin: u64) {
+/// Starts the edges; `origin` is the time of the first DRDY, in ticks.
+pub(crate) fn start(file: HostFile, origin: u64) {
     critical_section::with(|section| {
         let trigger = Trigger {
             file,
@@ -39,9 +39,9 @@ pub(crate) fn begin(file: HostFile, origin: u64) {
     });
 }
 
-/// The dual timer has rung: what has happened, and its device time in microseconds, as a timer's capture
-/// would have it.
-pub(crate) fn edge() -> Option<(EventKind, u64)> {
+/// Returns the edge that is due and its device time in microseconds, as exact as a timer capture. Called when
+/// the second half of the dual timer expires.
+pub(crate) fn take_edge() -> Option<(EventKind, u64)> {
     DUAL_TIMER_SECOND.write(dual_timer::CLEAR, 1);
     critical_section::with(|section| {
         let mut place = TRIGGER.borrow_ref_mut(section);
@@ -53,7 +53,7 @@ pub(crate) fn edge() -> Option<(EventKind, u64)> {
 }
 
 impl Trigger {
-    /// Lets the timer ring at the file's next edge, if there is one.
+    /// Reads the file's next edge and sets the timer to expire then. Returns `None` at the end of the file.
     fn armed(mut self) -> Option<Self> {
         let mut at_us = [0; 8];
         if !self.file.read(&mut at_us) {
@@ -65,10 +65,10 @@ impl Trigger {
             EventKind::TriggerFall | EventKind::Newer(_) => EventKind::TriggerRise,
         };
         self.next = (kind, due);
-        let wait = due.saturating_sub(all_ticks()).max(1);
+        let wait = due.saturating_sub(ticks_since_boot()).max(1);
         DUAL_TIMER_SECOND.write(dual_timer::CONTROL, 0);
         DUAL_TIMER_SECOND.write(dual_timer::LOAD, u32::try_from(wait).unwrap_or(u32::MAX));
-        DUAL_TIMER_SECOND.write(dual_timer::CONTROL, dual_timer::RING_ONCE);
+        DUAL_TIMER_SECOND.write(dual_timer::CONTROL, dual_timer::RUN_ONCE);
         Some(self)
     }
 }

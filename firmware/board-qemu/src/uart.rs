@@ -1,35 +1,37 @@
-//! UART 0, by interrupts, behind embedded-io-async.
+//! UART 0 as streams of bytes (embedded-io-async), driven by interrupts.
 
 use core::{cell::RefCell, convert::Infallible};
 
 use embassy_sync::pipe::Pipe;
 use embedded_io_async::{ErrorType, Read, Write};
-use firmware::Mutex;
+use firmware::RawMutex;
 
 use crate::registers::{UART0, uart};
 
-/// Bytes on their way in and out.
-static RECEIVED: Pipe<Mutex, 1024> = Pipe::new();
-static SENDING: Pipe<Mutex, 256> = Pipe::new();
+/// Bytes from the host that the conversation has not read yet.
+static RECEIVED: Pipe<RawMutex, 1024> = Pipe::new();
+/// Bytes to the host that are not in [`OUTGOING`] yet.
+static SENDING: Pipe<RawMutex, 256> = Pipe::new();
 
-/// Enables both directions and their interrupts; QEMU has no baud rate, but wants a divider.
-pub(crate) fn begin() {
+/// Enables both directions and their interrupts. QEMU ignores the baud rate, but requires a divider.
+pub(crate) fn start() {
     UART0.write(uart::BAUD_DIVIDER, 16);
     UART0.write(uart::CONTROL, 0b1111);
 }
 
-/// A byte has come.
-pub(crate) fn receive() {
+/// Reads the received bytes; called by the receive interrupt.
+pub(crate) fn on_receive() {
     UART0.write(uart::INTERRUPT, 0b10);
-    while UART0.read(uart::STATE) & uart::RECEIVED != 0 {
+    while UART0.read(uart::STATE) & uart::RECEIVE_FULL != 0 {
         let [byte, ..] = UART0.read(uart::DATA).to_le_bytes();
-        take_in(&[byte]);
+        push_received(&[byte]);
     }
 }
 
-/// These bytes have come. What finds no room is lost, and its frame with it: the host sends it again.
-pub(crate) fn take_in(mut bytes: &[u8]) {
-    // In parts, because the pipe's end is not its room's.
+/// Queues bytes for the conversation. Bytes that find no room are lost, and their frame with them; the host
+/// repeats the command.
+pub(crate) fn push_received(mut bytes: &[u8]) {
+    // In parts, because a write stops at the end of the pipe's memory even if there is room at its start.
     while let Ok(taken) = RECEIVED.try_write(bytes)
         && taken > 0
     {
@@ -37,37 +39,38 @@ pub(crate) fn take_in(mut bytes: &[u8]) {
     }
 }
 
-/// There is room for a byte.
-pub(crate) fn transmit() {
+/// Sends more bytes; called by the transmit interrupt.
+pub(crate) fn on_transmit() {
     UART0.write(uart::INTERRUPT, 0b01);
-    pump();
+    fill_transmitter();
 }
 
-fn pump() {
+/// Moves bytes to the UART until its transmit buffer is full.
+fn fill_transmitter() {
     critical_section::with(|section| {
-        let leaving = &mut *LEAVING.borrow_ref_mut(section);
-        while UART0.read(uart::STATE) & uart::SENDING == 0 {
-            let Some(byte) = leaving.next() else { return };
+        let outgoing = &mut *OUTGOING.borrow_ref_mut(section);
+        while UART0.read(uart::STATE) & uart::TRANSMIT_FULL == 0 {
+            let Some(byte) = outgoing.next() else { return };
             UART0.write(uart::DATA, byte.into());
         }
     });
 }
 
-/// Bytes that have left the pipe for the UART: some at once, because a pipe costs the same for one.
-struct Leaving {
+/// Bytes taken from the pipe for the UART: up to 64 at once, because reading one costs as much.
+struct Outgoing {
     bytes: [u8; 64],
     next: usize,
     end: usize,
 }
 
-static LEAVING: critical_section::Mutex<RefCell<Leaving>> =
-    critical_section::Mutex::new(RefCell::new(Leaving {
+static OUTGOING: critical_section::Mutex<RefCell<Outgoing>> =
+    critical_section::Mutex::new(RefCell::new(Outgoing {
         bytes: [0; 64],
         next: 0,
         end: 0,
     }));
 
-impl Leaving {
+impl Outgoing {
     fn next(&mut self) -> Option<u8> {
         if self.next == self.end {
             self.next = 0;
@@ -79,11 +82,11 @@ impl Leaving {
     }
 }
 
-/// From the host.
+/// Input of the port.
 #[derive(Debug)]
 pub(crate) struct Receiver;
 
-/// To the host.
+/// Output of the port.
 #[derive(Debug)]
 pub(crate) struct Transmitter;
 
@@ -104,12 +107,12 @@ impl Read for Receiver {
 impl Write for Transmitter {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
         let written = SENDING.write(bytes).await;
-        pump();
+        fill_transmitter();
         Ok(written)
     }
 
     async fn flush(&mut self) -> Result<(), Infallible> {
-        pump();
+        fill_transmitter();
         Ok(())
     }
 }

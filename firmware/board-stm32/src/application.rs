@@ -1,4 +1,4 @@
-//! The start: queues, executors, tasks.
+//! Start of the application: queues, executors, tasks.
 
 use ads1299::SelfTest;
 use defmt::{info, warn};
@@ -9,41 +9,31 @@ use embassy_stm32::{
     Peri, interrupt, uid,
     wdg::{self, IndependentWatchdog},
 };
-use embassy_time::{Instant, TICK_HZ};
 use firmware::{
-    Clock, FaultRecord, Frames, HandedIn, HandedOut, Machine, Memory, Shared, StampedIn,
-    StampedOut, deadlines,
+    FaultRecord, Frames, Machine, Memory, OutputReceiver, OutputSender, SampleReceiver,
+    SampleSender, deadlines,
+    failure::{previous_fault, stack},
 };
 use link::{ResetCause, Streams};
 use pipeline::{Acquisition, Mains};
 use static_cell::StaticCell;
 
 use crate::{
-    CHIPS, ClockSource, Port, Trigger, Wires,
-    converter::Adc,
+    bus::CHIPS,
+    clock_source::ClockSource,
+    converter::{Adc, Wires},
     failure,
     interrupts::{self, ACQUIRE, CONVERSE, ENCODE},
+    port::Port,
+    shared::SHARED,
+    trigger::Trigger,
 };
-
-/// What the tasks tell each other. Stages are timed by the device's clock: the core's own counter stops
-/// while the core sleeps.
-pub(crate) static SHARED: Shared = Shared::new(Clock {
-    now: ticks,
-    #[expect(clippy::cast_possible_truncation, reason = "1 MHz")]
-    hz: TICK_HZ as u32,
-});
-
-/// The device's clock, lower half.
-#[expect(clippy::cast_possible_truncation, reason = "it wraps")]
-fn ticks() -> u32 {
-    Instant::now().as_ticks() as u32
-}
 
 static MEMORY: Memory = Memory::new();
 static TEST: StaticCell<SelfTest<CHIPS>> = StaticCell::new();
 static ADC: StaticCell<Adc> = StaticCell::new();
 
-/// What these boards can do. The UART carries 92 kB/s, and raw samples are 101.
+/// Abilities of these boards. Raw samples take 101 kB/s, and the UART carries 92.
 const ABILITIES: Abilities = Abilities {
     streams: if cfg!(feature = "uart") {
         Streams::ALL.without(Streams::RAW)
@@ -54,28 +44,28 @@ const ABILITIES: Abilities = Abilities {
     bootloader: true,
 };
 
-/// What a board gives.
+/// Everything that differs between the boards.
 pub struct Board {
-    /// Its name.
+    /// Name in `Hello`.
     pub name: &'static str,
     /// Version and commit of the image.
     pub firmware: &'static str,
-    /// Why it has started.
+    /// Reset cause by the chip's flags. A fault record of the previous run overrides it.
     pub reset_cause: ResetCause,
-    /// What its clocks are derived from.
+    /// Source of the core's clock.
     pub clock: ClockSource,
-    /// Differs from boot to boot.
+    /// Number that differs from boot to boot.
     pub session_id: u32,
-    /// To the converters.
+    /// Pins and SPI of the converters.
     pub wires: Wires,
-    /// From whatever the host's experiment has to mark.
+    /// Input for the trigger of an experiment.
     pub trigger: Trigger,
-    /// To the host.
+    /// Port to the host.
     pub port: Port,
 }
 
-/// What the device says of itself.
-struct Name {
+/// Contents of `Hello` that the board knows before its tasks run.
+struct Greeting {
     firmware: &'static str,
     board: &'static str,
     session_id: u32,
@@ -83,78 +73,78 @@ struct Name {
     clock: ClockSource,
 }
 
-/// Starts the tasks; gives the spawner of the conversation's priority.
+/// Starts the tasks. Returns the spawner of the conversation's priority.
+///
+/// Never inlined into `main`, whose stack frame stays below those of all tasks.
 ///
 /// # Errors
-/// A task could not be spawned: a fault of the image.
-///
-/// Not part of `main`, whose frame stays on the stack for ever, under all tasks.
+/// A task is spawned twice: a fault of the image.
 #[inline(never)]
-pub fn begin(board: Board) -> Result<SendSpawner, SpawnError> {
+pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
     info!("{=str}, Corticode {=str}", board.name, board.firmware);
-    let before = failure::of_the_run_before();
-    if let Some(before) = &before {
-        warn!("the run before failed: {=str}", before.text());
+    let previous = previous_fault();
+    if let Some(previous) = &previous {
+        warn!("the previous run failed: {=str}", previous.text());
     }
     let clock_fault = board.clock.fault();
     if !clock_fault.is_empty() {
         warn!("{=str}", clock_fault);
     }
-    let name = Name {
+    let greeting = Greeting {
         firmware: board.firmware,
         board: board.name,
         session_id: board.session_id,
-        reset_cause: before
+        reset_cause: previous
             .as_ref()
-            .map_or(board.reset_cause, FaultRecord::cause),
+            .map_or(board.reset_cause, FaultRecord::reset_cause),
         clock: board.clock,
     };
-    // After all other resets the converters have had their supply for long.
+    // After every other reset the converters' supply has been up for long.
     let is_cold = matches!(
         board.reset_cause,
         ResetCause::PowerOn | ResetCause::BrownOut | ResetCause::NotKnown
     );
-    interrupts::begin();
-    board.trigger.begin();
+    interrupts::init();
+    board.trigger.start_capture();
 
-    let shares = MEMORY.take();
+    let memory = MEMORY.init();
     let adc = converters(board.wires);
     let conversation = CONVERSE.start(interrupt::UART5);
-    conversation.spawn(converse(board.port, name, before, shares.converse)?);
+    conversation.spawn(converse(board.port, greeting, previous, memory.converse)?);
     let encoding = ENCODE.start(interrupt::SAI1);
-    encoding.spawn(encode(shares.encode)?);
+    encoding.spawn(encode(memory.encode)?);
     let acquisition = ACQUIRE.start(interrupt::UART4);
-    acquisition.spawn(acquire(adc, is_cold, shares.acquire)?);
+    acquisition.spawn(acquire(adc, is_cold, memory.acquire)?);
     Ok(conversation)
 }
 
-/// The converters' memory. What it is made of passes over the stack, each part for itself: that is over
-/// before the first task runs.
+/// Initialises the converters' memory. Not inlined, and neither is [`self_test`], so that their large
+/// temporaries are off the stack before the first task runs.
 #[inline(never)]
 fn converters(wires: Wires) -> &'static mut Adc {
-    let test = test();
+    let test = self_test();
     ADC.init_with(|| Adc::new(wires, test))
 }
 
 #[inline(never)]
-fn test() -> &'static mut SelfTest<CHIPS> {
+fn self_test() -> &'static mut SelfTest<CHIPS> {
     TEST.init_with(SelfTest::new)
 }
 
-/// Feeds the watchdog while all tasks move; it starts when they have moved for the first time, because
-/// the converters take longer to come up than it waits.
-pub async fn watch(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
+/// Feeds the watchdog while all tasks make progress. The watchdog starts when they have moved for the first
+/// time, because the converters take longer to come up than its period.
+pub async fn feed_watchdog(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
     let mut watchdog = IndependentWatchdog::new(watchdog, us);
-    // Starting it again does no harm.
-    firmware::keep_alive(&SHARED, || {
+    // Unleashing a running watchdog again has no effect.
+    firmware::keep_alive(&SHARED.progress, || {
         watchdog.unleash();
         watchdog.pet();
     })
     .await
 }
 
-/// What is left for `main`: to halt the core between interrupts.
+/// Halts the core between interrupts. `main` ends here, because the interrupts run all tasks.
 pub fn sleep() -> ! {
     loop {
         cortex_m::asm::wfi();
@@ -165,32 +155,32 @@ pub fn sleep() -> ! {
 async fn acquire(
     adc: &'static mut Adc,
     is_cold: bool,
-    share: (StampedIn, &'static mut Acquisition),
+    memory: (SampleSender, &'static mut Acquisition),
 ) {
-    adc.begin(is_cold).await;
-    firmware::acquire(adc, &SHARED, share).await;
+    adc.start(is_cold).await;
+    firmware::acquire(adc, &SHARED, memory).await;
 }
 
 #[embassy_executor::task]
-async fn encode(share: (StampedOut, HandedIn, &'static mut Producer)) {
-    firmware::encode(&SHARED, share).await;
+async fn encode(memory: (SampleReceiver, OutputSender, &'static mut Producer)) {
+    firmware::encode(&SHARED, memory).await;
 }
 
 #[embassy_executor::task]
 async fn converse(
     port: Port,
-    name: Name,
-    before: Option<FaultRecord>,
-    share: (&'static mut Frames, HandedOut),
+    greeting: Greeting,
+    previous: Option<FaultRecord>,
+    memory: (&'static mut Frames, OutputReceiver),
 ) {
     let is_sound = firmware::model_is_sound();
-    let fault = firmware::start_fault(is_sound, name.clock.fault(), before.as_ref());
+    let fault = firmware::start_fault(is_sound, greeting.clock.fault(), previous.as_ref());
     let identity = Identity {
-        firmware: name.firmware,
-        board: name.board,
+        firmware: greeting.firmware,
+        board: greeting.board,
         chip_uid: uid::uid(),
-        session_id: name.session_id,
-        reset_cause: name.reset_cause,
+        session_id: greeting.session_id,
+        reset_cause: greeting.reset_cause,
         fault: &fault,
     };
     let mut session = Session::new(identity, ABILITIES, Mains::default());
@@ -198,8 +188,8 @@ async fn converse(
         session.refuse_starts();
     }
     let machine = Machine {
-        stack: Some(failure::stack()),
+        stack: Some(stack()),
         restart: failure::restart,
     };
-    port.converse(&mut session, share, machine).await;
+    port.converse(&mut session, memory, machine).await;
 }

@@ -1,4 +1,4 @@
-//! SPI by DMA, through a buffer that the DMA can reach.
+//! SPI of the converters by DMA, through a buffer that the DMA can access.
 
 use ads1299::{Speed, TooFast};
 use embassy_stm32::{
@@ -8,27 +8,28 @@ use embassy_stm32::{
 };
 use embedded_hal_async::spi::{ErrorType, SpiBus};
 
-use crate::CHIPS;
+/// Converters in the chain.
+pub const CHIPS: usize = 8;
 
-/// Bytes of a sample.
+/// Bytes of one sample of the whole chain, status words included.
 pub const FRAME_BYTES: usize = ads1299::frame_bytes(CHIPS);
 
 /// Fastest SCLK of an ADS1299, Hz (SBAS499C, 7.6: 50 ns with DVDD from 2.7 V).
 const FASTEST_HZ: u32 = 20_000_000;
 
-/// Fastest SCLK at which the resistors of the way back let registers be read, Hz (decision 0011).
+/// Fastest SCLK at which registers can be read through the series resistors at DOUT, Hz (decision 0011).
 const FASTEST_REGISTERS_HZ: u32 = 105_000;
 
-/// The converters' SPI.
+/// SPI bus of the converters.
 pub struct Bus {
     spi: Spi<'static, Async, Master>,
     config: Config,
-    /// Where the DMA reads and writes; what callers hand over may lie where it cannot.
+    /// Memory that the DMA reads and writes; the callers' buffers can be out of its reach.
     buffer: &'static mut [u8; FRAME_BYTES],
 }
 
 impl Bus {
-    /// What a board makes its [`Spi`] with: registers first.
+    /// Returns the configuration that a board creates its [`Spi`] with: mode 1, at the speed for registers.
     pub fn config() -> Config {
         let mut config = Config::default();
         config.mode = MODE_1;
@@ -36,7 +37,8 @@ impl Bus {
         config
     }
 
-    /// A bus with what the DMA may use.
+    /// Wraps an SPI that was created with [`Self::config`]; `buffer` must be in memory that its DMA can
+    /// access.
     pub fn new(spi: Spi<'static, Async, Master>, buffer: &'static mut [u8; FRAME_BYTES]) -> Self {
         Self {
             spi,
@@ -47,7 +49,7 @@ impl Bus {
 }
 
 impl ads1299::Bus for Bus {
-    /// SCLK as fast as what is clocked and the divider allow.
+    /// Sets SCLK as fast as the kind of transfer and the divider allow.
     fn set_speed(&mut self, speed: Speed) -> Result<(), TooFast> {
         let fastest_hz = match speed {
             Speed::Registers => FASTEST_REGISTERS_HZ,
@@ -55,7 +57,7 @@ impl ads1299::Bus for Bus {
         };
         self.config.frequency = Hertz(fastest_hz);
         let set = self.spi.set_config(&self.config);
-        // Dividers round to the nearest: what comes out is checked.
+        // The HAL rounds to the nearest divider, which can exceed the limit: check the result.
         let hz = self.spi.get_current_config().frequency.0;
         if set.is_err() || hz > fastest_hz {
             return Err(TooFast { hz });
@@ -102,7 +104,7 @@ impl SpiBus for Bus {
     }
 
     async fn flush(&mut self) -> Result<(), Error> {
-        // A transfer ends when the last bit has come back.
+        // Every transfer completes only when its last bit has been received.
         Ok(())
     }
 }

@@ -1,38 +1,38 @@
-//! What the clocks are derived from.
+//! Source of the core's clock.
 
 #[cfg(target_os = "none")]
 use {cortex_m::asm, embassy_stm32::pac::RCC};
 
-/// Where the core's clock comes from.
+/// Oscillator from which the clocks are derived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClockSource {
-    /// 8 MHz from the ST-LINK's quartz, at HSE's input.
+    /// 8 MHz of the ST-LINK's crystal, at the input of HSE.
     StLink,
-    /// The chip's own oscillator, HSI.
+    /// Internal RC oscillator (HSI).
     Internal,
 }
 
-/// How long the ST-LINK's clock may take, ms. It comes up with the ST-LINK's own firmware, whose start is
-/// not specified; it only delays a board whose clock never comes.
-const PATIENCE_MS: u32 = 500;
+/// Longest wait for the ST-LINK's clock, ms. The clock starts with the ST-LINK's own firmware, whose start-up
+/// time is not specified. Only a board without that clock waits for the whole time.
+const TIMEOUT_MS: u32 = 500;
 
 impl ClockSource {
-    /// Waits for the ST-LINK's clock; `core_hz` is the core's clock after a reset. embassy would wait for
-    /// it without end, before the watchdog runs.
+    /// Waits for the ST-LINK's clock, and falls back to the internal oscillator; `core_hz` is the core's clock
+    /// after a reset. embassy would wait without a limit, before the watchdog runs.
     #[cfg(target_os = "none")]
     pub fn find(core_hz: u32) -> Self {
-        // Only while HSE is off the bypass can be set (RM0433 and RM0390, RCC_CR).
+        // The bypass can be set only while HSE is off (RM0433 and RM0390, RCC_CR).
         RCC.cr().modify(|control| control.set_hsebyp(true));
         RCC.cr().modify(|control| control.set_hseon(true));
         let is_ready = || RCC.cr().read().hserdy();
-        if comes(PATIENCE_MS, is_ready, || asm::delay(core_hz / 1_000)) {
+        if poll_until(TIMEOUT_MS, is_ready, || asm::delay(core_hz / 1_000)) {
             return Self::StLink;
         }
         RCC.cr().modify(|control| control.set_hseon(false));
         Self::Internal
     }
 
-    /// What is wrong with it, for the host.
+    /// Returns the fault text for `Hello`, empty for the ST-LINK's clock.
     pub(crate) const fn fault(self) -> &'static str {
         match self {
             Self::StLink => "",
@@ -46,7 +46,7 @@ impl ClockSource {
 }
 
 /// Returns whether `is_ready` becomes true within `pauses` pauses.
-fn comes(pauses: u32, mut is_ready: impl FnMut() -> bool, mut pause: impl FnMut()) -> bool {
+fn poll_until(pauses: u32, mut is_ready: impl FnMut() -> bool, mut pause: impl FnMut()) -> bool {
     for _ in 0..pauses {
         if is_ready() {
             return true;
@@ -62,20 +62,20 @@ mod tests {
 
     use super::*;
 
-    /// Milliseconds waited for a clock that needs this long, and whether it came.
+    /// Waits for a clock that needs `until_ready` ms. Returns the milliseconds waited, and whether it came.
     fn waited(until_ready: u32) -> (u32, bool) {
         let waited = Cell::new(0);
         let is_ready = || waited.get() >= until_ready;
-        let came = comes(PATIENCE_MS, is_ready, || waited.update(|ms| ms + 1));
+        let came = poll_until(TIMEOUT_MS, is_ready, || waited.update(|ms| ms + 1));
         (waited.get(), came)
     }
 
     #[test]
-    fn a_clock_that_is_late_is_waited_for_and_one_that_never_comes_costs_half_a_second() {
+    fn a_late_clock_is_found_and_a_missing_one_costs_half_a_second() {
         assert_eq!(waited(0), (0, true));
         assert_eq!(waited(20), (20, true));
-        assert_eq!(waited(PATIENCE_MS), (PATIENCE_MS, true));
-        assert_eq!(waited(u32::MAX), (PATIENCE_MS, false));
+        assert_eq!(waited(TIMEOUT_MS), (TIMEOUT_MS, true));
+        assert_eq!(waited(u32::MAX), (TIMEOUT_MS, false));
     }
 
     #[test]

@@ -1,7 +1,7 @@
-//! The chain of converters behind [`firmware::Converter`].
+//! Chain of ADS1299 as a [`firmware::Converter`].
 
 use ads1299::{
-    CHANNELS, Chain, DrdyEdge, Error, Reading, RetryingSampler, Sampler, SelfTest, Settings,
+    CHANNELS, Chain, Drdy, DrdyEdge, Error, Reading, RetryingSampler, Sampler, SelfTest, Settings,
 };
 use defmt::{Display2Format, error, info};
 use embassy_stm32::{
@@ -14,37 +14,37 @@ use firmware::{Conversion, Converter, deadlines};
 use pipeline::Sample;
 
 use crate::{
-    Bus, FRAME_BYTES,
+    bus::{Bus, CHIPS, FRAME_BYTES},
     delay::Delay,
-    drdy::{Edges, Falls},
+    drdy::{DrdyEdges, FallingEdges},
+    trigger,
 };
-
-/// Converters in the chain.
-pub const CHIPS: usize = 8;
 
 const _: () = assert!(model::CHANNELS == CHIPS * CHANNELS);
 
-/// The wires between microcontroller and chain.
+/// Pins and SPI between microcontroller and converters.
 pub struct Wires {
     bus: Bus,
-    /// Chip 0 is the one at MISO.
+    /// Chip selects. Chip 0 is the one at MISO.
     selects: [Output<'static>; CHIPS],
     start: Output<'static>,
     reset: Output<'static>,
     drdy: ExtiInput<'static, Blocking>,
 }
 
-type Wired = Chain<Bus, Output<'static>, Delay, CHIPS>;
+type WiredChain = Chain<Bus, Output<'static>, Delay, CHIPS>;
 
 impl Wires {
-    /// The chain at rest: SPI, START and RESET are those of all chips, DRDY that of chip 0, on one of
-    /// EXTI's lines 5 to 9; the first select is that of chip 0, the one at MISO.
-    pub fn new<Drdy: Pin + ExtiPin>(
+    /// Configures the pins, with the chain at rest.
+    ///
+    /// All chips share SPI, START and RESET. DRDY is that of chip 0, on one of EXTI's lines 5 to 9. The first
+    /// chip select is that of chip 0, the one at MISO.
+    pub fn new<DrdyPin: Pin + ExtiPin>(
         bus: Bus,
         selects: [Peri<'static, AnyPin>; CHIPS],
         [start, reset]: [Peri<'static, AnyPin>; 2],
-        drdy: Peri<'static, Drdy>,
-        drdy_line: Peri<'static, Drdy::ExtiChannel>,
+        drdy: Peri<'static, DrdyPin>,
+        drdy_line: Peri<'static, DrdyPin::ExtiChannel>,
     ) -> Self {
         Self {
             bus,
@@ -55,8 +55,8 @@ impl Wires {
         }
     }
 
-    /// The chain, and the input that tells of its samples, asleep.
-    fn into_chain(mut self) -> (Wired, ExtiInput<'static, Blocking>) {
+    /// Returns the chain, and the DRDY input with its interrupt disabled.
+    fn into_chain(mut self) -> (WiredChain, ExtiInput<'static, Blocking>) {
         self.drdy.disable_interrupt();
         let chain = Chain {
             spi: self.bus,
@@ -69,13 +69,18 @@ impl Wires {
     }
 }
 
-/// A chain that converts, or one that could not be brought up and is tried again. It belongs in a static:
-/// what a task holds by value passes over its stack.
+/// Returns DRDY. The trigger gets a new budget of edges before each wait for it.
+fn drdy_edges() -> impl Drdy {
+    DrdyEdges(trigger::refill_budget)
+}
+
+/// Running chain of converters, or one that did not come up and is retried. It belongs in a static, because
+/// a task that owns it by value would move it over its stack.
 pub(crate) struct Adc {
     chain: RetryingSampler<Bus, Output<'static>, Delay, CHIPS, FRAME_BYTES>,
     drdy: ExtiInput<'static, Blocking>,
     test: &'static mut SelfTest<CHIPS>,
-    /// The error that was logged last; none after a success.
+    /// Outcome of the last attempt that was logged: its error, or `None` after a success.
     logged: Option<Error>,
 }
 
@@ -92,15 +97,15 @@ impl Adc {
         }
     }
 
-    /// Brings the chain up and starts it; `is_cold` after a start by its supply. What is wrong is logged,
-    /// and flagged in every sample.
-    pub(crate) async fn begin(&mut self, is_cold: bool) {
+    /// Sets the chain up and starts it. With `is_cold`, first waits as the converters need it after
+    /// power-on. An error is logged, and flagged in every sample.
+    pub(crate) async fn start(&mut self, is_cold: bool) {
         self.drdy.enable_interrupt();
-        self.chain.start(is_cold, &mut Edges).await;
+        self.chain.start(is_cold, &mut drdy_edges()).await;
         self.log();
     }
 
-    /// Logs how the last attempt ended.
+    /// Logs the outcome of the last attempt.
     fn log(&mut self) {
         self.logged = self.chain.failure().copied();
         match self.logged {
@@ -109,8 +114,8 @@ impl Adc {
         }
     }
 
-    /// Hands over the counts, with what was found with them.
-    fn hand_over(
+    /// Copies the counts to `sample`, and returns the status of the reading.
+    fn conversion(
         &self,
         reading: &Reading<CHIPS>,
         sample: &mut Sample,
@@ -124,7 +129,7 @@ impl Adc {
             drdy_us: edge.us,
             #[expect(clippy::cast_possible_truncation, reason = "ticks wrap")]
             drdy_ticks: edge.us as u32,
-            // An edge that nobody waited for leaves a gap as well.
+            // An edge that came while nothing waited for it leaves a gap in the readings too.
             missed: edge.missed.max(reading.missed),
             status_bad: !reading.is_sound(),
             lead_off: reading.lead_off(),
@@ -134,14 +139,14 @@ impl Adc {
 
 impl Converter for &mut Adc {
     async fn next(&mut self, sample: &mut Sample) -> Conversion {
-        let (reading, edge) = self.chain.next(&mut Edges).await;
+        let (reading, edge) = self.chain.next(&mut drdy_edges()).await;
         if self.chain.failure() != self.logged.as_ref() {
             self.log();
         }
-        self.hand_over(&reading, sample, edge)
+        self.conversion(&reading, sample, edge)
     }
 
-    fn state(&self) -> Option<link::Converters> {
+    fn status(&self) -> Option<link::Converters> {
         let sampler = self.chain.sampler();
         Some(device::converters_message(
             self.chain.failure(),
@@ -151,19 +156,19 @@ impl Converter for &mut Adc {
         ))
     }
 
-    /// Also resets and sets up a chain that did not come up, at once.
+    /// Also resets and sets up a chain that did not come up, without waiting for the next retry.
     async fn self_test(&mut self, alive: impl FnMut()) {
-        let falls = Falls::default();
+        let edges = FallingEdges::new(trigger::refill_budget);
         self.chain
             .sampler_mut()
-            .self_test(self.test, &mut &falls, || falls.us.get(), alive)
+            .self_test(self.test, &mut &edges, || edges.last_us.get(), alive)
             .await;
         let failure = self.test.report().not_restored;
-        self.chain.restarted(failure, &mut Edges);
+        self.chain.restarted(failure, &mut drdy_edges());
         self.log();
     }
 
-    fn tested(&self) -> Option<link::SelfTest> {
+    fn self_test_result(&self) -> Option<link::SelfTest> {
         Some(device::self_test_message(self.test.report()))
     }
 }

@@ -1,12 +1,12 @@
-//! Waits for the converters.
+//! Delays for the converters' driver.
 
 use embassy_time::{Duration, Timer, block_for};
 use embedded_hal_async::delay::DelayNs;
 
-/// Waits up to so long keep the processor: an alarm costs as much. Microseconds.
+/// Longest delay that keeps the core busy, microseconds. Setting an alarm takes about as long.
 const SHORT_US: u32 = 10;
 
-/// Waits at least as long as asked.
+/// Waits at least as long as requested.
 pub(crate) struct Delay;
 
 impl DelayNs for Delay {
@@ -15,7 +15,7 @@ impl DelayNs for Delay {
     }
 
     async fn delay_us(&mut self, us: u32) {
-        // The present microsecond has begun already.
+        // One more, because part of the current microsecond has passed.
         let wait = Duration::from_micros(u64::from(us) + 1);
         if us <= SHORT_US {
             block_for(wait);

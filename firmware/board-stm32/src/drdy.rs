@@ -1,4 +1,4 @@
-//! Edges of DRDY and when they came.
+//! Edges of DRDY, stamped in device time by their interrupt.
 
 use core::{cell::Cell, future::poll_fn, task::Poll};
 
@@ -9,69 +9,69 @@ use embassy_time::{Instant, Timer, with_deadline};
 use embedded_hal::digital::{self, ErrorKind, ErrorType};
 use embedded_hal_async::digital::Wait;
 
-use crate::{interrupts, trigger};
+use crate::exti;
 
-/// The lines of the interrupt `EXTI9_5`; DRDY is the only one of them that is enabled.
+/// EXTI lines that share the interrupt `EXTI9_5`. Only DRDY's is unmasked.
 const LINES: u32 = 0b11_1110_0000;
 
 #[derive(Clone, Copy)]
-struct Seen {
-    /// When the last one came, microseconds since boot.
-    us: u64,
-    /// Edges so far, and those of them that somebody waited for.
-    came: u32,
+struct Edges {
+    /// Device time of the latest edge, microseconds since boot.
+    last_us: u64,
+    /// Edges since boot; wraps.
+    count: u32,
+    /// Value of `count` when the edges were last taken.
     taken: u32,
 }
 
-static SEEN: Mutex<Cell<Seen>> = Mutex::new(Cell::new(Seen {
-    us: 0,
-    came: 0,
+static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
+    last_us: 0,
+    count: 0,
     taken: 0,
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// DRDY has fallen; called by its interrupt, the most urgent one after the time driver.
+/// Handles a falling edge of DRDY; called by its interrupt, the most urgent one after the time driver's.
 ///
 /// # Timing
-/// The stamp is late by the time from the edge to here: the entry of an interrupt, a critical section
-/// that may be open, and the time driver's interrupt, some 100 instructions.
-pub(crate) fn edge() {
+/// The stamp is late by the interrupt's entry, by a critical section that is open, and by the time driver's
+/// interrupt, some 100 instructions.
+pub(crate) fn on_edge() {
     let us = Instant::now().as_micros();
-    interrupts::acknowledge(LINES);
+    exti::clear_pending(LINES);
     critical_section::with(|section| {
-        let seen = SEEN.borrow(section);
-        let before = seen.get();
-        seen.set(Seen {
-            us,
-            came: before.came.wrapping_add(1),
+        let edges = EDGES.borrow(section);
+        let before = edges.get();
+        edges.set(Edges {
+            last_us: us,
+            count: before.count.wrapping_add(1),
             ..before
         });
     });
     WAKER.wake();
 }
 
-/// Takes all edges that came; gives what was before.
-fn take(section: CriticalSection<'_>) -> Seen {
-    let seen = SEEN.borrow(section);
-    let before = seen.get();
-    seen.set(Seen {
-        taken: before.came,
+/// Marks all edges so far as taken. Returns the state before that.
+fn take_edges(section: CriticalSection<'_>) -> Edges {
+    let edges = EDGES.borrow(section);
+    let before = edges.get();
+    edges.set(Edges {
+        taken: before.count,
         ..before
     });
     before
 }
 
-/// Waits for the next edge that was not taken; returns the newest. The trigger may have new edges until
-/// it has come.
-async fn next() -> DrdyEdge {
-    trigger::allow();
+/// Calls `before_wait`, and waits for an edge that was not taken yet. Returns the newest.
+async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
+    before_wait();
     poll_fn(|context| {
         WAKER.register(context.waker());
-        let before = critical_section::with(take);
-        match before.came.wrapping_sub(before.taken) {
+        let before = critical_section::with(take_edges);
+        match before.count.wrapping_sub(before.taken) {
             0 => Poll::Pending,
             new => Poll::Ready(DrdyEdge {
-                us: before.us,
+                us: before.last_us,
                 missed: new - 1,
             }),
         }
@@ -79,71 +79,82 @@ async fn next() -> DrdyEdge {
     .await
 }
 
-/// DRDY, stamped in device time.
-pub(crate) struct Edges;
+/// DRDY in device time, for sampling. Its function is called before every wait.
+pub(crate) struct DrdyEdges<F>(pub(crate) F);
 
-impl Drdy for Edges {
+impl<F: Fn()> Drdy for DrdyEdges<F> {
     fn now_us(&self) -> u64 {
         Instant::now().as_micros()
     }
 
     async fn next_until(&mut self, us: u64) -> Option<DrdyEdge> {
-        with_deadline(Instant::from_micros(us), next()).await.ok()
+        let next = next_edge(&self.0);
+        with_deadline(Instant::from_micros(us), next).await.ok()
     }
 
-    /// The trigger may have new edges meanwhile.
     async fn wait_until(&mut self, us: u64) {
-        trigger::allow();
+        (self.0)();
         Timer::at(Instant::from_micros(us)).await;
     }
 
     fn forget(&mut self) {
-        critical_section::with(take);
+        critical_section::with(take_edges);
     }
 }
 
-/// DRDY as the driver's self-test waits for it: for its falling edges alone, of which it notes the times.
-#[derive(Debug, Default)]
-pub(crate) struct Falls {
-    /// Of the last one, microseconds since boot.
-    pub(crate) us: Cell<u64>,
+/// DRDY as an input pin, for the self-test: waits for falling edges and keeps the time of the last one.
+#[derive(Debug)]
+pub(crate) struct FallingEdges<F> {
+    /// Device time of the last edge waited for, microseconds since boot.
+    pub(crate) last_us: Cell<u64>,
+    before_wait: F,
 }
 
-/// Nobody waits for anything but an edge that falls: the input is set for no other.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct OnlyFalls;
+impl<F: Fn()> FallingEdges<F> {
+    /// Calls `before_wait` before every wait.
+    pub(crate) const fn new(before_wait: F) -> Self {
+        Self {
+            last_us: Cell::new(0),
+            before_wait,
+        }
+    }
+}
 
-impl digital::Error for OnlyFalls {
+/// Error of a wait for anything but a falling edge: the interrupt reacts to no other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct UnsupportedEdge;
+
+impl digital::Error for UnsupportedEdge {
     fn kind(&self) -> ErrorKind {
         ErrorKind::Other
     }
 }
 
-impl ErrorType for &Falls {
-    type Error = OnlyFalls;
+impl<F> ErrorType for &FallingEdges<F> {
+    type Error = UnsupportedEdge;
 }
 
-impl Wait for &Falls {
-    /// The next one: those that came before are forgotten.
-    async fn wait_for_falling_edge(&mut self) -> Result<(), OnlyFalls> {
-        critical_section::with(take);
-        self.us.set(next().await.us);
+impl<F: Fn()> Wait for &FallingEdges<F> {
+    /// Ignores the edges before the call.
+    async fn wait_for_falling_edge(&mut self) -> Result<(), UnsupportedEdge> {
+        critical_section::with(take_edges);
+        self.last_us.set(next_edge(&self.before_wait).await.us);
         Ok(())
     }
 
-    async fn wait_for_high(&mut self) -> Result<(), OnlyFalls> {
-        Err(OnlyFalls)
+    async fn wait_for_high(&mut self) -> Result<(), UnsupportedEdge> {
+        Err(UnsupportedEdge)
     }
 
-    async fn wait_for_low(&mut self) -> Result<(), OnlyFalls> {
-        Err(OnlyFalls)
+    async fn wait_for_low(&mut self) -> Result<(), UnsupportedEdge> {
+        Err(UnsupportedEdge)
     }
 
-    async fn wait_for_rising_edge(&mut self) -> Result<(), OnlyFalls> {
-        Err(OnlyFalls)
+    async fn wait_for_rising_edge(&mut self) -> Result<(), UnsupportedEdge> {
+        Err(UnsupportedEdge)
     }
 
-    async fn wait_for_any_edge(&mut self) -> Result<(), OnlyFalls> {
-        Err(OnlyFalls)
+    async fn wait_for_any_edge(&mut self) -> Result<(), UnsupportedEdge> {
+        Err(UnsupportedEdge)
     }
 }

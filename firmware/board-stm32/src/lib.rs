@@ -1,31 +1,42 @@
-//! What the boards with an STM32 share: everything between their pins and [`firmware`]'s tasks.
+//! Everything that the boards with an STM32 share, between their pins and the tasks of `firmware`.
 //!
-//! A board's own crate says which pins, clocks and memories, and hands a [`Board`] to [`begin`]. On a PC
-//! only the pins' table is there.
+//! ```text
+//! DRDY ----edge---> [drdy] --time stamp--+
+//! ADS1299 x8 --SPI--> [bus] --counts--> [converter] --> firmware's tasks <--> [port] <--> USB or UART
+//! TRIGGER --TIM2 capture--> [trigger] ----events---------------^
+//! panic, hard fault --> [failure] --record--> reset --> [application] --> Hello
+//! ```
+//!
+//! The crate of a board defines pins, clocks and memory, and passes them to `start_tasks` as a `Board`. For
+//! the microcontroller this crate compiles only as part of a board, which selects the chip. On a PC it
+//! contains the table of pins and the logic that needs no chip.
+//!
+//! # Example
+//! A board's test compares its pins with the documentation:
+//!
+//! ```
+//! use board_stm32::parts::{Pin, are_documented};
+//!
+//! let pins = [Pin { signal: "SCLK", name: "PA5", to: "all chips" }];
+//! let page = "## Pins\n| Signal | Pin | To |\n| --- | --- | --- |\n| SCLK | PA5 | all chips |\n";
+//! assert_eq!(pins[0].to_string(), "| SCLK | PA5 | all chips |");
+//! assert!(are_documented(&pins, page, "## Pins"));
+//! assert!(!are_documented(&pins, &page.replace("PA5", "PA6"), "## Pins"));
+//! ```
 #![no_std]
 #![deny(unsafe_code)]
 
 #[cfg(test)]
 extern crate std;
 
-#[cfg(any(test, target_os = "none"))]
-mod clock_source;
-mod parts;
-#[cfg(any(test, target_os = "none"))]
-mod trigger_line;
-#[cfg(any(test, all(target_os = "none", feature = "uart")))]
-mod uart_port;
-#[cfg(any(test, all(target_os = "none", not(feature = "uart"))))]
-mod usb_port;
-
-#[cfg(any(test, target_os = "none"))]
-pub use clock_source::ClockSource;
-pub use parts::{Pin, are_documented};
-
 #[cfg(target_os = "none")]
 mod application;
 #[cfg(target_os = "none")]
 mod bus;
+#[cfg(target_os = "none")]
+mod chip;
+#[cfg(any(test, target_os = "none"))]
+mod clock_source;
 #[cfg(target_os = "none")]
 mod converter;
 #[cfg(target_os = "none")]
@@ -33,34 +44,35 @@ mod delay;
 #[cfg(target_os = "none")]
 mod drdy;
 #[cfg(target_os = "none")]
+mod exti;
+#[cfg(target_os = "none")]
 mod failure;
 #[cfg(target_os = "none")]
 mod interrupts;
 #[cfg(target_os = "none")]
 mod loader;
-#[cfg(all(target_os = "none", feature = "uart"))]
-#[path = "uart.rs"]
-mod port;
-#[cfg(all(target_os = "none", not(feature = "uart")))]
-#[path = "usb.rs"]
+pub mod parts;
+#[cfg(any(test, target_os = "none"))]
 mod port;
 #[cfg(target_os = "none")]
-mod time_driver;
+mod shared;
 #[cfg(target_os = "none")]
 mod trigger;
-#[cfg(all(target_os = "none", not(feature = "uart")))]
-mod usb_recovery;
+#[cfg(any(test, target_os = "none"))]
+mod trigger_line;
 
+#[cfg(any(test, target_os = "none"))]
+pub use clock_source::ClockSource;
 #[cfg(all(target_os = "none", feature = "uart"))]
 pub use port::{PortMemory, Uart, UartInterrupt};
 #[cfg(target_os = "none")]
 pub use {
-    application::{Board, begin, sleep, watch},
-    bus::{Bus, FRAME_BYTES},
-    converter::{CHIPS, Wires},
-    interrupts::prioritise,
+    application::{Board, feed_watchdog, sleep, start_tasks},
+    bus::{Bus, CHIPS, FRAME_BYTES},
+    chip::init,
+    converter::Wires,
+    interrupts::nvic_priority,
     loader::Loader,
     port::Port,
-    time_driver::init,
     trigger::Trigger,
 };

@@ -1,15 +1,15 @@
-//! A board's pins and peripherals, as data and as types.
+//! Pins and peripherals of a board: as rows of its documentation, and as types of the HAL.
 
 use core::fmt;
 
-/// A pin of the microcontroller; as [`Display`](fmt::Display) its row in `docs/hardware.md`.
+/// Pin of the microcontroller. Its [`Display`](fmt::Display) form is its row in `docs/hardware.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pin {
-    /// What it carries.
+    /// Signal that the pin carries.
     pub signal: &'static str,
-    /// Its name in the data sheet.
+    /// Name in the data sheet, such as `PA5`.
     pub name: &'static str,
-    /// Where it goes.
+    /// Part or connector at the other end of the wire.
     pub to: &'static str,
 }
 
@@ -23,13 +23,13 @@ impl fmt::Display for Pin {
     }
 }
 
-/// Whether the rows below `heading` of a Markdown text are these pins, in their order.
+/// Returns whether the first table after `heading` in a Markdown text lists exactly `pins`, in their order.
 pub fn are_documented(pins: &[Pin], text: &str, heading: &str) -> bool {
     let Some((_, section)) = text.split_once(heading) else {
         return false;
     };
     let section = section.split("\n#").next().unwrap_or(section);
-    // Behind the header and the line under it.
+    // Skip the header and the line below it.
     let mut rows = section.lines().filter(|line| line.starts_with('|')).skip(2);
     pins.iter()
         .all(|pin| rows.next().is_some_and(|row| is_row(*pin, row)))
@@ -44,23 +44,23 @@ fn is_row(pin: Pin, row: &str) -> bool {
         && cells.next().is_none()
 }
 
-/// What a board uses of its microcontroller: `PINS`, which the documentation is held against, and on the
-/// microcontroller `Parts`, which holds the same pins and other peripherals by their use.
+/// Declares the pins and peripherals of a board: `PINS`, which a test compares with the documentation, and on
+/// the microcontroller `Parts`, a struct that owns the same pins and the peripherals.
 #[macro_export]
 macro_rules! parts {
     (
         pins { $($pin:ident: $name:ident, $signal:literal, $to:literal;)* }
         peripherals { $($part:ident: $peripheral:ident;)* }
     ) => {
-        /// Every pin that is used.
+        /// Pins of the board, in the order of its documentation.
         #[cfg(any(test, not(target_os = "none")))]
-        pub(crate) const PINS: &[$crate::Pin] = &[$($crate::Pin {
+        pub(crate) const PINS: &[$crate::parts::Pin] = &[$($crate::parts::Pin {
             signal: $signal,
             name: stringify!($name),
             to: $to,
         }),*];
 
-        /// What the board uses.
+        /// Pins and peripherals of the board, named after their use.
         #[cfg(target_os = "none")]
         pub(crate) struct Parts {
             $(pub(crate) $pin: embassy_stm32::Peri<'static, embassy_stm32::peripherals::$name>,)*
@@ -69,8 +69,8 @@ macro_rules! parts {
 
         #[cfg(target_os = "none")]
         impl Parts {
-            /// Takes them from all there are.
-            pub(crate) fn of(all: embassy_stm32::Peripherals) -> Self {
+            /// Moves the board's parts out of `all`.
+            pub(crate) fn new(all: embassy_stm32::Peripherals) -> Self {
                 Self {
                     $($pin: all.$name,)*
                     $($part: all.$peripheral,)*
@@ -91,7 +91,7 @@ mod tests {
     };
 
     #[test]
-    fn a_table_with_another_pin_a_missing_one_or_one_too_many_is_refused() {
+    fn a_table_with_a_different_a_missing_or_an_extra_pin_is_rejected() {
         let text =
             |rows: &str| std::format!("# A board\n\n| a | b | c |\n| - | - | - |\n{rows}\n# B");
         let row = std::format!("{PIN}\n");

@@ -1,10 +1,10 @@
-//! The trigger: edges of an input, stamped by the timer that counts the device's time.
+//! Trigger input: edges stamped by the timer that counts the device's time.
 //!
 //! The time driver counts microseconds with TIM2, in periods of 2^16, and uses its channels 1 and 2.
 //! Channel 3 captures the counter at either edge (RM0433 and RM0390, TIM2, input capture mode), so
-//! that a stamp is the device's time, to the microsecond, however late its interrupt comes. The driver
-//! leaves the channel alone; it clears its flag, which nobody reads. TIM5 would do as well, if its spare
-//! channels 3 and 4 were not the ST-LINK's UART on the NUCLEO-F446RE.
+//! that a stamp is the device's time, to the microsecond, however late its interrupt runs. The driver
+//! leaves the channel alone, except that it clears the channel's flag, which nothing reads. TIM5 would serve
+//! as well, but on the NUCLEO-F446RE the ST-LINK's UART occupies the pins of its spare channels 3 and 4.
 
 use core::cell::RefCell;
 
@@ -13,7 +13,6 @@ use embassy_stm32::{
     Peri,
     exti::{ExtiInput, TriggerEdge},
     gpio::Pull,
-    interrupt::{self, InterruptExt},
     mode::Blocking,
     pac::{
         GPIOB, TIM2,
@@ -26,41 +25,41 @@ use embassy_time::Instant;
 use firmware::deadlines;
 use link::EventKind;
 
-use crate::{application::SHARED, interrupts, trigger_line::TriggerLine};
+use crate::{exti, shared::SHARED, trigger_line::TriggerLine};
 
-/// The trigger's input; a line that nobody drives is low.
+/// Pin of the trigger input. It is pulled down, so an open input is low.
 pub struct Trigger {
-    /// TIM2's channel 3.
+    /// Pin at TIM2's channel 3.
     pub pin: Peri<'static, PB10>,
-    /// The pin's own line.
+    /// EXTI line of the pin.
     pub line: Peri<'static, EXTI10>,
 }
 
-/// Number of the pin in its port, and of its line.
+/// Number of the pin in its port, and of its EXTI line.
 const PIN: usize = 10;
-/// Number of the channel, from 0.
+/// Number of the timer channel, from 0.
 const CHANNEL: usize = 2;
-/// TIM2's function of the pin (DS12110 and DS10693, alternate functions).
+/// Alternate function of the pin that connects it to TIM2 (DS12110 and DS10693, alternate functions).
 const FUNCTION: u8 = 1;
 
 static LINE: Mutex<RefCell<TriggerLine>> = Mutex::new(RefCell::new(TriggerLine::new()));
 
 impl Trigger {
-    /// Lets edges be captured; they are looked at when [`allow`] says so.
-    pub(crate) fn begin(self) {
+    /// Starts to capture edges. They are handled from the first [`refill_budget`] on.
+    pub(crate) fn start_capture(self) {
         let input: ExtiInput<'_, Blocking> =
             ExtiInput::new_blocking(self.pin, self.line, Pull::Down, TriggerEdge::Any);
-        // Dropped, it would give the pin back.
+        // Dropping it would release the pin.
         core::mem::forget(input);
-        // The pin's line sees what the pin sees, whatever the pin is for (RM0433, GPIO, external
-        // interrupt lines).
+        // EXTI still sees the pin's level in an alternate function (RM0433, GPIO, external interrupt
+        // lines).
         GPIOB
             .afr(PIN / 8)
             .modify(|pins| pins.set_afr(PIN % 8, FUNCTION));
         GPIOB
             .moder()
             .modify(|pins| pins.set_moder(PIN, Moder::ALTERNATE));
-        // Channel and pin of the same number; no filter, no prescaler.
+        // Capture from the channel's own input, without filter or prescaler.
         TIM2.ccmr_input(CHANNEL / 2)
             .modify(|channels| channels.set_ccs(CHANNEL % 2, CcmrInputCcs::from_bits(0b01)));
         // Both edges.
@@ -71,52 +70,54 @@ impl Trigger {
         });
         critical_section::with(|section| {
             let mut line = LINE.borrow_ref_mut(section);
-            line.begin(is_high(), stamp());
+            line.reset(is_high(), stamp());
         });
     }
 }
 
-/// A sample is waited for: as many edges may come until then as there is room for.
-pub(crate) fn allow() {
-    let was_spent = critical_section::with(|section| {
+/// Allows the next [`deadlines::TRIGGER_EDGES`] edges to be handled; the converter calls this before it waits
+/// for a sample.
+pub(crate) fn refill_budget() {
+    let was_exhausted = critical_section::with(|section| {
         let mut line = LINE.borrow_ref_mut(section);
-        line.allow(deadlines::TRIGGER_EDGES)
+        line.refill_budget(deadlines::TRIGGER_EDGES)
     });
-    if was_spent {
-        interrupts::listen_to_trigger();
+    if was_exhausted {
+        exti::enable_trigger();
     }
 }
 
-/// The line has an edge; called by its interrupt. After as many as are allowed it is called no more: the
-/// timer goes on to capture, and the last edge is looked at when it may be. While no samples are taken,
-/// its stamp is wrong by whole periods of 65.536 ms then; nothing streams.
-pub(crate) fn edge() {
-    interrupts::acknowledge(1 << PIN);
+/// Handles an edge; called by its interrupt, which disables itself when the budget is exhausted.
+///
+/// The timer keeps capturing, and the next [`refill_budget`] has the latest edge handled. While no samples
+/// are taken, that edge's stamp can be wrong by whole periods of 65.536 ms; no run is active then.
+pub(crate) fn on_edge() {
+    exti::clear_pending(1 << PIN);
     let edge = critical_section::with(|section| {
         let mut line = LINE.borrow_ref_mut(section);
-        // The level first: an edge after it comes again, as one of its own.
+        // The level first: an edge after this read interrupts again.
         let (is_high, stamp) = (is_high(), stamp());
-        let edge = line.look(is_high, stamp, Instant::now().as_micros());
-        if line.is_spent() {
-            interrupt::EXTI15_10.disable();
+        let edge = line.observe(is_high, stamp, Instant::now().as_micros());
+        if line.budget_exhausted() {
+            exti::disable_trigger();
         }
         edge
     });
     let Some(edge) = edge else { return };
-    SHARED.inputs.lost(edge.lost);
+    SHARED.inputs.count_lost(edge.lost);
     let kind = if edge.is_rise {
         EventKind::TriggerRise
     } else {
         EventKind::TriggerFall
     };
-    SHARED.inputs.captured(kind, edge.at_us);
+    SHARED.inputs.push_event(kind, edge.at_us);
 }
 
 fn is_high() -> bool {
     GPIOB.idr().read().idr(PIN) == Idr::HIGH
 }
 
-/// The counter at the last edge.
+/// Returns the counter's value at the latest edge.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "the time driver's counter has 16 bits"

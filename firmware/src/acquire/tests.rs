@@ -1,29 +1,32 @@
-//! What the acquisition does about orders, full queues and tests.
+//! Acquisition under orders, full queues and self-tests.
 
 use core::{
     cell::Cell,
-    future::{Future, poll_fn},
+    future::poll_fn,
     pin::pin,
     task::{Context, Poll, Waker},
 };
 use std::{boxed::Box, vec, vec::Vec};
 
 use embassy_sync::zerocopy_channel::Channel;
-use link::{SelfTest, Streams};
+use link::Streams;
 use pipeline::Mains;
 
 use super::*;
-use crate::{Clock, Mutex, Stamped, StampedOut};
+use crate::{
+    queues::{RawMutex, SampleReceiver, SampleSlot},
+    timing::Clock,
+};
 
-/// Samples that the queue of a test holds.
-const ROOM: usize = 3;
+/// Depth of the sample queue.
+const DEPTH: usize = 3;
 
-/// A converter that gives as many samples as it is told, and waits then.
+/// Converter that returns as many samples as the test allows, and then waits.
 struct Counted<'c> {
     left: &'c Cell<u32>,
-    given: u64,
+    delivered: u64,
     missed: u32,
-    tested: Option<SelfTest>,
+    self_test_result: Option<SelfTest>,
 }
 
 impl Converter for Counted<'_> {
@@ -34,24 +37,24 @@ impl Converter for Counted<'_> {
         })
         .await;
         self.left.update(|left| left - 1);
-        self.given += 1;
-        sample.counts[0] = i32::try_from(self.given).expect("few");
+        self.delivered += 1;
+        sample.counts[0] = i32::try_from(self.delivered).expect("few");
         Conversion {
-            drdy_us: 1_953 * self.given,
+            drdy_us: 1_953 * self.delivered,
             missed: self.missed,
             ..Conversion::default()
         }
     }
 
-    fn tested(&self) -> Option<SelfTest> {
-        self.tested.clone()
+    fn self_test_result(&self) -> Option<SelfTest> {
+        self.self_test_result.clone()
     }
 }
 
-/// An acquisition at rest, and what it hands on.
-fn queue() -> (StampedIn, StampedOut) {
-    let room = Box::leak(vec![Stamped::default(); ROOM].into_boxed_slice());
-    let channel: &mut Channel<'static, Mutex, Stamped> = Box::leak(Box::new(Channel::new(room)));
+fn queue() -> (SampleSender, SampleReceiver) {
+    let slots = Box::leak(vec![SampleSlot::default(); DEPTH].into_boxed_slice());
+    let channel: &mut Channel<'static, RawMutex, SampleSlot> =
+        Box::leak(Box::new(Channel::new(slots)));
     channel.split()
 }
 
@@ -70,47 +73,47 @@ fn start(number: u32) -> Order {
     })
 }
 
-/// Runs an acquisition through what a test does: orders, how many samples come then, and what waits
-/// for the encoder at the end of each: run, index and overrun mark of every sample.
-fn handed_on(
+/// Runs an acquisition through `acts`, each an order and the number of samples after it. Returns the samples
+/// queued by each act, as (run that starts, index, overrun mark).
+fn handed_over(
     shared: &Shared,
     converter: Counted<'_>,
     left: &Cell<u32>,
     acts: &[(Option<Order>, u32)],
 ) -> Vec<Vec<(Option<u32>, u64, bool)>> {
-    let (taken, mut out) = queue();
+    let (sender, mut receiver) = queue();
     let mut acquisition = Box::new(Acquisition::new(Mains::Hz50));
-    let mut task = pin!(acquire(converter, shared, (taken, &mut acquisition)));
+    let mut task = pin!(acquire(converter, shared, (sender, &mut acquisition)));
     let mut context = Context::from_waker(Waker::noop());
     let mut found = Vec::new();
     for (order, samples) in acts {
         if let Some(order) = order {
-            shared.order(*order);
+            shared.send_order(*order);
         }
         left.set(*samples);
         let _ = task.as_mut().poll(&mut context);
-        assert_eq!(left.get(), 0, "it does not wait for anything else");
-        let mut of_now = Vec::new();
-        while let Some(slot) = out.try_receive() {
-            let taken = &slot.taken;
-            let run = taken.new_run.map(|run| run.number);
-            of_now.push((run, taken.index, taken.marks.overrun));
-            out.receive_done();
+        assert_eq!(left.get(), 0, "the task waits for nothing but samples");
+        let mut queued = Vec::new();
+        while let Some(slot) = receiver.try_receive() {
+            let acquired = &slot.acquired;
+            let run = acquired.new_run.map(|run| run.number);
+            queued.push((run, acquired.index, acquired.marks.overrun));
+            receiver.receive_done();
         }
-        found.push(of_now);
+        found.push(queued);
     }
     found
 }
 
 #[test]
-fn samples_are_handed_on_from_a_start_to_a_stop_and_a_run_begins_at_0() {
+fn samples_are_queued_from_start_to_stop_and_each_run_counts_from_0() {
     let left = Cell::new(0);
     let shared = shared();
     let converter = Counted {
         left: &left,
-        given: 0,
+        delivered: 0,
         missed: 0,
-        tested: None,
+        self_test_result: None,
     };
     let acts = [
         (None, 2),
@@ -120,7 +123,7 @@ fn samples_are_handed_on_from_a_start_to_a_stop_and_a_run_begins_at_0() {
         (Some(Order::Stop), 3),
     ];
     assert_eq!(
-        handed_on(shared, converter, &left, &acts),
+        handed_over(shared, converter, &left, &acts),
         [
             vec![],
             vec![(Some(1), 0, false), (None, 1, false)],
@@ -134,68 +137,74 @@ fn samples_are_handed_on_from_a_start_to_a_stop_and_a_run_begins_at_0() {
 }
 
 #[test]
-fn what_an_encoder_has_no_room_for_is_counted_and_marked_and_a_start_is_not_lost_with_it() {
+fn samples_that_find_the_queue_full_are_counted_and_marked_and_the_start_of_a_run_is_kept() {
     let left = Cell::new(0);
     let shared = shared();
     let converter = Counted {
         left: &left,
-        given: 0,
+        delivered: 0,
         missed: 0,
-        tested: None,
+        self_test_result: None,
     };
-    // The queue is full when the second run begins, whose first two samples find no room.
-    let acts = [(start(1), ROOM + 2), (start(2), 2)];
-    let (taken, mut out) = queue();
+    // The queue is full when the second run starts, so its first two samples are dropped.
+    let acts = [(start(1), DEPTH + 2), (start(2), 2)];
+    let (sender, mut receiver) = queue();
     let mut acquisition = Box::new(Acquisition::new(Mains::Hz50));
-    let mut task = pin!(acquire(converter, shared, (taken, &mut acquisition)));
+    let mut task = pin!(acquire(converter, shared, (sender, &mut acquisition)));
     let mut context = Context::from_waker(Waker::noop());
     for (order, samples) in acts {
-        shared.order(order);
+        shared.send_order(order);
         left.set(u32::try_from(samples).expect("few"));
         let _ = task.as_mut().poll(&mut context);
     }
-    for index in 0..ROOM as u64 {
-        assert_eq!(out.try_receive().map(|slot| slot.taken.index), Some(index));
-        out.receive_done();
+    for index in 0..DEPTH as u64 {
+        assert_eq!(
+            receiver.try_receive().map(|slot| slot.acquired.index),
+            Some(index)
+        );
+        receiver.receive_done();
     }
     left.set(1);
     let _ = task.as_mut().poll(&mut context);
-    let slot = out.try_receive().expect("there is room again");
-    assert_eq!(slot.taken.new_run.map(|run| run.number), Some(2));
-    assert_eq!((slot.taken.index, slot.taken.marks.overrun), (2, true));
+    let slot = receiver.try_receive().expect("there is room again");
+    assert_eq!(slot.acquired.new_run.map(|run| run.number), Some(2));
+    assert_eq!(
+        (slot.acquired.index, slot.acquired.marks.overrun),
+        (2, true)
+    );
     assert_eq!(shared.counts().overruns, 4);
 }
 
 #[test]
-fn samples_that_the_converter_missed_count_while_something_streams() {
+fn samples_that_the_converter_missed_are_counted_during_a_run() {
     let left = Cell::new(0);
     let shared = shared();
     let converter = Counted {
         left: &left,
-        given: 0,
+        delivered: 0,
         missed: 2,
-        tested: None,
+        self_test_result: None,
     };
-    let found = handed_on(shared, converter, &left, &[(None, 5), (Some(start(1)), 1)]);
+    let found = handed_over(shared, converter, &left, &[(None, 5), (Some(start(1)), 1)]);
     assert_eq!(found[1], [(Some(1), 0, true)]);
     assert_eq!(shared.counts().overruns, 2);
 }
 
 #[test]
-fn a_self_test_ends_what_streams_and_one_that_tests_nothing_is_not_passed() {
-    for tested in [Some(SelfTest::default()), None] {
+fn a_self_test_ends_the_run_and_one_without_a_result_reports_a_fault() {
+    for result in [Some(SelfTest::default()), None] {
         let left = Cell::new(0);
         let shared = shared();
         let converter = Counted {
             left: &left,
-            given: 0,
+            delivered: 0,
             missed: 0,
-            tested: tested.clone(),
+            self_test_result: result.clone(),
         };
         let acts = [(Some(start(1)), 1), (Some(Order::SelfTest), 2)];
-        let found = handed_on(shared, converter, &left, &acts);
+        let found = handed_over(shared, converter, &left, &acts);
         assert_eq!(found[1], []);
-        let result = shared.self_test.try_take().expect("a result");
-        assert_eq!(result.fault.is_empty(), tested.is_some());
+        let published = shared.self_test_result.try_take().expect("a result");
+        assert_eq!(published.fault.is_empty(), result.is_some());
     }
 }

@@ -1,8 +1,8 @@
-//! What the host hears.
+//! Conversation with a simulated host.
 
 use core::{
     convert::Infallible,
-    future::{Future, poll_fn},
+    future::poll_fn,
     pin::pin,
     task::{Context, Poll, Waker},
 };
@@ -15,13 +15,18 @@ use link::{Decoder, Encoder, ResetCause, Streams, ToDevice, ToHost};
 use pipeline::Mains;
 
 use super::*;
-use crate::{Clock, HandedIn, Mutex};
+use crate::{
+    queues::{OutputSender, RawMutex},
+    timing::Clock,
+};
 
-/// What a host says, and what it hears.
+/// Both ends of a port to a simulated host.
 #[derive(Clone, Default)]
 struct Host {
-    says: Rc<RefCell<VecDeque<Vec<u8>>>>,
-    hears: Rc<RefCell<Vec<u8>>>,
+    /// Commands on their way to the device.
+    commands: Rc<RefCell<VecDeque<Vec<u8>>>>,
+    /// Bytes that the device has written.
+    received: Rc<RefCell<Vec<u8>>>,
 }
 
 impl ErrorType for Host {
@@ -30,19 +35,19 @@ impl ErrorType for Host {
 
 impl Read for Host {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
-        let said = poll_fn(|_| match self.says.borrow_mut().pop_front() {
+        let command = poll_fn(|_| match self.commands.borrow_mut().pop_front() {
             None => Poll::Pending,
-            Some(said) => Poll::Ready(said),
+            Some(command) => Poll::Ready(command),
         })
         .await;
-        bytes[..said.len()].copy_from_slice(&said);
-        Ok(said.len())
+        bytes[..command.len()].copy_from_slice(&command);
+        Ok(command.len())
     }
 }
 
 impl Write for Host {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        self.hears.borrow_mut().extend_from_slice(bytes);
+        self.received.borrow_mut().extend_from_slice(bytes);
         Ok(bytes.len())
     }
 
@@ -51,14 +56,15 @@ impl Write for Host {
     }
 }
 
-fn queue() -> (HandedIn, HandedOut) {
-    let room = Box::leak(vec![Handed::default(); 2].into_boxed_slice());
-    let channel: &mut Channel<'static, Mutex, Handed> = Box::leak(Box::new(Channel::new(room)));
+fn queue() -> (OutputSender, OutputReceiver) {
+    let slots = Box::leak(vec![OutputSlot::default(); 2].into_boxed_slice());
+    let channel: &mut Channel<'static, RawMutex, OutputSlot> =
+        Box::leak(Box::new(Channel::new(slots)));
     channel.split()
 }
 
 #[test]
-fn what_the_encoder_could_not_hand_on_is_counted_in_what_a_stop_is_answered_with() {
+fn the_answer_to_a_stop_counts_the_outputs_that_the_encoder_could_not_queue() {
     let shared = Shared::new(Clock {
         now: || 0,
         hz: 1_000_000,
@@ -80,34 +86,34 @@ fn what_the_encoder_could_not_hand_on_is_counted_in_what_a_stop_is_answered_with
     };
     let machine = Machine {
         stack: None,
-        restart: |_| panic!("nobody has asked for it"),
+        restart: |_| panic!("the host sends no reset command"),
     };
     let start = Start {
         streams: Streams::CODES,
         mains_hz: 50,
     };
-    let (_made_in, made) = queue();
+    let (_sender, outputs) = queue();
     let mut task = pin!(converse(
         port,
         &mut session,
         Some(start),
-        (&mut frames, made),
+        (&mut frames, outputs),
         &shared,
         machine
     ));
     let mut context = Context::from_waker(Waker::noop());
     assert!(task.as_mut().poll(&mut context).is_pending());
-    shared.made_lost.store(3, Relaxed);
+    shared.outputs_lost.store(3, Relaxed);
     let mut buffer = [0; MAX_FRAME];
     let stop = Encoder::starting_at(0).encode(0, &ToDevice::Stop, &mut buffer);
     let stop = stop.expect("it fits").to_vec();
-    // Whoever said it wakes the task; this test does.
-    host.says.borrow_mut().push_back(stop);
+    // No waker is needed, because the test polls the task itself.
+    host.commands.borrow_mut().push_back(stop);
     assert!(task.as_mut().poll(&mut context).is_pending());
 
     let mut decoder = Decoder::<MAX_FRAME>::new();
-    let hears = host.hears.borrow();
-    let mut bytes = &hears[..];
+    let received = host.received.borrow();
+    let mut bytes = &received[..];
     let mut dropped = Vec::new();
     let mut seqs = Vec::new();
     while let Some(frame) = decoder.next::<ToHost<'_>>(&mut bytes) {
@@ -118,6 +124,6 @@ fn what_the_encoder_could_not_hand_on_is_counted_in_what_a_stop_is_answered_with
         }
     }
     assert_eq!(dropped, [3]);
-    // Hello and capabilities, the three, counts and answer.
+    // Hello 0, Capabilities 1, the lost outputs 2 to 4, Stats 5, Ack 6.
     assert_eq!(seqs, [0, 1, 5, 6]);
 }

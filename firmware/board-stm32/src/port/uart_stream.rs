@@ -1,4 +1,4 @@
-//! A UART with DMA in both directions, as streams of bytes.
+//! UART with DMA in both directions, as streams of bytes (embedded-io-async).
 
 use core::{
     convert::Infallible,
@@ -8,46 +8,46 @@ use core::{
 
 use embedded_io_async::{Error, ErrorType, Read, Write};
 
-/// A transmitter whose DMA reads the bytes from where they are.
+/// Transmitter whose DMA reads the bytes in place.
 pub(crate) trait Transmit {
-    /// Why it fails.
+    /// Error of the UART.
     type Error: Error;
 
     /// Waits until the DMA has moved all bytes.
     async fn transmit(&mut self, bytes: &[u8]) -> Result<(), Self::Error>;
 }
 
-/// A ring that a DMA fills without end.
+/// Ring buffer that a DMA fills continuously.
 pub(crate) trait Ring {
-    /// Takes the oldest bytes; 0 if there are none.
-    fn take(&mut self, bytes: &mut [u8]) -> Result<usize, Overrun>;
+    /// Moves the oldest bytes to `bytes`. Returns how many; 0 if there are none.
+    fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Overrun>;
 
-    /// Registers the waker of the reader, which is woken after new bytes.
-    fn wake_with(&mut self, waker: &Waker);
+    /// Registers the waker that new bytes wake.
+    fn register_waker(&mut self, waker: &Waker);
 }
 
-/// The DMA has overwritten bytes that were not taken; the ring is empty again.
+/// Error: the DMA has overwritten bytes that were not read. The ring is empty afterwards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Overrun;
 
-/// Sends from a buffer that the DMA can reach, which the callers' memory need not be. A write takes as
-/// much as the buffer holds, so that no frame is too long.
-pub(crate) struct Bounced<Line> {
+/// Sends through a bounce buffer, because the DMA cannot access every caller's memory. A write accepts at most
+/// as many bytes as the buffer holds.
+pub(crate) struct DmaTransmitter<Line> {
     line: Line,
     buffer: &'static mut [u8],
 }
 
-impl<Line> Bounced<Line> {
+impl<Line> DmaTransmitter<Line> {
     pub(crate) const fn new(line: Line, buffer: &'static mut [u8]) -> Self {
         Self { line, buffer }
     }
 }
 
-impl<Line: Transmit> ErrorType for Bounced<Line> {
+impl<Line: Transmit> ErrorType for DmaTransmitter<Line> {
     type Error = Line::Error;
 }
 
-impl<Line: Transmit> Write for Bounced<Line> {
+impl<Line: Transmit> Write for DmaTransmitter<Line> {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Line::Error> {
         let length = bytes.len().min(self.buffer.len());
         let buffer = &mut self.buffer[..length];
@@ -58,28 +58,28 @@ impl<Line: Transmit> Write for Bounced<Line> {
         Ok(length)
     }
 
-    /// Nothing is held back: after a write at most two bytes are left, which the UART sends by itself.
+    /// Does nothing: after a write at most two bytes are in the UART, which sends them by itself.
     async fn flush(&mut self) -> Result<(), Line::Error> {
         Ok(())
     }
 }
 
-/// What the host sends.
+/// Reads the bytes that the host sends.
 ///
-/// Bytes that are lost cut a frame, or join two: the decoder finds that and counts it
-/// (`Stats.input_bad`). Reception goes on with what comes next.
-pub(crate) struct Received<R>(pub(crate) R);
+/// After an overrun of the ring, reception continues with the next byte. The lost bytes truncate a frame or
+/// merge two, which the decoder detects and counts (`Stats.input_bad`).
+pub(crate) struct RingReceiver<R>(pub(crate) R);
 
-impl<R> ErrorType for Received<R> {
+impl<R> ErrorType for RingReceiver<R> {
     type Error = Infallible;
 }
 
-impl<R: Ring> Read for Received<R> {
+impl<R: Ring> Read for RingReceiver<R> {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
         poll_fn(|context| {
-            self.0.wake_with(context.waker());
+            self.0.register_waker(context.waker());
             loop {
-                match self.0.take(bytes) {
+                match self.0.read(bytes) {
                     Ok(0) => return Poll::Pending,
                     Ok(length) => return Poll::Ready(Ok(length)),
                     Err(Overrun) => {}
@@ -98,10 +98,10 @@ mod tests {
 
     use super::*;
 
-    /// Bytes of a piece that the tests' DMA can reach.
-    const ROOM: usize = 512;
+    /// Bytes of the bounce buffer.
+    const BUFFER: usize = 512;
 
-    /// Notes every transfer.
+    /// Transmitter that keeps every transfer.
     #[derive(Default)]
     struct Transfers(Vec<Vec<u8>>);
 
@@ -115,49 +115,46 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_longer_than_the_buffer_goes_out_whole_in_pieces_that_fit() {
+    fn a_frame_longer_than_the_buffer_is_sent_whole_in_pieces_that_fit() {
         let frame: Vec<u8> = (0..=250).cycle().take(link::MAX_FRAME).collect();
-        assert!(frame.len() > 2 * ROOM);
+        assert!(frame.len() > 2 * BUFFER);
         let mut transfers = Transfers::default();
-        let mut port = Bounced::new(&mut transfers, Box::leak(Box::new([0; ROOM])));
-        block_on(port.write_all(&frame)).expect("it never fails");
-        block_on(port.flush()).expect("it never fails");
+        let mut port = DmaTransmitter::new(&mut transfers, Box::leak(Box::new([0; BUFFER])));
+        block_on(port.write_all(&frame)).expect("the transmitter never fails");
+        block_on(port.flush()).expect("the transmitter never fails");
         assert_eq!(transfers.0.concat(), frame);
-        assert!(transfers.0.iter().all(|piece| piece.len() <= ROOM));
+        assert!(transfers.0.iter().all(|piece| piece.len() <= BUFFER));
     }
 
     #[test]
     fn a_write_of_nothing_starts_no_transfer() {
         let mut transfers = Transfers::default();
-        let mut port = Bounced::new(&mut transfers, Box::leak(Box::new([0; ROOM])));
+        let mut port = DmaTransmitter::new(&mut transfers, Box::leak(Box::new([0; BUFFER])));
         assert_eq!(block_on(port.write(&[])), Ok(0));
         assert!(transfers.0.is_empty());
     }
 
-    /// What the ring answers, one after the other.
+    /// Ring that returns these results in turn, and then no bytes.
     struct Script(VecDeque<Result<&'static [u8], Overrun>>);
 
     impl Ring for Script {
-        fn take(&mut self, bytes: &mut [u8]) -> Result<usize, Overrun> {
+        fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Overrun> {
             let new = self.0.pop_front().unwrap_or(Ok(&[]))?;
             bytes[..new.len()].copy_from_slice(new);
             Ok(new.len())
         }
 
-        fn wake_with(&mut self, _: &Waker) {}
+        fn register_waker(&mut self, _: &Waker) {}
     }
 
     #[test]
-    fn reception_goes_on_after_an_overrun_and_never_fails() {
+    fn reception_continues_after_an_overrun_without_an_error() {
         let script: [Result<&[u8], Overrun>; 5] =
             [Ok(&[1, 2]), Err(Overrun), Ok(&[]), Err(Overrun), Ok(&[3])];
-        let mut port = Received(Script(script.into()));
+        let mut port = RingReceiver(Script(script.into()));
         let mut bytes = [0; 8];
         assert_eq!(block_on(port.read(&mut bytes)), Ok(2));
-        assert!(
-            poll_once(port.read(&mut bytes)).is_pending(),
-            "nothing came"
-        );
+        assert!(poll_once(port.read(&mut bytes)).is_pending(), "no bytes");
         assert_eq!(block_on(port.read(&mut bytes)), Ok(1));
         assert_eq!(bytes[0], 3);
     }

@@ -1,4 +1,4 @@
-//! USB: a serial port of the communications device class (CDC-ACM) at full speed.
+//! USB serial port of the communications device class (CDC-ACM), at full speed.
 
 use device::Session;
 use embassy_futures::{join::join, select::select};
@@ -13,39 +13,43 @@ use embassy_usb::{
     Builder, Config,
     class::cdc_acm::{self, CdcAcmClass, State},
 };
-use firmware::{Frames, HandedOut, Machine};
+use firmware::{Frames, Machine, OutputReceiver};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::{
-    application::SHARED,
-    usb_port::{Closed, FromHost, PACKET, Receiver, ToHost, Transmitter},
-    usb_recovery::{DisableEndpoints, reset_overlooked},
+    port::{
+        usb_recovery::{DisableEndpoints, wait_missed_reset},
+        usb_stream::{Closed, PACKET, PacketReceiver, PacketSender, Receiver, Transmitter},
+    },
+    shared::SHARED,
 };
 
-/// Of pid.codes, for development only: whoever gives devices away needs a number of their own.
+/// Vendor id of pid.codes. With [`PRODUCT`] it is for development only; devices that are distributed need a
+/// product id of their own.
 const VENDOR: u16 = 0x1209;
+/// Product id for tests at pid.codes.
 const PRODUCT: u16 = 0x0001;
 
 const _: () = assert!(PACKET <= u16::MAX as usize);
 
 /// Bytes of the binary device object store, which a device of USB 2.1 must have: its header, and the
-/// extension for USB 2.0 (USB 3.2, 9.6.2 and 9.6.2.1). Without room embassy-usb sends an empty one.
+/// extension for USB 2.0 (USB 3.2, 9.6.2 and 9.6.2.1). With a smaller buffer embassy-usb sends an empty one.
 const OBJECT_STORE: usize = 5 + 7;
 
-/// How often a port that is closed is looked at.
+/// Period at which the port is checked for being open.
 const TICK: Duration = Duration::from_millis(20);
 
 bind_interrupts!(struct Irqs {
     OTG_FS => usb::InterruptHandler<USB_OTG_FS>;
 });
 
-/// The port to the host.
+/// USB peripheral and pins for the port to the host.
 pub struct Port {
-    /// The peripheral.
+    /// USB peripheral, with its PHY for full speed.
     pub otg: Peri<'static, USB_OTG_FS>,
-    /// Its data lines.
+    /// Data line D+.
     pub dp: Peri<'static, PA12>,
-    /// The other one.
+    /// Data line D-.
     pub dm: Peri<'static, PA11>,
 }
 
@@ -53,7 +57,7 @@ impl Port {
     pub(crate) async fn converse(
         self,
         session: &mut Session<'_>,
-        share: (&mut Frames, HandedOut),
+        memory: (&mut Frames, OutputReceiver),
         machine: Machine,
     ) -> ! {
         static RECEIVED: ConstStaticCell<[u8; 4 * PACKET]> = ConstStaticCell::new([0; 4 * PACKET]);
@@ -64,7 +68,7 @@ impl Port {
         static STATE: StaticCell<State<'static>> = StaticCell::new();
 
         let mut config = usb::Config::default();
-        // Both boards are fed by their ST-LINK: VBUS says nothing about them.
+        // Both boards are powered by their ST-LINK, whether or not there is VBUS.
         config.vbus_detection = false;
         let driver = Driver::new_fs(self.otg, Irqs, self.dp, self.dm, RECEIVED.take(), config);
         let mut config = Config::new(VENDOR, PRODUCT);
@@ -89,34 +93,34 @@ impl Port {
             input: Receiver(receiver),
             output: Transmitter::new(sender),
         };
-        let conversation = firmware::converse(port, session, None, share, &SHARED, machine);
+        let conversation = firmware::converse(port, session, None, memory, &SHARED, machine);
         let mut device = builder.build();
         let run = async {
             loop {
-                // It does not end by itself.
-                select(device.run(), reset_overlooked()).await;
+                // `run` never returns; only a missed reset restarts it.
+                select(device.run(), wait_missed_reset()).await;
             }
         };
         join(run, conversation).await.0
     }
 }
 
-impl FromHost for cdc_acm::Receiver<'static, Driver<'static, USB_OTG_FS>> {
+impl PacketReceiver for cdc_acm::Receiver<'static, Driver<'static, USB_OTG_FS>> {
     async fn receive(&mut self, packet: &mut [u8]) -> Result<usize, Closed> {
         self.read_packet(packet).await.map_err(|_| Closed)
     }
 }
 
-impl ToHost for cdc_acm::Sender<'static, Driver<'static, USB_OTG_FS>> {
+impl PacketSender for cdc_acm::Sender<'static, Driver<'static, USB_OTG_FS>> {
     fn is_open(&self) -> bool {
         self.dtr()
     }
 
-    async fn set_up(&mut self) {
+    async fn wait_configured(&mut self) {
         self.wait_connection().await;
     }
 
-    /// Given up while it waits, it has given nothing to the peripheral yet.
+    /// While it waits, the future has not passed any byte to the peripheral.
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed> {
         self.write_packet(packet).await.map_err(|_| Closed)
     }

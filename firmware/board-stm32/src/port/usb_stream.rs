@@ -1,12 +1,12 @@
-//! A serial port over USB as streams of bytes: whole packets, and a host that opens and closes.
+//! Serial port over USB as streams of bytes, for a host that opens and closes it at any time.
 
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 
-/// Bytes of a packet at full speed (USB 2.0, 5.8.3).
+/// Bytes of a bulk packet at full speed (USB 2.0, 5.8.3).
 pub(crate) const PACKET: usize = 64;
 
-/// The host is not there, or has closed the port.
+/// Error: no host is connected, or it has closed the port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Closed;
 
@@ -24,41 +24,41 @@ impl embedded_io_async::Error for Closed {
     }
 }
 
-/// Packets to the host.
-pub(crate) trait ToHost {
-    /// Whether the host holds the port open (DTR).
+/// Endpoint that sends packets to the host.
+pub(crate) trait PacketSender {
+    /// Returns whether the host holds the port open (DTR).
     fn is_open(&self) -> bool;
 
-    /// Waits until a host has set the device up.
-    async fn set_up(&mut self);
+    /// Waits until a host has configured the device.
+    async fn wait_configured(&mut self);
 
-    /// Waits until the host has read the packet before, and hands this one over; given up before that,
-    /// none of it goes.
+    /// Waits until the host has read the previous packet, and hands this one to the peripheral. If the future
+    /// is dropped before that, no byte of this packet is sent.
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed>;
 
-    /// Waits until it is time to look whether the port is open.
+    /// Waits until the next check whether the port is open.
     fn tick(&self) -> impl Future<Output = ()> + use<Self>;
 }
 
-/// Packets from the host.
-pub(crate) trait FromHost {
-    /// Waits for a packet; `packet` has room for the longest.
+/// Endpoint that receives packets from the host.
+pub(crate) trait PacketReceiver {
+    /// Waits for a packet and returns its length; `packet` must hold [`PACKET`] bytes.
     async fn receive(&mut self, packet: &mut [u8]) -> Result<usize, Closed>;
 }
 
-/// What the host sends.
+/// Reads the bytes that the host sends.
 pub(crate) struct Receiver<Port>(pub(crate) Port);
 
 impl<Port> ErrorType for Receiver<Port> {
     type Error = Closed;
 }
 
-impl<Port: FromHost> Read for Receiver<Port> {
-    /// `bytes` has room for a packet.
+impl<Port: PacketReceiver> Read for Receiver<Port> {
+    /// Reads one packet; `bytes` must hold [`PACKET`] bytes.
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Closed> {
         loop {
             match self.0.receive(bytes).await? {
-                // A packet of no length says no more than that there is no more.
+                // An empty packet only ends a transfer; a read of 0 bytes would mean the end of the stream.
                 0 => {}
                 length => return Ok(length),
             }
@@ -66,21 +66,20 @@ impl<Port: FromHost> Read for Receiver<Port> {
     }
 }
 
-/// Sends while the host holds the port open: what it does not read waits as frames, of which the oldest
-/// are dropped.
+/// Sends while the host holds the port open. While it reads nothing, the frames wait in their ring, which drops
+/// the oldest.
 ///
-/// A frame whose beginning has gone when the port closes is not ended in another opening: whoever
-/// opens the port next gets a frame from its first zero.
+/// If the port closes within a frame, the rest of the frame is dropped. After the next opening the host
+/// receives whole frames, from the zero in front of the first one.
 pub(crate) struct Transmitter<Port> {
     port: Port,
-    /// A full packet was the last: the host's driver waits for more until a shorter one ends it.
+    /// Set if the last packet was full: the host's driver waits for a shorter one, which ends the transfer.
     last_was_full: bool,
-    /// Bytes of a frame have gone, and not its last one.
+    /// Set if the last packet ended within a frame.
     is_within_frame: bool,
 }
 
-impl<Port: ToHost> Transmitter<Port> {
-    /// Nothing sent.
+impl<Port: PacketSender> Transmitter<Port> {
     pub(crate) const fn new(port: Port) -> Self {
         Self {
             port,
@@ -89,17 +88,17 @@ impl<Port: ToHost> Transmitter<Port> {
         }
     }
 
-    async fn opened(&mut self) {
-        self.port.set_up().await;
+    async fn wait_open(&mut self) {
+        self.port.wait_configured().await;
         while !self.port.is_open() {
             self.port.tick().await;
         }
     }
 
-    /// Sends a packet, unless the port closes before the host takes it.
-    async fn packet(&mut self, bytes: &[u8]) -> Result<(), Closed> {
+    /// Sends a packet, unless the port closes before the host reads it.
+    async fn send_packet(&mut self, bytes: &[u8]) -> Result<(), Closed> {
         loop {
-            // Looks again and again while the host takes nothing.
+            // Check whether the port is still open for as long as the host reads nothing.
             let tick = self.port.tick();
             match select(self.port.send(bytes), tick).await {
                 Either::First(result) => return result,
@@ -114,27 +113,27 @@ impl<Port> ErrorType for Transmitter<Port> {
     type Error = Closed;
 }
 
-impl<Port: ToHost> Write for Transmitter<Port> {
-    /// After an error the next bytes begin a frame.
+impl<Port: PacketSender> Write for Transmitter<Port> {
+    /// After an error, the next write must start with a new frame.
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Closed> {
         let is_within_frame = core::mem::take(&mut self.is_within_frame);
         if !self.port.is_open() {
             if is_within_frame {
                 return Err(Closed);
             }
-            self.opened().await;
+            self.wait_open().await;
         }
         let packet = &bytes[..bytes.len().min(PACKET)];
-        self.packet(packet).await?;
+        self.send_packet(packet).await?;
         self.last_was_full = packet.len() == PACKET;
-        // A zero ends a frame, and begins one: the packet of a first zero alone is none of a frame.
+        // A zero ends a frame, and the zero in front of a frame alone does not start one yet.
         self.is_within_frame = packet.last().is_some_and(|&byte| byte != 0);
         Ok(packet.len())
     }
 
     async fn flush(&mut self) -> Result<(), Closed> {
         if core::mem::take(&mut self.last_was_full) && self.port.is_open() {
-            self.packet(&[]).await?;
+            self.send_packet(&[]).await?;
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! Samples from a file of the host, or made-up ones.
+//! Converter of the emulated board: samples from a file, or synthetic EEG.
 
 use core::{
     future::pending,
@@ -11,29 +11,29 @@ use pipeline::Sample;
 
 use crate::{drdy, eeg::Eeg, host_file::HostFile};
 
-/// The file: sample by sample, channel by channel, counts of 32 bits, little endian.
+/// File of samples: counts of 32 bits, little endian, all channels of a sample in a row.
 pub(crate) const SAMPLES: &core::ffi::CStr = c"samples.i32";
 
-/// Set when the file has ended.
-pub(crate) static ENDED: AtomicBool = AtomicBool::new(false);
+/// Set when all samples of the file have been read.
+pub(crate) static FILE_ENDED: AtomicBool = AtomicBool::new(false);
 
-/// What the emulated converter reads.
+/// Origin of the samples.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "there is one, for ever")]
-pub(crate) enum Recording {
-    /// A file of the host.
+#[expect(clippy::large_enum_variant, reason = "there is exactly one value")]
+pub(crate) enum SampleSource {
+    /// Recording on the PC.
     File(HostFile),
-    /// Made-up EEG, without end.
+    /// Endless synthetic EEG.
     Eeg(Eeg),
 }
 
-impl Recording {
-    /// The host's file, if there is one.
+impl SampleSource {
+    /// Opens the file, or falls back to synthetic EEG.
     pub(crate) fn open() -> Self {
         HostFile::open(SAMPLES).map_or_else(|| Self::Eeg(Eeg::new()), Self::File)
     }
 
-    /// The next sample; false where there is none.
+    /// Reads the next sample. Returns false at the end of the file.
     fn read(&mut self, sample: &mut Sample) -> bool {
         match self {
             Self::File(file) => {
@@ -47,20 +47,20 @@ impl Recording {
                 whole
             }
             Self::Eeg(eeg) => {
-                eeg.next(sample);
+                eeg.fill(sample);
                 true
             }
         }
     }
 }
 
-impl Converter for Recording {
+impl Converter for SampleSource {
     async fn next(&mut self, sample: &mut Sample) -> Conversion {
-        let edge = drdy::next().await;
-        // What nobody read in time is gone, as with any converter.
+        let edge = drdy::next_edge().await;
+        // Samples that were not taken in time are lost, as with any converter.
         let whole = (0..=edge.missed).all(|_| self.read(sample));
         if !whole {
-            ENDED.store(true, Relaxed);
+            FILE_ENDED.store(true, Relaxed);
             pending::<()>().await;
         }
         Conversion {

@@ -1,30 +1,30 @@
-//! A host that opens, reads, stalls and closes as each test says, and the frames that it gets.
+//! Frames that arrive at a simulated host, which opens, reads, stalls and closes in the order of each test.
 
 use core::{cell::RefCell, future::poll_fn, task::Poll};
 use std::{boxed::Box, collections::VecDeque, rc::Rc, vec::Vec};
 
 use embassy_futures::block_on;
-use link::{Decoder, Encoder, Hello, MAX_FRAME, ResetCause, ToHost as Message};
+use link::{Decoder, Encoder, Hello, MAX_FRAME, ResetCause, ToHost};
 
 use super::*;
 
-/// Packets that a host reads which never stalls.
+/// Number of packets for a host that never stalls.
 const ALL: usize = usize::MAX;
 
-/// What a host does at a tick.
+/// Action of the host at a tick.
 type Act = Box<dyn FnOnce(&mut Host)>;
 
-/// The host, with its cable.
+/// Simulated host, and the packet buffer of the device's endpoint.
 #[derive(Default)]
 struct Host {
     is_open: bool,
-    /// Packets that it reads before it stalls.
+    /// Packets that the host still reads before it stalls.
     reads: usize,
-    /// What it does next, at a tick each.
+    /// Next actions, one for each tick.
     acts: VecDeque<Act>,
-    /// The packet in the device's buffer.
+    /// Packet in the endpoint's buffer.
     waiting: Option<Vec<u8>>,
-    /// The packets that a program has read.
+    /// Packets that a program on the host has read.
     packets: Vec<Vec<u8>>,
 }
 
@@ -45,16 +45,16 @@ impl Host {
 
     fn act(&mut self) {
         let act = self.acts.pop_front();
-        act.expect("the test says what the host does")(self);
+        act.expect("an action for every tick")(self);
     }
 
-    /// Numbers of the frames that came whole, and stretches that were none.
-    fn heard(&self) -> (Vec<u32>, u32) {
+    /// Returns the seq of each whole frame, and the number of stretches of bytes that were no frame.
+    fn decode(&self) -> (Vec<u32>, u32) {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         let mut seqs = Vec::new();
         let bytes = self.packets.concat();
         let mut bytes = &bytes[..];
-        while let Some(outcome) = decoder.next::<Message<'_>>(&mut bytes) {
+        while let Some(outcome) = decoder.next::<ToHost<'_>>(&mut bytes) {
             seqs.extend(outcome.ok().map(|frame| frame.header.seq));
         }
         (seqs, decoder.counters().resyncs)
@@ -64,12 +64,12 @@ impl Host {
 #[derive(Clone, Default)]
 struct Cable(Rc<RefCell<Host>>);
 
-impl ToHost for Cable {
+impl PacketSender for Cable {
     fn is_open(&self) -> bool {
         self.0.borrow().is_open
     }
 
-    async fn set_up(&mut self) {}
+    async fn wait_configured(&mut self) {}
 
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed> {
         poll_fn(|_| {
@@ -91,7 +91,7 @@ impl ToHost for Cable {
     }
 }
 
-/// The device's side: frames with numbers, and how many of them were dropped, as the conversation does it.
+/// Device that numbers frames and counts the dropped ones, as the conversation does.
 struct Device {
     transmitter: Transmitter<Cable>,
     encoder: Encoder,
@@ -119,13 +119,13 @@ impl Device {
             fault: "words enough to fill three packets, so that a host can go away between any two",
         };
         let mut buffer = [0; MAX_FRAME];
-        let frame = self.encoder.encode(0, &Message::Hello(hello), &mut buffer);
+        let frame = self.encoder.encode(0, &ToHost::Hello(hello), &mut buffer);
         let frame = frame.expect("it fits");
         assert!((2 * PACKET..3 * PACKET).contains(&frame.len()));
         if block_on(self.transmitter.write_all(frame)).is_err() {
             self.dropped += 1;
         }
-        // As the conversation does: what ends a transfer is no part of a frame.
+        // Like the conversation, ignore the result: the packet that ends a transfer belongs to no frame.
         let _ = block_on(self.transmitter.flush());
     }
 }
@@ -135,13 +135,13 @@ fn act(what: impl FnOnce(&mut Host) + 'static) -> Act {
 }
 
 #[test]
-fn a_frame_that_the_host_leaves_is_dropped_and_counted_and_the_next_one_is_whole() {
+fn a_frame_cut_by_a_close_is_dropped_and_counted_and_the_next_one_is_whole() {
     let cable = Cable::default();
     let mut device = Device::new(&cable);
     let mut host = cable.0.borrow_mut();
     host.acts = VecDeque::from([
         act(|host| host.open(1)),
-        // The second packet lies in the device's buffer, and the third one waits.
+        // The second packet is in the endpoint's buffer, and the third one waits.
         act(|host| host.is_open = false),
         act(|_| {}),
         act(|host| host.open(ALL)),
@@ -151,12 +151,12 @@ fn a_frame_that_the_host_leaves_is_dropped_and_counted_and_the_next_one_is_whole
     assert_eq!(device.dropped, 1);
     device.send();
     device.send();
-    assert_eq!(cable.0.borrow().heard(), (Vec::from([1, 2]), 1));
+    assert_eq!(cable.0.borrow().decode(), (Vec::from([1, 2]), 1));
     assert_eq!(device.dropped, 1);
 }
 
 #[test]
-fn a_frame_that_has_begun_is_not_ended_in_another_opening() {
+fn the_rest_of_a_frame_is_not_sent_after_the_port_opens_again() {
     let cable = Cable::default();
     let mut device = Device::new(&cable);
     cable.0.borrow_mut().open(ALL);
@@ -165,16 +165,16 @@ fn a_frame_that_has_begun_is_not_ended_in_another_opening() {
     assert_eq!(
         block_on(device.transmitter.write_all(&[3, 0])),
         Err(Closed),
-        "it does not wait for the next one"
+        "the write does not wait for the next opening"
     );
     let opens = act(|host| host.open(ALL));
     cable.0.borrow_mut().acts = VecDeque::from([opens]);
     device.send();
-    assert_eq!(cable.0.borrow().heard(), (Vec::from([0]), 1));
+    assert_eq!(cable.0.borrow().decode(), (Vec::from([0]), 1));
 }
 
 #[test]
-fn a_host_that_reads_nothing_gets_everything_when_it_reads_again() {
+fn a_host_that_stalls_receives_everything_when_it_reads_again() {
     let cable = Cable::default();
     let mut device = Device::new(&cable);
     let mut host = cable.0.borrow_mut();
@@ -184,12 +184,12 @@ fn a_host_that_reads_nothing_gets_everything_when_it_reads_again() {
     drop(host);
     device.send();
     device.send();
-    assert_eq!(cable.0.borrow().heard(), (Vec::from([0, 1]), 0));
+    assert_eq!(cable.0.borrow().decode(), (Vec::from([0, 1]), 0));
     assert_eq!(device.dropped, 0);
 }
 
 #[test]
-fn a_port_that_closes_and_opens_between_two_looks_loses_nothing() {
+fn a_port_that_closes_and_opens_between_two_checks_loses_nothing() {
     let cable = Cable::default();
     let mut device = Device::new(&cable);
     let mut host = cable.0.borrow_mut();
@@ -200,17 +200,17 @@ fn a_port_that_closes_and_opens_between_two_looks_loses_nothing() {
     }));
     drop(host);
     device.send();
-    assert_eq!(cable.0.borrow().heard(), (Vec::from([0]), 0));
+    assert_eq!(cable.0.borrow().decode(), (Vec::from([0]), 0));
     assert_eq!(device.dropped, 0);
 }
 
 #[test]
-fn a_thousand_openings_account_for_every_frame() {
+fn every_frame_is_received_or_counted_over_a_thousand_openings() {
     let cable = Cable::default();
     let mut device = Device::new(&cable);
     let mut host = cable.0.borrow_mut();
     for opening in 0..1_000_usize {
-        // From nothing to more than two frames, in an order without a pattern.
+        // 0 to 7 packets, up to more than two frames, in an order without a pattern.
         let reads = opening * 7919 % 8;
         host.acts.push_back(act(move |host| host.open(reads)));
         host.acts.push_back(act(|host| host.is_open = false));
@@ -224,17 +224,17 @@ fn a_thousand_openings_account_for_every_frame() {
     }
     device.send();
     sent += 1;
-    let (seqs, damaged) = cable.0.borrow().heard();
+    let (seqs, damaged) = cable.0.borrow().decode();
     assert!(seqs.is_sorted_by(|before, after| before < after));
     let received = u32::try_from(seqs.len()).expect("thousands");
     assert_eq!(received + device.dropped, sent);
-    // A frame of which nothing has gone when the port closes is dropped as well, and leaves no trace.
+    // A frame is also dropped if no byte of it was sent when the port closed; the host sees no damage then.
     assert!(device.dropped > 500 && damaged <= device.dropped);
     assert!(received > 500, "{received}");
 }
 
 #[test]
-fn an_empty_packet_ends_what_ends_with_a_full_one_and_nothing_else() {
+fn a_flush_sends_an_empty_packet_only_after_a_full_one() {
     let lengths = |frame: &[u8]| {
         let cable = Cable::default();
         cable.0.borrow_mut().open(ALL);
@@ -253,10 +253,10 @@ fn an_empty_packet_ends_what_ends_with_a_full_one_and_nothing_else() {
 }
 
 #[test]
-fn an_empty_packet_from_the_host_is_no_end() {
+fn an_empty_packet_from_the_host_does_not_end_the_stream() {
     struct Packets(VecDeque<Vec<u8>>);
 
-    impl FromHost for Packets {
+    impl PacketReceiver for Packets {
         async fn receive(&mut self, packet: &mut [u8]) -> Result<usize, Closed> {
             let bytes = self.0.pop_front().ok_or(Closed)?;
             packet[..bytes.len()].copy_from_slice(&bytes);

@@ -1,10 +1,10 @@
-//! The UART of the board's debugger, by DMA in both directions.
+//! UART of the ST-LINK, by DMA in both directions.
 //!
 //! Reception is a DMA ring and not one interrupt per byte: a byte lasts 10.85 us, and the acquisition
 //! blocks the port's interrupts for longer. embassy-stm32 0.6.0 has such a ring (`RingBufferedUartRx`),
-//! which does not suit: after a framing error its DMA starts at the beginning of the ring again, and the
-//! reader is handed old bytes, whole commands among them; and each of its polls on an STM32F4 reads the
-//! data register, which may take a byte from the DMA.
+//! which is not suitable for two reasons. After a framing error its DMA restarts at the start of the ring,
+//! and the reader receives old bytes again, whole commands among them. And on an STM32F4 each of its polls
+//! reads the data register, which can take a byte from the DMA.
 #![expect(
     unsafe_code,
     reason = "a DMA without end into memory that the port owns, and its interrupt"
@@ -25,58 +25,58 @@ use embassy_stm32::{
     usart::{self, Config, RxDma, RxPin, UartTx},
 };
 use embassy_sync::waitqueue::AtomicWaker;
-use firmware::{Frames, HandedOut, Machine, deadlines};
+use firmware::{Frames, Machine, OutputReceiver, deadlines};
 
 use crate::{
-    application::SHARED,
-    prioritise,
-    uart_port::{Bounced, Overrun, Received, Ring, Transmit},
+    interrupts::nvic_priority,
+    port::uart_stream::{DmaTransmitter, Overrun, Ring, RingReceiver, Transmit},
+    shared::SHARED,
 };
 
-/// Bits per second: 92 kB/s, which codes need 3 % of.
+/// Bits per second. That is 92 kB/s, of which codes need 3 %.
 const BAUD: u32 = 921_600;
 
-/// Bytes of each direction's buffer: 5.5 ms of the line. The reader may be held up for as long.
+/// Bytes of each direction's buffer: 5.5 ms of the line. The reader can be delayed by as much.
 const BUFFER: usize = 512;
 
-/// Woken when the line becomes idle after bytes and when a byte is damaged; on an STM32F446 also by the
-/// first byte after that.
+/// Wakes the reader when the line becomes idle after bytes, and when a byte is damaged; on an STM32F446 also
+/// at the first byte after either.
 static IDLE: AtomicWaker = AtomicWaker::new();
 
-/// Memory of both directions, where the DMA can reach it.
+/// Buffers of both directions, in memory that the DMA can access.
 pub struct PortMemory {
     sending: [u8; BUFFER],
     received: [u8; BUFFER],
 }
 
 impl PortMemory {
-    /// Nothing sent, nothing received.
+    /// Buffers filled with zeros.
     pub const EMPTY: Self = Self {
         sending: [0; BUFFER],
         received: [0; BUFFER],
     };
 }
 
-/// A board's UART: its receiver's registers, which differ from chip to chip.
+/// Receiver of a board's UART. Its registers differ from chip to chip.
 pub trait Uart {
-    /// Which one it is.
+    /// Peripheral of the HAL.
     type Instance: usart::Instance;
 
-    /// Its interrupts: its own, and those of the DMA streams to the host and from it.
+    /// Interrupts of the UART itself, of the DMA stream to the host, and of the one from it.
     const INTERRUPTS: [Interrupt; 3];
 
-    /// Address of the register that received bytes are read from.
-    fn data() -> *mut u8;
+    /// Returns the address of the receive data register.
+    fn data_register() -> *mut u8;
 
-    /// Enables receiver, DMA requests, and interrupts at an idle line and at damaged bytes.
-    fn listen();
+    /// Enables the receiver, its DMA requests, and interrupts on an idle line and on damaged bytes.
+    fn enable_receiver();
 
-    /// Clears the flags of an idle line and of damaged bytes, or masks them until the next byte; called by
-    /// the interrupt, in a critical section. The reader is woken after it.
+    /// Clears the flags of an idle line and of damaged bytes, or masks them until the next byte. Called by
+    /// the interrupt, in a critical section; the reader is woken afterwards.
     fn acknowledge();
 }
 
-/// The interrupt handler of a board's [`Uart`].
+/// Interrupt handler of a board's [`Uart`].
 pub struct UartInterrupt<U>(PhantomData<U>);
 
 impl<U: Uart> Handler<<U::Instance as usart::Instance>::Interrupt> for UartInterrupt<U> {
@@ -86,14 +86,14 @@ impl<U: Uart> Handler<<U::Instance as usart::Instance>::Interrupt> for UartInter
     }
 }
 
-/// The port to the host.
+/// Port to the host over the ST-LINK's UART.
 pub struct Port {
-    input: Received<Stream>,
-    output: Bounced<UartTx<'static, Async>>,
+    input: RingReceiver<DmaRing>,
+    output: DmaTransmitter<UartTx<'static, Async>>,
 }
 
 impl Port {
-    /// Starts to receive; bytes wait in the ring until the conversation reads them.
+    /// Starts reception; bytes stay in the ring until the conversation reads them.
     pub fn new<U: Uart, D: RxDma<U::Instance>>(
         sender: UartTx<'static, Async>,
         pin: Peri<'static, impl RxPin<U::Instance>>,
@@ -103,40 +103,41 @@ impl Port {
         + 'static,
         memory: &'static mut PortMemory,
     ) -> Self {
-        // The chip's start has set all DMA streams to DRDY's priority.
+        // embassy has set all DMA streams to DRDY's priority.
         for interrupt in U::INTERRUPTS {
-            interrupt.set_priority(prioritise(deadlines::priority::CONVERSE));
+            interrupt.set_priority(nvic_priority(deadlines::priority::CONVERSE));
         }
         let function = pin.af_num();
         let mut pin = Flex::new(pin);
-        // Idle also while the debugger is off.
+        // The pull-up keeps the line idle while the ST-LINK is off.
         pin.set_as_af_unchecked(function, AfType::input(Pull::Up));
-        // Dropped, it would give the pin back.
+        // Dropping it would release the pin.
         mem::forget(pin);
         let request = stream.request();
         let channel = Channel::new(stream, interrupts);
-        // SAFETY: the register is this UART's and holds bytes; the ring's memory is its own for the whole run.
+        // SAFETY: the address is that of this UART's 8-bit data register, and nothing else uses the ring's
+        // memory.
         let mut ring = unsafe {
             ReadableRingBuffer::new(
                 channel,
                 request,
-                U::data(),
+                U::data_register(),
                 &mut memory.received,
                 TransferOptions::default(),
             )
         };
         ring.start();
-        U::listen();
+        U::enable_receiver();
         let [own, ..] = U::INTERRUPTS;
-        // SAFETY: its handler is bound, and no critical section relies on its silence.
+        // SAFETY: its handler is bound, and no critical section relies on the interrupt being disabled.
         unsafe { own.enable() };
         Self {
-            input: Received(Stream(ring)),
-            output: Bounced::new(sender, &mut memory.sending),
+            input: RingReceiver(DmaRing(ring)),
+            output: DmaTransmitter::new(sender, &mut memory.sending),
         }
     }
 
-    /// What a board makes its UART with.
+    /// Returns the configuration that a board creates its UART with.
     pub fn config() -> Config {
         let mut config = Config::default();
         config.baudrate = BAUD;
@@ -146,26 +147,26 @@ impl Port {
     pub(crate) async fn converse(
         self,
         session: &mut Session<'_>,
-        share: (&mut Frames, HandedOut),
+        memory: (&mut Frames, OutputReceiver),
         machine: Machine,
     ) -> ! {
         let Self { input, output } = self;
         let port = firmware::Port { input, output };
-        firmware::converse(port, session, None, share, &SHARED, machine).await
+        firmware::converse(port, session, None, memory, &SHARED, machine).await
     }
 }
 
-/// The DMA's ring of received bytes.
-struct Stream(ReadableRingBuffer<'static, u8>);
+/// Ring of received bytes that the DMA fills.
+struct DmaRing(ReadableRingBuffer<'static, u8>);
 
-impl Ring for Stream {
-    fn take(&mut self, bytes: &mut [u8]) -> Result<usize, Overrun> {
+impl Ring for DmaRing {
+    fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Overrun> {
         let taken = self.0.read(bytes);
         taken.map(|(length, _)| length).map_err(|_| Overrun)
     }
 
-    /// At half a ring, at its end, and when the line becomes idle.
-    fn wake_with(&mut self, waker: &Waker) {
+    /// The reader is woken at half a ring, at its end, and when the line becomes idle.
+    fn register_waker(&mut self, waker: &Waker) {
         self.0.set_waker(waker);
         IDLE.register(waker);
     }

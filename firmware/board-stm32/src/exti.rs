@@ -1,0 +1,46 @@
+//! External interrupts (EXTI) of the pins.
+#![expect(unsafe_code, reason = "an interrupt is enabled")]
+
+use embassy_stm32::{
+    interrupt::{self, InterruptExt},
+    pac::{EXTI, exti::regs::Lines},
+};
+
+/// Disables the interrupts of all pins.
+///
+/// embassy's feature `exti`, which [`ExtiInput`](embassy_stm32::exti::ExtiInput) needs, enables them all
+/// when it initialises the chip, at the highest priority and whether or not they have a handler. Until this
+/// call only EXTI's mask (IMR), which is zero for all pins after a reset, blocks them. Later
+/// [`interrupts::init`](crate::interrupts::init) enables DRDY's and [`enable_trigger`] the trigger's.
+pub(crate) fn disable_all() {
+    for line in [
+        interrupt::EXTI0,
+        interrupt::EXTI1,
+        interrupt::EXTI2,
+        interrupt::EXTI3,
+        interrupt::EXTI4,
+        interrupt::EXTI9_5,
+        interrupt::EXTI15_10,
+    ] {
+        line.disable();
+    }
+}
+
+/// Clears the pending bits of `lines`, so that an edge interrupts only once.
+pub(crate) fn clear_pending(lines: u32) {
+    EXTI.pr(0).write_value(Lines(lines));
+    // The write is posted. A handler that returned before it takes effect would run again and count an edge
+    // that did not happen. A read from the same peripheral waits for the write.
+    let _ = EXTI.pr(0).read();
+}
+
+/// Enables the trigger's interrupt. An edge that is pending runs its handler at once.
+pub(crate) fn enable_trigger() {
+    // SAFETY: `interrupts` has its handler, and no critical section relies on the interrupt being disabled.
+    unsafe { interrupt::EXTI15_10.enable() };
+}
+
+/// Disables the trigger's interrupt. Its edges stay pending.
+pub(crate) fn disable_trigger() {
+    interrupt::EXTI15_10.disable();
+}
