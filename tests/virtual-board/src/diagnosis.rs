@@ -1,23 +1,23 @@
-//! Where a board stands when it does not do what it should.
+//! Error type with a snapshot of the board at the time of the failure.
 
 use std::fmt;
 
-use crate::Findings;
+use crate::findings::Findings;
 
-/// Where a board stands.
+/// Snapshot of a board, for error messages.
 #[derive(Clone, Debug, Default)]
 pub struct Diagnosis {
-    /// Virtual time since power on, us.
+    /// Virtual time since power on, in us.
     pub now_us: u64,
-    /// Instructions retired.
+    /// Instructions retired since power on.
     pub instructions: u64,
-    /// Where the core stood last, the newest last.
-    pub places: Vec<String>,
-    /// What the emulator noticed.
+    /// Last program counters with their functions, the newest last.
+    pub program_counters: Vec<String>,
+    /// Everything the emulator detected since power on.
     pub findings: Findings,
-    /// Frames received.
+    /// Number of frames received.
     pub frames: usize,
-    /// Frames that could not be used.
+    /// Decoding error of each frame that could not be decoded.
     pub bad: Vec<String>,
 }
 
@@ -40,11 +40,11 @@ impl fmt::Display for Diagnosis {
             .map(|(us, why)| format!("{us} us: {why}"))
             .collect();
         for (title, lines) in [
-            ("program counters, the newest last", &self.places),
+            ("program counters, the newest last", &self.program_counters),
             ("resets", &resets),
             ("unmapped", &self.findings.unmapped),
             ("refused", &self.findings.refused),
-            ("told", &self.findings.told),
+            ("violations of the reference manual", &self.findings.told),
             ("bad frames", &self.bad),
         ] {
             if lines.is_empty() {
@@ -59,7 +59,7 @@ impl fmt::Display for Diagnosis {
     }
 }
 
-/// What went wrong, and where the board stood.
+/// An error of a board, with the snapshot at that time.
 #[derive(Clone, thiserror::Error)]
 #[error("{what}\n{diagnosis}")]
 pub struct Trouble {
@@ -74,7 +74,7 @@ impl Trouble {
     }
 }
 
-// A test that returns it prints it so.
+// A test that returns this error prints it with `Debug`.
 impl fmt::Debug for Trouble {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{self}")

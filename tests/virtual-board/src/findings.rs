@@ -1,25 +1,25 @@
-//! What the emulator noticed about an image.
+//! Problems that the emulator detected while an image ran.
 
 use rigless::session::Session;
 
 use crate::board::Nucleo;
 
-/// What the emulator noticed about an image, each in words, with the program counter where it has one.
+/// Problems that the emulator detected while an image ran, as text, with the program counter where known.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Findings {
-    /// Accesses to addresses that nothing answers.
+    /// Accesses to unmapped addresses.
     pub unmapped: Vec<String>,
-    /// Accesses that the bus refused: a peripheral without a clock, a wrong width.
+    /// Accesses that the bus refused, for example to a peripheral without a clock or with a wrong width.
     pub refused: Vec<String>,
-    /// Registers that no model implements: they keep what is written and do nothing.
+    /// Accessed registers that no model implements: they store the written value and have no effect.
     pub unimplemented: Vec<String>,
     /// Accesses to reserved addresses within a peripheral.
     pub undefined: Vec<String>,
-    /// Interrupts without a line.
+    /// Interrupts that are not connected to the NVIC.
     pub unrouted: Vec<String>,
-    /// Breaches of the reference manual, with its section.
+    /// Violations of the reference manual, with the section.
     pub told: Vec<String>,
-    /// Resets: when, us, and what asked for them.
+    /// Resets: time in us since power on, and cause.
     pub resets: Vec<(u64, String)>,
 }
 

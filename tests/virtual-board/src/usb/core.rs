@@ -14,8 +14,6 @@ use super::instance::Instance;
 use super::register::{MAX_ENDPOINTS, Register, bit, dctl, epint, gintsts, grstctl};
 use super::violation::Violations;
 
-pub(super) use bus::{Handshake, Input};
-
 /// How long a core soft reset takes, ns: longer than the 3 PHY clocks that software must wait.
 const SOFT_RESET_NS: u64 = 100;
 /// How long a FIFO flush takes, ns: 8 clocks of the PHY at 48 MHz (RM0433 57.14.5).

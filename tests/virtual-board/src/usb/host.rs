@@ -4,23 +4,23 @@
 //! not sent until it would not, so that an idle bus costs nothing. Frames are counted, not sent.
 
 mod control;
-mod descriptor;
+pub(crate) mod descriptor;
 mod enumeration;
-mod event;
+pub(crate) mod event;
 mod serial;
+pub(crate) mod status;
 mod traffic;
 
 use std::collections::VecDeque;
 
 use self::control::Transfer;
+use self::descriptor::Descriptors;
 use self::enumeration::Enumeration;
+use self::event::{Event, Logged};
 use self::serial::{Request, Serial};
+use self::status::{Counters, State};
 use super::core::Core;
-use super::handle::{Counters, State};
 use super::violation::Violations;
-
-pub use self::descriptor::{Configuration, Descriptors, EndpointDescriptor, Interface};
-pub use self::event::{Event, Logged};
 
 /// How long a new device must stay before it is reset, ns (USB 2.0, 7.1.7.3: TATTDB).
 const DEBOUNCE_NS: u64 = 100_000_000;

@@ -145,7 +145,7 @@ impl<L: Layout> Device for Front<L> {
 }
 
 /// The USB core of a part, to be plugged into the part's dispatch.
-pub struct Otg {
+pub(crate) struct Otg {
     link: Shared,
     registers: Registers,
     front: Box<dyn ErasedDevice + Send>,
@@ -171,7 +171,7 @@ impl Otg {
     /// # Errors
     ///
     /// If the part has no such instance, or something is at the window's addresses.
-    pub fn new<L: Layout + Send + 'static>(
+    pub(crate) fn new<L: Layout + Send + 'static>(
         instance: &'static Instance,
         host: &UsbHost,
         bus: &mut Bus,
@@ -216,7 +216,7 @@ impl Otg {
 
     /// The model for `slot`, if it is one of the core's: what the part's `split` returns in place of its
     /// own. `bus` is the part's.
-    pub fn model(&mut self, slot: usize, bus: &Bus) -> Option<&mut dyn ErasedDevice> {
+    pub(crate) fn model(&mut self, slot: usize, bus: &Bus) -> Option<&mut dyn ErasedDevice> {
         if slot == self.window {
             self.supply(bus);
             Some(&mut self.registers)
@@ -228,7 +228,7 @@ impl Otg {
     }
 
     /// Lets the host act at `now`, a stop of the emulator: the part's `poll` calls it.
-    pub fn poll(&mut self, now: VirtualNanos, bus: &mut Bus) {
+    pub(crate) fn poll(&mut self, now: VirtualNanos, bus: &mut Bus) {
         self.supply(bus);
         let (_, mut context) = bus.drive(now, self.window);
         lock(&self.link).settle(&mut context);
@@ -236,7 +236,7 @@ impl Otg {
 
     /// A system reset: the part's `reset` calls it after it has reset itself. The host sees the device
     /// leave the bus.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         let mut link = lock(&self.link);
         link.core.reset();
         link.core.supply = Supply::default();

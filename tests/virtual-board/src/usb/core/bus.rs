@@ -4,25 +4,7 @@ use super::Core;
 use crate::usb::endpoint::Reply;
 use crate::usb::fifo::{PacketStatus, RxFifo};
 use crate::usb::register::{bit, dctl, epctl, epint, gintsts};
-
-/// How the device answers a packet from the host.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::usb) enum Handshake {
-    Ack,
-    Nak,
-    Stall,
-    /// No answer: the token is not for this device, or it ignores the bus.
-    Silent,
-}
-
-/// How the device answers an IN token.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(in crate::usb) enum Input {
-    Packet { bytes: Vec<u8>, data1: bool },
-    Nak,
-    Stall,
-    Silent,
-}
+use crate::usb::response::{Handshake, Input};
 
 /// Words the receive FIFO keeps free for reports without data.
 const RESERVED_WORDS: usize = 2;
@@ -50,14 +32,14 @@ impl Core {
     }
 
     /// VBUS has come or gone.
-    pub(in crate::usb) fn set_vbus(&mut self, on: bool) {
+    pub(crate) fn set_vbus(&mut self, on: bool) {
         let before = self.session_valid();
         self.line.vbus = on;
         self.session_changed(before);
     }
 
     /// Whether the pull-up on D+ is on.
-    pub(in crate::usb) fn is_attached(&self) -> bool {
+    pub(crate) fn is_attached(&self) -> bool {
         self.supply.clocked
             && self.supply.unwired.is_none()
             && self.registers.gccfg & bit::PWRDWN != 0
@@ -66,7 +48,7 @@ impl Core {
     }
 
     /// Whether the device keeps the bus idle: attached, and the host neither sends frames nor resets it.
-    pub(in crate::usb) fn is_idle(&self) -> bool {
+    pub(crate) fn is_idle(&self) -> bool {
         self.is_attached()
             && self.line.frames_from.is_none()
             && !self.line.in_reset
@@ -74,7 +56,7 @@ impl Core {
     }
 
     /// The host begins to send frames, or stops.
-    pub(in crate::usb) fn set_frames(&mut self, on: bool) {
+    pub(crate) fn set_frames(&mut self, on: bool) {
         self.line.first_frame = u64::from(self.frame());
         self.line.frames_from = on.then_some(self.now);
         if on {
@@ -85,7 +67,7 @@ impl Core {
     }
 
     /// The bus has been idle for 3 ms.
-    pub(in crate::usb) fn suspend(&mut self) {
+    pub(crate) fn suspend(&mut self) {
         if self.is_attached() && !self.line.suspended {
             self.line.suspended = true;
             self.registers.gintsts |= gintsts::ESUSP | gintsts::USBSUSP;
@@ -93,7 +75,7 @@ impl Core {
     }
 
     /// The host signals resume.
-    pub(in crate::usb) fn resume(&mut self) {
+    pub(crate) fn resume(&mut self) {
         if self.line.suspended {
             self.line.suspended = false;
             self.registers.gintsts |= gintsts::WKUPINT;
@@ -101,7 +83,7 @@ impl Core {
     }
 
     /// The host begins a bus reset.
-    pub(in crate::usb) fn begin_reset(&mut self) {
+    pub(crate) fn begin_reset(&mut self) {
         self.line.in_reset = true;
         self.line.suspended = false;
         self.line.addressing = false;
@@ -119,7 +101,7 @@ impl Core {
     }
 
     /// The host ends the bus reset: the speed is known.
-    pub(in crate::usb) fn end_reset(&mut self) {
+    pub(crate) fn end_reset(&mut self) {
         self.line.in_reset = false;
         if self.is_attached() {
             self.registers.gintsts |= gintsts::ENUMDNE;
@@ -135,7 +117,7 @@ impl Core {
     }
 
     /// A SETUP packet to endpoint 0, which a device never refuses.
-    pub(in crate::usb) fn setup(&mut self, address: u8, bytes: [u8; 8]) -> Handshake {
+    pub(crate) fn setup(&mut self, address: u8, bytes: [u8; 8]) -> Handshake {
         if !self.accepts(address) || !self.has_room(bytes.len()) {
             return Handshake::Silent;
         }
@@ -164,7 +146,7 @@ impl Core {
     }
 
     /// Whether an OUT packet of `len` bytes would be answered with other than NAK.
-    pub(in crate::usb) fn answers_out(&self, endpoint: usize, len: usize) -> bool {
+    pub(crate) fn answers_out(&self, endpoint: usize, len: usize) -> bool {
         let output = &self.outputs[endpoint];
         endpoint == 0 && self.line.setup_open
             || output.registers.has(epctl::STALL)
@@ -172,7 +154,7 @@ impl Core {
     }
 
     /// An OUT packet.
-    pub(in crate::usb) fn output(
+    pub(crate) fn output(
         &mut self,
         address: u8,
         endpoint: usize,
@@ -214,18 +196,18 @@ impl Core {
     }
 
     /// Whether an IN token would be answered with other than NAK.
-    pub(in crate::usb) fn answers_in(&self, endpoint: usize) -> bool {
+    pub(crate) fn answers_in(&self, endpoint: usize) -> bool {
         endpoint == 0 && self.line.setup_open
             || self.inputs[endpoint].answers() && self.registers.dctl & dctl::GINSTS == 0
     }
 
     /// Bytes of the packet that the next IN token would find.
-    pub(in crate::usb) fn next_in_len(&self, endpoint: usize) -> usize {
+    pub(crate) fn next_in_len(&self, endpoint: usize) -> usize {
         self.inputs[endpoint].next_len()
     }
 
     /// An IN token; the host acknowledges a packet it gets.
-    pub(in crate::usb) fn input(&mut self, address: u8, endpoint: usize) -> Input {
+    pub(crate) fn input(&mut self, address: u8, endpoint: usize) -> Input {
         if !self.accepts(address) || !self.inputs[endpoint].registers.has(epctl::USBAEP) {
             return Input::Silent;
         }
@@ -247,7 +229,7 @@ impl Core {
     }
 
     /// Whether the device asks the host to resume.
-    pub(in crate::usb) fn signals_wakeup(&self) -> bool {
+    pub(crate) fn signals_wakeup(&self) -> bool {
         self.line.suspended && self.registers.dctl & dctl::RWUSIG != 0
     }
 }

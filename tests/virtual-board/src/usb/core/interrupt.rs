@@ -1,7 +1,7 @@
 //! The interrupt flags, most of which follow from the state of the rest.
 
 use super::Core;
-use crate::usb::register::gintsts;
+use crate::usb::register::{dctl, gintsts};
 
 /// Length of a frame at full speed, ns.
 const FRAME_NS: u64 = 1_000_000;
@@ -60,11 +60,11 @@ impl Core {
         set(gintsts::NPTXFE, self.tx_fifo_has_room(0));
         set(
             gintsts::GINAKEFF,
-            self.registers.dctl & super::dctl::GINSTS != 0,
+            self.registers.dctl & dctl::GINSTS != 0,
         );
         set(
             gintsts::GONAKEFF,
-            self.registers.dctl & super::dctl::GONSTS != 0,
+            self.registers.dctl & dctl::GONSTS != 0,
         );
         let endpoints = self.daint() & self.registers.daintmsk;
         set(gintsts::IEPINT, endpoints & 0xFFFF != 0);

@@ -1,6 +1,7 @@
 use super::*;
 use crate::usb::instance::H743_USB2;
 use crate::usb::register::epctl;
+use crate::usb::response::{Handshake, Input};
 
 const GAHBCFG: u64 = 0x08;
 const GUSBCFG: u64 = 0x0C;

@@ -13,7 +13,7 @@ const PROGRAMMING: &str = "57.15.6";
 
 impl Core {
     /// Takes a write of `width` at `offset` bytes from the base.
-    pub(in crate::usb) fn write(&mut self, offset: u64, width: Width, value: u32) {
+    pub(crate) fn write(&mut self, offset: u64, width: Width, value: u32) {
         let Some(register) = Register::at(offset, self.instance.endpoints) else {
             let text = format!("OTG + {offset:#05x}: write to a reserved address (RM0433 57.14)");
             self.violations.record(self.now, text);

@@ -1,6 +1,7 @@
 //! One control transfer: SETUP, data and status (USB 2.0, 8.5.3), with its toggles and its times.
 
-use crate::usb::core::{Core, Handshake, Input};
+use crate::usb::core::Core;
+use crate::usb::response::{Handshake, Input};
 use crate::usb::violation::Violations;
 
 /// Attempts at a transaction that the device does not answer (USB 2.0, 10.2.6).

@@ -4,15 +4,15 @@ use crate::usb::violation::Violations;
 
 /// Descriptor types (USB 2.0, table 9-5; BOS: USB 3.2, table 9-6).
 pub(super) mod kind {
-    pub(in crate::usb::host) const DEVICE: u8 = 1;
-    pub(in crate::usb::host) const CONFIGURATION: u8 = 2;
-    pub(in crate::usb::host) const STRING: u8 = 3;
-    pub(in crate::usb::host) const INTERFACE: u8 = 4;
-    pub(in crate::usb::host) const ENDPOINT: u8 = 5;
-    pub(in crate::usb::host) const QUALIFIER: u8 = 6;
-    pub(in crate::usb::host) const BOS: u8 = 15;
-    pub(in crate::usb::host) const DEVICE_CAPABILITY: u8 = 16;
-    pub(in crate::usb::host) const CLASS_INTERFACE: u8 = 0x24;
+    pub(crate) const DEVICE: u8 = 1;
+    pub(crate) const CONFIGURATION: u8 = 2;
+    pub(crate) const STRING: u8 = 3;
+    pub(crate) const INTERFACE: u8 = 4;
+    pub(crate) const ENDPOINT: u8 = 5;
+    pub(crate) const QUALIFIER: u8 = 6;
+    pub(crate) const BOS: u8 = 15;
+    pub(crate) const DEVICE_CAPABILITY: u8 = 16;
+    pub(crate) const CLASS_INTERFACE: u8 = 0x24;
 }
 
 /// Class, subclass and protocol of an interface that a serial port has for control (CDC 1.2, 4.2).

@@ -5,8 +5,9 @@ use std::collections::VecDeque;
 use super::control::Setup;
 use super::descriptor::{EndpointDescriptor, Ports};
 use super::event::Event;
-use crate::usb::core::{Core, Handshake, Input};
-use crate::usb::handle::Counters;
+use super::status::Counters;
+use crate::usb::core::Core;
+use crate::usb::response::{Handshake, Input};
 use crate::usb::violation::Violations;
 
 /// Bytes of one read request of the driver: its data reaches the program when it is full, or when a

@@ -2,8 +2,9 @@
 
 use super::control::{Outcome, Setup, Transfer};
 use super::enumeration::Next;
+use super::event::Event;
 use super::serial::Pipe;
-use super::{Event, Host, Phase, Purpose};
+use super::{Host, Phase, Purpose};
 use crate::usb::core::Core;
 
 /// Time of a byte at 12 Mbit/s, ns.

@@ -6,7 +6,8 @@ use rigless::soc::stm32h743::Stm32h743;
 use rigless::soc::stm32h743::generated::otg1_hs_global;
 
 use super::*;
-use crate::usb::{F446_OTG_FS, H743_USB2, State};
+use crate::usb::host::status::State;
+use crate::usb::instance::{F446_OTG_FS, H743_USB2};
 
 const AHB1ENR: u64 = 0x5802_44D8;
 const AHB1RSTR: u64 = 0x5802_4480;
