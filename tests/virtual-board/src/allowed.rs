@@ -43,13 +43,13 @@ const F446: &[Reason] = &[
 ];
 
 /// Returns the findings that the list of `model` does not allow.
-pub fn surprises(model: Model, findings: &Findings) -> Vec<String> {
+pub fn unexpected(model: Model, findings: &Findings) -> Vec<String> {
     let list = match model {
         Model::H743 => H743,
         Model::F446 => F446,
     };
     let is_allowed = |finding: &&String| list.iter().any(|(prefix, _)| finding.starts_with(prefix));
-    let all = [&findings.told, &findings.unimplemented, &findings.undefined];
+    let all = [&findings.manual_violations, &findings.unimplemented, &findings.undefined];
     let all = all.into_iter().flatten();
     all.filter(|finding| !is_allowed(finding))
         .cloned()

@@ -9,7 +9,7 @@ use crate::chain::Chain;
 use crate::chip::Chip;
 use crate::chip::f446::F446;
 use crate::chip::h743::H743;
-use crate::core_bus::{Cleared, Differences};
+use crate::core_bus::{ClearedBits, Differences};
 use crate::loader_stub;
 use crate::model::Model;
 use crate::processor::{Observer, wrap_core};
@@ -23,7 +23,7 @@ pub(crate) struct Nucleo {
     pub(crate) chip: Box<dyn Chip>,
     model: Model,
     observer: Observer,
-    cleared: Vec<Cleared>,
+    cleared: Vec<ClearedBits>,
 }
 
 impl Nucleo {
@@ -36,12 +36,12 @@ impl Nucleo {
         observer: Observer,
     ) -> Self {
         let mut chip = chip(model, host);
-        chip.fit_clock(setup.clock_hz);
+        chip.set_external_clock(setup.clock_hz);
         if let Some(hz) = setup.lsi_hz {
-            chip.set_lsi(hz);
+            chip.set_lsi_hz(hz);
         }
         // The emulator sets HSERDY even without a clock at the pins.
-        let cleared = (setup.clock_hz == 0).then(|| chip.clock_ready());
+        let cleared = (setup.clock_hz == 0).then(|| chip.hse_ready_flag());
         chip.attach_spi(chain);
         chip.attach_uart(Box::new(serial));
         Self {

@@ -35,12 +35,12 @@ pub(crate) struct Wires {
     /// SPI words clocked so far.
     bytes: u64,
     /// SPI words clocked so far that were not 8 bits wide.
-    odd_words: u64,
+    non_byte_words: u64,
 }
 
 /// Change and level of DRDY at one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Ready {
+pub(crate) struct DrdyState {
     /// DRDY falls now; if it was low already, a short high pulse comes first.
     pub(crate) falls: bool,
     pub(crate) is_high: bool,
@@ -68,7 +68,7 @@ impl Chain {
             ready: false,
             stuck: None,
             bytes: 0,
-            odd_words: 0,
+            non_byte_words: 0,
         })))
     }
 
@@ -95,17 +95,17 @@ impl Wires {
         self.bytes
     }
 
-    pub(crate) const fn odd_words(&self) -> u64 {
-        self.odd_words
+    pub(crate) const fn non_byte_words(&self) -> u64 {
+        self.non_byte_words
     }
 
-    pub(crate) const fn hold_ready(&mut self, level: Option<bool>) {
+    pub(crate) const fn hold_drdy(&mut self, level: Option<bool>) {
         self.stuck = level;
     }
 
     /// Applies the levels that the microcontroller drives now. Where a pin is not an output, resistors on
     /// the converter board set the level: selects and RESET high, START low (docs/hardware.md).
-    pub(crate) fn follow(
+    pub(crate) fn set_outputs(
         &mut self,
         now_ns: u64,
         pins: &Pins,
@@ -130,7 +130,7 @@ impl Wires {
     }
 
     /// Advances the simulation to `now_ns` and returns the state of DRDY.
-    pub(crate) fn pass(&mut self, now_ns: u64) -> Ready {
+    pub(crate) fn advance_to(&mut self, now_ns: u64) -> DrdyState {
         self.simulation.advance_to(now_ns);
         let edges = self.simulation.ready_edges();
         let mut falls = edges != self.edges;
@@ -140,7 +140,7 @@ impl Wires {
         if let Some(level) = self.stuck {
             (falls, is_high) = (false, level);
         }
-        Ready { falls, is_high }
+        DrdyState { falls, is_high }
     }
 
     /// Returns when the next conversion ends, in ns since power on.
@@ -154,7 +154,7 @@ impl Store for Chain {}
 impl spi::Peer for Chain {
     fn transfer(&mut self, mosi: u32, bits: u8, context: &mut Timeline<'_, '_>) -> u32 {
         let mut wires = self.wires();
-        wires.odd_words += u64::from(bits != 8);
+        wires.non_byte_words += u64::from(bits != 8);
         wires.bytes += 1;
         // The first SCLK of a transfer sets DRDY high (SBAS499C, 9.4.4.1).
         wires.ready = false;

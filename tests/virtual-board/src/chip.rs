@@ -11,7 +11,7 @@ use rigless::mcu::Mcu;
 use rigless::time::VirtualNanos;
 
 use crate::chain::Chain;
-use crate::core_bus::{Cleared, Redirect};
+use crate::core_bus::{ClearedBits, Redirect};
 use crate::pins::Pin;
 
 /// An emulated microcontroller: the emulator's model of the part, extended with the peripherals it lacks.
@@ -20,16 +20,16 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     fn core(&self) -> CoreSpec;
 
     /// Connects an external clock (HSE) of this frequency, in Hz; 0 disconnects it.
-    fn fit_clock(&mut self, hz: u64);
+    fn set_external_clock(&mut self, hz: u64);
 
     /// Returns the flag HSERDY of the clock controller.
-    fn clock_ready(&self) -> Cleared;
+    fn hse_ready_flag(&self) -> ClearedBits;
 
     /// Returns address ranges where the emulator's part differs from the chip.
     fn redirects(&self) -> Vec<Redirect>;
 
     /// Sets the frequency of the internal low-speed oscillator (LSI), which clocks the watchdog, in Hz.
-    fn set_lsi(&mut self, hz: u64);
+    fn set_lsi_hz(&mut self, hz: u64);
 
     /// Connects the converters to their SPI.
     fn attach_spi(&mut self, chain: Chain);
@@ -48,7 +48,7 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     fn core_hz(&self) -> u64;
 
     /// Returns whether an output pin is high; `None` if the pin is not a general-purpose output.
-    fn output(&self, pin: Pin) -> Option<bool>;
+    fn driven_level(&self, pin: Pin) -> Option<bool>;
 
     /// Drives an input pin from outside the chip.
     fn drive(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);

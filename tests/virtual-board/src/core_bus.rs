@@ -19,7 +19,7 @@ pub(crate) struct Redirect {
 
 /// Register bits that always read as 0, whatever the emulator's model returns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Cleared {
+pub(crate) struct ClearedBits {
     /// Address of the 32-bit register.
     pub(crate) address: u64,
     pub(crate) bits: u64,
@@ -29,7 +29,7 @@ pub(crate) struct Cleared {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Differences {
     pub(crate) redirects: Vec<Redirect>,
-    pub(crate) cleared: Vec<Cleared>,
+    pub(crate) cleared: Vec<ClearedBits>,
 }
 
 /// First address after code and SRAM in the address map (ARM DDI 0403, B3.1). Accesses below it that reach

@@ -18,7 +18,7 @@ pub struct Diagnosis {
     /// Number of frames received.
     pub frames: usize,
     /// Decoding error of each frame that could not be decoded.
-    pub bad: Vec<String>,
+    pub decode_errors: Vec<String>,
 }
 
 impl fmt::Display for Diagnosis {
@@ -31,8 +31,8 @@ impl fmt::Display for Diagnosis {
         } = self;
         writeln!(
             formatter,
-            "  at {now_us} us, {instructions} instructions, {frames} frames, {} bad",
-            self.bad.len()
+            "  at {now_us} us, {instructions} instructions, {frames} frames, {} not decoded",
+            self.decode_errors.len()
         )?;
         let resets: Vec<_> = self.findings.resets.iter().collect();
         let resets: Vec<_> = resets
@@ -44,8 +44,8 @@ impl fmt::Display for Diagnosis {
             ("resets", &resets),
             ("unmapped", &self.findings.unmapped),
             ("refused", &self.findings.refused),
-            ("violations of the reference manual", &self.findings.told),
-            ("bad frames", &self.bad),
+            ("violations of the reference manual", &self.findings.manual_violations),
+            ("frames that could not be decoded", &self.decode_errors),
         ] {
             if lines.is_empty() {
                 continue;
@@ -62,12 +62,12 @@ impl fmt::Display for Diagnosis {
 /// An error of a board, with the snapshot at that time.
 #[derive(Clone, thiserror::Error)]
 #[error("{what}\n{diagnosis}")]
-pub struct Trouble {
+pub struct BoardError {
     what: String,
     diagnosis: Box<Diagnosis>,
 }
 
-impl Trouble {
+impl BoardError {
     pub(crate) fn new(what: String, diagnosis: Diagnosis) -> Self {
         let diagnosis = Box::new(diagnosis);
         Self { what, diagnosis }
@@ -75,7 +75,7 @@ impl Trouble {
 }
 
 // A test that returns this error prints it with `Debug`.
-impl fmt::Debug for Trouble {
+impl fmt::Debug for BoardError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{self}")
     }

@@ -18,13 +18,13 @@ pub struct Findings {
     /// Interrupts that are not connected to the NVIC.
     pub unrouted: Vec<String>,
     /// Violations of the reference manual, with the section.
-    pub told: Vec<String>,
+    pub manual_violations: Vec<String>,
     /// Resets: time in us since power on, and cause.
     pub resets: Vec<(u64, String)>,
 }
 
 impl Findings {
-    pub(crate) fn of(session: &Session<Nucleo>) -> Self {
+    pub(crate) fn from_session(session: &Session<Nucleo>) -> Self {
         let unmapped = session.unmapped().into_iter();
         Self {
             unmapped: unmapped
@@ -50,9 +50,11 @@ impl Findings {
                 .iter()
                 .map(|(instance, line)| format!("{instance} {line}"))
                 .collect(),
-            told: session
+            manual_violations: session
                 .told()
-                .map(|told| format!("{}.{}: {}", told.instance, told.register, told.reason))
+                .map(|violation| {
+                    format!("{}.{}: {}", violation.instance, violation.register, violation.reason)
+                })
                 .collect(),
             resets: session
                 .resets()

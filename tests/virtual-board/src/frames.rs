@@ -46,7 +46,7 @@ pub enum Kind {
 pub struct Inbox {
     decoder: Decoder<MAX_FRAME>,
     frames: Vec<Frame>,
-    bad: Vec<String>,
+    errors: Vec<String>,
 }
 
 impl Default for Inbox {
@@ -54,22 +54,22 @@ impl Default for Inbox {
         Self {
             decoder: Decoder::new(),
             frames: Vec::new(),
-            bad: Vec::new(),
+            errors: Vec::new(),
         }
     }
 }
 
 impl Inbox {
     /// Decodes the next bytes of the stream; a frame can be split across calls.
-    pub fn push(&mut self, mut bytes: &[u8]) {
+    pub fn decode(&mut self, mut bytes: &[u8]) {
         while let Some(outcome) = self.decoder.next::<ToHost<'_>>(&mut bytes) {
             match outcome {
                 Ok(frame) => self.frames.push(Frame {
                     seq: frame.header.seq,
                     device_us: frame.header.device_time_us,
-                    kind: Kind::of(&frame.message),
+                    kind: Kind::from_message(&frame.message),
                 }),
-                Err(error) => self.bad.push(format!("{error:?}")),
+                Err(error) => self.errors.push(format!("{error:?}")),
             }
         }
     }
@@ -80,8 +80,8 @@ impl Inbox {
     }
 
     /// Returns the decoding error of each frame that could not be decoded.
-    pub fn bad(&self) -> &[String] {
-        &self.bad
+    pub fn decode_errors(&self) -> &[String] {
+        &self.errors
     }
 
     /// Iterates over all codes received so far, in order.
@@ -94,7 +94,7 @@ impl Inbox {
 }
 
 impl Kind {
-    fn of(message: &ToHost<'_>) -> Self {
+    fn from_message(message: &ToHost<'_>) -> Self {
         match message {
             ToHost::Hello(hello) => Self::Hello {
                 board: hello.board.to_owned(),

@@ -165,14 +165,14 @@ impl Image {
     }
 
     /// Returns the address of the first function whose mangled name contains all of `words`.
-    pub fn function(&self, words: &[&str]) -> Option<u64> {
+    pub fn find_function(&self, words: &[&str]) -> Option<u64> {
         let mut functions = self.functions.iter();
         let found = functions.find(|(_, _, name)| words.iter().all(|word| name.contains(word)));
         found.map(|(address, _, _)| *address)
     }
 
     /// Returns the address of the first halfword of `.text` with this value.
-    pub(crate) fn instruction(&self, code: u16) -> Option<u64> {
+    pub(crate) fn find_instruction(&self, code: u16) -> Option<u64> {
         let file = object::File::parse(&*self.bytes).ok()?;
         let text = file.section_by_name(".text")?;
         let bytes = text.data().ok()?;
@@ -183,14 +183,14 @@ impl Image {
 
     /// Returns the address of a panic function of `core`, and the number of the register that holds its
     /// `&Location` argument. An image contains at least one of them if it unwraps an `Option`.
-    pub(crate) fn panic(&self) -> Option<(u64, usize)> {
+    pub(crate) fn panic_function(&self) -> Option<(u64, usize)> {
         let functions: [(&[&str], usize); 3] = [
             (&["4core", "6option", "13unwrap_failed"], 0),
             (&["4core", "panicking", "panic_const"], 0),
             (&["4core", "6option", "13expect_failed"], 2),
         ];
         let mut found = functions.iter();
-        found.find_map(|(words, register)| Some((self.function(words)?, *register)))
+        found.find_map(|(words, register)| Some((self.find_function(words)?, *register)))
     }
 
     /// Formats an address with its function and the offset from the function's start; only the address if it

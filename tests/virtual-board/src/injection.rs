@@ -37,7 +37,7 @@ impl Injection {
     pub(crate) fn change(self, image: &Image) -> Option<Change> {
         let mut change = Change::default();
         match self {
-            Self::Hang => change.registers.push((PC, word(image.instruction(LOOP)?))),
+            Self::Hang => change.registers.push((PC, word(image.find_instruction(LOOP)?))),
             Self::HardFault => change.registers.push((PC, 0x5FFF_FF00)),
             Self::WildStack => {
                 // Unused memory after the failure record.
@@ -56,9 +56,9 @@ impl Injection {
                 let mut bytes = location.map(u32::to_le_bytes).concat();
                 bytes.extend(file);
                 change.memory.push((spare, bytes));
-                let (panic, register) = image.panic()?;
+                let (function, register) = image.panic_function()?;
                 change.registers.push((register, word(spare)));
-                change.registers.push((PC, word(panic)));
+                change.registers.push((PC, word(function)));
             }
         }
         Some(change)

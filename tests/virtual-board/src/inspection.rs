@@ -4,7 +4,7 @@ use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use crate::diagnosis::Trouble;
+use crate::diagnosis::BoardError;
 use crate::loader_stub;
 use crate::machine::VirtualBoard;
 
@@ -31,7 +31,7 @@ impl VirtualBoard {
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn core_hz(&mut self) -> Result<u64, Trouble> {
+    pub fn core_hz(&mut self) -> Result<u64, BoardError> {
         self.inspect(|session, _| session.board().chip.core_hz())
     }
 
@@ -47,7 +47,7 @@ impl VirtualBoard {
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn stack_used(&mut self) -> Result<u64, Trouble> {
+    pub fn stack_used(&mut self) -> Result<u64, BoardError> {
         let [end, start] = ["_stack_end", "_stack_start"].map(|name| self.image().address(name));
         let (end, start) = (end.unwrap_or(0), start.unwrap_or(0));
         self.inspect(move |_, host| {
@@ -62,7 +62,7 @@ impl VirtualBoard {
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn interrupts(&mut self) -> Result<Vec<(u16, u8)>, Trouble> {
+    pub fn interrupts(&mut self) -> Result<Vec<(u16, u8)>, BoardError> {
         let words = u64::from(LINES / 32);
         let enables = (0..words).map(|word| ISER + 4 * word);
         let priorities = (0..u64::from(LINES / 4)).map(|word| IPR + 4 * word);
@@ -86,7 +86,7 @@ impl VirtualBoard {
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn dma_memory(&mut self) -> Result<Vec<(u64, u64)>, Trouble> {
+    pub fn dma_memory(&mut self) -> Result<Vec<(u64, u64)>, BoardError> {
         let dma = self.model().dma();
         let now = VirtualNanos(self.now_us() * 1000);
         self.inspect(move |session, _| {

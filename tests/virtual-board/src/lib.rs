@@ -64,7 +64,7 @@ mod setup;
 mod tcp;
 pub mod usb;
 
-pub use diagnosis::{Diagnosis, Trouble};
+pub use diagnosis::{Diagnosis, BoardError};
 pub use findings::Findings;
 pub use frames::{Frame, Inbox, Kind};
 pub use image::{Image, ImageError};

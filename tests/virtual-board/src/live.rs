@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::diagnosis::Trouble;
+use crate::diagnosis::BoardError;
 use crate::machine::VirtualBoard;
 use crate::tcp::TcpPort;
 
@@ -30,7 +30,7 @@ pub fn run(
     seconds: Option<u64>,
     stop: &AtomicBool,
     mut console: impl Write,
-) -> Result<(), Trouble> {
+) -> Result<(), BoardError> {
     let start = Instant::now();
     let first_us = board.now_us();
     let (mut moved, mut bytes, mut sent) = (first_us, 0, 0_u64);
@@ -45,7 +45,7 @@ pub fn run(
             (moved, bytes) = (now, progress);
         }
         if now - moved > IDLE_US {
-            return Err(board.trouble(format!(
+            return Err(board.error(format!(
                 "no progress for {} s of virtual time",
                 IDLE_US / 1_000_000
             )));

@@ -11,7 +11,7 @@ use rigless::time::VirtualNanos;
 
 use crate::board::Nucleo;
 use crate::chain::{CHIPS, Chain};
-use crate::diagnosis::{Diagnosis, Trouble};
+use crate::diagnosis::{Diagnosis, BoardError};
 use crate::findings::Findings;
 use crate::frames::{Frame, Inbox};
 use crate::image::Image;
@@ -58,7 +58,7 @@ impl VirtualBoard {
     ///
     /// # Errors
     /// Never at present: the first run reports an image or a board that the emulator refuses.
-    pub fn power_on(model: Model, image: &Image, setup: &Setup) -> Result<Self, Trouble> {
+    pub fn power_on(model: Model, image: &Image, setup: &Setup) -> Result<Self, BoardError> {
         let chain = Chain::new(setup);
         if !setup.converters_on {
             chain.wires().simulation().power_off();
@@ -162,13 +162,13 @@ impl VirtualBoard {
     }
 
     /// Returns the number of SPI words that were not 8 bits wide.
-    pub fn odd_words(&self) -> u64 {
-        self.chain.wires().odd_words()
+    pub fn non_byte_words(&self) -> u64 {
+        self.chain.wires().non_byte_words()
     }
 
     /// Holds DRDY at a level (`true` is high); `None` lets the converters drive it.
-    pub fn hold_ready(&self, level: Option<bool>) {
-        self.chain.wires().hold_ready(level);
+    pub fn hold_drdy(&self, level: Option<bool>) {
+        self.chain.wires().hold_drdy(level);
     }
 
     /// Corrupts bytes that the UART receives: of each million, `per_million` have a framing error and another
@@ -176,7 +176,7 @@ impl VirtualBoard {
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn damage_uart(&mut self, per_million: u32) -> Result<(), Trouble> {
+    pub fn damage_uart(&mut self, per_million: u32) -> Result<(), BoardError> {
         self.inspect(move |session, _| session.board_mut().chip.damage_uart(per_million))
     }
 
@@ -206,11 +206,11 @@ impl VirtualBoard {
     ///
     /// # Errors
     /// The image has no such symbol or lacks the code for this failure, or the emulator has ended.
-    pub fn inject_at(&mut self, symbol: &str, injection: Injection) -> Result<(), Trouble> {
+    pub fn inject_at(&mut self, symbol: &str, injection: Injection) -> Result<(), BoardError> {
         let change = injection.change(&self.image);
         let (Some(address), Some(change)) = (self.image.address(symbol), change) else {
             let what = format!("the image has no symbol {symbol}, or no code for {injection:?}");
-            return Err(self.trouble(what));
+            return Err(self.error(what));
         };
         if self.requests.send(Request::Inject(address, change)).is_err() {
             return Err(self.ended());
@@ -226,13 +226,13 @@ impl VirtualBoard {
     ///
     /// # Errors
     /// The emulator has failed or hangs.
-    pub fn run_until_us(&mut self, us: u64) -> Result<(), Trouble> {
+    pub fn run_until_us(&mut self, us: u64) -> Result<(), BoardError> {
         self.advance(us * 1000)?;
         if self.keep_open {
             self.port.keep_open();
         }
-        let bytes = self.port.take();
-        self.inbox.push(&bytes);
+        let bytes = self.port.take_received();
+        self.inbox.decode(&bytes);
         Ok(())
     }
 
@@ -240,7 +240,7 @@ impl VirtualBoard {
     ///
     /// # Errors
     /// As [`run_until_us`](Self::run_until_us).
-    pub fn run_for_us(&mut self, us: u64) -> Result<(), Trouble> {
+    pub fn run_for_us(&mut self, us: u64) -> Result<(), BoardError> {
         self.run_until_us(self.now_us() + us)
     }
 
@@ -248,7 +248,7 @@ impl VirtualBoard {
     ///
     /// # Errors
     /// As [`run_until_us`](Self::run_until_us).
-    pub fn advance_us(&mut self, us: u64) -> Result<(), Trouble> {
+    pub fn advance_us(&mut self, us: u64) -> Result<(), BoardError> {
         self.advance(self.now_ns + us * 1000)
     }
 
@@ -261,7 +261,7 @@ impl VirtualBoard {
         what: &str,
         limit_us: u64,
         mut holds: impl FnMut(&[Frame]) -> bool,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), BoardError> {
         let end = self.now_us() + limit_us;
         loop {
             if holds(self.inbox.frames()) {
@@ -269,7 +269,7 @@ impl VirtualBoard {
             }
             if self.now_us() >= end {
                 let what = format!("{what}: not within {limit_us} us of virtual time");
-                return Err(self.trouble(what));
+                return Err(self.error(what));
             }
             self.run_until_us((self.now_us() + POLL_US).min(end))?;
         }
@@ -282,7 +282,7 @@ impl VirtualBoard {
     pub(crate) fn inspect<T: Send + 'static>(
         &mut self,
         inspection: impl FnOnce(&mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,
-    ) -> Result<T, Trouble> {
+    ) -> Result<T, BoardError> {
         let (sender, receiver) = channel();
         let request = Request::Inspect(Box::new(move |session, host| {
             // Fails only if the caller no longer waits.
@@ -298,22 +298,22 @@ impl VirtualBoard {
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn findings(&mut self) -> Result<Findings, Trouble> {
+    pub fn findings(&mut self) -> Result<Findings, BoardError> {
         let failed = self.observer.failed_accesses().into_iter();
         let failed = failed.map(|(address, pc)| match pc {
             Some(pc) => format!("{address:#010x} from {}", self.image.describe(pc)),
             None => format!("{address:#010x} from the core itself"),
         });
         let failed: Vec<String> = failed.collect();
-        let mut findings = self.inspect(|session, _| Findings::of(session))?;
+        let mut findings = self.inspect(|session, _| Findings::from_session(session))?;
         findings.unmapped.extend(failed);
         Ok(findings)
     }
 
     /// Returns an error with a diagnosis of the current state.
-    pub fn error(&mut self, what: String) -> Trouble {
+    pub fn error(&mut self, what: String) -> BoardError {
         let diagnosis = self.diagnosis();
-        Trouble::new(what, diagnosis)
+        BoardError::new(what, diagnosis)
     }
 
     /// Returns a snapshot for error messages: time, program counters, findings, resets.
@@ -322,7 +322,7 @@ impl VirtualBoard {
         Diagnosis {
             findings,
             frames: self.inbox.frames().len(),
-            bad: self.inbox.bad().to_vec(),
+            decode_errors: self.inbox.decode_errors().to_vec(),
             ..self.position()
         }
     }
@@ -341,7 +341,7 @@ impl VirtualBoard {
         }
     }
 
-    fn advance(&mut self, ns: u64) -> Result<(), Trouble> {
+    fn advance(&mut self, ns: u64) -> Result<(), BoardError> {
         if ns <= self.now_ns {
             return Ok(());
         }
@@ -354,7 +354,7 @@ impl VirtualBoard {
                 self.now_ns = ns;
                 if progress.is_reset_loop {
                     let what = "the board restarts again and again".to_owned();
-                    return Err(self.trouble(what));
+                    return Err(self.error(what));
                 }
                 Ok(())
             }
@@ -362,7 +362,7 @@ impl VirtualBoard {
             Err(RecvTimeoutError::Timeout) => {
                 // Joining the hung thread would block; it ends with the process.
                 self.thread = None;
-                Err(Trouble::new(
+                Err(BoardError::new(
                     format!(
                         "the emulator has made no progress for {} s of real time",
                         TIMEOUT.as_secs()
@@ -374,14 +374,14 @@ impl VirtualBoard {
     }
 
     /// Returns an error that states why the emulator has ended.
-    fn ended(&mut self) -> Trouble {
+    fn ended(&mut self) -> BoardError {
         let result = self.thread.take().map(JoinHandle::join);
         let why = match result {
             Some(Ok(Err(error))) => error,
             Some(Err(_)) => "its thread has panicked".to_owned(),
             Some(Ok(Ok(()))) | None => "it had already ended".to_owned(),
         };
-        Trouble::new(format!("the emulator has ended: {why}"), self.position())
+        BoardError::new(format!("the emulator has ended: {why}"), self.position())
     }
 }
 

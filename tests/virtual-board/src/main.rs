@@ -99,7 +99,7 @@ fn main() -> ExitCode {
     });
     match run {
         Ok(()) => ExitCode::SUCCESS,
-        Err(trouble) => fail(1, &trouble.to_string()),
+        Err(error) => fail(1, &error.to_string()),
     }
 }
 

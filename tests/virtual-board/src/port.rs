@@ -23,9 +23,9 @@ impl Port {
     }
 
     /// Returns the bytes that the device has sent since the last call.
-    pub fn take(&self) -> Vec<u8> {
+    pub fn take_received(&self) -> Vec<u8> {
         match self {
-            Self::Uart(serial) => serial.line().take(),
+            Self::Uart(serial) => serial.line().take_received(),
             Self::Usb(host) => host.take_received(),
         }
     }

@@ -33,7 +33,7 @@ impl Line {
         self.to_device.extend(bytes);
     }
 
-    pub(crate) fn take(&mut self) -> Vec<u8> {
+    pub(crate) fn take_received(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.to_host)
     }
 

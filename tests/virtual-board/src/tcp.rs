@@ -57,7 +57,7 @@ impl TcpPort {
             self.host = Some(host);
             self.waiting.clear();
         }
-        let sent = port.take();
+        let sent = port.take_received();
         let Some(host) = &mut self.host else {
             return sent.len();
         };

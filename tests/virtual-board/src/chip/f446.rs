@@ -21,7 +21,7 @@ use rigless::time::VirtualNanos;
 
 use crate::chain::Chain;
 use crate::chip::Chip;
-use crate::core_bus::{Cleared, Redirect};
+use crate::core_bus::{ClearedBits, Redirect};
 use crate::model::Model;
 use crate::pins::Pin;
 use crate::usb::handle::UsbHost;
@@ -168,12 +168,12 @@ impl Chip for F446 {
         config.spec()
     }
 
-    fn fit_clock(&mut self, hz: u64) {
+    fn set_external_clock(&mut self, hz: u64) {
         self.part.rcc.attach_crystals(hz, 0);
     }
 
-    fn clock_ready(&self) -> Cleared {
-        Cleared {
+    fn hse_ready_flag(&self) -> ClearedBits {
+        ClearedBits {
             address: RCC_CR,
             bits: HSERDY,
         }
@@ -187,7 +187,7 @@ impl Chip for F446 {
         vec![spare, self.otg.redirect()]
     }
 
-    fn set_lsi(&mut self, hz: u64) {
+    fn set_lsi_hz(&mut self, hz: u64) {
         self.part.rcc.calibrate_lsi(hz);
     }
 
@@ -219,7 +219,7 @@ impl Chip for F446 {
         self.part.rcc.hclk(registers)
     }
 
-    fn output(&self, pin: Pin) -> Option<bool> {
+    fn driven_level(&self, pin: Pin) -> Option<bool> {
         let registers = self.bus().registers(PORTS[pin.port()])?;
         let mode = registers.get(gpioa::Register::Moder) >> (2 * u32::from(pin.1)) & 0b11;
         let is_high = registers.get(gpioa::Register::Odr) >> u32::from(pin.1) & 1 != 0;

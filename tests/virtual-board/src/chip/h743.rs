@@ -20,7 +20,7 @@ use rigless::time::VirtualNanos;
 
 use crate::chain::Chain;
 use crate::chip::Chip;
-use crate::core_bus::{Cleared, Redirect};
+use crate::core_bus::{ClearedBits, Redirect};
 use crate::model::Model;
 use crate::pins::Pin;
 use crate::usb::handle::UsbHost;
@@ -214,12 +214,12 @@ impl Chip for H743 {
         config.spec()
     }
 
-    fn fit_clock(&mut self, hz: u64) {
+    fn set_external_clock(&mut self, hz: u64) {
         self.part.rcc.attach_crystals(hz, 0);
     }
 
-    fn clock_ready(&self) -> Cleared {
-        Cleared {
+    fn hse_ready_flag(&self) -> ClearedBits {
+        ClearedBits {
             address: RCC_CR,
             bits: HSERDY,
         }
@@ -229,7 +229,7 @@ impl Chip for H743 {
         vec![self.otg.redirect()]
     }
 
-    fn set_lsi(&mut self, hz: u64) {
+    fn set_lsi_hz(&mut self, hz: u64) {
         self.part.rcc.calibrate_lsi(hz);
     }
 
@@ -260,7 +260,7 @@ impl Chip for H743 {
         self.part.rcc.cpu_clock(registers)
     }
 
-    fn output(&self, pin: Pin) -> Option<bool> {
+    fn driven_level(&self, pin: Pin) -> Option<bool> {
         let registers = self.bus().registers(PORTS[pin.port()])?;
         let mode = registers.get(gpioa::Register::Moder) >> (2 * u32::from(pin.1)) & 0b11;
         let is_high = registers.get(gpioa::Register::Odr) >> u32::from(pin.1) & 1 != 0;

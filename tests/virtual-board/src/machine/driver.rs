@@ -113,15 +113,15 @@ impl BoardDriver {
             self.resets = resets;
             self.driven = [None; 2];
         }
-        let ready = self.chain.wires().pass(now.0);
+        let drdy = self.chain.wires().advance_to(now.0);
         let chip = &mut session.board_mut().chip;
-        if ready.falls && self.driven[0] == Some(false) {
+        if drdy.falls && self.driven[0] == Some(false) {
             // The previous sample was not read: DRDY pulses high before it falls (SBAS499C, 9.4.1).
             chip.drive(now, self.pins.drdy, true);
             chip.drive(now, self.pins.drdy, false);
         }
-        if self.driven[0] != Some(ready.is_high) {
-            chip.drive(now, self.pins.drdy, ready.is_high);
+        if self.driven[0] != Some(drdy.is_high) {
+            chip.drive(now, self.pins.drdy, drdy.is_high);
         }
         while let Some(&(at, is_high)) = self.trigger.front()
             && at <= now.0
@@ -132,14 +132,14 @@ impl BoardDriver {
         if self.driven[1] != Some(self.trigger_is_high) {
             chip.drive(now, self.pins.trigger, self.trigger_is_high);
         }
-        self.driven = [Some(ready.is_high), Some(self.trigger_is_high)];
+        self.driven = [Some(drdy.is_high), Some(self.trigger_is_high)];
     }
 
     /// Stops a board that resets in a loop: emulating a reset takes far longer than the reset itself.
     fn count_reset(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
         let chip = &session.board().chip;
         let mut wires = self.chain.wires();
-        wires.follow(now.0, self.pins, |pin| chip.output(pin));
+        wires.set_outputs(now.0, self.pins, |pin| chip.driven_level(pin));
         drop(wires);
         let resets = session.resets();
         let first = resets
@@ -200,7 +200,7 @@ impl Driver<Nucleo> for BoardDriver {
         let block = access.address & !0x3FF;
         if block == self.pins.select_port {
             let mut wires = self.chain.wires();
-            wires.follow(access.virtual_time.0, self.pins, |pin| chip.output(pin));
+            wires.set_outputs(access.virtual_time.0, self.pins, |pin| chip.driven_level(pin));
         } else if block == self.pins.spi {
             self.chain.wires().set_sclk(chip.sclk_hz());
         }

@@ -96,7 +96,7 @@ impl Device for Exti {
         context: &mut DeviceContext<'_>,
     ) {
         match register {
-            // Cleared by writing 1.
+            // ClearedBits by writing 1.
             Register::Pr => self.pending &= !value,
             Register::Swier => self.pending |= value & registers.get(Register::Imr),
             Register::Imr | Register::Emr | Register::Rtsr | Register::Ftsr => {}
