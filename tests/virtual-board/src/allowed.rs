@@ -49,7 +49,11 @@ pub fn unexpected(model: Model, findings: &Findings) -> Vec<String> {
         Model::F446 => F446,
     };
     let is_allowed = |finding: &&String| list.iter().any(|(prefix, _)| finding.starts_with(prefix));
-    let all = [&findings.manual_violations, &findings.unimplemented, &findings.undefined];
+    let all = [
+        &findings.manual_violations,
+        &findings.unimplemented,
+        &findings.undefined,
+    ];
     let all = all.into_iter().flatten();
     all.filter(|finding| !is_allowed(finding))
         .cloned()

@@ -33,7 +33,7 @@ pub(crate) struct Wires {
     /// Level at which a test holds DRDY; `None` lets the converters drive it.
     stuck: Option<bool>,
     /// SPI words clocked so far.
-    bytes: u64,
+    words: u64,
     /// SPI words clocked so far that were not 8 bits wide.
     non_byte_words: u64,
 }
@@ -67,7 +67,7 @@ impl Chain {
             edges: 0,
             ready: false,
             stuck: None,
-            bytes: 0,
+            words: 0,
             non_byte_words: 0,
         })))
     }
@@ -91,8 +91,8 @@ impl Wires {
         self.sclk_hz
     }
 
-    pub(crate) const fn bytes(&self) -> u64 {
-        self.bytes
+    pub(crate) const fn words(&self) -> u64 {
+        self.words
     }
 
     pub(crate) const fn non_byte_words(&self) -> u64 {
@@ -155,7 +155,7 @@ impl spi::Peer for Chain {
     fn transfer(&mut self, mosi: u32, bits: u8, context: &mut Timeline<'_, '_>) -> u32 {
         let mut wires = self.wires();
         wires.non_byte_words += u64::from(bits != 8);
-        wires.bytes += 1;
+        wires.words += 1;
         // The first SCLK of a transfer sets DRDY high (SBAS499C, 9.4.4.1).
         wires.ready = false;
         let [byte, ..] = mosi.to_le_bytes();

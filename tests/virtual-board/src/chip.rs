@@ -31,10 +31,10 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     /// Sets the frequency of the internal low-speed oscillator (LSI), which clocks the watchdog, in Hz.
     fn set_lsi_hz(&mut self, hz: u64);
 
-    /// Connects the converters to their SPI.
+    /// Connects the converters to SPI1 (STM32H743) or SPI2 (STM32F446).
     fn attach_spi(&mut self, chain: Chain);
 
-    /// Connects the other end of the UART.
+    /// Connects the other end of USART3 (STM32H743) or USART2 (STM32F446).
     fn attach_uart(&mut self, peer: Box<dyn uart::Peer>);
 
     /// Corrupts words that the UART receives: of each million, `per_million` have a framing error and another

@@ -15,7 +15,7 @@ pub struct Diagnosis {
     pub program_counters: Vec<String>,
     /// Everything the emulator detected since power on.
     pub findings: Findings,
-    /// Number of frames received.
+    /// Number of frames decoded since power on.
     pub frames: usize,
     /// Decoding error of each frame that could not be decoded.
     pub decode_errors: Vec<String>,
@@ -44,7 +44,10 @@ impl fmt::Display for Diagnosis {
             ("resets", &resets),
             ("unmapped", &self.findings.unmapped),
             ("refused", &self.findings.refused),
-            ("violations of the reference manual", &self.findings.manual_violations),
+            (
+                "violations of the reference manual",
+                &self.findings.manual_violations,
+            ),
             ("frames that could not be decoded", &self.decode_errors),
         ] {
             if lines.is_empty() {

@@ -18,7 +18,8 @@ pub fn count(sample: u64, channel: usize) -> i32 {
     wave as i32 + noise(sample, channel)
 }
 
-/// Returns noise from -128 to 127, by hashing sample and channel (the finaliser of `splitmix64`, Steele, Lea and Flood 2014).
+/// Returns noise from -128 to 127: a hash of sample and channel (the finaliser of `splitmix64`, Steele, Lea
+/// and Flood 2014).
 fn noise(sample: u64, channel: usize) -> i32 {
     let seed = sample << 6 | channel as u64 & 63;
     let mut mixed = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);

@@ -53,7 +53,10 @@ impl Findings {
             manual_violations: session
                 .told()
                 .map(|violation| {
-                    format!("{}.{}: {}", violation.instance, violation.register, violation.reason)
+                    format!(
+                        "{}.{}: {}",
+                        violation.instance, violation.register, violation.reason
+                    )
                 })
                 .collect(),
             resets: session

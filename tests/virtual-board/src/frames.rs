@@ -4,14 +4,14 @@ use link::{
     Ack, Code, Converters, Decoder, Event, MAX_FRAME, ResetCause, SelfTest, Stats, Timing, ToHost,
 };
 
-/// A decoded frame.
+/// Frame that was decoded from the device's byte stream.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Frame number, counted by the device.
     pub seq: u32,
     /// Device time when the frame was made, in us since boot.
     pub device_us: u64,
-    /// Message of the frame.
+    /// Message and its data.
     pub kind: Kind,
 }
 

@@ -37,7 +37,9 @@ impl Injection {
     pub(crate) fn change(self, image: &Image) -> Option<Change> {
         let mut change = Change::default();
         match self {
-            Self::Hang => change.registers.push((PC, word(image.find_instruction(LOOP)?))),
+            Self::Hang => change
+                .registers
+                .push((PC, word(image.find_instruction(LOOP)?))),
             Self::HardFault => change.registers.push((PC, 0x5FFF_FF00)),
             Self::WildStack => {
                 // Unused memory after the failure record.

@@ -64,7 +64,7 @@ mod setup;
 mod tcp;
 pub mod usb;
 
-pub use diagnosis::{Diagnosis, BoardError};
+pub use diagnosis::{BoardError, Diagnosis};
 pub use findings::Findings;
 pub use frames::{Frame, Inbox, Kind};
 pub use image::{Image, ImageError};

@@ -33,18 +33,18 @@ pub fn run(
 ) -> Result<(), BoardError> {
     let start = Instant::now();
     let first_us = board.now_us();
-    let (mut moved, mut bytes, mut sent) = (first_us, 0, 0_u64);
+    let (mut progressed_us, mut traffic, mut sent) = (first_us, 0, 0_u64);
     let mut reported = first_us;
     while !stop.load(Relaxed) && seconds.is_none_or(|seconds| board.now_us() < seconds * 1_000_000)
     {
         board.advance_us(SLICE_US)?;
         let now = board.now_us();
         sent += tcp.serve(board.port()) as u64;
-        let progress = board.spi_bytes() + sent;
-        if progress != bytes {
-            (moved, bytes) = (now, progress);
+        let total = board.spi_words() + sent;
+        if total != traffic {
+            (progressed_us, traffic) = (now, total);
         }
-        if now - moved > IDLE_US {
+        if now - progressed_us > IDLE_US {
             return Err(board.error(format!(
                 "no progress for {} s of virtual time",
                 IDLE_US / 1_000_000

@@ -11,7 +11,7 @@ use rigless::time::VirtualNanos;
 
 use crate::board::Nucleo;
 use crate::chain::{CHIPS, Chain};
-use crate::diagnosis::{Diagnosis, BoardError};
+use crate::diagnosis::{BoardError, Diagnosis};
 use crate::findings::Findings;
 use crate::frames::{Frame, Inbox};
 use crate::image::Image;
@@ -116,12 +116,12 @@ impl VirtualBoard {
         })
     }
 
-    /// Returns the type of the board.
+    /// Returns the board type given at power on.
     pub const fn model(&self) -> Model {
         self.model
     }
 
-    /// Returns the image that the board runs.
+    /// Returns the image given at power on.
     pub const fn image(&self) -> &Image {
         &self.image
     }
@@ -131,12 +131,12 @@ impl VirtualBoard {
         self.chain.wires().simulation().clone()
     }
 
-    /// Returns the host's end of the port.
+    /// Returns the host's end of the port, to send, receive, open or close.
     pub const fn port(&self) -> &Port {
         &self.port
     }
 
-    /// Returns the frames that the device has sent.
+    /// Returns the frames that were decoded during the runs so far.
     pub const fn inbox(&self) -> &Inbox {
         &self.inbox
     }
@@ -157,8 +157,8 @@ impl VirtualBoard {
     }
 
     /// Returns the number of words that SPI has clocked.
-    pub fn spi_bytes(&self) -> u64 {
-        self.chain.wires().bytes()
+    pub fn spi_words(&self) -> u64 {
+        self.chain.wires().words()
     }
 
     /// Returns the number of SPI words that were not 8 bits wide.
@@ -212,7 +212,11 @@ impl VirtualBoard {
             let what = format!("the image has no symbol {symbol}, or no code for {injection:?}");
             return Err(self.error(what));
         };
-        if self.requests.send(Request::Inject(address, change)).is_err() {
+        if self
+            .requests
+            .send(Request::Inject(address, change))
+            .is_err()
+        {
             return Err(self.ended());
         }
         Ok(())

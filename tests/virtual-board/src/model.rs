@@ -9,14 +9,14 @@ use crate::setup::Cable;
 /// Type of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Model {
-    /// NUCLEO-H743ZI2, the default board.
+    /// NUCLEO-H743ZI2 with an STM32H743ZI, the default board.
     H743,
-    /// NUCLEO-F446RE.
+    /// NUCLEO-F446RE with an STM32F446RE.
     F446,
 }
 
 impl Model {
-    /// All board types.
+    /// All board types, the default first.
     pub const ALL: [Self; 2] = [Self::H743, Self::F446];
 
     /// Returns the name of the board on the command line.
@@ -136,7 +136,10 @@ mod tests {
     fn documented(model: Model) -> Vec<(String, String)> {
         let text = include_str!("../../../docs/hardware.md");
         let heading = format!("### {model}");
-        let section = text.split(&heading).nth(1).expect("a section for the board");
+        let section = text
+            .split(&heading)
+            .nth(1)
+            .expect("a section for the board");
         let rows = section.split("\n#").next().unwrap_or(section).lines();
         let rows = rows.filter(|line| line.starts_with('|')).skip(2);
         let cells = rows.map(|row| row.trim_matches('|').split('|').map(str::trim));

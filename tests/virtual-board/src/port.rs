@@ -9,7 +9,7 @@ use crate::usb::host::status::State;
 pub enum Port {
     /// The ST-LINK's serial port.
     Uart(Serial),
-    /// A USB host.
+    /// A host at the board's USB connector.
     Usb(UsbHost),
 }
 

@@ -21,7 +21,7 @@ pub struct Setup {
     pub lsi_hz: Option<u64>,
     /// Whether the chain inserts a don't-care bit between the data of two chips.
     pub alignment: Alignment,
-    /// Cable that connects the host.
+    /// Cable to the host; must be the one that the image uses.
     pub cable: Cable,
     /// Whether the converters have power from the start; `Simulation::power_on` powers them later.
     pub converters_on: bool,

@@ -32,7 +32,7 @@ impl TcpPort {
         })
     }
 
-    /// Returns the number of the port.
+    /// Returns the number of the TCP port; the one that the system has chosen, if 0 was requested.
     ///
     /// # Errors
     /// The operating system does not return the local address.
@@ -40,7 +40,7 @@ impl TcpPort {
         Ok(self.listener.local_addr()?.port())
     }
 
-    /// Returns whether a host is connected.
+    /// Returns whether a host was connected at the last call of [`serve`](Self::serve).
     pub const fn is_connected(&self) -> bool {
         self.host.is_some()
     }

@@ -8,7 +8,7 @@ use std::{fs, io};
 /// Builds an ELF file: a vector table with stack pointer and entry point at address `flash`, then `code`.
 fn elf(machine: u16, flash: u32, code: &[u16]) -> Vec<u8> {
     const HEADERS: u32 = 84;
-    let length = 8 + 2 * u32::try_from(code.len()).expect("short");
+    let length = 8 + 2 * u32::try_from(code.len()).expect("a short program");
     let mut file = b"\x7fELF\x01\x01\x01".to_vec();
     file.resize(16, 0);
     // Type: executable. The program headers follow this header.
@@ -42,7 +42,10 @@ fn write_file(name: &str, bytes: &[u8]) -> io::Result<std::path::PathBuf> {
 
 fn run(arguments: &[&str]) -> (Option<i32>, String) {
     let mut program = Command::new(env!("CARGO_BIN_EXE_virtual-board"));
-    let Output { status, stderr, .. } = program.args(arguments).output().expect("the program starts");
+    let Output { status, stderr, .. } = program
+        .args(arguments)
+        .output()
+        .expect("the program starts");
     (status.code(), String::from_utf8_lossy(&stderr).into_owned())
 }
 
@@ -92,13 +95,13 @@ fn an_image_older_than_its_sources_is_refused() {
     let later = fs::metadata(&path)
         .expect("an existing file")
         .modified()
-        .expect("a time");
+        .expect("a modification time");
     let later = later + std::time::Duration::from_secs(60);
     let file = fs::File::options()
         .write(true)
         .open(&source)
         .expect("a file");
-    file.set_modified(later).expect("a time");
+    file.set_modified(later).expect("a modification time");
     let (status, error) = run_image(&path);
     assert_eq!(status, Some(2));
     assert!(

@@ -53,7 +53,7 @@ const DCKCFGR2: u64 = 0x4002_3894;
 /// Address that stores DCKCFGR2 instead; the chip has nothing there.
 const SPARE: u64 = 0x5700_0000;
 
-/// An emulated STM32F446.
+/// Emulated STM32F446: the emulator's part, EXTI and the USB core.
 #[derive(Debug)]
 pub(crate) struct F446 {
     part: Stm32f427,
@@ -102,7 +102,7 @@ impl F446 {
 
     /// Returns the port that SYSCFG routes to an EXTI line (RM0390, SYSCFG_EXTICR1 to 4).
     fn routed_port(&self, line: u8) -> u64 {
-        let registers = self.bus().registers("SYSCFG").expect("the part has it");
+        let registers = self.bus().registers("SYSCFG").expect("the part has SYSCFG");
         let register = match line / 4 {
             0 => syscfg::Register::Exticr1,
             1 => syscfg::Register::Exticr2,
@@ -155,10 +155,10 @@ impl Chip for F446 {
         let lines = u32::from(self.cpu().interrupt_lines);
         let core = Core {
             variant: Variant::M4,
-            clock_hz: NonZeroU64::new(Model::F446.core_hz()).expect("a clock"),
-            interrupt_lines: NonZeroU32::new(lines).expect("interrupts"),
+            clock_hz: NonZeroU64::new(Model::F446.core_hz()).expect("a core clock above 0"),
+            interrupt_lines: NonZeroU32::new(lines).expect("at least one interrupt"),
             priority_bits: 4,
-            refclk_divider: NonZeroU32::new(8).expect("8"),
+            refclk_divider: NonZeroU32::new(8).expect("a divider above 0"),
             instructions_per_second: Model::F446.instructions_per_second(),
             boot: "flash",
         };

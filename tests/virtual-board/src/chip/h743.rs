@@ -96,7 +96,7 @@ const REMOVED_MODELS: [&str; 48] = [
     "LPUART1",
 ];
 
-/// An emulated STM32H743.
+/// Emulated STM32H743: the emulator's part, the watchdog and the USB core.
 #[derive(Debug)]
 pub(crate) struct H743 {
     part: Stm32h743,
@@ -193,10 +193,10 @@ impl Chip for H743 {
         let lines = u32::from(self.cpu().interrupt_lines);
         let core = Core {
             variant: Variant::M7,
-            clock_hz: NonZeroU64::new(Model::H743.core_hz()).expect("a clock"),
-            interrupt_lines: NonZeroU32::new(lines).expect("interrupts"),
+            clock_hz: NonZeroU64::new(Model::H743.core_hz()).expect("a core clock above 0"),
+            interrupt_lines: NonZeroU32::new(lines).expect("at least one interrupt"),
             priority_bits: 4,
-            refclk_divider: NonZeroU32::new(8).expect("8"),
+            refclk_divider: NonZeroU32::new(8).expect("a divider above 0"),
             instructions_per_second: Model::H743.instructions_per_second(),
             boot: "flash",
         };

@@ -200,7 +200,9 @@ impl Driver<Nucleo> for BoardDriver {
         let block = access.address & !0x3FF;
         if block == self.pins.select_port {
             let mut wires = self.chain.wires();
-            wires.set_outputs(access.virtual_time.0, self.pins, |pin| chip.driven_level(pin));
+            wires.set_outputs(access.virtual_time.0, self.pins, |pin| {
+                chip.driven_level(pin)
+            });
         } else if block == self.pins.spi {
             self.chain.wires().set_sclk(chip.sclk_hz());
         }

@@ -25,7 +25,7 @@ const RESET_FIFO_WORDS: u32 = 0x200;
 /// Clocks and connections that the rest of the part provides to the core.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Supply {
-    /// The bus clock is on.
+    /// The clock controller enables the core's bus clock.
     pub(super) clocked: bool,
     /// Why the transceiver is not connected to the cable; `None` if it is.
     pub(super) unwired: Option<&'static str>,
@@ -112,7 +112,7 @@ struct BusState {
     in_setup_stage: bool,
 }
 
-/// The USB core.
+/// USB core: registers, endpoints, receive FIFO and state of the bus.
 #[derive(Debug)]
 pub(super) struct Core {
     instance: &'static Instance,

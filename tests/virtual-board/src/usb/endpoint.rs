@@ -316,7 +316,10 @@ mod tests {
         let control = endpoint.registers.control;
         endpoint.write_control(control | epctl::CNAK | epctl::EPENA);
         for word in 0..bytes.div_ceil(4) {
-            assert!(endpoint.write_fifo(word), "word {word} belongs to the transfer");
+            assert!(
+                endpoint.write_fifo(word),
+                "word {word} belongs to the transfer"
+            );
         }
     }
 
@@ -369,7 +372,10 @@ mod tests {
         let mut endpoint = OutEndpoint::new(0);
         endpoint.write_control(epctl::STALL);
         endpoint.write_control(0);
-        assert!(endpoint.registers.has(epctl::STALL), "a write does not clear it");
+        assert!(
+            endpoint.registers.has(epctl::STALL),
+            "a write does not clear it"
+        );
         endpoint.on_setup();
         assert!(!endpoint.registers.has(epctl::STALL));
     }

@@ -41,7 +41,7 @@ impl UsbHost {
         self.command(Command::Plug);
     }
 
-    /// Unplugs the cable.
+    /// Unplugs the cable: VBUS is off, and the host discards the device.
     pub fn unplug(&self) {
         self.command(Command::Unplug);
     }
@@ -61,12 +61,12 @@ impl UsbHost {
         self.command(Command::PauseReading(paused));
     }
 
-    /// Suspends the bus of a configured device.
+    /// Suspends the bus of a configured device: the host stops sending frames.
     pub fn suspend(&self) {
         self.command(Command::Suspend(true));
     }
 
-    /// Resumes the bus.
+    /// Resumes the bus: 20 ms of resume signalling, then frames again.
     pub fn resume(&self) {
         self.command(Command::Suspend(false));
     }

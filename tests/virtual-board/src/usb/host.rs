@@ -62,7 +62,7 @@ enum Phase {
     Recovery(u64),
     /// Transactions with the device are possible.
     Active,
-    /// The device could not be enumerated.
+    /// All attempts to enumerate the device have failed.
     Failed,
 }
 
@@ -81,7 +81,7 @@ enum Purpose {
     Serial(Request),
 }
 
-/// The USB host.
+/// USB host: state of its port, of the enumeration and of the serial port.
 #[derive(Debug)]
 pub(super) struct Host {
     pub(super) commands: VecDeque<Command>,
@@ -274,7 +274,8 @@ impl Host {
     /// Returns whether the bus must be suspended or resumed now.
     fn must_change_power(&self) -> bool {
         let is_suspended = self.power == Power::Suspended;
-        let can_suspend = self.device.is_some() && self.transfer.is_none() && self.busy_until.is_none();
+        let can_suspend =
+            self.device.is_some() && self.transfer.is_none() && self.busy_until.is_none();
         self.wants_suspend != is_suspended && (is_suspended || can_suspend)
     }
 

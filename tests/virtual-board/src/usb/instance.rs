@@ -104,7 +104,7 @@ mod h743 {
     use rigless::soc::Bus;
     use rigless::soc::stm32h743::generated::{gpioa, pwr, rcc};
 
-    use crate::usb::instance::{PINS, Slots, register_value, pins_are_usb};
+    use crate::usb::instance::{PINS, Slots, pins_are_usb, register_value};
 
     /// Reads `RCC_AHB1ENR.USB2OTGEN` (RM0433 8.7.40).
     pub(super) fn is_clocked(bus: &Bus, slots: &Slots) -> bool {
@@ -125,7 +125,7 @@ mod f446 {
     use rigless::soc::Bus;
     use rigless::soc::stm32f427::generated::{gpioa, rcc};
 
-    use crate::usb::instance::{PINS, Slots, register_value, pins_are_usb};
+    use crate::usb::instance::{PINS, Slots, pins_are_usb, register_value};
 
     /// Reads `RCC_AHB2ENR.OTGFSEN` (RM0390 6.3.11).
     pub(super) fn is_clocked(bus: &Bus, slots: &Slots) -> bool {

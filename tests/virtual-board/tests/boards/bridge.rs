@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 use std::{env, thread};
 
-use virtual_board::{TcpPort, BoardError, VirtualBoard, live};
+use virtual_board::{BoardError, TcpPort, VirtualBoard, live};
 
 use crate::figures::record;
 use crate::images::Subject;

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use host_sim::{Identity, Outbox, VirtualBoard as Simulator, WhenFull};
 use link::{Code, Start, Streams};
 use pipeline::{Mains, Sample};
-use virtual_board::{Cable, Inbox, Kind, Model, BoardError, eeg};
+use virtual_board::{BoardError, Cable, Inbox, Kind, Model, eeg};
 
 use crate::figures::record;
 use crate::images::Subject;

@@ -2,7 +2,7 @@
 
 use link::{Streams, ToDevice};
 
-use virtual_board::{Cable, Kind, BoardError};
+use virtual_board::{BoardError, Cable, Kind};
 
 use crate::figures::record;
 use crate::images::Subject;
@@ -28,7 +28,7 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
     assert_eq!(stats.input_bad, 0, "damaged commands");
     assert_eq!(stats.commands - commands, COMMANDS, "commands received");
     // A full UART can drop acknowledgements, which are counted. USB has the capacity for all of them.
-    let answered = u32::try_from(acks(frames) - before).expect("few");
+    let answered = u32::try_from(acks(frames) - before).expect("fewer than 2^32");
     let dropped = stats.frames_dropped - dropped;
     assert!(
         answered <= COMMANDS && answered + dropped >= COMMANDS,
@@ -47,7 +47,9 @@ const DAMAGED: u32 = 2_500;
 
 /// Bytes with framing errors and noise destroy only the commands that contain them, which are counted. No command
 /// is executed twice, and reception continues.
-pub(crate) fn damaged_bytes_destroy_only_their_commands(subject: Subject) -> Result<(), BoardError> {
+pub(crate) fn damaged_bytes_destroy_only_their_commands(
+    subject: Subject,
+) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
     let before = board.inbox().frames().len();

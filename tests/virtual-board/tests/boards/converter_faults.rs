@@ -3,7 +3,7 @@
 use ads1299::Alignment;
 use ads1299::simulation::Fault;
 use link::{Flags, Streams};
-use virtual_board::{Kind, Setup, BoardError, VirtualBoard};
+use virtual_board::{BoardError, Kind, Setup, VirtualBoard};
 
 use crate::figures::record;
 use crate::images::Subject;
@@ -90,7 +90,7 @@ pub(crate) fn a_silent_drdy_is_flagged(subject: Subject) -> Result<(), BoardErro
     assert!(frames_bad(&board).iter().all(|&frames| frames > 0));
     board.hold_drdy(None);
     run_codes(&mut board, 8)?;
-    let last = flags(&board).pop().expect("codes");
+    let last = flags(&board).pop().expect("at least one code");
     assert!(!last.contains(bad), "{last:?}");
     assert_sound(&mut board)?;
     record(subject, "fault_silent_drdy", true);
@@ -129,14 +129,14 @@ pub(crate) fn converters_can_be_powered_late(subject: Subject) -> Result<(), Boa
     let fault = converters(board.inbox().frames())
         .unwrap_or_default()
         .to_owned();
-    assert!(fault.contains("ADS1299 0"), "it says {fault:?}");
+    assert!(fault.contains("ADS1299 0"), "the status reports {fault:?}");
     board.converters().power_on();
     board.run_until("converters run", 10_000_000, |frames| {
         converters(frames) == Some("")
     })?;
     start(&mut board, Streams::CODES)?;
     run_codes(&mut board, 8)?;
-    let last = flags(&board).pop().expect("codes");
+    let last = flags(&board).pop().expect("at least one code");
     assert!(!last.contains(Flags::ADC_STATUS_BAD), "{last:?}");
     assert_sound(&mut board)?;
     record(subject, "fault_late_power", true);

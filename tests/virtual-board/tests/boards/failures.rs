@@ -1,7 +1,7 @@
 //! Failures of the firmware, and their report after the restart.
 
 use link::{ResetCause, Streams};
-use virtual_board::{Injection, BoardError, VirtualBoard};
+use virtual_board::{BoardError, Injection, VirtualBoard};
 
 use crate::figures::record;
 use crate::images::Subject;
@@ -55,19 +55,21 @@ pub(crate) fn a_hang_is_ended_by_the_watchdog(subject: Subject) -> Result<(), Bo
 pub(crate) fn a_panic_is_reported_after_the_restart(subject: Subject) -> Result<(), BoardError> {
     let (board, cause, fault) = fail(subject, Injection::Panic)?;
     assert_eq!(cause, ResetCause::Fault);
-    assert!(fault.contains("injected.rs:7:3"), "it says {fault:?}");
+    assert!(fault.contains("injected.rs:7:3"), "Hello reports {fault:?}");
     assert_streams(board)?;
     record(subject, "reset_cause_panic", true);
     Ok(())
 }
 
 /// After a jump to an unmapped address, `Hello` contains the fault registers.
-pub(crate) fn a_hard_fault_is_reported_after_the_restart(subject: Subject) -> Result<(), BoardError> {
+pub(crate) fn a_hard_fault_is_reported_after_the_restart(
+    subject: Subject,
+) -> Result<(), BoardError> {
     let (board, cause, fault) = fail(subject, Injection::HardFault)?;
     assert_eq!(cause, ResetCause::Fault);
     assert!(
         fault.contains("hard fault at 0x5fffff"),
-        "it says {fault:?}"
+        "Hello reports {fault:?}"
     );
     assert_streams(board)?;
     record(subject, "reset_cause_fault", true);
@@ -75,10 +77,15 @@ pub(crate) fn a_hard_fault_is_reported_after_the_restart(subject: Subject) -> Re
 }
 
 /// After a fault with a stack pointer outside the stack, `Hello` reports this.
-pub(crate) fn a_stray_stack_pointer_is_reported_after_the_restart(subject: Subject) -> Result<(), BoardError> {
+pub(crate) fn a_stray_stack_pointer_is_reported_after_the_restart(
+    subject: Subject,
+) -> Result<(), BoardError> {
     let (board, cause, fault) = fail(subject, Injection::WildStack)?;
     assert_eq!(cause, ResetCause::Fault);
-    assert!(fault.contains("outside the stack"), "it says {fault:?}");
+    assert!(
+        fault.contains("outside the stack"),
+        "Hello reports {fault:?}"
+    );
     assert_streams(board)?;
     record(subject, "reset_cause_wild_stack", true);
     Ok(())
@@ -90,7 +97,10 @@ pub(crate) fn a_stack_overflow_is_reported_after_the_restart(
 ) -> Result<(), BoardError> {
     let (board, cause, fault) = fail(subject, Injection::StackOverflow)?;
     assert_eq!(cause, ResetCause::Fault);
-    assert!(fault.starts_with("stack overflow"), "it says {fault:?}");
+    assert!(
+        fault.starts_with("stack overflow"),
+        "Hello reports {fault:?}"
+    );
     assert_streams(board)?;
     record(subject, "reset_cause_overflow", true);
     Ok(())

@@ -2,7 +2,7 @@
 
 use link::Streams;
 
-use virtual_board::{Cable, BoardError};
+use virtual_board::{BoardError, Cable};
 
 use crate::images::Subject;
 use crate::session::{assert_sound, run_codes, streaming};

@@ -1,7 +1,7 @@
 //! Interrupt priorities in the NVIC.
 
 use firmware::deadlines::priority;
-use virtual_board::{Cable, Model, BoardError};
+use virtual_board::{BoardError, Cable, Model};
 
 use crate::images::Subject;
 use crate::session::{assert_sound, running};
@@ -57,7 +57,11 @@ pub(crate) fn interrupts_have_their_priorities(subject: Subject) -> Result<(), B
     let mut board = running(subject)?;
     let enabled = board.interrupts()?;
     let spi = spi_interrupts(subject.model);
-    let wanted: Vec<_> = COMMON.iter().chain(&spi).chain(port_interrupts(subject)).collect();
+    let wanted: Vec<_> = COMMON
+        .iter()
+        .chain(&spi)
+        .chain(port_interrupts(subject))
+        .collect();
     for (name, line, level) in &wanted {
         let found = enabled.iter().find(|interrupt| interrupt.0 == *line);
         assert_eq!(found.map(|interrupt| interrupt.1), Some(*level), "{name}");
@@ -67,7 +71,10 @@ pub(crate) fn interrupts_have_their_priorities(subject: Subject) -> Result<(), B
     });
     // embassy enables the interrupts of all DMA streams; those of unused streams never occur.
     let unknown: Vec<_> = urgent.filter(|(line, _)| !is_inactive(*line)).collect();
-    assert!(unknown.is_empty(), "unexpected urgent interrupts: {unknown:?}");
+    assert!(
+        unknown.is_empty(),
+        "unexpected urgent interrupts: {unknown:?}"
+    );
     assert_sound(&mut board)?;
     Ok(())
 }

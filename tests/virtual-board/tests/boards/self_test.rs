@@ -1,7 +1,7 @@
-//! The converters' self-test.
+//! Self-test of the converters, on command of the host.
 
 use link::ToDevice;
-use virtual_board::{Frame, Kind, BoardError};
+use virtual_board::{BoardError, Frame, Kind};
 
 use crate::figures::record;
 use crate::images::Subject;

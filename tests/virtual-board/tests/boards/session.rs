@@ -1,7 +1,7 @@
 //! Common start and end of the scenarios.
 
 use link::{Start, Streams, ToDevice};
-use virtual_board::{Frame, Kind, Setup, BoardError, VirtualBoard, allowed};
+use virtual_board::{BoardError, Frame, Kind, Setup, VirtualBoard, allowed};
 
 use crate::images::Subject;
 
@@ -89,7 +89,11 @@ pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
 /// Asserts [`assert_no_findings`], and that every received frame could be decoded.
 pub(crate) fn assert_sound(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
-    assert_eq!(board.inbox().decode_errors(), [""; 0], "frames that cannot be decoded");
+    assert_eq!(
+        board.inbox().decode_errors(),
+        [""; 0],
+        "frames that cannot be decoded"
+    );
     Ok(())
 }
 
@@ -108,7 +112,10 @@ pub(crate) fn assert_no_findings_but(
     findings.unmapped.retain(|access| !is_intended(access));
     assert_eq!(findings.unmapped, [""; 0], "accesses to unmapped addresses");
     assert_eq!(findings.refused, [""; 0], "refused accesses");
-    assert_eq!(findings.unrouted, [""; 0], "interrupts that are not connected to the NVIC");
+    assert_eq!(
+        findings.unrouted, [""; 0],
+        "interrupts that are not connected to the NVIC"
+    );
     assert_eq!(allowed::unexpected(board.model(), &findings), [""; 0]);
     assert_eq!(
         board.converters().violations(),
@@ -119,6 +126,10 @@ pub(crate) fn assert_no_findings_but(
         let violations: Vec<String> = host.violations().iter().map(ToString::to_string).collect();
         assert_eq!(violations, [""; 0], "violations of USB");
     }
-    assert_eq!(board.non_byte_words(), 0, "SPI words that are not 8 bits wide");
+    assert_eq!(
+        board.non_byte_words(),
+        0,
+        "SPI words that are not 8 bits wide"
+    );
     Ok(())
 }

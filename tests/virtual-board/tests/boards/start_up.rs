@@ -1,7 +1,7 @@
 //! The start: from power on until the converters run.
 
 use link::ResetCause;
-use virtual_board::{Kind, Setup, BoardError};
+use virtual_board::{BoardError, Kind, Setup};
 
 use crate::figures::record;
 use crate::images::Subject;
@@ -83,7 +83,7 @@ pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardE
     assert_eq!(*cause, ResetCause::PowerOn);
     assert!(
         fault.contains("8 MHz from the ST-LINK"),
-        "it says {fault:?}"
+        "Hello reports {fault:?}"
     );
     assert_eq!(board.core_hz()?, subject.model.core_hz());
     assert_no_findings(&mut board)

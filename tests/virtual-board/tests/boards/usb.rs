@@ -86,10 +86,7 @@ pub(crate) fn works_after_pauses_and_suspend(subject: Subject) -> Result<(), Boa
     let dropped = crate::session::stats(board.inbox().frames())
         .expect("a report")
         .frames_dropped;
-    assert_eq!(
-        dropped, missing,
-        "missing frame numbers and dropped frames"
-    );
+    assert_eq!(dropped, missing, "missing frame numbers and dropped frames");
     assert!(board.inbox().codes().count() > codes);
     assert_eq!(board.inbox().decode_errors(), [""; 0]);
 
@@ -162,6 +159,9 @@ fn reach_without_reopening(board: &mut VirtualBoard, state: State) -> Result<(),
 fn assert_sound_but_cut_frames(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
     let bad = board.inbox().decode_errors();
-    assert!(bad.len() <= 3, "more than one for each time the port was closed: {bad:?}");
+    assert!(
+        bad.len() <= 3,
+        "more than one for each time the port was closed: {bad:?}"
+    );
     Ok(())
 }

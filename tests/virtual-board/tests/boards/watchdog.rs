@@ -1,7 +1,7 @@
 //! The watchdog at both ends of the frequency range of its oscillator.
 
 use link::{ResetCause, Streams};
-use virtual_board::{Injection, Model, Setup, BoardError};
+use virtual_board::{BoardError, Injection, Model, Setup};
 
 use crate::figures::record;
 use crate::images::Subject;
@@ -40,7 +40,11 @@ pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Resu
         })?;
         start(&mut board, Streams::CODES)?;
         board.run_for_us(2_000_000)?;
-        assert_eq!(greetings(board.inbox().frames()).len(), 1, "resets of a healthy board");
+        assert_eq!(
+            greetings(board.inbox().frames()).len(),
+            1,
+            "resets of a healthy board"
+        );
         assert_sound(&mut board)?;
 
         let at_us = board.now_us();

@@ -68,7 +68,12 @@ impl Exti {
     }
 
     /// Sets pending bits, even of masked lines; the mask only gates the interrupt (RM0390, 10.2.1).
-    fn set_pending(&mut self, lines: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn set_pending(
+        &mut self,
+        lines: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         self.pending |= lines;
         self.drive_interrupts(registers, context);
     }
@@ -96,7 +101,7 @@ impl Device for Exti {
         context: &mut DeviceContext<'_>,
     ) {
         match register {
-            // ClearedBits by writing 1.
+            // Cleared by writing 1.
             Register::Pr => self.pending &= !value,
             Register::Swier => self.pending |= value & registers.get(Register::Imr),
             Register::Imr | Register::Emr | Register::Rtsr | Register::Ftsr => {}

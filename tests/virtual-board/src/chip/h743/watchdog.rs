@@ -93,7 +93,9 @@ impl Device for Watchdog {
                     self.load(self.reload.unwrap_or(RESET_RELOAD) + 1, context);
                 }
             }
-            Register::Pr | Register::Rlr if self.unlocked => self.start_crossing(registers, context),
+            Register::Pr | Register::Rlr if self.unlocked => {
+                self.start_crossing(registers, context)
+            }
             Register::Pr | Register::Rlr => {
                 context.tell(
                     "PR",

@@ -31,7 +31,7 @@ impl Core {
         }
     }
 
-    /// Switches VBUS on or off.
+    /// Switches VBUS on or off, which can start or end a session.
     pub(crate) fn set_vbus(&mut self, on: bool) {
         let before = self.session_valid();
         self.bus.vbus = on;
@@ -56,7 +56,7 @@ impl Core {
             && !self.bus.suspended
     }
 
-    /// Starts or stops the frames of the host.
+    /// Starts or stops the frames of the host; frame numbers continue from the last one.
     pub(crate) fn set_frames(&mut self, on: bool) {
         self.bus.first_frame = u64::from(self.frame());
         self.bus.frames_from = on.then_some(self.now);
@@ -75,7 +75,7 @@ impl Core {
         }
     }
 
-    /// Signals resume to the device.
+    /// Signals resume: sets `WKUPINT` if the device is suspended.
     pub(crate) fn resume(&mut self) {
         if self.bus.suspended {
             self.bus.suspended = false;
@@ -83,7 +83,7 @@ impl Core {
         }
     }
 
-    /// Starts a bus reset.
+    /// Starts a bus reset: deactivates all endpoints but 0, and sets `USBRST`.
     pub(crate) fn start_reset(&mut self) {
         self.bus.in_reset = true;
         self.bus.suspended = false;
@@ -151,7 +151,9 @@ impl Core {
         let output = &self.outputs[endpoint];
         endpoint == 0 && self.bus.in_setup_stage
             || output.registers.has(epctl::STALL)
-            || output.accepts_data() && self.registers.dctl & dctl::GONSTS == 0 && self.has_room(len)
+            || output.accepts_data()
+                && self.registers.dctl & dctl::GONSTS == 0
+                && self.has_room(len)
     }
 
     /// Receives an OUT packet; `data1` is whether its PID is DATA1.

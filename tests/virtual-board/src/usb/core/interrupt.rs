@@ -58,14 +58,8 @@ impl Core {
         );
         set(gintsts::RXFLVL, !self.rx.is_empty());
         set(gintsts::NPTXFE, self.tx_fifo_has_room(0));
-        set(
-            gintsts::GINAKEFF,
-            self.registers.dctl & dctl::GINSTS != 0,
-        );
-        set(
-            gintsts::GONAKEFF,
-            self.registers.dctl & dctl::GONSTS != 0,
-        );
+        set(gintsts::GINAKEFF, self.registers.dctl & dctl::GINSTS != 0);
+        set(gintsts::GONAKEFF, self.registers.dctl & dctl::GONSTS != 0);
         let endpoints = self.daint() & self.registers.daintmsk;
         set(gintsts::IEPINT, endpoints & 0xFFFF != 0);
         set(gintsts::OEPINT, endpoints >> 16 != 0);

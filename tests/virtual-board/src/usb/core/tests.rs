@@ -98,7 +98,11 @@ fn a_device_is_attached_after_software_has_connected_it() {
     let mut core = supplied();
     assert!(!core.is_attached(), "out of reset");
     core.put(DCTL, 0);
-    assert_eq!(core.violation_texts().len(), 3, "software has configured nothing");
+    assert_eq!(
+        core.violation_texts().len(),
+        3,
+        "software has configured nothing"
+    );
     assert!(configured().is_attached());
 }
 

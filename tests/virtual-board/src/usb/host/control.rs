@@ -78,7 +78,7 @@ pub(super) enum Outcome {
     Failed(String),
 }
 
-/// A control transfer in progress.
+/// Control transfer in progress, with its retries and deadline.
 #[derive(Clone, Debug)]
 pub(super) struct Transfer {
     pub(super) setup: Setup,

@@ -23,9 +23,9 @@ const DATA: u8 = 0x0A;
 /// Contents of the descriptors of a device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Descriptors {
-    /// `bcdUSB`.
+    /// `bcdUSB`: USB version in BCD, for example 0x0210 for 2.1.
     pub usb: u16,
-    /// Class, subclass and protocol of the device.
+    /// `bDeviceClass`, `bDeviceSubClass` and `bDeviceProtocol`.
     pub class: [u8; 3],
     /// Maximum packet size of endpoint 0, in bytes.
     pub max_packet_0: u8,
@@ -33,7 +33,7 @@ pub struct Descriptors {
     pub vendor: u16,
     /// `idProduct`.
     pub product: u16,
-    /// `bcdDevice`.
+    /// `bcdDevice`: version of the device, in BCD.
     pub release: u16,
     /// Manufacturer string; empty if the device has none.
     pub manufacturer: String,
@@ -67,7 +67,7 @@ pub struct Configuration {
 pub struct Interface {
     /// `bInterfaceNumber`.
     pub number: u8,
-    /// Class, subclass and protocol.
+    /// `bInterfaceClass`, `bInterfaceSubClass` and `bInterfaceProtocol`.
     pub class: [u8; 3],
     /// Endpoints except endpoint 0.
     pub endpoints: Vec<EndpointDescriptor>,
@@ -156,7 +156,12 @@ impl Descriptors {
     }
 
     /// Parses and checks the configuration descriptor and the descriptors in it.
-    pub(super) fn parse_configuration(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
+    pub(super) fn parse_configuration(
+        &mut self,
+        bytes: &[u8],
+        now: u64,
+        violations: &mut Violations,
+    ) {
         let mut checker = Checker { now, violations };
         let section = "configuration descriptor, USB 2.0, 9.6.3";
         checker.expect(byte(bytes, 0) == 9, "its length is not 9", section);
@@ -247,7 +252,11 @@ impl Descriptors {
     }
 
     /// Finds the endpoints of the serial port; `None` if the device has none.
-    pub(super) fn find_serial_port(&self, now: u64, violations: &mut Violations) -> Option<SerialPort> {
+    pub(super) fn find_serial_port(
+        &self,
+        now: u64,
+        violations: &mut Violations,
+    ) -> Option<SerialPort> {
         let mut checker = Checker { now, violations };
         let section = "CDC 1.2, 3.4 and 5.2";
         let interfaces = &self.configuration.interfaces;

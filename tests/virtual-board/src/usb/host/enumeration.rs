@@ -5,7 +5,7 @@ use super::descriptor::{Descriptors, SerialPort, kind, parse_string};
 use super::event::Event;
 use crate::usb::violation::Violations;
 
-/// Address that the host assigns to the device.
+/// Address that the host assigns with SET_ADDRESS; any from 1 to 127 is valid.
 pub(super) const ADDRESS: u8 = 7;
 /// Time for which a device can take to change its address, in ns (USB 2.0, 9.2.6.3).
 const SET_ADDRESS_RECOVERY_NS: u64 = 2_000_000;
@@ -49,7 +49,7 @@ pub(super) enum Next {
     Failed(String),
 }
 
-/// An enumeration in progress.
+/// Enumeration in progress, with the descriptors read so far.
 #[derive(Clone, Debug)]
 pub(super) struct Enumeration {
     stage: Stage,
@@ -195,7 +195,9 @@ impl Enumeration {
                 }
                 self.request_string(n + 1)
             }
-            Stage::SetConfiguration => Next::Finished(self.device.find_serial_port(now, violations)),
+            Stage::SetConfiguration => {
+                Next::Finished(self.device.find_serial_port(now, violations))
+            }
         }
     }
 

@@ -5,19 +5,19 @@ use std::fmt;
 /// Event on the bus or in the host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// The cable was plugged in.
+    /// The cable was plugged in: VBUS is on.
     Plugged,
-    /// The cable was unplugged.
+    /// The cable was unplugged: VBUS is off.
     Unplugged,
     /// The device has enabled its pull-up.
     Attached,
     /// The device has disabled its pull-up, or lost its clock.
     Detached,
-    /// The host has reset the bus.
+    /// The host has ended a bus reset; recovery of the device starts.
     BusReset,
     /// The device has accepted this address.
     Addressed(u8),
-    /// The device is configured.
+    /// The host has read all descriptors and set the configuration.
     Configured,
     /// The host has opened the serial port: DTR is set.
     Opened,
@@ -25,7 +25,7 @@ pub enum Event {
     Closed,
     /// The host has stopped sending frames.
     Suspended,
-    /// The host has resumed the bus.
+    /// The host has resumed the bus, and the recovery time of the device is over.
     Resumed,
     /// An enumeration has failed, for this reason; the host makes at most three attempts.
     EnumerationFailed(String),
@@ -52,7 +52,7 @@ impl fmt::Display for Event {
 pub struct Logged {
     /// Virtual time of the event, in ns.
     pub at_ns: u64,
-    /// Event that occurred at this time.
+    /// Event at this time.
     pub event: Event,
 }
 

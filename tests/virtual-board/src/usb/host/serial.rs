@@ -38,7 +38,7 @@ fn line_coding(rate: u32) -> Vec<u8> {
     [rate.to_le_bytes().as_slice(), &[0, 0, 8]].concat()
 }
 
-/// Driver of the serial port.
+/// State of the driver, from the configuration of a device until it is detached.
 #[expect(
     clippy::struct_excessive_bools,
     reason = "independent states of the program and of the device"
@@ -186,7 +186,7 @@ impl Serial {
         bulk.or_else(notification)
     }
 
-    /// Performs a transaction on `pipe`.
+    /// Performs a transaction on `pipe`. Returns a received notification as an event.
     pub(super) fn perform(
         &mut self,
         pipe: Pipe,

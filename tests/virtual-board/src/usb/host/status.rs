@@ -11,21 +11,21 @@ pub enum State {
     Addressed,
     /// The device is configured, its serial port is closed.
     Configured,
-    /// The serial port is open.
+    /// The device is configured, and its serial port is open: DTR is set.
     Open,
 }
 
 /// Traffic of the bulk endpoints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Packets from the device.
+    /// Data packets received on bulk IN, including empty ones.
     pub packets_in: u64,
-    /// Packets of length 0 from the device.
+    /// Data packets of length 0 received on bulk IN.
     pub empty_packets_in: u64,
-    /// Bytes from the device.
+    /// Data bytes received on bulk IN.
     pub bytes_in: u64,
-    /// Packets to the device.
+    /// Data packets that the device has acknowledged on bulk OUT.
     pub packets_out: u64,
-    /// Bytes to the device.
+    /// Data bytes that the device has acknowledged on bulk OUT.
     pub bytes_out: u64,
 }

@@ -120,7 +120,9 @@ impl Host {
 
     fn transfer_done(&mut self, purpose: Purpose, data: &[u8], now: u64, core: &mut Core) {
         if let Purpose::Serial(_) = purpose {
-            let event = self.serial.complete_request(data, now, &mut self.violations);
+            let event = self
+                .serial
+                .complete_request(data, now, &mut self.violations);
             if let Some(event) = event {
                 self.log_event(now, event);
             }
