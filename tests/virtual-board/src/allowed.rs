@@ -1,19 +1,20 @@
-//! What the emulator may notice without a fault of the firmware, each with the reason.
+//! Findings that are not faults of the firmware, each with the reason.
 
-use crate::{Findings, Model};
+use crate::findings::Findings;
+use crate::model::Model;
 
-/// A finding that is allowed: its beginning, and why.
+/// Prefix of an allowed finding, and why it is allowed.
 type Reason = (&'static str, &'static str);
 
-/// Of the STM32H743.
+/// Findings that are allowed on the STM32H743.
 const H743: &[Reason] = &[
     (
         "RCC.BDCR: RM0433 rev 9 8.7.26 bits 9:8: RTCSEL",
-        "embassy writes RTCSEL, which is set to its reset value; the RTC is not used",
+        "embassy writes the reset value to RTCSEL; the RTC is not used",
     ),
     (
         "RCC.CFGR: DS12110 rev 11 table 112",
-        "480 MHz needs scale 0, which SYSCFG's ODEN switches on; the emulator has no ODEN",
+        "480 MHz needs voltage scale 0, which ODEN in SYSCFG enables; the emulator does not model ODEN",
     ),
     (
         "RCC.D1CFGR: DS12110 rev 11 table 112",
@@ -25,30 +26,34 @@ const H743: &[Reason] = &[
     ),
     (
         "RCC.PLLCKSELR: RM0433 rev 9 8.5.5",
-        "embassy sets the divider of one PLL while the other runs, to what it is already",
+        "embassy rewrites the divider of one PLL, unchanged, while the other PLL runs",
     ),
 ];
 
-/// Of the STM32F446, which the emulator's STM32F427 stands in for.
+/// Findings that are allowed on the STM32F446, which is emulated as an STM32F427.
 const F446: &[Reason] = &[
     (
         "SYSCFG.EXTICR",
-        "a register that keeps what is written; the model of EXTI reads it",
+        "the register stores the written value, and the EXTI model here reads it",
     ),
     (
         "SYSCFG.MEMRM",
-        "shows the loader's memory at address 0 on the chip; the core reads its vectors where they are",
+        "maps the boot loader to address 0 on the chip; the emulated core reads the vectors at their own address",
     ),
 ];
 
-/// What is not on the list.
-pub fn surprises(model: Model, findings: &Findings) -> Vec<String> {
+/// Returns the findings that the list of `model` does not allow.
+pub fn unexpected(model: Model, findings: &Findings) -> Vec<String> {
     let list = match model {
         Model::H743 => H743,
         Model::F446 => F446,
     };
-    let is_allowed = |finding: &&String| list.iter().any(|(begin, _)| finding.starts_with(begin));
-    let all = [&findings.told, &findings.unimplemented, &findings.undefined];
+    let is_allowed = |finding: &&String| list.iter().any(|(prefix, _)| finding.starts_with(prefix));
+    let all = [
+        &findings.manual_violations,
+        &findings.unimplemented,
+        &findings.undefined,
+    ];
     let all = all.into_iter().flatten();
     all.filter(|finding| !is_allowed(finding))
         .cloned()

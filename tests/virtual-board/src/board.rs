@@ -1,4 +1,4 @@
-//! The board as the emulator sees it.
+//! The NUCLEO board, as the emulator's `Board` trait requires it.
 
 use rigless::chip::uart;
 use rigless::machine::{Board, Target};
@@ -7,20 +7,23 @@ use rigless::snapshot::Store;
 
 use crate::chain::Chain;
 use crate::chip::Chip;
-use crate::core_bus::{Cleared, Differences};
-use crate::processor::{Observer, observed};
+use crate::chip::f446::F446;
+use crate::chip::h743::H743;
+use crate::core_bus::{ClearedBits, Differences};
+use crate::loader_stub;
+use crate::model::Model;
+use crate::processor::{Observer, wrap_core};
 use crate::serial::Serial;
 use crate::setup::Setup;
-use crate::usb::UsbHost;
-use crate::{Model, loader_stub};
+use crate::usb::handle::UsbHost;
 
-/// A NUCLEO with the converters' board on its headers.
+/// A NUCLEO board with the converter board on its headers.
 #[derive(Debug)]
 pub(crate) struct Nucleo {
     pub(crate) chip: Box<dyn Chip>,
     model: Model,
     observer: Observer,
-    cleared: Vec<Cleared>,
+    cleared: Vec<ClearedBits>,
 }
 
 impl Nucleo {
@@ -32,13 +35,13 @@ impl Nucleo {
         host: &UsbHost,
         observer: Observer,
     ) -> Self {
-        let mut chip = model.chip(host);
-        chip.fit_clock(setup.clock_hz);
+        let mut chip = chip(model, host);
+        chip.set_external_clock(setup.clock_hz);
         if let Some(hz) = setup.lsi_hz {
-            chip.set_lsi(hz);
+            chip.set_lsi_hz(hz);
         }
-        // The emulator has HSERDY rise with nothing at the pins.
-        let cleared = (setup.clock_hz == 0).then(|| chip.clock_ready());
+        // The emulator sets HSERDY even without a clock at the pins.
+        let cleared = (setup.clock_hz == 0).then(|| chip.hse_ready_flag());
         chip.attach_spi(chain);
         chip.attach_uart(Box::new(serial));
         Self {
@@ -47,6 +50,14 @@ impl Nucleo {
             observer,
             cleared: cleared.into_iter().collect(),
         }
+    }
+}
+
+/// Creates the microcontroller of a board, with `host` at the other end of its USB cable.
+fn chip(model: Model, host: &UsbHost) -> Box<dyn Chip> {
+    match model {
+        Model::H743 => Box::new(H743::new(host)),
+        Model::F446 => Box::new(F446::new(host)),
     }
 }
 
@@ -62,7 +73,7 @@ impl Board for Nucleo {
             redirects: self.chip.redirects(),
             cleared: self.cleared.clone(),
         };
-        let mut core = observed(self.chip.core(), &self.observer, differences);
+        let mut core = wrap_core(self.chip.core(), &self.observer, differences);
         core.factory_images.extend(loader_stub::image(self.model));
         let mcu: &mut dyn Mcu = &mut *self.chip;
         vec![Target::new(self.model.key(), mcu, core)]

@@ -1,4 +1,4 @@
-//! The simulated converters at the microcontroller's pins.
+//! The simulated converters, connected to the microcontroller's SPI and pins.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -8,42 +8,41 @@ use rigless::chip::{Timeline, spi};
 use rigless::snapshot::Store;
 
 use crate::eeg;
-use crate::model::Pins;
+use crate::pins::{Pin, Pins};
 use crate::setup::Setup;
 
-/// Converters on a board.
+/// Number of ADS1299 in the daisy chain.
 pub(crate) const CHIPS: usize = 8;
 
-/// The chain and its wires; clones are the same.
+/// The chain and its wires; clones share one state.
 #[derive(Clone, Debug)]
 pub(crate) struct Chain(Arc<Mutex<Wires>>);
 
-/// The wires between the chain and the microcontroller.
+/// Signals between the chain and the microcontroller.
 #[derive(Debug)]
 pub(crate) struct Wires {
     simulation: Simulation<CHIPS>,
     chain: SimulatedChain<CHIPS>,
-    /// Levels that the microcontroller drives: selects, START, RESET.
+    /// Last levels of the chip selects, START and RESET, in this order.
     levels: [Option<bool>; CHIPS + 2],
     sclk_hz: u32,
-    /// Edges of DRDY that the microcontroller has seen.
+    /// DRDY edges that were already passed to the microcontroller.
     edges: u64,
-    /// DRDY is low: a sample is ready and none of its bits were clocked.
+    /// A sample is ready and none of its bits have been clocked: DRDY is low.
     ready: bool,
-    /// DRDY stays at this level, whatever the converters do.
+    /// Level at which a test holds DRDY; `None` lets the converters drive it.
     stuck: Option<bool>,
-    /// Bytes that were clocked.
-    bytes: u64,
-    /// Widths that were clocked and are no byte.
-    odd_words: u64,
+    /// SPI words clocked so far.
+    words: u64,
+    /// SPI words clocked so far that were not 8 bits wide.
+    non_byte_words: u64,
 }
 
-/// What DRDY does at a moment.
+/// Change and level of DRDY at one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Ready {
-    /// It falls, after a pulse where it is low already.
+pub(crate) struct DrdyState {
+    /// DRDY falls now; if it was low already, a short high pulse comes first.
     pub(crate) falls: bool,
-    /// Its level.
     pub(crate) is_high: bool,
 }
 
@@ -68,13 +67,13 @@ impl Chain {
             edges: 0,
             ready: false,
             stuck: None,
-            bytes: 0,
-            odd_words: 0,
+            words: 0,
+            non_byte_words: 0,
         })))
     }
 
     pub(crate) fn wires(&self) -> MutexGuard<'_, Wires> {
-        // A panic elsewhere leaves wires that are still worth a look.
+        // After a panic elsewhere, the state is still useful for the diagnosis.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -92,25 +91,25 @@ impl Wires {
         self.sclk_hz
     }
 
-    pub(crate) const fn bytes(&self) -> u64 {
-        self.bytes
+    pub(crate) const fn words(&self) -> u64 {
+        self.words
     }
 
-    pub(crate) const fn odd_words(&self) -> u64 {
-        self.odd_words
+    pub(crate) const fn non_byte_words(&self) -> u64 {
+        self.non_byte_words
     }
 
-    pub(crate) const fn hold_ready(&mut self, level: Option<bool>) {
+    pub(crate) const fn hold_drdy(&mut self, level: Option<bool>) {
         self.stuck = level;
     }
 
-    /// Takes the levels that the microcontroller drives now. Where a pin is no output, the resistors of the
-    /// converters' board hold the wire: selects and RESET high, START low (docs/hardware.md).
-    pub(crate) fn follow(
+    /// Applies the levels that the microcontroller drives now. Where a pin is not an output, resistors on
+    /// the converter board set the level: selects and RESET high, START low (docs/hardware.md).
+    pub(crate) fn set_outputs(
         &mut self,
         now_ns: u64,
         pins: &Pins,
-        output: impl Fn(crate::chip::Pin) -> Option<bool>,
+        output: impl Fn(Pin) -> Option<bool>,
     ) {
         let all = pins.selects.iter().chain([&pins.start, &pins.reset]);
         for (index, pin) in all.enumerate() {
@@ -130,8 +129,8 @@ impl Wires {
         }
     }
 
-    /// Lets the chain's time pass, and returns what DRDY does.
-    pub(crate) fn pass(&mut self, now_ns: u64) -> Ready {
+    /// Advances the simulation to `now_ns` and returns the state of DRDY.
+    pub(crate) fn advance_to(&mut self, now_ns: u64) -> DrdyState {
         self.simulation.advance_to(now_ns);
         let edges = self.simulation.ready_edges();
         let mut falls = edges != self.edges;
@@ -141,10 +140,10 @@ impl Wires {
         if let Some(level) = self.stuck {
             (falls, is_high) = (false, level);
         }
-        Ready { falls, is_high }
+        DrdyState { falls, is_high }
     }
 
-    /// When the next conversion ends, ns.
+    /// Returns when the next conversion ends, in ns since power on.
     pub(crate) fn next_edge_ns(&self) -> Option<u64> {
         self.simulation.next_edge_ns()
     }
@@ -155,9 +154,9 @@ impl Store for Chain {}
 impl spi::Peer for Chain {
     fn transfer(&mut self, mosi: u32, bits: u8, context: &mut Timeline<'_, '_>) -> u32 {
         let mut wires = self.wires();
-        wires.odd_words += u64::from(bits != 8);
-        wires.bytes += 1;
-        // The first bit that is clocked takes DRDY high (SBAS499C, 9.4.4.1).
+        wires.non_byte_words += u64::from(bits != 8);
+        wires.words += 1;
+        // The first SCLK of a transfer sets DRDY high (SBAS499C, 9.4.4.1).
         wires.ready = false;
         let [byte, ..] = mosi.to_le_bytes();
         let miso = wires

@@ -1,7 +1,7 @@
-//! What a board needs of an emulated microcontroller.
+//! Interface between a board and its emulated microcontroller.
 
-mod f446;
-mod h743;
+pub(crate) mod f446;
+pub(crate) mod h743;
 
 use std::fmt;
 
@@ -11,63 +11,45 @@ use rigless::mcu::Mcu;
 use rigless::time::VirtualNanos;
 
 use crate::chain::Chain;
-use crate::core_bus::{Cleared, Redirect};
+use crate::core_bus::{ClearedBits, Redirect};
+use crate::pins::Pin;
 
-pub(crate) use f446::F446;
-pub(crate) use h743::H743;
-
-/// A pin: number of its port, 0 for A, and of the pin.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Pin(pub(crate) u8, pub(crate) u8);
-
-impl Pin {
-    pub(crate) const fn port(self) -> usize {
-        self.0 as usize
-    }
-}
-
-impl fmt::Display for Pin {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "P{}{}", char::from(b'A' + self.0), self.1)
-    }
-}
-
-/// An emulated microcontroller with what the part's own models lack.
+/// An emulated microcontroller: the emulator's model of the part, extended with the peripherals it lacks.
 pub(crate) trait Chip: Mcu + fmt::Debug + Send {
-    /// Its core, as the emulator makes it.
+    /// Returns the configuration of the processor core for the emulator.
     fn core(&self) -> CoreSpec;
 
-    /// Fits a crystal or an external clock, Hz; 0 is none.
-    fn fit_clock(&mut self, hz: u64);
+    /// Connects an external clock (HSE) of this frequency, in Hz; 0 disconnects it.
+    fn set_external_clock(&mut self, hz: u64);
 
-    /// The flag that says that the clock from outside is ready.
-    fn clock_ready(&self) -> Cleared;
+    /// Returns the flag HSERDY of the clock controller.
+    fn hse_ready_flag(&self) -> ClearedBits;
 
-    /// Addresses at which the emulator's part has something else than the chip.
+    /// Returns address ranges where the emulator's part differs from the chip.
     fn redirects(&self) -> Vec<Redirect>;
 
-    /// Sets the rate of the internal low-speed oscillator, which the watchdog counts, Hz.
-    fn set_lsi(&mut self, hz: u64);
+    /// Sets the frequency of the internal low-speed oscillator (LSI), which clocks the watchdog, in Hz.
+    fn set_lsi_hz(&mut self, hz: u64);
 
-    /// Attaches the converters' SPI.
+    /// Connects the converters to SPI1 (STM32H743) or SPI2 (STM32F446).
     fn attach_spi(&mut self, chain: Chain);
 
-    /// Attaches the far end of the UART.
+    /// Connects the other end of USART3 (STM32H743) or USART2 (STM32F446).
     fn attach_uart(&mut self, peer: Box<dyn uart::Peer>);
 
-    /// Damages words on their way to the UART: `per_million` of them arrive with a framing error, and as many with
-    /// noise, all with wrong bits.
+    /// Corrupts words that the UART receives: of each million, `per_million` have a framing error and another
+    /// `per_million` have noise. Their bits are wrong too.
     fn damage_uart(&mut self, per_million: u32);
 
-    /// SCLK as the registers set it, Hz.
+    /// Returns the frequency of SCLK that the SPI registers configure, in Hz.
     fn sclk_hz(&self) -> u32;
 
-    /// The core clock as the registers set it, Hz.
+    /// Returns the core clock that the RCC registers configure, in Hz.
     fn core_hz(&self) -> u64;
 
-    /// What the microcontroller drives on a pin; none unless the pin is an output.
-    fn output(&self, pin: Pin) -> Option<bool>;
+    /// Returns whether an output pin is high; `None` if the pin is not a general-purpose output.
+    fn driven_level(&self, pin: Pin) -> Option<bool>;
 
-    /// Drives a pin from outside.
+    /// Drives an input pin from outside the chip.
     fn drive(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 }

@@ -1,46 +1,46 @@
-//! Adapter between the emulated core and the emulator's bus.
+//! Bus adapter that redirects or patches accesses of the emulated core.
 
 use std::ops::Range;
 
 use rigless::emulator::{Access, AccessKind, Checked, CoreBus, InterruptLine, Queued};
 use rigless::time::VirtualNanos;
 
-/// A range of addresses and where it is redirected to.
+/// A redirected address range.
 ///
-/// The emulator's register tables cover a peripheral's whole block; what they lack is modelled at a free
-/// address, and the program does not notice.
+/// The emulator's register tables cover the whole block of a peripheral. Registers that they lack are modelled
+/// at a free address; the firmware still uses the address of the real chip.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Redirect {
-    /// The addresses the program uses.
-    pub from: Range<u64>,
-    /// The address that stands for the first of them.
-    pub to: u64,
+    /// Addresses that the firmware uses.
+    pub(crate) from: Range<u64>,
+    /// Address that replaces the first one of `from`.
+    pub(crate) to: u64,
 }
 
-/// Bits of a register that read as 0, whatever the emulator's model has there.
+/// Register bits that always read as 0, whatever the emulator's model returns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Cleared {
-    /// The register.
+pub(crate) struct ClearedBits {
+    /// Address of the 32-bit register.
     pub(crate) address: u64,
-    /// Its bits.
     pub(crate) bits: u64,
 }
 
-/// How the core's accesses differ from the emulator's part.
+/// Differences between the emulator's part and the chip, as the core's accesses must see them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Differences {
     pub(crate) redirects: Vec<Redirect>,
-    pub(crate) cleared: Vec<Cleared>,
+    pub(crate) cleared: Vec<ClearedBits>,
 }
 
-/// The end of code and SRAM in the address map (ARM DDI 0403, B3.1): memory, which answers by itself.
+/// First address after code and SRAM in the address map (ARM DDI 0403, B3.1). Accesses below it that reach
+/// this bus hit no memory.
 const MEMORY_END: u64 = 0x4000_0000;
 
-/// The bus that the core is lent.
+/// Bus adapter that the core uses for one run.
 pub(crate) struct Bus<'a> {
     pub(crate) inner: &'a mut dyn CoreBus,
     pub(crate) differences: &'a Differences,
-    /// Accesses to memory that is not there: address, and the instruction.
+    /// Failed accesses below [`MEMORY_END`]: the address, and the program counter if known.
     pub(crate) failed: &'a mut Vec<(u64, Option<u64>)>,
 }
 
@@ -55,11 +55,11 @@ impl Bus<'_> {
 }
 
 impl CoreBus for Bus<'_> {
-    /// Memory that the part has is answered before; below its end nothing else does, and the bus fails the
-    /// access. The emulator's own bus would answer 0.
+    /// Fails accesses below [`MEMORY_END`]: the emulator serves existing memory without this call. Its own bus
+    /// would return 0 here.
     fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
         let reads = access.kind == AccessKind::Read;
-        // The core's own reads, of vectors, are left to the emulator.
+        // Vector fetches by the core itself are left to the emulator.
         if access.address < MEMORY_END && (from_code || !reads) {
             self.failed.push((access.address, access.program_counter));
             return None;

@@ -1,24 +1,24 @@
-//! Where a board stands when it does not do what it should.
+//! Error type with a snapshot of the board at the time of the failure.
 
 use std::fmt;
 
-use crate::Findings;
+use crate::findings::Findings;
 
-/// Where a board stands.
+/// Snapshot of a board, for error messages.
 #[derive(Clone, Debug, Default)]
 pub struct Diagnosis {
-    /// Virtual time since power on, us.
+    /// Virtual time since power on, in us.
     pub now_us: u64,
-    /// Instructions retired.
+    /// Instructions retired since power on.
     pub instructions: u64,
-    /// Where the core stood last, the newest last.
-    pub places: Vec<String>,
-    /// What the emulator noticed.
+    /// Last program counters with their functions, the newest last.
+    pub program_counters: Vec<String>,
+    /// Everything the emulator detected since power on.
     pub findings: Findings,
-    /// Frames received.
+    /// Number of frames decoded since power on.
     pub frames: usize,
-    /// Frames that could not be used.
-    pub bad: Vec<String>,
+    /// Decoding error of each frame that could not be decoded.
+    pub decode_errors: Vec<String>,
 }
 
 impl fmt::Display for Diagnosis {
@@ -31,8 +31,8 @@ impl fmt::Display for Diagnosis {
         } = self;
         writeln!(
             formatter,
-            "  at {now_us} us, {instructions} instructions, {frames} frames, {} bad",
-            self.bad.len()
+            "  at {now_us} us, {instructions} instructions, {frames} frames, {} not decoded",
+            self.decode_errors.len()
         )?;
         let resets: Vec<_> = self.findings.resets.iter().collect();
         let resets: Vec<_> = resets
@@ -40,12 +40,15 @@ impl fmt::Display for Diagnosis {
             .map(|(us, why)| format!("{us} us: {why}"))
             .collect();
         for (title, lines) in [
-            ("program counters, the newest last", &self.places),
+            ("program counters, the newest last", &self.program_counters),
             ("resets", &resets),
             ("unmapped", &self.findings.unmapped),
             ("refused", &self.findings.refused),
-            ("told", &self.findings.told),
-            ("bad frames", &self.bad),
+            (
+                "violations of the reference manual",
+                &self.findings.manual_violations,
+            ),
+            ("frames that could not be decoded", &self.decode_errors),
         ] {
             if lines.is_empty() {
                 continue;
@@ -59,23 +62,23 @@ impl fmt::Display for Diagnosis {
     }
 }
 
-/// What went wrong, and where the board stood.
+/// An error of a board, with the snapshot at that time.
 #[derive(Clone, thiserror::Error)]
 #[error("{what}\n{diagnosis}")]
-pub struct Trouble {
+pub struct BoardError {
     what: String,
     diagnosis: Box<Diagnosis>,
 }
 
-impl Trouble {
+impl BoardError {
     pub(crate) fn new(what: String, diagnosis: Diagnosis) -> Self {
         let diagnosis = Box::new(diagnosis);
         Self { what, diagnosis }
     }
 }
 
-// A test that returns it prints it so.
-impl fmt::Debug for Trouble {
+// A test that returns this error prints it with `Debug`.
+impl fmt::Debug for BoardError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{self}")
     }

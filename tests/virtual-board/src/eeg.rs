@@ -1,7 +1,8 @@
-//! Counts for the converters that anyone can compute again.
+//! Reproducible input for the simulated converters.
 
-/// Counts of a channel, 0 to 63, at a sample: two waves of 9 to 25 Hz, an offset of its own and noise, all
-/// below 2^13. Not EEG: every channel and every sample differs, which is what a comparison needs.
+/// Returns the ADC count of `channel` (0 to 63) at `sample`: two sine waves between 9 and 28 Hz, an offset
+/// per channel, and noise; the magnitude is below 2^13. This is not EEG: all channels and samples differ, so that
+/// a comparison detects exchanged ones.
 #[expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
@@ -17,7 +18,8 @@ pub fn count(sample: u64, channel: usize) -> i32 {
     wave as i32 + noise(sample, channel)
 }
 
-/// -128 to 127, from a mixed counter (the finaliser of `splitmix64`, Steele, Lea and Flood 2014).
+/// Returns noise from -128 to 127: a hash of sample and channel (the finaliser of `splitmix64`, Steele, Lea
+/// and Flood 2014).
 fn noise(sample: u64, channel: usize) -> i32 {
     let seed = sample << 6 | channel as u64 & 63;
     let mut mixed = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);

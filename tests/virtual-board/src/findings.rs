@@ -1,30 +1,30 @@
-//! What the emulator noticed about an image.
+//! Problems that the emulator detected while an image ran.
 
 use rigless::session::Session;
 
 use crate::board::Nucleo;
 
-/// What the emulator noticed about an image, each in words, with the program counter where it has one.
+/// Problems that the emulator detected while an image ran, as text, with the program counter where known.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Findings {
-    /// Accesses to addresses that nothing answers.
+    /// Accesses to unmapped addresses.
     pub unmapped: Vec<String>,
-    /// Accesses that the bus refused: a peripheral without a clock, a wrong width.
+    /// Accesses that the bus refused, for example to a peripheral without a clock or with a wrong width.
     pub refused: Vec<String>,
-    /// Registers that no model implements: they keep what is written and do nothing.
+    /// Accessed registers that no model implements: they store the written value and have no effect.
     pub unimplemented: Vec<String>,
     /// Accesses to reserved addresses within a peripheral.
     pub undefined: Vec<String>,
-    /// Interrupts without a line.
+    /// Interrupts that are not connected to the NVIC.
     pub unrouted: Vec<String>,
-    /// Breaches of the reference manual, with its section.
-    pub told: Vec<String>,
-    /// Resets: when, us, and what asked for them.
+    /// Violations of the reference manual, with the section.
+    pub manual_violations: Vec<String>,
+    /// Resets: time in us since power on, and cause.
     pub resets: Vec<(u64, String)>,
 }
 
 impl Findings {
-    pub(crate) fn of(session: &Session<Nucleo>) -> Self {
+    pub(crate) fn from_session(session: &Session<Nucleo>) -> Self {
         let unmapped = session.unmapped().into_iter();
         Self {
             unmapped: unmapped
@@ -50,9 +50,14 @@ impl Findings {
                 .iter()
                 .map(|(instance, line)| format!("{instance} {line}"))
                 .collect(),
-            told: session
+            manual_violations: session
                 .told()
-                .map(|told| format!("{}.{}: {}", told.instance, told.register, told.reason))
+                .map(|violation| {
+                    format!(
+                        "{}.{}: {}",
+                        violation.instance, violation.register, violation.reason
+                    )
+                })
                 .collect(),
             resets: session
                 .resets()

@@ -1,23 +1,23 @@
-//! Frames from the device.
+//! Decoding of the frames that the device sends.
 
 use link::{
     Ack, Code, Converters, Decoder, Event, MAX_FRAME, ResetCause, SelfTest, Stats, Timing, ToHost,
 };
 
-/// A frame.
+/// Frame that was decoded from the device's byte stream.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Its number.
+    /// Frame number, counted by the device.
     pub seq: u32,
-    /// The device's clock when it was made, us since boot.
+    /// Device time when the frame was made, in us since boot.
     pub device_us: u64,
-    /// Its message.
+    /// Message and its data.
     pub kind: Kind,
 }
 
-/// A message, without a lifetime.
+/// Message of a frame, with owned data.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(missing_docs, reason = "named as in `link`")]
+#[expect(missing_docs, reason = "the variants are documented in `link`")]
 pub enum Kind {
     Hello {
         board: String,
@@ -37,16 +37,16 @@ pub enum Kind {
     Raw {
         first_sample: u64,
     },
-    /// Any other.
+    /// Any message that is not listed above.
     Other,
 }
 
-/// Turns the device's bytes into frames.
+/// Decodes the device's bytes and stores the frames.
 #[derive(Debug)]
 pub struct Inbox {
     decoder: Decoder<MAX_FRAME>,
     frames: Vec<Frame>,
-    bad: Vec<String>,
+    errors: Vec<String>,
 }
 
 impl Default for Inbox {
@@ -54,37 +54,37 @@ impl Default for Inbox {
         Self {
             decoder: Decoder::new(),
             frames: Vec::new(),
-            bad: Vec::new(),
+            errors: Vec::new(),
         }
     }
 }
 
 impl Inbox {
-    /// Takes bytes, cut anywhere.
-    pub fn push(&mut self, mut bytes: &[u8]) {
+    /// Decodes the next bytes of the stream; a frame can be split across calls.
+    pub fn decode(&mut self, mut bytes: &[u8]) {
         while let Some(outcome) = self.decoder.next::<ToHost<'_>>(&mut bytes) {
             match outcome {
                 Ok(frame) => self.frames.push(Frame {
                     seq: frame.header.seq,
                     device_us: frame.header.device_time_us,
-                    kind: Kind::of(&frame.message),
+                    kind: Kind::from_message(&frame.message),
                 }),
-                Err(error) => self.bad.push(format!("{error:?}")),
+                Err(error) => self.errors.push(format!("{error:?}")),
             }
         }
     }
 
-    /// Frames so far, in order.
+    /// Returns all frames received so far, in order.
     pub fn frames(&self) -> &[Frame] {
         &self.frames
     }
 
-    /// What could not be used, in words.
-    pub fn bad(&self) -> &[String] {
-        &self.bad
+    /// Returns the decoding error of each frame that could not be decoded.
+    pub fn decode_errors(&self) -> &[String] {
+        &self.errors
     }
 
-    /// Codes so far, in order.
+    /// Iterates over all codes received so far, in order.
     pub fn codes(&self) -> impl Iterator<Item = (&Frame, &Code)> {
         self.frames.iter().filter_map(|frame| match &frame.kind {
             Kind::Code(code) => Some((frame, &**code)),
@@ -94,7 +94,7 @@ impl Inbox {
 }
 
 impl Kind {
-    fn of(message: &ToHost<'_>) -> Self {
+    fn from_message(message: &ToHost<'_>) -> Self {
         match message {
             ToHost::Hello(hello) => Self::Hello {
                 board: hello.board.to_owned(),

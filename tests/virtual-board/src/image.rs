@@ -1,4 +1,4 @@
-//! The image that `cargo flash` writes.
+//! Firmware images: the ELF files that `cargo flash` writes.
 
 use std::path::{Path, PathBuf};
 use std::{fs, io};
@@ -6,14 +6,14 @@ use std::{fs, io};
 use object::{Object, ObjectSection, ObjectSegment, ObjectSymbol};
 use thiserror::Error;
 
-use crate::Model;
+use crate::model::Model;
 
-/// An image, checked against the board that it shall run on.
+/// A firmware image that was checked for its board.
 #[derive(Clone, Debug)]
 pub struct Image {
     path: PathBuf,
     bytes: Vec<u8>,
-    /// Functions: address, size, name, by address.
+    /// Address, size and mangled name of each function, sorted by address.
     functions: Vec<(u64, u64, String)>,
     symbols: Vec<(String, u64)>,
 }
@@ -24,56 +24,56 @@ pub enum ImageError {
     /// The file cannot be read.
     #[error("cannot read the image {path}: {error}; build it with `{build}`")]
     Missing {
-        /// The file.
+        /// Path that was given.
         path: PathBuf,
-        /// Why not.
+        /// Error of the operating system.
         error: io::Error,
-        /// The command that makes it.
+        /// Command that builds the image.
         build: String,
     },
-    /// The file is no program for this processor.
+    /// The file is not an ELF file for ARM.
     #[error("{path} is no 32-bit ELF file for ARM ({why}); build it with `{build}`")]
     NoImage {
-        /// The file.
+        /// Path that was given.
         path: PathBuf,
-        /// Why not.
+        /// Reason of the parser, or the architecture that was found.
         why: String,
-        /// The command that makes it.
+        /// Command that builds the image.
         build: String,
     },
-    /// A source of the image is newer.
+    /// A source file is newer than the image.
     #[error("{path} is older than {newer}, which it is built from; build it again with `{build}`")]
     Stale {
-        /// The file.
+        /// Path that was given.
         path: PathBuf,
-        /// The source.
+        /// Source file that is newer than the image.
         newer: PathBuf,
-        /// The command that makes it.
+        /// Command that builds the image.
         build: String,
     },
-    /// The file is linked for another chip's memories.
+    /// A segment of the image does not fit into the memories of the chip.
     #[error(
         "{path} is not for the {board}: it places {bytes} bytes at {address:#010x}, where the chip has no \
          memory; build the board's own image with `{build}`"
     )]
     OtherChip {
-        /// The file.
+        /// Path that was given.
         path: PathBuf,
-        /// The board.
+        /// Name of the board that the image was read for.
         board: &'static str,
-        /// Where something is placed.
+        /// First address of the segment.
         address: u64,
-        /// How many bytes.
+        /// Size of the segment.
         bytes: u64,
-        /// The command that makes it.
+        /// Command that builds the image.
         build: String,
     },
 }
 
-/// A branch to itself, in thumb.
+/// Thumb instruction `b .`, a branch to itself.
 pub(crate) const LOOP: u16 = 0xE7FE;
 
-/// The command that builds a board's image.
+/// Returns the command that builds the image of a board.
 fn build_command(model: Model) -> String {
     format!(
         "cargo build --package board-{} --profile firmware --target thumbv7em-none-eabihf",
@@ -82,11 +82,11 @@ fn build_command(model: Model) -> String {
 }
 
 impl Image {
-    /// Reads an image for a board.
+    /// Reads an image and checks it for a board.
     ///
     /// # Errors
-    /// The file cannot be read, is older than a source of it, is no ELF file for ARM, or places something where
-    /// the chip has no memory.
+    /// The file cannot be read, is older than one of its sources, is not an ELF file for ARM, or has a segment
+    /// outside the memories of the chip.
     pub fn read(path: &Path, model: Model) -> Result<Self, ImageError> {
         let path = path.to_path_buf();
         let build = build_command(model);
@@ -148,31 +148,31 @@ impl Image {
         })
     }
 
-    /// The file.
+    /// Returns the path that the image was read from.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The file's contents.
+    /// Returns the contents of the ELF file.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// The address of a symbol; of a function without the bit that says thumb.
+    /// Returns the address of a symbol; for a function, without the Thumb bit.
     pub fn address(&self, name: &str) -> Option<u64> {
         let found = self.symbols.iter().find(|(symbol, _)| symbol == name);
         found.map(|(_, address)| address & !1)
     }
 
-    /// The address of the first function whose name contains all of these words.
-    pub fn function(&self, words: &[&str]) -> Option<u64> {
+    /// Returns the address of the first function whose mangled name contains all of `words`.
+    pub fn find_function(&self, words: &[&str]) -> Option<u64> {
         let mut functions = self.functions.iter();
         let found = functions.find(|(_, _, name)| words.iter().all(|word| name.contains(word)));
         found.map(|(address, _, _)| *address)
     }
 
-    /// The address of the first instruction of 16 bits with this code.
-    pub(crate) fn instruction(&self, code: u16) -> Option<u64> {
+    /// Returns the address of the first halfword of `.text` with this value.
+    pub(crate) fn find_instruction(&self, code: u16) -> Option<u64> {
         let file = object::File::parse(&*self.bytes).ok()?;
         let text = file.section_by_name(".text")?;
         let bytes = text.data().ok()?;
@@ -181,20 +181,20 @@ impl Image {
         Some(text.address() + 2 * place as u64)
     }
 
-    /// A function that panics, and the register in which it takes the place of the panic: `core`'s own,
-    /// which an image keeps where an `Option` or a result is unwrapped.
-    pub(crate) fn panic(&self) -> Option<(u64, usize)> {
+    /// Returns the address of a panic function of `core`, and the number of the register that holds its
+    /// `&Location` argument. An image contains at least one of them if it unwraps an `Option`.
+    pub(crate) fn panic_function(&self) -> Option<(u64, usize)> {
         let functions: [(&[&str], usize); 3] = [
             (&["4core", "6option", "13unwrap_failed"], 0),
             (&["4core", "panicking", "panic_const"], 0),
             (&["4core", "6option", "13expect_failed"], 2),
         ];
         let mut found = functions.iter();
-        found.find_map(|(words, register)| Some((self.function(words)?, *register)))
+        found.find_map(|(words, register)| Some((self.find_function(words)?, *register)))
     }
 
-    /// The function at an address, with the distance from its beginning; the address alone where there is
-    /// none.
+    /// Formats an address with its function and the offset from the function's start; only the address if it
+    /// is in no function.
     pub fn describe(&self, address: u64) -> String {
         let after = self
             .functions
@@ -211,7 +211,8 @@ impl Image {
     }
 }
 
-/// A source that is newer than the image, by the list that cargo leaves next to it (`.d`); none without one.
+/// Returns a source that is newer than the image. The sources are those of the `.d` file that cargo writes next
+/// to the image; without that file the result is `None`.
 fn newer_source(image: &Path) -> Option<PathBuf> {
     let built = fs::metadata(image).and_then(|file| file.modified()).ok()?;
     let list = fs::read_to_string(image.with_extension("d")).ok()?;
@@ -223,7 +224,7 @@ fn newer_source(image: &Path) -> Option<PathBuf> {
     sources.split(' ').find(is_newer).map(PathBuf::from)
 }
 
-/// A mangled name as its path, without the hash.
+/// Demangles a function name and removes the hash.
 fn readable(name: &str) -> String {
     rustc_demangle::demangle(name)
         .to_string()

@@ -1,47 +1,48 @@
-//! Failures that are made to happen in an image that would not fail by itself.
+//! Failures that a test injects into a running image.
 
-use crate::Image;
-use crate::image::LOOP;
+use crate::image::{Image, LOOP};
 
-/// A failure. The image's code stays as it is: the core's registers are set.
+/// A failure to inject. The code of the image is not changed; registers and unused memory are set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Injection {
-    /// A loop without end.
+    /// An endless loop.
     Hang,
     /// A panic at `injected.rs:7:3`.
     Panic,
-    /// A jump to where nothing is.
+    /// A jump to an unmapped address.
     HardFault,
-    /// A stack pointer among the variables, and a jump to where nothing is.
+    /// A stack pointer outside the stack, and a jump to an unmapped address.
     WildStack,
-    /// A stack with 16 bytes left.
+    /// A stack pointer 16 bytes above the end of the stack.
     StackOverflow,
 }
 
-/// What the core and its memory are to be set to.
+/// Values to set in the core and its memory.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Change {
-    /// Number and value: r0 to r12, sp 13, pc 15.
+    /// Register number and value: 0 to 12 are r0 to r12, 13 is sp, 15 is pc.
     pub(crate) registers: Vec<(usize, u32)>,
-    /// Address and bytes.
+    /// First address, and the bytes to write there.
     pub(crate) memory: Vec<(u64, Vec<u8>)>,
 }
 
-/// Memory after the record of a failure, which nothing uses, from the beginning of its region on.
+/// Offset of unused memory from the start of the region that keeps the failure record across a reset.
 const SPARE: u64 = 0x300;
 
 const SP: usize = 13;
 const PC: usize = 15;
 
 impl Injection {
-    /// How an image comes to fail so; none where it has no code that could.
+    /// Returns the changes that cause this failure; `None` if the image lacks a symbol or code they need.
     pub(crate) fn change(self, image: &Image) -> Option<Change> {
         let mut change = Change::default();
         match self {
-            Self::Hang => change.registers.push((PC, word(image.instruction(LOOP)?))),
+            Self::Hang => change
+                .registers
+                .push((PC, word(image.find_instruction(LOOP)?))),
             Self::HardFault => change.registers.push((PC, 0x5FFF_FF00)),
             Self::WildStack => {
-                // The memory of the failure's record and after it: nothing there is in use.
+                // Unused memory after the failure record.
                 let spare = word(image.address("_kept")? + SPARE + 0xF0);
                 change.registers.extend([(SP, spare), (PC, 0x5FFF_FF00)]);
             }
@@ -52,21 +53,21 @@ impl Injection {
             Self::Panic => {
                 let spare = image.address("_kept")? + SPARE;
                 let file = b"injected.rs";
-                // core::panic::Location: file, line, column.
+                // Layout of core::panic::Location: file (pointer, length), line, column.
                 let location = [word(spare) + 16, 11, 7, 3];
                 let mut bytes = location.map(u32::to_le_bytes).concat();
                 bytes.extend(file);
                 change.memory.push((spare, bytes));
-                let (panic, register) = image.panic()?;
+                let (function, register) = image.panic_function()?;
                 change.registers.push((register, word(spare)));
-                change.registers.push((PC, word(panic)));
+                change.registers.push((PC, word(function)));
             }
         }
         Some(change)
     }
 }
 
-/// The lower half, which is all that an address has.
+/// Converts an address of the 32-bit address space.
 fn word(address: u64) -> u32 {
     u32::try_from(address).unwrap_or(u32::MAX)
 }

@@ -1,20 +1,43 @@
-//! The NUCLEO boards on emulated microcontrollers: runs the very images that are flashed.
+//! Emulated NUCLEO boards that run the unmodified firmware images.
+//!
+//! [`VirtualBoard`] loads the ELF file that `cargo flash` writes, and runs it in virtual time on an
+//! emulated microcontroller (the crate `rigless`). Simulated ADS1299 converters are connected to its SPI and
+//! pins, a host to its UART or USB. A test powers the board on, sends commands, runs it for a while, and
+//! reads the frames that it has sent.
 //!
 //! ```text
-//! host (test, bridge) <--> Port <--> UART or USB of the chip
-//!                                         |
-//!                                  image that is flashed, on an emulated core (rigless)
-//!                                         |
-//! simulated ADS1299 chain <--> Wires <--> SPI and pins of the chip <-- trigger
+//! test, bridge <-- frames, commands --> Port <--> UART or USB
+//!                                                     |
+//!                               firmware image on an emulated Cortex-M
+//!                                                     |
+//! ads1299::simulation <--> chain: SPI, selects, START, RESET, DRDY; trigger pin
 //! ```
 //!
-//! [`VirtualBoard`] runs an image in virtual time, in steps that its user asks for, so that a test is a
-//! plain sequence: power on, run, send a command, run, look at what came. The converters are
-//! `ads1299::simulation`, the same that host-sim drives. [`Findings`] has what the emulator noticed:
-//! addresses that nothing answers, registers that no model implements, breaches of the reference manual.
+//! ```no_run
+//! use std::path::Path;
 //!
-//! What it does not show: true cycles, caches and MPU attributes in effect, analogue settling, electrical
-//! levels. Instructions take a fixed time ([`Model::instructions_per_second`]).
+//! use virtual_board::{Cable, Image, Kind, Model, Setup, VirtualBoard};
+//!
+//! fn main() -> Result<(), Box<dyn std::error::Error>> {
+//!     let image = Image::read(Path::new("board-h743"), Model::H743)?;
+//!     let setup = Setup {
+//!         cable: Cable::Usb,
+//!         ..Setup::default()
+//!     };
+//!     let mut board = VirtualBoard::power_on(Model::H743, &image, &setup)?;
+//!     board.run_until("the first Hello", 1_000_000, |frames| !frames.is_empty())?;
+//!     let first = &board.inbox().frames()[0];
+//!     assert!(matches!(first.kind, Kind::Hello { .. }));
+//!     assert!(board.findings()?.unmapped.is_empty());
+//!     Ok(())
+//! }
+//! ```
+//!
+//! [`Findings`] lists what the emulator detected: accesses to unmapped addresses, registers without a model,
+//! violations of the reference manual.
+//!
+//! Not modelled: cycle counts, the effects of caches and of the MPU, analogue settling, electrical levels.
+//! Every instruction takes the same time ([`Model::instructions_per_second`]).
 #![deny(unsafe_code)]
 
 pub mod allowed;
@@ -28,11 +51,12 @@ mod findings;
 mod frames;
 mod image;
 mod injection;
+mod inspection;
 pub mod live;
 mod loader_stub;
-mod look;
 mod machine;
 mod model;
+mod pins;
 mod port;
 mod processor;
 mod serial;
@@ -40,7 +64,7 @@ mod setup;
 mod tcp;
 pub mod usb;
 
-pub use diagnosis::{Diagnosis, Trouble};
+pub use diagnosis::{BoardError, Diagnosis};
 pub use findings::Findings;
 pub use frames::{Frame, Inbox, Kind};
 pub use image::{Image, ImageError};

@@ -1,18 +1,18 @@
-//! A stand-in for the chip's own loader: where its vectors are, and a loop.
+//! Replacement for the boot loader in the chip's ROM: a vector table and an endless loop.
 
 use std::path::Path;
 
 use rigless::image::Image;
 
-use crate::Model;
+use crate::model::Model;
 
-/// `b .`, in thumb, twice.
+/// Thumb instruction `b .`, twice.
 const LOOP: u32 = 0xE7FE_E7FE;
 
-/// Bytes of an ELF header and one program header.
+/// Size of an ELF header and one program header, in bytes.
 const HEADERS: u32 = 84;
 
-/// Where the loader's vectors are (AN2606).
+/// Returns the address of the boot loader's vector table (AN2606).
 pub(crate) const fn vectors(model: Model) -> u32 {
     match model {
         Model::H743 => 0x1FF0_9800,
@@ -20,16 +20,17 @@ pub(crate) const fn vectors(model: Model) -> u32 {
     }
 }
 
-/// The stand-in, as the factory would have written it.
+/// Returns the replacement loader as an image for the emulator.
 pub(crate) fn image(model: Model) -> Option<Image> {
     let base = vectors(model);
-    // Stack, entry, and the loop.
+    // Initial stack pointer, entry point, and the loop.
     let contents = [0x2000_1000, base + 9, LOOP].map(u32::to_le_bytes).concat();
     let file = elf(base, &contents);
     Image::new(Path::new("loader"), file, None).ok()
 }
 
-/// An ELF file for ARM with one segment, whose third word is code (System V ABI, chapters 4 and 5).
+/// Builds an ELF file for ARM with one segment, whose code starts at the third word (System V ABI, chapters 4
+/// and 5).
 fn elf(base: u32, contents: &[u8]) -> Vec<u8> {
     let mut file = b"\x7fELF\x01\x01\x01".to_vec();
     file.resize(16, 0);

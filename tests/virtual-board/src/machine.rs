@@ -1,4 +1,4 @@
-//! A board with power, in lockstep with its user.
+//! A powered board whose virtual time advances only on request.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::{self, JoinHandle};
@@ -11,26 +11,29 @@ use rigless::time::VirtualNanos;
 
 use crate::board::Nucleo;
 use crate::chain::{CHIPS, Chain};
-use crate::diagnosis::{Diagnosis, Trouble};
+use crate::diagnosis::{BoardError, Diagnosis};
+use crate::findings::Findings;
 use crate::frames::{Frame, Inbox};
-use crate::machine::clockwork::{Clockwork, Order, Reached};
+use crate::image::Image;
+use crate::injection::Injection;
+use crate::machine::driver::{BoardDriver, Progress, Request};
+use crate::model::Model;
 use crate::port::Port;
 use crate::processor::Observer;
 use crate::serial::Serial;
-use crate::setup::Cable;
-use crate::usb::UsbHost;
-use crate::{Findings, Image, Injection, Model, Setup};
+use crate::setup::{Cable, Setup};
+use crate::usb::handle::UsbHost;
 
-mod clockwork;
+mod driver;
 
-/// Real time that the emulator may take to reach a stop before it is taken to be hung.
-const PATIENCE: Duration = Duration::from_secs(300);
+/// Real time after which an emulator that has not reached its stop counts as hung.
+const TIMEOUT: Duration = Duration::from_secs(300);
 
-/// How often a condition is looked at, us of virtual time.
-const LOOK_US: u64 = 500;
+/// Interval between two checks of a condition, in us of virtual time.
+const POLL_US: u64 = 500;
 
-/// A board that runs an image. Its time stands still except within [`run_until_us`](Self::run_until_us)
-/// and what is built on it.
+/// A board that runs an image. Virtual time advances only within [`run_until_us`](Self::run_until_us) and the
+/// methods that call it, and within [`advance_us`](Self::advance_us).
 #[derive(Debug)]
 pub struct VirtualBoard {
     model: Model,
@@ -39,21 +42,23 @@ pub struct VirtualBoard {
     port: Port,
     inbox: Inbox,
     observer: Observer,
-    orders: Sender<Order>,
-    reached: Receiver<Reached>,
+    requests: Sender<Request>,
+    /// Receives one message for each [`Request::Run`].
+    reached: Receiver<Progress>,
     thread: Option<JoinHandle<Result<(), String>>>,
     now_ns: u64,
     encoder: link::Encoder,
-    last: Reached,
+    /// Progress at the last stop.
+    progress: Progress,
     keep_open: bool,
 }
 
 impl VirtualBoard {
-    /// Switches a board on: its core stands before its first instruction.
+    /// Powers a board on; its core has not executed an instruction yet.
     ///
     /// # Errors
-    /// The emulator refuses the image or the board.
-    pub fn power_on(model: Model, image: &Image, setup: &Setup) -> Result<Self, Trouble> {
+    /// Never at present: the first run reports an image or a board that the emulator refuses.
+    pub fn power_on(model: Model, image: &Image, setup: &Setup) -> Result<Self, BoardError> {
         let chain = Chain::new(setup);
         if !setup.converters_on {
             chain.wires().simulation().power_off();
@@ -76,14 +81,14 @@ impl VirtualBoard {
                 Port::Usb(host)
             }
         };
-        let (orders, taken) = channel();
-        let (answers, reached) = channel();
-        let clockwork = Clockwork::new(
+        let (requests, received) = channel();
+        let (sender, progress) = channel();
+        let driver = BoardDriver::new(
             model.pins(),
             chain.clone(),
             observer.clone(),
-            taken,
-            answers,
+            received,
+            sender,
         );
         let file = image.clone();
         let thread = thread::spawn(move || {
@@ -91,7 +96,7 @@ impl VirtualBoard {
             let images = [image.map_err(|error| error.to_string())?];
             let session = Session::new(Box::new(board), 0, VirtualNanos(0));
             let session = session.map_err(|error| error.to_string())?;
-            let run = emulator::run(session, &Start::new(&images), clockwork);
+            let run = emulator::run(session, &Start::new(&images), driver);
             run.map(drop).map_err(|error| error.to_string())
         });
         Ok(Self {
@@ -101,112 +106,117 @@ impl VirtualBoard {
             port,
             inbox: Inbox::default(),
             observer,
-            orders,
-            reached,
+            requests,
+            reached: progress,
             thread: Some(thread),
             now_ns: 0,
             encoder: link::Encoder::starting_at(0),
-            last: Reached::default(),
+            progress: Progress::default(),
             keep_open: true,
         })
     }
 
-    /// The board.
+    /// Returns the board type given at power on.
     pub const fn model(&self) -> Model {
         self.model
     }
 
-    /// The image that runs.
+    /// Returns the image given at power on.
     pub const fn image(&self) -> &Image {
         &self.image
     }
 
-    /// The converters.
+    /// Returns a handle of the simulated converters.
     pub fn converters(&self) -> Simulation<CHIPS> {
         self.chain.wires().simulation().clone()
     }
 
-    /// The host's end of its port.
+    /// Returns the host's end of the port, to send, receive, open or close.
     pub const fn port(&self) -> &Port {
         &self.port
     }
 
-    /// Frames that the device has sent.
+    /// Returns the frames that were decoded during the runs so far.
     pub const fn inbox(&self) -> &Inbox {
         &self.inbox
     }
 
-    /// Virtual time since power on, us.
+    /// Returns the virtual time since power on, in us.
     pub const fn now_us(&self) -> u64 {
         self.now_ns / 1000
     }
 
-    /// Instructions that the core has retired.
+    /// Returns the number of instructions that the core has retired.
     pub const fn instructions(&self) -> u64 {
-        self.last.instructions
+        self.progress.instructions
     }
 
-    /// SCLK as it is set now, Hz; 0 before the firmware has set it.
+    /// Returns the configured frequency of SCLK in Hz; 0 before the firmware has configured it.
     pub fn sclk_hz(&self) -> u32 {
         self.chain.wires().sclk_hz()
     }
 
-    /// Bytes that SPI has clocked.
-    pub fn spi_bytes(&self) -> u64 {
-        self.chain.wires().bytes()
+    /// Returns the number of words that SPI has clocked.
+    pub fn spi_words(&self) -> u64 {
+        self.chain.wires().words()
     }
 
-    /// Words on SPI that were no bytes.
-    pub fn odd_words(&self) -> u64 {
-        self.chain.wires().odd_words()
+    /// Returns the number of SPI words that were not 8 bits wide.
+    pub fn non_byte_words(&self) -> u64 {
+        self.chain.wires().non_byte_words()
     }
 
-    /// Holds DRDY at a level, or lets the converters drive it.
-    pub fn hold_ready(&self, level: Option<bool>) {
-        self.chain.wires().hold_ready(level);
+    /// Holds DRDY at a level (`true` is high); `None` lets the converters drive it.
+    pub fn hold_drdy(&self, level: Option<bool>) {
+        self.chain.wires().hold_drdy(level);
     }
 
-    /// Damages bytes on their way to the UART: `per_million` of them with a framing error, as many with noise.
+    /// Corrupts bytes that the UART receives: of each million, `per_million` have a framing error and another
+    /// `per_million` have noise.
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn damage_uart(&mut self, per_million: u32) -> Result<(), Trouble> {
+    pub fn damage_uart(&mut self, per_million: u32) -> Result<(), BoardError> {
         self.inspect(move |session, _| session.board_mut().chip.damage_uart(per_million))
     }
 
-    /// Lets the trigger's line change at these times, us of virtual time, in order.
+    /// Schedules edges of the trigger line: time in us since power on, in ascending order, and new level.
     pub fn plan_trigger(&self, edges: &[(u64, bool)]) {
         let edges = edges.iter().map(|&(us, is_high)| (us * 1000, is_high));
-        // A board that has ended says so when it is asked to run.
-        let _ = self.orders.send(Order::Trigger(edges.collect()));
+        // If the emulator has ended, the next run reports it.
+        let _ = self.requests.send(Request::Trigger(edges.collect()));
     }
 
-    /// Whether the host opens the port whenever the device is there; at first it does.
+    /// Sets whether the host opens the port whenever the device is configured; true after power on.
     pub const fn keep_open(&mut self, keep_open: bool) {
         self.keep_open = keep_open;
     }
 
-    /// Sends a command.
+    /// Sends a command to the device.
     ///
     /// # Panics
-    /// When the command does not fit a frame: none is so long.
+    /// Never: every command fits into a frame.
     pub fn send(&mut self, command: &link::ToDevice) {
         let mut buffer = [0; link::MAX_FRAME];
         let bytes = self.encoder.encode(0, command, &mut buffer);
         self.port.send(bytes.expect("commands are short"));
     }
 
-    /// Lets a failure happen when the core next arrives at a symbol.
+    /// Injects a failure when the core next reaches the address of `symbol`.
     ///
     /// # Errors
-    /// The image has no such symbol or no code that could fail so, or the emulator has ended.
-    pub fn inject_at(&mut self, symbol: &str, injection: Injection) -> Result<(), Trouble> {
+    /// The image has no such symbol or lacks the code for this failure, or the emulator has ended.
+    pub fn inject_at(&mut self, symbol: &str, injection: Injection) -> Result<(), BoardError> {
         let change = injection.change(&self.image);
         let (Some(address), Some(change)) = (self.image.address(symbol), change) else {
-            let what = format!("the image has no {symbol}, or nothing that could {injection:?}");
-            return Err(self.trouble(what));
+            let what = format!("the image has no symbol {symbol}, or no code for {injection:?}");
+            return Err(self.error(what));
         };
-        if self.orders.send(Order::Inject(address, change)).is_err() {
+        if self
+            .requests
+            .send(Request::Inject(address, change))
+            .is_err()
+        {
             return Err(self.ended());
         }
         Ok(())
@@ -216,46 +226,46 @@ impl VirtualBoard {
         &self.observer
     }
 
-    /// Runs up to a time, us since power on, and takes in what the device sends.
+    /// Runs until `us` of virtual time since power on, and decodes the frames that the device sends.
     ///
     /// # Errors
     /// The emulator has failed or hangs.
-    pub fn run_until_us(&mut self, us: u64) -> Result<(), Trouble> {
+    pub fn run_until_us(&mut self, us: u64) -> Result<(), BoardError> {
         self.advance(us * 1000)?;
         if self.keep_open {
             self.port.keep_open();
         }
-        let bytes = self.port.take();
-        self.inbox.push(&bytes);
+        let bytes = self.port.take_received();
+        self.inbox.decode(&bytes);
         Ok(())
     }
 
-    /// Runs for some time.
+    /// Runs for `us` of virtual time, and decodes the frames that the device sends.
     ///
     /// # Errors
     /// As [`run_until_us`](Self::run_until_us).
-    pub fn run_for_us(&mut self, us: u64) -> Result<(), Trouble> {
+    pub fn run_for_us(&mut self, us: u64) -> Result<(), BoardError> {
         self.run_until_us(self.now_us() + us)
     }
 
-    /// Runs without taking what the device sends: whoever has the port does.
+    /// Runs for `us` of virtual time without reading the port, for a caller that reads it itself.
     ///
     /// # Errors
     /// As [`run_until_us`](Self::run_until_us).
-    pub fn pass_us(&mut self, us: u64) -> Result<(), Trouble> {
+    pub fn advance_us(&mut self, us: u64) -> Result<(), BoardError> {
         self.advance(self.now_ns + us * 1000)
     }
 
-    /// Runs until a condition holds for the frames received.
+    /// Runs until `holds` returns true for the received frames; `what` names the condition in the error.
     ///
     /// # Errors
-    /// It does not hold within `limit_us` of virtual time; the diagnosis says where the core stands.
+    /// The condition does not hold within `limit_us` of virtual time, or the emulator fails.
     pub fn run_until(
         &mut self,
         what: &str,
         limit_us: u64,
         mut holds: impl FnMut(&[Frame]) -> bool,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), BoardError> {
         let end = self.now_us() + limit_us;
         loop {
             if holds(self.inbox.frames()) {
@@ -263,133 +273,126 @@ impl VirtualBoard {
             }
             if self.now_us() >= end {
                 let what = format!("{what}: not within {limit_us} us of virtual time");
-                return Err(self.trouble(what));
+                return Err(self.error(what));
             }
-            self.run_until_us((self.now_us() + LOOK_US).min(end))?;
+            self.run_until_us((self.now_us() + POLL_US).min(end))?;
         }
     }
 
-    /// Does something with the emulator's session while time stands still.
+    /// Runs a closure on the emulator's session while virtual time is stopped.
     ///
     /// # Errors
     /// The emulator has ended.
     pub(crate) fn inspect<T: Send + 'static>(
         &mut self,
-        look: impl FnOnce(&mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,
-    ) -> Result<T, Trouble> {
-        let (answer, answered) = channel();
-        let order = Order::Look(Box::new(move |session, host| {
-            // Nobody waits any more: nothing to tell.
-            let _ = answer.send(look(session, host));
+        inspection: impl FnOnce(&mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,
+    ) -> Result<T, BoardError> {
+        let (sender, receiver) = channel();
+        let request = Request::Inspect(Box::new(move |session, host| {
+            // Fails only if the caller no longer waits.
+            let _ = sender.send(inspection(session, host));
         }));
-        if self.orders.send(order).is_err() {
+        if self.requests.send(request).is_err() {
             return Err(self.ended());
         }
-        answered.recv().map_err(|_| self.ended())
+        receiver.recv().map_err(|_| self.ended())
     }
 
-    /// What the emulator noticed so far.
+    /// Returns everything that the emulator has detected since power on.
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn findings(&mut self) -> Result<Findings, Trouble> {
-        let failed = self.observer.failed().into_iter();
+    pub fn findings(&mut self) -> Result<Findings, BoardError> {
+        let failed = self.observer.failed_accesses().into_iter();
         let failed = failed.map(|(address, pc)| match pc {
             Some(pc) => format!("{address:#010x} from {}", self.image.describe(pc)),
-            None => format!("{address:#010x} by the core itself"),
+            None => format!("{address:#010x} from the core itself"),
         });
         let failed: Vec<String> = failed.collect();
-        let mut findings = self.inspect(|session, _| Findings::of(session))?;
+        let mut findings = self.inspect(|session, _| Findings::from_session(session))?;
         findings.unmapped.extend(failed);
         Ok(findings)
     }
 
-    /// What went wrong, with the diagnosis of now.
-    pub fn trouble(&mut self, what: String) -> Trouble {
+    /// Returns an error with a diagnosis of the current state.
+    pub fn error(&mut self, what: String) -> BoardError {
         let diagnosis = self.diagnosis();
-        Trouble::new(what, diagnosis)
+        BoardError::new(what, diagnosis)
     }
 
-    /// Where the core stands, what was not mapped, what has reset it.
+    /// Returns a snapshot for error messages: time, program counters, findings, resets.
     pub fn diagnosis(&mut self) -> Diagnosis {
         let findings = self.findings().unwrap_or_default();
-        let trail = self.observer.trail();
-        let places = trail.iter().map(|&pc| self.image.describe(pc)).collect();
         Diagnosis {
-            now_us: self.now_us(),
-            instructions: self.last.instructions,
-            places,
             findings,
             frames: self.inbox.frames().len(),
-            bad: self.inbox.bad().to_vec(),
+            decode_errors: self.inbox.decode_errors().to_vec(),
+            ..self.position()
         }
     }
 
-    fn advance(&mut self, ns: u64) -> Result<(), Trouble> {
+    /// Returns the part of the diagnosis that needs no answer from the emulator.
+    fn position(&self) -> Diagnosis {
+        let program_counters = self.observer.recent_program_counters();
+        let program_counters = program_counters.iter();
+        Diagnosis {
+            now_us: self.now_us(),
+            instructions: self.progress.instructions,
+            program_counters: program_counters
+                .map(|&address| self.image.describe(address))
+                .collect(),
+            ..Diagnosis::default()
+        }
+    }
+
+    fn advance(&mut self, ns: u64) -> Result<(), BoardError> {
         if ns <= self.now_ns {
             return Ok(());
         }
-        if self.orders.send(Order::Run(ns)).is_err() {
+        if self.requests.send(Request::Run(ns)).is_err() {
             return Err(self.ended());
         }
-        match self.reached.recv_timeout(PATIENCE) {
-            Ok(reached) => {
-                self.last = reached;
+        match self.reached.recv_timeout(TIMEOUT) {
+            Ok(progress) => {
+                self.progress = progress;
                 self.now_ns = ns;
-                if reached.restarts {
-                    let what = "it restarts again and again".to_owned();
-                    return Err(self.trouble(what));
+                if progress.is_reset_loop {
+                    let what = "the board restarts again and again".to_owned();
+                    return Err(self.error(what));
                 }
                 Ok(())
             }
             Err(RecvTimeoutError::Disconnected) => Err(self.ended()),
             Err(RecvTimeoutError::Timeout) => {
-                // It would not end: the process leaves it behind.
+                // Joining the hung thread would block; it ends with the process.
                 self.thread = None;
-                let places = self.observer.trail();
-                let places = places.iter().map(|&pc| self.image.describe(pc)).collect();
-                Err(Trouble::new(
+                Err(BoardError::new(
                     format!(
                         "the emulator has made no progress for {} s of real time",
-                        PATIENCE.as_secs()
+                        TIMEOUT.as_secs()
                     ),
-                    Diagnosis {
-                        now_us: self.now_us(),
-                        instructions: self.last.instructions,
-                        places,
-                        ..Diagnosis::default()
-                    },
+                    self.position(),
                 ))
             }
         }
     }
 
-    /// Why the emulator has ended.
-    fn ended(&mut self) -> Trouble {
+    /// Returns an error that states why the emulator has ended.
+    fn ended(&mut self) -> BoardError {
         let result = self.thread.take().map(JoinHandle::join);
         let why = match result {
             Some(Ok(Err(error))) => error,
             Some(Err(_)) => "its thread has panicked".to_owned(),
-            Some(Ok(Ok(()))) | None => "it has ended before".to_owned(),
+            Some(Ok(Ok(()))) | None => "it had already ended".to_owned(),
         };
-        let places = self.observer.trail();
-        let places = places.iter().map(|&pc| self.image.describe(pc)).collect();
-        Trouble::new(
-            format!("the emulator has ended: {why}"),
-            Diagnosis {
-                now_us: self.now_us(),
-                instructions: self.last.instructions,
-                places,
-                ..Diagnosis::default()
-            },
-        )
+        BoardError::new(format!("the emulator has ended: {why}"), self.position())
     }
 }
 
 impl Drop for VirtualBoard {
     fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.orders.send(Order::End);
+        // Fails if the emulator has already ended.
+        let _ = self.requests.send(Request::PowerOff);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }

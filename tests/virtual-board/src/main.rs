@@ -1,4 +1,4 @@
-//! A virtual NUCLEO at a TCP port: `cargo xtask board h743 --live` runs it.
+//! Serves the port of a virtual NUCLEO as a TCP port; `cargo xtask board h743 --live` starts this program.
 #![deny(unsafe_code)]
 
 use std::io;
@@ -9,28 +9,28 @@ use std::sync::atomic::AtomicBool;
 use clap::{Parser, ValueEnum};
 use virtual_board::{Cable, Image, Model, Setup, TcpPort, VirtualBoard, live};
 
-/// Runs the image that is flashed on an emulated board, behind a TCP port for a bridge.
+/// Runs a firmware image on an emulated board, whose port is a TCP port for a bridge.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Options {
-    /// The board.
+    /// The board that the image is for.
     board: Board,
     /// The image: the ELF file that `cargo flash` writes.
     #[arg(long)]
     image: PathBuf,
-    /// TCP port of 127.0.0.1 for the bridge (`--port tcp:127.0.0.1:5556`); 0 takes any free one.
+    /// TCP port on 127.0.0.1 for the bridge (`--port tcp:127.0.0.1:5556`); 0 lets the system choose.
     #[arg(long, default_value_t = 5556)]
     port: u16,
-    /// The cable to the host; USB for the NUCLEO-H743ZI2 and the UART for the NUCLEO-F446RE if it is left
-    /// out, as their default images have it.
+    /// The cable to the host. The default is that of the board's default image: USB for the NUCLEO-H743ZI2,
+    /// the UART for the NUCLEO-F446RE.
     #[arg(long)]
     cable: Option<CableOption>,
-    /// Seconds of virtual time; without end if it is left out.
+    /// Seconds of virtual time to run; the default is to run until the program is stopped.
     #[arg(long)]
     seconds: Option<u64>,
 }
 
-/// A board by its word.
+/// Values of the argument `board`.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Board {
     /// NUCLEO-H743ZI2.
@@ -39,16 +39,16 @@ enum Board {
     F446,
 }
 
-/// A cable by its word.
+/// Values of the option `--cable`.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum CableOption {
-    /// The ST-LINK's.
+    /// The ST-LINK's cable, which carries the UART.
     Uart,
-    /// The microcontroller's own.
+    /// A cable at the microcontroller's own USB.
     Usb,
 }
 
-/// Something is missing on this machine, or wrong with the arguments.
+/// Exit status for a wrong argument, a missing image or an occupied port.
 const USAGE: u8 = 2;
 
 fn main() -> ExitCode {
@@ -66,8 +66,8 @@ fn main() -> ExitCode {
         Err(error) => {
             let port = options.port;
             let why = format!(
-                "cannot listen at 127.0.0.1:{port}: {error}; another virtual board may have it: stop that \
-                 one, or choose another port with `--port`"
+                "cannot listen at 127.0.0.1:{port}: {error}; another virtual board may use it: stop \
+                 that board, or choose another port with `--port`"
             );
             return fail(USAGE, &why);
         }
@@ -99,7 +99,7 @@ fn main() -> ExitCode {
     });
     match run {
         Ok(()) => ExitCode::SUCCESS,
-        Err(trouble) => fail(1, &trouble.to_string()),
+        Err(error) => fail(1, &error.to_string()),
     }
 }
 

@@ -1,84 +1,25 @@
-//! The boards, and which of their pins go where.
+//! The two boards: names, memories, clocks and pins.
 
 use std::fmt;
 use std::num::NonZeroU64;
 
-use crate::chip::{Chip, F446, H743, Pin};
+use crate::pins::{F446_PINS, H743_PINS, Pins};
 use crate::setup::Cable;
-use crate::usb::UsbHost;
 
-/// A board.
+/// Type of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Model {
-    /// NUCLEO-H743ZI2, the default board.
+    /// NUCLEO-H743ZI2 with an STM32H743ZI, the default board.
     H743,
-    /// NUCLEO-F446RE.
+    /// NUCLEO-F446RE with an STM32F446RE.
     F446,
 }
 
-/// The pins of a board that the converters and the trigger are wired to. A copy of `docs/hardware.md`,
-/// not of the firmware's own table: a test compares the two.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Pins {
-    /// Chip selects, chip 0 first.
-    pub(crate) selects: [Pin; 8],
-    pub(crate) start: Pin,
-    pub(crate) reset: Pin,
-    pub(crate) drdy: Pin,
-    pub(crate) trigger: Pin,
-    /// Address of the port that the selects, START and RESET are on.
-    pub(crate) select_port: u64,
-    /// Address of the SPI.
-    pub(crate) spi: u64,
-}
-
-const E: u8 = 4;
-const C: u8 = 2;
-const B: u8 = 1;
-
-const H743_PINS: Pins = Pins {
-    selects: [
-        Pin(E, 2),
-        Pin(E, 4),
-        Pin(E, 5),
-        Pin(E, 6),
-        Pin(E, 9),
-        Pin(E, 11),
-        Pin(E, 13),
-        Pin(E, 14),
-    ],
-    start: Pin(E, 10),
-    reset: Pin(E, 12),
-    drdy: Pin(E, 7),
-    trigger: Pin(B, 10),
-    select_port: 0x5802_1000,
-    spi: 0x4001_3000,
-};
-
-const F446_PINS: Pins = Pins {
-    selects: [
-        Pin(C, 0),
-        Pin(C, 1),
-        Pin(C, 2),
-        Pin(C, 3),
-        Pin(C, 8),
-        Pin(C, 9),
-        Pin(C, 10),
-        Pin(C, 11),
-    ],
-    start: Pin(C, 6),
-    reset: Pin(C, 12),
-    drdy: Pin(C, 7),
-    trigger: Pin(B, 10),
-    select_port: 0x4002_0800,
-    spi: 0x4000_3800,
-};
-
 impl Model {
-    /// Both boards.
+    /// All board types, the default first.
     pub const ALL: [Self; 2] = [Self::H743, Self::F446];
 
-    /// The word that names it in commands.
+    /// Returns the name of the board on the command line.
     pub const fn key(self) -> &'static str {
         match self {
             Self::H743 => "h743",
@@ -86,7 +27,7 @@ impl Model {
         }
     }
 
-    /// The cable that its default image talks over.
+    /// Returns the cable that the default image of the board uses.
     pub const fn default_cable(self) -> Cable {
         match self {
             Self::H743 => Cable::Usb,
@@ -94,7 +35,7 @@ impl Model {
         }
     }
 
-    /// The board's name, as in `Hello`.
+    /// Returns the name of the board as `Hello` states it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::H743 => "NUCLEO-H743ZI2",
@@ -102,8 +43,8 @@ impl Model {
         }
     }
 
-    /// Bytes of flash and RAM that the chip has, with the addresses where they begin (DS12110 and DS10693,
-    /// memory mapping). The emulated chip of the STM32F446 is an STM32F427, which has more of both.
+    /// Returns name, first address and size in bytes of each memory of the chip (DS12110 and DS10693, memory
+    /// mapping). The STM32F446 is emulated as an STM32F427, which has more flash and RAM.
     pub(crate) const fn memories(self) -> &'static [(&'static str, u64, u64)] {
         match self {
             Self::H743 => &[
@@ -120,7 +61,8 @@ impl Model {
         }
     }
 
-    /// Whether DMA1 reaches an address (RM0433, 2.1; RM0390, 2.1): on the STM32H743 not the TCMs.
+    /// Returns whether DMA1 can access an address (RM0433, 2.1; RM0390, 2.1). On the STM32H743 it cannot access
+    /// the TCMs.
     pub fn dma_reaches(self, address: u64) -> bool {
         let [axi, sram1_to_3, f446] = [
             0x2400_0000..0x2408_0000,
@@ -133,7 +75,7 @@ impl Model {
         }
     }
 
-    /// Where DMA1 is.
+    /// Returns the address of DMA1's registers.
     pub(crate) const fn dma(self) -> u64 {
         match self {
             Self::H743 => 0x4002_0000,
@@ -141,7 +83,7 @@ impl Model {
         }
     }
 
-    /// Core clock that the firmware sets, Hz.
+    /// Returns the core clock that the firmware configures, in Hz.
     pub const fn core_hz(self) -> u64 {
         match self {
             Self::H743 => 480_000_000,
@@ -149,7 +91,7 @@ impl Model {
         }
     }
 
-    /// Core clock after a reset, from the internal oscillator, Hz (RM0433, 8.5.2; RM0390, 6.2.2).
+    /// Returns the core clock after a reset, from the internal oscillator (RM0433, 8.5.2; RM0390, 6.2.2), in Hz.
     pub const fn reset_hz(self) -> u64 {
         match self {
             Self::H743 => 64_000_000,
@@ -157,9 +99,9 @@ impl Model {
         }
     }
 
-    /// Instructions that the emulated core retires in a second of virtual time. Assumed: about half an
-    /// instruction in a cycle, from flash with the caches on. It decides how late the firmware is, not
-    /// what it computes.
+    /// Returns how many instructions the emulated core retires per second of virtual time. The rate is assumed:
+    /// about half an instruction per cycle, from flash with caches enabled. It affects how late the firmware is,
+    /// not what it computes.
     ///
     /// # Panics
     /// Never: the rates are not 0.
@@ -168,21 +110,13 @@ impl Model {
             Self::H743 => 250_000_000,
             Self::F446 => 103_000_000,
         };
-        NonZeroU64::new(rate).expect("a core that runs")
+        NonZeroU64::new(rate).expect("a rate above 0")
     }
 
     pub(crate) const fn pins(self) -> &'static Pins {
         match self {
             Self::H743 => &H743_PINS,
             Self::F446 => &F446_PINS,
-        }
-    }
-
-    /// The chip, with `host` at its USB cable.
-    pub(crate) fn chip(self, host: &UsbHost) -> Box<dyn Chip> {
-        match self {
-            Self::H743 => Box::new(H743::new(host)),
-            Self::F446 => Box::new(F446::new(host)),
         }
     }
 }
@@ -196,12 +130,16 @@ impl fmt::Display for Model {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pins::Pin;
 
-    /// The cells of the rows below a board's heading: signal and pin.
+    /// Returns signal and pin of each row of a board's table in docs/hardware.md.
     fn documented(model: Model) -> Vec<(String, String)> {
         let text = include_str!("../../../docs/hardware.md");
         let heading = format!("### {model}");
-        let section = text.split(&heading).nth(1).expect("the board's section");
+        let section = text
+            .split(&heading)
+            .nth(1)
+            .expect("a section for the board");
         let rows = section.split("\n#").next().unwrap_or(section).lines();
         let rows = rows.filter(|line| line.starts_with('|')).skip(2);
         let cells = rows.map(|row| row.trim_matches('|').split('|').map(str::trim));
@@ -214,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wires_go_where_the_documentation_says() {
+    fn the_pins_are_those_of_the_documentation() {
         for model in Model::ALL {
             let pins = model.pins();
             let mut wires: Vec<(String, Pin)> = (0..)

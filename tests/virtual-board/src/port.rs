@@ -1,19 +1,20 @@
-//! The host's end of a board's port.
+//! The host's end of a board's port: serial line or USB.
 
 use crate::serial::Serial;
-use crate::usb::{State, UsbHost};
+use crate::usb::handle::UsbHost;
+use crate::usb::host::status::State;
 
-/// The host's end of a board's port; clones are the same.
+/// The host's end of a board's port; clones share one connection.
 #[derive(Clone, Debug)]
 pub enum Port {
     /// The ST-LINK's serial port.
     Uart(Serial),
-    /// A host at the USB cable.
+    /// A host at the board's USB connector.
     Usb(UsbHost),
 }
 
 impl Port {
-    /// Puts bytes on their way to the device; over USB once the port is open.
+    /// Sends bytes to the device; over USB, they wait until the port is open.
     pub fn send(&self, bytes: &[u8]) {
         match self {
             Self::Uart(serial) => serial.line().send(bytes),
@@ -21,22 +22,22 @@ impl Port {
         }
     }
 
-    /// Takes what the device has sent.
-    pub fn take(&self) -> Vec<u8> {
+    /// Returns the bytes that the device has sent since the last call.
+    pub fn take_received(&self) -> Vec<u8> {
         match self {
-            Self::Uart(serial) => serial.line().take(),
+            Self::Uart(serial) => serial.line().take_received(),
             Self::Usb(host) => host.take_received(),
         }
     }
 
-    /// A host opens the port. A UART has no way to tell the device.
+    /// Opens the port. This has no effect on a UART.
     pub fn open(&self) {
         if let Self::Usb(host) = self {
             host.open();
         }
     }
 
-    /// Opens the port again after the device has been away, as a program does that waits for it.
+    /// Opens a closed USB port if the device is configured, as a program does that waits for the device.
     pub(crate) fn keep_open(&self) {
         if let Self::Usb(host) = self
             && host.state() == State::Configured
@@ -45,7 +46,7 @@ impl Port {
         }
     }
 
-    /// Whether what the host sends reaches the device.
+    /// Returns whether bytes that are sent now reach the device.
     pub fn is_open(&self) -> bool {
         match self {
             Self::Uart(_) => true,
@@ -53,14 +54,14 @@ impl Port {
         }
     }
 
-    /// The host closes it.
+    /// Closes the port. This has no effect on a UART.
     pub fn close(&self) {
         if let Self::Usb(host) = self {
             host.close();
         }
     }
 
-    /// Baud rate that the device sends with, once it has sent two bytes; none over USB.
+    /// Returns the baud rate of the device, measured between two bytes that it has sent; `None` over USB.
     pub fn baud(&self) -> Option<u64> {
         match self {
             Self::Uart(serial) => serial.line().baud(),
@@ -68,7 +69,7 @@ impl Port {
         }
     }
 
-    /// The host at the USB cable, if there is one.
+    /// Returns the USB host; `None` for a UART.
     pub const fn usb(&self) -> Option<&UsbHost> {
         match self {
             Self::Uart(_) => None,

@@ -1,5 +1,5 @@
-//! The emulated core, with a look at its registers and at its own address space.
-#![expect(unsafe_code, reason = "hands memory on from the emulator to its core")]
+//! Wrapper of the emulated core that records program counters and accesses registers and private memory.
+#![expect(unsafe_code, reason = "passes memory from the emulator to its core")]
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -13,23 +13,24 @@ use rigless::time::VirtualNanos;
 
 use crate::core_bus::{Bus, Differences};
 
-/// Program counters that are kept.
-const TRAIL: usize = 16;
+/// Number of program counters, and of failed accesses, that are kept.
+const KEPT: usize = 16;
 
-/// What is seen of the core, and what it shall do at its next stretch; clones are the same.
+/// Access to the running core: records its state and queues changes for its next run; clones share one state.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Observer(Arc<Mutex<Observed>>);
 
 #[derive(Debug, Default)]
 struct Observed {
-    /// Where the core stood after each of the last stretches.
-    trail: VecDeque<u64>,
-    /// Registers to set before the next instruction: GDB's number and value.
+    /// Program counter after each of the last runs, the newest last.
+    program_counters: VecDeque<u64>,
+    /// Registers to set before the next run: GDB's register number and value.
     set: Vec<(usize, u32)>,
-    /// Addresses in the core's own space to read before the next instruction, and what was read.
+    /// Addresses to read before the next run.
     wanted: Vec<u64>,
+    /// Addresses that were read, with the words found there.
     read: Vec<(u64, u32)>,
-    /// Accesses to memory that is not there: address, and the instruction.
+    /// Accesses to unmapped memory: address, and program counter if known.
     failed: Vec<(u64, Option<u64>)>,
 }
 
@@ -38,36 +39,37 @@ impl Observer {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Where the core stood, the newest last.
-    pub(crate) fn trail(&self) -> Vec<u64> {
-        self.state().trail.iter().copied().collect()
+    /// Returns the program counters after the last runs, the newest last.
+    pub(crate) fn recent_program_counters(&self) -> Vec<u64> {
+        self.state().program_counters.iter().copied().collect()
     }
 
-    /// Accesses to memory that is not there: address, and the instruction.
-    pub(crate) fn failed(&self) -> Vec<(u64, Option<u64>)> {
+    /// Returns the first accesses to unmapped memory: address, and program counter if known.
+    pub(crate) fn failed_accesses(&self) -> Vec<(u64, Option<u64>)> {
         self.state().failed.clone()
     }
 
-    /// Sets registers before the next instruction: r0 to r12, sp 13, lr 14, pc 15.
+    /// Sets registers before the next run: 0 to 12 are r0 to r12, 13 is sp, 14 is lr, 15 is pc.
     pub(crate) fn set_registers(&self, registers: &[(usize, u32)]) {
         self.state().set.extend(registers);
     }
 
-    /// Reads words of the core's own space, such as the NVIC's, before the next instruction.
-    pub(crate) fn want(&self, addresses: &[u64]) {
+    /// Requests words of the core's private address space, for example of the NVIC. They are read before the
+    /// next run.
+    pub(crate) fn request_words(&self, addresses: &[u64]) {
         let mut state = self.state();
         state.wanted = addresses.to_vec();
         state.read.clear();
     }
 
-    /// What [`Self::want`] has asked for, once an instruction has run.
-    pub(crate) fn read(&self) -> Vec<(u64, u32)> {
+    /// Returns address and value of the words of the last [`Self::request_words`]; empty before the next run.
+    pub(crate) fn words_read(&self) -> Vec<(u64, u32)> {
         self.state().read.clone()
     }
 }
 
-/// A core that is observed, and whose accesses differ from those of the emulator's part.
-pub(crate) fn observed(
+/// Wraps a core so that `observer` has access to it and `differences` apply to its accesses.
+pub(crate) fn wrap_core(
     mut core: CoreSpec,
     observer: &Observer,
     differences: Differences,
@@ -84,7 +86,7 @@ pub(crate) fn observed(
     core
 }
 
-/// The emulator's core; everything but [`Processor::run`] is passed on.
+/// The emulator's core; every method but [`Processor::run`] only forwards.
 #[derive(Debug)]
 struct Core {
     inner: Box<dyn Processor>,
@@ -117,14 +119,14 @@ impl Processor for Core {
         };
         let ran = self.inner.run(budget, &mut bus);
         let mut state = self.observer.state();
-        // The first ones tell most.
-        if state.failed.len() < TRAIL {
+        // The first failed accesses are the most useful ones.
+        if state.failed.len() < KEPT {
             state.failed.extend(failed);
         }
-        if state.trail.len() == TRAIL {
-            state.trail.pop_front();
+        if state.program_counters.len() == KEPT {
+            state.program_counters.pop_front();
         }
-        state.trail.push_back(self.inner.pc());
+        state.program_counters.push_back(self.inner.pc());
         ran
     }
 
@@ -145,7 +147,7 @@ impl Processor for Core {
     }
 
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
-        // SAFETY: the caller's promises are those that the emulator's core asks for.
+        // SAFETY: the inner core has the same requirements, which the caller has to meet.
         unsafe { self.inner.map(start, length, host, writable) }
     }
 

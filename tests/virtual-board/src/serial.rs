@@ -1,4 +1,4 @@
-//! The far end of the UART: the ST-LINK's serial port.
+//! The host's end of the UART: the ST-LINK's serial port.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -7,17 +7,18 @@ use rigless::chip::{Timeline, uart};
 use rigless::snapshot::Store;
 use rigless::time::VirtualNanos;
 
-/// Both directions of the line; clones are the same.
+/// The serial line; clones share one state.
 #[derive(Clone, Debug, Default)]
 pub struct Serial(Arc<Mutex<Line>>);
 
-/// What is on the line.
+/// Bytes in transit in both directions.
 #[derive(Debug, Default)]
 pub(crate) struct Line {
     to_host: Vec<u8>,
     to_device: VecDeque<u8>,
-    /// Shortest time from one byte of the device to the next, ns.
+    /// Shortest time between two bytes of the device, in ns.
     shortest_ns: Option<u64>,
+    /// Arrival of the last byte of the device, in ns.
     last_ns: u64,
 }
 
@@ -32,11 +33,11 @@ impl Line {
         self.to_device.extend(bytes);
     }
 
-    pub(crate) fn take(&mut self) -> Vec<u8> {
+    pub(crate) fn take_received(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.to_host)
     }
 
-    /// Baud rate of the device: ten bits in the shortest time between two bytes.
+    /// Returns the baud rate of the device: ten bits per shortest time between two bytes.
     pub(crate) fn baud(&self) -> Option<u64> {
         self.shortest_ns.map(|ns| 10_000_000_000 / ns.max(1))
     }

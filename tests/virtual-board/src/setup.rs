@@ -1,29 +1,29 @@
-//! What a virtual board is like when its power comes on.
+//! Configuration of a virtual board at power on.
 
 use ads1299::Alignment;
 
-/// The cable between a board and its host: an image talks over one of them.
+/// Cable between a board and its host; an image uses one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cable {
-    /// The ST-LINK's, which carries the UART.
+    /// The ST-LINK's cable, which carries the UART.
     Uart,
     /// A cable at the microcontroller's own USB.
     Usb,
 }
 
-/// What a virtual board is like when its power comes on.
+/// Configuration of a virtual board at power on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setup {
-    /// The ST-LINK's clock, Hz; 0 where it is missing.
+    /// Clock from the ST-LINK, in Hz; 0 for none.
     pub clock_hz: u64,
-    /// The internal low-speed oscillator, Hz; none leaves it at its typical rate. 17 to 47 kHz on an
-    /// STM32F446, 29.4 to 33.6 on an STM32H743 (DS10693 and DS12110, LSI characteristics).
+    /// Frequency of the internal low-speed oscillator, in Hz; `None` for the typical one. The range is 17 to
+    /// 47 kHz on an STM32F446 and 29.4 to 33.6 kHz on an STM32H743 (DS10693 and DS12110, LSI characteristics).
     pub lsi_hz: Option<u64>,
-    /// Whether the chain puts a don't-care bit between two chips.
+    /// Whether the chain inserts a don't-care bit between the data of two chips.
     pub alignment: Alignment,
-    /// The cable between the board and the host.
+    /// Cable to the host; must be the one that the image uses.
     pub cable: Cable,
-    /// Whether the converters have power from the beginning; `Simulation::power_on` switches it on later.
+    /// Whether the converters have power from the start; `Simulation::power_on` powers them later.
     pub converters_on: bool,
 }
 

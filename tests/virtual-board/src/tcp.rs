@@ -1,27 +1,27 @@
-//! A board's port as a TCP port of this machine, for one host at a time.
+//! A board's port as a local TCP port, for one host at a time.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 
-use crate::Port;
+use crate::port::Port;
 
-/// Bytes that are read at once.
+/// Bytes read from the socket per call.
 const CHUNK: usize = 4096;
 
-/// A TCP port that stands for the host's end of the cable.
+/// A TCP port that forwards to the host's end of a board's port.
 #[derive(Debug)]
 pub struct TcpPort {
     listener: TcpListener,
     host: Option<TcpStream>,
-    /// What the socket did not take yet.
+    /// Bytes of the device that the socket has not accepted yet.
     waiting: Vec<u8>,
 }
 
 impl TcpPort {
-    /// Listens at 127.0.0.1; port 0 takes any free one.
+    /// Listens on 127.0.0.1; port 0 lets the system choose.
     ///
     /// # Errors
-    /// The port is occupied, or may not be listened at.
+    /// The port is occupied, or listening on it is not permitted.
     pub fn listen(port: u16) -> io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
         listener.set_nonblocking(true)?;
@@ -32,36 +32,36 @@ impl TcpPort {
         })
     }
 
-    /// The port's number.
+    /// Returns the number of the TCP port; the one that the system has chosen, if 0 was requested.
     ///
     /// # Errors
-    /// The system does not know it.
+    /// The operating system does not return the local address.
     pub fn number(&self) -> io::Result<u16> {
         Ok(self.listener.local_addr()?.port())
     }
 
-    /// Whether a host is connected.
+    /// Returns whether a host was connected at the last call of [`serve`](Self::serve).
     pub const fn is_connected(&self) -> bool {
         self.host.is_some()
     }
 
-    /// Moves bytes in both directions without waiting; returns how many the device has sent. What it sends
-    /// while nobody is connected is lost, as on a serial line.
+    /// Transfers bytes in both directions without blocking, and returns the number of bytes that the device has
+    /// sent. Bytes sent while no host is connected are lost, as on a serial line.
     pub fn serve(&mut self, port: &Port) -> usize {
         if self.host.is_none()
             && let Ok((host, _)) = self.listener.accept()
             && host.set_nonblocking(true).is_ok()
         {
-            // Frames are short: none shall wait for more.
+            // Frames are short and must not wait for more data.
             let _ = host.set_nodelay(true);
             self.host = Some(host);
             self.waiting.clear();
         }
-        let sent = port.take();
+        let sent = port.take_received();
         let Some(host) = &mut self.host else {
             return sent.len();
         };
-        // A device that is not there yet, or restarts, is opened when it is.
+        // Opens the port of a device that has just been configured, for example after a restart.
         port.keep_open();
         self.waiting.extend_from_slice(&sent);
         if exchange(host, &mut self.waiting, port).is_err() {
@@ -72,7 +72,7 @@ impl TcpPort {
     }
 }
 
-/// An error is the end of the connection.
+/// Transfers bytes between socket and port. On an error, the connection has ended.
 fn exchange(host: &mut TcpStream, waiting: &mut Vec<u8>, port: &Port) -> io::Result<()> {
     if !waiting.is_empty() {
         match host.write(waiting) {
@@ -83,7 +83,7 @@ fn exchange(host: &mut TcpStream, waiting: &mut Vec<u8>, port: &Port) -> io::Res
     }
     let mut bytes = [0; CHUNK];
     if !port.is_open() {
-        // What the host sends waits in the socket; its end is seen all the same.
+        // Leave received bytes in the socket, but detect the end of the connection.
         let mut byte = [0];
         return match host.peek(&mut byte) {
             Ok(0) => Err(ErrorKind::UnexpectedEof.into()),

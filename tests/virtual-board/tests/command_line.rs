@@ -1,22 +1,22 @@
-//! What the program says when something is wrong, and how it ends.
+//! Error messages and exit status of the program.
 
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Command, Output};
 use std::{fs, io};
 
-/// A program for a Cortex-M in flash: a vector table with stack and entry, then this code.
+/// Builds an ELF file: a vector table with stack pointer and entry point at address `flash`, then `code`.
 fn elf(machine: u16, flash: u32, code: &[u16]) -> Vec<u8> {
     const HEADERS: u32 = 84;
-    let length = 8 + 2 * u32::try_from(code.len()).expect("short");
+    let length = 8 + 2 * u32::try_from(code.len()).expect("a short program");
     let mut file = b"\x7fELF\x01\x01\x01".to_vec();
     file.resize(16, 0);
-    // An executable file; entry, program headers after this header.
+    // Type: executable. The program headers follow this header.
     file.extend([2_u16, machine].map(u16::to_le_bytes).concat());
     let words = [1, flash + 9, 52, 0, 0x0500_0400];
     file.extend(words.map(u32::to_le_bytes).concat());
     file.extend([52_u16, 32, 1, 40, 0, 0].map(u16::to_le_bytes).concat());
-    // A segment that is loaded, read and executed.
+    // One segment: loadable, readable and executable.
     let segment = [1, HEADERS, flash, flash, length, length, 5, 4];
     file.extend(segment.map(u32::to_le_bytes).concat());
     file.extend([0x2000_1000, flash + 9].map(u32::to_le_bytes).concat());
@@ -26,14 +26,15 @@ fn elf(machine: u16, flash: u32, code: &[u16]) -> Vec<u8> {
 
 const ARM: u16 = 40;
 const FLASH: u32 = 0x0800_0000;
-/// `wfi`, and back to it.
+/// Thumb code that loops on `wfi`.
 const SLEEP: [u16; 2] = [0xBF30, 0xE7FD];
-/// `ldr r0, =AIRCR; ldr r1, =key and SYSRESETREQ; str r1, [r0]; b .`, and the two words.
+/// Thumb code that requests a reset: `ldr r0, =AIRCR; ldr r1, =VECTKEY | SYSRESETREQ; str r1, [r0]; b .`, then the
+/// two literals.
 const RESET: [u16; 8] = [
     0x4801, 0x4902, 0x6001, 0xE7FE, 0xED0C, 0xE000, 0x0004, 0x05FA,
 ];
 
-fn written(name: &str, bytes: &[u8]) -> io::Result<std::path::PathBuf> {
+fn write_file(name: &str, bytes: &[u8]) -> io::Result<std::path::PathBuf> {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     fs::write(&path, bytes)?;
     Ok(path)
@@ -41,11 +42,14 @@ fn written(name: &str, bytes: &[u8]) -> io::Result<std::path::PathBuf> {
 
 fn run(arguments: &[&str]) -> (Option<i32>, String) {
     let mut program = Command::new(env!("CARGO_BIN_EXE_virtual-board"));
-    let Output { status, stderr, .. } = program.args(arguments).output().expect("it starts");
+    let Output { status, stderr, .. } = program
+        .args(arguments)
+        .output()
+        .expect("the program starts");
     (status.code(), String::from_utf8_lossy(&stderr).into_owned())
 }
 
-/// Runs an image on the NUCLEO-H743ZI2 at any free port.
+/// Runs an image on the NUCLEO-H743ZI2, at a port that the system chooses.
 fn run_image(path: &Path) -> (Option<i32>, String) {
     run(&["h743", "--port", "0", "--image", &path.to_string_lossy()])
 }
@@ -62,9 +66,9 @@ fn a_missing_image_is_named_with_the_command_that_builds_it() {
 }
 
 #[test]
-fn what_is_no_program_for_arm_is_refused() {
+fn a_file_that_is_no_arm_program_is_refused() {
     for bytes in [&b"plain text"[..], &elf(62, FLASH, &SLEEP)] {
-        let path = written("no-image.elf", bytes).expect("a file");
+        let path = write_file("no-image.elf", bytes).expect("a file");
         let (status, error) = run_image(&path);
         assert_eq!(status, Some(2));
         assert!(error.contains("no 32-bit ELF file for ARM"), "{error}");
@@ -72,8 +76,8 @@ fn what_is_no_program_for_arm_is_refused() {
 }
 
 #[test]
-fn an_image_for_another_chip_is_refused_with_the_address_that_is_not_there() {
-    let path = written("other-chip.elf", &elf(ARM, 0x0010_0000, &SLEEP)).expect("a file");
+fn an_image_for_another_chip_is_refused_with_the_invalid_address() {
+    let path = write_file("other-chip.elf", &elf(ARM, 0x0010_0000, &SLEEP)).expect("a file");
     let (status, error) = run_image(&path);
     assert_eq!(status, Some(2));
     assert!(
@@ -84,20 +88,20 @@ fn an_image_for_another_chip_is_refused_with_the_address_that_is_not_there() {
 
 #[test]
 fn an_image_older_than_its_sources_is_refused() {
-    let source = written("source.rs", b"").expect("a file");
-    let path = written("stale.elf", &elf(ARM, FLASH, &SLEEP)).expect("a file");
+    let source = write_file("source.rs", b"").expect("a file");
+    let path = write_file("stale.elf", &elf(ARM, FLASH, &SLEEP)).expect("a file");
     let depends = format!("{}: {}\n", path.display(), source.display());
-    written("stale.d", depends.as_bytes()).expect("a file");
+    write_file("stale.d", depends.as_bytes()).expect("a file");
     let later = fs::metadata(&path)
-        .expect("it is there")
+        .expect("an existing file")
         .modified()
-        .expect("a time");
+        .expect("a modification time");
     let later = later + std::time::Duration::from_secs(60);
     let file = fs::File::options()
         .write(true)
         .open(&source)
         .expect("a file");
-    file.set_modified(later).expect("a time");
+    file.set_modified(later).expect("a modification time");
     let (status, error) = run_image(&path);
     assert_eq!(status, Some(2));
     assert!(
@@ -107,8 +111,8 @@ fn an_image_older_than_its_sources_is_refused() {
 }
 
 #[test]
-fn an_occupied_port_is_named_with_what_to_do() {
-    let path = written("sleep.elf", &elf(ARM, FLASH, &SLEEP)).expect("a file");
+fn an_occupied_port_is_named_with_the_remedy() {
+    let path = write_file("sleep.elf", &elf(ARM, FLASH, &SLEEP)).expect("a file");
     let taken = TcpListener::bind("127.0.0.1:0").expect("a free port");
     let port = taken.local_addr().expect("a number").port().to_string();
     let (status, error) = run(&["f446", "--port", &port, "--image", &path.to_string_lossy()]);
@@ -117,8 +121,8 @@ fn an_occupied_port_is_named_with_what_to_do() {
 }
 
 #[test]
-fn a_board_that_does_nothing_ends_with_where_it_stands() {
-    let path = written("nothing.elf", &elf(ARM, FLASH, &SLEEP)).expect("a file");
+fn a_board_without_progress_ends_with_its_program_counter() {
+    let path = write_file("nothing.elf", &elf(ARM, FLASH, &SLEEP)).expect("a file");
     let (status, error) = run_image(&path);
     assert_eq!(status, Some(1));
     assert!(error.contains("no progress for 10 s"), "{error}");
@@ -129,8 +133,8 @@ fn a_board_that_does_nothing_ends_with_where_it_stands() {
 }
 
 #[test]
-fn a_board_that_restarts_again_and_again_ends_with_the_causes() {
-    let path = written("restarts.elf", &elf(ARM, FLASH, &RESET)).expect("a file");
+fn a_board_that_resets_in_a_loop_ends_with_the_causes() {
+    let path = write_file("restarts.elf", &elf(ARM, FLASH, &RESET)).expect("a file");
     let (status, error) = run_image(&path);
     assert_eq!(status, Some(1));
     assert!(

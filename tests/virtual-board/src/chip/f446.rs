@@ -1,4 +1,4 @@
-//! The STM32F446: the emulator's STM32F427, which shares its peripherals, with an EXTI.
+//! The STM32F446: the emulator's STM32F427, which has the same peripherals, with models of EXTI and USB.
 
 mod exti;
 
@@ -19,38 +19,41 @@ use rigless::soc::stm32f427::peripherals::tim::{Channel, Tim};
 use rigless::soc::{Bus, Region};
 use rigless::time::VirtualNanos;
 
-use crate::Model;
 use crate::chain::Chain;
-use crate::chip::{Chip, Pin};
-use crate::core_bus::{Cleared, Redirect};
-use crate::usb::{F446_OTG_FS, Otg, UsbHost};
+use crate::chip::Chip;
+use crate::core_bus::{ClearedBits, Redirect};
+use crate::model::Model;
+use crate::pins::Pin;
+use crate::usb::handle::UsbHost;
+use crate::usb::instance::F446_OTG_FS;
+use crate::usb::otg::Otg;
 
 use exti::Exti;
 
-/// SPI2, which clocks the converters.
+/// Index of SPI2, the SPI of the converters.
 const SPI: usize = 1;
-/// USART2, which the ST-LINK carries.
+/// Index of USART2, which is connected to the ST-LINK.
 const UART: usize = 1;
-/// TIM2, whose channel 3 is on the trigger's pin.
+/// Index of TIM2, whose channel 3 captures the trigger.
 const TIMER: usize = 0;
 /// TIM2's alternate function on PB10 (DS10693, table 11).
 const TIMER_FUNCTION: u8 = 1;
-/// The ports, A first.
+/// Instance names of the GPIO ports, in the order of [`Pin`].
 const PORTS: [&str; 8] = [
     "GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH",
 ];
 
-/// RCC_CR and its flag (RM0390, 6.3.1).
+/// Address of RCC_CR, and its bit HSERDY (RM0390, 6.3.1).
 const RCC_CR: u64 = 0x4002_3800;
 const HSERDY: u64 = 1 << 17;
 
-/// RCC_DCKCFGR2 (RM0390, 6.3.28), which the STM32F427 lacks. It keeps what is written: the clocks that it
-/// chooses are those of its reset value, and USB's, whose rate nothing here depends on.
+/// Address of RCC_DCKCFGR2 (RM0390, 6.3.28), which the STM32F427 lacks. It only stores the written value: the
+/// firmware uses the clocks of the reset value, and a USB clock whose frequency is not modelled here.
 const DCKCFGR2: u64 = 0x4002_3894;
-/// Where it is kept, an address that the chip has nothing at.
+/// Address that stores DCKCFGR2 instead; the chip has nothing there.
 const SPARE: u64 = 0x5700_0000;
 
-/// An STM32F446.
+/// Emulated STM32F446: the emulator's part, EXTI and the USB core.
 #[derive(Debug)]
 pub(crate) struct F446 {
     part: Stm32f427,
@@ -60,36 +63,36 @@ pub(crate) struct F446 {
 }
 
 impl F446 {
-    /// A chip with a supply, without a clock from outside, and `host` at its USB cable.
+    /// Creates a chip with supply, without external clock, and with `host` at the other end of its USB cable.
     ///
     /// # Panics
-    /// When the emulator's description of the part contradicts itself.
+    /// When the emulator's description of the part is inconsistent.
     pub(crate) fn new(host: &UsbHost) -> Self {
         let mut part = Stm32f427::new().expect("the emulator's own part");
         part.set_supply(3300);
         let spare = Region::ram("DCKCFGR2", SPARE, 0x1000);
-        part.bus_mut().add_region(spare).expect("nothing is there");
+        part.bus_mut().add_region(spare).expect("a free address");
         let exti_slot = part.bus().slot("EXTI").expect("the part has an EXTI");
         let otg = Otg::new::<otg_fs_global::Register>(&F446_OTG_FS, host, part.bus_mut());
         Self {
             part,
             exti: Exti::default(),
             exti_slot,
-            otg: otg.expect("nothing is at the window's addresses"),
+            otg: otg.expect("a free window"),
         }
     }
 
-    /// The level at TIM2's channel 3, where the pin carries it.
+    /// Drives channel 3 of TIM2, if the pin has the timer's alternate function.
     fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
         let registers = self.part.bus().registers(PORTS[pin.port()]);
         let function = registers.and_then(|registers| Gpio::function(part_pin(pin), registers));
         if function != Some(TIMER_FUNCTION) {
             return;
         }
-        let channel = Channel::new(3).expect("it has four");
+        let channel = Channel::new(3).expect("TIM2 has four channels");
         let slot = self.part.bus().slot(TIMERS[TIMER].instance);
         let slot = slot.expect("the part has TIM2");
-        // The timer leaves the part while its registers are borrowed from it.
+        // Take the timer out of the part, whose registers are borrowed meanwhile.
         let spare = Tim::with_clock(1, TIMERS[TIMER].counter);
         let mut timer = mem::replace(&mut self.part.tim[TIMER], spare);
         let (registers, mut context) = self.part.bus_mut().drive(at, slot);
@@ -97,9 +100,9 @@ impl F446 {
         self.part.tim[TIMER] = timer;
     }
 
-    /// The port that SYSCFG routes to an EXTI line (RM0390, SYSCFG_EXTICR1 to 4).
+    /// Returns the port that SYSCFG routes to an EXTI line (RM0390, SYSCFG_EXTICR1 to 4).
     fn routed_port(&self, line: u8) -> u64 {
-        let registers = self.bus().registers("SYSCFG").expect("the part has it");
+        let registers = self.bus().registers("SYSCFG").expect("the part has SYSCFG");
         let register = match line / 4 {
             0 => syscfg::Register::Exticr1,
             1 => syscfg::Register::Exticr2,
@@ -147,15 +150,15 @@ impl Mcu for F446 {
 }
 
 impl Chip for F446 {
-    /// A Cortex-M4F (DS10693, 3.1), which boots from flash, aliased to 0 (RM0390, 2.4).
+    /// Configures a Cortex-M4F (DS10693, 3.1) that boots from flash, aliased to 0 (RM0390, 2.4).
     fn core(&self) -> CoreSpec {
         let lines = u32::from(self.cpu().interrupt_lines);
         let core = Core {
             variant: Variant::M4,
-            clock_hz: NonZeroU64::new(Model::F446.core_hz()).expect("a clock"),
-            interrupt_lines: NonZeroU32::new(lines).expect("interrupts"),
+            clock_hz: NonZeroU64::new(Model::F446.core_hz()).expect("a core clock above 0"),
+            interrupt_lines: NonZeroU32::new(lines).expect("at least one interrupt"),
             priority_bits: 4,
-            refclk_divider: NonZeroU32::new(8).expect("8"),
+            refclk_divider: NonZeroU32::new(8).expect("a divider above 0"),
             instructions_per_second: Model::F446.instructions_per_second(),
             boot: "flash",
         };
@@ -165,12 +168,12 @@ impl Chip for F446 {
         config.spec()
     }
 
-    fn fit_clock(&mut self, hz: u64) {
+    fn set_external_clock(&mut self, hz: u64) {
         self.part.rcc.attach_crystals(hz, 0);
     }
 
-    fn clock_ready(&self) -> Cleared {
-        Cleared {
+    fn hse_ready_flag(&self) -> ClearedBits {
+        ClearedBits {
             address: RCC_CR,
             bits: HSERDY,
         }
@@ -184,7 +187,7 @@ impl Chip for F446 {
         vec![spare, self.otg.redirect()]
     }
 
-    fn set_lsi(&mut self, hz: u64) {
+    fn set_lsi_hz(&mut self, hz: u64) {
         self.part.rcc.calibrate_lsi(hz);
     }
 
@@ -202,7 +205,7 @@ impl Chip for F446 {
             ["framing", "noise"].map(|name| Rate { name, per_million });
     }
 
-    /// PCLK1 by 2^(BR + 1) (RM0390, SPI_CR1).
+    /// SCLK is PCLK1 / 2^(BR + 1) (RM0390, SPI_CR1).
     fn sclk_hz(&self) -> u32 {
         let spi = self.bus().registers("SPI2").expect("the part has SPI2");
         let rcc = self.bus().registers("RCC").expect("the part has an RCC");
@@ -216,7 +219,7 @@ impl Chip for F446 {
         self.part.rcc.hclk(registers)
     }
 
-    fn output(&self, pin: Pin) -> Option<bool> {
+    fn driven_level(&self, pin: Pin) -> Option<bool> {
         let registers = self.bus().registers(PORTS[pin.port()])?;
         let mode = registers.get(gpioa::Register::Moder) >> (2 * u32::from(pin.1)) & 0b11;
         let is_high = registers.get(gpioa::Register::Odr) >> u32::from(pin.1) & 1 != 0;
@@ -233,6 +236,6 @@ impl Chip for F446 {
         let is_routed = self.routed_port(pin.1) == u64::from(pin.0);
         let (registers, mut context) = self.part.bus_mut().drive(at, self.exti_slot);
         self.exti
-            .level(pin, is_high, is_routed, registers, &mut context);
+            .set_level(pin, is_high, is_routed, registers, &mut context);
     }
 }

@@ -1,4 +1,4 @@
-//! The STM32H743: the emulator's part, with a watchdog.
+//! The STM32H743: the emulator's part, with models of the watchdog and USB.
 
 mod watchdog;
 
@@ -18,31 +18,34 @@ use rigless::soc::stm32h743::peripherals::gpio::{Gpio, PORTS, Pin as PartPin};
 use rigless::soc::stm32h743::peripherals::tim::{Channel, TIMERS, Tim};
 use rigless::time::VirtualNanos;
 
-use crate::Model;
 use crate::chain::Chain;
-use crate::chip::{Chip, Pin};
-use crate::core_bus::{Cleared, Redirect};
-use crate::usb::{H743_USB2, Otg, UsbHost};
+use crate::chip::Chip;
+use crate::core_bus::{ClearedBits, Redirect};
+use crate::model::Model;
+use crate::pins::Pin;
+use crate::usb::handle::UsbHost;
+use crate::usb::instance::H743_USB2;
+use crate::usb::otg::Otg;
 
 use watchdog::Watchdog;
 
-/// SPI1, which clocks the converters.
+/// Index of SPI1, the SPI of the converters.
 const SPI: usize = 0;
-/// USART3, which the ST-LINK carries.
+/// Index of USART3, which is connected to the ST-LINK.
 const UART: usize = 2;
-/// TIM2, whose channel 3 is on the trigger's pin.
+/// Index of TIM2, whose channel 3 captures the trigger.
 const TIMER: usize = 0;
 /// TIM2's alternate function on PB10 (DS12110, table 10).
 const TIMER_FUNCTION: u8 = 1;
 
-/// RCC_CR and its flag (RM0433, 8.7.2).
+/// Address of RCC_CR, and its bit HSERDY (RM0433, 8.7.2).
 const RCC_CR: u64 = 0x5802_4400;
 const HSERDY: u64 = 1 << 17;
 
-/// Peripherals without a model here, because the firmware does not use them: the emulator asks every model
-/// about every byte of a DMA transfer, which takes half of its time. An access to one of them shows in
-/// [`Findings::unimplemented`](crate::Findings).
-const LEFT_OUT: [&str; 48] = [
+/// Peripherals whose models are removed because the firmware does not use them: the emulator polls every model
+/// for every byte of a DMA transfer, which takes half of its time. Accesses to these peripherals are listed in
+/// [`Findings::unimplemented`](crate::findings::Findings).
+const REMOVED_MODELS: [&str; 48] = [
     "SPI2",
     "SPI3",
     "SPI4",
@@ -93,51 +96,51 @@ const LEFT_OUT: [&str; 48] = [
     "LPUART1",
 ];
 
-/// An STM32H743.
+/// Emulated STM32H743: the emulator's part, the watchdog and the USB core.
 #[derive(Debug)]
 pub(crate) struct H743 {
     part: Stm32h743,
     watchdog: Watchdog,
     watchdog_slot: usize,
     otg: Otg,
-    /// Whether the model of each slot is left out.
-    left_out: Box<[bool]>,
+    /// Whether the model in each slot is removed.
+    removed: Box<[bool]>,
 }
 
 impl H743 {
-    /// A chip with a supply, without a clock from outside, and `host` at its USB cable.
+    /// Creates a chip with supply, without external clock, and with `host` at the other end of its USB cable.
     ///
     /// # Panics
-    /// When the emulator's description of the part contradicts itself.
+    /// When the emulator's description of the part is inconsistent.
     pub(crate) fn new(host: &UsbHost) -> Self {
         let mut part = Stm32h743::new().expect("the emulator's own part");
         part.set_supply(3300);
         part.set_analog_supply(3300);
         let watchdog_slot = part.bus().slot("IWDG").expect("the part has a watchdog");
         let slots = part.bus().slots().iter();
-        let left_out = slots.map(|slot| LEFT_OUT.contains(&slot.peripheral().name));
-        let left_out = left_out.collect();
+        let removed = slots.map(|slot| REMOVED_MODELS.contains(&slot.peripheral().name));
+        let removed = removed.collect();
         let otg = Otg::new::<otg1_hs_global::Register>(&H743_USB2, host, part.bus_mut());
         Self {
             part,
             watchdog: Watchdog::default(),
             watchdog_slot,
-            otg: otg.expect("nothing is at the window's addresses"),
-            left_out,
+            otg: otg.expect("a free window"),
+            removed,
         }
     }
 
-    /// The level at TIM2's channel 3, where the pin carries it.
+    /// Drives channel 3 of TIM2, if the pin has the timer's alternate function.
     fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
         let registers = self.part.bus().registers(PORTS[pin.port()]);
         let function = registers.and_then(|registers| Gpio::function(part_pin(pin), registers));
         if function != Some(TIMER_FUNCTION) {
             return;
         }
-        let channel = Channel::new(3).expect("it has four");
+        let channel = Channel::new(3).expect("TIM2 has four channels");
         let slot = self.part.bus().slot(TIMERS[TIMER].instance);
         let slot = slot.expect("the part has TIM2");
-        // The timer leaves the part while its registers are borrowed from it.
+        // Take the timer out of the part, whose registers are borrowed meanwhile.
         let spare = Tim::new(TIMERS[TIMER]);
         let mut timer = mem::replace(&mut self.part.tim[TIMER], spare);
         let (registers, mut context) = self.part.bus_mut().drive(at, slot);
@@ -178,22 +181,22 @@ impl Mcu for H743 {
         if let Some(model) = self.otg.model(slot, bus) {
             return (bus, Some(model));
         }
-        let is_left_out = self.left_out.get(slot).copied().unwrap_or(false);
-        (bus, model.filter(|_| !is_left_out))
+        let is_removed = self.removed.get(slot).copied().unwrap_or(false);
+        (bus, model.filter(|_| !is_removed))
     }
 }
 
 impl Chip for H743 {
-    /// A Cortex-M7 r1p1 with 16 KiB of each cache (DS12110, 3.1; PM0253, tables 52, 77 and 81), which boots
-    /// from flash (RM0433, 2.6).
+    /// Configures a Cortex-M7 r1p1 with 16 KiB each of instruction and data cache (DS12110, 3.1; PM0253, tables
+    /// 52, 77 and 81) that boots from flash (RM0433, 2.6).
     fn core(&self) -> CoreSpec {
         let lines = u32::from(self.cpu().interrupt_lines);
         let core = Core {
             variant: Variant::M7,
-            clock_hz: NonZeroU64::new(Model::H743.core_hz()).expect("a clock"),
-            interrupt_lines: NonZeroU32::new(lines).expect("interrupts"),
+            clock_hz: NonZeroU64::new(Model::H743.core_hz()).expect("a core clock above 0"),
+            interrupt_lines: NonZeroU32::new(lines).expect("at least one interrupt"),
             priority_bits: 4,
-            refclk_divider: NonZeroU32::new(8).expect("8"),
+            refclk_divider: NonZeroU32::new(8).expect("a divider above 0"),
             instructions_per_second: Model::H743.instructions_per_second(),
             boot: "flash",
         };
@@ -211,12 +214,12 @@ impl Chip for H743 {
         config.spec()
     }
 
-    fn fit_clock(&mut self, hz: u64) {
+    fn set_external_clock(&mut self, hz: u64) {
         self.part.rcc.attach_crystals(hz, 0);
     }
 
-    fn clock_ready(&self) -> Cleared {
-        Cleared {
+    fn hse_ready_flag(&self) -> ClearedBits {
+        ClearedBits {
             address: RCC_CR,
             bits: HSERDY,
         }
@@ -226,7 +229,7 @@ impl Chip for H743 {
         vec![self.otg.redirect()]
     }
 
-    fn set_lsi(&mut self, hz: u64) {
+    fn set_lsi_hz(&mut self, hz: u64) {
         self.part.rcc.calibrate_lsi(hz);
     }
 
@@ -244,7 +247,7 @@ impl Chip for H743 {
             ["framing", "noise"].map(|name| Rate { name, per_million });
     }
 
-    /// The kernel clock by 2^(MBR + 1) (RM0433, SPI_CFG1).
+    /// SCLK is the kernel clock / 2^(MBR + 1) (RM0433, SPI_CFG1).
     fn sclk_hz(&self) -> u32 {
         let registers = self.bus().registers("SPI1").expect("the part has SPI1");
         let divider = spi1::cfg1::MBR.get(registers.get(spi1::Register::Cfg1)) + 1;
@@ -257,7 +260,7 @@ impl Chip for H743 {
         self.part.rcc.cpu_clock(registers)
     }
 
-    fn output(&self, pin: Pin) -> Option<bool> {
+    fn driven_level(&self, pin: Pin) -> Option<bool> {
         let registers = self.bus().registers(PORTS[pin.port()])?;
         let mode = registers.get(gpioa::Register::Moder) >> (2 * u32::from(pin.1)) & 0b11;
         let is_high = registers.get(gpioa::Register::Odr) >> u32::from(pin.1) & 1 != 0;

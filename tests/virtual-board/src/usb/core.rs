@@ -1,6 +1,7 @@
-//! The core in device mode with FIFO access by the processor: its registers as software sees them.
+//! Model of the core in device mode, with FIFO access by the processor.
 //!
-//! [`write`] holds what writes do, [`bus`] what the host's side sees, [`interrupt`] the flags.
+//! This file contains state and register reads, [`write`] register writes, [`bus`] the packets and signals of the
+//! host, and [`interrupt`] the interrupt flags.
 
 mod bus;
 mod interrupt;
@@ -14,27 +15,25 @@ use super::instance::Instance;
 use super::register::{MAX_ENDPOINTS, Register, bit, dctl, epint, gintsts, grstctl};
 use super::violation::Violations;
 
-pub(super) use bus::{Handshake, Input};
-
-/// How long a core soft reset takes, ns: longer than the 3 PHY clocks that software must wait.
+/// Duration of a core soft reset, in ns: longer than the 3 PHY clocks that software must wait.
 const SOFT_RESET_NS: u64 = 100;
-/// How long a FIFO flush takes, ns: 8 clocks of the PHY at 48 MHz (RM0433 57.14.5).
+/// Duration of a FIFO flush, in ns: 8 clocks of the PHY at 48 MHz (RM0433 57.14.5).
 const FLUSH_NS: u64 = 167;
-/// Words of every FIFO out of reset.
+/// Depth of every FIFO after reset, in words.
 const RESET_FIFO_WORDS: u32 = 0x200;
 
-/// What the rest of the part does for the core.
+/// Clocks and connections that the rest of the part provides to the core.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Supply {
-    /// The bus clock is on.
+    /// The clock controller enables the core's bus clock.
     pub(super) clocked: bool,
-    /// Why the transceiver cannot reach the connector, if so.
+    /// Why the transceiver is not connected to the cable; `None` if it is.
     pub(super) unwired: Option<&'static str>,
-    /// The kernel clock, Hz, where the part's model reports it.
+    /// Frequency of the kernel clock in Hz; `None` if the part's model does not report it.
     pub(super) kernel_hz: Option<u64>,
 }
 
-/// Registers outside the endpoints, as last written.
+/// Registers that do not belong to an endpoint, as last written.
 #[derive(Clone, Debug)]
 struct Registers {
     gotgctl: u32,
@@ -64,7 +63,7 @@ struct Registers {
 }
 
 impl Registers {
-    /// The values out of reset (RM0433 57.14).
+    /// Returns the reset values (RM0433 57.14).
     fn new(endpoints: usize) -> Self {
         let tx = (0..endpoints).map(|_| RESET_FIFO_WORDS << 16 | RESET_FIFO_WORDS);
         Self {
@@ -93,27 +92,27 @@ impl Registers {
     }
 }
 
-/// What the core knows of the bus.
-#[expect(clippy::struct_excessive_bools, reason = "each is a signal of its own")]
+/// State of the bus as the core sees it.
+#[expect(clippy::struct_excessive_bools, reason = "independent signals")]
 #[derive(Clone, Debug, Default)]
-struct Line {
-    /// VBUS is there.
+struct BusState {
+    /// VBUS is present.
     vbus: bool,
-    /// When the first frame began since the host last started sending them, ns.
+    /// Start of the first frame since the host last started sending frames, in ns; `None` while it sends none.
     frames_from: Option<u64>,
-    /// Number of the frame at that time.
+    /// Number of that first frame.
     first_frame: u64,
     suspended: bool,
     in_reset: bool,
-    /// The address it answers at.
+    /// Address to which the device responds.
     address: u32,
-    /// A SET_ADDRESS is being answered: the new address counts after its status stage.
+    /// A SET_ADDRESS request is in progress: the new address takes effect after its status stage.
     addressing: bool,
-    /// A SETUP has been taken, the token that starts its next stage has not come yet.
-    setup_open: bool,
+    /// A SETUP packet was received, but not yet the token that starts the next stage.
+    in_setup_stage: bool,
 }
 
-/// The core.
+/// USB core: registers, endpoints, receive FIFO and state of the bus.
 #[derive(Debug)]
 pub(super) struct Core {
     instance: &'static Instance,
@@ -122,19 +121,19 @@ pub(super) struct Core {
     inputs: Vec<InEndpoint>,
     outputs: Vec<OutEndpoint>,
     rx: RxFifo,
-    line: Line,
-    /// Virtual time of the call in progress, ns.
+    bus: BusState,
+    /// Virtual time of the current call, in ns.
     now: u64,
     soft_reset_until: u64,
     flush_until: u64,
-    /// When software last cleared `SOF` and `EOPF`, ns.
+    /// Times at which software last cleared `SOF` and `EOPF`, in ns.
     sof_cleared: u64,
     eopf_cleared: u64,
     pub(super) violations: Violations,
 }
 
 impl Core {
-    /// The core out of reset, with nothing plugged in.
+    /// Creates the core after reset, with the cable unplugged.
     pub(super) fn new(instance: &'static Instance) -> Self {
         debug_assert!(instance.endpoints <= MAX_ENDPOINTS);
         Self {
@@ -144,7 +143,7 @@ impl Core {
             inputs: (0..instance.endpoints).map(InEndpoint::new).collect(),
             outputs: (0..instance.endpoints).map(OutEndpoint::new).collect(),
             rx: RxFifo::default(),
-            line: Line::default(),
+            bus: BusState::default(),
             now: 0,
             soft_reset_until: 0,
             flush_until: 0,
@@ -154,18 +153,18 @@ impl Core {
         }
     }
 
-    /// Puts every register back to its reset value; what is plugged in stays.
+    /// Sets every register to its reset value; the state of the cable remains.
     pub(super) fn reset(&mut self) {
         let violations = std::mem::take(&mut self.violations);
-        let line = Line {
-            vbus: self.line.vbus,
-            frames_from: self.line.frames_from,
-            first_frame: self.line.first_frame,
-            ..Line::default()
+        let bus = BusState {
+            vbus: self.bus.vbus,
+            frames_from: self.bus.frames_from,
+            first_frame: self.bus.first_frame,
+            ..BusState::default()
         };
         *self = Self {
             supply: self.supply,
-            line,
+            bus,
             now: self.now,
             violations,
             ..Self::new(self.instance)
@@ -176,13 +175,13 @@ impl Core {
         self.now = now;
     }
 
-    /// Records a violation: `register`, `what` and the section of RM0433 that forbids it.
+    /// Records a violation of `section` of RM0433.
     fn report(&mut self, register: Register, what: &str, section: &str) {
         let text = format!("{register}: {what} (RM0433 {section})");
         self.violations.record(self.now, text);
     }
 
-    /// Whether software may access the registers now, from `register` on.
+    /// Returns whether an access to `register` is possible now; if not, records why.
     fn is_reachable(&mut self, register: Register, width: Width) -> bool {
         if !self.supply.clocked {
             self.report(
@@ -203,7 +202,7 @@ impl Core {
         true
     }
 
-    /// Answers a read of `width` at `offset` bytes from the base.
+    /// Reads the register at `offset` bytes from the base, with the side effects of the read.
     pub(super) fn read(&mut self, offset: u64, width: Width) -> u32 {
         let Some(register) = Register::at(offset, self.instance.endpoints) else {
             let text = format!("OTG + {offset:#05x}: read of a reserved address (RM0433 57.14)");
@@ -221,7 +220,7 @@ impl Core {
         }
     }
 
-    /// What a read of `register` would answer, for one whose read changes nothing.
+    /// Returns the value of a register without the side effects of a read.
     pub(super) fn peek(&self, register: Register) -> u32 {
         let held = &self.registers;
         match register {
@@ -286,24 +285,24 @@ impl Core {
     }
 
     fn dsts(&self) -> u32 {
-        let suspended = if self.line.suspended { bit::SUSPSTS } else { 0 };
+        let suspended = if self.bus.suspended { bit::SUSPSTS } else { 0 };
         bit::FULL_SPEED | suspended | self.frame() << 8
     }
 
-    /// Words of the FIFO that IN endpoint `n` sends from.
+    /// Returns the depth of the transmit FIFO of IN endpoint `n`, in words.
     fn tx_depth(&self, n: usize) -> usize {
         let fifo = self.inputs[n].fifo();
         let value = self.registers.tx.get(fifo).copied().unwrap_or_default();
-        Extent::of_dieptxf(value).depth as usize
+        Extent::from_dieptxf(value).depth as usize
     }
 
-    /// `INEPTFSAV`: free words of the endpoint's FIFO.
+    /// Returns `INEPTFSAV`: the free words in the transmit FIFO of endpoint `n`.
     fn dtxfsts(&self, n: usize) -> u32 {
         let free = self.tx_depth(n).saturating_sub(self.inputs[n].words());
         u32::try_from(free).unwrap_or_default()
     }
 
-    /// `TXFE`: the endpoint's FIFO is empty, or half empty, by `TXFELVL`.
+    /// Returns `TXFE`: the transmit FIFO is empty, or at least half empty, depending on `TXFELVL`.
     fn tx_fifo_has_room(&self, n: usize) -> bool {
         let words = self.inputs[n].words();
         if self.registers.gahbcfg & bit::TXFELVL != 0 {
@@ -318,7 +317,7 @@ impl Core {
             let what = if self.rx.is_empty() {
                 "read while RXFLVL is clear"
             } else {
-                "read before the packet's data was taken"
+                "read before the packet's data was read"
             };
             self.report(Register::Grxstsp, what, "57.14, OTG_GRXSTSP");
             return 0;
@@ -353,14 +352,14 @@ impl Core {
         })
     }
 
-    /// Whether any flag that is not masked asks for the interrupt.
+    /// Returns the level of the interrupt line: whether an unmasked flag is set.
     pub(super) fn interrupt(&self) -> bool {
         self.supply.clocked
             && self.registers.gahbcfg & bit::GINT != 0
             && self.gintsts() & self.registers.gintmsk != 0
     }
 
-    /// The next instant at which a frame raises an interrupt that software asked for, ns.
+    /// Returns the next time at which a frame sets an unmasked interrupt flag, in ns.
     pub(super) fn next_frame_interrupt(&self) -> Option<u64> {
         let wanted = self.registers.gintmsk & (gintsts::SOF | gintsts::EOPF);
         (wanted != 0).then(|| self.next_frame_event(wanted))?

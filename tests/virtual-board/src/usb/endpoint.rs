@@ -1,25 +1,25 @@
-//! One endpoint of the core in one direction: its control, interrupt and size registers.
+//! Endpoints of the core: control, interrupt and size registers of each direction.
 
 use std::collections::VecDeque;
 
 use super::register::{epctl, epint};
 
-/// Data of the packet that an IN token found, or why there was none.
+/// Reply of an IN endpoint to an IN token.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Reply {
-    /// The packet, and whether its PID is DATA1.
     Packet {
         bytes: Vec<u8>,
+        /// The data PID is DATA1.
         data1: bool,
     },
     Nak,
     Stall,
 }
 
-/// Registers that both directions have.
+/// Registers that IN and OUT endpoints share.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Endpoint {
-    /// `DIEPCTLx` or `DOEPCTLx` without the bits that only act.
+    /// `DIEPCTLx` or `DOEPCTLx` without the write-only bits.
     pub(super) control: u32,
     /// The latched bits of `DIEPINTx` or `DOEPINTx`.
     pub(super) flags: u32,
@@ -50,7 +50,7 @@ impl Endpoint {
         }
     }
 
-    /// Longest packet, bytes; endpoint 0 has codes for four of them.
+    /// Returns the maximum packet size in bytes. Endpoint 0 has a two-bit code for four sizes.
     pub(super) fn max_packet(&self) -> usize {
         let field = self.control & epctl::MPSIZ;
         if self.number == 0 {
@@ -60,12 +60,12 @@ impl Endpoint {
         }
     }
 
-    /// Bytes left of the transfer.
+    /// Returns the bytes left in the transfer.
     pub(super) fn transfer_size(&self) -> u32 {
         self.size & 0x7_FFFF
     }
 
-    /// Packets left of the transfer.
+    /// Returns the packets left in the transfer.
     pub(super) fn packet_count(&self) -> u32 {
         self.size >> 19 & 0x3FF
     }
@@ -81,17 +81,16 @@ impl Endpoint {
         self.number == 0 || self.control & epctl::EPTYP == 0
     }
 
-    /// The bits of a written control register that stay or act: everything but enable and disable, which
-    /// the core decides about.
+    /// Applies a write to the control register, except `EPENA` and `EPDIS`, which the caller handles.
     ///
-    /// `writable` are the fields that this direction has.
+    /// `writable` is the mask of the fields that this direction has.
     fn write(&mut self, value: u32, writable: u32) {
         let writable = if self.number == 0 {
             writable & !(epctl::USBAEP | epctl::EPTYP) & !(epctl::MPSIZ & !3)
         } else {
             writable
         };
-        // STALL of a control endpoint is cleared by the next SETUP only.
+        // Only the next SETUP clears STALL of a control endpoint.
         let stall = epctl::STALL & self.control;
         self.control = self.control & !writable | value & writable;
         if self.is_control() {
@@ -111,8 +110,8 @@ impl Endpoint {
         }
     }
 
-    /// A USB reset deactivates every endpoint but 0. It does not disarm them: `EPENA` stays as it is, as
-    /// drivers for the core found on silicon (Zephyr pull 99958, TinyUSB pull 2607, NuttX pull 4505).
+    /// Applies a USB reset, which deactivates every endpoint but 0. `EPENA` keeps its value, as driver authors
+    /// found on silicon (Zephyr pull 99958, TinyUSB pull 2607, NuttX pull 4505).
     pub(super) fn bus_reset(&mut self) {
         if self.number != 0 {
             self.set(epctl::USBAEP, false);
@@ -120,14 +119,14 @@ impl Endpoint {
     }
 }
 
-/// An IN endpoint with its transmit FIFO's contents.
+/// An IN endpoint with the contents of its transmit FIFO.
 #[derive(Clone, Debug)]
 pub(super) struct InEndpoint {
     pub(super) registers: Endpoint,
     words: VecDeque<u32>,
-    /// Words pushed for the transfer that is enabled.
-    pushed: u32,
-    /// Words that the transfer that is enabled needs in all.
+    /// Words written for the enabled transfer.
+    written: u32,
+    /// Total words of the enabled transfer.
     needed: u32,
 }
 
@@ -136,17 +135,17 @@ impl InEndpoint {
         Self {
             registers: Endpoint::new(number),
             words: VecDeque::new(),
-            pushed: 0,
+            written: 0,
             needed: 0,
         }
     }
 
-    /// Number of the FIFO it sends from.
+    /// Returns the number of the transmit FIFO (`TXFNUM`).
     pub(super) fn fifo(&self) -> usize {
         ((self.registers.control & epctl::TXFNUM) >> 22) as usize
     }
 
-    /// Words in the FIFO.
+    /// Returns the number of words in the FIFO.
     pub(super) fn words(&self) -> usize {
         self.words.len()
     }
@@ -167,7 +166,7 @@ impl InEndpoint {
         }
         if value & epctl::EPENA != 0 && !self.registers.has(epctl::EPENA) {
             self.registers.set(epctl::EPENA, true);
-            self.pushed = 0;
+            self.written = 0;
             self.needed = self.registers.transfer_size().div_ceil(4);
         }
         if value & epctl::EPDIS != 0 && self.registers.has(epctl::EPENA) {
@@ -176,30 +175,30 @@ impl InEndpoint {
         }
     }
 
-    /// Puts a word into the FIFO. Whether the enabled transfer has a use for it.
-    pub(super) fn push(&mut self, word: u32) -> bool {
+    /// Writes a word to the FIFO. Returns whether the enabled transfer needs it.
+    pub(super) fn write_fifo(&mut self, word: u32) -> bool {
         self.words.push_back(word);
-        self.pushed += 1;
-        self.registers.has(epctl::EPENA) && self.pushed <= self.needed
+        self.written += 1;
+        self.registers.has(epctl::EPENA) && self.written <= self.needed
     }
 
-    /// Bytes of the next packet.
+    /// Returns the length of the next packet, in bytes.
     pub(super) fn next_len(&self) -> usize {
         (self.registers.transfer_size() as usize).min(self.registers.max_packet())
     }
 
-    /// Whether the next packet is complete in the FIFO.
+    /// Returns whether the FIFO contains the whole next packet.
     fn is_loaded(&self) -> bool {
         self.registers.has(epctl::EPENA) && self.words.len() >= self.next_len().div_ceil(4)
     }
 
-    /// Whether an IN token would be answered with other than NAK.
+    /// Returns whether the reply to an IN token would be other than NAK.
     pub(super) fn answers(&self) -> bool {
         self.registers.has(epctl::STALL) || (!self.registers.has(epctl::NAKSTS) && self.is_loaded())
     }
 
-    /// Answers an IN token; the host acknowledges what it gets.
-    pub(super) fn token(&mut self) -> Reply {
+    /// Replies to an IN token. The model assumes that the host acknowledges the packet.
+    pub(super) fn on_in_token(&mut self) -> Reply {
         if self.registers.has(epctl::STALL) {
             return Reply::Stall;
         }
@@ -227,15 +226,15 @@ impl InEndpoint {
         Reply::Packet { bytes, data1 }
     }
 
-    /// A SETUP has come: the next data is DATA1, nothing is sent until software clears the NAK.
-    pub(super) fn setup(&mut self) {
+    /// Handles a SETUP packet: the next data PID is DATA1, and NAK is set until software clears it.
+    pub(super) fn on_setup(&mut self) {
         self.registers.set(epctl::DPID, true);
         self.registers.set(epctl::NAKSTS, true);
         self.registers.set(epctl::STALL, false);
     }
 }
 
-/// An OUT endpoint; its data goes to the receive FIFO.
+/// An OUT endpoint; its data is stored in the receive FIFO.
 #[derive(Clone, Debug)]
 pub(super) struct OutEndpoint {
     pub(super) registers: Endpoint,
@@ -261,21 +260,21 @@ impl OutEndpoint {
         }
     }
 
-    /// Whether a packet would be taken, if the receive FIFO has room.
+    /// Returns whether a packet would be accepted if the receive FIFO has room.
     ///
-    /// Only the NAK decides: with FIFO access by the processor the core takes packets of an active endpoint
-    /// whose `EPENA` is clear, as every driver relies on that never sets it on endpoint 0 (embassy's).
-    pub(super) fn takes(&self) -> bool {
+    /// Only NAK decides: with FIFO access by the processor, an active endpoint accepts packets even if `EPENA` is
+    /// clear. Drivers that never set it on endpoint 0, such as embassy's, rely on this.
+    pub(super) fn accepts_data(&self) -> bool {
         !self.registers.has(epctl::NAKSTS)
     }
 
-    /// Whether the packet's PID is the one that comes next; a repeated packet is acknowledged and dropped.
+    /// Returns whether the data PID is the expected one. A repeated packet is acknowledged and dropped.
     pub(super) fn expects(&self, data1: bool) -> bool {
         self.registers.has(epctl::DPID) == data1
     }
 
-    /// Takes a packet. Whether the transfer is complete, which the core reports in the receive FIFO.
-    pub(super) fn take(&mut self, bytes: usize) -> bool {
+    /// Accepts a packet. Returns whether the transfer is complete, which the core reports in the receive FIFO.
+    pub(super) fn accept(&mut self, bytes: usize) -> bool {
         let data1 = self.registers.has(epctl::DPID);
         self.registers.set(epctl::DPID, !data1);
         self.registers.count_down(bytes);
@@ -286,14 +285,14 @@ impl OutEndpoint {
         done
     }
 
-    /// Software has taken the report that the transfer is complete.
+    /// Ends the transfer, when software has read its completion from the receive FIFO.
     pub(super) fn complete(&mut self) {
         self.registers.set(epctl::EPENA, false);
         self.registers.flags |= epint::XFRC;
     }
 
-    /// A SETUP has come: the next data is DATA1, nothing is taken until software clears the NAK.
-    pub(super) fn setup(&mut self) {
+    /// Handles a SETUP packet: the next data PID is DATA1, and NAK is set until software clears it.
+    pub(super) fn on_setup(&mut self) {
         self.registers.set(epctl::DPID, true);
         self.registers.set(epctl::NAKSTS, true);
         self.registers.set(epctl::STALL, false);
@@ -317,24 +316,27 @@ mod tests {
         let control = endpoint.registers.control;
         endpoint.write_control(control | epctl::CNAK | epctl::EPENA);
         for word in 0..bytes.div_ceil(4) {
-            assert!(endpoint.push(word), "word {word} belongs to the transfer");
+            assert!(
+                endpoint.write_fifo(word),
+                "word {word} belongs to the transfer"
+            );
         }
     }
 
     #[test]
-    fn an_in_endpoint_sends_once_the_whole_packet_is_in_its_fifo() {
+    fn an_in_endpoint_sends_when_its_fifo_contains_the_whole_packet() {
         let mut endpoint = bulk_in(64);
         endpoint.registers.size = 1 << 19 | 6;
         let control = endpoint.registers.control;
         endpoint.write_control(control | epctl::CNAK | epctl::EPENA);
-        endpoint.push(0x0403_0201);
+        endpoint.write_fifo(0x0403_0201);
         assert!(!endpoint.answers());
-        assert_eq!(endpoint.token(), Reply::Nak);
-        endpoint.push(0x0605);
+        assert_eq!(endpoint.on_in_token(), Reply::Nak);
+        endpoint.write_fifo(0x0605);
         assert!(endpoint.answers());
         let bytes = vec![1, 2, 3, 4, 5, 6];
         let data1 = false;
-        assert_eq!(endpoint.token(), Reply::Packet { bytes, data1 });
+        assert_eq!(endpoint.on_in_token(), Reply::Packet { bytes, data1 });
         assert!(!endpoint.registers.has(epctl::EPENA), "transfer complete");
         assert_eq!(endpoint.registers.flags, epint::ITTXFE | epint::XFRC);
     }
@@ -345,15 +347,15 @@ mod tests {
         for data1 in [false, true, false] {
             load(&mut endpoint, 0);
             let bytes = Vec::new();
-            assert_eq!(endpoint.token(), Reply::Packet { bytes, data1 });
+            assert_eq!(endpoint.on_in_token(), Reply::Packet { bytes, data1 });
         }
     }
 
     #[test]
-    fn more_words_than_the_transfer_needs_are_noticed() {
+    fn a_word_that_the_transfer_does_not_need_is_reported() {
         let mut endpoint = bulk_in(64);
         load(&mut endpoint, 4);
-        assert!(!endpoint.push(9));
+        assert!(!endpoint.write_fifo(9));
     }
 
     #[test]
@@ -366,12 +368,15 @@ mod tests {
     }
 
     #[test]
-    fn the_stall_of_endpoint_0_goes_with_the_next_setup() {
+    fn the_next_setup_clears_the_stall_of_endpoint_0() {
         let mut endpoint = OutEndpoint::new(0);
         endpoint.write_control(epctl::STALL);
         endpoint.write_control(0);
-        assert!(endpoint.registers.has(epctl::STALL), "not with a write");
-        endpoint.setup();
+        assert!(
+            endpoint.registers.has(epctl::STALL),
+            "a write does not clear it"
+        );
+        endpoint.on_setup();
         assert!(!endpoint.registers.has(epctl::STALL));
     }
 
@@ -380,11 +385,11 @@ mod tests {
         let mut endpoint = OutEndpoint::new(1);
         endpoint.write_control(epctl::USBAEP | 2 << 18 | 64);
         endpoint.registers.size = 1 << 19 | 64;
-        assert!(endpoint.takes() && endpoint.expects(false));
-        assert!(endpoint.take(64), "one packet was asked for");
-        assert!(!endpoint.takes());
+        assert!(endpoint.accepts_data() && endpoint.expects(false));
+        assert!(endpoint.accept(64), "the transfer has one packet");
+        assert!(!endpoint.accepts_data());
         let control = endpoint.registers.control;
         endpoint.write_control(control | epctl::CNAK);
-        assert!(endpoint.takes() && endpoint.expects(true));
+        assert!(endpoint.accepts_data() && endpoint.expects(true));
     }
 }

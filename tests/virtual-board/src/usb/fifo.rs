@@ -1,9 +1,9 @@
-//! The core's FIFO memory: one receive FIFO that all OUT endpoints share, a transmit FIFO for each IN
-//! endpoint, and where they are in the memory.
+//! The core's FIFO memory: one receive FIFO that all OUT endpoints share, one transmit FIFO per IN endpoint,
+//! and the check of their layout in the memory.
 
 use std::collections::VecDeque;
 
-/// What `PKTSTS` of an entry of the receive FIFO says (RM0433 57.14, `OTG_GRXSTSP` in device mode).
+/// Values of `PKTSTS` in a status word of the receive FIFO (RM0433 57.14, `OTG_GRXSTSP` in device mode).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PacketStatus {
     GlobalOutNak = 1,
@@ -19,7 +19,7 @@ enum Entry {
     Data(u32),
 }
 
-/// The receive FIFO: for each packet a status word, then its bytes in words.
+/// The receive FIFO: for each packet, a status word and then its data in words.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RxFifo(VecDeque<Entry>);
 
@@ -32,19 +32,19 @@ impl RxFifo {
         self.0.is_empty()
     }
 
-    /// Words in use.
+    /// Returns the number of words in use.
     pub(super) fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Words that a packet of `bytes` takes: its status, its data, and the status that ends the transfer.
-    pub(super) fn words_of(bytes: usize) -> usize {
+    /// Returns the words needed for a packet of `bytes`: status, data, and the status that ends the transfer.
+    pub(super) fn words_for(bytes: usize) -> usize {
         1 + bytes.div_ceil(4) + 1
     }
 
-    /// Puts a packet, or a status without data, at the end.
+    /// Appends a packet, or a status without data.
     ///
-    /// `data1` is the packet's data PID, `frame` the number of its frame.
+    /// `data1` is whether the data PID is DATA1, `frame` the number of the USB frame.
     pub(super) fn push(
         &mut self,
         status: PacketStatus,
@@ -65,7 +65,7 @@ impl RxFifo {
         }));
     }
 
-    /// The status word at the front, if one is there.
+    /// Returns the status word at the front; `None` if the FIFO is empty or data is at the front.
     pub(super) fn peek_status(&self) -> Option<u32> {
         match self.0.front() {
             Some(&Entry::Status(word)) => Some(word),
@@ -73,14 +73,14 @@ impl RxFifo {
         }
     }
 
-    /// Takes the status word at the front, if one is there.
+    /// Removes the status word at the front; `None` if the FIFO is empty or data is at the front.
     pub(super) fn pop_status(&mut self) -> Option<u32> {
         let word = self.peek_status()?;
         self.0.pop_front();
         Some(word)
     }
 
-    /// Takes the data word at the front, if one is there.
+    /// Removes the data word at the front; `None` if the FIFO is empty or a status word is at the front.
     pub(super) fn pop_data(&mut self) -> Option<u32> {
         match self.0.front() {
             Some(&Entry::Data(word)) => {
@@ -92,7 +92,7 @@ impl RxFifo {
     }
 }
 
-/// One FIFO's place in the memory, in words.
+/// Location of a FIFO in the memory, in words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Extent {
     pub(super) start: u32,
@@ -100,8 +100,8 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    /// From `OTG_DIEPTXFx`: the start in the lower half, the depth in the upper.
-    pub(super) fn of_dieptxf(value: u32) -> Self {
+    /// Decodes `OTG_DIEPTXFx`: start in bits 15:0, depth in bits 31:16.
+    pub(super) fn from_dieptxf(value: u32) -> Self {
         Self {
             start: value & 0xFFFF,
             depth: value >> 16,
@@ -117,10 +117,10 @@ impl Extent {
     }
 }
 
-/// Fewest words of a FIFO (RM0433 57.14, `OTG_GRXFSIZ` and `OTG_DIEPTXFx`).
+/// Minimum depth of a FIFO, in words (RM0433 57.14, `OTG_GRXFSIZ` and `OTG_DIEPTXFx`).
 const MIN_DEPTH: u32 = 16;
 
-/// What is wrong with the FIFOs' places in a memory of `words`, if anything. The receive FIFO comes first.
+/// Returns the first error in the layout of `fifos`, receive FIFO first, in a memory of `words`.
 pub(super) fn layout_error(fifos: &[(String, Extent)], words: u32) -> Option<String> {
     for (n, (name, extent)) in fifos.iter().enumerate() {
         if extent.depth < MIN_DEPTH {

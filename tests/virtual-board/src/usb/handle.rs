@@ -1,45 +1,18 @@
-//! The handle by which tests and bridges use the host, from any thread.
+//! Handle that controls the USB host from any thread.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::core::Core;
-use super::host::{Command, Descriptors, Host, Logged};
+use super::host::descriptor::Descriptors;
+use super::host::event::Logged;
+use super::host::status::{Counters, State};
+use super::host::{Command, Host};
 use super::violation::Violation;
-
-/// How far the host has got with the device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum State {
-    /// No device on the bus.
-    Detached,
-    /// A device without an address.
-    Attached,
-    /// A device with an address that is not configured.
-    Addressed,
-    /// A configured device whose serial port is closed.
-    Configured,
-    /// The serial port is open.
-    Open,
-}
-
-/// What went over the bulk endpoints.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counters {
-    /// Packets from the device.
-    pub packets_in: u64,
-    /// Packets from the device without data.
-    pub empty_packets_in: u64,
-    /// Bytes from the device.
-    pub bytes_in: u64,
-    /// Packets to the device.
-    pub packets_out: u64,
-    /// Bytes to the device.
-    pub bytes_out: u64,
-}
 
 /// The host at the other end of the USB cable.
 ///
-/// A command takes effect when the emulator next stops: at the next instant the run was asked to reach, at
-/// the latest. A clone is the same host.
+/// A command takes effect at the next stop of the emulator, at the latest at the end of the current run. Clones
+/// control the same host.
 #[derive(Clone, Debug)]
 pub struct UsbHost(Arc<Mutex<Host>>);
 
@@ -50,7 +23,7 @@ impl Default for UsbHost {
 }
 
 impl UsbHost {
-    /// A host with the cable unplugged.
+    /// Creates a host whose cable is unplugged.
     pub fn new() -> Self {
         Self(Arc::new(Mutex::new(Host::new())))
     }
@@ -68,7 +41,7 @@ impl UsbHost {
         self.command(Command::Plug);
     }
 
-    /// Unplugs the cable.
+    /// Unplugs the cable: VBUS is off, and the host discards the device.
     pub fn unplug(&self) {
         self.command(Command::Unplug);
     }
@@ -78,67 +51,67 @@ impl UsbHost {
         self.command(Command::Open(true));
     }
 
-    /// Closes the serial port: clears DTR and RTS, then takes no more data.
+    /// Closes the serial port: clears DTR and RTS, then stops reading data.
     pub fn close(&self) {
         self.command(Command::Open(false));
     }
 
-    /// Takes no data from the device although the port is open, or goes on.
-    pub fn stall(&self, stalled: bool) {
-        self.command(Command::Stall(stalled));
+    /// Pauses or resumes reading data from the device while the port is open.
+    pub fn pause_reading(&self, paused: bool) {
+        self.command(Command::PauseReading(paused));
     }
 
-    /// Suspends the bus of a configured device.
+    /// Suspends the bus of a configured device: the host stops sending frames.
     pub fn suspend(&self) {
         self.command(Command::Suspend(true));
     }
 
-    /// Resumes the bus.
+    /// Resumes the bus: 20 ms of resume signalling, then frames again.
     pub fn resume(&self) {
         self.command(Command::Suspend(false));
     }
 
-    /// Resets the bus and enumerates the device again; a serial port that was open is closed.
+    /// Resets the bus and enumerates the device again, which closes the serial port.
     pub fn reset_bus(&self) {
         self.command(Command::ResetBus);
     }
 
-    /// Sends `bytes` to the device once the serial port is open; dropped without a configured device.
+    /// Sends bytes once the serial port is open. Without a configured device they are dropped.
     pub fn send(&self, bytes: &[u8]) {
         self.command(Command::Send(bytes.to_vec()));
     }
 
-    /// The bytes received since the last call, each exactly once and in order.
+    /// Returns the bytes received since the last call, in order.
     pub fn take_received(&self) -> Vec<u8> {
         self.host().take_received()
     }
 
-    /// How far the host has got with the device.
+    /// Returns how far the enumeration and the opening of the port have got.
     pub fn state(&self) -> State {
         self.host().state()
     }
 
-    /// The device as its descriptors describe it, once it is configured.
+    /// Returns the parsed descriptors of the device; `None` until it is configured.
     pub fn device(&self) -> Option<Descriptors> {
         self.host().device()
     }
 
-    /// Packets and bytes of the bulk endpoints so far.
+    /// Returns the traffic of the bulk endpoints so far.
     pub fn counters(&self) -> Counters {
         self.host().counters()
     }
 
-    /// What happened on the bus so far.
+    /// Returns all events on the bus so far.
     pub fn log(&self) -> Vec<Logged> {
         self.host().log().to_vec()
     }
 
-    /// Everything that a real core or a real host would not have accepted.
+    /// Returns all violations of the reference manual and of the USB specification so far.
     pub fn violations(&self) -> Vec<Violation> {
         self.host().violations().to_vec()
     }
 
-    /// Does what is due at `now`; the next instant at which something will be, ns.
+    /// Performs the work that is due at `now`. Returns the time of the next work, in ns.
     pub(super) fn step(&self, now: u64, core: &mut Core) -> Option<u64> {
         self.host().step(now, core)
     }

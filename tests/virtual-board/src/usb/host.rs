@@ -1,68 +1,68 @@
-//! The host at the other end of the cable, in virtual time.
+//! Model of the USB host, in virtual time.
 //!
-//! It does something only while something is to be done: a token that the device would answer with NAK is
-//! not sent until it would not, so that an idle bus costs nothing. Frames are counted, not sent.
+//! To make an idle bus cheap, the host does not send tokens to which the device would respond with NAK: it waits
+//! until the response would differ. Frames are counted, not sent.
 
 mod control;
-mod descriptor;
+pub(crate) mod descriptor;
 mod enumeration;
-mod event;
+pub(crate) mod event;
 mod serial;
+pub(crate) mod status;
 mod traffic;
 
 use std::collections::VecDeque;
 
 use self::control::Transfer;
+use self::descriptor::Descriptors;
 use self::enumeration::Enumeration;
+use self::event::{Event, Logged};
 use self::serial::{Request, Serial};
+use self::status::{Counters, State};
 use super::core::Core;
-use super::handle::{Counters, State};
 use super::violation::Violations;
 
-pub use self::descriptor::{Configuration, Descriptors, EndpointDescriptor, Interface};
-pub use self::event::{Event, Logged};
-
-/// How long a new device must stay before it is reset, ns (USB 2.0, 7.1.7.3: TATTDB).
+/// Time for which a new device must stay attached before its first reset, in ns (USB 2.0, 7.1.7.3: TATTDB).
 const DEBOUNCE_NS: u64 = 100_000_000;
-/// How long the bus is reset, ns (USB 2.0, 7.1.7.5: TDRSTR of a root port).
+/// Duration of a bus reset, in ns (USB 2.0, 7.1.7.5: TDRSTR of a root port).
 const RESET_NS: u64 = 50_000_000;
-/// How long the device may recover from a reset, ns (USB 2.0, 7.1.7.5: TRSTRCY).
+/// Recovery time of the device after a reset, in ns (USB 2.0, 7.1.7.5: TRSTRCY).
 const RECOVERY_NS: u64 = 10_000_000;
-/// Idle time after which a device is suspended, ns (USB 2.0, 7.1.7.6).
+/// Idle time after which a device is suspended, in ns (USB 2.0, 7.1.7.6).
 const SUSPEND_NS: u64 = 3_000_000;
-/// How long resume is signalled, ns (USB 2.0, 7.1.7.7: TDRSMDN).
+/// Duration of resume signalling, in ns (USB 2.0, 7.1.7.7: TDRSMDN).
 const RESUME_NS: u64 = 20_000_000;
-/// How long the device may recover from resume, ns (USB 2.0, 7.1.7.7: TRSMRCY).
+/// Recovery time of the device after resume, in ns (USB 2.0, 7.1.7.7: TRSMRCY).
 const RESUME_RECOVERY_NS: u64 = 10_000_000;
-/// Enumerations before the host leaves a device alone, as Linux does.
+/// Enumerations that the host attempts before it ignores a device, as Linux does.
 const ATTEMPTS: u32 = 3;
-/// Things the host may do at one instant before the model counts as stuck.
-const SAME_INSTANT: usize = 1_000;
+/// Actions at one time after which the model of the host counts as stuck.
+const MAX_ACTIONS: usize = 1_000;
 
-/// What a test or a bridge asks of the host.
+/// Command to the host from its handle.
 #[derive(Clone, Debug)]
 pub(super) enum Command {
     Plug,
     Unplug,
     Open(bool),
-    Stall(bool),
+    PauseReading(bool),
     Suspend(bool),
     ResetBus,
     Send(Vec<u8>),
 }
 
-/// What the port is doing, until when.
+/// Phase of the host's port, with the time in ns at which it ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     Unplugged,
-    /// The cable is in, no device shows itself.
+    /// The cable is plugged in and no device is attached.
     Empty,
     Debounce(u64),
     Reset(u64),
     Recovery(u64),
-    /// The device may be talked to.
+    /// Transactions with the device are possible.
     Active,
-    /// The device could not be enumerated.
+    /// All attempts to enumerate the device have failed.
     Failed,
 }
 
@@ -74,14 +74,14 @@ enum Power {
     Recovering(u64),
 }
 
-/// Why a control transfer is made.
+/// Purpose of a control transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Purpose {
     Enumerate,
     Serial(Request),
 }
 
-/// The host.
+/// USB host: state of its port, of the enumeration and of the serial port.
 #[derive(Debug)]
 pub(super) struct Host {
     pub(super) commands: VecDeque<Command>,
@@ -95,16 +95,16 @@ pub(super) struct Host {
     address: u8,
     serial: Serial,
     device: Option<Descriptors>,
-    /// When the last transaction ended, ns.
+    /// End of the last transaction, in ns.
     free_at: u64,
-    /// When the transaction on the wire ends, ns.
+    /// End of the transaction in progress, in ns.
     busy_until: Option<u64>,
     log: Vec<Logged>,
     violations: Violations,
 }
 
 impl Host {
-    /// A host with nothing plugged in.
+    /// Creates a host whose cable is unplugged.
     pub(super) fn new() -> Self {
         Self {
             commands: VecDeque::new(),
@@ -155,47 +155,47 @@ impl Host {
         self.serial.counters
     }
 
-    fn note(&mut self, now: u64, event: Event) {
+    fn log_event(&mut self, now: u64, event: Event) {
         self.log.push(Logged { at_ns: now, event });
     }
 
-    /// Does what is due at `now`. The next instant at which something will be, ns.
+    /// Performs the work that is due at `now`. Returns the time of the next work, in ns.
     pub(super) fn step(&mut self, now: u64, core: &mut Core) -> Option<u64> {
-        for _ in 0..SAME_INSTANT {
+        for _ in 0..MAX_ACTIONS {
             self.violations.take_from(&mut core.violations);
             while let Some(command) = self.commands.pop_front() {
-                self.command(command, now, core);
+                self.execute(command, now, core);
             }
-            self.watch(now, core);
-            match self.due(now, core) {
-                Some(at) if at <= now => self.act(now, core),
+            self.observe_bus(now, core);
+            match self.next_due(now, core) {
+                Some(at) if at <= now => self.perform(now, core),
                 next => return next,
             }
         }
         self.violations
-            .record(now, "the model of the host does not come to rest");
+            .record(now, "the model of the host repeats actions without end");
         None
     }
 
-    fn command(&mut self, command: Command, now: u64, core: &mut Core) {
+    fn execute(&mut self, command: Command, now: u64, core: &mut Core) {
         match command {
             Command::Plug if self.phase == Phase::Unplugged => {
                 self.phase = Phase::Empty;
-                self.note(now, Event::Plugged);
+                self.log_event(now, Event::Plugged);
                 core.set_vbus(true);
             }
             Command::Unplug if self.phase != Phase::Unplugged => {
-                self.forget(core);
+                self.discard_device(core);
                 self.phase = Phase::Unplugged;
-                self.note(now, Event::Unplugged);
+                self.log_event(now, Event::Unplugged);
                 core.set_vbus(false);
             }
             Command::Open(wanted) => self.serial.wanted = wanted && self.serial.is_connected(),
-            Command::Stall(stalled) => self.serial.stalled = stalled,
+            Command::PauseReading(paused) => self.serial.is_paused = paused,
             Command::Suspend(wanted) => self.wants_suspend = wanted,
             Command::ResetBus if matches!(self.phase, Phase::Active | Phase::Failed) => {
                 self.attempts = 0;
-                self.start_over(now, core);
+                self.restart_enumeration(now, core);
             }
             Command::Send(bytes) if self.serial.is_connected() => {
                 self.serial.outgoing.extend(bytes);
@@ -204,8 +204,8 @@ impl Host {
         }
     }
 
-    /// Forgets the device and stops sending frames.
-    fn forget(&mut self, core: &mut Core) {
+    /// Discards all state of the device and stops sending frames.
+    fn discard_device(&mut self, core: &mut Core) {
         self.transfer = None;
         self.enumeration = None;
         self.device = None;
@@ -217,53 +217,53 @@ impl Host {
         core.set_frames(false);
     }
 
-    /// Resets the bus and enumerates from the beginning.
-    fn start_over(&mut self, now: u64, core: &mut Core) {
-        self.forget(core);
+    /// Resets the bus and restarts the enumeration.
+    fn restart_enumeration(&mut self, now: u64, core: &mut Core) {
+        self.discard_device(core);
         self.enumeration = Some(Enumeration::new());
         self.reset_bus(now, core);
     }
 
     fn reset_bus(&mut self, now: u64, core: &mut Core) {
         core.set_frames(false);
-        core.begin_reset();
+        core.start_reset();
         self.phase = Phase::Reset(now + RESET_NS);
     }
 
-    /// Notices a device that comes or goes, and a bus that is idle.
-    fn watch(&mut self, now: u64, core: &mut Core) {
+    /// Detects that a device was attached or detached, and that the bus became idle.
+    fn observe_bus(&mut self, now: u64, core: &mut Core) {
         let attached = core.is_attached();
         match self.phase {
             Phase::Empty if attached => {
                 self.attempts = 0;
                 self.phase = Phase::Debounce(now + DEBOUNCE_NS);
-                self.note(now, Event::Attached);
+                self.log_event(now, Event::Attached);
             }
             Phase::Unplugged | Phase::Empty => {}
             _ if !attached => {
-                self.forget(core);
+                self.discard_device(core);
                 self.phase = Phase::Empty;
-                self.note(now, Event::Detached);
+                self.log_event(now, Event::Detached);
             }
             _ => {}
         }
         let is_idle = core.is_idle() && !matches!(self.power, Power::Resuming(_));
         self.idle_since = is_idle.then(|| self.idle_since.unwrap_or(now));
         if core.signals_wakeup() {
-            let text = "OTG_DCTL: RWUSIG, although the host has not allowed it (USB 2.0, 9.2.5.2)";
+            let text = "OTG_DCTL: RWUSIG, although the host has not enabled it (USB 2.0, 9.2.5.2)";
             self.violations.record(now, text);
         }
     }
 
-    /// When the next thing is due.
-    fn due(&mut self, now: u64, core: &Core) -> Option<u64> {
+    /// Returns the time of the next work, in ns.
+    fn next_due(&mut self, now: u64, core: &Core) -> Option<u64> {
         let phase = match self.phase {
             Phase::Debounce(until) | Phase::Reset(until) | Phase::Recovery(until) => Some(until),
             _ => None,
         };
         let power = match self.power {
             Power::Resuming(until) | Power::Recovering(until) => Some(until),
-            Power::Running | Power::Suspended => self.changes_power().then_some(now),
+            Power::Running | Power::Suspended => self.must_change_power().then_some(now),
         };
         let idle = self.idle_since.map(|since| since + SUSPEND_NS);
         let is_live = self.phase == Phase::Active && self.power == Power::Running;
@@ -271,21 +271,22 @@ impl Host {
         [phase, power, idle, traffic].into_iter().flatten().min()
     }
 
-    /// Whether the bus is to be suspended or resumed now.
-    fn changes_power(&self) -> bool {
+    /// Returns whether the bus must be suspended or resumed now.
+    fn must_change_power(&self) -> bool {
         let is_suspended = self.power == Power::Suspended;
-        let may = self.device.is_some() && self.transfer.is_none() && self.busy_until.is_none();
-        self.wants_suspend != is_suspended && (is_suspended || may)
+        let can_suspend =
+            self.device.is_some() && self.transfer.is_none() && self.busy_until.is_none();
+        self.wants_suspend != is_suspended && (is_suspended || can_suspend)
     }
 
-    fn act(&mut self, now: u64, core: &mut Core) {
+    fn perform(&mut self, now: u64, core: &mut Core) {
         match (self.phase, self.power) {
-            (Phase::Debounce(until), _) if until <= now => self.start_over(now, core),
+            (Phase::Debounce(until), _) if until <= now => self.restart_enumeration(now, core),
             (Phase::Reset(until), _) if until <= now => {
                 core.end_reset();
                 core.set_frames(true);
                 self.phase = Phase::Recovery(now + RECOVERY_NS);
-                self.note(now, Event::BusReset);
+                self.log_event(now, Event::BusReset);
             }
             (Phase::Recovery(until), _) if until <= now => self.phase = Phase::Active,
             (_, Power::Resuming(until)) if until <= now => {
@@ -294,14 +295,14 @@ impl Host {
             }
             (_, Power::Recovering(until)) if until <= now => {
                 self.power = Power::Running;
-                self.note(now, Event::Resumed);
+                self.log_event(now, Event::Resumed);
             }
-            (_, Power::Running) if self.changes_power() => {
+            (_, Power::Running) if self.must_change_power() => {
                 core.set_frames(false);
                 self.power = Power::Suspended;
-                self.note(now, Event::Suspended);
+                self.log_event(now, Event::Suspended);
             }
-            (_, Power::Suspended) if self.changes_power() => {
+            (_, Power::Suspended) if self.must_change_power() => {
                 core.resume();
                 self.power = Power::Resuming(now + RESUME_NS);
             }
@@ -315,15 +316,15 @@ impl Host {
         }
     }
 
-    /// An enumeration has gone wrong: tries again, or leaves the device alone.
+    /// Handles a failed enumeration: retries it, or ignores the device after the last attempt.
     fn enumeration_failed(&mut self, why: String, now: u64, core: &mut Core) {
         self.attempts += 1;
         self.violations.record(now, format!("enumeration: {why}"));
-        self.note(now, Event::EnumerationFailed(why));
+        self.log_event(now, Event::EnumerationFailed(why));
         if self.attempts < ATTEMPTS {
-            self.start_over(now, core);
+            self.restart_enumeration(now, core);
         } else {
-            self.forget(core);
+            self.discard_device(core);
             self.phase = Phase::Failed;
         }
     }

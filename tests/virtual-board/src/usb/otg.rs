@@ -1,5 +1,9 @@
-//! The USB core as a part carries it: a window with the registers and FIFOs, and a front for the instance
-//! of the part's own that receives the clock and the reset line.
+//! Connection of the USB core to a part of the emulator.
+//!
+//! The registers and FIFOs are in a window at free addresses, to which accesses of the processor are redirected
+//! ([`Otg::redirect`]). The part's own instance of the core only receives its clock and reset line. The part
+//! contains an [`Otg`]: its `split` first calls [`Otg::model`], and its `poll` and `reset` end with those of
+//! [`Otg`].
 
 use std::marker::PhantomData;
 use std::num::NonZeroU64;
@@ -14,23 +18,22 @@ use super::handle::UsbHost;
 use super::instance::{Instance, Slots};
 use crate::core_bus::Redirect;
 
-/// The core's global interrupt among the window's interrupts.
+/// Index of the core's global interrupt in the window.
 const GLOBAL: usize = 0;
 
-/// The core, the host at the other end of its cable, and what both have asked of the emulator.
+/// The core and its host, with the interrupt level and the event that the emulator has been given.
 #[derive(Debug)]
-struct Link {
+struct CoreAndHost {
     core: Core,
     host: UsbHost,
-    /// Level of the interrupt line.
+    /// Last level of the interrupt line.
     raised: bool,
-    /// The earliest instant that an event is scheduled for.
+    /// Earliest time for which an event is scheduled, in ns.
     scheduled: Option<u64>,
 }
 
-impl Link {
-    /// Lets the host do what is due at `context`'s instant, then drives the interrupt and asks for the
-    /// next event.
+impl CoreAndHost {
+    /// Performs the host's work that is due now, then drives the interrupt line and schedules the next event.
     fn settle(&mut self, context: &mut DeviceContext<'_>) {
         let now = context.now().0;
         self.core.set_now(now);
@@ -54,13 +57,13 @@ impl Link {
     }
 }
 
-type Shared = Arc<Mutex<Link>>;
+type Shared = Arc<Mutex<CoreAndHost>>;
 
-fn lock(link: &Shared) -> MutexGuard<'_, Link> {
+fn lock(link: &Shared) -> MutexGuard<'_, CoreAndHost> {
     link.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The window's model.
+/// Device model of the window.
 #[derive(Debug)]
 struct Registers {
     link: Shared,
@@ -115,40 +118,40 @@ impl ErasedDevice for Registers {
         link.core.set_now(context.now().0);
         #[expect(
             clippy::cast_possible_truncation,
-            reason = "the width is checked by the core"
+            reason = "the core reports accesses that are not 32 bits wide"
         )]
         link.core.write(offset, width, value as u32);
         link.settle(context);
     }
 }
 
-/// The front for the part's own instance, whose registers are those of the window.
+/// Device model of the part's own instance, for its clock and reset line only.
 #[derive(Debug)]
-struct Front<L> {
+struct ClockAndReset<L> {
     link: Shared,
     layout: PhantomData<L>,
 }
 
-impl<L: Layout> Device for Front<L> {
+impl<L: Layout> Device for ClockAndReset<L> {
     type Register = L;
 
     fn on_clock(&mut self, hz: u64, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {
         lock(&self.link).core.supply.kernel_hz = Some(hz);
     }
 
-    /// The reset bit in the clock controller: the core is as out of a system reset.
+    /// Handles the reset bit in the clock controller, which has the effect of a system reset.
     fn reset_line(&mut self, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {
         let mut link = lock(&self.link);
         link.core.reset();
-        // The host notices at the next access or stop.
+        // The host detects the reset at the next access or stop.
     }
 }
 
-/// The USB core of a part, to be plugged into the part's dispatch.
-pub struct Otg {
+/// The USB core of a part.
+pub(crate) struct Otg {
     link: Shared,
     registers: Registers,
-    front: Box<dyn ErasedDevice + Send>,
+    clock_and_reset: Box<dyn ErasedDevice + Send>,
     instance: &'static Instance,
     slots: Slots,
     window: usize,
@@ -165,13 +168,13 @@ impl std::fmt::Debug for Otg {
 }
 
 impl Otg {
-    /// Adds the core `instance` to a part's `bus`, with `host` at the other end of its cable. `L` is the
-    /// layout of the part's own instance [`Instance::global`].
+    /// Adds the core `instance` to the bus of a part, with `host` at the other end of its cable. `L` is the
+    /// register layout of [`Instance::global`].
     ///
     /// # Errors
     ///
-    /// If the part has no such instance, or something is at the window's addresses.
-    pub fn new<L: Layout + Send + 'static>(
+    /// The part lacks [`Instance::global`], or the addresses of the window are in use.
+    pub(crate) fn new<L: Layout + Send + 'static>(
         instance: &'static Instance,
         host: &UsbHost,
         bus: &mut Bus,
@@ -181,7 +184,7 @@ impl Otg {
         let size = NonZeroU64::new(instance.size).unwrap_or(NonZeroU64::MIN);
         let window = Window::new(instance.window, instance.window_base, size);
         let window = bus.add_window(window.raising(instance.interrupts))?;
-        let link = Arc::new(Mutex::new(Link {
+        let link = Arc::new(Mutex::new(CoreAndHost {
             core: Core::new(instance),
             host: host.clone(),
             raised: false,
@@ -191,14 +194,14 @@ impl Otg {
             link: Arc::clone(&link),
             layout: bus.slots()[window].peripheral().registers,
         };
-        let front = Box::new(Front {
+        let clock_and_reset = Box::new(ClockAndReset {
             link: Arc::clone(&link),
             layout: PhantomData::<L>,
         });
         Ok(Self {
             link,
             registers,
-            front,
+            clock_and_reset,
             instance,
             slots,
             window,
@@ -206,7 +209,7 @@ impl Otg {
         })
     }
 
-    /// The addresses that the processor's accesses are redirected from and to.
+    /// Returns the redirection of the core's addresses to the window.
     pub(crate) fn redirect(&self) -> Redirect {
         Redirect {
             from: self.instance.base..self.instance.base + self.instance.size,
@@ -214,29 +217,28 @@ impl Otg {
         }
     }
 
-    /// The model for `slot`, if it is one of the core's: what the part's `split` returns in place of its
-    /// own. `bus` is the part's.
-    pub fn model(&mut self, slot: usize, bus: &Bus) -> Option<&mut dyn ErasedDevice> {
+    /// Returns the model for `slot` if the slot belongs to the core; the part's `split` then returns it instead of
+    /// its own model.
+    pub(crate) fn model(&mut self, slot: usize, bus: &Bus) -> Option<&mut dyn ErasedDevice> {
         if slot == self.window {
-            self.supply(bus);
+            self.update_supply(bus);
             Some(&mut self.registers)
         } else if slot == self.global {
-            Some(&mut *self.front)
+            Some(&mut *self.clock_and_reset)
         } else {
             None
         }
     }
 
-    /// Lets the host act at `now`, a stop of the emulator: the part's `poll` calls it.
-    pub fn poll(&mut self, now: VirtualNanos, bus: &mut Bus) {
-        self.supply(bus);
+    /// Performs the host's work at a stop of the emulator; the part's `poll` calls it.
+    pub(crate) fn poll(&mut self, now: VirtualNanos, bus: &mut Bus) {
+        self.update_supply(bus);
         let (_, mut context) = bus.drive(now, self.window);
         lock(&self.link).settle(&mut context);
     }
 
-    /// A system reset: the part's `reset` calls it after it has reset itself. The host sees the device
-    /// leave the bus.
-    pub fn reset(&mut self) {
+    /// Applies a system reset; the part's `reset` calls it at its end. The host sees the device detach.
+    pub(crate) fn reset(&mut self) {
         let mut link = lock(&self.link);
         link.core.reset();
         link.core.supply = Supply::default();
@@ -244,8 +246,8 @@ impl Otg {
         link.scheduled = None;
     }
 
-    /// Takes what the rest of the part does for the core.
-    fn supply(&mut self, bus: &Bus) {
+    /// Updates the bus clock and the connection to the cable from the part's registers.
+    fn update_supply(&mut self, bus: &Bus) {
         let supply = &mut lock(&self.link).core.supply;
         supply.clocked = (self.instance.is_clocked)(bus, &self.slots);
         supply.unwired = (self.instance.unwired)(bus, &self.slots);

@@ -1,9 +1,9 @@
-//! The register map of the core: offsets, names and bits, RM0433 rev 9 section 57.14 (RM0390
-//! chapter 31 has the same map for the F446).
+//! Register map of the core: offsets, names and bits (RM0433 rev 9, section 57.14; RM0390 chapter 31 has
+//! the same map for the STM32F446).
 
 use std::fmt;
 
-/// One register, or one FIFO, of the core in device mode.
+/// A register or FIFO of the core in device mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Register {
     Gotgctl,
@@ -21,7 +21,7 @@ pub(super) enum Register {
     Gnptxsts,
     Gccfg,
     Cid,
-    /// Identification registers that ST's manuals leave out and drivers read, by offset.
+    /// Offset of an identification register that drivers read although ST's manuals omit it.
     Undocumented(u32),
     Glpmcfg,
     Dcfg,
@@ -43,20 +43,20 @@ pub(super) enum Register {
     Doepint(usize),
     Doeptsiz(usize),
     Pcgcctl,
-    /// The FIFO of the endpoint with this number; reads take from the receive FIFO, which all share.
+    /// FIFO address of the endpoint with this number. Reads access the receive FIFO that all endpoints share.
     Fifo(usize),
 }
 
-/// Endpoints in each direction that the register map has room for.
+/// Maximum number of endpoints per direction in the register map.
 pub(super) const MAX_ENDPOINTS: usize = 9;
 
-/// Bytes between two endpoints' registers.
+/// Distance between the registers of two endpoints, in bytes.
 const ENDPOINT_STRIDE: u64 = 0x20;
-/// Bytes of one FIFO's addresses.
+/// Size of the address range of one FIFO, in bytes.
 const FIFO_STRIDE: u64 = 0x1000;
 
 impl Register {
-    /// The register at `offset` bytes from the core's base, for a core with `endpoints` endpoints.
+    /// Returns the register at `offset` bytes from the core's base, for a core with `endpoints` endpoints.
     pub(super) fn at(offset: u64, endpoints: usize) -> Option<Self> {
         let register = match offset {
             0x00 => Self::Gotgctl,
@@ -126,7 +126,7 @@ impl Register {
     }
 }
 
-/// The place of `offset` in a row of registers from `first`, `stride` bytes apart.
+/// Returns the index of `offset` in an array of registers that starts at `first`, `stride` bytes apart.
 fn index(offset: u64, first: u64, stride: u64) -> Option<usize> {
     let from_first = offset - first;
     from_first
@@ -154,118 +154,118 @@ impl fmt::Display for Register {
 
 /// Bits of `OTG_GINTSTS` and `OTG_GINTMSK`.
 pub(super) mod gintsts {
-    pub(in crate::usb) const OTGINT: u32 = 1 << 2;
-    pub(in crate::usb) const SOF: u32 = 1 << 3;
-    pub(in crate::usb) const RXFLVL: u32 = 1 << 4;
-    pub(in crate::usb) const NPTXFE: u32 = 1 << 5;
-    pub(in crate::usb) const GINAKEFF: u32 = 1 << 6;
-    pub(in crate::usb) const GONAKEFF: u32 = 1 << 7;
-    pub(in crate::usb) const ESUSP: u32 = 1 << 10;
-    pub(in crate::usb) const USBSUSP: u32 = 1 << 11;
-    pub(in crate::usb) const USBRST: u32 = 1 << 12;
-    pub(in crate::usb) const ENUMDNE: u32 = 1 << 13;
-    pub(in crate::usb) const EOPF: u32 = 1 << 15;
-    pub(in crate::usb) const IEPINT: u32 = 1 << 18;
-    pub(in crate::usb) const OEPINT: u32 = 1 << 19;
-    pub(in crate::usb) const SRQINT: u32 = 1 << 30;
-    pub(in crate::usb) const WKUPINT: u32 = 1 << 31;
-    /// The bits that software clears by writing one.
-    pub(in crate::usb) const CLEARABLE: u32 =
+    pub(crate) const OTGINT: u32 = 1 << 2;
+    pub(crate) const SOF: u32 = 1 << 3;
+    pub(crate) const RXFLVL: u32 = 1 << 4;
+    pub(crate) const NPTXFE: u32 = 1 << 5;
+    pub(crate) const GINAKEFF: u32 = 1 << 6;
+    pub(crate) const GONAKEFF: u32 = 1 << 7;
+    pub(crate) const ESUSP: u32 = 1 << 10;
+    pub(crate) const USBSUSP: u32 = 1 << 11;
+    pub(crate) const USBRST: u32 = 1 << 12;
+    pub(crate) const ENUMDNE: u32 = 1 << 13;
+    pub(crate) const EOPF: u32 = 1 << 15;
+    pub(crate) const IEPINT: u32 = 1 << 18;
+    pub(crate) const OEPINT: u32 = 1 << 19;
+    pub(crate) const SRQINT: u32 = 1 << 30;
+    pub(crate) const WKUPINT: u32 = 1 << 31;
+    /// Bits that software clears by writing 1.
+    pub(crate) const CLEARABLE: u32 =
         SOF | ESUSP | USBSUSP | USBRST | ENUMDNE | EOPF | SRQINT | WKUPINT | 0x3030_4000;
 }
 
 /// Bits of `OTG_GRSTCTL`.
 pub(super) mod grstctl {
-    pub(in crate::usb) const CSRST: u32 = 1 << 0;
-    pub(in crate::usb) const RXFFLSH: u32 = 1 << 4;
-    pub(in crate::usb) const TXFFLSH: u32 = 1 << 5;
-    pub(in crate::usb) const AHBIDL: u32 = 1 << 31;
-    /// `TXFNUM` that means every transmit FIFO.
-    pub(in crate::usb) const ALL_FIFOS: u32 = 0x10;
+    pub(crate) const CSRST: u32 = 1 << 0;
+    pub(crate) const RXFFLSH: u32 = 1 << 4;
+    pub(crate) const TXFFLSH: u32 = 1 << 5;
+    pub(crate) const AHBIDL: u32 = 1 << 31;
+    /// Value of `TXFNUM` that selects all transmit FIFOs.
+    pub(crate) const ALL_FIFOS: u32 = 0x10;
 
-    /// The number of the FIFO to flush.
-    pub(in crate::usb) const fn txfnum(value: u32) -> u32 {
+    /// Returns `TXFNUM`, the number of the transmit FIFO to flush.
+    pub(crate) const fn txfnum(value: u32) -> u32 {
         value >> 6 & 0x1F
     }
 }
 
 /// Bits of `OTG_DIEPCTLx` and `OTG_DOEPCTLx`.
 pub(super) mod epctl {
-    pub(in crate::usb) const MPSIZ: u32 = 0x7FF;
-    pub(in crate::usb) const USBAEP: u32 = 1 << 15;
-    pub(in crate::usb) const DPID: u32 = 1 << 16;
-    pub(in crate::usb) const NAKSTS: u32 = 1 << 17;
-    pub(in crate::usb) const EPTYP: u32 = 3 << 18;
-    pub(in crate::usb) const SNPM: u32 = 1 << 20;
-    pub(in crate::usb) const STALL: u32 = 1 << 21;
-    pub(in crate::usb) const TXFNUM: u32 = 0xF << 22;
-    pub(in crate::usb) const CNAK: u32 = 1 << 26;
-    pub(in crate::usb) const SNAK: u32 = 1 << 27;
-    pub(in crate::usb) const SD0PID: u32 = 1 << 28;
-    pub(in crate::usb) const SD1PID: u32 = 1 << 29;
-    pub(in crate::usb) const EPDIS: u32 = 1 << 30;
-    pub(in crate::usb) const EPENA: u32 = 1 << 31;
+    pub(crate) const MPSIZ: u32 = 0x7FF;
+    pub(crate) const USBAEP: u32 = 1 << 15;
+    pub(crate) const DPID: u32 = 1 << 16;
+    pub(crate) const NAKSTS: u32 = 1 << 17;
+    pub(crate) const EPTYP: u32 = 3 << 18;
+    pub(crate) const SNPM: u32 = 1 << 20;
+    pub(crate) const STALL: u32 = 1 << 21;
+    pub(crate) const TXFNUM: u32 = 0xF << 22;
+    pub(crate) const CNAK: u32 = 1 << 26;
+    pub(crate) const SNAK: u32 = 1 << 27;
+    pub(crate) const SD0PID: u32 = 1 << 28;
+    pub(crate) const SD1PID: u32 = 1 << 29;
+    pub(crate) const EPDIS: u32 = 1 << 30;
+    pub(crate) const EPENA: u32 = 1 << 31;
 }
 
 /// Bits of `OTG_DIEPINTx` and `OTG_DOEPINTx`.
 pub(super) mod epint {
-    pub(in crate::usb) const XFRC: u32 = 1 << 0;
-    pub(in crate::usb) const EPDISD: u32 = 1 << 1;
-    /// Of an OUT endpoint: the setup stage is done.
-    pub(in crate::usb) const STUP: u32 = 1 << 3;
-    /// Of an IN endpoint: a token came while its FIFO was empty.
-    pub(in crate::usb) const ITTXFE: u32 = 1 << 4;
-    /// Of an OUT endpoint: an OUT token came while it was disabled.
-    pub(in crate::usb) const OTEPDIS: u32 = 1 << 4;
-    /// Of an IN endpoint: its NAK is effective.
-    pub(in crate::usb) const INEPNE: u32 = 1 << 6;
-    /// Of an IN endpoint, read only: its FIFO has room.
-    pub(in crate::usb) const TXFE: u32 = 1 << 7;
+    pub(crate) const XFRC: u32 = 1 << 0;
+    pub(crate) const EPDISD: u32 = 1 << 1;
+    /// OUT endpoint: the setup stage is done.
+    pub(crate) const STUP: u32 = 1 << 3;
+    /// IN endpoint: a token was received while the FIFO was empty.
+    pub(crate) const ITTXFE: u32 = 1 << 4;
+    /// OUT endpoint: an OUT token was received while the endpoint was disabled.
+    pub(crate) const OTEPDIS: u32 = 1 << 4;
+    /// IN endpoint: the NAK is effective.
+    pub(crate) const INEPNE: u32 = 1 << 6;
+    /// IN endpoint, read only: the FIFO has room.
+    pub(crate) const TXFE: u32 = 1 << 7;
 }
 
 /// Bits of `OTG_DCTL`.
 pub(super) mod dctl {
-    pub(in crate::usb) const RWUSIG: u32 = 1 << 0;
-    pub(in crate::usb) const SDIS: u32 = 1 << 1;
-    pub(in crate::usb) const GINSTS: u32 = 1 << 2;
-    pub(in crate::usb) const GONSTS: u32 = 1 << 3;
-    pub(in crate::usb) const SGINAK: u32 = 1 << 7;
-    pub(in crate::usb) const CGINAK: u32 = 1 << 8;
-    pub(in crate::usb) const SGONAK: u32 = 1 << 9;
-    pub(in crate::usb) const CGONAK: u32 = 1 << 10;
-    pub(in crate::usb) const POPRGDNE: u32 = 1 << 11;
+    pub(crate) const RWUSIG: u32 = 1 << 0;
+    pub(crate) const SDIS: u32 = 1 << 1;
+    pub(crate) const GINSTS: u32 = 1 << 2;
+    pub(crate) const GONSTS: u32 = 1 << 3;
+    pub(crate) const SGINAK: u32 = 1 << 7;
+    pub(crate) const CGINAK: u32 = 1 << 8;
+    pub(crate) const SGONAK: u32 = 1 << 9;
+    pub(crate) const CGONAK: u32 = 1 << 10;
+    pub(crate) const POPRGDNE: u32 = 1 << 11;
 }
 
 /// Bits of the other registers.
 pub(super) mod bit {
-    /// `OTG_GAHBCFG`: interrupts reach the processor.
-    pub(in crate::usb) const GINT: u32 = 1 << 0;
+    /// `OTG_GAHBCFG`: the global interrupt is unmasked.
+    pub(crate) const GINT: u32 = 1 << 0;
     /// `OTG_GAHBCFG`: `TXFE` means completely empty, not half empty.
-    pub(in crate::usb) const TXFELVL: u32 = 1 << 7;
+    pub(crate) const TXFELVL: u32 = 1 << 7;
     /// `OTG_GUSBCFG`: device mode is forced.
-    pub(in crate::usb) const FDMOD: u32 = 1 << 30;
+    pub(crate) const FDMOD: u32 = 1 << 30;
     /// `OTG_GUSBCFG`: host mode is forced.
-    pub(in crate::usb) const FHMOD: u32 = 1 << 29;
+    pub(crate) const FHMOD: u32 = 1 << 29;
     /// `OTG_GOTGCTL`: B-session valid is overridden.
-    pub(in crate::usb) const BVALOEN: u32 = 1 << 6;
-    /// `OTG_GOTGCTL`: the value that overrides it.
-    pub(in crate::usb) const BVALOVAL: u32 = 1 << 7;
-    /// `OTG_GOTGCTL`: the ID pin says B-device.
-    pub(in crate::usb) const CIDSTS: u32 = 1 << 16;
+    pub(crate) const BVALOEN: u32 = 1 << 6;
+    /// `OTG_GOTGCTL`: override value for B-session valid.
+    pub(crate) const BVALOVAL: u32 = 1 << 7;
+    /// `OTG_GOTGCTL`: the ID pin indicates a B-device.
+    pub(crate) const CIDSTS: u32 = 1 << 16;
     /// `OTG_GOTGCTL`: the B-session is valid.
-    pub(in crate::usb) const BSVLD: u32 = 1 << 19;
+    pub(crate) const BSVLD: u32 = 1 << 19;
     /// `OTG_GOTGINT`: the session has ended.
-    pub(in crate::usb) const SEDET: u32 = 1 << 2;
-    /// `OTG_GCCFG`: the full-speed transceiver is on (the name says the opposite).
-    pub(in crate::usb) const PWRDWN: u32 = 1 << 16;
+    pub(crate) const SEDET: u32 = 1 << 2;
+    /// `OTG_GCCFG`: the full-speed transceiver is on (despite its name).
+    pub(crate) const PWRDWN: u32 = 1 << 16;
     /// `OTG_GCCFG`: VBUS is sensed.
-    pub(in crate::usb) const VBDEN: u32 = 1 << 21;
+    pub(crate) const VBDEN: u32 = 1 << 21;
     /// `OTG_DSTS`: the bus is suspended.
-    pub(in crate::usb) const SUSPSTS: u32 = 1 << 0;
+    pub(crate) const SUSPSTS: u32 = 1 << 0;
     /// `OTG_DSTS`: `ENUMSPD` full speed.
-    pub(in crate::usb) const FULL_SPEED: u32 = 3 << 1;
+    pub(crate) const FULL_SPEED: u32 = 3 << 1;
     /// `OTG_PCGCCTL`: the PHY's clock is stopped.
-    pub(in crate::usb) const STPPCLK: u32 = 1 << 0;
+    pub(crate) const STPPCLK: u32 = 1 << 0;
 }
 
 #[cfg(test)]
@@ -273,7 +273,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_register_is_where_the_manual_puts_it() {
+    fn every_register_has_the_offset_of_the_manual() {
         for (offset, name) in [
             (0x010, "OTG_GRSTCTL"),
             (0x028, "OTG_DIEPTXF0"),
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn reserved_offsets_and_endpoints_that_are_not_there_have_no_register() {
+    fn reserved_offsets_and_missing_endpoints_have_no_register() {
         for offset in [0x30, 0x124, 0x904, 0xB14, 0xD00, 0x8F0] {
             assert_eq!(Register::at(offset, MAX_ENDPOINTS), None, "{offset:#x}");
         }

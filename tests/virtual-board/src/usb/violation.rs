@@ -1,15 +1,15 @@
-//! What a real core or a real host would not have accepted.
+//! Violations of the reference manual and of the USB specification.
 
 use std::fmt;
 
-/// One violation of the manual or of the USB specification, and how often it happened.
+/// A violation of the reference manual or of the USB specification, with the number of its occurrences.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
-    /// Virtual time of the first occurrence, ns.
+    /// Virtual time of the first occurrence, in ns.
     pub at_ns: u64,
-    /// The register or the request, what happened, and the section that forbids it.
+    /// Register or request, what happened, and the section that forbids it.
     pub text: String,
-    /// Occurrences with the same text, at least 1.
+    /// Number of occurrences with the same text, at least 1.
     pub count: u64,
 }
 
@@ -23,7 +23,7 @@ impl fmt::Display for Violation {
     }
 }
 
-/// Every violation so far, each text once, in the order of their first occurrence.
+/// All violations so far, each text once, in the order of the first occurrence.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Violations(Vec<Violation>);
 
@@ -40,7 +40,7 @@ impl Violations {
         }
     }
 
-    /// Adds the violations of `other` and empties it.
+    /// Moves the violations of `other` into this list.
     pub(super) fn take_from(&mut self, other: &mut Self) {
         for violation in other.0.drain(..) {
             match self.0.iter_mut().find(|known| known.text == violation.text) {

@@ -1,4 +1,4 @@
-//! The bridge that users run, at the board's port.
+//! The `corticode-bridge` program, connected to the board's port.
 
 use std::io::Read;
 use std::process::{ChildStdout, Command, Stdio};
@@ -6,29 +6,30 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 use std::{env, thread};
 
-use virtual_board::{TcpPort, Trouble, VirtualBoard, live};
+use virtual_board::{BoardError, TcpPort, VirtualBoard, live};
 
 use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{assert_sound, power_on};
 
-/// Real time that the bridge may take: the board may run at a fraction of real time on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(180);
+/// Timeout of a run of the bridge, in real time. On a busy machine, the board runs slower than real time.
+const TIMEOUT: Duration = Duration::from_secs(180);
 
-/// Times that a self-test is tried: the bridge waits 15 s of real time for one of 4.5 s of the board's.
+/// Attempts at a self-test: the bridge waits 15 s of real time for the result, which takes 4.5 s of virtual time.
 const ATTEMPTS: usize = 3;
 
-/// Codes that the bridge is to publish before it is ended.
+/// Number of codes that the bridge must publish.
 const CODES: usize = 48;
 
-/// Runs the bridge at the board's port until it ends, `enough` says so of its output, or it takes too long.
+/// Runs the bridge at the board's port until it exits, `is_enough` returns true for its output, or the timeout.
+/// Returns its output and exit status.
 fn bridge(
     board: &mut VirtualBoard,
     arguments: &[&str],
-    enough: fn(&str) -> bool,
-) -> Result<(String, Option<i32>), Trouble> {
+    is_enough: fn(&str) -> bool,
+) -> Result<(String, Option<i32>), BoardError> {
     let program = env::var_os("CORTICODE_BRIDGE").expect(
-        "CORTICODE_BRIDGE names the bridge's program; `cargo xtask board` builds it and sets it",
+        "CORTICODE_BRIDGE must contain the path of the bridge; `cargo xtask board` builds it and sets the variable",
     );
     let mut tcp = TcpPort::listen(0).expect("a free port");
     let port = format!("tcp:127.0.0.1:{}", tcp.number().expect("a number"));
@@ -38,24 +39,24 @@ fn bridge(
         .stdout(Stdio::piped())
         .spawn()
         .expect("the bridge starts");
-    let output = child.stdout.take().expect("it is piped");
+    let output = child.stdout.take().expect("a piped output");
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {
         let reader = scope.spawn(|| {
-            let text = read(output, enough);
+            let text = read(output, is_enough);
             stop.store(true, Relaxed);
             text
         });
         let timer = scope.spawn(|| {
-            let begin = Instant::now();
-            while begin.elapsed() < PATIENCE && !stop.load(Relaxed) {
+            let start = Instant::now();
+            while start.elapsed() < TIMEOUT && !stop.load(Relaxed) {
                 thread::sleep(Duration::from_millis(50));
             }
             stop.store(true, Relaxed);
         });
         let run = live::run(board, &mut tcp, None, &stop, std::io::sink());
         stop.store(true, Relaxed);
-        // Its output ends with it, and so does the reader. It may have ended by itself.
+        // Give the bridge time to exit by itself before it is killed. The reader ends with its output.
         thread::sleep(Duration::from_millis(200));
         let ended = child.try_wait().ok().flatten();
         let _ = child.kill();
@@ -66,28 +67,28 @@ fn bridge(
     })
 }
 
-fn read(mut output: ChildStdout, enough: fn(&str) -> bool) -> String {
+fn read(mut output: ChildStdout, is_enough: fn(&str) -> bool) -> String {
     let mut text = Vec::new();
     let mut chunk = [0; 4096];
     while let Ok(length @ 1..) = output.read(&mut chunk) {
         text.extend_from_slice(&chunk[..length]);
-        if enough(&String::from_utf8_lossy(&text)) {
+        if is_enough(&String::from_utf8_lossy(&text)) {
             break;
         }
     }
     String::from_utf8_lossy(&text).into_owned()
 }
 
-/// Lines about codes.
+/// Counts the output lines that contain a code.
 fn codes(text: &str) -> usize {
     text.lines()
         .filter(|line| line.contains("\"topic\":\"/encoded\""))
         .count()
 }
 
-/// The bridge's self-test finds everything in order, and its stream has codes; `board_chain.rs` among the
-/// acceptance tests looks for gaps.
-pub(crate) fn connects(subject: Subject) -> Result<(), Trouble> {
+/// The self-test of the bridge passes, and the bridge publishes codes. `tests/tests/board_chain.rs` checks for
+/// gaps.
+pub(crate) fn bridge_delivers_codes(subject: Subject) -> Result<(), BoardError> {
     let mut board = power_on(subject, &subject.setup())?;
     let (mut table, mut status) = (String::new(), None);
     for _ in 0..ATTEMPTS {

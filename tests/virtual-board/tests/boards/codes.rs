@@ -1,4 +1,4 @@
-//! Codes of the image against host-sim's.
+//! Comparison of the codes with those of host-sim.
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -6,13 +6,13 @@ use std::time::{Duration, Instant};
 use host_sim::{Identity, Outbox, VirtualBoard as Simulator, WhenFull};
 use link::{Code, Start, Streams};
 use pipeline::{Mains, Sample};
-use virtual_board::{Cable, Inbox, Kind, Model, Trouble, eeg};
+use virtual_board::{BoardError, Cable, Inbox, Kind, Model, eeg};
 
 use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{assert_sound, run_codes, running, start};
 
-/// Codes to compare: 16 s of each board's default image, and 3 s of the other one, of which only the port differs.
+/// Returns the number of codes to compare: 16 s for default images, 3 s for images that differ only in the port.
 const fn codes(subject: Subject) -> usize {
     match (subject.model, subject.cable) {
         (Model::H743, Cable::Uart) | (Model::F446, Cable::Usb) => 48,
@@ -20,27 +20,26 @@ const fn codes(subject: Subject) -> usize {
     }
 }
 
-/// Samples of a hop.
+/// Samples between the starts of two windows.
 const HOP: u64 = 32;
 
-/// Codes equal host-sim's bit for bit, are 62.5 ms apart by their stamps, and nothing
-/// was late or lost.
-pub(crate) fn codes_equal_the_simulators(subject: Subject) -> Result<(), Trouble> {
+/// The codes equal those of host-sim bit for bit, their timestamps are 62.5 ms apart, and nothing is late or lost.
+pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let before = board.converters().samples_delivered();
     start(&mut board, Streams::CODES)?;
     let after = board.converters().samples_delivered();
-    let (begin_us, begin) = (board.now_us(), Instant::now());
+    let (start_us, started) = (board.now_us(), Instant::now());
     run_codes(&mut board, codes(subject))?;
 
-    let virtual_us = board.now_us() - begin_us;
+    let virtual_us = board.now_us() - start_us;
     #[expect(clippy::cast_precision_loss, reason = "seconds")]
-    let real_time_factor = virtual_us as f64 * 1e-6 / begin.elapsed().as_secs_f64();
+    let real_time_factor = virtual_us as f64 * 1e-6 / started.elapsed().as_secs_f64();
     let codes: Vec<Code> = board.inbox().codes().map(|(_, code)| *code).collect();
-    // The run begins with one of the samples between the command and its answer.
-    let begins = (before.saturating_sub(1)..=after + 1)
+    // The first sample is one of those between the command and its acknowledgement.
+    let first = (before.saturating_sub(1)..=after + 1)
         .find(|&sample| simulated(sample, 2 * HOP)[..1] == codes[..1]);
-    let first = begins.expect("the first code is none of host-sim's");
+    let first = first.expect("the first code equals none of host-sim's");
     let simulated = simulated(first, HOP * (codes.len() as u64 + 2));
     let equal = codes
         .iter()
@@ -91,7 +90,7 @@ pub(crate) fn codes_equal_the_simulators(subject: Subject) -> Result<(), Trouble
         .iter()
         .map(|stage| f64::from(stage.worst_ns) / f64::from(stage.deadline_ns));
     let worst = worst.fold(0.0, f64::max);
-    // The device's report is older than a look at its memory.
+    // The device's report is older than the value read from its memory.
     let used = board.stack_used()?;
     let [reported, size] = [timing.stack_used, timing.stack_size].map(u64::from);
     assert!(
@@ -116,7 +115,7 @@ pub(crate) fn codes_equal_the_simulators(subject: Subject) -> Result<(), Trouble
     Ok(())
 }
 
-/// Codes that host-sim makes of `samples` samples from number `first` on.
+/// Returns the codes that host-sim computes from `samples` samples, starting with sample `first`.
 fn simulated(first: u64, samples: u64) -> Vec<Code> {
     let outbox = Outbox::new(WhenFull::Wait);
     let identity = Identity {
@@ -150,6 +149,6 @@ fn simulated(first: u64, samples: u64) -> Vec<Code> {
         reader.join().expect("the reader ends")
     });
     let mut inbox = Inbox::default();
-    inbox.push(&bytes);
+    inbox.decode(&bytes);
     inbox.codes().map(|(_, code)| *code).collect()
 }

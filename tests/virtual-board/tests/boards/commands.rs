@@ -1,18 +1,18 @@
-//! Commands while codes stream.
+//! Commands to a streaming and to an idle board.
 
 use link::{Streams, ToDevice};
 
-use virtual_board::{Cable, Kind, Trouble};
+use virtual_board::{BoardError, Cable, Kind};
 
 use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{acks, assert_sound, run_codes, running, stats, streaming};
 
-/// Commands, back to back: the line is busy for some 50 ms.
+/// Number of commands sent back to back; they occupy the line for about 50 ms.
 const COMMANDS: u32 = 300;
 
-/// Every command is received once, whatever the acquisition is doing, and answered or counted as dropped.
-pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(), Trouble> {
+/// While codes stream, every command is received once, and its acknowledgement is sent or counted as dropped.
+pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
     run_codes(&mut board, 16)?;
@@ -25,10 +25,10 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
     run_codes(&mut board, 40)?;
     let frames = board.inbox().frames();
     let stats = stats(frames).expect("a report each second");
-    assert_eq!(stats.input_bad, 0, "commands that were damaged");
+    assert_eq!(stats.input_bad, 0, "damaged commands");
     assert_eq!(stats.commands - commands, COMMANDS, "commands received");
-    // Answers may be dropped where the line is full, which is counted; USB has room for them.
-    let answered = u32::try_from(acks(frames) - before).expect("few");
+    // A full UART can drop acknowledgements, which are counted. USB has the capacity for all of them.
+    let answered = u32::try_from(acks(frames) - before).expect("fewer than 2^32");
     let dropped = stats.frames_dropped - dropped;
     assert!(
         answered <= COMMANDS && answered + dropped >= COMMANDS,
@@ -42,12 +42,14 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
     Ok(())
 }
 
-/// Bytes of a million that arrive damaged, by each kind of error: about one command of twenty.
+/// Damaged bytes per million for each kind of error: about one command in twenty.
 const DAMAGED: u32 = 2_500;
 
-/// Bytes with framing errors and noise cost the commands that they are in, which are counted; none is obeyed
-/// twice, and reception goes on.
-pub(crate) fn a_damaged_line_costs_what_it_damages(subject: Subject) -> Result<(), Trouble> {
+/// Bytes with framing errors and noise destroy only the commands that contain them, which are counted. No command
+/// is executed twice, and reception continues.
+pub(crate) fn damaged_bytes_destroy_only_their_commands(
+    subject: Subject,
+) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
     let before = board.inbox().frames().len();
@@ -80,25 +82,25 @@ pub(crate) fn a_damaged_line_costs_what_it_damages(subject: Subject) -> Result<(
     assert_eq!(
         acks(board.inbox().frames()) - before,
         20,
-        "reception went on"
+        "acknowledgements after the damage"
     );
     assert_sound(&mut board)?;
     record(subject, "commands_damaged", counted.input_bad);
     Ok(())
 }
 
-/// Longest time for an answer on an idle line, us: the command's bytes, the answer's, and what a host looks at
-/// every half millisecond. The conversation's own tick of 20 ms would be far later.
+/// Longest response time on an idle line, in us: transfer of both frames, and the polling interval of the test,
+/// 500 us. A response at the next 20 ms tick of the conversation task would exceed it.
 const ANSWER_US: u64 = 4_000;
 
-/// A command wakes the conversation by itself, each time, while nothing streams.
-pub(crate) fn an_idle_board_answers_at_once(subject: Subject) -> Result<(), Trouble> {
+/// While nothing streams, each command wakes the conversation task immediately.
+pub(crate) fn an_idle_board_answers_at_once(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     for _ in 0..20 {
         let before = acks(board.inbox().frames());
         board.send(&ToDevice::Ping);
         board.run_until("an answer", ANSWER_US, |frames| acks(frames) > before)?;
-        // No multiple of any period of the firmware.
+        // Not a multiple of any period of the firmware.
         board.run_for_us(3_777)?;
     }
     assert_sound(&mut board)

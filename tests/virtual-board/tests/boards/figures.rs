@@ -1,4 +1,4 @@
-//! Figures for whoever runs the tests, as lines of JSON in the file that `CORTICODE_FIGURES` names.
+//! Measured figures, written as lines of JSON to the file that `CORTICODE_FIGURES` names.
 
 use std::env;
 use std::fmt::Display;
@@ -7,7 +7,7 @@ use std::io::Write;
 
 use crate::images::Subject;
 
-/// Writes a figure down: a number or a truth value.
+/// Prints a figure and appends it to the file; `value` is a number or a boolean.
 pub(crate) fn record(subject: Subject, key: &str, value: impl Display) {
     println!("{subject}: {key} {value}");
     let Some(path) = env::var_os("CORTICODE_FIGURES") else {
@@ -15,8 +15,8 @@ pub(crate) fn record(subject: Subject, key: &str, value: impl Display) {
     };
     let file = OpenOptions::new().append(true).create(true).open(path);
     let board = subject.key();
-    // One write: tests run side by side.
+    // A single write, because tests run concurrently.
     let line = format!("{{\"board\":\"{board}\",\"key\":\"{key}\",\"value\":{value}}}\n");
     let written = file.and_then(|mut file| file.write_all(line.as_bytes()));
-    written.expect("the file of CORTICODE_FIGURES can be written");
+    written.expect("CORTICODE_FIGURES names a writable file");
 }

@@ -1,4 +1,4 @@
-//! The images that run, by environment.
+//! Images under test, from paths in environment variables.
 
 use std::env;
 use std::fmt;
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use virtual_board::{Cable, Image, Model, Setup};
 
-/// An image on its board.
+/// An image under test: its board and the cable it uses.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Subject {
     pub(crate) model: Model,
@@ -14,7 +14,7 @@ pub(crate) struct Subject {
 }
 
 impl Subject {
-    /// The word for it in figures.
+    /// Returns the name of the image in figures.
     pub(crate) const fn key(self) -> &'static str {
         match (self.model, self.cable) {
             (Model::H743, Cable::Usb) => "h743",
@@ -24,7 +24,7 @@ impl Subject {
         }
     }
 
-    /// Power on with everything in order.
+    /// Returns the configuration of a healthy board with the cable of the image.
     pub(crate) fn setup(self) -> Setup {
         Setup {
             cable: self.cable,
@@ -32,17 +32,16 @@ impl Subject {
         }
     }
 
-    /// The image: the file that `CORTICODE_IMAGE_H743`, `.._H743_UART`, `.._F446` or `.._F446_USB`
-    /// names.
+    /// Reads the image that `CORTICODE_IMAGE_H743`, `.._H743_UART`, `.._F446` or `.._F446_USB` names.
     ///
     /// # Panics
-    /// When there is none, or it is stale or for another chip: these tests are about an image.
+    /// When the variable is not set, or the image is missing, outdated or for another chip.
     pub(crate) fn image(self) -> Image {
         let word = self.key().to_uppercase().replace('-', "_");
         let variable = format!("CORTICODE_IMAGE_{word}");
         let path = env::var_os(&variable).unwrap_or_else(|| {
             panic!(
-                "{variable} names no image; `cargo xtask board {}` builds the images and runs these tests",
+                "{variable} is not set; `cargo xtask board {}` builds the images and runs these tests",
                 self.model.key()
             )
         });

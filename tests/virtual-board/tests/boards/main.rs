@@ -1,5 +1,4 @@
-//! What the images that are flashed do on their boards. `cargo xtask board` builds the images and runs
-//! these tests.
+//! Tests of the firmware images on virtual boards. `cargo xtask board` builds the images and runs these tests.
 
 mod bridge;
 mod codes;
@@ -21,54 +20,54 @@ mod watchdog;
 use images::Subject;
 use virtual_board::{Cable, Model};
 
-/// The default image of the default board.
+/// Default image of the NUCLEO-H743ZI2.
 const H743: Subject = Subject {
     model: Model::H743,
     cable: Cable::Usb,
 };
 
-/// The same with the feature `uart`.
+/// Image of the NUCLEO-H743ZI2 with the feature `uart`.
 const H743_UART: Subject = Subject {
     model: Model::H743,
     cable: Cable::Uart,
 };
 
-/// The default image of the small board.
+/// Default image of the NUCLEO-F446RE.
 const F446: Subject = Subject {
     model: Model::F446,
     cable: Cable::Uart,
 };
 
-/// The same for a USB socket of the user's own.
+/// Image of the NUCLEO-F446RE for a USB connector that the user adds.
 const F446_USB: Subject = Subject {
     model: Model::F446,
     cable: Cable::Usb,
 };
 
-/// A test for each scenario, a function of [`Subject`].
+/// Defines a test for each scenario, which is a function that takes a [`Subject`].
 macro_rules! scenarios {
     ($subject:ident: $($room:ident: $($scenario:ident)+;)*) => {
         $($(#[test]
-        fn $scenario() -> Result<(), virtual_board::Trouble> {
+        fn $scenario() -> Result<(), virtual_board::BoardError> {
             crate::$room::$scenario(crate::$subject)
         })+)*
     };
 }
 
-/// What every image does.
+/// Defines the tests of every image.
 macro_rules! every_image {
     ($subject:ident) => {
         scenarios! {
             $subject:
             start_up: starts_up;
-            codes: codes_equal_the_simulators;
+            codes: codes_equal_those_of_host_sim;
             priorities: interrupts_have_their_priorities;
             memory: dma_reaches_its_buffers;
         }
     };
 }
 
-/// What the default image of a board does as well.
+/// Defines the tests of a default image, including those of every image.
 macro_rules! default_image {
     ($subject:ident) => {
         every_image!($subject);
@@ -76,40 +75,40 @@ macro_rules! default_image {
             $subject:
             start_up: starts_up_without_the_clock;
             self_test: self_test_passes;
-            trigger: trigger_edges_have_their_microsecond;
+            trigger: trigger_edges_have_correct_times;
             commands: commands_arrive_while_codes_stream an_idle_board_answers_at_once;
             reset: restarts_on_command restarts_into_the_loader;
-            converter_faults: a_dead_chip_is_named a_packed_chain_is_understood
-                converters_may_be_powered_late a_silent_chain_is_flagged a_shifted_bit_is_named;
+            converter_faults: a_dead_chip_is_reported a_packed_chain_is_decoded
+                converters_can_be_powered_late a_silent_drdy_is_flagged a_shifted_bit_is_reported;
             failures: a_hang_is_ended_by_the_watchdog a_panic_is_reported_after_the_restart
                 a_hard_fault_is_reported_after_the_restart
                 a_stack_overflow_is_reported_after_the_restart
-                a_wild_stack_is_reported_after_the_restart;
-            watchdog: watchdog_suits_its_oscillator;
-            bridge: connects;
+                a_stray_stack_pointer_is_reported_after_the_restart;
+            watchdog: watchdog_works_over_the_oscillator_range;
+            bridge: bridge_delivers_codes;
         }
     };
 }
 
 mod h743 {
     default_image!(H743);
-    scenarios! { H743: usb: enumerates outlasts_its_host comes_back_when_it_is_replugged; }
+    scenarios! { H743: usb: enumerates works_after_pauses_and_suspend reconnects_after_unplugging; }
 }
 
 mod h743_uart {
     every_image!(H743_UART);
     scenarios! {
         H743_UART:
-        commands: commands_arrive_while_codes_stream a_damaged_line_costs_what_it_damages;
+        commands: commands_arrive_while_codes_stream damaged_bytes_destroy_only_their_commands;
     }
 }
 
 mod f446 {
     default_image!(F446);
-    scenarios! { F446: commands: a_damaged_line_costs_what_it_damages; }
+    scenarios! { F446: commands: damaged_bytes_destroy_only_their_commands; }
 }
 
 mod f446_usb {
     every_image!(F446_USB);
-    scenarios! { F446_USB: usb: enumerates comes_back_when_it_is_replugged; }
+    scenarios! { F446_USB: usb: enumerates reconnects_after_unplugging; }
 }

@@ -1,16 +1,16 @@
-//! Where the DMA reads and writes.
+//! Memory that the DMA accesses.
 
 use link::Streams;
 
-use virtual_board::{Cable, Trouble};
+use virtual_board::{BoardError, Cable};
 
 use crate::images::Subject;
 use crate::session::{assert_sound, run_codes, streaming};
 
-/// How often the streams are looked at.
-const LOOKS: usize = 50;
+/// Number of times that the streams are inspected.
+const INSPECTIONS: usize = 50;
 
-/// Streams in use: SPI in both directions, and the UART.
+/// Returns the number of streams in use: two for SPI, and two for the UART if the image uses it.
 const fn streams(subject: Subject) -> usize {
     match subject.cable {
         Cable::Uart => 4,
@@ -18,13 +18,13 @@ const fn streams(subject: Subject) -> usize {
     }
 }
 
-/// What the DMA streams were given is in memories that they reach, looked at again and again. The emulator
-/// itself lets a DMA reach the DTCM, which the chip does not (RM0433, 2.1).
-pub(crate) fn dma_reaches_its_buffers(subject: Subject) -> Result<(), Trouble> {
+/// All buffers of DMA streams are in memory that DMA1 can access. The emulator allows DMA accesses to the DTCM,
+/// which the chip does not (RM0433, 2.1).
+pub(crate) fn dma_reaches_its_buffers(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 2)?;
-    for _ in 0..LOOKS {
-        // No multiple of a sample's period.
+    for _ in 0..INSPECTIONS {
+        // Not a multiple of the sample period.
         board.run_for_us(1_237)?;
         let memory = board.dma_memory()?;
         assert_eq!(memory.len(), streams(subject), "{memory:x?}");
@@ -32,7 +32,7 @@ pub(crate) fn dma_reaches_its_buffers(subject: Subject) -> Result<(), Trouble> {
             for end in [address, address + left.max(1) - 1] {
                 assert!(
                     subject.model.dma_reaches(end),
-                    "DMA1 does not reach {end:#010x}"
+                    "DMA1 cannot access {end:#010x}"
                 );
             }
         }

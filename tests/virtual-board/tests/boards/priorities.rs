@@ -1,12 +1,12 @@
-//! Interrupt priorities as the NVIC has them.
+//! Interrupt priorities in the NVIC.
 
 use firmware::deadlines::priority;
-use virtual_board::{Cable, Model, Trouble};
+use virtual_board::{BoardError, Cable, Model};
 
 use crate::images::Subject;
 use crate::session::{assert_sound, running};
 
-/// Interrupts that are the same on both chips (RM0433, table 149; RM0390, table 38).
+/// Interrupts with the same line on both chips (RM0433, table 149; RM0390, table 38).
 const COMMON: [Wanted; 6] = [
     ("EXTI9_5, DRDY", 23, priority::DRDY),
     ("TIM2, time driver", 28, priority::TIME),
@@ -16,11 +16,11 @@ const COMMON: [Wanted; 6] = [
     ("SAI1, encode", 87, priority::ENCODE),
 ];
 
-/// An interrupt: what raises it, its line, its priority.
+/// Expected interrupt: source, line and priority.
 type Wanted = (&'static str, u16, u8);
 
-/// DMA of the converters' SPI (RM0433, table 149; RM0390, table 38).
-fn of_spi(model: Model) -> [Wanted; 2] {
+/// Returns the DMA interrupts of the converters' SPI (RM0433, table 149; RM0390, table 38).
+fn spi_interrupts(model: Model) -> [Wanted; 2] {
     match model {
         Model::H743 => [
             ("DMA1 stream 0, SPI", 11, priority::DRDY),
@@ -33,8 +33,8 @@ fn of_spi(model: Model) -> [Wanted; 2] {
     }
 }
 
-/// Those of the port.
-fn of_port(subject: Subject) -> &'static [Wanted] {
+/// Returns the interrupts of the port to the host.
+fn port_interrupts(subject: Subject) -> &'static [Wanted] {
     match (subject.model, subject.cable) {
         (Model::H743, Cable::Usb) => &[("OTG_FS", 101, priority::CONVERSE)],
         (Model::H743, Cable::Uart) => &[
@@ -51,13 +51,17 @@ fn of_port(subject: Subject) -> &'static [Wanted] {
     }
 }
 
-/// Every interrupt of the application has the priority of `firmware::deadlines`, and nothing that is
-/// enabled is as urgent as the converters unless it is on this list.
-pub(crate) fn interrupts_have_their_priorities(subject: Subject) -> Result<(), Trouble> {
+/// Every interrupt of the application has its priority of `firmware::deadlines`. No other enabled interrupt is as
+/// urgent as the acquisition.
+pub(crate) fn interrupts_have_their_priorities(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let enabled = board.interrupts()?;
-    let spi = of_spi(subject.model);
-    let wanted: Vec<_> = COMMON.iter().chain(&spi).chain(of_port(subject)).collect();
+    let spi = spi_interrupts(subject.model);
+    let wanted: Vec<_> = COMMON
+        .iter()
+        .chain(&spi)
+        .chain(port_interrupts(subject))
+        .collect();
     for (name, line, level) in &wanted {
         let found = enabled.iter().find(|interrupt| interrupt.0 == *line);
         assert_eq!(found.map(|interrupt| interrupt.1), Some(*level), "{name}");
@@ -65,15 +69,18 @@ pub(crate) fn interrupts_have_their_priorities(subject: Subject) -> Result<(), T
     let urgent = enabled.iter().filter(|(line, level)| {
         *level <= priority::ACQUIRE && !wanted.iter().any(|(_, known, _)| known == line)
     });
-    // embassy enables the interrupts of all DMA streams; nothing raises those that are not in use.
-    let unknown: Vec<_> = urgent.filter(|(line, _)| !is_masked(*line)).collect();
-    assert!(unknown.is_empty(), "as urgent as a sample: {unknown:?}");
+    // embassy enables the interrupts of all DMA streams; those of unused streams never occur.
+    let unknown: Vec<_> = urgent.filter(|(line, _)| !is_inactive(*line)).collect();
+    assert!(
+        unknown.is_empty(),
+        "unexpected urgent interrupts: {unknown:?}"
+    );
     assert_sound(&mut board)?;
     Ok(())
 }
 
-/// Streams of DMA1 and DMA2, and the STM32H743's MDMA and BDMA, which no transfer uses;
-/// its RNG, which is asked once, before the first task.
-fn is_masked(line: u16) -> bool {
+/// Returns whether a line never interrupts the tasks: unused streams of DMA1, DMA2, MDMA and BDMA, and the RNG of the
+/// STM32H743, which is read once before the first task.
+fn is_inactive(line: u16) -> bool {
     matches!(line, 11..=17 | 47 | 56..=60 | 68..=70 | 80 | 122 | 129..=136)
 }

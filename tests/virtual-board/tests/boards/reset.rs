@@ -1,18 +1,18 @@
-//! Restarts that the host asks for.
+//! Restarts on command of the host.
 
 use link::{ResetCause, ResetInto, Streams, ToDevice};
 
-use virtual_board::Trouble;
+use virtual_board::BoardError;
 
 use crate::images::Subject;
 use crate::session::{acks, assert_sound, greetings, run_codes, running, start, streaming};
 
-/// Longest time from the command to the next `Hello`, us: a tenth of a second for the answer, clocks, and a
-/// USB host that enumerates.
+/// Longest time from the command to the next `Hello`, in us: 100 ms for the acknowledgement, start of the clocks,
+/// and USB enumeration.
 const LONGEST_US: u64 = 1_000_000;
 
-/// The device answers, restarts, says why, and streams again.
-pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), Trouble> {
+/// The device acknowledges `Reset`, restarts, reports the cause, and streams again.
+pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
     board.send(&ToDevice::Reset(ResetInto::Firmware));
@@ -28,8 +28,8 @@ pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), Trouble> {
     Ok(())
 }
 
-/// The device answers, restarts, and runs the chip's own loader, with the clocks that a reset leaves.
-pub(crate) fn restarts_into_the_loader(subject: Subject) -> Result<(), Trouble> {
+/// The device acknowledges `Reset` into the boot loader, and runs it with the clocks after a reset.
+pub(crate) fn restarts_into_the_loader(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let before = acks(board.inbox().frames());
     board.send(&ToDevice::Reset(ResetInto::Bootloader));

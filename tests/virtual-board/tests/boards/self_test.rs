@@ -1,17 +1,17 @@
-//! The converters' self-test.
+//! Self-test of the converters, on command of the host.
 
 use link::ToDevice;
-use virtual_board::{Frame, Kind, Trouble};
+use virtual_board::{BoardError, Frame, Kind};
 
 use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{assert_sound, converters, running};
 
-/// Longest time of a self-test, us: 4.5 s (docs/hardware.md).
+/// Longest time of a self-test, in us. It takes 4.5 s (docs/hardware.md).
 const LONGEST_US: u64 = 6_000_000;
 
-/// All eight chips and 64 channels are in order, and the chain converts again.
-pub(crate) fn self_test_passes(subject: Subject) -> Result<(), Trouble> {
+/// The self-test passes for all eight chips and 64 channels, and the chain converts again afterwards.
+pub(crate) fn self_test_passes(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     board.send(&ToDevice::SelfTest);
     let is_result = |frame: &Frame| matches!(frame.kind, Kind::SelfTest(_));
@@ -35,7 +35,7 @@ pub(crate) fn self_test_passes(subject: Subject) -> Result<(), Trouble> {
     board.run_for_us(100_000)?;
     assert!(
         board.converters().ready_edges() > edges + 45,
-        "it converts again"
+        "the chain converts again"
     );
     assert_eq!(converters(board.inbox().frames()), Some(""));
     assert_sound(&mut board)?;

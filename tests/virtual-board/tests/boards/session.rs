@@ -1,21 +1,21 @@
-//! What every scenario begins and ends with.
+//! Common start and end of the scenarios.
 
 use link::{Start, Streams, ToDevice};
-use virtual_board::{Frame, Kind, Setup, Trouble, VirtualBoard, allowed};
+use virtual_board::{BoardError, Frame, Kind, Setup, VirtualBoard, allowed};
 
 use crate::images::Subject;
 
-/// Longest time from power on until the converters run, us: the second that the firmware waits from cold,
-/// 0.15 s for their reference, their registers, and half a second for a clock that does not come.
+/// Longest time from power on until the converters run, in us: 1 s that the firmware waits after power on, 0.15 s
+/// for the reference, the register writes, and 0.5 s timeout of a missing clock.
 pub(crate) const UP_US: u64 = 2_000_000;
 
-/// A board with power.
-pub(crate) fn power_on(subject: Subject, setup: &Setup) -> Result<VirtualBoard, Trouble> {
+/// Powers on a board with the image of `subject`.
+pub(crate) fn power_on(subject: Subject, setup: &Setup) -> Result<VirtualBoard, BoardError> {
     VirtualBoard::power_on(subject.model, &subject.image(), setup)
 }
 
-/// A board whose converters run.
-pub(crate) fn running(subject: Subject) -> Result<VirtualBoard, Trouble> {
+/// Powers on a board and runs it until the converters run.
+pub(crate) fn running(subject: Subject) -> Result<VirtualBoard, BoardError> {
     let mut board = power_on(subject, &subject.setup())?;
     board.run_until("converters run", UP_US, |frames| {
         converters(frames) == Some("")
@@ -23,34 +23,34 @@ pub(crate) fn running(subject: Subject) -> Result<VirtualBoard, Trouble> {
     Ok(board)
 }
 
-/// A board that streams.
-pub(crate) fn streaming(subject: Subject, streams: Streams) -> Result<VirtualBoard, Trouble> {
+/// Powers on a board and starts streams.
+pub(crate) fn streaming(subject: Subject, streams: Streams) -> Result<VirtualBoard, BoardError> {
     let mut board = running(subject)?;
     start(&mut board, streams)?;
     Ok(board)
 }
 
-/// Starts streams and waits for the answer.
-pub(crate) fn start(board: &mut VirtualBoard, streams: Streams) -> Result<(), Trouble> {
+/// Starts streams and waits for the acknowledgement.
+pub(crate) fn start(board: &mut VirtualBoard, streams: Streams) -> Result<(), BoardError> {
     let before = acks(board.inbox().frames());
     board.send(&ToDevice::Start(Start {
         streams,
         mains_hz: 0,
     }));
-    board.run_until("an answer to Start", 100_000, |frames| {
+    board.run_until("an acknowledgement of Start", 100_000, |frames| {
         acks(frames) > before
     })?;
     Ok(())
 }
 
-/// Answers so far.
+/// Returns the number of acknowledgements received so far.
 pub(crate) fn acks(frames: &[Frame]) -> usize {
     let is_ack = |frame: &&Frame| matches!(frame.kind, Kind::Ack(_));
     frames.iter().filter(is_ack).count()
 }
 
-/// Runs until `codes` more codes have come.
-pub(crate) fn run_codes(board: &mut VirtualBoard, codes: usize) -> Result<(), Trouble> {
+/// Runs until `codes` more codes have been received.
+pub(crate) fn run_codes(board: &mut VirtualBoard, codes: usize) -> Result<(), BoardError> {
     let before = board.inbox().codes().count();
     let limit_us = codes as u64 * 62_500 + 300_000;
     board.run_until(&format!("{codes} codes"), limit_us, |frames| {
@@ -59,7 +59,7 @@ pub(crate) fn run_codes(board: &mut VirtualBoard, codes: usize) -> Result<(), Tr
     })
 }
 
-/// What the newest status of the converters says is wrong with them; none before the first.
+/// Returns the fault in the newest status of the converters, empty if they run; `None` before the first status.
 pub(crate) fn converters(frames: &[Frame]) -> Option<&str> {
     frames.iter().rev().find_map(|frame| match &frame.kind {
         Kind::Converters(converters) => Some(converters.fault.as_str()),
@@ -67,7 +67,7 @@ pub(crate) fn converters(frames: &[Frame]) -> Option<&str> {
     })
 }
 
-/// The newest of the device's counts.
+/// Returns the newest statistics of the device.
 pub(crate) fn stats(frames: &[Frame]) -> Option<&link::Stats> {
     frames.iter().rev().find_map(|frame| match &frame.kind {
         Kind::Stats(stats) => Some(&**stats),
@@ -75,7 +75,7 @@ pub(crate) fn stats(frames: &[Frame]) -> Option<&link::Stats> {
     })
 }
 
-/// Greetings so far, as (reset cause, fault of the run before), in order.
+/// Returns the reset cause and the previous fault of each `Hello` received so far.
 pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
     let hello = |frame: &Frame| match &frame.kind {
         Kind::Hello {
@@ -86,39 +86,50 @@ pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
     frames.iter().filter_map(hello).collect()
 }
 
-/// What holds at the end of every scenario: [`assert_no_findings`], and no frame damaged.
-pub(crate) fn assert_sound(board: &mut VirtualBoard) -> Result<(), Trouble> {
+/// Asserts [`assert_no_findings`], and that every received frame could be decoded.
+pub(crate) fn assert_sound(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
-    assert_eq!(board.inbox().bad(), [""; 0], "frames that cannot be used");
+    assert_eq!(
+        board.inbox().decode_errors(),
+        [""; 0],
+        "frames that cannot be decoded"
+    );
     Ok(())
 }
 
-/// No address that nothing answers, no access refused, nothing that is not on the list of what is allowed,
-/// no rule of the converters or of USB broken.
-pub(crate) fn assert_no_findings(board: &mut VirtualBoard) -> Result<(), Trouble> {
+/// Asserts that no unmapped address was accessed, no access was refused, all other findings are on the list of
+/// allowed ones, and no rule of the converters or of USB was violated.
+pub(crate) fn assert_no_findings(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings_but(board, |_| false)
 }
 
-/// The same where the scenario itself has the core access an address that nothing answers.
+/// Asserts the same as [`assert_no_findings`], but ignores the unmapped accesses for which `is_intended` is true.
 pub(crate) fn assert_no_findings_but(
     board: &mut VirtualBoard,
-    is_meant: fn(&str) -> bool,
-) -> Result<(), Trouble> {
+    is_intended: fn(&str) -> bool,
+) -> Result<(), BoardError> {
     let mut findings = board.findings()?;
-    findings.unmapped.retain(|access| !is_meant(access));
-    assert_eq!(findings.unmapped, [""; 0], "addresses that nothing answers");
-    assert_eq!(findings.refused, [""; 0], "accesses that were refused");
-    assert_eq!(findings.unrouted, [""; 0], "interrupts without a line");
-    assert_eq!(allowed::surprises(board.model(), &findings), [""; 0]);
+    findings.unmapped.retain(|access| !is_intended(access));
+    assert_eq!(findings.unmapped, [""; 0], "accesses to unmapped addresses");
+    assert_eq!(findings.refused, [""; 0], "refused accesses");
+    assert_eq!(
+        findings.unrouted, [""; 0],
+        "interrupts that are not connected to the NVIC"
+    );
+    assert_eq!(allowed::unexpected(board.model(), &findings), [""; 0]);
     assert_eq!(
         board.converters().violations(),
         0,
-        "rules of the converters"
+        "violations of the converters' rules"
     );
     if let Some(host) = board.port().usb() {
         let violations: Vec<String> = host.violations().iter().map(ToString::to_string).collect();
-        assert_eq!(violations, [""; 0], "rules of USB");
+        assert_eq!(violations, [""; 0], "violations of USB");
     }
-    assert_eq!(board.odd_words(), 0, "words on SPI that are no bytes");
+    assert_eq!(
+        board.non_byte_words(),
+        0,
+        "SPI words that are not 8 bits wide"
+    );
     Ok(())
 }

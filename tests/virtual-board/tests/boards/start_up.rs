@@ -1,7 +1,7 @@
-//! From power on to converters that run.
+//! The start: from power on until the converters run.
 
 use link::ResetCause;
-use virtual_board::{Kind, Setup, Trouble};
+use virtual_board::{BoardError, Kind, Setup};
 
 use crate::figures::record;
 use crate::images::Subject;
@@ -9,12 +9,12 @@ use crate::session::{
     UP_US, assert_no_findings, assert_sound, converters, greetings, power_on, running,
 };
 
-/// Longest time from power on to `Hello`, us of the device's clock: clocks and the encoder's memory. An
-/// image whose time driver starts half a period ahead says 65,536 more.
+/// Longest time from power on to `Hello`, in us of device time: start of the clocks and initialisation of the
+/// encoder's memory. With a time driver that starts half a period ahead, it would be 65,536 us more.
 const HELLO_US: u64 = 20_000;
 
-/// Clocks, port and converters come up, within their rules, and the first words are complete.
-pub(crate) fn starts_up(subject: Subject) -> Result<(), Trouble> {
+/// Clocks, port and converters start without violations, and the first frames are complete.
+pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let frames = board.inbox().frames();
     let hello = &frames[0];
@@ -42,21 +42,22 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), Trouble> {
     assert_eq!(
         capabilities.count(),
         1,
-        "1,074 bytes, longer than any buffer of the port"
+        "Capabilities has 1,074 bytes, more than any buffer of the port"
     );
     for (number, frame) in (0..).zip(frames) {
         assert_eq!(frame.seq, number, "a frame is missing");
     }
     assert_eq!(board.core_hz()?, subject.model.core_hz());
-    // 100 kHz and 12.8 MHz, 82 kHz and 10.5 MHz (docs/hardware.md): registers are done, bursts run.
+    // SCLK for registers and samples: 100 kHz and 12.8 MHz, or 82 kHz and 10.5 MHz (docs/hardware.md). The
+    // converters run, so it is the faster one.
     let burst_hz = board.sclk_hz();
     assert!(
         (10_000_000..=20_000_000).contains(&burst_hz),
         "SCLK of {burst_hz} Hz"
     );
     if let Some(baud) = board.port().baud() {
-        // Ten bits of the sender and of the ST-LINK may differ by half a bit, less what noise takes: 2 %
-        // for each of them is the usual budget.
+        // Over ten bits, sender and ST-LINK can differ by half a bit in total, less a margin for noise: 2 % for
+        // each of them is the usual budget.
         assert!(baud.abs_diff(921_600) <= 921_600 / 50, "{baud} baud");
         record(subject, "baud", baud);
     }
@@ -67,8 +68,8 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), Trouble> {
     assert_sound(&mut board)
 }
 
-/// Without the ST-LINK's clock the board runs from its own oscillator and says so.
-pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), Trouble> {
+/// Without the clock from the ST-LINK, the board runs from its internal oscillator and reports this.
+pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardError> {
     let setup = Setup {
         clock_hz: 0,
         ..subject.setup()
@@ -82,7 +83,7 @@ pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), Troubl
     assert_eq!(*cause, ResetCause::PowerOn);
     assert!(
         fault.contains("8 MHz from the ST-LINK"),
-        "it says {fault:?}"
+        "Hello reports {fault:?}"
     );
     assert_eq!(board.core_hz()?, subject.model.core_hz());
     assert_no_findings(&mut board)

@@ -1,28 +1,28 @@
-//! Edges at the trigger's pin.
+//! Edges at the trigger pin.
 
 use link::{EventKind, Streams};
 use virtual_board::Kind;
 
-use virtual_board::Trouble;
+use virtual_board::BoardError;
 
 use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{assert_sound, streaming};
 
-/// Latest start of the device's clock after power on, us.
+/// Latest start of the device's clock after power on, in us.
 const STARTS_US: u64 = 20_000;
 
-/// Edges in a run.
+/// Number of edges in the scenario.
 const EDGES: usize = 200;
 
-/// Each edge becomes an event with the microsecond at which the pin changed, by the device's clock.
-pub(crate) fn trigger_edges_have_their_microsecond(subject: Subject) -> Result<(), Trouble> {
+/// Each edge becomes an event with the device time of the edge, to the microsecond.
+pub(crate) fn trigger_edges_have_correct_times(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES | Streams::EVENTS)?;
     board.run_for_us(100_000)?;
-    let begin = board.now_us();
-    // Odd distances, so that edges fall everywhere between samples and half periods of the time driver.
+    let start = board.now_us();
+    // With this interval, edges occur at varying times within samples and half periods of the time driver.
     let edges: Vec<(u64, bool)> = (0..EDGES)
-        .map(|index| (begin + 500 + index as u64 * 7_919, index % 2 == 0))
+        .map(|index| (start + 500 + index as u64 * 7_919, index % 2 == 0))
         .collect();
     board.plan_trigger(&edges);
     let end = edges[EDGES - 1].0 + 200_000;
@@ -38,12 +38,12 @@ pub(crate) fn trigger_edges_have_their_microsecond(subject: Subject) -> Result<(
         })
         .collect();
     assert_eq!(events.len(), EDGES);
-    // The device's clock starts after its PLLs: power on is this much before. A clock that is half a period
-    // ahead, or an edge with another one's stamp, is far outside.
+    // The device's clock starts after its PLLs. The offset would be far outside this range if the clock were half
+    // a period ahead, or if an event had the time of another edge.
     let offset = edges[0].0.wrapping_sub(events[0].0);
     assert!(
         (1..STARTS_US).contains(&offset),
-        "the clock is {offset} us behind power on"
+        "the clock starts {offset} us after power on"
     );
     for ((at_us, event), (edge_us, is_high)) in events.iter().zip(&edges) {
         let kind = if *is_high {
@@ -55,7 +55,7 @@ pub(crate) fn trigger_edges_have_their_microsecond(subject: Subject) -> Result<(
         let off = edge_us.wrapping_sub(offset).abs_diff(*at_us);
         assert!(
             off <= 1,
-            "an edge at {edge_us} us is said to be at {at_us}, {off} us off"
+            "an edge at {edge_us} us is reported at {at_us}, {off} us off"
         );
     }
     for (pair, number) in events.windows(2).zip(1..) {

@@ -1,8 +1,8 @@
-//! The USB port: a host that opens, closes, looks away, suspends and unplugs.
+//! The USB port: enumeration, opening and closing, pauses, suspend and unplugging.
 
 use link::{Streams, ToDevice};
 use virtual_board::usb::{State, UsbHost};
-use virtual_board::{Trouble, VirtualBoard};
+use virtual_board::{BoardError, VirtualBoard};
 
 use crate::figures::record;
 use crate::images::Subject;
@@ -11,13 +11,13 @@ use crate::session::{
     streaming,
 };
 
-/// Longest time for debouncing, two resets and an enumeration, us.
+/// Longest time for debouncing, two resets and an enumeration, in us.
 const ENUMERATION_US: u64 = 500_000;
 
-/// Longest time for an answer, us.
+/// Longest time until a command is acknowledged, in us.
 const ANSWER_US: u64 = 200_000;
 
-/// Times between plug and unplug while the device is being set up, us.
+/// Times from plugging to unplugging, in us: within the enumeration of the device.
 const EARLY_US: std::ops::Range<u64> = 100_000..240_000;
 const EARLY_STEP_US: usize = 17_001;
 
@@ -25,37 +25,37 @@ fn host(board: &VirtualBoard) -> UsbHost {
     board
         .port()
         .usb()
-        .expect("this image talks over USB")
+        .expect("an image with a USB port")
         .clone()
 }
 
-/// Runs until the host has got so far with the device.
-fn reach(board: &mut VirtualBoard, state: State) -> Result<(), Trouble> {
+/// Runs until the host has reached `state`.
+fn reach(board: &mut VirtualBoard, state: State) -> Result<(), BoardError> {
     let host = host(board);
     board.run_until(&format!("{state:?}"), ENUMERATION_US, |_| {
         host.state() == state
     })
 }
 
-/// The device answers a command.
-fn assert_answers(board: &mut VirtualBoard) -> Result<(), Trouble> {
+/// Asserts that the device acknowledges a command.
+fn assert_answers(board: &mut VirtualBoard) -> Result<(), BoardError> {
     let before = acks(board.inbox().frames());
     board.send(&ToDevice::Ping);
     board.run_until("an answer", ANSWER_US, |frames| acks(frames) > before)?;
     Ok(())
 }
 
-/// The host enumerates the device as Linux and Windows do, and finds a serial port that it knows.
-pub(crate) fn enumerates(subject: Subject) -> Result<(), Trouble> {
+/// The host enumerates the device and finds its serial port, product and strings.
+pub(crate) fn enumerates(subject: Subject) -> Result<(), BoardError> {
     let mut board = power_on(subject, &subject.setup())?;
     reach(&mut board, State::Open)?;
-    let device = host(&board).device().expect("it is configured");
+    let device = host(&board).device().expect("a configured device");
     assert_eq!((device.vendor, device.product), (0x1209, 0x0001));
     let strings = [device.manufacturer, device.product_name];
     assert_eq!(strings, ["Corticode", "Corticode"]);
     assert!(
         device.capabilities.is_some(),
-        "a device of USB 2.10 has a BOS descriptor"
+        "a USB 2.1 device has a BOS descriptor"
     );
     assert_answers(&mut board)?;
     assert_sound(&mut board)?;
@@ -63,19 +63,18 @@ pub(crate) fn enumerates(subject: Subject) -> Result<(), Trouble> {
     Ok(())
 }
 
-/// Codes go on after the port was closed and opened, after a host that read nothing for three seconds, and
-/// after a bus that was suspended.
-pub(crate) fn outlasts_its_host(subject: Subject) -> Result<(), Trouble> {
+/// The port works again after the host has not read for three seconds, after close and open, and after suspend.
+pub(crate) fn works_after_pauses_and_suspend(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
     let host = host(&board);
 
-    host.stall(true);
+    host.pause_reading(true);
     board.run_for_us(3_000_000)?;
     let codes = board.inbox().codes().count();
-    host.stall(false);
+    host.pause_reading(false);
     run_codes(&mut board, 8)?;
-    // What was dropped is counted: numbers of frames that are missing, and the device's own count.
+    // The device counts dropped frames; the missing frame numbers must match its count.
     let seqs: Vec<u32> = board
         .inbox()
         .frames()
@@ -87,12 +86,9 @@ pub(crate) fn outlasts_its_host(subject: Subject) -> Result<(), Trouble> {
     let dropped = crate::session::stats(board.inbox().frames())
         .expect("a report")
         .frames_dropped;
-    assert_eq!(
-        dropped, missing,
-        "frames that the host missed and frames that the device dropped"
-    );
+    assert_eq!(dropped, missing, "missing frame numbers and dropped frames");
     assert!(board.inbox().codes().count() > codes);
-    assert_eq!(board.inbox().bad(), [""; 0]);
+    assert_eq!(board.inbox().decode_errors(), [""; 0]);
 
     host.close();
     reach_without_reopening(&mut board, State::Configured)?;
@@ -110,18 +106,18 @@ pub(crate) fn outlasts_its_host(subject: Subject) -> Result<(), Trouble> {
     Ok(())
 }
 
-/// Unplugged while it sends, with a packet waiting that nobody takes, and while it is set up: each time it is
-/// enumerated again and answers.
-pub(crate) fn comes_back_when_it_is_replugged(subject: Subject) -> Result<(), Trouble> {
+/// The device is enumerated again and responds after unplugging while a packet waits to be read, after unplugging at
+/// several points of the enumeration, and after a bus reset.
+pub(crate) fn reconnects_after_unplugging(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     start(&mut board, Streams::CODES)?;
     run_codes(&mut board, 4)?;
     let host = host(&board);
-    host.stall(true);
+    host.pause_reading(true);
     board.run_for_us(200_000)?;
     host.unplug();
     board.run_for_us(500_000)?;
-    host.stall(false);
+    host.pause_reading(false);
     host.plug();
     reach(&mut board, State::Open)?;
     assert_answers(&mut board)?;
@@ -147,8 +143,8 @@ pub(crate) fn comes_back_when_it_is_replugged(subject: Subject) -> Result<(), Tr
     Ok(())
 }
 
-/// Closes without the harness opening the port again at once.
-fn reach_without_reopening(board: &mut VirtualBoard, state: State) -> Result<(), Trouble> {
+/// Runs until the host has reached `state`, and does not reopen the port meanwhile.
+fn reach_without_reopening(board: &mut VirtualBoard, state: State) -> Result<(), BoardError> {
     let host = host(board);
     board.keep_open(false);
     reach(board, state)?;
@@ -158,11 +154,14 @@ fn reach_without_reopening(board: &mut VirtualBoard, state: State) -> Result<(),
     Ok(())
 }
 
-/// As [`assert_sound`](crate::session::assert_sound), but for the end of a frame whose beginning an earlier
-/// opening of the port had: a packet that waited while the port was closed or unplugged.
-fn assert_sound_but_cut_frames(board: &mut VirtualBoard) -> Result<(), Trouble> {
+/// Asserts the same as [`assert_sound`], but allows up to three frames that cannot be decoded: a packet that waited
+/// while the port was closed or unplugged contains only the end of a frame.
+fn assert_sound_but_cut_frames(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
-    let bad = board.inbox().bad();
-    assert!(bad.len() <= 3, "one for each closing at most: {bad:?}");
+    let bad = board.inbox().decode_errors();
+    assert!(
+        bad.len() <= 3,
+        "more than one for each time the port was closed: {bad:?}"
+    );
     Ok(())
 }

@@ -1,13 +1,13 @@
-//! The watchdog over the whole range of the oscillator that it counts.
+//! The watchdog at both ends of the frequency range of its oscillator.
 
 use link::{ResetCause, Streams};
-use virtual_board::{Injection, Model, Setup, Trouble};
+use virtual_board::{BoardError, Injection, Model, Setup};
 
 use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{UP_US, assert_sound, converters, greetings, power_on, start};
 
-/// Slowest and fastest oscillator, Hz (DS12110 and DS10693, LSI characteristics).
+/// Returns the lowest and highest frequency of the oscillator, in Hz (DS12110 and DS10693, LSI characteristics).
 const fn range(model: Model) -> [u64; 2] {
     match model {
         Model::H743 => [29_400, 33_600],
@@ -15,21 +15,20 @@ const fn range(model: Model) -> [u64; 2] {
     }
 }
 
-/// The watchdog's time at a rate of its oscillator, us: 200 ms at 32 kHz.
+/// Returns the timeout of the watchdog for a frequency of its oscillator, in us: 200 ms at 32 kHz.
 const fn watchdog_us(hz: u64) -> u64 {
     200_000 * 32_000 / hz
 }
 
-/// How long the tasks may have fed the watchdog after the encoder hangs, us: their progress is looked at every
-/// 62.5 ms.
+/// Interval in which the firmware checks the progress of its tasks and reloads the watchdog, in us.
 const FED_US: u64 = 62_500;
 
-/// Longest start, with a USB host that enumerates, us.
+/// Longest start, including USB enumeration, in us.
 const START_US: u64 = 500_000;
 
-/// With the fastest oscillator a board that is well is not reset; a hang ends within the watchdog's time at
-/// either end of the range, and not before it.
-pub(crate) fn watchdog_suits_its_oscillator(subject: Subject) -> Result<(), Trouble> {
+/// At both ends of the frequency range, a healthy board is not reset, and a hang ends after the timeout of the
+/// watchdog.
+pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Result<(), BoardError> {
     for hz in range(subject.model) {
         let setup = Setup {
             lsi_hz: Some(hz),
@@ -41,7 +40,11 @@ pub(crate) fn watchdog_suits_its_oscillator(subject: Subject) -> Result<(), Trou
         })?;
         start(&mut board, Streams::CODES)?;
         board.run_for_us(2_000_000)?;
-        assert_eq!(greetings(board.inbox().frames()).len(), 1, "it was reset");
+        assert_eq!(
+            greetings(board.inbox().frames()).len(),
+            1,
+            "resets of a healthy board"
+        );
         assert_sound(&mut board)?;
 
         let at_us = board.now_us();
@@ -53,8 +56,8 @@ pub(crate) fn watchdog_suits_its_oscillator(subject: Subject) -> Result<(), Trou
         let (cause, _) = greetings(board.inbox().frames()).remove(1);
         assert_eq!(cause, ResetCause::Watchdog);
         let resets = board.findings()?.resets;
-        let reset_us = resets.last().expect("it was reset").0;
-        // Fed for the last time up to one look before the hang.
+        let reset_us = resets.last().expect("a reset").0;
+        // The last reload is up to one interval before or after the hang.
         let range_us = watchdog_us(hz).saturating_sub(2 * FED_US)..watchdog_us(hz) + 2 * FED_US;
         let took_us = reset_us - at_us;
         assert!(

@@ -1,18 +1,18 @@
-//! The external interrupt controller (RM0390 rev 6, chapter 10), which the emulator's part lacks.
+//! The external interrupt controller (RM0390 rev 6, chapter 10), which the emulator does not model.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::soc::stm32f427::generated::exti::Register;
 
-use crate::chip::Pin;
+use crate::pins::Pin;
 
-/// Lines of pins.
+/// EXTI lines that are connected to pins.
 const LINES: usize = 16;
 
-/// Ports, A to H.
+/// GPIO ports: A to H.
 const PORTS: usize = 8;
 
-/// The first and last line of each interrupt, with its position among the instance's (RM0390, table 38):
-/// tamper and wake-up come first and last, lines 0 to 4 have one each.
+/// Index of each interrupt in the emulator's EXTI instance, with its first and last line (RM0390, table 38).
+/// Index 0 is not connected to pins.
 const ROUTES: [(usize, u8, u8); 7] = [
     (1, 0, 0),
     (2, 1, 1),
@@ -23,25 +23,27 @@ const ROUTES: [(usize, u8, u8); 7] = [
     (7, 10, 15),
 ];
 
-/// The controller, for the lines of pins. A pin that the firmware drives itself causes no edge.
+/// Model of EXTI for the lines of pins. Pins that the firmware itself drives cause no edge.
 #[derive(Debug, Default)]
 pub(super) struct Exti {
-    /// The emulator's register file stores what is written to PR, which clears bits.
+    /// Pending lines. Kept here because the emulator's register file stores a value written to PR as it is,
+    /// although written ones clear bits.
     pending: u64,
-    /// Of each port's pins.
+    /// Level of each pin of each port.
     levels: [[bool; LINES]; PORTS],
+    /// Whether each interrupt is asserted.
     raised: [bool; 8],
 }
 
 impl Exti {
-    /// The system reset: the pins keep their levels.
+    /// Applies a system reset; the levels of the pins remain.
     pub(super) fn reset_registers(&mut self) {
         self.pending = 0;
         self.raised = [false; 8];
     }
 
-    /// The level of a pin; `is_routed` says whether SYSCFG routes it to the line of its number.
-    pub(super) fn level(
+    /// Sets the level of a pin; `is_routed` is whether SYSCFG routes it to the line with its number.
+    pub(super) fn set_level(
         &mut self,
         pin: Pin,
         is_high: bool,
@@ -62,11 +64,16 @@ impl Exti {
             Register::Ftsr
         };
         let edge = registers.get(selected) & 1 << pin.1;
-        self.pend(edge, registers, context);
+        self.set_pending(edge, registers, context);
     }
 
-    /// A pending bit is set whatever the mask; the mask gates the interrupt (RM0390, 10.2.1).
-    fn pend(&mut self, lines: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    /// Sets pending bits, even of masked lines; the mask only gates the interrupt (RM0390, 10.2.1).
+    fn set_pending(
+        &mut self,
+        lines: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         self.pending |= lines;
         self.drive_interrupts(registers, context);
     }
@@ -94,7 +101,7 @@ impl Device for Exti {
         context: &mut DeviceContext<'_>,
     ) {
         match register {
-            // Written 1 to clear.
+            // Cleared by writing 1.
             Register::Pr => self.pending &= !value,
             Register::Swier => self.pending |= value & registers.get(Register::Imr),
             Register::Imr | Register::Emr | Register::Rtsr | Register::Ftsr => {}

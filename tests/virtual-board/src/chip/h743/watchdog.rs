@@ -1,41 +1,44 @@
-//! The independent watchdog of the STM32H743 (RM0433 rev 9, chapter 45), which the emulator lacks.
+//! The independent watchdog of the STM32H743 (RM0433 rev 9, chapter 45), which the emulator does not model.
 
 use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::soc::stm32h743::generated::iwdg::Register;
 use rigless::time::{EventId, VirtualNanos};
 
-/// The request by which it starts its oscillator (RM0433, 8.5.2), in the emulator's clock controller.
+/// Index of the emulator's request to the clock controller that starts the LSI oscillator (RM0433, 8.5.2).
 const STARTED: usize = 0;
 
-/// Keys of KR (RM0433, 45.4.1).
+/// Keys for register KR (RM0433, 45.4.1).
 const UNLOCK: u64 = 0x5555;
 const START: u64 = 0xCCCC;
 const RELOAD: u64 = 0xAAAA;
 
-/// What the counter starts from before RLR has arrived in its own clock domain (RM0433, 45.3).
+/// Start value of the counter until RLR has been transferred to the counter's clock domain (RM0433, 45.3).
 const RESET_RELOAD: u64 = 0xFFF;
 
-/// Cycles of the low-speed oscillator until PR and RLR have arrived (RM0433, 45.4.4).
+/// LSI cycles that the transfer of PR and RLR to the counter's clock domain takes (RM0433, 45.4.4).
 const CROSSING: u64 = 5;
 
-/// The watchdog. WINR's window is not modelled: the firmware leaves it at its reset value, which is none.
+/// Model of the watchdog. The window of WINR is not modelled: the firmware keeps the reset value, which disables
+/// it.
 #[derive(Debug, Default)]
 pub(super) struct Watchdog {
     unlocked: bool,
     started: bool,
+    /// Frequency of LSI; 0 while it is stopped.
     clock_hz: u64,
-    /// PR and RLR as the counter sees them, once they have arrived.
+    /// PR and RLR in the counter's clock domain; `None` until RLR has been transferred once.
     prescaler: u64,
     reload: Option<u64>,
+    /// End of the transfer of PR and RLR in progress.
     crossing: Option<EventId>,
-    /// When the count ends.
+    /// Time at which the counter reaches 0.
     expiry: Option<EventId>,
-    /// When and with how many ticks it was last loaded.
+    /// Time of the last reload, and the ticks loaded.
     loaded: Option<(VirtualNanos, u64)>,
 }
 
 impl Watchdog {
-    /// Nanoseconds of a number of ticks of the prescaled clock.
+    /// Converts ticks of the prescaled clock to nanoseconds.
     fn nanoseconds(&self, ticks: u64) -> u64 {
         let divider = 4 << self.prescaler.min(6);
         ticks * divider * 1_000_000_000 / self.clock_hz.max(1)
@@ -57,8 +60,8 @@ impl Watchdog {
         }
     }
 
-    /// PR and RLR travel to the counter's clock domain, as soon as it has a clock.
-    fn cross(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    /// Starts the transfer of PR and RLR to the counter's clock domain, once that has a clock.
+    fn start_crossing(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         registers.set(Register::Sr, 0b011);
         if let Some(wait) = (CROSSING * 1_000_000_000).checked_div(self.clock_hz) {
             let arrives = VirtualNanos(context.now().0 + wait);
@@ -90,7 +93,9 @@ impl Device for Watchdog {
                     self.load(self.reload.unwrap_or(RESET_RELOAD) + 1, context);
                 }
             }
-            Register::Pr | Register::Rlr if self.unlocked => self.cross(registers, context),
+            Register::Pr | Register::Rlr if self.unlocked => {
+                self.start_crossing(registers, context)
+            }
             Register::Pr | Register::Rlr => {
                 context.tell(
                     "PR",
@@ -104,7 +109,7 @@ impl Device for Watchdog {
     fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.clock_hz = hz;
         if registers.get(Register::Sr) != 0 {
-            self.cross(registers, context);
+            self.start_crossing(registers, context);
         }
         self.schedule(context);
     }

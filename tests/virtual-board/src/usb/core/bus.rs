@@ -1,46 +1,28 @@
-//! The core as the bus sees it: its pull-up, resets, suspend and tokens.
+//! The bus side of the core: pull-up, resets, suspend and packets.
 
 use super::Core;
 use crate::usb::endpoint::Reply;
 use crate::usb::fifo::{PacketStatus, RxFifo};
 use crate::usb::register::{bit, dctl, epctl, epint, gintsts};
+use crate::usb::response::{Handshake, Input};
 
-/// How the device answers a packet from the host.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::usb) enum Handshake {
-    Ack,
-    Nak,
-    Stall,
-    /// No answer: the token is not for this device, or it ignores the bus.
-    Silent,
-}
-
-/// How the device answers an IN token.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(in crate::usb) enum Input {
-    Packet { bytes: Vec<u8>, data1: bool },
-    Nak,
-    Stall,
-    Silent,
-}
-
-/// Words the receive FIFO keeps free for reports without data.
+/// Words of the receive FIFO that stay free for status words without data.
 const RESERVED_WORDS: usize = 2;
 /// `bmRequestType` and `bRequest` of SET_ADDRESS (USB 2.0, 9.4).
 const SET_ADDRESS: [u8; 2] = [0x00, 0x05];
 
 impl Core {
-    /// Whether the B-session is valid: VBUS, or what overrides it.
+    /// Returns whether the B-session is valid: VBUS is present, or the override is set.
     pub(super) fn session_valid(&self) -> bool {
         let control = self.registers.gotgctl;
         if control & bit::BVALOEN != 0 {
             control & bit::BVALOVAL != 0
         } else {
-            self.line.vbus && self.registers.gccfg & bit::VBDEN != 0
+            self.bus.vbus && self.registers.gccfg & bit::VBDEN != 0
         }
     }
 
-    /// Reports a session that has begun or ended, if it was `before`.
+    /// Sets the flag for the start or end of a session; `before` is whether the session was valid.
     pub(super) fn session_changed(&mut self, before: bool) {
         match (before, self.session_valid()) {
             (false, true) => self.registers.gintsts |= gintsts::SRQINT,
@@ -49,15 +31,15 @@ impl Core {
         }
     }
 
-    /// VBUS has come or gone.
-    pub(in crate::usb) fn set_vbus(&mut self, on: bool) {
+    /// Switches VBUS on or off, which can start or end a session.
+    pub(crate) fn set_vbus(&mut self, on: bool) {
         let before = self.session_valid();
-        self.line.vbus = on;
+        self.bus.vbus = on;
         self.session_changed(before);
     }
 
-    /// Whether the pull-up on D+ is on.
-    pub(in crate::usb) fn is_attached(&self) -> bool {
+    /// Returns whether the pull-up on D+ is on.
+    pub(crate) fn is_attached(&self) -> bool {
         self.supply.clocked
             && self.supply.unwired.is_none()
             && self.registers.gccfg & bit::PWRDWN != 0
@@ -65,47 +47,48 @@ impl Core {
             && self.session_valid()
     }
 
-    /// Whether the device keeps the bus idle: attached, and the host neither sends frames nor resets it.
-    pub(in crate::usb) fn is_idle(&self) -> bool {
+    /// Returns whether the bus is idle: the device is attached and not suspended, and the host sends no frames and
+    /// no reset.
+    pub(crate) fn is_idle(&self) -> bool {
         self.is_attached()
-            && self.line.frames_from.is_none()
-            && !self.line.in_reset
-            && !self.line.suspended
+            && self.bus.frames_from.is_none()
+            && !self.bus.in_reset
+            && !self.bus.suspended
     }
 
-    /// The host begins to send frames, or stops.
-    pub(in crate::usb) fn set_frames(&mut self, on: bool) {
-        self.line.first_frame = u64::from(self.frame());
-        self.line.frames_from = on.then_some(self.now);
+    /// Starts or stops the frames of the host; frame numbers continue from the last one.
+    pub(crate) fn set_frames(&mut self, on: bool) {
+        self.bus.first_frame = u64::from(self.frame());
+        self.bus.frames_from = on.then_some(self.now);
         if on {
             self.sof_cleared = self.sof_cleared.max(self.now.saturating_sub(1));
             self.eopf_cleared = self.eopf_cleared.max(self.now.saturating_sub(1));
-            self.line.suspended = false;
+            self.bus.suspended = false;
         }
     }
 
-    /// The bus has been idle for 3 ms.
-    pub(in crate::usb) fn suspend(&mut self) {
-        if self.is_attached() && !self.line.suspended {
-            self.line.suspended = true;
+    /// Suspends the device, after the bus has been idle for 3 ms.
+    pub(crate) fn suspend(&mut self) {
+        if self.is_attached() && !self.bus.suspended {
+            self.bus.suspended = true;
             self.registers.gintsts |= gintsts::ESUSP | gintsts::USBSUSP;
         }
     }
 
-    /// The host signals resume.
-    pub(in crate::usb) fn resume(&mut self) {
-        if self.line.suspended {
-            self.line.suspended = false;
+    /// Signals resume: sets `WKUPINT` if the device is suspended.
+    pub(crate) fn resume(&mut self) {
+        if self.bus.suspended {
+            self.bus.suspended = false;
             self.registers.gintsts |= gintsts::WKUPINT;
         }
     }
 
-    /// The host begins a bus reset.
-    pub(in crate::usb) fn begin_reset(&mut self) {
-        self.line.in_reset = true;
-        self.line.suspended = false;
-        self.line.addressing = false;
-        self.line.setup_open = false;
+    /// Starts a bus reset: deactivates all endpoints but 0, and sets `USBRST`.
+    pub(crate) fn start_reset(&mut self) {
+        self.bus.in_reset = true;
+        self.bus.suspended = false;
+        self.bus.addressing = false;
+        self.bus.in_setup_stage = false;
         for endpoint in &mut self.inputs {
             endpoint.registers.bus_reset();
         }
@@ -118,31 +101,31 @@ impl Core {
         }
     }
 
-    /// The host ends the bus reset: the speed is known.
-    pub(in crate::usb) fn end_reset(&mut self) {
-        self.line.in_reset = false;
+    /// Ends the bus reset; the speed is now known.
+    pub(crate) fn end_reset(&mut self) {
+        self.bus.in_reset = false;
         if self.is_attached() {
             self.registers.gintsts |= gintsts::ENUMDNE;
         }
     }
 
-    /// Whether a token for `address` reaches the device.
+    /// Returns whether the device receives a token for `address`.
     fn accepts(&self, address: u8) -> bool {
         self.is_attached()
-            && !self.line.in_reset
-            && !self.line.suspended
-            && u32::from(address) == self.line.address
+            && !self.bus.in_reset
+            && !self.bus.suspended
+            && u32::from(address) == self.bus.address
     }
 
-    /// A SETUP packet to endpoint 0, which a device never refuses.
-    pub(in crate::usb) fn setup(&mut self, address: u8, bytes: [u8; 8]) -> Handshake {
+    /// Receives a SETUP packet for endpoint 0, which a device must always accept.
+    pub(crate) fn setup(&mut self, address: u8, bytes: [u8; 8]) -> Handshake {
         if !self.accepts(address) || !self.has_room(bytes.len()) {
             return Handshake::Silent;
         }
-        self.line.addressing = bytes[..2] == SET_ADDRESS;
-        self.line.setup_open = true;
-        self.inputs[0].setup();
-        self.outputs[0].setup();
+        self.bus.addressing = bytes[..2] == SET_ADDRESS;
+        self.bus.in_setup_stage = true;
+        self.inputs[0].on_setup();
+        self.outputs[0].on_setup();
         let frame = self.frame();
         self.rx
             .push(PacketStatus::SetupData, 0, false, frame, &bytes);
@@ -150,29 +133,31 @@ impl Core {
     }
 
     fn has_room(&self, bytes: usize) -> bool {
-        let words = RxFifo::words_of(bytes) + RESERVED_WORDS;
+        let words = RxFifo::words_for(bytes) + RESERVED_WORDS;
         self.rx.len() + words <= self.registers.rx_depth as usize
     }
 
-    /// The token that starts the stage after SETUP: the core reports that the setup stage is done.
-    fn close_setup(&mut self, endpoint: usize) {
-        if endpoint == 0 && self.line.setup_open {
-            self.line.setup_open = false;
+    /// Reports the end of the setup stage, at the first token after SETUP.
+    fn end_setup_stage(&mut self, endpoint: usize) {
+        if endpoint == 0 && self.bus.in_setup_stage {
+            self.bus.in_setup_stage = false;
             let frame = self.frame();
             self.rx.push(PacketStatus::SetupDone, 0, false, frame, &[]);
         }
     }
 
-    /// Whether an OUT packet of `len` bytes would be answered with other than NAK.
-    pub(in crate::usb) fn answers_out(&self, endpoint: usize, len: usize) -> bool {
+    /// Returns whether the response to an OUT packet of `len` bytes would be other than NAK.
+    pub(crate) fn answers_out(&self, endpoint: usize, len: usize) -> bool {
         let output = &self.outputs[endpoint];
-        endpoint == 0 && self.line.setup_open
+        endpoint == 0 && self.bus.in_setup_stage
             || output.registers.has(epctl::STALL)
-            || output.takes() && self.registers.dctl & dctl::GONSTS == 0 && self.has_room(len)
+            || output.accepts_data()
+                && self.registers.dctl & dctl::GONSTS == 0
+                && self.has_room(len)
     }
 
-    /// An OUT packet.
-    pub(in crate::usb) fn output(
+    /// Receives an OUT packet; `data1` is whether its PID is DATA1.
+    pub(crate) fn output(
         &mut self,
         address: u8,
         endpoint: usize,
@@ -182,13 +167,13 @@ impl Core {
         if !self.accepts(address) || !self.outputs[endpoint].registers.has(epctl::USBAEP) {
             return Handshake::Silent;
         }
-        let fresh_setup = endpoint == 0 && self.line.setup_open;
-        self.close_setup(endpoint);
+        let fresh_setup = endpoint == 0 && self.bus.in_setup_stage;
+        self.end_setup_stage(endpoint);
         let output = &mut self.outputs[endpoint];
         if output.registers.has(epctl::STALL) {
             return Handshake::Stall;
         }
-        let refuses = !output.takes() || self.registers.dctl & dctl::GONSTS != 0;
+        let refuses = !output.accepts_data() || self.registers.dctl & dctl::GONSTS != 0;
         if fresh_setup || refuses || !self.has_room(bytes.len()) {
             if !self.outputs[endpoint].registers.has(epctl::EPENA) {
                 self.outputs[endpoint].registers.flags |= epint::OTEPDIS;
@@ -202,7 +187,7 @@ impl Core {
         if !output.expects(data1) {
             return Handshake::Ack;
         }
-        let done = output.take(bytes.len());
+        let done = output.accept(bytes.len());
         let frame = self.frame();
         self.rx
             .push(PacketStatus::OutData, endpoint, data1, frame, bytes);
@@ -213,41 +198,41 @@ impl Core {
         Handshake::Ack
     }
 
-    /// Whether an IN token would be answered with other than NAK.
-    pub(in crate::usb) fn answers_in(&self, endpoint: usize) -> bool {
-        endpoint == 0 && self.line.setup_open
+    /// Returns whether the response to an IN token would be other than NAK.
+    pub(crate) fn answers_in(&self, endpoint: usize) -> bool {
+        endpoint == 0 && self.bus.in_setup_stage
             || self.inputs[endpoint].answers() && self.registers.dctl & dctl::GINSTS == 0
     }
 
-    /// Bytes of the packet that the next IN token would find.
-    pub(in crate::usb) fn next_in_len(&self, endpoint: usize) -> usize {
+    /// Returns the length of the packet that the next IN token fetches.
+    pub(crate) fn next_in_len(&self, endpoint: usize) -> usize {
         self.inputs[endpoint].next_len()
     }
 
-    /// An IN token; the host acknowledges a packet it gets.
-    pub(in crate::usb) fn input(&mut self, address: u8, endpoint: usize) -> Input {
+    /// Receives an IN token. The model assumes that the host acknowledges the packet.
+    pub(crate) fn input(&mut self, address: u8, endpoint: usize) -> Input {
         if !self.accepts(address) || !self.inputs[endpoint].registers.has(epctl::USBAEP) {
             return Input::Silent;
         }
-        self.close_setup(endpoint);
+        self.end_setup_stage(endpoint);
         if self.registers.dctl & dctl::GINSTS != 0 {
             return Input::Nak;
         }
-        match self.inputs[endpoint].token() {
+        match self.inputs[endpoint].on_in_token() {
             Reply::Nak => Input::Nak,
             Reply::Stall => Input::Stall,
             Reply::Packet { bytes, data1 } => {
-                if endpoint == 0 && self.line.addressing && bytes.is_empty() {
-                    self.line.addressing = false;
-                    self.line.address = self.registers.dcfg >> 4 & 0x7F;
+                if endpoint == 0 && self.bus.addressing && bytes.is_empty() {
+                    self.bus.addressing = false;
+                    self.bus.address = self.registers.dcfg >> 4 & 0x7F;
                 }
                 Input::Packet { bytes, data1 }
             }
         }
     }
 
-    /// Whether the device asks the host to resume.
-    pub(in crate::usb) fn signals_wakeup(&self) -> bool {
-        self.line.suspended && self.registers.dctl & dctl::RWUSIG != 0
+    /// Returns whether the device signals remote wake-up.
+    pub(crate) fn signals_wakeup(&self) -> bool {
+        self.bus.suspended && self.registers.dctl & dctl::RWUSIG != 0
     }
 }

@@ -1,26 +1,26 @@
-//! The interrupt flags, most of which follow from the state of the rest.
+//! Interrupt flags, most of which are derived from the state of the core.
 
 use super::Core;
-use crate::usb::register::gintsts;
+use crate::usb::register::{dctl, gintsts};
 
-/// Length of a frame at full speed, ns.
+/// Duration of a frame at full speed, in ns.
 const FRAME_NS: u64 = 1_000_000;
-/// The end of the periodic frame, `PFIVL` = 0b00: 80 % of it, ns.
+/// Offset of the end of the periodic frame for `PFIVL` = 0b00, 80 % of the frame, in ns.
 const EOPF_NS: u64 = 800_000;
 
 impl Core {
-    /// Number of the frame at present: 11 bits at full speed.
+    /// Returns the number of the current frame: 11 bits at full speed.
     pub(super) fn frame(&self) -> u32 {
         let passed = self
-            .line
+            .bus
             .frames_from
             .map_or(0, |from| self.now.saturating_sub(from) / FRAME_NS);
-        u32::try_from((self.line.first_frame + passed) & 0x7FF).unwrap_or_default()
+        u32::try_from((self.bus.first_frame + passed) & 0x7FF).unwrap_or_default()
     }
 
-    /// Whether an instant `offset` ns into a frame has passed since `cleared`.
+    /// Returns whether the point `offset` ns after the start of a frame has occurred since `cleared`.
     fn frame_instant_since(&self, cleared: u64, offset: u64) -> bool {
-        self.line.frames_from.is_some_and(|from| {
+        self.bus.frames_from.is_some_and(|from| {
             let count = |at: u64| {
                 at.checked_sub(from + offset)
                     .map_or(0, |d| d / FRAME_NS + 1)
@@ -29,9 +29,9 @@ impl Core {
         })
     }
 
-    /// The next instant at which one of the frame flags `wanted` is set, ns.
+    /// Returns the next time at which one of the frame flags `wanted` is set, in ns.
     pub(super) fn next_frame_event(&self, wanted: u32) -> Option<u64> {
-        let from = self.line.frames_from?;
+        let from = self.bus.frames_from?;
         let next = |offset: u64| {
             let first = from + offset;
             let passed = self.now.checked_sub(first).map_or(0, |d| d / FRAME_NS + 1);
@@ -42,7 +42,7 @@ impl Core {
         sof.into_iter().chain(eopf).min()
     }
 
-    /// `OTG_GINTSTS`.
+    /// Returns the value of `OTG_GINTSTS`.
     pub(super) fn gintsts(&self) -> u32 {
         let mut flags = self.registers.gintsts;
         let mut set = |bit: u32, on: bool| {
@@ -58,21 +58,15 @@ impl Core {
         );
         set(gintsts::RXFLVL, !self.rx.is_empty());
         set(gintsts::NPTXFE, self.tx_fifo_has_room(0));
-        set(
-            gintsts::GINAKEFF,
-            self.registers.dctl & super::dctl::GINSTS != 0,
-        );
-        set(
-            gintsts::GONAKEFF,
-            self.registers.dctl & super::dctl::GONSTS != 0,
-        );
+        set(gintsts::GINAKEFF, self.registers.dctl & dctl::GINSTS != 0);
+        set(gintsts::GONAKEFF, self.registers.dctl & dctl::GONSTS != 0);
         let endpoints = self.daint() & self.registers.daintmsk;
         set(gintsts::IEPINT, endpoints & 0xFFFF != 0);
         set(gintsts::OEPINT, endpoints >> 16 != 0);
         flags
     }
 
-    /// `OTG_DAINT`: the endpoints with a flag that is not masked, IN in the lower half.
+    /// Returns the value of `OTG_DAINT`: endpoints with an unmasked flag, IN in bits 15:0, OUT in bits 31:16.
     pub(super) fn daint(&self) -> u32 {
         let held = &self.registers;
         let inputs = (0..self.inputs.len()).filter(|&n| {

@@ -1,6 +1,7 @@
 use super::*;
 use crate::usb::instance::H743_USB2;
 use crate::usb::register::epctl;
+use crate::usb::response::{Handshake, Input};
 
 const GAHBCFG: u64 = 0x08;
 const GUSBCFG: u64 = 0x0C;
@@ -53,7 +54,7 @@ impl Core {
         self.read(offset, Width::W32)
     }
 
-    /// The texts of the violations since the last call.
+    /// Removes all violations and returns their texts.
     fn violation_texts(&mut self) -> Vec<String> {
         let taken = std::mem::take(&mut self.violations).to_vec();
         taken.into_iter().map(|violation| violation.text).collect()
@@ -69,7 +70,7 @@ impl Core {
     }
 }
 
-/// A core as a driver sets it up, with bulk endpoints 1 OUT and 2 IN.
+/// A core that a driver has configured, with bulk endpoints 1 OUT and 2 IN.
 fn configured() -> Core {
     let mut core = supplied();
     core.put(GUSBCFG, 1 << 30 | 6 << 10 | 1 << 6);
@@ -79,7 +80,7 @@ fn configured() -> Core {
     core.put(GINTMSK, gintsts::RXFLVL | gintsts::USBRST | gintsts::OEPINT);
     core.put(GAHBCFG, bit::GINT);
     core.put(DCTL, 0);
-    core.begin_reset();
+    core.start_reset();
     core.put(GRXFSIZ, 64);
     core.put(0x28, 16 << 16 | 64);
     core.put(dieptxf(2), 0x0010_0050);
@@ -93,16 +94,20 @@ fn configured() -> Core {
 }
 
 #[test]
-fn a_device_shows_itself_once_it_has_connected() {
+fn a_device_is_attached_after_software_has_connected_it() {
     let mut core = supplied();
     assert!(!core.is_attached(), "out of reset");
     core.put(DCTL, 0);
-    assert_eq!(core.violation_texts().len(), 3, "nothing was set up before");
+    assert_eq!(
+        core.violation_texts().len(),
+        3,
+        "software has configured nothing"
+    );
     assert!(configured().is_attached());
 }
 
 #[test]
-fn a_kernel_clock_that_is_not_48_mhz_is_noticed_at_the_connection() {
+fn connecting_with_a_kernel_clock_other_than_48_mhz_is_reported() {
     let mut core = configured();
     core.put(DCTL, dctl::SDIS);
     core.supply.kernel_hz = Some(48_480_000);
@@ -111,7 +116,7 @@ fn a_kernel_clock_that_is_not_48_mhz_is_noticed_at_the_connection() {
 }
 
 #[test]
-fn accesses_without_clock_in_bytes_or_of_nothing_are_noticed() {
+fn accesses_without_a_clock_of_bytes_and_to_reserved_addresses_are_reported() {
     let mut core = supplied();
     core.read(GINTSTS, Width::W8);
     core.expect_violation("not a word");
@@ -125,7 +130,7 @@ fn accesses_without_clock_in_bytes_or_of_nothing_are_noticed() {
 }
 
 #[test]
-fn the_core_soft_reset_takes_its_time() {
+fn a_core_soft_reset_takes_time() {
     let mut core = configured();
     core.put(GRSTCTL, grstctl::CSRST);
     assert_ne!(core.get(GRSTCTL) & grstctl::CSRST, 0);
@@ -137,7 +142,7 @@ fn the_core_soft_reset_takes_its_time() {
 }
 
 #[test]
-fn a_setup_packet_comes_with_its_stage_report_after_the_next_token() {
+fn the_end_of_the_setup_stage_is_reported_at_the_next_token() {
     let mut core = configured();
     let setup = [0x80, 6, 0, 1, 0, 0, 64, 0];
     assert_eq!(core.setup(0, setup), Handshake::Ack);
@@ -157,7 +162,7 @@ fn a_setup_packet_comes_with_its_stage_report_after_the_next_token() {
 }
 
 #[test]
-fn popping_what_is_not_there_is_noticed() {
+fn reading_an_empty_receive_fifo_is_reported() {
     let mut core = configured();
     core.get(GRXSTSP);
     core.expect_violation("OTG_GRXSTSP: read while RXFLVL is clear");
@@ -166,7 +171,7 @@ fn popping_what_is_not_there_is_noticed() {
     core.setup(0, [0; 8]);
     core.get(GRXSTSP);
     core.get(GRXSTSP);
-    core.expect_violation("before the packet's data was taken");
+    core.expect_violation("before the packet's data was read");
     core.get(0x1000);
     core.get(0x1000);
     core.input(0, 0);
@@ -175,7 +180,7 @@ fn popping_what_is_not_there_is_noticed() {
 }
 
 #[test]
-fn an_out_packet_is_taken_once_and_its_transfer_is_reported() {
+fn an_out_packet_is_accepted_once_and_its_transfer_is_reported() {
     let mut core = configured();
     core.put(doeptsiz(1), 1 << 19 | 64);
     core.put(
@@ -186,7 +191,7 @@ fn an_out_packet_is_taken_once_and_its_transfer_is_reported() {
     assert_eq!(
         core.output(0, 1, true, &[4]),
         Handshake::Nak,
-        "one packet was asked for"
+        "the transfer has one packet"
     );
     assert_eq!(core.get(GRXSTSP), 1 | 3 << 4 | 2 << 17);
     assert_eq!(core.get(0x1000), 0x0003_0201);
@@ -221,7 +226,7 @@ fn an_in_transfer_is_enabled_loaded_and_sent() {
 }
 
 #[test]
-fn writes_to_a_transmit_fifo_out_of_place_are_noticed() {
+fn wrong_writes_to_a_transmit_fifo_are_reported() {
     let mut core = configured();
     core.put(FIFO_2, 1);
     core.expect_violation("FIFO 2: written with no transfer enabled");
@@ -234,7 +239,7 @@ fn writes_to_a_transmit_fifo_out_of_place_are_noticed() {
 }
 
 #[test]
-fn enabling_an_endpoint_out_of_order_is_noticed() {
+fn enabling_an_endpoint_in_the_wrong_order_is_reported() {
     let mut core = configured();
     core.put(diepctl(2), core.peek(Register::Diepctl(2)) | epctl::EPENA);
     core.expect_violation("OTG_DIEPCTL2: enabled with PKTCNT 0");
@@ -247,7 +252,7 @@ fn enabling_an_endpoint_out_of_order_is_noticed() {
 }
 
 #[test]
-fn a_fifo_layout_that_overlaps_is_noticed_when_an_endpoint_is_enabled() {
+fn overlapping_fifos_are_reported_when_an_endpoint_is_enabled() {
     let mut core = configured();
     core.put(dieptxf(2), 0x0010_0046);
     core.put(dieptsiz(2), 1 << 19);
@@ -259,7 +264,7 @@ fn a_fifo_layout_that_overlaps_is_noticed_when_an_endpoint_is_enabled() {
 }
 
 #[test]
-fn an_out_endpoint_is_disabled_after_the_global_nak_only() {
+fn an_out_endpoint_can_be_disabled_only_after_the_global_nak() {
     let mut core = configured();
     let enable = |core: &mut Core| {
         core.put(doeptsiz(1), 1 << 19 | 64);
@@ -292,7 +297,7 @@ fn an_out_endpoint_is_disabled_after_the_global_nak_only() {
 }
 
 #[test]
-fn an_address_counts_after_the_status_stage_of_its_request() {
+fn an_address_takes_effect_after_the_status_stage() {
     let mut core = configured();
     core.setup(0, [0, 5, 9, 0, 0, 0, 0, 0]);
     core.input(0, 0);
@@ -306,7 +311,7 @@ fn an_address_counts_after_the_status_stage_of_its_request() {
 }
 
 #[test]
-fn frames_count_and_set_their_flags_without_events() {
+fn frame_numbers_and_flags_follow_virtual_time() {
     let mut core = configured();
     core.set_now(700_000);
     assert_eq!(core.get(0x808) >> 8, 0);
@@ -334,7 +339,7 @@ fn suspend_resume_and_reset_are_reported() {
     assert_eq!(core.get(0x808) & 1, 1);
     core.resume();
     assert_eq!(core.get(GINTSTS) & gintsts::WKUPINT, gintsts::WKUPINT);
-    core.begin_reset();
+    core.start_reset();
     assert_eq!(core.get(GINTSTS) & gintsts::USBRST, gintsts::USBRST);
     assert!(core.interrupt());
     assert_eq!(core.peek(Register::Diepctl(2)) & epctl::USBAEP, 0);

@@ -1,4 +1,4 @@
-//! What software's writes do.
+//! Register writes by software, with checks against the reference manual.
 
 use rigless::soc::Width;
 
@@ -6,14 +6,14 @@ use super::{Core, FLUSH_NS, SOFT_RESET_NS};
 use crate::usb::fifo::{Extent, PacketStatus, layout_error};
 use crate::usb::register::{Register, bit, dctl, epctl, gintsts, grstctl};
 
-/// Kernel clock that full speed allows, Hz: 48 MHz +- 0.25 % (USB 2.0, 7.1.11).
+/// Range of the kernel clock for full speed, in Hz: 48 MHz +- 0.25 % (USB 2.0, 7.1.11).
 const KERNEL_HZ: std::ops::RangeInclusive<u64> = 47_880_000..=48_120_000;
-/// Section on endpoints and transfers in device mode.
+/// Section of RM0433 on programming the endpoints in device mode.
 const PROGRAMMING: &str = "57.15.6";
 
 impl Core {
-    /// Takes a write of `width` at `offset` bytes from the base.
-    pub(in crate::usb) fn write(&mut self, offset: u64, width: Width, value: u32) {
+    /// Writes the register at `offset` bytes from the base.
+    pub(crate) fn write(&mut self, offset: u64, width: Width, value: u32) {
         let Some(register) = Register::at(offset, self.instance.endpoints) else {
             let text = format!("OTG + {offset:#05x}: write to a reserved address (RM0433 57.14)");
             self.violations.record(self.now, text);
@@ -105,7 +105,7 @@ impl Core {
         if flushes != 0 && self.now < self.flush_until {
             self.report(
                 Register::Grstctl,
-                "flush before the last one has ended",
+                "flush before the previous flush has ended",
                 "57.14.5",
             );
         }
@@ -129,7 +129,7 @@ impl Core {
             }
             let endpoint = &self.inputs[n].registers;
             let sends = endpoint.has(epctl::EPENA) && !endpoint.has(epctl::NAKSTS);
-            if sends && self.line.frames_from.is_some() && endpoint.has(epctl::USBAEP) {
+            if sends && self.bus.frames_from.is_some() && endpoint.has(epctl::USBAEP) {
                 let what = format!("flush of FIFO {which} while IN endpoint {n} sends from it");
                 self.report(Register::Grstctl, &what, "57.14.5, TXFFLSH");
             }
@@ -152,8 +152,8 @@ impl Core {
 
     fn write_dcfg(&mut self, value: u32) {
         self.registers.dcfg = value;
-        if !self.line.addressing {
-            self.line.address = value >> 4 & 0x7F;
+        if !self.bus.addressing {
+            self.bus.address = value >> 4 & 0x7F;
         }
     }
 
@@ -171,7 +171,7 @@ impl Core {
                     "57.14",
                 );
             }
-            // The OUT NAK is effective once software has taken its report from the receive FIFO.
+            // The OUT NAK takes effect when software reads its status word from the receive FIFO.
             let sets = value & set != 0 && state == dctl::GINSTS;
             if (before & state != 0 || sets) && value & clear == 0 {
                 now |= state;
@@ -188,7 +188,7 @@ impl Core {
         }
     }
 
-    /// Checks what has to be set up before the device shows itself to the host.
+    /// Checks the settings that must be made before the device connects to the host.
     fn check_connection(&mut self) {
         let (gccfg, dcfg) = (self.registers.gccfg, self.registers.dcfg);
         let (gusbcfg, pcgcctl) = (self.registers.gusbcfg, self.registers.pcgcctl);
@@ -244,7 +244,7 @@ impl Core {
         }
     }
 
-    /// Checks an IN endpoint that has just been enabled.
+    /// Checks the settings of an IN endpoint that has just been enabled.
     fn check_enabled(&mut self, n: usize) {
         let register = Register::Diepctl(n);
         let endpoint = &self.inputs[n].registers;
@@ -272,7 +272,7 @@ impl Core {
         self.check_layout();
     }
 
-    /// Checks the places of the FIFOs that are in use.
+    /// Checks the layout of the FIFOs of active endpoints.
     fn check_layout(&mut self) {
         let rx = Extent {
             start: 0,
@@ -292,7 +292,7 @@ impl Core {
                 .copied()
                 .unwrap_or_default();
             if used.iter().all(|(known, _)| *known != name) {
-                used.push((name, Extent::of_dieptxf(value)));
+                used.push((name, Extent::from_dieptxf(value)));
             }
         }
         if let Some(what) = layout_error(&used, self.instance.fifo_words) {
@@ -334,7 +334,7 @@ impl Core {
         }
     }
 
-    /// Checks bits that exclude each other.
+    /// Checks that mutually exclusive bits are not set together.
     fn check_pairs(&mut self, register: Register, value: u32) {
         for (pair, what) in [
             (epctl::CNAK | epctl::SNAK, "CNAK and SNAK at once"),
@@ -359,7 +359,7 @@ impl Core {
             );
             return;
         }
-        if !self.inputs[n].push(value) {
+        if !self.inputs[n].write_fifo(value) {
             let what = "written with no transfer enabled that needs the word";
             self.report(register, what, PROGRAMMING);
         }

@@ -1,18 +1,19 @@
-//! One control transfer: SETUP, data and status (USB 2.0, 8.5.3), with its toggles and its times.
+//! Control transfers: SETUP, data and status stage (USB 2.0, 8.5.3), with checks of toggles and times.
 
-use crate::usb::core::{Core, Handshake, Input};
+use crate::usb::core::Core;
+use crate::usb::response::{Handshake, Input};
 use crate::usb::violation::Violations;
 
-/// Attempts at a transaction that the device does not answer (USB 2.0, 10.2.6).
+/// Attempts at a transaction to which the device does not respond (USB 2.0, 10.2.6).
 const ATTEMPTS: u32 = 3;
-/// How long the host waits for a transfer, ns, as Linux does (`USB_CTRL_GET_TIMEOUT`).
+/// Timeout of a transfer, in ns, as in Linux (`USB_CTRL_GET_TIMEOUT`).
 const TIMEOUT_NS: u64 = 5_000_000_000;
-/// How long a standard request may take to its next data packet, ns (USB 2.0, 9.2.6.4).
+/// Longest time of a standard request until its next data packet, in ns (USB 2.0, 9.2.6.4).
 const DATA_NS: u64 = 500_000_000;
-/// How long a standard request may take to its status after the last data, ns (USB 2.0, 9.2.6.4).
+/// Longest time of a standard request from the last data to the status stage, in ns (USB 2.0, 9.2.6.4).
 const STATUS_NS: u64 = 50_000_000;
 
-/// The eight bytes of a SETUP packet (USB 2.0, 9.3).
+/// Contents of a SETUP packet (USB 2.0, 9.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Setup {
     pub(super) request_type: u8,
@@ -65,37 +66,38 @@ enum Stage {
     StatusOut,
 }
 
-/// How a transfer stands after a transaction.
+/// State of a transfer after a transaction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Outcome {
     Pending,
-    /// Ended well, with the data of an IN transfer.
+    /// The transfer has succeeded; contains the data of an IN transfer.
     Done(Vec<u8>),
-    /// The device refuses the request.
+    /// The device has rejected the request with STALL.
     Stalled,
-    /// The device broke the protocol, or is not there.
+    /// The device has violated the protocol or does not respond; contains the reason.
     Failed(String),
 }
 
-/// A control transfer in progress.
+/// Control transfer in progress, with its retries and deadline.
 #[derive(Clone, Debug)]
 pub(super) struct Transfer {
     pub(super) setup: Setup,
     address: u8,
     max_packet: usize,
     stage: Stage,
-    /// Data to send, or received.
+    /// Data to send, or data received so far.
     data: Vec<u8>,
     sent: usize,
     data1: bool,
     errors: u32,
     started: u64,
-    /// When the stage or the last data packet ended, ns.
+    /// Time at which the previous stage or data packet ended, in ns.
     progress: u64,
 }
 
 impl Transfer {
-    /// A transfer to `address`, whose endpoint 0 has packets of `max_packet` bytes; `data` goes out.
+    /// Creates a transfer to `address`, with packets of at most `max_packet` bytes. `data` is sent in the data
+    /// stage of an OUT transfer.
     pub(super) fn new(
         setup: Setup,
         address: u8,
@@ -118,17 +120,17 @@ impl Transfer {
         }
     }
 
-    /// When the transfer times out, ns.
+    /// Returns the time at which the transfer times out, in ns.
     pub(super) fn deadline(&self) -> u64 {
         self.started + TIMEOUT_NS
     }
 
-    /// What the transfer is, and how far it got.
+    /// Formats request and stage, for messages.
     pub(super) fn describe(&self) -> String {
         format!("{}, {:?} stage", self.setup, self.stage)
     }
 
-    /// Bytes of the next packet on the wire, if the device would not answer it with NAK.
+    /// Returns the length of the next packet; `None` while the device would respond with NAK.
     pub(super) fn next_len(&self, core: &Core) -> Option<usize> {
         match self.stage {
             Stage::Setup => Some(8),
@@ -147,7 +149,7 @@ impl Transfer {
         &self.data[self.sent..end]
     }
 
-    /// Makes the next transaction.
+    /// Performs the next transaction.
     pub(super) fn perform(
         &mut self,
         now: u64,
@@ -165,13 +167,13 @@ impl Transfer {
                     };
                     Outcome::Pending
                 }
-                _ => self.no_answer(),
+                _ => self.no_response(),
             },
             Stage::DataIn | Stage::StatusIn => match core.input(self.address, 0) {
                 Input::Packet { bytes, data1 } => self.received(now, bytes, data1, violations),
                 Input::Nak => Outcome::Pending,
                 Input::Stall => Outcome::Stalled,
-                Input::Silent => self.no_answer(),
+                Input::Silent => self.no_response(),
             },
             Stage::DataOut => {
                 let chunk = self.chunk().to_vec();
@@ -187,7 +189,7 @@ impl Transfer {
                     }
                     Handshake::Nak => Outcome::Pending,
                     Handshake::Stall => Outcome::Stalled,
-                    Handshake::Silent => self.no_answer(),
+                    Handshake::Silent => self.no_response(),
                 }
             }
             Stage::StatusOut => match core.output(self.address, 0, true, &[]) {
@@ -197,17 +199,17 @@ impl Transfer {
                 }
                 Handshake::Nak => Outcome::Pending,
                 Handshake::Stall => Outcome::Stalled,
-                Handshake::Silent => self.no_answer(),
+                Handshake::Silent => self.no_response(),
             },
         }
     }
 
-    fn no_answer(&mut self) -> Outcome {
+    fn no_response(&mut self) -> Outcome {
         self.errors += 1;
         if self.errors < ATTEMPTS {
             Outcome::Pending
         } else {
-            Outcome::Failed(format!("no answer: {}", self.describe()))
+            Outcome::Failed(format!("no response: {}", self.describe()))
         }
     }
 
@@ -249,7 +251,7 @@ impl Transfer {
         Outcome::Pending
     }
 
-    /// Checks how long the device took since the last progress.
+    /// Checks the time since the previous stage or data packet.
     fn check_time(&mut self, now: u64, limit: u64, violations: &mut Violations) {
         let took = now - self.progress;
         self.progress = now;

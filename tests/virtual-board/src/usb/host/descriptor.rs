@@ -1,103 +1,103 @@
-//! What the device says of itself, parsed and checked (USB 2.0, 9.6; CDC 1.2, 5.2).
+//! Parsing and checking of descriptors (USB 2.0, 9.6; CDC 1.2, 5.2).
 
 use crate::usb::violation::Violations;
 
 /// Descriptor types (USB 2.0, table 9-5; BOS: USB 3.2, table 9-6).
 pub(super) mod kind {
-    pub(in crate::usb::host) const DEVICE: u8 = 1;
-    pub(in crate::usb::host) const CONFIGURATION: u8 = 2;
-    pub(in crate::usb::host) const STRING: u8 = 3;
-    pub(in crate::usb::host) const INTERFACE: u8 = 4;
-    pub(in crate::usb::host) const ENDPOINT: u8 = 5;
-    pub(in crate::usb::host) const QUALIFIER: u8 = 6;
-    pub(in crate::usb::host) const BOS: u8 = 15;
-    pub(in crate::usb::host) const DEVICE_CAPABILITY: u8 = 16;
-    pub(in crate::usb::host) const CLASS_INTERFACE: u8 = 0x24;
+    pub(crate) const DEVICE: u8 = 1;
+    pub(crate) const CONFIGURATION: u8 = 2;
+    pub(crate) const STRING: u8 = 3;
+    pub(crate) const INTERFACE: u8 = 4;
+    pub(crate) const ENDPOINT: u8 = 5;
+    pub(crate) const QUALIFIER: u8 = 6;
+    pub(crate) const BOS: u8 = 15;
+    pub(crate) const DEVICE_CAPABILITY: u8 = 16;
+    pub(crate) const CLASS_INTERFACE: u8 = 0x24;
 }
 
-/// Class, subclass and protocol of an interface that a serial port has for control (CDC 1.2, 4.2).
+/// Class and subclass of the control interface of a serial port (CDC 1.2, 4.2).
 const COMMUNICATIONS: [u8; 2] = [0x02, 0x02];
-/// Class of an interface for its data.
+/// Class of the data interface of a serial port.
 const DATA: u8 = 0x0A;
 
-/// The device as its descriptors describe it.
+/// Contents of the descriptors of a device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Descriptors {
-    /// `bcdUSB`.
+    /// `bcdUSB`: USB version in BCD, for example 0x0210 for 2.1.
     pub usb: u16,
-    /// Class, subclass and protocol of the device.
+    /// `bDeviceClass`, `bDeviceSubClass` and `bDeviceProtocol`.
     pub class: [u8; 3],
-    /// Longest packet of endpoint 0, bytes.
+    /// Maximum packet size of endpoint 0, in bytes.
     pub max_packet_0: u8,
     /// `idVendor`.
     pub vendor: u16,
     /// `idProduct`.
     pub product: u16,
-    /// `bcdDevice`.
+    /// `bcdDevice`: version of the device, in BCD.
     pub release: u16,
-    /// Name of the manufacturer, empty without one.
+    /// Manufacturer string; empty if the device has none.
     pub manufacturer: String,
-    /// Name of the product, empty without one.
+    /// Product string; empty if the device has none.
     pub product_name: String,
-    /// Serial number, empty without one.
+    /// Serial number string; empty if the device has none.
     pub serial_number: String,
-    /// Capabilities of the BOS descriptor; `None` without one.
+    /// Number of capabilities in the BOS descriptor; `None` without that descriptor.
     pub capabilities: Option<u8>,
-    /// The configuration.
+    /// Contents of the only configuration descriptor.
     pub configuration: Configuration,
-    /// Indices of the three strings.
+    /// String indices of manufacturer, product and serial number; 0 for none.
     pub(super) strings: [u8; 3],
 }
 
-/// The device's configuration.
+/// A configuration of the device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Configuration {
     /// `bConfigurationValue`.
     pub value: u8,
     /// `bmAttributes`.
     pub attributes: u8,
-    /// Current from the bus, mA.
+    /// Maximum current from the bus, in mA.
     pub max_current_ma: u16,
     /// Interfaces in alternate setting 0.
     pub interfaces: Vec<Interface>,
 }
 
-/// One interface.
+/// An interface of the configuration.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Interface {
     /// `bInterfaceNumber`.
     pub number: u8,
-    /// Class, subclass and protocol.
+    /// `bInterfaceClass`, `bInterfaceSubClass` and `bInterfaceProtocol`.
     pub class: [u8; 3],
-    /// Its endpoints.
+    /// Endpoints except endpoint 0.
     pub endpoints: Vec<EndpointDescriptor>,
-    /// `bDescriptorSubtype` of its class-specific descriptors.
+    /// `bDescriptorSubtype` of each class-specific descriptor.
     pub functions: Vec<u8>,
 }
 
-/// One endpoint.
+/// Contents of an endpoint descriptor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EndpointDescriptor {
     /// `bEndpointAddress`: bit 7 is set for IN.
     pub address: u8,
     /// `bmAttributes`: 2 is bulk, 3 interrupt.
     pub attributes: u8,
-    /// Longest packet, bytes.
+    /// Maximum packet size, in bytes.
     pub max_packet: u16,
-    /// `bInterval`, frames.
+    /// `bInterval`, in frames.
     pub interval: u8,
 }
 
-/// The endpoints of a serial port.
+/// Control interface and endpoints of a serial port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Ports {
+pub(super) struct SerialPort {
     pub(super) control_interface: u8,
     pub(super) input: EndpointDescriptor,
     pub(super) output: EndpointDescriptor,
     pub(super) notification: EndpointDescriptor,
 }
 
-/// Records a fault of a descriptor.
+/// Records violations in descriptors.
 struct Checker<'a> {
     now: u64,
     violations: &'a mut Violations,
@@ -121,8 +121,8 @@ fn byte(bytes: &[u8], at: usize) -> u8 {
 }
 
 impl Descriptors {
-    /// Takes the whole device descriptor.
-    pub(super) fn device(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
+    /// Parses and checks the device descriptor.
+    pub(super) fn parse_device(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
         let mut checker = Checker { now, violations };
         let section = "device descriptor, USB 2.0, 9.6.1";
         let (length, kind) = (byte(bytes, 0), byte(bytes, 1));
@@ -149,14 +149,19 @@ impl Descriptors {
         );
         checker.expect(
             byte(bytes, 17) == 1,
-            "it has not one configuration",
+            "it does not have exactly one configuration",
             section,
         );
         checker.expect(self.vendor != 0, "idVendor is 0", section);
     }
 
-    /// Takes the whole configuration descriptor and those in it.
-    pub(super) fn configuration(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
+    /// Parses and checks the configuration descriptor and the descriptors in it.
+    pub(super) fn parse_configuration(
+        &mut self,
+        bytes: &[u8],
+        now: u64,
+        violations: &mut Violations,
+    ) {
         let mut checker = Checker { now, violations };
         let section = "configuration descriptor, USB 2.0, 9.6.3";
         checker.expect(byte(bytes, 0) == 9, "its length is not 9", section);
@@ -220,8 +225,8 @@ impl Descriptors {
         self.configuration = configuration;
     }
 
-    /// Takes the whole BOS descriptor.
-    pub(super) fn bos(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
+    /// Parses and checks the BOS descriptor.
+    pub(super) fn parse_bos(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
         let mut checker = Checker { now, violations };
         let section = "BOS descriptor, USB 3.2, 9.6.2";
         checker.expect(byte(bytes, 0) == 5, "its length is not 5", section);
@@ -237,7 +242,7 @@ impl Descriptors {
         while rest.len() >= 3 {
             let length = usize::from(byte(rest, 0)).clamp(1, rest.len());
             let is_capability = byte(rest, 1) == kind::DEVICE_CAPABILITY;
-            checker.expect(is_capability, "it holds another descriptor", section);
+            checker.expect(is_capability, "it contains another descriptor", section);
             capabilities += 1;
             rest = &rest[length..];
         }
@@ -246,14 +251,18 @@ impl Descriptors {
         self.capabilities = Some(capabilities);
     }
 
-    /// The serial port's endpoints, if the device has one.
-    pub(super) fn ports(&self, now: u64, violations: &mut Violations) -> Option<Ports> {
+    /// Finds the endpoints of the serial port; `None` if the device has none.
+    pub(super) fn find_serial_port(
+        &self,
+        now: u64,
+        violations: &mut Violations,
+    ) -> Option<SerialPort> {
         let mut checker = Checker { now, violations };
         let section = "CDC 1.2, 3.4 and 5.2";
         let interfaces = &self.configuration.interfaces;
         let control = interfaces.iter().find(|i| i.class[..2] == COMMUNICATIONS)?;
         let data = interfaces.iter().find(|i| i.class[0] == DATA)?;
-        // Header, abstract control management, union.
+        // Subtypes: header, abstract control management, union.
         for subtype in [0x00, 0x02, 0x06] {
             let what = format!("no functional descriptor {subtype:#04x}");
             checker.expect(control.functions.contains(&subtype), &what, section);
@@ -270,7 +279,7 @@ impl Descriptors {
             };
             interface.endpoints.iter().find(fits).copied()
         };
-        Some(Ports {
+        Some(SerialPort {
             control_interface: control.number,
             input: find(data, 2, true)?,
             output: find(data, 2, false)?,
@@ -280,7 +289,7 @@ impl Descriptors {
 }
 
 impl Configuration {
-    /// Adds one descriptor. The endpoints that it announces.
+    /// Adds a descriptor. Returns the number of endpoints that it announces.
     fn add(&mut self, bytes: &[u8], checker: &mut Checker<'_>) -> usize {
         match byte(bytes, 1) {
             kind::INTERFACE => {
@@ -290,7 +299,7 @@ impl Configuration {
                 let next = usize::from(number) == self.interfaces.len();
                 checker.expect(
                     next || byte(bytes, 3) != 0,
-                    "its number is not the next",
+                    "its number is not the next one",
                     section,
                 );
                 if byte(bytes, 3) == 0 {
@@ -339,8 +348,8 @@ impl Configuration {
     }
 }
 
-/// The text of a string descriptor.
-pub(super) fn text(bytes: &[u8], now: u64, violations: &mut Violations) -> String {
+/// Parses and checks a string descriptor.
+pub(super) fn parse_string(bytes: &[u8], now: u64, violations: &mut Violations) -> String {
     let mut checker = Checker { now, violations };
     let section = "string descriptor, USB 2.0, 9.6.7";
     let length = usize::from(byte(bytes, 0));

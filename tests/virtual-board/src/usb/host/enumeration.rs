@@ -1,29 +1,30 @@
-//! The requests by which a host learns what a device is, in the order of Linux.
+//! Enumeration: the requests that read the descriptors and configure the device, in the order of Linux.
 
 use super::control::Setup;
-use super::descriptor::{Descriptors, Ports, kind, text};
+use super::descriptor::{Descriptors, SerialPort, kind, parse_string};
 use super::event::Event;
 use crate::usb::violation::Violations;
 
-/// Address that the host assigns to the device.
+/// Address that the host assigns with SET_ADDRESS; any from 1 to 127 is valid.
 pub(super) const ADDRESS: u8 = 7;
-/// How long a device may take to change its address, ns (USB 2.0, 9.2.6.3).
+/// Time for which a device can take to change its address, in ns (USB 2.0, 9.2.6.3).
 const SET_ADDRESS_RECOVERY_NS: u64 = 2_000_000;
-/// US English (USB language identifiers).
+/// Language identifier of US English.
 const LANGUAGE: u16 = 0x0409;
-/// First version that has a BOS descriptor.
+/// First `bcdUSB` with a BOS descriptor.
 const BOS_VERSION: u16 = 0x0201;
 
 const GET_DESCRIPTOR: u8 = 6;
 const SET_ADDRESS: u8 = 5;
 const SET_CONFIGURATION: u8 = 9;
 
-/// Where an enumeration is.
+/// Stage of an enumeration: the request in progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
-    /// 64 bytes at address 0, for the length of endpoint 0's packets.
+enum Stage {
+    /// Device descriptor at address 0, for the packet size of endpoint 0.
     First,
     SetAddress,
+    /// First 8 bytes of the device descriptor, at the new address.
     Short,
     Device,
     Qualifier,
@@ -32,26 +33,26 @@ enum Step {
     ConfigurationHeader,
     Configuration(u16),
     Languages,
-    /// The string in this place of manufacturer, product and serial number.
-    Text(usize),
+    /// String with this index in manufacturer, product and serial number.
+    String(usize),
     SetConfiguration,
 }
 
-/// What the host does after a request.
+/// Action of the host after a request.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Next {
     Request,
-    /// Waits this long first, ns.
+    /// Wait for this time, in ns, before the next request.
     Pause(u64),
     Reset,
-    Finished(Option<Ports>),
+    Finished(Option<SerialPort>),
     Failed(String),
 }
 
-/// An enumeration in progress.
+/// Enumeration in progress, with the descriptors read so far.
 #[derive(Clone, Debug)]
 pub(super) struct Enumeration {
-    step: Step,
+    stage: Stage,
     pub(super) address: u8,
     pub(super) device: Descriptors,
 }
@@ -59,7 +60,7 @@ pub(super) struct Enumeration {
 impl Enumeration {
     pub(super) fn new() -> Self {
         Self {
-            step: Step::First,
+            stage: Stage::First,
             address: 0,
             device: Descriptors {
                 max_packet_0: 64,
@@ -83,36 +84,36 @@ impl Enumeration {
             index: 0,
             length: 0,
         };
-        match self.step {
-            Step::First => get(kind::DEVICE, 0, 0, 64),
-            Step::SetAddress => set(SET_ADDRESS, ADDRESS.into()),
-            Step::Short => get(kind::DEVICE, 0, 0, 8),
-            Step::Device => get(kind::DEVICE, 0, 0, 18),
-            Step::Qualifier => get(kind::QUALIFIER, 0, 0, 10),
-            Step::BosHeader => get(kind::BOS, 0, 0, 5),
-            Step::Bos(total) => get(kind::BOS, 0, 0, total),
-            Step::ConfigurationHeader => get(kind::CONFIGURATION, 0, 0, 9),
-            Step::Configuration(total) => get(kind::CONFIGURATION, 0, 0, total),
-            Step::Languages => get(kind::STRING, 0, 0, 255),
-            Step::Text(n) => get(kind::STRING, self.device.strings[n], LANGUAGE, 255),
-            Step::SetConfiguration => {
+        match self.stage {
+            Stage::First => get(kind::DEVICE, 0, 0, 64),
+            Stage::SetAddress => set(SET_ADDRESS, ADDRESS.into()),
+            Stage::Short => get(kind::DEVICE, 0, 0, 8),
+            Stage::Device => get(kind::DEVICE, 0, 0, 18),
+            Stage::Qualifier => get(kind::QUALIFIER, 0, 0, 10),
+            Stage::BosHeader => get(kind::BOS, 0, 0, 5),
+            Stage::Bos(total) => get(kind::BOS, 0, 0, total),
+            Stage::ConfigurationHeader => get(kind::CONFIGURATION, 0, 0, 9),
+            Stage::Configuration(total) => get(kind::CONFIGURATION, 0, 0, total),
+            Stage::Languages => get(kind::STRING, 0, 0, 255),
+            Stage::String(n) => get(kind::STRING, self.device.strings[n], LANGUAGE, 255),
+            Stage::SetConfiguration => {
                 set(SET_CONFIGURATION, self.device.configuration.value.into())
             }
         }
     }
 
-    /// Goes on after the device has refused the request.
-    pub(super) fn stalled(&mut self) -> Next {
-        match self.step {
-            // What a device for full speed only has to do (USB 2.0, 9.6.2).
-            Step::Qualifier => self.after_qualifier(),
-            Step::BosHeader => self.request_next(Step::ConfigurationHeader),
-            _ => Next::Failed(format!("refused: {}", self.request())),
+    /// Handles a request that the device has rejected with STALL.
+    pub(super) fn on_stall(&mut self) -> Next {
+        match self.stage {
+            // Required of a device that supports only full speed (USB 2.0, 9.6.2).
+            Stage::Qualifier => self.after_qualifier(),
+            Stage::BosHeader => self.request_next(Stage::ConfigurationHeader),
+            _ => Next::Failed(format!("rejected with STALL: {}", self.request())),
         }
     }
 
-    /// Goes on with the answer to the request.
-    pub(super) fn answered(
+    /// Handles the response to the request in progress.
+    pub(super) fn on_response(
         &mut self,
         data: &[u8],
         now: u64,
@@ -123,98 +124,100 @@ impl Enumeration {
             [_, _, low, high, ..] => u16::from_le_bytes([*low, *high]),
             _ => 0,
         };
-        match self.step {
-            Step::First | Step::Short => {
-                let is_first = self.step == Step::First;
+        match self.stage {
+            Stage::First | Stage::Short => {
+                let is_first = self.stage == Stage::First;
                 match data.get(7) {
                     Some(&max_packet) if [8, 16, 32, 64].contains(&max_packet) => {
                         self.device.max_packet_0 = max_packet;
                     }
                     _ => return Next::Failed(format!("device descriptor {data:02x?}")),
                 }
-                self.step = if is_first {
-                    Step::SetAddress
+                self.stage = if is_first {
+                    Stage::SetAddress
                 } else {
-                    Step::Device
+                    Stage::Device
                 };
                 if is_first { Next::Reset } else { Next::Request }
             }
-            Step::SetAddress => {
+            Stage::SetAddress => {
                 self.address = ADDRESS;
-                self.step = Step::Short;
+                self.stage = Stage::Short;
                 Next::Pause(SET_ADDRESS_RECOVERY_NS)
             }
-            Step::Device => {
-                self.device.device(data, now, violations);
-                self.step = Step::Qualifier;
+            Stage::Device => {
+                self.device.parse_device(data, now, violations);
+                self.stage = Stage::Qualifier;
                 Next::Request
             }
-            Step::Qualifier => {
+            Stage::Qualifier => {
                 log.push(Event::Note(
-                    "answers DEVICE_QUALIFIER, as only a high-speed device should (USB 2.0, 9.6.2)",
+                    "responds to DEVICE_QUALIFIER, which only a high-speed device should do (USB 2.0, 9.6.2)",
                 ));
                 self.after_qualifier()
             }
-            // Hosts go on without one.
-            Step::BosHeader if data.len() < 5 => {
+            // Hosts continue without a BOS descriptor.
+            Stage::BosHeader if data.len() < 5 => {
                 let text = format!(
                     "bcdUSB is {:#06x} and the BOS descriptor has {} bytes (USB 3.2, 9.6.2)",
                     self.device.usb,
                     data.len()
                 );
                 violations.record(now, text);
-                self.request_next(Step::ConfigurationHeader)
+                self.request_next(Stage::ConfigurationHeader)
             }
-            Step::BosHeader => self.request_next(Step::Bos(total(data))),
-            Step::Bos(_) => {
-                self.device.bos(data, now, violations);
-                self.request_next(Step::ConfigurationHeader)
+            Stage::BosHeader => self.request_next(Stage::Bos(total(data))),
+            Stage::Bos(_) => {
+                self.device.parse_bos(data, now, violations);
+                self.request_next(Stage::ConfigurationHeader)
             }
-            Step::ConfigurationHeader if data.len() < 9 => {
+            Stage::ConfigurationHeader if data.len() < 9 => {
                 Next::Failed(format!("configuration descriptor of {} bytes", data.len()))
             }
-            Step::ConfigurationHeader => self.request_next(Step::Configuration(total(data))),
-            Step::Configuration(_) => {
-                self.device.configuration(data, now, violations);
-                self.request_next(Step::Languages)
+            Stage::ConfigurationHeader => self.request_next(Stage::Configuration(total(data))),
+            Stage::Configuration(_) => {
+                self.device.parse_configuration(data, now, violations);
+                self.request_next(Stage::Languages)
             }
-            Step::Languages => {
+            Stage::Languages => {
                 let languages: Vec<u8> = data.iter().copied().skip(2).collect();
                 if !languages.chunks(2).any(|l| l == LANGUAGE.to_le_bytes()) {
-                    violations.record(now, "no US English among the languages of the strings");
+                    violations.record(now, "the string languages do not include US English");
                 }
-                self.text_from(0)
+                self.request_string(0)
             }
-            Step::Text(n) => {
-                let text = text(data, now, violations);
+            Stage::String(n) => {
+                let text = parse_string(data, now, violations);
                 match n {
                     0 => self.device.manufacturer = text,
                     1 => self.device.product_name = text,
                     _ => self.device.serial_number = text,
                 }
-                self.text_from(n + 1)
+                self.request_string(n + 1)
             }
-            Step::SetConfiguration => Next::Finished(self.device.ports(now, violations)),
+            Stage::SetConfiguration => {
+                Next::Finished(self.device.find_serial_port(now, violations))
+            }
         }
     }
 
-    fn request_next(&mut self, step: Step) -> Next {
-        self.step = step;
+    fn request_next(&mut self, stage: Stage) -> Next {
+        self.stage = stage;
         Next::Request
     }
 
     fn after_qualifier(&mut self) -> Next {
-        self.step = if self.device.usb >= BOS_VERSION {
-            Step::BosHeader
+        self.stage = if self.device.usb >= BOS_VERSION {
+            Stage::BosHeader
         } else {
-            Step::ConfigurationHeader
+            Stage::ConfigurationHeader
         };
         Next::Request
     }
 
-    /// Asks for the next string that the device has, from place `n` on.
-    fn text_from(&mut self, n: usize) -> Next {
+    /// Requests the next string that the device has, from index `n` on.
+    fn request_string(&mut self, n: usize) -> Next {
         let next = (n..3).find(|&n| self.device.strings[n] != 0);
-        self.request_next(next.map_or(Step::SetConfiguration, Step::Text))
+        self.request_next(next.map_or(Stage::SetConfiguration, Stage::String))
     }
 }

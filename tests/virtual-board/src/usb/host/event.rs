@@ -1,37 +1,37 @@
-//! What happened on the bus, for a person who reads a log.
+//! Log of the events on the bus.
 
 use std::fmt;
 
-/// One thing that happened.
+/// Event on the bus or in the host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// The cable was plugged in.
+    /// The cable was plugged in: VBUS is on.
     Plugged,
-    /// The cable was unplugged.
+    /// The cable was unplugged: VBUS is off.
     Unplugged,
-    /// The device switched its pull-up on.
+    /// The device has enabled its pull-up.
     Attached,
-    /// The device switched its pull-up off, or lost its clock.
+    /// The device has disabled its pull-up, or lost its clock.
     Detached,
-    /// The host has reset the bus.
+    /// The host has ended a bus reset; recovery of the device starts.
     BusReset,
-    /// The device has its address.
+    /// The device has accepted this address.
     Addressed(u8),
-    /// The device is configured.
+    /// The host has read all descriptors and set the configuration.
     Configured,
-    /// The serial port is open: DTR is on.
+    /// The host has opened the serial port: DTR is set.
     Opened,
-    /// The serial port is closed: DTR is off.
+    /// The host has closed the serial port: DTR is clear.
     Closed,
     /// The host has stopped sending frames.
     Suspended,
-    /// The host has resumed the bus.
+    /// The host has resumed the bus, and the recovery time of the device is over.
     Resumed,
-    /// An enumeration failed; the host tries again, up to three times.
+    /// An enumeration has failed, for this reason; the host makes at most three attempts.
     EnumerationFailed(String),
-    /// The device has sent a notification.
+    /// The device has sent this notification.
     Notification(Vec<u8>),
-    /// Something odd that breaks nothing.
+    /// Unusual behaviour of the device that is not a violation.
     Note(&'static str),
 }
 
@@ -47,12 +47,12 @@ impl fmt::Display for Event {
     }
 }
 
-/// An event and its time.
+/// An event with its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Logged {
-    /// Virtual time, ns.
+    /// Virtual time of the event, in ns.
     pub at_ns: u64,
-    /// What happened.
+    /// Event at this time.
     pub event: Event,
 }
 

@@ -1,30 +1,31 @@
-//! The host's driver of the serial port: opening and closing, bulk data in both directions.
+//! The host's driver for the serial port: opens and closes it, and transfers bulk data in both directions.
 
 use std::collections::VecDeque;
 
 use super::control::Setup;
-use super::descriptor::{EndpointDescriptor, Ports};
+use super::descriptor::{EndpointDescriptor, SerialPort};
 use super::event::Event;
-use crate::usb::core::{Core, Handshake, Input};
-use crate::usb::handle::Counters;
+use super::status::Counters;
+use crate::usb::core::Core;
+use crate::usb::response::{Handshake, Input};
 use crate::usb::violation::Violations;
 
-/// Bytes of one read request of the driver: its data reaches the program when it is full, or when a
-/// packet ends it that is shorter than the longest. Windows' driver asks for that many.
+/// Size of the driver's read buffer in bytes, as in the driver of Windows. A program receives the data when the
+/// buffer is full or after a short packet.
 const READ_BYTES: usize = 4_096;
-/// Rate that the driver sets when the device appears and when a program opens it, bit/s.
+/// Bit rates that the driver sets when the device is configured and when a program opens it, in bit/s.
 const RATES: [u32; 2] = [9_600, 115_200];
 
-/// Requests of the class (CDC PSTN 1.2, 6.3).
+/// Class-specific requests (CDC PSTN 1.2, 6.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Request {
     SetLineCoding(u32),
     GetLineCoding(u32),
-    /// DTR and RTS.
+    /// Sets or clears both DTR and RTS.
     LineState(bool),
 }
 
-/// A transaction on one of the port's endpoints.
+/// Endpoint of the serial port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pipe {
     Input,
@@ -32,33 +33,36 @@ pub(super) enum Pipe {
     Notification,
 }
 
-/// Seven bytes of line coding: rate, one stop bit, no parity, eight bits (CDC PSTN 1.2, table 17).
+/// Encodes a line coding: bit rate, one stop bit, no parity, eight data bits (CDC PSTN 1.2, table 17).
 fn line_coding(rate: u32) -> Vec<u8> {
     [rate.to_le_bytes().as_slice(), &[0, 0, 8]].concat()
 }
 
-/// The driver.
+/// State of the driver, from the configuration of a device until it is detached.
 #[expect(
     clippy::struct_excessive_bools,
-    reason = "what a program wants and what the device has"
+    reason = "independent states of the program and of the device"
 )]
 #[derive(Debug, Default)]
 pub(super) struct Serial {
-    ports: Option<Ports>,
+    ports: Option<SerialPort>,
     /// A program wants the port open.
     pub(super) wanted: bool,
-    /// DTR is on.
+    /// The device has accepted DTR.
     pub(super) is_open: bool,
-    /// Takes data from the bulk IN endpoint, from just before DTR is on until just after it is off.
+    /// Reads the bulk IN endpoint: from just before DTR is set until just after it is cleared.
     is_reading: bool,
-    /// The bulk IN endpoint has not been asked since the port was opened.
-    is_unasked: bool,
-    /// Takes no data although it is open.
-    pub(super) stalled: bool,
-    /// Next data PIDs are DATA1.
+    /// The bulk IN endpoint has not received a token since the port was opened.
+    is_first_read: bool,
+    /// Reading is paused although the port is open.
+    pub(super) is_paused: bool,
+    /// Whether the next data PID of each [`Pipe`] is DATA1.
     toggles: [bool; 3],
+    /// The last transaction was an OUT: IN is next if both directions have data.
     was_output: bool,
+    /// Data of the read request in progress.
     read: Vec<u8>,
+    /// Data for the program.
     pub(super) received: Vec<u8>,
     pub(super) outgoing: VecDeque<u8>,
     requests: VecDeque<Request>,
@@ -66,14 +70,14 @@ pub(super) struct Serial {
 }
 
 impl Serial {
-    /// The device is configured.
-    pub(super) fn connect(&mut self, ports: Ports) {
+    /// Starts the driver for a device that has just been configured.
+    pub(super) fn connect(&mut self, ports: SerialPort) {
         self.ports = Some(ports);
         self.toggles = [false; 3];
         self.requests = [Request::SetLineCoding(RATES[0]), Request::LineState(false)].into();
     }
 
-    /// The device is gone, or about to be reset: programs that had the port open have lost it.
+    /// Stops the driver when the device is detached or reset, and closes the port.
     pub(super) fn disconnect(&mut self) {
         self.received.append(&mut self.read);
         self.outgoing.clear();
@@ -88,13 +92,13 @@ impl Serial {
         self.ports.is_some()
     }
 
-    /// The next request to make, which stays until [`Serial::requested`].
+    /// Returns the next request, until [`Serial::complete_request`] is called.
     pub(super) fn next_request(&mut self) -> Option<Request> {
         self.ports?;
         if self.requests.is_empty() && self.wanted != self.is_open {
             self.requests = if self.wanted {
                 self.is_reading = true;
-                self.is_unasked = true;
+                self.is_first_read = true;
                 [
                     Request::SetLineCoding(RATES[1]),
                     Request::GetLineCoding(RATES[1]),
@@ -108,7 +112,7 @@ impl Serial {
         self.requests.front().copied()
     }
 
-    /// `request` as a SETUP packet, with the data that goes out.
+    /// Returns the SETUP packet of a request, and the data to send.
     pub(super) fn setup(&self, request: Request) -> (Setup, Vec<u8>) {
         let index = self.ports.map_or(0, |ports| ports.control_interface).into();
         let setup = |request_type, request, value, length| Setup {
@@ -125,8 +129,8 @@ impl Serial {
         }
     }
 
-    /// The request at the front has been answered with `data`.
-    pub(super) fn requested(
+    /// Completes the current request with the response `data`; empty after a failure.
+    pub(super) fn complete_request(
         &mut self,
         data: &[u8],
         now: u64,
@@ -155,13 +159,13 @@ impl Serial {
         }
     }
 
-    /// The next transaction that the device would not answer with NAK, and its bytes on the wire.
-    pub(super) fn candidate(&self, core: &Core) -> Option<(Pipe, usize)> {
+    /// Returns endpoint and length of the next transaction to which the device would not respond with NAK.
+    pub(super) fn next_transaction(&self, core: &Core) -> Option<(Pipe, usize)> {
         let ports = self.ports?;
         let input = || {
             let endpoint = number(ports.input);
-            let asks = self.is_reading && !self.stalled;
-            (asks && (self.is_unasked || core.answers_in(endpoint)))
+            let reads = self.is_reading && !self.is_paused;
+            (reads && (self.is_first_read || core.answers_in(endpoint)))
                 .then(|| (Pipe::Input, core.next_in_len(endpoint)))
         };
         let output = || {
@@ -182,7 +186,7 @@ impl Serial {
         bulk.or_else(notification)
     }
 
-    /// Makes a transaction on `pipe`.
+    /// Performs a transaction on `pipe`. Returns a received notification as an event.
     pub(super) fn perform(
         &mut self,
         pipe: Pipe,
@@ -199,7 +203,7 @@ impl Serial {
                 None
             }
             Pipe::Input => {
-                self.is_unasked = false;
+                self.is_first_read = false;
                 let bytes = self.receive(ports.input, pipe, address, now, core, violations)?;
                 self.counters.packets_in += 1;
                 self.counters.bytes_in += bytes.len() as u64;
@@ -277,7 +281,7 @@ impl Serial {
     }
 }
 
-/// Number of an endpoint without its direction.
+/// Returns the number of an endpoint, without its direction bit.
 fn number(endpoint: EndpointDescriptor) -> usize {
     usize::from(endpoint.address & 0xF)
 }

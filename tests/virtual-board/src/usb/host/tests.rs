@@ -1,4 +1,4 @@
-//! The host with a device that a small driver runs on the model of the core.
+//! Tests of the host with a device: a small driver on the model of the core.
 
 mod gadget;
 
@@ -9,7 +9,7 @@ use crate::usb::instance::H743_USB2;
 
 const MS: u64 = 1_000_000;
 
-/// A host, a core and its driver in virtual time.
+/// A host, a core and its driver, with a common virtual time.
 struct Bench {
     host: Host,
     core: Core,
@@ -40,7 +40,7 @@ impl Bench {
         self.host.commands.push_back(command);
     }
 
-    /// Runs for `ns`.
+    /// Runs for `ns` of virtual time.
     fn run(&mut self, ns: u64) {
         let end = self.now + ns;
         loop {
@@ -61,7 +61,7 @@ impl Bench {
         all.into_iter().map(|violation| violation.text).collect()
     }
 
-    /// A device that is configured and whose port is open.
+    /// Runs until the device is configured and its port is open.
     fn opened() -> Self {
         let mut bench = Self::new(Fault::None);
         bench.run(400 * MS);
@@ -116,7 +116,7 @@ fn bytes_pass_once_and_in_order_in_both_directions() {
 }
 
 #[test]
-fn a_full_packet_reaches_the_program_only_with_a_shorter_one() {
+fn a_program_receives_a_full_packet_only_after_a_short_one() {
     let mut bench = Bench::opened();
     bench.gadget.ends_transfers = false;
     bench.gadget.send(&[7; 64]);
@@ -134,20 +134,20 @@ fn a_full_packet_reaches_the_program_only_with_a_shorter_one() {
 }
 
 #[test]
-fn a_stalled_host_takes_nothing_until_it_goes_on() {
+fn a_host_that_pauses_reading_receives_everything_afterwards() {
     let mut bench = Bench::opened();
-    bench.command(Command::Stall(true));
+    bench.command(Command::PauseReading(true));
     bench.gadget.send(&[1; 200]);
     bench.run(3_000 * MS);
     assert_eq!(bench.host.take_received(), []);
-    bench.command(Command::Stall(false));
+    bench.command(Command::PauseReading(false));
     bench.run(10 * MS);
     assert_eq!(bench.host.take_received(), [1; 200]);
     assert_eq!(bench.violations(), NONE);
 }
 
 #[test]
-fn an_idle_bus_asks_for_no_events() {
+fn an_idle_bus_needs_no_events() {
     let mut bench = Bench::opened();
     assert_eq!(bench.host.step(bench.now, &mut bench.core), None);
 }
@@ -171,7 +171,7 @@ fn a_device_is_suspended_and_resumed() {
 }
 
 #[test]
-fn an_unplugged_device_is_forgotten_and_enumerated_again() {
+fn a_replugged_device_is_enumerated_again() {
     let mut bench = Bench::opened();
     bench.command(Command::Unplug);
     bench.run(10 * MS);
@@ -188,7 +188,7 @@ fn an_unplugged_device_is_forgotten_and_enumerated_again() {
 }
 
 #[test]
-fn a_device_that_is_reset_itself_leaves_the_bus() {
+fn a_device_detaches_when_its_core_is_reset() {
     let mut bench = Bench::opened();
     bench.core.reset();
     bench.run(MS);
@@ -211,7 +211,7 @@ fn a_bus_reset_enumerates_again() {
 }
 
 #[test]
-fn a_device_that_does_not_answer_is_tried_three_times() {
+fn a_device_that_does_not_respond_is_enumerated_three_times() {
     let mut bench = Bench::new(Fault::Mute);
     bench.run(20_000 * MS);
     let resets = bench
@@ -229,7 +229,7 @@ fn a_device_that_does_not_answer_is_tried_three_times() {
 }
 
 #[test]
-fn faults_of_descriptors_and_protocol_are_named() {
+fn faults_of_descriptors_and_protocol_are_reported() {
     for (fault, named) in [
         (
             Fault::TotalLength,

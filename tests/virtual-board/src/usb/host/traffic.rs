@@ -1,29 +1,29 @@
-//! The host's transactions, one at a time on the wire.
+//! Scheduling of the host's transactions, one at a time.
 
 use super::control::{Outcome, Setup, Transfer};
 use super::enumeration::Next;
+use super::event::Event;
 use super::serial::Pipe;
-use super::{Event, Host, Phase, Purpose};
+use super::{Host, Phase, Purpose};
 use crate::usb::core::Core;
 
-/// Time of a byte at 12 Mbit/s, ns.
+/// Duration of a byte at 12 Mbit/s, in ns.
 const BYTE_NS: u64 = 667;
-/// Bytes on the wire of a transaction without its data: token, data header and CRC, handshake, gaps (USB
-/// 2.0, table 5-9: 13 bytes of overhead).
+/// Overhead of a transaction in bytes: token, data header and CRC, handshake, gaps (USB 2.0, table 5-9).
 const OVERHEAD_BYTES: u64 = 13;
 
-/// How long a transaction with `len` bytes takes, ns: 51 us for the longest packet.
+/// Returns the duration of a transaction with `len` data bytes, in ns: 51 us for 64 bytes.
 fn wire_ns(len: usize) -> u64 {
     (OVERHEAD_BYTES + len as u64) * BYTE_NS
 }
 
 impl Host {
-    /// When the next transaction, or its absence, is due.
+    /// Returns the time at which the next transaction ends or the transfer times out, in ns.
     pub(super) fn traffic_due(&mut self, now: u64, core: &Core) -> Option<u64> {
         if self.transfer.is_none() && self.has_request() {
             return Some(now);
         }
-        let transaction = self.candidate_len(core).map(|len| {
+        let transaction = self.next_transaction_len(core).map(|len| {
             let start = now.max(self.free_at);
             *self.busy_until.get_or_insert(start + wire_ns(len))
         });
@@ -41,15 +41,15 @@ impl Host {
         self.enumeration.is_some() || self.serial.next_request().is_some()
     }
 
-    /// Bytes of the next transaction that the device would not answer with NAK.
-    fn candidate_len(&self, core: &Core) -> Option<usize> {
+    /// Returns the length of the next transaction to which the device would not respond with NAK.
+    fn next_transaction_len(&self, core: &Core) -> Option<usize> {
         let control = self.transfer.as_ref();
         control
             .and_then(|(_, transfer)| transfer.next_len(core))
-            .or_else(|| self.serial.candidate(core).map(|(_, len)| len))
+            .or_else(|| self.serial.next_transaction(core).map(|(_, len)| len))
     }
 
-    /// Starts the next control transfer, or ends the transaction that is on the wire.
+    /// Starts the next control transfer, or completes the transaction in progress.
     pub(super) fn advance_traffic(&mut self, now: u64, core: &mut Core) {
         if self.transfer.is_none() && self.has_request() {
             self.start_transfer(now);
@@ -89,7 +89,7 @@ impl Host {
         let Some((purpose, mut transfer)) =
             self.transfer.take_if(|(_, t)| t.next_len(core).is_some())
         else {
-            if let Some((pipe, _)) = self.serial.candidate(core) {
+            if let Some((pipe, _)) = self.serial.next_transaction(core) {
                 self.transact_serial(pipe, now, core);
             }
             return;
@@ -100,10 +100,10 @@ impl Host {
             Outcome::Failed(why) => self.transfer_failed(purpose, why, now, core),
             Outcome::Stalled => match (purpose, &mut self.enumeration) {
                 (Purpose::Enumerate, Some(enumeration)) => {
-                    let next = enumeration.stalled();
-                    self.go_on(next, now, core);
+                    let next = enumeration.on_stall();
+                    self.continue_enumeration(next, now, core);
                 }
-                _ => self.transfer_failed(purpose, "refused".to_owned(), now, core),
+                _ => self.transfer_failed(purpose, "rejected with STALL".to_owned(), now, core),
             },
         }
     }
@@ -114,33 +114,35 @@ impl Host {
             .serial
             .perform(pipe, self.address, now, core, violations);
         if let Some(event) = event {
-            self.note(now, event);
+            self.log_event(now, event);
         }
     }
 
     fn transfer_done(&mut self, purpose: Purpose, data: &[u8], now: u64, core: &mut Core) {
         if let Purpose::Serial(_) = purpose {
-            let event = self.serial.requested(data, now, &mut self.violations);
+            let event = self
+                .serial
+                .complete_request(data, now, &mut self.violations);
             if let Some(event) = event {
-                self.note(now, event);
+                self.log_event(now, event);
             }
             return;
         }
         let mut events = Vec::new();
         if let Some(enumeration) = &mut self.enumeration {
-            let next = enumeration.answered(data, now, &mut self.violations, &mut events);
+            let next = enumeration.on_response(data, now, &mut self.violations, &mut events);
             for event in events {
-                self.note(now, event);
+                self.log_event(now, event);
             }
-            self.go_on(next, now, core);
+            self.continue_enumeration(next, now, core);
         }
     }
 
-    /// Goes on with the enumeration.
-    fn go_on(&mut self, next: Next, now: u64, core: &mut Core) {
+    /// Performs the next action of the enumeration.
+    fn continue_enumeration(&mut self, next: Next, now: u64, core: &mut Core) {
         let address = self.enumeration.as_ref().map_or(0, |e| e.address);
         if address != 0 && self.address == 0 {
-            self.note(now, Event::Addressed(address));
+            self.log_event(now, Event::Addressed(address));
         }
         self.address = address;
         match next {
@@ -150,7 +152,7 @@ impl Host {
             Next::Failed(why) => self.enumeration_failed(why, now, core),
             Next::Finished(ports) => {
                 self.device = self.enumeration.take().map(|e| e.device);
-                self.note(now, Event::Configured);
+                self.log_event(now, Event::Configured);
                 match ports {
                     Some(ports) => self.serial.connect(ports),
                     None => self.violations.record(now, "the device has no serial port"),
@@ -164,9 +166,9 @@ impl Host {
             self.enumeration_failed(why, now, core);
         } else {
             self.violations.record(now, format!("serial port: {why}"));
-            let event = self.serial.requested(&[], now, &mut self.violations);
+            let event = self.serial.complete_request(&[], now, &mut self.violations);
             if let Some(event) = event {
-                self.note(now, event);
+                self.log_event(now, event);
             }
         }
     }

@@ -6,7 +6,8 @@ use rigless::soc::stm32h743::Stm32h743;
 use rigless::soc::stm32h743::generated::otg1_hs_global;
 
 use super::*;
-use crate::usb::{F446_OTG_FS, H743_USB2, State};
+use crate::usb::host::status::State;
+use crate::usb::instance::{F446_OTG_FS, H743_USB2};
 
 const AHB1ENR: u64 = 0x5802_44D8;
 const AHB1RSTR: u64 = 0x5802_4480;
@@ -15,7 +16,7 @@ const AHB4ENR: u64 = 0x5802_44E0;
 const GPIOA: u64 = 0x5802_0000;
 const WINDOW: u64 = H743_USB2.window_base;
 
-/// A part with the core, as a board's own part wraps it.
+/// A part with the core, as the boards' parts contain it.
 #[derive(Debug)]
 struct Wrapped<M> {
     part: M,
@@ -74,7 +75,7 @@ fn h743() -> (Wrapped<Stm32h743>, UsbHost) {
     Wrapped::new::<otg1_hs_global::Register>(Stm32h743::new().unwrap(), &H743_USB2)
 }
 
-/// The part with clock, supply and pins, and the core connected, at `at`.
+/// Enables clock, supply and pins at time `at`, in ns, and connects the device.
 fn connect(part: &mut Wrapped<Stm32h743>, at: u64) {
     part.put(at, AHB1ENR, 1 << 27);
     part.put(at, AHB4ENR, 1);
@@ -95,13 +96,13 @@ fn connect(part: &mut Wrapped<Stm32h743>, at: u64) {
 }
 
 #[test]
-fn every_slot_gets_a_model_of_its_layout() {
+fn every_slot_has_a_model_of_its_layout() {
     let (mut part, _) = h743();
     part.check().unwrap();
 }
 
 #[test]
-fn the_core_answers_once_its_clock_is_on() {
+fn the_core_responds_only_while_its_clock_is_on() {
     let (mut part, host) = h743();
     assert_eq!(part.get(0, WINDOW + 0x3C), 0);
     let violations = host.violations();
@@ -123,7 +124,7 @@ fn the_reset_line_in_the_clock_controller_resets_the_core() {
     assert_eq!(part.get(0, WINDOW + 0x18), 0);
 }
 
-/// Interrupts whose level has changed.
+/// Returns the interrupts whose level has changed since the last call.
 fn changes(part: &mut Wrapped<Stm32h743>) -> Vec<(u16, Level)> {
     let changes = part.drain_interrupts();
     changes.iter().map(|c| (c.interrupt, c.level)).collect()
@@ -162,7 +163,7 @@ fn a_system_reset_takes_the_device_off_the_bus() {
 }
 
 #[test]
-fn the_other_part_has_a_core_of_its_own() {
+fn the_stm32f427_accepts_the_core_of_the_stm32f446() {
     let part = Stm32f427::new().unwrap();
     let (mut part, _) = Wrapped::new::<otg_fs_global::Register>(part, &F446_OTG_FS);
     part.check().unwrap();

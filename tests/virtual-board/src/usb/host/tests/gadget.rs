@@ -1,4 +1,4 @@
-//! A serial port as a small polled driver on the core's registers.
+//! A polled driver on the registers of the core: a device with a serial port.
 
 use std::collections::VecDeque;
 
@@ -6,16 +6,16 @@ use rigless::soc::Width;
 
 use crate::usb::core::Core;
 
-/// What the device does wrong.
+/// Fault of the device under test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
     None,
-    /// It never answers a request.
+    /// The device never responds to a request.
     Mute,
     TotalLength,
     NoBos,
     PacketSize,
-    /// The data stage begins with DATA0.
+    /// The data stage starts with DATA0.
     Toggle,
 }
 
@@ -40,17 +40,17 @@ const SD0PID: u32 = 1 << 28;
 const EPDIS: u32 = 1 << 30;
 const EPENA: u32 = 1 << 31;
 
-/// The device.
+/// Driver and state of the device.
 pub(super) struct Gadget {
     fault: Fault,
     pub(super) dtr: bool,
     pub(super) line_coding: [u8; 7],
     pub(super) suspended: bool,
     pub(super) received: Vec<u8>,
-    /// Ends a transfer whose last packet is full with an empty one.
+    /// Appends an empty packet to a transfer whose last packet is full.
     pub(super) ends_transfers: bool,
     outgoing: VecDeque<Vec<u8>>,
-    /// Packets of the data stage to come.
+    /// Packets of the data stage that are still to be sent.
     answer: VecDeque<Vec<u8>>,
     setup: [u8; 8],
     out: Vec<u8>,
@@ -65,7 +65,7 @@ fn get(core: &mut Core, offset: u64) -> u32 {
 }
 
 impl Gadget {
-    /// Sets the core up and connects.
+    /// Configures the core and connects to the host.
     pub(super) fn start(core: &mut Core, fault: Fault) -> Self {
         put(core, 0x0C, 1 << 30 | 6 << 10);
         put(core, 0x38, 1 << 16);
@@ -94,7 +94,7 @@ impl Gadget {
         }
     }
 
-    /// Does all there is to do.
+    /// Handles all interrupt flags and sends pending packets.
     pub(super) fn service(&mut self, core: &mut Core) {
         let flags = get(core, 0x14);
         put(core, 0x14, flags & 0x8000_3C00);
@@ -162,7 +162,7 @@ impl Gadget {
                 }
             }
             (2, _) => self.received.extend(bytes),
-            (3, 1) => take_next(core),
+            (3, 1) => enable_bulk_out(core),
             _ => {}
         }
     }
@@ -205,14 +205,14 @@ impl Gadget {
                 put(core, 0x920, USBAEP | 3 << 18 | 1 << 22 | SD0PID | SNAK | 8);
                 put(core, 0x940, USBAEP | 2 << 18 | 2 << 22 | SD0PID | SNAK | 64);
                 put(core, 0xB20, USBAEP | 2 << 18 | SD0PID | 64);
-                take_next(core);
+                enable_bulk_out(core);
                 Vec::new()
             }
             (0x21, 0x22, _) => {
                 self.dtr = value & 1 != 0;
                 Vec::new()
             }
-            // Line coding comes in the data stage.
+            // The data stage contains the line coding.
             (0x21, 0x20, _) => return,
             _ => {
                 put(core, 0x900, 1 << 21);
@@ -231,14 +231,14 @@ impl Gadget {
     }
 }
 
-/// Lets the core take the next bulk packet.
-fn take_next(core: &mut Core) {
+/// Enables bulk OUT endpoint 1 for the next packet.
+fn enable_bulk_out(core: &mut Core) {
     put(core, 0xB30, 1 << 19 | 64);
     let control = get(core, 0xB20);
     put(core, 0xB20, control | CNAK | EPENA);
 }
 
-/// Loads a packet into the core, to be sent.
+/// Enables an IN endpoint and writes a packet to its FIFO.
 fn load(core: &mut Core, endpoint: u64, packet: &[u8]) {
     let size = u32::try_from(packet.len()).unwrap();
     put(core, 0x910 + 0x20 * endpoint, 1 << 19 | size);

@@ -1,4 +1,4 @@
-//! What happens at each stop of the emulator: pins, converters, orders.
+//! Work at each stop of the emulator: drives the pins, advances the converters, serves requests.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -12,113 +12,116 @@ use rigless::time::VirtualNanos;
 use crate::board::Nucleo;
 use crate::chain::Chain;
 use crate::injection::Change;
-use crate::model::Pins;
+use crate::pins::Pins;
 use crate::processor::Observer;
 
-/// Resets within [`RESTARTS_NS`] that are no longer restarts but a loop.
-const RESTARTS: usize = 20;
-const RESTARTS_NS: u64 = 1_000_000_000;
+/// This many resets within [`RESET_LOOP_NS`] count as a reset loop.
+const RESET_LOOP: usize = 20;
+const RESET_LOOP_NS: u64 = 1_000_000_000;
 
-/// Longest time between two stops, ns: bytes that wait for the UART are looked for at each.
-const LONGEST_NS: u64 = 250_000;
+/// Longest time between two stops, in ns. Bytes that wait for the UART are fetched at each stop.
+const MAX_RUN_NS: u64 = 250_000;
 
-/// What the board's user asks for.
-pub(super) enum Order {
-    /// Run up to this time, ns.
+/// Request from the owner of the board to the emulator's thread.
+pub(super) enum Request {
+    /// Run until this virtual time, in ns, then send the [`Progress`].
     Run(u64),
-    /// Edges of the trigger: when, ns, and the level.
+    /// Schedule edges of the trigger line: time in ns and level.
     Trigger(Vec<(u64, bool)>),
-    /// Change the core when it arrives at an address.
+    /// Change registers and memory when the core reaches this address.
     Inject(u64, Change),
-    /// Look at the session.
-    Look(Look),
-    /// Power off.
-    End,
+    /// Run a closure on the session.
+    Inspect(Inspection),
+    /// End the emulation.
+    PowerOff,
 }
 
-/// A look at the session while time stands still.
-pub(super) type Look = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host) + Send>;
+/// Closure that runs on the session while virtual time is stopped.
+pub(super) type Inspection = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host) + Send>;
 
-impl fmt::Debug for Order {
+impl fmt::Debug for Request {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Run(ns) => write!(formatter, "Run({ns})"),
             Self::Trigger(edges) => write!(formatter, "Trigger({})", edges.len()),
             Self::Inject(address, _) => write!(formatter, "Inject({address:#x})"),
-            Self::Look(_) => formatter.write_str("Look"),
-            Self::End => formatter.write_str("End"),
+            Self::Inspect(_) => formatter.write_str("Inspect"),
+            Self::PowerOff => formatter.write_str("PowerOff"),
         }
     }
 }
 
-/// Where the emulator stands.
+/// Progress of the emulator at a stop.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Reached {
+pub(super) struct Progress {
+    /// Instructions retired since power on.
     pub(super) instructions: u64,
-    /// The board restarts again and again: it stands at the last of these resets.
-    pub(super) restarts: bool,
+    /// The run ended early because the board resets in a loop.
+    pub(super) is_reset_loop: bool,
 }
 
-/// The board's own time.
-pub(super) struct Clockwork {
+/// Drives the board's pins and serves requests; the emulator calls it at each stop.
+pub(super) struct BoardDriver {
     pins: &'static Pins,
     chain: Chain,
     observer: Observer,
-    /// What to change, and at which address.
+    /// Pending injection: the address at which it applies, and the change.
     injection: Option<(u64, Change)>,
-    orders: Receiver<Order>,
-    reached: Sender<Reached>,
-    /// Up to when it may run, ns.
+    requests: Receiver<Request>,
+    reached: Sender<Progress>,
+    /// Virtual time of the next stop for the owner, in ns.
     until_ns: u64,
+    /// Scheduled trigger edges: time in ns and level.
     trigger: VecDeque<(u64, bool)>,
     trigger_is_high: bool,
-    /// Levels of DRDY and trigger that the pins have.
+    /// Levels of DRDY and trigger that were last driven; `None` after a reset.
     driven: [Option<bool>; 2],
+    /// Resets seen so far.
     resets: usize,
-    restarts: bool,
+    is_reset_loop: bool,
 }
 
-impl Clockwork {
+impl BoardDriver {
     pub(super) fn new(
         pins: &'static Pins,
         chain: Chain,
         observer: Observer,
-        orders: Receiver<Order>,
-        reached: Sender<Reached>,
+        requests: Receiver<Request>,
+        reached: Sender<Progress>,
     ) -> Self {
         Self {
             pins,
             chain,
             observer,
             injection: None,
-            orders,
+            requests,
             reached,
             until_ns: 0,
             trigger: VecDeque::new(),
             trigger_is_high: false,
             driven: [None; 2],
             resets: 0,
-            restarts: false,
+            is_reset_loop: false,
         }
     }
 
-    /// Brings the pins to where converters and trigger drive them now.
+    /// Drives DRDY and the trigger pin to their current levels.
     fn drive(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
         let resets = session.resets().len();
         if resets != self.resets {
-            // The part has new pins.
+            // A reset clears the levels that the emulator stores for the pins.
             self.resets = resets;
             self.driven = [None; 2];
         }
-        let ready = self.chain.wires().pass(now.0);
+        let drdy = self.chain.wires().advance_to(now.0);
         let chip = &mut session.board_mut().chip;
-        if ready.falls && self.driven[0] == Some(false) {
-            // Nobody has read the sample before: DRDY is high for a moment (SBAS499C, 9.4.1).
+        if drdy.falls && self.driven[0] == Some(false) {
+            // The previous sample was not read: DRDY pulses high before it falls (SBAS499C, 9.4.1).
             chip.drive(now, self.pins.drdy, true);
             chip.drive(now, self.pins.drdy, false);
         }
-        if self.driven[0] != Some(ready.is_high) {
-            chip.drive(now, self.pins.drdy, ready.is_high);
+        if self.driven[0] != Some(drdy.is_high) {
+            chip.drive(now, self.pins.drdy, drdy.is_high);
         }
         while let Some(&(at, is_high)) = self.trigger.front()
             && at <= now.0
@@ -129,22 +132,22 @@ impl Clockwork {
         if self.driven[1] != Some(self.trigger_is_high) {
             chip.drive(now, self.pins.trigger, self.trigger_is_high);
         }
-        self.driven = [Some(ready.is_high), Some(self.trigger_is_high)];
+        self.driven = [Some(drdy.is_high), Some(self.trigger_is_high)];
     }
 
-    /// Stops a board that does nothing but restart: each takes the emulator far longer than the board.
+    /// Stops a board that resets in a loop: emulating a reset takes far longer than the reset itself.
     fn count_reset(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
         let chip = &session.board().chip;
         let mut wires = self.chain.wires();
-        wires.follow(now.0, self.pins, |pin| chip.output(pin));
+        wires.set_outputs(now.0, self.pins, |pin| chip.driven_level(pin));
         drop(wires);
         let resets = session.resets();
         let first = resets
             .len()
-            .checked_sub(RESTARTS)
+            .checked_sub(RESET_LOOP)
             .and_then(|index| resets.get(index));
-        if first.is_some_and(|first| now.0 - first.at.0 < RESTARTS_NS) {
-            self.restarts = true;
+        if first.is_some_and(|first| now.0 - first.at.0 < RESET_LOOP_NS) {
+            self.is_reset_loop = true;
             session.pause_at(Some(now));
         }
     }
@@ -160,14 +163,14 @@ impl Clockwork {
             .flat_map(|(start, bytes)| (*start..).zip(bytes))
         {
             host.write(place, Width::W8, u64::from(*byte))
-                .expect("the spare memory is there");
+                .expect("the spare memory is mapped");
         }
         self.observer.set_registers(&change.registers);
     }
 
-    /// The next moment that matters.
-    fn next(&self, now: VirtualNanos) -> VirtualNanos {
-        let mut next = (now.0 + LONGEST_NS).min(self.until_ns);
+    /// Returns the time of the next stop.
+    fn next_stop(&self, now: VirtualNanos) -> VirtualNanos {
+        let mut next = (now.0 + MAX_RUN_NS).min(self.until_ns);
         let trigger = self.trigger.front().map(|&(at, _)| at);
         for at in [self.chain.wires().next_edge_ns(), trigger]
             .into_iter()
@@ -179,8 +182,8 @@ impl Clockwork {
     }
 }
 
-impl Driver<Nucleo> for Clockwork {
-    /// Follows what the firmware does to the converters' wires.
+impl Driver<Nucleo> for BoardDriver {
+    /// Passes the firmware's writes to pins and SPI on to the converters.
     fn on_settled(&mut self, session: &mut Session<Nucleo>, host: &mut dyn Host, settled: Settled) {
         let access = match settled {
             Settled::Access { access, .. } => access,
@@ -197,7 +200,9 @@ impl Driver<Nucleo> for Clockwork {
         let block = access.address & !0x3FF;
         if block == self.pins.select_port {
             let mut wires = self.chain.wires();
-            wires.follow(access.virtual_time.0, self.pins, |pin| chip.output(pin));
+            wires.set_outputs(access.virtual_time.0, self.pins, |pin| {
+                chip.driven_level(pin)
+            });
         } else if block == self.pins.spi {
             self.chain.wires().set_sclk(chip.sclk_hz());
         }
@@ -210,31 +215,31 @@ impl Driver<Nucleo> for Clockwork {
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {
         self.drive(session, stop.at);
-        if stop.at.0 >= self.until_ns || self.restarts {
-            let reached = Reached {
+        if stop.at.0 >= self.until_ns || self.is_reset_loop {
+            let progress = Progress {
                 instructions: stop.instruction_count,
-                restarts: std::mem::take(&mut self.restarts),
+                is_reset_loop: std::mem::take(&mut self.is_reset_loop),
             };
             if self.until_ns > 0 {
-                self.reached.send(reached).ok()?;
+                self.reached.send(progress).ok()?;
             }
             loop {
-                match self.orders.recv().ok()? {
-                    Order::Run(ns) if ns > stop.at.0 => {
+                match self.requests.recv().ok()? {
+                    Request::Run(ns) if ns > stop.at.0 => {
                         self.until_ns = ns;
                         break;
                     }
-                    Order::Run(_) => self.reached.send(reached).ok()?,
-                    Order::Trigger(edges) => self.trigger.extend(edges),
-                    Order::Inject(address, change) => {
+                    Request::Run(_) => self.reached.send(progress).ok()?,
+                    Request::Trigger(edges) => self.trigger.extend(edges),
+                    Request::Inject(address, change) => {
                         host.watch(Watch::Instruction(address));
                         self.injection = Some((address, change));
                     }
-                    Order::Look(look) => look(session, host),
-                    Order::End => return None,
+                    Request::Inspect(inspection) => inspection(session, host),
+                    Request::PowerOff => return None,
                 }
             }
         }
-        Some(self.next(stop.at))
+        Some(self.next_stop(stop.at))
     }
 }

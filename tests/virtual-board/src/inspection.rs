@@ -1,53 +1,53 @@
-//! Looks at the chip while time stands still.
+//! Inspection of the chip's registers and memory while virtual time is stopped.
 
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use crate::diagnosis::Trouble;
+use crate::diagnosis::BoardError;
 use crate::loader_stub;
 use crate::machine::VirtualBoard;
 
-/// What cortex-m-rt fills the stack with.
+/// Word that cortex-m-rt fills the stack with.
 const PAINT: u64 = 0xCCCC_CCCC;
 
 /// Set-enable and priority registers of the NVIC (ARM DDI 0403, B3.4.3).
 const ISER: u64 = 0xE000_E100;
 const IPR: u64 = 0xE000_E400;
 
-/// Interrupt lines that are looked at.
+/// Number of interrupt lines to inspect.
 const LINES: u16 = 160;
 
-/// Streams of a DMA controller, and the distance of their registers (RM0433, 15.5; RM0390, 9.5).
+/// Streams of a DMA controller, and the distance between their registers (RM0433, 15.5; RM0390, 9.5).
 const STREAMS: u64 = 8;
 const STREAM_BYTES: u64 = 0x18;
-/// Bytes left, peripheral's and memory's address of a stream, after its first register at 0x10.
+/// Offsets of SxNDTR, SxPAR and SxM0AR of stream 0.
 const LEFT: u64 = 0x10 + 0x04;
 const PERIPHERAL: u64 = 0x10 + 0x08;
 const MEMORY: u64 = 0x10 + 0x0C;
 
 impl VirtualBoard {
-    /// The core clock that the firmware has set, Hz.
+    /// Returns the core clock that the firmware has configured, in Hz.
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn core_hz(&mut self) -> Result<u64, Trouble> {
+    pub fn core_hz(&mut self) -> Result<u64, BoardError> {
         self.inspect(|session, _| session.board().chip.core_hz())
     }
 
-    /// Whether the core runs the chip's own loader, or what stands in for it here.
+    /// Returns whether the core runs the boot loader (here: its replacement).
     pub fn is_in_loader(&self) -> bool {
         let vectors = u64::from(loader_stub::vectors(self.model()));
-        let last = self.observer().trail().pop();
+        let last = self.observer().recent_program_counters().pop();
         last.is_some_and(|place| (vectors..vectors + 16).contains(&place))
     }
 
-    /// Deepest use of the stack since power on or reset, bytes: what is above the lowest word that has
-    /// been written.
+    /// Returns the peak use of the stack since power on or reset, in bytes: from the lowest overwritten word up
+    /// to the start of the stack.
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn stack_used(&mut self) -> Result<u64, Trouble> {
+    pub fn stack_used(&mut self) -> Result<u64, BoardError> {
         let [end, start] = ["_stack_end", "_stack_start"].map(|name| self.image().address(name));
         let (end, start) = (end.unwrap_or(0), start.unwrap_or(0));
         self.inspect(move |_, host| {
@@ -58,18 +58,18 @@ impl VirtualBoard {
         })
     }
 
-    /// Interrupts that are enabled: line and priority, 0 the most urgent of 16.
+    /// Returns the line and priority of each enabled interrupt; priority 0 is the most urgent of 16.
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn interrupts(&mut self) -> Result<Vec<(u16, u8)>, Trouble> {
+    pub fn interrupts(&mut self) -> Result<Vec<(u16, u8)>, BoardError> {
         let words = u64::from(LINES / 32);
         let enables = (0..words).map(|word| ISER + 4 * word);
         let priorities = (0..u64::from(LINES / 4)).map(|word| IPR + 4 * word);
         let wanted: Vec<u64> = enables.chain(priorities).collect();
-        self.observer().want(&wanted);
+        self.observer().request_words(&wanted);
         self.run_for_us(1_000)?;
-        let read = self.observer().read();
+        let read = self.observer().words_read();
         let byte = |address: u64| {
             let word = read.iter().find(|(at, _)| *at == address & !3);
             word.map_or(0, |(_, word)| word.to_le_bytes()[(address & 3) as usize])
@@ -81,12 +81,12 @@ impl VirtualBoard {
             .collect())
     }
 
-    /// Memory of DMA1's streams that have a peripheral: first address, and the bytes that are left of the
-    /// transfer, 0 between two of them.
+    /// Returns, for each stream of DMA1 with a peripheral address, its memory address and the bytes left of its
+    /// transfer (0 between transfers).
     ///
     /// # Errors
     /// The emulator has ended.
-    pub fn dma_memory(&mut self) -> Result<Vec<(u64, u64)>, Trouble> {
+    pub fn dma_memory(&mut self) -> Result<Vec<(u64, u64)>, BoardError> {
         let dma = self.model().dma();
         let now = VirtualNanos(self.now_us() * 1000);
         self.inspect(move |session, _| {
