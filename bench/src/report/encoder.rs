@@ -138,8 +138,8 @@ fn add_parts(report: &mut Report, flash_bytes: usize, ram_bytes: u32) -> Result<
     for part in checked_in::parts()? {
         let flash_left = part.flash_kib * 1024 - i64::try_from(flash_bytes).unwrap_or(i64::MAX);
         let ram_left = part.ram_kib * 1024 - i64::from(ram_bytes);
-        report.part(&part.name, "flash_left", flash_left);
-        report.part(&part.name, "ram_left", ram_left);
+        report.part_figure(&part.name, "flash_left", flash_left);
+        report.part_figure(&part.name, "ram_left", ram_left);
         rooms.push(json!({
             "part": part.name,
             "region": part.region,
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn the_json_is_one_object_with_the_figures() {
-        let report = sound(counts::tests::counts());
+        let report = sound(Counts::synthetic());
         let json = report.json();
         for (name, value) in [
             ("insn_per_code", 6_900),
@@ -224,10 +224,10 @@ mod tests {
 
     #[test]
     fn a_machine_that_varies_or_differs_is_named() {
-        let varying = fault(sound(counts::tests::varying()));
+        let varying = fault(sound(Counts::varying()));
         let words = "constant_count is false (mps2-an386)";
         assert!(varying.starts_with(words), "{varying}");
-        let mut counts = counts::tests::counts();
+        let mut counts = Counts::synthetic();
         counts.different = 1;
         let different = fault(sound(counts));
         let words = "bytes_equal is false (mps2-an386)";
@@ -236,7 +236,7 @@ mod tests {
 
     #[test]
     fn a_time_step_that_is_too_long_is_found_in_the_counts() {
-        let mut report = sound(counts::tests::counts());
+        let mut report = sound(Counts::synthetic());
         report.set("worst_over_mean", 1_300.0 * 8.0 / 6_900.0);
         let words = "worst_over_mean is 1.507 times the mean; the limit is at most 1.2";
         assert!(fault(report).starts_with(words));

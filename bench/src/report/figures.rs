@@ -83,7 +83,7 @@ impl Report {
     }
 
     /// Adds a figure of a part. It is judged, but a detail holds its key of the JSON object.
-    pub(crate) fn part(&mut self, part: &str, name: &'static str, bytes_left: i64) {
+    pub(crate) fn part_figure(&mut self, part: &str, name: &'static str, bytes_left: i64) {
         self.figure(name, "bytes", bytes_left);
         part.clone_into(&mut self.last().part);
     }
@@ -119,8 +119,7 @@ impl Report {
         }
     }
 
-    /// # Errors
-    /// Names the exceeded limits.
+    /// Returns a failure that names the exceeded limits, where there are any.
     pub(crate) fn outcome(&self) -> Result<(), Failure> {
         if self.faults.is_empty() {
             return Ok(());
@@ -183,7 +182,7 @@ impl fmt::Display for Report {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::super::limits;
     use super::*;
 

@@ -148,7 +148,7 @@ impl Tallies {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
 
     impl Tallies {

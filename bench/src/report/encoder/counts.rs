@@ -113,7 +113,7 @@ fn small(count: usize) -> u32 {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use emulator::MACHINES;
 
     use super::*;
@@ -136,28 +136,30 @@ pub(crate) mod tests {
         lines
     }
 
-    pub(crate) fn counts() -> Counts {
-        Counts::parse(MACHINES[0], &lines(), 2).expect("the lines of an image")
-    }
+    impl Counts {
+        pub(crate) fn synthetic() -> Self {
+            Self::parse(MACHINES[0], &lines(), 2).expect("the lines of an image")
+        }
 
-    /// Counts whose last time step takes one instruction more for the second input.
-    pub(crate) fn varying() -> Counts {
-        let mut lines = lines();
-        let line = lines.last_mut().expect("lines");
-        *line = format!("step 1 {} 1500 1501 15001", HOP - 1);
-        Counts::parse(MACHINES[0], &lines, 2).expect("the lines of an image")
+        /// The last time step takes one instruction more for the second input.
+        pub(crate) fn varying() -> Self {
+            let mut lines = lines();
+            let line = lines.last_mut().expect("lines");
+            *line = format!("step 1 {} 1500 1501 15001", HOP - 1);
+            Self::parse(MACHINES[0], &lines, 2).expect("the lines of an image")
+        }
     }
 
     #[test]
     fn one_instruction_more_on_one_input_is_not_constant() {
-        assert!(counts().is_constant());
-        assert!(!varying().is_constant());
-        assert_eq!(varying().steps.range(HOP - 1), [1500, 1501]);
+        assert!(Counts::synthetic().is_constant());
+        assert!(!Counts::varying().is_constant());
+        assert_eq!(Counts::varying().steps.range(HOP - 1), [1500, 1501]);
     }
 
     #[test]
     fn the_shortcuts_products_are_subtracted_from_every_time_step() {
-        let counts = counts();
+        let counts = Counts::synthetic();
         // 7 time steps of 1000 and the last of 1500; the shortcut takes 100 and runs twice in each.
         let expected = [
             ("insn_per_code", json!(8_500 - 16 * 100)),

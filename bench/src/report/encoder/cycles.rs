@@ -160,7 +160,6 @@ fn arm_table(instructions: &[String]) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::disassembly::tests::DISASSEMBLY;
     use super::*;
 
     fn quads(turns_per_code: u32) -> Loops {
@@ -178,9 +177,8 @@ mod tests {
 
     #[test]
     fn arms_table_counts_words_and_loads_after_loads() {
-        let body = Loop::find(DISASSEMBLY, "quads").expect("a loop");
         // LDM of four words 5, LDRD 3, SMLAD 1, LDR 2, LDR after it 1, STR after it 1, CMP 1.
-        assert_eq!(arm_table(&body.instructions), 14);
+        assert_eq!(arm_table(&Loop::of_quads().instructions), 14);
     }
 
     #[test]

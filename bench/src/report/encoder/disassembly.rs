@@ -130,11 +130,11 @@ fn branch_target(instruction: &str) -> Option<u32> {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
 
     /// A function with two nested loops, and one with a forward branch.
-    pub(crate) const DISASSEMBLY: &str = "
+    const DISASSEMBLY: &str = "
 0000562c <crate::cortex_m::quads::hc954fcd4a8abe7a6>:
     562c:      \tpush.w\t{r4, r5, lr}
     5630:      \tmovs\tr0, #0
@@ -152,9 +152,16 @@ pub(crate) mod tests {
     5754:      \tbne\t0x5790 <crate::cortex_m::straight::hfc+0x8> @ imm = #-284
 ";
 
+    impl Loop {
+        /// Inner loop of the test function `quads`.
+        pub(crate) fn of_quads() -> Self {
+            Self::find(DISASSEMBLY, "quads").expect("a loop")
+        }
+    }
+
     #[test]
     fn the_innermost_loop_is_found_by_its_branch() {
-        let found = Loop::find(DISASSEMBLY, "quads").expect("a loop");
+        let found = Loop::of_quads();
         assert_eq!(found.count(), 8);
         assert_eq!(found.instructions[0], "ldm.w r12!, {r4, r5, r6, r7}");
         assert_eq!(found.instructions[6], "cmp r11, lr");
