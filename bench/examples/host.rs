@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut acquisition = Acquisition::new(Mains::Hz50);
     let steps: Vec<Step> = samples
         .iter()
-        .filter_map(|sample| acquisition.push(sample))
+        .filter_map(|sample| acquisition.process_sample(sample))
         .collect();
 
     let streamed = streamed(&mut Encoder::new(), &steps);
@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if values(&streamed) != values(&windows) {
         return Err("the codes of a stream are not those of its windows one by one".into());
     }
-    let values = streamed.iter().flat_map(|code| code.values.steps());
+    let values = streamed.iter().flat_map(|code| code.values.levels());
     fs::write(
         host::CODES,
         values.flat_map(i32::to_le_bytes).collect::<Vec<u8>>(),
@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             host::STREAMING => timed(|| self::streamed(&mut encoder, &steps).len()),
             host::WINDOWS => timed(|| self::windows(&steps).len()),
             host::PIPELINE => timed(|| {
-                let pushed = samples.iter().filter_map(|sample| pipeline.push(sample));
+                let pushed = samples.iter().filter_map(|sample| pipeline.encode_sample(sample));
                 pushed.map(black_box).count()
             }),
             other => return Err(format!("there is no contender {other:?}").into()),
@@ -64,7 +64,7 @@ fn timed(mut codes: impl FnMut() -> usize) -> (usize, u128) {
 }
 
 fn streamed(encoder: &mut Encoder, steps: &[Step]) -> Vec<Code> {
-    let codes = steps.iter().filter_map(|step| encoder.push(step));
+    let codes = steps.iter().filter_map(|step| encoder.encode_step(step));
     codes.map(black_box).collect()
 }
 

@@ -50,7 +50,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
     pub const fn new(memory: M) -> Self {
         Self {
             run: Run::NONE,
-            encoder: Encoder::remembering_in(memory),
+            encoder: Encoder::with_memory(memory),
             quality: SignalQuality::new(Run::NONE.mains),
             windows: WindowMarks::NONE,
             since_step: Marks::NONE,
@@ -89,7 +89,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
             self.encode(step, taken.drdy_us, hand_on);
         }
         let step = taken.step.as_ref().map(|(_, step)| step);
-        if let Some(quality) = self.quality.push(&taken.sample, step) {
+        if let Some(quality) = self.quality.observe(&taken.sample, step) {
             self.give_quality(taken.drdy_us, &quality, hand_on);
         }
     }
@@ -136,7 +136,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
     }
 
     fn encode(&mut self, step: &Step, drdy_us: u64, hand_on: &mut impl FnMut(Made)) {
-        let code = self.encoder.push(step);
+        let code = self.encoder.encode_step(step);
         let marks = self.windows.step();
         let audits = self.wants(Streams::AUDIT);
         if audits {

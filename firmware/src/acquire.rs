@@ -62,7 +62,7 @@ pub async fn acquire(
 /// The filters, apart from the board's task, which is compiled to be small.
 #[inline(never)]
 fn push(acquisition: &mut Acquisition, sample: &Sample) -> Option<Step> {
-    acquisition.push(sample)
+    acquisition.process_sample(sample)
 }
 
 /// Leaves a note of how the converters are; its text stays off the task's frame.

@@ -122,7 +122,7 @@ fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Ve
     let count = usize::from(model::ADC_RATE_HZ) * usize::try_from(SECONDS).expect("small");
     let codes = samples
         .take(count)
-        .filter_map(|sample| pipeline.push(&sample));
+        .filter_map(|sample| pipeline.encode_sample(&sample));
     let scales = model::CODE_SCALE.iter().zip(&model::CODE_ZERO_POINT);
     let dequantise = |steps: [i32; 128]| {
         let pairs = steps.into_iter().zip(scales.clone());
@@ -130,7 +130,7 @@ fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Ve
             .map(|(step, (scale, zero))| f64::from(step - i32::from(*zero)) * f64::from(*scale))
             .collect()
     };
-    codes.map(|code| dequantise(code.values.steps())).collect()
+    codes.map(|code| dequantise(code.values.levels())).collect()
 }
 
 /// The contract of ROS-Neuro's acquisition, and nothing lost.

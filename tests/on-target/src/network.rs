@@ -2,7 +2,7 @@
 
 use core::hint::black_box;
 
-use model::{CODE, NETWORK, NETWORK_SUM};
+use model::{CODE, NETWORK, NETWORK_CHECKSUM};
 use pipeline::{Encoder, Step};
 
 use crate::{Mismatch, golden, mismatch::same};
@@ -10,7 +10,7 @@ use crate::{Mismatch, golden, mismatch::same};
 /// The sum over the network as the compiler has it, against that of the flash.
 pub(crate) fn check_sum() -> Result<(), Mismatch> {
     // The compiler knows the answer, the flash need not.
-    same("sum", &[NETWORK_SUM], &[black_box(&NETWORK).sum()])
+    same("sum", &[NETWORK_CHECKSUM], &[black_box(&NETWORK).checksum()])
 }
 
 /// Each window alone, as model-gen's batch reference has encoded it. Values count through all codes.
@@ -20,13 +20,13 @@ pub(crate) fn check_codes(encoder: &mut Encoder<'static>) -> Result<(), Mismatch
         encoder.restart();
         let mut code = None;
         for &plane in window {
-            code = encoder.push(&Step {
+            code = encoder.encode_step(&Step {
                 plane,
                 ..Step::default()
             });
         }
         if let Some(code) = code {
-            same("values", expected, &code.values.steps())
+            same("values", expected, &code.values.levels())
                 .map_err(|mismatch| mismatch.behind(CODE * made))?;
             made += 1;
         }

@@ -14,8 +14,8 @@ pub(crate) fn check(device: &mut Device, mains: Mains, codes: &[Code]) -> Result
     device.acquisition.restart(mains);
     device.encoder.restart();
     let mut made = signal::samples().filter_map(|sample| {
-        let step = device.acquisition.push(&sample)?;
-        device.encoder.push(&step)
+        let step = device.acquisition.process_sample(&sample)?;
+        device.encoder.encode_step(&step)
     });
     for (index, expected) in codes.iter().enumerate() {
         // Samples do not end, so that there is a next code.
@@ -24,7 +24,7 @@ pub(crate) fn check(device: &mut Device, mains: Mains, codes: &[Code]) -> Result
         };
         same("numbers", &numbers(expected), &numbers(&code))
             .map_err(|mismatch| mismatch.behind(NUMBERS * index))?;
-        same("values", &expected.values.steps(), &code.values.steps())
+        same("values", &expected.values.levels(), &code.values.levels())
             .map_err(|mismatch| mismatch.behind(CODE * index))?;
     }
     Ok(())

@@ -90,7 +90,7 @@ impl Noise {
         stage("noise of ours");
         let ours = measure(twin, || {
             let mut state = CascadeState::REST;
-            move |x| Mains::Hz50.step(&mut state, x)
+            move |x| Mains::Hz50.apply(&mut state, x)
         });
         stage("noise of idsp's dither");
         let idsp_dither = measure(twin, peer::<DirectForm1Dither>);

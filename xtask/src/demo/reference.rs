@@ -36,7 +36,7 @@ impl Reference {
         let samples = u64::from(seconds) * u64::from(model::ADC_RATE_HZ);
         let steps_uv = (0..samples)
             .filter_map(|_| {
-                front_end.push(&Sample {
+                front_end.filter_sample(&Sample {
                     counts: generator.next_sample(),
                 })
             })

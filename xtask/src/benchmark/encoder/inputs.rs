@@ -86,7 +86,7 @@ fn acquired(
     let mut acquisition = Acquisition::new(mains);
     counts
         .into_iter()
-        .filter_map(|counts| acquisition.push(&Sample { counts }))
+        .filter_map(|counts| acquisition.process_sample(&Sample { counts }))
         .map(|step| step.plane)
         .take(steps)
         .collect()

@@ -42,7 +42,7 @@ impl Inputs {
             counts.push(sample);
             planes.extend(
                 acquisition
-                    .push(&Sample { counts: sample })
+                    .process_sample(&Sample { counts: sample })
                     .map(|step| step.plane),
             );
             if planes.len() == steps {
