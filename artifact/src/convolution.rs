@@ -86,7 +86,7 @@ impl Volume {
         }
     }
 
-    /// Returns the values of one channel.
+    /// Returns the values of one channel: step, row, column.
     pub(crate) fn channel(&self, channel: usize) -> &[f32] {
         let length = self.values.len() / self.channels;
         &self.values[channel * length..(channel + 1) * length]

@@ -146,7 +146,7 @@ pub enum CodeFormat {
     /// 128 numbers of 8 bits that share a power of two, chosen for each window: large signals are not
     /// clipped, small ones have a finer resolution. 129 bytes.
     Int8Exponent,
-    /// 128 numbers of 16 bits. 256 bytes.
+    /// 128 numbers of 16 bits, with a zero point of 0. 256 bytes.
     Int16,
 }
 
@@ -194,11 +194,11 @@ pub struct Montage {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Adc {
-    /// Sampling rate, Hz.
+    /// Sampling rate of each channel, Hz; at least the rate of the time steps.
     pub rate_hz: u32,
-    /// Reference voltage, V.
+    /// Reference voltage, V; 4.5 with the internal reference of an ADS1299.
     pub vref_v: f64,
-    /// Gain of the programmable-gain amplifier.
+    /// Gain of the programmable-gain amplifier, 1 to 24 in an ADS1299.
     pub gain: u32,
     /// Number of channels, at least one for each electrode.
     pub channels: usize,

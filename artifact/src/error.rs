@@ -16,7 +16,7 @@ pub enum ArtifactError {
     /// `model.toml` is not TOML, or a field is missing, misspelt or of the wrong type.
     #[error("model.toml cannot be understood; correct the line that is named")]
     Toml(#[from] toml::de::Error),
-    /// A description cannot be written as TOML.
+    /// The TOML library cannot serialise the description.
     #[error("the description cannot be written as TOML")]
     WriteToml(#[from] toml::ser::Error),
     /// A file is damaged or not in the safetensors format.
@@ -63,7 +63,7 @@ pub enum ArtifactError {
         /// Name of the tensor, as in the file.
         name: String,
     },
-    /// A tensor has the wrong shape.
+    /// A tensor has another shape than mode, padding and pool of the model require.
     #[error("{file}: tensor {name} has shape {found:?}, expected {expected:?}")]
     Shape {
         /// Name of the file in the artifact's folder.
@@ -75,7 +75,7 @@ pub enum ArtifactError {
         /// Shape that the network requires.
         expected: Vec<usize>,
     },
-    /// A tensor has the wrong element type.
+    /// A tensor has another element type than the format.
     #[error(
         "{file}: tensor {name} has elements of type {found}, expected {expected}; convert it before writing"
     )]

@@ -34,7 +34,7 @@ struct Convolutions {
 /// A code with the largest activations of its computation, for calibration.
 #[derive(Clone, Copy, Debug)]
 pub struct TracedCode {
-    /// The code of the window.
+    /// Float code, before quantisation.
     pub code: [f32; CODE],
     /// Largest |g| * relu(conv1), where g = norm1.weight / sqrt(variance + 1e-5); 0 in mode `pca`.
     pub activation1_max: f32,

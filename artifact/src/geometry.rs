@@ -14,7 +14,7 @@ use crate::dimensions::{COLUMNS, CONV2_CHANNELS, KERNEL, ROWS, STEPS};
 pub struct Geometry {
     /// Zero padding of both convolutions.
     pub padding: Padding,
-    /// Size of a pool.
+    /// Steps, rows and columns of a pool.
     pub pool: [usize; 3],
     /// Output of the first convolution.
     pub hidden: [usize; 3],

@@ -67,8 +67,8 @@ pub use description::{
     Montage, NetworkShape, Padding, Window,
 };
 pub use dimensions::{
-    CELLS, CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, ELECTRODES, KERNEL, ROWS, STEPS, WINDOW_CELLS,
-    WINDOW_ELECTRODES,
+    CELLS, CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, ELECTRODES, KERNEL, ROWS, STEPS,
+    WINDOW_CELLS, WINDOW_ELECTRODES,
 };
 pub use error::ArtifactError;
 pub use float_decoder::FloatDecoder;

@@ -28,7 +28,7 @@ pub struct TrainingCard {
     pub mains_hz: u32,
     /// Seed of all random numbers in training.
     pub seed: u64,
-    /// Number of training epochs.
+    /// Number of epochs that were run.
     pub epochs: u32,
     /// Epoch whose weights were kept; 0 means the initial weights (PCA in mode `shortcut`).
     pub best_epoch: u32,

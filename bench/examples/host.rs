@@ -42,7 +42,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             host::STREAMING => timed(|| self::streamed(&mut encoder, &steps).len()),
             host::WINDOWS => timed(|| self::windows(&steps).len()),
             host::PIPELINE => timed(|| {
-                let pushed = samples.iter().filter_map(|sample| pipeline.encode_sample(sample));
+                let pushed = samples
+                    .iter()
+                    .filter_map(|sample| pipeline.encode_sample(sample));
                 pushed.map(black_box).count()
             }),
             other => return Err(format!("there is no contender {other:?}").into()),

@@ -35,7 +35,7 @@ impl<const N: usize> Default for CascadeState<N> {
     }
 }
 
-/// Largest number of sections in a cascade.
+/// Largest number of sections in a cascade, up to which its code is unrolled by hand.
 pub const MAX_SECTIONS: usize = 12;
 
 impl<const N: usize> Cascade<N> {

@@ -41,7 +41,7 @@ pub struct InputConv<'w, const COLUMNS: usize> {
 }
 
 impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
-    /// Returns the shape of an input plane.
+    /// Returns the shape of an input plane: `rows` x `COLUMNS` positions, one channel.
     pub const fn input(&self) -> PlaneShape {
         PlaneShape {
             rows: self.rows,

@@ -3,11 +3,11 @@
 /// Rows, columns and channels of a plane; each kernel documents the memory order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlaneShape {
-    /// Rows of positions.
+    /// Number of positions along the slower spatial axis.
     pub rows: usize,
-    /// Columns of positions.
+    /// Number of positions along the faster spatial axis.
     pub columns: usize,
-    /// Channels (features) of each position.
+    /// Number of values (features) at each position.
     pub channels: usize,
 }
 

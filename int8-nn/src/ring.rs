@@ -26,7 +26,7 @@ impl<T: Copy, const LEN: usize, const DEPTH: usize> PlaneRing<T, LEN, DEPTH> {
         &mut self.planes[slot]
     }
 
-    /// Returns all planes, oldest first.
+    /// Returns all planes; index 0 is the oldest.
     #[inline]
     pub fn oldest_first(&self) -> [&[T]; DEPTH] {
         core::array::from_fn(|age| &self.planes[(self.next + age) % DEPTH][..])

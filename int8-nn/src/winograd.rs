@@ -63,7 +63,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// Columns of tiles; each has four columns of outputs.
     const TILE_COLUMNS: usize = (COLUMNS - 2) / TILE[1];
 
-    /// Returns the shape of an input plane.
+    /// Returns the shape of an input plane: the outputs of all tiles, plus two rows and columns.
     pub const fn input(&self) -> PlaneShape {
         PlaneShape {
             rows: TILE[0] * self.tile_rows + 2,
@@ -96,12 +96,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// Returns true if this convolution turns planes of shape `input` into planes of shape `pooled` and
     /// has the right number of weights. Assert it in a `const` context.
     pub const fn is_consistent(&self, input: PlaneShape, pooled: PlaneShape) -> bool {
-        const {
-            assert!(
-                Self::LARGEST_INPUT >= 255,
-                "inputs of 8 bits must be permitted"
-            )
-        };
+        const { assert!(Self::LARGEST_INPUT >= 255, "8-bit inputs must be allowed") };
         const { assert!(COLUMNS > 2 && (COLUMNS - 2).is_multiple_of(TILE[1])) };
         self.input().equals(input)
             && self.pooled().equals(pooled)

@@ -11,7 +11,7 @@ use crate::{
 /// Specification of the filters at one sampling rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterSpec {
-    /// Sampling rate in Hz.
+    /// Sampling rate of the input, Hz.
     pub rate_hz: f64,
     /// Mains frequency in Hz, removed by a notch.
     pub mains_hz: f64,

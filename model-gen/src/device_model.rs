@@ -49,9 +49,9 @@ pub struct MainsFilter {
 /// An artifact turned into the integers that the device runs on.
 #[derive(Clone, Debug)]
 pub struct DeviceModel {
-    /// Id of the artifact.
+    /// Id of the artifact, which every frame carries.
     pub id: ModelId,
-    /// Description of the artifact.
+    /// Contents of the artifact's `model.toml`.
     pub description: Description,
     /// Filters for each of [`MAINS_HZ`], in the same order.
     pub filters: Vec<MainsFilter>,
@@ -59,7 +59,7 @@ pub struct DeviceModel {
     pub resampler: ResamplerTable,
     /// Factor from a filtered sample (counts, Q27.5) to a level of the int8 input, Q0.32.
     pub input_multiplier: i32,
-    /// Quantised encoder.
+    /// Quantised encoder, in the layout of the artifact.
     pub integers: IntegerModel,
 }
 

@@ -13,9 +13,9 @@ pub enum FilterError {
     OutsideNyquist {
         /// Name of the frequency in the specification.
         name: &'static str,
-        /// Frequency in Hz.
+        /// Requested frequency, Hz.
         hz: f64,
-        /// Half of the sampling rate in Hz.
+        /// Half of the sampling rate, Hz: the upper limit of every frequency.
         nyquist_hz: f64,
     },
     /// A harmonic of the mains frequency is not below half of the sampling rate.
@@ -27,11 +27,11 @@ pub enum FilterError {
     Harmonic {
         /// Highest harmonic in Hz.
         hz: f64,
-        /// Number of harmonics.
+        /// Requested number of harmonics.
         harmonics: u32,
-        /// Mains frequency in Hz.
+        /// Mains frequency of these filters, Hz.
         mains_hz: f64,
-        /// Half of the sampling rate in Hz.
+        /// Half of the sampling rate, Hz: the upper limit of every frequency.
         nyquist_hz: f64,
     },
     /// The lower edge of the band is not below the upper one.
@@ -40,9 +40,9 @@ pub enum FilterError {
          as [lower edge, upper edge]"
     )]
     EmptyBand {
-        /// Lower edge in Hz.
+        /// Lower edge of the requested band, Hz.
         low_hz: f64,
-        /// Upper edge in Hz.
+        /// Upper edge of the requested band, Hz.
         high_hz: f64,
     },
     /// The order of the band-pass is out of range.
@@ -51,7 +51,7 @@ pub enum FilterError {
          between 1 and {highest}"
     )]
     Order {
-        /// Requested order.
+        /// Requested order of the band-pass per edge.
         order: usize,
         /// Largest supported order.
         highest: usize,
@@ -62,11 +62,11 @@ pub enum FilterError {
          sections, at most {longest} are possible: lower [filters] harmonics or order in model.toml"
     )]
     Sections {
-        /// Requested harmonics.
+        /// Requested number of harmonics.
         harmonics: u32,
-        /// Requested order.
+        /// Requested order of the band-pass per edge.
         order: usize,
-        /// Sections needed.
+        /// Sections that these filters need.
         sections: usize,
         /// Largest possible number of sections.
         longest: usize,
@@ -112,9 +112,9 @@ pub enum FilterError {
          paired: raise the lower edge of [filters] band_hz in model.toml"
     )]
     Poles {
-        /// Lower edge in Hz.
+        /// Lower edge of the requested band, Hz.
         low_hz: f64,
-        /// Upper edge in Hz.
+        /// Upper edge of the requested band, Hz.
         high_hz: f64,
     },
     /// The step rate is higher than the sampling rate.
@@ -123,7 +123,7 @@ pub enum FilterError {
          model.toml must be at least {step_rate_hz}"
     )]
     BelowStepRate {
-        /// Sampling rate in Hz.
+        /// Sampling rate of the ADC, Hz.
         rate_hz: u32,
         /// Rate of the encoder's time steps in Hz.
         step_rate_hz: u32,
@@ -135,7 +135,7 @@ pub enum FilterError {
          rate, or sample at {nearest_hz} Hz"
     )]
     LiteralRate {
-        /// Sampling rate in Hz.
+        /// Sampling rate of the ADC, Hz.
         rate_hz: u32,
         /// Rate of the encoder's time steps in Hz.
         step_rate_hz: u32,
@@ -148,7 +148,7 @@ pub enum FilterError {
          in model.toml"
     )]
     RateTerms {
-        /// Sampling rate in Hz.
+        /// Sampling rate of the ADC, Hz.
         rate_hz: u32,
         /// Rate of the encoder's time steps in Hz.
         step_rate_hz: u32,
@@ -162,9 +162,9 @@ pub enum FilterError {
     ResamplerSize {
         /// Name of the part that is too large.
         what: String,
-        /// Sampling rate in Hz.
+        /// Sampling rate of the ADC, Hz.
         rate_hz: u32,
-        /// Number of phases.
+        /// Phases of the polyphase filter.
         phases: usize,
         /// Taps of each phase.
         taps: usize,
@@ -179,7 +179,7 @@ pub enum FilterError {
          can overflow its 64-bit accumulator: raise [adc] rate_hz in model.toml"
     )]
     ResamplerAccumulator {
-        /// Sampling rate in Hz.
+        /// Sampling rate of the ADC, Hz.
         rate_hz: u32,
         /// Largest sum of the tap magnitudes of a phase, Q2.30.
         magnitude: u64,
@@ -190,9 +190,9 @@ pub enum FilterError {
          than {limit:.2}; lower [filters] order or raise the lower band edge in model.toml"
     )]
     Overflow {
-        /// Name of the signal.
+        /// Name of the signal, for example "output of section 3".
         node: String,
-        /// Worst-case gain (L1 norm).
+        /// L1 norm of the impulse response from the input to the node.
         gain: f64,
         /// Upper limit of the gain.
         limit: f64,
@@ -210,7 +210,7 @@ pub enum ModelGenError {
     Filter {
         /// Mains frequency of the cascade, Hz.
         mains_hz: f64,
-        /// Cause.
+        /// Error of the filter design.
         #[source]
         source: FilterError,
     },
@@ -224,11 +224,11 @@ pub enum ModelGenError {
          like the training set"
     )]
     Multiplier {
-        /// Name of the layer.
+        /// Name of the layer, for example "conv1".
         layer: &'static str,
         /// Output channel, from 0.
         output: usize,
-        /// Value of the factor.
+        /// Factor that the layer needs.
         factor: f64,
     },
     /// The input scale does not fit the scale of the ADC.
@@ -247,7 +247,7 @@ pub enum ModelGenError {
          far larger than the weights; train with weight decay or drop the dead channel"
     )]
     Accumulator {
-        /// Name of the layer.
+        /// Name of the layer, for example "conv1".
         layer: &'static str,
         /// Output channel, from 0.
         output: usize,
@@ -271,7 +271,7 @@ pub enum ModelGenError {
     Calibration {
         /// Name of the tensor.
         what: &'static str,
-        /// Value of the range.
+        /// Calibrated range, as read.
         value: f64,
     },
     /// A number of the description is not supported by this version.
@@ -284,10 +284,10 @@ pub enum ModelGenError {
         /// Supported values.
         expected: &'static str,
     },
-    /// The generated files could not be written.
+    /// A generated file could not be written.
     #[error("cannot write {path}")]
     Write {
-        /// Path of the file.
+        /// Path of the file that could not be written.
         path: std::path::PathBuf,
         /// Error of the operating system.
         #[source]

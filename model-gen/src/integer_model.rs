@@ -27,7 +27,7 @@ pub struct IntegerConv {
 pub struct IntegerLinear {
     /// Weights, -127..=127.
     pub weights: Vec<i8>,
-    /// Requantisation factor of each output, Q0.32.
+    /// Requantisation factor of each output to the code, Q0.32.
     pub multipliers: Vec<i32>,
 }
 
@@ -251,13 +251,13 @@ fn dot(weights: &[i8], features: &[i64]) -> i64 {
         .sum()
 }
 
-/// Requantises a sum.
+/// Multiplies a sum by a Q0.32 factor and rounds half up.
 fn scale(sum: i32, multiplier: i32) -> i32 {
     i32::try_from(round_q32(i64::from(sum) * i64::from(multiplier)))
         .expect("the product of two 32-bit numbers over 2^32 has 31 bits")
 }
 
-/// Rounds a Q32 number half up.
+/// Rounds a Q32 number half up to an integer.
 fn round_q32(product: i64) -> i64 {
     (product + (1 << 31)) >> 32
 }

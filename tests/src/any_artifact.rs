@@ -57,7 +57,11 @@ pub fn any_artifact(
     artifact.description.network = NetworkShape { padding, pool };
     artifact.description.window.hop = hop;
     let mut noise = Noise(seed);
-    artifact.weights = dense_weights(&mut noise, mode, &Geometry::new(&artifact.description.network));
+    artifact.weights = dense_weights(
+        &mut noise,
+        mode,
+        &Geometry::new(&artifact.description.network),
+    );
     let windows = windows(!seed, &artifact, CALIBRATION);
     let encoder = FloatEncoder::new(&artifact)?;
     let traced: Vec<TracedCode> = windows.iter().map(|w| encoder.encode_traced(w)).collect();

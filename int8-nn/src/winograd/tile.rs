@@ -7,14 +7,14 @@ use crate::{
 
 /// Rows and columns of the outputs of a tile.
 pub(super) const TILE: [usize; 2] = [2, 4];
-/// Rows and columns of a transformed tile.
+/// Rows and columns of a transformed tile: two more than it has outputs.
 pub(super) const TRANSFORMED_TILE: [usize; 2] = [4, 6];
 /// Products of a tile for each pair of channels and time step; a direct convolution needs nine for
 /// each of the eight outputs.
 pub(super) const PRODUCTS: usize = TRANSFORMED_TILE[0] * TRANSFORMED_TILE[1];
 /// Factor in every transformed sum: 2 from the rows, 24 from the columns.
 pub(super) const SCALE: usize = 48;
-/// Pool windows of a tile.
+/// Pool windows of a tile, side by side.
 pub(super) const WINDOWS: usize = 2;
 
 /// Sums of one product: `[position][output]`.

@@ -11,7 +11,7 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// Appends a documented item.
+    /// Appends an item with its doc comment, and an empty line.
     pub(super) fn item(&mut self, doc: &str, line: impl Display) {
         for doc in doc.lines() {
             self.line(format_args!("/// {doc}"));
@@ -20,13 +20,13 @@ impl Source {
         self.line("");
     }
 
-    /// Appends a documented array of integers, with digit separators.
+    /// Appends an array of integers with its doc comment; the integers get digit separators.
     pub(super) fn array<T: Display>(&mut self, doc: &str, declaration: &str, values: &[T]) {
         let values: Vec<String> = values.iter().map(separated).collect();
         self.list(doc, declaration, &values);
     }
 
-    /// Appends a documented array of formatted values.
+    /// Appends an array of formatted values with its doc comment.
     pub(super) fn list(&mut self, doc: &str, declaration: &str, values: &[String]) {
         self.line(format_args!("/// {doc}"));
         self.line(format_args!("{declaration} = ["));

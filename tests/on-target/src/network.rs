@@ -10,7 +10,11 @@ use crate::{Mismatch, golden, mismatch::same};
 /// The sum over the network as the compiler has it, against that of the flash.
 pub(crate) fn check_sum() -> Result<(), Mismatch> {
     // The compiler knows the answer, the flash need not.
-    same("sum", &[NETWORK_CHECKSUM], &[black_box(&NETWORK).checksum()])
+    same(
+        "sum",
+        &[NETWORK_CHECKSUM],
+        &[black_box(&NETWORK).checksum()],
+    )
 }
 
 /// Each window alone, as model-gen's batch reference has encoded it. Values count through all codes.
