@@ -1,4 +1,4 @@
-//! Says whether the target has the DSP extension of ARMv7E-M, for which stable Rust has no `cfg`.
+//! Sets `cfg(smlad)` for targets with the DSP extension of ARMv7E-M; stable Rust has no `cfg` for it.
 
 fn main() {
     println!("cargo::rustc-check-cfg=cfg(smlad)");

@@ -6,7 +6,7 @@ use std::{
     process::ExitCode,
 };
 
-/// Names the folder of another model, as an absolute path.
+/// Environment variable with the absolute path of another artifact's folder.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
 fn main() -> ExitCode {
@@ -17,8 +17,8 @@ fn main() -> ExitCode {
     );
     if artifact.is_relative() {
         println!(
-            "cargo::error={ARTIFACT} is {:?}, but cargo builds each package in a folder of its own: \
-             name the model's folder by its absolute path",
+            "cargo::error={ARTIFACT} is {:?}, but cargo runs each build script in the folder of its package: \
+             set it to an absolute path",
             artifact.display()
         );
         return ExitCode::FAILURE;
@@ -38,7 +38,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// An error and its causes in one line.
+/// Formats an error and its causes in one line.
 fn chain(error: &dyn Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();

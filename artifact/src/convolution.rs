@@ -1,20 +1,21 @@
 //! Three-dimensional convolution, ReLU and batch norm in plain loops.
 
+use crate::dimensions::KERNEL;
 use crate::error::ArtifactError;
-use crate::shapes::{KERNEL, NORM_EPSILON};
+use crate::shapes::NORM_EPSILON;
 use crate::tensors::Tensors;
 
-/// A stack of volumes: channel, step, row, column, the last fastest.
+/// A 4-d array: channel, step, row, column, the last fastest.
 #[derive(Clone, Debug)]
 pub(crate) struct Volume {
     pub(crate) channels: usize,
-    /// Steps, rows, columns.
+    /// Numbers of steps, rows and columns.
     pub(crate) size: [usize; 3],
     pub(crate) values: Vec<f32>,
 }
 
 impl Volume {
-    /// Every channel filled with its bias.
+    /// Creates a volume with each channel filled with its bias.
     fn filled(size: [usize; 3], bias: &[f32]) -> Self {
         let [steps, rows, columns] = size;
         let per_channel = steps * rows * columns;
@@ -29,7 +30,7 @@ impl Volume {
         }
     }
 
-    /// With `pads` zeros on either side of each axis.
+    /// Returns a copy with `pads` zeros added on both sides of each axis.
     pub(crate) fn padded(&self, pads: [usize; 3]) -> Self {
         let size = std::array::from_fn(|axis| self.size[axis] + 2 * pads[axis]);
         let mut padded = Self::filled(size, &vec![0.0; self.channels]);
@@ -44,7 +45,8 @@ impl Volume {
         padded
     }
 
-    /// Without the first and last `pads` of each axis: undoes [`Volume::padded`].
+    /// Returns a copy without the first and last `pads` positions of each axis: inverts
+    /// [`Volume::padded`].
     pub(crate) fn cropped(&self, pads: [usize; 3]) -> Self {
         let size: [usize; 3] = std::array::from_fn(|axis| self.size[axis] - 2 * pads[axis]);
         let mut values = Vec::with_capacity(self.channels * size.iter().product::<usize>());
@@ -84,18 +86,18 @@ impl Volume {
         }
     }
 
-    /// The values of one channel.
+    /// Returns the values of one channel: step, row, column.
     pub(crate) fn channel(&self, channel: usize) -> &[f32] {
         let length = self.values.len() / self.channels;
         &self.values[channel * length..(channel + 1) * length]
     }
 }
 
-/// A convolution with a 3x3x3 kernel, without padding: [`Volume::padded`] in front of it and
-/// [`Volume::cropped`] behind a transposed one are padding.
+/// An unpadded convolution with a 3x3x3 kernel. For padding, apply [`Volume::padded`] before it, or
+/// [`Volume::cropped`] after a transposed one.
 ///
-/// Weights `[out][in][step][row][column]`; or, for the transposed convolution of the decoder,
-/// `[in][out][step][row][column]` as PyTorch has them.
+/// Weights are `[out][in][step][row][column]`; those of the decoder's transposed convolution are
+/// `[in][out][step][row][column]`, as in PyTorch.
 #[derive(Clone, Debug)]
 pub(crate) struct Convolution {
     inputs: usize,
@@ -104,7 +106,7 @@ pub(crate) struct Convolution {
 }
 
 impl Convolution {
-    /// Reads `{name}.weight` of the given shape and `{name}.bias` of one number per output.
+    /// Reads `{name}.weight`, whose first two dimensions are `shape`, and `{name}.bias`.
     pub(crate) fn read(
         weights: &Tensors,
         name: &str,
@@ -124,7 +126,7 @@ impl Convolution {
         })
     }
 
-    /// y[o][t][r][c] = bias[o] + sum over i, kt, kr, kc of w[o][i][kt][kr][kc] x[i][t+kt][r+kr][c+kc].
+    /// Convolves: y[o][t][r][c] = bias[o] + sum over i, kt, kr, kc of w[o][i][kt][kr][kc] x[i][t+kt][r+kr][c+kc].
     pub(crate) fn forward(&self, x: &Volume) -> Volume {
         let size = x.size.map(|length| length - (KERNEL - 1));
         let mut y = Volume::filled(size, &self.bias);
@@ -146,7 +148,7 @@ impl Convolution {
         y
     }
 
-    /// y[o][t+kt][r+kr][c+kc] = bias[o] + sum over i, kt, kr, kc of w[i][o][kt][kr][kc] x[i][t][r][c].
+    /// Convolves, transposed: y[o][t+kt][r+kr][c+kc] = bias[o] + sum over i, kt, kr, kc of w[i][o][kt][kr][kc] x[i][t][r][c].
     pub(crate) fn forward_transposed(&self, x: &Volume) -> Volume {
         let size = x.size.map(|length| length + (KERNEL - 1));
         let mut y = Volume::filled(size, &self.bias);
@@ -169,24 +171,24 @@ impl Convolution {
     }
 }
 
-/// Step, row and column of a tap of the kernel.
+/// Returns step, row and column of a tap of the kernel.
 fn offsets(tap: usize) -> [usize; 3] {
     [tap / (KERNEL * KERNEL), tap / KERNEL % KERNEL, tap % KERNEL]
 }
 
-/// y += weight * x, over the shorter of both.
+/// Adds `weight * x` to `y`, up to the length of the shorter slice.
 fn add_scaled(y: &mut [f32], weight: f32, x: &[f32]) {
     for (y, x) in y.iter_mut().zip(x) {
         *y += weight * x;
     }
 }
 
-/// Batch norm with the statistics of training: y = gain * x + offset per channel.
+/// Batch norm in inference, with the running statistics: y = gain * x + offset for each channel.
 #[derive(Clone, Debug)]
 pub(crate) struct Norm {
-    /// weight / sqrt(running variance + 1e-5).
+    /// Gain of each channel: weight / sqrt(running variance + 1e-5).
     gain: Vec<f32>,
-    /// bias - gain * running mean.
+    /// Offset of each channel: bias - gain * running mean.
     offset: Vec<f32>,
 }
 
@@ -197,9 +199,9 @@ impl Norm {
         name: &str,
         channels: usize,
     ) -> Result<Self, ArtifactError> {
-        let of = |part: &str| weights.tensor(&format!("{name}.{part}"), &[channels]);
-        let (weight, bias) = (of("weight")?, of("bias")?);
-        let (mean, variance) = (of("running_mean")?, of("running_var")?);
+        let tensor = |part: &str| weights.tensor(&format!("{name}.{part}"), &[channels]);
+        let (weight, bias) = (tensor("weight")?, tensor("bias")?);
+        let (mean, variance) = (tensor("running_mean")?, tensor("running_var")?);
         let gain: Vec<f32> = weight
             .iter()
             .zip(variance)
@@ -228,7 +230,8 @@ impl Norm {
         }
     }
 
-    /// Largest |gain| * x over channels and positions of what [`Norm::apply`] is about to get.
+    /// Returns the largest |gain| * x over all channels and positions, where x is the input of
+    /// [`Norm::apply`].
     pub(crate) fn largest_scaled(&self, x: &Volume) -> f32 {
         let channels = self.gain.iter().enumerate().map(|(channel, gain)| {
             let largest = x.channel(channel).iter().fold(0.0, |a: f32, b| a.max(*b));
@@ -238,14 +241,14 @@ impl Norm {
     }
 }
 
-/// y = W x, with W stored row after row.
+/// Adds `matrix * x` to `y`; the matrix is stored row by row.
 pub(crate) fn add_product(y: &mut [f32], matrix: &[f32], x: &[f32]) {
     for (y, row) in y.iter_mut().zip(matrix.chunks_exact(x.len())) {
         *y += dot(row, x);
     }
 }
 
-/// Sum of products in eight partial sums, so that the compiler may use vector instructions.
+/// Returns the dot product, computed in eight partial sums so that the compiler can vectorise it.
 fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0; 8];
     let (a8, a_rest) = a.as_chunks::<8>();
@@ -273,7 +276,7 @@ mod tests {
         }
     }
 
-    /// Weights that are 0 but for one tap.
+    /// Returns a convolution whose weights are 0 except for one tap.
     fn one_tap(inputs: usize, outputs: usize, index: usize) -> Convolution {
         let mut weight = vec![0.0; inputs * outputs * 27];
         weight[index] = 2.0;
@@ -317,7 +320,7 @@ mod tests {
 
     #[test]
     fn the_transposed_convolution_is_the_adjoint() {
-        // <conv x, y> = <x, transposed conv y> for equal weights and no bias.
+        // <conv x, y> = <x, transposed conv y> for equal weights and zero bias.
         let weight: Vec<f32> = (0..3 * 2 * 27)
             .map(|index| (index % 7) as f32 - 3.0)
             .collect();
@@ -336,7 +339,7 @@ mod tests {
         let inner = |a: &Volume, b: &Volume| -> f32 {
             a.values.iter().zip(&b.values).map(|(a, b)| a * b).sum()
         };
-        // Small integers: every product and sum is exact in f32.
+        // All products and sums are small integers, which f32 holds exactly.
         assert_eq!(
             inner(&forward.forward(&x), &y),
             inner(&x, &transposed.forward_transposed(&y))
@@ -344,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn norm_is_gain_and_offset() {
+    fn norm_applies_gain_and_offset() {
         let mut tensors = Tensors::for_weights();
         tensors.insert("n.weight", &[2], vec![3.0, -1.0]);
         tensors.insert("n.bias", &[2], vec![1.0, 0.0]);
@@ -364,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn a_product_covers_lengths_that_eight_does_not_divide() {
+    fn a_product_covers_lengths_that_are_not_multiples_of_eight() {
         let matrix: Vec<f32> = (0..22).map(|index| index as f32).collect();
         let mut y = [1.0, 0.0];
         add_product(&mut y, &matrix, &[1.0; 11]);

@@ -1,7 +1,11 @@
-use crate::scalp_grid::EMPTY;
-use crate::shapes::{COLUMNS, ROWS};
+//! The contents of `model.toml`.
+
+use crate::dimensions::{COLUMNS, ROWS};
 use crate::training_card::TrainingCard;
 use serde::{Deserialize, Serialize};
+
+/// Label of a grid cell without an electrode.
+pub(crate) const EMPTY: &str = "_";
 
 /// The paper's scalp grid (arXiv 2008.13485, figure of the electrode grid), front to back.
 const PAPER_GRID: [&str; ROWS] = [
@@ -17,150 +21,149 @@ const PAPER_GRID: [&str; ROWS] = [
     "_ _ _ PPO1 _ PPO2 _ _ _",
 ];
 
-/// What training decided besides the weights: the contents of `model.toml`.
+/// Everything that training decided except the weights: the contents of `model.toml`.
 ///
-/// A field that is missing or misspelt is an error; nothing has a default.
+/// A missing or misspelt field is an error; no field has a default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Description {
-    /// Version of this format: 1.
+    /// Version of the format, 1.
     pub format: u32,
-    /// Which parts the network has.
+    /// Parts of the network.
     pub mode: Mode,
-    /// Steps and rate of the encoder's windows.
+    /// Length, hop and rate of the encoder's windows.
     pub window: Window,
-    /// Shape of the convolutions; says nothing in mode `pca`, which has none.
+    /// Padding and pool of the convolutions; unused in mode `pca`, which has none.
     pub network: NetworkShape,
-    /// How codes become integers.
+    /// Integer format of the codes.
     pub code: CodeQuantisation,
-    /// Where on the scalp grid each electrode lies.
+    /// Position of each electrode on the scalp grid.
     pub grid: Grid,
-    /// Which ADC channel each electrode is wired to.
+    /// ADC channel of each electrode.
     pub montage: Montage,
-    /// The converter that the model was trained for.
+    /// ADC that the model was trained for.
     pub adc: Adc,
-    /// The filters in front of the network.
+    /// Filters between the ADC and the network.
     pub filters: Filters,
-    /// The scale of the network's input.
+    /// Scale of the network's input.
     pub input: Input,
-    /// How and on what the model was trained, and how well it does.
+    /// Training data, training settings and test figures.
     pub training: TrainingCard,
 }
 
-/// Which parts the network has.
+/// Parts of the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
-    /// The paper's network, unpooled with pool indices: the code alone does not decode.
+    /// The paper's network, whose decoder unpools with pool indices: the code alone cannot be decoded.
     Paper,
-    /// The paper's network, unpooled by nearest neighbour: decodes from the code alone.
+    /// The paper's network, with nearest-neighbour unpooling: the code alone can be decoded.
     PaperCodeOnly,
-    /// As `PaperCodeOnly`, plus linear maps from window to code and back.
+    /// [`Self::PaperCodeOnly`] plus linear maps from window to code and back.
     Shortcut,
-    /// The linear maps alone.
+    /// The linear maps only, without convolutions.
     Pca,
 }
 
 impl Mode {
-    /// Whether the network has convolutions (every mode but `pca`).
+    /// Returns whether the network has convolutions (every mode except `pca`).
     pub fn has_convolutions(self) -> bool {
         self != Self::Pca
     }
 
-    /// Whether the network has the linear maps (`shortcut` and `pca`).
+    /// Returns whether the network has the linear maps (`shortcut` and `pca`).
     pub fn has_shortcut(self) -> bool {
         matches!(self, Self::Shortcut | Self::Pca)
     }
 }
 
-/// Steps and rate of the encoder's windows.
+/// Length, hop and rate of the encoder's windows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Window {
-    /// Time steps of a window: 16.
+    /// Time steps of a window, 16.
     pub steps: usize,
-    /// Time steps from one window to the next: 8 or 16.
+    /// Time steps from the start of one window to the start of the next, 8 or 16.
     pub hop: usize,
-    /// Rate of the steps, Hz: 128.
+    /// Rate of the time steps in Hz, 128.
     pub rate_hz: u32,
 }
 
-/// Shape of the convolutions, where the paper leaves a choice.
+/// The properties of the convolutions that differ between models.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkShape {
-    /// What both convolutions read beyond their input's edges.
+    /// Zero padding of both convolutions.
     pub padding: Padding,
-    /// Steps, rows and columns of which the max-pool keeps the largest; what does not fill a pool is
-    /// dropped.
+    /// Steps, rows and columns of the max-pool; positions that do not fill a pool are dropped.
     pub pool: [usize; 3],
 }
 
-/// What both convolutions read beyond their input's edges.
+/// Zero padding of both convolutions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Padding {
-    /// Nothing: each of them takes two steps, rows and columns off, as in the paper.
+    /// No padding, as in the paper: each convolution removes two steps, rows and columns.
     None,
     /// One row and one column of zeros on each side.
     Space,
-    /// The same, and a step of zeros before and behind the window.
+    /// One row and one column of zeros on each side, and one step of zeros before and after the window.
     All,
 }
 
 impl Padding {
-    /// Whether rows and columns are padded.
+    /// Returns whether rows and columns are padded.
     pub const fn pads_space(self) -> bool {
         matches!(self, Self::Space | Self::All)
     }
 
-    /// Whether the steps of a window are padded.
+    /// Returns whether steps are padded.
     pub const fn pads_time(self) -> bool {
         matches!(self, Self::All)
     }
 
-    /// Steps, rows and columns that are added on each side.
+    /// Returns the numbers of steps, rows and columns added on each side, each 0 or 1.
     pub const fn pads(self) -> [usize; 3] {
         let space = self.pads_space() as usize;
         [self.pads_time() as usize, space, space]
     }
 }
 
-/// How codes become integers.
+/// Integer format of the codes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CodeQuantisation {
-    /// Integers of a code.
+    /// Width of the integers, and whether they share an exponent.
     pub format: CodeFormat,
 }
 
-/// Integers of a code.
+/// Integer format of a code of 128 numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CodeFormat {
-    /// 128 numbers of 8 bits, each dimension with a scale and a zero point of its own.
+    /// 128 numbers of 8 bits, each dimension with a separate scale and zero point. 128 bytes.
     Int8,
-    /// 128 numbers of 8 bits and one power of two for all of them, chosen window by window: loud
-    /// windows are not clipped, quiet ones are finer. 129 bytes.
+    /// 128 numbers of 8 bits that share a power of two, chosen for each window: large signals are not
+    /// clipped, small ones have a finer resolution. 129 bytes.
     Int8Exponent,
-    /// 128 numbers of 16 bits. 256 bytes.
+    /// 128 numbers of 16 bits, with a zero point of 0. 256 bytes.
     Int16,
 }
 
-/// Where on the scalp grid each electrode lies.
+/// Position of each electrode on the scalp grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grid {
-    /// Rows, front to back: 10.
+    /// Number of rows, 10; the first is at the front of the head.
     pub rows: usize,
-    /// Columns, left to right: 9.
+    /// Number of columns, 9; the first is on the left of the head.
     pub columns: usize,
-    /// Rows of cells: an electrode's label, or `_` for a cell that is always 0.
+    /// Cells by row: the label of an electrode, or `_` for a cell that is always 0.
     pub cells: Vec<Vec<String>>,
 }
 
 impl Grid {
-    /// The paper's grid of 61 electrodes.
+    /// Returns the paper's grid of 61 electrodes.
     pub fn paper() -> Self {
         let cells = PAPER_GRID
             .map(|row| row.split(' ').map(str::to_owned).collect())
@@ -172,77 +175,77 @@ impl Grid {
         }
     }
 
-    /// The labels of the cells that are not empty, row-major.
+    /// Returns the labels of all electrodes on the grid, row-major.
     pub fn electrodes(&self) -> Vec<String> {
         let cells = self.cells.iter().flatten();
         cells.filter(|label| *label != EMPTY).cloned().collect()
     }
 }
 
-/// Which ADC channel each electrode is wired to.
+/// ADC channel of each electrode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Montage {
-    /// Labels of the 61 electrodes; the index is the ADC channel.
+    /// Labels of the electrodes; the index is the ADC channel.
     pub electrodes: Vec<String>,
 }
 
-/// The converter that the model was trained for (ADS1299: datasheet SBAS499, section 9.5.1).
+/// ADC that the model was trained for (ADS1299: datasheet SBAS499, section 9.5.1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Adc {
-    /// Samples per second, Hz.
+    /// Sampling rate of each channel, Hz; at least the rate of the time steps.
     pub rate_hz: u32,
-    /// Reference, V.
+    /// Reference voltage, V; 4.5 with the internal reference of an ADS1299.
     pub vref_v: f64,
-    /// Gain of the programmable amplifier.
+    /// Gain of the programmable-gain amplifier, 1 to 24 in an ADS1299.
     pub gain: u32,
-    /// Channels, at least one for each electrode.
+    /// Number of channels, at least one for each electrode.
     pub channels: usize,
 }
 
 impl Adc {
-    /// Microvolts per count: 2 * reference / gain / 2^24.
+    /// Returns the microvolts of one count: 2 * reference / gain / 2^24.
     pub fn lsb_uv(&self) -> f64 {
         2.0 * self.vref_v / f64::from(self.gain) / f64::from(1 << 24) * 1e6
     }
 }
 
-/// The filters in front of the network: notch, band-pass, decimation to the window's rate.
+/// Filters between the ADC and the network: notch, band-pass, decimation to the rate of the steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Filters {
-    /// Mains frequencies to choose from at start, Hz.
+    /// Mains frequencies that the device can be set to at start, Hz.
     pub mains_hz: Vec<u32>,
-    /// Quality of the notch at the mains frequency, and of those at its harmonics.
+    /// Quality factor of every notch: its frequency over its -3 dB width.
     pub notch_q: f64,
-    /// Further notches, at 2, 3, .. times the mains frequency; 0: only the mains frequency itself.
+    /// Number of further notches, at 2, 3, .. times the mains frequency.
     pub harmonics: u32,
-    /// Edges of the Butterworth band-pass, Hz.
+    /// Lower and upper -3 dB edge of the Butterworth band-pass, Hz.
     pub band_hz: [f64; 2],
-    /// Order of the band-pass, as `scipy.signal.butter` counts it.
+    /// Order of the band-pass per edge, as `scipy.signal.butter` counts it.
     pub order: u32,
-    /// How the filtered samples are thinned out.
+    /// Rate reduction from the ADC's rate to the rate of the steps.
     pub decimation: Decimation,
 }
 
-/// How the filtered samples are thinned out to the window's rate.
+/// Rate reduction from the ADC's rate to the rate of the steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Decimation {
-    /// Every n-th sample, as in the paper: what the filters leave above half of the window's rate
-    /// folds back. The ADC's rate must be a multiple of the window's.
+    /// Keeps every n-th sample, as in the paper: signals above half of the step rate alias. The ADC's
+    /// rate must be a multiple of the step rate.
     Literal,
-    /// A low-pass FIR first, from any rate of the ADC.
+    /// Applies a low-pass FIR first; works with any ADC rate.
     Fir,
 }
 
-/// The scale of the network's input.
+/// Scale of the network's input.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
-    /// Standard deviation of the training set behind the filters, uV: the float network's input is
-    /// uV divided by this.
+    /// Standard deviation of the filtered training set, uV. The input of the float network is uV divided
+    /// by this.
     pub sd_uv: f64,
 }
 

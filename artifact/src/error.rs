@@ -1,117 +1,119 @@
+//! Errors of reading, writing and using an artifact.
+
 use std::path::PathBuf;
 
-/// Why an artifact cannot be read, written or used.
+/// An artifact that cannot be read, written or used.
 #[derive(Debug, thiserror::Error)]
 pub enum ArtifactError {
     /// A file of the folder cannot be read or written.
     #[error("cannot access {}: is this the folder of an artifact? (`trainer train` writes one)", path.display())]
     File {
-        /// The file.
+        /// File or folder that was accessed.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// `model.toml` is not TOML, or a field is missing, misspelt or of the wrong type.
     #[error("model.toml cannot be understood; correct the line that is named")]
     Toml(#[from] toml::de::Error),
-    /// A description cannot be written as TOML.
+    /// The TOML library cannot serialise the description.
     #[error("the description cannot be written as TOML")]
     WriteToml(#[from] toml::ser::Error),
-    /// A `.safetensors` file is damaged or is no such file.
-    #[error("{file} is damaged or no safetensors file; write the artifact again")]
+    /// A file is damaged or not in the safetensors format.
+    #[error("{file} is damaged or not a safetensors file; write the artifact again")]
     Safetensors {
-        /// The file's name in the folder.
+        /// Name of the file in the artifact's folder.
         file: &'static str,
-        /// What the reader said.
+        /// Error of the safetensors library.
         source: safetensors::SafeTensorError,
     },
-    /// A field of `model.toml` has a value that no model can have.
+    /// A field of `model.toml` has an invalid value.
     #[error("model.toml: {field} is {found}, but must be {expected}")]
     Field {
-        /// The field, as `table.key`.
+        /// Name of the field, as `table.key`.
         field: &'static str,
-        /// The value that was found.
+        /// Value in the file.
         found: String,
-        /// What would be right.
+        /// Valid values, in words.
         expected: String,
     },
-    /// A label of the grid that is not in the montage, the other way round, or twice.
+    /// An electrode label that is malformed, occurs twice, or is only on the grid or only in the montage.
     #[error(
         "model.toml: electrode {label}: {problem}; grid.cells and montage.electrodes must hold the same labels, each once"
     )]
     Label {
-        /// The label.
+        /// Label of the electrode, as in the file.
         label: String,
-        /// What is wrong with it.
+        /// Description of the problem, without the subject.
         problem: &'static str,
     },
-    /// A tensor that the mode needs is not there.
+    /// A tensor that the model's mode requires is missing.
     #[error("{file}: tensor {name} is missing; a model of this mode needs it")]
     MissingTensor {
-        /// The file's name in the folder.
+        /// Name of the file in the artifact's folder.
         file: &'static str,
-        /// The tensor's name.
+        /// Name of the tensor, as in the file.
         name: String,
     },
-    /// A tensor that no model of this mode has: perhaps a misspelt name.
+    /// A tensor that no model of this mode has, perhaps a misspelt name.
     #[error("{file}: tensor {name} is not part of a model of this mode; rename or remove it")]
     UnknownTensor {
-        /// The file's name in the folder.
+        /// Name of the file in the artifact's folder.
         file: &'static str,
-        /// The tensor's name.
+        /// Name of the tensor, as in the file.
         name: String,
     },
-    /// A tensor has another shape.
+    /// A tensor has another shape than mode, padding and pool of the model require.
     #[error("{file}: tensor {name} has shape {found:?}, expected {expected:?}")]
     Shape {
-        /// The file's name in the folder.
+        /// Name of the file in the artifact's folder.
         file: &'static str,
-        /// The tensor's name.
+        /// Name of the tensor, as in the file.
         name: String,
-        /// The shape in the file.
+        /// Shape in the file.
         found: Vec<usize>,
-        /// The shape that the network has.
+        /// Shape that the network requires.
         expected: Vec<usize>,
     },
-    /// A tensor has another element type.
+    /// A tensor has another element type than the format.
     #[error(
         "{file}: tensor {name} has elements of type {found}, expected {expected}; convert it before writing"
     )]
     ElementType {
-        /// The file's name in the folder.
+        /// Name of the file in the artifact's folder.
         file: &'static str,
-        /// The tensor's name.
+        /// Name of the tensor, as in the file.
         name: String,
-        /// The type in the file.
+        /// Element type in the file.
         found: String,
-        /// The type that the format has.
+        /// Element type that the format requires.
         expected: &'static str,
     },
-    /// A number that is infinite or not a number: training diverged.
+    /// An element is infinite or NaN: training diverged.
     #[error("{file}: tensor {name}, element {index}, is {value}; train again with a lower rate")]
     NotFinite {
-        /// The file's name in the folder.
+        /// Name of the file in the artifact's folder.
         file: &'static str,
-        /// The tensor's name.
+        /// Name of the tensor, as in the file.
         name: String,
-        /// Index of the first such element.
+        /// Index of the first offending element, last dimension fastest.
         index: usize,
-        /// The element.
+        /// Value of that element.
         value: f32,
     },
-    /// A range or variance that is empty or negative.
+    /// A calibrated range is empty or a variance is negative.
     #[error("{file}: tensor {name}, element {index}: {problem}; calibrate or train again")]
     Range {
-        /// The file's name in the folder.
+        /// Name of the file in the artifact's folder.
         file: &'static str,
-        /// The tensor's name.
+        /// Name of the tensor, as in the file.
         name: String,
-        /// Index of the first such element.
+        /// Index of the first offending element, last dimension fastest.
         index: usize,
-        /// What is wrong with it.
+        /// Description of the problem, without the subject.
         problem: &'static str,
     },
-    /// Mode `paper` unpools with indices that are not in the code.
+    /// The model has mode `paper`, whose decoder needs pool indices that are not in the code.
     #[error(
         "a model of mode `paper` cannot be decoded from its code: its pool indices are not sent; use `paper-code-only` or `shortcut`"
     )]

@@ -1,25 +1,27 @@
+//! The float decoder.
+
 use crate::convolution::{Convolution, Norm, Volume, add_product};
 use crate::description::Mode;
+use crate::dimensions::{CODE, CONV1_CHANNELS, CONV2_CHANNELS, WINDOW_CELLS, WINDOW_ELECTRODES};
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
 use crate::geometry::Geometry;
 use crate::scalp_grid::ScalpGrid;
-use crate::shapes::{CHANNELS1, CHANNELS2, CODE, WINDOW_CELLS, WINDOW_ELECTRODES};
 
 /// The decoder in f32: fully connected; nearest-neighbour unpooling; transposed conv, ReLU, norm;
-/// transposed conv; plus the linear shortcut. Needs the code alone.
+/// transposed conv; plus the linear shortcut. Its only input is the code.
 #[derive(Clone, Debug)]
 pub struct FloatDecoder {
     grid: ScalpGrid,
     convolutions: Option<Convolutions>,
-    /// `[976][128]`; feature = step * 61 + electrode.
+    /// Weights `[976][128]`; feature = step * 61 + electrode.
     shortcut: Option<Vec<f32>>,
 }
 
 #[derive(Clone, Debug)]
 struct Convolutions {
     geometry: Geometry,
-    /// `[flat][128]`.
+    /// Weights `[flat][128]`.
     fc_weight: Vec<f32>,
     fc_bias: Vec<f32>,
     conv1: Convolution,
@@ -28,17 +30,17 @@ struct Convolutions {
 }
 
 impl FloatDecoder {
-    /// The decoder of an artifact.
+    /// Builds the decoder of an artifact.
     ///
     /// # Errors
-    /// When the mode is `paper`, whose codes do not decode by themselves; or when the artifact's
-    /// tensors do not fit its mode, which cannot be after [`Artifact::read`].
+    /// If the mode is `paper`, whose codes alone cannot be decoded; or if the artifact's tensors do not
+    /// fit its mode, which is impossible after [`Artifact::read`].
     pub fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
         let (mode, weights) = (artifact.description.mode, &artifact.weights);
         if mode == Mode::Paper {
             return Err(ArtifactError::NotDecodable);
         }
-        let geometry = Geometry::of(&artifact.description);
+        let geometry = Geometry::new(&artifact.description.network);
         let flat = geometry.flat();
         let convolutions = mode
             .has_convolutions()
@@ -50,11 +52,11 @@ impl FloatDecoder {
                     conv1: Convolution::read(
                         weights,
                         "decoder.conv1",
-                        [CHANNELS2, CHANNELS1],
-                        CHANNELS1,
+                        [CONV2_CHANNELS, CONV1_CHANNELS],
+                        CONV1_CHANNELS,
                     )?,
-                    norm1: Norm::read(weights, "decoder.norm1", CHANNELS1)?,
-                    conv2: Convolution::read(weights, "decoder.conv2", [CHANNELS1, 1], 1)?,
+                    norm1: Norm::read(weights, "decoder.norm1", CONV1_CHANNELS)?,
+                    conv2: Convolution::read(weights, "decoder.conv2", [CONV1_CHANNELS, 1], 1)?,
                 })
             })
             .transpose()?;
@@ -70,8 +72,8 @@ impl FloatDecoder {
         })
     }
 
-    /// The window of a code: 16 steps of 61 electrodes, electrode fastest; times `input.sd_uv` it
-    /// is uV.
+    /// Decodes a code to a window: 16 steps of 61 electrodes, electrode fastest, in units of
+    /// `input.sd_uv` microvolts.
     pub fn decode(&self, code: &[f32; CODE]) -> Vec<f32> {
         let mut window = match &self.convolutions {
             Some(convolutions) => self.grid.gather(&convolutions.decode(code)).to_vec(),
@@ -100,14 +102,14 @@ impl Convolutions {
     }
 }
 
-/// Nearest-neighbour unpooling: position p of n takes pooled position floor(p * pooled / n), as
-/// PyTorch's `interpolate` does; of five columns the first three take pooled column 0.
+/// Unpools by nearest neighbour: position p of n takes pooled position floor(p * pooled / n), as
+/// PyTorch's `interpolate` does. For example, the first three of five columns take pooled column 0.
 fn unpool(flat: &[f32], geometry: &Geometry) -> Volume {
     let (pooled, size) = (geometry.pooled, geometry.feature_map);
     let [steps, rows, columns] = size;
     let from = |position: usize, axis: usize| position * pooled[axis] / size[axis];
-    let mut values = Vec::with_capacity(CHANNELS2 * steps * rows * columns);
-    for channel in 0..CHANNELS2 {
+    let mut values = Vec::with_capacity(CONV2_CHANNELS * steps * rows * columns);
+    for channel in 0..CONV2_CHANNELS {
         for step in 0..steps {
             for row in 0..rows {
                 for column in 0..columns {
@@ -119,7 +121,7 @@ fn unpool(flat: &[f32], geometry: &Geometry) -> Volume {
         }
     }
     Volume {
-        channels: CHANNELS2,
+        channels: CONV2_CHANNELS,
         size,
         values,
     }
@@ -129,13 +131,13 @@ fn unpool(flat: &[f32], geometry: &Geometry) -> Volume {
 mod tests {
     use super::*;
     use crate::description::{NetworkShape, Padding};
+    use crate::dimensions::ELECTRODES;
     use crate::float_encoder::FloatEncoder;
-    use crate::shapes::ELECTRODES;
     use crate::testing;
 
     #[test]
     fn unpooling_repeats_the_nearest() {
-        let geometry = Geometry::of(&testing::description());
+        let geometry = Geometry::new(&testing::description().network);
         let flat: Vec<f32> = (0..geometry.flat()).map(|index| index as f32).collect();
         let x = unpool(&flat, &geometry);
         // Channel 1, step 3, row 5: pooled step 1, pooled row 2.
@@ -146,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn pca_decoding_inverts_encoding_inside_the_components() {
+    fn pca_decoding_inverts_encoding_for_windows_spanned_by_the_components() {
         let artifact = testing::pca();
         let decoder = FloatDecoder::new(&artifact).unwrap();
         let code = core::array::from_fn(|index| index as f32 + 1.0);
@@ -160,11 +162,11 @@ mod tests {
     }
 
     #[test]
-    fn a_code_gives_the_window_worked_out_by_hand() {
+    fn a_code_decodes_to_the_window_worked_out_by_hand() {
         // testing::shortcut: decoder.fc 0 = code 0; conv1 tap (0,0,0) of channel 0 -> 0 is 1; norm
         // gain 2, offset 0.25; conv2 tap (2,2,2) of channel 0 is 1, bias -0.5; no shortcut part.
-        // What pooled position 0 covers is shifted by conv2's tap where nothing is padded; where it
-        // is, conv1 shifts one back, out of the volume, and conv2 one forth.
+        // Along an unpadded axis, conv2's tap shifts the region that pooled position 0 covers. Along a
+        // padded one, conv1 shifts it back by one, out of the volume, and conv2 forward by one.
         let cases = [
             (Padding::None, [2, 2, 2], [2..4, 2..4, 2..5], [2, 2, 2]),
             (Padding::None, [4, 3, 5], [2..6, 2..5, 2..7], [2, 2, 2]),
@@ -174,7 +176,7 @@ mod tests {
         for (padding, pool, covered, first) in cases {
             let mut description = testing::description();
             description.network = NetworkShape { padding, pool };
-            let artifact = testing::shortcut_of(description);
+            let artifact = testing::shortcut_with(description);
             let decoder = FloatDecoder::new(&artifact).unwrap();
             let mut code = [0.0; CODE];
             code[0] = 3.0;
@@ -199,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn index_unpooling_is_not_called_decodable() {
+    fn a_model_of_mode_paper_has_no_decoder() {
         let mut artifact = testing::shortcut();
         artifact.description.mode = Mode::Paper;
         assert!(matches!(

@@ -1,19 +1,21 @@
+//! The float encoder.
+
 use crate::convolution::{Convolution, Norm, Volume, add_product};
+use crate::dimensions::{
+    CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, ROWS, STEPS, WINDOW_CELLS, WINDOW_ELECTRODES,
+};
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
 use crate::geometry::Geometry;
 use crate::scalp_grid::ScalpGrid;
-use crate::shapes::{
-    CHANNELS1, CHANNELS2, CODE, COLUMNS, ROWS, STEPS, WINDOW_CELLS, WINDOW_ELECTRODES,
-};
 
 /// The encoder in f32: conv, ReLU, norm, twice; max-pool; fully connected; plus the linear
-/// shortcut. The oracle of the integer encoder.
+/// shortcut. The reference for the integer encoder's quantisation error.
 #[derive(Clone, Debug)]
 pub struct FloatEncoder {
     grid: ScalpGrid,
     convolutions: Option<Convolutions>,
-    /// `[128][976]`; feature = step * 61 + electrode.
+    /// Weights `[128][976]`; feature = step * 61 + electrode.
     shortcut: Option<Vec<f32>>,
 }
 
@@ -24,44 +26,49 @@ struct Convolutions {
     norm1: Norm,
     conv2: Convolution,
     norm2: Norm,
-    /// `[128][flat]`.
+    /// Weights `[128][flat]`.
     fc_weight: Vec<f32>,
     fc_bias: Vec<f32>,
 }
 
-/// A code and how large the activations on the way to it were.
+/// A code with the largest activations of its computation, for calibration.
 #[derive(Clone, Copy, Debug)]
-pub struct Traced {
-    /// The code.
+pub struct TracedCode {
+    /// Float code, before quantisation.
     pub code: [f32; CODE],
-    /// Largest |g| * relu(conv1) with g = norm1.weight / sqrt(variance + 1e-5); 0 in mode `pca`.
+    /// Largest |g| * relu(conv1), where g = norm1.weight / sqrt(variance + 1e-5); 0 in mode `pca`.
     pub activation1_max: f32,
-    /// The same after conv2.
+    /// Largest |g| * relu(conv2), where g = norm2.weight / sqrt(variance + 1e-5); 0 in mode `pca`.
     pub activation2_max: f32,
 }
 
 impl FloatEncoder {
-    /// The encoder of an artifact.
+    /// Builds the encoder of an artifact.
     ///
     /// # Errors
-    /// When the artifact's tensors do not fit its mode; not after [`Artifact::read`].
+    /// If the artifact's tensors do not fit its mode; impossible after [`Artifact::read`].
     pub fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
         let (mode, weights) = (artifact.description.mode, &artifact.weights);
-        let geometry = Geometry::of(&artifact.description);
+        let geometry = Geometry::new(&artifact.description.network);
         let convolutions = mode
             .has_convolutions()
             .then(|| {
                 Ok::<_, ArtifactError>(Convolutions {
                     geometry,
-                    conv1: Convolution::read(weights, "encoder.conv1", [CHANNELS1, 1], CHANNELS1)?,
-                    norm1: Norm::read(weights, "encoder.norm1", CHANNELS1)?,
+                    conv1: Convolution::read(
+                        weights,
+                        "encoder.conv1",
+                        [CONV1_CHANNELS, 1],
+                        CONV1_CHANNELS,
+                    )?,
+                    norm1: Norm::read(weights, "encoder.norm1", CONV1_CHANNELS)?,
                     conv2: Convolution::read(
                         weights,
                         "encoder.conv2",
-                        [CHANNELS2, CHANNELS1],
-                        CHANNELS2,
+                        [CONV2_CHANNELS, CONV1_CHANNELS],
+                        CONV2_CHANNELS,
                     )?,
-                    norm2: Norm::read(weights, "encoder.norm2", CHANNELS2)?,
+                    norm2: Norm::read(weights, "encoder.norm2", CONV2_CHANNELS)?,
                     fc_weight: weights
                         .tensor("encoder.fc.weight", &[CODE, geometry.flat()])?
                         .to_vec(),
@@ -81,14 +88,14 @@ impl FloatEncoder {
         })
     }
 
-    /// The code of a window: step, row, column; uV divided by `input.sd_uv`.
+    /// Returns the code of a window: step, row, column; in units of `input.sd_uv` microvolts.
     pub fn encode(&self, window: &[f32; WINDOW_CELLS]) -> [f32; CODE] {
         self.encode_traced(window).code
     }
 
-    /// As [`FloatEncoder::encode`], with the sizes of the activations: what calibration measures.
-    pub fn encode_traced(&self, window: &[f32; WINDOW_CELLS]) -> Traced {
-        let mut traced = Traced {
+    /// Returns the code of a window with the largest activations, which calibration needs.
+    pub fn encode_traced(&self, window: &[f32; WINDOW_CELLS]) -> TracedCode {
+        let mut traced = TracedCode {
             code: [0.0; CODE],
             activation1_max: 0.0,
             activation2_max: 0.0,
@@ -108,7 +115,7 @@ impl FloatEncoder {
 }
 
 impl Convolutions {
-    fn encode(&self, window: &[f32; WINDOW_CELLS], traced: &mut Traced) {
+    fn encode(&self, window: &[f32; WINDOW_CELLS], traced: &mut TracedCode) {
         let x = Volume {
             channels: 1,
             size: [STEPS, ROWS, COLUMNS],
@@ -132,7 +139,7 @@ impl Convolutions {
     }
 }
 
-/// The largest of each pool; what does not fill a pool is dropped.
+/// Returns the maximum of each pool; positions that do not fill a pool are dropped.
 fn max_pool(x: &Volume, geometry: &Geometry) -> Vec<f32> {
     let ([_, rows, columns], pool) = (x.size, geometry.pool);
     let mut pooled = Vec::with_capacity(geometry.flat());
@@ -164,15 +171,15 @@ mod tests {
     use crate::testing;
 
     #[test]
-    fn the_pool_keeps_the_largest_of_each_block_and_drops_the_last_column() {
-        let geometry = Geometry::of(&testing::description());
+    fn the_pool_returns_the_maximum_of_each_block_and_drops_the_last_column() {
+        let geometry = Geometry::new(&testing::description().network);
         let [steps, rows, columns] = geometry.feature_map;
-        let mut values = vec![-1.0; CHANNELS2 * steps * rows * columns];
+        let mut values = vec![-1.0; CONV2_CHANNELS * steps * rows * columns];
         let at = |channel, t, r, c| ((channel * steps + t) * rows + r) * columns + c;
         values[at(3, 5, 2, 3)] = 7.0;
         values[at(3, 5, 2, 4)] = 9.0;
         let x = Volume {
-            channels: CHANNELS2,
+            channels: CONV2_CHANNELS,
             size: geometry.feature_map,
             values,
         };
@@ -193,15 +200,15 @@ mod tests {
             pool: [1, 3, 2],
         });
         let [steps, rows, columns] = geometry.feature_map;
-        let count = CHANNELS2 * steps * rows * columns;
+        let count = CONV2_CHANNELS * steps * rows * columns;
         let x = Volume {
-            channels: CHANNELS2,
+            channels: CONV2_CHANNELS,
             size: geometry.feature_map,
             values: (0..count).map(|index| index as f32).collect(),
         };
         let pooled = max_pool(&x, &geometry);
-        assert_eq!(pooled.len(), CHANNELS2 * 12 * 3 * 4);
-        // Channel 1, step 2, second group of rows, third of columns: its last row and column.
+        assert_eq!(pooled.len(), CONV2_CHANNELS * 12 * 3 * 4);
+        // Channel 1, step 2, pool row 1, pool column 2: the last row and column of that pool.
         let last = ((steps + 2) * rows + 5) * columns + 5;
         assert_eq!(pooled[((12 + 2) * 3 + 1) * 4 + 2], last as f32);
     }
@@ -210,14 +217,14 @@ mod tests {
     fn pca_codes_are_inner_products_with_the_components() {
         let artifact = testing::pca();
         let encoder = FloatEncoder::new(&artifact).unwrap();
-        // Component k of the test model is feature k alone.
+        // Component k of the test model is feature k.
         let electrodes = core::array::from_fn(|feature| feature as f32);
         let code = encoder.encode(&ScalpGrid::new(&artifact.description).scatter(&electrodes));
         assert_eq!(code, core::array::from_fn(|index| index as f32));
     }
 
     #[test]
-    fn a_constant_window_gives_the_code_worked_out_by_hand() {
+    fn a_constant_window_has_the_code_worked_out_by_hand() {
         // testing::shortcut: conv1 channel 0 = 0.5 + sum of 27 cells; norm gains 2 and offsets 0.25;
         // conv2 channel 0 = 0.1 * centre tap of channel 0; fc 0 = pooled value 0; no shortcut part.
         let artifact = testing::shortcut();
@@ -236,16 +243,17 @@ mod tests {
     }
 
     #[test]
-    fn a_padded_corner_gives_the_code_worked_out_by_hand() {
-        // As above, but pooled value 0 is the corner of the feature map, where conv2's centre tap
-        // reads the corner behind conv1: 8 of its 27 cells are inside with steps padded, 12 without.
+    fn a_padded_corner_has_the_code_worked_out_by_hand() {
+        // testing::shortcut as in the test above, but pooled value 0 is the corner of the feature map.
+        // There conv2's centre tap reads the corner of conv1's output, which sums the cells inside the
+        // window: 8 of 27 with padded steps, 12 without.
         for (padding, inside) in [(Padding::Space, 12.0), (Padding::All, 8.0)] {
             let mut description = testing::description();
             description.network = NetworkShape {
                 padding,
                 pool: [1, 1, 1],
             };
-            let artifact = testing::shortcut_of(description);
+            let artifact = testing::shortcut_with(description);
             let encoder = FloatEncoder::new(&artifact).unwrap();
             let traced = encoder.encode_traced(&[1.0; WINDOW_CELLS]);
             let after1 = 2.0 * (inside + 0.5) + 0.25;

@@ -1,34 +1,36 @@
+//! A trained model, and the folder it is stored in.
+
 use crate::description::Description;
 use crate::error::ArtifactError;
 use crate::model_id::ModelId;
-use crate::tensors::Tensors;
+use crate::tensors::{CALIBRATION, Tensors, WEIGHTS};
 use crate::validation;
 use std::path::Path;
 
-/// Name of the description's file.
+/// Name of the file that holds the description.
 const DESCRIPTION: &str = "model.toml";
-/// Name of the weights' file.
-pub(crate) const WEIGHTS: &str = "weights.safetensors";
-/// Name of the calibration's file.
-pub(crate) const CALIBRATION: &str = "calibration.safetensors";
+
+/// Factor by which the quantised input and activations exceed the range seen in calibration: clipping
+/// costs far more than resolution.
+pub const HEAD_ROOM: f64 = 1.25;
 
 /// A trained model: description, weights and calibration that belong together.
 ///
-/// Every way to get one checks it: what reading and [`Artifact::new`] return has all tensors of its
-/// mode in the right shapes, finite numbers, and a montage that fits the grid.
+/// Every constructor validates the parts: all tensors of the mode have the right shapes, all numbers
+/// are finite, and the montage fits the grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Artifact {
-    /// What training decided besides the weights.
+    /// Everything that training decided except the weights.
     pub description: Description,
-    /// Encoder and decoder, f32.
+    /// Weights of encoder and decoder, f32.
     pub weights: Tensors,
-    /// The ranges from which int8 scales are chosen, f32.
+    /// Calibrated ranges, f32, from which model-gen derives the int8 scales.
     pub calibration: Tensors,
-    /// Names the model: a hash over its files.
+    /// Hash over the three files, which identifies the model.
     pub id: ModelId,
 }
 
-/// The bytes of the files that the model id covers.
+/// Contents of the files that the model id covers.
 struct FileBytes {
     description: String,
     weights: Vec<u8>,
@@ -36,6 +38,7 @@ struct FileBytes {
 }
 
 impl FileBytes {
+    /// Returns names and contents in the order in which the model id hashes them.
     fn named(&self) -> [(&str, &[u8]); 3] {
         [
             (DESCRIPTION, self.description.as_bytes()),
@@ -46,10 +49,10 @@ impl FileBytes {
 }
 
 impl Artifact {
-    /// A model from its parts, with the id that [`Artifact::write`] will give it.
+    /// Creates a model from its parts; its id is that of the files [`Artifact::write`] will write.
     ///
     /// # Errors
-    /// When the parts do not make a model.
+    /// If the parts are not a valid model.
     pub fn new(
         description: Description,
         weights: Tensors,
@@ -62,14 +65,14 @@ impl Artifact {
             id: ModelId([0; 8]),
         };
         artifact.check()?;
-        artifact.id = ModelId::of(artifact.to_bytes()?.named());
+        artifact.id = ModelId::from_files(artifact.to_bytes()?.named());
         Ok(artifact)
     }
 
-    /// Reads the folder of an artifact.
+    /// Reads a model from its folder.
     ///
     /// # Errors
-    /// When a file cannot be read or the files do not make a model.
+    /// If a file cannot be read or the files are not a valid model.
     pub fn read(folder: &Path) -> Result<Self, ArtifactError> {
         let read = |name: &str| {
             let path = folder.join(name);
@@ -81,10 +84,10 @@ impl Artifact {
         Self::from_bytes(&description, &read(WEIGHTS)?, &read(CALIBRATION)?)
     }
 
-    /// A model from the contents of its files, for programs that embed them.
+    /// Parses a model from the contents of its files, for programs that embed them.
     ///
     /// # Errors
-    /// When the contents do not make a model.
+    /// If the contents are not a valid model.
     pub fn from_bytes(
         model_toml: &str,
         weights: &[u8],
@@ -99,18 +102,18 @@ impl Artifact {
             description: toml::from_str(model_toml)?,
             weights: Tensors::from_bytes(WEIGHTS, weights)?,
             calibration: Tensors::from_bytes(CALIBRATION, calibration)?,
-            id: ModelId::of(files),
+            id: ModelId::from_files(files),
         };
         artifact.check()?;
         Ok(artifact)
     }
 
-    /// Writes the three files of the model id into a folder, which is made when absent, and returns
-    /// the id of what was written. It equals `self.id` unless a part was changed since, or
-    /// `model.toml` was written by hand.
+    /// Writes the three files that the model id covers into a folder, creates it if necessary, and
+    /// returns the id of the written files. It equals `self.id` unless a part was changed since, or
+    /// the model was read from a hand-written `model.toml`.
     ///
     /// # Errors
-    /// When the parts do not make a model or a file cannot be written.
+    /// If the parts are not a valid model or a file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<ModelId, ArtifactError> {
         self.check()?;
         let bytes = self.to_bytes()?;
@@ -123,19 +126,28 @@ impl Artifact {
             let path = folder.join(name);
             std::fs::write(&path, content).map_err(|source| error(&path, source))?;
         }
-        Ok(ModelId::of(bytes.named()))
+        Ok(ModelId::from_files(bytes.named()))
+    }
+
+    /// Returns the microvolts of one level of the encoder's int8 input; its zero point is 0.
+    ///
+    /// # Errors
+    /// If the calibration has no `input.max_abs`; impossible after [`Artifact::read`].
+    pub fn input_scale_uv(&self) -> Result<f64, ArtifactError> {
+        let max_abs = self.calibration.tensor("input.max_abs", &[1])?[0];
+        Ok(f64::from(max_abs) * HEAD_ROOM / 127.0)
     }
 
     fn check(&self) -> Result<(), ArtifactError> {
-        validation::description(&self.description)?;
-        validation::weights(&self.description, &self.weights)?;
-        validation::calibration(&self.description, &self.calibration)
+        validation::check_description(&self.description)?;
+        validation::check_weights(&self.description, &self.weights)?;
+        validation::check_calibration(&self.description, &self.calibration)
     }
 
     fn to_bytes(&self) -> Result<FileBytes, ArtifactError> {
         let toml = toml::to_string(&self.description)?;
         Ok(FileBytes {
-            // One row of the grid on a line: the grid is read by people.
+            // One grid row per line, for human readers.
             description: toml
                 .replace("[[\"", "[\n    [\"")
                 .replace("], [", "],\n    [")
@@ -150,10 +162,11 @@ impl Artifact {
 mod tests {
     use super::*;
     use crate::description::{NetworkShape, Padding};
+    use crate::dimensions::{CODE, WINDOW_ELECTRODES};
     use crate::testing;
 
     #[test]
-    fn what_is_written_reads_back_with_the_same_id() {
+    fn a_written_model_reads_back_with_the_same_id() {
         let folder = tempfile::tempdir().unwrap();
         for artifact in [testing::pca(), testing::shortcut()] {
             let id = artifact.write(folder.path()).unwrap();
@@ -164,17 +177,15 @@ mod tests {
     }
 
     #[test]
-    fn every_file_of_the_model_changes_the_id() {
+    fn a_change_in_any_file_changes_the_id() {
         let artifact = testing::pca();
         let mut described = artifact.clone();
         described.description.filters.notch_q = 31.0;
         let mut weighted = artifact.clone();
-        let one = vec![1.0; crate::CODE * crate::WINDOW_ELECTRODES];
-        weighted.weights.insert(
-            "encoder.shortcut.weight",
-            &[crate::CODE, crate::WINDOW_ELECTRODES],
-            one,
-        );
+        let one = vec![1.0; CODE * WINDOW_ELECTRODES];
+        weighted
+            .weights
+            .insert("encoder.shortcut.weight", &[CODE, WINDOW_ELECTRODES], one);
         let mut calibrated = artifact.clone();
         calibrated
             .calibration
@@ -192,13 +203,13 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_folder_says_what_it_should_be() {
+    fn the_error_of_a_missing_folder_names_the_missing_file() {
         let error = Artifact::read(Path::new("/nowhere")).unwrap_err();
         assert!(error.to_string().contains("/nowhere/model.toml"), "{error}");
     }
 
     #[test]
-    fn a_misspelt_field_is_refused_by_name() {
+    fn the_error_of_a_misspelt_field_names_it() {
         let bytes = testing::pca().to_bytes().unwrap();
         let misspelt = bytes.description.replace("notch_q", "notch_Q");
         let error =
@@ -210,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_descriptions_are_refused_by_field() {
+    fn the_error_of_an_invalid_description_names_the_field() {
         type Change = fn(&mut Description);
         let cases: [(Change, &str); 17] = [
             (|d| d.format = 2, "format"),
@@ -252,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refused_pool_is_told_what_would_fit() {
+    fn the_error_of_an_invalid_pool_states_the_valid_sizes() {
         let refusal = |padding, pool| {
             let mut artifact = testing::pca();
             artifact.description.network = NetworkShape { padding, pool };
@@ -277,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn a_montage_that_does_not_fit_the_grid_is_refused_by_label() {
+    fn the_error_of_a_montage_that_does_not_fit_the_grid_names_the_label() {
         type Change = fn(&mut Description);
         let cases: [(Change, &str); 4] = [
             (|d| d.montage.electrodes[3] = "F9".to_owned(), "F2"),

@@ -1,40 +1,35 @@
-use crate::description::{Description, NetworkShape, Padding};
-use crate::shapes::{CHANNELS2, COLUMNS, KERNEL, ROWS, STEPS};
+//! Sizes of the volumes between the layers.
+
+use crate::description::{NetworkShape, Padding};
+use crate::dimensions::{COLUMNS, CONV2_CHANNELS, KERNEL, ROWS, STEPS};
 
 /// Sizes of the volumes between the layers, each in steps, rows, columns.
 ///
-/// | Padding | behind conv1 | behind conv2 |
+/// | Padding | after conv1 | after conv2 |
 /// | --- | --- | --- |
 /// | `none` | 14 x 8 x 7 | 12 x 6 x 5 |
 /// | `space` | 14 x 10 x 9 | 12 x 10 x 9 |
 /// | `all` | 16 x 10 x 9 | 16 x 10 x 9 |
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Geometry {
-    /// What both convolutions read beyond their input's edges.
+    /// Zero padding of both convolutions.
     pub padding: Padding,
-    /// Of how many values the max-pool keeps the largest.
+    /// Steps, rows and columns of a pool.
     pub pool: [usize; 3],
-    /// Behind the first convolution, 16 channels.
+    /// Output of the first convolution.
     pub hidden: [usize; 3],
-    /// Behind the second convolution, 32 channels.
+    /// Output of the second convolution.
     pub feature_map: [usize; 3],
-    /// Behind the max-pool, which drops what does not fill a pool.
+    /// Output of the max-pool, which drops positions that do not fill a pool.
     pub pooled: [usize; 3],
 }
 
 impl Geometry {
-    /// The sizes that a description holds.
+    /// Returns the sizes that follow from padding and pool.
     ///
     /// # Panics
-    /// When a pool has no steps, rows or columns. No [`crate::Artifact`] holds such a description.
-    pub fn of(description: &Description) -> Self {
-        Self::new(&description.network)
-    }
-
-    /// As [`Geometry::of`], from the part of a description that says them.
-    ///
-    /// # Panics
-    /// As [`Geometry::of`].
+    /// If a dimension of the pool is 0. Reading or creating an [`Artifact`](crate::Artifact) refuses
+    /// such a description.
     pub const fn new(network: &NetworkShape) -> Self {
         let NetworkShape { padding, pool } = *network;
         let hidden = convolved([STEPS, ROWS, COLUMNS], padding);
@@ -52,13 +47,14 @@ impl Geometry {
         }
     }
 
-    /// Inputs of the fully connected layer: channel, step, row, column, the last fastest.
+    /// Returns the number of inputs of the fully connected layer: channel, step, row, column, the last
+    /// fastest.
     pub const fn flat(&self) -> usize {
-        CHANNELS2 * self.pooled[0] * self.pooled[1] * self.pooled[2]
+        CONV2_CHANNELS * self.pooled[0] * self.pooled[1] * self.pooled[2]
     }
 }
 
-/// The size behind a convolution.
+/// Returns the size of a convolution's output from the size of its input.
 const fn convolved(size: [usize; 3], padding: Padding) -> [usize; 3] {
     let pads = padding.pads();
     [
@@ -73,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn padding_and_pool_give_the_sizes_worked_out_by_hand() {
+    fn sizes_follow_from_padding_and_pool_as_worked_out_by_hand() {
         let cases = [
             (Padding::None, [2, 2, 2], [12, 6, 5], [6, 3, 2], 1_152),
             (Padding::None, [4, 6, 5], [12, 6, 5], [3, 1, 1], 96),

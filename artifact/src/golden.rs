@@ -1,7 +1,9 @@
-use crate::CodeFormat;
+//! Golden windows: inputs with the codes that every integer encoder must produce.
+
+use crate::description::CodeFormat;
+use crate::dimensions::{CELLS, CODE, STEPS};
 use crate::error::ArtifactError;
 use crate::integer_code::IntegerCode;
-use crate::shapes::{CELLS, CODE, STEPS};
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 use std::path::Path;
@@ -9,43 +11,43 @@ use std::path::Path;
 /// Name of the file in the artifact's folder.
 const FILE: &str = "golden.safetensors";
 
-/// Name of the tensor that only codes with an exponent have.
+/// Name of the tensor of exponents, which only format `Int8Exponent` has.
 const EXPONENTS: &str = "exponents";
 
-/// Quantised windows and the codes that the integer encoder of this model makes of them.
+/// Quantised windows, and the codes that the integer encoder of this model returns for them.
 ///
-/// Written by `trainer` from `model-gen`'s integer reference; every other integer encoder must give
+/// `trainer` writes them from model-gen's integer reference; every other integer encoder must return
 /// the same bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Golden {
-    /// Format of the codes: int8 codes `[n, 128]`, beside them `exponents` `[n]` in `Int8Exponent`,
-    /// or int16 codes.
+    /// Format of the codes. The file holds `codes` `[n, 128]` as int8 or int16, and for `Int8Exponent`
+    /// also `exponents` `[n]` as uint8.
     pub format: CodeFormat,
-    /// int8 planes of the scalp grid, 16 to a window.
+    /// Int8 planes of the scalp grid, 16 for each window.
     pub windows: Vec<[[i8; CELLS]; STEPS]>,
-    /// The code of each window.
+    /// Code of each window.
     pub codes: Vec<IntegerCode>,
 }
 
 impl Golden {
-    /// Reads `golden.safetensors` of an artifact's folder.
+    /// Reads `golden.safetensors` from an artifact's folder.
     ///
     /// # Errors
-    /// When the file cannot be read or holds no windows `[n, 16, 90]` and codes `[n, 128]`.
+    /// If the file cannot be read or does not hold windows `[n, 16, 90]` and codes `[n, 128]`.
     pub fn read(folder: &Path) -> Result<Self, ArtifactError> {
         let path = folder.join(FILE);
         let bytes = std::fs::read(&path).map_err(|source| ArtifactError::File { path, source })?;
         Self::from_bytes(&bytes)
     }
 
-    /// Golden windows from the contents of their file.
+    /// Parses the contents of `golden.safetensors`.
     ///
     /// # Errors
-    /// When the contents hold no windows `[n, 16, 90]` and codes `[n, 128]`.
+    /// If the contents are not windows `[n, 16, 90]` and codes `[n, 128]`.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ArtifactError> {
         let file = SafeTensors::deserialize(bytes)
             .map_err(|source| ArtifactError::Safetensors { file: FILE, source })?;
-        let count = windows_of(&file)?;
+        let count = window_count(&file)?;
         let windows = contents(&file, "windows", Dtype::I8, &[count, STEPS, CELLS])?;
         let windows: Vec<i8> = windows.iter().map(|byte| byte.cast_signed()).collect();
         let (planes, _) = windows.as_chunks::<CELLS>();
@@ -59,7 +61,7 @@ impl Golden {
         } else {
             CodeFormat::Int8
         };
-        let values = contents(&file, "codes", element(format), &[count, CODE])?;
+        let values = contents(&file, "codes", element_type(format), &[count, CODE])?;
         let values: Vec<i16> = match format {
             CodeFormat::Int8 | CodeFormat::Int8Exponent => {
                 let values = values.iter().map(|byte| byte.cast_signed());
@@ -88,10 +90,10 @@ impl Golden {
     /// Writes `golden.safetensors` into an artifact's folder.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     ///
     /// # Panics
-    /// When there are not as many codes as windows.
+    /// If the numbers of codes and windows differ.
     pub fn write(&self, folder: &Path) -> Result<(), ArtifactError> {
         let path = folder.join(FILE);
         std::fs::write(&path, self.to_bytes()?)
@@ -105,7 +107,7 @@ impl Golden {
         let windows = self.windows.as_flattened().as_flattened().iter();
         let windows: Vec<u8> = windows.map(|q| q.cast_unsigned()).collect();
         let values = self.codes.iter().flat_map(|code| code.values);
-        let width = element(self.format).bitsize() / 8;
+        let width = element_type(self.format).bitsize() / 8;
         let values: Vec<u8> = values
             .flat_map(|value| value.to_le_bytes().into_iter().take(width))
             .collect();
@@ -116,7 +118,7 @@ impl Golden {
         let mut views = vec![
             (
                 "codes",
-                view(element(self.format), &[count, CODE], &values)?,
+                view(element_type(self.format), &[count, CODE], &values)?,
             ),
             (
                 "windows",
@@ -130,15 +132,16 @@ impl Golden {
     }
 }
 
-/// Element of the values of codes.
-fn element(format: CodeFormat) -> Dtype {
+/// Returns the element type of the tensor `codes`.
+fn element_type(format: CodeFormat) -> Dtype {
     match format {
         CodeFormat::Int8 | CodeFormat::Int8Exponent => Dtype::I8,
         CodeFormat::Int16 => Dtype::I16,
     }
 }
 
-fn windows_of(file: &SafeTensors) -> Result<usize, ArtifactError> {
+/// Returns the number of windows in the file.
+fn window_count(file: &SafeTensors) -> Result<usize, ArtifactError> {
     let view = tensor(file, "windows")?;
     Ok(view.shape().first().copied().unwrap_or(0))
 }
@@ -150,7 +153,7 @@ fn tensor<'f>(file: &'f SafeTensors, name: &str) -> Result<TensorView<'f>, Artif
     })
 }
 
-/// The bytes of a tensor of this type and shape, little endian.
+/// Returns the bytes of a tensor, little-endian, or an error if its type or shape differs.
 fn contents<'f>(
     file: &'f SafeTensors,
     name: &str,
@@ -200,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_reads_back_in_every_format() {
+    fn written_golden_windows_read_back_in_every_format() {
         for format in [
             CodeFormat::Int8,
             CodeFormat::Int8Exponent,
@@ -213,14 +216,14 @@ mod tests {
     }
 
     #[test]
-    fn the_checked_in_golden_is_written_as_it_was_read() {
+    fn writing_the_checked_in_file_reproduces_its_bytes() {
         let bytes = include_bytes!("../../model/artifact/golden.safetensors");
         let golden = Golden::from_bytes(bytes).unwrap();
         assert!(golden.to_bytes().unwrap() == bytes);
     }
 
     #[test]
-    fn another_number_of_codes_than_windows_is_refused() {
+    fn a_number_of_codes_other_than_that_of_windows_is_refused() {
         let codes = [0; 2 * CODE];
         let windows = [0; STEPS * CELLS];
         let bytes = safetensors::serialize(

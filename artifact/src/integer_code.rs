@@ -1,28 +1,31 @@
-//! The integers of a code.
+//! A code in integers.
 
 use std::fmt;
 
-use crate::{CODE, CodeFormat};
+use crate::description::CodeFormat;
+use crate::dimensions::CODE;
 
-/// The integers of a code, whatever its [`CodeFormat`]: `z = (step - zero point) * scale`.
+/// A code in integers, in any [`CodeFormat`].
+///
+/// Dequantised: `z = (level - zero point) * scale` with `level = value * 2^exponent`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IntegerCode {
-    /// Power of two that all values share, 0..=8; 0 in the formats without one.
+    /// Exponent of two shared by all values, 0..=8; 0 in the formats without exponent.
     pub exponent: u8,
-    /// The values, -128..=127 in the formats of 8 bits.
+    /// Values; -128..=127 in the 8-bit formats.
     pub values: [i16; CODE],
 }
 
 impl IntegerCode {
-    /// `value * 2^exponent`.
-    pub fn steps(&self) -> [i32; CODE] {
+    /// Returns `value * 2^exponent` for each value.
+    pub fn levels(&self) -> [i32; CODE] {
         self.values
             .map(|value| i32::from(value) * 2_i32.pow(self.exponent.into()))
     }
 }
 
 impl CodeFormat {
-    /// The largest exponent: 8 in the format that has one.
+    /// Returns the largest exponent: 8 in the format with an exponent, otherwise 0.
     pub fn largest_exponent(self) -> u8 {
         match self {
             Self::Int8 | Self::Int16 => 0,
@@ -30,7 +33,7 @@ impl CodeFormat {
         }
     }
 
-    /// The least and the greatest value.
+    /// Returns the smallest and the largest value.
     pub fn range(self) -> [i16; 2] {
         match self {
             Self::Int8 | Self::Int8Exponent => [i8::MIN.into(), i8::MAX.into()],

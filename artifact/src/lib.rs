@@ -1,18 +1,37 @@
 //! The trained artifact on disk, and the float network that it describes.
 //!
-//! Everything that training decided travels in one folder: the network's weights, but also the
-//! filters, the montage and the scale of its input, so that nothing has to be repeated elsewhere.
+//! One folder holds everything that training decided: the weights, and also the filters, the montage
+//! and the scale of the input, so that no other file repeats them.
 //!
-//! | File | Holds | In the model id |
+//! ```text
+//! trainer --> folder --Artifact::read--> Artifact --> model-gen: integers for the device
+//!                                           |
+//!            window --> FloatEncoder --> code --> FloatDecoder --> window
+//! ```
+//!
+//! | File | Contents | Part of the model id |
 //! | --- | --- | --- |
 //! | `model.toml` | [`Description`]: mode, shapes, rates, filters, montage, training card | yes |
-//! | `weights.safetensors` | encoder and decoder, f32, PyTorch's names and shapes | yes |
-//! | `calibration.safetensors` | the ranges from which `model-gen` chooses its int8 scales, f32 | yes |
-//! | `golden.safetensors` | int8 windows and their codes ([`Golden`]) | no: a check of that model |
+//! | `weights.safetensors` | encoder and decoder, f32, with PyTorch's names and shapes | yes |
+//! | `calibration.safetensors` | ranges from which model-gen derives the int8 scales, f32 | yes |
+//! | `golden.safetensors` | int8 windows and their codes ([`Golden`]) | no: it tests the model |
 //!
-//! `model-gen` turns an [`Artifact`] into integers for the device. [`FloatEncoder`] and
-//! [`FloatDecoder`] run the same network in f32 and plain loops: the oracle of the integer encoder,
-//! and the decoder of the bridge.
+//! [`FloatEncoder`] and [`FloatDecoder`] run the network in f32 with plain loops. The encoder is the
+//! reference for the integer encoder; the bridge decodes with the decoder.
+//!
+//! ```
+//! use artifact::{Artifact, FloatDecoder, FloatEncoder, WINDOW_CELLS, WINDOW_ELECTRODES};
+//! use std::path::Path;
+//!
+//! let folder = Path::new("../model/artifact");
+//! let artifact = Artifact::read(folder)?;
+//! let code = FloatEncoder::new(&artifact)?.encode(&[0.0; WINDOW_CELLS]);
+//! let window = FloatDecoder::new(&artifact)?.decode(&code);
+//! assert_eq!(window.len(), WINDOW_ELECTRODES);
+//! // A window of zeros is reconstructed to a tenth of a standard deviation of the training data.
+//! assert!(window.iter().all(|electrode| electrode.abs() < 0.1));
+//! # Ok::<(), artifact::ArtifactError>(())
+//! ```
 #![forbid(unsafe_code)]
 #![cfg_attr(
     test,
@@ -25,13 +44,13 @@
 
 mod convolution;
 mod description;
+mod dimensions;
 mod error;
 mod float_decoder;
 mod float_encoder;
 mod folder;
 mod geometry;
 mod golden;
-mod input_scale;
 mod integer_code;
 mod model_id;
 mod scalp_grid;
@@ -47,19 +66,19 @@ pub use description::{
     Adc, CodeFormat, CodeQuantisation, Decimation, Description, Filters, Grid, Input, Mode,
     Montage, NetworkShape, Padding, Window,
 };
+pub use dimensions::{
+    CELLS, CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, ELECTRODES, KERNEL, ROWS, STEPS,
+    WINDOW_CELLS, WINDOW_ELECTRODES,
+};
 pub use error::ArtifactError;
 pub use float_decoder::FloatDecoder;
-pub use float_encoder::{FloatEncoder, Traced};
-pub use folder::Artifact;
+pub use float_encoder::{FloatEncoder, TracedCode};
+pub use folder::{Artifact, HEAD_ROOM};
 pub use geometry::Geometry;
 pub use golden::Golden;
-pub use input_scale::HEAD_ROOM;
 pub use integer_code::IntegerCode;
 pub use model_id::ModelId;
 pub use scalp_grid::ScalpGrid;
-pub use shapes::{
-    CELLS, CODE, COLUMNS, ELECTRODES, NORM_EPSILON, NamedShape, ROWS, STEPS, WINDOW_CELLS,
-    WINDOW_ELECTRODES, weight_shapes,
-};
+pub use shapes::{NORM_EPSILON, NamedShape, weight_shapes};
 pub use tensors::Tensors;
 pub use training_card::{Figures, TrainingCard};

@@ -1,17 +1,18 @@
+//! The id of a model.
+
 use sha2::{Digest, Sha256};
 use std::fmt;
 
-/// Names a model: every frame carries it, and the bridge decodes with no other.
+/// Identifies a model. Every frame carries the id, and the bridge decodes only frames of its own model.
 ///
 /// The first 8 bytes of the SHA-256 over, for each of `model.toml`, `weights.safetensors` and
-/// `calibration.safetensors` in this order: the name's bytes, the length as u64 little-endian, the
-/// file's bytes.
+/// `calibration.safetensors` in this order: the name, the length as little-endian u64, the contents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ModelId(pub [u8; 8]);
 
 impl ModelId {
-    /// The id of these files, given in the order above.
-    pub(crate) fn of(files: [(&str, &[u8]); 3]) -> Self {
+    /// Hashes names and contents of the three files, in the order above.
+    pub(crate) fn from_files(files: [(&str, &[u8]); 3]) -> Self {
         let mut hash = Sha256::new();
         for (name, bytes) in files {
             hash.update(name.as_bytes());
@@ -26,7 +27,7 @@ impl ModelId {
 }
 
 impl fmt::Display for ModelId {
-    /// 16 hexadecimal digits, lower case.
+    /// Writes 16 lower-case hexadecimal digits.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
     }
@@ -37,16 +38,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_id_is_the_head_of_the_documented_hash() {
-        let id = ModelId::of([("a", b"xy"), ("b", b""), ("c", b"z")]);
+    fn the_id_is_the_start_of_the_documented_hash() {
+        let id = ModelId::from_files([("a", b"xy"), ("b", b""), ("c", b"z")]);
         // python3: hashlib.sha256(b"a"+pack("<Q",2)+b"xy"+b"b"+pack("<Q",0)+b"c"+pack("<Q",1)+b"z")
         assert_eq!(id.to_string(), "301a42a801ffdce3");
     }
 
     #[test]
-    fn a_byte_that_moves_between_files_changes_the_id() {
-        let one = ModelId::of([("a", b"xy"), ("b", b"z"), ("c", b"")]);
-        let other = ModelId::of([("a", b"x"), ("b", b"yz"), ("c", b"")]);
+    fn moving_a_byte_between_files_changes_the_id() {
+        let one = ModelId::from_files([("a", b"xy"), ("b", b"z"), ("c", b"")]);
+        let other = ModelId::from_files([("a", b"x"), ("b", b"yz"), ("c", b"")]);
         assert_ne!(one, other);
     }
 }

@@ -1,8 +1,7 @@
-use crate::description::Description;
-use crate::shapes::{CELLS, ELECTRODES, STEPS, WINDOW_CELLS, WINDOW_ELECTRODES};
+//! The map between electrodes and cells of the scalp grid.
 
-/// Label of a cell that no electrode lies on.
-pub(crate) const EMPTY: &str = "_";
+use crate::description::Description;
+use crate::dimensions::{CELLS, ELECTRODES, STEPS, WINDOW_CELLS, WINDOW_ELECTRODES};
 
 /// The map between electrodes (in ADC channel order) and cells of the scalp grid (row-major).
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -11,11 +10,11 @@ pub struct ScalpGrid {
 }
 
 impl ScalpGrid {
-    /// The map that a description holds.
+    /// Builds the map from the montage and the grid of a description.
     ///
     /// # Panics
-    /// When an electrode of the montage is not on the grid. No [`crate::Artifact`] holds such a
-    /// description: reading and making one refuse it.
+    /// If an electrode of the montage is not on the grid. Reading or creating an
+    /// [`Artifact`](crate::Artifact) refuses such a description.
     pub fn new(description: &Description) -> Self {
         let cells: Vec<&String> = description.grid.cells.iter().flatten().collect();
         let cell_of_electrode = core::array::from_fn(|electrode| {
@@ -28,13 +27,13 @@ impl ScalpGrid {
         Self { cell_of_electrode }
     }
 
-    /// The cell (row * 9 + column, 0..90) of each electrode.
+    /// Returns the cell, row * 9 + column, of each electrode; 0..90.
     pub fn cell_of_electrode(&self) -> &[usize; ELECTRODES] {
         &self.cell_of_electrode
     }
 
-    /// Lays a window of electrodes (step, electrode) on the grid (step, row, column); empty cells
-    /// hold 0.
+    /// Converts a window of electrodes (step, electrode) to the grid (step, row, column); cells without
+    /// an electrode become 0.
     pub fn scatter(&self, electrodes: &[f32; WINDOW_ELECTRODES]) -> Box<[f32; WINDOW_CELLS]> {
         let mut cells = Box::new([0.0; WINDOW_CELLS]);
         for step in 0..STEPS {
@@ -45,7 +44,7 @@ impl ScalpGrid {
         cells
     }
 
-    /// Takes the electrodes (step, electrode) out of a window on the grid (step, row, column).
+    /// Converts a window on the grid (step, row, column) to its electrodes (step, electrode).
     pub fn gather(&self, cells: &[f32; WINDOW_CELLS]) -> Box<[f32; WINDOW_ELECTRODES]> {
         let mut electrodes = Box::new([0.0; WINDOW_ELECTRODES]);
         for step in 0..STEPS {
@@ -63,14 +62,14 @@ mod tests {
     use crate::testing;
 
     #[test]
-    fn scattering_then_gathering_gives_the_window_back() {
+    fn gathering_inverts_scattering() {
         let grid = ScalpGrid::new(&testing::description());
         let window: [f32; WINDOW_ELECTRODES] = core::array::from_fn(|index| index as f32);
         assert_eq!(*grid.gather(&grid.scatter(&window)), window);
     }
 
     #[test]
-    fn the_first_electrode_of_the_paper_lies_in_the_third_cell() {
+    fn the_first_electrode_of_the_paper_s_grid_is_in_the_third_cell() {
         let grid = ScalpGrid::new(&testing::description());
         assert_eq!(grid.cell_of_electrode()[0], 2);
         let mut window = [0.0; WINDOW_ELECTRODES];

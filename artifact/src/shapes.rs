@@ -1,71 +1,57 @@
+//! Names and shapes of the tensors of a model.
+
 use crate::description::Mode;
+use crate::dimensions::{CODE, CONV1_CHANNELS, CONV2_CHANNELS, KERNEL, WINDOW_ELECTRODES};
 use crate::geometry::Geometry;
 
-/// Time steps of a window, at 128 Hz.
-pub const STEPS: usize = 16;
-/// Rows of the scalp grid, front to back.
-pub const ROWS: usize = 10;
-/// Columns of the scalp grid, left to right.
-pub const COLUMNS: usize = 9;
-/// Cells of one plane of the scalp grid; empty cells hold 0.
-pub const CELLS: usize = ROWS * COLUMNS;
-/// Electrodes: the cells that are not empty.
-pub const ELECTRODES: usize = 61;
-/// Numbers in a code.
-pub const CODE: usize = 128;
-/// Numbers of a window on the scalp grid; step, row, column, the last fastest.
-pub const WINDOW_CELLS: usize = STEPS * CELLS;
-/// Numbers of a window of electrodes alone; electrode fastest.
-pub const WINDOW_ELECTRODES: usize = STEPS * ELECTRODES;
-
-/// Channels after the first convolution.
-pub(crate) const CHANNELS1: usize = 16;
-/// Channels after the second convolution.
-pub(crate) const CHANNELS2: usize = 32;
-/// Edge of every kernel, in all three dimensions.
-pub(crate) const KERNEL: usize = 3;
-/// Added to a variance before its root is taken; PyTorch's default.
+/// Number added to a variance before its square root is taken; PyTorch's default.
 pub const NORM_EPSILON: f32 = 1e-5;
 
-/// Name and shape of a tensor.
+/// Name and shape of a tensor, in PyTorch's order of dimensions.
 pub type NamedShape = (&'static str, Vec<usize>);
 
-/// Convolutions, norms and fully connected layers of encoder and decoder.
-fn network(flat: usize) -> Vec<NamedShape> {
+/// Returns the tensors of the convolutions, norms and fully connected layers of encoder and decoder.
+fn convolution_shapes(flat: usize) -> Vec<NamedShape> {
     let kernel = |first: usize, second: usize| vec![first, second, KERNEL, KERNEL, KERNEL];
     vec![
-        ("encoder.conv1.weight", kernel(CHANNELS1, 1)),
-        ("encoder.conv1.bias", vec![CHANNELS1]),
-        ("encoder.norm1.weight", vec![CHANNELS1]),
-        ("encoder.norm1.bias", vec![CHANNELS1]),
-        ("encoder.norm1.running_mean", vec![CHANNELS1]),
-        ("encoder.norm1.running_var", vec![CHANNELS1]),
-        ("encoder.conv2.weight", kernel(CHANNELS2, CHANNELS1)),
-        ("encoder.conv2.bias", vec![CHANNELS2]),
-        ("encoder.norm2.weight", vec![CHANNELS2]),
-        ("encoder.norm2.bias", vec![CHANNELS2]),
-        ("encoder.norm2.running_mean", vec![CHANNELS2]),
-        ("encoder.norm2.running_var", vec![CHANNELS2]),
+        ("encoder.conv1.weight", kernel(CONV1_CHANNELS, 1)),
+        ("encoder.conv1.bias", vec![CONV1_CHANNELS]),
+        ("encoder.norm1.weight", vec![CONV1_CHANNELS]),
+        ("encoder.norm1.bias", vec![CONV1_CHANNELS]),
+        ("encoder.norm1.running_mean", vec![CONV1_CHANNELS]),
+        ("encoder.norm1.running_var", vec![CONV1_CHANNELS]),
+        (
+            "encoder.conv2.weight",
+            kernel(CONV2_CHANNELS, CONV1_CHANNELS),
+        ),
+        ("encoder.conv2.bias", vec![CONV2_CHANNELS]),
+        ("encoder.norm2.weight", vec![CONV2_CHANNELS]),
+        ("encoder.norm2.bias", vec![CONV2_CHANNELS]),
+        ("encoder.norm2.running_mean", vec![CONV2_CHANNELS]),
+        ("encoder.norm2.running_var", vec![CONV2_CHANNELS]),
         ("encoder.fc.weight", vec![CODE, flat]),
         ("encoder.fc.bias", vec![CODE]),
         ("decoder.fc.weight", vec![flat, CODE]),
         ("decoder.fc.bias", vec![flat]),
-        ("decoder.conv1.weight", kernel(CHANNELS2, CHANNELS1)),
-        ("decoder.conv1.bias", vec![CHANNELS1]),
-        ("decoder.norm1.weight", vec![CHANNELS1]),
-        ("decoder.norm1.bias", vec![CHANNELS1]),
-        ("decoder.norm1.running_mean", vec![CHANNELS1]),
-        ("decoder.norm1.running_var", vec![CHANNELS1]),
-        ("decoder.conv2.weight", kernel(CHANNELS1, 1)),
+        (
+            "decoder.conv1.weight",
+            kernel(CONV2_CHANNELS, CONV1_CHANNELS),
+        ),
+        ("decoder.conv1.bias", vec![CONV1_CHANNELS]),
+        ("decoder.norm1.weight", vec![CONV1_CHANNELS]),
+        ("decoder.norm1.bias", vec![CONV1_CHANNELS]),
+        ("decoder.norm1.running_mean", vec![CONV1_CHANNELS]),
+        ("decoder.norm1.running_var", vec![CONV1_CHANNELS]),
+        ("decoder.conv2.weight", kernel(CONV1_CHANNELS, 1)),
         ("decoder.conv2.bias", vec![1]),
     ]
 }
 
-/// The tensors of `weights.safetensors` for a mode and the sizes of its convolutions: exactly these.
+/// Returns all tensors of `weights.safetensors` for a mode and the sizes of its convolutions.
 pub fn weight_shapes(mode: Mode, geometry: &Geometry) -> Vec<NamedShape> {
     let mut shapes = Vec::new();
     if mode.has_convolutions() {
-        shapes.extend(network(geometry.flat()));
+        shapes.extend(convolution_shapes(geometry.flat()));
     }
     if mode.has_shortcut() {
         shapes.push(("encoder.shortcut.weight", vec![CODE, WINDOW_ELECTRODES]));
@@ -74,8 +60,8 @@ pub fn weight_shapes(mode: Mode, geometry: &Geometry) -> Vec<NamedShape> {
     shapes
 }
 
-/// The tensors of `calibration.safetensors` for a mode: exactly these.
-pub(crate) fn calibration(mode: Mode) -> Vec<NamedShape> {
+/// Returns all tensors of `calibration.safetensors` for a mode.
+pub(crate) fn calibration_shapes(mode: Mode) -> Vec<NamedShape> {
     let mut shapes = vec![
         ("input.max_abs", vec![1]),
         ("code.min", vec![CODE]),

@@ -1,8 +1,15 @@
+//! The tensors of one file.
+
 use crate::error::ArtifactError;
 use crate::shapes::NamedShape;
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 use std::collections::BTreeMap;
+
+/// Name of the file that holds the weights.
+pub(crate) const WEIGHTS: &str = "weights.safetensors";
+/// Name of the file that holds the calibrated ranges.
+pub(crate) const CALIBRATION: &str = "calibration.safetensors";
 
 /// The f32 tensors of one `.safetensors` file, by name.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,14 +19,14 @@ pub struct Tensors {
 }
 
 impl Tensors {
-    /// No tensors yet; they will be written to `weights.safetensors`.
+    /// Creates an empty set of tensors for `weights.safetensors`.
     pub fn for_weights() -> Self {
-        Self::new(crate::folder::WEIGHTS)
+        Self::new(WEIGHTS)
     }
 
-    /// No tensors yet; they will be written to `calibration.safetensors`.
+    /// Creates an empty set of tensors for `calibration.safetensors`.
     pub fn for_calibration() -> Self {
-        Self::new(crate::folder::CALIBRATION)
+        Self::new(CALIBRATION)
     }
 
     fn new(file: &'static str) -> Self {
@@ -29,10 +36,10 @@ impl Tensors {
         }
     }
 
-    /// Puts a tensor in; one of the same name is replaced.
+    /// Inserts a tensor, or replaces the one of the same name.
     ///
     /// # Panics
-    /// When `values` has not as many elements as `shape` says.
+    /// If the number of `values` is not the product of `shape`.
     pub fn insert(&mut self, name: &str, shape: &[usize], values: Vec<f32>) {
         assert_eq!(
             values.len(),
@@ -43,10 +50,10 @@ impl Tensors {
             .insert(name.to_owned(), (shape.to_vec(), values));
     }
 
-    /// The elements of a tensor, last dimension fastest.
+    /// Returns the elements of a tensor, last dimension fastest.
     ///
     /// # Errors
-    /// When there is no tensor of this name, or it has another shape.
+    /// If there is no tensor of this name, or its shape differs.
     pub fn tensor(&self, name: &str, shape: &[usize]) -> Result<&[f32], ArtifactError> {
         let (found, values) =
             self.tensors
@@ -66,14 +73,14 @@ impl Tensors {
         Ok(values)
     }
 
-    /// Name and shape of every tensor, in the order of their names.
+    /// Returns name and shape of every tensor, sorted by name.
     pub fn shapes(&self) -> impl Iterator<Item = (&str, &[usize])> {
         self.tensors
             .iter()
             .map(|(name, (shape, _))| (name.as_str(), shape.as_slice()))
     }
 
-    /// Refuses a missing, unknown or misshapen tensor and a number that is not finite.
+    /// Returns an error if a tensor is missing, unknown or misshapen, or a number is not finite.
     pub(crate) fn check(&self, expected: &[NamedShape]) -> Result<(), ArtifactError> {
         for (name, shape) in expected {
             let values = self.tensor(name, shape)?;
@@ -164,7 +171,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bytes_read_back_to_the_same_tensors() {
+    fn serialised_tensors_read_back_equal() {
         let mut tensors = Tensors::for_weights();
         tensors.insert(
             "b",
@@ -173,26 +180,23 @@ mod tests {
         );
         tensors.insert("a", &[1], vec![0.1]);
         let bytes = tensors.to_bytes().unwrap();
-        assert_eq!(
-            Tensors::from_bytes(crate::folder::WEIGHTS, &bytes).unwrap(),
-            tensors
-        );
+        assert_eq!(Tensors::from_bytes(WEIGHTS, &bytes).unwrap(), tensors);
     }
 
     #[test]
-    fn another_element_type_is_refused_by_name() {
+    fn the_error_of_a_wrong_element_type_names_the_tensor() {
         let bytes = safetensors::serialize(
             [("a", TensorView::new(Dtype::I8, vec![2], &[1, 2]).unwrap())],
             None,
         )
         .unwrap();
-        let error = Tensors::from_bytes(crate::folder::WEIGHTS, &bytes).unwrap_err();
+        let error = Tensors::from_bytes(WEIGHTS, &bytes).unwrap_err();
         assert!(matches!(error, ArtifactError::ElementType { ref name, .. } if name == "a"));
     }
 
     #[test]
-    fn bytes_that_are_no_safetensors_are_refused() {
-        let error = Tensors::from_bytes(crate::folder::WEIGHTS, b"not one").unwrap_err();
+    fn bytes_in_another_format_are_refused() {
+        let error = Tensors::from_bytes(WEIGHTS, b"not one").unwrap_err();
         assert!(
             error
                 .to_string()

@@ -4,9 +4,10 @@ use crate::description::{
     Adc, CodeFormat, CodeQuantisation, Decimation, Description, Filters, Grid, Input, Mode,
     Montage, NetworkShape, Padding, Window,
 };
+use crate::dimensions::{CODE, WINDOW_ELECTRODES};
 use crate::folder::Artifact;
 use crate::geometry::Geometry;
-use crate::shapes::{self, CODE, WINDOW_ELECTRODES};
+use crate::shapes::{NORM_EPSILON, calibration_shapes, weight_shapes};
 use crate::tensors::Tensors;
 use crate::training_card::TrainingCard;
 
@@ -69,14 +70,14 @@ pub(crate) fn description() -> Description {
 
 fn calibration(mode: Mode) -> Tensors {
     let mut calibration = Tensors::for_calibration();
-    for (name, shape) in shapes::calibration(mode) {
+    for (name, shape) in calibration_shapes(mode) {
         let value = if name == "code.min" { -1.0 } else { 1.0 };
         calibration.insert(name, &shape, vec![value; shape.iter().product()]);
     }
     calibration
 }
 
-/// Mode `pca`; component k is feature k alone.
+/// Returns a model of mode `pca` whose component k is feature k.
 pub(crate) fn pca() -> Artifact {
     let mut weights = Tensors::for_weights();
     let mut encoder = vec![0.0; CODE * WINDOW_ELECTRODES];
@@ -98,19 +99,20 @@ pub(crate) fn pca() -> Artifact {
     Artifact::new(description(), weights, calibration(Mode::Pca)).unwrap()
 }
 
-/// Mode `shortcut`; a handful of numbers that are not 0, so that results follow by hand.
+/// Returns a model of mode `shortcut` with few non-zero weights, so that results can be computed by
+/// hand.
 pub(crate) fn shortcut() -> Artifact {
-    shortcut_of(description())
+    shortcut_with(description())
 }
 
-/// The same with the convolutions of a description.
-pub(crate) fn shortcut_of(mut description: Description) -> Artifact {
+/// Returns the model of [`shortcut`] with padding and pool of a description.
+pub(crate) fn shortcut_with(mut description: Description) -> Artifact {
     description.mode = Mode::Shortcut;
-    let expected = shapes::weight_shapes(Mode::Shortcut, &Geometry::of(&description));
+    let expected = weight_shapes(Mode::Shortcut, &Geometry::new(&description.network));
     let mut weights = Tensors::for_weights();
     for (name, shape) in &expected {
         let value = match name.rsplit_once('.') {
-            Some((_, "running_var")) => 1.0 - shapes::NORM_EPSILON,
+            Some((_, "running_var")) => 1.0 - NORM_EPSILON,
             Some((norm, "weight")) if norm.contains("norm") => 2.0,
             Some((norm, "bias")) if norm.contains("norm") => 0.25,
             _ => 0.0,

@@ -1,57 +1,59 @@
+//! Provenance and test figures of a model.
+
 use serde::{Deserialize, Serialize};
 
-/// How and on what a model was trained, and how well it does.
+/// Training data, training settings and test figures of a model: the table `[training]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingCard {
-    /// The recordings' origin and licence.
+    /// Origin and licence of the recordings.
     pub dataset: String,
-    /// What to cite when the model is used.
+    /// References to cite when the model is used.
     pub citation: String,
-    /// Electrodes that the recordings have themselves.
+    /// Number of electrodes that were recorded.
     pub real_electrodes: usize,
-    /// Electrodes that were computed from others.
+    /// Number of electrodes that were interpolated from recorded ones.
     pub interpolated_electrodes: usize,
-    /// Labels of the electrodes that were computed from others.
+    /// Labels of the interpolated electrodes.
     pub interpolated: Vec<String>,
-    /// What a reader of the figures should know.
+    /// Caveats about the test figures.
     pub note: String,
-    /// Names of the files trained on.
+    /// Names of the training files.
     pub train_files: Vec<String>,
-    /// Names of the files that the figures come from; never trained or validated on.
+    /// Names of the test files, which were not used for training or validation.
     pub test_files: Vec<String>,
-    /// How the best epoch was chosen.
+    /// Data on which the best epoch was chosen, in words.
     pub validation: String,
-    /// Mains frequency where the recordings were made, Hz.
+    /// Mains frequency of the recordings, Hz.
     pub mains_hz: u32,
-    /// Seed of every random choice.
+    /// Seed of all random numbers in training.
     pub seed: u64,
-    /// Epochs that were run.
+    /// Number of epochs that were run.
     pub epochs: u32,
-    /// The epoch whose weights these are; 0 is the start (PCA in mode `shortcut`).
+    /// Epoch whose weights were kept; 0 means the initial weights (PCA in mode `shortcut`).
     pub best_epoch: u32,
-    /// Windows per epoch.
+    /// Training windows per epoch.
     pub windows: u64,
-    /// Optimiser, schedule and batch in words.
+    /// Optimiser, learning-rate schedule and batch size, in words.
     pub optimiser: String,
-    /// Mean squared error on the test files over the 61 electrodes, in units of `input.sd_uv`
-    /// squared; absent when it was not measured.
+    /// Mean squared error over all electrodes of the test files, in units of `input.sd_uv` squared;
+    /// absent if not measured.
     pub mse: Option<Figures>,
-    /// Root of the squared error over the root of the squared signal on the test files, percent;
-    /// absent when it was not measured.
+    /// Percent root-mean-square difference on the test files: root of the squared error over the root
+    /// of the squared signal; absent if not measured.
     pub prd_percent: Option<Figures>,
 }
 
-/// One figure of merit of the model beside that of its linear peer.
+/// One reconstruction error of the model, and that of PCA for comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Figures {
-    /// The network in float.
+    /// Autoencoder in float.
     pub autoencoder_float: f64,
-    /// The integer encoder's codes, decoded in float.
+    /// Autoencoder with integer encoder and float decoder.
     pub autoencoder_int8: f64,
-    /// PCA with as many components as the code has numbers, in float.
+    /// PCA in float, with one component for each number of a code.
     pub pca_float: f64,
-    /// The same with int8 codes.
+    /// PCA with integer encoder and float decoder.
     pub pca_int8: f64,
 }

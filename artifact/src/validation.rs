@@ -1,19 +1,20 @@
-//! What makes a description and its tensors a model that the network code can run.
+//! Checks that a description and its tensors are a model that the network code can run.
 
-use crate::description::{Decimation, Description, NetworkShape};
+use crate::description::{Decimation, Description, EMPTY, NetworkShape};
+use crate::dimensions::{CODE, COLUMNS, ELECTRODES, ROWS, STEPS};
 use crate::error::ArtifactError;
 use crate::geometry::Geometry;
-use crate::scalp_grid::EMPTY;
-use crate::shapes::{self, COLUMNS, ELECTRODES, ROWS, STEPS};
+use crate::shapes::{calibration_shapes, weight_shapes};
 use crate::tensors::Tensors;
 use std::collections::BTreeSet;
 use std::fmt::Debug;
 
-/// The only version of the format so far.
+/// Supported version of the format.
 const FORMAT: u32 = 1;
-/// Rate of a window's steps, Hz.
+/// Rate of the time steps, Hz.
 const RATE_HZ: u32 = 128;
 
+/// Returns an error that names `field`, its value and the `expected` values unless `holds`.
 fn require(
     holds: bool,
     field: &'static str,
@@ -30,7 +31,8 @@ fn require(
     })
 }
 
-pub(crate) fn description(d: &Description) -> Result<(), ArtifactError> {
+/// Returns an error if a field of the description has an invalid value.
+pub(crate) fn check_description(d: &Description) -> Result<(), ArtifactError> {
     require(
         d.format == FORMAT,
         "format",
@@ -41,7 +43,7 @@ pub(crate) fn description(d: &Description) -> Result<(), ArtifactError> {
         d.window.steps == STEPS,
         "window.steps",
         &d.window.steps,
-        "16",
+        &STEPS.to_string(),
     )?;
     let hop = d.window.hop;
     require(hop == 8 || hop == 16, "window.hop", &hop, "8 or 16")?;
@@ -49,33 +51,38 @@ pub(crate) fn description(d: &Description) -> Result<(), ArtifactError> {
         d.window.rate_hz == RATE_HZ,
         "window.rate_hz",
         &d.window.rate_hz,
-        "128",
+        &RATE_HZ.to_string(),
     )?;
-    network(d)?;
-    require(d.grid.rows == ROWS, "grid.rows", &d.grid.rows, "10")?;
+    check_network(d)?;
+    require(
+        d.grid.rows == ROWS,
+        "grid.rows",
+        &d.grid.rows,
+        &ROWS.to_string(),
+    )?;
     require(
         d.grid.columns == COLUMNS,
         "grid.columns",
         &d.grid.columns,
-        "9",
+        &COLUMNS.to_string(),
     )?;
     let lengths: Vec<usize> = d.grid.cells.iter().map(Vec::len).collect();
     require(
         lengths == [COLUMNS; ROWS],
         "grid.cells",
         &lengths,
-        "10 rows of 9 cells each",
+        &format!("{ROWS} rows of {COLUMNS} cells each"),
     )?;
     let count = d.montage.electrodes.len();
     require(
         count == ELECTRODES,
         "montage.electrodes",
         &count,
-        "61 labels",
+        &format!("{ELECTRODES} labels"),
     )?;
-    labels(d)?;
-    converter(d)?;
-    filters(d)?;
+    check_labels(d)?;
+    check_adc(d)?;
+    check_filters(d)?;
     let sd = d.input.sd_uv;
     require(
         sd.is_finite() && sd > 0.0,
@@ -89,13 +96,13 @@ pub(crate) fn description(d: &Description) -> Result<(), ArtifactError> {
         electrodes <= ELECTRODES,
         "training.real_electrodes plus training.interpolated_electrodes",
         &electrodes,
-        "at most 61",
+        &format!("at most {ELECTRODES}"),
     )?;
     require(
         card.interpolated.len() == card.interpolated_electrodes,
         "training.interpolated",
         &card.interpolated.len(),
-        "as many labels as training.interpolated_electrodes says",
+        "one label for each of training.interpolated_electrodes",
     )?;
     match card
         .interpolated
@@ -105,7 +112,7 @@ pub(crate) fn description(d: &Description) -> Result<(), ArtifactError> {
         None => Ok(()),
         Some(label) => Err(label_error(
             label,
-            "is called interpolated but is not in the montage",
+            "is listed as interpolated but is not in the montage",
         )),
     }
 }
@@ -117,15 +124,15 @@ fn label_error(label: &str, problem: &'static str) -> ArtifactError {
     }
 }
 
-fn labels(d: &Description) -> Result<(), ArtifactError> {
+fn check_labels(d: &Description) -> Result<(), ArtifactError> {
     let mut montage = BTreeSet::new();
     for label in &d.montage.electrodes {
-        // Labels travel blank-separated to the host.
+        // Labels are sent to the host separated by blanks.
         let well_formed = !label.is_empty() && label.chars().all(|c| c.is_ascii_graphic());
         if !well_formed || label == EMPTY {
             return Err(label_error(
                 label,
-                "is no label (visible ASCII without blanks)",
+                "is not a label (visible ASCII without blanks)",
             ));
         }
         if !montage.insert(label) {
@@ -153,23 +160,23 @@ fn labels(d: &Description) -> Result<(), ArtifactError> {
     }
 }
 
-fn network(d: &Description) -> Result<(), ArtifactError> {
+fn check_network(d: &Description) -> Result<(), ArtifactError> {
     let NetworkShape { padding, pool } = d.network;
     require(
         pool.iter().all(|length| *length > 0),
         "network.pool",
         &pool,
-        "at least 1 in steps, rows and columns; [1, 1, 1] is no pool",
+        "at least 1 in steps, rows and columns; [1, 1, 1] means no pool",
     )?;
-    let map = Geometry::of(d).feature_map;
+    let map = Geometry::new(&d.network).feature_map;
     require(
         pool.iter().zip(map).all(|(pool, map)| *pool <= map),
         "network.pool",
         &pool,
         &format!("at most {map:?}, the feature map; make it smaller or pad the convolutions"),
     )?;
-    // A pool's steps divide the hop, so that windows that overlap share their pools. Of four steps,
-    // the padded first and last pool would leave hardly any to share.
+    // The steps of a pool divide the hop, so that overlapping windows share pools. With padded steps
+    // the first and last pool of a window cannot be shared; pools of four steps would leave hardly any.
     let (steps, expected) = if padding.pads_time() {
         (&[1, 2][..], "of 1 or 2 steps with padding \"all\"")
     } else {
@@ -178,19 +185,21 @@ fn network(d: &Description) -> Result<(), ArtifactError> {
     require(steps.contains(&pool[0]), "network.pool", &pool, expected)
 }
 
-fn converter(d: &Description) -> Result<(), ArtifactError> {
+fn check_adc(d: &Description) -> Result<(), ArtifactError> {
     let adc = &d.adc;
     require(
         adc.rate_hz >= RATE_HZ,
         "adc.rate_hz",
         &adc.rate_hz,
-        "at least 128, the rate of a window's steps",
+        &format!("at least {RATE_HZ}, the rate of the time steps"),
     )?;
     require(
         d.filters.decimation == Decimation::Fir || adc.rate_hz.is_multiple_of(RATE_HZ),
         "adc.rate_hz",
         &adc.rate_hz,
-        "a multiple of 128 when filters.decimation is \"literal\"; \"fir\" takes any rate",
+        &format!(
+            "a multiple of {RATE_HZ} when filters.decimation is \"literal\"; \"fir\" takes any rate"
+        ),
     )?;
     require(
         adc.vref_v.is_finite() && adc.vref_v > 0.0,
@@ -203,11 +212,11 @@ fn converter(d: &Description) -> Result<(), ArtifactError> {
         adc.channels >= ELECTRODES,
         "adc.channels",
         &adc.channels,
-        "at least 61, one for each electrode",
+        &format!("at least {ELECTRODES}, one for each electrode"),
     )
 }
 
-fn filters(d: &Description) -> Result<(), ArtifactError> {
+fn check_filters(d: &Description) -> Result<(), ArtifactError> {
     let filters = &d.filters;
     let nyquist = f64::from(d.adc.rate_hz) / 2.0;
     require(
@@ -226,7 +235,7 @@ fn filters(d: &Description) -> Result<(), ArtifactError> {
         highest_notch < nyquist,
         "filters.harmonics",
         &filters.harmonics,
-        "so few that 1 + harmonics times the mains frequency lies below half of adc.rate_hz",
+        "small enough that (1 + harmonics) times the mains frequency is below half of adc.rate_hz",
     )?;
     require(
         filters.notch_q.is_finite() && filters.notch_q > 0.0,
@@ -239,7 +248,7 @@ fn filters(d: &Description) -> Result<(), ArtifactError> {
         0.0 < low && low < high && high < nyquist,
         "filters.band_hz",
         &filters.band_hz,
-        "two rising frequencies between 0 and half of adc.rate_hz",
+        "two increasing frequencies between 0 and half of adc.rate_hz",
     )?;
     require(
         (1..=8).contains(&filters.order),
@@ -249,8 +258,9 @@ fn filters(d: &Description) -> Result<(), ArtifactError> {
     )
 }
 
-pub(crate) fn weights(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
-    let expected = shapes::weight_shapes(d.mode, &Geometry::of(d));
+/// Returns an error if the weights are not those of the description's mode and shape.
+pub(crate) fn check_weights(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
+    let expected = weight_shapes(d.mode, &Geometry::new(&d.network));
     tensors.check(&expected)?;
     for (name, shape) in expected
         .iter()
@@ -264,8 +274,9 @@ pub(crate) fn weights(d: &Description, tensors: &Tensors) -> Result<(), Artifact
     Ok(())
 }
 
-pub(crate) fn calibration(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
-    let expected = shapes::calibration(d.mode);
+/// Returns an error if the calibration is not that of the description's mode, or a range is empty.
+pub(crate) fn check_calibration(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
+    let expected = calibration_shapes(d.mode);
     tensors.check(&expected)?;
     for (name, shape) in &expected {
         let values = tensors.tensor(name, shape)?;
@@ -276,7 +287,7 @@ pub(crate) fn calibration(d: &Description, tensors: &Tensors) -> Result<(), Arti
             return Err(tensors.range_error(name, index, "a largest magnitude must be positive"));
         }
     }
-    let code = [shapes::CODE];
+    let code = [CODE];
     let low = tensors.tensor("code.min", &code)?;
     let high = tensors.tensor("code.max", &code)?;
     match low.iter().zip(high).position(|(low, high)| low >= high) {

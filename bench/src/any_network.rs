@@ -115,7 +115,7 @@ impl Draw {
         let mut sums = [0; 2 * ROWS * COLUMNS];
         let mut found = [Pair::ZERO; ROWS * COLUMNS * OUTPUTS / 2];
         let planes = planes.each_ref().map(|plane| &plane[..]);
-        conv.plane(planes, &mut patches, &mut sums, &mut found);
+        conv.convolve(planes, &mut patches, &mut sums, &mut found);
         hash.add(found.iter().map(|Pair(bits)| *bits));
     }
 
@@ -141,7 +141,7 @@ impl Draw {
             conv.transform(&activations, plane);
         }
         let mut largest = [i32::MIN; TILE_ROWS * 4 * OUTPUTS];
-        conv.pool(planes.each_ref().map(|plane| &plane[..]), &mut largest);
+        conv.convolve_max_pool(planes.each_ref().map(|plane| &plane[..]), &mut largest);
         hash.add(largest.iter().map(|sum| sum.cast_unsigned()));
     }
 
@@ -178,7 +178,7 @@ impl Draw {
             conv.transform(&activations, plane);
         }
         let mut largest = [i32::MIN; ROWS * HIDDEN_COLUMNS * OUTPUTS];
-        conv.pool(planes.each_ref().map(|plane| &plane[..]), &mut largest);
+        conv.convolve_max_pool(planes.each_ref().map(|plane| &plane[..]), &mut largest);
         hash.add(largest.iter().map(|sum| sum.cast_unsigned()));
     }
 

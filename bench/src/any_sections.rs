@@ -41,7 +41,7 @@ impl Contender for AnySections {
     }
 
     fn run(&mut self) {
-        self.cascade.blocks(&mut self.states, &mut self.block);
+        self.cascade.apply_blocks(&mut self.states, &mut self.block);
     }
 
     fn output(&self) -> Block {
@@ -54,28 +54,20 @@ impl Random {
     fn coefficient(&mut self) -> Coefficient {
         Coefficient {
             integer: (self.next() % 5).cast_signed() - 2,
-            remainder: self.next().cast_signed(),
+            fraction: self.next().cast_signed(),
         }
     }
 
     fn section(&mut self) -> Section {
-        let [gain, first, second] = core::array::from_fn(|_| self.coefficient());
+        let [gain, a1, a2] = core::array::from_fn(|_| self.coefficient());
         match self.next() >> 30 {
             0 => Section::Notch {
-                turn: first,
-                loss: second,
+                a1,
+                one_minus_b0: a2,
             },
-            1 => Section::HighPass { first, second },
-            2 => Section::BandPass {
-                gain,
-                first,
-                second,
-            },
-            _ => Section::LowPass {
-                gain,
-                first,
-                second,
-            },
+            1 => Section::HighPass { a1, a2 },
+            2 => Section::BandPass { gain, a1, a2 },
+            _ => Section::LowPass { gain, a1, a2 },
         }
     }
 
@@ -102,15 +94,15 @@ mod tests {
         for _ in 0..crate::block::BLOCKS {
             contender.load(&[[1 << 28, -(1 << 28), 12_345, 0]; ELECTRODES]);
             for section in contender.cascade.sections {
-                let (shape, second) = match section {
-                    Section::Notch { loss, .. } => (0, loss),
-                    Section::HighPass { second, .. } => (1, second),
-                    Section::BandPass { second, .. } => (2, second),
-                    Section::LowPass { second, .. } => (3, second),
+                let (shape, coefficient) = match section {
+                    Section::Notch { one_minus_b0, .. } => (0, one_minus_b0),
+                    Section::HighPass { a2, .. } => (1, a2),
+                    Section::BandPass { a2, .. } => (2, a2),
+                    Section::LowPass { a2, .. } => (3, a2),
                 };
                 shapes[shape] += 1;
-                integers[usize::try_from(second.integer + 2).expect("-2..=2")] += 1;
-                observe(0, second.remainder);
+                integers[usize::try_from(coefficient.integer + 2).expect("-2..=2")] += 1;
+                observe(0, coefficient.fraction);
             }
             contender.run();
             for sample in contender.output()[0] {

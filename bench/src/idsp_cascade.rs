@@ -76,23 +76,15 @@ fn biquad(section: &Section) -> Section29 {
     const ONE: i64 = 1 << 32;
     let q32 = Coefficient::to_q32;
     let q32 = match *section {
-        Section::Notch { turn, loss } => {
-            let [turn, gain] = [q32(turn), ONE - q32(loss)];
-            [gain, -turn, gain, turn, ONE - 2 * gain]
+        Section::Notch { a1, one_minus_b0 } => {
+            let [a1, gain] = [q32(a1), ONE - q32(one_minus_b0)];
+            [gain, -a1, gain, a1, ONE - 2 * gain]
         }
-        Section::HighPass { first, second } => [ONE, -2 * ONE, ONE, q32(first), q32(second)],
-        Section::BandPass {
-            gain,
-            first,
-            second,
-        } => [q32(gain), 0, -q32(gain), q32(first), q32(second)],
-        Section::LowPass {
-            gain,
-            first,
-            second,
-        } => {
+        Section::HighPass { a1, a2 } => [ONE, -2 * ONE, ONE, q32(a1), q32(a2)],
+        Section::BandPass { gain, a1, a2 } => [q32(gain), 0, -q32(gain), q32(a1), q32(a2)],
+        Section::LowPass { gain, a1, a2 } => {
             let gain = q32(gain);
-            [gain, 2 * gain, gain, q32(first), q32(second)]
+            [gain, 2 * gain, gain, q32(a1), q32(a2)]
         }
     };
     #[expect(clippy::cast_possible_truncation, reason = "|coefficient| <= 2, Q2.29")]

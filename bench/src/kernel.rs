@@ -50,7 +50,7 @@ pub fn each(mut count: impl FnMut(Kernel, &mut dyn FnMut())) {
         let conv1 = NETWORK.conv1();
         conv1.pair_up(&cells, &mut input[0]);
         let planes = input.each_ref().map(|plane| &plane[..]);
-        conv1.plane(planes, &mut patches, &mut sums, &mut interior);
+        conv1.convolve(planes, &mut patches, &mut sums, &mut interior);
         black_box(&interior);
     });
     count("transform", HOP, &mut || {
@@ -59,7 +59,7 @@ pub fn each(mut count: impl FnMut(Kernel, &mut dyn FnMut())) {
     });
     count("conv2, pool", HOP, &mut || {
         let planes = transformed.each_ref().map(|plane| &plane[..]);
-        NETWORK.conv2().pool(planes, &mut largest);
+        NETWORK.conv2().convolve_max_pool(planes, &mut largest);
         black_box(&largest);
     });
     let pooled = black_box([Pair::ZERO; POOLED_PAIRS]);

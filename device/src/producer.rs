@@ -55,7 +55,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
     pub const fn new(memory: M) -> Self {
         Self {
             run: Run::NONE,
-            encoder: Encoder::remembering_in(memory),
+            encoder: Encoder::with_memory(memory),
             quality: SignalQuality::new(Run::NONE.mains),
             windows: WindowMarks::NONE,
             since_step: Marks::NONE,
@@ -94,7 +94,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
             self.encode(step, acquired.drdy_us, emit);
         }
         let step = acquired.step.as_ref().map(|(_, step)| step);
-        if let Some(quality) = self.quality.push(&acquired.sample, step) {
+        if let Some(quality) = self.quality.observe(&acquired.sample, step) {
             self.emit_quality(acquired.drdy_us, &quality, emit);
         }
     }
@@ -143,7 +143,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
     }
 
     fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output)) {
-        let code = self.encoder.push(step);
+        let code = self.encoder.encode_step(step);
         let marks = self.windows.end_step();
         let audits = self.wants(Streams::AUDIT);
         if audits {

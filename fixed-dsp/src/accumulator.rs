@@ -1,33 +1,34 @@
-//! The 64-bit sum of a section: one multiply-accumulate instruction on a Cortex-M.
+//! The 64-bit accumulator of a section: one multiply-accumulate instruction (SMLAL) per product on a
+//! Cortex-M.
 
-/// A sum in Q32: the high word is the result, the low word the part below one step.
+/// 64-bit sum in Q32: the high word is the section's output, the low word its rounding error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Accumulator {
-    /// Output steps.
+    /// Integer part, in the unit of the output.
     pub(crate) high: i32,
-    /// Parts of an output step, Q0.32, in [0, 1).
+    /// Fraction of one unit of the output, Q0.32, in [0, 1).
     pub(crate) low: u32,
 }
 
 impl Accumulator {
-    /// Adds `remainder * x`, Q0.32 times an integer; wraps modulo 2^64.
+    /// Adds `fraction * x`, Q0.32 times an integer; wraps modulo 2^64.
     ///
-    /// Written out as SMLAL: left to itself, the compiler merges the constant integer and remainder
-    /// of a coefficient back into one 64-bit multiplication, three times as many instructions.
+    /// SMLAL is written as inline assembly because the compiler otherwise merges the constant integer
+    /// and fraction of a coefficient into one 64-bit multiplication, three times as many instructions.
     #[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
     #[expect(unsafe_code, reason = "the instruction has no safe name in Rust")]
     #[inline(always)]
-    pub(crate) fn multiply_add(self, remainder: i32, x: i32) -> Self {
+    pub(crate) fn multiply_add(self, fraction: i32, x: i32) -> Self {
         let Self { mut high, mut low } = self;
         // SAFETY: SMLAL (ARMv7-M ARM, A7.7.138) reads and writes these four registers and nothing
-        // else, not even the flags. ARMv6-M lacks it; it has no compare-and-swap either, which is
-        // what `target_has_atomic` asks for.
+        // else, not even the flags. ARMv6-M has no SMLAL; it has no compare-and-swap either, so
+        // `target_has_atomic` in the `cfg` above excludes it.
         unsafe {
             core::arch::asm!(
-                "smlal {low}, {high}, {remainder}, {x}",
+                "smlal {low}, {high}, {fraction}, {x}",
                 low = inout(reg) low,
                 high = inout(reg) high,
-                remainder = in(reg) remainder,
+                fraction = in(reg) fraction,
                 x = in(reg) x,
                 options(pure, nomem, nostack, preserves_flags),
             );
@@ -35,15 +36,16 @@ impl Accumulator {
         Self { high, low }
     }
 
-    /// The same on every other machine. `cargo xtask bench filters` holds the two equal on an emulated
-    /// Cortex-M4 and M7: with the model's coefficients, and with any coefficients and samples
-    /// (contender `ours-any-sections`).
+    /// Adds `fraction * x` on machines without SMLAL; the same bits as the assembly.
+    ///
+    /// `cargo xtask bench filters` compares the two on an emulated Cortex-M4 and M7: with the model's
+    /// coefficients, and with random coefficients and samples (contender `ours-any-sections`).
     #[cfg(not(all(target_arch = "arm", target_has_atomic = "32")))]
     #[inline(always)]
-    pub(crate) fn multiply_add(self, remainder: i32, x: i32) -> Self {
+    pub(crate) fn multiply_add(self, fraction: i32, x: i32) -> Self {
         Self::from_q32(
             self.to_q32()
-                .wrapping_add(i64::from(remainder) * i64::from(x)),
+                .wrapping_add(i64::from(fraction) * i64::from(x)),
         )
     }
 

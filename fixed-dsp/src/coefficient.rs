@@ -1,27 +1,26 @@
-//! A filter coefficient split into an integer and a remainder.
+//! A filter coefficient as an integer plus a fraction.
 
-/// A real number as nearest integer plus remainder: value = `integer` + `remainder` / 2^32.
+/// A real number as nearest integer plus signed fraction: value = `integer` + `fraction` / 2^32.
 ///
-/// The integer part is an addition into the high word of a 64-bit accumulator, the remainder one
-/// `SMLAL`; the sum's high word is then the result without a shift, and its low word is the exact
-/// rounding error. Format Q0.32 for the remainder, |remainder| <= 2^31; coefficient error at most
-/// 2^-33 (1.2e-10).
+/// The product with a sample then takes an addition into the high word of a 64-bit accumulator for the
+/// integer, and one `SMLAL` for the fraction. The sum's high word is the result without a shift, its
+/// low word the exact rounding error. The coefficient's own error is at most 2^-33 (1.2e-10).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Coefficient {
-    /// Nearest integer; |integer| <= 2 in a stable second-order section.
+    /// Integer nearest to the value; |integer| <= 2 in a stable second-order section.
     pub integer: i32,
-    /// Rest in Q0.32, in [-0.5, 0.5).
-    pub remainder: i32,
+    /// Value minus `integer`, Q0.32, in [-0.5, 0.5).
+    pub fraction: i32,
 }
 
 impl Coefficient {
-    /// Exactly 1.
+    /// The coefficient 1, exactly.
     pub const ONE: Self = Self {
         integer: 1,
-        remainder: 0,
+        fraction: 0,
     };
 
-    /// The representable number nearest to `value`; |value| < 2^30.
+    /// Returns the representable coefficient nearest to `value`; |value| < 2^30.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "|value| < 2^30, so |scaled| < 2^62"
@@ -32,22 +31,22 @@ impl Coefficient {
         Self::from_q32((scaled + half) as i64)
     }
 
-    /// The number `q32` / 2^32; |q32| < 2^62.
+    /// Returns the coefficient `q32` / 2^32; |q32| < 2^62.
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "integer < 2^30 and the remainder is within [-2^31, 2^31) by construction"
+        reason = "|integer| < 2^30 and the fraction is within [-2^31, 2^31) by construction"
     )]
     pub const fn from_q32(q32: i64) -> Self {
         let integer = (q32 + (1 << 31)) >> 32;
         Self {
             integer: integer as i32,
-            remainder: (q32 - (integer << 32)) as i32,
+            fraction: (q32 - (integer << 32)) as i32,
         }
     }
 
-    /// The value in Q32: exact.
+    /// Returns the value in Q32, exactly.
     pub const fn to_q32(self) -> i64 {
-        ((self.integer as i64) << 32) + self.remainder as i64
+        ((self.integer as i64) << 32) + self.fraction as i64
     }
 }
 
@@ -56,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_coefficient_is_nearest_integer_plus_remainder() {
+    fn a_coefficient_is_its_value_to_half_a_unit_of_q32() {
         for value in [
             -1.996_226, -1.5, -0.5, -0.1, 0.0, 0.25, 0.5, 0.99, 1.5, 1.999_999,
         ] {

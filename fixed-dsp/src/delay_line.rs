@@ -1,21 +1,22 @@
-//! The last samples of many channels.
+//! Delay line of many channels: the samples that a FIR filter reads.
 
-/// The last `TAPS` samples of each channel; silence before the first.
+/// The last `TAPS` samples of each of `CHANNELS` channels; zeros before the first sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DelayLine<const CHANNELS: usize, const TAPS: usize> {
-    /// Each channel's samples from `newest` on, wrapping around, are ever older.
+    /// Ring buffer of each channel: index `newest` holds the newest sample, each following index
+    /// (modulo `TAPS`) the sample before it.
     samples: [[i32; TAPS]; CHANNELS],
     newest: usize,
 }
 
 impl<const CHANNELS: usize, const TAPS: usize> DelayLine<CHANNELS, TAPS> {
-    /// Nothing but silence so far.
+    /// A delay line full of zeros.
     pub const SILENCE: Self = Self {
         samples: [[0; TAPS]; CHANNELS],
         newest: 0,
     };
 
-    /// Takes the next sample of each channel, the oldest of each goes.
+    /// Stores the next sample of each channel in place of its oldest one.
     #[inline]
     pub fn push(&mut self, samples: impl Iterator<Item = i32>) {
         let newest = self.newest().checked_sub(1).unwrap_or(TAPS - 1);
@@ -25,16 +26,17 @@ impl<const CHANNELS: usize, const TAPS: usize> DelayLine<CHANNELS, TAPS> {
         }
     }
 
-    /// Where the newest samples stand; said so that the compiler knows it is within the line.
+    /// Returns the index of the newest samples; `min` lets the compiler drop the bounds checks.
     #[inline]
     fn newest(&self) -> usize {
         self.newest.min(TAPS - 1)
     }
 
-    /// For each channel the sum of its samples, weighted, the newest with the first weight; exact in
-    /// 64 bits as long as the weights' magnitudes sum to less than 2^32.
+    /// Returns the weighted sum of each channel's samples; `weights[0]` belongs to the newest sample.
+    ///
+    /// Exact in 64 bits while the magnitudes of the weights sum to less than 2^32.
     #[inline]
-    pub(crate) fn weighted(&self, weights: &[i32; TAPS]) -> impl Iterator<Item = i64> {
+    pub(crate) fn weighted_sums(&self, weights: &[i32; TAPS]) -> impl Iterator<Item = i64> {
         let newest = self.newest();
         let (newer_weights, older_weights) = weights.split_at(TAPS - newest);
         self.samples.iter().map(move |line| {
@@ -44,16 +46,16 @@ impl<const CHANNELS: usize, const TAPS: usize> DelayLine<CHANNELS, TAPS> {
     }
 }
 
-/// Taps that are multiplied in one round of the loop.
-const ROUND: usize = 8;
+/// Products in one iteration of the unrolled loop.
+const UNROLL: usize = 8;
 
 #[inline]
 fn dot(weights: &[i32], samples: &[i32]) -> i64 {
     let product = |(&weight, &sample): (&i32, &i32)| i64::from(weight) * i64::from(sample);
-    let (weight_rounds, weight_rest) = weights.as_chunks::<ROUND>();
-    let (sample_rounds, sample_rest) = samples.as_chunks::<ROUND>();
+    let (weight_chunks, weight_rest) = weights.as_chunks::<UNROLL>();
+    let (sample_chunks, sample_rest) = samples.as_chunks::<UNROLL>();
     let mut sum = 0;
-    for (weights, samples) in weight_rounds.iter().zip(sample_rounds) {
+    for (weights, samples) in weight_chunks.iter().zip(sample_chunks) {
         for pair in weights.iter().zip(samples) {
             sum += product(pair);
         }
@@ -71,12 +73,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_newest_sample_meets_the_first_weight_and_the_oldest_leaves() {
+    fn the_first_weight_belongs_to_the_newest_sample_and_the_oldest_is_dropped() {
         let mut line = DelayLine::<2, 3>::SILENCE;
         let mut sums = Vec::new();
         for sample in 1..=5 {
             line.push([sample, -10 * sample].into_iter());
-            sums.push(line.weighted(&[100, 10, 1]).collect::<Vec<_>>());
+            sums.push(line.weighted_sums(&[100, 10, 1]).collect::<Vec<_>>());
         }
         let ones: Vec<i64> = sums.iter().map(|sum| sum[0]).collect();
         assert_eq!(ones, [100, 210, 321, 432, 543]);

@@ -1,76 +1,83 @@
-//! What filters a channel, whether its coefficients are known to the compiler or not.
+//! The interface of all filters: coefficients known at run time, or compiled into the code.
 
 use core::marker::PhantomData;
 
-use crate::{Cascade, CascadeState, section::Remainders};
+use crate::{
+    cascade::{Cascade, CascadeState},
+    section::Fractions,
+};
 
-/// Samples of one channel that are filtered together: a quarter of the loads and stores of state.
+/// Samples of one channel that are filtered together, so that the state is loaded and stored once for
+/// four samples.
 pub const BLOCK: usize = 4;
 
-/// Something that filters channels, each with a state of its own.
+/// A filter for any number of channels, each with a separate state.
 ///
-/// Samples are in and out in the same unit and format. Wraps on overflow: see [`Cascade`].
+/// Output samples have the unit and format of the input samples. Overflow wraps: see [`Cascade`].
 pub trait Filter {
-    /// What one channel remembers.
+    /// Memory of one channel.
     type State: Copy;
-    /// The state at rest: all samples so far were zero.
+    /// State after an infinitely long input of zeros.
     const REST: Self::State;
 
     /// Filters one sample of one channel.
-    fn step(&self, state: &mut Self::State, x: i32) -> i32;
+    fn apply(&self, state: &mut Self::State, x: i32) -> i32;
 
-    /// Filters [`BLOCK`] consecutive samples of each channel in place; the same bits as as many
-    /// steps. `blocks[channel]` belongs to `states[channel]`; of the longer slice the rest is left
-    /// alone.
-    fn blocks(&self, states: &mut [Self::State], blocks: &mut [[i32; BLOCK]]);
+    /// Filters [`BLOCK`] consecutive samples of each channel in place; the same bits as [`BLOCK`]
+    /// calls of [`Self::apply`].
+    ///
+    /// `blocks[channel]` belongs to `states[channel]`; if one slice is longer, its rest is unchanged.
+    fn apply_blocks(&self, states: &mut [Self::State], blocks: &mut [[i32; BLOCK]]);
 }
 
-/// Coefficients known at run time.
+/// Filters with coefficients that are known at run time only.
 impl<const N: usize> Filter for Cascade<N> {
     type State = CascadeState<N>;
     const REST: Self::State = CascadeState::REST;
 
     #[inline]
-    fn step(&self, state: &mut Self::State, x: i32) -> i32 {
-        let [y] = self.run(&self.remainders(), state, [x]);
+    fn apply(&self, state: &mut Self::State, x: i32) -> i32 {
+        let [y] = self.apply_block(&self.fractions(), state, [x]);
         y
     }
 
-    fn blocks(&self, states: &mut [Self::State], blocks: &mut [[i32; BLOCK]]) {
-        let remainders = self.remainders();
+    fn apply_blocks(&self, states: &mut [Self::State], blocks: &mut [[i32; BLOCK]]) {
+        let fractions = self.fractions();
         for (state, block) in states.iter_mut().zip(blocks) {
-            *block = self.run(&remainders, state, *block);
+            *block = self.apply_block(&fractions, state, *block);
         }
     }
 }
 
-/// A cascade of `N` sections that the compiler knows.
+/// A cascade of `N` sections that is a compile-time constant.
 pub trait Design<const N: usize> {
-    /// The cascade.
+    /// Sections and their coefficients.
     const CASCADE: Cascade<N>;
 }
 
-/// The filter of a [`Design`]: code made for this one cascade, with shapes and integers built in and
-/// only the remainders loaded. About half of the instructions of [`Cascade`] itself: 56 instead of 90
-/// to 108, whatever its six sections (`cargo xtask bench filters`).
+/// The filter of a [`Design`]: code for this one cascade, with the section types and the integer parts
+/// of the coefficients built in. Only the fractions are loaded.
+///
+/// It takes about half of the instructions of [`Cascade`]: 56 per sample and channel instead of 90 to
+/// 108, for any six sections (`cargo xtask bench filters`).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Compiled<D, const N: usize>(PhantomData<D>);
 
 impl<D, const N: usize> Compiled<D, N> {
-    /// The filter.
+    /// Returns the filter; it has no data.
     pub const fn new() -> Self {
         Self(PhantomData)
     }
 }
 
 impl<D: Design<N>, const N: usize> Compiled<D, N> {
-    const REMAINDERS: &'static [Remainders; N] = &D::CASCADE.remainders();
+    const FRACTIONS: &'static [Fractions; N] = &D::CASCADE.fractions();
 
-    /// The remainders as data: constants in the code would take two instructions each, for every
-    /// channel, where one load does.
+    /// Returns the fractions as data. As constants in the code, each would take two instructions per
+    /// channel instead of one load.
     #[inline(always)]
-    fn remainders() -> &'static [Remainders; N] {
-        core::hint::black_box(Self::REMAINDERS)
+    fn fractions() -> &'static [Fractions; N] {
+        core::hint::black_box(Self::FRACTIONS)
     }
 }
 
@@ -79,15 +86,15 @@ impl<D: Design<N>, const N: usize> Filter for Compiled<D, N> {
     const REST: Self::State = CascadeState::REST;
 
     #[inline]
-    fn step(&self, state: &mut Self::State, x: i32) -> i32 {
-        let [y] = D::CASCADE.run(Self::remainders(), state, [x]);
+    fn apply(&self, state: &mut Self::State, x: i32) -> i32 {
+        let [y] = D::CASCADE.apply_block(Self::fractions(), state, [x]);
         y
     }
 
-    fn blocks(&self, states: &mut [Self::State], blocks: &mut [[i32; BLOCK]]) {
-        let remainders = Self::remainders();
+    fn apply_blocks(&self, states: &mut [Self::State], blocks: &mut [[i32; BLOCK]]) {
+        let fractions = Self::fractions();
         for (state, block) in states.iter_mut().zip(blocks) {
-            *block = D::CASCADE.run(remainders, state, *block);
+            *block = D::CASCADE.apply_block(fractions, state, *block);
         }
     }
 }

@@ -1,26 +1,32 @@
-//! Fixed-point filters and resamplers: signals, nothing about EEG.
+//! Fixed-point filters and resamplers for many channels; nothing about EEG.
+//!
+//! Cascades of second-order IIR sections with exact rounding-error feedback, and polyphase FIR
+//! resamplers. `no_std`, integers only, the same bits on every machine.
 //!
 //! ```text
-//! Section ..in series..> Cascade ..per channel..> Filter --- DelayLine ---Resampler--->
+//! Coefficient --> Section --> Cascade           configuration, shared by all channels
+//!                               |
+//! i32 samples ----> Filter::apply (CascadeState) ----> DelayLine ----> Resampler ----> i32 samples
+//!                   one state per channel              last samples    lower rate
 //! ```
 //!
-//! A [`Cascade`] is configuration (coefficients), a [`CascadeState`] is what one channel remembers;
-//! the same cascade runs over any number of channels. Where the coefficients are known when the
-//! program is built, [`Compiled`] makes code for them; the bits are the same. Samples are `i32`; the
-//! caller chooses the format and owes the head room that the cascade's worst-case gain needs.
+//! A [`Cascade`] holds coefficients, a [`CascadeState`] the memory of one channel. Where the
+//! coefficients are known when the program is built, [`Compiled`] generates code for them; the output
+//! bits are the same. The caller chooses the fixed-point format of the samples and leaves the head room
+//! that the cascade's worst-case gain needs.
 //!
 //! ```
 //! use fixed_dsp::{Cascade, CascadeState, Coefficient, Filter, Section};
 //!
-//! // y = x0 - 2 x1 + x2 + 1.5 y1 - 0.5625 y2: a high-pass with a double pole at 0.75.
+//! // y0 = x0 - 2 x1 + x2 + 1.5 y1 - 0.5625 y2: a high-pass with a double pole at 0.75.
 //! let high_pass = Section::HighPass {
-//!     first: Coefficient::nearest(1.5),
-//!     second: Coefficient::nearest(-0.5625),
+//!     a1: Coefficient::nearest(1.5),
+//!     a2: Coefficient::nearest(-0.5625),
 //! };
 //! let cascade = Cascade { sections: [high_pass] };
 //! let mut state = CascadeState::default();
-//! assert_eq!(cascade.step(&mut state, 1_000), 1_000);
-//! assert_eq!(cascade.step(&mut state, 1_000), -1_000 + 1_500);
+//! assert_eq!(cascade.apply(&mut state, 1_000), 1_000);
+//! assert_eq!(cascade.apply(&mut state, 1_000), -1_000 + 1_500);
 //! ```
 #![no_std]
 #![deny(unsafe_code)]
@@ -40,7 +46,7 @@ mod filter;
 mod resampler;
 mod section;
 
-pub use cascade::{Cascade, CascadeState, LONGEST};
+pub use cascade::{Cascade, CascadeState, MAX_SECTIONS};
 pub use coefficient::Coefficient;
 pub use delay_line::DelayLine;
 pub use filter::{BLOCK, Compiled, Design, Filter};

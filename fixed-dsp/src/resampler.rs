@@ -1,41 +1,40 @@
-//! Rate reduction by a rational factor, through a polyphase FIR filter.
+//! Rate reduction by a rational factor with a polyphase FIR filter.
 
-use crate::DelayLine;
+use crate::delay_line::DelayLine;
 
-/// Output rate = input rate * `PHASES` / `down`, in lowest terms, through a low-pass of
-/// `PHASES * TAPS` taps at `PHASES` times the input rate, of which every output needs `TAPS`.
+/// A polyphase FIR filter: output rate = input rate * `PHASES` / `down`, in lowest terms.
 ///
-/// Output `m` stands at the time `m * down / PHASES` in input samples, the first at the first input
-/// sample. It is due with the last input sample that is not later than itself; its phase says how
-/// much later it is.
+/// The prototype low-pass has `PHASES * TAPS` taps at `PHASES` times the input rate; each output needs
+/// `TAPS` of them. Output `m` is the signal at time `m * down / PHASES`, in input samples from the first.
+/// It is computed with the last input sample that is not later; its phase is the time between the two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resampler<const PHASES: usize, const TAPS: usize> {
-    /// Input samples per `PHASES` output samples; at least `PHASES`.
+    /// Input samples for every `PHASES` output samples; at least `PHASES`.
     pub down: u16,
-    /// Impulse response, Q2.30, `[phase][age]`, the newest input sample first.
+    /// Impulse response, Q2.30, `[phase][age]`; age 0 is the newest input sample.
     pub taps: [[i32; TAPS]; PHASES],
 }
 
-/// Where a resampler stands between its input samples.
+/// Time of a resampler's next output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Position {
-    /// From the next input sample to the next output, in parts (1 / `PHASES`) of an input sample.
+    /// Time from the next input sample to the next output, in 1 / `PHASES` of an input sample.
     ahead: u16,
 }
 
 impl Position {
-    /// Before the first input sample.
+    /// Position before the first input sample.
     pub const START: Self = Self { ahead: 0 };
 }
 
 impl Resampler<1, 1> {
-    /// Keeps the first and then every `down`-th sample as it is, without a filter of its own:
-    /// whatever the signal still holds above half of the new rate folds back.
+    /// Keeps the first sample and every `down`-th one after it, unfiltered: signals above half of the
+    /// output rate alias.
     ///
     /// # Panics
     /// When `down` is 0; at compile time in a `const` context.
     pub const fn every(down: u16) -> Self {
-        assert!(down > 0, "a sample is at most kept once");
+        assert!(down > 0, "`down` must be at least 1");
         Self {
             down,
             taps: [[Self::UNITY]],
@@ -44,13 +43,13 @@ impl Resampler<1, 1> {
 }
 
 impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
-    /// One in a tap's format, Q2.30.
+    /// The tap 1.0 in Q2.30.
     pub const UNITY: i32 = 1 << 30;
 
-    /// True when there is at most one output for every input and no sum can leave the 64-bit
-    /// accumulator, whatever the samples.
+    /// Returns true if each input yields at most one output and no input can overflow the 64-bit
+    /// accumulator.
     pub const fn is_consistent(&self) -> bool {
-        let mut sound = TAPS > 0 && PHASES > 0 && PHASES <= self.down as usize;
+        let mut consistent = TAPS > 0 && PHASES > 0 && PHASES <= self.down as usize;
         let mut phase = 0;
         while phase < PHASES {
             let mut magnitude = 0;
@@ -59,15 +58,15 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
                 magnitude += self.taps[phase][age].unsigned_abs() as u64;
                 age += 1;
             }
-            // Times 2^31 of a sample this is 2^62; the rounding adds 2^29.
-            sound = sound && magnitude < 1 << 31;
+            // Times a sample of 2^31 this is 2^62; the rounding adds 2^29.
+            consistent = consistent && magnitude < 1 << 31;
             phase += 1;
         }
-        sound
+        consistent
     }
 
-    /// Counts one input sample. When an output is due with it, gives the output's phase: how much
-    /// later than this sample it stands, in parts (1 / `PHASES`) of an input sample.
+    /// Advances by one input sample. If an output is due with it, returns the output's phase: the time
+    /// from this sample to the output, in 1 / `PHASES` of an input sample.
     #[inline]
     #[expect(
         clippy::cast_possible_truncation,
@@ -85,15 +84,14 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
         }
     }
 
-    /// The output of every channel at `phase`, in the samples' unit and format.
+    /// Returns the output of every channel at `phase`, in the samples' unit and format.
     ///
-    /// An exact 64-bit sum, rounded half up once. Overflow: wraps; |output| < 2^31 is the caller's
-    /// proof.
-    ///
+    /// An exact 64-bit sum, rounded half up once. Overflow wraps; the caller must prove
+    /// |output| < 2^31.
     #[inline]
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "the caller's proof: the output fits 32 bits"
+        reason = "the caller proves that the output fits 32 bits"
     )]
     pub fn outputs<const CHANNELS: usize>(
         &self,
@@ -103,7 +101,7 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
         let mut outputs = [0; CHANNELS];
         for (output, sum) in outputs
             .iter_mut()
-            .zip(line.weighted(&self.taps[phase % PHASES]))
+            .zip(line.weighted_sums(&self.taps[phase % PHASES]))
         {
             *output = ((sum + i64::from(Self::UNITY / 2)) >> 30) as i32;
         }
@@ -117,7 +115,7 @@ mod tests {
 
     use super::*;
 
-    /// Phases of the outputs that come with each of `inputs` input samples.
+    /// Returns, for each of `inputs` input samples, the phase of the output due with it.
     fn schedule<const PHASES: usize>(down: u16, inputs: usize) -> Vec<Option<usize>> {
         let resampler = Resampler {
             down,
@@ -130,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn every_fourth_sample_stays_as_it_is_the_first_included() {
+    fn the_first_and_every_fourth_sample_after_it_pass_unchanged() {
         let resampler = Resampler::every(4);
         let (mut position, mut line) = (Position::START, DelayLine::<1, 1>::SILENCE);
         let kept: Vec<i32> = [i32::MIN, 1, 2, 3, -4, 5, 6, 7, i32::MAX]
@@ -145,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn outputs_stand_at_multiples_of_the_ratio_and_come_with_the_sample_before() {
+    fn outputs_are_due_at_multiples_of_the_ratio_with_the_sample_before() {
         // 500 -> 128 Hz: 125 / 32 samples apart.
         let due: Vec<(usize, usize)> = schedule::<32>(125, 1_000)
             .into_iter()
@@ -164,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_resampler_that_makes_samples_up_or_could_overflow_is_inconsistent() {
+    fn a_resampler_that_raises_the_rate_or_could_overflow_is_inconsistent() {
         let unity = Resampler::<1, 1>::UNITY;
         assert!(Resampler::every(1).is_consistent());
         assert!(

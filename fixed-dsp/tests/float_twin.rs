@@ -1,78 +1,62 @@
-//! Sections of every shape against the same difference equations in f64, and the split
-//! multiplication against the exact one.
+//! Sections of every type against the same difference equations in f64, and split coefficients against
+//! whole ones.
 
 use fixed_dsp::{Cascade, CascadeState, Coefficient, Filter, Section};
 use proptest::prelude::*;
 
 fn value(coefficient: Coefficient) -> f64 {
-    f64::from(coefficient.integer) + f64::from(coefficient.remainder) / 4_294_967_296.0
+    f64::from(coefficient.integer) + f64::from(coefficient.fraction) / 4_294_967_296.0
 }
 
-/// A stable section with poles at `radius` and `angle`, of any shape.
+/// Any stable section, of every type, with poles at random radius and angle.
 fn section() -> impl Strategy<Value = Section> {
     (0..4, 0.1..0.95_f64, 0.1..3.0_f64, 0.05..1.0_f64).prop_map(|(shape, radius, angle, gain)| {
-        let first = Coefficient::nearest(2.0 * radius * angle.cos());
-        let second = Coefficient::nearest(-radius * radius);
+        let a1 = Coefficient::nearest(2.0 * radius * angle.cos());
+        let a2 = Coefficient::nearest(-radius * radius);
         let gain = Coefficient::nearest(gain);
         match shape {
             0 => Section::Notch {
-                turn: Coefficient::nearest((1.0 + radius * radius) * angle.cos()),
-                loss: Coefficient::nearest((1.0 - radius * radius) / 2.0),
+                a1: Coefficient::nearest((1.0 + radius * radius) * angle.cos()),
+                one_minus_b0: Coefficient::nearest((1.0 - radius * radius) / 2.0),
             },
-            1 => Section::HighPass { first, second },
-            2 => Section::BandPass {
-                gain,
-                first,
-                second,
-            },
-            _ => Section::LowPass {
-                gain,
-                first,
-                second,
-            },
+            1 => Section::HighPass { a1, a2 },
+            2 => Section::BandPass { gain, a1, a2 },
+            _ => Section::LowPass { gain, a1, a2 },
         }
     })
 }
 
-/// Numerator and denominator, `b0 b1 b2` and `a1 a2`, in the usual notation.
+/// Returns `[b0, b1, b2]` and `[a1, a2]` of the section's transfer function with the denominator
+/// `1 - a1 z^-1 - a2 z^-2`.
 fn polynomials(section: &Section) -> ([f64; 3], [f64; 2]) {
     match *section {
-        Section::Notch { turn, loss } => {
-            let (turn, b0) = (value(turn), 1.0 - value(loss));
-            ([b0, -turn, b0], [-turn, 2.0 * b0 - 1.0])
+        Section::Notch { a1, one_minus_b0 } => {
+            let (a1, b0) = (value(a1), 1.0 - value(one_minus_b0));
+            ([b0, -a1, b0], [a1, 1.0 - 2.0 * b0])
         }
-        Section::HighPass { first, second } => ([1.0, -2.0, 1.0], [-value(first), -value(second)]),
-        Section::BandPass {
-            gain,
-            first,
-            second,
-        } => (
-            [value(gain), 0.0, -value(gain)],
-            [-value(first), -value(second)],
-        ),
-        Section::LowPass {
-            gain,
-            first,
-            second,
-        } => (
+        Section::HighPass { a1, a2 } => ([1.0, -2.0, 1.0], [value(a1), value(a2)]),
+        Section::BandPass { gain, a1, a2 } => {
+            ([value(gain), 0.0, -value(gain)], [value(a1), value(a2)])
+        }
+        Section::LowPass { gain, a1, a2 } => (
             [value(gain), 2.0 * value(gain), value(gain)],
-            [-value(first), -value(second)],
+            [value(a1), value(a2)],
         ),
     }
 }
 
-/// Distance of the outer pole from the origin.
+/// Returns the larger of the two poles' distances from the origin.
 fn outer_pole(section: &Section) -> f64 {
     let [a1, a2] = polynomials(section).1;
-    let discriminant = a1 * a1 / 4.0 - a2;
+    let discriminant = a1 * a1 / 4.0 + a2;
     if discriminant < 0.0 {
-        a2.sqrt()
+        (-a2).sqrt()
     } else {
         a1.abs() / 2.0 + discriminant.sqrt()
     }
 }
 
-/// The section's difference equation in f64.
+/// Filters `input` with the section's difference equation in f64.
 fn twin(section: &Section, input: &[i32]) -> Vec<f64> {
     let ([b0, b1, b2], [a1, a2]) = polynomials(section);
     let (mut x1, mut x2, mut y1, mut y2) = (0.0, 0.0, 0.0, 0.0);
@@ -80,7 +64,7 @@ fn twin(section: &Section, input: &[i32]) -> Vec<f64> {
         .iter()
         .map(|&x| {
             let x = f64::from(x);
-            let y = b0 * x + b1 * x1 + b2 * x2 - a1 * y1 - a2 * y2;
+            let y = b0 * x + b1 * x1 + b2 * x2 + a1 * y1 + a2 * y2;
             (x2, x1, y2, y1) = (x1, x, y1, y);
             y
         })
@@ -89,23 +73,23 @@ fn twin(section: &Section, input: &[i32]) -> Vec<f64> {
 
 proptest! {
     #[test]
-    fn a_section_follows_its_formula(
+    fn a_section_follows_its_difference_equation(
         section in section(),
         input in prop::collection::vec(-1_000_000..1_000_000, 1..300),
     ) {
         let cascade = Cascade { sections: [section] };
         let mut state = CascadeState::default();
         for (&x, expected) in input.iter().zip(twin(&section, &input)) {
-            let y = f64::from(cascade.step(&mut state, x));
-            // An error in [0, 1) enters as a difference and passes 1 / A, whose L1 norm is at most
-            // 1 / (1 - outer pole)^2.
+            let y = f64::from(cascade.apply(&mut state, x));
+            // A rounding error in [0, 1) enters as a difference e[n] - e[n-1] and is filtered by 1 / A,
+            // whose L1 norm is at most 1 / (1 - outer pole)^2.
             let bound = 2.0 / (1.0 - outer_pole(&section)).powi(2);
             prop_assert!((y - expected).abs() < bound, "{} instead of {}", y, expected);
         }
     }
 
     #[test]
-    fn two_sections_in_series_are_one_after_the_other(
+    fn a_cascade_of_two_sections_equals_two_cascades_of_one(
         first in section(),
         second in section(),
         input in prop::collection::vec(-100_000..100_000, 1..100),
@@ -115,13 +99,13 @@ proptest! {
         let mut states = (CascadeState::default(), CascadeState::default());
         let mut state = CascadeState::default();
         for x in input {
-            let between = one.step(&mut states.0, x);
-            prop_assert_eq!(both.step(&mut state, x), two.step(&mut states.1, between));
+            let between = one.apply(&mut states.0, x);
+            prop_assert_eq!(both.apply(&mut state, x), two.apply(&mut states.1, between));
         }
     }
 
     #[test]
-    fn splitting_a_coefficient_loses_nothing(q32 in -(1_i64 << 40)..(1_i64 << 40)) {
+    fn splitting_a_coefficient_into_integer_and_fraction_is_exact(q32 in -(1_i64 << 40)..(1_i64 << 40)) {
         let coefficient = Coefficient::from_q32(q32);
         prop_assert_eq!(coefficient.to_q32(), q32);
         prop_assert!((value(coefficient) - f64::from(coefficient.integer)).abs() <= 0.5);
@@ -132,13 +116,13 @@ proptest! {
 fn a_notch_passes_a_constant_unchanged() {
     // scipy: iirnotch(50, 30, fs=512).
     let notch = Section::Notch {
-        turn: Coefficient::nearest(1.618_616_208),
-        loss: Coefficient::nearest(1.0 - 0.989_876_635),
+        a1: Coefficient::nearest(1.618_616_208),
+        one_minus_b0: Coefficient::nearest(1.0 - 0.989_876_635),
     };
     let cascade = Cascade { sections: [notch] };
     let mut state = CascadeState::default();
     let last = (0..5_000)
-        .map(|_| cascade.step(&mut state, 100_000_000))
+        .map(|_| cascade.apply(&mut state, 100_000_000))
         .last();
     assert!(
         last.is_some_and(|y| (y - 100_000_000).abs() <= 1),

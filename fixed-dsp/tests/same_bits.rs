@@ -1,42 +1,43 @@
-//! Blocks, single samples, and filters known at compile time give the same bits; the literal sum of
-//! 64 bits, with the coefficients in one piece, says which.
+//! Blocks, single samples and compiled filters return the same bits: those of the exact sum with
+//! whole, unsplit coefficients.
 
 use fixed_dsp::{BLOCK, Cascade, CascadeState, Coefficient, Compiled, Design, Filter, Section};
 use proptest::prelude::*;
 
-/// Sections of every shape; a pole near DC, so that integers vanish, and one far from it.
+/// Sections of every type; a pole near DC, where the integer parts are 0, and one far from it.
 struct Mixture;
 
 impl Design<5> for Mixture {
     const CASCADE: Cascade<5> = Cascade {
         sections: [
             Section::Notch {
-                turn: Coefficient::nearest(1.618_616_208),
-                loss: Coefficient::nearest(0.010_123_365),
+                a1: Coefficient::nearest(1.618_616_208),
+                one_minus_b0: Coefficient::nearest(0.010_123_365),
             },
             Section::HighPass {
-                first: Coefficient::nearest(1.990_036_109),
-                second: Coefficient::nearest(-0.990_074_359),
+                a1: Coefficient::nearest(1.990_036_109),
+                a2: Coefficient::nearest(-0.990_074_359),
             },
             Section::HighPass {
-                first: Coefficient::nearest(-0.7),
-                second: Coefficient::nearest(-0.49),
+                a1: Coefficient::nearest(-0.7),
+                a2: Coefficient::nearest(-0.49),
             },
             Section::BandPass {
                 gain: Coefficient::nearest(0.272_398),
-                first: Coefficient::nearest(1.443_524),
-                second: Coefficient::nearest(-0.446_945),
+                a1: Coefficient::nearest(1.443_524),
+                a2: Coefficient::nearest(-0.446_945),
             },
             Section::LowPass {
                 gain: Coefficient::nearest(0.107_273),
-                first: Coefficient::nearest(1.231_593),
-                second: Coefficient::nearest(-0.660_686),
+                a1: Coefficient::nearest(1.231_593),
+                a2: Coefficient::nearest(-0.660_686),
             },
         ],
     };
 }
 
-/// One section as its documentation has it, exact in 128 bits: `[x1, x2, y1, y2]` and the error.
+/// One section as documented at [`Section`], exact in 128 bits: `[x1, x2, y1, y2]` and the rounding
+/// error in Q0.32.
 #[derive(Clone, Copy)]
 struct Exact {
     memory: [i32; 4],
@@ -49,31 +50,23 @@ impl Exact {
         error: 1 << 31,
     };
 
-    fn step(&mut self, section: &Section, x0: i32) -> i32 {
+    fn apply(&mut self, section: &Section, x0: i32) -> i32 {
         let q = |coefficient: Coefficient| i128::from(coefficient.to_q32());
         let one = 1_i128 << 32;
         let [x1, x2, y1, y2] = self.memory.map(i128::from);
         let x = i128::from(x0);
         let sum = match *section {
-            Section::Notch { turn, loss } => {
-                (x + x2 - y2) * one + q(turn) * (y1 - x1) + q(loss) * (2 * y2 - x - x2)
+            Section::Notch { a1, one_minus_b0 } => {
+                (x + x2 - y2) * one + q(a1) * (y1 - x1) + q(one_minus_b0) * (2 * y2 - x - x2)
             }
-            Section::HighPass { first, second } => {
-                (x - 2 * x1 + x2) * one + q(first) * y1 + q(second) * y2
+            Section::HighPass { a1, a2 } => (x - 2 * x1 + x2) * one + q(a1) * y1 + q(a2) * y2,
+            Section::BandPass { gain, a1, a2 } => q(gain) * (x - x2) + q(a1) * y1 + q(a2) * y2,
+            Section::LowPass { gain, a1, a2 } => {
+                q(gain) * (x + 2 * x1 + x2) + q(a1) * y1 + q(a2) * y2
             }
-            Section::BandPass {
-                gain,
-                first,
-                second,
-            } => q(gain) * (x - x2) + q(first) * y1 + q(second) * y2,
-            Section::LowPass {
-                gain,
-                first,
-                second,
-            } => q(gain) * (x + 2 * x1 + x2) + q(first) * y1 + q(second) * y2,
         } + self.error;
         self.error = sum.rem_euclid(one);
-        let y = i32::try_from(sum.div_euclid(one)).expect("the input has head room");
+        let y = i32::try_from(sum.div_euclid(one)).expect("no output overflows 32 bits");
         self.memory = [x0, self.memory[0], y, self.memory[2]];
         y
     }
@@ -81,8 +74,8 @@ impl Exact {
 
 proptest! {
     #[test]
-    fn every_way_to_filter_gives_the_bits_of_the_exact_sum(
-        // Half of the device's full scale: nobody proved that these sections have room for more.
+    fn every_way_to_filter_returns_the_bits_of_the_exact_sum(
+        // Half of the device's full scale: no overflow proof exists for these sections beyond it.
         input in prop::collection::vec(-(1_i32 << 27)..(1 << 27), BLOCK..400),
         channels in 1_usize..4,
     ) {
@@ -93,13 +86,13 @@ proptest! {
         for samples in input.as_chunks::<BLOCK>().0 {
             let expected = samples.map(|x| {
                 let sections = cascade.sections.iter().zip(&mut exact);
-                sections.fold(x, |x, (section, state)| state.step(section, x))
+                sections.fold(x, |x, (section, state)| state.apply(section, x))
             });
-            prop_assert_eq!(samples.map(|x| cascade.step(&mut single[0], x)), expected);
-            prop_assert_eq!(samples.map(|x| known.step(&mut single[1], x)), expected);
+            prop_assert_eq!(samples.map(|x| cascade.apply(&mut single[0], x)), expected);
+            prop_assert_eq!(samples.map(|x| known.apply(&mut single[1], x)), expected);
             let mut blocks = [vec![*samples; channels], vec![*samples; channels]];
-            cascade.blocks(&mut blockwise[0], &mut blocks[0]);
-            known.blocks(&mut blockwise[1], &mut blocks[1]);
+            cascade.apply_blocks(&mut blockwise[0], &mut blocks[0]);
+            known.apply_blocks(&mut blockwise[1], &mut blocks[1]);
             for block in blocks.iter().flatten() {
                 prop_assert_eq!(*block, expected);
             }

@@ -204,7 +204,7 @@ impl VirtualBoard {
             .adc_status_bad
             .wrapping_add(marks.adc_status_bad.into());
         let index = self.acquisition.samples();
-        let step = self.acquisition.push(sample).map(|step| {
+        let step = self.acquisition.process_sample(sample).map(|step| {
             self.steps += 1;
             (self.steps - 1, step)
         });

@@ -1,36 +1,43 @@
-//! A convolution as it is written down, one plane at a time.
+//! A direct convolution, one plane at a time.
 
 use crate::{
-    Pair, PlaneShape,
-    dot::{self, OUTPUTS, POSITIONS, dots},
+    dot::{
+        dots,
+        layout::{self, OUTPUTS, POSITIONS},
+    },
+    pair::Pair,
+    plane::PlaneShape,
 };
 
-/// Weights of an input and an output channel: (time, row, column).
+/// Weights for each input and output channel: 3 times x 3 rows x 3 columns.
 const TAPS: usize = 27;
-/// Most output channels: three positions of them fit any word.
-const MOST_OUTPUTS: usize = 65_536;
+/// Largest number of output channels: byte offsets of three positions stay within a word.
+const MAX_OUTPUTS: usize = 65_536;
 
 /// A 3x3x3 convolution over (time, row, column), stride 1, unpadded, followed by a max-pool of any
-/// shape: what [`Winograd`](crate::Winograd) computes where its tiles do not fit the pool, or its
-/// transformed numbers not 16 bits. From 16 channels to 32 it takes 9,870 instructions for each
-/// position, Winograd's 3,900 (simulated, Cortex-M4).
+/// shape.
 ///
-/// Ranges: inputs of 16 bits, as long as no sum of 27 products for each channel leaves 32.
+/// It replaces [`Winograd`](crate::Winograd) where the pool does not fit Winograd's tiles, or the
+/// transformed numbers do not fit 16 bits. From 16 channels to 32 it takes 9,870 instructions per
+/// position, Winograd 3,900 (simulated, Cortex-M4).
 ///
-/// `PAIRS` are the pairs of input channels, an even number (8 have assembler), `COLUMNS` the columns
-/// of the input.
+/// Ranges: 16-bit inputs, as long as no sum of 27 products per channel leaves 32 bits.
+///
+/// `PAIRS` is the number of pairs of input channels, an even number (8 has an assembler kernel);
+/// `COLUMNS` is the number of columns of the input.
 #[derive(Clone, Copy, Debug)]
 pub struct Direct<'w, const PAIRS: usize, const COLUMNS: usize> {
-    /// Rows and columns of which the pool keeps the largest.
+    /// Rows and columns of the max-pool.
     pub pool: [usize; 2],
-    /// Shape of a pooled plane.
+    /// Shape of the plane after the pool.
     pub pooled: PlaneShape,
-    /// What [`Self::pack_weights`] makes, [`Self::weights_len`] pairs.
+    /// Weights as packed by [`Self::pack_weights`], [`Self::weights_len`] pairs.
     pub weights: &'w [Pair],
 }
 
 impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
-    /// Shape of an input plane: the outputs that fill whole pools, and what they reach beyond them.
+    /// Returns the shape of an input plane: outputs of whole pools, plus the two rows and columns that
+    /// the kernel needs beyond them.
     pub const fn input(&self) -> PlaneShape {
         PlaneShape {
             rows: self.pooled.rows * self.pool[0] + 2,
@@ -39,18 +46,18 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// Pairs in a plane that [`Self::transform`] has made.
+    /// Returns the number of pairs in a plane written by [`Self::transform`].
     pub const fn transformed_len(&self) -> usize {
         self.input().rows * COLUMNS * PAIRS
     }
 
-    /// Pairs in the packed weights of so many outputs.
+    /// Returns the number of pairs in the packed weights of `outputs` output channels.
     pub const fn weights_len(outputs: usize) -> usize {
         outputs * TAPS * PAIRS
     }
 
-    /// True when this convolution fits between planes of these shapes and its weights have the
-    /// length that this asks for; assert it in `const`.
+    /// Returns true if this convolution turns planes of shape `input` into planes of shape `pooled` and
+    /// has the right number of weights. Assert it in a `const` context.
     pub const fn is_consistent(&self, input: PlaneShape, pooled: PlaneShape) -> bool {
         self.input().equals(input)
             && self.pooled.equals(pooled)
@@ -59,15 +66,15 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
             && COLUMNS == pooled.columns * self.pool[1] + 2
             && COLUMNS >= 2 + POSITIONS
             && pooled.channels.is_multiple_of(OUTPUTS)
-            && pooled.channels <= MOST_OUTPUTS
+            && pooled.channels <= MAX_OUTPUTS
             && self.weights.len() == Self::weights_len(pooled.channels)
     }
 
-    /// Lays an input plane of shape [`Self::input`], `[pair of channels][row][column]`, out as the
-    /// products read it: `[row][column][pair of channels]`.
+    /// Reorders an input plane of shape [`Self::input`] from `[pair of channels][row][column]` to the
+    /// order in which the products read it, `[row][column][pair of channels]`.
     ///
     /// # Panics
-    /// When a slice is shorter than its shape says.
+    /// If a slice is shorter than its shape requires.
     pub fn transform(&self, plane: &[Pair], transformed: &mut [Pair]) {
         let positions = self.input().rows * COLUMNS;
         let transformed = &mut transformed[..positions * PAIRS];
@@ -81,24 +88,25 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// The plane of outputs that ends with the last of three planes as [`Self::transform`] makes
-    /// them, oldest first: where the largest output of a pool window exceeds what `largest`, of shape
-    /// [`Self::pooled`], holds, it takes its place. Without bias.
+    /// Convolves three planes, transformed by [`Self::transform`], oldest first, into one plane of
+    /// outputs, and max-pools it into `largest`, of shape [`Self::pooled`].
+    ///
+    /// `largest[i]` becomes the maximum of its previous value and the outputs of pool window `i`, so
+    /// that consecutive calls also pool over time. Without bias.
     ///
     /// # Panics
-    /// When a slice is shorter than its shape says, or shapes and weights do not fit each other:
-    /// [`Self::is_consistent`].
-    pub fn pool(&self, transformed: [&[Pair]; 3], largest: &mut [i32]) {
+    /// If a slice is shorter than its shape requires, or [`Self::is_consistent`] is false.
+    pub fn convolve_max_pool(&self, transformed: [&[Pair]; 3], largest: &mut [i32]) {
         assert!(
             self.is_consistent(self.input(), self.pooled),
-            "whole pools, whole pairs of outputs and as many weights"
+            "the shapes and the number of weights are inconsistent"
         );
         let largest = &mut largest[..self.pooled.len()];
         let (rows, columns) = (self.pooled.rows * self.pool[0], COLUMNS - 2);
-        let weights = self.weights.chunks_exact(dot::weights_len(TAPS * PAIRS));
+        let weights = self.weights.chunks_exact(layout::weights_len(TAPS * PAIRS));
         for row in 0..rows {
             for group in 0..columns.div_ceil(POSITIONS) {
-                // The last group starts so early that it is full; a maximum may be taken twice.
+                // The last group is moved back to be full; computing a maximum twice is harmless.
                 let column = (group * POSITIONS).min(columns - POSITIONS);
                 for (pair, weights) in weights.clone().enumerate() {
                     let sums = Self::dots(transformed, [row, column], weights);
@@ -108,7 +116,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// The sums of a pair of outputs at three positions from (row, column) on.
+    /// Returns the sums of a pair of outputs at three positions, starting at (row, column).
     #[inline]
     fn dots(
         transformed: [&[Pair]; 3],
@@ -120,7 +128,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         };
         let mut sums = [[0; POSITIONS * OUTPUTS]];
         if PAIRS == 8 {
-            // Three columns of a row lie side by side.
+            // The inputs of three adjacent columns are contiguous: one segment per row.
             let rows = core::array::from_fn(|row_of| input(row_of / 3, row + row_of % 3, column));
             dots::<{ TAPS / 3 }, 24, 8>(rows, weights, &mut sums);
         } else {
@@ -131,8 +139,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         sums[0]
     }
 
-    /// Keeps the sums of a pair of outputs at three positions from (row, column) on where they are
-    /// the largest of their pool.
+    /// Updates the maxima of the pool windows with the sums of a pair of outputs at three positions,
+    /// starting at (row, column).
     #[inline]
     fn keep_largest(
         &self,
@@ -150,23 +158,29 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// A sum of [`Self::pool`] as the convolution has it: the same.
+    /// Returns a sum of [`Self::convolve_max_pool`] as it is; [`Winograd`](crate::Winograd) divides
+    /// here.
     #[inline]
     pub const fn unscaled(sum: i32) -> i32 {
         sum
     }
 
-    /// Orders weights `[time][row][column][input][output]` as [`Self::weights`] holds them.
+    /// Packs weights `[time][row][column][input][output]` for [`Self::weights`].
     ///
     /// # Panics
-    /// When the slices do not have 54 * `PAIRS` * `outputs` and [`Self::weights_len`] numbers.
+    /// If `weights` has not 54 * `PAIRS` * `outputs` numbers, or `packed` is shorter than
+    /// [`Self::weights_len`].
     pub fn pack_weights(outputs: usize, weights: &[i8], packed: &mut [Pair]) {
         let channels = 2 * PAIRS;
-        assert_eq!(weights.len(), TAPS * channels * outputs, "27 taps each");
-        let step = dot::weights_len(TAPS * PAIRS);
+        assert_eq!(
+            weights.len(),
+            TAPS * channels * outputs,
+            "27 weights for each input and output"
+        );
+        let step = layout::weights_len(TAPS * PAIRS);
         for (at, &weight) in weights.iter().enumerate() {
             let (input, output) = (at / outputs, at % outputs);
-            let place = dot::weight_at(output % OUTPUTS, input / 2);
+            let place = layout::weight_index(output % OUTPUTS, input / 2);
             let pair = &mut packed[output / OUTPUTS * step + place];
             *pair = pair.with(input % 2, weight.into());
         }

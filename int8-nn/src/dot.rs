@@ -1,40 +1,24 @@
-//! Products of many positions with many outputs: the one loop in which all the time goes.
+//! Dot products of many positions with many outputs: the inner loop of every convolution.
 
 #[cfg(smlad)]
 mod cortex_m;
+pub(crate) mod layout;
 
-use crate::{Pair, quad::Quad};
+use crate::{pair::Pair, quad::Quad};
+use layout::{OUTPUTS, POSITIONS, ROUND, weights_len};
 
-/// Positions that are multiplied together with [`OUTPUTS`] outputs: six accumulators, four weights,
-/// two inputs and two pointers are the 14 registers of a Cortex-M.
-pub(crate) const POSITIONS: usize = 3;
-/// Outputs that are computed together.
-pub(crate) const OUTPUTS: usize = 2;
-/// Pairs of inputs that are multiplied in one round.
-pub(crate) const ROUND: usize = 2;
-
-/// Pairs that the weights of one step take, from the pairs of inputs of a position.
-pub(crate) const fn weights_len(inputs: usize) -> usize {
-    OUTPUTS * inputs
-}
-
-/// Where the weights of a pair of inputs for `output` (0..[`OUTPUTS`]) lie within a step: in rounds,
-/// the first output's before the second's.
-pub(crate) const fn weight_at(output: usize, input: usize) -> usize {
-    (input / ROUND * OUTPUTS + output) * ROUND + input % ROUND
-}
-
-/// For each step, [`POSITIONS`] positions times [`OUTPUTS`] outputs:
-/// `sums[step][position][output] = sum over segment, k of
-/// inputs[segment][(step * POSITIONS + position) * STRIDE + k] . weights[step][segment][k][output]`,
+/// Computes, for each block of `sums`, the dot products of [`POSITIONS`] positions and [`OUTPUTS`]
+/// outputs:
+/// `sums[block][position][output] = sum over segment, k of
+/// inputs[segment][(block * POSITIONS + position) * STRIDE + k] . weights[block][segment][k][output]`,
 /// wrapping.
 ///
-/// A position's inputs lie in `SEGMENTS` places, `WIDTH` pairs in each, `STRIDE` pairs behind those of
-/// the position before. There are as many steps as `sums` has room for; weights of one step alone
-/// serve all of them. Order of the weights within a step: [`weight_at`].
+/// The inputs of a position are `SEGMENTS` runs of `WIDTH` pairs; the runs of the next position start
+/// `STRIDE` pairs later. If `weights` holds the weights of one block only, all blocks use them. Order
+/// of the weights within a block: [`layout::weight_index`].
 ///
 /// # Panics
-/// When a slice is shorter than this asks for.
+/// If a slice is shorter than the formula requires.
 #[inline]
 pub(crate) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
     inputs: [&[Pair]; SEGMENTS],
@@ -42,33 +26,33 @@ pub(crate) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usiz
     sums: &mut [[i32; POSITIONS * OUTPUTS]],
 ) {
     const { assert!(SEGMENTS > 0 && WIDTH > 0 && WIDTH.is_multiple_of(ROUND)) };
-    const { assert!(STRIDE <= WIDTH, "a slice ends behind its last position") };
+    const { assert!(STRIDE <= WIDTH, "a run of inputs reaches the next position") };
     if sums.is_empty() {
         return;
     }
-    let per_step = weights_len(SEGMENTS * WIDTH);
-    let is_shared = weights.len() == per_step;
-    let steps_of_weights = if is_shared { 1 } else { sums.len() };
-    let weights = &weights[..steps_of_weights * per_step];
+    let per_block = weights_len(SEGMENTS * WIDTH);
+    let is_shared = weights.len() == per_block;
+    let blocks_of_weights = if is_shared { 1 } else { sums.len() };
+    let weights = &weights[..blocks_of_weights * per_block];
     let reach = (sums.len() * POSITIONS - 1) * STRIDE + WIDTH;
     let inputs = inputs.map(|segment| &segment[..reach]);
     #[cfg(smlad)]
     if cortex_m::dots::<SEGMENTS, WIDTH, STRIDE>(inputs, weights, is_shared, sums) {
         return;
     }
-    for (step, sums) in sums.iter_mut().enumerate() {
-        let first = if is_shared { 0 } else { step * per_step };
-        let inputs = inputs.map(|segment| &segment[step * POSITIONS * STRIDE..]);
-        step_portable::<SEGMENTS, WIDTH, STRIDE>(inputs, &weights[first..first + per_step], sums);
+    for (block, sums) in sums.iter_mut().enumerate() {
+        let first = if is_shared { 0 } else { block * per_block };
+        let inputs = inputs.map(|segment| &segment[block * POSITIONS * STRIDE..]);
+        block_portable::<SEGMENTS, WIDTH, STRIDE>(inputs, &weights[first..first + per_block], sums);
     }
 }
 
-/// One step in plain Rust: the twin of the assembler.
+/// Computes one block in plain Rust: the portable equivalent of the assembler.
 ///
-/// The products of a round lie side by side, `[output][pair]`, and each has a sum of its own until
-/// the end.
+/// A [`Quad`] holds the products of a round, `[output][pair]`, in separate sums, which are added at the
+/// end.
 #[inline]
-fn step_portable<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
+fn block_portable<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
     inputs: [&[Pair]; SEGMENTS],
     weights: &[Pair],
     sums: &mut [i32; POSITIONS * OUTPUTS],
@@ -78,7 +62,7 @@ fn step_portable<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>
         .into_iter()
         .zip(weights.chunks_exact(OUTPUTS * WIDTH))
     {
-        // Of as many inputs as the compiler knows, so that nothing is checked in the loop.
+        // Arrays of known length, so that the loop has no bounds checks.
         let positions: [&[Pair; WIDTH]; POSITIONS] = core::array::from_fn(|position| {
             let inputs = &segment[position * STRIDE..][..WIDTH];
             &inputs.as_chunks().0[0]

@@ -1,43 +1,47 @@
-//! The first convolution of a network: a single input channel.
+//! Convolution of a single input channel: the first layer of a network.
 
 use crate::{
-    Pair, PlaneShape,
-    dot::{self, OUTPUTS, POSITIONS, dots},
-    requantise, saturate_u8,
+    dot::{
+        dots,
+        layout::{self, OUTPUTS, POSITIONS},
+    },
+    pair::Pair,
+    plane::PlaneShape,
+    requantise::{requantise, saturate_u8},
 };
 
-/// Weights of an output channel: (time, row, column).
+/// Weights for each output channel: 3 times x 3 rows x 3 columns.
 const TAPS: usize = 27;
-/// The same with a zero, in pairs.
+/// Pairs of weights for each output channel: 27 weights and a zero.
 const WIDTH: usize = 14;
-/// Groups that the loop takes in one turn.
-const TURN: usize = 4;
-/// Pairs that the inputs of a group of positions take.
+/// Groups in one iteration of the assembler loop.
+const GROUPS_PER_ITERATION: usize = 4;
+/// Pairs of inputs of a group of positions.
 const GROUP: usize = POSITIONS * WIDTH;
 
 /// A 3x3x3 convolution of one channel over (time, row, column), stride 1, unpadded, with ReLU, one
 /// plane per call.
 ///
-/// Each position's 27 inputs are laid side by side first; the products then run through them as
-/// those of any other layer do. `COLUMNS` are those of the input, known when the kernel is compiled
-/// so that one pointer reaches all rows of a plane.
+/// The 27 inputs of each position are first copied side by side (im2col), so that the products use the
+/// same loop as the other layers. `COLUMNS` is the number of columns of the input, a constant so that
+/// one pointer reaches all rows of a plane.
 #[derive(Clone, Copy, Debug)]
 pub struct InputConv<'w, const COLUMNS: usize> {
-    /// Rows of an input plane.
+    /// Rows of an input plane, at least 3.
     pub rows: usize,
-    /// Shape of an output plane: up to two rows and two columns less. More of each are left out,
-    /// where nobody reads them.
+    /// Shape of an output plane: at least two rows and two columns smaller than the input. It is
+    /// smaller still where later layers do not read the last rows or columns.
     pub output: PlaneShape,
-    /// What [`Self::pack_weights`] makes, [`Self::weights_len`] pairs.
+    /// Weights as packed by [`Self::pack_weights`], [`Self::weights_len`] pairs.
     pub weights: &'w [Pair],
-    /// One per output channel, in accumulator steps.
+    /// Bias of each output channel, in units of the accumulator.
     pub bias: &'w [i32],
-    /// Requantisation factors, one per output channel, Q0.32.
+    /// Requantisation factor of each output channel, Q0.32, [-0.5, 0.5).
     pub multipliers: &'w [i32],
 }
 
 impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
-    /// Shape of an input plane.
+    /// Returns the shape of an input plane: `rows` x `COLUMNS` positions, one channel.
     pub const fn input(&self) -> PlaneShape {
         PlaneShape {
             rows: self.rows,
@@ -46,23 +50,23 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         }
     }
 
-    /// Pairs in the packed weights of so many outputs.
+    /// Returns the number of pairs in the packed weights of `outputs` output channels.
     pub const fn weights_len(outputs: usize) -> usize {
         outputs * WIDTH
     }
 
-    /// Pairs that [`Self::plane`] needs for the inputs of all positions.
+    /// Returns the length of the scratch slice `patches` of [`Self::convolve`].
     pub const fn patches_len(&self) -> usize {
         self.groups() * GROUP
     }
 
-    /// Numbers that [`Self::plane`] needs for the sums of a pair of outputs.
+    /// Returns the length of the scratch slice `sums` of [`Self::convolve`].
     pub const fn sums_len(&self) -> usize {
         self.groups() * POSITIONS * OUTPUTS
     }
 
-    /// True when weights, bias and factors have the lengths that the shapes ask for; assert it in
-    /// `const`.
+    /// Returns true if this convolution turns planes of shape `input` into planes of shape `output` and
+    /// has the right numbers of weights, biases and factors. Assert it in a `const` context.
     pub const fn is_consistent(&self, input: PlaneShape, output: PlaneShape) -> bool {
         self.input().equals(input)
             && self.output.equals(output)
@@ -75,22 +79,20 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
             && self.multipliers.len() == output.channels
     }
 
-    /// Groups of as many positions as are multiplied together; the last ones may have positions that
-    /// nobody reads.
+    /// Returns the number of groups of [`POSITIONS`] positions, rounded up to whole iterations of the
+    /// assembler loop. The sums of surplus positions are not read.
     const fn groups(&self) -> usize {
         (self.output.rows * self.output.columns)
             .div_ceil(POSITIONS)
-            .next_multiple_of(TURN)
+            .next_multiple_of(GROUPS_PER_ITERATION)
     }
 
-    /// Writes the output plane, values 0..=255, `[pair of channels][row][column]`, that ends with the
-    /// last of three input planes as [`Self::pair_up`] makes them, oldest first. `patches` and `sums`
-    /// are scratch.
+    /// Convolves three input planes, paired by [`Self::pair_up`], oldest first, and writes the output
+    /// plane, values 0..=255, `[pair of channels][row][column]`. `patches` and `sums` are scratch.
     ///
     /// # Panics
-    /// When a slice is shorter than its shape says, or weights, bias and factors are not as many as
-    /// the outputs ask for: [`Self::is_consistent`].
-    pub fn plane(
+    /// If a slice is shorter than its shape requires, or [`Self::is_consistent`] is false.
+    pub fn convolve(
         &self,
         planes: [&[Pair]; 3],
         patches: &mut [Pair],
@@ -99,12 +101,12 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
     ) {
         assert!(
             self.is_consistent(self.input(), self.output),
-            "whole pairs of outputs, and as many weights"
+            "the shapes and the numbers of weights are inconsistent"
         );
         let patches = &mut patches[..self.patches_len()];
         let sums = &mut sums[..self.sums_len()];
         let output = &mut output[..self.output.len() / OUTPUTS];
-        self.lay_out(planes, patches);
+        self.gather_patches(planes, patches);
         let positions = self.output.rows * self.output.columns;
         let channels = self
             .bias
@@ -129,10 +131,10 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         }
     }
 
-    /// Pairs every input of a plane with its right neighbour, the last one of the plane with 0.
+    /// Pairs every input of a plane with its right neighbour, the last one with 0.
     ///
     /// # Panics
-    /// When a slice is shorter than the input plane.
+    /// If a slice is shorter than the input plane.
     pub fn pair_up(&self, plane: &[i8], pairs: &mut [Pair]) {
         let plane = &plane[..self.input().len()];
         let pairs = &mut pairs[..plane.len()];
@@ -144,10 +146,10 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         }
     }
 
-    /// Lays the inputs of each position side by side: of each (time, row) the first two columns, then
-    /// the third ones, two rows in a pair, and a zero.
-    fn lay_out(&self, planes: [&[Pair]; 3], patches: &mut [Pair]) {
-        /// From a position's first input to its last.
+    /// Copies the inputs of each position side by side (im2col): the first two columns of each (time,
+    /// row) as pairs, then the third columns, two rows in a pair, and a zero.
+    fn gather_patches(&self, planes: [&[Pair]; 3], patches: &mut [Pair]) {
+        /// Returns the distance from a position's first input to its last, inclusive.
         const fn reach(columns: usize) -> usize {
             2 * columns + 3
         }
@@ -173,34 +175,34 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
                     c[0][0],
                     c[1][0],
                     c[2][0],
-                    a[0][1].first_of(a[1][1]),
-                    a[2][1].first_of(b[0][1]),
-                    b[1][1].first_of(b[2][1]),
-                    c[0][1].first_of(c[1][1]),
-                    c[2][1].first_of(Pair::ZERO),
+                    a[0][1].low_halves(a[1][1]),
+                    a[2][1].low_halves(b[0][1]),
+                    b[1][1].low_halves(b[2][1]),
+                    c[0][1].low_halves(c[1][1]),
+                    c[2][1].low_halves(Pair::ZERO),
                 ];
             }
         }
     }
 
-    /// Orders weights `[time][row][column][output]` as [`Self::weights`] holds them.
+    /// Packs weights `[time][row][column][output]` for [`Self::weights`].
     ///
     /// # Panics
-    /// When there are not 27 weights and 14 pairs for each of an even number of outputs.
+    /// Unless there are 27 weights and 14 pairs for each of an even number of outputs.
     pub fn pack_weights(outputs: usize, weights: &[i8], packed: &mut [Pair]) {
-        assert_eq!(weights.len(), TAPS * outputs, "27 taps each");
+        assert_eq!(weights.len(), TAPS * outputs, "27 weights for each output");
         packed.fill(Pair::ZERO);
         for (at, &weight) in weights.iter().enumerate() {
             let (tap, output) = (at / outputs, at % outputs);
-            let step = output / OUTPUTS * dot::weights_len(WIDTH);
+            let step = output / OUTPUTS * layout::weights_len(WIDTH);
             let place = place(tap);
-            let pair = &mut packed[step + dot::weight_at(output % OUTPUTS, place / 2)];
+            let pair = &mut packed[step + layout::weight_index(output % OUTPUTS, place / 2)];
             *pair = pair.with(place % 2, weight.into());
         }
     }
 }
 
-/// Where tap (time, row, column) of 27 lies among the inputs of a position.
+/// Returns the index of tap `(time * 3 + row) * 3 + column` among the gathered inputs of a position.
 const fn place(tap: usize) -> usize {
     let (row, column) = (tap / 3, tap % 3);
     if column < 2 {

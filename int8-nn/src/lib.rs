@@ -1,34 +1,52 @@
-//! Int8 neural-network kernels for Cortex-M4 and M7, one plane at a time: nothing about our network.
+//! Int8 neural-network kernels for Cortex-M4 and M7; nothing about one particular network.
 //!
 //! A three-dimensional convolution over (time, row, column) is computed one time step ("plane") at
-//! a time, so that a stream needs each plane once and a window's last plane leaves little to do.
+//! a time, so that a stream needs each plane once, and little work is left after the last plane of a
+//! window. The kernels allocate nothing and use no floating point.
 //!
 //! ```text
-//! plane --InputConv--> plane --Winograd (conv, pool)--> sums --unscaled, requantise--> plane --Linear--> sums
-//! i8                   0..=255                          i32                            0..=255           i32
+//! i8 plane --> InputConv --> 0..=255 plane --> Winograd (or Direct), max-pool --> i32 sums
+//!                                                                                   |
+//!     i32 accumulators <-- Linear <-- 0..=255 plane <-- bias, requantise, saturate_u8
 //! ```
 //!
-//! [`Direct`] stands in for [`Winograd`] where the pool or the ranges ask for it.
+//! [`Direct`] replaces [`Winograd`] where the shape of the pool or the ranges require it.
 //!
-//! Conventions shared by all kernels:
-//! * planes are flat slices of [`Pair`]s, two channels in a word of 16 bits each, because that is what
-//!   SMLAD multiplies; between the convolutions `[pair of channels][row][column]`;
-//! * weights have 8 bits, -127..=127, and are packed or transformed by the kernel that reads them;
-//!   accumulators and biases are `i32`;
-//! * accumulators wrap; that they cannot is proven from the weights by whoever builds the network
-//!   (model-gen does, at build time);
-//! * requantisation is a multiplication by a Q0.32 number with one rounding, half up
-//!   ([`requantise`]), then saturation;
-//! * nothing branches on data, so a kernel takes the same number of instructions for any input.
+//! Conventions of all kernels:
+//! * Planes are flat slices of [`Pair`]s, two channels in one word of 2 x 16 bits, the operand of SMLAD.
+//!   Between the convolutions their order is `[pair of channels][row][column]`.
+//! * Weights are 8 bits, -127..=127, and packed or transformed by the kernel that reads them.
+//!   Accumulators and biases are `i32`.
+//! * Accumulators wrap. The code that builds the network must prove from the weights that they do not
+//!   overflow; model-gen does so at build time.
+//! * Requantisation multiplies by a Q0.32 number, rounds once, half up ([`requantise`]), and saturates.
+//! * No branch depends on data, so a kernel takes the same number of instructions for any input.
 //!
 //! On a Cortex-M4 or M7 the inner loops are assembler (`dot/cortex_m/`, `linear/cortex_m.rs`,
-//! `winograd/cortex_m.rs`) with plain twins beside them; integer only. `cargo xtask bench encoder`
-//! holds both to the same codes.
+//! `winograd/cortex_m.rs`), each with a portable equivalent. `cargo xtask bench encoder` checks that
+//! both produce the same codes.
+//!
+//! ```
+//! use int8_nn::{Linear, Pair, requantise, saturate_i8};
+//!
+//! // A layer from 16 inputs to 4 outputs: output j sums the inputs, times j + 1.
+//! let (pairs, outputs) = (8, 4);
+//! let weights: Vec<i8> = (0..16).flat_map(|_| [1, 2, 3, 4]).collect();
+//! let mut packed = [Pair::ZERO; 8 * 4 / 2];
+//! Linear::pack_weights(pairs, outputs, &weights, &mut packed);
+//! let layer = Linear { inputs: pairs, outputs, weights: &packed };
+//!
+//! let mut sums = [100, 0, 0, 0]; // the biases
+//! layer.accumulate(&[Pair::new([10, 10]); 8], &mut sums);
+//! assert_eq!(sums, [260, 320, 480, 640]);
+//! // Times 0.25, saturated to 8 bits.
+//! assert_eq!(sums.map(|sum| saturate_i8(requantise(sum, 1 << 30))), [65, 80, 120, 127]);
+//! ```
 #![no_std]
 #![deny(unsafe_code)]
 #![expect(
     clippy::inline_always,
-    reason = "a call costs more than what these functions do"
+    reason = "a call costs more than the body of these functions"
 )]
 
 #[cfg(test)]

@@ -1,71 +1,69 @@
-//! Fully connected layers, accumulated piece by piece.
+//! Fully connected layers, computed one slice of inputs at a time.
 
 #[cfg(smlad)]
 mod cortex_m;
+mod layout;
 
-use crate::Pair;
+use crate::pair::Pair;
 #[cfg(not(smlad))]
 use crate::quad::Quad;
+#[cfg(not(smlad))]
+use layout::ROUND;
+use layout::{INPUTS, OUTPUTS, weight_index};
 
-/// Outputs that are computed together: two pairs.
-const OUTPUTS: usize = 4;
-/// Pairs of inputs that are multiplied in one round.
-const ROUND: usize = 2;
-/// Rounds are unrolled, so pairs of inputs come in so many.
-const INPUTS: usize = 8;
-/// Most outputs: their product with the inputs fits any word.
-const MOST_OUTPUTS: usize = 65_536;
+/// Largest number of outputs: the product with the inputs stays within a word.
+const MAX_OUTPUTS: usize = 65_536;
 
-/// A matrix that adds a slice of a layer's inputs to all its outputs.
+/// A weight matrix from a slice of a layer's inputs to all its outputs.
 ///
-/// A fully connected layer over a window is one `Linear` per plane; the accumulators start at the
-/// bias and every plane is added when it arrives.
+/// A fully connected layer over a window is one `Linear` per plane: the accumulators start at the
+/// bias, and the product of each plane is added when the plane arrives.
 ///
-/// Two weights of 8 bits share a number of 16: `256 * odd + even`, for an odd output and the even one
-/// before it. Products with the number as it is give `256 * odd sum + even sum`, products with its low
-/// byte the even sum; what is left of the first is the odd one. So every second weight needs no
-/// instruction of its own to be taken out of its byte, and memory holds 8 bits for each.
+/// Two 8-bit weights share a 16-bit number: `256 * odd + even`, for an odd output and the even one
+/// before it. Products with the whole number sum to `256 * odd sum + even sum`, products with its low
+/// byte to the even sum; the odd sum follows by subtraction. So odd weights need no instruction to
+/// unpack them, and each weight takes 8 bits of memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Linear<'w> {
-    /// Pairs of inputs: a multiple of 8, at most 128. Fill up with zeros.
+    /// Pairs of inputs: a multiple of 8, at most 128; fill up with zeros.
     pub inputs: usize,
     /// Number of outputs: a multiple of 4.
     pub outputs: usize,
-    /// What [`Self::pack_weights`] makes, [`Self::weights_len`] pairs.
+    /// Weights as packed by [`Self::pack_weights`], [`Self::weights_len`] pairs.
     pub weights: &'w [Pair],
 }
 
 impl Linear<'_> {
-    /// Most pairs of inputs: 257 products of 255 and 128 stay below 2^23.
-    pub const MOST_INPUTS: usize = 128;
+    /// Largest number of pairs of inputs: 257 products of 255 and 128 stay below 2^23.
+    pub const MAX_INPUTS: usize = 128;
 
-    /// Pairs in the packed weights.
+    /// Returns the number of pairs in the packed weights.
     pub const fn weights_len(&self) -> usize {
         self.inputs * self.outputs / 2
     }
 
-    /// True when this is a matrix from so many pairs of inputs to `outputs` numbers; assert it in
-    /// `const`.
+    /// Returns true if this is a matrix from `inputs` pairs of inputs to `outputs` outputs with the right
+    /// number of weights. Assert it in a `const` context.
     pub const fn is_consistent(&self, inputs: usize, outputs: usize) -> bool {
         self.inputs == inputs
             && self.outputs == outputs
             && inputs > 0
             && inputs.is_multiple_of(INPUTS)
-            && inputs <= Self::MOST_INPUTS
+            && inputs <= Self::MAX_INPUTS
             && outputs > 0
             && outputs.is_multiple_of(OUTPUTS)
-            && outputs <= MOST_OUTPUTS
+            && outputs <= MAX_OUTPUTS
             && self.weights.len() == self.weights_len()
     }
 
     /// Adds `weights * inputs` to the accumulators, wrapping; |input| <= 255.
     ///
     /// # Panics
-    /// When a slice is shorter than the matrix says, or the matrix is none: [`Self::is_consistent`].
+    /// If a slice is shorter than the matrix requires, or [`Self::is_consistent`] is false.
     pub fn accumulate(&self, inputs: &[Pair], accumulators: &mut [i32]) {
         assert!(
             self.is_consistent(self.inputs, self.outputs),
-            "a matrix of whole rounds and as many weights"
+            "a matrix must have whole rounds of inputs and outputs, and the right number of weights"
         );
         let inputs = &inputs[..self.inputs];
         let accumulators = &mut accumulators[..self.outputs];
@@ -75,28 +73,31 @@ impl Linear<'_> {
         accumulate_portable(inputs, self.weights, accumulators);
     }
 
-    /// Orders weights `[input][output]` as [`Self::weights`] holds them, for so many pairs of inputs;
-    /// those beyond the weights get zeros.
+    /// Packs weights `[input][output]` for [`Self::weights`], with `inputs` pairs of inputs; missing
+    /// weights are 0.
     ///
     /// # Panics
-    /// When there are more weights than the matrix has room for, or a weight is -128: `256 * odd +
-    /// even` has to fit 16 bits.
+    /// If there are more weights than the matrix holds, or a weight is -128: `256 * odd + even` must
+    /// fit 16 bits.
     pub fn pack_weights(inputs: usize, outputs: usize, weights: &[i8], packed: &mut [Pair]) {
-        assert!(weights.len() <= 2 * inputs * outputs, "a weight for each");
+        assert!(
+            weights.len() <= 2 * inputs * outputs,
+            "at most one weight for each input and output"
+        );
         packed.fill(Pair::ZERO);
         for (at, &weight) in weights.iter().enumerate() {
-            assert!(weight != i8::MIN, "weights are symmetric");
+            assert!(weight != i8::MIN, "weights are -127..=127");
             let (input, output) = (at / outputs, at % outputs);
             let (pair, lane) = (input / 2, input % 2);
-            let round = output / OUTPUTS * (inputs / ROUND) + pair / ROUND;
-            let both = &mut packed[(round * 2 + output % OUTPUTS / 2) * ROUND + pair % ROUND];
+            let both = &mut packed[weight_index(inputs, pair, output)];
             let shared = both.get()[lane] + (i16::from(weight) << (8 * (output % 2)));
             *both = both.with(lane, shared);
         }
     }
 }
 
-/// The twin of the assembler, in plain Rust.
+/// Adds `weights * inputs` to the accumulators in plain Rust: the portable equivalent of the
+/// assembler.
 #[cfg(not(smlad))]
 fn accumulate_portable(inputs: &[Pair], weights: &[Pair], accumulators: &mut [i32]) {
     let quads = weights.chunks_exact(inputs.len() * OUTPUTS / 2);
@@ -130,9 +131,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_linear_layer_is_a_matrix_product_on_top_of_what_is_there() {
+    fn a_linear_layer_adds_a_matrix_product_to_its_accumulators() {
         let (inputs, outputs) = (8, 8);
-        // The largest that can come together, at the ends of their ranges.
+        // Weights and inputs at the ends of their ranges.
         let weights: Vec<i8> = (0..13 * outputs)
             .map(|at| [127, -127, 1, -1, 0, 100][at * 7 % 6])
             .collect();

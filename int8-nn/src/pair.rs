@@ -1,29 +1,32 @@
 //! Two 16-bit numbers in one word.
 
-/// Two `i16` in a word, the first in its low half: what one instruction of a Cortex-M4 or M7 adds
-/// or multiplies at once. Planes and weights are slices of these, two channels or two inputs each.
+/// Two `i16` in a word, the first in its low half.
+///
+/// One SIMD instruction of a Cortex-M4 or M7 adds or multiplies both. Planes and weights are slices of
+/// pairs: of two channels, or of two inputs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pair(pub u32);
 
 impl Pair {
-    /// Two zeros.
+    /// The pair (0, 0).
     pub const ZERO: Self = Self(0);
 
-    /// Two numbers, the first in the low half.
+    /// Packs two numbers, the first into the low half.
     #[inline(always)]
-    #[expect(clippy::cast_sign_loss, reason = "the bits, whatever they mean")]
+    #[expect(clippy::cast_sign_loss, reason = "the bits are kept")]
     pub const fn new([first, second]: [i16; 2]) -> Self {
         Self(first as u16 as u32 | (second as u16 as u32) << 16)
     }
 
-    /// The two numbers.
+    /// Returns the two numbers, low half first.
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "each half in its turn")]
+    #[expect(clippy::cast_possible_truncation, reason = "each cast keeps one half")]
     pub const fn get(self) -> [i16; 2] {
         [self.0 as i16, (self.0 >> 16) as i16]
     }
 
-    /// Puts numbers into pairs, two each; what is missing in the last one is 0.
+    /// Packs `numbers` into `pairs`, two into each. An odd last number is paired with 0; pairs beyond
+    /// the numbers are unchanged.
     #[inline]
     pub fn fill(pairs: &mut [Self], mut numbers: impl Iterator<Item = i16>) {
         for pair in pairs {
@@ -32,7 +35,7 @@ impl Pair {
         }
     }
 
-    /// The same, one of them replaced.
+    /// Returns this pair with number `index` (0 or 1) replaced.
     #[must_use]
     pub const fn with(self, index: usize, number: i16) -> Self {
         let mut both = self.get();
@@ -40,30 +43,30 @@ impl Pair {
         Self::new(both)
     }
 
-    /// The first numbers of this and another (PKHBT).
+    /// Returns a pair of the first number of `self` and the first number of `other` (PKHBT).
     #[inline(always)]
-    pub(crate) const fn first_of(self, other: Self) -> Self {
+    pub(crate) const fn low_halves(self, other: Self) -> Self {
         Self(self.0 & 0xffff | other.0 << 16)
     }
 
-    /// Four times both numbers, which must lie in 0..2^13: one shift of the word.
+    /// Returns both numbers times four, with one shift of the word; both must be in 0..2^13.
     #[inline(always)]
     pub(crate) fn quadrupled(self) -> Self {
         debug_assert!(
             self.get().iter().all(|lane| (0..1 << 13).contains(lane)),
-            "a lane would spill into its neighbour"
+            "the low lane would overflow into the high lane"
         );
         Self(self.0 << 2)
     }
 }
 
-/// The instruction on both lanes at once.
+/// Executes the SIMD instruction `$name` on two pairs.
 #[cfg(smlad)]
 macro_rules! lane_wise {
     ($name:literal, $a:expr, $b:expr) => {{
         let result;
         // SAFETY: SADD16 and SSUB16 (ARMv7-M ARM, A7.7.110 and A7.7.173, DSP extension) read two
-        // registers and write one, and the GE flags, which nothing else here reads.
+        // registers, and write one register and the GE flags, which no other code here reads.
         #[expect(unsafe_code, reason = "the instruction has no safe name in Rust")]
         unsafe {
             core::arch::asm!(
@@ -82,7 +85,7 @@ macro_rules! lane_wise {
 impl core::ops::Add for Pair {
     type Output = Self;
 
-    /// Wraps in each lane.
+    /// Adds each lane separately, wrapping.
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         lane_wise!("sadd16", self, other)
@@ -93,7 +96,7 @@ impl core::ops::Add for Pair {
 impl core::ops::Sub for Pair {
     type Output = Self;
 
-    /// Wraps in each lane.
+    /// Subtracts each lane separately, wrapping.
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
         lane_wise!("ssub16", self, other)
@@ -104,7 +107,7 @@ impl core::ops::Sub for Pair {
 impl core::ops::Add for Pair {
     type Output = Self;
 
-    /// Wraps in each lane.
+    /// Adds each lane separately, wrapping.
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         let ([a, b], [c, d]) = (self.get(), other.get());
@@ -116,7 +119,7 @@ impl core::ops::Add for Pair {
 impl core::ops::Sub for Pair {
     type Output = Self;
 
-    /// Wraps in each lane.
+    /// Subtracts each lane separately, wrapping.
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
         let ([a, b], [c, d]) = (self.get(), other.get());
@@ -129,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lanes_do_not_touch_each_other() {
+    fn lanes_do_not_carry_into_each_other() {
         let (a, b) = (Pair::new([-1, i16::MAX]), Pair::new([1, 1]));
         assert_eq!((a + b).get(), [0, i16::MIN]);
         assert_eq!((b - a).get(), [2, i16::MIN + 2]);

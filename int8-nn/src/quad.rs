@@ -1,4 +1,4 @@
-//! Four words side by side: what a PC multiplies and adds at once.
+//! Four words that a PC multiplies and adds in one SIMD instruction.
 
 #[cfg(any(test, not(target_feature = "sse2")))]
 mod plain;
@@ -10,13 +10,14 @@ pub(crate) use plain::Quad;
 #[cfg(target_feature = "sse2")]
 pub(crate) use sse2::Quad;
 
-#[cfg(all(test, target_feature = "sse2"))]
+#[cfg(target_feature = "sse2")]
+#[cfg(test)]
 mod tests {
     use super::{plain, sse2};
-    use crate::Pair;
+    use crate::pair::Pair;
 
     #[test]
-    fn both_kinds_give_the_same_words_at_the_ends_of_every_range() {
+    fn both_implementations_return_the_same_words_at_the_ends_of_every_range() {
         let numbers = [0, 1, -1, 127, -128, 255, 4080, 9144, i16::MAX, i16::MIN];
         let pairs = |step: usize| -> [Pair; 4] {
             core::array::from_fn(|at| {

@@ -1,25 +1,25 @@
-//! From 32-bit accumulators back to 8 bits.
+//! Requantisation: from 32-bit accumulators back to 8 bits.
 
-/// `accumulator * multiplier / 2^32`, rounded half up: what `SMMULR` computes.
+/// Returns `accumulator * multiplier / 2^32`, rounded half up, as `SMMULR` does.
 ///
 /// The multiplier is Q0.32 in [-0.5, 0.5); the result is at most half of the accumulator.
-/// One rounding ("single rounding" in CMSIS-NN's words), no shift.
+/// One rounding ("single rounding" in CMSIS-NN), no shift.
 #[inline]
 pub fn requantise(accumulator: i32, multiplier: i32) -> i32 {
     high_word(i64::from(accumulator) * i64::from(multiplier))
 }
 
-/// The sum of two requantised accumulators with a single rounding at the end: two `SMLAL`.
+/// Returns the sum of two requantised accumulators, rounded once at the end: two `SMLAL`.
 ///
-/// |result| <= 2^31: the sum of two products of 32-bit numbers fits 64 bits but for
-/// -2^31 * -2^31 twice, which a range proof on the accumulators excludes.
+/// |result| <= 2^31. The sum of two products of 32-bit numbers fits 64 bits, except for -2^31 * -2^31
+/// twice, which a range proof on the accumulators must exclude.
 #[inline]
 pub fn requantise_sum(a: i32, a_multiplier: i32, b: i32, b_multiplier: i32) -> i32 {
     let sum = i64::from(a) * i64::from(a_multiplier);
     high_word(sum.wrapping_add(i64::from(b) * i64::from(b_multiplier)))
 }
 
-/// Saturates to 0..=255 (`USAT`); negative values become 0, which is also the ReLU.
+/// Saturates to 0..=255 (`USAT`); negative values become 0, so this is also the ReLU.
 #[inline]
 #[expect(clippy::cast_sign_loss, reason = "clamped to 0..=255")]
 pub fn saturate_u8(value: i32) -> u8 {
@@ -33,7 +33,7 @@ pub fn saturate_i8(value: i32) -> i8 {
     value.clamp(-128, 127) as i8
 }
 
-/// High word of a Q32 product, rounded half up.
+/// Returns the high word of a Q32 product, rounded half up.
 #[inline]
 fn high_word(product: i64) -> i32 {
     (product.wrapping_add(1 << 31) >> 32) as i32
@@ -55,12 +55,12 @@ mod tests {
 
     #[test]
     fn a_sum_is_rounded_once() {
-        // 0.25 + 0.25 is a half and rounds up; rounded apart both would vanish.
+        // 0.25 + 0.25 is a half and rounds up; rounded separately, both would become 0.
         assert_eq!(requantise_sum(1, QUARTER, 1, QUARTER), 1);
     }
 
     #[test]
-    fn saturation_holds_at_the_rails() {
+    fn values_saturate_at_both_ends_of_the_range() {
         assert_eq!((saturate_u8(-1), saturate_u8(256)), (0, 255));
         assert_eq!((saturate_i8(-129), saturate_i8(128)), (-128, 127));
         assert_eq!((saturate_u8(i32::MIN), saturate_i8(i32::MAX)), (0, 127));

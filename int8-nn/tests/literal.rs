@@ -1,16 +1,17 @@
-//! Every kernel against the most literal loops, over shapes, extremes and rails.
+//! Every kernel against plain loops over single products, for many shapes and for extreme values.
 
 use int8_nn::{Direct, InputConv, Linear, Pair, PlaneShape, Winograd, requantise, saturate_u8};
 use proptest::prelude::*;
 
 const PAIRS: usize = 8;
 
-/// The largest input of Winograd's convolution: beyond 255 where padding is lifted above 0.
+/// Returns the largest input of Winograd's convolution. It exceeds 255, because an offset that makes
+/// all padding non-negative can lift inputs above 255.
 fn largest_input() -> i16 {
     i16::try_from(Winograd::<PAIRS, 6>::LARGEST_INPUT).expect("16 bits")
 }
 
-/// Values at the ends of their ranges as often as in between; weights are symmetric.
+/// Weights -127..=127; half of them are drawn from the two ends of the range.
 fn weights(length: usize) -> impl Strategy<Value = Vec<i8>> {
     let weight = prop_oneof![Just(-127_i8), Just(127), -127_i8..=127, -127_i8..=127];
     prop::collection::vec(weight, length)
@@ -21,7 +22,8 @@ fn inputs(low: i16, high: i16, length: usize) -> impl Strategy<Value = Vec<i16>>
     prop::collection::vec(input, length)
 }
 
-/// From `[row][column][channel]` to what the convolutions hand on, `[pair of channels][row][column]`.
+/// Reorders a plane from `[row][column][channel]` to `[pair of channels][row][column]`, the order
+/// between the convolutions.
 fn by_pair(plane: &[i16], channels: usize) -> Vec<Pair> {
     let positions = plane.len() / channels;
     (0..channels / 2 * positions)
@@ -32,7 +34,7 @@ fn by_pair(plane: &[i16], channels: usize) -> Vec<Pair> {
         .collect()
 }
 
-/// Index of the first channel of a position in `[row][column][channel]`.
+/// Returns the index of the first channel of a position in `[row][column][channel]`.
 fn at(shape: PlaneShape, row: usize, column: usize) -> usize {
     (row * shape.columns + column) * shape.channels
 }
@@ -43,7 +45,8 @@ fn paired(numbers: &[i16]) -> Vec<Pair> {
     pairs
 }
 
-/// A 3x3x3 convolution, one product after the other; weights `[time][row][column][input][output]`.
+/// Returns one output of a 3x3x3 convolution, computed product by product; weights are
+/// `[time][row][column][input][output]`.
 fn convolved(
     shape: PlaneShape,
     planes: [&[i16]; 3],
@@ -94,7 +97,7 @@ fn winograd_case(columns: usize) -> impl Strategy<Value = WinogradCase> {
     })
 }
 
-/// Winograd's pooled sums against those of the direct convolution.
+/// Compares Winograd's pooled sums with those of [`convolved`].
 fn compare<const COLUMNS: usize>(case: &WinogradCase) -> Result<(), TestCaseError> {
     let mut conv = Winograd::<PAIRS, COLUMNS> {
         tile_rows: case.tile_rows,
@@ -114,7 +117,7 @@ fn compare<const COLUMNS: usize>(case: &WinogradCase) -> Result<(), TestCaseErro
     let mut largest = vec![i32::MIN; pooled.len()];
     for later in 0..2 {
         let planes = std::array::from_fn(|age| &transformed[later + age][..]);
-        conv.pool(planes, &mut largest);
+        conv.convolve_max_pool(planes, &mut largest);
     }
     for row in 0..pooled.rows {
         for column in 0..pooled.columns {
@@ -141,7 +144,7 @@ struct DirectCase {
     planes: [Vec<i16>; 3],
 }
 
-/// Of any pool that fits `columns`, with inputs of 16 bits.
+/// Cases with any pool whose width divides the columns of outputs, and inputs beyond 8 bits.
 fn direct_case(pairs: usize, columns: usize) -> impl Strategy<Value = DirectCase> {
     let widths: Vec<usize> = (1..=columns - 2)
         .filter(|width| (columns - 2).is_multiple_of(*width))
@@ -166,7 +169,7 @@ fn direct_case(pairs: usize, columns: usize) -> impl Strategy<Value = DirectCase
     )
 }
 
-/// The pooled sums against those of single products.
+/// Compares the direct kernel's pooled sums with those of [`convolved`].
 fn compare_direct<const PAIRS: usize, const COLUMNS: usize>(
     case: &DirectCase,
 ) -> Result<(), TestCaseError> {
@@ -186,7 +189,7 @@ fn compare_direct<const PAIRS: usize, const COLUMNS: usize>(
         transformed
     });
     let mut largest = vec![i32::MIN; case.pooled.len()];
-    conv.pool(transformed.each_ref().map(|plane| &plane[..]), &mut largest);
+    conv.convolve_max_pool(transformed.each_ref().map(|plane| &plane[..]), &mut largest);
     let [height, width] = case.pool;
     let planes = case.planes.each_ref().map(|plane| &plane[..]);
     for row in 0..case.pooled.rows {
@@ -208,7 +211,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn the_direct_convolution_s_pooled_sums_are_those_of_single_products(
+    fn the_direct_kernel_s_pooled_sums_equal_those_of_plain_loops(
         ours in direct_case(8, 6),
         widest in direct_case(8, 11),
         fewer_channels in direct_case(2, 8),
@@ -219,7 +222,7 @@ proptest! {
     }
 
     #[test]
-    fn winograd_s_pooled_sums_are_those_of_the_direct_convolution(
+    fn winograd_s_pooled_sums_equal_those_of_plain_loops(
         narrow in winograd_case(6),
         wide in winograd_case(10),
     ) {
@@ -228,7 +231,7 @@ proptest! {
     }
 
     #[test]
-    fn the_input_convolution_is_the_sum_of_its_taps(
+    fn the_input_convolution_equals_plain_loops(
         (rows, pairs, crop, weights, planes) in (3_usize..8, 1_usize..4, 0_usize..2)
             .prop_flat_map(|(rows, pairs, crop)| {
                 let plane = || inputs(-128, 127, rows * 9);
@@ -259,7 +262,7 @@ proptest! {
         });
         let (mut patches, mut sums) = (vec![Pair::ZERO; conv.patches_len()], vec![0; conv.sums_len()]);
         let mut found = vec![Pair::ZERO; output.len() / 2];
-        conv.plane(pairs_of.each_ref().map(|p| &p[..]), &mut patches, &mut sums, &mut found);
+        conv.convolve(pairs_of.each_ref().map(|p| &p[..]), &mut patches, &mut sums, &mut found);
         for row in 0..output.rows {
             for column in 0..output.columns {
                 for channel in 0..outputs {
@@ -274,7 +277,7 @@ proptest! {
     }
 
     #[test]
-    fn a_linear_layer_is_the_matrix_product_on_top_of_what_is_there(
+    fn a_linear_layer_adds_the_matrix_product_to_its_accumulators(
         (eights, fours, missing, weights, x) in (1_usize..17, 1_usize..9, 0_usize..16)
             .prop_flat_map(|(eights, fours, missing)| {
                 let weights = weights((16 * eights - missing) * 4 * fours);
@@ -304,7 +307,7 @@ proptest! {
 }
 
 #[test]
-fn nothing_overflows_where_all_weights_and_inputs_are_at_their_ends() {
+fn no_sum_overflows_with_all_weights_and_inputs_at_the_ends_of_their_ranges() {
     for weight in [127, -127] {
         for input in [0, 255, largest_input()] {
             let case = WinogradCase {
@@ -333,7 +336,7 @@ fn nothing_overflows_where_all_weights_and_inputs_are_at_their_ends() {
 
 #[test]
 #[should_panic(expected = "whole rounds")]
-fn a_matrix_of_no_whole_round_is_refused() {
+fn a_matrix_with_an_incomplete_round_of_inputs_is_refused() {
     let layer = Linear {
         inputs: 2,
         outputs: 4,

@@ -1,24 +1,24 @@
 //! From a filter specification to quantised sections.
 
-use fixed_dsp::{Coefficient, LONGEST, Section};
+use fixed_dsp::{Coefficient, MAX_SECTIONS, Section};
 use num_complex::Complex64;
 
 use crate::{
-    FilterError,
-    design::{BandPass, butterworth_band_pass, notch},
+    design::{BandPass, Notch, butterworth_band_pass, notch},
+    error::FilterError,
 };
 
-/// What to filter out at one sampling rate.
+/// Specification of the filters at one sampling rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterSpec {
-    /// Sampling rate in Hz.
+    /// Sampling rate of the input, Hz.
     pub rate_hz: f64,
-    /// Mains frequency in Hz, notched out.
+    /// Mains frequency in Hz, removed by a notch.
     pub mains_hz: f64,
-    /// Quality of the notch: frequency over -3 dB width. The harmonics' notches have the same, as
-    /// the mains strays k times as far at its k-th multiple.
+    /// Quality factor of every notch: its frequency over its -3 dB width. It is the same for the
+    /// harmonics, because the k-th harmonic deviates k times as far as the mains frequency.
     pub notch_q: f64,
-    /// Further notches, at 2, 3, .. times the mains frequency.
+    /// Number of further notches, at 2, 3, .. times the mains frequency.
     pub harmonics: u32,
     /// Lower and upper -3 dB edge in Hz.
     pub band_hz: [f64; 2],
@@ -26,18 +26,18 @@ pub struct FilterSpec {
     pub order: usize,
 }
 
-/// Highest order per edge: beyond it poles crowd so closely that sections stop being sensible.
-const HIGHEST_ORDER: usize = 8;
+/// Highest order per edge; beyond it, poles are too close together for quantised sections.
+const MAX_ORDER: usize = 8;
 
-/// The cascade of a specification: notches, high-pass sections (low Q first), the mixed section if
-/// the order is odd, low-pass sections (low Q first), each with gain 1 in its pass band.
+/// Designs the cascade of a specification: notches, high-pass sections (low Q first), one band-pass
+/// section if the order is odd, low-pass sections (low Q first), each with gain 1 in its pass band.
 ///
-/// This order keeps the signal large at every node and any rounding noise small; scipy's order
-/// with its 0.0024 in front loses a factor of two.
+/// This order keeps the signal large and the rounding noise small at every node. scipy's order, with
+/// its gain of 0.0024 at the front, doubles the noise.
 ///
 /// # Errors
-/// When an edge or the mains frequency cannot exist at this rate, a number makes no sense, there are
-/// more than [`LONGEST`] sections, or one is unstable after quantisation.
+/// If an edge or the mains frequency is not below half of the sampling rate, a number is out of range,
+/// there are more than [`MAX_SECTIONS`] sections, or one is unstable after quantisation.
 pub fn cascade(spec: &FilterSpec) -> Result<Vec<Section>, FilterError> {
     check(spec)?;
     let [low, high] = spec.band_hz;
@@ -65,6 +65,7 @@ pub fn cascade(spec: &FilterSpec) -> Result<Vec<Section>, FilterError> {
     Ok(sections)
 }
 
+/// Returns an error if a number of the specification is out of range.
 fn check(spec: &FilterSpec) -> Result<(), FilterError> {
     let nyquist_hz = spec.rate_hz / 2.0;
     let inside = |hz: f64| hz > 0.0 && hz < nyquist_hz;
@@ -96,24 +97,24 @@ fn check(spec: &FilterSpec) -> Result<(), FilterError> {
             high_hz: spec.band_hz[1],
         });
     }
-    if !(1..=HIGHEST_ORDER).contains(&spec.order) {
+    if !(1..=MAX_ORDER).contains(&spec.order) {
         return Err(FilterError::Order {
             order: spec.order,
-            highest: HIGHEST_ORDER,
+            highest: MAX_ORDER,
         });
     }
     let notches = usize::try_from(spec.harmonics).map_or(usize::MAX, |more| more.saturating_add(1));
     let sections = notches.saturating_add(spec.order);
-    if sections > LONGEST {
+    if sections > MAX_SECTIONS {
         return Err(FilterError::Sections {
             harmonics: spec.harmonics,
             order: spec.order,
             sections,
-            longest: LONGEST,
+            longest: MAX_SECTIONS,
         });
     }
-    // The widest notch's half width in radians must stay below a right angle, where its tangent
-    // turns.
+    // Half the width of the widest notch, in radians, must stay below pi / 2, where its tangent
+    // changes sign.
     let half_width = std::f64::consts::PI * highest_notch_hz / spec.rate_hz / spec.notch_q;
     if !(half_width > 0.0 && half_width < std::f64::consts::FRAC_PI_2) {
         return Err(FilterError::NotchQuality { q: spec.notch_q });
@@ -121,46 +122,47 @@ fn check(spec: &FilterSpec) -> Result<(), FilterError> {
     Ok(())
 }
 
-fn notch_section(notch: crate::design::Notch) -> Section {
+fn notch_section(notch: Notch) -> Section {
     Section::Notch {
-        turn: Coefficient::nearest(-notch.gain * notch.cosine),
-        loss: Coefficient::nearest(1.0 - notch.gain),
+        a1: Coefficient::nearest(-notch.gain * notch.cosine),
+        one_minus_b0: Coefficient::nearest(1.0 - notch.gain),
     }
 }
 
-/// Denominator `1 - first z^-1 - second z^-2` of one section.
+/// Denominator `1 - a1 z^-1 - a2 z^-2` of one section, with the signs of [`Section`].
 #[derive(Clone, Copy)]
 struct Feedback {
-    first: f64,
-    second: f64,
+    a1: f64,
+    a2: f64,
 }
 
 impl Feedback {
-    fn of(pair: [Complex64; 2]) -> Self {
+    fn from_poles(pair: [Complex64; 2]) -> Self {
         Self {
-            first: (pair[0] + pair[1]).re,
-            second: -(pair[0] * pair[1]).re,
+            a1: (pair[0] + pair[1]).re,
+            a2: -(pair[0] * pair[1]).re,
         }
     }
 }
 
+/// Returns the sections of the band-pass; `pairs` are its poles by rising frequency.
 fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
     let half = filter.order / 2;
     let by_radius = |range: &[[Complex64; 2]]| {
         let mut sorted = range.to_vec();
         sorted.sort_by(|a, b| (a[0] * a[1]).re.total_cmp(&(b[0] * b[1]).re));
-        sorted.into_iter().map(Feedback::of).collect::<Vec<_>>()
+        sorted
+            .into_iter()
+            .map(Feedback::from_poles)
+            .collect::<Vec<_>>()
     };
     let high_pass = by_radius(&pairs[..half]);
     let mixed = by_radius(&pairs[half..pairs.len() - half]);
     let low_pass = by_radius(&pairs[pairs.len() - half..]);
 
-    // Unit gain at DC for each low-pass; what is left of the whole gain goes to the mixed section
-    // or, where there is none (even order), to the last low-pass.
-    let mut low_gains: Vec<f64> = low_pass
-        .iter()
-        .map(|f| (1.0 - f.first - f.second) / 4.0)
-        .collect();
+    // Each low-pass has unit gain at DC. The rest of the total gain goes to the band-pass section or,
+    // for an even order, to the last low-pass.
+    let mut low_gains: Vec<f64> = low_pass.iter().map(|f| (1.0 - f.a1 - f.a2) / 4.0).collect();
     let rest = filter.gain / low_gains.iter().product::<f64>();
     if mixed.is_empty()
         && let Some(last) = low_gains.last_mut()
@@ -168,32 +170,32 @@ fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
         *last *= rest;
     }
 
-    let first = |feedback: &Feedback| Coefficient::nearest(feedback.first);
-    let second = |feedback: &Feedback| Coefficient::nearest(feedback.second);
+    let a1 = |feedback: &Feedback| Coefficient::nearest(feedback.a1);
+    let a2 = |feedback: &Feedback| Coefficient::nearest(feedback.a2);
     let high = high_pass.iter().map(|f| Section::HighPass {
-        first: first(f),
-        second: second(f),
+        a1: a1(f),
+        a2: a2(f),
     });
     let middle = mixed.iter().map(|f| Section::BandPass {
         gain: Coefficient::nearest(rest),
-        first: first(f),
-        second: second(f),
+        a1: a1(f),
+        a2: a2(f),
     });
     let low = low_pass
         .iter()
         .zip(&low_gains)
         .map(|(f, &gain)| Section::LowPass {
             gain: Coefficient::nearest(gain),
-            first: first(f),
-            second: second(f),
+            a1: a1(f),
+            a2: a2(f),
         });
     high.chain(middle).chain(low).collect()
 }
 
-/// Conjugate pairs by rising frequency; the real poles, which only a wide band has, pair up in the
-/// middle, where the mixed section takes them.
+/// Returns the poles in conjugate pairs by rising frequency. The two real poles of a wide band form the
+/// middle pair, that of the band-pass section.
 fn pole_pairs(poles: &[Complex64]) -> Vec<[Complex64; 2]> {
-    /// Imaginary parts below this are rounding noise of a real pole.
+    /// Largest imaginary part of a real pole, from rounding.
     const REAL_POLE: f64 = 1e-9;
     let mut upper: Vec<Complex64> = poles.iter().copied().filter(|p| p.im > REAL_POLE).collect();
     upper.sort_by(|a, b| a.arg().total_cmp(&b.arg()));
@@ -210,28 +212,29 @@ fn pole_pairs(poles: &[Complex64]) -> Vec<[Complex64; 2]> {
     pairs
 }
 
-/// Both poles inside the unit circle, judged on the quantised coefficients.
+/// Returns whether both poles of the quantised section are inside the unit circle.
 fn is_stable(section: &Section) -> bool {
-    let (a1, a2) = denominator(section);
-    a2.abs() < 1.0 && a1.abs() < 1.0 + a2
+    let (d1, d2) = denominator(section);
+    d2.abs() < 1.0 && d1.abs() < 1.0 + d2
 }
 
-/// `a1` and `a2` of `1 + a1 z^-1 + a2 z^-2` as quantised.
+/// Returns the coefficients of the quantised denominator `1 + d1 z^-1 + d2 z^-2`, the negatives of
+/// `a1` and `a2` of [`Section`].
 pub(crate) fn denominator(section: &Section) -> (f64, f64) {
     match *section {
-        Section::Notch { turn, loss } => (-value(turn), 1.0 - 2.0 * value(loss)),
-        Section::HighPass { first, second }
-        | Section::BandPass { first, second, .. }
-        | Section::LowPass { first, second, .. } => (-value(first), -value(second)),
+        Section::Notch { a1, one_minus_b0 } => (-value(a1), 1.0 - 2.0 * value(one_minus_b0)),
+        Section::HighPass { a1, a2 }
+        | Section::BandPass { a1, a2, .. }
+        | Section::LowPass { a1, a2, .. } => (-value(a1), -value(a2)),
     }
 }
 
-/// `b0`, `b1`, `b2` as quantised.
+/// Returns `b0`, `b1` and `b2` of the quantised section.
 pub(crate) fn numerator(section: &Section) -> [f64; 3] {
     match *section {
-        Section::Notch { turn, loss } => {
-            let outer = 1.0 - value(loss);
-            [outer, -value(turn), outer]
+        Section::Notch { a1, one_minus_b0 } => {
+            let b0 = 1.0 - value(one_minus_b0);
+            [b0, -value(a1), b0]
         }
         Section::HighPass { .. } => [1.0, -2.0, 1.0],
         Section::BandPass { gain, .. } => [value(gain), 0.0, -value(gain)],

@@ -1,46 +1,45 @@
-//! Everything between the ADC and a step as one: the cascade, then the resampler.
+//! The whole filter chain from the ADC to a time step: cascade, then resampler.
 
 use fixed_dsp::Section;
 use num_complex::Complex64;
 
-use crate::{FilterError, ResamplerTable, response};
+use crate::{error::FilterError, resampler::ResamplerTable, response};
 
-/// A cascade and the resampler behind it, as quantised, at one rate of the ADC.
+/// A quantised cascade followed by a quantised resampler, at one ADC rate.
 #[derive(Clone, Copy, Debug)]
 pub struct Chain<'a> {
-    /// The cascade.
+    /// Sections of the cascade, in signal order.
     pub sections: &'a [Section],
-    /// What follows it.
+    /// Resampler after the cascade.
     pub resampler: &'a ResamplerTable,
-    /// The ADC's rate, Hz.
+    /// Sampling rate of the ADC, Hz.
     pub rate_hz: u32,
 }
 
 impl Chain<'_> {
-    /// Complex gain at `frequency_hz`, which may lie above half of the steps' rate: a tone there
-    /// comes out with this gain at the frequency onto which it folds.
+    /// Returns the complex gain at `frequency_hz`. A tone above half of the step rate has this gain at
+    /// the frequency onto which it aliases.
     pub fn frequency_response(&self, frequency_hz: f64) -> Complex64 {
         let rate_hz = f64::from(self.rate_hz);
         response::frequency_response(self.sections, frequency_hz, rate_hz)
             * self.resampler.frequency_response(frequency_hz, rate_hz)
     }
 
-    /// Group delay in seconds at `frequency_hz`, from a sample to the time at which an output
-    /// stands.
+    /// Returns the group delay at `frequency_hz` in seconds, relative to the time of an output.
     pub fn group_delay_s(&self, frequency_hz: f64) -> f64 {
         response::group_delay_s(|hz| self.frequency_response(hz), frequency_hz)
     }
 
-    /// Largest output for an input of magnitude 1: the L1 norm of the impulse response from the
-    /// ADC's samples to the outputs of the phase that has the largest.
+    /// Returns the largest output for inputs of magnitude 1: the largest L1 norm, over all phases, of
+    /// the impulse response from the ADC's samples to the outputs.
     ///
     /// # Errors
-    /// When the cascade's response does not end ([`response::decay_samples`]).
+    /// If the cascade's response decays too slowly ([`response::decay_samples`]).
     pub fn worst_gain(&self) -> Result<f64, FilterError> {
         let impulse = self.cascade_response(std::iter::once(1.0).chain(std::iter::repeat(0.0)))?;
         let norm = |phase: Vec<f64>| -> f64 {
             (0..impulse.len() + phase.len())
-                .map(|n| output(&phase, &impulse, n).abs())
+                .map(|n| phase_output(&phase, &impulse, n).abs())
                 .sum()
         };
         Ok(self
@@ -50,19 +49,21 @@ impl Chain<'_> {
             .fold(0.0, f64::max))
     }
 
-    /// Samples after which every output's response to a unit step stays below `threshold`.
+    /// Returns the number of samples after which the response of every phase to a unit step stays
+    /// below `threshold`.
     ///
     /// # Errors
-    /// When the cascade's response does not end ([`response::decay_samples`]).
+    /// If the cascade's response decays too slowly ([`response::decay_samples`]).
     pub fn settling_samples(&self, threshold: f64) -> Result<usize, FilterError> {
         let step = self.cascade_response(std::iter::repeat(1.0))?;
         let phases: Vec<Vec<f64>> = self.resampler.phase_responses().collect();
         let unsettled = |n: &usize| {
             phases
                 .iter()
-                .any(|phase| output(phase, &step, *n).abs() >= threshold)
+                .any(|phase| phase_output(phase, &step, *n).abs() >= threshold)
         };
-        // The taps' magnitudes add up to less than 2, so half the threshold in is below it out.
+        // The magnitudes of the taps sum to less than 2, so an input below half the threshold yields
+        // an output below it.
         let quiet = step
             .iter()
             .rposition(|y| y.abs() >= threshold / 2.0)
@@ -70,15 +71,15 @@ impl Chain<'_> {
         Ok((0..=quiet).rfind(unsettled).map_or(0, |last| last + 1))
     }
 
-    /// What the cascade makes of `input` until its response has decayed.
+    /// Returns the cascade's output for `input`, up to the length of its decayed impulse response.
     fn cascade_response(&self, input: impl Iterator<Item = f64>) -> Result<Vec<f64>, FilterError> {
         let samples = response::decay_samples(self.sections)?;
         Ok(response::filter(self.sections, input.take(samples)).collect())
     }
 }
 
-/// A phase's output with sample `n` of a signal that is 0 before its start and after its end.
-fn output(phase: &[f64], signal: &[f64], n: usize) -> f64 {
+/// Returns the output of a phase at sample `n` of a signal that is 0 before its start and after its end.
+fn phase_output(phase: &[f64], signal: &[f64], n: usize) -> f64 {
     let first = (n + 1).saturating_sub(signal.len());
     phase
         .iter()

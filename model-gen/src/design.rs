@@ -1,26 +1,26 @@
-//! Analogue-to-digital filter design in zeros, poles and gain.
+//! Design of the band-pass and the notch, in zeros, poles and gain.
 
 use std::f64::consts::PI;
 
 use num_complex::Complex64;
 
-/// Poles, zeros at z = 1 and z = -1, and gain of a digital Butterworth band-pass.
+/// A digital Butterworth band-pass: poles and gain; its zeros are at z = 1 and z = -1.
 ///
 /// The transfer function is `gain * ((z - 1)(z + 1))^order / prod(z - pole)`.
 #[derive(Clone, Debug)]
 pub struct BandPass {
     /// `2 * order` poles inside the unit circle, closed under conjugation.
     pub poles: Vec<Complex64>,
-    /// Gain in front.
+    /// Factor of the transfer function.
     pub gain: f64,
     /// Order of the low-pass prototype; the band-pass has twice as many poles.
     pub order: usize,
 }
 
-/// Butterworth band-pass of `order` (per edge) between `low_hz` and `high_hz` at `rate_hz`.
+/// Designs a Butterworth band-pass of `order` (per edge) between `low_hz` and `high_hz` at `rate_hz`.
 ///
-/// Analogue prototype, low-pass to band-pass, bilinear transform with both edges pre-warped: the
-/// same transfer function as scipy's `butter(order, [low, high], 'bandpass', fs=rate)`.
+/// Analogue low-pass prototype, transformed to a band-pass, then the bilinear transform with both edges
+/// pre-warped: the same transfer function as scipy's `butter(order, [low, high], 'bandpass', fs=rate)`.
 /// Expects `0 < low_hz < high_hz < rate_hz / 2`.
 pub fn butterworth_band_pass(order: usize, low_hz: f64, high_hz: f64, rate_hz: f64) -> BandPass {
     let prewarp = |hz: f64| 2.0 * rate_hz * (PI * hz / rate_hz).tan();
@@ -29,7 +29,7 @@ pub fn butterworth_band_pass(order: usize, low_hz: f64, high_hz: f64, rate_hz: f
     let bilinear = |s: Complex64| (2.0 * rate_hz + s) / (2.0 * rate_hz - s);
 
     let mut poles = Vec::with_capacity(2 * order);
-    // Analogue gain width^order; each analogue zero at 0 contributes (2 fs - 0) to the numerator.
+    // The analogue gain is width^order; each analogue zero at 0 adds a factor (2 fs - 0).
     let mut gain = Complex64::new((2.0 * rate_hz * width).powi(as_power(order)), 0.0);
     for k in 0..order {
         let angle = PI * real(2 * k + order + 1) / (2.0 * real(order));
@@ -47,16 +47,17 @@ pub fn butterworth_band_pass(order: usize, low_hz: f64, high_hz: f64, rate_hz: f
     }
 }
 
-/// Gain and cosine term of a notch: `b = gain [1, cosine, 1]`, `a = [1, gain cosine, 2 gain - 1]`.
+/// A second-order notch: numerator `gain [1, cosine, 1]`, denominator
+/// `[1, gain cosine, 2 gain - 1]`.
 #[derive(Clone, Copy, Debug)]
 pub struct Notch {
-    /// `1 / (1 + tan(w0 / 2Q))`.
+    /// Factor of the numerator, `1 / (1 + tan(w0 / 2Q))`.
     pub gain: f64,
-    /// `-2 cos(w0)`.
+    /// Middle term, `-2 cos(w0)`.
     pub cosine: f64,
 }
 
-/// Second-order notch at `frequency_hz` with quality `q` (frequency over -3 dB width): scipy's
+/// Designs a notch at `frequency_hz` with quality factor `q` (frequency over -3 dB width), as scipy's
 /// `iirnotch(frequency, q, fs=rate)`.
 ///
 /// Expects `0 < frequency_hz < rate_hz / 2` and `q > 0`.

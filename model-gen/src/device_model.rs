@@ -1,72 +1,74 @@
-//! Everything that the `model` crate holds, before it becomes text.
+//! The contents of the `model` crate, before they become source text.
 
 use artifact::{Artifact, Decimation, Description, Filters, ModelId};
 use fixed_dsp::Section;
 
 use crate::{
-    Chain, FilterSpec, ModelGenError, ResamplerTable, cascade,
+    cascade::{FilterSpec, cascade},
+    chain::Chain,
+    error::{FilterError, ModelGenError},
     headroom::{self, GUARD_BITS, NodeGain},
     integer_model::IntegerModel,
     quantise::quantise,
-    resampler::CUTOFF_HZ,
+    resampler::{CUTOFF_HZ, ResamplerTable},
     rounding::to_i32,
 };
 
-/// The mains frequencies for which filters are generated, Hz; the one that runs is chosen at start.
+/// Mains frequencies for which filters are generated, Hz; the device selects one at start.
 pub const MAINS_HZ: [u32; 2] = [50, 60];
 
-/// The frequency at which the group delay is stated: the middle of the alpha band.
+/// Frequency at which the group delay is stated, Hz: the middle of the alpha band.
 const DELAY_AT_HZ: f64 = 10.0;
 
-/// The filters count as settled when a step has decayed to this part of its height: 1 uV of a
-/// 10 mV electrode offset.
+/// Part of an input step to which the output must have decayed for the filters to count as settled:
+/// 1 uV of a 10 mV electrode offset.
 const SETTLED: f64 = 1e-4;
 
-/// The smallest input multiplier: a relative error of 2^-9 in the scale.
-const COARSEST_INPUT: i32 = 256;
+/// Smallest permitted input multiplier: a relative error of 2^-9 in the scale.
+const MIN_INPUT_MULTIPLIER: i32 = 256;
 
-/// The filters for one mains frequency.
+/// Filters for one mains frequency.
 #[derive(Clone, Debug)]
 pub struct MainsFilter {
-    /// Mains frequency, Hz.
+    /// Mains frequency that the notch removes, Hz.
     pub mains_hz: u32,
-    /// Quantised cascade.
+    /// Quantised cascade, in signal order.
     pub sections: Vec<Section>,
-    /// Worst-case gain of every node.
+    /// Worst-case gain of every node, in signal order.
     pub gains: Vec<NodeGain>,
     /// Group delay of cascade and resampler at 10 Hz, microseconds.
     pub group_delay_us: u32,
-    /// From the middle of a window on the scalp to the code's time, microseconds.
+    /// Time from the middle of a window on the scalp to the time stamp of its code, microseconds.
     pub scalp_delay_us: u32,
-    /// ADC samples until a step has decayed to 1e-4 of its height behind the resampler.
+    /// ADC samples until an input step has decayed to 1e-4 at the output of the resampler.
     pub settling_samples: u32,
-    /// The chain in words, for `prefiltering` fields.
+    /// Description of the chain in words, for `prefiltering` fields.
     pub description: String,
 }
 
-/// What the device runs: an artifact turned into integers.
+/// An artifact turned into the integers that the device runs on.
 #[derive(Clone, Debug)]
 pub struct DeviceModel {
-    /// Hash of the artifact.
+    /// Id of the artifact, which every frame carries.
     pub id: ModelId,
-    /// Its description.
+    /// Contents of the artifact's `model.toml`.
     pub description: Description,
-    /// One for each of [`MAINS_HZ`].
+    /// Filters for each of [`MAINS_HZ`], in the same order.
     pub filters: Vec<MainsFilter>,
-    /// From the ADC's rate to that of the steps, behind any of the filters.
+    /// Resampler from the ADC's rate to the step rate, after any of the filters.
     pub resampler: ResamplerTable,
-    /// From a filtered sample (counts, Q27.5) to a step of the int8 input, Q0.32.
+    /// Factor from a filtered sample (counts, Q27.5) to a level of the int8 input, Q0.32.
     pub input_multiplier: i32,
-    /// The encoder.
+    /// Quantised encoder, in the layout of the artifact.
     pub integers: IntegerModel,
 }
 
 impl DeviceModel {
-    /// Turns an artifact into integers, with every range proven.
+    /// Turns an artifact into integers and proves every range.
     ///
     /// # Errors
-    /// When the filters cannot be realised, a range does not fit or this version does not build
-    /// what the artifact describes.
+    /// If the filters cannot be realised, a range does not fit, or this version does not support a
+    /// feature of the artifact.
     pub fn new(artifact: &Artifact) -> Result<Self, ModelGenError> {
         let description = artifact.description.clone();
         refuse_unsupported(&description)?;
@@ -88,10 +90,10 @@ impl DeviceModel {
                 })
             })
             .collect::<Result<_, _>>()?;
-        let step_uv = description.adc.lsb_uv() / f64::from(1_u32 << GUARD_BITS);
-        let factor = step_uv / f64::from(integers.input_scale_uv);
+        let unit_uv = description.adc.lsb_uv() / f64::from(1_u32 << GUARD_BITS);
+        let factor = unit_uv / f64::from(integers.input_scale_uv);
         let input_multiplier = to_i32(factor * 4_294_967_296.0)
-            .filter(|multiplier| *multiplier >= COARSEST_INPUT)
+            .filter(|multiplier| *multiplier >= MIN_INPUT_MULTIPLIER)
             .ok_or(ModelGenError::InputScale { factor })?;
         Ok(Self {
             id: artifact.id,
@@ -103,18 +105,19 @@ impl DeviceModel {
         })
     }
 
-    /// Nanovolt per ADC count.
+    /// Returns the nanovolts of one ADC count.
     #[expect(clippy::cast_possible_truncation, reason = "published as f32")]
     pub fn lsb_nv(&self) -> f32 {
         (self.description.adc.lsb_uv() * 1_000.0) as f32
     }
 
-    /// From the middle of a window to its last step, microseconds.
+    /// Returns the time from the middle of a window to its last step, microseconds.
     pub fn window_centre_us(&self) -> u32 {
         window_centre_us(&self.description)
     }
 }
 
+/// Returns an error if a number of the description is beyond what this version supports.
 fn refuse_unsupported(description: &Description) -> Result<(), ModelGenError> {
     let unsupported = |what, found: String, expected| {
         Err(ModelGenError::Unsupported {
@@ -141,15 +144,15 @@ fn refuse_unsupported(description: &Description) -> Result<(), ModelGenError> {
     Ok(())
 }
 
-/// The cascade for one mains frequency of an artifact's filters at the ADC's rate.
+/// Designs the cascade of an artifact's filters for one mains frequency at the ADC's rate.
 ///
 /// # Errors
-/// As [`cascade()`].
+/// If the filters cannot be realised, as in [`cascade()`].
 pub fn filter_cascade(
     filters: &Filters,
     rate_hz: u32,
     mains_hz: u32,
-) -> Result<Vec<Section>, crate::FilterError> {
+) -> Result<Vec<Section>, FilterError> {
     cascade(&FilterSpec {
         rate_hz: rate_hz.into(),
         mains_hz: mains_hz.into(),
@@ -164,7 +167,7 @@ fn mains_filter(
     description: &Description,
     resampler: &ResamplerTable,
     mains_hz: u32,
-) -> Result<MainsFilter, crate::FilterError> {
+) -> Result<MainsFilter, FilterError> {
     let (filters, rate_hz) = (&description.filters, description.adc.rate_hz);
     let sections = filter_cascade(filters, rate_hz, mains_hz)?;
     let chain = Chain {
@@ -172,8 +175,8 @@ fn mains_filter(
         resampler,
         rate_hz,
     };
-    let mut gains = headroom::prove(&sections)?;
-    gains.push(headroom::prove_output(&chain)?);
+    let mut gains = headroom::prove_cascade(&sections)?;
+    gains.push(headroom::prove_chain_output(&chain)?);
     let settling = chain.settling_samples(SETTLED)?;
     let group_delay_us = microseconds(chain.group_delay_s(DELAY_AT_HZ));
     Ok(MainsFilter {
@@ -182,15 +185,15 @@ fn mains_filter(
         group_delay_us,
         scalp_delay_us: group_delay_us + window_centre_us(description),
         settling_samples: u32::try_from(settling).expect("a response is followed for 2^22 samples"),
-        description: chain_in_words(description, mains_hz),
+        description: prefiltering_text(description, mains_hz),
         sections,
     })
 }
 
-/// From the middle of a window to its last step, microseconds.
+/// Returns the time from the middle of a window to its last step, microseconds.
 fn window_centre_us(description: &Description) -> u32 {
     let window = &description.window;
-    #[expect(clippy::cast_precision_loss, reason = "a window has 16 steps")]
+    #[expect(clippy::cast_precision_loss, reason = "a window has few steps")]
     let steps = (window.steps - 1) as f64 / 2.0;
     microseconds(steps / f64::from(window.rate_hz))
 }
@@ -205,8 +208,8 @@ fn microseconds(seconds: f64) -> u32 {
     microseconds
 }
 
-/// The chain as `prefiltering` fields of recordings say it.
-fn chain_in_words(description: &Description, mains_hz: u32) -> String {
+/// Returns the description of a chain for `prefiltering` fields of recordings.
+fn prefiltering_text(description: &Description, mains_hz: u32) -> String {
     let (filters, rate_hz) = (&description.filters, description.adc.rate_hz);
     let step_rate_hz = description.window.rate_hz;
     let [low, high] = filters.band_hz;

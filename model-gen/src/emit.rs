@@ -1,41 +1,45 @@
-//! Rust text for the `model` crate: integers with their meaning, for people to read.
+//! Writes the generated files of the `model` crate: documented constants and statics in Rust.
 
 mod chain;
 mod encoder;
 mod number;
+mod source;
 
-use std::fmt::{Display, Write as _};
+use artifact::{CONV1_CHANNELS, CONV2_CHANNELS};
 
 use crate::{device_model::DeviceModel, headroom::GUARD_BITS};
 use number::{float, separated};
+use source::Source;
 
-/// The generated part of the `model` crate.
-pub fn rust(model: &DeviceModel) -> String {
-    let mut out = Source::default();
-    out.constants(model);
-    out.shape(model);
-    out.montage(model);
-    out.resampler(&model.resampler);
+/// Returns the generated files of the `model` crate: names and Rust sources.
+///
+/// The constants do not depend on any type of `model`, so that its types can depend on them.
+pub fn rust_files(model: &DeviceModel) -> [(&'static str, String); 2] {
+    let mut constants = Source::default();
+    constants.constants(model);
+    constants.dimensions(model);
+    constants.shape(model);
+    let mut statics = Source::default();
+    statics.grid_cells(model);
+    statics.resampler(&model.resampler);
     for filter in &model.filters {
-        out.mains_filter(filter);
+        statics.mains_filter(filter);
     }
-    out.convolutions(model);
-    out.linear(model);
-    out.codes(model);
-    out.network(model);
-    out.text
-}
-
-#[derive(Default)]
-struct Source {
-    text: String,
+    statics.convolutions(model);
+    statics.linear(model);
+    statics.codes(model);
+    statics.network(model);
+    [
+        ("constants.rs", constants.text),
+        ("statics.rs", statics.text),
+    ]
 }
 
 impl Source {
     fn constants(&mut self, model: &DeviceModel) {
         let description = &model.description;
         self.item(
-            "First 8 bytes of the SHA-256 over the artifact.",
+            "Id of the model: first 8 bytes of the SHA-256 over the artifact.",
             format_args!("pub const MODEL_ID: [u8; 8] = {:?};", model.id.0),
         );
         self.item(
@@ -43,11 +47,11 @@ impl Source {
             format_args!("pub const ADC_RATE_HZ: u16 = {};", description.adc.rate_hz),
         );
         self.item(
-            "Channels of the ADC chain; a sample has as many counts.",
+            "Channels of the ADC chain; a sample has one count for each.",
             format_args!("pub const CHANNELS: usize = {};", description.adc.channels),
         );
         self.item(
-            "Nanovolt per ADC count: 2 * reference / gain / 2^24.",
+            "Nanovolts of one ADC count: 2 * reference / gain / 2^24.",
             format_args!("pub const LSB_NV: f32 = {};", float(model.lsb_nv())),
         );
         self.item(
@@ -58,91 +62,103 @@ impl Source {
             ),
         );
         self.item(
-            "Time steps from one window to the next.",
+            "Time steps from the start of one window to the start of the next.",
             format_args!("pub const HOP: usize = {};", description.window.hop),
         );
         self.item(
-            "From the middle of a window to its last step, microseconds.",
+            "Time from the middle of a window to its last step, microseconds.",
             format_args!(
                 "pub const WINDOW_CENTRE_US: u32 = {};",
                 separated(model.window_centre_us())
             ),
         );
         self.item(
-            "Bits below a count that a filtered sample carries.",
+            "Fraction bits of a filtered sample, below one ADC count.",
             format_args!("pub const GUARD_BITS: u32 = {GUARD_BITS};"),
         );
         self.item(
-            "From a filtered sample (counts, Q27.5) to a step of the int8 input, Q0.32.",
+            "Factor from a filtered sample (counts, Q27.5) to a level of the int8 input, Q0.32.",
             format_args!(
                 "pub const INPUT_MULTIPLIER: i32 = {};",
                 separated(model.input_multiplier)
             ),
         );
         self.item(
-            "Microvolt per step of the int8 input.",
+            "Microvolts of one level of the int8 input.",
             format_args!(
                 "pub const INPUT_SCALE_UV: f32 = {};",
                 float(model.integers.input_scale_uv)
             ),
         );
         self.item(
-            "Sections of each filter cascade.",
+            "Number of sections of each filter cascade.",
             format_args!(
                 "pub const SECTIONS: usize = {};",
                 model.filters[0].sections.len()
             ),
         );
+        self.item(
+            "Phases of the resampler: outputs for every `RESAMPLER.down` samples.",
+            format_args!("pub const PHASES: usize = {};", model.resampler.phases()),
+        );
+        self.item(
+            "Taps of each phase: samples from which an output is computed.",
+            format_args!(
+                "pub const TAPS: usize = {};",
+                model.resampler.taps_per_phase()
+            ),
+        );
+        let labels = description.montage.electrodes.join(" ");
+        self.item(
+            "Electrode labels, separated by blanks; the index is the ADC channel.",
+            format_args!("pub const LABELS: &str = {labels:?};"),
+        );
     }
 
-    fn montage(&mut self, model: &DeviceModel) {
-        let labels = &model.description.montage.electrodes;
-        self.item(
-            "Electrode labels, blank-separated; the index is the ADC channel.",
-            format_args!("pub const LABELS: &str = {:?};", labels.join(" ")),
-        );
+    fn dimensions(&mut self, model: &DeviceModel) {
+        let description = &model.description;
+        for (doc, name, value) in [
+            (
+                "Electrodes of the montage; electrode `e` is wired to ADC channel `e`.",
+                "ELECTRODES",
+                description.montage.electrodes.len(),
+            ),
+            (
+                "Rows of the scalp grid, front to back.",
+                "ROWS",
+                description.grid.rows,
+            ),
+            (
+                "Columns of the scalp grid, left to right.",
+                "COLUMNS",
+                description.grid.columns,
+            ),
+            ("Time steps of a window.", "STEPS", description.window.steps),
+            (
+                "Numbers in a code.",
+                "CODE",
+                model.integers.code_scale.len(),
+            ),
+            (
+                "Output channels of the first convolution.",
+                "CONV1_CHANNELS",
+                CONV1_CHANNELS,
+            ),
+            (
+                "Output channels of the second convolution.",
+                "CONV2_CHANNELS",
+                CONV2_CHANNELS,
+            ),
+        ] {
+            self.item(doc, format_args!("pub const {name}: usize = {value};"));
+        }
+    }
+
+    fn grid_cells(&mut self, model: &DeviceModel) {
         self.array(
-            "Cell of the scalp grid (row * 9 + column) of each electrode.",
+            "Cell of the scalp grid, `row * COLUMNS + column`, of each electrode.",
             "pub static GRID_CELL: [u8; ELECTRODES]",
             &model.integers.cells,
         );
-    }
-
-    fn item(&mut self, doc: &str, line: impl Display) {
-        for doc in doc.lines() {
-            self.line(format_args!("/// {doc}"));
-        }
-        self.line(line);
-        self.line("");
-    }
-
-    fn array<T: Display>(&mut self, doc: &str, declaration: &str, values: &[T]) {
-        let values: Vec<String> = values.iter().map(separated).collect();
-        self.list(doc, declaration, &values);
-    }
-
-    fn list(&mut self, doc: &str, declaration: &str, values: &[String]) {
-        self.line(format_args!("/// {doc}"));
-        self.line(format_args!("{declaration} = ["));
-        self.wrapped(values);
-        self.line("];");
-        self.line("");
-    }
-
-    fn wrapped(&mut self, values: &[String]) {
-        let mut row = String::from("   ");
-        for value in values {
-            if row.len() + value.len() + 2 > 100 {
-                self.line(&row);
-                row.truncate(3);
-            }
-            let _ = write!(row, " {value},");
-        }
-        self.line(&row);
-    }
-
-    fn line(&mut self, line: impl Display) {
-        // Writing to a String cannot fail.
-        let _ = writeln!(self.text, "{line}");
     }
 }

@@ -1,99 +1,101 @@
-//! What can be wrong with a specification or an artifact.
+//! Errors of filter design and of turning an artifact into integers.
 
 use fixed_dsp::Section;
 
 /// A filter specification that cannot be realised.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FilterError {
-    /// A frequency at or beyond half the sampling rate, or not positive.
+    /// A frequency is not positive, or not below half of the sampling rate.
     #[error(
-        "the {name} of {hz} Hz cannot exist: it must lie between 0 and {nyquist_hz} Hz, half of \
+        "the {name} of {hz} Hz cannot exist: it must be between 0 and {nyquist_hz} Hz, half of \
          the sampling rate; change it in [filters] of model.toml, or raise [adc] rate_hz"
     )]
     OutsideNyquist {
-        /// Which number.
+        /// Name of the frequency in the specification.
         name: &'static str,
-        /// Its value in Hz.
+        /// Requested frequency, Hz.
         hz: f64,
-        /// Half of the sampling rate in Hz.
+        /// Half of the sampling rate, Hz: the upper limit of every frequency.
         nyquist_hz: f64,
     },
-    /// A harmonic of the mains at or beyond half the sampling rate.
+    /// A harmonic of the mains frequency is not below half of the sampling rate.
     #[error(
-        "with {harmonics} harmonics of {mains_hz} Hz mains the last notch lies at {hz} Hz, but it \
-         must lie below {nyquist_hz} Hz, half of the sampling rate: lower [filters] harmonics in \
+        "with {harmonics} harmonics of {mains_hz} Hz mains the last notch is at {hz} Hz, but it \
+         must be below {nyquist_hz} Hz, half of the sampling rate: lower [filters] harmonics in \
          model.toml, or raise [adc] rate_hz"
     )]
     Harmonic {
-        /// The highest, Hz.
+        /// Highest harmonic in Hz.
         hz: f64,
-        /// Notches beyond the mains frequency's own.
+        /// Requested number of harmonics.
         harmonics: u32,
-        /// Mains frequency in Hz.
+        /// Mains frequency of these filters, Hz.
         mains_hz: f64,
-        /// Half of the sampling rate in Hz.
+        /// Half of the sampling rate, Hz: the upper limit of every frequency.
         nyquist_hz: f64,
     },
-    /// Lower edge not below the upper one.
+    /// The lower edge of the band is not below the upper one.
     #[error(
         "the band from {low_hz} to {high_hz} Hz is empty: write [filters] band_hz of model.toml \
          as [lower edge, upper edge]"
     )]
     EmptyBand {
-        /// Lower edge in Hz.
+        /// Lower edge of the requested band, Hz.
         low_hz: f64,
-        /// Upper edge in Hz.
+        /// Upper edge of the requested band, Hz.
         high_hz: f64,
     },
-    /// An order that has no sensible cascade.
+    /// The order of the band-pass is out of range.
     #[error(
         "a band-pass of order {order} is out of range: [filters] order of model.toml must be \
          between 1 and {highest}"
     )]
     Order {
-        /// Asked for.
+        /// Requested order of the band-pass per edge.
         order: usize,
-        /// Largest that is realised.
+        /// Largest supported order.
         highest: usize,
     },
-    /// More sections than a cascade may have.
+    /// The filters need more sections than a cascade can have.
     #[error(
         "with {harmonics} harmonics and a band-pass of order {order} the filters have {sections} \
-         sections, {longest} are the most: lower [filters] harmonics or order in model.toml"
+         sections, at most {longest} are possible: lower [filters] harmonics or order in model.toml"
     )]
     Sections {
-        /// Harmonics asked for.
+        /// Requested number of harmonics.
         harmonics: u32,
-        /// Order asked for.
+        /// Requested order of the band-pass per edge.
         order: usize,
-        /// How many sections that takes.
+        /// Sections that these filters need.
         sections: usize,
-        /// How many there may be.
+        /// Largest possible number of sections.
         longest: usize,
     },
-    /// A notch quality that is not a positive number.
+    /// The quality factor of the notch is not positive, or so low that the notch is wider than half of
+    /// the sampling rate.
     #[error(
         "a notch of quality {q} cannot be made: [filters] notch_q of model.toml must be large \
          enough for the notch to be narrower than half the sampling rate"
     )]
     NotchQuality {
-        /// Asked for.
+        /// Requested quality factor.
         q: f64,
     },
-    /// Rounding moved a pole out of the unit circle.
+    /// Rounding the coefficients moved a pole out of the unit circle.
     #[error(
-        "section {index} is unstable after quantisation ({section:?}): its pole lies closer to \
+        "section {index} is unstable after quantisation ({section:?}): its pole is closer to \
          the unit circle than 2^-33; raise the lower band edge or lower notch_q in model.toml"
     )]
     Unstable {
         /// Position in the cascade, from 0.
         index: usize,
-        /// The quantised section.
+        /// Section after quantisation.
         section: Section,
     },
-    /// A pole so close to the unit circle that its response hardly ends.
+    /// A pole is so close to the unit circle that the response decays too slowly.
     #[error(
-        "the filters remember {samples:.0} samples (pole radius {radius}), more than {longest:.0}: \
+        "the response of the filters decays over {samples:.0} samples (pole radius {radius}), more than \
+         {longest:.0}: \
          raise the lower edge of [filters] band_hz in model.toml"
     )]
     SlowDecay {
@@ -101,193 +103,193 @@ pub enum FilterError {
         radius: f64,
         /// Samples until the response has decayed.
         samples: f64,
-        /// Most that are followed.
+        /// Longest supported response in samples.
         longest: f64,
     },
-    /// Poles that do not pair up into sections.
+    /// The poles cannot be paired into sections.
     #[error(
-        "a band from {low_hz} to {high_hz} Hz has poles too close to the real axis to be told \
-         apart: raise the lower edge of [filters] band_hz in model.toml"
+        "a band from {low_hz} to {high_hz} Hz has poles too close to the real axis to be \
+         paired: raise the lower edge of [filters] band_hz in model.toml"
     )]
     Poles {
-        /// Lower edge in Hz.
+        /// Lower edge of the requested band, Hz.
         low_hz: f64,
-        /// Upper edge in Hz.
+        /// Upper edge of the requested band, Hz.
         high_hz: f64,
     },
-    /// Steps that come faster than samples.
+    /// The step rate is higher than the sampling rate.
     #[error(
-        "{rate_hz} samples a second cannot make {step_rate_hz} steps a second: [adc] rate_hz of \
+        "{rate_hz} samples a second cannot be resampled to {step_rate_hz} steps a second: [adc] rate_hz of \
          model.toml must be at least {step_rate_hz}"
     )]
     BelowStepRate {
-        /// Sampling rate in Hz.
+        /// Sampling rate of the ADC, Hz.
         rate_hz: u32,
         /// Rate of the encoder's time steps in Hz.
         step_rate_hz: u32,
     },
-    /// Picking every n-th sample with no whole n.
+    /// Literal decimation of a rate that is not a multiple of the step rate.
     #[error(
-        "literal decimation keeps every n-th sample, but {rate_hz} Hz is no multiple of \
+        "literal decimation keeps every n-th sample, but {rate_hz} Hz is not a multiple of \
          {step_rate_hz} Hz: write [filters] decimation = \"fir\" in model.toml, which takes any \
          rate, or sample at {nearest_hz} Hz"
     )]
     LiteralRate {
-        /// Sampling rate in Hz.
+        /// Sampling rate of the ADC, Hz.
         rate_hz: u32,
         /// Rate of the encoder's time steps in Hz.
         step_rate_hz: u32,
-        /// The closest rate that is a multiple.
+        /// Nearest multiple of the step rate in Hz.
         nearest_hz: u32,
     },
-    /// A ratio of the rates that does not fit 16 bits.
+    /// The ratio of the rates in lowest terms does not fit 16 bits.
     #[error(
-        "{rate_hz} Hz over {step_rate_hz} Hz has no lowest terms below 65536: lower [adc] rate_hz \
+        "the ratio of {rate_hz} Hz to {step_rate_hz} Hz in lowest terms exceeds 65535: lower [adc] rate_hz \
          in model.toml"
     )]
     RateTerms {
-        /// Sampling rate in Hz.
+        /// Sampling rate of the ADC, Hz.
         rate_hz: u32,
         /// Rate of the encoder's time steps in Hz.
         step_rate_hz: u32,
     },
-    /// A resampler that would not leave room for the encoder.
+    /// The resampler takes so much memory that the encoder would not fit.
     #[error(
         "at {rate_hz} Hz the resampler has {phases} phases of {taps} taps, and {what} takes \
          {bytes} B, more than {largest}: lower [adc] rate_hz in model.toml to 2144 Hz at most, or \
          choose one that has a larger divisor in common with the steps' rate"
     )]
     ResamplerSize {
-        /// What is too large.
-        what: &'static str,
-        /// Sampling rate in Hz.
+        /// Name of the part that is too large.
+        what: String,
+        /// Sampling rate of the ADC, Hz.
         rate_hz: u32,
-        /// Phases.
+        /// Phases of the polyphase filter.
         phases: usize,
         /// Taps of each phase.
         taps: usize,
-        /// Its size.
+        /// Size of the part in bytes.
         bytes: usize,
-        /// The largest size.
+        /// Largest permitted size in bytes.
         largest: usize,
     },
-    /// A sum of taps that could leave the resampler's accumulator.
+    /// The taps could overflow the resampler's accumulator.
     #[error(
-        "the taps of the resampler from {rate_hz} Hz add up to {magnitude} / 2^30, which leaves \
-         its 64-bit accumulator no room: raise [adc] rate_hz in model.toml"
+        "the magnitudes of the taps of the resampler from {rate_hz} Hz add up to {magnitude} / 2^30, which \
+         can overflow its 64-bit accumulator: raise [adc] rate_hz in model.toml"
     )]
     ResamplerAccumulator {
-        /// Sampling rate in Hz.
+        /// Sampling rate of the ADC, Hz.
         rate_hz: u32,
-        /// Sum of the magnitudes, Q2.30.
+        /// Largest sum of the tap magnitudes of a phase, Q2.30.
         magnitude: u64,
     },
-    /// A node of the cascade could leave 32 bits.
+    /// A node of the cascade could overflow 32 bits.
     #[error(
         "{node} can reach {gain:.2} times the input: full-scale ADC counts allow less \
          than {limit:.2}; lower [filters] order or raise the lower band edge in model.toml"
     )]
     Overflow {
-        /// Which signal of the cascade.
+        /// Name of the signal, for example "output of section 3".
         node: String,
-        /// Its worst-case gain (L1 norm).
+        /// L1 norm of the impulse response from the input to the node.
         gain: f64,
-        /// The largest that fits.
+        /// Upper limit of the gain.
         limit: f64,
     },
 }
 
-/// An artifact that cannot become integers.
+/// An artifact that cannot be turned into integers.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelGenError {
-    /// The artifact itself is unreadable or incomplete.
+    /// The artifact is unreadable or invalid.
     #[error(transparent)]
     Artifact(#[from] artifact::ArtifactError),
-    /// The filters cannot be realised.
+    /// The filters for a mains frequency cannot be realised.
     #[error("the filters for {mains_hz} Hz mains cannot be realised")]
     Filter {
-        /// Mains frequency of the cascade.
+        /// Mains frequency of the cascade, Hz.
         mains_hz: f64,
-        /// Why.
+        /// Error of the filter design.
         #[source]
         source: FilterError,
     },
-    /// The ADC's rate cannot be brought to that of the steps.
+    /// The resampler cannot be realised.
     #[error("the decimation cannot be realised")]
     Resampler(#[source] FilterError),
-    /// A requantisation factor that leaves Q0.32.
+    /// A requantisation factor does not fit Q0.32.
     #[error(
         "output {output} of {layer} needs a factor of {factor}, outside of [-0.5, 0.5): the \
          calibrated range is far smaller than the weights can produce; calibrate again on data \
          like the training set"
     )]
     Multiplier {
-        /// Layer.
+        /// Name of the layer, for example "conv1".
         layer: &'static str,
-        /// Output channel.
+        /// Output channel, from 0.
         output: usize,
-        /// Its value.
+        /// Factor that the layer needs.
         factor: f64,
     },
-    /// An input scale that does not fit the ADC.
+    /// The input scale does not fit the scale of the ADC.
     #[error(
-        "one step of a filtered sample is {factor:e} steps of the int8 input: the ADC's scale \
+        "one unit of a filtered sample is {factor:e} levels of the int8 input: the ADC's scale \
          ([adc] vref_v and gain of model.toml) and the calibrated input range do not belong \
          together"
     )]
     InputScale {
-        /// Steps of the input per step of a filtered sample.
+        /// Levels of the input for one unit of a filtered sample.
         factor: f64,
     },
-    /// A sum that could leave 32 bits.
+    /// An accumulator could overflow 32 bits.
     #[error(
         "an accumulator of {layer} (output {output}) can reach {worst}, beyond 2^31: the bias is \
          far larger than the weights; train with weight decay or drop the dead channel"
     )]
     Accumulator {
-        /// Layer.
+        /// Name of the layer, for example "conv1".
         layer: &'static str,
-        /// Output channel.
+        /// Output channel, from 0.
         output: usize,
         /// Largest possible magnitude.
         worst: f64,
     },
-    /// A padding that does not fit 16 bits.
+    /// A padding value does not fit 16 bits.
     #[error(
-        "beyond the edges channel {channel} behind conv1 would hold {value:.0}, but at most +-32512 \
+        "the padding of channel {channel} after conv1 would be {value:.0}, but at most +-32512 \
          fits: its batch norm's bias is far larger than what the channel was calibrated to reach; \
          train with weight decay, or with [network] padding = \"none\""
     )]
     HiddenPadding {
-        /// Channel behind the first convolution.
+        /// Output channel of the first convolution, from 0.
         channel: usize,
-        /// Its value, in steps of the quantised channel.
+        /// Value of the padding, in levels of the quantised channel.
         value: f64,
     },
-    /// A range of the calibration that is not a positive number.
+    /// A calibrated range is not a positive number.
     #[error("the calibrated range of {what} is {value}: run the calibration again")]
     Calibration {
-        /// Which one.
+        /// Name of the tensor.
         what: &'static str,
-        /// Its value.
+        /// Calibrated range, as read.
         value: f64,
     },
-    /// A shape that this encoder does not have.
-    #[error("{what} is {found}, but this version only builds {expected}")]
+    /// A number of the description is not supported by this version.
+    #[error("{what} is {found}, but this version supports only {expected}")]
     Unsupported {
-        /// Which number of the description.
+        /// Name of the field in `model.toml`.
         what: &'static str,
-        /// Its value.
+        /// Value of the field.
         found: String,
-        /// What is possible.
+        /// Supported values.
         expected: &'static str,
     },
-    /// The generated files could not be written.
+    /// A generated file could not be written.
     #[error("cannot write {path}")]
     Write {
-        /// Where.
+        /// Path of the file that could not be written.
         path: std::path::PathBuf,
-        /// Why.
+        /// Error of the operating system.
         #[source]
         source: std::io::Error,
     },

@@ -2,10 +2,10 @@
 
 use std::f64::consts::PI;
 
-/// Taps of a low-pass with its -6 dB point at `cutoff_hz` and gain exactly 1 at DC: a sinc under a
-/// Kaiser window of shape `beta`, symmetric.
+/// Returns the taps of a symmetric low-pass: a sinc times a Kaiser window of shape `beta`, -6 dB at
+/// `cutoff_hz`, gain exactly 1 at DC.
 ///
-/// The same numbers as `scipy.signal.firwin(taps, cutoff_hz, window=('kaiser', beta), fs=rate_hz)`.
+/// Equals `scipy.signal.firwin(taps, cutoff_hz, window=('kaiser', beta), fs=rate_hz)`.
 /// Expects `taps > 1` and `0 < cutoff_hz < rate_hz / 2`.
 pub fn kaiser_low_pass(taps: usize, cutoff_hz: f64, beta: f64, rate_hz: f64) -> Vec<f64> {
     let centre = real(taps - 1) / 2.0;
@@ -24,7 +24,7 @@ pub fn kaiser_low_pass(taps: usize, cutoff_hz: f64, beta: f64, rate_hz: f64) -> 
     response
 }
 
-/// `sin(pi x) / (pi x)`.
+/// Returns `sin(pi x) / (pi x)`.
 fn sinc(x: f64) -> f64 {
     if x == 0.0 {
         1.0
@@ -33,8 +33,8 @@ fn sinc(x: f64) -> f64 {
     }
 }
 
-/// Modified Bessel function of the first kind, order 0: the sum of `((x / 2)^k / k!)^2`
-/// (Abramowitz and Stegun 9.6.12), whose terms are all positive and soon vanish.
+/// Returns the modified Bessel function of the first kind, order 0: the sum of `((x / 2)^k / k!)^2`
+/// (Abramowitz and Stegun 9.6.12). Its terms are positive and converge quickly.
 fn bessel_i0(x: f64) -> f64 {
     let quarter = x * x / 4.0;
     let (mut sum, mut term, mut k) = (1.0, 1.0, 1.0);
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_bessel_function_is_that_of_the_tables() {
+    fn the_bessel_function_equals_scipy_s() {
         // scipy 1.17: scipy.special.i0([0, 1, 5, 12]).
         for (x, expected) in [
             (0.0, 1.0),

@@ -1,24 +1,23 @@
-//! The last step of the reference: from steps of the code's scale to the integers of its format.
+//! Encodes the levels of a code in the integers of its format.
 
 use artifact::{CODE, CodeFormat, IntegerCode};
 
-use crate::IntegerModel;
-
-/// The code of 128 steps, computed in plain loops: the reference of every format.
+/// Returns the code of the given levels (multiples of the code's scale), computed in plain loops: the
+/// reference for every format.
 ///
-/// The exponent is the smallest with which every `round(step / 2^exponent)`, half up, is within the
-/// format's range, or the largest one where none is; what is still out of the range saturates.
-pub fn integer_code(format: CodeFormat, steps: &[i64; CODE]) -> IntegerCode {
+/// The exponent is the smallest with which every `round(level / 2^exponent)`, half up, is within the
+/// format's range, or the largest exponent if there is none. Values out of range saturate.
+pub fn integer_code(format: CodeFormat, levels: &[i64; CODE]) -> IntegerCode {
     let [least, greatest] = format.range().map(i64::from);
-    let rounded = |step: i64, exponent: u8| {
+    let rounded = |level: i64, exponent: u8| {
         let power = 2_i64.pow(exponent.into());
-        (step + power / 2).div_euclid(power)
+        (level + power / 2).div_euclid(power)
     };
     let largest = format.largest_exponent();
     let fits = |exponent: &u8| {
-        steps
+        levels
             .iter()
-            .all(|&step| (least..=greatest).contains(&rounded(step, *exponent)))
+            .all(|&level| (least..=greatest).contains(&rounded(level, *exponent)))
     };
     let exponent = (0..=largest).find(fits).unwrap_or(largest);
     IntegerCode {
@@ -27,18 +26,6 @@ pub fn integer_code(format: CodeFormat, steps: &[i64; CODE]) -> IntegerCode {
             clippy::cast_possible_truncation,
             reason = "clamped to 16 bits or less"
         )]
-        values: steps.map(|step| rounded(step, exponent).clamp(least, greatest) as i16),
-    }
-}
-
-impl IntegerModel {
-    /// `z = (step - zero point) * scale`.
-    pub fn dequantise(&self, code: &IntegerCode) -> [f32; CODE] {
-        let steps = code.steps();
-        std::array::from_fn(|j| {
-            #[expect(clippy::cast_precision_loss, reason = "17 bits")]
-            let steps = (steps[j] - i32::from(self.code_zero_point[j])) as f32;
-            steps * self.code_scale[j]
-        })
+        values: levels.map(|level| rounded(level, exponent).clamp(least, greatest) as i16),
     }
 }

@@ -1,25 +1,23 @@
-//! The encoder in integers, in the layout in which it was trained, and its plain-loop reference.
+//! The encoder in integers, in the layout of the artifact, and the reference computation of a code.
 
-pub use artifact::{CELLS, CODE, ELECTRODES, STEPS};
-use artifact::{COLUMNS, CodeFormat, Geometry, IntegerCode, Mode, ROWS};
+use artifact::{
+    CELLS, CODE, COLUMNS, CONV1_CHANNELS, CodeFormat, ELECTRODES, Geometry, IntegerCode, KERNEL,
+    Mode, ROWS, STEPS,
+};
 
-use crate::integer_code;
+use crate::integer_code::integer_code;
 
-/// Channels behind the first convolution.
-pub(crate) const CONV1: usize = 16;
-/// Channels behind the second convolution.
-pub(crate) const CONV2: usize = 32;
-/// One plane of quantised input: the scalp grid at one timestep, row-major.
+/// One plane of quantised input: the scalp grid at one time step, row-major.
 pub type Plane = [i8; CELLS];
 
 /// Integer weights of one convolution, PyTorch order `[out][in][time][row][column]`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct IntegerConv {
-    /// Weights.
+    /// Weights, -127..=127.
     pub weights: Vec<i8>,
-    /// One bias per output channel, in accumulator steps.
+    /// Bias of each output channel, in units of the accumulator.
     pub bias: Vec<i32>,
-    /// One requantisation factor per output channel, Q0.32; negative for a channel whose weights
+    /// Requantisation factor of each output channel, Q0.32. It is negative for a channel whose weights
     /// are negated because its batch norm has a negative factor.
     pub multipliers: Vec<i32>,
 }
@@ -27,15 +25,15 @@ pub struct IntegerConv {
 /// Integer weights of a fully connected layer, PyTorch order `[out][in]`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct IntegerLinear {
-    /// Weights.
+    /// Weights, -127..=127.
     pub weights: Vec<i8>,
-    /// One requantisation factor per output, Q0.32.
+    /// Requantisation factor of each output to the code, Q0.32.
     pub multipliers: Vec<i32>,
 }
 
 impl IntegerLinear {
-    /// The part of an output in the code, Q32; 0 where there is no such layer.
-    fn output(&self, output: usize, features: &[i64], bias: i32) -> i64 {
+    /// Returns the contribution of this layer to an output of the code, Q32; 0 if the layer is empty.
+    fn contribution(&self, output: usize, features: &[i64], bias: i32) -> i64 {
         let Some(&multiplier) = self.multipliers.get(output) else {
             return 0;
         };
@@ -44,45 +42,46 @@ impl IntegerLinear {
     }
 }
 
-/// A quantised encoder. What its mode lacks is empty.
+/// A quantised encoder. Layers that its mode does not have are empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IntegerModel {
-    /// Which parts it has.
+    /// Parts of the network.
     pub mode: Mode,
     /// Padding, pool and sizes of the convolutions.
     pub geometry: Geometry,
-    /// Microvolt per step of the quantised input.
+    /// Microvolts of one level of the quantised input.
     pub input_scale_uv: f32,
-    /// Integers of a code.
+    /// Integer format of the codes.
     pub code_format: CodeFormat,
-    /// Float code per step of the code: `z = (step - zero point) * scale`.
+    /// Scale of each dimension of the code: `z = (level - zero point) * scale`.
     pub code_scale: [f32; CODE],
-    /// The step of a float zero; 0 in the formats other than `Int8`.
+    /// Level of a float zero in each dimension; 0 in the formats other than `Int8`.
     pub code_zero_point: [i8; CODE],
     /// Grid cell of each electrode.
     pub cells: [u8; ELECTRODES],
-    /// First convolution; reads 0 beyond the edges.
+    /// First convolution, padded with 0.
     pub conv1: IntegerConv,
-    /// What the second convolution reads beyond the edges of each channel: the integer that its
-    /// batch norm turns into 0. All 0 without padding.
-    pub hidden_padding: [i16; CONV1],
-    /// Second convolution.
+    /// Padding of each input channel of the second convolution: the integer that the first batch norm
+    /// turns into 0. All 0 without padding.
+    pub hidden_padding: [i16; CONV1_CHANNELS],
+    /// Second convolution, padded with `hidden_padding`.
     pub conv2: IntegerConv,
-    /// Fully connected layer behind the pool.
+    /// Fully connected layer after the pool.
     pub fc: IntegerLinear,
-    /// Its bias, in accumulator steps.
+    /// Bias of the fully connected layer, in units of its accumulator.
     pub fc_bias: [i32; CODE],
-    /// Linear shortcut from the window, feature = step * 61 + electrode.
+    /// Linear shortcut from window to code, feature = step * 61 + electrode.
     pub shortcut: IntegerLinear,
 }
 
 impl IntegerModel {
-    /// Largest magnitude that the second convolution reads: 255, or a padding beyond it.
+    /// Returns the largest magnitude of an input of the second convolution: 255, or that of a padding
+    /// beyond it.
     pub fn largest_hidden(&self) -> i32 {
         largest_hidden(&self.hidden_padding)
     }
 
-    /// The code of one window, computed in plain loops: the reference that the streaming encoder
+    /// Returns the code of one window, computed in plain loops: the reference that the streaming encoder
     /// must equal bit for bit.
     pub fn encode_window(&self, window: &[Plane; STEPS]) -> IntegerCode {
         let features = if self.mode.has_convolutions() {
@@ -98,15 +97,25 @@ impl IntegerModel {
                     .map(|&cell| i64::from(plane[usize::from(cell)]))
             })
             .collect();
-        let steps = std::array::from_fn(|j| {
-            let product =
-                self.fc.output(j, &features, self.fc_bias[j]) + self.shortcut.output(j, &linear, 0);
+        let levels = std::array::from_fn(|j| {
+            let product = self.fc.contribution(j, &features, self.fc_bias[j])
+                + self.shortcut.contribution(j, &linear, 0);
             round_q32(product) + i64::from(self.code_zero_point[j])
         });
-        integer_code(self.code_format, &steps)
+        integer_code(self.code_format, &levels)
     }
 
-    /// What the fully connected layer reads, `[channel][time][row][column]`.
+    /// Dequantises a code: `z = (level - zero point) * scale`.
+    pub fn dequantise(&self, code: &IntegerCode) -> [f32; CODE] {
+        let levels = code.levels();
+        std::array::from_fn(|j| {
+            #[expect(clippy::cast_precision_loss, reason = "17 bits")]
+            let level = (levels[j] - i32::from(self.code_zero_point[j])) as f32;
+            level * self.code_scale[j]
+        })
+    }
+
+    /// Returns the inputs of the fully connected layer, `[channel][time][row][column]`.
     fn features(&self, window: &[Plane; STEPS]) -> Vec<i64> {
         let input = Volume {
             shape: [1, STEPS, ROWS, COLUMNS],
@@ -140,7 +149,8 @@ impl Volume {
         &self.values[((channel * times + time) * rows + row) * columns..][..columns]
     }
 
-    /// With `pads` values of the channel's own on either side of each axis.
+    /// Returns a copy with `pads` values added on both sides of each axis; each channel has one padding
+    /// value.
     fn padded(&self, pads: [usize; 3], padding: &[i16]) -> Self {
         let [channels, times, rows, columns] = self.shape;
         let shape = [
@@ -176,19 +186,22 @@ impl Volume {
     }
 }
 
-/// Unpadded 3x3x3 convolution.
+/// Computes an unpadded 3x3x3 convolution.
 fn convolve(conv: &IntegerConv, input: &Volume) -> Volume {
+    /// Steps, rows or columns that the convolution removes.
+    const SHRINK: usize = KERNEL - 1;
     let outputs = conv.bias.len();
     let [inputs, times, rows, columns] = input.shape;
-    let shape = [outputs, times - 2, rows - 2, columns - 2];
+    let shape = [outputs, times - SHRINK, rows - SHRINK, columns - SHRINK];
     let mut values = Vec::with_capacity(shape.iter().product());
     for (out, &bias) in conv.bias.iter().enumerate() {
         for (time, row) in (0..shape[1]).flat_map(|time| (0..shape[2]).map(move |row| (time, row)))
         {
             let mut sums = [bias; COLUMNS];
             for channel in 0..inputs {
-                for (dt, dr, dc) in positions([1, 3, 3, 3]) {
-                    let tap = (((out * inputs + channel) * 3 + dt) * 3 + dr) * 3 + dc;
+                for (dt, dr, dc) in positions([1, KERNEL, KERNEL, KERNEL]) {
+                    let tap = ((out * inputs + channel) * KERNEL + dt) * KERNEL + dr;
+                    let tap = tap * KERNEL + dc;
                     let weight = i32::from(conv.weights[tap]);
                     let x = &input.row(channel, time + dt, row + dr)[dc..];
                     for (sum, x) in sums.iter_mut().zip(x) {
@@ -202,7 +215,7 @@ fn convolve(conv: &IntegerConv, input: &Volume) -> Volume {
     Volume { shape, values }
 }
 
-/// Largest of each pool, requantised; flattened as `[channel][time][row][column]`.
+/// Returns the requantised maximum of each pool, `[channel][time][row][column]`.
 fn pool(sums: &Volume, geometry: &Geometry, multipliers: &[i32]) -> Vec<i64> {
     let ([steps, rows, columns], [t, r, c]) = (geometry.pooled, geometry.pool);
     let mut features = Vec::with_capacity(geometry.flat());
@@ -217,12 +230,13 @@ fn pool(sums: &Volume, geometry: &Geometry, multipliers: &[i32]) -> Vec<i64> {
     features
 }
 
-/// Largest magnitude that the second convolution reads with these values beyond the edges.
+/// Returns the largest magnitude of an input of the second convolution with this padding.
 pub(crate) fn largest_hidden(padding: &[i16]) -> i32 {
     let magnitudes = padding.iter().map(|x| i32::from(*x).abs());
     magnitudes.fold(255, i32::max)
 }
 
+/// Iterates over (time, row, column) of a shape, the last fastest.
 fn positions([_, times, rows, columns]: [usize; 4]) -> impl Iterator<Item = (usize, usize, usize)> {
     (0..times).flat_map(move |time| {
         (0..rows).flat_map(move |row| (0..columns).map(move |column| (time, row, column)))
@@ -237,12 +251,13 @@ fn dot(weights: &[i8], features: &[i64]) -> i64 {
         .sum()
 }
 
+/// Multiplies a sum by a Q0.32 factor and rounds half up.
 fn scale(sum: i32, multiplier: i32) -> i32 {
     i32::try_from(round_q32(i64::from(sum) * i64::from(multiplier)))
         .expect("the product of two 32-bit numbers over 2^32 has 31 bits")
 }
 
-/// Rounds a Q32 number half up.
+/// Rounds a Q32 number half up to an integer.
 fn round_q32(product: i64) -> i64 {
     (product + (1 << 31)) >> 32
 }

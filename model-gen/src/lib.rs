@@ -1,12 +1,33 @@
 //! Turns a trained artifact into Rust integers: filter design, quantisation, range proofs, code.
 //!
-//! `model/build.rs` calls [`generate`]; the trainer uses [`quantise`] for the golden codes and for
-//! the int8 figures, and [`filter_cascade`] for the front end that its training data passes.
+//! `model/build.rs` calls [`generate`]. The trainer uses [`quantise`] for the golden codes and the int8
+//! figures, and [`filter_cascade`] for the filters of its training data.
+//!
+//! ```text
+//!             [filters] --> design, fir --> cascade, ResamplerTable --> headroom: no overflow
+//! Artifact --<                                                                 |
+//!             weights, calibration --> quantise --> IntegerModel --> pack      |
+//!                                                                     |        |
+//!             constants.rs, statics.rs, manifest.txt <-------- DeviceModel <--+
+//! ```
+//!
+//! ```
+//! use artifact::Artifact;
+//! use model_gen::{DeviceModel, manifest};
+//! use std::path::Path;
+//!
+//! let artifact = Artifact::read(Path::new("../model/artifact"))?;
+//! let model = DeviceModel::new(&artifact)?;
+//! // The largest gain to any node of the filters, for full-scale input, stays below 8.
+//! let gains = model.filters.iter().flat_map(|filter| &filter.gains);
+//! assert!(gains.map(|node| node.gain).fold(0.0, f64::max) < 8.0);
+//! assert!(manifest(&model).starts_with("model id"));
+//! # Ok::<(), model_gen::ModelGenError>(())
+//! ```
 #![forbid(unsafe_code)]
 
 mod cascade;
 mod chain;
-mod conv_kernel;
 pub mod design;
 mod device_model;
 mod emit;
@@ -28,28 +49,23 @@ use std::path::Path;
 
 pub use cascade::{FilterSpec, cascade};
 pub use chain::Chain;
-pub use conv_kernel::ConvKernel;
 pub use device_model::{DeviceModel, MAINS_HZ, MainsFilter, filter_cascade};
-pub use emit::rust;
+pub use emit::rust_files;
 pub use error::{FilterError, ModelGenError};
 pub use integer_code::integer_code;
-pub use integer_model::{
-    CELLS, CODE, ELECTRODES, IntegerConv, IntegerLinear, IntegerModel, Plane, STEPS,
-};
+pub use integer_model::{IntegerConv, IntegerLinear, IntegerModel, Plane};
 pub use manifest::manifest;
 pub use quantise::quantise;
 pub use resampler::ResamplerTable;
 
-/// Reads the artifact in `artifact_dir` and writes `generated.rs` and `manifest.txt` to `out_dir`.
+/// Reads the artifact in `artifact_dir` and writes the [`rust_files`] and `manifest.txt` to `out_dir`.
 ///
 /// # Errors
-/// When the artifact cannot be read, cannot be turned into integers, or the files not be written.
+/// If the artifact cannot be read or turned into integers, or a file cannot be written.
 pub fn generate(artifact_dir: &Path, out_dir: &Path) -> Result<(), ModelGenError> {
     let model = DeviceModel::new(&artifact::Artifact::read(artifact_dir)?)?;
-    for (name, text) in [
-        ("generated.rs", rust(&model)),
-        ("manifest.txt", manifest(&model)),
-    ] {
+    let files = rust_files(&model).into_iter();
+    for (name, text) in files.chain([("manifest.txt", manifest(&model))]) {
         let path = out_dir.join(name);
         std::fs::write(&path, text).map_err(|source| ModelGenError::Write { path, source })?;
     }

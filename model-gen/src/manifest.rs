@@ -1,17 +1,17 @@
-//! A model in numbers that a person can check: the text of `model/manifest.txt`.
+//! Summary of a model for human readers: the text of `model/manifest.txt`.
 
 use std::fmt::Write as _;
 
-use artifact::Geometry;
+use artifact::{CODE, CONV1_CHANNELS, CONV2_CHANNELS, Geometry, WINDOW_ELECTRODES};
 
 use crate::{
     device_model::{DeviceModel, MainsFilter},
-    headroom::{GUARD_BITS, ROOM},
-    integer_model::{CODE, IntegerModel},
+    headroom::{GAIN_LIMIT, GUARD_BITS},
+    integer_model::IntegerModel,
     memory::{self, Part},
 };
 
-/// The manifest of a device model: ids, shapes, scales, ranges and byte counts.
+/// Returns the manifest of a device model: id, shapes, scales, ranges and byte counts.
 pub fn manifest(model: &DeviceModel) -> String {
     let mut out = String::new();
     // Writing to a String cannot fail.
@@ -37,7 +37,7 @@ fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
     )?;
     writeln!(
         out,
-        "input                 {:.6} uV per step, int8, multiplier {} / 2^32",
+        "input                 {:.6} uV per level, int8, multiplier {} / 2^32",
         model.integers.input_scale_uv, model.input_multiplier
     )?;
     let resampler = &model.resampler;
@@ -78,7 +78,7 @@ fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
     memory(out, &memory::parts(integers))
 }
 
-/// Bytes of each part, and of all.
+/// Writes flash and RAM of each part, and their sums.
 fn memory(out: &mut String, parts: &[Part]) -> std::fmt::Result {
     writeln!(
         out,
@@ -118,7 +118,7 @@ fn mains_filter(out: &mut String, filter: &MainsFilter) -> std::fmt::Result {
     let integer_bits = 32 - GUARD_BITS;
     writeln!(
         out,
-        "  worst-case gains (below {ROOM} for full scale in Q{integer_bits}.{GUARD_BITS})"
+        "  worst-case gains (below {GAIN_LIMIT} for full scale in Q{integer_bits}.{GUARD_BITS})"
     )?;
     for node in &filter.gains {
         writeln!(out, "    {:<24}{:>8.4}", node.node, node.gain)?;
@@ -126,14 +126,14 @@ fn mains_filter(out: &mut String, filter: &MainsFilter) -> std::fmt::Result {
     Ok(())
 }
 
-/// The layers that the network has.
+/// Writes a line for each layer of the network.
 fn layers(out: &mut String, integers: &IntegerModel) -> std::fmt::Result {
     let IntegerModel { conv1, conv2, .. } = integers;
     if integers.mode.has_convolutions() {
         let Geometry { padding, pool, .. } = integers.geometry;
         layer(
             out,
-            "conv1   1x3x3x3 -> 16",
+            &format!("conv1   1x3x3x3 -> {CONV1_CHANNELS}"),
             &conv1.weights,
             &conv1.bias,
             128,
@@ -141,23 +141,24 @@ fn layers(out: &mut String, integers: &IntegerModel) -> std::fmt::Result {
         let hidden = integers.largest_hidden().into();
         layer(
             out,
-            "conv2  16x3x3x3 -> 32",
+            &format!("conv2  {CONV1_CHANNELS}x3x3x3 -> {CONV2_CHANNELS}"),
             &conv2.weights,
             &conv2.bias,
             hidden,
         )?;
         writeln!(out, "  padding {padding:?}, max-pool {pool:?}")?;
-        let name = format!("fc       {:>6} -> 128", integers.geometry.flat());
+        let name = format!("fc       {:>6} -> {CODE}", integers.geometry.flat());
         layer(out, &name, &integers.fc.weights, &integers.fc_bias, 255)?;
     }
     if integers.mode.has_shortcut() {
         let weights = &integers.shortcut.weights;
-        layer(out, "shortcut    976 -> 128", weights, &[0; CODE], 128)?;
+        let name = format!("shortcut {WINDOW_ELECTRODES:>6} -> {CODE}");
+        layer(out, &name, weights, &[0; CODE], 128)?;
     }
     Ok(())
 }
 
-/// A layer's size, and the largest accumulator that any input can make.
+/// Writes the size of a layer and its largest possible accumulator.
 fn layer(
     out: &mut String,
     name: &str,

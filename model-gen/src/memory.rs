@@ -1,33 +1,32 @@
-//! What each part of the encoder takes of flash and RAM.
+//! Flash and RAM of each part of the encoder.
 
-use artifact::{CODE, COLUMNS, ELECTRODES, ROWS};
+use artifact::{CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, ELECTRODES, KERNEL, ROWS};
 use int8_nn::{InputConv, Pair, PlaneShape, Winograd};
 
 use crate::{
-    conv_kernel::ConvKernel,
-    integer_model::{CONV1, CONV2, IntegerModel},
-    pack,
+    integer_model::IntegerModel,
+    pack::{self, ConvKernel},
 };
 
-/// Bytes of a pair, an accumulator and a factor.
+/// Bytes of a pair, an accumulator or a factor.
 const WORD: usize = size_of::<Pair>();
-/// Planes that a convolution reads.
-const PLANES: usize = 3;
-/// Windows that are open at the same time.
-const OPEN: usize = 2;
+/// Input planes of a convolution.
+const PLANES: usize = KERNEL;
+/// Overlapping windows whose codes are accumulated at the same time.
+const OPEN_WINDOWS: usize = 2;
 
-/// A part of the encoder.
+/// Flash and RAM of one part of the encoder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Which one, and its kernel.
+    /// Name of the part and its kernel.
     pub name: &'static str,
-    /// Weights as the kernel reads them, biases and factors, bytes.
+    /// Packed weights, biases and factors, bytes.
     pub flash_bytes: usize,
     /// State and scratch, bytes.
     pub ram_bytes: usize,
 }
 
-/// The parts that an encoder has, in the order of the signal.
+/// Returns the parts of an encoder, in signal order.
 pub fn parts(model: &IntegerModel) -> Vec<Part> {
     let mut parts = Vec::new();
     if model.mode.has_convolutions() {
@@ -43,9 +42,9 @@ pub fn parts(model: &IntegerModel) -> Vec<Part> {
     }
     parts.push(Part {
         name: "codes of two open windows",
-        // Bias, two factors and a zero point for each number of a code.
+        // A bias, two factors and a zero point for each number of a code.
         flash_bytes: 3 * WORD * CODE + CODE,
-        ram_bytes: OPEN * 2 * WORD * CODE,
+        ram_bytes: OPEN_WINDOWS * 2 * WORD * CODE,
     });
     parts
 }
@@ -55,13 +54,14 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
     let [_, rows, columns] = model.geometry.pooled;
     let [_, pool_rows, pool_columns] = model.geometry.pool;
     let cells = (ROWS + 2 * margin) * (COLUMNS + 2 * margin);
-    // As far as the pool reaches, with and without the margin.
-    let [framed_rows, framed_columns] = [rows * pool_rows + 2, columns * pool_columns + 2];
+    // The part of the first convolution's output that the pool depends on, with margin.
+    let [framed_rows, framed_columns] =
+        [rows * pool_rows, columns * pool_columns].map(|length| length + KERNEL - 1);
     let [_, hidden_rows, hidden_columns] = model.geometry.hidden;
     let interior = PlaneShape {
         rows: hidden_rows.min(framed_rows - margin),
         columns: hidden_columns.min(framed_columns - margin),
-        channels: CONV1,
+        channels: CONV1_CHANNELS,
     };
     let conv1 = InputConv::<COLUMNS> {
         rows: ROWS,
@@ -70,25 +70,25 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
         bias: &[],
         multipliers: &[],
     };
-    let framed = margin * framed_rows * framed_columns * CONV1 / 2;
+    let framed = margin * framed_rows * framed_columns * CONV1_CHANNELS / 2;
     let hidden = interior.len() / 2 + framed;
     let scratch = conv1.patches_len() + conv1.sums_len() + hidden;
-    let positions = rows * columns * CONV2;
+    let positions = rows * columns * CONV2_CHANNELS;
     let pool = WORD * positions + WORD / 2 * positions;
-    let (name, transformed) = match ConvKernel::of(model) {
+    let (name, transformed) = match ConvKernel::select(model) {
         ConvKernel::Winograd => (
             "conv2, pool: Winograd F(2x4, 3x3)",
-            // Tiles of 2x4 outputs hold two pools beside each other: as many tiles below each other.
-            Winograd::<{ CONV1 / 2 }, 6> {
+            // A tile of 2x4 outputs holds two adjacent pools; here all tiles are in one column.
+            Winograd::<{ CONV1_CHANNELS / 2 }, 6> {
                 tile_rows: rows * columns / 2,
-                outputs: CONV2,
+                outputs: CONV2_CHANNELS,
                 weights: &[],
             }
             .transformed_len(),
         ),
         ConvKernel::Direct => (
             "conv2, pool: direct",
-            framed_rows * framed_columns * CONV1 / 2,
+            framed_rows * framed_columns * CONV1_CHANNELS / 2,
         ),
     };
     let edges = if model.geometry.padding.pads_time() {
@@ -101,12 +101,12 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
     [
         Part {
             name: "conv1",
-            flash_bytes: WORD * (pack::input_convolution(&model.conv1).len() + 2 * CONV1),
+            flash_bytes: WORD * (pack::input_convolution(&model.conv1).len() + 2 * CONV1_CHANNELS),
             ram_bytes: WORD * (PLANES * cells + scratch),
         },
         Part {
             name,
-            flash_bytes: WORD * (pack::convolution(model).len() + 2 * CONV2),
+            flash_bytes: WORD * (pack::convolution(model).len() + 2 * CONV2_CHANNELS),
             ram_bytes: WORD * PLANES * transformed + pool + edges,
         },
         Part {

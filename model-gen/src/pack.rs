@@ -1,21 +1,45 @@
-//! From the layout in which weights are trained to the one in which the kernels read them.
+//! Packs weights from PyTorch's layout to the layout that the kernels read.
 
-use artifact::{CELLS, CODE, ELECTRODES, STEPS};
+use artifact::{CELLS, CODE, CONV1_CHANNELS, CONV2_CHANNELS, ELECTRODES, KERNEL, STEPS};
 use int8_nn::{Direct, InputConv, Linear, Pair, Winograd};
 
-use crate::{
-    conv_kernel::ConvKernel,
-    integer_model::{CONV1, CONV2, IntegerConv, IntegerModel},
-};
+use crate::integer_model::{IntegerConv, IntegerModel};
 
+/// Weights for each input and output channel: steps x rows x columns of a kernel.
+const TAPS: usize = KERNEL.pow(3);
 /// Pairs of channels between the convolutions.
-const HIDDEN_PAIRS: usize = CONV1 / 2;
-/// Pairs of inputs from a time step, filled up to a multiple of eight.
+const HIDDEN_PAIRS: usize = CONV1_CHANNELS / 2;
+/// Pairs of electrodes of a time step, filled up to a multiple of eight.
 const ELECTRODE_PAIRS: usize = ELECTRODES.div_ceil(2).next_multiple_of(8);
 
-/// Weights of the first convolution, as [`InputConv`] reads them.
+/// Kernel of the second convolution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConvKernel {
+    /// [`int8_nn::Winograd`]: the fewest instructions.
+    Winograd,
+    /// [`int8_nn::Direct`]: any pool, any range.
+    Direct,
+}
+
+impl ConvKernel {
+    /// Selects Winograd's kernel if its tiles of 2x4 outputs hold whole pools and its numbers fit 16
+    /// bits, otherwise the direct one.
+    pub fn select(model: &IntegerModel) -> Self {
+        type Kernel = Winograd<'static, HIDDEN_PAIRS, 6>;
+        let [_, rows, columns] = model.geometry.pool;
+        let largest = usize::from(UnsignedInput::from_model(model).largest());
+        let whole_tiles = model.geometry.pooled[2].is_multiple_of(2);
+        if [rows, columns] == [2, 2] && whole_tiles && largest <= Kernel::LARGEST_INPUT {
+            Self::Winograd
+        } else {
+            Self::Direct
+        }
+    }
+}
+
+/// Packs the weights of the first convolution for [`InputConv`].
 pub fn input_convolution(conv: &IntegerConv) -> Vec<Pair> {
-    // They do not depend on the columns.
+    // The packed weights do not depend on the columns.
     type Conv = InputConv<'static, CELLS>;
     let outputs = conv.bias.len();
     let mut packed = vec![Pair::ZERO; Conv::weights_len(outputs)];
@@ -23,13 +47,13 @@ pub fn input_convolution(conv: &IntegerConv) -> Vec<Pair> {
     packed
 }
 
-/// Weights of the second convolution, as its kernel reads them.
+/// Packs or transforms the weights of the second convolution for its kernel.
 pub fn convolution(model: &IntegerModel) -> Vec<Pair> {
-    // They do not depend on the columns.
+    // The packed weights do not depend on the columns.
     type Transformed = Winograd<'static, HIDDEN_PAIRS, 6>;
     type Plain = Direct<'static, HIDDEN_PAIRS, 6>;
     let (outputs, weights) = (model.conv2.bias.len(), by_tap(&model.conv2));
-    let kernel = ConvKernel::of(model);
+    let kernel = ConvKernel::select(model);
     let length = match kernel {
         ConvKernel::Winograd => Transformed::weights_len(outputs),
         ConvKernel::Direct => Plain::weights_len(outputs),
@@ -42,21 +66,22 @@ pub fn convolution(model: &IntegerModel) -> Vec<Pair> {
     packed
 }
 
-/// `[tap][in][out]` from PyTorch's `[out][in][tap]`, tap = (time, row, column).
+/// Reorders weights from PyTorch's `[out][in][tap]` to `[tap][in][out]`, tap = (time, row, column).
 fn by_tap(conv: &IntegerConv) -> Vec<i8> {
     let outputs = conv.bias.len();
-    let per_tap = conv.weights.len() / 27;
+    let per_tap = conv.weights.len() / TAPS;
     (0..conv.weights.len())
         .map(|index| {
             let (tap, rest) = (index / per_tap, index % per_tap);
             let (input, output) = (rest / outputs, rest % outputs);
-            conv.weights[(output * per_tap / outputs + input) * 27 + tap]
+            conv.weights[(output * per_tap / outputs + input) * TAPS + tap]
         })
         .collect()
 }
 
-/// For each pooled plane `[position][channel]` its pieces, from PyTorch's
-/// `[out][channel][plane][position]`; none without convolutions.
+/// Packs the fully connected layer: for each pooled plane its pieces, with inputs in the order
+/// `[position][channel]`. PyTorch's order is `[out][channel][plane][position]`. Empty without
+/// convolutions.
 pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
     if !model.mode.has_convolutions() {
         return Vec::new();
@@ -67,32 +92,35 @@ pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
     let weights: Vec<i8> = (0..flat * CODE)
         .map(|index| {
             let (input, output) = (index / CODE, index % CODE);
-            let (plane, rest) = (input / (positions * CONV2), input % (positions * CONV2));
-            let (position, channel) = (rest / CONV2, rest % CONV2);
+            let (plane, rest) = (
+                input / (positions * CONV2_CHANNELS),
+                input % (positions * CONV2_CHANNELS),
+            );
+            let (position, channel) = (rest / CONV2_CHANNELS, rest % CONV2_CHANNELS);
             model.fc.weights[output * flat + (channel * planes + plane) * positions + position]
         })
         .collect();
     let pieces = fc_pieces(model);
-    let pairs = positions * CONV2 / 2 / pieces;
+    let pairs = positions * CONV2_CHANNELS / 2 / pieces;
     let mut matrices = matrices(&weights, planes * pieces, pairs).into_iter();
     (0..planes)
         .map(|_| matrices.by_ref().take(pieces).collect())
         .collect()
 }
 
-/// Matrices for a pooled plane: the fewest equal ones, of whole eights of pairs, that [`Linear`]
-/// takes.
+/// Returns the number of matrices for a pooled plane: the smallest number of equal matrices, each with a
+/// multiple of eight pairs of inputs, that [`Linear`] supports.
 pub fn fc_pieces(model: &IntegerModel) -> usize {
     let [_, rows, columns] = model.geometry.pooled;
-    let pairs = rows * columns * CONV2 / 2;
-    let fewest = pairs.div_ceil(Linear::MOST_INPUTS);
+    let pairs = rows * columns * CONV2_CHANNELS / 2;
+    let fewest = pairs.div_ceil(Linear::MAX_INPUTS);
     (fewest..=pairs)
         .find(|pieces| pairs.is_multiple_of(8 * pieces))
         .unwrap_or(pairs)
 }
 
-/// One matrix for each time step, from PyTorch's `[out][step * 61 + electrode]`; none without a
-/// shortcut.
+/// Packs the linear shortcut: one matrix for each time step, from PyTorch's
+/// `[out][step * 61 + electrode]`. Empty without a shortcut.
 pub fn shortcut(model: &IntegerModel) -> Vec<Vec<Pair>> {
     if !model.mode.has_shortcut() {
         return Vec::new();
@@ -104,7 +132,7 @@ pub fn shortcut(model: &IntegerModel) -> Vec<Vec<Pair>> {
     matrices(&weights, STEPS, ELECTRODE_PAIRS)
 }
 
-/// Equal parts of `[input][output]`, each for so many pairs of inputs.
+/// Splits weights `[input][output]` into equal parts and packs each for `pairs` pairs of inputs.
 fn matrices(weights: &[i8], parts: usize, pairs: usize) -> Vec<Vec<Pair>> {
     weights
         .chunks_exact(weights.len() / parts)
@@ -116,26 +144,27 @@ fn matrices(weights: &[i8], parts: usize, pairs: usize) -> Vec<Vec<Pair>> {
         .collect()
 }
 
-/// Numbers of the second convolution's input without a sign, which its kernels ask for, although its
-/// padding may stand below 0.
+/// The second convolution with non-negative inputs, which its kernels require, for a padding that can be
+/// negative.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unsigned {
-    /// What is added to each channel, padding included.
-    pub offset: [i16; CONV1],
-    /// Padding of each channel, with it.
-    pub padding: [i16; CONV1],
-    /// The bias that takes it out again.
+pub struct UnsignedInput {
+    /// Offset added to all inputs of each channel, padding included.
+    pub offset: [i16; CONV1_CHANNELS],
+    /// Padding of each channel with the offset added.
+    pub padding: [i16; CONV1_CHANNELS],
+    /// Bias of each output channel, which subtracts the contribution of the offsets.
     pub bias: Vec<i32>,
 }
 
-impl Unsigned {
-    /// Of an encoder whose padding fits 16 bits together with 255, as quantising makes them.
-    pub fn of(model: &IntegerModel) -> Self {
+impl UnsignedInput {
+    /// Computes offsets and biases of a model whose padding plus 255 fits 16 bits, as
+    /// [`quantise`](crate::quantise()) guarantees.
+    pub fn from_model(model: &IntegerModel) -> Self {
         let offset = model.hidden_padding.map(|padding| (-padding).max(0));
         let per_output = model.conv2.weights.len() / model.conv2.bias.len().max(1);
         let outputs = model.conv2.weights.chunks_exact(per_output.max(1));
         let bias = outputs.zip(&model.conv2.bias).map(|(weights, &bias)| {
-            let channels = weights.as_chunks::<27>().0.iter().zip(offset);
+            let channels = weights.as_chunks::<TAPS>().0.iter().zip(offset);
             channels.fold(bias, |bias, (weights, offset)| {
                 let sum: i32 = weights.iter().map(|&weight| i32::from(weight)).sum();
                 bias.wrapping_sub(sum * i32::from(offset))
@@ -148,15 +177,15 @@ impl Unsigned {
         }
     }
 
-    /// Largest number that the second convolution reads.
+    /// Returns the largest input of the second convolution.
     pub fn largest(&self) -> u16 {
         let offsets = self.offset.iter().map(|offset| 255 + offset.unsigned_abs());
         let paddings = self.padding.iter().map(|padding| padding.unsigned_abs());
         offsets.chain(paddings).max().unwrap_or(0)
     }
 
-    /// Channels in pairs.
-    pub fn pairs(channels: [i16; CONV1]) -> [Pair; HIDDEN_PAIRS] {
+    /// Packs one number for each channel into pairs.
+    pub fn to_pairs(channels: [i16; CONV1_CHANNELS]) -> [Pair; HIDDEN_PAIRS] {
         let mut pairs = [Pair::ZERO; HIDDEN_PAIRS];
         Pair::fill(&mut pairs, channels.into_iter());
         pairs

@@ -1,51 +1,53 @@
-//! From the float encoder to integers.
+//! Quantises the float encoder to integers.
 //!
-//! Every layer's value is `integer * scale`. Weights have one scale per output channel, activations
-//! one per tensor, chosen from the calibrated ranges. Batch norm stands behind the ReLU, so it does
-//! not fold into its own convolution; with `g = weight / sqrt(variance + eps)` and
-//! `b = bias - g * mean` the next layer sees `g * relu + b`, and without padding this is exact:
-//! |g| goes into the requantisation, the sign of g into the next layer's weights, b times those
-//! weights into its bias. In front of the max-pool a negative g turns the maximum into a minimum:
-//! that channel's weights and bias are negated and its multiplier is negative.
+//! Every value is `integer * scale`. Weights have one scale for each output channel, activations one
+//! for each tensor, derived from the calibrated ranges.
 //!
-//! With padding the second convolution reads zeros behind the first batch norm. Its bias counts b
-//! times all its weights, so a cell beyond the edge holds the integer that takes b back: the norm
-//! turns `sign(g) * x` into 0 where `x = -sign(g) * b / scale`.
+//! Batch norm follows the ReLU, so it cannot be folded into the convolution before it. With
+//! `g = weight / sqrt(variance + eps)` and `b = bias - g * mean`, the next layer reads `g * relu + b`.
+//! |g| is folded into the requantisation factor, the sign of g into the weights of the next layer, and
+//! b times those weights into its bias; without padding this is exact. Before the max-pool a negative g
+//! would turn the maximum into a minimum, so the weights and bias of that channel are negated and its
+//! factor is negative.
+//!
+//! With padding, the second convolution reads zeros after the first batch norm. Its bias contains b
+//! times all its weights, so a padded cell must cancel b: it holds the integer x that the norm turns
+//! into 0, `x = -sign(g) * b / scale`.
 
-use artifact::{Artifact, CodeFormat, ELECTRODES, Geometry, HEAD_ROOM, NORM_EPSILON, ScalpGrid};
+use artifact::{
+    Artifact, CODE, CONV1_CHANNELS, CONV2_CHANNELS, CodeFormat, Geometry, HEAD_ROOM, KERNEL,
+    NORM_EPSILON, ScalpGrid, WINDOW_ELECTRODES,
+};
 
 use crate::{
-    ModelGenError,
-    integer_model::{
-        CODE, CONV1, CONV2, IntegerConv, IntegerLinear, IntegerModel, STEPS, largest_hidden,
-    },
+    error::ModelGenError,
+    integer_model::{IntegerConv, IntegerLinear, IntegerModel, largest_hidden},
     rounding::{saturating_i8, to_i32},
     rows::{FloatLayer, IntegerLayer, LayerInput},
 };
 
-/// As [`HEAD_ROOM`], for codes, one bit: a blink or a jaw clench that is rarer than the calibration set is
-/// long moves few dimensions far, and a clipped code costs more than all rounding.
+/// Factor by which an 8-bit code exceeds the range seen in calibration, one bit. A blink or a jaw clench
+/// that the calibration set does not contain moves few dimensions far, and clipping a code costs more
+/// than all rounding.
 const CODE_HEAD_ROOM: f64 = 2.0;
 
-/// The same for codes of 16 bits and those with an exponent, four bits: what is left of 16 is still
-/// finer than what the int8 input brings, and an exponent takes back what a window does not need.
+/// Factor by which a code of 16 bits, or with an exponent, exceeds the range seen in calibration, four
+/// bits. The remaining 12 bits are still finer than the int8 input; an exponent restores the resolution
+/// of windows that do not need the range.
 const WIDE_CODE_HEAD_ROOM: f64 = 16.0;
 
-/// Largest magnitude of a cell beyond the edges: kernels that read unsigned numbers lift a channel by
-/// as much, activations up to 255 included, and keep it within 16 bits.
+/// Largest magnitude of a padded cell. The kernels add this offset to all inputs of the channel,
+/// activations up to 255 included, and the sum must fit 16 bits.
 const LARGEST_PADDING: u16 = 32_767 - 255;
-
-/// Features of the linear shortcut.
-const LINEAR: usize = STEPS * ELECTRODES;
 
 /// Quantises the encoder of an artifact.
 ///
 /// # Errors
-/// When a tensor is missing, a calibrated range is not positive, a factor leaves Q0.32, a padding
-/// leaves 16 bits or an accumulator could leave 32 bits.
+/// If a tensor is missing, a calibrated range is not positive, a factor does not fit Q0.32, a padding
+/// does not fit 16 bits, or an accumulator could overflow 32 bits.
 pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
     let mode = artifact.description.mode;
-    let codes = CodeScales::of(artifact)?;
+    let codes = CodeScales::from_calibration(artifact)?;
     let code_gain = codes.scale.map(|scale| 1.0 / scale);
     range(artifact, "input.max_abs")?;
     let input_scale_uv = artifact.input_scale_uv()?;
@@ -55,13 +57,17 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
     };
 
     let convolutions = if mode.has_convolutions() {
-        Convolutions::of(artifact, input, &code_gain)?
+        Convolutions::quantise(artifact, input, &code_gain)?
     } else {
         Convolutions::default()
     };
     let shortcut = if mode.has_shortcut() {
         let layer = Layer {
-            weights: tensor(artifact, "encoder.shortcut.weight", &[CODE, LINEAR])?,
+            weights: tensor(
+                artifact,
+                "encoder.shortcut.weight",
+                &[CODE, WINDOW_ELECTRODES],
+            )?,
             bias: vec![0.0; CODE],
         };
         layer.quantise("shortcut", &code_gain, input)?
@@ -91,7 +97,7 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
     )]
     Ok(IntegerModel {
         mode,
-        geometry: Geometry::of(&artifact.description),
+        geometry: Geometry::new(&artifact.description.network),
         input_scale_uv: input_scale_uv as f32,
         code_format: artifact.description.code.format,
         code_scale: codes.scale.map(|scale| scale as f32),
@@ -112,30 +118,30 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
     })
 }
 
-/// The convolutions and the fully connected layer behind them.
+/// The quantised convolutions and the fully connected layer after them.
 #[derive(Default)]
 struct Convolutions {
-    hidden_padding: [i16; CONV1],
+    hidden_padding: [i16; CONV1_CHANNELS],
     conv1: IntegerLayer,
     conv2: IntegerLayer,
     fc: IntegerLayer,
 }
 
 impl Convolutions {
-    fn of(
+    fn quantise(
         artifact: &Artifact,
         input: LayerInput,
         code_gain: &[f64],
     ) -> Result<Self, ModelGenError> {
-        let geometry = Geometry::of(&artifact.description);
-        let norm1 = Norm::read(artifact, "encoder.norm1", CONV1)?;
-        let norm2 = Norm::read(artifact, "encoder.norm2", CONV2)?;
+        let geometry = Geometry::new(&artifact.description.network);
+        let norm1 = Norm::read(artifact, "encoder.norm1", CONV1_CHANNELS)?;
+        let norm2 = Norm::read(artifact, "encoder.norm2", CONV2_CHANNELS)?;
         let hidden_scale = range(artifact, "activation1.max")? / 255.0;
         let pooled_scale = range(artifact, "activation2.max")? / 255.0;
         let hidden_padding = if geometry.padding.pads_space() {
             norm1.padding(hidden_scale)?
         } else {
-            [0; CONV1]
+            [0; CONV1_CHANNELS]
         };
         let hidden = LayerInput {
             scale: hidden_scale,
@@ -146,8 +152,12 @@ impl Convolutions {
             largest: 255.0,
         };
 
-        let conv1 = Layer::read(artifact, "encoder.conv1", &[CONV1, 1, 3, 3, 3])?;
-        // The sign of a factor goes into conv2's weights.
+        let conv1 = Layer::read(
+            artifact,
+            "encoder.conv1",
+            &[CONV1_CHANNELS, 1, KERNEL, KERNEL, KERNEL],
+        )?;
+        // The sign of a factor is folded into conv2's weights.
         let gain1: Vec<f64> = norm1
             .factor
             .iter()
@@ -155,10 +165,14 @@ impl Convolutions {
             .collect();
         let conv1 = conv1.quantise("conv1", &gain1, input)?;
 
-        let mut conv2 = Layer::read(artifact, "encoder.conv2", &[CONV2, CONV1, 3, 3, 3])?;
-        conv2.absorb(&norm1, 27);
-        conv2.negate_where_negative(&norm2);
-        // A negated channel keeps its negative factor, so that the product is positive again.
+        let mut conv2 = Layer::read(
+            artifact,
+            "encoder.conv2",
+            &[CONV2_CHANNELS, CONV1_CHANNELS, KERNEL, KERNEL, KERNEL],
+        )?;
+        conv2.absorb(&norm1, KERNEL.pow(3));
+        conv2.negate_outputs(&norm2);
+        // A negated channel keeps its negative factor, so that the product has the right sign.
         let gain2: Vec<f64> = norm2.factor.iter().map(|g| g / pooled.scale).collect();
         let conv2 = conv2.quantise("conv2", &gain2, hidden)?;
 
@@ -186,13 +200,13 @@ fn convolution(layer: IntegerLayer) -> IntegerConv {
     }
 }
 
-/// A tensor as f64.
+/// Returns a tensor of the weights as f64.
 fn tensor(artifact: &Artifact, name: &str, shape: &[usize]) -> Result<Vec<f64>, ModelGenError> {
     let values = artifact.weights.tensor(name, shape)?;
     Ok(values.iter().map(|&v| f64::from(v)).collect())
 }
 
-/// A calibrated largest magnitude, with head room.
+/// Returns a calibrated largest magnitude, times [`HEAD_ROOM`].
 fn range(artifact: &Artifact, what: &'static str) -> Result<f64, ModelGenError> {
     let value = f64::from(artifact.calibration.tensor(what, &[1])?[0]);
     if value.is_finite() && value > 0.0 {
@@ -202,7 +216,7 @@ fn range(artifact: &Artifact, what: &'static str) -> Result<f64, ModelGenError> 
     }
 }
 
-/// Batch norm as `factor * x + offset`.
+/// Batch norm in inference: `factor * x + offset` for each channel.
 struct Norm {
     factor: Vec<f64>,
     offset: Vec<f64>,
@@ -227,9 +241,10 @@ impl Norm {
         Ok(Self { factor, offset })
     }
 
-    /// What each channel holds, in steps of `scale` and before its sign, where the norm gives 0.
-    fn padding(&self, scale: f64) -> Result<[i16; CONV1], ModelGenError> {
-        let mut padding = [0; CONV1];
+    /// Returns, for each channel, the integer (of scale `scale`, before the factor's sign) that the norm
+    /// turns into 0.
+    fn padding(&self, scale: f64) -> Result<[i16; CONV1_CHANNELS], ModelGenError> {
+        let mut padding = [0; CONV1_CHANNELS];
         let norm = self.factor.iter().zip(&self.offset);
         for ((channel, to), (factor, offset)) in padding.iter_mut().enumerate().zip(norm) {
             let sign = if *factor < 0.0 { -1.0 } else { 1.0 };
@@ -243,7 +258,7 @@ impl Norm {
     }
 }
 
-/// Weights `[output][input]...` and biases of a layer.
+/// Float weights `[output][input]...` and biases of a layer.
 struct Layer {
     weights: Vec<f64>,
     bias: Vec<f64>,
@@ -257,8 +272,8 @@ impl Layer {
         })
     }
 
-    /// Moves sign and offset of the norm in front of this layer into it; each of the norm's
-    /// channels has `taps` weights in a row.
+    /// Folds sign and offset of the preceding norm into this layer; each of the norm's channels has
+    /// `taps` consecutive weights.
     fn absorb(&mut self, norm: &Norm, taps: usize) {
         let channels = norm.factor.len();
         let rows = self.weights.chunks_exact_mut(channels * taps);
@@ -272,8 +287,9 @@ impl Layer {
         }
     }
 
-    /// Negates the outputs whose norm, behind the max-pool, has a negative factor.
-    fn negate_where_negative(&mut self, norm: &Norm) {
+    /// Negates the outputs that the norm multiplies by a negative factor, so that the max-pool before
+    /// the norm stays a maximum.
+    fn negate_outputs(&mut self, norm: &Norm) {
         let inputs = self.weights.len() / self.bias.len();
         let rows = self.weights.chunks_exact_mut(inputs);
         for ((weights, bias), factor) in rows.zip(&mut self.bias).zip(&norm.factor) {
@@ -306,15 +322,16 @@ fn negate(weights: &mut [f64]) {
     }
 }
 
-/// Scale and zero point of each code dimension, from its calibrated minimum and maximum. A zero point
-/// is worth a bit to 8 bits; the 16 of the other formats need none, and an exponent must not move it.
+/// Scale and zero point of each code dimension. In 8 bits a zero point gains up to one bit of resolution;
+/// with 16 bits it is not needed, and with an exponent it would depend on the exponent.
 struct CodeScales {
     scale: [f64; CODE],
     zero_point: [i8; CODE],
 }
 
 impl CodeScales {
-    fn of(artifact: &Artifact) -> Result<Self, ModelGenError> {
+    /// Derives scales and zero points from the calibrated minima and maxima.
+    fn from_calibration(artifact: &Artifact) -> Result<Self, ModelGenError> {
         let smallest = artifact.calibration.tensor("code.min", &[CODE])?;
         let largest = artifact.calibration.tensor("code.max", &[CODE])?;
         let mut codes = Self {
@@ -322,7 +339,7 @@ impl CodeScales {
             zero_point: [0; CODE],
         };
         for j in 0..CODE {
-            // A range that holds 0 keeps the zero point within int8.
+            // A range that contains 0 keeps the zero point within int8.
             let low = f64::from(smallest[j]).min(0.0);
             let high = f64::from(largest[j]).max(0.0);
             if high <= low {

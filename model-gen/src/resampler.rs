@@ -1,49 +1,50 @@
-//! From the ADC's rate to that of the steps: design and quantisation of the taps.
+//! Design and quantisation of the resampler from the ADC's rate to the step rate.
 
 use std::f64::consts::PI;
 
-use artifact::Decimation;
+use artifact::{Decimation, ELECTRODES};
 use fixed_dsp::Resampler;
 use num_complex::Complex64;
 
-use crate::{FilterError, fir::kaiser_low_pass, integer_model::ELECTRODES};
+use crate::{error::FilterError, fir::kaiser_low_pass};
 
-/// One in a tap's format, Q2.30.
+/// The tap 1.0 in Q2.30.
 pub const UNITY: i32 = Resampler::<1, 1>::UNITY;
 
-/// -6 dB point of the low-pass, Hz, and shape of its Kaiser window: at least 54 dB above 78 Hz,
-/// whose image is 50 Hz, for 0.1 dB at 50 Hz. docs/decisions/0007-alias-free-decimation.md has the
-/// table that this was picked from.
+/// -6 dB point of the low-pass, Hz. With [`KAISER_BETA`] it attenuates by at least 54 dB above 78 Hz,
+/// which aliases onto 50 Hz, and by at most 0.1 dB up to 50 Hz. Chosen from the table in
+/// docs/decisions/0007-alias-free-decimation.md.
 pub const CUTOFF_HZ: f64 = 62.0;
-/// See [`CUTOFF_HZ`].
+/// Shape of the Kaiser window of the low-pass, chosen with [`CUTOFF_HZ`].
 pub const KAISER_BETA: f64 = 5.0;
 
-/// The low-pass looks back over an eighth of a second, rounded up to four samples.
+/// Reciprocal of the low-pass's length in seconds: an eighth of a second, rounded up to
+/// [`TAPS_MULTIPLE`] samples.
 const SPANS_PER_SECOND: u32 = 8;
-/// What the taps of a phase come in: the unrolled loop takes four at a time.
-const TAPS_AT_ONCE: u32 = 4;
+/// The taps of a phase are a multiple of this, for the unrolled loop.
+const TAPS_MULTIPLE: u32 = 4;
 
-/// Room for what the electrodes remember, and again for the table of taps: half of the RAM of the
-/// smallest board, an eighth of its flash (STM32F446, datasheet DS10693: 128 and 512 KiB).
+/// Largest size of the electrodes' delay line, and of the table of taps: half of the RAM and an eighth
+/// of the flash of the smallest board (STM32F446, datasheet DS10693: 128 and 512 KiB).
 const LARGEST_BYTES: usize = 65_536;
 
-/// A resampler's numbers: output rate = input rate * phases / `down`, in lowest terms.
+/// A quantised resampler: output rate = input rate * phases / `down`, in lowest terms.
 ///
-/// What [`Resampler`] holds, in sizes that are known only when the artifact is read.
+/// Has the contents of [`Resampler`], with sizes known only after the artifact is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResamplerTable {
-    /// Input samples per as many outputs as there are phases.
+    /// Input samples for every [`phases`](Self::phases) outputs.
     pub down: u16,
-    /// Impulse response, Q2.30, `[phase][age]`, the newest input sample first. Every phase sums to
-    /// exactly [`UNITY`], so that a constant passes each of them unchanged.
+    /// Impulse response, Q2.30, `[phase][age]`; age 0 is the newest input sample. Every phase sums to
+    /// exactly [`UNITY`], so that a constant passes each phase unchanged.
     pub taps: Vec<Vec<i32>>,
 }
 
 impl ResamplerTable {
-    /// The resampler from `rate_hz` to `step_rate_hz`.
+    /// Designs the resampler from `rate_hz` to `step_rate_hz`.
     ///
     /// # Errors
-    /// When the rates do not allow this decimation, or its numbers would take too much memory.
+    /// If the rates do not allow this decimation, or the resampler would take too much memory.
     pub fn new(
         decimation: Decimation,
         rate_hz: u32,
@@ -77,33 +78,32 @@ impl ResamplerTable {
         Ok(table)
     }
 
-    /// Outputs per [`down`](Self::down) input samples.
+    /// Returns the number of outputs for every [`down`](Self::down) input samples.
     pub fn phases(&self) -> usize {
         self.taps.len()
     }
 
-    /// Input samples that make an output.
+    /// Returns the number of input samples from which an output is computed.
     pub fn taps_per_phase(&self) -> usize {
         self.taps[0].len()
     }
 
-    /// The largest accumulator that samples of 32 bits can make, rounding included, as a part of
-    /// 2^63.
+    /// Returns the largest accumulator for 32-bit samples, rounding included, as a part of 2^63.
     pub fn largest_accumulator(&self) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "a magnitude has 31 bits")]
         let sum = self.largest_magnitude() as f64 * 2.0_f64.powi(31);
         (sum + f64::from(UNITY / 2)) / 2.0_f64.powi(63)
     }
 
-    /// Sum of the magnitudes of the taps of the phase that has most, Q2.30: below 2^31, which
-    /// leaves half of a 64-bit accumulator.
+    /// Returns the largest sum of tap magnitudes of a phase, Q2.30. It is below 2^31, so half of the
+    /// 64-bit accumulator remains unused.
     pub fn largest_magnitude(&self) -> u64 {
         let magnitude =
             |taps: &Vec<i32>| -> u64 { taps.iter().map(|tap| u64::from(tap.unsigned_abs())).sum() };
         self.taps.iter().map(magnitude).max().unwrap_or(0)
     }
 
-    /// The taps of each phase as numbers; each phase sums to 1.
+    /// Returns the taps of each phase as f64; each phase sums to 1.
     pub fn phase_responses(&self) -> impl Iterator<Item = Vec<f64>> {
         let real = |tap: &i32| f64::from(*tap) / f64::from(UNITY);
         self.taps
@@ -111,7 +111,7 @@ impl ResamplerTable {
             .map(move |phase| phase.iter().map(real).collect())
     }
 
-    /// The impulse response at `phases` times the input rate, as quantised; its sum is 1.
+    /// Returns the quantised impulse response at `phases` times the input rate; its sum is 1.
     pub fn prototype(&self) -> Vec<f64> {
         let phases: Vec<Vec<f64>> = self.phase_responses().collect();
         let share = 1.0 / real(phases.len());
@@ -120,21 +120,21 @@ impl ResamplerTable {
             .collect()
     }
 
-    /// Complex gain at `frequency_hz` of samples at `rate_hz`, from a sample to the time at which an
-    /// output stands: the prototype's response, the mean over the phases.
+    /// Returns the complex gain at `frequency_hz` for samples at `rate_hz`, relative to the time of an
+    /// output: the response of the prototype, which is the mean over the phases.
     ///
-    /// A frequency above half of the outputs' rate comes out with this gain where it folds; the gain
-    /// at `k * rate_hz - f` is that of the image which a tone of `f` leaves where the rates are no
-    /// multiples.
+    /// A tone above half of the output rate has this gain at its alias frequency. If the rates are not
+    /// multiples, the gain at `k * rate_hz - f` is that of the image of a tone at `f`.
     pub fn frequency_response(&self, frequency_hz: f64, rate_hz: f64) -> Complex64 {
-        let turn = -2.0 * PI * frequency_hz / (rate_hz * real(self.phases()));
+        let radians = -2.0 * PI * frequency_hz / (rate_hz * real(self.phases()));
         self.prototype()
             .iter()
             .enumerate()
-            .map(|(index, tap)| Complex64::from_polar(*tap, turn * real(index)))
+            .map(|(index, tap)| Complex64::from_polar(*tap, radians * real(index)))
             .sum()
     }
 
+    /// Returns an error if the sum of the tap magnitudes could overflow the accumulator.
     fn prove_accumulator(&self, rate_hz: u32) -> Result<(), FilterError> {
         let magnitude = self.largest_magnitude();
         if magnitude < 1 << 31 {
@@ -144,14 +144,17 @@ impl ResamplerTable {
     }
 }
 
-/// The alias-free low-pass in phases, each normalised to a gain of 1 and quantised.
+/// Designs the alias-free low-pass; returns its phases, each normalised to a gain of 1 and quantised.
 fn low_pass(rate_hz: u32, phases: usize) -> Result<Vec<Vec<i32>>, FilterError> {
     let taps = rate_hz
         .div_ceil(SPANS_PER_SECOND)
-        .next_multiple_of(TAPS_AT_ONCE) as usize;
+        .next_multiple_of(TAPS_MULTIPLE) as usize;
     for (what, words) in [
-        ("what 61 electrodes remember", ELECTRODES * taps),
-        ("the table of taps", phases * taps),
+        (
+            format!("the delay line of {ELECTRODES} electrodes"),
+            ELECTRODES * taps,
+        ),
+        ("the table of taps".to_owned(), phases * taps),
     ] {
         let bytes = words * size_of::<i32>();
         if bytes > LARGEST_BYTES {
@@ -176,7 +179,8 @@ fn low_pass(rate_hz: u32, phases: usize) -> Result<Vec<Vec<i32>>, FilterError> {
         .collect())
 }
 
-/// A phase's taps in Q2.30 with the sum [`UNITY`]; the largest tap takes what rounding leaves.
+/// Quantises the taps of a phase to Q2.30 with the sum [`UNITY`]; the largest tap takes the rounding
+/// error.
 fn quantise<'a>(taps: impl Iterator<Item = &'a f64> + Clone) -> Vec<i32> {
     let scale = f64::from(UNITY) / taps.clone().sum::<f64>();
     #[expect(
@@ -184,7 +188,7 @@ fn quantise<'a>(taps: impl Iterator<Item = &'a f64> + Clone) -> Vec<i32> {
         reason = "a tap is about the cutoff over half the rate at most: below 2"
     )]
     let mut quantised: Vec<i32> = taps.map(|tap| (tap * scale).round() as i32).collect();
-    // The rest is small, so it is right even where a partial sum wraps.
+    // The error is small, so the difference is right even if a partial sum wraps.
     let sum = quantised.iter().copied().fold(0, i32::wrapping_add);
     if let Some(largest) = quantised.iter_mut().max_by_key(|tap| tap.unsigned_abs()) {
         *largest = largest.wrapping_add(UNITY.wrapping_sub(sum));

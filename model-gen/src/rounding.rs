@@ -1,7 +1,7 @@
-//! From f64 to integers, with the range checked.
+//! Rounding of f64 to integers, with range checks.
 
-/// Int8 weights with one scale for all, at least `smallest_scale`: `weight = integer * scale`,
-/// |integer| <= 127.
+/// Quantises weights with one scale, at least `smallest_scale`: `weight = integer * scale`,
+/// |integer| <= 127. Returns integers and scale.
 pub(crate) fn weights_i8(weights: &[f64], smallest_scale: f64) -> (Vec<i8>, f64) {
     let largest = weights.iter().fold(0.0, |m: f64, w| m.max(w.abs()));
     let scale = (largest / 127.0).max(smallest_scale);
@@ -11,13 +11,13 @@ pub(crate) fn weights_i8(weights: &[f64], smallest_scale: f64) -> (Vec<i8>, f64)
     )
 }
 
-/// Rounds half away from zero and saturates.
+/// Rounds half away from zero and saturates to -128..=127.
 #[expect(clippy::cast_possible_truncation, reason = "clamped to -128..=127")]
 pub(crate) fn saturating_i8(value: f64) -> i8 {
     value.round().clamp(-128.0, 127.0) as i8
 }
 
-/// Rounds half away from zero; none when the result does not fit.
+/// Rounds half away from zero; returns `None` if the result does not fit 32 bits.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "checked against the range of i32"

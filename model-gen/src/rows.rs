@@ -1,27 +1,27 @@
-//! Quantisation of a matrix, one output row after the other.
+//! Quantisation of a weight matrix, row by row.
 
 use crate::{
-    ModelGenError,
+    error::ModelGenError,
     rounding::{to_i32, weights_i8},
 };
 
-/// What a layer reads: `value = integer * scale`, |integer| <= `largest`.
+/// Quantisation of a layer's input: `value = integer * scale`, |integer| <= `largest`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LayerInput {
     pub(crate) scale: f64,
     pub(crate) largest: f64,
 }
 
-/// A layer in floats: weights `[output][input]`, one bias and one gain per output.
+/// A float layer: weights `[output][input]`, one bias and one gain for each output.
 pub(crate) struct FloatLayer<'f> {
     pub(crate) name: &'static str,
     pub(crate) weights: &'f [f64],
     pub(crate) bias: &'f [f64],
-    /// Output steps per unit of the layer's value, with sign.
+    /// Levels of the quantised output for one unit of the layer's value, with sign.
     pub(crate) gain: &'f [f64],
 }
 
-/// The same in integers: weights, biases in accumulator steps, factors in Q0.32.
+/// A quantised layer: weights, biases in units of the accumulator, requantisation factors in Q0.32.
 #[derive(Debug, Default)]
 pub(crate) struct IntegerLayer {
     pub(crate) weights: Vec<i8>,
@@ -30,28 +30,28 @@ pub(crate) struct IntegerLayer {
 }
 
 impl FloatLayer<'_> {
-    /// Quantises every row with a scale of its own and proves that its accumulator and its factor
-    /// fit.
+    /// Quantises every row with a separate scale, and proves that its accumulator and its factor fit.
     pub(crate) fn quantise(&self, input: LayerInput) -> Result<IntegerLayer, ModelGenError> {
         let mut integers = IntegerLayer::default();
         let inputs = self.weights.len() / self.bias.len();
         for (output, row) in self.weights.chunks_exact(inputs).enumerate() {
             let (bias, gain) = (self.bias[output], self.gain[output]);
             let (weights, scale) = weights_i8(row, finest_scale(bias, gain, input));
-            let step = input.scale * scale;
+            let unit = input.scale * scale;
             integers
                 .bias
-                .push(self.accumulator(output, &weights, bias / step, input.largest)?);
+                .push(self.bias(output, &weights, bias / unit, input.largest)?);
             integers
                 .multipliers
-                .push(self.multiplier(output, gain * step)?);
+                .push(self.multiplier(output, gain * unit)?);
             integers.weights.extend(weights);
         }
         Ok(integers)
     }
 
-    /// The bias in steps, if no input can take the accumulator out of 32 bits.
-    fn accumulator(
+    /// Returns the bias in units of the accumulator, or an error if an input could overflow the 32-bit
+    /// accumulator.
+    fn bias(
         &self,
         output: usize,
         weights: &[i8],
@@ -78,12 +78,12 @@ impl FloatLayer<'_> {
     }
 }
 
-/// The finest weight scale that makes sense: the requantisation factor keeps at least 8 bits, and
-/// the bias at most 24, so that an output whose weights hardly matter stays representable.
+/// Returns the smallest permitted weight scale: with it, the requantisation factor has at least 8 bits
+/// and the bias at most 24, so that an output with negligible weights stays representable.
 fn finest_scale(bias: f64, gain: f64, input: LayerInput) -> f64 {
     const TWO_TO_24: f64 = 16_777_216.0;
-    let output_step = if gain == 0.0 { 0.0 } else { 1.0 / gain.abs() };
-    (bias.abs().max(output_step) / (input.scale * TWO_TO_24)).max(f64::MIN_POSITIVE)
+    let output_level = if gain == 0.0 { 0.0 } else { 1.0 / gain.abs() };
+    (bias.abs().max(output_level) / (input.scale * TWO_TO_24)).max(f64::MIN_POSITIVE)
 }
 
 #[cfg(test)]
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_keeps_its_value_within_half_a_step() {
+    fn a_quantised_row_is_within_half_a_level_of_the_float_row() {
         let layer = quantise(&[0.5, -1.0], 3.0, 2.0).expect("an ordinary row");
         let x = [100, -50];
         let sum: i32 = layer

@@ -1,4 +1,4 @@
-//! Cascade and resampler together: what folds back, delays, settling and the worst output.
+//! Cascade and resampler together: aliases, delay, settling time and worst-case output.
 
 use artifact::Decimation;
 use fixed_dsp::Section;
@@ -25,7 +25,7 @@ fn decibel(chain: &Chain, hz: f64) -> f64 {
 }
 
 #[test]
-fn what_folds_back_is_as_low_as_the_decision_page_says() {
+fn aliases_are_as_low_as_documented_in_decision_7() {
     let sections = sections(512, 50.0, 0);
     for (decimation, expected) in [
         // From scipy 1.17: sosfreqz, iirnotch and firwin of the same specification.
@@ -40,7 +40,7 @@ fn what_folds_back_is_as_low_as_the_decision_page_says() {
         };
         for (hz, expected) in [68.0, 78.0, 100.0, 150.0].into_iter().zip(expected) {
             let found = decibel(&chain, hz);
-            eprintln!("{decimation:?}: {hz} Hz comes out at {found:.1} dB");
+            eprintln!("{decimation:?}: {hz} Hz is attenuated to {found:.1} dB");
             assert!(
                 (found - expected).abs() < 0.1,
                 "{hz} Hz: {found} {expected}"
@@ -50,7 +50,7 @@ fn what_folds_back_is_as_low_as_the_decision_page_says() {
 }
 
 #[test]
-fn at_every_rate_the_low_pass_keeps_the_band_and_stops_what_folds_into_it() {
+fn at_every_rate_the_low_pass_keeps_the_band_and_stops_its_aliases() {
     for rate in [250, 256, 500, 512, 1_000, 1_024] {
         let table = resampler(Decimation::Fir, rate);
         let gain = |hz: f64| 20.0 * table.frequency_response(hz, rate.into()).norm().log10();
@@ -64,8 +64,8 @@ fn at_every_rate_the_low_pass_keeps_the_band_and_stops_what_folds_into_it() {
                 gain(hz)
             );
         }
-        // 78 Hz folds onto 50 Hz. The low-pass runs at `phases` times the rate, and its response
-        // repeats there.
+        // 78 Hz aliases onto 50 Hz. The low-pass runs at `phases` times the rate, so its response is
+        // periodic in that rate.
         let phases = u32::try_from(table.phases()).expect("at most 64 phases");
         let highest_hz = f64::from(rate * phases / 2);
         let stopped = (390..10_000).map(|fifth| f64::from(fifth) / 5.0);
@@ -77,7 +77,7 @@ fn at_every_rate_the_low_pass_keeps_the_band_and_stops_what_folds_into_it() {
 }
 
 #[test]
-fn the_low_pass_is_late_by_half_its_length() {
+fn the_low_pass_delays_by_half_its_length() {
     for rate in [250, 256, 500, 512, 1_000, 1_024] {
         let sections = sections(rate, 50.0, 0);
         let table = resampler(Decimation::Fir, rate);
@@ -97,13 +97,13 @@ fn the_low_pass_is_late_by_half_its_length() {
         let high_rate = f64::from(rate) * f64::from(length) / real(table.taps_per_phase());
         let half_s = f64::from(length - 1) / 2.0 / high_rate;
         let later = delay_s(&table) - delay_s(&none);
-        // Normalising each phase bends the symmetry a little: measured 0.1 us, at 250 Hz.
+        // Normalising each phase makes the low-pass slightly asymmetric: measured 0.1 us, at 250 Hz.
         assert!((later - half_s).abs() < 1e-6, "{rate} Hz: {later} {half_s}");
     }
 }
 
 #[test]
-fn when_the_settling_time_is_over_every_output_stays_below_the_threshold() {
+fn after_the_settling_time_every_output_stays_below_the_threshold() {
     for (decimation, rate) in [(Decimation::Literal, 512), (Decimation::Fir, 500)] {
         let (sections, resampler) = (sections(rate, 60.0, 0), resampler(decimation, rate));
         let chain = Chain {
@@ -116,8 +116,8 @@ fn when_the_settling_time_is_over_every_output_stays_below_the_threshold() {
         let last = outputs
             .iter()
             .rfind(|(_, y)| y.abs() >= 1e-4)
-            .expect("a step is seen");
-        // An output comes every four samples; which of the phases is the last depends on the start.
+            .expect("the step reaches the output");
+        // Outputs are about four samples apart, and the slowest phase depends on the start.
         assert!(
             (settled - 40..settled).contains(&last.0),
             "{rate} Hz: {last:?}, {settled}"
@@ -162,8 +162,8 @@ fn the_worst_input_reaches_the_proven_gain_and_no_more() {
     }
 }
 
-/// The chain's outputs by their definition, in f64: index of the sample that each comes with, and
-/// its value.
+/// Returns the chain's outputs computed by definition in f64: the index of the sample with which each is
+/// due, and its value.
 fn resampled(chain: &Chain, input: &[f64]) -> Vec<(usize, f64)> {
     let filtered: Vec<f64> = response::filter(chain.sections, input.iter().copied()).collect();
     let (down, phases) = (usize::from(chain.resampler.down), chain.resampler.phases());

@@ -1,37 +1,37 @@
-//! The formats of a code on the built-in model: what an exponent and 16 bits are worth.
+//! Code formats on the built-in model: the gain of an exponent and of 16 bits.
 
 use std::path::Path;
 
-use artifact::{Artifact, CODE, CodeFormat, FloatEncoder, Golden, WINDOW_CELLS};
+use artifact::{Artifact, CODE, CodeFormat, FloatEncoder, Golden, STEPS, WINDOW_CELLS};
 use model_gen::{IntegerModel, Plane, integer_code, quantise};
 
 fn folder() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact")
 }
 
-/// The built-in model with codes of another format.
+/// Returns the built-in model with codes in `format`.
 fn model(format: CodeFormat) -> IntegerModel {
     let mut artifact = Artifact::read(&folder()).expect("the checked-in artifact is readable");
     artifact.description.code.format = format;
     quantise(&artifact).expect("quantisable in every format")
 }
 
-/// The golden windows: 10 extremes, then three of noise for each loudness, 0.01 to 1.5 of the input's
-/// range.
-fn windows() -> Vec<[Plane; 16]> {
+/// Returns the golden windows: 10 extreme ones, then three of noise for each amplitude, 0.01 to 1.5 of
+/// the input's range.
+fn windows() -> Vec<[Plane; STEPS]> {
     let golden = Golden::read(&folder()).expect("the checked-in golden is readable");
     assert_eq!(golden.windows.len(), 28);
     golden.windows
 }
 
-/// The mean squared distance of two codes.
+/// Returns the mean squared difference of two codes.
 fn distance(a: &[f32; CODE], b: &[f32; CODE]) -> f32 {
     let squares = a.iter().zip(b).map(|(a, b)| (a - b).powi(2));
     squares.sum::<f32>() / 128.0
 }
 
-/// The float code of quantised planes.
-fn float_code(planes: &[Plane; 16]) -> [f32; CODE] {
+/// Returns the float encoder's code of quantised planes.
+fn float_code(planes: &[Plane; STEPS]) -> [f32; CODE] {
     let artifact = Artifact::read(&folder()).expect("the checked-in artifact is readable");
     let encoder = FloatEncoder::new(&artifact).expect("a complete network");
     #[expect(clippy::cast_possible_truncation, reason = "a scale")]
@@ -47,7 +47,7 @@ fn float_code(planes: &[Plane; 16]) -> [f32; CODE] {
 }
 
 #[test]
-fn quiet_codes_are_finer_with_an_exponent_and_loud_ones_are_not_clipped() {
+fn with_an_exponent_small_signals_have_a_finer_code_and_large_ones_are_not_clipped() {
     let [int8, exponent, int16] = [
         CodeFormat::Int8,
         CodeFormat::Int8Exponent,
@@ -65,14 +65,17 @@ fn quiet_codes_are_finer_with_an_exponent_and_loud_ones_are_not_clipped() {
              {by_exponent:.4}, in 16 bits {by_int16:.4}",
             codes[1].exponent
         );
-        // The last bit of rounding may fall either way.
+        // Rounding of the last bit can favour either format.
         assert!(by_int16 <= 1.01 * by_exponent, "window {index}");
         if index < 13 {
-            assert!(by_exponent < 0.1 * by_int8, "window {index}, a quiet one");
+            assert!(by_exponent < 0.1 * by_int8, "window {index}, small signal");
         }
         let at_rails = |values: &[i16]| values.iter().filter(|v| matches!(v, -128 | 127)).count();
         if index >= 25 {
-            assert!(at_rails(&codes[0].values) > 0, "window {index}, a loud one");
+            assert!(
+                at_rails(&codes[0].values) > 0,
+                "window {index}, large signal"
+            );
             assert_eq!(at_rails(&codes[1].values), 0, "window {index}");
             assert!(by_exponent < by_int8, "window {index}");
         }
@@ -80,7 +83,7 @@ fn quiet_codes_are_finer_with_an_exponent_and_loud_ones_are_not_clipped() {
 }
 
 #[test]
-fn a_code_with_an_exponent_is_within_half_its_step_of_the_one_in_16_bits() {
+fn a_code_with_an_exponent_is_within_half_its_resolution_of_the_16_bit_code() {
     let (exponent, int16) = (model(CodeFormat::Int8Exponent), model(CodeFormat::Int16));
     assert_eq!(
         exponent.code_scale.map(f32::to_bits),
@@ -91,8 +94,8 @@ fn a_code_with_an_exponent_is_within_half_its_step_of_the_one_in_16_bits() {
     for window in &windows() {
         let (short, long) = (exponent.encode_window(window), int16.encode_window(window));
         let half = 2_i32.pow(short.exponent.into()) / 2;
-        // Beyond these ends the one, the other or both are clipped.
-        let pairs = short.steps().into_iter().zip(long.steps());
+        // Outside this range one or both codes are clipped.
+        let pairs = short.levels().into_iter().zip(long.levels());
         let pairs = pairs.filter(|(_, long)| (-32_767..32_640).contains(long));
         let furthest = pairs.map(|(a, b)| (a - b).abs()).max();
         assert!(furthest <= Some(half), "{furthest:?} of {half}");
@@ -100,18 +103,18 @@ fn a_code_with_an_exponent_is_within_half_its_step_of_the_one_in_16_bits() {
 }
 
 #[test]
-fn the_smallest_exponent_is_taken_that_clips_nothing() {
-    let of = |step: i64| {
-        let code = integer_code(CodeFormat::Int8Exponent, &[step; CODE]);
+fn the_smallest_exponent_that_clips_no_value_is_chosen() {
+    let encoded = |level: i64| {
+        let code = integer_code(CodeFormat::Int8Exponent, &[level; CODE]);
         (code.exponent, code.values[0])
     };
-    assert_eq!(of(127), (0, 127));
+    assert_eq!(encoded(127), (0, 127));
     // 255 / 2 rounds up to 128.
-    assert_eq!((of(254), of(255)), ((1, 127), (2, 64)));
-    assert_eq!((of(-257), of(-258)), ((1, -128), (2, -64)));
-    assert_eq!((of(32_639), of(32_640)), ((8, 127), (8, 127)));
+    assert_eq!((encoded(254), encoded(255)), ((1, 127), (2, 64)));
+    assert_eq!((encoded(-257), encoded(-258)), ((1, -128), (2, -64)));
+    assert_eq!((encoded(32_639), encoded(32_640)), ((8, 127), (8, 127)));
     assert_eq!(
-        (of(i64::from(i32::MAX)), of(-(1 << 31))),
+        (encoded(i64::from(i32::MAX)), encoded(-(1 << 31))),
         ((8, 127), (8, -128))
     );
 }

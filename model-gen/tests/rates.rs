@@ -1,9 +1,9 @@
-//! Whole models for other amplifiers: every usual rate, both decimations, harmonics.
+//! Complete models for other amplifiers: every usual rate, both decimations, harmonics.
 
 use std::{error::Error, path::Path};
 
 use artifact::{Artifact, Decimation, Description};
-use model_gen::{DeviceModel, MAINS_HZ, ModelGenError, manifest, rust};
+use model_gen::{DeviceModel, MAINS_HZ, ModelGenError, manifest, rust_files};
 
 fn model(change: impl Fn(&mut Description)) -> Result<DeviceModel, ModelGenError> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact");
@@ -13,7 +13,7 @@ fn model(change: impl Fn(&mut Description)) -> Result<DeviceModel, ModelGenError
 }
 
 #[test]
-fn every_usual_rate_makes_a_model_with_all_ranges_proven() {
+fn every_usual_rate_yields_a_model_with_all_ranges_proven() {
     for rate in [250, 256, 500, 512, 1_000, 1_024] {
         for decimation in [Decimation::Literal, Decimation::Fir] {
             for harmonics in 0..=2 {
@@ -28,7 +28,7 @@ fn every_usual_rate_makes_a_model_with_all_ranges_proven() {
                 match made {
                     Ok(model) => {
                         assert!(fits && below_nyquist, "{case} should have been refused");
-                        says_what_it_is(&model, &case);
+                        check_generated_texts(&model, &case);
                     }
                     Err(error) => assert!(!fits || !below_nyquist, "{case}: {error:?}"),
                 }
@@ -37,8 +37,10 @@ fn every_usual_rate_makes_a_model_with_all_ranges_proven() {
     }
 }
 
-fn says_what_it_is(model: &DeviceModel, case: &str) {
-    let (text, manifest) = (rust(model), manifest(model));
+/// Asserts that source and manifest contain the numbers of the model.
+fn check_generated_texts(model: &DeviceModel, case: &str) {
+    let text = rust_files(model).map(|(_, text)| text).concat();
+    let manifest = manifest(model);
     let (table, filters) = (&model.resampler, &model.description.filters);
     let sections = 6 + filters.harmonics;
     for expected in [
@@ -56,7 +58,7 @@ fn says_what_it_is(model: &DeviceModel, case: &str) {
         assert_eq!(output.node, "output of the resampler");
         assert!(manifest.contains(&format!("{:.4}", output.gain)), "{case}");
         assert_eq!(filter.scalp_delay_us, filter.group_delay_us + 58_594);
-        // Cascade 11 ms, low-pass 60 to 64 ms (measured at 50 Hz mains without harmonics).
+        // The cascade delays by 11 ms, the low-pass by 60 to 64 ms (50 Hz mains without harmonics).
         let expected_us = match filters.decimation {
             Decimation::Literal => 9_000..13_000,
             Decimation::Fir => 70_000..77_000,
@@ -69,22 +71,22 @@ fn says_what_it_is(model: &DeviceModel, case: &str) {
             filter.description.contains(&format!("notch {mains_hz}")),
             "{case}"
         );
-        // Travels in a text of at most 256 B.
+        // The link limits this text to 256 B.
         assert!(filter.description.len() < 256, "{case}");
     }
 }
 
 #[test]
-fn a_rate_that_makes_no_sense_is_refused_with_the_number_the_reason_and_the_remedy() {
+fn the_error_of_an_impossible_rate_states_number_reason_and_remedy() {
     let refused = |change: fn(&mut Description)| {
-        let error = model(change).expect_err("this makes no sense");
+        let error = model(change).expect_err("this cannot be realised");
         let cause = error.source().map(ToString::to_string).unwrap_or_default();
         format!("{error}: {cause}")
     };
     for (change, expected) in [
         (
             (|d| d.adc.rate_hz = 500) as fn(&mut Description),
-            "500 Hz is no multiple of 128 Hz: write [filters] decimation = \"fir\"",
+            "500 Hz is not a multiple of 128 Hz: write [filters] decimation = \"fir\"",
         ),
         (|d| d.adc.rate_hz = 100, "must be at least 128"),
         (|d| d.adc.rate_hz = 0, "must be at least 128"),
@@ -94,21 +96,21 @@ fn a_rate_that_makes_no_sense_is_refused_with_the_number_the_reason_and_the_reme
                 d.adc.rate_hz = 4_096;
                 d.filters.decimation = Decimation::Fir;
             },
-            "what 61 electrodes remember takes 124928 B, more than 65536",
+            "the delay line of 61 electrodes takes 124928 B, more than 65536",
         ),
         (
             |d| {
                 d.adc.rate_hz = 256;
                 d.filters.harmonics = 2;
             },
-            "the last notch lies at 150 Hz, but it must lie below 128 Hz",
+            "the last notch is at 150 Hz, but it must be below 128 Hz",
         ),
         (
             |d| {
                 d.adc.rate_hz = 1_024;
                 d.filters.harmonics = 7;
             },
-            "7 harmonics and a band-pass of order 5 the filters have 13 sections, 12 are the most",
+            "7 harmonics and a band-pass of order 5 the filters have 13 sections, at most 12 are possible",
         ),
         (
             |d| d.filters.band_hz[0] = 1e-4,

@@ -1,5 +1,5 @@
-//! The resampler's design against scipy's, its phases and what it refuses; `scipy_firwin.py` beside
-//! this file printed the golden numbers.
+//! The resampler's design compared with scipy's, its phases, and the rates it refuses.
+//! `scipy_firwin.py` in this folder printed the golden numbers.
 
 use artifact::Decimation;
 use model_gen::{
@@ -10,10 +10,10 @@ use model_gen::{
 
 const GOLDEN: &str = include_str!("scipy_firwin.csv");
 
-/// The rates that amplifiers have.
+/// Usual sampling rates of amplifiers, Hz.
 const RATES: [u32; 6] = [250, 256, 500, 512, 1_000, 1_024];
 
-/// Rate, phases, taps of all phases together, index and value of each line.
+/// Iterates over the lines of the golden file: rate, phases, taps of all phases, index, value.
 fn golden() -> impl Iterator<Item = (u32, usize, usize, usize, f64)> {
     GOLDEN
         .lines()
@@ -54,7 +54,7 @@ fn the_low_pass_equals_scipy_s_to_1e_12() {
 }
 
 #[test]
-fn the_quantised_low_pass_has_scipy_s_taps_but_for_the_gain_of_each_phase() {
+fn the_quantised_low_pass_has_scipy_s_taps_up_to_the_gain_of_each_phase() {
     for (rate, phases, taps, index, expected) in golden() {
         let table = fir(rate).expect("a usual rate");
         assert_eq!(
@@ -90,7 +90,8 @@ fn a_constant_passes_every_phase_of_every_rate_unchanged_and_no_sum_overflows() 
             Err(error) => panic!("{rate} Hz: {error}"),
         }
     }
-    // Odd rates above 1024 Hz need 128 phases of more than 128 taps; so with 64, 32 and 16 phases.
+    // Odd rates above 1024 Hz need 128 phases of more than 128 taps, which is too much memory; the
+    // same holds for 64, 32 and 16 phases at higher rates.
     assert!(refused > 500, "{refused}");
 }
 
@@ -106,7 +107,7 @@ fn the_ratio_is_in_lowest_terms() {
 }
 
 #[test]
-fn literal_decimation_is_one_tap_of_one() {
+fn literal_decimation_has_a_single_tap_of_one() {
     for rate in [128, 256, 512, 1_024] {
         let table = ResamplerTable::new(Decimation::Literal, rate, 128).expect("a multiple");
         assert_eq!(u32::from(table.down), rate / 128);
@@ -115,15 +116,15 @@ fn literal_decimation_is_one_tap_of_one() {
 }
 
 #[test]
-fn what_cannot_be_resampled_is_refused_with_the_number_and_the_remedy() {
+fn the_error_of_an_impossible_rate_states_number_and_remedy() {
     let refused = |decimation, rate| {
         ResamplerTable::new(decimation, rate, 128)
-            .expect_err("this rate makes no sense")
+            .expect_err("this rate cannot be resampled")
             .to_string()
     };
     let literal = refused(Decimation::Literal, 500);
     assert!(
-        literal.contains("500 Hz is no multiple of 128 Hz"),
+        literal.contains("500 Hz is not a multiple of 128 Hz"),
         "{literal}"
     );
     assert!(
@@ -135,13 +136,13 @@ fn what_cannot_be_resampled_is_refused_with_the_number_and_the_remedy() {
         slow.contains("100 samples a second") && slow.contains("at least 128"),
         "{slow}"
     );
-    // 61 electrodes, 272 taps of 4 B.
+    // A delay line of 61 electrodes x 272 taps x 4 B.
     let history = refused(Decimation::Fir, 2_176);
     assert!(history.contains("66368 B, more than 65536"), "{history}");
     assert!(history.contains("electrodes"), "{history}");
     let table = refused(Decimation::Fir, 1_025);
     assert!(table.contains("128 phases of 132 taps"), "{table}");
-    // So close to the steps' rate that nothing is left of the low-pass's slope.
+    // So close to the step rate that the taps of a phase hardly decay: their magnitudes sum to 2 or more.
     assert!(refused(Decimation::Fir, 133).contains("from 133 Hz add up to"));
     assert!(refused(Decimation::Literal, 0).contains("at least 128"));
     assert!(refused(Decimation::Fir, 9_999_999).contains("65536"));

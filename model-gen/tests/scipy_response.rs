@@ -1,4 +1,4 @@
-//! The quantised cascades against scipy's transfer functions; `scipy_response.py` beside this file
+//! The quantised cascades compared with scipy's transfer functions. `scipy_response.py` in this folder
 //! printed the golden numbers.
 
 use model_gen::{FilterSpec, cascade, design, headroom, response::frequency_response};
@@ -6,7 +6,7 @@ use num_complex::Complex64;
 
 const GOLDEN: &str = include_str!("scipy_response.csv");
 
-/// Specification, frequency and complex gain of each line.
+/// Iterates over the lines of the golden file: specification, frequency, complex gain.
 fn golden() -> impl Iterator<Item = (FilterSpec, f64, Complex64)> {
     GOLDEN
         .lines()
@@ -74,7 +74,7 @@ fn the_quantised_cascade_has_scipy_s_response_at_every_rate() {
         worst = worst.max(error);
         lines += 1;
     }
-    // At 250 and 256 Hz there is no room for two harmonics.
+    // At 250 and 256 Hz two harmonics do not fit below half of the rate.
     assert_eq!(lines, (6 * 3 - 2) * 2 * 17);
     // Coefficients carry 32 fractional bits (1.2e-10); the poles of the 0.5 Hz high-pass amplify
     // that by 1 / (1 - r)^2 close to the band edge. Measured 2.1e-5, at 1000 Hz and 0.5 Hz.
@@ -86,19 +86,19 @@ fn no_rate_can_overflow_with_full_scale_input() {
     for rate in [250.0, 256.0, 500.0, 512.0, 1000.0, 1024.0] {
         for mains in [50.0, 60.0] {
             let sections = cascade(&spec(rate, mains)).expect("the specification is realisable");
-            let gains = headroom::prove(&sections);
+            let gains = headroom::prove_cascade(&sections);
             assert!(gains.is_ok(), "{rate} Hz, mains {mains} Hz: {gains:?}");
         }
     }
 }
 
 #[test]
-fn what_cannot_be_realised_is_refused_with_the_number_and_the_reason() {
+fn the_error_of_an_unrealisable_specification_states_number_and_reason() {
     let refused = |change: fn(&mut FilterSpec)| {
         let mut spec = spec(512.0, 50.0);
         change(&mut spec);
         cascade(&spec)
-            .expect_err("this specification makes no sense")
+            .expect_err("this specification cannot be realised")
             .to_string()
     };
     assert!(refused(|s| s.band_hz[1] = 300.0).contains("upper band edge of 300 Hz"));
@@ -120,7 +120,7 @@ fn what_cannot_be_realised_is_refused_with_the_number_and_the_reason() {
 }
 
 #[test]
-fn a_band_that_could_overflow_or_never_settles_is_refused() {
+fn a_band_that_could_overflow_or_settles_too_slowly_is_refused() {
     let refused = |low: f64, order: usize| {
         let spec = FilterSpec {
             band_hz: [low, 60.0],
@@ -128,10 +128,12 @@ fn a_band_that_could_overflow_or_never_settles_is_refused() {
             ..spec(512.0, 50.0)
         };
         let sections = cascade(&spec).expect("stable sections");
-        headroom::prove(&sections).expect_err("no room").to_string()
+        headroom::prove_cascade(&sections)
+            .expect_err("no room")
+            .to_string()
     };
     // Its L1 norm is 8.45, of which the first 40,000 samples show only 7.75.
     assert!(refused(0.01, 5).contains("pair of section 4"));
     assert!(refused(0.5, 8).contains("times the input"));
-    assert!(refused(5e-4, 1).contains("remember"));
+    assert!(refused(5e-4, 1).contains("decays over"));
 }

@@ -1,22 +1,21 @@
-//! The integers of a code.
+//! The integer format of a code.
 
-use crate::CODE;
+use crate::constants::CODE;
 
-/// The integers of a code: `z = (step - CODE_ZERO_POINT) * CODE_SCALE`.
+/// Integer format of a code: `z = (level - CODE_ZERO_POINT) * CODE_SCALE`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CodeFormat {
-    /// A step is a number of 8 bits. Its scale reaches twice as far as the calibration did.
+    /// Levels of 8 bits. The scale covers twice the calibrated range.
     Int8,
-    /// A step is a number of 8 bits times 2^exponent, 0..=8, of the whole code. The finest scale is
-    /// that of [`CodeFormat::Int16`]; the zero point is 0.
+    /// Levels of 8 bits times 2^exponent, 0..=8, shared by the whole code. The scale is that of
+    /// [`CodeFormat::Int16`]; the zero point is 0.
     Int8Exponent,
-    /// A step is a number of 16 bits. Its scale reaches 16 times as far as the calibration did;
-    /// the zero point is 0.
+    /// Levels of 16 bits. The scale covers 16 times the calibrated range; the zero point is 0.
     Int16,
 }
 
 impl CodeFormat {
-    /// Bytes of a code.
+    /// Returns the size of a code in bytes.
     pub const fn bytes(self) -> usize {
         match self {
             Self::Int8 => CODE,

@@ -1,8 +1,26 @@
-//! What training decided, as constants: filters, montage, scales and the int8 encoder.
+//! The trained model as constants: filters, montage, scales and the int8 encoder.
 //!
-//! Everything below [`MainsFilter`] is generated at build time by model-gen, which proves its ranges,
-//! from the files in `artifact/`, or in the folder that the environment variable `CORTICODE_ARTIFACT`
-//! names. `manifest.txt` shows the numbers of the former that a person wants to see.
+//! model-gen generates the constants and weights at build time from the artifact in `artifact/`, or in
+//! the folder that the environment variable `CORTICODE_ARTIFACT` names, and proves their ranges.
+//! `manifest.txt` summarises the model in `artifact/` for human readers.
+//!
+//! ```text
+//! artifact/ --build.rs, model-gen--> constants.rs --> shapes: PlaneShape, lengths of weights
+//!                                          |              |
+//!                                          v              v
+//!                                    MainsFilter       Network
+//!                                          |              |
+//!                                    statics.rs: MAINS_50, MAINS_60, RESAMPLER, NETWORK
+//! ```
+//!
+//! ```
+//! use model::{ADC_RATE_HZ, CODE, CODE_FORMAT, NETWORK, NETWORK_CHECKSUM, STEP_RATE_HZ};
+//!
+//! assert!(ADC_RATE_HZ >= STEP_RATE_HZ);
+//! assert!(CODE_FORMAT.bytes() >= CODE);
+//! // The check that a board makes at start.
+//! assert_eq!(NETWORK.checksum(), NETWORK_CHECKSUM);
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -10,57 +28,37 @@
 extern crate std;
 
 mod code_format;
+mod constants;
+mod mains_filter;
 mod network;
-
-use fixed_dsp::{Cascade, Coefficient, Design, Resampler, Section};
-use int8_nn::Pair;
+mod shapes;
+mod statics;
 
 pub use code_format::CodeFormat;
-pub use network::{
-    CELL_PLANE, CONV1_OUTPUTS, CONV1_PAIRS, CONV2_OUTPUTS, CONV2_PAIRS, ConvWeights, EDGE_STEPS,
-    ELECTRODE_PAIRS, FC_PAIRS, HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, INNER_STEPS, MARGIN, Network,
-    POOLED, POOLED_PAIRS, POOLED_STEPS, SHORTCUT_PAIRS, SHORTCUT_STEPS,
+pub use constants::{
+    ADC_RATE_HZ, CHANNELS, CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, ConvKernel, ELECTRODES,
+    FC_PIECES, GUARD_BITS, HAS_CONVOLUTIONS, HAS_SHORTCUT, HOP, INPUT_MULTIPLIER, INPUT_SCALE_UV,
+    LABELS, LSB_NV, MODEL_ID, PADS_SPACE, PADS_TIME, PHASES, POOL, ROWS, SECTIONS, STEP_RATE_HZ,
+    STEPS, TAPS, WINDOW_CENTRE_US,
+};
+pub use mains_filter::MainsFilter;
+pub use network::{ConvWeights, Network};
+pub use shapes::{
+    CELL_PLANE, CELLS, CONV1_OUTPUTS, CONV1_PAIRS, CONV2_OUTPUTS, CONV2_PAIRS, Conv2, EDGE_STEPS,
+    ELECTRODE_PAIRS, FC_PAIRS, HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, INNER_STEPS, MARGIN, POOLED,
+    POOLED_PAIRS, POOLED_STEPS, SHORTCUT_PAIRS, SHORTCUT_STEPS,
+};
+pub use statics::{
+    CODE_FORMAT, CODE_SCALE, CODE_ZERO_POINT, GRID_CELL, MAINS_50, MAINS_60, Mains50, Mains60,
+    NETWORK, RESAMPLER,
 };
 
-/// Electrodes of the montage; electrode `e` is wired to ADC channel `e`.
-pub const ELECTRODES: usize = 61;
-/// Rows of the scalp grid.
-pub const ROWS: usize = 10;
-/// Columns of the scalp grid.
-pub const COLUMNS: usize = 9;
-/// Cells of the scalp grid, row-major; a cell without an electrode is always 0.
-pub const CELLS: usize = ROWS * COLUMNS;
-/// Time steps of a window.
-pub const STEPS: usize = 16;
-/// Numbers in a code.
-pub const CODE: usize = 128;
-
-/// The filters in front of the decimator for one mains frequency.
-#[derive(Clone, Copy, Debug)]
-pub struct MainsFilter {
-    /// Mains frequency that is notched out, Hz.
-    pub mains_hz: u8,
-    /// The sections; samples are counts in Q27.5.
-    pub cascade: Cascade<SECTIONS>,
-    /// Group delay of sections and resampler at 10 Hz, microseconds.
-    pub group_delay_us: u32,
-    /// Group delay plus [`WINDOW_CENTRE_US`]: a code's device time minus this is the moment on the
-    /// scalp in the middle of its window.
-    pub scalp_delay_us: u32,
-    /// ADC samples until a step has decayed to 1e-4 of its height behind the resampler.
-    pub settling_samples: u32,
-    /// The chain in words.
-    pub description: &'static str,
-}
-
-include!(concat!(env!("OUT_DIR"), "/generated.rs"));
-
-/// The sum over the network as it was built.
+/// Checksum of the network, computed at compile time; compare with [`Network::checksum`].
 #[allow(
     long_running_const_eval,
     reason = "a network of a megabyte takes the compiler a second"
 )]
-pub const NETWORK_SUM: u32 = NETWORK.sum();
+pub const NETWORK_CHECKSUM: u32 = NETWORK.checksum();
 
 const _: () = {
     assert!(RESAMPLER.is_consistent());
@@ -83,26 +81,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_single_bit_of_any_weight_changes_the_sum() {
-        assert_eq!(NETWORK.sum(), NETWORK_SUM);
+    fn a_change_of_a_single_bit_changes_the_checksum() {
+        assert_eq!(NETWORK.checksum(), NETWORK_CHECKSUM);
         if HAS_CONVOLUTIONS {
             let mut weights = *NETWORK.conv2.weights;
             weights[CONV2_PAIRS / 2].0 ^= 1 << 17;
             let mut network = NETWORK;
             network.conv2.weights = &weights;
-            assert_ne!(network.sum(), NETWORK_SUM);
+            assert_ne!(network.checksum(), NETWORK_CHECKSUM);
         }
         let mut zero_point = *NETWORK.code_zero_point;
         zero_point[CODE - 1] ^= 1;
         let mut network = NETWORK;
         network.code_zero_point = &zero_point;
-        assert_ne!(network.sum(), NETWORK_SUM);
+        assert_ne!(network.checksum(), NETWORK_CHECKSUM);
     }
 
     #[test]
-    fn the_checked_in_manifest_is_that_of_the_artifact() {
+    fn the_checked_in_manifest_is_up_to_date() {
         if option_env!("CORTICODE_ARTIFACT").is_some() {
-            std::eprintln!("SKIPPED: the manifest of another model than the checked-in one");
+            std::eprintln!(
+                "SKIPPED: CORTICODE_ARTIFACT names another model than the checked-in one"
+            );
             return;
         }
         let generated = include_str!(concat!(env!("OUT_DIR"), "/manifest.txt"));
@@ -113,7 +113,7 @@ mod tests {
         let checked_in = fs::read_to_string(&path).unwrap_or_default();
         assert!(
             checked_in == generated,
-            "model/manifest.txt is not that of model/artifact; look at the new numbers with \
+            "model/manifest.txt does not match model/artifact; update it and review the numbers with \
              `UPDATE_MANIFEST=1 cargo test --package model` and `git diff model/manifest.txt`"
         );
     }

@@ -1,8 +1,8 @@
-//! From samples to steps: filters, resampler, scalp grid, quantisation, and what was lost there.
+//! From samples to steps: filters, resampler, scalp grid, quantisation, and counts of clipped values.
 
 use model::{ADC_RATE_HZ, PHASES, RESAMPLER, TAPS};
 
-use crate::{FrontEnd, Mains, Sample, Step, quantise};
+use crate::{front_end::FrontEnd, mains::Mains, plane::quantise, sample::Sample, step::Step};
 
 /// The half of the pipeline that runs at the ADC's rate.
 #[derive(Clone, Debug)]
@@ -10,14 +10,14 @@ pub struct Acquisition {
     front_end: FrontEnd<'static, Mains, PHASES, TAPS>,
     settling_samples: u64,
     samples: u64,
-    /// ADC channels that stood at the rail since the last step, one bit each.
+    /// ADC channels that were at the rail since the last step, one bit each.
     saturated: u64,
     clipped_total: u32,
     saturated_total: u32,
 }
 
 impl Acquisition {
-    /// An acquisition at rest for this mains frequency.
+    /// Creates an acquisition at rest, with the filters for a mains frequency.
     pub const fn new(mains: Mains) -> Self {
         Self {
             front_end: FrontEnd::new(mains, &RESAMPLER),
@@ -29,8 +29,7 @@ impl Acquisition {
         }
     }
 
-    /// Forgets the signal, in place, and goes to rest for this mains frequency. What it has counted
-    /// begins again.
+    /// Resets the acquisition in place, with the filters for a mains frequency; all counts become 0.
     pub fn restart(&mut self, mains: Mains) {
         self.front_end.restart(mains);
         self.settling_samples = mains.filter().settling_samples.into();
@@ -40,16 +39,16 @@ impl Acquisition {
         self.saturated_total = 0;
     }
 
-    /// Takes one sample; gives the step that is due with it, if one is: with 512 Hz every fourth
-    /// sample, the first one included.
+    /// Processes one sample; returns a step if one is due with it: at 512 Hz with the first sample and
+    /// every fourth one after it.
     #[inline]
-    pub fn push(&mut self, sample: &Sample) -> Option<Step> {
-        let rails = sample.rails();
+    pub fn process_sample(&mut self, sample: &Sample) -> Option<Step> {
+        let rails = sample.channels_at_rail();
         self.saturated |= rails;
         self.saturated_total = self.saturated_total.wrapping_add(rails.count_ones());
         let index = self.samples;
         self.samples += 1;
-        let (electrodes, phase) = self.front_end.push(sample)?;
+        let (electrodes, phase) = self.front_end.filter_sample(sample)?;
         let (plane, clipped) = quantise(&electrodes);
         self.clipped_total = self.clipped_total.wrapping_add(u32::from(clipped));
         Some(Step {
@@ -63,32 +62,35 @@ impl Acquisition {
         })
     }
 
-    /// Samples taken since the start.
+    /// Returns the number of samples processed since the start.
     pub const fn samples(&self) -> u64 {
         self.samples
     }
 
-    /// Electrode values that the int8 input clipped since the start, each once; wraps.
+    /// Returns the number of electrode values that the int8 input clipped since the start; wraps.
     pub const fn clipped(&self) -> u32 {
         self.clipped_total
     }
 
-    /// Counts at the ADC's rail since the start, of all channels, each once; wraps.
+    /// Returns the number of counts at the ADC's rail since the start, over all channels; wraps.
     pub const fn saturated(&self) -> u32 {
         self.saturated_total
     }
 }
 
-/// How much later than its sample a step of this phase stands, microseconds, rounded down.
+/// Returns the time from a sample to a step of this phase, microseconds, rounded down.
 #[expect(
     clippy::cast_possible_truncation,
-    reason = "phase < phases: less than a sample, which lasts less than 2^16 us"
+    reason = "phase < phases: less than the time between two samples, below 2^16 us"
 )]
 const fn offset_us(phase: usize, phases: usize, rate_hz: u16) -> u16 {
     (phase as u64 * 1_000_000 / (phases as u64 * rate_hz as u64)) as u16
 }
 
-const _: () = assert!(ADC_RATE_HZ > 15, "a sample lasts less than 2^16 us");
+const _: () = assert!(
+    ADC_RATE_HZ > 15,
+    "the time between two samples must be below 2^16 us"
+);
 
 #[cfg(test)]
 mod tests {
@@ -102,12 +104,12 @@ mod tests {
         let mut acquisition = Acquisition::new(mains);
         samples
             .into_iter()
-            .filter_map(|sample| acquisition.push(&sample))
+            .filter_map(|sample| acquisition.process_sample(&sample))
             .collect()
     }
 
     #[test]
-    fn an_acquisition_that_restarts_is_as_good_as_new() {
+    fn a_restarted_acquisition_equals_a_new_one() {
         let sample = |index: i32| Sample {
             counts: core::array::from_fn(|channel| {
                 let channel = i32::try_from(channel).expect("few channels");
@@ -116,14 +118,14 @@ mod tests {
         };
         let steps = |acquisition: &mut Acquisition| -> Vec<Step> {
             (0..90)
-                .filter_map(|index| acquisition.push(&sample(index)))
+                .filter_map(|index| acquisition.process_sample(&sample(index)))
                 .collect()
         };
         let expected = steps(&mut Acquisition::new(Mains::Hz60));
         let mut acquisition = Acquisition::new(Mains::Hz50);
         for samples in [1, 2, 77] {
             for index in 500..500 + samples {
-                acquisition.push(&sample(index));
+                acquisition.process_sample(&sample(index));
             }
             acquisition.restart(Mains::Hz60);
             assert_eq!(steps(&mut acquisition), expected);
@@ -131,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_names_the_sample_that_it_was_picked_from() {
+    fn a_step_carries_the_index_of_its_sample() {
         let picked: Vec<u64> = steps(Mains::Hz50, [Sample::default(); 12])
             .iter()
             .map(|step| step.sample)
@@ -140,14 +142,14 @@ mod tests {
     }
 
     #[test]
-    fn a_step_between_two_samples_says_how_much_later_it_is() {
+    fn a_step_between_two_samples_carries_its_offset() {
         // 1000 -> 128 Hz: 16 phases of 62.5 us.
         let offsets = [0, 1, 4, 15].map(|phase| offset_us(phase, 16, 1_000));
         assert_eq!(offsets, [0, 62, 250, 937]);
     }
 
     #[test]
-    fn a_channel_at_the_rail_is_named_by_the_step_that_follows() {
+    fn the_next_step_marks_a_channel_that_was_at_the_rail() {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let mut seen = Vec::new();
         for index in 0..20 {
@@ -158,14 +160,18 @@ mod tests {
             if index == 9 {
                 sample.counts[CHANNELS - 1] = Sample::MAX;
             }
-            seen.extend(acquisition.push(&sample).map(|step| step.saturated));
+            seen.extend(
+                acquisition
+                    .process_sample(&sample)
+                    .map(|step| step.saturated),
+            );
         }
         assert_eq!(seen, [0, 0, 1 << 4, 1 << (CHANNELS - 1), 0]);
         assert_eq!(acquisition.saturated(), 5);
     }
 
     #[test]
-    fn when_the_settling_mark_is_gone_a_step_at_the_input_has_decayed() {
+    fn after_the_settling_flag_clears_an_input_step_has_decayed() {
         for mains in [Mains::Hz50, Mains::Hz60] {
             // 100 mV on every channel, from the first sample on.
             let count = 4_473_924;
@@ -181,11 +187,11 @@ mod tests {
             for step in settled {
                 assert!(step.electrodes[0].abs() <= limit, "sample {}", step.sample);
             }
-            // The mark does not last for no reason: shortly before its end the limit is exceeded.
-            let marked = steps
+            // The flag is not set longer than necessary: shortly before it clears, the limit is exceeded.
+            let flagged = steps
                 .iter()
                 .rfind(|step| step.settling && step.electrodes[0].abs() > limit);
-            assert!(marked.is_some_and(|step| step.sample + 64 > settled_at(mains)));
+            assert!(flagged.is_some_and(|step| step.sample + 64 > settled_at(mains)));
         }
     }
 

@@ -1,26 +1,161 @@
-//! What the encoder makes of a window.
+//! The code of a window.
 
-use crate::CodeValues;
+use int8_nn::saturate_i8;
+use model::{CODE, CodeFormat};
 
-/// One code with where it comes from and what went wrong inside its window.
+/// The code of one window, with its position in the stream and the events inside its window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Code {
     /// Index of the window since the start; wraps.
     pub window: u32,
-    /// Index of the ADC sample of the window's first time step, since the start.
+    /// Index, since the start, of the ADC sample of the window's first time step.
     pub first_sample: u64,
-    /// How much later the window's last step stands than the ADC sample that completed it,
-    /// microseconds; see [`Step::offset_us`](crate::Step::offset_us).
+    /// Time from the ADC sample that completed the window to the window's last step, microseconds;
+    /// see [`Step::offset_us`](crate::Step::offset_us).
     pub offset_us: u16,
     /// Electrode values of the window that the int8 input clipped (0..=976).
     pub clipped: u16,
-    /// Values of the code itself that were clipped (0..=128).
+    /// Values of the code that were clipped (0..=128).
     pub clipped_values: u8,
-    /// ADC channels that stood at the rail among the samples of the window's steps, each step with
-    /// the three samples before it; bit = channel.
+    /// ADC channels that were at the rail in a sample of the window, or in the three samples before a
+    /// step; bit = channel.
     pub saturated: u64,
-    /// True while the filters have not settled since the start: the values are not to be trusted.
+    /// True until the filters have settled after the start: the values are not reliable.
     pub settling: bool,
-    /// The code itself.
+    /// Values in the model's code format.
     pub values: CodeValues,
 }
+
+/// Largest exponent, which keeps 8 of 16 bits.
+const MAX_EXPONENT: u8 = 8;
+
+/// The values of a code in the model's format, [`model::CODE_FORMAT`].
+///
+/// Dequantised: `z = (level - model::CODE_ZERO_POINT) * model::CODE_SCALE`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CodeValues {
+    /// Levels, saturated to 8 bits.
+    Int8([i8; CODE]),
+    /// Levels divided by 2^exponent, rounded half up and saturated to 8 bits.
+    Int8Exponent {
+        /// Smallest of 0..=8 with which no value is clipped, or 8 if there is none.
+        exponent: u8,
+        /// Rounded levels, -128..=127.
+        values: [i8; CODE],
+    },
+    /// Levels, saturated to 16 bits.
+    Int16([i16; CODE]),
+}
+
+impl CodeValues {
+    /// Size of the longest code of any format, in bytes.
+    pub const MAX_BYTES: usize = CodeFormat::Int16.bytes();
+
+    /// Converts 128 levels to a format; returns the values and the number of clipped ones (0..=128).
+    /// No branch depends on a level.
+    #[inline]
+    pub(crate) fn from_levels(format: CodeFormat, level: impl Fn(usize) -> i32) -> (Self, u8) {
+        let mut clipped = 0;
+        let values = match format {
+            CodeFormat::Int8 => Self::Int8(core::array::from_fn(|j| {
+                let level = level(j);
+                let value = saturate_i8(level);
+                clipped += u8::from(i32::from(value) != level);
+                value
+            })),
+            CodeFormat::Int8Exponent => {
+                let levels = core::array::from_fn(level);
+                let exponent = exponent(&levels);
+                let values = levels.map(|level| {
+                    let rounded = round(level, exponent);
+                    let value = saturate_i8(rounded);
+                    clipped += u8::from(i32::from(value) != rounded);
+                    value
+                });
+                Self::Int8Exponent { exponent, values }
+            }
+            CodeFormat::Int16 => Self::Int16(core::array::from_fn(|j| {
+                let level = level(j);
+                let value = saturate_i16(level);
+                clipped += u8::from(i32::from(value) != level);
+                value
+            })),
+        };
+        (values, clipped)
+    }
+
+    /// Returns the exponent of two shared by all values; 0 in the formats without exponent.
+    pub const fn exponent(&self) -> u8 {
+        match self {
+            Self::Int8(_) | Self::Int16(_) => 0,
+            Self::Int8Exponent { exponent, .. } => *exponent,
+        }
+    }
+
+    /// Returns the values as 16-bit integers in any format.
+    pub fn integers(&self) -> [i16; CODE] {
+        match self {
+            Self::Int8(values) | Self::Int8Exponent { values, .. } => values.map(i16::from),
+            Self::Int16(values) => *values,
+        }
+    }
+
+    /// Returns the levels: values times 2^exponent.
+    pub fn levels(&self) -> [i32; CODE] {
+        let exponent = self.exponent();
+        self.integers().map(|value| i32::from(value) << exponent)
+    }
+
+    /// Serialises the code into [`CodeFormat::bytes`] bytes of the buffer and returns them: exponent, if
+    /// the format has one, then values, little-endian.
+    pub fn to_bytes<'b>(&self, buffer: &'b mut [u8; Self::MAX_BYTES]) -> &'b [u8] {
+        let length = match self {
+            Self::Int8(values) => write(buffer, values.map(i8::to_le_bytes).as_flattened()),
+            Self::Int8Exponent { exponent, values } => {
+                buffer[0] = *exponent;
+                let values = values.map(i8::to_le_bytes);
+                1 + write(&mut buffer[1..], values.as_flattened())
+            }
+            Self::Int16(values) => write(buffer, values.map(i16::to_le_bytes).as_flattened()),
+        };
+        &buffer[..length]
+    }
+}
+
+fn write(buffer: &mut [u8], bytes: &[u8]) -> usize {
+    buffer[..bytes.len()].copy_from_slice(bytes);
+    bytes.len()
+}
+
+/// Returns the smallest exponent with which every rounded level fits 8 bits, or the largest exponent if
+/// there is none. A level that fits with one exponent fits with every larger one, so the result is the
+/// number of exponents that are too small.
+#[inline]
+fn exponent(levels: &[i32; CODE]) -> u8 {
+    let fold =
+        |choose: fn(i32, i32) -> i32| levels.iter().fold(0, |end, &level| choose(end, level));
+    let (least, greatest) = (fold(i32::min), fold(i32::max));
+    (0..MAX_EXPONENT)
+        .map(|exponent| {
+            let below = round(least, exponent) < i32::from(i8::MIN);
+            let above = round(greatest, exponent) > i32::from(i8::MAX);
+            u8::from(below | above)
+        })
+        .sum()
+}
+
+/// Returns `level / 2^exponent`, rounded half up.
+#[inline]
+fn round(level: i32, exponent: u8) -> i32 {
+    level.saturating_add((1 << exponent) >> 1) >> exponent
+}
+
+/// Saturates to -32768..=32767 (`SSAT`).
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "clamped to 16 bits")]
+fn saturate_i16(value: i32) -> i16 {
+    value.clamp(i16::MIN.into(), i16::MAX.into()) as i16
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,60 +1,60 @@
-//! The streaming encoder: one step in, a code whenever a window is complete.
+//! The streaming encoder: takes one step at a time, and returns a code when a window is complete.
 
 mod convolutions;
 mod edges;
 mod hidden_plane;
 mod pool;
+mod window;
 
 use core::borrow::BorrowMut;
 
 use int8_nn::Pair;
 use model::{ELECTRODE_PAIRS, GRID_CELL, HAS_CONVOLUTIONS, HAS_SHORTCUT, NETWORK, Network, STEPS};
 
-use crate::{
-    Code, Plane, Step,
-    window::{OPEN, OpenWindow},
-};
+use crate::{code::Code, plane::Plane, step::Step};
 use convolutions::Convolutions;
+use window::{OPEN_WINDOWS, OpenWindow, containing_windows, slot_of};
 
-/// The half of the pipeline that runs at the steps' rate.
+/// The half of the pipeline that runs at the step rate.
 ///
-/// Each layer's planes are computed once, as soon as their inputs exist, and added to the (at most
-/// two) windows that they belong to: a 50 % overlap costs nothing, and the codes equal those of a
-/// batch encoder over each window bit for bit, because the hop is a multiple of the pool's steps. Only
-/// where time is padded, a window has planes of its own, at its ends. The work is the same in every
-/// step but for them and the fully connected layer: of a pooled plane that belongs to two windows, the
-/// newer one's share waits for the next step.
+/// Each plane of each layer is computed once, as soon as its inputs exist, and added to the windows
+/// (at most two) that contain it, so an overlap of 50 % costs nothing. The codes equal those of a batch
+/// encoder over each window bit for bit, because the hop is a multiple of the pool's steps.
 ///
-/// `M` is its memory, or a reference to it.
+/// Only with padded steps a window has separate planes, at its ends. Otherwise every step takes the
+/// same work, except for the fully connected layer: if a pooled plane belongs to two windows, the
+/// product for the newer one is deferred to the next step.
+///
+/// `M` is the memory of the encoder, or a reference to it.
 #[derive(Clone, Debug)]
 pub struct Encoder<'w, M = EncoderMemory> {
     network: &'w Network<'w>,
     memory: M,
 }
 
-/// What an encoder remembers: some 16 KB, which a static holds better than a stack. Nothing in it is
-/// other than zero at first, so that it takes no flash there.
+/// State and scratch memory of an encoder, about 16 KB: place it in a static, not on a stack. All of it
+/// is initially zero, so that it takes no flash.
 #[derive(Clone, Debug)]
 pub struct EncoderMemory {
-    /// One, if the network has them.
+    /// The convolutional layers, if the network has them.
     convolutions: [Convolutions; HAS_CONVOLUTIONS as usize],
-    windows: [OpenWindow; OPEN],
-    /// Steps taken so far; 2^64 of them last four billion years.
-    step: u64,
+    windows: [OpenWindow; OPEN_WINDOWS],
+    /// Steps encoded so far; 2^64 of them last four billion years.
+    steps: u64,
 }
 
 impl EncoderMemory {
-    /// Nothing seen.
+    /// Memory before the first step.
     pub const EMPTY: Self = Self {
         convolutions: [Convolutions::EMPTY; HAS_CONVOLUTIONS as usize],
-        windows: [OpenWindow::EMPTY; OPEN],
-        step: 0,
+        windows: [OpenWindow::EMPTY; OPEN_WINDOWS],
+        steps: 0,
     };
 }
 
 impl<M: BorrowMut<EncoderMemory>> Encoder<'static, M> {
-    /// An encoder with the built-in network and this memory, which has seen nothing.
-    pub const fn remembering_in(memory: M) -> Self {
+    /// Creates an encoder with the built-in network and the given memory.
+    pub const fn with_memory(memory: M) -> Self {
         Self {
             network: &NETWORK,
             memory,
@@ -63,9 +63,9 @@ impl<M: BorrowMut<EncoderMemory>> Encoder<'static, M> {
 }
 
 impl Encoder<'static> {
-    /// An encoder with the built-in network that has seen nothing.
+    /// Creates an encoder with the built-in network.
     pub const fn new() -> Self {
-        Self::with(&NETWORK)
+        Self::with_network(&NETWORK)
     }
 }
 
@@ -76,8 +76,8 @@ impl Default for Encoder<'static> {
 }
 
 impl<'w> Encoder<'w> {
-    /// An encoder with another network of the same shape; see [`Network::is_consistent`].
-    pub const fn with(network: &'w Network<'w>) -> Self {
+    /// Creates an encoder with another network of the same shape; see [`Network::is_consistent`].
+    pub const fn with_network(network: &'w Network<'w>) -> Self {
         Self {
             network,
             memory: EncoderMemory::EMPTY,
@@ -86,53 +86,54 @@ impl<'w> Encoder<'w> {
 }
 
 impl<M: BorrowMut<EncoderMemory>> Encoder<'_, M> {
-    /// Forgets what it has seen, in place: the next step is the first.
+    /// Resets the encoder in place: the next step is the first of a stream.
     pub fn restart(&mut self) {
         self.memory.borrow_mut().restart();
     }
 
-    /// Takes the next step; gives a code when it completes a window.
-    pub fn push(&mut self, step: &Step) -> Option<Code> {
-        self.memory.borrow_mut().push(step, self.network)
+    /// Encodes the next step; returns a code if it completes a window.
+    pub fn encode_step(&mut self, step: &Step) -> Option<Code> {
+        self.memory.borrow_mut().encode_step(step, self.network)
     }
 }
 
 impl EncoderMemory {
     fn restart(&mut self) {
-        // Planes of the past are overwritten before anything reads them.
+        // Old planes are overwritten before they are read.
         for convolutions in &mut self.convolutions {
             convolutions.restart();
         }
-        self.windows = [OpenWindow::EMPTY; OPEN];
-        self.step = 0;
+        self.windows = [OpenWindow::EMPTY; OPEN_WINDOWS];
+        self.steps = 0;
     }
 
-    fn push(&mut self, step: &Step, network: &Network<'_>) -> Option<Code> {
-        let index = self.step;
-        self.step += 1;
+    fn encode_step(&mut self, step: &Step, network: &Network<'_>) -> Option<Code> {
+        let index = self.steps;
+        self.steps += 1;
         self.add_to_windows(index, step, network);
         for convolutions in &mut self.convolutions {
-            convolutions.push(index, &step.plane, network, &mut self.windows);
+            convolutions.add_plane(index, &step.plane, network, &mut self.windows);
         }
-        self.complete(index, network)
+        self.completed_code(index, network)
     }
 
+    /// Adds a step's events and its product with the shortcut to the windows that contain it.
     fn add_to_windows(&mut self, index: u64, step: &Step, network: &Network<'_>) {
         let electrodes = gather(&step.plane);
-        for (slot, offset) in places(index, network.hop, STEPS) {
+        for (slot, offset) in containing_windows(index, network.hop, STEPS) {
             let window = &mut self.windows[slot];
             if offset == 0 {
-                *window = OpenWindow::starting_with(step, network);
+                *window = OpenWindow::start_with(step, network);
             }
-            window.count(step);
+            window.add_events(step);
             if HAS_SHORTCUT {
                 window.add_electrodes(network.shortcut[offset], &electrodes);
             }
         }
     }
 
-    /// The code of the window that ends with step `index`, if one does.
-    fn complete(&self, index: u64, network: &Network<'_>) -> Option<Code> {
+    /// Returns the code of the window that ends with step `index`, if there is one.
+    fn completed_code(&self, index: u64, network: &Network<'_>) -> Option<Code> {
         let first = (index + 1).checked_sub(STEPS as u64)?;
         let hop = network.hop as u64;
         if first & (hop - 1) != 0 {
@@ -148,10 +149,10 @@ impl EncoderMemory {
     }
 }
 
-/// The electrodes of a plane, in the montage's order, filled up with zeros.
+/// Returns the electrodes of a plane, in the order of the montage, filled up with zeros.
 #[inline]
 fn gather(plane: &Plane) -> [Pair; ELECTRODE_PAIRS] {
-    // All cells are on the grid; the compiler need not be told where.
+    // Every index is on the grid; `get` avoids a panic path that the compiler cannot exclude.
     let number = |cell: u8| plane.get(usize::from(cell)).copied().unwrap_or(0).into();
     let mut electrodes = [Pair::ZERO; ELECTRODE_PAIRS];
     let (both, last) = GRID_CELL.as_chunks::<2>();
@@ -165,29 +166,6 @@ fn gather(plane: &Plane) -> [Pair; ELECTRODE_PAIRS] {
     electrodes
 }
 
-/// The open windows that a plane belongs to, as (slot, index of the plane within the window):
-/// window `w` covers the planes `w * hop .. w * hop + length`. The hop is a power of two, so nothing
-/// is divided: 64 bits take a Cortex-M a hundred instructions.
-fn places(plane: u64, hop: usize, length: usize) -> impl Iterator<Item = (usize, usize)> {
-    debug_assert!(hop.is_power_of_two());
-    let newest = plane >> hop.trailing_zeros();
-    #[expect(clippy::cast_possible_truncation, reason = "a remainder below the hop")]
-    let phase = plane as usize & (hop - 1);
-    (0..OPEN).filter_map(move |age| {
-        let window = newest.checked_sub(age as u64)?;
-        let offset = phase + age * hop;
-        (offset < length).then(|| (slot_of(window), offset))
-    })
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a remainder below the number of slots"
-)]
-fn slot_of(window: u64) -> usize {
-    (window % OPEN as u64) as usize
-}
-
 #[cfg(test)]
 mod tests {
     use std::vec::Vec;
@@ -195,26 +173,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_plane_belongs_to_the_windows_that_cover_it() {
-        let all = |plane| places(plane, 8, 16).collect::<Vec<_>>();
-        assert_eq!(all(0), [(0, 0)]);
-        assert_eq!(all(7), [(0, 7)]);
-        assert_eq!(all(8), [(1, 0), (0, 8)]);
-        assert_eq!(all(16), [(0, 0), (1, 8)]);
-        // A window's six pooled planes: the last two overlap with the next window's first.
-        let pooled = |plane| places(plane, 4, 6).collect::<Vec<_>>();
-        assert_eq!(pooled(3), [(0, 3)]);
-        assert_eq!(pooled(5), [(1, 1), (0, 5)]);
-        assert_eq!(pooled(6), [(1, 2)]);
-        // Without overlap, two of eight pooled planes lie between the windows.
-        let apart = |plane| places(plane, 8, 6).collect::<Vec<_>>();
-        assert_eq!(apart(5), [(0, 5)]);
-        assert_eq!(apart(6), []);
-        assert_eq!(apart(8), [(1, 0)]);
-    }
-
-    #[test]
-    fn an_encoder_that_restarts_is_as_good_as_new() {
+    fn a_restarted_encoder_equals_a_new_one() {
         let step = |index: usize| Step {
             plane: core::array::from_fn(|cell| {
                 let [value, ..] = (index * 31 + cell * 7).to_le_bytes();
@@ -224,14 +183,14 @@ mod tests {
         };
         let codes = |encoder: &mut Encoder<'_>| -> Vec<Code> {
             (0..48)
-                .filter_map(|index| encoder.push(&step(index)))
+                .filter_map(|index| encoder.encode_step(&step(index)))
                 .collect()
         };
         let expected = codes(&mut Encoder::new());
         let mut encoder = Encoder::new();
         for steps in [1, 5, 37] {
             for index in 100..100 + steps {
-                encoder.push(&step(index));
+                encoder.encode_step(&step(index));
             }
             encoder.restart();
             assert_eq!(codes(&mut encoder), expected);
@@ -240,12 +199,12 @@ mod tests {
     }
 
     #[test]
-    fn a_code_carries_what_its_sixteen_steps_lost_and_where_they_began() {
+    fn a_code_carries_the_events_and_the_first_sample_of_its_window() {
         let mut encoder = Encoder::new();
         let hop = NETWORK.hop as u64;
         let codes: Vec<Code> = (0..64)
             .filter_map(|index| {
-                encoder.push(&Step {
+                encoder.encode_step(&Step {
                     sample: 1_000 + 4 * index,
                     offset_us: u16::try_from(index).expect("64 steps"),
                     clipped: u16::from(index == 3 * hop),

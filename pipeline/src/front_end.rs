@@ -1,24 +1,24 @@
-//! Filters and resampler: from samples to electrodes at the encoder's rate.
+//! Filters and resampler: from samples to electrodes at the step rate.
 
 use fixed_dsp::{BLOCK, DelayLine, Filter, Position, Resampler};
 use model::{ELECTRODES, GUARD_BITS};
 
-use crate::Sample;
+use crate::sample::Sample;
 
 /// All electrodes at one time step: counts x 2^5 (Q27.5), |x| < 2^31; the index is the electrode.
 pub type Electrodes = [i32; ELECTRODES];
 
-/// Filters every electrode and brings it to a lower rate.
+/// Filters and resamples every electrode.
 ///
-/// Samples wait until an output needs them or there are [`BLOCK`] of them, which the filters take
-/// together for half the price; no output is later for it, and the bits are the same.
+/// Samples are buffered until an output needs them or there are [`BLOCK`] of them. Filtering a block
+/// takes half the instructions per sample; no output is delayed, and the bits are the same.
 #[derive(Clone, Debug)]
 pub struct FrontEnd<'r, F: Filter, const PHASES: usize, const TAPS: usize> {
     filter: F,
     states: [F::State; ELECTRODES],
-    /// Samples of each electrode that wait for the filters, the earliest first.
+    /// Buffered samples of each electrode, earliest first.
     waiting: [[i32; BLOCK]; ELECTRODES],
-    /// How many, 0..BLOCK.
+    /// Number of buffered samples, 0..BLOCK.
     count: usize,
     resampler: &'r Resampler<PHASES, TAPS>,
     position: Position,
@@ -26,7 +26,7 @@ pub struct FrontEnd<'r, F: Filter, const PHASES: usize, const TAPS: usize> {
 }
 
 impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHASES, TAPS> {
-    /// A front end at rest.
+    /// Creates a front end at rest.
     pub const fn new(filter: F, resampler: &'r Resampler<PHASES, TAPS>) -> Self {
         Self {
             filter,
@@ -39,7 +39,7 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
         }
     }
 
-    /// Forgets the signal, in place, and goes to rest with this filter.
+    /// Resets the front end in place, with another filter.
     pub fn restart(&mut self, filter: F) {
         self.filter = filter;
         self.states.fill(F::REST);
@@ -48,17 +48,16 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
         self.line = DelayLine::SILENCE;
     }
 
-    /// Takes one sample. When an output of the resampler is due with it, gives the electrodes and
-    /// the output's phase: how much later than the sample it stands, in parts (1 / `PHASES`) of a
-    /// sample.
+    /// Filters one sample. If an output of the resampler is due with it, returns the electrodes and the
+    /// output's phase: the time from the sample to the output, in 1 / `PHASES` of a sample.
     #[inline]
-    pub fn push(&mut self, sample: &Sample) -> Option<(Electrodes, usize)> {
+    pub fn filter_sample(&mut self, sample: &Sample) -> Option<(Electrodes, usize)> {
         debug_assert!(
             sample
                 .counts
                 .iter()
                 .all(|count| (-Sample::MAX - 1..=Sample::MAX).contains(count)),
-            "counts have 24 bits: the filters' head room is proven for no more"
+            "the filters' head room is proven for counts of 24 bits only"
         );
         for (waiting, &count) in self.waiting.iter_mut().zip(&sample.counts) {
             waiting[self.count % BLOCK] = count << GUARD_BITS;
@@ -66,25 +65,26 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
         self.count += 1;
         let due = self.resampler.advance(&mut self.position);
         if due.is_some() || self.count == BLOCK {
-            self.filter();
+            self.filter_waiting();
         }
         due.map(|phase| (self.resampler.outputs(phase, &self.line), phase))
     }
 
-    /// Filters what waits.
-    fn filter(&mut self) {
-        // Never more; said again so that the compiler knows.
+    /// Filters the buffered samples and moves them to the delay line.
+    fn filter_waiting(&mut self) {
+        // `count` is at most `BLOCK`; `min` lets the compiler drop the bounds checks.
         let count = self.count.min(BLOCK);
         if count == BLOCK {
-            self.filter.blocks(&mut self.states, &mut self.waiting);
+            self.filter
+                .apply_blocks(&mut self.states, &mut self.waiting);
         } else {
             for (state, waiting) in self.states.iter_mut().zip(&mut self.waiting) {
                 for x in &mut waiting[..count] {
-                    *x = self.filter.step(state, *x);
+                    *x = self.filter.apply(state, *x);
                 }
             }
         }
-        // What would have left the line again is not put in.
+        // Skip samples that newer ones of this block would push out of the delay line.
         for index in count.saturating_sub(TAPS)..count {
             self.line
                 .push(self.waiting.iter().map(|block| block[index % BLOCK]));
@@ -98,9 +98,9 @@ mod tests {
     use std::vec::Vec;
 
     use super::*;
-    use crate::Mains;
+    use crate::mains::Mains;
 
-    /// Any 24-bit counts, different on every electrode.
+    /// Returns pseudo-random 24-bit counts, different on every electrode.
     fn noise(length: usize) -> Vec<Sample> {
         let mut state = 1_u32;
         let mut next = || {
@@ -114,33 +114,30 @@ mod tests {
     }
 
     #[test]
-    fn every_fourth_sample_gives_electrodes_the_first_included() {
+    fn an_output_is_due_with_the_first_and_every_fourth_sample() {
         let resampler = Resampler::every(4);
         let mut front_end = FrontEnd::new(Mains::Hz50, &resampler);
-        let given = core::array::from_fn(|_| front_end.push(&Sample::default()).is_some());
-        assert_eq!(
-            given,
-            [true, false, false, false, true, false, false, false]
-        );
+        let due = core::array::from_fn(|_| front_end.filter_sample(&Sample::default()).is_some());
+        assert_eq!(due, [true, false, false, false, true, false, false, false]);
     }
 
     #[test]
-    fn waiting_for_others_changes_no_bit_of_an_output() {
+    fn buffering_samples_changes_no_bit_of_an_output() {
         let samples = noise(1_000);
         let every = Resampler::every(1);
         let mut sample_by_sample = FrontEnd::new(Mains::Hz60, &every);
         let expected: Vec<Electrodes> = samples
             .iter()
-            .filter_map(|sample| Some(sample_by_sample.push(sample)?.0))
+            .filter_map(|sample| Some(sample_by_sample.filter_sample(sample)?.0))
             .collect();
         assert_eq!(expected.len(), samples.len());
-        // Blocks of 3; of 4; of 4, 4 and 1; of 4 and 3.
+        // Block lengths between outputs: 3; 4; 4, 4 and 1; 4 and 3.
         for down in [3, 4, 9, 7] {
             let resampler = Resampler::every(down);
             let mut front_end = FrontEnd::new(Mains::Hz60, &resampler);
             let mut outputs = 0;
             for (index, sample) in samples.iter().enumerate() {
-                if let Some((electrodes, phase)) = front_end.push(sample) {
+                if let Some((electrodes, phase)) = front_end.filter_sample(sample) {
                     assert_eq!((electrodes, phase), (expected[index], 0));
                     outputs += 1;
                 }
@@ -150,8 +147,8 @@ mod tests {
     }
 
     #[test]
-    fn the_resampler_sees_every_filtered_sample_in_its_order() {
-        // 2 outputs for 5 samples, each a sum with the weights 1, 1/2 or 1/4, 1/8 of the newest two.
+    fn the_resampler_reads_every_filtered_sample_in_order() {
+        // Two outputs for five samples; the weights of the newest two are 1 and 1/2, or 1/4 and 1/8.
         let unity = Resampler::<1, 1>::UNITY;
         let resampler = Resampler {
             down: 5,
@@ -164,8 +161,10 @@ mod tests {
         let mut before = [0; ELECTRODES];
         let mut phases = Vec::new();
         for sample in &samples {
-            let (filtered, _) = sample_by_sample.push(sample).expect("one for each");
-            if let Some((electrodes, phase)) = front_end.push(sample) {
+            let (filtered, _) = sample_by_sample
+                .filter_sample(sample)
+                .expect("one for each");
+            if let Some((electrodes, phase)) = front_end.filter_sample(sample) {
                 for (electrode, &y) in electrodes.iter().enumerate() {
                     let scaled =
                         8 * i64::from(filtered[electrode]) + 4 * i64::from(before[electrode]);

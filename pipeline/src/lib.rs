@@ -7,18 +7,19 @@
 //!           scalp grid      int8
 //! ```
 //!
-//! [`Pipeline`] is both halves in one; firmware runs them at different priorities. [`SignalQuality`]
-//! looks on from beside the path and tells a person, once a second, which electrodes to look after.
+//! [`Pipeline`] combines both halves; firmware runs them at different priorities. [`SignalQuality`]
+//! reports once a second on each electrode, for human readers; it is not part of the path to the code.
 //!
-//! Pure and synchronous; the path has integers only: the same samples give the same codes on every
-//! machine. It does not allocate, wait, log or branch on the signal; what it clips, it counts.
+//! The crate is pure and synchronous. The path to the code uses integers only, so the same samples
+//! yield the same codes on every machine. It does not allocate, wait, log or branch on the signal, and
+//! it counts every value that it clips.
 //!
 //! ```
 //! use pipeline::{Mains, Pipeline, Sample};
 //!
 //! let mut pipeline = Pipeline::new(Mains::Hz50);
-//! let codes = (0..1_024).filter_map(|_| pipeline.push(&Sample::default())).count();
-//! // The first window takes 16 steps of 4 samples, every further one 8 steps.
+//! let codes = (0..1_024).filter_map(|_| pipeline.encode_sample(&Sample::default())).count();
+//! // The first window ends after 16 steps of 4 samples each, every further one 8 steps later.
 //! assert_eq!(codes, 1 + (1_024 / 4 - 16) / 8);
 //! ```
 #![no_std]
@@ -29,7 +30,6 @@ extern crate std;
 
 mod acquisition;
 mod code;
-mod code_values;
 mod encoder;
 mod front_end;
 mod mains;
@@ -38,11 +38,9 @@ mod quality;
 mod sample;
 mod step;
 mod stream;
-mod window;
 
 pub use acquisition::Acquisition;
-pub use code::Code;
-pub use code_values::CodeValues;
+pub use code::{Code, CodeValues};
 pub use encoder::{Encoder, EncoderMemory};
 pub use front_end::{Electrodes, FrontEnd};
 pub use mains::Mains;

@@ -3,7 +3,7 @@
 use fixed_dsp::{BLOCK, CascadeState, Compiled, Filter};
 use model::{MAINS_50, MAINS_60, MainsFilter, SECTIONS};
 
-/// Mains frequency; chosen at start. As a [`Filter`], the filters for it.
+/// Mains frequency, set at start. Implements [`Filter`] with the filters for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mains {
     /// 50 Hz: Europe, most of Africa, Asia and Australia.
@@ -14,7 +14,7 @@ pub enum Mains {
 }
 
 impl Mains {
-    /// The mains of so many Hz, if there are filters for it.
+    /// Returns the mains frequency of `hz` Hz, if the model has filters for it.
     pub const fn from_hz(hz: u8) -> Option<Self> {
         match hz {
             50 => Some(Self::Hz50),
@@ -23,7 +23,7 @@ impl Mains {
         }
     }
 
-    /// What is known of the filters for this mains frequency.
+    /// Returns coefficients and delays of the filters for this mains frequency.
     pub const fn filter(self) -> &'static MainsFilter {
         match self {
             Self::Hz50 => &MAINS_50,
@@ -37,17 +37,17 @@ impl Filter for Mains {
     const REST: Self::State = CascadeState::REST;
 
     #[inline]
-    fn step(&self, state: &mut Self::State, x: i32) -> i32 {
+    fn apply(&self, state: &mut Self::State, x: i32) -> i32 {
         match self {
-            Self::Hz50 => Compiled::<model::Mains50, SECTIONS>::new().step(state, x),
-            Self::Hz60 => Compiled::<model::Mains60, SECTIONS>::new().step(state, x),
+            Self::Hz50 => Compiled::<model::Mains50, SECTIONS>::new().apply(state, x),
+            Self::Hz60 => Compiled::<model::Mains60, SECTIONS>::new().apply(state, x),
         }
     }
 
-    fn blocks(&self, states: &mut [Self::State], blocks: &mut [[i32; BLOCK]]) {
+    fn apply_blocks(&self, states: &mut [Self::State], blocks: &mut [[i32; BLOCK]]) {
         match self {
-            Self::Hz50 => Compiled::<model::Mains50, SECTIONS>::new().blocks(states, blocks),
-            Self::Hz60 => Compiled::<model::Mains60, SECTIONS>::new().blocks(states, blocks),
+            Self::Hz50 => Compiled::<model::Mains50, SECTIONS>::new().apply_blocks(states, blocks),
+            Self::Hz60 => Compiled::<model::Mains60, SECTIONS>::new().apply_blocks(states, blocks),
         }
     }
 }
@@ -57,13 +57,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_mains_has_the_filter_of_its_frequency() {
+    fn the_compiled_filter_equals_the_cascade_of_its_mains_frequency() {
         for mains in [Mains::Hz50, Mains::Hz60] {
             assert_eq!(Mains::from_hz(mains.filter().mains_hz), Some(mains));
-            let (mut own, mut stated) = (CascadeState::REST, CascadeState::REST);
+            let (mut compiled, mut cascade) = (CascadeState::REST, CascadeState::REST);
             for x in (0..500).map(|n| (n * 7_919) % 100_003) {
-                let expected = mains.filter().cascade.step(&mut stated, x);
-                assert_eq!(mains.step(&mut own, x), expected);
+                let expected = mains.filter().cascade.apply(&mut cascade, x);
+                assert_eq!(mains.apply(&mut compiled, x), expected);
             }
         }
         assert_eq!(Mains::from_hz(55), None);

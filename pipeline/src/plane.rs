@@ -1,25 +1,25 @@
-//! Quantisation to int8 and the scalp grid.
+//! Quantisation of electrodes to an int8 plane of the scalp grid.
 
 use int8_nn::{requantise, saturate_i8};
 use model::{CELLS, GRID_CELL, INPUT_MULTIPLIER};
 
-use crate::Electrodes;
+use crate::front_end::Electrodes;
 
-/// One time step of the scalp grid: 10 rows of 9 cells, row-major, int8; a step is
-/// `model::INPUT_SCALE_UV` microvolt, a cell without an electrode is 0.
+/// One time step of the scalp grid: 10 rows of 9 cells, row-major, int8. One level is
+/// `model::INPUT_SCALE_UV` microvolts; a cell without an electrode is 0.
 pub type Plane = [i8; CELLS];
 
-/// Lays filtered electrodes on the scalp grid: `q = round(x * scale)`, half up, saturating; gives
-/// the plane and how many electrodes were clipped (0..=61).
+/// Quantises filtered electrodes, `q = round(x * scale)`, half up, saturating, and places them on the
+/// scalp grid. Returns the plane and the number of clipped electrodes (0..=61).
 #[inline]
 pub fn quantise(electrodes: &Electrodes) -> (Plane, u16) {
     let mut plane = [0; CELLS];
     let mut clipped = 0;
     for (&x, &cell) in electrodes.iter().zip(&GRID_CELL) {
-        let step = requantise(x, INPUT_MULTIPLIER);
-        let q = saturate_i8(step);
-        clipped += u16::from(i32::from(q) != step);
-        // All cells are on the grid; the compiler need not be told where.
+        let level = requantise(x, INPUT_MULTIPLIER);
+        let q = saturate_i8(level);
+        clipped += u16::from(i32::from(q) != level);
+        // Every index is on the grid; `get_mut` avoids a panic path that the compiler cannot exclude.
         if let Some(place) = plane.get_mut(usize::from(cell)) {
             *place = q;
         }
@@ -37,7 +37,7 @@ mod tests {
         let uv = 100.0;
         #[expect(
             clippy::cast_possible_truncation,
-            reason = "100 uV are 143,165 Q27.5 steps"
+            reason = "100 uV are 143,165 in Q27.5"
         )]
         let x = (uv * 1_000.0 / LSB_NV * f32::from(1_u16 << GUARD_BITS)).round() as i32;
         let (plane, clipped) = quantise(&[x; ELECTRODES]);
@@ -51,7 +51,7 @@ mod tests {
     }
 
     #[test]
-    fn what_exceeds_the_range_is_clipped_and_counted() {
+    fn values_out_of_range_are_clipped_and_counted() {
         let mut electrodes = [0; ELECTRODES];
         electrodes[3] = i32::MAX;
         electrodes[7] = i32::MIN;

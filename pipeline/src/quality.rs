@@ -1,57 +1,54 @@
-//! What each electrode delivers, second by second.
+//! Signal quality of each electrode, once a second.
 
 mod tone;
 
 use model::{ADC_RATE_HZ, ELECTRODES, GUARD_BITS, LSB_NV, STEP_RATE_HZ};
 
-use crate::{Mains, Sample, Step};
-use tone::{Bin, Tone, root};
+use crate::{mains::Mains, sample::Sample, step::Step};
+use tone::{Bin, Tone, square_root};
 
-/// Difference between the largest and the smallest sample of a second below which an electrode is
-/// flat, microvolt.
+/// Peak-to-peak range of a second, in microvolts, below which an electrode counts as flat.
 ///
-/// Half of what an ADS1299 reads from a shorted input at gain 24 and its lowest rate, 0.98 uV peak
-/// to peak (SBAS499C, table 1; more at every other rate): a converter that works is never so quiet.
+/// Half of the noise of an ADS1299 with shorted inputs at gain 24 and its lowest rate, 0.98 uV peak to
+/// peak (SBAS499C, table 1; higher at every other rate). A working converter always has more noise.
 pub const FLAT_BELOW_UV: f32 = 0.49;
 
-/// What every electrode delivered within one second.
+/// Signal quality of all electrodes within one second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
-    /// Index of the second's first sample, since the start.
+    /// Index, since the start, of the first sample of the second.
     pub first_sample: u64,
-    /// True if the filters had not settled at some step: the filtered figures show their start as
-    /// well.
+    /// True if the filters had not settled at some step: the filtered figures include their transient.
     pub settling: bool,
-    /// The index is the electrode. ADC channels without one are left out: what they read says
-    /// nothing about anybody's head.
+    /// Figures by electrode. ADC channels without an electrode are omitted.
     pub electrodes: [ElectrodeQuality; ELECTRODES],
 }
 
-/// What one electrode delivered within one second.
+/// Signal quality of one electrode within one second.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ElectrodeQuality {
-    /// RMS of the filtered steps, microvolt: what the encoder reads.
+    /// RMS of the filtered steps, which the encoder reads, microvolts.
     pub rms_uv: f32,
-    /// RMS of the mains frequency at the input, microvolt: a bad contact has much of it.
+    /// RMS of the mains frequency at the input, microvolts; high with a bad contact.
     pub mains_uv: f32,
-    /// RMS of the mains frequency left in the filtered steps, microvolt.
+    /// RMS of the mains frequency that remains in the filtered steps, microvolts.
     pub mains_residual_uv: f32,
-    /// Samples at the ADC's rail, 0 to `model::ADC_RATE_HZ`.
+    /// Number of samples at the ADC's rail, 0..=`model::ADC_RATE_HZ`.
     pub samples_at_rail: u16,
-    /// The samples differed by less than [`FLAT_BELOW_UV`].
+    /// True if the peak-to-peak range of the samples was below [`FLAT_BELOW_UV`].
     pub flat: bool,
 }
 
-/// Reports every second on the signal of each electrode.
+/// Measures the signal quality of each electrode and reports it once a second.
 ///
-/// It changes nothing and nobody in the pipeline waits for it: whoever has an [`Acquisition`] shows
-/// it each sample with the step that came of it, later and at a lower priority if that suits.
-/// f32 on purpose, being figures for people; the path to the code has none. Each sample must be
-/// shown once: a lost one lengthens its second and lowers that second's mains figures.
+/// It is not part of the path to the code. The owner of an [`Acquisition`] passes it each sample with the
+/// step that the sample completed, possibly later and at a lower priority. Figures for human readers use
+/// f32; the path to the code uses integers only. Pass each sample exactly once: a missing sample
+/// lengthens its second and lowers the mains figures of that second.
 ///
 /// # Timing
-/// Per electrode and sample three comparisons and two multiply-adds; eight words of state. The report
-/// itself takes three square roots per electrode.
+/// For each electrode and sample, three comparisons and two multiply-adds on eight words of state. A
+/// report takes three square roots for each electrode.
 ///
 /// ```
 /// use pipeline::{Acquisition, Mains, Sample, SignalQuality};
@@ -62,8 +59,8 @@ pub struct ElectrodeQuality {
 /// for _ in 0..model::ADC_RATE_HZ {
 ///     let mut sample = Sample::default();
 ///     sample.counts[7] = Sample::MAX;
-///     let step = acquisition.push(&sample);
-///     reports.extend(quality.push(&sample, step.as_ref()));
+///     let step = acquisition.process_sample(&sample);
+///     reports.extend(quality.observe(&sample, step.as_ref()));
 /// }
 /// let [electrode, other] = [7, 8].map(|index| reports[0].electrodes[index]);
 /// assert_eq!(electrode.samples_at_rail, model::ADC_RATE_HZ);
@@ -73,67 +70,68 @@ pub struct ElectrodeQuality {
 /// [`Acquisition`]: crate::Acquisition
 #[derive(Clone, Debug)]
 pub struct SignalQuality {
-    inputs: [Input; ELECTRODES],
-    outputs: [Output; ELECTRODES],
-    /// The mains frequency at the ADC's rate and at the steps'.
+    inputs: [InputSums; ELECTRODES],
+    outputs: [OutputSums; ELECTRODES],
+    /// Weights of the mains frequency at the ADC's rate.
     input_bin: Bin,
+    /// Weights of the mains frequency at the step rate.
     output_bin: Bin,
     first_sample: u64,
-    /// Samples of this second so far.
+    /// Number of samples of this second so far.
     samples: u16,
     settling: bool,
 }
 
-/// One electrode before the filters, this second so far; counts.
+/// Sums of one electrode before the filters in this second; counts.
 #[derive(Clone, Copy, Debug)]
-struct Input {
-    least: i32,
-    most: i32,
+struct InputSums {
+    smallest: i32,
+    largest: i32,
     at_rail: u16,
     mains: Tone,
 }
 
-/// One electrode behind the filters, this second so far; counts, Q27.5.
+/// Sums of one electrode after the filters in this second; counts in Q27.5.
 #[derive(Clone, Copy, Debug)]
-struct Output {
+struct OutputSums {
     squares: f32,
     mains: Tone,
 }
 
-impl Input {
-    const NOTHING: Self = Self {
-        least: 0,
-        most: 0,
+impl InputSums {
+    const ZERO: Self = Self {
+        smallest: 0,
+        largest: 0,
         at_rail: 0,
-        mains: Tone::SILENCE,
+        mains: Tone::ZERO,
     };
 }
 
-impl Output {
-    const NOTHING: Self = Self {
+impl OutputSums {
+    const ZERO: Self = Self {
         squares: 0.0,
-        mains: Tone::SILENCE,
+        mains: Tone::ZERO,
     };
 }
 
-/// The mains frequency at the ADC's rate and at the steps'.
+/// Returns the weights of a mains frequency at the ADC's rate and at the step rate.
 const fn bins(mains: Mains) -> [Bin; 2] {
-    const fn of(hz: u8) -> [Bin; 2] {
+    const fn bins_at(hz: u8) -> [Bin; 2] {
         [Bin::new(hz, ADC_RATE_HZ), Bin::new(hz, STEP_RATE_HZ)]
     }
     match mains {
-        Mains::Hz50 => const { of(50) },
-        Mains::Hz60 => const { of(60) },
+        Mains::Hz50 => const { bins_at(50) },
+        Mains::Hz60 => const { bins_at(60) },
     }
 }
 
 impl SignalQuality {
-    /// Nothing seen yet; the mains are the ones that the acquisition removes.
+    /// Creates a measurement; `mains` must be the mains frequency of the acquisition.
     pub const fn new(mains: Mains) -> Self {
         let [input_bin, output_bin] = bins(mains);
         Self {
-            inputs: [Input::NOTHING; ELECTRODES],
-            outputs: [Output::NOTHING; ELECTRODES],
+            inputs: [InputSums::ZERO; ELECTRODES],
+            outputs: [OutputSums::ZERO; ELECTRODES],
             input_bin,
             output_bin,
             first_sample: 0,
@@ -142,18 +140,18 @@ impl SignalQuality {
         }
     }
 
-    /// Forgets what it has seen, in place.
+    /// Resets the measurement in place, with another mains frequency.
     pub fn restart(&mut self, mains: Mains) {
         [self.input_bin, self.output_bin] = bins(mains);
-        self.outputs = [Output::NOTHING; ELECTRODES];
+        self.outputs = [OutputSums::ZERO; ELECTRODES];
         self.first_sample = 0;
         self.samples = 0;
         self.settling = false;
     }
 
-    /// Takes a sample and the step that came of it, if one did; the last sample of a second gives
-    /// that second's report.
-    pub fn push(&mut self, sample: &Sample, step: Option<&Step>) -> Option<Quality> {
+    /// Adds a sample and the step that it completed, if any; returns a report with the last sample of a
+    /// second.
+    pub fn observe(&mut self, sample: &Sample, step: Option<&Step>) -> Option<Quality> {
         self.add_sample(sample);
         if let Some(step) = step {
             self.add_step(step);
@@ -165,7 +163,7 @@ impl SignalQuality {
         self.first_sample += u64::from(ADC_RATE_HZ);
         self.samples = 0;
         self.settling = false;
-        self.outputs = [Output::NOTHING; ELECTRODES];
+        self.outputs = [OutputSums::ZERO; ELECTRODES];
         self.input_bin.restart();
         self.output_bin.restart();
         Some(report)
@@ -177,15 +175,15 @@ impl SignalQuality {
         self.samples += 1;
         for (input, &count) in self.inputs.iter_mut().zip(&sample.counts) {
             if is_first {
-                *input = Input {
-                    least: count,
-                    most: count,
-                    ..Input::NOTHING
+                *input = InputSums {
+                    smallest: count,
+                    largest: count,
+                    ..InputSums::ZERO
                 };
             }
-            input.least = input.least.min(count);
-            input.most = input.most.max(count);
-            input.at_rail += u16::from(Sample::rail(count) != 0);
+            input.smallest = input.smallest.min(count);
+            input.largest = input.largest.max(count);
+            input.at_rail += u16::from(Sample::at_rail(count) != 0);
             input.mains.add(approximate(count), weights);
         }
     }
@@ -207,11 +205,11 @@ impl SignalQuality {
             let (input, output) = (&self.inputs[index], &self.outputs[index]);
             let squares_mean = output.squares / f32::from(STEP_RATE_HZ);
             ElectrodeQuality {
-                rms_uv: root(squares_mean) * uv_per_filtered,
+                rms_uv: square_root(squares_mean) * uv_per_filtered,
                 mains_uv: input.mains.rms(ADC_RATE_HZ) * UV_PER_COUNT,
                 mains_residual_uv: output.mains.rms(STEP_RATE_HZ) * uv_per_filtered,
                 samples_at_rail: input.at_rail,
-                flat: approximate(input.most - input.least) * UV_PER_COUNT < FLAT_BELOW_UV,
+                flat: approximate(input.largest - input.smallest) * UV_PER_COUNT < FLAT_BELOW_UV,
             }
         });
         Quality {
@@ -222,8 +220,11 @@ impl SignalQuality {
     }
 }
 
-/// The nearest f32; exact up to 2^24, which neither a count nor a difference of two exceeds.
-#[expect(clippy::cast_precision_loss, reason = "figures for people, to 24 bits")]
+/// Converts to the nearest f32; exact up to 2^24, so exact for counts and differences of two counts.
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "24 bits suffice for these figures"
+)]
 fn approximate(x: i32) -> f32 {
     x as f32
 }

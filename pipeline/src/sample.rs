@@ -1,37 +1,37 @@
-//! What the ADC delivers at one moment.
+//! One sample of the ADC.
 
 use model::CHANNELS;
 
-/// One time step of all ADC channels.
+/// The counts of all ADC channels at one time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sample {
-    /// Counts, 24-bit two's complement in 32, |count| <= 2^23; the index is the ADC channel.
+    /// Counts by ADC channel: 24-bit two's complement in 32 bits, |count| <= 2^23.
     pub counts: [i32; CHANNELS],
 }
 
 impl Sample {
-    /// Largest count of a 24-bit converter; the smallest is `-MAX - 1`. A channel that delivers
-    /// either is at the rail.
+    /// Largest count of a 24-bit converter; the smallest is `-MAX - 1`. A channel with either count is at
+    /// the rail.
     pub const MAX: i32 = (1 << 23) - 1;
 
-    /// 1 for a count at the rail, else 0.
+    /// Returns 1 for a count at the rail, otherwise 0.
     #[inline]
-    pub(crate) const fn rail(count: i32) -> u32 {
-        // -MAX - 1 is the complement of MAX: what is left of both is MAX, the only number that
-        // reaches 2^23 with one more.
+    pub(crate) const fn at_rail(count: i32) -> u32 {
+        // -MAX - 1 is the complement of MAX, so the XOR maps both rails to MAX, the only number whose
+        // successor has bit 23 set.
         ((count ^ (count >> 31)) + 1).cast_unsigned() >> 23
     }
 
-    /// The channels that stand at the rail, one bit each.
+    /// Returns the channels that are at the rail; bit = channel.
     #[inline]
-    pub fn rails(&self) -> u64 {
-        const { assert!(CHANNELS <= 64, "one bit for each channel") };
-        // In halves, because a shift of 64 bits costs a Cortex-M six instructions.
+    pub fn channels_at_rail(&self) -> u64 {
+        const { assert!(CHANNELS <= 64, "the mask has 64 bits") };
+        // Two halves of 32 bits, because a 64-bit shift takes a Cortex-M six instructions.
         let (low, high) = self
             .counts
             .split_at(if CHANNELS < 32 { CHANNELS } else { 32 });
         let [low, high] = [low, high].map(|counts| {
-            let bits = counts.iter().rev().map(|&count| Self::rail(count));
+            let bits = counts.iter().rev().map(|&count| Self::at_rail(count));
             bits.fold(0, |rails, bit| rails << 1 | bit)
         });
         u64::from(high) << 32 | u64::from(low)
@@ -39,7 +39,7 @@ impl Sample {
 }
 
 impl Default for Sample {
-    /// Silence.
+    /// Returns a sample of zeros.
     fn default() -> Self {
         Self {
             counts: [0; CHANNELS],
@@ -52,20 +52,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_the_two_ends_of_the_range_are_rails() {
-        let rails = [Sample::MAX, -Sample::MAX - 1].map(Sample::rail);
+    fn only_the_two_ends_of_the_range_are_at_the_rail() {
+        let rails = [Sample::MAX, -Sample::MAX - 1].map(Sample::at_rail);
         assert_eq!(rails, [1, 1]);
-        let inside = [Sample::MAX - 1, -Sample::MAX, 1, 0, -1].map(Sample::rail);
+        let inside = [Sample::MAX - 1, -Sample::MAX, 1, 0, -1].map(Sample::at_rail);
         assert_eq!(inside, [0; 5]);
     }
 
     #[test]
-    fn each_channel_at_the_rail_has_its_bit() {
+    fn the_mask_has_one_bit_for_each_channel_at_the_rail() {
         for channel in 0..CHANNELS {
             let mut sample = Sample::default();
-            assert_eq!(sample.rails(), 0);
+            assert_eq!(sample.channels_at_rail(), 0);
             sample.counts[channel] = -Sample::MAX - 1;
-            assert_eq!(sample.rails(), 1 << channel);
+            assert_eq!(sample.channels_at_rail(), 1 << channel);
         }
     }
 }

@@ -1,34 +1,36 @@
-//! One time step of the encoder's input.
+//! One time step: the output of the acquisition and the input of the encoder.
 
-use crate::{CELLS, Electrodes, Plane};
+use model::{CELLS, ELECTRODES};
 
-/// What the acquisition makes of the ADC's samples and the encoder reads: one step at 128 Hz.
+use crate::{front_end::Electrodes, plane::Plane};
+
+/// One time step at 128 Hz: filtered and quantised electrodes, with events since the step before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// Index of the latest ADC sample that is not later than the step, since the start.
+    /// Index, since the start, of the last ADC sample that is not later than the step.
     pub sample: u64,
-    /// How much later than that sample the step stands, microseconds; 0 where the ADC's rate is a
-    /// multiple of the steps'.
+    /// Time from that sample to the step, microseconds; 0 if the ADC's rate is a multiple of the step
+    /// rate.
     pub offset_us: u16,
     /// Filtered electrodes, counts x 2^5 (Q27.5).
     pub electrodes: Electrodes,
-    /// The same on the scalp grid, int8.
+    /// Quantised electrodes on the scalp grid, int8.
     pub plane: Plane,
-    /// Electrodes whose int8 value was clipped (0..=61).
+    /// Number of electrodes whose int8 value was clipped (0..=61).
     pub clipped: u16,
-    /// ADC channels that stood at the rail in the samples since the step before, this step's own
-    /// sample included; bit = channel.
+    /// ADC channels that were at the rail in a sample since the step before, including this step's
+    /// sample; bit = channel.
     pub saturated: u64,
-    /// True while the filters have not settled since the start.
+    /// True until the filters have settled after the start.
     pub settling: bool,
 }
 
 impl Step {
-    /// Silence, settled.
+    /// A step of zeros with settled filters.
     pub const SILENCE: Self = Self {
         sample: 0,
         offset_us: 0,
-        electrodes: [0; crate::ELECTRODES],
+        electrodes: [0; ELECTRODES],
         plane: [0; CELLS],
         clipped: 0,
         saturated: 0,

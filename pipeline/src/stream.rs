@@ -1,8 +1,8 @@
-//! The whole path, from sample to code.
+//! The whole pipeline from sample to code.
 
-use crate::{Acquisition, Code, Encoder, Mains, Sample};
+use crate::{acquisition::Acquisition, code::Code, encoder::Encoder, mains::Mains, sample::Sample};
 
-/// The pipeline: acquisition and encoder in one, for those who need not run them apart.
+/// Acquisition and encoder in one, for programs that do not run them at different priorities.
 #[derive(Clone, Debug)]
 pub struct Pipeline {
     acquisition: Acquisition,
@@ -10,7 +10,7 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
-    /// A pipeline at rest for this mains frequency.
+    /// Creates a pipeline at rest, with the filters for a mains frequency.
     pub fn new(mains: Mains) -> Self {
         Self {
             acquisition: Acquisition::new(mains),
@@ -18,15 +18,15 @@ impl Pipeline {
         }
     }
 
-    /// Takes one sample; the one that completes a window gives its code: the first after 15 steps
-    /// and a sample, every further one a hop later.
+    /// Processes one sample; returns a code if the sample completes a window: first with the sample of
+    /// step 15, then once per hop.
     #[inline]
-    pub fn push(&mut self, sample: &Sample) -> Option<Code> {
-        let step = self.acquisition.push(sample)?;
-        self.encoder.push(&step)
+    pub fn encode_sample(&mut self, sample: &Sample) -> Option<Code> {
+        let step = self.acquisition.process_sample(sample)?;
+        self.encoder.encode_step(&step)
     }
 
-    /// The half that runs at the ADC's rate, for its counters.
+    /// Returns the acquisition, for its counters.
     pub const fn acquisition(&self) -> &Acquisition {
         &self.acquisition
     }
@@ -40,16 +40,16 @@ mod tests {
     use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ, STEPS};
 
     #[test]
-    fn a_code_comes_every_hop_and_names_its_first_sample() {
+    fn a_code_is_due_every_hop_and_carries_its_first_sample() {
         let mut pipeline = Pipeline::new(Mains::Hz50);
         let codes: Vec<(usize, Code)> = (0..1_024)
-            .filter_map(|index| Some((index, pipeline.push(&Sample::default())?)))
+            .filter_map(|index| Some((index, pipeline.encode_sample(&Sample::default())?)))
             .collect();
         let samples = |steps: usize| steps * usize::from(ADC_RATE_HZ) / usize::from(STEP_RATE_HZ);
         for (number, (sample, code)) in codes.iter().enumerate() {
             assert_eq!(code.window as usize, number);
             assert_eq!(code.first_sample, samples(number * HOP) as u64);
-            // It comes with the sample of the window's last step, not later.
+            // It is due with the sample of the window's last step.
             assert_eq!(*sample, samples(number * HOP + STEPS - 1));
         }
         assert_eq!(codes.len(), 1 + (1_024 / samples(1) - STEPS) / HOP);

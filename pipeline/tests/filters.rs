@@ -1,5 +1,5 @@
-//! What the device's filters promise, played with the inputs that would break it: no overflow, no
-//! limit cycle, offsets that go away.
+//! Properties of the device's filters under their worst-case inputs: no overflow, no limit cycle,
+//! decaying offsets.
 
 use fixed_dsp::{CascadeState, Filter, Section};
 use model::{GUARD_BITS, SECTIONS};
@@ -7,46 +7,46 @@ use pipeline::{Mains, Sample};
 
 const BOTH: [Mains; 2] = [Mains::Hz50, Mains::Hz60];
 
-/// One count in steps of a filtered sample.
+/// One count in units of a filtered sample (Q27.5).
 const COUNT: i32 = 1 << GUARD_BITS;
 
-/// The lower rail, in steps of a filtered sample: full scale.
+/// Full scale, the magnitude of the lower rail, in units of a filtered sample.
 const FULL_SCALE: f64 = 268_435_456.0;
 
-/// Sections up to and including `last`.
+/// Returns the sections up to and including `last`.
 fn prefix(mains: Mains, last: usize) -> Vec<Section> {
     mains.filter().cascade.sections[..=last].to_vec()
 }
 
-/// The full-scale input that drives the output of the last of `sections` furthest: the sign pattern
-/// of the reversed impulse response. No other input reaches the L1 norm.
+/// Returns the full-scale input with the largest output after `sections`: the sign pattern of the
+/// reversed impulse response. No other input reaches the L1 norm.
 fn worst_telegraph(sections: &[Section]) -> Vec<i32> {
     let impulse = std::iter::once(1.0).chain(std::iter::repeat_n(0.0, 20_000));
     let response: Vec<f64> = model_gen::response::filter(sections, impulse).collect();
     response.iter().rev().map(|h| rail(*h >= 0.0)).collect()
 }
 
-/// A count at the upper or the lower rail.
+/// Returns the count at the upper or the lower rail.
 fn rail(upper: bool) -> i32 {
     if upper { Sample::MAX } else { -Sample::MAX - 1 }
 }
 
-/// The filtered counts, by the filters that run on the device.
+/// Filters counts with the fixed-point filters of the device.
 fn filtered(mains: Mains, counts: &[i32]) -> Vec<i32> {
     let mut state = CascadeState::REST;
     counts
         .iter()
-        .map(|&count| mains.step(&mut state, count << GUARD_BITS))
+        .map(|&count| mains.apply(&mut state, count << GUARD_BITS))
         .collect()
 }
 
-/// The same in f64: quantised coefficients, no rounding of the signal, no overflow.
+/// Filters counts in f64: quantised coefficients, no rounding of the signal, no overflow.
 fn float_twin(mains: Mains, counts: &[i32]) -> Vec<f64> {
     let input = counts.iter().map(|&count| f64::from(count << GUARD_BITS));
     model_gen::response::filter(&mains.filter().cascade.sections, input).collect()
 }
 
-/// Largest distance of the fixed-point output from the float one, and largest output.
+/// Returns the largest difference of the fixed-point output from the float one, and the largest output.
 fn distance(mains: Mains, counts: &[i32]) -> [f64; 2] {
     let mut largest = [0.0_f64; 2];
     for (y, expected) in filtered(mains, counts)
@@ -59,18 +59,18 @@ fn distance(mains: Mains, counts: &[i32]) -> [f64; 2] {
     largest
 }
 
-/// The output's worst-case gain, as proven when the model was built.
+/// Returns the worst-case gain of the output, as proven when the model is built.
 fn proven_gain(mains: Mains) -> f64 {
-    let gains = model_gen::headroom::prove(&prefix(mains, SECTIONS - 1));
+    let gains = model_gen::headroom::prove_cascade(&prefix(mains, SECTIONS - 1));
     gains
-        .expect("proven at build time too")
+        .expect("also proven at build time")
         .last()
         .expect("a cascade has nodes")
         .gain
 }
 
-/// Shaped rounding noise of six sections, in steps (measured: 15); a wrap anywhere would be off by
-/// millions.
+/// Bound of the shaped rounding noise of six sections, in units of a filtered sample (measured: 15). A
+/// wrap of any node would cause an error of millions.
 const NOISE: f64 = 128.0;
 
 #[test]
@@ -78,7 +78,7 @@ fn the_worst_full_scale_input_of_every_section_never_wraps() {
     for mains in BOTH {
         for last in 0..SECTIONS {
             let [error, _] = distance(mains, &worst_telegraph(&prefix(mains, last)));
-            assert!(error < NOISE, "off by {error} steps");
+            assert!(error < NOISE, "error of {error} / {COUNT} counts");
         }
     }
 }
@@ -95,8 +95,8 @@ fn the_output_s_worst_input_reaches_the_proven_gain() {
 
 #[test]
 fn telegraphs_from_rail_to_rail_stay_below_the_proven_gain() {
-    // Square waves from one period per 10 s to every sample, and random telegraphs of ever shorter
-    // mean duration: 187.5 mV either way.
+    // Square waves and random telegraphs between +-187.5 mV, with half periods and mean durations from
+    // 5 s down to one sample.
     for mains in BOTH {
         let mut largest_gain = 0.0_f64;
         let mut random = 1_u32;
@@ -114,7 +114,7 @@ fn telegraphs_from_rail_to_rail_stay_below_the_proven_gain() {
                 .collect();
             for counts in [square, telegraph] {
                 let [error, largest] = distance(mains, &counts);
-                assert!(error < NOISE, "off by {error} steps");
+                assert!(error < NOISE, "error of {error} / {COUNT} counts");
                 largest_gain = largest_gain.max(largest / FULL_SCALE);
             }
         }
@@ -125,12 +125,12 @@ fn telegraphs_from_rail_to_rail_stay_below_the_proven_gain() {
 }
 
 #[test]
-fn silence_after_a_signal_leaves_no_limit_cycle_above_one_count() {
+fn zeros_after_a_signal_leave_no_limit_cycle_above_one_count() {
     for mains in BOTH {
         let mut largest = 0;
         for amplitude in [1, 100, 44_739, 894_784, Sample::MAX] {
             for period in [1, 3, 10, 51, 512, 4_096] {
-                // A signal of 4 s, then 60 s of zeros, of which the last 10 are looked at.
+                // A signal of 4 s, then 60 s of zeros, of which the last 10 s are checked.
                 let signal = (0..2_048).map(|n| {
                     if (n / period) % 2 == 0 {
                         amplitude
@@ -143,7 +143,7 @@ fn silence_after_a_signal_leaves_no_limit_cycle_above_one_count() {
                 largest = largest.max(tail.map(i32::abs).max().expect("a tail"));
             }
         }
-        println!("{mains:?}: limit cycle of at most {largest} of {COUNT} steps of a count");
+        println!("{mains:?}: limit cycle of at most {largest} / {COUNT} counts");
         assert!(largest <= COUNT);
     }
 }

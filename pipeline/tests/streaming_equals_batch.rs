@@ -1,5 +1,5 @@
-//! The streaming encoder against model-gen's batch reference: other loops, other layout, same
-//! integers.
+//! The streaming encoder against model-gen's batch reference, which has other loops and another layout
+//! of the weights.
 
 use std::{path::Path, sync::LazyLock};
 
@@ -11,12 +11,12 @@ use model::{
 use model_gen::{
     IntegerConv, IntegerLinear, IntegerModel,
     memory::parts,
-    pack::{self, Unsigned},
+    pack::{self, UnsignedInput},
 };
 use pipeline::{CELLS, Encoder, Plane, Step};
 use proptest::prelude::*;
 
-/// The folder of the built-in model: whichever the `model` crate was built from.
+/// Returns the folder from which the `model` crate was built.
 fn artifact_folder() -> std::path::PathBuf {
     option_env!("CORTICODE_ARTIFACT").map_or_else(
         || Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact"),
@@ -30,7 +30,7 @@ static BUILT_IN: LazyLock<IntegerModel> = LazyLock::new(|| {
     model_gen::quantise(&artifact).expect("the checked-in artifact is quantisable")
 });
 
-/// Every code of a stream, and the reference's code of the window that it belongs to.
+/// Asserts that every code of a stream equals the reference's code of its window.
 fn assert_equal_on(
     mut encoder: Encoder<'_>,
     hop: usize,
@@ -39,7 +39,7 @@ fn assert_equal_on(
 ) {
     let mut codes = 0;
     for (index, plane) in planes.iter().enumerate() {
-        let code = encoder.push(&Step {
+        let code = encoder.encode_step(&Step {
             plane: *plane,
             ..Step::default()
         });
@@ -71,7 +71,7 @@ fn planes() -> impl Strategy<Value = Vec<Plane>> {
 }
 
 #[test]
-fn silence_rails_and_impulses_give_the_reference_s_codes() {
+fn zeros_rails_and_impulses_have_the_reference_s_codes() {
     let check = |planes: &[Plane]| assert_equal_on(Encoder::new(), model::HOP, &BUILT_IN, planes);
     check(&stream(|_, _| 0));
     check(&stream(|_, _| 127));
@@ -85,17 +85,14 @@ fn silence_rails_and_impulses_give_the_reference_s_codes() {
 }
 
 #[test]
-fn the_golden_codes_come_out_again() {
+fn the_golden_windows_have_the_golden_codes() {
     if option_env!("CORTICODE_ARTIFACT").is_some() {
-        eprintln!("SKIPPED: golden codes of another model than the checked-in one");
+        eprintln!("SKIPPED: CORTICODE_ARTIFACT names another model than the checked-in one");
         return;
     }
     let golden =
         artifact::Golden::read(&artifact_folder()).expect("the checked-in golden is readable");
-    assert!(
-        !golden.windows.is_empty(),
-        "a golden without windows proves nothing"
-    );
+    assert!(!golden.windows.is_empty(), "the golden file has no windows");
     for (window, code) in golden.windows.iter().zip(&golden.codes) {
         assert_eq!(&BUILT_IN.encode_window(window), code);
         assert_equal_on(Encoder::new(), model::HOP, &BUILT_IN, window);
@@ -126,8 +123,8 @@ impl Noise {
     }
 }
 
-/// A model in which every weight matters: dense random weights, factors of both signs behind the
-/// pool, and factors that keep activations and codes mostly within their range.
+/// Returns a model in which every weight affects the code: dense random weights, factors of both signs
+/// after the pool, and factors that keep activations and codes mostly within their range.
 fn dense_model(seed: u32) -> IntegerModel {
     let mut noise = Noise(seed);
     let mut model = BUILT_IN.clone();
@@ -159,21 +156,23 @@ fn dense_model(seed: u32) -> IntegerModel {
     model
 }
 
-/// Weights in the kernels' layout.
+/// Weights packed for the kernels.
 struct Packed {
     conv1: Vec<Pair>,
     conv2: Vec<Pair>,
-    unsigned: Unsigned,
+    unsigned: UnsignedInput,
     fc: Vec<Vec<Vec<Pair>>>,
     shortcut: Vec<Vec<Pair>>,
 }
 
-/// Factors of a layer that a network lacks.
+/// Factors of a layer that the network does not have.
 const NONE: [i32; CODE] = [0; CODE];
 
-/// As many as the shapes ask for.
+/// Converts a slice to an array of the length that the shapes require.
 fn exactly<T, const LENGTH: usize>(values: &[T]) -> &[T; LENGTH] {
-    values.try_into().expect("as many as the shapes ask for")
+    values
+        .try_into()
+        .expect("the length that the shapes require")
 }
 
 impl Packed {
@@ -181,7 +180,7 @@ impl Packed {
         Self {
             conv1: pack::input_convolution(&model.conv1),
             conv2: pack::convolution(model),
-            unsigned: Unsigned::of(model),
+            unsigned: UnsignedInput::from_model(model),
             fc: pack::fully_connected(model),
             shortcut: pack::shortcut(model),
         }
@@ -201,8 +200,8 @@ impl Packed {
                 bias: exactly(&self.unsigned.bias),
                 multipliers: exactly(&model.conv2.multipliers),
             },
-            hidden_padding: Unsigned::pairs(self.unsigned.padding),
-            hidden_offset: Unsigned::pairs(self.unsigned.offset),
+            hidden_padding: UnsignedInput::to_pairs(self.unsigned.padding),
+            hidden_offset: UnsignedInput::to_pairs(self.unsigned.offset),
             fc: std::array::from_fn(|plane| {
                 std::array::from_fn(|piece| exactly(&self.fc[plane][piece]))
             }),
@@ -219,12 +218,12 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(10))]
 
     #[test]
-    fn any_stream_gives_the_reference_s_codes(planes in planes()) {
+    fn any_stream_has_the_reference_s_codes(planes in planes()) {
         assert_equal_on(Encoder::new(), model::HOP, &BUILT_IN, &planes);
     }
 
     #[test]
-    fn any_network_gives_the_reference_s_codes_at_either_hop(
+    fn any_network_has_the_reference_s_codes_at_either_hop(
         seed in any::<u32>(),
         hop in prop_oneof![Just(8), Just(16)],
         planes in planes(),
@@ -233,20 +232,20 @@ proptest! {
         let packed = Packed::new(&model);
         let network = packed.network(&model, hop);
         prop_assert!(network.is_consistent());
-        assert_equal_on(Encoder::with(&network), hop, &model, &planes);
+        assert_equal_on(Encoder::with_network(&network), hop, &model, &planes);
     }
 }
 
 #[test]
-fn the_state_is_as_large_as_the_manifest_says() {
+fn the_state_has_the_size_in_the_manifest() {
     let parts: usize = parts(&BUILT_IN).iter().map(|part| part.ram_bytes).sum();
-    // What a window counts, where the rings stand, and their alignment.
-    let beside = size_of::<Encoder<'_>>() - parts;
-    assert!(beside < 256, "{beside} bytes beside {parts}");
+    // Events of the windows, indices of the rings, and alignment.
+    let rest = size_of::<Encoder<'_>>() - parts;
+    assert!(rest < 256, "{rest} bytes in addition to {parts}");
 }
 
 #[test]
-fn a_single_weight_of_any_layer_changes_the_codes() {
+fn a_change_of_weights_in_any_layer_changes_the_codes() {
     let model = dense_model(1);
     let window: [Plane; STEPS] = std::array::from_fn(|step| {
         Noise(u32::try_from(step).expect("16 steps"))

@@ -134,7 +134,7 @@ fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     let every = all.windows.len().div_ceil(WINDOWS).max(1);
     let windows: Vec<_> = all.windows.iter().step_by(every).collect();
     let codes = all.codes.iter().step_by(every);
-    let codes: Vec<_> = codes.map(artifact::IntegerCode::steps).collect();
+    let codes: Vec<_> = codes.map(artifact::IntegerCode::levels).collect();
     let count = windows.len();
     writeln!(
         golden,
@@ -148,7 +148,7 @@ fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
 /// Writes the codes that the PC computes of [`signal::samples`].
 fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Error>> {
     let mut pipeline = Pipeline::new(mains);
-    let codes = signal::samples().filter_map(|sample| pipeline.push(&sample));
+    let codes = signal::samples().filter_map(|sample| pipeline.encode_sample(&sample));
     let codes: Vec<_> = codes.take(CODES).collect();
     let codes = format!("{codes:?}").replace("values: Int", "values: CodeValues::Int");
     writeln!(

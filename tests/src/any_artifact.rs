@@ -1,10 +1,10 @@
 //! Random networks of every mode, padding and pool, calibrated as a trained network is.
 
 use artifact::{
-    Artifact, ArtifactError, CODE, ELECTRODES, FloatEncoder, Geometry, Mode, NetworkShape, Padding,
-    ScalpGrid, Tensors, Traced, WINDOW_CELLS, WINDOW_ELECTRODES,
+    Artifact, ArtifactError, CELLS, CODE, ELECTRODES, FloatEncoder, Geometry, Mode, NetworkShape,
+    Padding, STEPS, ScalpGrid, Tensors, TracedCode, WINDOW_CELLS, WINDOW_ELECTRODES,
 };
-use model_gen::{CELLS, IntegerModel, Plane, STEPS};
+use model_gen::{IntegerModel, Plane};
 
 use crate::workspace;
 
@@ -56,10 +56,14 @@ pub fn any_artifact(
     artifact.description.network = NetworkShape { padding, pool };
     artifact.description.window.hop = hop;
     let mut noise = Noise(seed);
-    artifact.weights = dense_weights(&mut noise, mode, &Geometry::of(&artifact.description));
+    artifact.weights = dense_weights(
+        &mut noise,
+        mode,
+        &Geometry::new(&artifact.description.network),
+    );
     let windows = windows(!seed, &artifact, CALIBRATION);
     let encoder = FloatEncoder::new(&artifact)?;
-    let traced: Vec<Traced> = windows.iter().map(|w| encoder.encode_traced(w)).collect();
+    let traced: Vec<TracedCode> = windows.iter().map(|w| encoder.encode_traced(w)).collect();
     let calibration = calibration(&artifact, &windows, &traced);
     Artifact::new(artifact.description, artifact.weights, calibration)
 }
@@ -126,7 +130,7 @@ fn dense_weights(noise: &mut Noise, mode: Mode, geometry: &Geometry) -> Tensors 
     weights
 }
 
-fn calibration(artifact: &Artifact, windows: &[Window], traced: &[Traced]) -> Tensors {
+fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -> Tensors {
     let largest = |values: &mut dyn Iterator<Item = f32>| vec![values.fold(0.0, f32::max)];
     let mut calibration = Tensors::for_calibration();
     #[expect(clippy::cast_possible_truncation, reason = "calibration is f32")]

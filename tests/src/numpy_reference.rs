@@ -5,8 +5,8 @@ use std::io;
 use std::path::Path;
 use std::process::Command;
 
-use artifact::IntegerCode;
-use model_gen::{CODE, IntegerModel, Plane, STEPS};
+use artifact::{CODE, IntegerCode, STEPS};
+use model_gen::{IntegerModel, Plane};
 
 use emulator::skip::skip_unless_required;
 

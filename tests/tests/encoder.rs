@@ -36,10 +36,10 @@ fn compare(file: &str) {
     let mut codes: Vec<Code> = Vec::new();
     for sample in samples {
         let sample: Sample = sample.expect("a whole recording");
-        codes.extend(pipeline.push(&sample));
+        codes.extend(pipeline.encode_sample(&sample));
         planes.extend(
             front_end
-                .push(&sample)
+                .filter_sample(&sample)
                 .map(|(electrodes, _)| quantise(&electrodes).0),
         );
     }

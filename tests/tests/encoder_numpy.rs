@@ -114,7 +114,7 @@ fn inputs(test: &str) -> Vec<Vec<Plane>> {
 fn acquired(mains: Mains, samples: impl Iterator<Item = Sample>, steps: usize) -> Vec<Plane> {
     let mut acquisition = Acquisition::new(mains);
     samples
-        .filter_map(|sample| acquisition.push(&sample))
+        .filter_map(|sample| acquisition.process_sample(&sample))
         .map(|step| step.plane)
         .take(steps)
         .collect()
@@ -127,7 +127,7 @@ fn streamed(planes: &[Plane]) -> Vec<IntegerCode> {
         ..Step::default()
     });
     steps
-        .filter_map(|step| encoder.push(&step))
+        .filter_map(|step| encoder.encode_step(&step))
         .map(|code| IntegerCode {
             exponent: code.values.exponent(),
             values: code.values.integers(),

@@ -31,7 +31,13 @@ fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
     let samples = real_data::samples(&recording, &electrodes).expect("samples");
     let mut front_end = FrontEnd::new(Mains::Hz50, &model::RESAMPLER);
     let filtered: Vec<_> = samples
-        .filter_map(|sample| Some(front_end.push(&sample.expect("a whole recording"))?.0))
+        .filter_map(|sample| {
+            Some(
+                front_end
+                    .filter_sample(&sample.expect("a whole recording"))?
+                    .0,
+            )
+        })
         .collect();
     assert_eq!(filtered.len(), 240 * 16);
 

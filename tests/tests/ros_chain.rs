@@ -122,7 +122,7 @@ fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Ve
     let count = usize::from(model::ADC_RATE_HZ) * usize::try_from(SECONDS).expect("small");
     let codes = samples
         .take(count)
-        .filter_map(|sample| pipeline.push(&sample));
+        .filter_map(|sample| pipeline.encode_sample(&sample));
     let scales = model::CODE_SCALE.iter().zip(&model::CODE_ZERO_POINT);
     let dequantise = |levels: [i32; 128]| {
         let pairs = levels.into_iter().zip(scales.clone());
@@ -130,7 +130,7 @@ fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Ve
             .map(|(level, (scale, zero))| f64::from(level - i32::from(*zero)) * f64::from(*scale))
             .collect()
     };
-    codes.map(|code| dequantise(code.values.steps())).collect()
+    codes.map(|code| dequantise(code.values.levels())).collect()
 }
 
 /// Checks the contract of ROS-Neuro's acquisition, and that no code is lost.

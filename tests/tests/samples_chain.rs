@@ -63,7 +63,9 @@ fn samples_and_steps_reach_rospy_together_with_the_codes() {
     }
 
     let mut acquisition = Acquisition::new(Mains::Hz50);
-    let steps = samples.iter().filter_map(|sample| acquisition.push(sample));
+    let steps = samples
+        .iter()
+        .filter_map(|sample| acquisition.process_sample(sample));
     let expected: Vec<f64> = steps
         .flat_map(|step| step.electrodes)
         .map(|value| f64::from(value) * uv / FRACTION)

@@ -1,27 +1,26 @@
-//! The optimiser.
+//! The Adam optimiser.
 //!
-//! burn's own is left out: it needs the feature that would lock its GPU back ends, and a state of
-//! plain vectors makes a resumed training equal to the bit.
+//! burn's optimisers are not used: they need a feature that also pulls in its GPU back ends. A state of
+//! plain vectors also makes a resumed training equal bit for bit.
 
 use crate::parameters::{Parameters, is_statistic, rate_factor};
 use std::collections::BTreeMap;
 
-/// Decay of the mean gradient.
+/// Decay of the mean gradient, beta1.
 const MEAN_DECAY: f32 = 0.9;
-/// Decay of the mean squared gradient.
+/// Decay of the mean squared gradient, beta2.
 const SQUARE_DECAY: f32 = 0.999;
-/// Keeps the step finite where gradients vanish.
+/// Added to the denominator, so that vanishing gradients leave the update finite.
 const EPSILON: f32 = 1e-8;
 
-/// Gradients by the names of their tensors.
+/// Gradients by name of the tensor, last dimension fastest.
 pub type Gradients = BTreeMap<&'static str, Vec<f32>>;
 
 /// Adam (Kingma and Ba, arXiv 1412.6980, algorithm 1) with its usual constants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
-    /// Updates so far.
     pub(crate) updates: u64,
-    /// Decaying means by the names of their tensors.
+    /// Decaying means by name of the tensor.
     pub(crate) moments: BTreeMap<&'static str, Moments>,
 }
 
@@ -33,7 +32,7 @@ pub(crate) struct Moments {
 }
 
 impl Adam {
-    /// An optimiser at rest for everything in `parameters` that gradients change.
+    /// Creates an optimiser for all tensors of `parameters` except the running statistics.
     pub fn new(parameters: &Parameters) -> Self {
         let moments = parameters
             .iter()
@@ -55,15 +54,15 @@ impl Adam {
         }
     }
 
-    /// Updates so far.
+    /// Returns the number of updates so far.
     pub fn updates(&self) -> u64 {
         self.updates
     }
 
-    /// One step against the gradients.
+    /// Updates the parameters against the gradients, with learning rate `rate`.
     ///
     /// # Panics
-    /// When a tensor has no gradient.
+    /// If a tensor has no gradient.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "a rate and its corrections are f32"
@@ -93,7 +92,7 @@ mod tests {
     use crate::testing;
 
     #[test]
-    fn the_first_step_is_the_rate_against_the_sign_of_the_gradient() {
+    fn the_first_update_is_the_rate_against_the_sign_of_the_gradient() {
         let start = Parameters::pca(&testing::directions());
         let mut parameters = start.clone();
         let mut adam = Adam::new(&parameters);
@@ -106,7 +105,7 @@ mod tests {
                 )
             })
             .collect();
-        // The shortcut learns at a hundredth of the rate.
+        // The learning rate of the shortcut is a hundredth of `rate`.
         adam.update(&mut parameters, &gradients, 100.0);
         for ((_, before), (_, after)) in start.iter().zip(parameters.iter()) {
             for (index, (before, after)) in before.iter().zip(after).enumerate() {

@@ -1,33 +1,35 @@
-//! The ranges from which `model-gen` chooses its int8 scales.
+//! Calibration: measures the ranges from which model-gen derives the int8 scales.
 
 use crate::dataset::{Dataset, Window};
 use crate::error::TrainerError;
 use crate::in_parallel;
 use crate::parameters::Parameters;
-use artifact::{Artifact, CODE, Description, FloatEncoder, Mode, ScalpGrid, Tensors, Traced};
+use artifact::{Artifact, CODE, Description, FloatEncoder, Mode, ScalpGrid, Tensors, TracedCode};
 
-/// No dimension of the code reaches less far than this, in units of the input's standard deviation.
+/// Smallest calibrated range of a dimension of the code: +-10 standard deviations of the input.
 ///
-/// A muscle burst or a moving cap throws energy into dimensions that training hardly used. With
-/// `model-gen`'s head room of 2 the step of such a dimension is 10 * 2 / 127 = 0.16. On EEGMMIDB
-/// S001 R11 and R12 this floor costs more than it saves (int8 MSE 0.0041, without it 0.0039, float
-/// 0.0030); it guards recordings that are less like their training set than these.
-const SMALLEST_REACH: f32 = 10.0;
+/// Muscle activity or a moving cap excites dimensions that training hardly used. With model-gen's head
+/// room of 2, one level of such a dimension is 10 * 2 / 127 = 0.16. On EEGMMIDB S001 R11 and R12 the
+/// minimum increases the error (int8 MSE 0.0041, without it 0.0039, float 0.0030); it protects
+/// recordings that differ more from their training set.
+const MIN_RANGE: f32 = 10.0;
 
-/// The model of these parameters, calibrated on the windows of `dataset` (in units of the
-/// description's `sd_uv`) at every hop: smallest and largest number of each dimension of the code (at
-/// least -10 and 10), largest input and activations. No head room: `model-gen` adds it.
+/// Builds a model from parameters and calibrates it on the windows of `dataset`, in units of the
+/// description's `sd_uv`, at every hop.
+///
+/// The calibration holds the smallest and largest value of each dimension of the code (at least -10 and
+/// 10), the largest input and the largest activations. It has no head room; model-gen adds it.
 ///
 /// # Errors
-/// When description and parameters do not make a model.
-pub fn artifact(
+/// If description and parameters are not a valid model.
+pub fn calibrated_artifact(
     mut description: Description,
     parameters: &Parameters,
     dataset: &Dataset,
 ) -> Result<Artifact, TrainerError> {
     description.mode = parameters.mode();
     let weights = parameters.to_tensors();
-    let any = Ranges {
+    let placeholder = Ranges {
         low: [-1.0; CODE],
         high: [1.0; CODE],
         activations: [1.0; 2],
@@ -36,7 +38,7 @@ pub fn artifact(
     let uncalibrated = Artifact::new(
         description.clone(),
         weights.clone(),
-        any.to_tensors(parameters.mode(), 1.0),
+        placeholder.to_tensors(parameters.mode(), 1.0),
     )?;
     let encoder = FloatEncoder::new(&uncalibrated)?;
     let grid = ScalpGrid::new(&description);
@@ -44,13 +46,14 @@ pub fn artifact(
     let traces = in_parallel::map(&windows, |window| {
         encoder.encode_traced(&grid.scatter(window))
     });
-    let ranges = Ranges::of(&traces);
+    let ranges = Ranges::from_traces(&traces);
     #[expect(clippy::cast_possible_truncation, reason = "calibration is f32")]
-    let largest_uv = (f64::from(dataset.largest()) * description.input.sd_uv) as f32;
+    let largest_uv = (f64::from(dataset.max_abs()) * description.input.sd_uv) as f32;
     let calibration = ranges.to_tensors(parameters.mode(), largest_uv);
     Ok(Artifact::new(description, weights, calibration)?)
 }
 
+/// Calibrated ranges, in units of `sd_uv`.
 struct Ranges {
     low: [f32; CODE],
     high: [f32; CODE],
@@ -58,10 +61,10 @@ struct Ranges {
 }
 
 impl Ranges {
-    fn of(traces: &[Traced]) -> Self {
+    fn from_traces(traces: &[TracedCode]) -> Self {
         let mut ranges = Self {
-            low: [-SMALLEST_REACH; CODE],
-            high: [SMALLEST_REACH; CODE],
+            low: [-MIN_RANGE; CODE],
+            high: [MIN_RANGE; CODE],
             activations: [0.0; 2],
         };
         for trace in traces {
@@ -95,12 +98,12 @@ mod tests {
     use crate::testing;
 
     #[test]
-    fn the_ranges_are_those_of_the_codes_and_of_the_input() {
+    fn the_ranges_are_those_of_the_codes_and_the_input() {
         let mut dataset = testing::dataset(3, 128);
         dataset.scale(20.0);
         let parameters = Parameters::pca(&testing::directions());
-        let artifact = artifact(testing::description(), &parameters, &dataset).unwrap();
-        // A direction of the test is a feature: its range is that of the feature.
+        let artifact = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
+        // Each test direction selects one feature, so its range is that of the feature.
         let feature = 5 * artifact::WINDOW_ELECTRODES / CODE;
         let values = dataset
             .aligned(8)
@@ -112,15 +115,15 @@ mod tests {
         assert!((low - values.iter().copied().fold(f32::INFINITY, f32::min)).abs() < 1e-6);
         assert!((high - values.iter().copied().fold(f32::NEG_INFINITY, f32::max)).abs() < 1e-6);
         let uv = artifact.calibration.tensor("input.max_abs", &[1]).unwrap()[0];
-        assert!((f64::from(uv) - f64::from(dataset.largest()) * 47.3).abs() < 1e-3);
+        assert!((f64::from(uv) - f64::from(dataset.max_abs()) * 47.3).abs() < 1e-3);
     }
 
     #[test]
-    fn a_dimension_that_training_hardly_used_still_has_a_range() {
+    fn a_dimension_without_energy_has_the_minimum_range() {
         let dataset = testing::dataset(3, 64);
         let parameters = Parameters::pca(&testing::directions());
-        let artifact = artifact(testing::description(), &parameters, &dataset).unwrap();
-        for (name, reach) in [("code.min", -SMALLEST_REACH), ("code.max", SMALLEST_REACH)] {
+        let artifact = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
+        for (name, reach) in [("code.min", -MIN_RANGE), ("code.max", MIN_RANGE)] {
             let values = artifact.calibration.tensor(name, &[CODE]).unwrap();
             assert!(
                 values
@@ -132,10 +135,10 @@ mod tests {
     }
 
     #[test]
-    fn activations_are_measured_where_there_are_convolutions() {
+    fn activations_are_calibrated_in_a_model_with_convolutions() {
         let dataset = testing::dataset(3, 64);
         let parameters = Parameters::from_directions(&testing::directions(), 1);
-        let artifact = artifact(testing::description(), &parameters, &dataset).unwrap();
+        let artifact = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
         for name in ["activation1.max", "activation2.max"] {
             assert!(artifact.calibration.tensor(name, &[1]).unwrap()[0] > 0.0);
         }

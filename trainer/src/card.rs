@@ -1,22 +1,26 @@
-//! What the trained artifact says about itself.
+//! The description of a new artifact, and its training card.
 
 use artifact::{
     Adc, CodeFormat, CodeQuantisation, Decimation, Description, Figures, Filters, Grid, Input,
-    Mode, Montage, TrainingCard, Window,
+    Mode, Montage, STEPS, TrainingCard, Window,
 };
 
-/// The paper's chain (arXiv 2008.13485) in front of an ADS1299 at gain 24, with an empty card.
+use crate::evaluate::{Evaluation, ReconstructionError};
+use crate::pool::NETWORK;
+
+/// Returns the description of the paper's chain (arXiv 2008.13485) for an ADS1299 at gain 24, with an
+/// empty training card.
 pub fn description() -> Description {
     let grid = Grid::paper();
     Description {
         format: 1,
         mode: Mode::Shortcut,
         window: Window {
-            steps: 16,
-            hop: 8,
+            steps: STEPS,
+            hop: STEPS / 2,
             rate_hz: 128,
         },
-        network: crate::pool::NETWORK,
+        network: NETWORK,
         code: CodeQuantisation {
             format: CodeFormat::Int8,
         },
@@ -61,7 +65,7 @@ pub fn description() -> Description {
     }
 }
 
-/// What a reader of the figures should know about the recordings' electrodes.
+/// Returns the card's note about recorded and interpolated electrodes.
 pub fn note(real: usize, interpolated: usize) -> String {
     if interpolated == 0 {
         return "All electrodes were recorded.".to_owned();
@@ -74,14 +78,14 @@ pub fn note(real: usize, interpolated: usize) -> String {
     )
 }
 
-/// One figure of the network beside that of PCA.
+/// Returns one figure of the network and of PCA, selected by `figure`, rounded to six decimals.
 pub fn figures(
-    network: &crate::evaluate::Evaluation,
-    pca: &crate::evaluate::Evaluation,
-    figure: impl Fn(&crate::evaluate::Merit) -> f64,
+    network: &Evaluation,
+    pca: &Evaluation,
+    figure: impl Fn(&ReconstructionError) -> f64,
 ) -> Figures {
-    // Six digits: what one seed and one subject can tell at most.
-    let figure = |merit| (figure(merit) * 1e6).round() / 1e6;
+    // More decimals are not significant for one seed and one subject.
+    let figure = |error| (figure(error) * 1e6).round() / 1e6;
     Figures {
         autoencoder_float: figure(&network.float),
         autoencoder_int8: figure(&network.integer),

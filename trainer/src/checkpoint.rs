@@ -1,4 +1,4 @@
-//! A training on disk, between two epochs.
+//! Saves a training between two epochs, and restores it.
 
 use crate::adam::{Adam, Moments};
 use crate::error::TrainerError;
@@ -13,12 +13,12 @@ use std::fmt::Display;
 use std::path::Path;
 use std::str::FromStr;
 
-/// Writes a training; a crash while writing leaves the last checkpoint whole.
+/// Writes a training to `path`; a crash while writing leaves the previous checkpoint intact.
 ///
-/// `data` names the data: a training resumes on the same data only.
+/// `data` identifies the data: a training can be resumed only on the same data.
 ///
 /// # Errors
-/// When the file cannot be written.
+/// If the file cannot be written.
 pub fn write(path: &Path, training: &Training, data: &str) -> Result<(), TrainerError> {
     let bytes = to_bytes(training, data).map_err(|error| damaged(path, &error))?;
     let file_error = |source| TrainerError::File {
@@ -33,22 +33,22 @@ pub fn write(path: &Path, training: &Training, data: &str) -> Result<(), Trainer
     std::fs::rename(&partial, path).map_err(file_error)
 }
 
-/// Reads a training that [`write`] wrote with the same settings and data.
+/// Reads a training that [`write`] has written with the same settings and data.
 ///
 /// # Errors
-/// When the file cannot be read, is damaged or is of another training.
+/// If the file cannot be read, is damaged or belongs to another training.
 pub fn read(path: &Path, settings: Settings, data: &str) -> Result<Training, TrainerError> {
     let bytes = std::fs::read(path).map_err(|source| TrainerError::File {
         path: path.to_owned(),
         source,
     })?;
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|error| damaged(path, &error))?;
-    let facts = Facts {
+    let metadata = Metadata {
         path,
-        facts: header.metadata().clone().unwrap_or_default(),
+        entries: header.metadata().clone().unwrap_or_default(),
     };
-    let expected = training_name(settings, data);
-    let found = facts.text("training")?;
+    let expected = training_identity(settings, data);
+    let found = metadata.text("training")?;
     if found != expected {
         return Err(TrainerError::OtherTraining {
             path: path.to_owned(),
@@ -61,7 +61,7 @@ pub fn read(path: &Path, settings: Settings, data: &str) -> Result<Training, Tra
         let name = format!("{kind}.{name}");
         let view = file.tensor(&name).map_err(|error| damaged(path, &error))?;
         if view.dtype() != Dtype::F32 || view.shape() != [shape.iter().product::<usize>()] {
-            return Err(damaged(path, &format!("tensor {name} has another shape")));
+            return Err(damaged(path, &format!("tensor {name} has the wrong shape")));
         }
         let (words, _) = view.data().as_chunks();
         Ok(words.iter().map(|word| f32::from_le_bytes(*word)).collect())
@@ -88,22 +88,22 @@ pub fn read(path: &Path, settings: Settings, data: &str) -> Result<Training, Tra
     }
     Ok(Training {
         settings,
-        epoch: facts.number("epoch")?,
+        epoch: metadata.number("epoch")?,
         parameters: parameters("current")?,
         adam: Adam {
-            updates: facts.number("updates")?,
+            updates: metadata.number("updates")?,
             moments,
         },
         best: Candidate {
-            epoch: facts.number("best_epoch")?,
-            validation: facts.number("best_validation")?,
+            epoch: metadata.number("best_epoch")?,
+            validation: metadata.number("best_validation")?,
             parameters: parameters("best")?,
         },
     })
 }
 
-/// What must be equal for a training to go on.
-fn training_name(settings: Settings, data: &str) -> String {
+/// Returns the settings and data that must be equal for a training to be resumed.
+fn training_identity(settings: Settings, data: &str) -> String {
     format!("{settings:?} on {data}")
 }
 
@@ -133,19 +133,19 @@ fn to_bytes(training: &Training, data: &str) -> Result<Vec<u8>, safetensors::Saf
             TensorView::new(Dtype::F32, vec![bytes.len() / 4], bytes)?,
         ));
     }
-    // `{:?}` of a float reads back to the same float.
-    let facts = HashMap::from([
-        ("training", training_name(training.settings, data)),
+    // `{:?}` of a float parses to the same float.
+    let entries = HashMap::from([
+        ("training", training_identity(training.settings, data)),
         ("epoch", training.epoch.to_string()),
         ("updates", training.adam.updates.to_string()),
         ("best_epoch", training.best.epoch.to_string()),
         ("best_validation", format!("{:?}", training.best.validation)),
     ]);
-    let facts = facts
+    let entries = entries
         .into_iter()
-        .map(|(name, fact)| (name.to_owned(), fact))
+        .map(|(name, value)| (name.to_owned(), value))
         .collect();
-    safetensors::serialize(views, Some(facts))
+    safetensors::serialize(views, Some(entries))
 }
 
 fn damaged(path: &Path, problem: &dyn Display) -> TrainerError {
@@ -155,17 +155,18 @@ fn damaged(path: &Path, problem: &dyn Display) -> TrainerError {
     }
 }
 
-/// The texts beside the tensors.
-struct Facts<'a> {
+/// Metadata in the header of a checkpoint.
+struct Metadata<'a> {
     path: &'a Path,
-    facts: HashMap<String, String>,
+    entries: HashMap<String, String>,
 }
 
-impl Facts<'_> {
+impl Metadata<'_> {
     fn text(&self, name: &str) -> Result<String, TrainerError> {
-        let fact = self.facts.get(name);
-        fact.cloned()
-            .ok_or_else(|| damaged(self.path, &format!("it does not say its {name}")))
+        let value = self.entries.get(name);
+        value
+            .cloned()
+            .ok_or_else(|| damaged(self.path, &format!("its {name} is missing")))
     }
 
     fn number<T: FromStr>(&self, name: &str) -> Result<T, TrainerError> {

@@ -1,39 +1,39 @@
-//! Windows of tracks: for training at random offsets, for measuring at every hop.
+//! Windows of tracks: at random offsets for training, at every hop for evaluation.
 
 use crate::error::TrainerError;
 use crate::track::{Step, Track};
 use artifact::{STEPS, WINDOW_ELECTRODES};
 use rand::{Rng, RngExt};
 
-/// Every track's last part that is validated on, one in so many time steps.
+/// Reciprocal of the part at the end of every track that is used for validation.
 const VALIDATION_PART: usize = 8;
 
-/// Uninterrupted pieces of tracks.
+/// Contiguous segments of tracks.
 #[derive(Clone, Debug, Default)]
 pub struct Dataset {
     segments: Vec<Vec<Step>>,
 }
 
-/// A window: 16 time steps; flattened, the electrode is fastest.
+/// A window of 16 time steps, flattened, electrode fastest.
 pub type Window = [f32; WINDOW_ELECTRODES];
 
 impl Dataset {
-    /// A dataset of whole tracks.
+    /// Creates a dataset from whole tracks.
     ///
     /// # Errors
-    /// When a track is shorter than a window.
-    pub fn whole(tracks: &[Track]) -> Result<Self, TrainerError> {
+    /// If a track is shorter than a window.
+    pub fn from_tracks(tracks: &[Track]) -> Result<Self, TrainerError> {
         tracks.iter().try_for_each(|track| require(track, STEPS))?;
         Ok(Self {
             segments: tracks.iter().map(|track| track.steps.clone()).collect(),
         })
     }
 
-    /// Splits the last eighth of every track off for validation; the window before it is in
-    /// neither part, so that no sample is in both.
+    /// Splits every track: the last eighth is for validation, the rest for training. The window between
+    /// them is in neither part, so that no sample is in both.
     ///
     /// # Errors
-    /// When a track is too short for a window in both parts.
+    /// If a track is too short for a window in both parts.
     pub fn split(tracks: &[Track]) -> Result<Split, TrainerError> {
         let mut split = Split {
             training: Self::default(),
@@ -51,19 +51,19 @@ impl Dataset {
         Ok(split)
     }
 
-    /// A dataset of given pieces, each of at least 16 time steps.
+    /// Creates a dataset from segments of at least 16 time steps each.
     ///
     /// # Panics
-    /// When a piece is shorter.
-    pub fn of(segments: Vec<Vec<Step>>) -> Self {
+    /// If a segment is shorter.
+    pub fn from_segments(segments: Vec<Vec<Step>>) -> Self {
         assert!(
             segments.iter().all(|steps| steps.len() >= STEPS),
-            "every piece holds a window"
+            "every segment must hold a window"
         );
         Self { segments }
     }
 
-    /// Every number times `factor`.
+    /// Multiplies every value by `factor`.
     pub fn scale(&mut self, factor: f64) {
         #[expect(clippy::cast_possible_truncation, reason = "a float network takes f32")]
         for value in self.segments.iter_mut().flatten().flatten() {
@@ -71,8 +71,8 @@ impl Dataset {
         }
     }
 
-    /// Root of the mean square over all time steps and electrodes: the standard deviation, since
-    /// the band-pass leaves no mean.
+    /// Returns the root mean square over all time steps and electrodes. It equals the standard deviation,
+    /// because the band-pass removes the mean.
     pub fn deviation(&self) -> f64 {
         let values = self.segments.iter().flatten().flatten();
         let (count, sum) = values.fold((0_u64, 0.0), |(count, sum), value| {
@@ -83,18 +83,18 @@ impl Dataset {
         mean.sqrt()
     }
 
-    /// Largest magnitude.
-    pub fn largest(&self) -> f32 {
+    /// Returns the largest magnitude of all values.
+    pub fn max_abs(&self) -> f32 {
         let values = self.segments.iter().flatten().flatten();
         values.fold(0.0, |largest, value| largest.max(value.abs()))
     }
 
-    /// Windows that do not overlap: how many an epoch draws.
+    /// Returns the number of disjoint windows, which is the number of windows of an epoch.
     pub fn disjoint_windows(&self) -> usize {
         self.segments.iter().map(|steps| steps.len() / STEPS).sum()
     }
 
-    /// The windows at every `hop`-th time step of every piece.
+    /// Returns the windows that start at every `hop`-th time step of every segment.
     pub fn aligned(&self, hop: usize) -> Vec<&Window> {
         let segments = self.segments.iter();
         segments
@@ -106,7 +106,7 @@ impl Dataset {
             .collect()
     }
 
-    /// `count` windows at offsets drawn evenly from all that there are.
+    /// Returns `count` windows at random offsets, uniformly distributed over all segments.
     pub fn random(&self, count: usize, rng: &mut impl Rng) -> Vec<&Window> {
         let offsets: usize = self
             .segments
@@ -122,18 +122,18 @@ impl Dataset {
                 }
                 at -= here;
             }
-            unreachable!("the offset is below the sum of all")
+            unreachable!("the offset is below the sum over all segments")
         };
         (0..count).map(|_| draw()).collect()
     }
 }
 
-/// The two parts of the training tracks.
+/// Training and validation part of the training tracks.
 #[derive(Clone, Debug)]
 pub struct Split {
-    /// What the network learns from.
+    /// Windows for training.
     pub training: Dataset,
-    /// What the best epoch is chosen by.
+    /// Windows for choosing the best epoch.
     pub validation: Dataset,
 }
 
@@ -161,7 +161,7 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
-    /// A track whose numbers are their time step.
+    /// Returns a track whose values equal the index of their time step.
     #[expect(clippy::cast_precision_loss, reason = "a few hundred steps")]
     fn ramp(length: usize) -> Track {
         let steps = (0..length).map(|step| [step as f32; ELECTRODES]).collect();
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn no_sample_is_in_both_parts_nor_within_a_window_of_the_other() {
+    fn training_and_validation_are_separated_by_a_window() {
         let split = Dataset::split(&[ramp(800)]).unwrap();
         let last = split.training.aligned(1).last().unwrap()[WINDOW_ELECTRODES - 1];
         let first = split.validation.aligned(1)[0][0];
@@ -184,15 +184,15 @@ mod tests {
     }
 
     #[test]
-    fn aligned_windows_lie_a_hop_apart_inside_their_piece() {
-        let dataset = Dataset::whole(&[ramp(40), ramp(16)]).unwrap();
+    fn aligned_windows_are_a_hop_apart_within_their_segment() {
+        let dataset = Dataset::from_tracks(&[ramp(40), ramp(16)]).unwrap();
         let starts: Vec<f32> = dataset.aligned(8).iter().map(|window| window[0]).collect();
         assert_eq!(starts, [0.0, 8.0, 16.0, 24.0, 0.0]);
     }
 
     #[test]
-    fn random_windows_reach_every_offset_and_repeat_with_the_seed() {
-        let dataset = Dataset::whole(&[ramp(20), ramp(17)]).unwrap();
+    fn random_windows_reach_every_offset_and_depend_on_the_seed_only() {
+        let dataset = Dataset::from_tracks(&[ramp(20), ramp(17)]).unwrap();
         let draw = |seed| -> Vec<f32> {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             dataset
@@ -209,17 +209,17 @@ mod tests {
     }
 
     #[test]
-    fn a_short_track_is_refused_by_name() {
+    fn the_error_of_a_short_track_names_it() {
         let error = Dataset::split(&[ramp(200)]).unwrap_err();
         assert!(
-            error.to_string().starts_with("ramp gives 200 time steps"),
+            error.to_string().starts_with("ramp has 200 time steps"),
             "{error}"
         );
     }
 
     #[test]
-    fn scaling_by_the_deviation_makes_it_one() {
-        let mut dataset = Dataset::whole(&[ramp(50)]).unwrap();
+    fn dividing_by_the_deviation_makes_it_one() {
+        let mut dataset = Dataset::from_tracks(&[ramp(50)]).unwrap();
         dataset.scale(1.0 / dataset.deviation());
         assert!((dataset.deviation() - 1.0).abs() < 1e-6);
     }

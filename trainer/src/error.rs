@@ -1,120 +1,124 @@
-//! Why training or evaluation stops.
+//! Errors of training and evaluation.
 
 use std::path::PathBuf;
 
-/// Why training or evaluation stops.
+/// An error that stops training or evaluation.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainerError {
     /// A file or folder cannot be read or written.
     #[error("cannot access {}", path.display())]
     File {
-        /// The file.
+        /// File or folder that was accessed.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// A name picks no recording.
-    #[error("no recording in {} ends with {name}; there are: {}", folder.display(), found.join(" "))]
+    /// A name on the command line matches no recording.
+    #[error("no recording in {} ends with {name}; the folder has: {}", folder.display(), found.join(" "))]
     NothingFound {
-        /// The name.
+        /// Name on the command line.
         name: String,
-        /// Where it was looked for.
+        /// Folder that was searched.
         folder: PathBuf,
-        /// Names of the recordings that are there.
+        /// File names of the recordings in the folder.
         found: Vec<String>,
     },
-    /// A range of names that cannot be counted through.
-    #[error("{range} is no range of names; write for example R03..R10")]
+    /// A range of names that cannot be expanded.
+    #[error("{range} is not a range of names; write for example R03..R10")]
     BadRange {
-        /// The range.
+        /// Range on the command line.
         range: String,
     },
-    /// A recording is both trained on and tested with.
-    #[error("{name} is among the training and the test files; its figures would mean nothing")]
+    /// A recording is both a training and a test file.
+    #[error(
+        "{name} is both a training and a test file, so its figures would be meaningless; remove it from one of them"
+    )]
     TrainedOn {
-        /// The file's name.
+        /// File name of the recording.
         name: String,
     },
-    /// A recording cannot be read.
+    /// A recording is damaged or in an unsupported format.
     #[error("cannot read the recording {name}")]
     Recording {
-        /// The file's name.
+        /// File name of the recording.
         name: String,
-        /// What the reader said.
+        /// Error of the `recordings` crate.
         source: recordings::RecordingError,
     },
-    /// A recording does not fit the montage.
+    /// The channel labels of a recording do not match the montage.
     #[error("the recording {name} does not fit the montage")]
     Montage {
-        /// The file's name.
+        /// File name of the recording.
         name: String,
-        /// What does not fit.
+        /// Labels that do not match.
         source: recordings::MontageMapError,
     },
-    /// A recording is too short for a window behind the filters' settling.
+    /// A recording is too short for a window after the filters have settled.
     #[error(
-        "{name} gives {steps} time steps behind the filters' settling; at least {needed} are needed"
+        "{name} has {steps} time steps after the filters have settled; at least {needed} are needed"
     )]
     TooShort {
-        /// The file's name.
+        /// File name of the recording.
         name: String,
-        /// Time steps that remain.
+        /// Time steps after settling.
         steps: usize,
-        /// Time steps that would be enough.
+        /// Minimum number of time steps.
         needed: usize,
     },
-    /// The recordings hold nothing but silence.
-    #[error("the training recordings are silent in all electrodes; are they of the right unit?")]
+    /// All samples of the recordings are 0 after filtering.
+    #[error(
+        "the training recordings are 0 in all electrodes; check the physical unit in the files"
+    )]
     Silent,
     /// The filters of the description cannot be realised.
     #[error("the filters for {mains_hz} Hz mains cannot be realised")]
     Filter {
-        /// The mains frequency.
+        /// Mains frequency of the filters, Hz.
         mains_hz: u32,
-        /// What does not work.
+        /// Error of the filter design.
         source: model_gen::FilterError,
     },
-    /// The ADC's rate cannot be brought to that of the steps.
+    /// The resampler of the description cannot be realised.
     #[error("the decimation cannot be realised")]
     Resampler(#[source] model_gen::FilterError),
-    /// The filters have another number of sections than the trainer plays.
+    /// The filters have a number of sections that the trainer does not support.
     #[error(
-        "the filters have {found} sections, but the trainer plays 6: write harmonics = 0 and order = 5 under [filters] of model.toml"
+        "the filters have {found} sections, but the trainer supports only 6: write harmonics = 0 and order = 5 under [filters] of model.toml"
     )]
     Sections {
-        /// Sections of the description's filters.
+        /// Number of sections that the description requires.
         found: usize,
     },
-    /// The artifact cannot be read, made or written.
+    /// The artifact cannot be read, created or written.
     #[error(transparent)]
     Artifact(#[from] artifact::ArtifactError),
-    /// The model cannot be turned into integers.
+    /// A range or factor of the model does not fit its integer format.
     #[error("the model cannot be turned into integers")]
     Quantise(#[from] model_gen::ModelGenError),
-    /// A checkpoint is no checkpoint or is damaged.
-    #[error("{} is no checkpoint of this trainer or is damaged: {problem}; train without --resume", path.display())]
+    /// A file is not a checkpoint or is damaged.
+    #[error("{} is not a checkpoint of this trainer or is damaged: {problem}; train without --resume", path.display())]
     Checkpoint {
-        /// The file.
+        /// Path of the checkpoint.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Description of the damage.
         problem: String,
     },
-    /// A checkpoint belongs to another training.
-    #[error("{} is of a training with {found}, this one has {expected}; use the same settings, or train without --resume", path.display())]
+    /// A checkpoint was written with other settings or data.
+    #[error("{} belongs to a training with {found}, this one has {expected}; use the same settings, or train without --resume", path.display())]
     OtherTraining {
-        /// The file.
+        /// Path of the checkpoint.
         path: PathBuf,
-        /// The setting in the checkpoint.
+        /// Settings and data in the checkpoint.
         found: String,
-        /// The setting of this run.
+        /// Settings and data of this training.
         expected: String,
     },
-    /// The loss is no number any more.
+    /// The loss is infinite or NaN.
     #[error("the loss of epoch {epoch} is {loss}: training diverged; use a lower --rate")]
     Diverged {
-        /// The epoch.
+        /// Number of the epoch, from 1.
         epoch: u32,
-        /// Its loss.
+        /// Loss of the last batch.
         loss: f64,
     },
 }

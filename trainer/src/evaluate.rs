@@ -1,46 +1,47 @@
-//! How well a model's codes tell the windows, in float and as integers.
+//! Measures the reconstruction error of a model with float and integer codes.
 
 use crate::dataset::{Dataset, Window};
 use crate::error::TrainerError;
 use crate::in_parallel;
 use artifact::{
-    Artifact, CELLS, CodeFormat, FloatDecoder, FloatEncoder, IntegerCode, STEPS, ScalpGrid,
+    Artifact, CELLS, CodeFormat, ELECTRODES, FloatDecoder, FloatEncoder, IntegerCode, STEPS,
+    ScalpGrid, WINDOW_ELECTRODES,
 };
 use model_gen::{IntegerModel, Plane};
 use std::fmt;
 
-/// How well a model does on some windows.
+/// Figures of a model on a set of windows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evaluation {
-    /// Windows that were measured.
+    /// Number of measured windows.
     pub windows: usize,
-    /// With float codes.
-    pub float: Merit,
-    /// With the integer encoder's codes, whatever their format.
-    pub integer: Merit,
-    /// Format of its codes.
+    /// Error with the float encoder's codes.
+    pub float: ReconstructionError,
+    /// Error with the integer encoder's codes.
+    pub integer: ReconstructionError,
+    /// Format of the integer codes.
     pub format: CodeFormat,
-    /// Signal to quantisation noise of the integer codes against the float encoder's, dB: over all
-    /// dimensions together.
+    /// Signal-to-quantisation-noise ratio of the integer codes relative to the float codes, over all
+    /// dimensions, dB.
     pub code_sqnr_db: f64,
-    /// Numbers of the quantised windows that saturated.
+    /// Number of values of the quantised windows that saturated.
     pub input_clipped: u64,
-    /// Numbers of the integer codes at either end of their range.
+    /// Number of values of the integer codes at either end of their range.
     pub code_clipped: u64,
 }
 
-/// The error of reconstructed windows over the 61 electrodes.
+/// Error of reconstructed windows over all electrodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Merit {
+pub struct ReconstructionError {
     /// Mean squared error in units of `input.sd_uv` squared.
     pub mse: f64,
     /// Mean squared error, uV^2.
     pub mse_uv2: f64,
-    /// Root of the squared error over the root of the squared signal, percent.
+    /// Percent root-mean-square difference: root of the squared error over root of the squared signal.
     pub prd_percent: f64,
 }
 
-/// Sums over one window.
+/// Sums of squares and counts over one window.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     signal: f64,
@@ -52,7 +53,7 @@ struct Sums {
     code_clipped: u64,
 }
 
-/// A model ready to encode and decode.
+/// Encoders and decoder of a model.
 struct Codec {
     grid: ScalpGrid,
     encoder: FloatEncoder,
@@ -61,11 +62,10 @@ struct Codec {
     sd_uv: f64,
 }
 
-/// Measures a model on the windows of `dataset` (in units of the model's `input.sd_uv`) at every
-/// hop.
+/// Measures a model on the windows of `dataset`, in units of the model's `input.sd_uv`, at every hop.
 ///
 /// # Errors
-/// When the model cannot be decoded or turned into integers.
+/// If the model has no decoder or cannot be turned into integers.
 pub fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation, TrainerError> {
     let codec = Codec {
         grid: ScalpGrid::new(&model.description),
@@ -86,16 +86,16 @@ pub fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation, Train
         total.code_clipped += sums.code_clipped;
     }
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 numbers")]
-    let count = (windows.len() * artifact::WINDOW_ELECTRODES) as f64;
-    let merit = |error: f64| Merit {
+    let count = (windows.len() * WINDOW_ELECTRODES) as f64;
+    let relative = |error: f64| ReconstructionError {
         mse: error / count,
         mse_uv2: error / count * codec.sd_uv.powi(2),
         prd_percent: 100.0 * (error / total.signal).sqrt(),
     };
     Ok(Evaluation {
         windows: windows.len(),
-        float: merit(total.float_error),
-        integer: merit(total.integer_error),
+        float: relative(total.float_error),
+        integer: relative(total.integer_error),
         format: codec.integers.code_format,
         code_sqnr_db: 10.0 * (total.code / total.code_error).log10(),
         input_clipped: total.input_clipped,
@@ -121,7 +121,7 @@ impl Codec {
         }
     }
 
-    /// The planes that the device would see, q = round(uV / scale), and how many saturated.
+    /// Returns the quantised planes, q = round(uV / scale), and the number of saturated values.
     fn quantise(&self, cells: &[f32]) -> ([Plane; STEPS], u64) {
         let mut planes = [[0; CELLS]; STEPS];
         let mut clipped = 0;
@@ -137,7 +137,7 @@ impl Codec {
     }
 }
 
-/// Values of a code at either end of the range of its format.
+/// Returns the number of values of a code at either end of the range of its format.
 fn at_rails(format: CodeFormat, code: &IntegerCode) -> u64 {
     if code.exponent < format.largest_exponent() {
         return 0;
@@ -155,7 +155,7 @@ fn distance(a: &[f32], b: &[f32]) -> f64 {
     squares(a.iter().zip(b).map(|(a, b)| a - b))
 }
 
-/// Evaluations side by side: the table that `trainer` prints.
+/// The table of named evaluations that `trainer` prints.
 #[derive(Clone, Debug)]
 pub struct Table<'a>(pub &'a [(&'a str, Evaluation)]);
 
@@ -165,7 +165,10 @@ impl fmt::Display for Table<'_> {
             .0
             .first()
             .map_or(0, |(_, evaluation)| evaluation.windows);
-        writeln!(f, "{windows} windows; the error is over the 61 electrodes")?;
+        writeln!(
+            f,
+            "{windows} windows; the error is over the {ELECTRODES} electrodes"
+        )?;
         writeln!(
             f,
             "{:<14}{:>14}{:>12}{:>12}{:>9}{:>12}{:>16}{:>15}",
@@ -179,7 +182,7 @@ impl fmt::Display for Table<'_> {
             "codes at rail"
         )?;
         for (name, e) in self.0 {
-            let Merit {
+            let ReconstructionError {
                 mse,
                 mse_uv2,
                 prd_percent,
@@ -189,7 +192,7 @@ impl fmt::Display for Table<'_> {
                 "{name:<14}{:>14}{mse:>12.5}{mse_uv2:>12.2}{prd_percent:>9.2}",
                 "float"
             )?;
-            let Merit {
+            let ReconstructionError {
                 mse,
                 mse_uv2,
                 prd_percent,
@@ -207,23 +210,23 @@ impl fmt::Display for Table<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate;
+    use crate::calibrate::calibrated_artifact;
     use crate::parameters::Parameters;
     use crate::testing;
     use artifact::CODE;
 
     #[test]
-    fn directions_lose_what_they_do_not_see_and_int8_a_little_more() {
+    fn the_error_is_that_outside_the_directions_and_slightly_larger_in_int8() {
         let mut dataset = testing::dataset(9, 256);
-        // Loud enough to fill the smallest range that calibration allows.
+        // Large enough to fill the minimum range of the calibration.
         dataset.scale(5.0);
         let parameters = Parameters::pca(&testing::directions());
-        let model = calibrate::artifact(testing::description(), &parameters, &dataset).unwrap();
+        let model = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
         let evaluation = evaluate(&model, &dataset).unwrap();
         let windows = dataset.aligned(8);
         assert_eq!(evaluation.windows, windows.len());
         let seen: Vec<usize> = (0..CODE)
-            .map(|index| index * artifact::WINDOW_ELECTRODES / CODE)
+            .map(|index| index * WINDOW_ELECTRODES / CODE)
             .collect();
         let (mut lost, mut signal) = (0.0, 0.0);
         for window in &windows {
@@ -236,8 +239,8 @@ mod tests {
         let expected = 100.0 * (lost / signal).sqrt();
         assert!((evaluation.float.prd_percent - expected).abs() < 1e-3);
         assert!(evaluation.integer.mse > evaluation.float.mse);
-        // Each number of the code is quantised once on input and once on output, to about 1/200 of
-        // its range; measured 38 dB.
+        // Each value of the code is quantised once at the input and once at the output, to about 1/200
+        // of its range; measured 38 dB.
         assert!(evaluation.code_sqnr_db > 35.0, "{evaluation:?}");
         assert_eq!(evaluation.input_clipped, 0);
         let ratio = evaluation.float.mse_uv2 / evaluation.float.mse;
@@ -245,11 +248,11 @@ mod tests {
     }
 
     #[test]
-    fn wider_codes_lose_less_and_clip_nothing() {
+    fn wider_code_formats_have_less_error_and_clip_nothing() {
         let mut dataset = testing::dataset(9, 64);
         let parameters = Parameters::pca(&testing::directions());
-        let mut model = calibrate::artifact(testing::description(), &parameters, &dataset).unwrap();
-        // Beyond the int8 codes' head room, within that of the others and of the input.
+        let mut model = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
+        // Exceeds the head room of int8 codes, but not that of the other formats and of the input.
         for name in ["code.min", "code.max"] {
             let range = model.calibration.tensor(name, &[CODE]).unwrap().to_vec();
             let less = range.iter().map(|end| end / 9.0).collect();
@@ -275,7 +278,7 @@ mod tests {
     fn clipped_inputs_are_counted() {
         let mut dataset = testing::dataset(9, 64);
         let parameters = Parameters::pca(&testing::directions());
-        let model = calibrate::artifact(testing::description(), &parameters, &dataset).unwrap();
+        let model = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
         dataset.scale(10.0);
         assert!(evaluate(&model, &dataset).unwrap().input_clipped > 0);
     }

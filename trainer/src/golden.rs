@@ -1,21 +1,21 @@
-//! Windows that every integer encoder must turn into the same codes.
+//! Generates golden windows, for which every integer encoder must return the same codes.
 
-use artifact::{CELLS, Golden, STEPS};
+use artifact::{CELLS, COLUMNS, Golden, STEPS};
 use model_gen::{IntegerModel, Plane};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f32::consts::TAU;
 
-/// Noise windows with EEG's slope, at these parts of the input's range; the last one clips.
-const LOUDNESS: [f32; 6] = [0.01, 0.05, 0.1, 0.2, 0.5, 1.5];
-/// Windows of each loudness.
-const OF_EACH: usize = 3;
+/// Amplitudes of the 1/f noise windows, as parts of the input's range; the last one clips.
+const AMPLITUDES: [f32; 6] = [0.01, 0.05, 0.1, 0.2, 0.5, 1.5];
+/// Noise windows of each amplitude.
+const WINDOWS_PER_AMPLITUDE: usize = 3;
 /// Seed of the noise windows.
 const SEED: u64 = 0x60_1D;
 
-/// Extreme and ordinary windows, made without any recording, and their codes by the integer
-/// reference of `model-gen`.
-pub fn golden(integers: &IntegerModel) -> Golden {
+/// Returns synthetic windows, extreme and ordinary ones, with their codes by model-gen's integer
+/// reference.
+pub fn golden_windows(integers: &IntegerModel) -> Golden {
     let cells: Vec<usize> = integers
         .cells
         .iter()
@@ -23,8 +23,9 @@ pub fn golden(integers: &IntegerModel) -> Golden {
         .collect();
     let mut windows = extremes(&cells);
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
-    for loudness in LOUDNESS {
-        windows.extend((0..OF_EACH).map(|_| noise(&cells, loudness, &mut rng)));
+    for amplitude in AMPLITUDES {
+        let noise = |_| noise(&cells, amplitude, &mut rng);
+        windows.extend((0..WINDOWS_PER_AMPLITUDE).map(noise));
     }
     let codes = windows
         .iter()
@@ -37,9 +38,9 @@ pub fn golden(integers: &IntegerModel) -> Golden {
     }
 }
 
-/// Silence, both rails, telegraphs in time and space, and single numbers.
+/// Returns zeros, both rails, alternating rails in time and space, and single impulses.
 fn extremes(cells: &[usize]) -> Vec<[Plane; STEPS]> {
-    let of = |f: &dyn Fn(usize, usize) -> i8| {
+    let window_of = |f: &dyn Fn(usize, usize) -> i8| {
         let mut window = [[0; CELLS]; STEPS];
         for (step, plane) in window.iter_mut().enumerate() {
             for (electrode, &cell) in cells.iter().enumerate() {
@@ -50,15 +51,15 @@ fn extremes(cells: &[usize]) -> Vec<[Plane; STEPS]> {
     };
     let rails = |high: bool| if high { i8::MAX } else { i8::MIN };
     let mut windows = vec![
-        of(&|_, _| 0),
-        of(&|_, _| i8::MAX),
-        of(&|_, _| i8::MIN),
-        of(&|step, _| rails(step % 2 == 0)),
-        of(&|_, electrode| rails(electrode % 2 == 0)),
-        of(&|step, electrode| rails((step + electrode) % 2 == 0)),
+        window_of(&|_, _| 0),
+        window_of(&|_, _| i8::MAX),
+        window_of(&|_, _| i8::MIN),
+        window_of(&|step, _| rails(step % 2 == 0)),
+        window_of(&|_, electrode| rails(electrode % 2 == 0)),
+        window_of(&|step, electrode| rails((step + electrode) % 2 == 0)),
     ];
     for (at_step, at_electrode) in [(0, 0), (7, 29), (8, 25), (15, 60)] {
-        windows.push(of(&|step, electrode| {
+        windows.push(window_of(&|step, electrode| {
             if (step, electrode) == (at_step, at_electrode) {
                 i8::MAX
             } else {
@@ -69,8 +70,8 @@ fn extremes(cells: &[usize]) -> Vec<[Plane; STEPS]> {
     windows
 }
 
-/// A few sources with a 1/f amplitude that all electrodes share, in parts of the int8 range.
-fn noise(cells: &[usize], loudness: f32, rng: &mut impl Rng) -> [Plane; STEPS] {
+/// Returns a window of waves with a 1/f spectrum that all electrodes share, plus white noise.
+fn noise(cells: &[usize], amplitude: f32, rng: &mut impl Rng) -> [Plane; STEPS] {
     let mut window = [[0.0_f32; CELLS]; STEPS];
     for harmonic in 1..=12_u8 {
         let frequency = f32::from(harmonic) / 32.0;
@@ -78,7 +79,7 @@ fn noise(cells: &[usize], loudness: f32, rng: &mut impl Rng) -> [Plane; STEPS] {
         for (step, plane) in (0_u8..).zip(&mut window) {
             for &cell in cells {
                 #[expect(clippy::cast_precision_loss, reason = "a cell's index is below 90")]
-                let place = tilt + 0.3 * (cell % 9) as f32 + 0.2 * (cell / 9) as f32;
+                let place = tilt + 0.3 * (cell % COLUMNS) as f32 + 0.2 * (cell / COLUMNS) as f32;
                 let wave = (TAU * frequency * f32::from(step) + phase + place).sin();
                 plane[cell] += wave / f32::from(harmonic) + rng.random_range(-0.05..0.05);
             }
@@ -88,31 +89,34 @@ fn noise(cells: &[usize], loudness: f32, rng: &mut impl Rng) -> [Plane; STEPS] {
         clippy::cast_possible_truncation,
         reason = "saturates, as the device does"
     )]
-    window.map(|plane| plane.map(|value| (value * loudness * 127.0).round() as i8))
+    window.map(|plane| plane.map(|value| (value * amplitude * 127.0).round() as i8))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate;
+    use crate::calibrate::calibrated_artifact;
     use crate::parameters::Parameters;
     use crate::testing;
 
     #[test]
-    fn golden_windows_reach_both_rails_keep_empty_cells_silent_and_repeat() {
+    fn golden_windows_reach_both_rails_keep_empty_cells_0_and_are_reproducible() {
         let parameters = Parameters::pca(&testing::directions());
         let data = testing::dataset(1, 64);
-        let model = calibrate::artifact(testing::description(), &parameters, &data).unwrap();
+        let model = calibrated_artifact(testing::description(), &parameters, &data).unwrap();
         let integers = model_gen::quantise(&model).unwrap();
-        let golden = golden(&integers);
-        assert_eq!(golden.windows.len(), 10 + LOUDNESS.len() * OF_EACH);
+        let golden = golden_windows(&integers);
+        assert_eq!(
+            golden.windows.len(),
+            10 + AMPLITUDES.len() * WINDOWS_PER_AMPLITUDE
+        );
         let values = || golden.windows.as_flattened().iter();
         assert!(values().flatten().any(|q| *q == i8::MAX));
         assert!(values().flatten().any(|q| *q == i8::MIN));
-        assert!(values().all(|plane| plane[0] == 0 && plane[89] == 0));
+        assert!(values().all(|plane| plane[0] == 0 && plane[CELLS - 1] == 0));
         for (window, code) in golden.windows.iter().zip(&golden.codes) {
             assert_eq!(integers.encode_window(window), *code);
         }
-        assert_eq!(super::golden(&integers), golden);
+        assert_eq!(golden_windows(&integers), golden);
     }
 }

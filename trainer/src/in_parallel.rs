@@ -1,12 +1,12 @@
-//! One function over many windows on all cores.
+//! Parallel map over all cores.
 
 use std::num::NonZero;
 use std::thread;
 
-/// `f` of every item, in the order of the items.
+/// Applies `f` to every item in parallel; returns the results in the order of the items.
 ///
 /// # Panics
-/// When `f` does.
+/// If `f` panics.
 pub(crate) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
     let threads = thread::available_parallelism().map_or(1, NonZero::get);
     let share = items.len().div_ceil(threads).max(1);
@@ -29,7 +29,7 @@ pub(crate) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> 
 #[cfg(test)]
 mod tests {
     #[test]
-    fn results_come_in_the_order_of_the_items() {
+    fn results_are_in_the_order_of_the_items() {
         let items: Vec<u32> = (0..101).collect();
         let expected: Vec<u32> = items.iter().map(|item| item * 2).collect();
         assert_eq!(super::map(&items, |item| item * 2), expected);

@@ -1,28 +1,48 @@
 //! Trains the convolutional autoencoder and writes the artifact.
 //!
-//! The recordings pass the device's own path: a virtual ADC, the fixed-point filters and the
-//! decimation of `pipeline`; so the network learns from what the device will show it.
+//! The recordings pass through the signal path of the device (a virtual ADC, the fixed-point filters and
+//! the resampler of `pipeline`), so that the network is trained on the signals that the device feeds it.
+//!
+//! ```text
+//! EDF, BDF, GDF --Track: virtual ADC, filters--> Dataset --> PCA --> Parameters --> Training: Adam
+//!                                                   |                                  |
+//!                                                   v                                  v
+//!                              Evaluation <-- calibrated_artifact <------------ best Parameters
+//!                                                   |
+//!                                                   v
+//!                                model.toml, *.safetensors, golden.safetensors
+//! ```
 //!
 //! # Training on your own recordings
-//! 1. Put EDF, BDF or GDF files of one subject and one cap into a folder. Keep some whole runs for
-//!    testing: overlapping windows of one run on both sides would flatter every figure.
+//! 1. Put EDF, BDF or GDF files of one subject and one cap into a folder. Reserve whole runs for
+//!    testing: overlapping windows of one run in both parts would make every figure too good.
 //! 2. `cargo run --release --package trainer -- train --data FOLDER --train R03..R10
 //!    --test R11,R12 --mains 50 --dataset "..." --citation "..." --out model/artifact`.
-//!    A name picks the files whose stem ends with it; `R03..R10` means R03, R04, ... R10. Electrodes
-//!    that the cap lacks are interpolated, and the training card lists them.
-//! 3. The table at the end shows the network beside PCA with as many components, both in float and
-//!    with int8 codes. `cargo run --release --package trainer -- evaluate --artifact model/artifact
-//!    --data FOLDER` prints it again.
-//! 4. Build: `model/build.rs` turns the new artifact into integers and refuses one that it cannot
+//!    A name matches the files whose stem ends with it; `R03..R10` means R03, R04, ... R10. Electrodes
+//!    missing in the cap are interpolated, and the training card lists them.
+//! 3. The table at the end compares the network with PCA with the same number of components, both in
+//!    float and with integer codes. `cargo run --release --package trainer -- evaluate --artifact
+//!    model/artifact --data FOLDER` prints it again.
+//! 4. Build: `model/build.rs` turns the new artifact into integers and refuses one whose ranges it cannot
 //!    prove; `UPDATE_MANIFEST=1 cargo test --package model` writes the new `manifest.txt`.
 //!
-//! An interrupted training goes on with `--resume`. The same seed, files and machine give the same
+//! `--resume` continues an interrupted training. The same seed, files and machine produce the same
 //! bytes.
 //!
 //! # The network
-//! Mode `shortcut`: the paper's encoder and decoder beside a linear map from window to code and
-//! back. The linear map starts as PCA, the convolutions contribute exactly nothing at first, and
-//! epoch 0 is a candidate: on the validation blocks the float codes are never worse than PCA's.
+//! The mode is `shortcut`: the paper's encoder and decoder, plus a linear map from window to code and
+//! back. The linear map starts as PCA, and the convolutions contribute exactly 0 at the start. Epoch 0 is
+//! a candidate, so on the validation windows the float codes are never worse than PCA's.
+//!
+//! # Example
+//! ```
+//! use trainer::schedule::OneCycle;
+//!
+//! let schedule = OneCycle { peak: 1e-3, updates: 101 };
+//! // The rate starts at 1/25 of the peak and reaches it after 15 % of the updates.
+//! assert!((schedule.rate(0) - 4e-5).abs() < 1e-12);
+//! assert!((schedule.rate(15) - 1e-3).abs() < 1e-12);
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod adam;

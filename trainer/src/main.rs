@@ -7,7 +7,7 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use trainer::evaluate::Table;
-use trainer::session::{self, Audience, Comparison, Order};
+use trainer::session::{self, Comparison, ProgressObserver, TrainOptions};
 use trainer::training::{EpochReport, Settings};
 
 /// Trains the convolutional autoencoder on EEG recordings and writes the artifact.
@@ -22,7 +22,7 @@ struct Cli {
 enum Verb {
     /// Train a model and write its artifact.
     Train(TrainArgs),
-    /// Print how well an artifact does, beside PCA with as many components.
+    /// Print the figures of an artifact and of PCA with the same number of components.
     Evaluate(EvaluateArgs),
 }
 
@@ -31,55 +31,55 @@ struct TrainArgs {
     /// Folder of the recordings (EDF, BDF, GDF).
     #[arg(long)]
     data: PathBuf,
-    /// Recordings to train on: ends of file names, ranges as R03..R10.
+    /// Recordings to train on: ends of file names, or ranges like R03..R10.
     #[arg(long, required = true, value_delimiter = ',')]
     train: Vec<String>,
-    /// Recordings to test with; never trained or validated on.
+    /// Recordings to test with; they are not used for training or validation.
     #[arg(long, required = true, value_delimiter = ',')]
     test: Vec<String>,
-    /// Mains frequency where the recordings were made, Hz.
+    /// Mains frequency of the recordings, Hz.
     #[arg(long, value_parser = clap::value_parser!(u32).range(45..=65))]
     mains: u32,
     /// Origin and licence of the recordings, for the training card.
     #[arg(long, default_value = "not stated")]
     dataset: String,
-    /// What to cite, for the training card.
+    /// References to cite, for the training card.
     #[arg(long, default_value = "not stated")]
     citation: String,
-    /// Epochs to run.
+    /// Number of epochs.
     #[arg(long, default_value_t = 12)]
     epochs: u32,
-    /// Seed of every random choice.
+    /// Seed of all random numbers.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Largest learning rate.
     #[arg(long, default_value_t = 1e-3)]
     rate: f64,
-    /// Where the training is kept between epochs.
+    /// File that keeps the training between epochs.
     #[arg(long, default_value = "target/trainer/checkpoint.safetensors")]
     checkpoint: PathBuf,
-    /// Go on from the checkpoint.
+    /// Resume from the checkpoint.
     #[arg(long)]
     resume: bool,
-    /// Folder of the artifact.
+    /// Folder to write the artifact to.
     #[arg(long)]
     out: PathBuf,
 }
 
 #[derive(Args, Debug)]
 struct EvaluateArgs {
-    /// Folder of the artifact.
+    /// Folder to read the artifact from.
     #[arg(long)]
     artifact: PathBuf,
-    /// Folder of the recordings; those that the artifact was trained on too, for PCA.
+    /// Folder of the recordings, including the training files, to which PCA is fitted.
     #[arg(long)]
     data: PathBuf,
-    /// Recordings to test with; those of the training card unless given.
+    /// Recordings to test with [default: those in the training card].
     #[arg(long, value_delimiter = ',')]
     test: Vec<String>,
 }
 
-/// Windows of one update.
+/// Windows in a batch.
 const BATCH: usize = 32;
 
 fn main() -> ExitCode {
@@ -109,7 +109,7 @@ fn main() -> ExitCode {
     }
 }
 
-impl From<TrainArgs> for Order {
+impl From<TrainArgs> for TrainOptions {
     fn from(args: TrainArgs) -> Self {
         let TrainArgs {
             epochs,
@@ -137,29 +137,29 @@ impl From<TrainArgs> for Order {
     }
 }
 
-/// Lines and a progress bar on the standard error stream.
+/// Prints progress to standard error: lines and a progress bar.
 struct Terminal {
     bar: ProgressBar,
 }
 
-impl Audience for Terminal {
-    fn line(&mut self, text: &str) {
+impl ProgressObserver for Terminal {
+    fn message(&mut self, text: &str) {
         eprintln!("{text}");
     }
 
-    fn epoch_begins(&mut self, epoch: u32, of: u32, batches: usize) {
+    fn epoch_started(&mut self, epoch: u32, epochs: u32, batches: usize) {
         let style = "epoch {prefix} {bar:30} {pos}/{len} batches, {eta} left, loss {msg}";
         let style = ProgressStyle::with_template(style).expect("a template with known keys");
         self.bar = ProgressBar::new(batches as u64).with_style(style);
-        self.bar.set_prefix(format!("{epoch}/{of}"));
+        self.bar.set_prefix(format!("{epoch}/{epochs}"));
     }
 
-    fn batch_done(&mut self, batches: usize, loss: f64) {
+    fn batch_finished(&mut self, batches: usize, loss: f64) {
         self.bar.set_position(batches as u64);
         self.bar.set_message(format!("{loss:.5}"));
     }
 
-    fn epoch_ends(&mut self, report: EpochReport) {
+    fn epoch_finished(&mut self, report: EpochReport) {
         let EpochReport {
             epoch,
             loss,

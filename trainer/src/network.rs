@@ -1,100 +1,103 @@
-//! The autoencoder on burn's tensors: forward, loss and gradients.
+//! The autoencoder in burn's tensors: forward pass, loss and gradients.
 
 use crate::adam::Gradients;
 use crate::dataset::Window;
 use crate::parameters::{Parameters, is_statistic};
-use crate::pool::{CHANNELS, GEOMETRY, indices, max_pool, numbers, unpool};
-use artifact::{CELLS, CODE, COLUMNS, NORM_EPSILON, ROWS, STEPS, ScalpGrid, WINDOW_ELECTRODES};
+use crate::pool::{GEOMETRY, indices, max_pool, numbers, unpool};
+use artifact::{
+    CELLS, CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, KERNEL, NORM_EPSILON, ROWS, STEPS,
+    ScalpGrid, WINDOW_ELECTRODES,
+};
 use burn_tensor::activation::relu;
 use burn_tensor::module::{conv_transpose3d, conv3d};
 use burn_tensor::ops::{ConvOptions, ConvTransposeOptions};
 use burn_tensor::{Device, Int, Tensor, TensorData};
 use std::collections::BTreeMap;
 
-/// Weight of a batch in the running statistics: PyTorch's default.
+/// Weight of a batch in the running statistics; PyTorch's default.
 const MOMENTUM: f32 = 0.1;
-/// Windows that are measured at a time.
-const MEASURED_AT_A_TIME: usize = 64;
+/// Windows in a batch for evaluation.
+const EVALUATION_BATCH: usize = 64;
 
-/// The autoencoder on the CPU.
+/// The autoencoder, computed on the CPU.
 #[derive(Debug)]
 pub struct Network {
     grid: ScalpGrid,
 }
 
-/// What one pass over a batch says.
+/// Loss and gradients of one batch.
 #[derive(Debug)]
-pub struct Learnt {
-    /// Mean squared error over the batch's electrodes.
+pub struct BatchGradients {
+    /// Mean squared error over the electrodes of the batch.
     pub loss: f64,
-    /// Its gradient by everything but the running statistics.
+    /// Gradients of the loss with respect to all parameters except the running statistics.
     pub gradients: Gradients,
 }
 
-/// The parameters as tensors, and the statistics of the batch that passed them.
-struct Pass {
+/// A forward pass: the parameters as tensors, and the statistics of the batch.
+struct ForwardPass {
     parameters: BTreeMap<&'static str, Tensor<1>>,
-    /// Batch norm uses the batch's statistics and keeps them here; `None`: it uses the running ones.
+    /// Statistics of the batch, which batch norm uses and records; `None` to use the running statistics.
     statistics: Option<Vec<(&'static str, BatchStatistics)>>,
 }
 
-/// Mean and unbiased variance of each channel of a batch.
+/// Mean and unbiased variance of each channel over a batch.
 struct BatchStatistics {
     mean: Vec<f32>,
     variance: Vec<f32>,
 }
 
-/// A batch: the same windows on the scalp grid and as electrodes alone.
+/// A batch of windows, on the scalp grid and as electrodes.
 struct Batch {
     cells: Tensor<5>,
     electrodes: Tensor<2>,
 }
 
 impl Network {
-    /// The autoencoder for a scalp grid.
+    /// Creates the autoencoder for a scalp grid.
     pub fn new(grid: ScalpGrid) -> Self {
         Self { grid }
     }
 
-    /// Loss and gradients of a batch; the running statistics of `parameters` follow the batch.
-    pub fn learn(&self, parameters: &mut Parameters, windows: &[&Window]) -> Learnt {
+    /// Computes loss and gradients of a batch, and updates the running statistics in `parameters`.
+    pub fn gradients(&self, parameters: &mut Parameters, windows: &[&Window]) -> BatchGradients {
         let device = Device::flex().autodiff();
-        let mut pass = Pass::new(parameters, &device);
+        let mut pass = ForwardPass::new(parameters, &device);
         pass.statistics = Some(Vec::new());
         let batch = self.batch(windows, &device);
         let code = pass.encode(&batch);
         let window = pass.decode(code, &self.cell_indices(&device));
         let loss = (window - batch.electrodes).square().mean();
-        let mut found = loss.backward();
+        let mut computed = loss.backward();
         let leaves = pass
             .parameters
             .iter()
             .filter(|(name, _)| !is_statistic(name));
         let gradients = leaves
             .map(|(name, leaf)| {
-                let gradient = leaf.grad_remove(&mut found).map(numbers);
-                // A parameter that this mode does not use has no gradient.
+                let gradient = leaf.grad_remove(&mut computed).map(numbers);
+                // A parameter that does not affect the loss has no gradient.
                 (*name, gradient.unwrap_or_else(|| vec![0.0; leaf.dims()[0]]))
             })
             .collect();
         for (norm, batch) in pass.statistics.into_iter().flatten() {
-            follow(
+            update_running(
                 parameters.values_mut(&format!("{norm}.running_mean")),
                 &batch.mean,
             );
-            follow(
+            update_running(
                 parameters.values_mut(&format!("{norm}.running_var")),
                 &batch.variance,
             );
         }
-        Learnt {
+        BatchGradients {
             loss: f64::from(numbers(loss)[0]),
             gradients,
         }
     }
 
-    /// Mean squared error over windows, with the running statistics.
-    pub fn measure(&self, parameters: &Parameters, windows: &[&Window]) -> f64 {
+    /// Returns the mean squared error over windows, with the running statistics.
+    pub fn mean_squared_error(&self, parameters: &Parameters, windows: &[&Window]) -> f64 {
         let (_, errors) = self.run(parameters, windows, |window, batch| {
             numbers((window.clone() - batch.electrodes.clone()).square().sum())
         });
@@ -104,7 +107,7 @@ impl Network {
         sum / count
     }
 
-    /// Codes and reconstructed windows, with the running statistics.
+    /// Returns codes and reconstructed windows, with the running statistics.
     pub fn reconstruct(
         &self,
         parameters: &Parameters,
@@ -113,7 +116,7 @@ impl Network {
         self.run(parameters, windows, |window, _| numbers(window.clone()))
     }
 
-    /// Codes, and what `result` makes of each batch's reconstruction.
+    /// Returns the codes, and the results of `result` for the reconstruction of each batch.
     fn run(
         &self,
         parameters: &Parameters,
@@ -121,10 +124,10 @@ impl Network {
         result: impl Fn(&Tensor<2>, &Batch) -> Vec<f32>,
     ) -> (Vec<f32>, Vec<f32>) {
         let device = Device::flex();
-        let mut pass = Pass::new(parameters, &device);
+        let mut pass = ForwardPass::new(parameters, &device);
         let cells = self.cell_indices(&device);
         let (mut codes, mut results) = (Vec::new(), Vec::new());
-        for windows in windows.chunks(MEASURED_AT_A_TIME) {
+        for windows in windows.chunks(EVALUATION_BATCH) {
             let batch = self.batch(windows, &device);
             let code = pass.encode(&batch);
             codes.extend(numbers(code.clone()));
@@ -154,17 +157,17 @@ impl Network {
     }
 }
 
-impl Pass {
+impl ForwardPass {
     fn new(parameters: &Parameters, device: &Device) -> Self {
         let parameters = parameters
             .iter()
             .map(|(name, values)| {
                 let data = TensorData::new(values.to_vec(), [values.len()]);
                 let tensor = Tensor::from_data(data, device);
-                let learns = device.is_autodiff() && !is_statistic(name);
+                let is_trained = device.is_autodiff() && !is_statistic(name);
                 (
                     name,
-                    if learns {
+                    if is_trained {
                         tensor.require_grad()
                     } else {
                         tensor
@@ -183,9 +186,9 @@ impl Pass {
     }
 
     fn encode(&mut self, batch: &Batch) -> Tensor<2> {
-        let x = self.convolve(batch.cells.clone(), "encoder.conv1", [CHANNELS[0], 1]);
+        let x = self.convolve(batch.cells.clone(), "encoder.conv1", [CONV1_CHANNELS, 1]);
         let x = self.normalise(relu(x), "encoder.norm1");
-        let x = self.convolve(x, "encoder.conv2", [CHANNELS[1], CHANNELS[0]]);
+        let x = self.convolve(x, "encoder.conv2", [CONV2_CHANNELS, CONV1_CHANNELS]);
         let x = self.normalise(relu(x), "encoder.norm2");
         let flat = max_pool(x);
         let [count, features] = flat.dims();
@@ -203,16 +206,19 @@ impl Pass {
         let weight = self.parameter("decoder.fc.weight", [features, CODE]);
         let bias = self.parameter("decoder.fc.bias", [1, features]);
         let x = unpool(code.clone().matmul(weight.transpose()) + bias);
-        let x = self.convolve_transposed(x, "decoder.conv1", CHANNELS[1], CHANNELS[0]);
+        let x = self.convolve_transposed(x, "decoder.conv1", CONV2_CHANNELS, CONV1_CHANNELS);
         let x = self.normalise(relu(x), "decoder.norm1");
-        let x = self.convolve_transposed(x, "decoder.conv2", CHANNELS[0], 1);
+        let x = self.convolve_transposed(x, "decoder.conv2", CONV1_CHANNELS, 1);
         let x = x.reshape([count, STEPS, CELLS]).select(2, cells.clone());
         let shortcut = self.parameter("decoder.shortcut.weight", [WINDOW_ELECTRODES, CODE]);
         x.reshape([count, WINDOW_ELECTRODES]) + code.matmul(shortcut.transpose())
     }
 
     fn convolve(&self, x: Tensor<5>, name: &str, [outputs, inputs]: [usize; 2]) -> Tensor<5> {
-        let weight = self.parameter(&format!("{name}.weight"), [outputs, inputs, 3, 3, 3]);
+        let weight = self.parameter(
+            &format!("{name}.weight"),
+            [outputs, inputs, KERNEL, KERNEL, KERNEL],
+        );
         let bias = self.parameter(&format!("{name}.bias"), [outputs]);
         conv3d(
             x,
@@ -229,23 +235,26 @@ impl Pass {
         inputs: usize,
         outputs: usize,
     ) -> Tensor<5> {
-        let weight = self.parameter(&format!("{name}.weight"), [inputs, outputs, 3, 3, 3]);
+        let weight = self.parameter(
+            &format!("{name}.weight"),
+            [inputs, outputs, KERNEL, KERNEL, KERNEL],
+        );
         let bias = self.parameter(&format!("{name}.bias"), [outputs]);
         let options = ConvTransposeOptions::new([1; 3], [0; 3], [0; 3], [1; 3], 1);
         conv_transpose3d(x, weight, Some(bias), options)
     }
 
-    /// Batch norm over everything but the channels.
+    /// Applies batch norm, with statistics over all dimensions except the channels.
     fn normalise(&mut self, x: Tensor<5>, name: &'static str) -> Tensor<5> {
         let channels = x.dims()[1];
-        let of = |part: &str| self.parameter(&format!("{name}.{part}"), [1, channels, 1, 1, 1]);
-        let (gain, offset) = (of("weight"), of("bias"));
+        let vector = |part: &str| self.parameter(&format!("{name}.{part}"), [1, channels, 1, 1, 1]);
+        let (gain, offset) = (vector("weight"), vector("bias"));
         let (mean, variance) = if self.statistics.is_some() {
             let mean = x.clone().mean_dims(&[0, 2, 3, 4]);
             let variance = (x.clone() - mean.clone()).square().mean_dims(&[0, 2, 3, 4]);
             (mean, variance)
         } else {
-            (of("running_mean"), of("running_var"))
+            (vector("running_mean"), vector("running_var"))
         };
         if let Some(statistics) = &mut self.statistics {
             #[expect(
@@ -271,7 +280,7 @@ impl Pass {
 }
 
 /// Moves running statistics towards those of a batch.
-fn follow(running: &mut [f32], batch: &[f32]) {
+fn update_running(running: &mut [f32], batch: &[f32]) {
     for (running, batch) in running.iter_mut().zip(batch) {
         *running += MOMENTUM * (batch - *running);
     }
@@ -287,18 +296,18 @@ mod tests {
         Network::new(ScalpGrid::new(&testing::description()))
     }
 
-    /// Numbers that leave no layer at 0.
+    /// Returns parameters in which no layer is 0.
     fn parameters() -> Parameters {
         let mut parameters = Parameters::from_directions(&testing::directions(), 3);
         let names: Vec<&str> = parameters.iter().map(|(name, _)| name).collect();
         for name in names {
             for (index, value) in parameters.values_mut(name).iter_mut().enumerate() {
                 #[expect(clippy::cast_precision_loss, reason = "a small number")]
-                let step = (index * 7 % 11) as f32 - 4.5;
+                let change = (index * 7 % 11) as f32 - 4.5;
                 *value += if name.ends_with("running_var") {
-                    step.abs()
+                    change.abs()
                 } else {
-                    0.02 * step
+                    0.02 * change
                 };
             }
         }
@@ -331,21 +340,21 @@ mod tests {
                 worst = worst.max((a - b).abs() / size);
             }
         }
-        // Both sum up to 1152 products in f32, in another order; measured 9e-6.
+        // Both sum up to 1152 products in f32, in different orders; measured 9e-6.
         assert!(worst < 1e-4, "{worst}");
     }
 
     #[test]
-    fn gradients_are_the_slope_of_the_loss() {
+    fn gradients_equal_finite_differences_of_the_loss() {
         let parameters = parameters();
         let dataset = testing::dataset(6, 64);
         let windows = dataset.aligned(16);
         let network = network();
-        let learnt = network.learn(&mut parameters.clone(), &windows);
+        let batch = network.gradients(&mut parameters.clone(), &windows);
         let loss_with = |name: &str, index: usize, change: f32| {
             let mut changed = parameters.clone();
             changed.values_mut(name)[index] += change;
-            network.learn(&mut changed, &windows).loss
+            network.gradients(&mut changed, &windows).loss
         };
         for (name, index) in [
             ("encoder.conv1.weight", 30),
@@ -359,11 +368,11 @@ mod tests {
             ("decoder.conv2.weight", 40),
             ("decoder.shortcut.weight", 300),
         ] {
-            let step = 1e-2;
-            let slope = (loss_with(name, index, step) - loss_with(name, index, -step))
-                / (2.0 * f64::from(step));
-            let gradient = f64::from(learnt.gradients[name][index]);
-            // Central differences of a piecewise smooth loss in f32: measured within 2 %.
+            let change = 1e-2;
+            let slope = (loss_with(name, index, change) - loss_with(name, index, -change))
+                / (2.0 * f64::from(change));
+            let gradient = f64::from(batch.gradients[name][index]);
+            // Central differences of a piecewise smooth loss in f32; measured within 2 %.
             assert!(
                 (slope - gradient).abs() < 0.05 * gradient.abs() + 1e-3,
                 "{name}: {slope} {gradient}"
@@ -372,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn running_statistics_follow_the_batch_by_a_tenth() {
+    fn running_statistics_move_a_tenth_towards_the_batch() {
         let mut parameters = parameters();
         let mean = |parameters: &mut Parameters| {
             parameters.values_mut("encoder.norm1.running_mean").to_vec()
@@ -380,12 +389,12 @@ mod tests {
         let before = mean(&mut parameters);
         let dataset = testing::dataset(6, 64);
         let windows = dataset.aligned(16);
-        network().learn(&mut parameters, &windows);
+        network().gradients(&mut parameters, &windows);
         let first = mean(&mut parameters);
-        network().learn(&mut parameters, &windows);
+        network().gradients(&mut parameters, &windows);
         let second = mean(&mut parameters);
         for ((before, first), second) in before.iter().zip(first).zip(second) {
-            // The same batch twice: each time a tenth of what is left.
+            // The same batch twice: each update removes a tenth of the difference.
             assert!(((second - first) - 0.9 * (first - before)).abs() < 1e-5);
         }
     }

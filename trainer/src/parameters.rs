@@ -1,12 +1,14 @@
-//! The network's numbers by name, as the artifact has them.
+//! The parameters of the network, by the tensor names of the artifact.
 
 use crate::pool::GEOMETRY;
-use artifact::{ArtifactError, CODE, Mode, Tensors, WINDOW_ELECTRODES, weight_shapes};
+use artifact::{
+    ArtifactError, CODE, CONV1_CHANNELS, KERNEL, Mode, Tensors, WINDOW_ELECTRODES, weight_shapes,
+};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 
-/// The network's numbers by name; last dimension fastest.
+/// Values of all tensors by name, last dimension fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     mode: Mode,
@@ -14,12 +16,13 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// The start of a training in mode `shortcut`: the shortcut is the projection onto
-    /// `directions` and back, everything else is random but for the two layers through which the
-    /// convolutions reach code and window; these are 0.
+    /// Returns the initial parameters of a training in mode `shortcut`.
+    ///
+    /// The shortcut is the projection onto `directions` and back. The other layers are random, except for
+    /// the last convolutional layer of encoder and decoder, which is 0.
     ///
     /// # Panics
-    /// When there are not 128 directions of 976 elements.
+    /// Unless there are 128 directions of 976 elements.
     pub fn from_directions(directions: &[Vec<f32>], seed: u64) -> Self {
         let mut parameters = Self::linear(Mode::Shortcut, directions);
         for (index, (name, shape)) in weight_shapes(Mode::Shortcut, &GEOMETRY)
@@ -30,13 +33,13 @@ impl Parameters {
                 continue;
             }
             let count = shape.iter().product();
-            // A stream for each tensor: no tensor's numbers depend on another's size.
+            // One random stream for each tensor, so that no tensor depends on the size of another.
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             rng.set_stream(index as u64);
             let values = match (name.rsplit_once('.'), name.contains("norm")) {
                 (Some((_, "weight" | "running_var")), true) => vec![1.0; count],
                 (_, true) => vec![0.0; count],
-                _ if silent_at_first(name) => vec![0.0; count],
+                _ if starts_at_zero(name) => vec![0.0; count],
                 _ => {
                     let bound = 1.0 / fan_in(name).sqrt();
                     (0..count)
@@ -49,10 +52,10 @@ impl Parameters {
         parameters
     }
 
-    /// PCA alone: projection onto `directions` and back.
+    /// Returns the parameters of PCA: the projection onto `directions` and back.
     ///
     /// # Panics
-    /// When there are not 128 directions of 976 elements.
+    /// Unless there are 128 directions of 976 elements.
     pub fn pca(directions: &[Vec<f32>]) -> Self {
         Self::linear(Mode::Pca, directions)
     }
@@ -79,10 +82,10 @@ impl Parameters {
         Self { mode, values }
     }
 
-    /// The numbers of an artifact's weights.
+    /// Reads the parameters from the weights of an artifact.
     ///
     /// # Errors
-    /// When a tensor of the mode is missing or misshapen.
+    /// If a tensor of the mode is missing or misshapen.
     pub fn from_tensors(mode: Mode, weights: &Tensors) -> Result<Self, ArtifactError> {
         let values = weight_shapes(mode, &GEOMETRY)
             .into_iter()
@@ -91,7 +94,7 @@ impl Parameters {
         Ok(Self { mode, values })
     }
 
-    /// The weights of an artifact.
+    /// Returns the parameters as weights of an artifact.
     pub fn to_tensors(&self) -> Tensors {
         let mut weights = Tensors::for_weights();
         for (name, shape) in weight_shapes(self.mode, &GEOMETRY) {
@@ -100,22 +103,22 @@ impl Parameters {
         weights
     }
 
-    /// Which parts the network has.
+    /// Returns the mode, which determines the tensors.
     pub fn mode(&self) -> Mode {
         self.mode
     }
 
-    /// Names and numbers.
+    /// Iterates over names and values of all tensors, sorted by name.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, &[f32])> {
         self.values
             .iter()
             .map(|(&name, values)| (name, values.as_slice()))
     }
 
-    /// The numbers of a tensor.
+    /// Returns the values of a tensor.
     ///
     /// # Panics
-    /// When the mode has no tensor of this name.
+    /// If the mode has no tensor of this name.
     pub fn values_mut(&mut self, name: &str) -> &mut [f32] {
         self.values
             .get_mut(name)
@@ -123,14 +126,15 @@ impl Parameters {
     }
 }
 
-/// Whether a tensor is a running statistic, which no gradient changes.
+/// Returns whether a tensor is a running statistic, which is not trained by gradients.
 pub fn is_statistic(name: &str) -> bool {
     name.contains(".running_")
 }
 
-/// A tensor's learning rate over that of the others. The shortcut starts at the best linear code,
-/// and Adam's steps do not shrink near an optimum: at the full rate they cost more there than the
-/// convolutions gain.
+/// Returns the factor of a tensor's learning rate.
+///
+/// The shortcut starts at the optimal linear code, and Adam's updates do not shrink near an optimum. At
+/// the full rate they would lose more there than the convolutions gain.
 pub fn rate_factor(name: &str) -> f32 {
     if name.contains(".shortcut.") {
         0.01
@@ -139,20 +143,24 @@ pub fn rate_factor(name: &str) -> f32 {
     }
 }
 
-/// The layers that are 0 at the start, so that the convolutions contribute nothing. Their
-/// gradients are not 0, since what they read is not.
-fn silent_at_first(name: &str) -> bool {
+/// Returns whether a layer is initialised with 0, so that the convolutions contribute nothing at the
+/// start. Its gradients are not 0, because its inputs are not.
+fn starts_at_zero(name: &str) -> bool {
     name.starts_with("encoder.fc.") || name.starts_with("decoder.conv2.")
 }
 
-/// Inputs of one output, as PyTorch counts them for its uniform start within 1 / sqrt(inputs).
+/// Returns the fan-in of a layer as PyTorch counts it; initial values are uniform within +-1 /
+/// sqrt(fan-in).
+#[expect(clippy::cast_precision_loss, reason = "a few thousand inputs")]
 fn fan_in(name: &str) -> f32 {
-    match name.rsplit_once('.') {
-        Some(("encoder.conv1" | "decoder.conv2", _)) => 27.0,
-        Some(("encoder.conv2" | "decoder.conv1", _)) => 16.0 * 27.0,
-        Some(("encoder.fc", _)) => 1152.0,
-        _ => 128.0,
-    }
+    const TAPS: usize = KERNEL.pow(3);
+    let inputs = match name.rsplit_once('.') {
+        Some(("encoder.conv1" | "decoder.conv2", _)) => TAPS,
+        Some(("encoder.conv2" | "decoder.conv1", _)) => CONV1_CHANNELS * TAPS,
+        Some(("encoder.fc", _)) => GEOMETRY.flat(),
+        _ => CODE,
+    };
+    inputs as f32
 }
 
 #[cfg(test)]
@@ -161,7 +169,7 @@ mod tests {
     use crate::testing;
 
     #[test]
-    fn the_start_fills_every_tensor_of_the_mode_and_repeats_with_the_seed() {
+    fn the_initial_parameters_have_every_tensor_and_depend_on_the_seed_only() {
         let start = Parameters::from_directions(&testing::directions(), 7);
         let tensors = start.to_tensors();
         assert_eq!(
@@ -179,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn random_layers_stay_within_their_bound_and_use_it() {
+    fn random_layers_fill_their_range() {
         let start = Parameters::from_directions(&testing::directions(), 7);
         let largest = |name: &str| {
             start.values[name]

@@ -1,18 +1,19 @@
-//! Principal directions of the windows: the start of the shortcut, and the peer of the network.
+//! Principal directions of the windows: the initial shortcut, and the linear code for comparison.
 
 use crate::dataset::Dataset;
+use artifact::{STEPS, WINDOW_ELECTRODES};
 use nalgebra::{DMatrix, SymmetricEigen};
 
-/// Time steps from one window to the next in the second moment: half a window.
-const HOP: usize = 8;
-/// Windows that enter one matrix product.
+/// Time steps between the windows of the second moment: half a window.
+const HOP: usize = STEPS / 2;
+/// Windows in one matrix product.
 const BLOCK: usize = 512;
 
-/// The second moment of the dataset's windows, f64. Not the covariance: the band-pass leaves no
-/// mean, and without one the code of silence is 0.
+/// Returns the second moment of the dataset's windows in f64. It is used instead of the covariance: the
+/// band-pass removes the mean, and without a mean the code of a zero window is 0.
 pub fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
     let windows = dataset.aligned(HOP);
-    let features = artifact::WINDOW_ELECTRODES;
+    let features = WINDOW_ELECTRODES;
     let mut moment = DMatrix::zeros(features, features);
     for block in windows.chunks(BLOCK) {
         let columns = DMatrix::from_iterator(
@@ -29,17 +30,17 @@ pub fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
     moment / count
 }
 
-/// The `count` orthonormal directions along which a second moment is largest, the largest first.
+/// Returns the `count` orthonormal directions with the largest second moment, largest first.
 ///
-/// Of a direction and its negative, the one whose largest element is positive; so that the same
-/// data give the same signs.
+/// The sign of each direction is such that its largest element is positive, so that the same data yield
+/// the same signs.
 ///
 /// # Panics
-/// When the matrix has fewer than `count` rows.
+/// If the matrix has fewer than `count` rows.
 pub fn principal_directions(moment: DMatrix<f64>, count: usize) -> Vec<Vec<f32>> {
     assert!(
         count <= moment.nrows(),
-        "no more directions than dimensions"
+        "there are at most as many directions as dimensions"
     );
     let eigen = SymmetricEigen::new(moment);
     let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
@@ -60,12 +61,13 @@ mod tests {
     use nalgebra::DVector;
 
     #[test]
-    fn the_directions_of_a_known_matrix_come_in_falling_order() {
-        // Eigenvalues 1 and 4 in a plane turned by 30 degrees, and 2 across it.
+    fn the_directions_of_a_known_matrix_are_in_descending_order() {
+        // Eigenvalues 1 and 4 in a plane rotated by 30 degrees, and 2 perpendicular to it.
         let (sin, cos) = std::f64::consts::FRAC_PI_6.sin_cos();
-        let turn = DMatrix::from_row_slice(3, 3, &[cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0]);
+        let rotation =
+            DMatrix::from_row_slice(3, 3, &[cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0]);
         let scale = DMatrix::from_diagonal(&DVector::from_vec(vec![1.0, 4.0, 2.0]));
-        let directions = principal_directions(&turn * scale * turn.transpose(), 2);
+        let directions = principal_directions(&rotation * scale * rotation.transpose(), 2);
         #[expect(clippy::cast_possible_truncation, reason = "weights are f32")]
         let expected = [[-sin as f32, cos as f32, 0.0], [0.0, 0.0, 1.0]];
         for (direction, expected) in directions.iter().zip(expected) {
@@ -77,10 +79,10 @@ mod tests {
 
     #[test]
     fn the_second_moment_is_the_mean_of_outer_products() {
-        let mut steps = vec![[0.0; ELECTRODES]; 16];
+        let mut steps = vec![[0.0; ELECTRODES]; STEPS];
         steps[2][3] = 2.0;
         steps[5][7] = -3.0;
-        let moment = second_moment(&Dataset::of(vec![steps]));
+        let moment = second_moment(&Dataset::from_segments(vec![steps]));
         let (a, b) = (2 * ELECTRODES + 3, 5 * ELECTRODES + 7);
         assert!((moment[(a, b)] + 6.0).abs() < 1e-12);
         assert!((moment[(b, b)] - 9.0).abs() < 1e-12);

@@ -1,24 +1,22 @@
-//! Max-pool and unpool on burn's tensors.
+//! Max-pool and unpooling in burn's tensors.
 //!
-//! burn 0.22 has no three-dimensional max-pool; halving each axis with `max_pair` gives the same.
+//! burn 0.22 has no three-dimensional max-pool; applying `max_pair` to each axis is equivalent.
 
-use artifact::{Geometry, NetworkShape, Padding};
+use artifact::{CONV2_CHANNELS, Geometry, NetworkShape, Padding};
 use burn_tensor::{Device, Int, Tensor, TensorData};
 
-/// Channels behind the first and the second convolution.
-pub(crate) const CHANNELS: [usize; 2] = [16, 32];
-/// The only padding and pool that are trained.
+/// Padding and pool of every trained network.
 pub(crate) const NETWORK: NetworkShape = NetworkShape {
     padding: Padding::None,
     pool: [2, 2, 2],
 };
-/// Sizes between the layers.
+/// Sizes between the layers of every trained network.
 pub(crate) const GEOMETRY: Geometry = Geometry::new(&NETWORK);
 
-/// 2x2x2 maximum, flattened: channel, step, row, column.
+/// Returns the 2x2x2 max-pool of a feature map, flattened: channel, step, row, column.
 pub(crate) fn max_pool(x: Tensor<5>) -> Tensor<2> {
     let [count, channels, steps, rows, columns] = x.dims();
-    // Columns and rows that fill no pool are dropped.
+    // Rows and columns that do not fill a pool are dropped.
     let (rows, even) = (rows / 2 * 2, columns / 2 * 2);
     let x = x.slice([0..count, 0..channels, 0..steps, 0..rows, 0..even]);
     let planes = count * channels;
@@ -28,18 +26,18 @@ pub(crate) fn max_pool(x: Tensor<5>) -> Tensor<2> {
     x.reshape([count, GEOMETRY.flat()])
 }
 
-/// Maximum over the middle axis, which has two elements.
+/// Returns the maximum over the middle axis, which has two elements.
 fn largest_of_pairs(x: Tensor<3>) -> Tensor<3> {
     let [outer, _, inner] = x.dims();
     let first = x.clone().slice([0..outer, 0..1, 0..inner]);
     first.max_pair(x.slice([0..outer, 1..2, 0..inner]))
 }
 
-/// Nearest-neighbour unpooling to the feature map; of five columns three take the first.
+/// Unpools to the feature map by nearest neighbour; the first three of five columns take pooled column 0.
 pub(crate) fn unpool(flat: Tensor<2>) -> Tensor<5> {
     let (count, device) = (flat.dims()[0], flat.device());
     let [steps, rows, columns] = GEOMETRY.pooled;
-    let mut x = flat.reshape([count, CHANNELS[1], steps, rows, columns]);
+    let mut x = flat.reshape([count, CONV2_CHANNELS, steps, rows, columns]);
     for axis in 0..3 {
         let (length, pooled) = (GEOMETRY.feature_map[axis], GEOMETRY.pooled[axis]);
         let from: Vec<usize> = (0..length).map(|at| at * pooled / length).collect();
@@ -48,7 +46,7 @@ pub(crate) fn unpool(flat: Tensor<2>) -> Tensor<5> {
     x
 }
 
-/// Indices as a tensor.
+/// Converts indices to a tensor.
 pub(crate) fn indices(values: &[usize], device: &Device) -> Tensor<1, Int> {
     let index = |&value: &usize| i64::try_from(value).expect("an index into a window");
     let values: Vec<i64> = values.iter().map(index).collect();
@@ -56,7 +54,7 @@ pub(crate) fn indices(values: &[usize], device: &Device) -> Tensor<1, Int> {
     Tensor::from_data(TensorData::new(values, [count]), device)
 }
 
-/// The elements, last dimension fastest.
+/// Returns the elements of a tensor, last dimension fastest.
 pub(crate) fn numbers<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor
         .into_data_as::<f32>()

@@ -1,4 +1,4 @@
-//! From the ADC's rate to that of the steps, whatever the description says.
+//! Resampler from the ADC's rate to the step rate, for any description.
 
 use crate::error::TrainerError;
 use artifact::Description;
@@ -6,17 +6,17 @@ use model_gen::ResamplerTable;
 use pipeline::Electrodes;
 use std::collections::VecDeque;
 
-/// The device's resampler in sizes that are known only at run time; the same bits.
+/// The device's resampler with sizes known only at run time; its output bits are the same.
 pub(crate) struct Resampler {
     table: ResamplerTable,
-    /// The newest filtered samples, the newest first, as many as there are taps.
+    /// The last filtered samples, one for each tap, newest first.
     newest: VecDeque<Electrodes>,
-    /// From the newest sample to the next output, in parts (1 / phases) of a sample.
+    /// Time from the newest sample to the next output, in 1 / phases of a sample.
     ahead: usize,
 }
 
 impl Resampler {
-    /// A resampler that has seen nothing but zeros.
+    /// Creates a resampler at rest.
     pub(crate) fn new(description: &Description) -> Result<Self, TrainerError> {
         let table = ResamplerTable::new(
             description.filters.decimation,
@@ -31,8 +31,8 @@ impl Resampler {
         })
     }
 
-    /// Takes a filtered sample; gives the output that is due with it.
-    pub(crate) fn push(&mut self, filtered: Electrodes) -> Option<Electrodes> {
+    /// Adds a filtered sample; returns an output if one is due with it.
+    pub(crate) fn resample(&mut self, filtered: Electrodes) -> Option<Electrodes> {
         self.newest.pop_back();
         self.newest.push_front(filtered);
         let phases = self.table.phases();
@@ -49,7 +49,7 @@ impl Resampler {
                 .zip(samples)
                 .map(|(&tap, x)| i64::from(tap) * i64::from(x))
                 .sum();
-            // Half up, from Q2.30.
+            // From Q2.30, rounded half up.
             i32::try_from((sum + (1 << 29)) >> 30).expect("model-gen proves the head room")
         }))
     }
@@ -64,7 +64,7 @@ mod tests {
     use pipeline::{FrontEnd, Sample};
 
     #[test]
-    fn the_outputs_are_the_device_s_bit_for_bit_at_a_rational_ratio() {
+    fn the_outputs_equal_the_device_s_bit_for_bit_at_a_rational_ratio() {
         let mut description = card::description();
         description.adc.rate_hz = 500;
         description.filters.decimation = Decimation::Fir;
@@ -76,11 +76,11 @@ mod tests {
             }),
         };
         let every = fixed_dsp::Resampler::every(1);
-        // Any filter will do.
+        // An arbitrary filter.
         let high_pass = Cascade {
             sections: [Section::HighPass {
-                first: Coefficient::nearest(1.5),
-                second: Coefficient::nearest(-0.5625),
+                a1: Coefficient::nearest(1.5),
+                a2: Coefficient::nearest(-0.5625),
             }],
         };
         let mut filters = FrontEnd::new(high_pass, &every);
@@ -91,10 +91,10 @@ mod tests {
                 let channel = i32::try_from(channel).expect("64 channels");
                 (n * n * 313 + channel * 977) % 100_003 - 50_000
             });
-            let expected = device.push(&Sample { counts }).map(|(now, _)| now);
+            let expected = device.filter_sample(&Sample { counts }).map(|(now, _)| now);
             let found = filters
-                .push(&Sample { counts })
-                .and_then(|(now, _)| resampler.push(now));
+                .filter_sample(&Sample { counts })
+                .and_then(|(now, _)| resampler.resample(now));
             assert_eq!(found, expected, "sample {n}");
             outputs += usize::from(found.is_some());
         }

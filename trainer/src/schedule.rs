@@ -1,14 +1,14 @@
-//! The learning rate over a training.
+//! The learning-rate schedule of a training.
 
 use std::f64::consts::PI;
 
-/// One cycle: from a low rate up to the peak, then down to almost nothing, both along a cosine
-/// (Smith and Topin, arXiv 1708.07120; the shape and ratios of PyTorch's `OneCycleLR`).
+/// A one-cycle schedule: the rate rises to the peak, then falls to almost 0, both along a cosine (Smith
+/// and Topin, arXiv 1708.07120; shape and ratios of PyTorch's `OneCycleLR`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OneCycle {
-    /// Largest rate.
+    /// Largest learning rate.
     pub peak: f64,
-    /// Updates of the whole training.
+    /// Number of updates of the whole training.
     pub updates: u64,
 }
 
@@ -20,22 +20,26 @@ const RISE: f64 = 25.0;
 const FALL: f64 = 1e4;
 
 impl OneCycle {
-    /// The rate of an update, counted from 0.
+    /// Returns the learning rate of an update, counted from 0.
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 updates")]
     pub fn rate(&self, update: u64) -> f64 {
         let last = self.updates.saturating_sub(1).max(1) as f64;
-        let turn = WARM_UP * last;
+        let peak_at = WARM_UP * last;
         let first = self.peak / RISE;
         let update = (update as f64).min(last);
-        if update < turn {
-            ease(first, self.peak, update / turn)
+        if update < peak_at {
+            ease(first, self.peak, update / peak_at)
         } else {
-            ease(self.peak, first / FALL, (update - turn) / (last - turn))
+            ease(
+                self.peak,
+                first / FALL,
+                (update - peak_at) / (last - peak_at),
+            )
         }
     }
 }
 
-/// Half a cosine from `from` to `to`.
+/// Interpolates between `from` and `to` along half a cosine; `part` is in 0..=1.
 fn ease(from: f64, to: f64, part: f64) -> f64 {
     to + (from - to) * (1.0 + (PI * part).cos()) / 2.0
 }
@@ -45,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_rate_rises_to_the_peak_and_falls_to_almost_nothing() {
+    fn the_rate_rises_to_the_peak_and_falls_to_almost_zero() {
         let schedule = OneCycle {
             peak: 1e-3,
             updates: 101,
@@ -59,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn a_training_of_one_update_has_a_rate() {
+    fn a_training_of_one_update_has_a_positive_rate() {
         assert!(
             OneCycle {
                 peak: 1.0,

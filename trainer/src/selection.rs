@@ -1,18 +1,17 @@
-//! Which files of a folder a name means.
+//! Selects recordings in a folder by name.
 
 use crate::error::TrainerError;
 use std::path::{Path, PathBuf};
 
-/// Endings of files that may be recordings.
-const ENDINGS: [&str; 3] = ["edf", "bdf", "gdf"];
+/// File extensions of recordings.
+const EXTENSIONS: [&str; 3] = ["edf", "bdf", "gdf"];
 
-/// The recordings of `folder` that `names` pick, sorted by name, each once.
+/// Returns the recordings in `folder` that match `names`, sorted by name, without duplicates.
 ///
-/// A name picks the files whose stem or whole name ends with it; `R03..R10` stands for R03, R04,
-/// ... R10.
+/// A name matches the files whose stem or whole name ends with it; `R03..R10` means R03, R04, ... R10.
 ///
 /// # Errors
-/// When the folder cannot be read, a range cannot be counted through or a name picks nothing.
+/// If the folder cannot be read, a range cannot be expanded or a name matches no file.
 pub fn recordings(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, TrainerError> {
     let error = |source| TrainerError::File {
         path: folder.to_owned(),
@@ -21,23 +20,23 @@ pub fn recordings(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, Train
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(error)? {
         let path = entry.map_err(error)?.path();
-        let ending = path
+        let extension = path
             .extension()
-            .and_then(|ending| ending.to_str())
+            .and_then(|extension| extension.to_str())
             .unwrap_or_default();
-        if ENDINGS
+        if EXTENSIONS
             .iter()
-            .any(|known| ending.eq_ignore_ascii_case(known))
+            .any(|known| extension.eq_ignore_ascii_case(known))
         {
             files.push(path);
         }
     }
     files.sort();
-    let mut picked = Vec::new();
+    let mut matching = Vec::new();
     for name in expand(names)? {
-        let before = picked.len();
-        picked.extend(files.iter().filter(|path| picks(&name, path)).cloned());
-        if picked.len() == before {
+        let before = matching.len();
+        matching.extend(files.iter().filter(|path| matches(&name, path)).cloned());
+        if matching.len() == before {
             let found = files.iter().map(|path| file_name(path)).collect();
             return Err(TrainerError::NothingFound {
                 name,
@@ -46,26 +45,26 @@ pub fn recordings(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, Train
             });
         }
     }
-    picked.sort();
-    picked.dedup();
-    Ok(picked)
+    matching.sort();
+    matching.dedup();
+    Ok(matching)
 }
 
-/// The last part of a path, as text.
+/// Returns the last component of a path as text.
 pub fn file_name(path: &Path) -> String {
     path.file_name()
         .map(|name| name.to_string_lossy().into_owned())
         .unwrap_or_default()
 }
 
-fn picks(name: &str, path: &Path) -> bool {
+fn matches(name: &str, path: &Path) -> bool {
     let stem = path
         .file_stem()
         .map(|stem| stem.to_string_lossy().into_owned());
     stem.is_some_and(|stem| stem.ends_with(name)) || file_name(path).ends_with(name)
 }
 
-/// Writes out the ranges among `names`.
+/// Expands the ranges in `names`.
 fn expand(names: &[String]) -> Result<Vec<String>, TrainerError> {
     let mut expanded = Vec::new();
     for name in names {
@@ -87,7 +86,7 @@ fn expand(names: &[String]) -> Result<Vec<String>, TrainerError> {
     Ok(expanded)
 }
 
-/// What stands in front of a number, the number and its digits.
+/// Splits a name into the prefix, the number at its end, and the number's count of digits.
 fn split_number(name: &str) -> Option<(&str, u32, usize)> {
     let prefix = name.trim_end_matches(|c: char| c.is_ascii_digit());
     let digits = &name[prefix.len()..];
@@ -109,7 +108,7 @@ mod tests {
         folder
     }
 
-    fn picked(folder: &Path, names: &[&str]) -> Result<Vec<String>, TrainerError> {
+    fn matching(folder: &Path, names: &[&str]) -> Result<Vec<String>, TrainerError> {
         let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
         Ok(recordings(folder, &names)?
             .iter()
@@ -118,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_range_and_a_name_pick_files_by_the_end_of_their_stem() {
+    fn ranges_and_names_match_files_by_the_end_of_their_stem() {
         let folder = folder(&[
             "S001R08.edf",
             "S001R09.edf",
@@ -126,14 +125,14 @@ mod tests {
             "S001R11.edf",
             "R09.txt",
         ]);
-        let files = picked(folder.path(), &["R09..R10", "R09", "S001R11.edf"]).unwrap();
+        let files = matching(folder.path(), &["R09..R10", "R09", "S001R11.edf"]).unwrap();
         assert_eq!(files, ["S001R09.edf", "S001R10.EDF", "S001R11.edf"]);
     }
 
     #[test]
-    fn a_name_that_picks_nothing_is_an_error_that_lists_what_is_there() {
+    fn the_error_of_a_name_without_match_lists_the_recordings() {
         let folder = folder(&["S001R08.edf"]);
-        let error = picked(folder.path(), &["R08..R09"])
+        let error = matching(folder.path(), &["R08..R09"])
             .unwrap_err()
             .to_string();
         assert!(
@@ -143,10 +142,10 @@ mod tests {
     }
 
     #[test]
-    fn ranges_that_cannot_be_counted_are_refused() {
+    fn ranges_that_cannot_be_expanded_are_refused() {
         let folder = folder(&["S001R08.edf"]);
         for range in ["R10..R03", "R03..S05", "R..R5"] {
-            let error = picked(folder.path(), &[range]).unwrap_err();
+            let error = matching(folder.path(), &[range]).unwrap_err();
             assert!(
                 matches!(error, TrainerError::BadRange { .. }),
                 "{range}: {error}"

@@ -1,14 +1,15 @@
-//! Small data for the tests of this crate.
+//! Small models and datasets for the tests of this crate.
 
+use crate::calibrate::calibrated_artifact;
+use crate::card;
 use crate::dataset::Dataset;
 use crate::parameters::Parameters;
 use crate::track::Step;
-use crate::{calibrate, card};
 use artifact::{Artifact, CODE, Description, ELECTRODES, WINDOW_ELECTRODES};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Orthonormal directions without a decomposition: one feature each, spread over the window.
+/// Returns orthonormal directions: each selects one feature, spread over the window.
 pub(crate) fn directions() -> Vec<Vec<f32>> {
     (0..CODE)
         .map(|index| {
@@ -19,7 +20,7 @@ pub(crate) fn directions() -> Vec<Vec<f32>> {
         .collect()
 }
 
-/// A few smooth sources that all electrodes see, and a little noise.
+/// Returns a dataset of a few low-pass-filtered sources shared by all electrodes, plus a little noise.
 pub(crate) fn dataset(seed: u64, steps: usize) -> Dataset {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut sources = [0.0_f32; 4];
@@ -35,17 +36,17 @@ pub(crate) fn dataset(seed: u64, steps: usize) -> Dataset {
         })
         .collect();
     debug_assert!(ELECTRODES.div_ceil(16) == sources.len());
-    Dataset::of(vec![steps])
+    Dataset::from_segments(vec![steps])
 }
 
-/// The paper's chain at the standard deviation of the real training set.
+/// Returns the paper's chain with a realistic standard deviation of the input.
 pub(crate) fn description() -> Description {
     let mut description = card::description();
     description.input.sd_uv = 47.3;
     description
 }
 
-/// A calibrated model of given parameters.
+/// Returns a calibrated model with the given parameters.
 pub(crate) fn artifact(parameters: &Parameters) -> Artifact {
-    calibrate::artifact(description(), parameters, &dataset(1, 64)).unwrap()
+    calibrated_artifact(description(), parameters, &dataset(1, 64)).unwrap()
 }

@@ -1,4 +1,4 @@
-//! A recording behind the device's own front end.
+//! A recording, filtered by the device's front end.
 
 use crate::error::TrainerError;
 use crate::resampler::Resampler;
@@ -10,43 +10,43 @@ use pipeline::{FrontEnd, Sample};
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc, Warning};
 use std::path::Path;
 
-/// Sections of the card's filters: a notch, and five for a band-pass of order 5.
+/// Number of supported sections: a notch, and five for a band-pass of order 5.
 const SECTIONS: usize = 6;
 
 /// All electrodes at one time step.
 pub type Step = [f32; ELECTRODES];
 
-/// What is left out at the start of every recording, s: the 0.5 Hz high-pass answers the step from
-/// silence to the recording's offset. After 4 s its envelope exp(-2 pi 0.5 cos(72 deg) t) is 0.02.
-/// The device's flag `settling` lasts until 1e-4, 9.5 s. The checked-in model was trained and measured
-/// with this figure: a longer one belongs to the next training, or `trainer evaluate` would disagree
-/// with `model.toml`.
+/// Seconds omitted at the start of every recording, while the 0.5 Hz high-pass settles after the step to
+/// the recording's offset.
+///
+/// After 4 s the envelope exp(-2 pi 0.5 cos(72 deg) t) is 0.02. The device's flag `settling` is set until
+/// 1e-4, 9.5 s. The checked-in model was trained and evaluated with 4 s; with another value `trainer
+/// evaluate` would disagree with its `model.toml`.
 pub const SETTLING_S: usize = 4;
 
-/// Steps of the front end's output in a count.
-const STEPS_PER_COUNT: f64 = (1_u32 << GUARD_BITS) as f64;
+/// Units of the front end's output in a count.
+const UNITS_PER_COUNT: f64 = (1_u32 << GUARD_BITS) as f64;
 
-/// A recording as the encoder would see it: 128 Hz, filtered, in the montage's order.
+/// A recording as the encoder receives it: filtered, at 128 Hz, in the order of the montage.
 #[derive(Clone, Debug)]
 pub struct Track {
-    /// The file's name.
+    /// File name of the recording.
     pub name: String,
-    /// Time steps behind the filters' settling, uV.
+    /// Time steps after the filters have settled, uV.
     pub steps: Vec<Step>,
-    /// Labels of the electrodes that the recording lacks and that were interpolated.
+    /// Labels of electrodes that are missing in the recording and were interpolated.
     pub interpolated: Vec<String>,
-    /// Counts that the virtual ADC limited to its rails.
+    /// Number of counts that the virtual ADC limited to its rails.
     pub saturated: u64,
-    /// What is wrong with the file but did not keep it from being read.
+    /// Defects of the file that did not prevent reading it.
     pub warnings: Vec<Warning>,
 }
 
 impl Track {
-    /// Plays a recording through a virtual ADC and the filters that `description` names.
+    /// Reads a recording and passes it through a virtual ADC and the filters of `description`.
     ///
     /// # Errors
-    /// When the recording cannot be read, does not fit the montage, or the filters cannot be
-    /// realised.
+    /// If the recording cannot be read or does not fit the montage, or the filters cannot be realised.
     pub fn read(
         path: &Path,
         description: &Description,
@@ -73,15 +73,15 @@ impl Track {
         let every = fixed_dsp::Resampler::every(1);
         let mut filters = FrontEnd::new(cascade(description, mains_hz)?, &every);
         let mut resampler = Resampler::new(description)?;
-        let uv_per_step = adc.lsb_uv() / STEPS_PER_COUNT;
+        let uv_per_unit = adc.lsb_uv() / UNITS_PER_COUNT;
         let mut virtual_adc = VirtualAdc::new(recording, &map, spec).map_err(unreadable)?;
         let mut steps: Vec<Step> = Vec::new();
         for counts in &mut virtual_adc {
             let counts = counts.map_err(unreadable)?;
-            let filtered = filters.push(&Sample { counts });
-            if let Some(electrodes) = filtered.and_then(|(now, _)| resampler.push(now)) {
+            let filtered = filters.filter_sample(&Sample { counts });
+            if let Some(electrodes) = filtered.and_then(|(now, _)| resampler.resample(now)) {
                 #[expect(clippy::cast_possible_truncation, reason = "a float network takes f32")]
-                steps.push(electrodes.map(|v| (f64::from(v) * uv_per_step) as f32));
+                steps.push(electrodes.map(|v| (f64::from(v) * uv_per_unit) as f32));
             }
         }
         let settling = SETTLING_S * description.window.rate_hz as usize;
@@ -99,6 +99,7 @@ impl Track {
     }
 }
 
+/// Returns the filters for a mains frequency.
 fn cascade(description: &Description, mains_hz: u32) -> Result<Cascade<SECTIONS>, TrainerError> {
     let rate_hz = description.adc.rate_hz;
     let sections = model_gen::filter_cascade(&description.filters, rate_hz, mains_hz)

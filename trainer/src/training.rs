@@ -1,70 +1,70 @@
-//! Epochs, and the choice of the best one.
+//! Runs epochs and keeps the best parameters.
 
 use crate::adam::Adam;
 use crate::dataset::{Split, Window};
 use crate::error::TrainerError;
-use crate::network::Network;
+use crate::network::{BatchGradients, Network};
 use crate::parameters::Parameters;
 use crate::schedule::OneCycle;
 use artifact::STEPS;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// What distinguishes one training from another on the same data.
+/// Settings that determine the result of a training on given data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Epochs to run.
+    /// Number of epochs of the whole training.
     pub epochs: u32,
-    /// Windows of one update.
+    /// Windows in a batch; each batch is one update.
     pub batch: usize,
     /// Largest learning rate.
     pub peak_rate: f64,
-    /// Seed of the start and of the order of the windows.
+    /// Seed of the initial parameters and of the order of the windows.
     pub seed: u64,
 }
 
-/// A training between two epochs.
+/// State of a training between two epochs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Training {
     pub(crate) settings: Settings,
-    /// Epochs done.
+    /// Number of finished epochs.
     pub(crate) epoch: u32,
     pub(crate) parameters: Parameters,
     pub(crate) adam: Adam,
     pub(crate) best: Candidate,
 }
 
-/// The parameters after an epoch.
+/// Parameters after an epoch, with their validation error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
-    /// The epoch; 0 is the start.
+    /// Number of the epoch; 0 for the initial parameters.
     pub epoch: u32,
     /// Mean squared error on the validation windows.
     pub validation: f64,
-    /// The parameters.
+    /// Parameters after the epoch.
     pub parameters: Parameters,
 }
 
-/// What an epoch came to.
+/// Result of an epoch.
 #[derive(Clone, Copy, Debug)]
 pub struct EpochReport {
-    /// The epoch, from 1.
+    /// Number of the epoch, from 1.
     pub epoch: u32,
-    /// Mean loss over its batches.
+    /// Mean loss over the batches of the epoch.
     pub loss: f64,
-    /// Mean squared error on the validation windows after it.
+    /// Mean squared error on the validation windows after the epoch.
     pub validation: f64,
 }
 
 impl Training {
-    /// A training before its first epoch; the start is the first candidate.
+    /// Creates a training before its first epoch; the initial parameters are the first candidate.
     pub fn start(
         settings: Settings,
         parameters: Parameters,
         network: &Network,
         split: &Split,
     ) -> Self {
-        let validation = network.measure(&parameters, &validation_windows(split));
+        let validation = network.mean_squared_error(&parameters, &validation_windows(split));
         let adam = Adam::new(&parameters);
         let best = Candidate {
             epoch: 0,
@@ -80,34 +80,35 @@ impl Training {
         }
     }
 
-    /// Epochs done.
+    /// Returns the number of finished epochs.
     pub fn epoch(&self) -> u32 {
         self.epoch
     }
 
-    /// Whether all epochs are done.
+    /// Returns whether all epochs are finished.
     pub fn is_done(&self) -> bool {
         self.epoch >= self.settings.epochs
     }
 
-    /// The best candidate so far.
+    /// Returns the candidate with the smallest validation error so far.
     pub fn best(&self) -> &Candidate {
         &self.best
     }
 
-    /// Batches of an epoch: as many windows as fit side by side into the training part.
+    /// Returns the number of batches of an epoch, which has one window for each disjoint window of the
+    /// training part.
     pub fn batches(&self, split: &Split) -> usize {
         (split.training.disjoint_windows() / self.settings.batch).max(1)
     }
 
-    /// Runs the next epoch over windows at random offsets; `after_batch` gets the number of batches
-    /// done and the last loss.
+    /// Runs the next epoch over windows at random offsets; `after_batch` receives the number of finished
+    /// batches and the last loss.
     ///
-    /// The order of the windows follows from the seed and the epoch alone, so that a resumed
-    /// training equals an uninterrupted one.
+    /// The order of the windows depends only on the seed and the epoch, so that a resumed training equals
+    /// an uninterrupted one.
     ///
     /// # Errors
-    /// When the loss is no number any more.
+    /// If the loss becomes infinite or NaN.
     pub fn run_epoch(
         &mut self,
         network: &Network,
@@ -127,20 +128,16 @@ impl Training {
             .random(batches * self.settings.batch, &mut rng);
         let mut sum = 0.0;
         for (index, batch) in windows.chunks(self.settings.batch).enumerate() {
-            let learnt = network.learn(&mut self.parameters, batch);
-            if !learnt.loss.is_finite() {
-                return Err(TrainerError::Diverged {
-                    epoch,
-                    loss: learnt.loss,
-                });
+            let BatchGradients { loss, gradients } = network.gradients(&mut self.parameters, batch);
+            if !loss.is_finite() {
+                return Err(TrainerError::Diverged { epoch, loss });
             }
             let rate = schedule.rate(self.adam.updates());
-            self.adam
-                .update(&mut self.parameters, &learnt.gradients, rate);
-            sum += learnt.loss;
-            after_batch(index + 1, learnt.loss);
+            self.adam.update(&mut self.parameters, &gradients, rate);
+            sum += loss;
+            after_batch(index + 1, loss);
         }
-        let validation = network.measure(&self.parameters, &validation_windows(split));
+        let validation = network.mean_squared_error(&self.parameters, &validation_windows(split));
         self.epoch = epoch;
         if validation < self.best.validation {
             self.best = Candidate {
@@ -159,7 +156,7 @@ impl Training {
     }
 }
 
-/// Side by side: validation runs after every epoch and need not be denser.
+/// Returns disjoint windows of the validation part; overlapping ones would slow down every epoch.
 fn validation_windows(split: &Split) -> Vec<&Window> {
     split.validation.aligned(STEPS)
 }
@@ -198,13 +195,13 @@ mod tests {
     }
 
     #[test]
-    fn epoch_0_equals_the_projection_onto_the_directions() {
+    fn epoch_0_has_the_error_of_the_projection_onto_the_directions() {
         let split = split();
         let windows = split.validation.aligned(STEPS);
         let directions = testing::directions();
         let mut sum = 0.0;
         for window in &windows {
-            // Orthonormal directions: what is lost is what no direction sees.
+            // The directions are orthonormal: the error is the energy outside their span.
             let energy = |values: &[f32]| values.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
             let code: Vec<f32> = directions
                 .iter()
@@ -232,13 +229,13 @@ mod tests {
             .fold(before, f64::min);
         assert!(best < before, "{reports:?}, before {before}");
         assert!((training.best().validation - best).abs() < f64::EPSILON);
-        let measured =
-            network().measure(&training.best().parameters, &validation_windows(&split()));
+        let measured = network()
+            .mean_squared_error(&training.best().parameters, &validation_windows(&split()));
         assert!((measured - best).abs() < f64::EPSILON);
     }
 
     #[test]
-    fn the_same_seed_gives_the_same_numbers_twice_and_another_seed_does_not() {
+    fn a_training_is_reproducible_and_depends_on_the_seed() {
         let mut first = start();
         let mut second = start();
         run(&mut first);

@@ -42,11 +42,11 @@ mod image {
     fn count_acquisition(clock: &Clock) {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let sample = Sample::default();
-        let mut step = acquisition.push(&sample);
+        let mut step = acquisition.process_sample(&sample);
         let count = clock.count(&mut || {
             step = None;
             while step.is_none() {
-                step = acquisition.push(&sample);
+                step = acquisition.process_sample(&sample);
             }
         });
         hprintln!("acquisition {}", count);
@@ -90,12 +90,12 @@ mod image {
                 ..Step::default()
             };
             let mut code = None;
-            let instructions = clock.count(&mut || code = encoder.push(&step));
+            let instructions = clock.count(&mut || code = encoder.encode_step(&step));
             if index >= FILLING {
                 tallies[index % HOP].add(instructions);
             }
             if let Some(code) = code {
-                outputs.write(code.values.bytes(&mut [0; CodeValues::MOST_BYTES]))?;
+                outputs.write(code.values.to_bytes(&mut [0; CodeValues::MAX_BYTES]))?;
             }
         }
         Ok(Some(tallies))

@@ -22,7 +22,7 @@ mod image {
         let mut pipeline = Pipeline::new(black_box(Mains::Hz50));
         loop {
             let sample = black_box(Sample::default());
-            black_box(pipeline.push(&sample));
+            black_box(pipeline.encode_sample(&sample));
         }
     }
 

@@ -27,8 +27,8 @@ impl ImpulseResponse {
         let mut states = [CascadeState::REST; 2];
         let response = (0..samples()).map(|n| {
             let x = if n == 0 { IMPULSE } else { 0 };
-            let up = f64::from(Mains::Hz50.step(&mut states[0], x));
-            let down = f64::from(Mains::Hz50.step(&mut states[1], -x));
+            let up = f64::from(Mains::Hz50.apply(&mut states[0], x));
+            let down = f64::from(Mains::Hz50.apply(&mut states[1], -x));
             (up - down) / 2.0 / f64::from(IMPULSE)
         });
         Self(response.collect())

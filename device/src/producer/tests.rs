@@ -209,7 +209,7 @@ fn an_audit_with_the_planes_of_its_code_follows_every_ten_seconds() {
                 let planes: &[[u8; CELLS]] = message.planes.as_chunks().0;
                 let mut encoder = Encoder::new();
                 let again = planes.iter().fold(None, |_, plane| {
-                    encoder.push(&Step {
+                    encoder.encode_step(&Step {
                         plane: plane.map(u8::cast_signed),
                         ..Step::SILENCE
                     })

@@ -1,21 +1,21 @@
 //! The matrix product on a Cortex-M4 or M7, two products at a time with SMLAD.
 #![expect(
     unsafe_code,
-    reason = "LLVM makes no SMLAD of Rust, and the loop needs every register there is"
+    reason = "LLVM does not generate SMLAD from Rust, and the loop needs every register"
 )]
 
 use core::arch::naked_asm;
 
-use super::{INPUTS, ROUND};
-use crate::Pair;
+use super::layout::{INPUTS, ROUND};
+use crate::pair::Pair;
 
-/// Adds the product, for slices that [`super::Linear::accumulate`] has checked.
+/// Adds `weights * inputs` to the accumulators, for slices checked by [`super::Linear::accumulate`].
 #[inline(always)]
 pub(super) fn accumulate(inputs: &[Pair], weights: &[Pair], accumulators: &mut [i32]) {
     let (inputs, accumulators) = (inputs.as_ptr_range(), accumulators.as_mut_ptr_range());
     // SAFETY: the caller has asserted `Linear::is_consistent`: a multiple of 8 pairs of inputs and of
-    // 4 outputs, neither 0, and half their product in weights, which is what the loops below read and
-    // write; it has cut inputs and accumulators to those lengths.
+    // 4 outputs, neither 0, and half their product in weights. The loops below read and write exactly
+    // these; the caller has cut inputs and accumulators to those lengths.
     unsafe {
         quads(
             weights.as_ptr(),
@@ -27,11 +27,11 @@ pub(super) fn accumulate(inputs: &[Pair], weights: &[Pair], accumulators: &mut [
     }
 }
 
-/// For each four outputs, all inputs.
+/// Multiplies all inputs with four outputs at a time.
 ///
-/// r0 both weights' sum and r1 the even one's of the first pair, r2 and r3 of the second; r4-r7
-/// weights of a round, r8-r9 inputs, r10 low bytes, r11 next input, r12 next weights, lr behind the
-/// last input. Three instructions for four products.
+/// r0: sum of both weights of the first pair of outputs, r1: its even sum; r2, r3: those of the second
+/// pair; r4-r7: weights of a round; r8-r9: inputs; r10: low bytes; r11: next input; r12: next weights;
+/// lr: end of the inputs. Three instructions for four products.
 #[unsafe(naked)]
 unsafe extern "C" fn quads(
     weights: *const Pair,
@@ -79,7 +79,7 @@ unsafe extern "C" fn quads(
         "add r7, r7, r2, asr #8",
         "stm r10!, {{r4-r7}}",
         "str r10, [sp, #4]",
-        // The fifth argument lies above the eleven registers.
+        // The fifth argument is on the stack above the eleven saved registers.
         "ldr r11, [sp, #44]",
         "cmp r10, r11",
         "bne.w 2b",

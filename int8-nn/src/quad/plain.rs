@@ -1,19 +1,19 @@
-//! Four words in plain Rust: the twin of [`super::sse2`], and what other processors run.
+//! Four words in plain Rust, for processors without SSE2, and as the reference for `sse2`.
 
-use crate::Pair;
+use crate::pair::Pair;
 
-/// Four pairs, or four sums.
+/// Four [`Pair`]s, or four `i32` sums.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Quad([u32; 4]);
 
 impl Quad {
-    /// These pairs.
+    /// Packs four pairs.
     #[inline(always)]
     pub(crate) fn new(pairs: [Pair; 4]) -> Self {
         Self(pairs.map(|pair| pair.0))
     }
 
-    /// Of each number the low byte, as a number.
+    /// Returns the low byte of each 16-bit number, sign-extended.
     #[cfg(not(smlad))]
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "the low byte")]
@@ -22,7 +22,7 @@ impl Quad {
         Self::new(self.0.map(|word| Pair::new(Pair(word).get().map(low_byte))))
     }
 
-    /// `self . other` of each pair on top of a sum, wrapping.
+    /// Returns `sums` plus the dot product of each pair of `self` and `other`, wrapping.
     #[inline(always)]
     pub(crate) fn multiply_add(self, other: Self, sums: Self) -> Self {
         Self(core::array::from_fn(|at| {
@@ -33,7 +33,7 @@ impl Quad {
         }))
     }
 
-    /// The four sums.
+    /// Returns the four sums.
     #[inline(always)]
     pub(crate) fn words(self) -> [i32; 4] {
         self.0.map(u32::cast_signed)

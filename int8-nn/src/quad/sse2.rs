@@ -1,41 +1,41 @@
-//! Four words in a register of SSE2, which every x86-64 has: LLVM makes no PMADDWD of the twin's loops,
-//! and four times as many instructions.
-#![expect(unsafe_code, reason = "calls the processor's instructions by name")]
+//! Four words in an SSE2 register, which every x86-64 has. LLVM generates no PMADDWD from the plain
+//! loops: they take four times as many instructions.
+#![expect(unsafe_code, reason = "calls SSE2 intrinsics")]
 
 use core::arch::x86_64::{
     __m128i, _mm_add_epi32, _mm_cvtsi128_si64, _mm_madd_epi16, _mm_set_epi32, _mm_slli_epi16,
     _mm_srai_epi16, _mm_unpackhi_epi64,
 };
 
-use crate::Pair;
+use crate::pair::Pair;
 
-/// Four pairs, or four sums.
+/// Four [`Pair`]s, or four `i32` sums.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Quad(__m128i);
 
 impl Quad {
-    /// These pairs.
+    /// Packs four pairs.
     #[inline(always)]
     pub(crate) fn new(pairs: [Pair; 4]) -> Self {
-        // SAFETY: `super` compiles this file for targets with SSE2 alone.
+        // SAFETY: `quad.rs` compiles this file only for targets with SSE2.
         Self(unsafe { new(pairs) })
     }
 
-    /// Of each number the low byte, as a number.
+    /// Returns the low byte of each 16-bit number, sign-extended.
     #[inline(always)]
     pub(crate) fn low_bytes(self) -> Self {
         // SAFETY: as in `new`.
         Self(unsafe { low_bytes(self.0) })
     }
 
-    /// `self . other` of each pair on top of a sum, wrapping.
+    /// Returns `sums` plus the dot product of each pair of `self` and `other`, wrapping.
     #[inline(always)]
     pub(crate) fn multiply_add(self, other: Self, sums: Self) -> Self {
         // SAFETY: as in `new`.
         Self(unsafe { multiply_add(self.0, other.0, sums.0) })
     }
 
-    /// The four sums.
+    /// Returns the four sums.
     #[inline(always)]
     pub(crate) fn words(self) -> [i32; 4] {
         // SAFETY: as in `new`.
@@ -64,7 +64,7 @@ fn multiply_add(pairs: __m128i, others: __m128i, sums: __m128i) -> __m128i {
 
 #[inline]
 #[target_feature(enable = "sse2")]
-#[expect(clippy::cast_possible_truncation, reason = "each half in its turn")]
+#[expect(clippy::cast_possible_truncation, reason = "each cast keeps one half")]
 fn words(sums: __m128i) -> [i32; 4] {
     let [low, high] = [sums, _mm_unpackhi_epi64(sums, sums)].map(|half| _mm_cvtsi128_si64(half));
     [

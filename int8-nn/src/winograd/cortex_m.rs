@@ -1,14 +1,17 @@
-//! The way back from products to pooled outputs on a Cortex-M4 or M7.
+//! The inverse transform from products to pooled outputs, on a Cortex-M4 or M7.
 #![expect(
     unsafe_code,
-    reason = "LLVM keeps what does not fit the registers on the stack: half as many instructions again"
+    reason = "LLVM spills registers to the stack: 50 % more instructions"
 )]
 
 use core::arch::naked_asm;
 
-use super::{FREQUENCIES, OUTPUTS, PRODUCTS, Sums, WINDOWS};
+use super::tile::{PRODUCTS, Sums, TRANSFORMED_TILE, WINDOWS};
+use crate::dot::layout::OUTPUTS;
 
-/// Keeps the largest; `windows` as long as [`super::keep_largest`] cuts it.
+/// Inverse-transforms the sums of `tiles` tiles and a pair of outputs, and keeps the maximum of each
+/// pool window in `windows[(tile * WINDOWS + window) * outputs + output]`, whose last number is the
+/// last one used.
 #[inline(always)]
 pub(super) fn keep_largest(
     sums: &[Sums; PRODUCTS],
@@ -16,9 +19,9 @@ pub(super) fn keep_largest(
     outputs: usize,
     windows: &mut [i32],
 ) {
-    // SAFETY: there are 1 to POSITIONS tiles, whose sums lie side by side in each product; of the
-    // windows the last one used is the second of the last tile, its second output the last number.
-    // `Winograd::is_consistent`, which `pool` asserts, keeps the outputs small enough for bytes.
+    // SAFETY: there are 1 to POSITIONS tiles, whose sums are adjacent in each product. The last window
+    // used is the second of the last tile; its second output is the last number of `windows`.
+    // `Winograd::is_consistent`, which `convolve_max_pool` asserts, keeps byte offsets within a word.
     unsafe {
         tiles_of_pair(
             sums.as_ptr().cast(),
@@ -29,10 +32,11 @@ pub(super) fn keep_largest(
     }
 }
 
-/// Two rows of six sums each, transformed back and pooled, for each of `count` (tile, output).
+/// Inverse-transforms and pools two rows of six sums for each of `count` combinations of tile and
+/// output.
 ///
-/// r0 the sums, r1 the windows, r2 bytes from a window to the next, r3 (tile, output) left; r4-r9 the
-/// row, r10 and r11 the largest of both windows, r12 and lr what is needed for a moment.
+/// r0: sums; r1: windows; r2: bytes from one window to the next; r3: combinations left; r4-r9: sums of
+/// a row; r10, r11: maxima of both windows; r12, lr: scratch.
 #[unsafe(naked)]
 unsafe extern "C" fn tiles_of_pair(
     sums: *const i32,
@@ -41,11 +45,11 @@ unsafe extern "C" fn tiles_of_pair(
     count: usize,
 ) {
     naked_asm!(
-        ".macro inward to, x, second, third",
-        "ldr \\to, [r0, #(\\x * {sums} + \\second * {row})]",
-        "ldr r12, [r0, #(\\x * {sums} + (\\second + 1) * {row})]",
-        "ldr lr, [r0, #(\\x * {sums} + (\\second + 2) * {row})]",
-        ".if \\third",
+        ".macro sum_rows to, x, first, subtract",
+        "ldr \\to, [r0, #(\\x * {sums} + \\first * {row})]",
+        "ldr r12, [r0, #(\\x * {sums} + (\\first + 1) * {row})]",
+        "ldr lr, [r0, #(\\x * {sums} + (\\first + 2) * {row})]",
+        ".if \\subtract",
         "subs \\to, \\to, r12",
         "subs \\to, \\to, lr",
         ".else",
@@ -53,13 +57,13 @@ unsafe extern "C" fn tiles_of_pair(
         "adds \\to, \\to, lr",
         ".endif",
         ".endm",
-        ".macro larger to, other",
+        ".macro maximum to, other",
         "cmp \\to, \\other",
         "it lt",
         "movlt \\to, \\other",
         ".endm",
-        // Six sums in r4-r9 to the largest of two windows: r4 and r6.
-        ".macro outward",
+        // From six sums in r4-r9, the maxima of two windows: r4 and r6.
+        ".macro row_outputs",
         "add r12, r5, r6",
         "sub r5, r5, r6",
         "add lr, r7, r8",
@@ -70,37 +74,37 @@ unsafe extern "C" fn tiles_of_pair(
         "add r8, r5, r7, lsl #1",
         "add r5, r5, r7, lsl #3",
         "add r5, r5, r9",
-        "larger r4, r8",
-        "larger r6, r5",
+        "maximum r4, r8",
+        "maximum r6, r5",
         ".endm",
         "push {{r4-r11, lr}}",
         "2:",
-        "inward r4, 0, 0, 0",
-        "inward r5, 1, 0, 0",
-        "inward r6, 2, 0, 0",
-        "inward r7, 3, 0, 0",
-        "inward r8, 4, 0, 0",
-        "inward r9, 5, 0, 0",
-        "outward",
+        "sum_rows r4, 0, 0, 0",
+        "sum_rows r5, 1, 0, 0",
+        "sum_rows r6, 2, 0, 0",
+        "sum_rows r7, 3, 0, 0",
+        "sum_rows r8, 4, 0, 0",
+        "sum_rows r9, 5, 0, 0",
+        "row_outputs",
         "mov r10, r4",
         "mov r11, r6",
-        "inward r4, 0, 1, 1",
-        "inward r5, 1, 1, 1",
-        "inward r6, 2, 1, 1",
-        "inward r7, 3, 1, 1",
-        "inward r8, 4, 1, 1",
-        "inward r9, 5, 1, 1",
-        "outward",
-        "larger r4, r10",
-        "larger r6, r11",
+        "sum_rows r4, 0, 1, 1",
+        "sum_rows r5, 1, 1, 1",
+        "sum_rows r6, 2, 1, 1",
+        "sum_rows r7, 3, 1, 1",
+        "sum_rows r8, 4, 1, 1",
+        "sum_rows r9, 5, 1, 1",
+        "row_outputs",
+        "maximum r4, r10",
+        "maximum r6, r11",
         "ldr r10, [r1]",
         "ldr r11, [r1, r2]",
-        "larger r4, r10",
-        "larger r6, r11",
+        "maximum r4, r10",
+        "maximum r6, r11",
         "str r6, [r1, r2]",
         "str r4, [r1], #4",
         "add r0, #4",
-        // Behind a tile's second output the next tile's first window.
+        // After the second output of a tile, r1 moves to the first window of the next tile.
         "subs r3, #1",
         "tst r3, #1",
         "ittt eq",
@@ -109,16 +113,16 @@ unsafe extern "C" fn tiles_of_pair(
         "cmpeq r3, #0",
         "bne.w 2b",
         "pop {{r4-r11, pc}}",
-        ".purgem inward",
-        ".purgem larger",
-        ".purgem outward",
+        ".purgem sum_rows",
+        ".purgem maximum",
+        ".purgem row_outputs",
         sums = const size_of::<Sums>(),
-        row = const FREQUENCIES[1] * size_of::<Sums>(),
+        row = const TRANSFORMED_TILE[1] * size_of::<Sums>(),
         pair = const OUTPUTS * size_of::<i32>(),
     );
 }
 
 const _: () = assert!(
     WINDOWS == 2 && OUTPUTS == 2,
-    "what the assembler is written for"
+    "the assembler is written for two windows and two outputs"
 );

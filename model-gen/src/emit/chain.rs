@@ -1,21 +1,13 @@
-//! The filters and the resampler.
+//! Writes the filters and the resampler.
 
 use fixed_dsp::{Coefficient, Section};
 
-use super::{Source, number::separated};
-use crate::{MainsFilter, ResamplerTable, headroom::ROOM};
+use super::{number::separated, source::Source};
+use crate::{device_model::MainsFilter, headroom::GAIN_LIMIT, resampler::ResamplerTable};
 
 impl Source {
     pub(super) fn resampler(&mut self, table: &ResamplerTable) {
-        self.item(
-            "Phases of the resampler: outputs per [`RESAMPLER`]`.down` samples.",
-            format_args!("pub const PHASES: usize = {};", table.phases()),
-        );
-        self.item(
-            "Taps of each phase: samples that make an output.",
-            format_args!("pub const TAPS: usize = {};", table.taps_per_phase()),
-        );
-        self.line("/// From the ADC's rate to that of the steps.");
+        self.line("/// Resampler from the ADC's rate to the step rate, after any of the filters.");
         self.line("pub static RESAMPLER: Resampler<PHASES, TAPS> = Resampler {");
         self.line(format_args!("    down: {},", table.down));
         self.line("    taps: [");
@@ -33,9 +25,9 @@ impl Source {
     pub(super) fn mains_filter(&mut self, filter: &MainsFilter) {
         let hz = filter.mains_hz;
         for doc in [
-            format!("The filters for {hz} Hz mains, as code of their own."),
+            format!("The filters for {hz} Hz mains as a compile-time constant."),
             String::new(),
-            format!("Worst-case gains (L1 norms) of every node, to stay below {ROOM}:"),
+            format!("Worst-case gain (L1 norm) of every node; the limit is {GAIN_LIMIT}:"),
         ] {
             self.line(format_args!("/// {doc}").to_string().trim_end());
         }
@@ -55,7 +47,9 @@ impl Source {
         self.line("    };");
         self.line("}");
         self.line("");
-        self.line(format_args!("/// The filters for {hz} Hz mains."));
+        self.line(format_args!(
+            "/// Filters for {hz} Hz mains, with their delays."
+        ));
         self.line(format_args!(
             "pub static MAINS_{hz}: MainsFilter = MainsFilter {{"
         ));
@@ -80,32 +74,22 @@ impl Source {
 
     fn section(&mut self, section: &Section) {
         let (shape, coefficients) = match *section {
-            Section::Notch { turn, loss } => ("Notch", vec![("turn", turn), ("loss", loss)]),
-            Section::HighPass { first, second } => {
-                ("HighPass", vec![("first", first), ("second", second)])
+            Section::Notch { a1, one_minus_b0 } => {
+                ("Notch", vec![("a1", a1), ("one_minus_b0", one_minus_b0)])
             }
-            Section::BandPass {
-                gain,
-                first,
-                second,
-            } => (
-                "BandPass",
-                vec![("gain", gain), ("first", first), ("second", second)],
-            ),
-            Section::LowPass {
-                gain,
-                first,
-                second,
-            } => (
-                "LowPass",
-                vec![("gain", gain), ("first", first), ("second", second)],
-            ),
+            Section::HighPass { a1, a2 } => ("HighPass", vec![("a1", a1), ("a2", a2)]),
+            Section::BandPass { gain, a1, a2 } => {
+                ("BandPass", vec![("gain", gain), ("a1", a1), ("a2", a2)])
+            }
+            Section::LowPass { gain, a1, a2 } => {
+                ("LowPass", vec![("gain", gain), ("a1", a1), ("a2", a2)])
+            }
         };
         self.line(format_args!("            Section::{shape} {{"));
-        for (name, Coefficient { integer, remainder }) in coefficients {
-            let remainder = separated(remainder);
+        for (name, Coefficient { integer, fraction }) in coefficients {
+            let fraction = separated(fraction);
             self.line(format_args!(
-                "                {name}: Coefficient {{ integer: {integer}, remainder: {remainder} }},"
+                "                {name}: Coefficient {{ integer: {integer}, fraction: {fraction} }},"
             ));
         }
         self.line("            },");

@@ -1,24 +1,23 @@
-//! The encoder: weights, factors and the network that holds them.
+//! Writes the encoder: weights, factors and the network that refers to them.
 
-use artifact::{CodeFormat, Description};
+use artifact::{CODE, CodeFormat, Description};
 use int8_nn::Pair;
 
 use super::{
-    Source,
     number::{float, separated},
+    source::Source,
 };
 use crate::{
-    DeviceModel,
-    conv_kernel::ConvKernel,
-    integer_model::{CODE, IntegerConv, IntegerModel},
-    pack::{self, Unsigned},
+    device_model::DeviceModel,
+    integer_model::{IntegerConv, IntegerModel},
+    pack::{self, ConvKernel, UnsignedInput},
 };
 
 impl Source {
     pub(super) fn convolutions(&mut self, model: &DeviceModel) {
         let IntegerModel { conv1, conv2, .. } = &model.integers;
         self.convolution("CONV1", conv1, &conv1.bias, &pack::input_convolution(conv1));
-        let bias = Unsigned::of(&model.integers).bias;
+        let bias = UnsignedInput::from_model(&model.integers).bias;
         self.convolution("CONV2", conv2, &bias, &pack::convolution(&model.integers));
     }
 
@@ -26,12 +25,12 @@ impl Source {
         let outputs = bias.len();
         self.weights(&format!("Weights of {name}."), name, weights);
         self.array(
-            &format!("Bias of {name}, accumulator steps."),
+            &format!("Bias of {name}, in units of the accumulator."),
             &format!("static {name}_BIAS: [i32; {outputs}]"),
             bias,
         );
         self.array(
-            &format!("Requantisation factors behind {name}, Q0.32."),
+            &format!("Requantisation factors of {name}, Q0.32."),
             &format!("static {name}_MULTIPLIERS: [i32; {outputs}]"),
             &conv.multipliers,
         );
@@ -45,13 +44,13 @@ impl Source {
         self.matrices("SHORTCUT", &pack::shortcut(integers));
         for (name, linear) in [("FC", &integers.fc), ("SHORTCUT", &integers.shortcut)] {
             self.array(
-                &format!("Requantisation factors of {name} into the code, Q0.32."),
+                &format!("Requantisation factors from {name} to the code, Q0.32."),
                 &format!("static {name}_MULTIPLIERS: [i32; CODE]"),
                 &filled(&linear.multipliers),
             );
         }
         self.array(
-            "Bias of the fully connected layer, accumulator steps.",
+            "Bias of the fully connected layer, in units of the accumulator.",
             "static FC_BIAS: [i32; CODE]",
             &integers.fc_bias,
         );
@@ -70,12 +69,12 @@ impl Source {
             CodeFormat::Int8Exponent => "Int8Exponent",
             CodeFormat::Int16 => "Int16",
         };
-        self.line("/// The integers of a code.");
+        self.line("/// Integer format of the codes.");
         self.line(format_args!(
             "pub const CODE_FORMAT: CodeFormat = CodeFormat::{format};"
         ));
         self.array(
-            "The step of a float zero: `z = (step - zero point) * scale`.",
+            "Level of a float zero in each dimension: `z = (level - zero point) * scale`.",
             "pub static CODE_ZERO_POINT: [i8; CODE]",
             &model.integers.code_zero_point,
         );
@@ -86,13 +85,13 @@ impl Source {
             .map(|&s| float(s))
             .collect();
         self.list(
-            "Float code per step of the code.",
+            "Scale of each dimension of the code: `z = (level - zero point) * scale`.",
             "pub static CODE_SCALE: [f32; CODE]",
             &scales,
         );
     }
 
-    /// Shape and kernels: what the arrays of the network are counted by.
+    /// Writes the constants from which `model` derives the lengths of the network's arrays.
     pub(super) fn shape(&mut self, model: &DeviceModel) {
         let Description { mode, network, .. } = &model.description;
         for (doc, name, value) in [
@@ -112,7 +111,7 @@ impl Source {
                 network.padding.pads_space(),
             ),
             (
-                "Whether the convolutions pad the steps of a window.",
+                "Whether the convolutions pad steps.",
                 "PADS_TIME",
                 network.padding.pads_time(),
             ),
@@ -123,37 +122,41 @@ impl Source {
             "Steps, rows and columns of the max-pool.",
             format_args!("pub const POOL: [usize; 3] = {:?};", network.pool),
         );
-        let (kernel, fields) = match ConvKernel::of(&model.integers) {
-            ConvKernel::Winograd => (
-                "Winograd",
-                "tile_rows: POOLED.rows, outputs: POOLED.channels",
-            ),
-            ConvKernel::Direct => ("Direct", "pool: [POOL[1], POOL[2]], pooled: POOLED"),
-        };
         self.item(
-            "Matrices of the fully connected layer for a pooled plane.",
+            "Matrices of the fully connected layer for each pooled plane.",
             format_args!(
                 "pub const FC_PIECES: usize = {};",
                 pack::fc_pieces(&model.integers)
             ),
         );
+        let (kernel, fields) = match ConvKernel::select(&model.integers) {
+            ConvKernel::Winograd => (
+                "Winograd",
+                "tile_rows: pooled.rows, outputs: pooled.channels",
+            ),
+            ConvKernel::Direct => ("Direct", "pool: [POOL[1], POOL[2]], pooled"),
+        };
+        let columns = "const PAIRS: usize, const COLUMNS: usize";
         self.item(
-            "The kernel of the second convolution.",
+            "Kernel of the second convolution, for pairs of input channels and columns of the input.",
             format_args!(
-                "pub type Conv2<'w> = int8_nn::{kernel}<'w, HIDDEN_PAIRS, {{ HIDDEN.columns }}>;"
+                "pub type ConvKernel<'w, {columns}> = int8_nn::{kernel}<'w, PAIRS, COLUMNS>;"
             ),
         );
-        self.line("const fn conv2(weights: &[Pair]) -> Conv2<'_> {");
+        self.line("/// Returns the second convolution, with the shape of a pooled plane.");
+        self.line(format_args!("pub(crate) const fn conv_kernel<{columns}>("));
+        self.line("    pooled: PlaneShape,");
+        self.line("    weights: &[Pair],");
+        self.line(") -> ConvKernel<'_, PAIRS, COLUMNS> {");
         self.line(format_args!(
             "    int8_nn::{kernel} {{ {fields}, weights }}"
         ));
         self.line("}");
-        self.line("");
     }
 
     pub(super) fn network(&mut self, model: &DeviceModel) {
-        let unsigned = Unsigned::of(&model.integers);
-        self.line("/// The encoder.");
+        let unsigned = UnsignedInput::from_model(&model.integers);
+        self.line("/// Network of the encoder.");
         self.line("pub static NETWORK: Network<'static> = Network {");
         self.line("    hop: HOP,");
         for (field, name) in [("conv1", "CONV1"), ("conv2", "CONV2")] {
@@ -168,7 +171,7 @@ impl Source {
             ("hidden_offset", unsigned.offset),
         ] {
             self.line(format_args!("    {field}: ["));
-            self.wrapped(&words(&Unsigned::pairs(channels)));
+            self.wrapped(&words(&UnsignedInput::to_pairs(channels)));
             self.line("    ],");
         }
         self.line("    fc: [");
@@ -203,7 +206,7 @@ impl Source {
     }
 }
 
-/// Pairs as Rust.
+/// Formats pairs as Rust expressions.
 fn words(pairs: &[Pair]) -> Vec<String> {
     pairs
         .iter()
@@ -211,7 +214,7 @@ fn words(pairs: &[Pair]) -> Vec<String> {
         .collect()
 }
 
-/// Factors into the code, zeros where the network has no such layer.
+/// Returns the factors of a layer, or zeros if the network does not have it.
 fn filled(multipliers: &[i32]) -> Vec<i32> {
     let mut filled = vec![0; CODE];
     filled[..multipliers.len()].copy_from_slice(multipliers);

@@ -1,8 +1,8 @@
-//! Numbers as a person would type them.
+//! Number literals with digit separators.
 
 use std::fmt::{Display, Write as _};
 
-/// An integer with a separator every three digits.
+/// Formats an integer with a separator every three digits.
 pub(super) fn separated(value: impl Display) -> String {
     let text = value.to_string();
     let (sign, digits) = text
@@ -18,7 +18,7 @@ pub(super) fn separated(value: impl Display) -> String {
     out
 }
 
-/// A float literal that reads back to the same bits, its digits grouped by three.
+/// Formats a float literal that parses to the same bits, with its digits grouped by three.
 pub(super) fn float(value: f32) -> String {
     let text = format!("{value:?}");
     let (number, exponent) = text
@@ -48,7 +48,7 @@ mod tests {
     }
 
     #[test]
-    fn a_float_literal_reads_back_to_the_same_bits() {
+    fn a_float_literal_parses_to_the_same_bits() {
         for value in [22.351_742_f32, 1.0, 3.4e-7, 1e-7, 1_234.567_9, -0.25] {
             assert_eq!(float(value).replace('_', "").parse(), Ok(value));
         }

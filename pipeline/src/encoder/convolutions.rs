@@ -1,4 +1,4 @@
-//! The convolutional half of the encoder, plane by plane.
+//! The convolutional layers of the encoder, computed plane by plane.
 
 use int8_nn::{Pair, PlaneRing};
 use model::{
@@ -6,33 +6,30 @@ use model::{
 };
 
 use super::{
-    edges::{Edges, INPUT, Stream, TRANSFORMED},
+    edges::{Edges, INPUT, RecentPlanes, TRANSFORMED},
     hidden_plane::HiddenPlane,
-    places,
     pool::Pool,
+    window::{OPEN_WINDOWS, OpenWindow, containing_windows},
 };
-use crate::{
-    Plane,
-    window::{OPEN, OpenWindow},
-};
+use crate::plane::Plane;
 
-/// The last planes of each layer.
+/// State of the convolutional layers: the last planes of each.
 #[derive(Clone, Debug)]
 pub(super) struct Convolutions {
-    /// The last input planes, every cell with its right neighbour.
+    /// The last input planes, every cell paired with its right neighbour.
     input: PlaneRing<Pair, INPUT, 3>,
     hidden: HiddenPlane,
-    /// The last planes behind the first convolution, transformed.
+    /// The last output planes of the first convolution, transformed for the second.
     transformed: PlaneRing<Pair, TRANSFORMED, 3>,
     pool: Pool,
-    /// Window and place in it to which the pooled plane has yet to be added.
+    /// Slot of the window, and position in it, to which the pooled plane is added in the next step.
     deferred: Option<(usize, usize)>,
-    /// One, if time is padded.
+    /// The padded ends of windows, if steps are padded.
     edges: [Edges; PADS_TIME as usize],
 }
 
 impl Convolutions {
-    /// No plane.
+    /// State before the first plane.
     pub(super) const EMPTY: Self = Self {
         input: PlaneRing::filled(Pair::ZERO),
         hidden: HiddenPlane::EMPTY,
@@ -42,49 +39,51 @@ impl Convolutions {
         edges: [Edges::EMPTY; PADS_TIME as usize],
     };
 
-    /// Forgets what has yet to be added.
+    /// Discards the deferred addition; all other state is overwritten before it is read.
     pub(super) fn restart(&mut self) {
         self.deferred = None;
     }
 
-    /// Takes the plane of step `index`, and adds what it completes to the windows.
+    /// Processes the input plane of step `index`, and adds the pooled plane that it completes to the
+    /// windows.
     #[inline]
-    pub(super) fn push(
+    pub(super) fn add_plane(
         &mut self,
         index: u64,
         plane: &Plane,
         network: &Network<'_>,
-        windows: &mut [OpenWindow; OPEN],
+        windows: &mut [OpenWindow; OPEN_WINDOWS],
     ) {
-        self.take(plane, network);
+        self.store_input(plane, network);
         if let Some(place) = self.deferred.take() {
             self.add_pooled(place, network, windows);
         }
         if index >= 2 {
             let transformed = self.transformed.advance();
             self.hidden
-                .of(network, self.input.oldest_first(), transformed);
+                .compute(network, self.input.oldest_first(), transformed);
         }
         if index == 0 {
-            self.pool.begin();
+            self.pool.start();
         }
         if index >= 4 {
             self.convolve(index - 4, network, windows);
         }
         for edges in &mut self.edges {
-            let stream = Stream {
+            let recent = RecentPlanes {
                 input: &self.input,
                 transformed: &self.transformed,
             };
-            for (slot, offset) in places(index, network.hop, STEPS) {
+            for (slot, offset) in containing_windows(index, network.hop, STEPS) {
                 let window = &mut windows[slot];
-                edges.step(offset, network, &stream, &mut self.hidden, window);
+                edges.apply(offset, network, &recent, &mut self.hidden, window);
             }
         }
     }
 
+    /// Stores an input plane, framed by its margin.
     #[inline]
-    fn take(&mut self, plane: &Plane, network: &Network<'_>) {
+    fn store_input(&mut self, plane: &Plane, network: &Network<'_>) {
         let conv1 = network.conv1();
         if MARGIN == 0 {
             conv1.pair_up(plane, self.input.advance());
@@ -98,20 +97,26 @@ impl Convolutions {
         conv1.pair_up(&framed, self.input.advance());
     }
 
-    /// The second convolution's `plane`-th plane of those that padding does not reach; the last one
-    /// of a pool completes a pooled plane.
+    /// Computes plane `plane` of the second convolution, counted from the first that does not depend on
+    /// padded steps. The last plane of a pool completes a pooled plane.
     #[inline]
-    fn convolve(&mut self, plane: u64, network: &Network<'_>, windows: &mut [OpenWindow; OPEN]) {
+    fn convolve(
+        &mut self,
+        plane: u64,
+        network: &Network<'_>,
+        windows: &mut [OpenWindow; OPEN_WINDOWS],
+    ) {
         const STEPS_OF_POOL: u64 = POOL[0] as u64;
-        self.pool.take(network, self.transformed.oldest_first());
+        self.pool.convolve(network, self.transformed.oldest_first());
         if !(plane + 1).is_multiple_of(STEPS_OF_POOL) {
             return;
         }
-        self.pool.finish(network);
+        self.pool.requantise(network);
         let hop = network.hop / POOL[0];
-        let mut places = places(plane / STEPS_OF_POOL, hop, INNER_STEPS)
+        let mut places = containing_windows(plane / STEPS_OF_POOL, hop, INNER_STEPS)
             .map(|(slot, offset)| (slot, EDGE_STEPS + offset));
-        // Of two windows only the older can end with this step.
+        // Of two windows only the older one can end with this step; the addition to the newer one is
+        // deferred.
         let (newer, older) = (places.next(), places.next());
         let now = if older.is_some() {
             self.deferred = newer;
@@ -124,13 +129,13 @@ impl Convolutions {
         }
     }
 
-    /// Adds the pooled plane to a window; every place exists.
+    /// Adds the pooled plane to a window. Slot and offset are always in range; `get` avoids panic paths.
     #[inline]
     fn add_pooled(
         &self,
         (slot, offset): (usize, usize),
         network: &Network<'_>,
-        windows: &mut [OpenWindow; OPEN],
+        windows: &mut [OpenWindow; OPEN_WINDOWS],
     ) {
         if let (Some(window), Some(&fc)) = (windows.get_mut(slot), network.fc.get(offset)) {
             window.add_pooled(fc, self.pool.pooled());

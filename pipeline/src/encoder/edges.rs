@@ -1,97 +1,104 @@
-//! The ends of a window whose steps are padded.
+//! The ends of windows with padded steps.
 //!
-//! Padding before and behind a window reaches two planes of the second convolution at either end: they
-//! belong to this window alone, all others to every window that covers them. A window's ends never
-//! meet another's: they lie at its steps 1 to 3 and at its last.
+//! Two planes of the second convolution at each end of a window depend on the padding before or after
+//! it, so they belong to this window only. All other planes are shared by the windows that contain
+//! them. The ends are computed at steps 1 to 3 and at the last step of a window, so two windows never
+//! compute an end in the same step.
 
 use int8_nn::{Pair, PlaneRing};
 use model::{CELL_PLANE, EDGE_STEPS, NETWORK, Network, POOL, POOLED_STEPS, STEPS};
 
-use super::{hidden_plane::HiddenPlane, pool::Pool};
-use crate::window::OpenWindow;
+use super::{hidden_plane::HiddenPlane, pool::Pool, window::OpenWindow};
 
-/// Pairs in an input plane and in a transformed one.
+/// Pairs in an input plane.
 pub(super) const INPUT: usize = CELL_PLANE.len();
+/// Pairs in a transformed plane.
 pub(super) const TRANSFORMED: usize = NETWORK.conv2().transformed_len();
 
-/// An input plane before or behind the window.
-static BEYOND: [Pair; INPUT] = [Pair::ZERO; INPUT];
+/// Padding: an input plane before or after the window.
+static ZERO_PLANE: [Pair; INPUT] = [Pair::ZERO; INPUT];
 
-/// Places of the pooled planes that end the opening, begin and end the closing.
-const OPENING_ENDS: usize = EDGE_STEPS.saturating_sub(1);
-const CLOSING: usize = POOLED_STEPS.saturating_sub(EDGE_STEPS);
-const CLOSING_ENDS: usize = POOLED_STEPS.saturating_sub(1);
+/// Index of the last pooled plane that depends on padding before the window.
+const START_LAST: usize = EDGE_STEPS.saturating_sub(1);
+/// Index of the first pooled plane that depends on padding after the window.
+const END_FIRST: usize = POOLED_STEPS.saturating_sub(EDGE_STEPS);
+/// Index of the last pooled plane of a window.
+const END_LAST: usize = POOLED_STEPS.saturating_sub(1);
 
-/// What the ends of windows need beside the stream's own planes.
+/// State for the ends of windows, in addition to the planes of the stream.
 #[derive(Clone, Debug)]
 pub(super) struct Edges {
-    /// The outermost plane of the window, transformed.
+    /// The first or last hidden plane of the window, which depends on padding, transformed.
     outermost: [Pair; TRANSFORMED],
-    /// The one beyond it, transformed.
-    beyond: [Pair; TRANSFORMED],
+    /// A hidden plane of padding, transformed.
+    padding: [Pair; TRANSFORMED],
     pool: Pool,
 }
 
-/// The last planes of the stream: three of the input, and three behind the first convolution.
-pub(super) struct Stream<'s> {
+/// The last three input planes, and the last three transformed output planes of the first convolution.
+pub(super) struct RecentPlanes<'s> {
     pub(super) input: &'s PlaneRing<Pair, INPUT, 3>,
     pub(super) transformed: &'s PlaneRing<Pair, TRANSFORMED, 3>,
 }
 
 impl Edges {
-    /// No window.
+    /// State before the first window.
     pub(super) const EMPTY: Self = Self {
         outermost: [Pair::ZERO; TRANSFORMED],
-        beyond: [Pair::ZERO; TRANSFORMED],
+        padding: [Pair::ZERO; TRANSFORMED],
         pool: Pool::EMPTY,
     };
 
-    /// Does what is due at a window's step `offset`, once the stream has its planes.
-    pub(super) fn step(
+    /// Computes the part of a window's ends that is due at its step `offset`, after the stream's planes of
+    /// this step.
+    pub(super) fn apply(
         &mut self,
         offset: usize,
         network: &Network<'_>,
-        stream: &Stream<'_>,
+        recent: &RecentPlanes<'_>,
         hidden: &mut HiddenPlane,
         window: &mut OpenWindow,
     ) {
         const LAST: usize = STEPS - 1;
-        let [_, older, newer] = stream.input.oldest_first();
-        let [_, before, newest] = stream.transformed.oldest_first();
+        let [_, older, newer] = recent.input.oldest_first();
+        let [_, before, newest] = recent.transformed.oldest_first();
         match offset {
             1 => {
-                self.pool.begin();
-                hidden.padding(network, &mut self.beyond);
-                hidden.of(network, [&BEYOND, older, newer], &mut self.outermost);
+                self.pool.start();
+                hidden.compute_padding(network, &mut self.padding);
+                hidden.compute(network, [&ZERO_PLANE, older, newer], &mut self.outermost);
             }
             2 => {
-                let planes = [&self.beyond[..], &self.outermost, newest];
-                self.pool.take(network, planes);
+                let planes = [&self.padding[..], &self.outermost, newest];
+                self.pool.convolve(network, planes);
                 if POOL[0] == 1 {
                     self.add(network, window, 0);
                 }
             }
             3 => {
-                self.pool.take(network, [&self.outermost, before, newest]);
-                self.add(network, window, OPENING_ENDS);
+                self.pool
+                    .convolve(network, [&self.outermost, before, newest]);
+                self.add(network, window, START_LAST);
             }
             LAST => {
-                hidden.of(network, [older, newer, &BEYOND], &mut self.outermost);
-                self.pool.take(network, [before, newest, &self.outermost]);
+                hidden.compute(network, [older, newer, &ZERO_PLANE], &mut self.outermost);
+                self.pool
+                    .convolve(network, [before, newest, &self.outermost]);
                 if POOL[0] == 1 {
-                    self.add(network, window, CLOSING);
+                    self.add(network, window, END_FIRST);
                 }
-                let planes = [newest, &self.outermost[..], &self.beyond];
-                self.pool.take(network, planes);
-                self.add(network, window, CLOSING_ENDS);
+                let planes = [newest, &self.outermost[..], &self.padding];
+                self.pool.convolve(network, planes);
+                self.add(network, window, END_LAST);
             }
             _ => {}
         }
     }
 
-    fn add(&mut self, network: &Network<'_>, window: &mut OpenWindow, place: usize) {
-        self.pool.finish(network);
-        if let Some(&fc) = network.fc.get(place) {
+    /// Requantises the pool and adds it to the window as its pooled plane `index`.
+    fn add(&mut self, network: &Network<'_>, window: &mut OpenWindow, index: usize) {
+        self.pool.requantise(network);
+        if let Some(&fc) = network.fc.get(index) {
             window.add_pooled(fc, self.pool.pooled());
         }
     }

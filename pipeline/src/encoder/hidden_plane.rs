@@ -1,16 +1,18 @@
-//! A plane between the convolutions.
+//! Computes planes between the convolutions.
 
 use int8_nn::Pair;
 use model::{HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, MARGIN, NETWORK, Network};
 
-/// Scratch of the first convolution.
+/// Pairs of gathered inputs of the first convolution.
 const PATCHES: usize = NETWORK.conv1().patches_len();
+/// Sums of the first convolution.
 const SUMS: usize = NETWORK.conv1().sums_len();
-/// Pairs in a plane, with and without its margin; there is none without padding.
+/// Pairs in a hidden plane without its margin.
 const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
+/// Pairs in a hidden plane with its margin; 0 if the convolutions are not padded.
 const FRAMED: usize = if MARGIN == 0 { 0 } else { HIDDEN.len() / 2 };
 
-/// What computing a plane between the convolutions takes besides its input.
+/// Scratch memory for computing a plane between the convolutions.
 #[derive(Clone, Debug)]
 pub(super) struct HiddenPlane {
     patches: [Pair; PATCHES],
@@ -20,7 +22,7 @@ pub(super) struct HiddenPlane {
 }
 
 impl HiddenPlane {
-    /// Nothing computed yet.
+    /// Scratch memory before the first plane.
     pub(super) const EMPTY: Self = Self {
         patches: [Pair::ZERO; PATCHES],
         sums: [0; SUMS],
@@ -28,9 +30,9 @@ impl HiddenPlane {
         framed: [Pair::ZERO; FRAMED],
     };
 
-    /// The plane that three input planes make, oldest first, transformed for the second convolution.
+    /// Convolves three input planes, oldest first, and transforms the result for the second convolution.
     #[inline]
-    pub(super) fn of(
+    pub(super) fn compute(
         &mut self,
         network: &Network<'_>,
         input: [&[Pair]; 3],
@@ -38,7 +40,7 @@ impl HiddenPlane {
     ) {
         network
             .conv1()
-            .plane(input, &mut self.patches, &mut self.sums, &mut self.interior);
+            .convolve(input, &mut self.patches, &mut self.sums, &mut self.interior);
         let plane = if MARGIN == 0 {
             &self.interior[..]
         } else {
@@ -48,8 +50,8 @@ impl HiddenPlane {
         network.conv2().transform(plane, transformed);
     }
 
-    /// A plane beyond the window's ends: nothing but padding.
-    pub(super) fn padding(&mut self, network: &Network<'_>, transformed: &mut [Pair]) {
+    /// Transforms a plane of padding for the second convolution.
+    pub(super) fn compute_padding(&mut self, network: &Network<'_>, transformed: &mut [Pair]) {
         let planes = self.framed.chunks_exact_mut(HIDDEN.rows * HIDDEN.columns);
         for (plane, &padding) in planes.zip(&network.hidden_padding) {
             plane.fill(padding);
@@ -57,7 +59,8 @@ impl HiddenPlane {
         network.conv2().transform(&self.framed, transformed);
     }
 
-    /// Lays the plane into its margin.
+    /// Copies the interior into the framed plane, adds the offset of each channel, and fills the margin
+    /// with padding.
     fn frame(&mut self, network: &Network<'_>) {
         let channels = network.hidden_padding.iter().zip(&network.hidden_offset);
         let planes = self.framed.chunks_exact_mut(HIDDEN.rows * HIDDEN.columns);

@@ -1,9 +1,9 @@
-//! The max-pool behind the second convolution.
+//! The second convolution and its max-pool.
 
 use int8_nn::{Pair, requantise, saturate_u8};
 use model::{Conv2, Network, POOLED, POOLED_PAIRS};
 
-/// The largest sums of a pool so far, and the last pool that was finished.
+/// The largest sums of the current pool, and the last complete pooled plane.
 #[derive(Clone, Debug)]
 pub(super) struct Pool {
     largest: [i32; POOLED.len()],
@@ -11,26 +11,28 @@ pub(super) struct Pool {
 }
 
 impl Pool {
-    /// Zeros, so that a static encoder takes no flash; [`Self::begin`] comes before the first plane.
+    /// All zeros, so that a static encoder takes no flash; call [`Self::start`] before the first plane.
     pub(super) const EMPTY: Self = Self {
         largest: [0; POOLED.len()],
         pooled: [Pair::ZERO; POOLED_PAIRS],
     };
 
-    /// Forgets what it holds.
-    pub(super) fn begin(&mut self) {
+    /// Clears the sums.
+    pub(super) fn start(&mut self) {
         self.largest.fill(i32::MIN);
     }
 
-    /// Takes in the second convolution's plane that ends with the last of three transformed planes.
+    /// Convolves three transformed planes, oldest first, and keeps the maxima with those so far.
     #[inline]
-    pub(super) fn take(&mut self, network: &Network<'_>, transformed: [&[Pair]; 3]) {
-        network.conv2().pool(transformed, &mut self.largest);
+    pub(super) fn convolve(&mut self, network: &Network<'_>, transformed: [&[Pair]; 3]) {
+        network
+            .conv2()
+            .convolve_max_pool(transformed, &mut self.largest);
     }
 
-    /// Brings the sums to 8 bits, and begins with the next pool.
+    /// Requantises the sums to 8 bits and clears them for the next pool.
     #[inline]
-    pub(super) fn finish(&mut self, network: &Network<'_>) {
+    pub(super) fn requantise(&mut self, network: &Network<'_>) {
         let bias = network.conv2.bias.as_chunks::<2>().0;
         let multipliers = network.conv2.multipliers.as_chunks::<2>().0;
         let places = self.largest.chunks_exact_mut(POOLED.channels);
@@ -48,7 +50,7 @@ impl Pool {
         }
     }
 
-    /// The last finished pool, values 0..=255, `[position][channel]`.
+    /// Returns the last complete pooled plane, values 0..=255, `[position][channel]`.
     #[inline]
     pub(super) const fn pooled(&self) -> &[Pair; POOLED_PAIRS] {
         &self.pooled

@@ -1,16 +1,16 @@
-//! The figures against float64, and through the whole acquisition.
+//! Tests of the quality figures against float64, and with the whole acquisition.
 
 use std::{f64::consts::TAU, vec::Vec};
 
 use super::*;
-use crate::Acquisition;
+use crate::acquisition::Acquisition;
 
-/// Counts in a microvolt.
+/// Returns the number of counts in a microvolt.
 fn counts_per_uv() -> f64 {
     1000.0 / f64::from(LSB_NV)
 }
 
-/// A sample whose channels have `uv(electrode, seconds)` microvolt at the input, rounded to counts.
+/// Returns sample `n` of the signal `uv(electrode, seconds)` in microvolts, rounded to counts.
 fn sample(n: u32, uv: impl Fn(usize, f64) -> f64) -> Sample {
     let t = f64::from(n) / f64::from(ADC_RATE_HZ);
     let mut sample = Sample::default();
@@ -25,21 +25,21 @@ fn sample(n: u32, uv: impl Fn(usize, f64) -> f64) -> Sample {
     sample
 }
 
-/// RMS of `hz` in one second of `signal` under a Hann window, in float64.
+/// Returns the RMS of `hz` in one second of `signal` with a Hann window, in float64.
 fn reference(hz: f64, signal: &[f64]) -> f64 {
     let length = f64::from(u32::try_from(signal.len()).expect("a second"));
     let (mut re, mut im) = (0.0, 0.0);
     for (n, x) in (0..).zip(signal) {
-        let turn = TAU * f64::from(n) / length;
-        let x = x * (1.0 - turn.cos());
-        re += x * (hz * turn).cos();
-        im += x * (hz * turn).sin();
+        let angle = TAU * f64::from(n) / length;
+        let x = x * (1.0 - angle.cos());
+        re += x * (hz * angle).cos();
+        im += x * (hz * angle).sin();
     }
     2.0_f64.sqrt() * re.hypot(im) / length
 }
 
 fn report(quality: &mut SignalQuality, samples: impl Iterator<Item = Sample>) -> Quality {
-    let reports: Vec<Quality> = samples.filter_map(|s| quality.push(&s, None)).collect();
+    let reports: Vec<Quality> = samples.filter_map(|s| quality.observe(&s, None)).collect();
     *reports.last().expect("a whole second")
 }
 
@@ -48,18 +48,18 @@ fn second() -> core::ops::Range<u32> {
 }
 
 #[test]
-fn every_second_gives_a_report_that_names_its_first_sample() {
+fn every_second_ends_with_a_report_that_carries_its_first_sample() {
     let mut quality = SignalQuality::new(Mains::Hz50);
     let rate = usize::from(ADC_RATE_HZ);
     let reports: Vec<(usize, u64)> = (0..3 * rate)
-        .filter_map(|n| Some((n, quality.push(&Sample::default(), None)?.first_sample)))
+        .filter_map(|n| Some((n, quality.observe(&Sample::default(), None)?.first_sample)))
         .collect();
     let expected = [1, 2, 3].map(|second| (second * rate - 1, ((second - 1) * rate) as u64));
     assert_eq!(reports, expected);
 }
 
 #[test]
-fn a_microvolt_of_mains_is_right_under_20_mv_of_offset_alpha_and_drift() {
+fn a_microvolt_of_mains_is_measured_despite_20_mv_of_offset_alpha_and_drift() {
     for (mains, hz) in [(Mains::Hz50, 50.0), (Mains::Hz60, 60.0)] {
         let amplitude = |electrode| 1.0 + 0.5 * f64::from(u8::try_from(electrode).expect("64"));
         let uv = |electrode: usize, t: f64| {
@@ -79,10 +79,10 @@ fn a_microvolt_of_mains_is_right_under_20_mv_of_offset_alpha_and_drift() {
                 .map(|sample| f64::from(sample.counts[index]) / counts_per_uv())
                 .collect();
             let (read, exact) = (f64::from(electrode.mains_uv), reference(hz, &signal));
-            // The f32 phases' 3e-5, and 1e-7 of the offset.
+            // 3e-5 from the phases in f32, and 1e-7 of the offset.
             let bound = 3e-5 * exact + 2e-3;
             assert!((read - exact).abs() < bound, "{read} instead of {exact} uV");
-            // And the truth, but for the ADC's rounding and the window's leaks; measured 1.4 nV.
+            // The true value differs by the ADC's rounding and the window's leakage; measured 1.4 nV.
             let truth = amplitude(index) / 2.0_f64.sqrt();
             assert!((read - truth).abs() < 0.003, "{read} of {truth} uV");
         }
@@ -90,7 +90,7 @@ fn a_microvolt_of_mains_is_right_under_20_mv_of_offset_alpha_and_drift() {
 }
 
 #[test]
-fn filtered_figures_are_those_of_float64() {
+fn filtered_figures_equal_those_of_float64() {
     let mut quality = SignalQuality::new(Mains::Hz60);
     let (rate, step_rate) = (u32::from(ADC_RATE_HZ), u32::from(STEP_RATE_HZ));
     let per_uv = counts_per_uv() * f64::from(1 << GUARD_BITS);
@@ -108,7 +108,7 @@ fn filtered_figures_are_those_of_float64() {
             ..Step::default()
         });
         steps.extend(step);
-        reports.extend(quality.push(&Sample::default(), step.as_ref()));
+        reports.extend(quality.observe(&Sample::default(), step.as_ref()));
     }
     for (index, electrode) in reports[0].electrodes.iter().enumerate() {
         let signal: Vec<f64> = steps
@@ -117,17 +117,17 @@ fn filtered_figures_are_those_of_float64() {
             .collect();
         let rms = (signal.iter().map(|x| x * x).sum::<f64>() / f64::from(step_rate)).sqrt();
         let relative = f64::from(electrode.rms_uv) / rms - 1.0;
-        // The root's 2e-6 and the sum's roundings; measured 9e-8.
+        // 2e-6 from the square root, and the rounding of the sum; measured 9e-8.
         assert!(relative.abs() < 3e-6, "{relative} of {rms} uV");
         let residual = reference(60.0, &signal);
         let relative = f64::from(electrode.mains_residual_uv) / residual - 1.0;
-        // The phases' 3e-5; measured 2.6e-6.
+        // 3e-5 from the phases in f32; measured 2.6e-6.
         assert!(relative.abs() < 3e-5, "{relative} of {residual} uV");
     }
 }
 
 #[test]
-fn mains_are_seen_before_the_notch_and_gone_behind_it() {
+fn mains_is_measured_before_the_notch_and_removed_after_it() {
     for (mains, hz) in [(Mains::Hz50, 50.0), (Mains::Hz60, 60.0)] {
         let uv = |_, t: f64| 5000.0 + 30.0 * (TAU * 10.0 * t).sin() + 100.0 * (TAU * hz * t).sin();
         let mut acquisition = Acquisition::new(mains);
@@ -135,8 +135,8 @@ fn mains_are_seen_before_the_notch_and_gone_behind_it() {
         let reports: Vec<Quality> = (0..30 * u32::from(ADC_RATE_HZ))
             .filter_map(|n| {
                 let sample = sample(n, uv);
-                let step = acquisition.push(&sample);
-                quality.push(&sample, step.as_ref())
+                let step = acquisition.process_sample(&sample);
+                quality.observe(&sample, step.as_ref())
             })
             .collect();
         assert!(reports[0].settling);
@@ -144,7 +144,7 @@ fn mains_are_seen_before_the_notch_and_gone_behind_it() {
         assert!(!last.settling);
         let electrode = last.electrodes[ELECTRODES - 1];
         assert!((electrode.mains_uv - 70.71).abs() < 0.01, "{electrode:?}");
-        // Measured 0.6 nV, the filters' own noise.
+        // Measured 0.6 nV, the noise of the filters.
         assert!(electrode.mains_residual_uv < 0.002, "{electrode:?}");
         // 30 uV through the pass band, whose gain at 10 Hz is 1 within 0.1 %.
         assert!((electrode.rms_uv - 21.21).abs() < 0.05, "{electrode:?}");
@@ -152,13 +152,13 @@ fn mains_are_seen_before_the_notch_and_gone_behind_it() {
 }
 
 #[test]
-fn rails_are_counted_and_what_moves_less_than_the_converter_s_noise_is_flat() {
+fn rails_are_counted_and_an_electrode_below_the_converter_s_noise_is_flat() {
     let mut quality = SignalQuality::new(Mains::Hz50);
     let samples = second().map(|n| {
         let mut sample = Sample::default();
         sample.counts[0] = if n < 100 { Sample::MAX } else { 0 };
         sample.counts[1] = -Sample::MAX - 1;
-        // 21 counts are 0.47 uV, 22 are 0.49 uV and a little.
+        // 21 counts are 0.47 uV, 22 counts are just above 0.49 uV.
         sample.counts[2] = 1_000_000 + if n == 77 { 21 } else { 0 };
         sample.counts[3] = if n == 77 { -22 } else { 0 };
         sample
@@ -172,9 +172,9 @@ fn rails_are_counted_and_what_moves_less_than_the_converter_s_noise_is_flat() {
 }
 
 #[test]
-fn a_second_knows_nothing_of_the_one_before() {
-    let loud = |n| sample(n, |_, t| 1000.0 * (TAU * 50.0 * t).sin());
-    let quiet = |n| sample(n, |_, t| 3.0 * (TAU * 50.0 * t).sin());
+fn a_report_does_not_depend_on_the_second_before() {
+    let large = |n| sample(n, |_, t| 1000.0 * (TAU * 50.0 * t).sin());
+    let small = |n| sample(n, |_, t| 3.0 * (TAU * 50.0 * t).sin());
     let step = Step {
         electrodes: [1 << 20; ELECTRODES],
         settling: true,
@@ -182,10 +182,10 @@ fn a_second_knows_nothing_of_the_one_before() {
     };
     let mut quality = SignalQuality::new(Mains::Hz50);
     for n in second() {
-        quality.push(&loud(n), Some(&step));
+        quality.observe(&large(n), Some(&step));
     }
-    let after = report(&mut quality, second().map(quiet));
-    let fresh = report(&mut SignalQuality::new(Mains::Hz50), second().map(quiet));
+    let after = report(&mut quality, second().map(small));
+    let fresh = report(&mut SignalQuality::new(Mains::Hz50), second().map(small));
     assert_eq!(after.electrodes, fresh.electrodes);
     assert!(!after.settling);
 }

@@ -1,15 +1,15 @@
-//! One frequency within one second: a bin of the DFT under a Hann window.
+//! One frequency within one second: a DFT bin with a Hann window.
 
 use core::f64::consts::TAU;
 
 use micromath::F32Ext;
 
-/// The weights of one DFT bin, sample by sample, the same for all channels:
+/// Generates the weights of one DFT bin, sample by sample, for all channels:
 /// `(1 - cos(2 pi n / N)) (cos, sin)(2 pi k n / N)` with k Hz and N samples in a second.
 ///
-/// A second has whole periods of every whole frequency, so that an electrode's offset goes: of 20 mV
-/// 1 nV is read, f32's rounding. The Hann window does the same to what drifts: a ramp of 1 mV/s,
-/// which a bare DFT reads as 4.6 uV RMS of 50 Hz, is 1.8 nV under it. Mains 0.1 Hz off read 0.6 % low.
+/// A second contains whole periods of every whole frequency, so the bin rejects an electrode's offset:
+/// 20 mV read as 1 nV, the rounding of f32. The Hann window rejects drift: a ramp of 1 mV/s reads as
+/// 1.8 nV RMS of 50 Hz, without the window as 4.6 uV. Mains that deviates by 0.1 Hz reads 0.6 % low.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bin {
     carrier: Rotor,
@@ -17,25 +17,28 @@ pub(super) struct Bin {
 }
 
 impl Bin {
-    /// The bin of `hz` Hz among `rate_hz` samples of a second.
+    /// Creates the bin of `hz` Hz at a rate of `rate_hz` Hz.
     ///
     /// # Panics
-    /// When `hz` is not below the Nyquist frequency; at compile time in a `const`.
+    /// If `hz` is not below the Nyquist frequency; at compile time in a `const` context.
     pub(super) const fn new(hz: u8, rate_hz: u16) -> Self {
-        assert!(2 * (hz as u16) < rate_hz, "the frequency would fold");
+        assert!(
+            2 * (hz as u16) < rate_hz,
+            "the frequency must be below half of the rate"
+        );
         Self {
             carrier: Rotor::new(hz, rate_hz),
             window: Rotor::new(1, rate_hz),
         }
     }
 
-    /// Goes back to the second's first sample.
+    /// Resets to the first sample of a second.
     pub(super) fn restart(&mut self) {
         self.carrier.at = Rotor::START;
         self.window.at = Rotor::START;
     }
 
-    /// The weights of the next sample.
+    /// Returns the weights of the next sample: cosine and sine.
     #[inline]
     pub(super) fn next_weights(&mut self) -> [f32; 2] {
         let [cos, sin] = self.carrier.next();
@@ -44,12 +47,14 @@ impl Bin {
     }
 }
 
-/// A phase that advances by the same angle with every sample. Made anew each second, before its
-/// rounding matters: 3e-5 at most after 1024 turns (test).
+/// A phase that advances by the same angle with every sample. It is reset each second, before its
+/// rounding errors matter: at most 3e-5 after 1024 samples (tested).
 #[derive(Clone, Copy, Debug)]
 struct Rotor {
+    /// Cosine and sine of the current phase.
     at: [f32; 2],
-    turn: [f32; 2],
+    /// Cosine and sine of the angle of one sample.
+    rotation: [f32; 2],
 }
 
 impl Rotor {
@@ -58,24 +63,25 @@ impl Rotor {
     const fn new(cycles: u8, rate_hz: u16) -> Self {
         Self {
             at: Self::START,
-            turn: cos_sin(TAU * cycles as f64 / rate_hz as f64),
+            rotation: cos_sin(TAU * cycles as f64 / rate_hz as f64),
         }
     }
 
     #[inline]
     fn next(&mut self) -> [f32; 2] {
-        let ([cos, sin], [c, s]) = (self.at, self.turn);
+        let ([cos, sin], [c, s]) = (self.at, self.rotation);
         self.at = [cos * c - sin * s, sin * c + cos * s];
         [cos, sin]
     }
 }
 
-/// Cosine and sine of an angle in [0, pi], from their series, to the last bit of an f32.
+/// Returns cosine and sine of an angle in [0, pi], from their series, correctly rounded to f32.
 ///
-/// Not micromath's: 1e-3 of error in one turn would be half a radian after 512.
+/// micromath's functions are too inaccurate: an error of 1e-3 per sample would add up to half a radian
+/// after 512 samples.
 #[expect(
     clippy::cast_possible_truncation,
-    reason = "rounded to the nearest f32 on purpose"
+    reason = "intentionally rounded to f32"
 )]
 const fn cos_sin(angle: f64) -> [f32; 2] {
     let (mut cos, mut sin) = (0.0, 0.0);
@@ -92,32 +98,33 @@ const fn cos_sin(angle: f64) -> [f32; 2] {
     [cos as f32, sin as f32]
 }
 
-/// What one channel has of a bin's frequency, so far.
+/// Weighted sums of one channel: real and imaginary part of a DFT bin.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Tone([f32; 2]);
 
 impl Tone {
-    /// Nothing added yet.
-    pub(super) const SILENCE: Self = Self([0.0; 2]);
+    /// Sums before the first sample.
+    pub(super) const ZERO: Self = Self([0.0; 2]);
 
-    /// Adds a sample under the bin's weights for it.
+    /// Adds a sample with the bin's weights for it.
     #[inline]
     pub(super) fn add(&mut self, x: f32, weights: [f32; 2]) {
         self.0[0] += weights[0] * x;
         self.0[1] += weights[1] * x;
     }
 
-    /// RMS of the frequency, in the samples' unit, after the second's `rate_hz` samples.
+    /// Returns the RMS of the frequency, in the unit of the samples, after `rate_hz` samples.
     pub(super) fn rms(self, rate_hz: u16) -> f32 {
         let [re, im] = self.0;
-        // Amplitude 2 |X| / N, as the window's mean is 1; RMS of a sine is 1/sqrt(2) of it.
-        core::f32::consts::SQRT_2 * root(re * re + im * im) / f32::from(rate_hz)
+        // The amplitude is 2 |X| / N, as the window's mean is 1; the RMS of a sine is 1/sqrt(2) of it.
+        core::f32::consts::SQRT_2 * square_root(re * re + im * im) / f32::from(rate_hz)
     }
 }
 
-/// Square root, relative error 2e-6: micromath's, up to 6 % too large, after two of Heron's steps.
-pub(super) fn root(x: f32) -> f32 {
-    // By its path: in tests, where std is linked, `x.sqrt()` would be std's.
+/// Returns the square root with a relative error of 2e-6: micromath's, which is up to 6 % too large,
+/// refined by two iterations of Heron's method.
+pub(super) fn square_root(x: f32) -> f32 {
+    // Called by path: in tests, which link std, `x.sqrt()` would be std's.
     let guess = F32Ext::sqrt(x);
     let better = 0.5 * (guess + x / guess);
     0.5 * (better + x / better)
@@ -129,7 +136,7 @@ mod tests {
 
     use super::*;
 
-    /// Rates of the ADCs that the filters are designed for.
+    /// ADC rates for which the filters are designed, Hz.
     const RATES: [u16; 6] = [250, 256, 500, 512, 1000, 1024];
 
     fn rms_of(hz: u8, rate_hz: u16, x: impl Fn(f64) -> f64) -> f64 {
@@ -144,13 +151,13 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_of_the_frequency_reads_its_rms_whatever_its_phase_and_the_rate() {
+    fn a_sine_of_the_frequency_reads_its_rms_at_every_phase_and_rate() {
         for (rate, hz) in RATES.iter().flat_map(|&rate| [(rate, 50), (rate, 60)]) {
             for phase in [0.0, 0.7, 2.0] {
                 let read = rms_of(hz, rate, |t| {
                     3.0 * (f64::consts::TAU * f64::from(hz) * t + phase).sin()
                 });
-                // Turning phases in f32; measured 1.2e-5.
+                // Rounding of the phase in f32; measured 1.2e-5.
                 let relative = read / (3.0 / f64::consts::SQRT_2) - 1.0;
                 assert!(relative.abs() < 3e-5, "{relative} at {rate} Hz");
             }
@@ -158,10 +165,10 @@ mod tests {
     }
 
     #[test]
-    fn an_offset_a_ramp_and_other_frequencies_read_nothing() {
+    fn offsets_ramps_and_other_frequencies_are_rejected() {
         for (rate, hz) in RATES.iter().flat_map(|&rate| [(rate, 50), (rate, 60)]) {
             let near = |t: f64| (f64::consts::TAU * (f64::from(hz) - 2.0) * t).sin();
-            // Measured 4.7e-8, 1.8e-6 (the window's leak, in f64 too) and 1.3e-6.
+            // Measured 4.7e-8, 1.8e-6 (leakage of the window, in f64 too) and 1.3e-6.
             for (name, read, limit) in [
                 ("offset", rms_of(hz, rate, |_| 1.0), 1e-7),
                 ("ramp", rms_of(hz, rate, |t| t), 2e-6),
@@ -173,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_phase_is_still_right_at_the_end_of_a_second() {
+    fn the_phase_is_accurate_at_the_end_of_a_second() {
         for (rate, cycles) in RATES.iter().flat_map(|&rate| [(rate, 1), (rate, 60)]) {
             let mut rotor = Rotor::new(cycles, rate);
             let worst = (0..rate)
@@ -183,19 +190,19 @@ mod tests {
                     (cos - angle.cos()).hypot(sin - angle.sin())
                 })
                 .fold(0.0, f64::max);
-            assert!(worst < 3e-5, "{worst} after {rate} turns");
+            assert!(worst < 3e-5, "{worst} after {rate} samples");
         }
     }
 
     #[test]
-    fn the_root_is_right_to_2e_6_over_the_whole_range() {
+    fn the_square_root_is_accurate_to_2e_6_over_the_whole_range() {
         let inputs: Vec<f32> = (-80..80)
             .flat_map(|power| [1.0, 1.37, 1.99, 3.0].map(|m: f32| m * 2.0_f32.powi(power)))
             .collect();
         for x in inputs {
-            let relative = f64::from(root(x)) / f64::from(x).sqrt() - 1.0;
+            let relative = f64::from(square_root(x)) / f64::from(x).sqrt() - 1.0;
             assert!(relative.abs() < 2e-6, "{relative} at {x}");
         }
-        assert!(root(0.0) < 1e-19);
+        assert!(square_root(0.0) < 1e-19);
     }
 }

@@ -1,4 +1,4 @@
-//! A front end for any rate, designed and quantised when the test runs.
+//! A front end for any rate, designed and quantised at run time.
 
 use artifact::Decimation;
 use fixed_dsp::{Cascade, Resampler};
@@ -6,10 +6,10 @@ use model::{CHANNELS, GUARD_BITS, SECTIONS};
 use model_gen::{Chain, FilterSpec, ResamplerTable, cascade};
 use pipeline::{FrontEnd, Sample};
 
-/// Rates of the steps, Hz.
+/// Step rate, Hz.
 pub(crate) const STEP_RATE_HZ: u32 = 128;
 
-/// The device's filters and resampler as they would be at another rate.
+/// The device's filters and resampler, designed for another ADC rate.
 pub(crate) struct AtRate {
     pub(crate) rate_hz: u32,
     cascade: Cascade<SECTIONS>,
@@ -36,7 +36,7 @@ impl AtRate {
         }
     }
 
-    /// What is known of it in floating point.
+    /// Returns the chain for computing its float response.
     pub(crate) fn chain(&self) -> Chain<'_> {
         Chain {
             sections: &self.cascade.sections,
@@ -45,7 +45,7 @@ impl AtRate {
         }
     }
 
-    /// The steps of one electrode, in counts.
+    /// Returns the steps of one electrode for an input in counts, in counts.
     pub(crate) fn steps(&self, counts: &[i32]) -> Vec<f64> {
         match (self.table.phases(), self.table.taps_per_phase()) {
             (1, 1) => self.run::<1, 1>(counts),
@@ -61,20 +61,20 @@ impl AtRate {
 
     fn run<const PHASES: usize, const TAPS: usize>(&self, counts: &[i32]) -> Vec<f64> {
         let rows = self.table.taps.iter().map(|row| {
-            let row: [i32; TAPS] = row.as_slice().try_into().expect("so many taps");
+            let row: [i32; TAPS] = row.as_slice().try_into().expect("TAPS taps");
             row
         });
         let rows: Vec<[i32; TAPS]> = rows.collect();
         let resampler = Resampler {
             down: self.table.down,
-            taps: rows.try_into().expect("so many phases"),
+            taps: rows.try_into().expect("PHASES phases"),
         };
         assert!(resampler.is_consistent());
         let mut front_end = FrontEnd::<_, PHASES, TAPS>::new(self.cascade, &resampler);
         counts
             .iter()
             .filter_map(|&count| {
-                front_end.push(&Sample {
+                front_end.filter_sample(&Sample {
                     counts: [count; CHANNELS],
                 })
             })

@@ -1,4 +1,4 @@
-//! The stated group delay of the whole front end, heard in its output.
+//! The stated group delay of the whole front end, compared with its output.
 
 use std::f64::consts::PI;
 
@@ -6,12 +6,13 @@ use artifact::Decimation;
 
 use crate::at_rate::{AtRate, STEP_RATE_HZ};
 
-/// Length of the burst and of the whole input, s.
+/// Length of the burst, s.
 const BURST_S: f64 = 8.0;
+/// Length of the input, s.
 const SECONDS: u32 = 12;
 
-/// 10 Hz under a Hann window that begins after 1 s: in phase and a quarter of a period later, 1 at
-/// the peak.
+/// Returns a 10 Hz burst with a Hann window that starts at 1 s, and the same burst a quarter of a period
+/// later; the peak is 1.
 fn burst(time_s: f64) -> [f64; 2] {
     let part = (time_s - 1.0) / BURST_S;
     if !(0.0..1.0).contains(&part) {
@@ -22,8 +23,8 @@ fn burst(time_s: f64) -> [f64; 2] {
     [envelope * sine, envelope * cosine]
 }
 
-/// Envelope of the cross-correlation of the steps with a burst that is so late. The envelope, because
-/// the wave inside it is late by the phase delay instead.
+/// Returns the envelope of the cross-correlation of the steps with a burst delayed by `delay_s`. The
+/// envelope has the group delay; the wave inside it has the phase delay.
 fn correlation(steps: &[f64], delay_s: f64) -> f64 {
     let mut time_s = -delay_s;
     let mut sums = [0.0; 2];
@@ -36,7 +37,7 @@ fn correlation(steps: &[f64], delay_s: f64) -> f64 {
     f64::hypot(sums[0], sums[1])
 }
 
-/// The delay at which the correlation peaks, s: thirds of the interval, the lower end dropped.
+/// Returns the delay of the correlation's peak in seconds, found by ternary search.
 fn peak(steps: &[f64]) -> f64 {
     let (mut low, mut high) = (0.0, 0.25);
     while high - low > 1e-7 {
@@ -51,7 +52,7 @@ fn peak(steps: &[f64]) -> f64 {
 }
 
 #[test]
-fn a_burst_comes_out_as_late_as_stated_at_every_rate() {
+fn a_burst_is_delayed_by_the_stated_group_delay_at_every_rate() {
     for (rate_hz, decimation) in [
         (250, Decimation::Fir),
         (256, Decimation::Literal),
@@ -76,7 +77,7 @@ fn a_burst_comes_out_as_late_as_stated_at_every_rate() {
                 "{rate_hz} Hz, mains {mains_hz} Hz, {decimation:?}: {found_us:.0} us, stated \
                  {stated_us:.0} us"
             );
-            // Measured: 1 us apart.
+            // Measured difference: 1 us.
             assert!((found_us - stated_us).abs() < 5.0);
         }
     }

@@ -1,5 +1,4 @@
-//! The front end at every sampling rate, literal and alias-free: against scipy, what it folds, how
-//! late it is.
+//! The front end at every sampling rate and decimation: comparison with scipy, aliases, delay.
 #![forbid(unsafe_code)]
 
 mod aliases;

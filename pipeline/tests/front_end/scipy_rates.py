@@ -1,4 +1,4 @@
-"""Prints scipy_rates.csv: what scipy's double-precision filters make of the test's signal, in counts.
+"""Prints scipy_rates.csv: outputs of scipy's double-precision filters for the test signal, in counts.
 
 python3 scipy_rates.py > scipy_rates.csv   (scipy 1.17.1, numpy 2)
 """
@@ -10,7 +10,7 @@ CUTOFF_HZ, BETA, STEP_HZ = 62.0, 5.0, 128
 
 
 def counts(length):
-    """20 mV of offset and noise of 46 uV at most, as whole counts: the test makes the same."""
+    """Returns 20 mV of offset plus noise of at most 46 uV in whole counts, as in the test."""
     state, values = 1, []
     for _ in range(length):
         state = (state * 1_664_525 + 1_013_904_223) % 2**32
@@ -28,7 +28,7 @@ def steps(x, rate, mains, decimation):
     up, down = STEP_HZ // common, rate // common
     taps = (-(-rate // 8) + 3) // 4 * 4
     h = signal.firwin(up * taps, CUTOFF_HZ, window=("kaiser", BETA), fs=rate * up)
-    for phase in range(up):  # a constant passes every phase unchanged
+    for phase in range(up):  # normalise each phase, so that a constant passes unchanged
         h[phase::up] /= h[phase::up].sum()
     return signal.upfirdn(h, y, up, down)[: -(-len(x) * up // down)]
 

@@ -92,7 +92,7 @@ fn winograd(noise: &mut Noise, sums: &mut [i32]) -> usize {
         conv.transform(&input, plane);
     }
     pooled(&mut sums[..WINOGRAD_SUMS], |largest| {
-        conv.pool(planes.each_ref().map(|plane| &plane[..]), largest);
+        conv.convolve_max_pool(planes.each_ref().map(|plane| &plane[..]), largest);
     })
 }
 
@@ -111,7 +111,7 @@ fn direct(noise: &mut Noise, sums: &mut [i32]) -> usize {
         conv.transform(&input, plane);
     }
     pooled(&mut sums[..DIRECT_SUMS], |largest| {
-        conv.pool(planes.each_ref().map(|plane| &plane[..]), largest);
+        conv.convolve_max_pool(planes.each_ref().map(|plane| &plane[..]), largest);
     })
 }
 

@@ -2,7 +2,7 @@
 
 use core::hint::black_box;
 
-use model::{CODE, NETWORK, NETWORK_SUM};
+use model::{CODE, NETWORK, NETWORK_CHECKSUM};
 use pipeline::{Encoder, Step};
 
 use crate::{
@@ -24,7 +24,7 @@ pub(crate) fn check_codes(encoder: &mut Encoder<'static>) -> Result<(), Mismatch
         encoder.restart();
         let mut code = None;
         for &plane in window {
-            code = encoder.push(&Step {
+            code = encoder.encode_step(&Step {
                 plane,
                 ..Step::default()
             });

@@ -40,8 +40,8 @@ pub(crate) fn check(device: &mut Device, mains: Mains, codes: &[Code]) -> Result
     device.acquisition.restart(mains);
     device.encoder.restart();
     let mut made = signal::samples().filter_map(|sample| {
-        let step = device.acquisition.push(&sample)?;
-        device.encoder.push(&step)
+        let step = device.acquisition.process_sample(&sample)?;
+        device.encoder.encode_step(&step)
     });
     for (index, expected) in codes.iter().enumerate() {
         // Not reached: the samples are endless.

@@ -85,7 +85,7 @@ fn filtered_frames_are_the_steps_that_the_encoder_reads() {
     let mut acquisition = Acquisition::new(Mains::Hz50);
     let steps: Vec<Step> = samples
         .iter()
-        .filter_map(|sample| acquisition.push(sample))
+        .filter_map(|sample| acquisition.process_sample(sample))
         .collect();
     let expected: Vec<i32> = steps.iter().flat_map(|step| step.electrodes).collect();
     let together: Vec<i32> = seen.into_iter().flat_map(|(_, values)| values).collect();
@@ -111,7 +111,7 @@ fn an_audit_contains_the_planes_of_its_code() {
                 for (cell, byte) in step.plane.iter_mut().zip(plane) {
                     *cell = byte.cast_signed();
                 }
-                encoder.push(&step)
+                encoder.encode_step(&step)
             })
             .expect("a window of planes");
         let (CodeValues::Int8(again), link::CodeValues::Int8(values)) = (code.values, values)

@@ -1,24 +1,24 @@
-//! Loads in groups: an LDM and three LDRD for twelve SMLAD.
+//! Grouped loads, for a Cortex-M4: one LDM and three LDRD for twelve SMLAD.
 #![expect(
     unsafe_code,
-    reason = "LLVM makes no SMLAD of Rust, and the loop needs every register there is"
+    reason = "LLVM does not generate SMLAD from Rust, and the loop needs every register"
 )]
 
 use core::arch::naked_asm;
 
-use super::Work;
-use crate::dot::{ROUND, weights_len};
+use super::arguments::Arguments;
+use crate::dot::layout::{ROUND, weights_len};
 
-/// The loop for a number of segments, a width and a stride, with weights shared by all steps or not,
-/// over so many steps at a time: the pointers on the stack are moved once for all of them.
+/// Defines a kernel for a number of segments, a width and a stride, with weights that all blocks share
+/// or not. One iteration computes `$blocks` blocks, and updates the pointers on the stack once.
 ///
-/// r0-r5 sums, r6-r9 weights of a round (the first output's two words, then the second's), r10-r11
-/// inputs of a position, r12 a segment's next position, lr the weights. The rest of the work stays
-/// on the stack. A round is one LDM and three LDRD for twelve SMLAD.
+/// r0-r5: sums; r6-r9: weights of a round (two words of the first output, two of the second); r10-r11:
+/// inputs of a position; r12: next position of a segment; lr: weights. The other arguments stay on the
+/// stack. A round is one LDM and three LDRD for twelve SMLAD.
 macro_rules! kernel {
-    ($name:ident, $segments:literal, $width:literal, $stride:literal, $steps:literal, $shared:literal) => {
+    ($name:ident, $segments:literal, $width:literal, $stride:literal, $blocks:literal, $shared:literal) => {
         #[unsafe(naked)]
-        pub(super) unsafe extern "C" fn $name(work: *const ()) {
+        pub(super) unsafe extern "C" fn $name(arguments: *const ()) {
             naked_asm!(
                 "push {{r4-r11, lr}}",
                 "sub sp, #{frame}",
@@ -30,15 +30,15 @@ macro_rules! kernel {
                 ".endr",
                 "ldr lr, [sp, #{weights}]",
                 "2:",
-                ".set step, 0",
-                ".rept {steps}",
+                ".set block, 0",
+                ".rept {blocks}",
                 ".set segment, 0",
                 ".rept {segments}",
                 "ldr r12, [sp, #(4 * segment)]",
                 ".set round, 0",
                 ".rept {rounds}",
                 "ldm lr!, {{r6-r9}}",
-                "ldrd r10, r11, [r12, #(3 * {position} * step + 8 * round)]",
+                "ldrd r10, r11, [r12, #(3 * {position} * block + 8 * round)]",
                 ".if segment + round == 0",
                 "smuad r0, r10, r6",
                 "smuad r1, r10, r8",
@@ -48,7 +48,7 @@ macro_rules! kernel {
                 ".endif",
                 "smlad r0, r11, r7, r0",
                 "smlad r1, r11, r9, r1",
-                "ldrd r10, r11, [r12, #((3 * step + 1) * {position} + 8 * round)]",
+                "ldrd r10, r11, [r12, #((3 * block + 1) * {position} + 8 * round)]",
                 ".if segment + round == 0",
                 "smuad r2, r10, r6",
                 "smuad r3, r10, r8",
@@ -58,7 +58,7 @@ macro_rules! kernel {
                 ".endif",
                 "smlad r2, r11, r7, r2",
                 "smlad r3, r11, r9, r3",
-                "ldrd r10, r11, [r12, #((3 * step + 2) * {position} + 8 * round)]",
+                "ldrd r10, r11, [r12, #((3 * block + 2) * {position} + 8 * round)]",
                 ".if segment + round == 0",
                 "smuad r4, r10, r6",
                 "smuad r5, r10, r8",
@@ -70,8 +70,8 @@ macro_rules! kernel {
                 "smlad r5, r11, r9, r5",
                 ".set round, round + 1",
                 ".endr",
-                ".if step == {steps} - 1",
-                "add r12, #(3 * {position} * {steps})",
+                ".if block == {blocks} - 1",
+                "add r12, #(3 * {position} * {blocks})",
                 "str r12, [sp, #(4 * segment)]",
                 ".endif",
                 ".set segment, segment + 1",
@@ -80,9 +80,9 @@ macro_rules! kernel {
                 "stm r12!, {{r0-r5}}",
                 "str r12, [sp, #{sums}]",
                 ".if {shared}",
-                "sub lr, #{weights_of_step}",
+                "sub lr, #{weights_of_block}",
                 ".endif",
-                ".set step, step + 1",
+                ".set block, block + 1",
                 ".endr",
                 "ldr r11, [sp, #{end}]",
                 "cmp r12, r11",
@@ -90,15 +90,15 @@ macro_rules! kernel {
                 "add sp, #{frame}",
                 "pop {{r4-r11, pc}}",
                 segments = const $segments,
-                steps = const $steps,
+                blocks = const $blocks,
                 rounds = const $width / ROUND,
                 position = const 4 * $stride,
-                frame = const size_of::<Work<$segments>>(),
-                weights = const core::mem::offset_of!(Work<$segments>, weights),
-                sums = const core::mem::offset_of!(Work<$segments>, sums),
+                frame = const size_of::<Arguments<$segments>>(),
+                weights = const core::mem::offset_of!(Arguments<$segments>, weights),
+                sums = const core::mem::offset_of!(Arguments<$segments>, sums),
                 shared = const $shared as usize,
-                weights_of_step = const 4 * weights_len($segments * $width),
-                end = const core::mem::offset_of!(Work<$segments>, end),
+                weights_of_block = const 4 * weights_len($segments * $width),
+                end = const core::mem::offset_of!(Arguments<$segments>, end),
             );
         }
     };

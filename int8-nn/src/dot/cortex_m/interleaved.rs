@@ -1,26 +1,26 @@
-//! A load beside each product: a Cortex-M7 issues an LDR and an SMLAD in the same cycle.
+//! Interleaved loads, for a Cortex-M7, which issues an LDR and an SMLAD in the same cycle.
 #![expect(
     unsafe_code,
-    reason = "LLVM makes no SMLAD of Rust, and the loop needs every register there is"
+    reason = "LLVM does not generate SMLAD from Rust, and the loop needs every register"
 )]
 #![expect(clippy::too_many_lines, reason = "one loop, one instruction per line")]
 
 use core::arch::naked_asm;
 
-use super::Work;
-use crate::dot::{ROUND, weights_len};
+use super::arguments::Arguments;
+use crate::dot::layout::{ROUND, weights_len};
 
-/// The loop for a number of segments, a width and a stride, with weights shared by all steps or not,
-/// over so many steps at a time: the pointers on the stack are moved once for all of them.
+/// Defines a kernel for a number of segments, a width and a stride, with weights that all blocks share
+/// or not. One iteration computes `$blocks` blocks, and updates the pointers on the stack once.
 ///
-/// r0-r5 sums, r6-r9 weights of a round (the first output's two words, then the second's), r10-r11
-/// inputs of a position, r12 a segment's next position, lr the weights of this round. The rest of the
-/// work stays on the stack. A register is loaded again behind its last use, three products before
-/// its next.
+/// r0-r5: sums; r6-r9: weights of a round (two words of the first output, two of the second); r10-r11:
+/// inputs of a position; r12: next position of a segment; lr: weights of this round. The other
+/// arguments stay on the stack. A register is reloaded right after its last use, three products
+/// before its next.
 macro_rules! kernel {
-    ($name:ident, $segments:literal, $width:literal, $stride:literal, $steps:literal, $shared:literal) => {
+    ($name:ident, $segments:literal, $width:literal, $stride:literal, $blocks:literal, $shared:literal) => {
         #[unsafe(naked)]
-        pub(super) unsafe extern "C" fn $name(work: *const ()) {
+        pub(super) unsafe extern "C" fn $name(arguments: *const ()) {
             naked_asm!(
                 "push {{r4-r11, lr}}",
                 "sub sp, #{frame}",
@@ -32,23 +32,23 @@ macro_rules! kernel {
                 ".endr",
                 "ldr lr, [sp, #{weights}]",
                 "2:",
-                ".set step, 0",
-                ".rept {steps}",
-                // Weights of the first round; every other round finds its own loaded.
-                ".if {shared} || (step == 0)",
+                ".set block, 0",
+                ".rept {blocks}",
+                // Load the weights of the first round; the later ones are loaded one round ahead.
+                ".if {shared} || (block == 0)",
                 "ldm lr, {{r6-r9}}",
                 ".endif",
                 ".set segment, 0",
                 ".rept {segments}",
                 "ldr r12, [sp, #(4 * segment)]",
-                ".set at, 3 * {position} * step",
+                ".set at, 3 * {position} * block",
                 "ldr r10, [r12, #at]",
                 "ldr r11, [r12, #(at + 4)]",
                 ".set round, 0",
                 ".rept {rounds}",
                 ".set last_of_segment, round == {rounds} - 1",
-                ".set last_of_step, last_of_segment && (segment == {segments} - 1)",
-                ".set more, !(last_of_step && ({shared} || (step == {steps} - 1)))",
+                ".set last_of_block, last_of_segment && (segment == {segments} - 1)",
+                ".set more, !(last_of_block && ({shared} || (block == {blocks} - 1)))",
                 ".if segment + round == 0",
                 "smuad r0, r10, r6",
                 "smuad r1, r10, r8",
@@ -102,8 +102,8 @@ macro_rules! kernel {
                 ".endif",
                 ".set round, round + 1",
                 ".endr",
-                ".if step == {steps} - 1",
-                "add r12, #(3 * {position} * {steps})",
+                ".if block == {blocks} - 1",
+                "add r12, #(3 * {position} * {blocks})",
                 "str r12, [sp, #(4 * segment)]",
                 ".endif",
                 ".set segment, segment + 1",
@@ -111,13 +111,13 @@ macro_rules! kernel {
                 "ldr r12, [sp, #{sums}]",
                 "stm r12!, {{r0-r5}}",
                 "str r12, [sp, #{sums}]",
-                // From the last round's weights back to the first's, or on to the next step's.
+                // Move lr from the weights of the last round to those of the next block's first round.
                 ".if {shared}",
-                "sub lr, #({weights_of_step} - 16)",
-                ".elseif step == {steps} - 1",
+                "sub lr, #({weights_of_block} - 16)",
+                ".elseif block == {blocks} - 1",
                 "add lr, #16",
                 ".endif",
-                ".set step, step + 1",
+                ".set block, block + 1",
                 ".endr",
                 "ldr r11, [sp, #{end}]",
                 "cmp r12, r11",
@@ -125,15 +125,15 @@ macro_rules! kernel {
                 "add sp, #{frame}",
                 "pop {{r4-r11, pc}}",
                 segments = const $segments,
-                steps = const $steps,
+                blocks = const $blocks,
                 rounds = const $width / ROUND,
                 position = const 4 * $stride,
-                frame = const size_of::<Work<$segments>>(),
-                weights = const core::mem::offset_of!(Work<$segments>, weights),
-                sums = const core::mem::offset_of!(Work<$segments>, sums),
+                frame = const size_of::<Arguments<$segments>>(),
+                weights = const core::mem::offset_of!(Arguments<$segments>, weights),
+                sums = const core::mem::offset_of!(Arguments<$segments>, sums),
                 shared = const $shared as usize,
-                weights_of_step = const 4 * weights_len($segments * $width),
-                end = const core::mem::offset_of!(Work<$segments>, end),
+                weights_of_block = const 4 * weights_len($segments * $width),
+                end = const core::mem::offset_of!(Arguments<$segments>, end),
             );
         }
     };

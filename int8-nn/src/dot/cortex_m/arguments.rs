@@ -1,0 +1,14 @@
+//! The argument block of the assembler kernels.
+
+use crate::pair::Pair;
+
+/// Argument of a kernel, passed by address; the kernel copies it to its stack.
+#[repr(C)]
+pub(super) struct Arguments<const SEGMENTS: usize> {
+    /// Inputs of the next position in each segment.
+    pub(super) inputs: [*const Pair; SEGMENTS],
+    pub(super) weights: *const Pair,
+    pub(super) sums: *mut i32,
+    /// One past the last sum.
+    pub(super) end: *mut i32,
+}

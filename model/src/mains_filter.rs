@@ -1,0 +1,23 @@
+//! The filters for one mains frequency.
+
+use fixed_dsp::Cascade;
+
+use crate::constants::SECTIONS;
+
+/// Filters before the resampler for one mains frequency, with the delays of the whole chain.
+#[derive(Clone, Copy, Debug)]
+pub struct MainsFilter {
+    /// Mains frequency that the notch removes, Hz.
+    pub mains_hz: u8,
+    /// Sections in signal order; samples are counts in Q27.5.
+    pub cascade: Cascade<SECTIONS>,
+    /// Group delay of sections and resampler at 10 Hz, microseconds.
+    pub group_delay_us: u32,
+    /// Group delay plus [`WINDOW_CENTRE_US`](crate::WINDOW_CENTRE_US). A code's device time minus this
+    /// is the time at which the middle of its window was on the scalp.
+    pub scalp_delay_us: u32,
+    /// ADC samples until an input step has decayed to 1e-4 at the output of the resampler.
+    pub settling_samples: u32,
+    /// Description of the chain in words, for `prefiltering` fields.
+    pub description: &'static str,
+}

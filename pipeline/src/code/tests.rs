@@ -1,0 +1,146 @@
+//! Tests of every code format against model-gen's plain loops, and at the ends of its range.
+
+use std::{vec, vec::Vec};
+
+use artifact::CodeFormat as Described;
+use proptest::prelude::*;
+
+use super::*;
+
+/// Every format, as in this crate and as in `artifact`.
+const FORMATS: [(CodeFormat, Described); 3] = [
+    (CodeFormat::Int8, Described::Int8),
+    (CodeFormat::Int8Exponent, Described::Int8Exponent),
+    (CodeFormat::Int16, Described::Int16),
+];
+
+fn encoded(format: CodeFormat, levels: &[i32; CODE]) -> (CodeValues, u8) {
+    CodeValues::from_levels(format, |j| levels[j])
+}
+
+/// Returns levels of 0, except for `last` at the end.
+fn levels(last: &[i32]) -> [i32; CODE] {
+    let mut levels = [0; CODE];
+    levels[CODE - last.len()..].copy_from_slice(last);
+    levels
+}
+
+/// Levels of every magnitude, from 0 to far beyond 16 bits.
+fn any_levels() -> impl Strategy<Value = [i32; CODE]> {
+    (0..=20_u32, prop::collection::vec(any::<i32>(), CODE)).prop_map(|(bits, levels)| {
+        let levels: Vec<i32> = levels
+            .into_iter()
+            .map(|level| level >> (31 - bits))
+            .collect();
+        levels.try_into().expect("128 levels")
+    })
+}
+
+/// Returns exponent, last value and number of clipped values of a code whose last level is `level` and
+/// whose other levels are 0.
+fn with_exponent(level: i32) -> (u8, i16, u8) {
+    let (values, clipped) = encoded(CodeFormat::Int8Exponent, &levels(&[level]));
+    (values.exponent(), values.integers()[CODE - 1], clipped)
+}
+
+proptest! {
+    #[test]
+    fn every_format_equals_the_reference(levels in any_levels()) {
+        for (format, described) in FORMATS {
+            let (ours, _) = encoded(format, &levels);
+            let theirs = model_gen::integer_code(described, &levels.map(i64::from));
+            prop_assert_eq!(ours.exponent(), theirs.exponent);
+            prop_assert_eq!(ours.integers(), theirs.values);
+            prop_assert_eq!(ours.levels(), theirs.levels());
+        }
+    }
+
+    #[test]
+    fn an_unclipped_value_is_within_half_of_two_to_the_exponent(levels in any_levels()) {
+        for (format, _) in FORMATS {
+            let (values, clipped) = encoded(format, &levels);
+            // Rounding half up: a value can exceed its level by exactly a half, but not fall below it.
+            let power = 1_i64 << values.exponent();
+            let pairs = values.levels().into_iter().zip(levels);
+            let off = pairs.filter(|&(ours, level)| {
+                let twice = 2 * (i64::from(ours) - i64::from(level));
+                twice <= -power || twice > power
+            });
+            prop_assert_eq!(off.count(), usize::from(clipped));
+        }
+    }
+
+    #[test]
+    fn a_code_with_an_exponent_is_clipped_only_with_the_largest_exponent(levels in any_levels()) {
+        let (values, clipped) = encoded(CodeFormat::Int8Exponent, &levels);
+        let exponent = values.exponent();
+        prop_assert!(clipped == 0 || exponent == MAX_EXPONENT);
+        // With a smaller exponent some value would have been clipped.
+        let finer = exponent.checked_sub(1).map(|finer| {
+            let out = |&level: &i32| i8::try_from(round(level, finer)).is_err();
+            levels.iter().any(out)
+        });
+        prop_assert!(finer != Some(false), "{}", exponent);
+    }
+}
+
+#[test]
+fn the_exponent_accounts_for_rounding_beyond_eight_bits() {
+    assert_eq!(with_exponent(0), (0, 0, 0));
+    assert_eq!(with_exponent(127), (0, 127, 0));
+    assert_eq!(with_exponent(128), (1, 64, 0));
+    assert_eq!(with_exponent(254), (1, 127, 0));
+    // 127.5 rounds up to 128.
+    assert_eq!(with_exponent(255), (2, 64, 0));
+    assert_eq!(with_exponent(-128), (0, -128, 0));
+    assert_eq!(with_exponent(-129), (1, -64, 0));
+    // -128.5 rounds up to -128.
+    assert_eq!(with_exponent(-257), (1, -128, 0));
+    assert_eq!(with_exponent(-258), (2, -64, 0));
+}
+
+#[test]
+fn beyond_the_largest_exponent_values_are_clipped_and_counted() {
+    assert_eq!(with_exponent(32_639), (8, 127, 0));
+    assert_eq!(with_exponent(32_640), (8, 127, 1));
+    assert_eq!(with_exponent(-32_896), (8, -128, 0));
+    assert_eq!(with_exponent(-32_897), (8, -128, 1));
+    assert_eq!(with_exponent(i32::MAX), (8, 127, 1));
+    assert_eq!(with_exponent(i32::MIN), (8, -128, 1));
+}
+
+#[test]
+fn values_beyond_sixteen_bits_are_clipped_and_counted() {
+    let last = [-32_769, -32_768, 32_767, 32_768, i32::MIN, i32::MAX];
+    let (values, clipped) = encoded(CodeFormat::Int16, &levels(&last));
+    let expected = [-32_768, -32_768, 32_767, 32_767, -32_768, 32_767];
+    assert_eq!(values.integers()[CODE - 6..], expected);
+    assert_eq!(clipped, 4);
+    for (format, _) in FORMATS {
+        assert_eq!(encoded(format, &[i32::MIN; CODE]).1, 128, "all of them");
+    }
+}
+
+#[test]
+fn a_small_code_keeps_levels_that_a_large_one_rounds() {
+    let small = levels(&[-100, 37, 127]);
+    assert_eq!(encoded(CodeFormat::Int8Exponent, &small).0.levels(), small);
+    let large = levels(&[-100, 37, 20_000]);
+    let (values, clipped) = encoded(CodeFormat::Int8Exponent, &large);
+    assert_eq!((values.exponent(), clipped), (8, 0));
+    assert_eq!(values.levels()[CODE - 3..], [0, 0, 19_968]);
+}
+
+#[test]
+fn a_code_has_the_bytes_of_its_format() {
+    let mut buffer = [0; CodeValues::MAX_BYTES];
+    let mut bytes = |format| {
+        let (values, _) = encoded(format, &levels(&[-2, 300]));
+        let bytes = values.to_bytes(&mut buffer).to_vec();
+        assert_eq!(bytes.len(), format.bytes());
+        (bytes[0], bytes[bytes.len() - 4..].to_vec())
+    };
+    assert_eq!(bytes(CodeFormat::Int8), (0, vec![0, 0, 0xfe, 127]));
+    assert_eq!(bytes(CodeFormat::Int8Exponent), (2, vec![0, 0, 0, 75]));
+    assert_eq!(bytes(CodeFormat::Int16), (0, vec![0xfe, 0xff, 0x2c, 1]));
+}

@@ -1,0 +1,161 @@
+//! The windows that are encoded at the same time.
+
+use int8_nn::{Pair, requantise_sum};
+use model::{
+    CODE, CODE_FORMAT, ELECTRODE_PAIRS, FC_PAIRS, FC_PIECES, Network, POOLED_PAIRS, SHORTCUT_PAIRS,
+};
+
+use crate::{
+    code::{Code, CodeValues},
+    step::Step,
+};
+
+/// Largest number of windows that contain the same time step, reached with the smallest hop.
+pub(super) const OPEN_WINDOWS: usize = 2;
+
+/// Accumulators of one window that is not complete yet.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OpenWindow {
+    fc: [i32; CODE],
+    shortcut: [i32; CODE],
+    first_sample: u64,
+    offset_us: u16,
+    clipped: u16,
+    saturated: u64,
+    settling: bool,
+}
+
+impl OpenWindow {
+    /// A slot without a window.
+    pub(super) const EMPTY: Self = Self {
+        fc: [0; CODE],
+        shortcut: [0; CODE],
+        first_sample: 0,
+        offset_us: 0,
+        clipped: 0,
+        saturated: 0,
+        settling: false,
+    };
+
+    /// Starts a window whose first step is `step`; the step's data is added afterwards.
+    #[inline]
+    pub(super) fn start_with(step: &Step, network: &Network<'_>) -> Self {
+        Self {
+            fc: *network.fc_bias,
+            first_sample: step.sample,
+            settling: step.settling,
+            ..Self::EMPTY
+        }
+    }
+
+    /// Adds a time step's clips and rails to those of the window.
+    #[inline]
+    pub(super) fn add_events(&mut self, step: &Step) {
+        self.clipped = self.clipped.saturating_add(step.clipped);
+        self.saturated |= step.saturated;
+        self.offset_us = step.offset_us;
+    }
+
+    /// Adds a time step's product to the accumulators of the linear shortcut.
+    #[inline]
+    pub(super) fn add_electrodes(
+        &mut self,
+        shortcut: &[Pair; SHORTCUT_PAIRS],
+        electrodes: &[Pair; ELECTRODE_PAIRS],
+    ) {
+        Network::shortcut(shortcut).accumulate(electrodes, &mut self.shortcut);
+    }
+
+    /// Adds a pooled plane's product to the accumulators of the fully connected layer, piece by piece.
+    #[inline]
+    pub(super) fn add_pooled(
+        &mut self,
+        fc: [&[Pair; FC_PAIRS]; FC_PIECES],
+        pooled: &[Pair; POOLED_PAIRS],
+    ) {
+        let pieces = pooled.chunks_exact(POOLED_PAIRS / FC_PIECES);
+        for (fc, pooled) in fc.into_iter().zip(pieces) {
+            Network::fc(fc).accumulate(pooled, &mut self.fc);
+        }
+    }
+
+    /// Returns the code of the complete window.
+    #[inline]
+    pub(super) fn code(&self, window: u32, network: &Network<'_>) -> Code {
+        let (values, clipped_values) = CodeValues::from_levels(CODE_FORMAT, |j| {
+            let level = requantise_sum(
+                self.fc[j],
+                network.fc_multipliers[j],
+                self.shortcut[j],
+                network.shortcut_multipliers[j],
+            );
+            level.saturating_add(i32::from(network.code_zero_point[j]))
+        });
+        Code {
+            window,
+            first_sample: self.first_sample,
+            offset_us: self.offset_us,
+            clipped: self.clipped,
+            clipped_values,
+            saturated: self.saturated,
+            settling: self.settling,
+            values,
+        }
+    }
+}
+
+/// Iterates over the open windows that contain a plane, newest first, as (slot, index of the plane
+/// within the window). Window `w` contains the planes `w * hop .. w * hop + length`.
+///
+/// The hop is a power of two, so shifts replace divisions: a 64-bit division takes a Cortex-M a hundred
+/// instructions.
+pub(super) fn containing_windows(
+    plane: u64,
+    hop: usize,
+    length: usize,
+) -> impl Iterator<Item = (usize, usize)> {
+    debug_assert!(hop.is_power_of_two());
+    let newest = plane >> hop.trailing_zeros();
+    #[expect(clippy::cast_possible_truncation, reason = "a remainder below the hop")]
+    let phase = plane as usize & (hop - 1);
+    (0..OPEN_WINDOWS).filter_map(move |age| {
+        let window = newest.checked_sub(age as u64)?;
+        let offset = phase + age * hop;
+        (offset < length).then(|| (slot_of(window), offset))
+    })
+}
+
+/// Returns the slot of an open window.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a remainder below the number of slots"
+)]
+pub(super) fn slot_of(window: u64) -> usize {
+    (window % OPEN_WINDOWS as u64) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use super::*;
+
+    #[test]
+    fn a_plane_is_in_the_windows_that_contain_it() {
+        let all = |plane| containing_windows(plane, 8, 16).collect::<Vec<_>>();
+        assert_eq!(all(0), [(0, 0)]);
+        assert_eq!(all(7), [(0, 7)]);
+        assert_eq!(all(8), [(1, 0), (0, 8)]);
+        assert_eq!(all(16), [(0, 0), (1, 8)]);
+        // Of a window's six pooled planes, the last two are also the first two of the next window.
+        let pooled = |plane| containing_windows(plane, 4, 6).collect::<Vec<_>>();
+        assert_eq!(pooled(3), [(0, 3)]);
+        assert_eq!(pooled(5), [(1, 1), (0, 5)]);
+        assert_eq!(pooled(6), [(1, 2)]);
+        // Without overlap, two of eight pooled planes are between the windows.
+        let apart = |plane| containing_windows(plane, 8, 6).collect::<Vec<_>>();
+        assert_eq!(apart(5), [(0, 5)]);
+        assert_eq!(apart(6), []);
+        assert_eq!(apart(8), [(1, 0)]);
+    }
+}
