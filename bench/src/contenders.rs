@@ -59,7 +59,7 @@ impl Contender for Blocks {
     }
 
     fn run(&mut self) {
-        Mains::Hz50.blocks(&mut self.states, &mut self.block);
+        Mains::Hz50.apply_blocks(&mut self.states, &mut self.block);
     }
 
     fn output(&self) -> Block {
@@ -80,7 +80,7 @@ impl Contender for Singles {
         let Blocks { states, block } = &mut self.0;
         for sample in 0..BLOCK {
             for (state, channel) in states.iter_mut().zip(&mut *block) {
-                channel[sample] = Mains::Hz50.step(state, channel[sample]);
+                channel[sample] = Mains::Hz50.apply(state, channel[sample]);
             }
         }
     }
@@ -143,7 +143,7 @@ impl Default for Acquiring {
     /// samples completes one as well.
     fn default() -> Self {
         let mut acquisition = Acquisition::new(Mains::Hz50);
-        acquisition.push(&Sample::default());
+        acquisition.process_sample(&Sample::default());
         Self {
             acquisition,
             samples: [Sample::default(); BLOCK],
@@ -164,7 +164,7 @@ impl Contender for Acquiring {
 
     fn run(&mut self) {
         for sample in &self.samples {
-            if let Some(step) = self.acquisition.push(sample) {
+            if let Some(step) = self.acquisition.process_sample(sample) {
                 self.electrodes = step.electrodes;
             }
         }

@@ -71,7 +71,7 @@ fn reference(seconds: u32, seed: u64) -> Result<Vec<StepUv>, Failure> {
     let samples = 0..u64::from(seconds) * u64::from(model::ADC_RATE_HZ);
     let steps = samples.filter_map(|_| {
         let counts = generator.next_sample();
-        let (electrodes, _) = front_end.push(&Sample { counts })?;
+        let (electrodes, _) = front_end.filter_sample(&Sample { counts })?;
         Some(microvolts(&electrodes))
     });
     Ok(steps.collect())

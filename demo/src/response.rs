@@ -103,8 +103,8 @@ fn impulse_response() -> Vec<f64> {
     let samples = 0..SECONDS * usize::from(model::ADC_RATE_HZ);
     let response = samples.map(|n| {
         let x = if n == 0 { IMPULSE } else { 0 };
-        let up = f64::from(Mains::Hz50.step(&mut states[0], x));
-        let down = f64::from(Mains::Hz50.step(&mut states[1], -x));
+        let up = f64::from(Mains::Hz50.apply(&mut states[0], x));
+        let down = f64::from(Mains::Hz50.apply(&mut states[1], -x));
         (up - down) / 2.0 / f64::from(IMPULSE)
     });
     response.collect()

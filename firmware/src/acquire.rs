@@ -67,7 +67,7 @@ pub async fn acquire(
 /// Filters one sample. A function of its own, because the boards compile the task around it for size.
 #[inline(never)]
 fn filter(acquisition: &mut Acquisition, sample: &Sample) -> Option<Step> {
-    acquisition.push(sample)
+    acquisition.process_sample(sample)
 }
 
 /// Publishes the converters' status for the conversation. Not inlined, to keep the status text off the

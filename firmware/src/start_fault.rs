@@ -5,7 +5,7 @@ use core::hint::black_box;
 use device::fault_text;
 use heapless::String;
 use link::MAX_TEXT_BYTES;
-use model::{NETWORK, NETWORK_SUM};
+use model::{NETWORK, NETWORK_CHECKSUM};
 
 use crate::fault_record::FaultRecord;
 
@@ -16,7 +16,7 @@ pub const MODEL_DAMAGED: &str = "the model in flash is damaged: flash the firmwa
 /// milliseconds.
 pub fn model_is_sound() -> bool {
     // Without black_box the compiler would evaluate the comparison at build time.
-    black_box(&NETWORK).sum() == NETWORK_SUM
+    black_box(&NETWORK).checksum() == NETWORK_CHECKSUM
 }
 
 /// Returns the fault text of `Hello`, gravest first: damaged model, fault of the board, end of the previous

@@ -68,8 +68,8 @@ fn codes(inputs: &Inputs<Plane>) -> Vec<u8> {
                 plane,
                 ..Step::default()
             };
-            if let Some(code) = encoder.push(&step) {
-                codes.extend(code.values.bytes(&mut [0; CodeValues::MOST_BYTES]));
+            if let Some(code) = encoder.encode_step(&step) {
+                codes.extend(code.values.to_bytes(&mut [0; CodeValues::MAX_BYTES]));
             }
         }
     }

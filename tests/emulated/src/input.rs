@@ -121,7 +121,7 @@ mod tests {
         let codes: Vec<_> = input
             .samples
             .iter()
-            .filter_map(|sample| pipeline.push(sample))
+            .filter_map(|sample| pipeline.encode_sample(sample))
             .collect();
         assert_eq!(codes.len(), 40);
         assert!(

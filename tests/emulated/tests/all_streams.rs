@@ -161,7 +161,7 @@ fn audits(sent: &[u8]) -> Vec<bool> {
             let planes = audit.planes.as_chunks::<CELLS>().0;
             let mut encoder = Encoder::new();
             let code = planes.iter().fold(None, |_, plane| {
-                encoder.push(&Step {
+                encoder.encode_step(&Step {
                     plane: plane.map(u8::cast_signed),
                     ..Step::SILENCE
                 })

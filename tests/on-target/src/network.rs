@@ -13,7 +13,7 @@ use crate::{
 /// Compares the checksum that the compiler has computed with that of the network in flash.
 pub(crate) fn check_sum() -> Result<(), Mismatch> {
     // `black_box` hides the network's contents from the compiler, so that the flash is read.
-    expect_equal("sum", &[NETWORK_SUM], &[black_box(&NETWORK).sum()])
+    expect_equal("sum", &[NETWORK_CHECKSUM], &[black_box(&NETWORK).checksum()])
 }
 
 /// Encodes each window with a restarted encoder and compares it with the code of model-gen's batch reference. The
@@ -30,7 +30,7 @@ pub(crate) fn check_codes(encoder: &mut Encoder<'static>) -> Result<(), Mismatch
             });
         }
         if let Some(code) = code {
-            expect_equal("values", expected, &code.values.steps())
+            expect_equal("values", expected, &code.values.levels())
                 .map_err(|mismatch| mismatch.offset_by(CODE * made))?;
             made += 1;
         }

@@ -45,7 +45,7 @@ fn planes(mains: Mains, samples: impl IntoIterator<Item = Counts>, steps: usize)
     let mut acquisition = Acquisition::new(mains);
     samples
         .into_iter()
-        .filter_map(|counts| acquisition.push(&Sample { counts }))
+        .filter_map(|counts| acquisition.process_sample(&Sample { counts }))
         .map(|step| step.plane)
         .take(steps)
         .collect()

@@ -55,7 +55,7 @@ impl Noise {
     pub(crate) fn measure(twin: &Twin, mut on_filter: impl FnMut(&'static str)) -> Self {
         let ours = || {
             let mut state = CascadeState::REST;
-            move |x| Mains::Hz50.step(&mut state, x)
+            move |x| Mains::Hz50.apply(&mut state, x)
         };
         let filters: [&dyn Fn() -> Measured; Self::FILTERS.len()] = [
             &|| measure(twin, ours),

@@ -33,7 +33,7 @@ impl Ours {
         while steps.len() < STEPS + (WINDOWS - 1) * HOP {
             let counts = generator.next_sample();
             let sample = Sample { counts };
-            steps.extend(acquisition.push(&sample));
+            steps.extend(acquisition.process_sample(&sample));
             samples.push(sample);
         }
         Ok(Self {
@@ -64,7 +64,7 @@ impl Ours {
     /// The codes of the stream are not those of its windows one by one.
     pub(crate) fn codes(&self) -> Result<Vec<i32>, Failure> {
         let values = |codes: &[Code]| -> Vec<i32> {
-            codes.iter().flat_map(|code| code.values.steps()).collect()
+            codes.iter().flat_map(|code| code.values.levels()).collect()
         };
         let streamed = values(&streamed(&mut Encoder::new(), &self.steps));
         if streamed == values(&windows(&self.steps)) {
@@ -91,7 +91,7 @@ impl Ours {
     pub(crate) fn pipeline(&mut self) -> f64 {
         timed(|| {
             let samples = self.samples.iter();
-            let codes = samples.filter_map(|sample| self.pipeline.push(sample));
+            let codes = samples.filter_map(|sample| self.pipeline.encode_sample(sample));
             codes.map(black_box).count()
         })
     }
@@ -108,7 +108,7 @@ fn timed(mut codes: impl FnMut() -> usize) -> f64 {
 }
 
 fn streamed(encoder: &mut Encoder, steps: &[Step]) -> Vec<Code> {
-    let codes = steps.iter().filter_map(|step| encoder.push(step));
+    let codes = steps.iter().filter_map(|step| encoder.encode_step(step));
     codes.map(black_box).collect()
 }
 
