@@ -13,7 +13,6 @@ mod failure;
 mod pictures;
 mod program;
 mod progress;
-mod response;
 mod run;
 
 use std::path::PathBuf;

@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
+use artifact::Artifact;
+use bench::response::{Response, Twin};
 use picture::heat_map::HeatMap;
 use picture::intervals::Intervals;
 use picture::traces::{Trace, Traces};
 
 use crate::comparison::Comparison;
 use crate::failure::Failure;
-use crate::response::Response;
 use crate::run::{Received, Run};
 
 /// Electrodes in the picture, front to back.
@@ -21,19 +22,31 @@ const SHOWN_SECONDS: usize = 4;
 /// # Errors
 /// The folder or a file cannot be written, or the artifact not read.
 pub(crate) fn draw_all(run: &Run, comparison: &Comparison, folder: &Path) -> Result<(), Failure> {
-    let response = Response::from_artifact()?;
+    let response = response()?;
     let draw = || -> Result<(), Box<dyn std::error::Error>> {
         std::fs::create_dir_all(folder)?;
         traces(comparison).draw(&folder.join("traces.svg"))?;
         heat_map(run).draw(&folder.join("codes.svg"))?;
         intervals(run).draw(&folder.join("intervals.svg"))?;
-        Ok(response.curves().draw(&folder.join("filters.svg"))?)
+        Ok(response.magnitude().draw(&folder.join("filters.svg"))?)
     };
     draw().map_err(|error| Failure::Check {
         what: "drawing the pictures".to_owned(),
         why: error.to_string(),
         next: format!("is {} writable, and the disk not full?", folder.display()),
     })
+}
+
+/// Measures the integer filters, and their float64 twin from the model's artifact.
+fn response() -> Result<Response, Failure> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact");
+    let artifact = Artifact::read(&folder).map_err(|error| Failure::Check {
+        what: "reading the model's artifact".to_owned(),
+        why: error.to_string(),
+        next: "`git status model/artifact`".to_owned(),
+    })?;
+    let twin = Twin::new(&artifact.description.filters);
+    Ok(Response::measure(&twin))
 }
 
 fn traces(comparison: &Comparison) -> Traces {

@@ -1,5 +1,6 @@
 //! The workspace's programs, as a user runs them.
 
+use std::env;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
@@ -14,13 +15,23 @@ pub struct Programs {
     pub bridge: PathBuf,
 }
 
-/// Builds the programs with the profile of the tests, once per test program.
+/// Environment variable with the folder of programs that are built already.
+const FOLDER: &str = "CORTICODE_PROGRAMS";
+
+/// Finds the programs in the folder named by `CORTICODE_PROGRAMS`, or else builds them with the profile of the
+/// tests, once per test program.
 ///
 /// # Panics
 /// When a program does not build.
 pub fn programs() -> &'static Programs {
     static PROGRAMS: OnceLock<Programs> = OnceLock::new();
     PROGRAMS.get_or_init(|| {
+        if let Some(folder) = env::var_os(FOLDER).map(PathBuf::from) {
+            return Programs {
+                host_sim: folder.join("host-sim"),
+                bridge: folder.join("corticode-bridge"),
+            };
+        }
         // Build all default members, as `cargo test` does: another choice of packages can have other features, and
         // everything would be compiled a second time.
         let mut arguments = vec!["build", "--bins", "--message-format=json"];

@@ -9,9 +9,6 @@ use std::process::{Command, ExitCode, Stdio};
 /// Target triple of the microcontrollers: Cortex-M4F and M7 with a single-precision FPU.
 pub(crate) const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Folder of the emulated boards, a workspace with a newer Rust, below the root.
-pub(crate) const VIRTUAL_BOARD: &str = "tests/virtual-board";
-
 /// What to do when a program does not build.
 pub(crate) const AFTER_A_BUILD: &str = "read the compiler's message above";
 
@@ -61,7 +58,7 @@ pub(crate) fn virtual_board_cargo(words: &str) -> Command {
     command
         .args(["run", virtual_board_toolchain(), "cargo"])
         .args(words.split_whitespace())
-        .current_dir(root().join(VIRTUAL_BOARD))
+        .current_dir(root().join("tests/virtual-board"))
         .env("CARGO_TARGET_DIR", target_folder().join("virtual-board"));
     command
 }

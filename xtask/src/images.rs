@@ -25,11 +25,6 @@ impl Board {
         ["h743", "f446"][self as usize]
     }
 
-    /// Name of its microcontroller in probe-rs.
-    pub(crate) const fn chip(self) -> &'static str {
-        ["STM32H743ZITx", "STM32F446RETx"][self as usize]
-    }
-
     /// Names of its images and arguments of cargo, the default image last.
     pub(crate) const fn images(self) -> [[&'static str; 2]; 2] {
         match self {

@@ -4,7 +4,6 @@
 mod board;
 mod command;
 mod figures;
-mod hil;
 mod images;
 mod install;
 mod programs;
@@ -113,7 +112,7 @@ fn main() -> ExitCode {
             live: true, port, ..
         } => programs::live_qemu(port),
         Verb::Qemu { codes, json, .. } => qemu::qemu(codes, json),
-        Verb::Hil { board } => hil::hil(board),
+        Verb::Hil { board } => programs::hil(board),
         Verb::Board {
             live: true,
             board: Some(board),

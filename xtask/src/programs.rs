@@ -2,7 +2,9 @@
 
 use std::process::Command;
 
-use crate::command::{AFTER_A_BUILD, Failure, cargo, replace, run, succeeds, target_folder};
+use crate::command::{
+    AFTER_A_BUILD, BOARD_TARGET, Failure, cargo, replace, run, succeeds, target_folder,
+};
 use crate::images::{self, Board};
 use crate::install;
 
@@ -36,6 +38,42 @@ pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     let is_timing = words.first().is_some_and(|word| word == "host");
     let profile = if is_timing { "--release" } else { "" };
     replace(cargo(&format!("run {profile} --package bench --bin report --")).args(words))
+}
+
+/// Lets both emulated microcontrollers or a board check the golden vectors.
+///
+/// # Errors
+/// probe-rs is missing, the board's image does not build, or cargo does not start.
+pub(crate) fn hil(board: Option<Board>) -> Result<(), Failure> {
+    install::board_target()?;
+    let Some(board) = board else {
+        let test = "test --package emulated --test golden_vectors -- --nocapture";
+        return replace(&mut cargo(test));
+    };
+    if !succeeds(Command::new("probe-rs").arg("--version")) {
+        let next = "`cargo install probe-rs-tools --version 0.32.0 --locked`";
+        return Err(Failure::missing(
+            "probe-rs",
+            "`probe-rs --version` does not run",
+            next,
+        ));
+    }
+    link_vectors(board)?;
+    let image = target_folder()
+        .join(BOARD_TARGET)
+        .join("firmware/on-target");
+    let run = format!("run --quiet --package on-target -- {}", board.key());
+    replace(cargo(&run).arg(image))
+}
+
+/// Links the image with the golden vectors for a board.
+///
+/// # Errors
+/// The image does not build, or is too large for the board.
+pub(crate) fn link_vectors(board: Board) -> Result<(), Failure> {
+    let build = "build --package=on-target --bin=on-target --profile=firmware";
+    let words = format!("{build} --target={BOARD_TARGET} --features={}", board.key());
+    run(&mut cargo(&words), AFTER_A_BUILD)
 }
 
 /// Builds the boards' images and runs the check of their sizes and layouts.

@@ -3,11 +3,9 @@
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::command::{
-    AFTER_A_BUILD, BOARD_TARGET, Failure, VIRTUAL_BOARD, cargo, run, succeeds, target_folder,
-};
+use crate::command::{AFTER_A_BUILD, BOARD_TARGET, Failure, cargo, run, succeeds, target_folder};
 use crate::images::{self, Board};
-use crate::{board, figures, hil, install, programs, qemu};
+use crate::{board, figures, install, programs, qemu};
 
 const AFTER_A_LINT: &str =
     "mend what clippy names above; a lint that is wrong gets `#[expect(.., reason = \"..\")]`";
@@ -22,77 +20,44 @@ const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8
     --package=pipeline --package=link --package=device --package=firmware --package=bench \
     --package=on-target --package=board-qemu";
 
-/// Part of the test in which a stage runs.
+/// When a stage runs: with and without `--fast`, only with it, only without it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Part {
+enum When {
     Always,
-    /// Only with `--fast`.
     Fast,
-    /// Only without `--fast`.
     Full,
 }
 
-/// One stage: its name, when it runs, and its commands.
-type Stage = (&'static str, Part, fn() -> Result<(), Failure>);
+/// Name of a stage, when it runs, and what it does.
+type Stage = (&'static str, When, fn() -> Result<(), Failure>);
 
 /// Every stage in its order.
+#[rustfmt::skip]
 const STAGES: [Stage; 14] = [
-    ("format", Part::Always, format),
-    (
-        "the microcontrollers' target",
-        Part::Fast,
-        install::board_target,
-    ),
-    (
-        "Debian packages, Rust's targets and toolchains",
-        Part::Full,
-        install::install,
-    ),
-    ("lints, without the trainer", Part::Fast, || {
-        lints("--workspace --exclude=trainer")
-    }),
-    ("lints", Part::Full, || lints("--workspace")),
-    (
-        "lints for the microcontrollers",
-        Part::Always,
-        lints_for_microcontrollers,
-    ),
-    ("lints for the boards", Part::Full, lints_for_boards),
-    ("tests", Part::Fast, fast_tests),
-    (
-        "tests, acceptance with ROS, application on emulated microcontrollers",
-        Part::Full,
-        tests,
-    ),
-    (
-        "benchmarks on emulated microcontrollers",
-        Part::Full,
-        benchmarks,
-    ),
-    ("images for the boards", Part::Full, images_for_boards),
-    ("boards, emulated: models", Part::Full, board::models),
-    (
-        "boards, emulated: images that are flashed",
-        Part::Full,
-        || board::test(&Board::ALL, false),
-    ),
-    (
-        "cargo-deny, where it is installed",
-        Part::Always,
-        deny_where_installed,
-    ),
+    ("format", When::Always, format),
+    ("the microcontrollers' target", When::Fast, install::board_target),
+    ("Debian packages, Rust's targets and toolchains", When::Full, install::install),
+    ("lints, without the trainer", When::Fast, || lints("--workspace --exclude=trainer")),
+    ("lints", When::Full, || lints("--workspace")),
+    ("lints for the microcontrollers", When::Always, lints_for_microcontrollers),
+    ("lints for the boards", When::Full, lints_for_boards),
+    ("tests", When::Fast, fast_tests),
+    ("tests, with ROS and emulated microcontrollers", When::Full, full_tests),
+    ("benchmarks on emulated microcontrollers", When::Full, benchmarks),
+    ("images for the boards", When::Full, images_for_boards),
+    ("virtual boards: models", When::Full, board::models),
+    ("virtual boards: images that are flashed", When::Full, || board::test(&Board::ALL, false)),
+    ("cargo-deny, where it is installed", When::Always, deny_where_installed),
 ];
 
-/// Runs every stage of a part and stops at the first that fails.
+/// Runs the stages and stops at the first that fails.
 ///
 /// # Errors
 /// The failure of the first stage that did not pass.
 pub(crate) fn test(fast: bool) -> Result<(), Failure> {
-    let left_out = if fast { Part::Full } else { Part::Fast };
-    let stages: Vec<_> = STAGES
-        .into_iter()
-        .filter(|(_, part, _)| *part != left_out)
-        .collect();
+    let left_out = if fast { When::Full } else { When::Fast };
+    let stages = STAGES.into_iter().filter(|(_, when, _)| *when != left_out);
+    let stages: Vec<Stage> = stages.collect();
     print_skipped(fast);
     let start = Instant::now();
     let total = stages.len();
@@ -124,10 +89,15 @@ fn print_skipped(fast: bool) {
 }
 
 fn format() -> Result<(), Failure> {
-    run(&mut cargo("fmt --all --check"), "`cargo fmt --all`")?;
-    let manifest = format!("--manifest-path={VIRTUAL_BOARD}/Cargo.toml");
-    let next = format!("`cargo fmt {manifest}`");
-    run(&mut cargo(&format!("fmt {manifest} --check")), &next)
+    ["Cargo.toml", "tests/virtual-board/Cargo.toml"]
+        .map(|manifest| format!("fmt --all --manifest-path={manifest}"))
+        .iter()
+        .try_for_each(|words| {
+            run(
+                &mut cargo(&format!("{words} --check")),
+                &format!("`cargo {words}`"),
+            )
+        })
 }
 
 fn lints(selection: &str) -> Result<(), Failure> {
@@ -135,72 +105,74 @@ fn lints(selection: &str) -> Result<(), Failure> {
     run(&mut cargo(&words), AFTER_A_LINT)
 }
 
-/// Lints code that the PC's compiler does not see. With the profile of the images: their build scripts and
-/// macros are the same programs.
-fn lints_for_microcontrollers() -> Result<(), Failure> {
-    for features in ["", "--features=pipeline/cortex-m7"] {
-        lints_for_target(&format!("{THUMB_CRATES} {features}"))?;
-    }
-    Ok(())
+/// Lints code that the PC's compiler does not see. The profile is that of the images, so that both use the same
+/// macros and build scripts.
+fn lints_for_target(selection: &str) -> Result<(), Failure> {
+    let clippy = format!("clippy --profile=firmware --target={BOARD_TARGET}");
+    run(
+        &mut cargo(&format!("{clippy} {selection} -- -D warnings")),
+        AFTER_A_LINT,
+    )
 }
 
+fn lints_for_microcontrollers() -> Result<(), Failure> {
+    lints_for_target(THUMB_CRATES)?;
+    lints_for_target(&format!("{THUMB_CRATES} --features=pipeline/cortex-m7"))
+}
+
+/// Lints each board with each port, one at a time: the chips' features exclude each other.
 fn lints_for_boards() -> Result<(), Failure> {
     let images = Board::ALL.into_iter().flat_map(Board::images);
     images
-        .map(|[_, selection]| format!("--package=board-stm32 {selection}"))
+        .map(|[_, image]| format!("--package=board-stm32 {image}"))
         .try_for_each(|selection| lints_for_target(&selection))
 }
 
-fn lints_for_target(selection: &str) -> Result<(), Failure> {
-    let words = format!("clippy --profile=firmware --target={BOARD_TARGET} {selection}");
-    run(&mut cargo(&format!("{words} -- -D warnings")), AFTER_A_LINT)
+/// Tests the default members.
+fn fast_tests() -> Result<(), Failure> {
+    let skip = "--skip any_model_streams_as_it_batches --skip yanked";
+    tests("", &mut cargo(&format!("test -- {skip}")))
 }
 
-/// Tests of the default members, with the programs they start.
-fn fast_tests() -> Result<(), Failure> {
-    run(&mut cargo("build --bins --tests"), AFTER_A_BUILD)?;
-    let mut test = cargo("test -- --skip any_model_streams_as_it_batches");
+/// Tests all members, and prints the figures of the emulated microcontrollers.
+fn full_tests() -> Result<(), Failure> {
+    let figures = figures::File::new("qemu");
+    let mut test = cargo("test --workspace");
+    test.env("CORTICODE_REQUIRE_ROS", "1");
+    tests("--workspace", figures.attach(&mut test, false))?;
+    qemu::print(&figures, false, None)
+}
+
+/// Builds the programs that tests start, with the tests' selection of packages: with any other one, most crates
+/// would have other features and be compiled a second time.
+fn tests(selection: &str, test: &mut Command) -> Result<(), Failure> {
+    run(
+        &mut cargo(&format!("build --bins --tests {selection}")),
+        AFTER_A_BUILD,
+    )?;
     run(
         test.env(PROGRAMS, target_folder().join("debug")),
         AFTER_A_TEST,
     )
 }
 
-/// Tests of all members, with ROS and the emulated microcontrollers required.
-fn tests() -> Result<(), Failure> {
-    // One selection of packages for lints, tests and programs: with another one, cargo would compile most
-    // crates once more, with other features.
-    run(
-        &mut cargo("build --workspace --bins --tests"),
-        AFTER_A_BUILD,
-    )?;
-    let figures = figures::File::new("qemu");
-    let mut test = cargo("test --workspace");
-    test.env(PROGRAMS, target_folder().join("debug"))
-        .env("CORTICODE_REQUIRE_ROS", "1");
-    run(figures.attach(&mut test, false), AFTER_A_TEST)?;
-    qemu::print(&figures, false, None)
-}
-
 fn benchmarks() -> Result<(), Failure> {
-    for subject in ["filters", "encoder"] {
-        let next = "compare with `git log` of the crates that it names";
-        run(
-            Command::new(target_folder().join("debug/report")).arg(subject),
-            next,
-        )?;
-    }
-    Ok(())
+    let next = "compare with `git log` of the crates that it names";
+    let report = || Command::new(target_folder().join("debug/report"));
+    run(report().arg("filters"), next)?;
+    run(report().arg("encoder"), next)
 }
 
 fn images_for_boards() -> Result<(), Failure> {
-    Board::ALL.into_iter().try_for_each(hil::link)?;
+    Board::ALL
+        .into_iter()
+        .try_for_each(programs::link_vectors)?;
     Board::ALL.into_iter().try_for_each(images::build)?;
     let mut budget = Command::new(target_folder().join("debug/budget"));
     run(budget.arg(images::folder()), "see the message above")
 }
 
-/// cargo-deny also knows the advisories; tests/tests/licences.rs checks the rest everywhere.
+/// Of deny.toml only the advisories need cargo-deny: tests/tests/licences.rs and sources.rs check the rest.
 fn deny_where_installed() -> Result<(), Failure> {
     if succeeds(&mut cargo("deny --version")) {
         return programs::deny();

@@ -23,7 +23,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-#[cfg(test)]
+#[cfg(not(target_os = "none"))]
 extern crate std;
 
 mod chain;
@@ -34,6 +34,8 @@ mod kernels;
 mod mismatch;
 mod network;
 mod path;
+#[cfg(not(target_os = "none"))]
+pub mod results;
 mod signal;
 
 pub use mismatch::Mismatch;

@@ -6,10 +6,13 @@
 #![cfg_attr(target_os = "none", no_main)]
 #![forbid(unsafe_code)]
 
-/// On a PC `cargo test --package on-target` runs the vectors.
 #[cfg(not(target_os = "none"))]
-fn main() {
-    eprintln!("this image runs on a microcontroller: `cargo xtask hil`");
+mod board;
+
+/// On a PC this program runs the image on a board.
+#[cfg(not(target_os = "none"))]
+fn main() -> std::process::ExitCode {
+    board::run()
 }
 
 #[cfg(target_os = "none")]

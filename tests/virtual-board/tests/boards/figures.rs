@@ -16,7 +16,7 @@ pub(crate) fn record(subject: Subject, key: &str, value: impl Display) {
     let file = OpenOptions::new().append(true).create(true).open(path);
     let board = subject.key();
     // A single write, because tests run concurrently.
-    let line = format!("{{\"board\":\"{board}\",\"key\":\"{key}\",\"value\":{value}}}\n");
+    let line = format!("{{\"board\":\"{board}\",\"{key}\":{value}}}\n");
     let written = file.and_then(|mut file| file.write_all(line.as_bytes()));
     written.expect("CORTICODE_FIGURES names a writable file");
 }
