@@ -94,7 +94,7 @@ impl Device for Watchdog {
                 }
             }
             Register::Pr | Register::Rlr if self.unlocked => {
-                self.start_crossing(registers, context)
+                self.start_crossing(registers, context);
             }
             Register::Pr | Register::Rlr => {
                 context.tell(
