@@ -42,24 +42,24 @@ pub struct Message {
     pub seq: u32,
     /// `sr`, samples per second.
     pub sr: u16,
-    /// Description of the block `eeg`.
+    /// Shape of the code, or of the EEG samples.
     pub eeg: Block,
-    /// Description of the block `exg`.
+    /// Shape of the spare channels; empty for codes.
     pub exg: Block,
-    /// Description of the block `tri`.
+    /// Shape of the status words.
     pub tri: Block,
-    /// Words of the block `tri`, by label.
+    /// Status words by label, of the first sample.
     pub status: Status,
-    /// Data of the block `eeg`.
+    /// Values of the code in order, or of the EEG samples.
     pub values: Vec<f64>,
 }
 
-/// Description of one block of a NeuroFrame.
+/// Shape of one block of a NeuroFrame, without its data.
 #[derive(Debug, Clone, Deserialize, PartialEq)]
 pub struct Block {
     /// Samples per channel.
     pub nsamples: u16,
-    /// Number of channels.
+    /// Channels; 0 where the block is empty.
     pub nchannels: u16,
     /// Bytes of one sample over all channels.
     pub stride: u16,
@@ -67,7 +67,7 @@ pub struct Block {
     pub isint: u8,
     /// Smallest and largest possible value.
     pub minmax: Vec<f64>,
-    /// Label of each channel.
+    /// One label per channel, in the order of the data.
     pub labels: Vec<String>,
     /// Number of values in the block.
     pub count: usize,

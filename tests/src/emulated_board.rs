@@ -9,13 +9,13 @@ use pipeline::CHANNELS;
 
 use crate::process::Process;
 
-/// Package and program of the image.
+/// Name of the image's package, and of the program in it.
 const IMAGE: &str = "board-qemu";
 
 /// File in the run's folder from which the image reads its samples: 32-bit counts, little endian.
 const SAMPLES: &str = "samples.i32";
 
-/// Samples per second.
+/// Sampling rate of the emulated converter.
 const RATE_HZ: u32 = 512;
 
 /// One instruction lasts 2^4 ns of virtual time.

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use crate::workspace::cargo;
 
-/// Paths of the programs.
+/// Paths of the programs that tests start.
 #[derive(Debug, Clone)]
 pub struct Programs {
     /// `host-sim`, the virtual board.

@@ -23,10 +23,10 @@ pub struct Arrows {
 /// Cargo failed, or its output has another format than expected.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkspaceError {
-    /// The cargo binary did not start.
+    /// Cargo is not on the PATH, or the system refuses to start it.
     #[error("cargo does not start: {0}; is it on PATH?")]
     Start(#[from] std::io::Error),
-    /// Cargo ended with an error.
+    /// Cargo ended with another exit status than 0.
     #[error("`cargo {arguments}` failed:\n{message}\n  next: run it by hand")]
     Failed {
         /// Arguments of the failed command.
