@@ -287,6 +287,9 @@ impl Visit<'_> for PathsNamed {
         self.inline -= 1;
     }
 
+    // `pub(super)` and `pub(crate)` name no item.
+    fn visit_vis_restricted(&mut self, _: &syn::VisRestricted) {}
+
     fn visit_item_use(&mut self, item: &ItemUse) {
         self.add_use(&Vec::new(), &item.tree);
     }

@@ -50,7 +50,7 @@ pub(crate) fn check(device: &mut Device, mains: Mains, codes: &[Code]) -> Result
         };
         expect_equal("numbers", &numbers(expected), &numbers(&code))
             .map_err(|mismatch| mismatch.offset_by(NUMBERS * index))?;
-        expect_equal("values", &expected.values.levels(), &code.values.steps())
+        expect_equal("values", &expected.values.levels(), &code.values.levels())
             .map_err(|mismatch| mismatch.offset_by(CODE * index))?;
     }
     Ok(())
