@@ -5,7 +5,7 @@ use int8_nn::{Direct, InputConv, Linear, Pair, PlaneShape, Winograd};
 
 use crate::random::Random;
 
-/// Number of random networks.
+/// Random networks: their digests fill the 128 bytes of a code.
 const NETWORKS: usize = 16;
 /// Length of [`digests`] in bytes: that of a code, so that they are compared as one more code.
 pub const BYTES: usize = NETWORKS * size_of::<u64>();

@@ -22,7 +22,7 @@ pub const INPUTS: &str = "inputs.bin";
 /// File that an image writes: for `filters`, one block of each contender for each block of [`INPUTS`].
 pub const OUTPUTS: &str = "outputs.bin";
 
-/// Serialises a block.
+/// Returns a block as it is stored in a file; [`BYTES`] states the order.
 pub fn to_bytes(block: &Block) -> [u8; BYTES] {
     let mut bytes = [0; BYTES];
     let words = bytes.as_chunks_mut().0;
@@ -32,7 +32,7 @@ pub fn to_bytes(block: &Block) -> [u8; BYTES] {
     bytes
 }
 
-/// Deserialises a block.
+/// Returns the block that a file stores as `bytes`.
 pub fn from_bytes(bytes: &[u8; BYTES]) -> Block {
     let mut block = SILENCE;
     for (value, word) in block.as_flattened_mut().iter_mut().zip(bytes.as_chunks().0) {

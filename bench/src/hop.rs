@@ -16,7 +16,7 @@ pub const fn steps(windows: usize) -> usize {
     FILLING + HOP * windows.saturating_sub(2)
 }
 
-/// Number of complete windows after `steps` time steps.
+/// Number of complete windows after `steps` time steps, at least [`STEPS`] of them.
 pub const fn windows(steps: usize) -> usize {
     (steps - STEPS) / HOP + 1
 }

@@ -18,7 +18,6 @@ use clap::{Parser, Subcommand};
 
 use self::failure::Failure;
 
-/// Command line of the program.
 #[derive(Debug, Parser)]
 #[command(
     name = "report",

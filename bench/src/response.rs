@@ -29,7 +29,7 @@ pub struct Response {
 }
 
 impl Response {
-    /// Measures both impulse responses.
+    /// Passes an impulse through the filters and through `twin`.
     pub fn measure(twin: &Twin) -> Self {
         Self {
             filters: ImpulseResponse::from_filters(),
@@ -37,7 +37,7 @@ impl Response {
         }
     }
 
-    /// Chart of the magnitude over frequency.
+    /// Returns the chart of the magnitude, dB over Hz.
     pub fn magnitude(&self) -> Curves {
         let nyquist_hz = f64::from(model::ADC_RATE_HZ) / 2.0;
         let compared = self.compare(ImpulseResponse::magnitude_db, [0.1, 0.999 * nyquist_hz]);
@@ -59,7 +59,7 @@ impl Response {
         }
     }
 
-    /// Chart of the group delay over frequency.
+    /// Returns the chart of the group delay, ms over Hz.
     pub fn group_delay(&self) -> Curves {
         let mut compared = self.compare(ImpulseResponse::group_delay_ms, [1.0, 100.0]);
         let difference = self.largest_difference(&compared, COMPARED_DB / 2.0);

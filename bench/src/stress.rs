@@ -9,11 +9,11 @@ use crate::random::Random;
 pub enum Stress {
     /// All cells are 0.
     Silence,
-    /// Every cell is at one of its rails, -128 or 127, and jumps to the other once in eight steps.
+    /// Every cell is at one of its rails, -128 or 127, and jumps to the other with a probability of 1/8 per plane.
     Rails,
-    /// One cell in five hundred is at a rail, all others are 0.
+    /// Each cell is at a rail with a probability of 1/500, and 0 otherwise.
     Impulses,
-    /// Every cell is any int8.
+    /// Every cell is a random int8.
     Noise,
 }
 

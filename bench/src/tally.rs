@@ -5,11 +5,11 @@ use core::fmt;
 /// Smallest, largest and total instruction count of the runs on one input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tally {
-    /// Smallest count of a run.
+    /// Instructions of the shortest run.
     pub fewest: u32,
-    /// Largest count of a run.
+    /// Instructions of the longest run.
     pub most: u32,
-    /// Sum over all runs.
+    /// Instructions of all runs together.
     pub total: u64,
 }
 
@@ -21,7 +21,7 @@ impl Tally {
         total: 0,
     };
 
-    /// Adds the count of one run.
+    /// Includes one more run of this many instructions.
     pub fn add(&mut self, instructions: u32) {
         self.fewest = self.fewest.min(instructions);
         self.most = self.most.max(instructions);

@@ -30,7 +30,7 @@ mod image {
     use pipeline::{Acquisition, EncoderMemory, Sample};
     use static_cell::{ConstStaticCell, StaticCell};
 
-    /// Converters in the chain.
+    /// ADS1299 in the chain.
     const CHIPS: usize = 8;
 
     static SHARED: Shared = Shared::new(Clock {
@@ -79,7 +79,7 @@ mod image {
         }
     }
 
-    /// Runs both tasks forever; returns `None` if a static were already initialised, which cannot happen.
+    /// Runs both tasks forever. Returns `None` only if a static were already initialised, which cannot happen.
     fn run_tasks() -> Option<()> {
         let run = Run::NONE;
         SHARED.send_order(black_box(Order::Start(run)));

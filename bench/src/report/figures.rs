@@ -27,7 +27,7 @@ struct Figure {
     limit: String,
 }
 
-/// Everything that one benchmark has measured.
+/// Figures and details of one run of a benchmark.
 #[derive(Debug)]
 pub(crate) struct Report {
     /// Word on the command line, and table in `limits.toml`.
@@ -76,13 +76,13 @@ impl Report {
         self.last().is_measured = value.is_some();
     }
 
-    /// Adds a flag that is true unless something is to blame.
+    /// Adds a flag that is true when `blamed` is empty.
     pub(crate) fn flag(&mut self, name: &'static str, blamed: String) {
         self.figure(name, "", blamed.is_empty());
         self.last().blamed = blamed;
     }
 
-    /// Adds a figure of a part. It is judged, but a detail holds its key of the JSON object.
+    /// Adds the bytes that a microcontroller has left. They are judged; in the JSON object they are part of a detail.
     pub(crate) fn part_figure(&mut self, part: &str, name: &'static str, bytes_left: i64) {
         self.figure(name, "bytes", bytes_left);
         part.clone_into(&mut self.last().part);
@@ -187,7 +187,6 @@ mod tests {
     use super::*;
 
     impl Report {
-        /// Replaces the value of a figure.
         pub(crate) fn set(&mut self, name: &str, value: impl Into<Json>) {
             let figure = self.figures.iter_mut().find(|figure| figure.name == name);
             figure.expect("a figure").value = value.into();

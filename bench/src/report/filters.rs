@@ -28,7 +28,6 @@ const SINGLES: usize = 1;
 /// Index in [`NAMES`] of the contender with which ours is compared.
 const IDSP_DITHER: usize = 5;
 
-/// Counts of one machine.
 #[derive(Debug)]
 struct Counts {
     machine: Machine,
@@ -147,11 +146,11 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> Result<
     });
     let next = "compare with `git log` of fixed-dsp, model and the toolchain";
     let mut report = Report::new("filters", next);
-    // Ours in blocks of 4 samples, the worst block on either machine.
+    // Our filters in blocks of 4 samples: the worst block on either machine.
     report.figure("insn_per_sample_channel", "instructions", most);
-    // Ours from 0.5 to 60 Hz, with offset, mains and EEG.
+    // Our filters from 0.5 to 60 Hz, with offset, mains and EEG.
     report.figure("noise_nv_rms", "nV", noise.ours_nv_rms());
-    // Instructions of idsp's best block over those of our worst.
+    // Instructions of idsp's best block over those of our worst block.
     let ratio = extreme(IDSP_DITHER, 0, f64::min) / most;
     report.figure("ratio_idsp_dither", "times ours", ratio);
     report.flag("constant_count", varying);

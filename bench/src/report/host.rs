@@ -56,7 +56,7 @@ pub(crate) fn measure() -> Result<Report, Failure> {
     let mut torch = Torch::start(&folder, &windows)?;
 
     let reference = agreement::reference(&artifact, &windows)?;
-    let int8_rms_steps = agreement::rms_steps(&complete(ours.codes()?)?, &reference);
+    let int8_rms_levels = agreement::rms_levels(&complete(ours.codes()?)?, &reference);
     let torch_relative = match torch {
         Some(_) => {
             let codes = complete(Torch::codes(&folder)?)?;
@@ -79,7 +79,7 @@ pub(crate) fn measure() -> Result<Report, Failure> {
         progress.inc(1);
     }
     progress.finish_and_clear();
-    let mut report = report(&rounds[1..], int8_rms_steps, torch_relative);
+    let mut report = report(&rounds[1..], int8_rms_levels, torch_relative);
     report.detail("torch", torch.map(|torch| torch.version.clone()));
     Ok(report)
 }
@@ -109,8 +109,8 @@ fn target_folder() -> Result<PathBuf, Failure> {
 }
 
 /// Reports medians over the rounds. A ratio is the median of the rounds' ratios, because other load of the PC slows
-/// all contenders of a round equally. No speed has a limit: it is the PC's.
-fn report(rounds: &[Round], int8_rms_steps: f64, torch_relative: Option<f64>) -> Report {
+/// all contenders of a round equally. No speed has a limit, because it depends on the PC.
+fn report(rounds: &[Round], int8_rms_levels: f64, torch_relative: Option<f64>) -> Report {
     let next = "compare bench/torch_encoder.py with the mode and the network in \
                 model/artifact/model.toml";
     let mut report = Report::new("host", next);
@@ -126,7 +126,7 @@ fn report(rounds: &[Round], int8_rms_steps: f64, torch_relative: Option<f64>) ->
         });
         report.optional(name, unit, figures.collect::<Option<_>>().map(median));
     }
-    report.figure("int8_rms_steps", "levels from floats", int8_rms_steps);
+    report.figure("int8_rms_steps", "levels from floats", int8_rms_levels);
     report.optional("torch_relative", "of the largest float", torch_relative);
     report.detail("arch", env::consts::ARCH);
     report.detail("threads", 1);

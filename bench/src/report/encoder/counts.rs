@@ -8,7 +8,6 @@ use crate::hop::COMPLETING;
 use crate::kernel::{self, SHORTCUT};
 use crate::report::images::{Lines, Tallies};
 
-/// Counts of one machine.
 #[derive(Debug, Clone)]
 pub(crate) struct Counts {
     pub(crate) machine: Machine,
@@ -50,7 +49,7 @@ impl Counts {
         })
     }
 
-    /// Returns the instructions of a code: each time step of a hop at its most.
+    /// Returns the instructions of a code: the sum of the most that each time step of a hop takes.
     pub(crate) fn per_code(&self) -> u32 {
         (0..HOP).map(|place| self.steps.range(place)[1]).sum()
     }
@@ -67,7 +66,7 @@ impl Counts {
     pub(crate) fn figures(&self) -> [(&'static str, &'static str, Json); 6] {
         let per_code = |name| self.kernels.iter().find(|kernel| kernel.0 == name);
         let shortcut = per_code(SHORTCUT).map_or(0, |kernel| kernel.1);
-        // Every time step of a hop takes an equal part of them.
+        // The products are spread evenly over the time steps of a hop.
         let in_step = shortcut / small(HOP);
         let (all, last) = (self.per_code(), self.steps.range(COMPLETING)[1]);
         let (without, last_without) = (all.saturating_sub(shortcut), last.saturating_sub(in_step));
@@ -90,7 +89,7 @@ impl Counts {
         ]
     }
 
-    /// Returns the worst time step over the mean of the best ones, each minus `left_out` instructions.
+    /// Returns the worst time step over the mean of the best time steps, each minus `left_out` instructions.
     fn worst_over_mean(&self, left_out: u32) -> f64 {
         let step = |place, end: usize| {
             let count: u32 = self.steps.range(place)[end];

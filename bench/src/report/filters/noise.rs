@@ -34,7 +34,6 @@ const SIGNALS: [(&str, [f64; 3]); 3] = [
 ];
 const EEG: [f64; 3] = [20_000.0, 100.0, 30.0];
 
-/// Noise of one filter.
 #[derive(Debug, Clone)]
 pub(crate) struct Measured {
     /// Noise between 0.5 and 60 Hz with each of [`SIGNALS`], nV rms.
@@ -83,7 +82,7 @@ impl Noise {
         filters.collect()
     }
 
-    /// Chart of the noise densities.
+    /// Returns the chart of the noise densities.
     pub(crate) fn chart(&self) -> Curves {
         let [ours, idsp_dither, idsp_wide] = &self.0;
         let line = |label: &str, color, measured: &Measured| Curve {

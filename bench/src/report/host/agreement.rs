@@ -21,9 +21,9 @@ pub(crate) fn reference(
     Ok(windows.map(|window| encoder.encode(window)).collect())
 }
 
-/// Returns the rms difference of int8 codes from the reference, in quantisation steps of a code. A reference
+/// Returns the rms difference of int8 codes from the reference, in quantisation levels. A reference
 /// outside the range of int8 counts as the end of the range.
-pub(crate) fn rms_steps(codes: &[i32], reference: &[[f32; CODE]]) -> f64 {
+pub(crate) fn rms_levels(codes: &[i32], reference: &[[f32; CODE]]) -> f64 {
     let mut sum = 0.0;
     for (codes, reference) in codes.chunks_exact(CODE).zip(reference) {
         for (dimension, (&code, z)) in codes.iter().zip(reference).enumerate() {
@@ -75,8 +75,8 @@ mod tests {
     #[test]
     fn a_code_with_other_values_is_beyond_the_limit() {
         let codes = |above: i32| CODE_ZERO_POINT.map(|zero| i32::from(zero) + above);
-        assert!(rms_steps(&codes(3), &[exact()]) < 0.01);
-        let distance = rms_steps(&codes(100), &[exact()]);
+        assert!(rms_levels(&codes(3), &[exact()]) < 0.01);
+        let distance = rms_levels(&codes(100), &[exact()]);
         assert!(!bound("int8_rms_steps").contains(&json!(distance)));
     }
 
