@@ -1,7 +1,7 @@
 //! Int8 neural-network kernels for Cortex-M4 and M7; nothing about one particular network.
 //!
 //! A three-dimensional convolution over (time, row, column) is computed one time step ("plane") at
-//! a time, so that a stream needs each plane once, and little work is left after the last plane of a
+//! a time. So a stream needs each plane once, and little work is left after the last plane of a
 //! window. The kernels allocate nothing and use no floating point.
 //!
 //! ```text

@@ -36,8 +36,8 @@ const MAX_ORDER: usize = 8;
 /// its gain of 0.0024 at the front, doubles the noise.
 ///
 /// # Errors
-/// If an edge or the mains frequency is not below half of the sampling rate, a number is out of range,
-/// there are more than [`MAX_SECTIONS`] sections, or one is unstable after quantisation.
+/// If a frequency is not below half of the sampling rate, another number is out of range, there are more
+/// than [`MAX_SECTIONS`] sections, or one is unstable after quantisation.
 pub fn cascade(spec: &FilterSpec) -> Result<Vec<Section>, FilterError> {
     check(spec)?;
     let [low, high] = spec.band_hz;

@@ -144,7 +144,7 @@ pub enum FilterError {
     },
     /// The ratio of the rates in lowest terms does not fit 16 bits.
     #[error(
-        "the ratio of {rate_hz} Hz to {step_rate_hz} Hz in lowest terms exceeds 65535: lower [adc] rate_hz \
+        "the ratio of {rate_hz} Hz to {step_rate_hz} Hz in lowest terms is not below 65536: lower [adc] rate_hz \
          in model.toml"
     )]
     RateTerms {

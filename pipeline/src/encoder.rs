@@ -17,7 +17,7 @@ use window::{OPEN_WINDOWS, OpenWindow, containing_windows, slot_of};
 
 /// The half of the pipeline that runs at the step rate.
 ///
-/// Each plane of each layer is computed once, as soon as its inputs exist, and added to the windows
+/// Each plane of each layer is computed once, as soon as its inputs exist. It is added to the windows
 /// (at most two) that contain it, so an overlap of 50 % costs nothing. The codes equal those of a batch
 /// encoder over each window bit for bit, because the hop is a multiple of the pool's steps.
 ///

@@ -1,7 +1,7 @@
 //! Trains the convolutional autoencoder and writes the artifact.
 //!
-//! The recordings pass through the signal path of the device (a virtual ADC, the fixed-point filters and
-//! the resampler of `pipeline`), so that the network is trained on the signals that the device feeds it.
+//! The recordings pass through the signal path of the device: a virtual ADC, the fixed-point filters and
+//! the resampler of `pipeline`. So the network is trained on the signals that the device feeds it.
 //!
 //! ```text
 //! EDF, BDF, GDF --Track: virtual ADC, filters--> Dataset --> PCA --> Parameters --> Training: Adam

@@ -189,7 +189,7 @@ fn run_epochs(
         let batches = training.batches(split);
         observer.epoch_started(training.epoch() + 1, settings.epochs, batches);
         let report = training.run_epoch(network, split, |done, loss| {
-            observer.batch_finished(done, loss)
+            observer.batch_finished(done, loss);
         })?;
         observer.epoch_finished(report);
         checkpoint::write(path, &training, &data_identity)?;

@@ -10,8 +10,8 @@ use super::tile::{PRODUCTS, Sums, TRANSFORMED_TILE, WINDOWS};
 use crate::dot::layout::OUTPUTS;
 
 /// Inverse-transforms the sums of `tiles` tiles and a pair of outputs, and keeps the maximum of each
-/// pool window in `windows[(tile * WINDOWS + window) * outputs + output]`, whose last number is the
-/// last one used.
+/// pool window in `windows[(tile * WINDOWS + window) * outputs + output]`. The last number of `windows`
+/// is the last one used.
 #[inline(always)]
 pub(super) fn keep_largest(
     sums: &[Sums; PRODUCTS],
