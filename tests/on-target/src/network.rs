@@ -13,7 +13,11 @@ use crate::{
 /// Compares the checksum that the compiler has computed with that of the network in flash.
 pub(crate) fn check_sum() -> Result<(), Mismatch> {
     // `black_box` hides the network's contents from the compiler, so that the flash is read.
-    expect_equal("sum", &[NETWORK_CHECKSUM], &[black_box(&NETWORK).checksum()])
+    expect_equal(
+        "sum",
+        &[NETWORK_CHECKSUM],
+        &[black_box(&NETWORK).checksum()],
+    )
 }
 
 /// Encodes each window with a restarted encoder and compares it with the code of model-gen's batch reference. The
