@@ -12,11 +12,16 @@ mod limits;
 mod table;
 mod tools;
 
+use std::fs;
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
 use self::failure::Failure;
+
+/// Environment variable with a file that also gets the object of `--json`.
+const OBJECT: &str = "CORTICODE_OBJECT";
 
 #[derive(Debug, Parser)]
 #[command(
@@ -63,13 +68,17 @@ fn run(options: &Options) -> Result<(), Failure> {
         Benchmark::Host => ("host", host::measure()?),
     };
     report.judge(&limits::read(name)?);
+    let next = "compare with `git log` of bench";
+    let json = serde_json::to_string(&report)
+        .map_err(|error| Failure::new("writing JSON", error, next))?;
+    if let Some(file) = std::env::var_os(OBJECT) {
+        let file = Path::new(&file);
+        let folder = file.parent().unwrap_or(Path::new("."));
+        let written = fs::create_dir_all(folder).and_then(|()| fs::write(file, &json));
+        written.map_err(|error| Failure::new(file.display(), error, "is its folder writable?"))?;
+    }
     if options.json {
-        let json = serde_json::to_string(&report);
-        let next = "compare with `git log` of bench";
-        println!(
-            "{}",
-            json.map_err(|error| Failure::new("writing JSON", error, next))?
-        );
+        println!("{json}");
     } else {
         print!("{report}");
     }

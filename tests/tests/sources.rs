@@ -71,7 +71,7 @@ fn no_package_of_ours_asks_for_any_version() {
         let metadata: serde_json::Value = serde_json::from_str(&metadata).expect("JSON");
         let packages = metadata["packages"].as_array().expect("packages").iter();
         for dependency in packages
-            .flat_map(|package| package["dependencies"].as_array())
+            .filter_map(|package| package["dependencies"].as_array())
             .flatten()
         {
             // A package of ours is used as it is; it has a path and no version.

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use crate::command::{
     AFTER_A_BUILD, Failure, cargo, replace, run, target_folder, virtual_board_cargo,
 };
+use crate::docs;
 use crate::figures::{self, Figures, File, Row};
 use crate::images::{self, Board};
 use crate::install;
@@ -73,8 +74,10 @@ pub(crate) fn test(boards: &[Board], json: bool) -> Result<(), Failure> {
         .iter()
         .map(|board| row(board.key(), &figures))
         .collect();
+    let object = json!({"boards": rows, "passed": passed.is_ok()});
+    docs::save("board", &object)?;
     if json {
-        println!("{}", json!({"boards": rows, "passed": passed.is_ok()}));
+        println!("{object}");
     } else {
         for (board, row) in boards.iter().zip(&rows) {
             figures::print_table(board.key(), row);

@@ -27,11 +27,6 @@ impl Failure {
         Self(2, format!("{what} is missing: {why}\n  next: {next}"))
     }
 
-    /// A board does not answer.
-    pub(crate) fn unreachable(what: impl Display, why: impl Display, next: impl Display) -> Self {
-        Self(3, format!("{what} is not reachable: {why}\n  next: {next}"))
-    }
-
     pub(crate) fn exit_code(&self) -> ExitCode {
         self.0.into()
     }

@@ -62,7 +62,7 @@ impl Section {
             return Err(missing);
         }
         let mut page = format!("\n## {}\n\n{}\n\n", self.title, self.note);
-        page += &format!("`cargo xtask {} --json`, {source}\n\n", self.command);
+        let _ = writeln!(page, "`cargo xtask {} --json`, {source}\n", self.command);
         page += "| Figure | Value | Unit |\n| --- | ---: | --- |\n";
         for (figure, value) in self.figures.iter().zip(values.into_iter().flatten()) {
             let value = grouped(value, figure.decimals);
@@ -73,7 +73,9 @@ impl Section {
 
     /// Returns one line for each figure that `page` lacks or states otherwise than `measured`.
     pub(crate) fn differences(&self, page: &str, measured: &Value) -> Vec<String> {
-        let section = page.split("\n## ").find(|text| text.starts_with(&self.title));
+        let section = page
+            .split("\n## ")
+            .find(|text| text.starts_with(&self.title));
         let section = section.unwrap_or_default();
         let differences = self.figures.iter().map(|figure| {
             let row = format!("| {} | ", figure.name);
@@ -155,8 +157,13 @@ mod tests {
     #[test]
     fn a_page_agrees_with_the_run_that_wrote_it() {
         let measured = json!({ "machines": [{ "insn": 1_224_652 }], "worst_ns": 3_030_200 });
-        let page = section().markdown(&measured, "commit abc").expect("figures");
-        assert!(page.contains("| instructions per code | 1,224,652 |  |"), "{page}");
+        let page = section()
+            .markdown(&measured, "commit abc")
+            .expect("figures");
+        assert!(
+            page.contains("| instructions per code | 1,224,652 |  |"),
+            "{page}"
+        );
         assert!(page.contains("| worst step | 3.03 | ms |"), "{page}");
         assert_eq!(section().differences(&page, &measured), [""; 0]);
     }
@@ -169,14 +176,18 @@ mod tests {
         let differences = section().differences(&page, &later);
         assert_eq!(
             differences,
-            ["Encoder, instructions per code: the page states 1,000,000, this run measured 1,002,000"]
+            [
+                "Encoder, instructions per code: the page states 1,000,000, this run measured 1,002,000"
+            ]
         );
     }
 
     #[test]
     fn a_figure_that_was_not_measured_is_missing_and_not_zero() {
         let measured = json!({ "machines": [], "worst_ns": null });
-        let missing = section().markdown(&measured, "").expect_err("nothing is there");
+        let missing = section()
+            .markdown(&measured, "")
+            .expect_err("nothing is there");
         assert_eq!(missing, ["instructions per code", "worst step"]);
         assert_eq!(section().differences("", &measured).len(), 2);
     }

@@ -3,13 +3,16 @@
 
 mod board;
 mod command;
+mod docs;
 mod figures;
+mod figures_page;
 mod images;
 mod install;
 mod programs;
 mod qemu;
 mod stages;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -99,6 +102,12 @@ enum Verb {
     },
     /// Check licences, advisories and sources with cargo-deny, where it is installed
     Deny,
+    /// Measure every figure of docs/figures.md and write the page
+    Docs {
+        /// Take the JSON objects in this folder, such as target/figures after `test`, instead of measuring
+        #[arg(long)]
+        measured: Option<PathBuf>,
+    },
     /// Install what `test` needs: Debian packages, Rust's targets and toolchains
     Install,
 }
@@ -123,6 +132,7 @@ fn main() -> ExitCode {
         Verb::Board { board, json, .. } => board::board(board, json),
         Verb::Budget { json } => programs::budget(json),
         Verb::Deny => programs::deny(),
+        Verb::Docs { measured } => docs::docs(measured.as_deref()),
         Verb::Install => install::install(),
     };
     match result {

@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use crate::command::{Failure, cargo, run};
+use crate::docs;
 use crate::figures::{self, Figures, File, Row};
 use crate::install;
 
@@ -27,24 +28,23 @@ pub(crate) fn qemu(codes: u32, json: bool) -> Result<(), Failure> {
 /// # Errors
 /// A line of the file is not a JSON object.
 pub(crate) fn print(file: &File, json: bool, failure: Option<&Failure>) -> Result<(), Failure> {
-    let Figures {
-        mut whole,
-        mut rows,
-    } = file.read("machine")?;
+    let Figures { mut whole, rows } = file.read("machine")?;
     whole.extend(summary(&rows.values().collect::<Vec<_>>()));
     whole.insert(
         "faults".to_owned(),
         failure.map(ToString::to_string).into_iter().collect(),
     );
+    let machines = rows.iter().map(|(name, row)| {
+        let mut row = row.clone();
+        row.insert("machine".to_owned(), name[..].into());
+        Value::Object(row)
+    });
+    let mut object = whole.clone();
+    object.insert("machines".to_owned(), machines.collect());
+    let object = Value::Object(object);
+    docs::save("qemu", &object)?;
     if json {
-        for (name, row) in &mut rows {
-            row.insert("machine".to_owned(), name[..].into());
-        }
-        whole.insert(
-            "machines".to_owned(),
-            rows.into_values().map(Value::Object).collect(),
-        );
-        println!("{}", Value::Object(whole));
+        println!("{object}");
         return Ok(());
     }
     println!("The application on emulated microcontrollers, in virtual time (simulated)");

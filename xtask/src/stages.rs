@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::command::{AFTER_A_BUILD, BOARD_TARGET, Failure, cargo, run, succeeds, target_folder};
 use crate::images::{self, Board};
-use crate::{board, figures, install, programs, qemu};
+use crate::{board, docs, figures, install, programs, qemu};
 
 const AFTER_A_LINT: &str =
     "mend what clippy names above; a lint that is wrong gets `#[expect(.., reason = \"..\")]`";
@@ -14,6 +14,9 @@ const AFTER_A_TEST: &str =
 
 /// Environment variable with the folder of the built programs, so that tests do not build them again.
 const PROGRAMS: &str = "CORTICODE_PROGRAMS";
+
+/// Environment variable with the file in which a program leaves the object that `--json` prints.
+const OBJECT: &str = "CORTICODE_OBJECT";
 
 /// Crates that run on a microcontroller without a board's features, and the images for emulated ones.
 const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8-nn --package=model \
@@ -33,7 +36,7 @@ type Stage = (&'static str, When, fn() -> Result<(), Failure>);
 
 /// Every stage in its order.
 #[rustfmt::skip]
-const STAGES: [Stage; 14] = [
+const STAGES: [Stage; 15] = [
     ("format", When::Always, format),
     ("the microcontrollers' target", When::Fast, install::board_target),
     ("Debian packages, Rust's targets and toolchains", When::Full, install::install),
@@ -47,6 +50,7 @@ const STAGES: [Stage; 14] = [
     ("images for the boards", When::Full, images_for_boards),
     ("virtual boards: models", When::Full, board::models),
     ("virtual boards: images that are flashed", When::Full, || board::test(&Board::ALL, false)),
+    ("figures of docs/figures.md", When::Full, docs::check),
     ("cargo-deny, where it is installed", When::Always, deny_where_installed),
 ];
 
@@ -158,9 +162,13 @@ fn tests(selection: &str, test: &mut Command) -> Result<(), Failure> {
 
 fn benchmarks() -> Result<(), Failure> {
     let next = "compare with `git log` of the crates that it names";
-    let report = || Command::new(target_folder().join("debug/report"));
-    run(report().arg("filters"), next)?;
-    run(report().arg("encoder"), next)
+    ["filters", "encoder"]
+        .into_iter()
+        .try_for_each(|benchmark| {
+            let mut report = Command::new(target_folder().join("debug/report"));
+            let object = docs::object_file(&format!("bench {benchmark}"));
+            run(report.arg(benchmark).env(OBJECT, object), next)
+        })
 }
 
 fn images_for_boards() -> Result<(), Failure> {
@@ -169,7 +177,11 @@ fn images_for_boards() -> Result<(), Failure> {
         .try_for_each(programs::link_vectors)?;
     Board::ALL.into_iter().try_for_each(images::build)?;
     let mut budget = Command::new(target_folder().join("debug/budget"));
-    run(budget.arg(images::folder()), "see the message above")
+    budget.arg(images::folder());
+    run(
+        budget.env(OBJECT, docs::object_file("budget")),
+        "see the message above",
+    )
 }
 
 /// Of deny.toml only the advisories need cargo-deny: tests/tests/licences.rs and sources.rs check the rest.

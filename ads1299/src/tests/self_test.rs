@@ -63,7 +63,7 @@ fn the_test_signal_is_measured_within_one_percent_at_every_gain() {
                 .map(|_| SquareWaveTest::new(gain, settings.test_signal))
                 .collect();
             stream(&settings, 1300, |channel, count| {
-                tests[channel].add_sample(count)
+                tests[channel].add_sample(count);
             });
             for test in &tests {
                 let result = test.result();

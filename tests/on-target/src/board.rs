@@ -102,7 +102,7 @@ mod tests {
         let mut lines = Vec::new();
         let mut command = Command::new("sh");
         let ended = run_to_end(command.args(["-c", "echo one; exit 3"]), |line| {
-            lines.push(line)
+            lines.push(line);
         });
         assert_eq!(lines, ["one"]);
         assert_eq!(ended, Err("exit status: 3".to_owned()));
