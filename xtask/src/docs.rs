@@ -71,6 +71,11 @@ pub(crate) fn docs(measured: Option<&Path>) -> Result<(), Failure> {
 /// # Errors
 /// A figure differs by more than its tolerance, or was not measured.
 pub(crate) fn check() -> Result<(), Failure> {
+    // The page's figures are those of runs with real recordings among their inputs.
+    if std::env::var_os("CORTICODE_DATA").is_none() {
+        eprintln!("SKIPPED: the comparison with docs/figures.md needs CORTICODE_DATA");
+        return Ok(());
+    }
     let page = read_text(&root().join(PAGE))?;
     let mut differences = Vec::new();
     for section in page_description()?.sections {

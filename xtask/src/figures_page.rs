@@ -40,6 +40,9 @@ struct Figure {
     /// Largest relative difference between the page and another run.
     #[serde(default)]
     tolerance: f64,
+    /// A run without a tool that it needs does not measure it.
+    #[serde(default)]
+    optional: bool,
 }
 
 fn one() -> f64 {
@@ -84,6 +87,7 @@ impl Section {
             let number = stated.and_then(|text| text.replace(',', "").parse::<f64>().ok());
             match (number, figure.value(measured)) {
                 (Some(stated), Some(now)) if figure.agree(stated, now) => None,
+                (Some(_), None) if figure.optional => None,
                 (_, now) => Some(format!(
                     "{}, {}: the page states {}, this run measured {}",
                     self.title,
@@ -149,14 +153,19 @@ mod tests {
             unit = "ms"
             scale = 1e-6
             decimals = 2
-            tolerance = 0.1"#;
+            tolerance = 0.1
+            [[section.figure]]
+            name = "cycles"
+            pointer = "/cycles"
+            optional = true"#;
         let mut page: FiguresPage = toml::from_str(text).expect("a page");
         page.sections.remove(0)
     }
 
     #[test]
     fn a_page_agrees_with_the_run_that_wrote_it() {
-        let measured = json!({ "machines": [{ "insn": 1_224_652 }], "worst_ns": 3_030_200 });
+        let measured =
+            json!({ "machines": [{ "insn": 1_224_652 }], "worst_ns": 3_030_200, "cycles": 7 });
         let page = section()
             .markdown(&measured, "commit abc")
             .expect("figures");
@@ -170,7 +179,8 @@ mod tests {
 
     #[test]
     fn a_figure_outside_its_tolerance_is_named_with_both_values() {
-        let measured = json!({ "machines": [{ "insn": 1_000_000 }], "worst_ns": 3_000_000 });
+        let measured =
+            json!({ "machines": [{ "insn": 1_000_000 }], "worst_ns": 3_000_000, "cycles": 7 });
         let page = section().markdown(&measured, "").expect("figures");
         let later = json!({ "machines": [{ "insn": 1_002_000 }], "worst_ns": 3_200_000 });
         let differences = section().differences(&page, &later);
@@ -188,8 +198,8 @@ mod tests {
         let missing = section()
             .markdown(&measured, "")
             .expect_err("nothing is there");
-        assert_eq!(missing, ["instructions per code", "worst step"]);
-        assert_eq!(section().differences("", &measured).len(), 2);
+        assert_eq!(missing, ["instructions per code", "worst step", "cycles"]);
+        assert_eq!(section().differences("", &measured).len(), 3);
     }
 
     #[test]
