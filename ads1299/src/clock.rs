@@ -55,9 +55,9 @@ impl Clock {
         self.internal
     }
 
-    /// Accepted deviation of the measured rate, in ppm. The internal oscillator has 2.5 % over
-    /// temperature (7.5; from memory). A quartz has less than 100 ppm; the rest allows for the clock
-    /// that stamps the edges.
+    /// Accepted deviation of the measured rate, in ppm. The internal oscillator is within
+    /// 2.5 % over temperature (section 7.5, from memory). A quartz is within 100 ppm; the rest allows for
+    /// the clock that stamps the edges.
     pub const fn tolerance_ppm(self) -> u32 {
         if self.internal { 25_000 } else { 1_000 }
     }

@@ -1,4 +1,4 @@
-//! Settings of a chain.
+//! Settings of the ADS1299s in a daisy chain.
 
 use crate::clock::Clock;
 use crate::frame::CHANNELS;

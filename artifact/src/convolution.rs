@@ -183,7 +183,7 @@ fn add_scaled(y: &mut [f32], weight: f32, x: &[f32]) {
     }
 }
 
-/// Batch norm in inference, with the running statistics: y = gain * x + offset for each channel.
+/// Batch norm at inference, with the running statistics: y = gain * x + offset for each channel.
 #[derive(Clone, Debug)]
 pub(crate) struct Norm {
     /// Gain of each channel: weight / sqrt(running variance + 1e-5).

@@ -27,7 +27,7 @@ pub struct Device {
     pub mains_hz: u8,
     /// Group delay of the filters, microseconds; stamps are corrected by it.
     pub group_delay_us: u32,
-    /// Number of ADC channels: the electrodes, then the spare channels.
+    /// Number of ADC channels: electrodes plus spare channels.
     pub channels: u8,
     /// Electrode labels in the order of the montage.
     pub labels: Vec<String>,

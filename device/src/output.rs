@@ -43,10 +43,10 @@ pub enum Payload {
     Quality(Quality),
     /// Unfiltered samples. Time: the last sample.
     Raw(RawChunk),
-    /// Filtered steps. Time: the last step.
+    /// Filtered steps, stamped with the time of the last step.
     Filtered(FilteredChunk),
-    /// A window with its code. Time: that of the code.
+    /// A window with its code, stamped with the time of the code.
     Audit(AuditedWindow),
-    /// An edge at an input. Time: the edge.
+    /// An edge at an input, stamped with the time of the edge.
     Event(Event),
 }

@@ -57,8 +57,7 @@ pub struct ConvertedSample {
     pub sample: Sample,
     /// Status of the chips, and samples missed before this one.
     pub reading: Reading<CHIPS>,
-    /// Time by which the sample came before it was due, us of device time; above 0 for a chain that is
-    /// too fast.
+    /// How early the sample came, in microseconds of device time; above 0 if the chain runs too fast.
     pub early_us: u64,
 }
 

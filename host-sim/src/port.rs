@@ -77,7 +77,7 @@ pub enum PortError {
     Link {
         /// Path in [`Output::Pty`].
         path: PathBuf,
-        /// Error of the system call `symlink`.
+        /// Error from the `symlink` system call.
         #[source]
         source: io::Error,
     },

@@ -322,8 +322,9 @@ fn negate(weights: &mut [f64]) {
     }
 }
 
-/// Scale and zero point of each code dimension. In 8 bits a zero point gains up to one bit of resolution;
-/// with 16 bits it is not needed, and with an exponent it would depend on the exponent.
+/// Scale and zero point of each code dimension. Only the `int8` format has a zero point, which gains up to
+/// one bit of resolution. `int16` does not need one; in `int8-exponent` it would have to change with the
+/// exponent.
 struct CodeScales {
     scale: [f64; CODE],
     zero_point: [i8; CODE],

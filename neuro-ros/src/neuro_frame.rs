@@ -74,7 +74,7 @@ impl_wire!(NeuroDataInfo {
 pub struct NeuroDataFloat {
     /// Shape and meaning of `data`.
     pub info: NeuroDataInfo,
-    /// Samples in `info.unit`, samples-major: `data[sample * nchannels + channel]`.
+    /// Samples in `info.unit`, sample-major: `data[sample * nchannels + channel]`.
     pub data: Vec<f32>,
 }
 
@@ -85,7 +85,7 @@ impl_wire!(NeuroDataFloat { info: NeuroDataInfo, data: Vec<f32> });
 pub struct NeuroDataInt32 {
     /// Shape and meaning of `data`.
     pub info: NeuroDataInfo,
-    /// Samples, samples-major: `data[sample * nchannels + channel]`.
+    /// Samples, sample-major: `data[sample * nchannels + channel]`.
     pub data: Vec<i32>,
 }
 

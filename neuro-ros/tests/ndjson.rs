@@ -74,7 +74,7 @@ fn a_blocked_output_loses_lines_but_never_blocks_publishing() {
     for _ in 0..17_000 {
         sink.publish(&NeuroFrame::default()).unwrap();
     }
-    // 16,384 are queued and one can be in the output; all others are counted as dropped.
+    // 16,384 lines are queued and one more may be in the output; all others are counted as dropped.
     assert!((615..=616).contains(&sink.dropped()), "{}", sink.dropped());
     let kept = 17_000 - sink.dropped();
     drop(sink);

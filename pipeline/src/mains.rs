@@ -9,7 +9,7 @@ pub enum Mains {
     /// 50 Hz: Europe, most of Africa, Asia and Australia.
     #[default]
     Hz50,
-    /// 60 Hz: the Americas and parts of Asia.
+    /// 60 Hz: most of the Americas and parts of Asia.
     Hz60,
 }
 

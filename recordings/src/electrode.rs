@@ -5,9 +5,9 @@ use std::fmt;
 /// A row of the 10-5 system, which runs from the left to the right ear.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Row {
-    /// Name in columns z and 1 to 6, near the midline.
+    /// Name of the row in columns z and 1 to 6, near the midline, such as `C`.
     inner: &'static str,
-    /// Name in columns 7 to 10, on and below the circumference.
+    /// Name of the row in columns 7 to 10, on and below the head's circumference, such as `T`.
     outer: &'static str,
     /// Distance from the nasion in twentieths of the way to the inion, 0..=20.
     pub(crate) twentieths: u8,

@@ -7,7 +7,7 @@ use std::fmt;
 pub enum Warning {
     /// The header states -1 records, so the number was derived from the size of the file.
     RecordsUnknown {
-        /// Whole records in the file, before its event table if there is one.
+        /// Number of whole records in the file, without its event table.
         derived: u64,
     },
     /// The file ends before the last record announced in its header.

@@ -145,7 +145,7 @@ fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Writes the codes that the PC computes of [`signal::samples`].
+/// Writes the codes that the PC computes from [`signal::samples`].
 fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Error>> {
     let mut pipeline = Pipeline::new(mains);
     let codes = signal::samples().filter_map(|sample| pipeline.encode_sample(&sample));

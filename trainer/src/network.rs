@@ -54,7 +54,7 @@ struct Batch {
 }
 
 impl Network {
-    /// Creates the autoencoder for a scalp grid.
+    /// Creates the network without parameters, which each pass takes as an argument.
     pub fn new(grid: ScalpGrid) -> Self {
         Self { grid }
     }

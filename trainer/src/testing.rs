@@ -9,7 +9,8 @@ use artifact::{Artifact, CODE, Description, ELECTRODES, WINDOW_ELECTRODES};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Returns orthonormal directions: each selects one feature, spread over the window.
+/// Returns orthonormal directions. Each selects a single feature, and the selected features are spread
+/// evenly over the window.
 pub(crate) fn directions() -> Vec<Vec<f32>> {
     (0..CODE)
         .map(|index| {

@@ -45,7 +45,7 @@ pub struct Candidate {
     pub parameters: Parameters,
 }
 
-/// Result of an epoch.
+/// Losses of one epoch, for the progress display.
 #[derive(Clone, Copy, Debug)]
 pub struct EpochReport {
     /// Number of the epoch, from 1.

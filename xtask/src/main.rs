@@ -55,7 +55,7 @@ enum Verb {
     /// Run the application on emulated microcontrollers and compare its codes with host-sim's, or run it live
     /// for a bridge
     Qemu {
-        /// Codes that each machine makes and that are compared
+        /// Number of codes that each machine makes, to be compared with host-sim's
         #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(500..=100_000))]
         codes: u32,
         /// Print one JSON object instead of a table
@@ -104,7 +104,8 @@ enum Verb {
     Deny,
     /// Measure every figure of docs/figures.md and write the page
     Docs {
-        /// Take the JSON objects in this folder, such as target/figures after `test`, instead of measuring
+        /// Read the results from the JSON files in this folder instead of measuring; `test` leaves its own in
+        /// target/figures
         #[arg(long)]
         measured: Option<PathBuf>,
     },

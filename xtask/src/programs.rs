@@ -40,7 +40,7 @@ pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     replace(cargo(&format!("run {profile} --package bench --bin report --")).args(words))
 }
 
-/// Lets both emulated microcontrollers or a board check the golden vectors.
+/// Runs the golden vectors on both emulated microcontrollers or, if `board` is given, on that board.
 ///
 /// # Errors
 /// probe-rs is missing, the board's image does not build, or cargo does not start.

@@ -12,11 +12,15 @@ use crate::device::Device;
 /// with the signal.
 ///
 /// Measured with model 2baa001418a09107 on the 3,998 windows of EEGMMIDB S001 R11 and R12, none
-/// with a cell at the rail, integer reference against floats, in quantisation levels. The RMS
-/// difference of int8 codes is 0.29 in the median (rounding alone: 1/sqrt(12)) and at most 0.46,
-/// where the signal's RMS is 21; that of int16 codes is 1.4 and at most 12.5, where it is 669.
-/// Without half a level of rounding that is at most 0.018 of the signal; the limit is nearly three
-/// times as high.
+/// with a clipped input, integer reference against floats, in quantisation levels:
+///
+/// | format | median RMS difference | worst window | RMS of that window's code |
+/// | --- | --- | --- | --- |
+/// | int8 | 0.29 (rounding alone: 1/sqrt(12)) | 0.46 | 21 |
+/// | int16 | 1.4 | 12.5 | 669 |
+///
+/// After half a level is subtracted, the worst difference is 0.018 of the code's RMS. The limit is
+/// nearly three times that.
 const RMS_LIMIT: f64 = 0.05;
 
 /// Limit of the largest difference of a single value, beyond half a level of rounding, as a

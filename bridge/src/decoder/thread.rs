@@ -245,7 +245,7 @@ mod tests {
     fn codes_beyond_a_full_queue_are_counted() {
         let count = Arc::new(Mutex::new(Vec::new()));
         let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
-        // More than the thread can decode meanwhile.
+        // Pretends that more windows are waiting than the thread can decode during this test.
         decoder.waiting.store(2 * QUEUE_WINDOWS, Ordering::Relaxed);
         let (stamp, words) = (Stamp::default(), TriWords::default());
         for _ in 0..3 {

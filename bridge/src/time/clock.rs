@@ -293,7 +293,7 @@ impl Clock {
         self.wall_steps
     }
 
-    /// Number of steps back of the wall clock by more than 30 s, each of which moved stamps back.
+    /// Number of times the wall clock was set back by more than 30 s; each time the stamps went back too.
     pub fn wall_steps_back(&self) -> u32 {
         self.wall_steps_back
     }

@@ -32,8 +32,8 @@ pub(crate) struct Commands {
     streams: Streams,
     streaming_wanted: bool,
     device: Introduction,
-    /// Whether any stream of the device was started by this bridge: true once the device was
-    /// stopped, until it restarts or another device is connected.
+    /// Whether a stream that runs on the device must have been started by this bridge. True from when
+    /// the bridge has stopped the device until the device restarts or another one is connected.
     owns_stream: bool,
     stream: StreamState,
     pending: Option<PendingCommand>,

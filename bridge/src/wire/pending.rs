@@ -11,7 +11,7 @@ pub(crate) struct PendingCommand {
     pub(crate) command: ToDevice,
     /// Sequence number of the frame that carried the command first.
     first_seq: u32,
-    /// Sequence number of the frame that carried the command last.
+    /// Sequence number of the most recent frame that carried the command.
     last_seq: u32,
     /// Host time of the last transmission, microseconds.
     sent_us: i64,

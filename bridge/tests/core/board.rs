@@ -160,7 +160,7 @@ impl Board {
         let mut answers = Vec::new();
         let mut commands = Vec::new();
         while let Some(outcome) = self.commands.next::<ToDevice>(&mut bytes) {
-            // A terminal that is not in raw mode yet echoes the answers.
+            // Before raw mode is set, the terminal echoes answers back; skip what does not decode.
             let Ok(frame) = outcome else { continue };
             commands.push((frame.header.seq, frame.message));
         }

@@ -20,7 +20,8 @@ impl Noise {
     }
 
     /// Returns a number of mean 0 and variance 1, |x| <= 3.47: the scaled sum of four uniform 16-bit
-    /// numbers. Every use adds up dozens of them, which is close to normal and needs no logarithm.
+    /// numbers. Every caller sums dozens of them, so the result is close to normal, without the logarithm
+    /// that Box-Muller would need.
     pub(super) fn normal(&mut self) -> f64 {
         let bits = self.random.next_u64();
         let [a, b, c, d, e, f, g, h] = bits.to_le_bytes();

@@ -27,11 +27,11 @@ pub(super) fn accumulate(inputs: &[Pair], weights: &[Pair], accumulators: &mut [
     }
 }
 
-/// Multiplies all inputs with four outputs at a time.
+/// Accumulates four outputs at a time over all inputs; three instructions per four products.
 ///
-/// r0: sum of both weights of the first pair of outputs, r1: its even sum; r2, r3: those of the second
-/// pair; r4-r7: weights of a round; r8-r9: inputs; r10: low bytes; r11: next input; r12: next weights;
-/// lr: end of the inputs. Three instructions for four products.
+/// r0: products with the packed weights of the first pair of outputs; r1: products with the even output's
+/// weights only; r2, r3: the same for the second pair; r4-r7: weights of the current iteration; r8-r9:
+/// inputs; r10: low bytes of the weights; r11: next input; r12: next weights; lr: end of the inputs.
 #[unsafe(naked)]
 unsafe extern "C" fn quads(
     weights: *const Pair,

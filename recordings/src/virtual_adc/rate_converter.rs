@@ -72,7 +72,7 @@ impl RateConverter {
         }
         let divisor = greatest_common_divisor(wanted, rate.numerator());
         let (unit_in, unit_out) = (rate.numerator() / divisor, wanted / divisor);
-        // An even number of units, so that the delay of the filter is an integer on both sides.
+        // An even number of units, so that the filter's delay is a whole number of samples at both rates.
         let most = BLOCK_MAX / unit_in.max(unit_out) / 2 * 2;
         let units = BLOCK
             .div_ceil(unit_in.min(unit_out))

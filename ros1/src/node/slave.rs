@@ -1,4 +1,4 @@
-//! ROS's slave API: the calls that a node answers to the master and to other nodes.
+//! ROS's slave API: the calls from the master and from other nodes that a node answers.
 
 use std::sync::{
     Arc, Weak,

@@ -16,7 +16,7 @@ use serde_json::json;
 
 const TEST: &str = "a storm of commands";
 
-/// Duration of the storm in seconds of samples, for an input that is long enough.
+/// Length of the storm, in seconds of input; a shorter input ends it sooner.
 const SECONDS: usize = 60;
 
 /// Longest time from the arrival of a command to its reading in microseconds; acquiring samples has priority.

@@ -24,7 +24,7 @@ pub enum ImageError {
     /// The file cannot be read.
     #[error("cannot read the image {path}: {error}; build it with `{build}`")]
     Missing {
-        /// Path that was given.
+        /// Path of the image, as stated by the caller.
         path: PathBuf,
         /// Error of the operating system.
         error: io::Error,
@@ -34,7 +34,7 @@ pub enum ImageError {
     /// The file is not an ELF file for ARM.
     #[error("{path} is no 32-bit ELF file for ARM ({why}); build it with `{build}`")]
     NoImage {
-        /// Path that was given.
+        /// Path of the image, as stated by the caller.
         path: PathBuf,
         /// Reason of the parser, or the architecture that was found.
         why: String,
@@ -44,7 +44,7 @@ pub enum ImageError {
     /// A source file is newer than the image.
     #[error("{path} is older than {newer}, which it is built from; build it again with `{build}`")]
     Stale {
-        /// Path that was given.
+        /// Path of the image, as stated by the caller.
         path: PathBuf,
         /// Source file that is newer than the image.
         newer: PathBuf,
@@ -57,7 +57,7 @@ pub enum ImageError {
          memory; build the board's own image with `{build}`"
     )]
     OtherChip {
-        /// Path that was given.
+        /// Path of the image, as stated by the caller.
         path: PathBuf,
         /// Name of the board that the image was read for.
         board: &'static str,

@@ -35,7 +35,7 @@ impl VirtualBoard {
         self.inspect(|session, _| session.board().chip.core_hz())
     }
 
-    /// Returns whether the core runs the boot loader (here: its replacement).
+    /// Returns whether the core is running the boot loader (here: its replacement).
     pub fn is_in_loader(&self) -> bool {
         let vectors = u64::from(loader_stub::vectors(self.model()));
         let last = self.observer().recent_program_counters().pop();

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use realfft::RealFftPlanner;
 
-/// Samples of a segment: 8 s at 512 Hz, so that the band's lower edge of 0.5 Hz is the fourth bin.
+/// Samples per segment: 8 s at 512 Hz, which puts the band's lower edge, 0.5 Hz, at bin 4 (DC is bin 0).
 const SEGMENT: usize = 4096;
 
 /// Power spectral density over frequency.

@@ -17,7 +17,7 @@ pub(crate) trait Transmit {
     async fn transmit(&mut self, bytes: &[u8]) -> Result<(), Self::Error>;
 }
 
-/// Ring buffer that a DMA fills continuously.
+/// Ring buffer that a DMA channel fills continuously.
 pub(crate) trait Ring {
     /// Moves the oldest bytes to `bytes`. Returns how many; 0 if there are none.
     fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Overrun>;

@@ -103,7 +103,7 @@ pub(crate) struct H743 {
     watchdog: Watchdog,
     watchdog_slot: usize,
     otg: Otg,
-    /// Whether the model in each slot is removed.
+    /// For each slot of the emulator, whether its peripheral model has been removed.
     removed: Box<[bool]>,
 }
 

@@ -198,7 +198,7 @@ impl Core {
         Handshake::Ack
     }
 
-    /// Returns whether the response to an IN token would be other than NAK.
+    /// Returns whether the response to an IN token would be anything other than NAK.
     pub(crate) fn answers_in(&self, endpoint: usize) -> bool {
         endpoint == 0 && self.bus.in_setup_stage
             || self.inputs[endpoint].answers() && self.registers.dctl & dctl::GINSTS == 0
