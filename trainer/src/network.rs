@@ -16,7 +16,6 @@ use std::collections::BTreeMap;
 
 /// Weight of a batch in the running statistics; PyTorch's default.
 const MOMENTUM: f32 = 0.1;
-/// Windows in a batch for evaluation.
 const EVALUATION_BATCH: usize = 64;
 
 /// The autoencoder, computed on the CPU.
@@ -54,7 +53,7 @@ struct Batch {
 }
 
 impl Network {
-    /// Creates the network without parameters, which each pass takes as an argument.
+    /// Creates the network; each pass takes the parameters.
     pub fn new(grid: ScalpGrid) -> Self {
         Self { grid }
     }
