@@ -47,7 +47,7 @@ fn acquired(index: u64) -> AcquiredSample {
     acquired
 }
 
-/// Outputs of a new producer for these samples.
+/// Returns what a new producer emits for `samples`.
 fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output> {
     let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
     let mut outputs = Vec::new();
@@ -190,7 +190,7 @@ fn lost_steps_shift_no_window_and_mark_the_codes_that_contain_them() {
             (number, end(window), is_marked)
         })
         .collect();
-    // Step 22, after them, is marked as well, and is in the same windows.
+    // Step 22, which follows the lost ones, is marked as well, and is in the same windows.
     assert_eq!(codes, due);
 }
 

@@ -184,7 +184,7 @@ fn a_start_with_other_streams_is_a_new_run_and_a_repeated_one_is_not() {
         });
     }
     assert_eq!(numbers, [Some(1), None, Some(2), None, Some(3)]);
-    // Another mains frequency is a new run and changes the filters that the host knows.
+    // A `Start` with another mains frequency starts a new run, because it changes the filters.
     let mains = ToDevice::Start(Start {
         streams: Streams::RAW,
         mains_hz: 60,

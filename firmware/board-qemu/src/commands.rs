@@ -1,11 +1,12 @@
-//! Commands of a simulated host at fixed device times, from a file. Unlike the bytes of a pipe, whose timing
-//! depends on the PC, they are the same in every run.
+//! Commands of a simulated host, from a file, played at fixed device times. These times are the same in every
+//! run, unlike those of bytes from a pipe, which depend on the PC.
 
 use embassy_time::{Instant, Timer};
 
 use crate::{host_file::HostFile, uart};
 
-/// File of commands: for each a head of [`HEAD`] bytes, little endian, followed by the command's bytes.
+/// File of commands: for each command a head of [`HEAD`] bytes, little endian, followed by the command's
+/// bytes.
 pub(crate) const COMMANDS: &core::ffi::CStr = c"commands.bin";
 
 /// Bytes of a head: device time in microseconds, 64 bits; number of the boot, from 1, 32 bits; length of the

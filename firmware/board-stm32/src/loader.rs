@@ -36,8 +36,8 @@ impl Loader {
         // SAFETY: no interrupt is enabled, and none of this program's vectors is used any more.
         unsafe { scb.vtor.write(vectors) };
         asm::dsb();
-        // SAFETY: the factory has programmed stack pointer and entry point there. This program ends here, and
-        // none of its peripherals is in use.
+        // SAFETY: the factory has programmed the loader's stack pointer and entry point at this address. This
+        // program ends here, and none of its peripherals is in use.
         unsafe { asm::bootload(vectors as *const u32) }
     }
 }
