@@ -6,7 +6,7 @@ use crate::marks::Marks;
 use crate::order::Run;
 
 /// A sample, with the filtered step that was due at it, on its way from the acquisition to the
-///  [`Producer`].
+/// [`Producer`].
 ///
 /// [`Producer`]: crate::Producer
 #[derive(Clone, Debug, Default)]

@@ -10,7 +10,7 @@ pub struct Marks {
     pub adc_status_bad: bool,
     /// The ADC's lead-off detection reported an electrode without contact.
     pub lead_off: bool,
-    /// A sample was lost because it was not read in time.
+    /// A sample was lost: it was not read in time, or a queue was full.
     pub overrun: bool,
 }
 

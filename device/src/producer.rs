@@ -52,7 +52,7 @@ pub struct CapturedEvent {
 }
 
 impl<M: BorrowMut<EncoderMemory>> Producer<M> {
-    /// Creates a producer without a run; `memory` must be [`EncoderMemory::EMPTY`].
+    /// Creates a producer without a run; `memory` must hold [`EncoderMemory::EMPTY`].
     pub const fn new(memory: M) -> Self {
         Self {
             run: Run::NONE,

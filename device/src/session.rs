@@ -34,7 +34,7 @@ pub struct Session<'i> {
     /// A self-test was ordered and its result is outstanding.
     is_testing: bool,
     decoder: Decoder,
-    /// Counters that the session keeps; [`Self::stats`] fills in those of acquisition and queue.
+    /// Counters that the session itself keeps; [`Self::stats`] fills in all others.
     stats: Stats,
 }
 
@@ -96,7 +96,7 @@ impl<'i> Session<'i> {
                     (frame.header.seq, result)
                 }
                 Err(FrameError::Unknown { header, .. }) => (header.seq, AckResult::UnknownCommand),
-                // The decoder has counted the damaged frame, which has no `seq` to acknowledge.
+                // The decoder has counted the unusable frame, which has no `seq` to acknowledge.
                 Err(_) => continue,
             };
             send_ack(Ack { of, result }, now_us, sender);

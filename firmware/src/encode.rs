@@ -1,4 +1,4 @@
-//! Encoder task, the least urgent: makes codes and reports of the samples.
+//! Encoder task, the least urgent: produces codes and reports from the samples.
 
 use core::sync::atomic::Ordering::Relaxed;
 
@@ -10,7 +10,7 @@ use crate::{
     shared::Shared,
 };
 
-/// Runs the encoder: makes every output that the host has requested from the queued samples.
+/// Runs the encoder: produces every output that the host has requested from the queued samples.
 pub async fn encode(
     shared: &Shared,
     (mut samples, mut outputs, producer): (SampleReceiver, OutputSender, &mut Producer),

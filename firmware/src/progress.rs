@@ -16,7 +16,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// All counters at zero.
+    /// Creates the counters, all at zero.
     pub const fn new() -> Self {
         Self {
             acquired: AtomicU32::new(0),

@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize, de::Error};
 use crate::flags::Flags;
 use crate::packed;
 
-/// Numbers in a code.
+/// Number of values in a code.
 pub const CODE_LEN: usize = 128;
 
 /// Largest exponent of a code: 8 bits of value and 8 of exponent make 16.
@@ -147,7 +147,7 @@ impl From<CodeFormat> for u8 {
     }
 }
 
-/// A window as the encoder read it, with the code it produced; every ten seconds, on request.
+/// A window as the encoder read it, with the code it produced; sent every ten seconds if requested.
 ///
 /// A host that has the model recomputes the code and checks that the device still computes what it
 /// was built for. The header's time is that of the window's [`Code`].

@@ -44,9 +44,9 @@ pub(crate) fn config(source: ClockSource) -> Config {
     rcc.sys = Sysclk::PLL1_P;
     rcc.mux.clk48sel = mux::Clk48sel::PLL1_Q;
     rcc.ahb_pre = AHBPrescaler::DIV1;
-    // The peripherals' buses run at 21 MHz. SPI divides that by 256, to 82 kHz for registers, and by 2, to
-    // 10.5 MHz for bursts: 165 us per sample. From 42 MHz registers would be clocked at 164 kHz, which is too
-    // fast.
+    // APB1, the bus of SPI and UART, runs at 21 MHz. SPI divides that by 256, to 82 kHz for registers, and by
+    // 2, to 10.5 MHz for bursts: 165 us per sample. From 42 MHz registers would be clocked at 164 kHz, which
+    // is too fast.
     // The UART divides 21 MHz by 23: 913,043 baud, 0.93 % below the nominal 921,600. 42 MHz / 46 and
     // oversampling by 8 are no closer. The ST-LINK runs at 923,077 baud (36 MHz / 39, from memory, not
     // checked against a document). The two ends differ by 1.1 %, and a receiver tolerates 3.33 % (RM0390,

@@ -8,7 +8,7 @@ pub(crate) struct Eeg {
     random: u32,
     /// Slow noise of each channel, counts.
     slow: Sample,
-    /// The 10 Hz wave and its quadrature (the wave 90 degrees later), Q15.
+    /// The 10 Hz wave and its quadrature (the wave delayed by 90 degrees), Q15.
     wave: [i32; 2],
 }
 

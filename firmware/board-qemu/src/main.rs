@@ -12,8 +12,7 @@
 //! | --- | --- |
 //! | `start` | streams codes without a command from the host |
 //! | `start-all` | starts all streams without a command from the host |
-//! | `hang`, `panic`, `fault` | one second after the first start a task fails in this way; the second run
-//! reports it |
+//! | `hang`, `panic`, `fault` | a task fails in this way 1 s into the first run; the second run reports it |
 //! | `commands` | plays the commands in [`commands::COMMANDS`] at their times |
 //! | `trigger` | plays the edges in [`trigger::EDGES`] at the trigger input |
 #![cfg_attr(target_os = "none", no_std)]

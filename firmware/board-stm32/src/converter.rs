@@ -129,7 +129,8 @@ impl Adc {
             drdy_us: edge.us,
             #[expect(clippy::cast_possible_truncation, reason = "ticks wrap")]
             drdy_ticks: edge.us as u32,
-            // An edge that came while no task waited for it leaves a gap in the readings too.
+            // An edge that occurred while no task waited for it leaves a gap in the readings too: the
+            // larger count, because the sum would count this edge twice.
             missed: edge.missed.max(reading.missed),
             status_bad: !reading.is_sound(),
             lead_off: reading.lead_off(),

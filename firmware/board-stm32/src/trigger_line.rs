@@ -21,7 +21,7 @@ pub(crate) struct TriggerLine {
 }
 
 impl TriggerLine {
-    /// A low line without a budget.
+    /// State of a low line that allows no observation before the first refill.
     pub(crate) const fn new() -> Self {
         Self {
             is_high: false,

@@ -121,8 +121,8 @@ impl PacketSender for cdc_acm::Sender<'static, Driver<'static, USB_OTG_FS>> {
         self.wait_connection().await;
     }
 
-    /// A future that still waits has not passed any byte of `packet` to the peripheral, so dropping it loses
-    /// no part of a packet.
+    /// A future that still waits has not passed any byte of `packet` to the peripheral, so nothing is sent if
+    /// it is dropped.
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed> {
         self.write_packet(packet).await.map_err(|_| Closed)
     }

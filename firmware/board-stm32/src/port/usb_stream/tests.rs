@@ -11,7 +11,7 @@ use super::*;
 /// Number of packets for a host that never stalls.
 const ALL: usize = usize::MAX;
 
-/// Action of the host at a tick.
+/// Action that the host takes at a tick.
 type Act = Box<dyn FnOnce(&mut Host)>;
 
 /// Simulated host, and the packet buffer of the device's endpoint.
