@@ -25,8 +25,8 @@ pub async fn encode(
                 shared.timing.record(Stage::Code, slot.drdy_ticks);
             }
         };
-        // The events up to a sample precede the outputs made from it. Only the first sample of a run comes
-        // before its events, because it starts the run.
+        // The events up to a sample precede the outputs made from it. Only the first sample of a run is
+        // processed before its events, because it starts the run.
         let starts_run = slot.acquired.new_run.is_some();
         if starts_run {
             shared.inputs.discard_before(slot.acquired.drdy_us);

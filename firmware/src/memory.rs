@@ -31,7 +31,7 @@ pub struct Memory {
     output_channel: StaticCell<Channel<'static, RawMutex, OutputSlot>>,
 }
 
-/// References into a [`Memory`], one group for each task.
+/// References into a [`Memory`], grouped by the task that owns them.
 pub struct TaskMemory {
     /// Sending end of the sample queue, and the filters, for [`acquire`](fn@crate::acquire).
     pub acquire: (SampleSender, &'static mut Acquisition),

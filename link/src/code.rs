@@ -1,4 +1,4 @@
-//! The code of a window, its number formats, and audits of it.
+//! The code of a window, the formats of its values, and audits of codes.
 
 use core::fmt;
 
@@ -43,7 +43,7 @@ pub struct Code {
 /// one byte with the format's number, then a fixed number of bytes; none of them is a varint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CodeValues {
-    /// 0: 128 bytes, each a level.
+    /// 0: 128 bytes, each of them a level, -128 to 127.
     Int8(#[serde(with = "packed")] [i8; CODE_LEN]),
     /// 1: an exponent for all values, and 128 bytes: `level = value * 2^exponent`.
     Int8Exponent {
@@ -157,7 +157,7 @@ pub struct Audit<'a> {
     pub model_id: [u8; 8],
     /// Index of the window since `Start`, as in its [`Code`].
     pub window: u32,
-    /// Planes of the window, oldest first; each row-major, one int8 byte per cell.
+    /// Planes of the window, oldest first; every plane is row-major, one int8 byte per cell.
     #[serde(borrow, serialize_with = "packed::serialize_bytes")]
     pub planes: &'a [u8],
     /// Numbers in the format that [`Capabilities::code_format`](crate::Capabilities) names.

@@ -37,9 +37,9 @@ pub struct SelfTest {
     pub drdy_millihertz: u32,
     /// Rate that the converters are configured for, millihertz.
     pub expected_millihertz: u32,
-    /// DRDY edges that came too early.
+    /// Number of DRDY edges that were too early.
     pub drdy_early: u32,
-    /// DRDY edges that are missing.
+    /// Number of DRDY edges that were missing.
     pub drdy_missed: u32,
     /// One entry per chip; element 0 is the chip whose data output is wired to MISO.
     pub chips: Vec<ChipTest, MAX_CHIPS>,

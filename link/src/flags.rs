@@ -42,7 +42,7 @@ impl Flags {
         (Flags::FILLER, "filler"),
     ];
 
-    /// Returns the set without a flag: that of a window without faults.
+    /// Returns the empty set, which a window without faults has.
     pub const fn empty() -> Flags {
         Flags(0)
     }

@@ -60,7 +60,7 @@ pub(crate) fn deserialize<'de, D: Deserializer<'de>, E: Element, const N: usize>
 
 /// Writes a byte slice in one piece: varint length, then the bytes.
 ///
-/// Serde's derive produces the same bytes for a `&[u8]`, but one call per byte.
+/// Serde's derive produces the same bytes for a `&[u8]`, but with one call per byte.
 pub(crate) fn serialize_bytes<S: Serializer>(
     bytes: &&[u8],
     serializer: S,

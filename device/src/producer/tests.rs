@@ -73,7 +73,7 @@ fn samples(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = A
         })
 }
 
-/// First sample, number of samples and flags of each raw output.
+/// Returns the first sample, the number of samples and the flags of every raw output.
 fn raw_frames(outputs: &[Output]) -> Vec<(u64, usize, Flags)> {
     let raw = outputs.iter().filter_map(|output| match &output.payload {
         Payload::Raw(raw) => Some(raw.message()),

@@ -1,4 +1,4 @@
-//! Commands of a host, and the orders and messages that follow.
+//! Commands from a host, and the orders and messages that they cause.
 
 use std::{vec, vec::Vec};
 

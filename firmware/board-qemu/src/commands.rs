@@ -16,7 +16,7 @@ const HEAD: usize = 16;
 /// Bytes passed to the UART at once.
 const PIECE: usize = 64;
 
-/// Plays the commands for this boot, at their times, as if they came through the UART.
+/// Plays the commands for this boot, at their times, as if they arrived at the UART.
 pub(crate) async fn play(mut file: HostFile, boot: u32) {
     let mut head = [0; HEAD];
     while file.read(&mut head) {

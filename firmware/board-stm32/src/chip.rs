@@ -1,4 +1,4 @@
-//! Initialisation of the chip, with corrections to that of embassy.
+//! Initialisation of the chip, with corrections to embassy's initialisation.
 
 use embassy_stm32::{
     Config, Peripherals,

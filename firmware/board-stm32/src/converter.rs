@@ -37,8 +37,8 @@ type WiredChain = Chain<Bus, Output<'static>, Delay, CHIPS>;
 impl Wires {
     /// Configures the pins, with the chain at rest.
     ///
-    /// All chips share SPI, START and RESET. DRDY is that of chip 0, on one of EXTI's lines 5 to 9. The first
-    /// chip select is that of chip 0, the one at MISO.
+    /// All chips share SPI, START and RESET. Only the DRDY of chip 0 is connected, to one of EXTI's lines 5
+    /// to 9. The first chip select belongs to chip 0, whose DOUT drives MISO directly.
     pub fn new<DrdyPin: Pin + ExtiPin>(
         bus: Bus,
         selects: [Peri<'static, AnyPin>; CHIPS],

@@ -23,8 +23,9 @@ impl Loader {
         }
     }
 
-    /// Calls `prepare` and runs the boot loader if the previous run ended with a request for it; returns
-    /// otherwise. `main` calls this first, because the boot loader expects the chip as a reset leaves it.
+    /// Calls `prepare` and runs the boot loader if the previous run ended with a request for the loader;
+    /// returns otherwise. `main` calls this first, because the boot loader expects the chip as a reset leaves
+    /// it.
     pub fn run_if_requested(self, prepare: impl FnOnce()) {
         if !take_bootloader_request() {
             return;

@@ -36,7 +36,8 @@ use crate::{
 /// Bits per second. These are 92 kB/s, of which the codes need 3 %.
 const BAUD: u32 = 921_600;
 
-/// Bytes of each direction's buffer. They last 5.5 ms on the line, by which the reader can be delayed.
+/// Bytes of each direction's buffer. They last 5.5 ms on the line: the longest delay of the reader without
+/// loss.
 const BUFFER: usize = 512;
 
 /// Wakes the reader when the line becomes idle after bytes, and when a byte is damaged; on an STM32F446 also

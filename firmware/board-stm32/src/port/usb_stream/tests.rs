@@ -1,4 +1,5 @@
-//! Frames that arrive at a simulated host, which opens, reads, stalls and closes in the order of each test.
+//! Frames that arrive at a simulated host, which opens, reads, stalls and closes in an order that each test
+//! sets.
 
 use core::{cell::RefCell, future::poll_fn, task::Poll};
 use std::{boxed::Box, collections::VecDeque, rc::Rc, vec::Vec};
