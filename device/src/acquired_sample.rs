@@ -1,11 +1,12 @@
-//! Samples from the acquisition, and its counters.
+//! Samples on their way from the acquisition to the producer, and the counters of the acquisition.
 
 use pipeline::{Sample, Step};
 
 use crate::marks::Marks;
 use crate::order::Run;
 
-/// A sample with the step that was due at it, on its way from the acquisition to the [`Producer`].
+/// A sample, with the filtered step that was due at it, on its way from the acquisition to the
+/// [`Producer`].
 ///
 /// [`Producer`]: crate::Producer
 #[derive(Clone, Debug, Default)]
@@ -13,15 +14,16 @@ pub struct AcquiredSample {
     /// The run that starts with this sample. If the queue had no room for a run's first sample, the
     /// next one that fits carries it.
     pub new_run: Option<Run>,
-    /// All channels, ADC counts.
+    /// Counts of the ADC, one per channel.
     pub sample: Sample,
-    /// Index of the sample since the start.
+    /// Index of the sample since the start of the run, from 0.
     pub index: u64,
-    /// The step, with its index since the start.
+    /// The step that was due at this sample, with the step's index since the start of the run;
+    /// `None` for samples without a step.
     pub step: Option<(u64, Step)>,
     /// Device time of the sample's DRDY edge, microseconds.
     pub drdy_us: u64,
-    /// Faults of this sample and of those since the last one that was queued.
+    /// Faults of this sample, and of the samples before it that found no room in the queue.
     pub marks: Marks,
 }
 

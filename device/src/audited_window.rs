@@ -1,4 +1,4 @@
-//! The newest window of planes, with its code.
+//! The newest window of planes and its code, which the host receives every ten seconds.
 
 use link::Audit;
 use model::{CELLS, CODE, HOP, STEP_RATE_HZ, STEPS};
@@ -22,7 +22,7 @@ pub struct AuditedWindow {
 }
 
 impl AuditedWindow {
-    /// Planes of zeros.
+    /// A window before its first plane: zeros.
     pub(crate) const EMPTY: Self = Self {
         window: 0,
         values: CodeValues::Int8([0; CODE]),
@@ -43,7 +43,7 @@ impl AuditedWindow {
         window.is_multiple_of(PERIOD_WINDOWS)
     }
 
-    /// Stores index and code of the window that the planes form.
+    /// Stores the index and the code of the window that the stored planes form.
     pub(crate) fn complete(&mut self, window: u32, values: &CodeValues) -> &Self {
         self.window = window;
         self.values = *values;

@@ -1,13 +1,13 @@
-//! Identity and abilities of a board.
+//! Identity of a board, for `Hello`, and the commands and streams that the board supports.
 
 use link::{Hello, ResetCause, Streams};
 
 /// Identity of the device, constant from its start to its next reset.
 #[derive(Clone, Debug)]
 pub struct Identity<'i> {
-    /// Version of the firmware, at most [`link::MAX_TEXT_BYTES`].
+    /// Version of the firmware, at most [`link::MAX_TEXT_BYTES`] bytes.
     pub firmware: &'i str,
-    /// Name of the board, at most [`link::MAX_TEXT_BYTES`].
+    /// Name of the board, at most [`link::MAX_TEXT_BYTES`] bytes.
     pub board: &'i str,
     /// Unique id of the microcontroller, 96 bits.
     pub chip_uid: [u8; 12],
@@ -15,13 +15,13 @@ pub struct Identity<'i> {
     pub session_id: u32,
     /// Reset cause as the microcontroller or the kept fault record reports it.
     pub reset_cause: ResetCause,
-    /// Fault of this start or of the previous run; empty without one. At most
-    /// [`link::MAX_TEXT_BYTES`].
+    /// Description of a fault of this start or of the previous run, at most
+    /// [`link::MAX_TEXT_BYTES`] bytes; empty without a fault.
     pub fault: &'i str,
 }
 
 impl Identity<'_> {
-    /// Builds the message, with the id of the model that this program contains.
+    /// Builds the `Hello` message, with the id of the model that this program contains.
     pub(crate) const fn hello(&self) -> Hello<'_> {
         Hello {
             firmware: self.firmware,
@@ -40,14 +40,14 @@ impl Identity<'_> {
 pub struct Abilities {
     /// Streams that a `Start` can request.
     pub streams: Streams,
-    /// Whether its converters can test themselves with their internal signals.
+    /// True if the board's converters can test themselves with their internal signals.
     pub self_test: bool,
-    /// Whether it can start its microcontroller's built-in boot loader.
+    /// True if the board can start the boot loader that is built into its microcontroller.
     pub bootloader: bool,
 }
 
 impl Abilities {
-    /// Codes and nothing else.
+    /// A board that streams codes and supports no optional command.
     pub const CODES: Self = Self {
         streams: Streams::CODES,
         self_test: false,

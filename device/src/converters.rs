@@ -5,10 +5,10 @@ use link::{ChannelFault, ChannelTest, ChipTest, Converters, SelfTest};
 
 use crate::fault_text::fault_text;
 
-/// Builds the status message of a chain.
+/// Builds the status message of a chain of converters.
 ///
-/// Arguments: the fault found at its initialisation, the measured rate of DRDY in millihertz, the
-/// newest reading and the driver's counters.
+/// Arguments: the fault found when the chain was initialised, the measured rate of DRDY in
+/// millihertz, the newest reading and the driver's counters.
 pub fn converters_message<const CHIPS: usize>(
     fault: Option<&Error>,
     drdy_millihertz: Option<u32>,

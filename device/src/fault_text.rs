@@ -1,4 +1,4 @@
-//! Fault descriptions, truncated to a message's limit.
+//! Fault descriptions, truncated to the longest text that a message can carry.
 
 use core::fmt::{self, Write};
 
@@ -13,7 +13,7 @@ pub fn fault_text(fault: impl fmt::Display) -> String<MAX_TEXT_BYTES> {
     text.0
 }
 
-/// Accepts characters until the first one that does not fit.
+/// Text that accepts characters until the first one that does not fit.
 struct Text(String<MAX_TEXT_BYTES>);
 
 impl Write for Text {

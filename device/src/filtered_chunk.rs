@@ -1,4 +1,4 @@
-//! Consecutive filtered steps for one message.
+//! Consecutive filtered steps for one `Filtered` message.
 
 use link::{FILTERED_STEPS, Filtered, Flags, VALUE_BYTES};
 use model::ELECTRODES;
@@ -8,7 +8,7 @@ use crate::marks::Marks;
 
 const STEP_BYTES: usize = ELECTRODES * VALUE_BYTES;
 
-/// Fraction bits of a filtered electrode (Q27.5).
+/// Fraction bits of an electrode's filtered value (format Q27.5).
 const FRACTION_BITS: u8 = 5;
 
 /// Up to [`FILTERED_STEPS`] consecutive steps, serialised.
@@ -17,7 +17,7 @@ pub struct FilteredChunk {
     first: u64,
     steps: usize,
     flags: Flags,
-    /// Device time of the last step, microseconds.
+    /// Device time of the newest step in the chunk, microseconds.
     last_us: u64,
     values: [u8; FILTERED_STEPS * STEP_BYTES],
 }
@@ -39,7 +39,7 @@ impl FilteredChunk {
         self.steps == FILTERED_STEPS
     }
 
-    /// Returns true if the step `index` directly follows the last one.
+    /// Returns true if the step `index` directly follows the newest step in the chunk.
     pub(crate) const fn continues_with(&self, index: u64) -> bool {
         self.first + self.steps as u64 == index
     }
@@ -48,7 +48,7 @@ impl FilteredChunk {
         self.steps = 0;
     }
 
-    /// Appends a step; ignored if the chunk is full.
+    /// Appends a step. A full chunk ignores it.
     pub(crate) fn append(&mut self, step: &Step, index: u64, marks: Marks, at_us: u64) {
         if self.steps == 0 {
             self.first = index;
@@ -75,7 +75,7 @@ impl FilteredChunk {
         self.last_us
     }
 
-    /// Builds the wire message, which borrows the values.
+    /// Builds the `Filtered` message, which borrows the chunk's values.
     pub(crate) fn message(&self) -> Filtered<'_> {
         Filtered {
             first_step: self.first,

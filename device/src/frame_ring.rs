@@ -7,12 +7,12 @@ const LENGTH: usize = 2;
 
 /// Queue of whole frames in a ring buffer of `BYTES` bytes.
 ///
-/// While the host does not read, the oldest frames are dropped whole and counted: a closed loop needs
-/// the newest.
+/// While the host does not read, the oldest frames are dropped whole and counted, because a closed
+/// loop needs the newest frames.
 #[derive(Clone, Debug)]
 pub struct FrameRing<const BYTES: usize> {
     bytes: [u8; BYTES],
-    /// Offset of the oldest frame.
+    /// Offset of the oldest frame in `bytes`.
     first: usize,
     /// Bytes in use.
     used: usize,
@@ -168,7 +168,8 @@ mod tests {
         for number in 0..9 {
             ring.push_bulk(&[number; 10]);
         }
-        // Four frames of 12 bytes fill three quarters.
+        // Four frames of 12 bytes, length fields included, fill three quarters of the ring's 64
+        // bytes.
         assert_eq!(ring.dropped(), 5);
         ring.push(&[100; 10]);
         assert_eq!(ring.dropped(), 5);

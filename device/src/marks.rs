@@ -8,9 +8,9 @@ use model::{HOP, STEPS};
 pub struct Marks {
     /// A status word of the ADC chain was wrong.
     pub adc_status_bad: bool,
-    /// The ADC reported an electrode off.
+    /// The ADC's lead-off detection reported an electrode without contact.
     pub lead_off: bool,
-    /// A sample was not read in time.
+    /// A sample was lost: it was not read in time, or a queue was full.
     pub overrun: bool,
 }
 
@@ -45,7 +45,7 @@ impl Marks {
     }
 }
 
-/// Faults of the windows that are in progress.
+/// Faults of the windows in progress, which overlap, collected per hop from window to window.
 #[derive(Clone, Debug)]
 pub(crate) struct WindowMarks {
     /// Steps since the start.
@@ -55,7 +55,7 @@ pub(crate) struct WindowMarks {
 }
 
 impl WindowMarks {
-    /// State before the first step.
+    /// State before the first step: no faults.
     pub(crate) const NONE: Self = Self {
         steps: 0,
         hops: [Marks::NONE; STEPS.div_ceil(HOP)],
@@ -66,7 +66,7 @@ impl WindowMarks {
         self.hops[0] = self.hops[0].union(marks);
     }
 
-    /// Ends a step and returns the faults of the window that ends with it.
+    /// Ends a step and returns the faults of the window that ends with this step.
     pub(crate) fn end_step(&mut self) -> Marks {
         let window = self.hops.into_iter().fold(Marks::NONE, Marks::union);
         self.steps += 1;

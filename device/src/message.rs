@@ -22,7 +22,8 @@ pub const CODE_FORMAT: CodeFormat = match model::CODE_FORMAT {
     model::CodeFormat::Int16 => CodeFormat::Int16,
 };
 
-/// Converts a dimension of the model to the wire's byte; fails to compile if it does not fit.
+/// Converts a dimension of the model to the byte that carries it on the wire; fails to compile if
+/// the dimension exceeds a byte.
 const fn narrow(dimension: usize) -> u8 {
     assert!(dimension < 256, "the model's dimensions are below 256");
     #[expect(clippy::cast_possible_truncation, reason = "asserted")]

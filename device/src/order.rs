@@ -9,7 +9,7 @@ pub struct Run {
     /// Number of the start since boot, 1 for the first; wraps. Distinguishes outputs of this run
     /// from queued ones of an earlier run.
     pub number: u32,
-    /// Frequency that the notch removes.
+    /// Mains frequency, which the notch filter removes.
     pub mains: Mains,
     /// Streams that the host requested.
     pub streams: Streams,
@@ -34,6 +34,6 @@ pub enum Order {
     /// Test the converters; report the result with
     /// [`Session::send_self_test`](crate::Session::send_self_test).
     SelfTest,
-    /// Restart, after a tenth of a second in which waiting frames can go out.
+    /// Restart the board, after a tenth of a second in which waiting frames can be sent.
     Reset(ResetInto),
 }

@@ -24,8 +24,8 @@ impl Output {
     ///
     /// The producer counts seconds in samples and emits one [`Payload::Quality`] per second, which
     /// identifies the end. `Stats`, `Timing` and `Quality` then share one device time and one place
-    /// among the codes, in every run of the same samples. A timer of the device's clock would move
-    /// both.
+    /// among the codes, in every run of the same samples. With a timer of the device's clock, this
+    /// time and place would differ from run to run.
     pub const fn ends_second(&self) -> bool {
         matches!(self.payload, Payload::Quality(_))
     }
@@ -37,16 +37,18 @@ pub enum Payload {
     /// An empty slot of a queue.
     #[default]
     Nothing,
-    /// A code, with the faults in its window. Time: the window's last step.
+    /// A code, with the faults in its window. [`Output::at_us`] is the time of the window's last
+    /// step.
     Code(Code, Marks),
-    /// Signal quality of each electrode over the last second. Time: the second's last sample.
+    /// Signal quality of each electrode over the last second. [`Output::at_us`] is the time of the
+    /// second's last sample.
     Quality(Quality),
-    /// Unfiltered samples. Time: the last sample.
+    /// Unfiltered samples. [`Output::at_us`] is the time of the last one.
     Raw(RawChunk),
-    /// Filtered steps, stamped with the time of the last step.
+    /// Filtered steps. [`Output::at_us`] is the time of the last one.
     Filtered(FilteredChunk),
-    /// A window with its code, stamped with the time of the code.
+    /// A window with its code. [`Output::at_us`] is the time of the code.
     Audit(AuditedWindow),
-    /// An edge at an input, stamped with the time of the edge.
+    /// An edge at an input. [`Output::at_us`] is the time of the edge.
     Event(Event),
 }

@@ -15,27 +15,28 @@ use crate::raw_chunk::RawChunk;
 
 /// Produces codes, and the other streams that the host requested, from acquired samples.
 ///
-/// A step that is missing because a queue was full is replaced by the one before it. The window's
-/// index thus keeps its relation to time; the codes are marked with an overrun.
+/// If a step is missing because a queue was full, the step before it replaces it. The index of a
+/// window thus still tells its time; the codes that contain the replacement are marked with an
+/// overrun.
 ///
-/// An [`Output`] takes two kilobytes, whatever its payload. The functions that build one are never
-/// inlined, so that a task's stack frame does not hold several at once.
+/// An [`Output`] takes two kilobytes, whatever its payload. The functions that build an output are
+/// never inlined, so that a task's stack frame does not hold several at once.
 ///
-/// `M` is the encoder's memory, or a reference to it: a board keeps it in a static.
+/// `M` is the encoder's memory, or a reference to it, because a board keeps the memory in a static.
 #[derive(Debug)]
 pub struct Producer<M = &'static mut EncoderMemory> {
     run: Run,
     encoder: Encoder<'static, M>,
     quality: SignalQuality,
     windows: WindowMarks,
-    /// Faults since the last step that was filtered.
+    /// Faults of the samples since the newest step.
     since_step: Marks,
     /// The newest step, which replaces missing ones.
     last: Step,
     raw: RawChunk,
     filtered: FilteredChunk,
     audited: AuditedWindow,
-    /// An event that is later than the newest sample.
+    /// An event that is later than the newest sample, and waits for the sample that follows it.
     ahead: Option<CapturedEvent>,
 }
 
@@ -51,7 +52,7 @@ pub struct CapturedEvent {
 }
 
 impl<M: BorrowMut<EncoderMemory>> Producer<M> {
-    /// Creates a producer without a run; `memory` must be empty.
+    /// Creates a producer without a run; `memory` must hold [`EncoderMemory::EMPTY`].
     pub const fn new(memory: M) -> Self {
         Self {
             run: Run::NONE,
@@ -99,7 +100,8 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         }
     }
 
-    /// Passes the events up to a sample to `emit`, with the index of the sample that each precedes.
+    /// Passes the events up to `acquired` to `emit`, each with the index of the sample that it
+    /// precedes.
     ///
     /// `next` returns the captured events, oldest first. Call this before [`Self::process`] of the
     /// same sample, so that the host receives an edge before the results of the sample. For a run's

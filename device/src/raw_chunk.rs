@@ -1,4 +1,4 @@
-//! Consecutive samples for one message.
+//! Consecutive unfiltered samples for one `Raw` message.
 
 use link::{COUNT_BYTES, RAW_SAMPLES, Raw};
 use model::CHANNELS;
@@ -14,7 +14,7 @@ pub struct RawChunk {
     first: u64,
     samples: usize,
     marks: Marks,
-    /// Device time of the last sample, microseconds.
+    /// Device time of the newest sample in the chunk, microseconds.
     last_us: u64,
     counts: [u8; RAW_SAMPLES * SAMPLE_BYTES],
 }
@@ -36,7 +36,7 @@ impl RawChunk {
         self.samples == RAW_SAMPLES
     }
 
-    /// Returns true if the sample `index` directly follows the last one.
+    /// Returns true if the sample `index` directly follows the newest sample in the chunk.
     pub(crate) const fn continues_with(&self, index: u64) -> bool {
         self.first + self.samples as u64 == index
     }
@@ -45,7 +45,7 @@ impl RawChunk {
         self.samples = 0;
     }
 
-    /// Appends a sample; ignored if the chunk is full.
+    /// Appends a sample. A full chunk ignores it.
     pub(crate) fn append(&mut self, sample: &Sample, index: u64, marks: Marks, at_us: u64) {
         if self.samples == 0 {
             self.first = index;
@@ -67,7 +67,7 @@ impl RawChunk {
         self.last_us
     }
 
-    /// Builds the wire message, which borrows the counts.
+    /// Builds the `Raw` message, which borrows the chunk's counts.
     pub(crate) fn message(&self) -> Raw<'_> {
         Raw {
             first_sample: self.first,

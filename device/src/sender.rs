@@ -1,4 +1,4 @@
-//! Numbering and queueing of frames.
+//! Numbering and queueing of the frames to the host.
 
 use link::{Encoder, MAX_FRAME, ToHost};
 
@@ -21,7 +21,7 @@ pub trait FrameQueue {
     fn dropped(&self) -> u32;
 }
 
-/// Numbers messages, encodes them and queues the frames; a device has one.
+/// Numbers messages, encodes them and queues the frames; a device has one sender.
 #[derive(Clone, Debug)]
 pub struct Sender<Q> {
     encoder: Encoder,
@@ -39,7 +39,8 @@ impl<Q: FrameQueue> Sender<Q> {
         }
     }
 
-    /// Numbers, encodes and queues a message; `device_time_us` goes into its header.
+    /// Numbers, encodes and queues a message. `device_time_us`, microseconds since boot, goes into
+    /// the frame's header.
     pub fn send(&mut self, device_time_us: u64, message: &ToHost<'_>) {
         match self
             .encoder
@@ -47,7 +48,8 @@ impl<Q: FrameQueue> Sender<Q> {
         {
             Ok(frame) if is_bulk(message) => self.queue.push_bulk(frame),
             Ok(frame) => self.queue.push(frame),
-            // Too long for a frame: the host sees the gap in `seq`, the counter explains it.
+            // The message is too long for a frame: the host sees a gap in `seq`, which the counter
+            // of dropped frames explains.
             Err(_) => self.queue.count_dropped(),
         }
     }

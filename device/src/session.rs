@@ -19,8 +19,8 @@ use crate::sender::{FrameQueue, Sender};
 
 /// Answers the host's commands and turns outputs into messages.
 ///
-/// Messages are built on the stack and take up to two kilobytes. The functions that build one are
-/// never inlined, so that a task's stack frame does not hold several at once.
+/// Messages are built on the stack and take up to two kilobytes. The functions that build a message
+/// are never inlined, so that a task's stack frame does not hold several at once.
 #[derive(Debug)]
 pub struct Session<'i> {
     identity: Identity<'i>,
@@ -29,12 +29,12 @@ pub struct Session<'i> {
     run: Run,
     /// False if the model is damaged.
     can_stream: bool,
-    /// The newest status of the converters; `None` until the first one.
+    /// The newest status of the converters; `None` until the first status.
     converters: Option<Converters>,
     /// A self-test was ordered and its result is outstanding.
     is_testing: bool,
     decoder: Decoder,
-    /// Counters of the session; the others are filled in by [`Self::stats`].
+    /// Counters that the session itself keeps; [`Self::stats`] fills in all others.
     stats: Stats,
 }
 
@@ -96,7 +96,7 @@ impl<'i> Session<'i> {
                     (frame.header.seq, result)
                 }
                 Err(FrameError::Unknown { header, .. }) => (header.seq, AckResult::UnknownCommand),
-                // The decoder has counted it; without a `seq` there is nothing to acknowledge.
+                // The decoder has counted the unusable frame, which has no `seq` to acknowledge.
                 Err(_) => continue,
             };
             send_ack(Ack { of, result }, now_us, sender);
@@ -134,7 +134,8 @@ impl<'i> Session<'i> {
         counts: Counts,
         sender: &mut Sender<impl FrameQueue>,
     ) -> (AckResult, Option<Order>) {
-        // An unnecessary order would replace one that the acquisition has not executed yet.
+        // No order without a run: it would replace an order that the acquisition has not executed
+        // yet.
         let order = self.is_streaming().then_some(Order::Stop);
         self.run.streams = Streams::empty();
         self.send_stats(now_us, counts, sender);
@@ -160,8 +161,8 @@ impl<'i> Session<'i> {
         }
     }
 
-    /// Executes a `Start`. Windows and samples are counted from 0 again, unless the same streams run
-    /// already with the same mains frequency.
+    /// Executes a `Start`. Windows and samples are counted from 0 again, unless a run with the same
+    /// streams and the same mains frequency is active already.
     pub fn start(
         &mut self,
         start: Start,
@@ -274,7 +275,8 @@ impl<'i> Session<'i> {
         sender.send(now_us, &ToHost::SelfTest(result.clone()));
     }
 
-    /// Sends the counters. A device calls this every second while it streams; `Stop` does so by itself.
+    /// Sends the counters. A device calls this every second while it streams; a `Stop` sends them
+    /// by itself.
     #[inline(never)]
     pub fn send_stats(&self, now_us: u64, counts: Counts, sender: &mut Sender<impl FrameQueue>) {
         let stats = self.stats(counts, sender.dropped());

@@ -11,7 +11,7 @@ pub(crate) fn configure(memory_map: &str) {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    // memory.x in the workspace's root includes it under this name.
+    // memory.x in the workspace's root includes the memory map under the name board.x.
     fs::copy(memory_map, out.join("board.x")).expect("the memory map can be copied");
     println!("cargo::rustc-link-search={}", out.display());
     for argument in ["-Tlink.x", "-Tdefmt.x", "--nmagic"] {
@@ -19,8 +19,8 @@ pub(crate) fn configure(memory_map: &str) {
     }
 }
 
-/// Returns for example `0.1.0 5d4b736`, with a `+` if there are uncommitted changes; without git the version
-/// alone.
+/// Returns version and commit, for example `0.1.0 5d4b736`, with a `+` if there are uncommitted changes.
+/// Without git it is the version alone.
 fn version() -> String {
     let version = env::var("CARGO_PKG_VERSION").expect("cargo sets it");
     // Every commit and every change of branch appends a line to this file.

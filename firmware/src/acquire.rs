@@ -1,4 +1,5 @@
-//! Acquisition task, the most urgent: takes every sample, filters it and makes a step where one is due.
+//! Acquisition task, the most urgent: reads every sample, filters it and, if a step is due, produces the
+//! step.
 
 use device::{Marks, Order, Run, fault_text};
 use link::{SelfTest, Stage};
@@ -13,8 +14,8 @@ use crate::{
 
 /// Runs the acquisition. Without an active run, samples are read and discarded.
 ///
-/// Waits only for the converter, and neither allocates nor logs. When the encoder's queue is full, the
-/// sample is dropped and counted as an overrun, and the next sample in the queue is marked.
+/// The task waits only for the converter, and neither allocates nor logs. When the encoder's queue is full,
+/// the sample is dropped and counted as an overrun, and the next sample in the queue is marked.
 pub async fn acquire(
     mut converter: impl Converter,
     shared: &Shared,
@@ -92,13 +93,13 @@ fn publish_self_test_result(converter: &impl Converter, shared: &Shared) {
 
 /// State of an active run.
 struct Running {
-    /// Start of the run, for the encoder; cleared once a sample has carried it there.
+    /// Start of the run, for the encoder; `None` once a sample has carried it to the encoder.
     start: Option<Run>,
-    /// Samples taken since the start.
+    /// Samples read since the start.
     samples: u64,
-    /// Steps made since the start.
+    /// Steps produced since the start.
     steps: u64,
-    /// Faults since the last sample that was handed over.
+    /// Faults since the last sample that was handed over to the encoder.
     marks: Marks,
 }
 
@@ -127,7 +128,8 @@ impl Running {
         let (index, step_index) = (self.samples, self.steps);
         self.samples += 1;
         self.steps += u64::from(step.is_some());
-        // Even if the queue is full: the queue of a hung encoder is full, and it must not pass for idle.
+        // Marked even if the queue is full: the queue of a hung encoder is full, and a hung encoder must not
+        // pass for idle.
         shared.progress.mark_handed_over();
         let Some(slot) = samples.try_send() else {
             shared.count_overruns(1);

@@ -88,7 +88,7 @@ pub async fn converse(
 /// State that the futures of the conversation share.
 struct Conversation<'c, 'i> {
     state: RefCell<(&'c mut Session<'i>, &'c mut Frames)>,
-    /// Time at which the newest code was queued, until the port has accepted it.
+    /// Time at which the newest code was queued, ticks; `None` once the port has accepted that code.
     code_ticks: Cell<Option<u32>>,
     /// Set when there may be new frames to write.
     frames_waiting: Signal<NoopRawMutex, ()>,
@@ -118,7 +118,7 @@ impl Conversation<'_, '_> {
     /// Passes bytes to the session. Returns the target of a reset if they complete that command.
     fn handle_bytes(&self, bytes: &[u8]) -> Option<ResetInto> {
         let (session, frames) = &mut *self.state.borrow_mut();
-        // First, because the answer to a Stop includes the frames lost before it.
+        // Before the command is executed, because the answer to a Stop includes the frames lost until then.
         self.skip_lost(frames);
         let counts = self.shared.counts();
         let mut restart = None;

@@ -10,7 +10,7 @@ use pipeline::Sample;
 pub struct Conversion {
     /// Device time of the DRDY edge, microseconds since boot.
     pub drdy_us: u64,
-    /// DRDY edge on the board's [`Clock`](crate::Clock), ticks.
+    /// Time of the DRDY edge on the board's [`Clock`](crate::Clock), ticks.
     pub drdy_ticks: u32,
     /// Samples lost between the previous one and this one.
     pub missed: u32,
@@ -26,8 +26,8 @@ pub struct Conversion {
     reason = "an executor of one priority polls it; it need not be Send"
 )]
 pub trait Converter {
-    /// Waits for the next sample and writes its counts to `sample`. Where the converter returned nothing
-    /// readable, the counts of the sample before stay.
+    /// Waits for the next sample and writes its counts to `sample`. Counts that the converter could not
+    /// deliver keep their values from the sample before.
     async fn next(&mut self, sample: &mut Sample) -> Conversion;
 
     /// Returns the `Converters` message for the host, or `None` if there is nothing to report.

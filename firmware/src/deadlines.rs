@@ -39,8 +39,8 @@ pub mod priority {
 /// falls further behind, samples are dropped, counted and flagged.
 pub const SAMPLES_WAITING: usize = 16;
 
-/// Depth of the queue from encoder to conversation. One would do, because the conversation preempts the
-/// encoder.
+/// Depth of the queue from encoder to conversation. A depth of one would do, because the conversation
+/// preempts the encoder.
 pub const OUTPUTS_WAITING: usize = 4;
 
 /// Depth of the event queue, which is emptied with every sample. Only a bouncing trigger fills it, and its
@@ -52,16 +52,17 @@ pub const EVENTS_WAITING: usize = 16;
 /// at 168 MHz (estimated).
 pub const TRIGGER_EDGES: usize = EVENTS_WAITING;
 
-/// Pause before all converters are reset and set up again, from the last sample of any of them or the end of
-/// the last attempt. By then a retry loses no samples, and an analogue board that is powered late works
-/// within seconds.
+/// Pause before all converters are reset and set up again. It begins with the last sample of any converter,
+/// or with the end of the last attempt. After such a pause no samples arrive that an attempt could interrupt,
+/// and an analogue board that is powered late works within seconds.
 pub const CONVERTERS_RETRY: Duration = Duration::from_secs(5);
 
 /// Delay between a reset command and the reset, so that the answer reaches the host.
 pub const DRAIN_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// Bytes of frames that wait for the host: 3 s of codes and reports. Raw samples can take three quarters of
-/// it, 90 ms. A host that pauses for longer loses samples at once, and codes only after a second.
+/// these bytes, which is 90 ms. A host that pauses for longer loses samples at once, and codes only after a
+/// second.
 pub const FRAME_BYTES_WAITING: usize = 12_288;
 
 /// Period of the progress check: a task without progress for that long, eight steps, has hung, and the
@@ -72,15 +73,15 @@ pub const PROGRESS: Duration = CODE;
 /// 136 to 376 ms on an STM32F446 and 190 to 218 ms on an STM32H743.
 pub const WATCHDOG: Duration = Duration::from_millis(200);
 
-/// Nominal frequency of the watchdog's oscillator. Its range is 17 to 47 kHz on an STM32F446 (DS10693, LSI)
-/// and 29.4 to 33.6 kHz on an STM32H743 (DS12110, LSI).
+/// Nominal frequency of the watchdog's oscillator, Hz. Its range is 17 to 47 kHz on an STM32F446 (DS10693,
+/// LSI) and 29.4 to 33.6 kHz on an STM32H743 (DS12110, LSI).
 const LSI_HZ: u64 = 32_000;
-/// Upper end of that range on both chips.
+/// Highest frequency of the watchdog's oscillator on either chip, Hz.
 const LSI_FASTEST_HZ: u64 = 47_000;
 
 const _: () = {
     assert!(SAMPLE.as_micros() < STEP.as_micros());
-    // Up to two progress checks pass between two feeds, and the fastest watchdog must not expire meanwhile.
+    // Up to two progress checks pass between two feeds. In this time the fastest watchdog must not expire.
     assert!(2 * PROGRESS.as_micros() * LSI_FASTEST_HZ < WATCHDOG.as_micros() * LSI_HZ);
     assert!(
         priority::TIME < priority::DRDY

@@ -1,4 +1,4 @@
-//! Encoder task, the least urgent: makes codes and reports of the samples.
+//! Encoder task, the least urgent: produces codes and reports from the samples.
 
 use core::sync::atomic::Ordering::Relaxed;
 
@@ -10,7 +10,7 @@ use crate::{
     shared::Shared,
 };
 
-/// Runs the encoder: makes every output that the host has requested from the queued samples.
+/// Runs the encoder: produces every output that the host has requested from the queued samples.
 pub async fn encode(
     shared: &Shared,
     (mut samples, mut outputs, producer): (SampleReceiver, OutputSender, &mut Producer),
@@ -25,8 +25,8 @@ pub async fn encode(
                 shared.timing.record(Stage::Code, slot.drdy_ticks);
             }
         };
-        // The events up to a sample precede the outputs made from it. Only the first sample of a run comes
-        // before its events, because it starts the run.
+        // The events up to a sample precede the outputs made from it. Only the first sample of a run is
+        // processed before its events, because it starts the run.
         let starts_run = slot.acquired.new_run.is_some();
         if starts_run {
             shared.inputs.discard_before(slot.acquired.drdy_us);

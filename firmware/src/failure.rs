@@ -19,7 +19,7 @@ unsafe extern "C" {
 }
 
 unsafe extern "C" {
-    /// One past the highest address of the stack. Only the address is used, here and below.
+    /// One past the highest address of the stack. Only the addresses of these two symbols are used.
     static _stack_start: u32;
     static _stack_end: u32;
 }
@@ -69,13 +69,14 @@ impl KeptRecord {
         // SAFETY: the critical section excludes every other access. All fields are integers, for which any
         // bits are valid, and the volatile read keeps the compiler from assuming uninitialised memory.
         let record = unsafe { self.0.get().cast::<FaultRecord>().read_volatile() };
-        // SAFETY: as above.
+        // SAFETY: the critical section excludes every other access; the record begins with an aligned word.
         unsafe { self.0.get().cast::<u32>().write_volatile(0) };
         record.is_valid().then_some(record)
     }
 
     fn put(&self, _: CriticalSection<'_>, record: FaultRecord) {
-        // SAFETY: as above. Volatile, because this run never reads the record.
+        // SAFETY: the critical section excludes every other access. Volatile, because this run never reads
+        // the record.
         unsafe { self.0.get().cast::<FaultRecord>().write_volatile(record) };
     }
 }

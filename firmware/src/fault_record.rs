@@ -26,7 +26,7 @@ pub struct FaultRecord {
 
 /// Reason: a panic or a processor fault.
 const FAILURE: u32 = 0;
-/// Reason: a task made no progress.
+/// Reason: a task made no progress, so the watchdog expired.
 const HANG: u32 = 1;
 /// Reason: the host commanded a reset.
 const RESTART: u32 = 2;
@@ -102,7 +102,8 @@ impl FaultRecord {
         self.reason == RESTART_INTO_BOOTLOADER
     }
 
-    /// FNV-1a (Fowler, Noll and Vo), 32 bits. Not inlined: unrolled, each copy takes a kilobyte of flash.
+    /// FNV-1a (Fowler, Noll and Vo), 32 bits. Not inlined: the compiler unrolls the loop, and every inlined
+    /// copy takes a kilobyte of flash.
     #[inline(never)]
     fn compute_checksum(&self) -> u32 {
         let words = [self.magic, self.reason, self.length].map(u32::to_le_bytes);

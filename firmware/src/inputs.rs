@@ -33,7 +33,7 @@ impl Inputs {
     /// drops the event, which leaves a gap in the event numbers.
     pub fn push_event(&self, kind: EventKind, at_us: u64) {
         let number = self.number.fetch_add(1, Relaxed);
-        // A dropped event is counted by its number.
+        // The number that a dropped event has used up shows its loss.
         let _ = self.with_queue(|queue| {
             queue.push_back(CapturedEvent {
                 kind,

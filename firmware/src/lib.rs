@@ -6,9 +6,9 @@
 //!               512 Hz                  128 Hz                 commands in
 //! ```
 //!
-//! Each task has an interrupt priority of its own: `acquire` preempts `converse`, which preempts `encode`.
-//! No task waits for a less urgent one. A full queue drops what comes next and counts it, and the host
-//! receives the count. [`deadlines`] lists every rate, deadline and priority with its derivation.
+//! Each task has an interrupt priority of its own: `acquire` preempts `converse`, which preempts `encode`. No
+//! task waits for a less urgent one. A full queue drops the next item and counts it, and the host receives
+//! the count. [`deadlines`] lists every rate, deadline and priority with its derivation.
 //!
 //! A board provides a [`Converter`], a [`Port`] (embedded-io-async) and the executors. It declares the tasks
 //! itself, because an embassy task cannot be generic.

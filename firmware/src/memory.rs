@@ -13,7 +13,7 @@ use crate::{
     },
 };
 
-/// Numbers frames and keeps them until the port takes them.
+/// Numbers frames and keeps them until the port accepts them.
 pub type Frames = Sender<FrameRing<{ deadlines::FRAME_BYTES_WAITING }>>;
 
 /// Memory of a board's tasks and queues; a board declares one as a static.
@@ -31,13 +31,14 @@ pub struct Memory {
     output_channel: StaticCell<Channel<'static, RawMutex, OutputSlot>>,
 }
 
-/// References into a [`Memory`], one group for each task.
+/// References into a [`Memory`], grouped by the task that owns them.
 pub struct TaskMemory {
-    /// For [`acquire`](fn@crate::acquire).
+    /// Sending end of the sample queue, and the filters, for [`acquire`](fn@crate::acquire).
     pub acquire: (SampleSender, &'static mut Acquisition),
-    /// For [`encode`](fn@crate::encode).
+    /// Receiving end of the sample queue, sending end of the output queue, and the producer, for
+    /// [`encode`](fn@crate::encode).
     pub encode: (SampleReceiver, OutputSender, &'static mut Producer),
-    /// For [`converse`](fn@crate::converse).
+    /// Frames, and the receiving end of the output queue, for [`converse`](fn@crate::converse).
     pub converse: (&'static mut Frames, OutputReceiver),
 }
 

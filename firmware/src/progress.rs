@@ -6,7 +6,7 @@ use embassy_time::Timer;
 
 use crate::deadlines;
 
-/// One wrapping counter for each task. Only a change matters, not the value.
+/// One wrapping counter for each task, and one for samples handed to the encoder. Only their changes matter.
 #[derive(Debug)]
 pub struct Progress {
     acquired: AtomicU32,
@@ -16,7 +16,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// All counters at zero.
+    /// Creates the counters, all at zero.
     pub const fn new() -> Self {
         Self {
             acquired: AtomicU32::new(0),
@@ -69,8 +69,8 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    /// Returns whether every task has moved since `before`. The encoder is exempt while nothing is handed
-    /// over to it.
+    /// Returns whether every task has made progress since `before`. The encoder is exempt while no sample is
+    /// handed over to it.
     fn all_moved_since(self, before: Self) -> bool {
         self.acquired != before.acquired
             && self.conversed != before.conversed

@@ -15,9 +15,9 @@ use crate::{
 
 /// Shared state of the tasks; a board declares one as a static. Each count has one writer.
 pub struct Shared {
-    /// Order to the acquisition; a newer one replaces one that it has not read yet.
+    /// Order to the acquisition; a newer order replaces one that the acquisition has not read yet.
     pub(crate) orders: Signal<RawMutex, Order>,
-    /// Samples taken: lower and upper 32 bits.
+    /// Number of samples read since boot: lower and upper 32 bits.
     samples: [AtomicU32; 2],
     overruns: AtomicU32,
     adc_status_bad: AtomicU32,

@@ -17,8 +17,8 @@ impl Stack {
     /// Describes the stack from `end`, its lowest address, up to but excluding `start`.
     ///
     /// # Safety
-    /// All words in between are readable memory that cortex-m-rt has painted, and only the stack writes to
-    /// them.
+    /// All words from `end` up to `start` are readable memory that cortex-m-rt has painted, and only the
+    /// stack writes to them.
     pub const unsafe fn from_bounds(end: usize, start: usize) -> Self {
         Self { end, start }
     }

@@ -136,7 +136,7 @@ mod tests {
             hz: 1_000_000,
         };
         let timing = Timing::new(MHZ);
-        // Bins of 976 ticks: 7812 / 8.
+        // The deadline of 7,812 ticks gives bins of 976 ticks: an eighth, rounded down.
         for ticks in [1, 976, 977, 7_808, 7_809, 9_999] {
             timing.record(Stage::Step, 10_000 - ticks);
         }

@@ -36,13 +36,14 @@ pub struct Converters {
     /// Counts at the electrodes for the next conversion.
     electrodes: Arc<Mutex<Counts>>,
     faults: Faults,
-    /// Periods started, which is the time axis of the faults.
+    /// Sample periods started, which is the time axis of the faults.
     periods: u64,
-    /// Due time of the current sample's DRDY edge; `None` before the first.
+    /// Due time of the current sample's DRDY edge, ns of the chain's time; `None` before the first
+    /// sample.
     due_ns: Option<u64>,
-    /// The current period has no more samples.
+    /// True if the current period has no more samples.
     is_done: bool,
-    /// An edge has come in the current period.
+    /// True if an edge has occurred in the current period.
     edge_seen: bool,
     /// Consecutive periods without an edge.
     silent: u32,
@@ -57,7 +58,8 @@ pub struct ConvertedSample {
     pub sample: Sample,
     /// Status of the chips, and samples missed before this one.
     pub reading: Reading<CHIPS>,
-    /// How early the sample came, in microseconds of device time; above 0 if the chain runs too fast.
+    /// Microseconds of device time by which the sample was early; above 0 if the chain runs too
+    /// fast.
     pub early_us: u64,
 }
 
@@ -120,7 +122,8 @@ impl Converters {
             .as_flattened_mut()
             .copy_from_slice(&sample.counts);
         drop(electrodes);
-        // The first edge comes when the chips' filter has settled; a chain that does not run has none.
+        // The first edge is due when the chips' filter has settled; for a chain that does not run,
+        // one period from now.
         let first_ns = || {
             let now_ns = self.simulation.time_us() * 1_000;
             Some(self.simulation.next_edge_ns().unwrap_or(now_ns + PERIOD_NS))
@@ -131,8 +134,8 @@ impl Converters {
         self.edge_seen = false;
     }
 
-    /// Returns the next sample of this period: one in all, none where an edge is missing, two from a
-    /// chain that is twice as fast.
+    /// Returns the next sample of this period, `None` after the last one. A period has one sample;
+    /// it has none if an edge is missing, and two from a chain that is twice as fast.
     pub fn read(&mut self) -> Option<ConvertedSample> {
         let due_ns = self.due_ns.filter(|_| !self.is_done)?;
         if let Some(edge_ns) = self.simulation.pass_to_edge(due_ns) {

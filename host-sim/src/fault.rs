@@ -22,11 +22,11 @@ TO it stays. Chips count from 0 to 7; chip 0 is the one whose DRDY is wired. Kin
   shifted-bit   its data, and that of the chips daisy-chained through it, is one bit late
   lead-off      an electrode comes off; WHERE is its label";
 
-/// A fault without its time.
+/// Kind and place of a fault, without its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Chip(usize, simulation::Fault),
-    /// An electrode that is off, by its ADC channel.
+    /// An electrode without contact, by its ADC channel.
     Electrode(usize),
 }
 
@@ -34,9 +34,10 @@ enum Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
     kind: Kind,
-    /// Samples before it; 0 is before the chain is initialised.
+    /// Number of samples before the fault begins; 0 if it is present before the chain is
+    /// initialised.
     from: u64,
-    /// Samples before its repair; `None` if it stays.
+    /// Number of samples before the fault is repaired; `None` if it stays.
     to: Option<u64>,
 }
 
@@ -64,7 +65,7 @@ pub enum FaultError {
     /// The fault affects DRDY, and only chip 0's is wired.
     #[error("{0} affects DRDY, and only that of chip0 is wired; write chip0")]
     NotWired(String),
-    /// A fault of a single edge has a TO.
+    /// A fault that affects a single edge has an end (TO).
     #[error("a missed edge of DRDY ends by itself; omit ..TO")]
     Passing,
     /// Two faults of one chip overlap in time.
@@ -102,7 +103,7 @@ impl FromStr for Fault {
         if passes && to.is_some() {
             return Err(FaultError::Passing);
         }
-        // Repaired with the next sample.
+        // A fault of a single edge is repaired with the next sample.
         let to = if passes { Some(from + 1) } else { to };
         Ok(Self { kind, from, to })
     }
@@ -161,7 +162,7 @@ pub(crate) enum Change {
 /// Schedule of the faults of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Faults {
-    /// By time in samples; at the same time, repairs come before faults.
+    /// Changes in the order of their times, in samples; at the same time, repairs precede faults.
     changes: Vec<(u64, Change)>,
     /// Number of changes that were already applied.
     applied: usize,
@@ -216,7 +217,7 @@ impl Faults {
 }
 
 impl Fault {
-    /// Returns true if both affect the same chip at the same time.
+    /// Returns true if both faults affect the same chip at the same time.
     fn overlaps(&self, other: &Self) -> bool {
         let same = match (self.kind, other.kind) {
             (Kind::Chip(one, _), Kind::Chip(two, _)) => one == two,

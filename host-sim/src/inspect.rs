@@ -1,4 +1,4 @@
-//! The command `host-sim inspect`.
+//! The command `host-sim inspect`, which shows what a recording holds.
 
 use std::error::Error;
 

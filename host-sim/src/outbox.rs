@@ -7,7 +7,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Behaviour when the host reads frames more slowly than they are made.
+/// Behaviour when the host reads frames more slowly than the board produces them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhenFull {
     /// Drop the oldest whole frames and count them, as a board does: real time cannot wait.
@@ -35,7 +35,7 @@ struct Shared {
 struct Queue {
     /// Frames with the time at which each was queued.
     frames: VecDeque<(Instant, Vec<u8>)>,
-    /// A frame was popped and is neither written nor lost yet.
+    /// True while a popped frame is neither written nor lost.
     writing: bool,
     closed: bool,
     dropped: u32,
@@ -124,7 +124,7 @@ impl Outbox {
     /// Reports that the popped frame could not be written. The first reason is kept.
     pub fn mark_lost(&self, reason: io::Error) {
         let mut queue = self.lock();
-        // `close` has counted it already if it cleared the flag.
+        // If `close` has cleared the flag, it has counted this frame already.
         if std::mem::take(&mut queue.writing) {
             queue.drop_frames(1);
         }
@@ -152,7 +152,7 @@ impl Outbox {
         self.lock().closed
     }
 
-    /// Waits until every frame was written, at most `timeout`, and returns true if so.
+    /// Waits until every frame was written, at most `timeout`. Returns true if every frame was.
     pub fn drain(&self, timeout: Duration) -> bool {
         self.wait_while(timeout, |queue| !queue.frames.is_empty() || queue.writing)
     }
@@ -226,7 +226,7 @@ mod tests {
     fn a_pause_of_four_seconds_loses_nothing_with_any_streams_and_a_longer_one_the_oldest() {
         let outbox = Outbox::new(WhenFull::DropOldest);
         let start = Instant::now();
-        // All streams: 64 raw, 32 filtered, 16 codes and 5 reports a second.
+        // All streams: 64 raw frames, 32 filtered frames, 16 codes and 5 reports a second.
         for index in 0..6 * 117_u32 {
             outbox.push_at(
                 &index.to_le_bytes(),

@@ -92,7 +92,7 @@ pub enum PortError {
     Listen {
         /// Address in [`Output::Tcp`].
         address: String,
-        /// Error of resolving the address or of listening.
+        /// Error from resolving the address or from listening.
         #[source]
         source: io::Error,
     },
@@ -101,7 +101,7 @@ pub enum PortError {
     File {
         /// Path in [`Output::File`].
         path: PathBuf,
-        /// Error of creating the file.
+        /// Error from creating the file.
         #[source]
         source: io::Error,
     },
@@ -200,7 +200,7 @@ impl Drop for Port {
     }
 }
 
-/// Returns the number of bytes in a terminal that the host has not read; 4095 also stands for more.
+/// Returns the number of bytes in a terminal that the host has not read; 4095 means 4095 or more.
 fn unread_in(terminal: &OwnedFd) -> u64 {
     rustix::io::ioctl_fionread(terminal).unwrap_or(0)
 }
@@ -262,7 +262,7 @@ fn write_all_to(mut out: impl Write, unread: impl Fn() -> u64, outbox: &Outbox) 
     }
 }
 
-/// Forwards the host's bytes to the board until either is gone.
+/// Forwards the host's bytes to the board until the host or the board is gone.
 fn forward(mut input: impl Read, commands: &mpsc::Sender<Vec<u8>>) {
     let mut buffer = [0; 512];
     loop {
@@ -302,7 +302,8 @@ fn serve(listener: TcpListener, outbox: &Outbox, commands: &mpsc::Sender<Vec<u8>
 fn accept(listener: &TcpListener, current: &CurrentHost, commands: &mpsc::Sender<Vec<u8>>) {
     loop {
         let Ok((stream, _)) = listener.accept() else {
-            // Most likely out of file descriptors: an immediate retry would only load the processor.
+            // Most likely the process is out of file descriptors: an immediate retry would only
+            // load the processor.
             thread::sleep(RETRY);
             continue;
         };

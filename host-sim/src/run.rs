@@ -1,4 +1,4 @@
-//! The command `host-sim run`.
+//! The command `host-sim run`, which runs the virtual board.
 
 use std::{
     error::Error,
@@ -61,7 +61,7 @@ fn session(options: &RunOptions, faults: Faults) -> Session {
         _ => Pace::Realtime,
     };
     let default_id = || match pace {
-        // A constant id: runs in virtual time must be equal to the last byte.
+        // In virtual time the id is constant, because two such runs must be equal to the last byte.
         Pace::Fast => 1,
         Pace::Realtime => SystemTime::now()
             .duration_since(UNIX_EPOCH)

@@ -25,7 +25,7 @@ const DRAIN_TIMEOUT: Duration = Duration::from_secs(3);
 /// Interval at which an idle board checks the stop flag.
 const IDLE_POLL: Duration = Duration::from_millis(20);
 
-/// Configuration of a run.
+/// Configuration of a run of the virtual board.
 #[derive(Clone, Debug)]
 pub struct Session {
     /// Destination of the frames; it is opened when the run starts.
@@ -52,7 +52,7 @@ pub enum SessionError {
     Port {
         /// Output as in [`Session::output`].
         output: Output,
-        /// Error of opening the port.
+        /// Error from opening the port.
         #[source]
         source: PortError,
     },
@@ -61,16 +61,17 @@ pub enum SessionError {
     Write {
         /// Output as in [`Session::output`].
         output: Output,
-        /// Error of the first frame that was not written.
+        /// Error from writing the first frame that was lost.
         #[source]
         source: std::io::Error,
     },
-    /// The rest of the recording could not be read; the samples before were processed and sent.
+    /// The rest of the recording could not be read; the samples before the error were processed and
+    /// sent.
     #[error("the recording broke off after {samples} samples of the ADC; they were sent")]
     Source {
-        /// Samples read until then.
+        /// ADC samples read before the error.
         samples: u64,
-        /// Error of the file's reader.
+        /// Error from the file's reader.
         #[source]
         source: RecordingError,
     },
@@ -83,7 +84,7 @@ impl SessionError {
     }
 }
 
-/// Result of a run.
+/// Result of a run of the virtual board.
 #[derive(Clone, Copy, Debug)]
 pub struct Report {
     /// Counters of the board at the end.

@@ -28,10 +28,10 @@ pub struct Trigger {
 pub struct TriggerError(Duration);
 
 impl Trigger {
-    /// Creates a trigger with this interval; the first edge comes one interval after power-on.
+    /// Creates a trigger with this interval; the first edge occurs one interval after power-on.
     ///
     /// # Errors
-    /// [`TriggerError`]: less than a millisecond.
+    /// [`TriggerError`]: the interval is shorter than a millisecond.
     pub fn every(interval: Duration) -> Result<Self, TriggerError> {
         let interval_us = u64::try_from(interval.as_micros()).unwrap_or(u64::MAX);
         if interval < SHORTEST {
@@ -50,7 +50,8 @@ impl Trigger {
         self.edges = 0;
     }
 
-    /// Skips the edges before `start_us`; they keep their numbers.
+    /// Skips the edges before `start_us`, device time in microseconds; the skipped edges keep their
+    /// numbers.
     pub(crate) fn skip_before(&mut self, start_us: u64) {
         let since_boot_us = start_us.saturating_sub(self.boot_us);
         self.edges = since_boot_us.saturating_sub(1) / self.interval_us;

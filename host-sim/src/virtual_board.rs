@@ -17,7 +17,7 @@ use crate::trigger::Trigger;
 /// Part of `Hello` that a user of the virtual board chooses.
 #[derive(Clone, Copy, Debug)]
 pub struct Identity {
-    /// Should differ from start to start; a `Reset` increments it.
+    /// Session id, which should differ from start to start; a `Reset` increments it.
     pub session_id: u32,
     /// Replaces the unique id of a microcontroller, 96 bits.
     pub chip_uid: [u8; 12],
@@ -58,7 +58,7 @@ pub struct VirtualBoard {
     producer: Box<Producer<EncoderMemory>>,
     /// A run that starts with the next sample.
     new_run: Option<Run>,
-    /// Samples since boot, as the two counters below.
+    /// Samples since boot; the two counters below are since boot as well.
     samples: u64,
     overruns: u32,
     adc_status_bad: u32,
@@ -248,13 +248,13 @@ impl VirtualBoard {
         self.session.is_streaming()
     }
 
-    /// Returns the converters, for their counters and the fault found at their initialisation.
+    /// Returns the converters, for their counters and the fault found when they were initialised.
     pub const fn converters(&self) -> &Converters {
         &self.converters
     }
 
-    /// Tests the converters as a board does; they convert again afterwards. Unlike the command, this
-    /// does not check that nothing streams.
+    /// Tests the converters as a board does; they convert again afterwards. Unlike the command,
+    /// this function does not refuse the test while a run is active.
     pub fn run_self_test(&mut self) -> SelfTestReport<CHIPS> {
         self.converters.run_self_test()
     }

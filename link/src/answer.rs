@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub struct Ack {
     /// `seq` of the command's frame.
     pub of: u32,
-    /// Whether the device obeyed, and if not, why.
+    /// Outcome of the command: done, or the reason why not.
     pub result: AckResult,
 }
 

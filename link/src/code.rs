@@ -1,4 +1,4 @@
-//! The code of a window, its number formats, and audits of it.
+//! The code of a window, the formats of its values, and audits of codes.
 
 use core::fmt;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize, de::Error};
 use crate::flags::Flags;
 use crate::packed;
 
-/// Numbers in a code.
+/// Number of values in a code.
 pub const CODE_LEN: usize = 128;
 
 /// Largest exponent of a code: 8 bits of value and 8 of exponent make 16.
@@ -43,7 +43,7 @@ pub struct Code {
 /// one byte with the format's number, then a fixed number of bytes; none of them is a varint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CodeValues {
-    /// 0: 128 bytes, each a level.
+    /// 0: 128 bytes, each of them a level, -128 to 127.
     Int8(#[serde(with = "packed")] [i8; CODE_LEN]),
     /// 1: an exponent for all values, and 128 bytes: `level = value * 2^exponent`.
     Int8Exponent {
@@ -147,7 +147,7 @@ impl From<CodeFormat> for u8 {
     }
 }
 
-/// A window as the encoder read it, with the code it produced; every ten seconds, on request.
+/// A window as the encoder read it, with the code it produced; sent every ten seconds if requested.
 ///
 /// A host that has the model recomputes the code and checks that the device still computes what it
 /// was built for. The header's time is that of the window's [`Code`].
@@ -157,7 +157,7 @@ pub struct Audit<'a> {
     pub model_id: [u8; 8],
     /// Index of the window since `Start`, as in its [`Code`].
     pub window: u32,
-    /// Planes of the window, oldest first; each row-major, one int8 byte per cell.
+    /// Planes of the window, oldest first; every plane is row-major, one int8 byte per cell.
     #[serde(borrow, serialize_with = "packed::serialize_bytes")]
     pub planes: &'a [u8],
     /// Numbers in the format that [`Capabilities::code_format`](crate::Capabilities) names.

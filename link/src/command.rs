@@ -37,7 +37,7 @@ impl Streams {
     /// Every stream that this version names.
     pub const ALL: Streams = Streams(0b1_1111);
 
-    /// Returns the set without a stream: the state of an idle device.
+    /// Returns the empty set, which an idle device has.
     pub const fn empty() -> Streams {
         Streams(0)
     }

@@ -37,24 +37,25 @@ pub struct SelfTest {
     pub drdy_millihertz: u32,
     /// Rate that the converters are configured for, millihertz.
     pub expected_millihertz: u32,
-    /// DRDY edges that came too early.
+    /// Number of DRDY edges that were too early.
     pub drdy_early: u32,
-    /// DRDY edges that are missing.
+    /// Number of DRDY edges that were missing.
     pub drdy_missed: u32,
     /// One entry per chip; element 0 is the chip whose data output is wired to MISO.
     pub chips: Vec<ChipTest, MAX_CHIPS>,
-    /// One entry per ADC channel, in the ADC's order; empty if the test ended before them.
+    /// One entry per ADC channel, in the ADC's order; empty if the test ended before the channels.
     pub channels: Vec<ChannelTest, MAX_ELECTRODES>,
 }
 
 /// Self-test result of one chip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ChipTest {
-    /// Content of its ID register; an ADS1299 of eight channels has 0x3E.
+    /// Content of the chip's ID register; an ADS1299 of eight channels has 0x3E.
     pub id: u8,
     /// Number of registers that did not keep the value written.
     pub registers_wrong: u8,
-    /// Address of the first wrong register. 0 if there is none; 0 is otherwise the ID register.
+    /// Address of the first wrong register. If `registers_wrong` is 0, this is 0; otherwise 0
+    /// means the ID register.
     pub first_wrong: u8,
     /// Frames that were refused as wrong during the test.
     pub frames_bad: u32,

@@ -28,7 +28,7 @@ pub enum FrameError {
     Version(u8),
     /// An intact frame with a message that is newer than this receiver.
     Unknown {
-        /// Its `seq` counts as received.
+        /// Header of the frame; its `seq` counts as received.
         header: Header,
         /// The message's number in its enum.
         kind: u32,

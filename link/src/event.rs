@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// An edge at one of the device's inputs; on request.
+/// An edge at one of the device's inputs; sent if requested.
 ///
 /// The header's time is that of the edge itself, at the resolution of the device's clock, so that
 /// an experiment's trigger can be placed between samples.

@@ -17,7 +17,7 @@ impl Flags {
     pub const ADC_STATUS_BAD: Flags = Flags(1 << 0);
     /// Bit 1: at least one ADC sample reached the converter's rail ([`crate::Code::saturated`]).
     pub const SATURATED: Flags = Flags(1 << 1);
-    /// Bit 2: the ADC reported at least one electrode off.
+    /// Bit 2: the ADC reported at least one electrode without contact.
     pub const LEAD_OFF: Flags = Flags(1 << 2);
     /// Bit 3: the filters have not settled yet after a start.
     pub const SETTLING: Flags = Flags(1 << 3);
@@ -42,7 +42,7 @@ impl Flags {
         (Flags::FILLER, "filler"),
     ];
 
-    /// Returns the set without a flag: that of a window without faults.
+    /// Returns the empty set, which a window without faults has.
     pub const fn empty() -> Flags {
         Flags(0)
     }

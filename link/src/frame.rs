@@ -8,8 +8,9 @@ use crate::message::Message;
 /// Layout of frame and header that this crate implements.
 pub const VERSION: u8 = 1;
 
-/// Longest body (header, message and CRC before COBS), bytes. The largest message is an `Audit`,
-/// a window's int8 planes with its code, 1733 (test `samples_windows_and_self_tests_fit_a_frame`).
+/// Longest body (header, message and CRC before COBS), bytes. The largest message is an `Audit`, a
+/// window's int8 planes with its code: 1733 bytes (test
+/// `samples_windows_and_self_tests_fit_a_frame`).
 pub const MAX_BODY: usize = 2048;
 
 /// Longest frame with both zeros, bytes.
@@ -21,7 +22,8 @@ pub struct Header {
     /// [`VERSION`] of the sender; the first byte of every frame's body.
     pub version: u8,
     /// Number of the frame in its direction since boot; wraps at 2^32. Frames that were made and
-    /// then dropped use up a number too, so a gap is a loss and the host's count is complete.
+    /// then dropped use up a number too, so a gap is a loss and the host's count of losses is
+    /// complete.
     pub seq: u32,
     /// Sender's monotonic clock, microseconds since boot, range 0 to 2^64 - 1. For a
     /// [`Code`](crate::Code): the DRDY edge of the last ADC sample of its window. Otherwise: when
@@ -35,7 +37,7 @@ pub(crate) const CRC_BYTES: usize = 4;
 /// CRC-32C (Castagnoli); the crc crate names it CRC-32/ISCSI.
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
-/// Starts the CRC of a body: it already covers the direction byte, which is not sent.
+/// Starts the CRC of a body. The CRC then already covers the direction byte, which is not sent.
 pub(crate) fn digest<'m, M: Message<'m>>() -> Digest<'static, u32> {
     let mut digest = CRC.digest();
     digest.update(&[M::DIRECTION]);

@@ -15,9 +15,10 @@ pub const MAX_LABELS_BYTES: usize = 512;
 /// Identity of the device: sent at start-up and in answer to `Identify`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Hello<'a> {
-    /// Version and commit of the firmware, such as `0.1.0 5d4b736`. At most [`MAX_TEXT_BYTES`].
+    /// Version and commit of the firmware, such as `0.1.0 5d4b736`. At most [`MAX_TEXT_BYTES`]
+    /// bytes.
     pub firmware: &'a str,
-    /// Board, such as `nucleo-h743zi2` or `host-sim`. At most [`MAX_TEXT_BYTES`].
+    /// Name of the board, such as `nucleo-h743zi2` or `host-sim`. At most [`MAX_TEXT_BYTES`] bytes.
     pub board: &'a str,
     /// Unique id of the microcontroller (96 bits on every STM32); a simulator invents one.
     pub chip_uid: [u8; 12],
@@ -28,7 +29,7 @@ pub struct Hello<'a> {
     /// Reset flags of the microcontroller, or the failure that caused a reset by software.
     pub reset_cause: ResetCause,
     /// A damaged model, a board without its clock, or the panic message or fault registers of the
-    /// previous run. Empty without a fault. At most [`MAX_TEXT_BYTES`].
+    /// previous run. Empty without a fault. At most [`MAX_TEXT_BYTES`] bytes.
     pub fault: &'a str,
 }
 
@@ -108,10 +109,10 @@ pub struct Capabilities<'a> {
     /// Delay of the filter chain in its pass band, microseconds: a code with the time `t` shows the
     /// scalp at `t - group_delay_us`.
     pub group_delay_us: u32,
-    /// Electrode labels, blank-separated, in the order of the montage (ADC channel order, the
-    /// same as the row-major order of the scalp grid's cells). At most [`MAX_LABELS_BYTES`].
+    /// Electrode labels, blank-separated, in the order of the montage (ADC channel order, the same
+    /// as the row-major order of the scalp grid's cells). At most [`MAX_LABELS_BYTES`] bytes.
     pub labels: &'a str,
-    /// Description of the filter chain for people. At most [`MAX_TEXT_BYTES`].
+    /// Description of the filter chain for people. At most [`MAX_TEXT_BYTES`] bytes.
     pub filters: &'a str,
     /// Format of every code; it belongs to the model.
     pub code_format: CodeFormat,

@@ -1,7 +1,7 @@
 //! Serde adapters that write integers as bytes instead of varints.
 //!
 //! Arrays of fixed length become their elements in two's complement, least significant byte first,
-//! without a length before them. Serde's own arrays end at 32 elements.
+//! without a length before them. Serde itself supports arrays of at most 32 elements.
 
 use core::{fmt, marker::PhantomData};
 
@@ -39,7 +39,7 @@ impl Element for i16 {
     }
 }
 
-/// For `#[serde(with = "packed")]` on an array.
+/// Writes an array, for `#[serde(with = "packed")]`.
 pub(crate) fn serialize<S: Serializer, E: Element, const N: usize>(
     values: &[E; N],
     serializer: S,
@@ -51,7 +51,7 @@ pub(crate) fn serialize<S: Serializer, E: Element, const N: usize>(
     tuple.end()
 }
 
-/// The counterpart of [`serialize`].
+/// Reads an array that [`serialize`] wrote.
 pub(crate) fn deserialize<'de, D: Deserializer<'de>, E: Element, const N: usize>(
     deserializer: D,
 ) -> Result<[E; N], D::Error> {
@@ -60,7 +60,7 @@ pub(crate) fn deserialize<'de, D: Deserializer<'de>, E: Element, const N: usize>
 
 /// Writes a byte slice in one piece: varint length, then the bytes.
 ///
-/// Serde's derive produces the same bytes for a `&[u8]`, but one call per byte.
+/// Serde's derive produces the same bytes for a `&[u8]`, but with one call per byte.
 pub(crate) fn serialize_bytes<S: Serializer>(
     bytes: &&[u8],
     serializer: S,

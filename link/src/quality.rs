@@ -14,7 +14,7 @@ pub const MAX_ELECTRODES: usize = 64;
 pub struct Quality {
     /// Index since `Start` of the second's first ADC sample.
     pub first_sample: u64,
-    /// The filters had not settled: the filtered figures include their transient.
+    /// True if the filters had not settled: the filtered figures then include their transient.
     pub settling: bool,
     /// One entry per electrode, in the order of
     /// [`Capabilities::labels`](crate::Capabilities::labels).
@@ -33,7 +33,7 @@ pub struct ElectrodeQuality {
     pub mains_residual_uv: f32,
     /// ADC samples at the converter's rail, 0 to the ADC's rate.
     pub samples_at_rail: u16,
-    /// The ADC samples differed by less than half the converter's own noise: a working one, even with
-    /// its input shorted, differs by more.
+    /// True if the ADC samples differed by less than half the converter's own noise. Those of a
+    /// working converter differ by more, even with its input shorted.
     pub flat: bool,
 }

@@ -17,7 +17,7 @@ pub const FILTERED_STEPS: usize = 4;
 /// Bytes of a value in [`Filtered::values`].
 pub const VALUE_BYTES: usize = 4;
 
-/// Consecutive unfiltered ADC samples of all channels; on request.
+/// Consecutive unfiltered ADC samples of all channels; sent if requested.
 ///
 /// The header's time is the DRDY edge of the last sample.
 ///
@@ -33,8 +33,8 @@ pub const VALUE_BYTES: usize = 4;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Raw<'a> {
-    /// Index since `Start` of the first sample. The next frame's is higher by the samples of this
-    /// one; where it is higher still, samples are lost.
+    /// Index since `Start` of the first sample. The index in the next frame is higher by the number
+    /// of samples in this one; if it is higher still, samples are lost.
     pub first_sample: u64,
     /// Counts per sample; 64 on a chain of eight ADS1299.
     pub channels: u8,
@@ -57,16 +57,16 @@ impl Raw<'_> {
     }
 }
 
-/// Consecutive filtered steps of all electrodes at the encoder's rate, before quantisation; on
-/// request.
+/// Consecutive filtered steps of all electrodes at the encoder's rate, before quantisation; sent if
+/// requested.
 ///
 /// The header's time is that of the last step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Filtered<'a> {
-    /// Index since `Start` of the first step. The next frame's is higher by the steps of this one;
-    /// where it is higher still, steps are lost.
+    /// Index since `Start` of the first step. The index in the next frame is higher by the number
+    /// of steps in this one; if it is higher still, steps are lost.
     pub first_step: u64,
-    /// Electrodes of a step, in the order of [`Capabilities::labels`](crate::Capabilities::labels).
+    /// Electrodes per step, in the order of [`Capabilities::labels`](crate::Capabilities::labels).
     pub electrodes: u8,
     /// Fraction bits of a value: `value * lsb_nv / 2^fraction_bits` is in nanovolt.
     pub fraction_bits: u8,

@@ -30,7 +30,7 @@ pub struct StageTiming {
     /// Longest measured duration, nanoseconds; saturates.
     pub worst_ns: u32,
     /// Durations by eighths of the deadline: element k counts those above k/8 and up to (k+1)/8,
-    /// element 8 the late ones; each wraps.
+    /// element 8 the late ones; every element wraps.
     pub histogram: [u32; 9],
 }
 

@@ -47,7 +47,7 @@ fn acquired(index: u64) -> AcquiredSample {
     acquired
 }
 
-/// Outputs of a new producer for these samples.
+/// Returns what a new producer emits for `samples`.
 fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output> {
     let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
     let mut outputs = Vec::new();
@@ -73,7 +73,7 @@ fn samples(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = A
         })
 }
 
-/// First sample, number of samples and flags of each raw output.
+/// Returns the first sample, the number of samples and the flags of every raw output.
 fn raw_frames(outputs: &[Output]) -> Vec<(u64, usize, Flags)> {
     let raw = outputs.iter().filter_map(|output| match &output.payload {
         Payload::Raw(raw) => Some(raw.message()),
@@ -190,7 +190,7 @@ fn lost_steps_shift_no_window_and_mark_the_codes_that_contain_them() {
             (number, end(window), is_marked)
         })
         .collect();
-    // Step 22, after them, is marked as well, and is in the same windows.
+    // Step 22, which follows the lost ones, is marked as well, and is in the same windows.
     assert_eq!(codes, due);
 }
 

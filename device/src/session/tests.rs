@@ -1,4 +1,4 @@
-//! Commands of a host, and the orders and messages that follow.
+//! Commands from a host, and the orders and messages that they cause.
 
 use std::{vec, vec::Vec};
 
@@ -184,7 +184,7 @@ fn a_start_with_other_streams_is_a_new_run_and_a_repeated_one_is_not() {
         });
     }
     assert_eq!(numbers, [Some(1), None, Some(2), None, Some(3)]);
-    // Another mains frequency is a new run and changes the filters that the host knows.
+    // A `Start` with another mains frequency starts a new run, because it changes the filters.
     let mains = ToDevice::Start(Start {
         streams: Streams::RAW,
         mains_hz: 60,

@@ -39,11 +39,12 @@ bind_interrupts!(struct UartIrqs {
 
 #[entry]
 fn main() -> ! {
-    // First, while the chip is as its reset left it.
+    // The boot loader comes first, because it needs the chip as the reset has left it.
     Loader::Stm32F446.run_if_requested(reset::map_system_memory);
     let clock = ClockSource::find(clocks::AFTER_RESET_HZ);
     let parts = Parts::new(init(clocks::config(clock)));
-    // A failure is a fault of the image. It panics, because no task runs yet that could report it.
+    // To spawn a task twice is a fault of the image. It panics, because no task runs yet that could report
+    // it.
     start(parts, clock).expect("every task is spawned once");
     sleep()
 }
@@ -129,8 +130,9 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
     Ok(())
 }
 
-/// Returns a number from the noise of the temperature sensor, because the chip has no random number generator:
-/// 64 readings, mixed with FNV-1a. It distinguishes one boot from the next, and is no secret.
+/// Returns a number from the noise of the temperature sensor, because the chip has no random number
+/// generator: 64 readings, mixed with FNV-1a. The number distinguishes one boot from the next, and is no
+/// secret.
 fn session_id(adc: Peri<'static, ADC1>) -> u32 {
     let mut adc = Adc::new(adc);
     let mut thermometer = adc.enable_temperature();

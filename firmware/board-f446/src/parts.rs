@@ -1,4 +1,5 @@
-//! Pins of the board. Port C, because all of the chain's signals are then on the NUCLEO's morpho headers.
+//! Pins of the board. The chip selects are on port C, because all of the chain's signals are then on the
+//! NUCLEO's morpho headers.
 
 board_stm32::parts! {
     pins {

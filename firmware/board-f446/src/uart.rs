@@ -3,7 +3,7 @@
 use board_stm32::Uart;
 use embassy_stm32::{interrupt::Interrupt, pac, peripherals};
 
-/// USART2 (RM0390).
+/// USART2, which is connected to the ST-LINK (RM0390, USART).
 pub(crate) struct Usart2;
 
 impl Uart for Usart2 {
@@ -34,8 +34,8 @@ impl Uart for Usart2 {
     ///
     /// IDLE, FE and NF are cleared by a read of SR followed by one of DR (RM0390, USART_SR). Only the DMA
     /// reads DR: a byte can arrive between the two reads, and a byte that the CPU reads is missing in the
-    /// ring. So the CPU reads SR, and the DMA reads DR when it moves the next byte. If that did not clear
-    /// the flags, each byte would interrupt and wake the reader, which is slower but loses nothing.
+    /// ring. So the CPU reads SR, and the DMA reads DR when it moves the next byte. If the DMA's read did not
+    /// clear the flags, each byte would interrupt and wake the reader, which is slower but loses nothing.
     ///
     /// ORE means that a byte is lost already, and with RXNEIE it would interrupt continuously, so it is
     /// cleared at once.

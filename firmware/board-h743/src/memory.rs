@@ -17,33 +17,34 @@ pub(crate) struct DmaMemory {
     pub(crate) port: PortMemory,
 }
 
-/// In SRAM1, domain D2, because DMA1 cannot access the DTCM, which holds all other variables.
+/// Lies in SRAM1, domain D2, because DMA1 cannot access the DTCM, which holds all other variables.
 #[unsafe(link_section = ".dma")]
 static DMA_MEMORY: GroundedCell<DmaMemory> = GroundedCell::uninit();
 
-/// Address of SRAM1 (RM0433, 2.3).
+/// Address of SRAM1 (RM0433, section 2.3).
 const SRAM1: u32 = 0x3000_0000;
 /// MPU attributes of an enabled region of 2^(16 + 1) bytes: normal memory, shared and not cached (TEX 001, C 0,
 /// B 0, S 1), readable and writable, never executed (ARM DDI 0403, B3.5.9).
 const SRAM1_UNCACHED: u32 = 1 << 28 | 0b011 << 24 | 0b001 << 19 | 1 << 18 | 16 << 1 | 1;
-/// MPU control: enabled; memory without a region keeps the architecture's default attributes.
+/// Value of the MPU's control register: enabled; memory without a region keeps the architecture's default
+/// attributes.
 const ON_WITH_DEFAULTS: u32 = 0b101;
 
-/// Enables SRAM1 and the caches. Returns uncached buffers, so that core and DMA always see the same data. Takes
-/// the core's peripherals by value, so that it runs only once.
+/// Enables SRAM1 and the caches. Returns uncached buffers, so that core and DMA always see the same data.
+/// Consumes the core's peripherals, so that the function runs only once.
 pub(crate) fn init(mut core: Peripherals) -> &'static mut DmaMemory {
     RCC.ahb2enr().modify(|enable| enable.set_sram1en(true));
-    // The clock starts with a delay; a read from the register waits for it (RM0433, RCC).
+    // The clock of SRAM1 starts with a delay; a read from its enable register waits for it (RM0433, RCC).
     let _ = RCC.ahb2enr().read();
-    // SAFETY: no region is in use, and the caches are still off.
+    // SAFETY: no MPU region is in use, and the caches are still off.
     unsafe { core.MPU.ctrl.write(0) };
-    // SAFETY: as above; region 0 exists.
+    // SAFETY: no MPU region is in use, and the caches are still off; region 0 exists.
     unsafe { core.MPU.rnr.write(0) };
-    // SAFETY: as above; the address is a multiple of the region's size.
+    // SAFETY: the MPU is off; the address is a multiple of the region's size.
     unsafe { core.MPU.rbar.write(SRAM1) };
-    // SAFETY: as above; no code is in that region.
+    // SAFETY: the MPU is off; no code is in SRAM1, which this region makes non-executable.
     unsafe { core.MPU.rasr.write(SRAM1_UNCACHED) };
-    // SAFETY: all other memory keeps its attributes.
+    // SAFETY: all memory outside SRAM1 keeps its attributes.
     unsafe { core.MPU.ctrl.write(ON_WITH_DEFAULTS) };
     cortex_m::asm::dsb();
     cortex_m::asm::isb();
@@ -59,6 +60,6 @@ pub(crate) fn init(mut core: Peripherals) -> &'static mut DmaMemory {
             port: PortMemory::EMPTY,
         });
     }
-    // SAFETY: initialised above; the only reference, because `core` exists once.
+    // SAFETY: initialised above. This is the only reference, because `core` exists once.
     unsafe { &mut *memory }
 }

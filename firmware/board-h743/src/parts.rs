@@ -1,4 +1,5 @@
-//! Pins of the board. Port E, because all of the chain's signals are then on the NUCLEO's own sockets.
+//! Pins of the board. The chip selects are on port E, because all of the chain's signals are then on the
+//! NUCLEO's own sockets.
 
 board_stm32::parts! {
     pins {

@@ -3,8 +3,9 @@
 use embassy_stm32::pac::{DBGMCU, RCC};
 use link::ResetCause;
 
-/// Returns the cause of the last reset and clears its flags (RM0433, RCC_RSR). Watchdog and software also pull
-/// the reset pin, and power-on passes the brown-out level, so the order of the tests decides.
+/// Returns the cause of the last reset and clears its flags (RM0433, RCC_RSR). A reset by the watchdog or by
+/// software also sets the reset pin's flag, and power-on also sets the brown-out's, so the order of the tests
+/// decides.
 pub(crate) fn take_cause() -> ResetCause {
     let flags = RCC.rsr().read();
     RCC.rsr().modify(|flags| flags.set_rmvf(true));

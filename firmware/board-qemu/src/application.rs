@@ -27,8 +27,8 @@ use crate::{
     uart::{self, Receiver, Transmitter},
 };
 
-/// Delay between the end of the file and the end of the emulation, in which the last frames are sent. Shorter
-/// than the watchdog's period, because without samples the watchdog is not fed.
+/// Delay between the end of the file of samples and the end of the emulation, in which the last frames are
+/// sent. The delay is shorter than the watchdog's period, because without samples the watchdog is not fed.
 const DRAIN_TIMEOUT: Duration = Duration::from_millis(60);
 
 static MEMORY: Memory = Memory::new();
@@ -73,7 +73,7 @@ async fn converse(
     firmware::converse(port, &mut session, start, memory, &SHARED, machine).await;
 }
 
-/// Ends the emulation some time after the end of the file, and prints the counts.
+/// Ends the emulation [`DRAIN_TIMEOUT`] after the end of the file of samples, and prints the counts.
 #[embassy_executor::task]
 async fn end() {
     while !FILE_ENDED.load(Relaxed) {

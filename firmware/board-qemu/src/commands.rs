@@ -1,11 +1,12 @@
-//! Commands of a simulated host at fixed device times, from a file. Unlike the bytes of a pipe, whose timing
-//! depends on the PC, they are the same in every run.
+//! Commands of a simulated host, from a file, played at fixed device times. These times are the same in every
+//! run, unlike those of bytes from a pipe, which depend on the PC.
 
 use embassy_time::{Instant, Timer};
 
 use crate::{host_file::HostFile, uart};
 
-/// File of commands: for each a head of [`HEAD`] bytes, little endian, followed by the command's bytes.
+/// File of commands: for each command a head of [`HEAD`] bytes, little endian, followed by the command's
+/// bytes.
 pub(crate) const COMMANDS: &core::ffi::CStr = c"commands.bin";
 
 /// Bytes of a head: device time in microseconds, 64 bits; number of the boot, from 1, 32 bits; length of the
@@ -15,7 +16,7 @@ const HEAD: usize = 16;
 /// Bytes passed to the UART at once.
 const PIECE: usize = 64;
 
-/// Plays the commands for this boot, at their times, as if they came through the UART.
+/// Plays the commands for this boot, at their times, as if they arrived at the UART.
 pub(crate) async fn play(mut file: HostFile, boot: u32) {
     let mut head = [0; HEAD];
     while file.read(&mut head) {

@@ -17,7 +17,7 @@ struct Edges {
     first: u64,
     /// Edges so far.
     count: u64,
-    /// Value of `count` when the edges were last taken.
+    /// Value of `count` when a task last took the edges.
     taken: u64,
 }
 
@@ -28,13 +28,14 @@ static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// Returns the time of edge number `index`, in ticks: index / rate after the first.
+/// Returns the time of edge number `index`, in ticks: `index` sampling periods after `first`.
 fn due(first: u64, index: u64) -> u64 {
     first + index * u64::from(CLOCK_HZ) / u64::from(ADC_RATE_HZ)
 }
 
-/// Starts the converter. Returns the time of the first edge, in ticks, one period later. That edge is on a whole
-/// microsecond, so that the device times of the edges differ between runs only by a constant.
+/// Starts the converter. Returns the time of its first edge, in ticks, which is one sampling period later.
+/// That edge is on a whole microsecond, so that the device times of the edges differ between runs only by a
+/// constant.
 pub(crate) fn start() -> u64 {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
@@ -61,8 +62,8 @@ pub(crate) fn on_edge() {
     WAKER.wake();
 }
 
-/// Sets timer 1 to expire once, at the next edge. A periodic timer would expire at half its rate, because of
-/// QEMU 7.2 under `-icount`.
+/// Sets timer 1 to expire once, at the next edge. A periodic timer is no alternative: under `-icount`, QEMU
+/// 7.2 runs it at half its rate.
 fn arm(edges: Edges) {
     let wait = due(edges.first, edges.count)
         .saturating_sub(ticks_since_boot())
@@ -81,11 +82,11 @@ pub(crate) struct Edge {
     pub(crate) us: u64,
     /// Time on the free-running timer, ticks; wraps.
     pub(crate) ticks: u32,
-    /// Edges before this one that were not taken in time.
+    /// Number of edges before this one that no task took in time.
     pub(crate) missed: u64,
 }
 
-/// Waits for an edge that was not taken yet. Returns the newest.
+/// Waits for an edge that was not taken yet. Returns the newest edge.
 pub(crate) async fn next_edge() -> Edge {
     poll_fn(|context| {
         WAKER.register(context.waker());

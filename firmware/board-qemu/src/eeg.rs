@@ -8,11 +8,11 @@ pub(crate) struct Eeg {
     random: u32,
     /// Slow noise of each channel, counts.
     slow: Sample,
-    /// The wave and its quadrature, Q15.
+    /// The 10 Hz wave and its quadrature (the wave delayed by 90 degrees), Q15.
     wave: [i32; 2],
 }
 
-/// Rotation of the 10 Hz wave from sample to sample, Q15: cosine and sine of 2 pi 10 / 512.
+/// Rotation of the 10 Hz wave from sample to sample, Q15: cosine and sine of 2 pi * 10 Hz / 512 Hz.
 const ROTATION: [i32; 2] = [32_522, 4_011];
 
 /// Amplitude of the wave: 20 uV, in counts of 22.35 nV.
@@ -36,7 +36,7 @@ impl Eeg {
         }
         let channels = sample.counts.iter_mut().zip(&mut self.slow.counts);
         for (index, (count, slow)) in (1..).zip(channels) {
-            // Linear congruential generator of Numerical Recipes.
+            // Linear congruential generator with the constants of Numerical Recipes.
             self.random = self
                 .random
                 .wrapping_mul(1_664_525)

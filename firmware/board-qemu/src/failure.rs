@@ -13,9 +13,10 @@ use crate::{
     time_driver::TICKS_PER_US,
 };
 
-/// Starts the watchdog. It raises [`NonMaskableInt`] after its period, and resets after another one.
+/// Starts the watchdog. Its first expiry raises [`NonMaskableInt`], and the next one resets the board.
 pub(crate) fn start_watchdog() {
-    // The whole period and not half of it: after a start between two progress checks, one feed can be missing.
+    // The first expiry is after the whole of the watchdog's period, not after half of it: if the watchdog
+    // starts between two progress checks, one feed can be missing.
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
     WATCHDOG.write(watchdog::LOAD, us * TICKS_PER_US);
     WATCHDOG.write(watchdog::CONTROL, watchdog::INTERRUPT_THEN_RESET);

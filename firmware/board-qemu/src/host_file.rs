@@ -18,7 +18,7 @@ impl HostFile {
 
     /// Fills the buffer from the file. Returns false if the file ends before the buffer is full.
     pub(crate) fn read(&mut self, buffer: &mut [u8]) -> bool {
-        // SAFETY: SYS_READ writes at most `len` bytes into the buffer, which is borrowed for it.
+        // SAFETY: SYS_READ writes at most `len` bytes into the buffer, which is borrowed during the call.
         let missing = unsafe { syscall!(READ, self.0, buffer.as_mut_ptr(), buffer.len()) };
         missing == 0
     }

@@ -7,7 +7,7 @@ use firmware::deadlines::priority;
 
 use crate::{drdy, shared::SHARED, time_driver, trigger, uart};
 
-/// Interrupts of the MPS2 in use. The last three are spare and run the executors.
+/// Interrupts of the MPS2 in use. The last three have no peripheral here and run the executors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u16)]
 pub(crate) enum Interrupt {
@@ -54,7 +54,7 @@ pub(crate) fn init(nvic: &mut NVIC) {
         Interrupt::Uart0Receive,
         Interrupt::Uart0Transmit,
     ] {
-        // SAFETY: its handler is in the table, and no critical section is open.
+        // SAFETY: the interrupt's handler is in the vector table, and no critical section is open.
         unsafe { NVIC::unmask(interrupt) };
     }
 }
@@ -100,7 +100,7 @@ unsafe extern "C" {
     fn DefaultHandler();
 }
 
-/// Vectors of the peripherals; cortex-m-rt's linker script places them after the core's own.
+/// Vectors of the peripherals; cortex-m-rt's linker script places them after those of the core.
 #[unsafe(link_section = ".vector_table.interrupts")]
 #[unsafe(no_mangle)]
 static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {

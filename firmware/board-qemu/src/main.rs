@@ -1,17 +1,18 @@
 //! The application on an emulated microcontroller: QEMU's mps2-an386 (Cortex-M4F) or mps2-an500
 //! (Cortex-M7).
 //!
-//! Everything but the converter is real: thumb code, interrupts, three executors, a UART. The samples come
-//! from the file [`sample_source::SAMPLES`] in QEMU's working directory, and the emulation ends with that
-//! file. Without the file they are synthetic and endless. Under `-icount` a run repeats byte for byte.
+//! Only the converter is simulated by the image. Thumb code, interrupts, three executors and a UART run as on
+//! a board. The samples come from the file [`sample_source::SAMPLES`] in QEMU's working directory, and the
+//! emulation ends with that file. Without the file they are synthetic and endless. Under `-icount` a run
+//! repeats byte for byte.
 //!
 //! Arguments:
 //!
 //! | Argument | Effect |
 //! | --- | --- |
-//! | `start` | streams codes without a command of the host |
-//! | `start-all` | starts all streams without a command |
-//! | `hang`, `panic`, `fault` | a task fails so after one second of the first run; the second run reports it |
+//! | `start` | streams codes without a command from the host |
+//! | `start-all` | starts all streams without a command from the host |
+//! | `hang`, `panic`, `fault` | a task fails in this way 1 s into the first run; the second run reports it |
 //! | `commands` | plays the commands in [`commands::COMMANDS`] at their times |
 //! | `trigger` | plays the edges in [`trigger::EDGES`] at the trigger input |
 #![cfg_attr(target_os = "none", no_std)]

@@ -12,15 +12,15 @@ pub(crate) struct Registers {
 
 /// Timer for embassy-time's alarms (CMSDK, ARM DDI 0479, section 4.4).
 pub(crate) const TIMER0: Registers = Registers { base: 0x4000_0000 };
-/// Timer for DRDY (section 4.4).
+/// Timer for DRDY (CMSDK, ARM DDI 0479, section 4.4).
 pub(crate) const TIMER1: Registers = Registers { base: 0x4000_1000 };
-/// First half of the dual timer (section 4.5): the free-running clock.
+/// First half of the dual timer: the free-running clock (CMSDK, ARM DDI 0479, section 4.5).
 pub(crate) const DUAL_TIMER: Registers = Registers { base: 0x4000_2000 };
-/// Second half of the dual timer: edges of the trigger.
+/// Second half of the dual timer: edges of the trigger (CMSDK, ARM DDI 0479, section 4.5).
 pub(crate) const DUAL_TIMER_SECOND: Registers = Registers { base: 0x4000_2020 };
-/// UART to the host (section 4.3).
+/// UART to the host (CMSDK, ARM DDI 0479, section 4.3).
 pub(crate) const UART0: Registers = Registers { base: 0x4000_4000 };
-/// Watchdog (section 4.6).
+/// Watchdog (CMSDK, ARM DDI 0479, section 4.6).
 pub(crate) const WATCHDOG: Registers = Registers { base: 0x4000_8000 };
 
 /// Register offsets and values of the watchdog. Writing to `CLEAR` reloads its counter.
@@ -28,7 +28,8 @@ pub(crate) mod watchdog {
     pub(crate) const LOAD: usize = 0x0;
     pub(crate) const CONTROL: usize = 0x8;
     pub(crate) const CLEAR: usize = 0xc;
-    /// Control: the first expiry raises an interrupt (the core's NMI), the second one resets.
+    /// Value of the control register: the first expiry raises an interrupt (the core's NMI), the second one
+    /// resets.
     pub(crate) const INTERRUPT_THEN_RESET: u32 = 0b11;
 }
 
@@ -38,7 +39,7 @@ pub(crate) mod timer {
     pub(crate) const VALUE: usize = 0x4;
     pub(crate) const RELOAD: usize = 0x8;
     pub(crate) const INTERRUPT: usize = 0xc;
-    /// Control: enabled, with interrupt.
+    /// Value of the control register: enabled, with interrupt.
     pub(crate) const RUN: u32 = 0b1001;
 }
 
@@ -48,9 +49,9 @@ pub(crate) mod dual_timer {
     pub(crate) const VALUE: usize = 0x4;
     pub(crate) const CONTROL: usize = 0x8;
     pub(crate) const CLEAR: usize = 0xc;
-    /// Control: enabled, free running, 32 bits, no interrupt.
+    /// Value of the control register: enabled, free running, 32 bits, no interrupt.
     pub(crate) const RUN_FREELY: u32 = 0b1000_0010;
-    /// Control: enabled, 32 bits, one-shot, with interrupt.
+    /// Value of the control register: enabled, 32 bits, one-shot, with interrupt.
     pub(crate) const RUN_ONCE: u32 = 0b1010_0011;
 }
 
@@ -61,9 +62,9 @@ pub(crate) mod uart {
     pub(crate) const CONTROL: usize = 0x8;
     pub(crate) const INTERRUPT: usize = 0xc;
     pub(crate) const BAUD_DIVIDER: usize = 0x10;
-    /// State: the transmit buffer is full.
+    /// Bit of the state register: the transmit buffer is full.
     pub(crate) const TRANSMIT_FULL: u32 = 1;
-    /// State: the receive buffer holds a byte.
+    /// Bit of the state register: the receive buffer holds a byte.
     pub(crate) const RECEIVE_FULL: u32 = 2;
 }
 
@@ -77,7 +78,8 @@ impl Registers {
 
     #[inline]
     pub(crate) fn write(self, offset: usize, value: u32) {
-        // SAFETY: as above; no register makes the peripheral access memory.
+        // SAFETY: the constants above are peripherals of the board with registers of one word. No register
+        // makes its peripheral access memory.
         unsafe { ((self.base + offset) as *mut u32).write_volatile(value) }
     }
 }

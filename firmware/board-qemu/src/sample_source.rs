@@ -28,7 +28,7 @@ pub(crate) enum SampleSource {
 }
 
 impl SampleSource {
-    /// Opens the file, or falls back to synthetic EEG.
+    /// Opens the file [`SAMPLES`], or falls back to synthetic EEG if there is none.
     pub(crate) fn open() -> Self {
         HostFile::open(SAMPLES).map_or_else(|| Self::Eeg(Eeg::new()), Self::File)
     }

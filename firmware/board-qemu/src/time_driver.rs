@@ -28,7 +28,7 @@ embassy_time_driver::time_driver_impl!(static TIME: Time = Time {
     queue: Mutex::new(RefCell::new(Queue::new())),
 });
 
-/// Starts the clock and the alarm.
+/// Starts the free-running timer and sets the first alarm.
 pub(crate) fn start() {
     DUAL_TIMER.write(dual_timer::LOAD, u32::MAX);
     DUAL_TIMER.write(dual_timer::CONTROL, dual_timer::RUN_FREELY);
@@ -54,7 +54,7 @@ pub(crate) fn ticks_since_boot() -> u64 {
     })
 }
 
-/// Wakes what is due; called when timer 0 expires.
+/// Wakes the tasks whose alarm is due; called when timer 0 expires.
 pub(crate) fn on_alarm() {
     critical_section::with(|section| {
         TIMER0.write(timer::CONTROL, 0);

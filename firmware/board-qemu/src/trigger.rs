@@ -15,7 +15,7 @@ use crate::{
 /// little endian.
 pub(crate) const EDGES: &core::ffi::CStr = c"trigger.u64";
 
-/// State of the trigger input.
+/// State of the trigger input while the file still has edges.
 struct Trigger {
     file: HostFile,
     /// Time of the converter's first DRDY, ticks.

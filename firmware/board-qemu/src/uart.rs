@@ -28,10 +28,11 @@ pub(crate) fn on_receive() {
     }
 }
 
-/// Queues bytes for the conversation. Bytes that find no room are lost, and their frame with them; the host
+/// Queues bytes for the conversation. Bytes without room are lost, and their frame with them; the host
 /// repeats the command.
 pub(crate) fn push_received(mut bytes: &[u8]) {
-    // In parts, because a write stops at the end of the pipe's memory even if there is room at its start.
+    // Written in parts, because one write stops at the end of the pipe's memory even if there is room at its
+    // start.
     while let Ok(taken) = RECEIVED.try_write(bytes)
         && taken > 0
     {
@@ -56,7 +57,8 @@ fn fill_transmitter() {
     });
 }
 
-/// Bytes taken from the pipe for the UART: up to 64 at once, because reading one costs as much.
+/// Bytes moved from the pipe for the UART: up to 64 at once, because reading one byte costs as much as
+/// reading 64.
 struct Outgoing {
     bytes: [u8; 64],
     next: usize,
@@ -82,11 +84,11 @@ impl Outgoing {
     }
 }
 
-/// Input of the port.
+/// Port's direction from the host.
 #[derive(Debug)]
 pub(crate) struct Receiver;
 
-/// Output of the port.
+/// Port's direction to the host.
 #[derive(Debug)]
 pub(crate) struct Transmitter;
 

@@ -33,7 +33,7 @@ static MEMORY: Memory = Memory::new();
 static TEST: StaticCell<SelfTest<CHIPS>> = StaticCell::new();
 static ADC: StaticCell<Adc> = StaticCell::new();
 
-/// Abilities of these boards. Raw samples take 101 kB/s, and the UART carries 92.
+/// Abilities of these boards. Raw samples need 101 kB/s, but the UART carries only 92 kB/s.
 const ABILITIES: Abilities = Abilities {
     streams: if cfg!(feature = "uart") {
         Streams::ALL.without(Streams::RAW)
@@ -99,7 +99,7 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
             .map_or(board.reset_cause, FaultRecord::reset_cause),
         clock: board.clock,
     };
-    // After every other reset the converters' supply has been up for long.
+    // After any other reset the converters have had their supply for long, and need no wait.
     let is_cold = matches!(
         board.reset_cause,
         ResetCause::PowerOn | ResetCause::BrownOut | ResetCause::NotKnown
@@ -118,8 +118,8 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
     Ok(conversation)
 }
 
-/// Initialises the converters' memory. Not inlined, and neither is [`self_test`], so that their large
-/// temporaries are off the stack before the first task runs.
+/// Initialises the converters' memory. Neither this function nor [`self_test`] is inlined, so that their
+/// large temporaries are off the stack before the first task runs.
 #[inline(never)]
 fn converters(wires: Wires) -> &'static mut Adc {
     let test = self_test();
@@ -131,8 +131,8 @@ fn self_test() -> &'static mut SelfTest<CHIPS> {
     TEST.init_with(SelfTest::new)
 }
 
-/// Feeds the watchdog while all tasks make progress. The watchdog starts when they have moved for the first
-/// time, because the converters take longer to come up than its period.
+/// Feeds the watchdog while all tasks make progress. The watchdog starts when every task has made progress
+/// once, because the converters take longer to come up than the watchdog's period.
 pub async fn feed_watchdog(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
     let mut watchdog = IndependentWatchdog::new(watchdog, us);

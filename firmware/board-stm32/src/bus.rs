@@ -8,13 +8,13 @@ use embassy_stm32::{
 };
 use embedded_hal_async::spi::{ErrorType, SpiBus};
 
-/// Converters in the chain.
+/// Number of converters in the chain.
 pub const CHIPS: usize = 8;
 
-/// Bytes of one sample of the whole chain, status words included.
+/// Bytes per sample of the whole chain, status words included.
 pub const FRAME_BYTES: usize = ads1299::frame_bytes(CHIPS);
 
-/// Fastest SCLK of an ADS1299, Hz (SBAS499C, 7.6: 50 ns with DVDD from 2.7 V).
+/// Fastest SCLK of an ADS1299, Hz (data sheet SBAS499C, section 7.6: a period of 50 ns with DVDD from 2.7 V).
 const FASTEST_HZ: u32 = 20_000_000;
 
 /// Fastest SCLK at which registers can be read through the series resistors at DOUT, Hz (decision 0011).
@@ -37,7 +37,7 @@ impl Bus {
         config
     }
 
-    /// Wraps an SPI that was created with [`Self::config`]; `buffer` must be in memory that its DMA can
+    /// Wraps an SPI that was created with [`Self::config`]; `buffer` must be in memory that the SPI's DMA can
     /// access.
     pub fn new(spi: Spi<'static, Async, Master>, buffer: &'static mut [u8; FRAME_BYTES]) -> Self {
         Self {

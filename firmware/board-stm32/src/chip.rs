@@ -1,4 +1,4 @@
-//! Initialisation of the chip, with corrections to that of embassy.
+//! Initialisation of the chip, with corrections to embassy's initialisation.
 
 use embassy_stm32::{
     Config, Peripherals,
@@ -11,12 +11,12 @@ use crate::exti;
 /// Initialises the chip: clocks, DMA, GPIO, time driver. The interrupts of all pins are disabled afterwards
 /// (`exti::disable_all`).
 ///
-/// The time driver (embassy-stm32 0.6.0, `time_driver/gp16.rs`) generates an update while counter and
-/// compare register 1 are both 0. That sets CC1IF, and the driver enables its interrupt without clearing
-/// the flag: it would count half a period that has not passed. From then on `now()` would be ahead by
-/// 65,536 us, and step back by as much for a moment at each half period. So this function clears the flags
-/// before the interrupt first runs. The counter has then been running for some microseconds, far from its
-/// first half period of 32.768 ms.
+/// The time driver (embassy-stm32 0.6.0, `time_driver/gp16.rs`) generates an update while counter and compare
+/// register 1 are both 0. The update sets the flag CC1IF, and the driver enables the interrupt of this flag
+/// without clearing it: the driver would count half a period that has not passed. From then on `now()` would
+/// be ahead by 65,536 us, and step back by as much for a moment at each half period. This function therefore
+/// clears the flags before the interrupt first runs. The counter has then been running for some microseconds,
+/// far from the end of its first half period of 32.768 ms.
 ///
 /// # Panics
 /// On the second call.

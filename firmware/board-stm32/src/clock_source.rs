@@ -62,7 +62,8 @@ mod tests {
 
     use super::*;
 
-    /// Waits for a clock that needs `until_ready` ms. Returns the milliseconds waited, and whether it came.
+    /// Waits for a clock that is ready after `until_ready` ms. Returns the milliseconds waited, and whether
+    /// the clock was ready in time.
     fn waited(until_ready: u32) -> (u32, bool) {
         let waited = Cell::new(0);
         let is_ready = || waited.get() >= until_ready;

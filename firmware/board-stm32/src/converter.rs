@@ -25,7 +25,7 @@ const _: () = assert!(model::CHANNELS == CHIPS * CHANNELS);
 /// Pins and SPI between microcontroller and converters.
 pub struct Wires {
     bus: Bus,
-    /// Chip selects. Chip 0 is the one at MISO.
+    /// Chip selects, in the order of the chain. The DOUT of chip 0 drives MISO directly.
     selects: [Output<'static>; CHIPS],
     start: Output<'static>,
     reset: Output<'static>,
@@ -37,8 +37,8 @@ type WiredChain = Chain<Bus, Output<'static>, Delay, CHIPS>;
 impl Wires {
     /// Configures the pins, with the chain at rest.
     ///
-    /// All chips share SPI, START and RESET. DRDY is that of chip 0, on one of EXTI's lines 5 to 9. The first
-    /// chip select is that of chip 0, the one at MISO.
+    /// All chips share SPI, START and RESET. Only the DRDY of chip 0 is connected, to one of EXTI's lines 5
+    /// to 9. The first chip select belongs to chip 0, whose DOUT drives MISO directly.
     pub fn new<DrdyPin: Pin + ExtiPin>(
         bus: Bus,
         selects: [Peri<'static, AnyPin>; CHIPS],
@@ -69,13 +69,13 @@ impl Wires {
     }
 }
 
-/// Returns DRDY. The trigger gets a new budget of edges before each wait for it.
+/// Returns the input DRDY. Before each wait for an edge of DRDY, the trigger gets a new budget of edges.
 fn drdy_edges() -> impl Drdy {
     DrdyEdges(trigger::refill_budget)
 }
 
-/// Running chain of converters, or one that did not come up and is retried. It belongs in a static, because
-/// a task that owns it by value would move it over its stack.
+/// Running chain of converters, or one that did not come up and is retried. It belongs in a static, because a
+/// task that owned it by value would copy it through its stack.
 pub(crate) struct Adc {
     chain: RetryingSampler<Bus, Output<'static>, Delay, CHIPS, FRAME_BYTES>,
     drdy: ExtiInput<'static, Blocking>,
@@ -97,7 +97,7 @@ impl Adc {
         }
     }
 
-    /// Sets the chain up and starts it. With `is_cold`, first waits as the converters need it after
+    /// Sets the chain up and starts it. With `is_cold`, first waits as long as the converters need after
     /// power-on. An error is logged, and flagged in every sample.
     pub(crate) async fn start(&mut self, is_cold: bool) {
         self.drdy.enable_interrupt();
@@ -129,7 +129,8 @@ impl Adc {
             drdy_us: edge.us,
             #[expect(clippy::cast_possible_truncation, reason = "ticks wrap")]
             drdy_ticks: edge.us as u32,
-            // An edge that came while nothing waited for it leaves a gap in the readings too.
+            // An edge that occurred while no task waited for it leaves a gap in the readings too: the
+            // larger count, because the sum would count this edge twice.
             missed: edge.missed.max(reading.missed),
             status_bad: !reading.is_sound(),
             lead_off: reading.lead_off(),

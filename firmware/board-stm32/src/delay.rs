@@ -15,7 +15,7 @@ impl DelayNs for Delay {
     }
 
     async fn delay_us(&mut self, us: u32) {
-        // One more, because part of the current microsecond has passed.
+        // One microsecond more, because part of the current one has passed.
         let wait = Duration::from_micros(u64::from(us) + 1);
         if us <= SHORT_US {
             block_for(wait);

@@ -11,7 +11,7 @@ use embedded_hal_async::digital::Wait;
 
 use crate::exti;
 
-/// EXTI lines that share the interrupt `EXTI9_5`. Only DRDY's is unmasked.
+/// EXTI lines 5 to 9, which share the interrupt `EXTI9_5`, as bits. Only DRDY's line is unmasked.
 const LINES: u32 = 0b11_1110_0000;
 
 #[derive(Clone, Copy)]
@@ -20,7 +20,7 @@ struct Edges {
     last_us: u64,
     /// Edges since boot; wraps.
     count: u32,
-    /// Value of `count` when the edges were last taken.
+    /// Value of `count` when a task last took the edges.
     taken: u32,
 }
 
@@ -34,8 +34,8 @@ static WAKER: AtomicWaker = AtomicWaker::new();
 /// Handles a falling edge of DRDY; called by its interrupt, the most urgent one after the time driver's.
 ///
 /// # Timing
-/// The stamp is late by the interrupt's entry, by a critical section that is open, and by the time driver's
-/// interrupt, some 100 instructions.
+/// The stamp is late by the interrupt's entry, by the rest of a critical section if one is open, and by the
+/// time driver's interrupt, some 100 instructions.
 pub(crate) fn on_edge() {
     let us = Instant::now().as_micros();
     exti::clear_pending(LINES);
@@ -62,7 +62,7 @@ fn take_edges(section: CriticalSection<'_>) -> Edges {
     before
 }
 
-/// Calls `before_wait`, and waits for an edge that was not taken yet. Returns the newest.
+/// Calls `before_wait`, and waits for an edge that was not taken yet. Returns the newest edge.
 async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     before_wait();
     poll_fn(|context| {
@@ -79,7 +79,7 @@ async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     .await
 }
 
-/// DRDY in device time, for sampling. Its function is called before every wait.
+/// DRDY in device time, for sampling. The function in the field is called before every wait for an edge.
 pub(crate) struct DrdyEdges<F>(pub(crate) F);
 
 impl<F: Fn()> Drdy for DrdyEdges<F> {
@@ -111,7 +111,7 @@ pub(crate) struct FallingEdges<F> {
 }
 
 impl<F: Fn()> FallingEdges<F> {
-    /// Calls `before_wait` before every wait.
+    /// Creates an input that calls `before_wait` before every wait for an edge.
     pub(crate) const fn new(before_wait: F) -> Self {
         Self {
             last_us: Cell::new(0),
@@ -120,7 +120,7 @@ impl<F: Fn()> FallingEdges<F> {
     }
 }
 
-/// Error of a wait for anything but a falling edge: the interrupt reacts to no other.
+/// Error of a wait for another event than a falling edge: the interrupt reacts only to falling edges.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct UnsupportedEdge;
 
@@ -135,7 +135,7 @@ impl<F> ErrorType for &FallingEdges<F> {
 }
 
 impl<F: Fn()> Wait for &FallingEdges<F> {
-    /// Ignores the edges before the call.
+    /// Ignores the edges that occurred before the call.
     async fn wait_for_falling_edge(&mut self) -> Result<(), UnsupportedEdge> {
         critical_section::with(take_edges);
         self.last_us.set(next_edge(&self.before_wait).await.us);

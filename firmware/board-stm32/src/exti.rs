@@ -36,7 +36,8 @@ pub(crate) fn clear_pending(lines: u32) {
 
 /// Enables the trigger's interrupt. An edge that is pending runs its handler at once.
 pub(crate) fn enable_trigger() {
-    // SAFETY: `interrupts` has its handler, and no critical section relies on the interrupt being disabled.
+    // SAFETY: the module `interrupts` has the trigger's handler, and no critical section relies on the
+    // interrupt being disabled.
     unsafe { interrupt::EXTI15_10.enable() };
 }
 

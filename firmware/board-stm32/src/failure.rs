@@ -34,8 +34,8 @@ fn panic(info: &PanicInfo<'_>) -> ! {
 }
 
 /// Handles a hard fault. Sets the stack pointer back to the start of the stack if it is outside the stack or
-/// has less than 2 KiB left, because a further fault in the handler would lock the core up. By the stack
-/// frames of an image, the handler needs about half of that.
+/// has less than 2 KiB left, because a further fault in the handler would lock the core up. The stack frames
+/// in an image show that the handler needs about half of that.
 #[unsafe(export_name = "HardFault")]
 #[unsafe(naked)]
 unsafe extern "C" fn hard_fault() -> ! {

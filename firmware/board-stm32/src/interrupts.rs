@@ -16,8 +16,8 @@ pub fn nvic_priority(level: u8) -> Priority {
     Priority::from(level << 4)
 }
 
-/// Sets the priorities and enables DRDY's interrupt. A board sets the priorities of the peripherals that it
-/// does not share with the others.
+/// Sets the priorities and enables DRDY's interrupt. A board sets the priorities of the peripherals that only
+/// it uses.
 pub(crate) fn init() {
     interrupt::EXTI9_5.set_priority(nvic_priority(priority::DRDY));
     interrupt::EXTI15_10.set_priority(nvic_priority(priority::TRIGGER));
@@ -26,7 +26,7 @@ pub(crate) fn init() {
     interrupt::UART4.set_priority(nvic_priority(priority::ACQUIRE));
     interrupt::UART5.set_priority(nvic_priority(priority::CONVERSE));
     interrupt::SAI1.set_priority(nvic_priority(priority::ENCODE));
-    // SAFETY: no critical section is open, and its handler is below.
+    // SAFETY: no critical section is open, and the handler of this interrupt is below.
     unsafe { interrupt::EXTI9_5.enable() };
 }
 

@@ -23,8 +23,9 @@ impl Loader {
         }
     }
 
-    /// Calls `prepare` and runs the boot loader if the previous run ended with a request for it; returns
-    /// otherwise. `main` calls this first, because the boot loader expects the chip as a reset leaves it.
+    /// Calls `prepare` and runs the boot loader if the previous run ended with a request for the loader;
+    /// returns otherwise. `main` calls this first, because the boot loader expects the chip as a reset leaves
+    /// it.
     pub fn run_if_requested(self, prepare: impl FnOnce()) {
         if !take_bootloader_request() {
             return;
@@ -36,8 +37,8 @@ impl Loader {
         // SAFETY: no interrupt is enabled, and none of this program's vectors is used any more.
         unsafe { scb.vtor.write(vectors) };
         asm::dsb();
-        // SAFETY: the factory has programmed stack pointer and entry point there. This program ends here, and
-        // none of its peripherals is in use.
+        // SAFETY: the factory has programmed the loader's stack pointer and entry point at this address. This
+        // program ends here, and none of its peripherals is in use.
         unsafe { asm::bootload(vectors as *const u32) }
     }
 }

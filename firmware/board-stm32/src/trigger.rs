@@ -49,7 +49,7 @@ impl Trigger {
     pub(crate) fn start_capture(self) {
         let input: ExtiInput<'_, Blocking> =
             ExtiInput::new_blocking(self.pin, self.line, Pull::Down, TriggerEdge::Any);
-        // Dropping it would release the pin.
+        // Dropping `input` would release the pin.
         core::mem::forget(input);
         // EXTI still sees the pin's level in an alternate function (RM0433, GPIO, external interrupt
         // lines).
@@ -62,7 +62,7 @@ impl Trigger {
         // Capture from the channel's own input, without filter or prescaler.
         TIM2.ccmr_input(CHANNEL / 2)
             .modify(|channels| channels.set_ccs(CHANNEL % 2, CcmrInputCcs::from_bits(0b01)));
-        // Both edges.
+        // Capture rising and falling edges.
         TIM2.ccer().modify(|channels| {
             channels.set_ccp(CHANNEL, true);
             channels.set_ccnp(CHANNEL, true);
@@ -95,7 +95,7 @@ pub(crate) fn on_edge() {
     exti::clear_pending(1 << PIN);
     let edge = critical_section::with(|section| {
         let mut line = LINE.borrow_ref_mut(section);
-        // The level first: an edge after this read interrupts again.
+        // Read the level before the stamp: an edge after this read interrupts again.
         let (is_high, stamp) = (is_high(), stamp());
         let edge = line.observe(is_high, stamp, Instant::now().as_micros());
         if line.budget_exhausted() {

@@ -21,7 +21,7 @@ pub(crate) struct TriggerLine {
 }
 
 impl TriggerLine {
-    /// A low line without a budget.
+    /// State of a low line that allows no observation before the first refill.
     pub(crate) const fn new() -> Self {
         Self {
             is_high: false,
@@ -30,7 +30,7 @@ impl TriggerLine {
         }
     }
 
-    /// Sets the current state; later edges are relative to it.
+    /// Sets the current level and stamp, against which later observations are compared.
     pub(crate) const fn reset(&mut self, is_high: bool, stamp: u16) {
         self.is_high = is_high;
         self.stamp = stamp;
@@ -96,7 +96,7 @@ mod tests {
             line.observe(false, 3, 0x1_0009),
             Some(edge(false, 0x1_0003, 0))
         );
-        // The edge came between the reads of the time and of the stamp.
+        // The edge occurred between the reads of the time and of the stamp.
         assert_eq!(
             line.observe(true, 1, 0x7_ffff_ffff),
             Some(edge(true, 0x8_0000_0001, 0))

@@ -7,7 +7,7 @@ use object::elf::{EM_ARM, FileHeader32, PF_X, PT_LOAD, SHF_ALLOC};
 use object::read::elf::{ElfFile32, FileHeader as _, ProgramHeader as _};
 use object::{Object as _, ObjectSection as _, ObjectSymbol as _, SectionFlags};
 
-/// A loaded segment.
+/// Segment of an image that is loaded into memory.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Segment {
     /// Address when the program runs.
@@ -18,9 +18,9 @@ pub(crate) struct Segment {
     pub(crate) file_size: u64,
     /// Bytes when the program runs.
     pub(crate) memory_size: u64,
-    /// Whether it has instructions.
+    /// True if the segment contains instructions.
     pub(crate) executed: bool,
-    /// First two words: in the vector table the initial stack pointer and the entry.
+    /// First two words of the segment: in the vector table the initial stack pointer and the entry.
     pub(crate) first_words: [u32; 2],
 }
 
@@ -37,7 +37,7 @@ pub(crate) struct Section {
 pub(crate) struct Image {
     pub(crate) segments: Vec<Segment>,
     pub(crate) sections: Vec<Section>,
-    /// Addresses by name.
+    /// Address of each symbol, by name.
     pub(crate) symbols: BTreeMap<String, u64>,
 }
 
@@ -121,7 +121,7 @@ mod tests {
     const FLASH_AT: u32 = 0x0800_0000;
     const STACK: u32 = 0x2000_8000;
 
-    /// A header, one program header, then the vector table and a page of code.
+    /// Builds an ELF file: a header, one program header, then the vector table and a page of code.
     fn elf(machine: u8, words: [u32; 2]) -> Vec<u8> {
         let mut image = vec![0; 52];
         image[..7].copy_from_slice(b"\x7fELF\x01\x01\x01");

@@ -1,19 +1,20 @@
-//! Whether an image's variables, stack and DMA memory are where its memory map wants them.
+//! Checks that an image's variables, stack and DMA memory are where its memory map wants them.
 
 use crate::image::{Image, Section};
 use crate::memory_map::Region;
 
-/// Symbols that the start-up's loops run between (cortex-m-rt, link.x.in).
+/// Start and end symbols of the variables that are zeroed, copied from flash, and not initialised
+/// (cortex-m-rt, link.x.in).
 const RANGES: [(&str, &str); 3] = [
     ("__sbss", "__ebss"),
     ("__sdata", "__edata"),
     ("__suninit", "__euninit"),
 ];
 
-/// Section and region of the DMA's memory, where the DMA does not reach all RAM.
+/// Section and region of the DMA's memory, on a board whose DMA does not reach all RAM.
 const DMA: (&str, &str) = (".dma", "SRAM1");
 
-/// Returns what is wrong with the places of an image.
+/// Returns what is wrong with the places of an image's variables, stack and DMA memory.
 pub(crate) fn faults(image: &Image, regions: &[Region]) -> Vec<String> {
     let place = |wanted: &str| regions.iter().find(|region| region.name == wanted);
     let mut faults = Vec::new();
@@ -87,7 +88,7 @@ mod tests {
         )
     }
 
-    /// A sound image of these regions.
+    /// An image without faults in the regions of this test.
     fn image() -> Image {
         let section = |(name, address, size): (&str, _, _)| {
             let name = name.to_owned();

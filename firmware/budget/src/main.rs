@@ -1,4 +1,4 @@
-//! `cargo xtask budget`: what the boards' images take of flash and RAM, what is left, and whether their
+//! `cargo xtask budget`: how much flash and RAM the boards' images take, what is left, and whether their
 //! variables are where their memory maps want them.
 //!
 //! ```text
@@ -35,7 +35,7 @@ fn main() -> ExitCode {
     match budget(Path::new(folder)) {
         Ok((boards, faults)) => {
             let object = json!({"boards": boards, "faults": faults});
-            // `cargo xtask test` compares it with docs/figures.md.
+            // `cargo xtask test` compares this file with docs/figures.md.
             if let Some(file) = env::var_os("CORTICODE_OBJECT")
                 && let Err(error) = fs::write(&file, object.to_string())
             {
@@ -90,8 +90,8 @@ fn budget(folder: &Path) -> Result<(Vec<Value>, Vec<String>), String> {
     Ok((boards, faults))
 }
 
-/// Returns the figures of an image's regions, and what is wrong with them. Of a region without a limit only the
-/// length is known: the linker puts nothing there.
+/// Returns the figures of an image's regions, and what is wrong with them. For a region without a limit only
+/// the length is returned, because the linker puts nothing there.
 fn measure(limits: &Limits, image: &Image, regions: &[Region]) -> (Vec<Value>, Vec<String>) {
     let mut faults = Vec::new();
     let place = |wanted: &str| regions.iter().find(|region| region.name == wanted);

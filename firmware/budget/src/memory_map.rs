@@ -22,8 +22,8 @@ impl Region {
     }
 }
 
-/// Parses the regions of a linker script: `NAME : ORIGIN = 0x20000000, LENGTH = 32K`, one to a line. A line
-/// that cannot be parsed is left out, and its region is then missed by name.
+/// Parses the regions of a linker script: `NAME : ORIGIN = 0x20000000, LENGTH = 32K`, one per line. A line
+/// that cannot be parsed is left out; whoever looks for its region by name then finds none.
 pub(crate) fn regions(script: &str) -> Vec<Region> {
     script.lines().filter_map(region).collect()
 }

@@ -124,6 +124,6 @@ fn the_answer_to_a_stop_counts_the_outputs_that_the_encoder_could_not_queue() {
         }
     }
     assert_eq!(dropped, [3]);
-    // Hello 0, Capabilities 1, the lost outputs 2 to 4, Stats 5, Ack 6.
+    // Numbers of the frames: Hello 0, Capabilities 1, the lost outputs 2 to 4, Stats 5, Ack 6.
     assert_eq!(seqs, [0, 1, 5, 6]);
 }

@@ -14,7 +14,7 @@ const ALPHA_HZ: f64 = 10.0;
 const HALF_WIDTH: f64 = 0.5;
 /// Electrodes below which the sources are.
 const SITES: [&str; 3] = ["PO3", "POz", "PO4"];
-/// Reach of a source, radii of the head.
+/// Reach of a source (see `Scalp::weights`), in radii of the head.
 const REACH: f64 = 0.7;
 /// Amplitude between bursts, relative to a burst.
 const REST: f64 = 0.15;
@@ -28,7 +28,7 @@ pub(super) struct Alpha {
     damping: f64,
     drive: f64,
     phasors: Vec<Phasor>,
-    /// uV RMS per electrode and source, one row of sources per electrode.
+    /// Amplitude of each source at each electrode, uV RMS; one row of sources per electrode.
     mixing: Vec<Vec<f64>>,
     in_burst: bool,
     samples_left: u32,

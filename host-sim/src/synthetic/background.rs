@@ -16,22 +16,27 @@ const CORNERS: [f64; 5] = [0.5, 2.0, 8.0, 32.0, 128.0];
 /// `2/pi (atan(60 / c) - atan(0.5 / c))` over the corners c.
 const IN_BAND: f64 = 0.633;
 
-/// Reach of a source, radii of the head. With [`COMMON`], correlation falls with distance as on a real
-/// cap: measured 0.96 at 0.3 radii, 0.60 at 1.1 and 0.42 at 1.7. EEGMMIDB S001R03 within 0.5-60 Hz has
-/// 0.93, 0.65 and 0.41.
+/// Reach of a source (see `Scalp::weights`), in radii of the head. With [`COMMON`], correlation
+/// falls with the distance of two electrodes as on a real cap, within 0.5-60 Hz:
+///
+/// | Distance, radii | Generator, measured | EEGMMIDB S001R03 |
+/// | --- | --- | --- |
+/// | 0.3 | 0.96 | 0.93 |
+/// | 1.1 | 0.60 | 0.65 |
+/// | 1.7 | 0.42 | 0.41 |
 const REACH: f64 = 0.8;
 /// Share of the variance that all electrodes have in common.
 const COMMON: f64 = 0.3;
 
-/// Sensor noise of each electrode, uV RMS, white: 1.0 uV peak to peak (ADS1299, SBAS499 table 1)
-/// is about 0.14; wet electrodes add to it.
+/// White sensor noise of each electrode, uV RMS. The ADS1299 contributes about 0.14 (1.0 uV peak to
+/// peak, data sheet SBAS499, table 1); wet electrodes add to it.
 const SENSOR_UV: f64 = 0.3;
 
 #[derive(Debug, Clone)]
 pub(super) struct Background {
     noise: Noise,
     sources: Vec<[LowPassNoise; CORNERS.len()]>,
-    /// uV RMS per electrode and source, one row of sources per electrode.
+    /// Amplitude of each source at each electrode, uV RMS; one row of sources per electrode.
     mixing: Vec<Vec<f64>>,
     now: Vec<f64>,
     sensor_uv: f64,

@@ -4,9 +4,9 @@ use recordings::Position;
 
 use super::{noise::Noise, scalp::Scalp};
 
-/// Position of the largest amplitude.
+/// Electrode with the largest amplitude.
 const SITE: &str = "Fpz";
-/// Reach of a blink, radii of the head.
+/// Reach of a blink (see `Scalp::weights`), in radii of the head.
 const REACH: f64 = 0.8;
 /// Duration of a blink's rise, s.
 const RISE_S: f64 = 0.1;

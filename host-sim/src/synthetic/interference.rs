@@ -30,7 +30,8 @@ impl Interference {
         let rate = f64::from(spec.rate_hz);
         let mut electrode = || {
             let amplitude = spec.mains_uv * noise.uniform(0.5, 1.5);
-            // Cosine and sine of the phase from the tangent of half of it: within +-33 degrees.
+            // Cosine and sine of the phase, from the tangent of half the phase: within +-33
+            // degrees.
             let tangent = noise.uniform(-0.3, 0.3);
             let scale = amplitude / (1.0 + tangent * tangent);
             ElectrodeInterference {

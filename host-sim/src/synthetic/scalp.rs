@@ -31,8 +31,8 @@ impl Scalp {
     /// Returns the weight of a source at each electrode, 0..=1: `1 / (1 + d^2 / reach^2)^2`, with d the
     /// straight distance between points of the unit sphere.
     ///
-    /// A bell curve without an exponential. Rounding to 2^-20 removes the last bits of the positions,
-    /// which differ with the platform's sines.
+    /// The formula is a bell curve without an exponential. Rounding to 2^-20 removes the last bits
+    /// of the positions, which differ with the platform's sines.
     pub(super) fn weights(&self, source: Position, reach: f64) -> Vec<f64> {
         let weight = |position: &Position| {
             let bell = 1.0 + position.chord_squared(source) / (reach * reach);

@@ -108,7 +108,8 @@ fn the_background_falls_with_its_exponent() {
         let near = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|d| amplitude(&traces[channel("Cz")], hz + d));
         near.iter().map(|a| a * a).sum::<f64>().log2()
     };
-    // Each range is two octaves. 1.5 by design; the resolution of 60 windows x 5 lines is about 0.1.
+    // Each range spans two octaves. The exponent is 1.5 by design; 60 windows x 5 lines resolve
+    // it to about 0.1.
     for (low, high) in [(3.0, 12.0), (10.0, 40.0)] {
         let exponent = (power(low) - power(high)) / 2.0;
         assert!(
@@ -130,7 +131,8 @@ fn amplitudes_are_as_specified() {
             (power.sum::<f64>() / 1.5).sqrt()
         })
         .collect();
-    // 20 uV times 0.7 to 1.3; the RMS of 40 s of slow noise has an uncertainty of about 10 %.
+    // By design 20 uV times 0.7 to 1.3; the RMS of 40 s of slow noise has an uncertainty of about
+    // 10 %.
     assert!(
         found.iter().all(|rms| (12.0..30.0).contains(rms)),
         "{found:?}"

@@ -91,7 +91,7 @@ pub(crate) fn stats() -> ToHost<'static> {
     })
 }
 
-/// Signal quality of two electrodes, the second one off.
+/// Signal quality of two electrodes, the second one without contact.
 pub(crate) fn quality() -> ToHost<'static> {
     let good = ElectrodeQuality {
         rms_uv: 12.5,

@@ -33,10 +33,11 @@ use crate::{
     shared::SHARED,
 };
 
-/// Bits per second. That is 92 kB/s, of which codes need 3 %.
+/// Bits per second. These are 92 kB/s, of which the codes need 3 %.
 const BAUD: u32 = 921_600;
 
-/// Bytes of each direction's buffer: 5.5 ms of the line. The reader can be delayed by as much.
+/// Bytes of each direction's buffer. They last 5.5 ms on the line: the longest delay of the reader without
+/// loss.
 const BUFFER: usize = 512;
 
 /// Wakes the reader when the line becomes idle after bytes, and when a byte is damaged; on an STM32F446 also
@@ -59,10 +60,10 @@ impl PortMemory {
 
 /// Receiver of a board's UART. Its registers differ from chip to chip.
 pub trait Uart {
-    /// Peripheral of the HAL.
+    /// UART peripheral, as a type of the HAL.
     type Instance: usart::Instance;
 
-    /// Interrupts of the UART itself, of the DMA stream to the host, and of the one from it.
+    /// Interrupts of the UART itself, of the DMA stream to the host, and of the DMA stream from the host.
     const INTERRUPTS: [Interrupt; 3];
 
     /// Returns the address of the receive data register.
@@ -103,7 +104,7 @@ impl Port {
         + 'static,
         memory: &'static mut PortMemory,
     ) -> Self {
-        // embassy has set all DMA streams to DRDY's priority.
+        // embassy has set all DMA streams to DRDY's priority, which is too urgent for the port.
         for interrupt in U::INTERRUPTS {
             interrupt.set_priority(nvic_priority(deadlines::priority::CONVERSE));
         }
@@ -111,7 +112,7 @@ impl Port {
         let mut pin = Flex::new(pin);
         // The pull-up keeps the line idle while the ST-LINK is off.
         pin.set_as_af_unchecked(function, AfType::input(Pull::Up));
-        // Dropping it would release the pin.
+        // Dropping `pin` would release it.
         mem::forget(pin);
         let request = stream.request();
         let channel = Channel::new(stream, interrupts);
@@ -129,7 +130,8 @@ impl Port {
         ring.start();
         U::enable_receiver();
         let [own, ..] = U::INTERRUPTS;
-        // SAFETY: its handler is bound, and no critical section relies on the interrupt being disabled.
+        // SAFETY: the UART's handler is bound, and no critical section relies on its interrupt being
+        // disabled.
         unsafe { own.enable() };
         Self {
             input: RingReceiver(DmaRing(ring)),

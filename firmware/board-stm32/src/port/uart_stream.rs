@@ -13,16 +13,16 @@ pub(crate) trait Transmit {
     /// Error of the UART.
     type Error: Error;
 
-    /// Waits until the DMA has moved all bytes.
+    /// Sends `bytes`; returns when the DMA has moved all of them to the UART.
     async fn transmit(&mut self, bytes: &[u8]) -> Result<(), Self::Error>;
 }
 
 /// Ring buffer that a DMA channel fills continuously.
 pub(crate) trait Ring {
-    /// Moves the oldest bytes to `bytes`. Returns how many; 0 if there are none.
+    /// Moves the oldest bytes to `bytes`. Returns their number; 0 if there are none.
     fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Overrun>;
 
-    /// Registers the waker that new bytes wake.
+    /// Registers the waker that is called when new bytes arrive.
     fn register_waker(&mut self, waker: &Waker);
 }
 
@@ -101,7 +101,7 @@ mod tests {
     /// Bytes of the bounce buffer.
     const BUFFER: usize = 512;
 
-    /// Transmitter that keeps every transfer.
+    /// Transmitter that records every transfer.
     #[derive(Default)]
     struct Transfers(Vec<Vec<u8>>);
 

@@ -33,10 +33,11 @@ const PRODUCT: u16 = 0x0001;
 const _: () = assert!(PACKET <= u16::MAX as usize);
 
 /// Bytes of the binary device object store, which a device of USB 2.1 must have: its header, and the
-/// extension for USB 2.0 (USB 3.2, 9.6.2 and 9.6.2.1). With a smaller buffer embassy-usb sends an empty one.
+/// extension for USB 2.0 (USB 3.2, sections 9.6.2 and 9.6.2.1). With a smaller buffer embassy-usb sends an
+/// empty store.
 const OBJECT_STORE: usize = 5 + 7;
 
-/// Period at which the port is checked for being open.
+/// Interval between two checks of whether the host has opened the port.
 const TICK: Duration = Duration::from_millis(20);
 
 bind_interrupts!(struct Irqs {
@@ -97,7 +98,7 @@ impl Port {
         let mut device = builder.build();
         let run = async {
             loop {
-                // `run` never returns; only a missed reset restarts it.
+                // `run` never returns; only a missed reset of the bus ends and restarts it.
                 select(device.run(), wait_missed_reset()).await;
             }
         };
@@ -120,7 +121,8 @@ impl PacketSender for cdc_acm::Sender<'static, Driver<'static, USB_OTG_FS>> {
         self.wait_connection().await;
     }
 
-    /// While it waits, the future has not passed any byte to the peripheral.
+    /// A future that still waits has not passed any byte of `packet` to the peripheral, so nothing is sent if
+    /// it is dropped.
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed> {
         self.write_packet(packet).await.map_err(|_| Closed)
     }

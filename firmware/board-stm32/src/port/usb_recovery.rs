@@ -39,7 +39,7 @@ impl Handler for DisableEndpoints {
                 control.set_epdis(true);
             });
             wait_for(|| interrupts.read().epdisd());
-            // Cleared by writing 1.
+            // The flag is cleared by writing 1.
             interrupts.write(|interrupts| interrupts.set_epdisd(true));
         }
     }

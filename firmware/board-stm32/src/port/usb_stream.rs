@@ -3,7 +3,7 @@
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 
-/// Bytes of a bulk packet at full speed (USB 2.0, 5.8.3).
+/// Bytes of a bulk packet at full speed (USB 2.0, section 5.8.3).
 pub(crate) const PACKET: usize = 64;
 
 /// Error: no host is connected, or it has closed the port.
@@ -36,7 +36,7 @@ pub(crate) trait PacketSender {
     /// is dropped before that, no byte of this packet is sent.
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed>;
 
-    /// Waits until the next check whether the port is open.
+    /// Waits until it is time to check again whether the port is open.
     fn tick(&self) -> impl Future<Output = ()> + use<Self>;
 }
 
@@ -66,8 +66,8 @@ impl<Port: PacketReceiver> Read for Receiver<Port> {
     }
 }
 
-/// Sends while the host holds the port open. While it reads nothing, the frames wait in their ring, which drops
-/// the oldest.
+/// Sends while the host holds the port open. While the host reads nothing, the frames wait in their ring,
+/// which drops the oldest.
 ///
 /// If the port closes within a frame, the rest of the frame is dropped. After the next opening the host
 /// receives whole frames, from the zero in front of the first one.
@@ -114,7 +114,7 @@ impl<Port> ErrorType for Transmitter<Port> {
 }
 
 impl<Port: PacketSender> Write for Transmitter<Port> {
-    /// After an error, the next write must start with a new frame.
+    /// After an error, the caller must start the next write with a new frame.
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Closed> {
         let is_within_frame = core::mem::take(&mut self.is_within_frame);
         if !self.port.is_open() {

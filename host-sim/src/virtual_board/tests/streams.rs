@@ -220,8 +220,9 @@ fn trigger_edges_are_sent_before_the_samples_that_follow_them() {
         send(&mut board, &mut host, ToDevice::Stop);
         frames(&outbox, |_| Some(()));
     };
-    // Edge 0 comes a microsecond after sample 0. Edges 64 and 65 come right before samples 7 and 15,
-    // each the last of a frame. The edges between the runs are not sent but numbered.
+    // Edge 0 occurs a microsecond after sample 0. Edges 64 and 65 occur right before samples 7 and
+    // 15, which are the last ones of their frames. The edges between the runs are not sent but
+    // numbered.
     stream(15_625 - 1);
     stream(1_002_000);
     let event = |kind, number, sample| {

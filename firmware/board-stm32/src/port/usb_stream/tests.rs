@@ -1,4 +1,5 @@
-//! Frames that arrive at a simulated host, which opens, reads, stalls and closes in the order of each test.
+//! Frames that arrive at a simulated host, which opens, reads, stalls and closes in an order that each test
+//! sets.
 
 use core::{cell::RefCell, future::poll_fn, task::Poll};
 use std::{boxed::Box, collections::VecDeque, rc::Rc, vec::Vec};
@@ -11,7 +12,7 @@ use super::*;
 /// Number of packets for a host that never stalls.
 const ALL: usize = usize::MAX;
 
-/// Action of the host at a tick.
+/// Action that the host takes at a tick.
 type Act = Box<dyn FnOnce(&mut Host)>;
 
 /// Simulated host, and the packet buffer of the device's endpoint.
