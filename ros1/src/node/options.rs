@@ -44,8 +44,9 @@ impl NodeOptions {
         }
     }
 
-    /// Reads options from environment variables and from command-line arguments. Arguments override
-    /// variables.
+    /// Reads options from the environment and the arguments of this process, as
+    /// [`NodeOptions::parse`] does. Also returns the arguments that are not for ROS, starting with
+    /// the program's name.
     pub fn from_env_and_args(default_name: &str) -> (Self, Vec<String>) {
         let arguments = std::env::args_os().map(|text| text.to_string_lossy().into_owned());
         Self::parse(default_name, |name| std::env::var(name).ok(), arguments)

@@ -28,7 +28,7 @@ pub enum HeaderError {
     /// The header is longer than [`MAX_HEADER`].
     #[error("the header has {length} bytes; at most {MAX_HEADER} are allowed")]
     TooLong {
-        /// Announced length of the header, bytes.
+        /// Total length of the header, bytes.
         length: u32,
     },
     /// A header field extends beyond the end of the header.
