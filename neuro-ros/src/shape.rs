@@ -1,4 +1,5 @@
-//! The contract of frames: consistent blocks, and one shape for a whole session.
+//! The contract of frames: blocks that are consistent in themselves, and one shape for a whole
+//! session.
 
 use thiserror::Error;
 
@@ -7,7 +8,8 @@ use crate::neuro_frame::{NeuroDataInfo, NeuroFrame};
 /// Why a frame violates the contract that ROS-Neuro's recorder, filters and visualizer rely on.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ContractError {
-    /// `labels` and `nchannels` differ: the recorder makes one GDF channel per label.
+    /// The number of labels differs from `nchannels`. The recorder creates one GDF channel per
+    /// label.
     #[error(
         "{block}: {labels} labels for {nchannels} channels; give every channel exactly one label"
     )]
@@ -24,7 +26,7 @@ pub enum ContractError {
     MinMax {
         /// `eeg`, `exg` or `tri`.
         block: &'static str,
-        /// The invalid values.
+        /// The rejected content of `minmax`.
         minmax: Vec<f64>,
     },
     /// `stride` is not `nchannels * 4`.
@@ -37,7 +39,8 @@ pub enum ContractError {
         /// Number of channels that the block announces.
         nchannels: u16,
     },
-    /// The number of values is not `nsamples * nchannels`. The recorder copies them unchecked.
+    /// The number of values in the block is not `nsamples * nchannels`. The recorder copies the
+    /// values without checking their number.
     #[error("{block}: {length} values for {nsamples} samples of {nchannels} channels")]
     Length {
         /// `eeg`, `exg` or `tri`.
@@ -49,12 +52,12 @@ pub enum ContractError {
         /// Number of channels that the block announces.
         nchannels: u16,
     },
-    /// `isint` does not match the type of the block.
+    /// `isint` does not match the sample type of the block.
     #[error("{block}: isint is {isint}; it is 1 for tri and 0 for eeg and exg")]
     IsInt {
         /// `eeg`, `exg` or `tri`.
         block: &'static str,
-        /// The invalid flag.
+        /// The rejected value of `isint`.
         isint: u8,
     },
     /// `sr` is not a multiple of `nsamples`, so the frame rate is not an integer.
@@ -68,13 +71,13 @@ pub enum ContractError {
         /// Samples per channel in one frame.
         nsamples: u16,
     },
-    /// A frame has another shape than the announced one.
+    /// The shape of a frame differs from the announced one.
     #[error(
         "the shape changed from {expected} to {found}; recorders allocate once, so start a new \
          session (restart this node and the recorder)"
     )]
     Changed {
-        /// The announced shape.
+        /// Shape of the announced frame.
         expected: Box<Shape>,
         /// Shape of the refused frame.
         found: Box<Shape>,
@@ -132,11 +135,12 @@ impl Shape {
         })
     }
 
-    /// Checks that a frame fulfils the contract and has this shape.
+    /// Checks that a frame fulfils the contract and that its shape equals this one.
     ///
     /// # Errors
     ///
-    /// [`ContractError::Changed`] for another shape, any other variant for an inconsistent frame.
+    /// [`ContractError::Changed`] if the shape differs; any other variant if the frame is
+    /// inconsistent in itself.
     pub fn admit(&self, frame: &NeuroFrame) -> Result<(), ContractError> {
         let found = Shape::from_frame(frame)?;
         if found == *self {
@@ -187,7 +191,8 @@ fn block(
             isint: info.isint,
         });
     }
-    // A block without channels can announce any number of samples; all others need that of `eeg`.
+    // A block without channels can announce any number of samples; all other blocks must have the
+    // same number of samples per channel as `eeg`.
     let expected = usize::from(nsamples) * usize::from(nchannels);
     if length != expected || (nchannels > 0 && info.nsamples != nsamples) {
         let nsamples = info.nsamples;

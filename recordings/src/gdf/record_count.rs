@@ -1,4 +1,4 @@
-//! Determines the number of records of a GDF file whose header states -1.
+//! Determines the number of records in a GDF file whose header states -1 records.
 
 use super::events::{PREFIX, TablePrefix};
 use crate::{
