@@ -162,7 +162,7 @@ impl MontageMap {
         self.labels_with(|origin| matches!(origin, Origin::Real(_)))
     }
 
-    /// Labels of the montage's electrodes that the recording contains.
+    /// Labels of the montage's electrodes that are interpolated from other electrodes.
     pub fn interpolated(&self) -> Vec<&str> {
         self.labels_with(|origin| matches!(origin, Origin::Interpolated(_)))
     }
