@@ -14,7 +14,7 @@ pub enum ContractError {
         "{block}: {labels} labels for {nchannels} channels; give every channel exactly one label"
     )]
     Labels {
-        /// `eeg`, `exg` or `tri`.
+        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
         block: &'static str,
         /// Number of labels in the block.
         labels: usize,
@@ -24,7 +24,7 @@ pub enum ContractError {
     /// `minmax` is not two finite values in ascending order.
     #[error("{block}: minmax is {minmax:?}; it must be the smallest and the largest value")]
     MinMax {
-        /// `eeg`, `exg` or `tri`.
+        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
         block: &'static str,
         /// The rejected content of `minmax`.
         minmax: Vec<f64>,
@@ -32,7 +32,7 @@ pub enum ContractError {
     /// `stride` is not `nchannels * 4`.
     #[error("{block}: stride is {stride} for {nchannels} channels; it must be nchannels * 4 bytes")]
     Stride {
-        /// `eeg`, `exg` or `tri`.
+        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
         block: &'static str,
         /// The invalid stride, bytes.
         stride: u16,
@@ -43,7 +43,7 @@ pub enum ContractError {
     /// values without checking their number.
     #[error("{block}: {length} values for {nsamples} samples of {nchannels} channels")]
     Length {
-        /// `eeg`, `exg` or `tri`.
+        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
         block: &'static str,
         /// Number of values in the block.
         length: usize,
@@ -55,7 +55,7 @@ pub enum ContractError {
     /// `isint` does not match the sample type of the block.
     #[error("{block}: isint is {isint}; it is 1 for tri and 0 for eeg and exg")]
     IsInt {
-        /// `eeg`, `exg` or `tri`.
+        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
         block: &'static str,
         /// The rejected value of `isint`.
         isint: u8,
@@ -66,7 +66,7 @@ pub enum ContractError {
          sr / nsamples in integers"
     )]
     Rate {
-        /// Samples per second, Hz.
+        /// Sampling rate of every channel, Hz.
         sr: u16,
         /// Samples per channel in one frame.
         nsamples: u16,
@@ -87,7 +87,7 @@ pub enum ContractError {
 /// The dimensions of a frame, from which consumers allocate their buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Samples per second, Hz.
+    /// Sampling rate of every channel, Hz.
     pub sr: u16,
     /// Samples per channel in one frame, the same in every block.
     pub nsamples: u16,

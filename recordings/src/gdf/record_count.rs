@@ -64,9 +64,10 @@ pub(crate) fn before_table(
     Ok(None)
 }
 
-/// Returns whether the columns at byte offset `at` are plausible for `table`. The first 16,384
-/// positions must be within twice the duration of the file without a table. A table without rows must
-/// state its rate; otherwise a signal that ends in 1, 0, 0, 0 would match.
+/// Returns whether the columns at byte offset `at` are plausible for the prefix `table`. The first
+/// 16,384 event positions must be within twice the duration that the file would have without a
+/// table. A table without rows must state its rate; otherwise a signal that ends in the bytes 1, 0,
+/// 0, 0 would be taken for a table.
 fn is_table(
     source: &mut dyn Source,
     header: &Header,
