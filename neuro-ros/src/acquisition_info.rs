@@ -1,4 +1,4 @@
-//! The announcement of an acquisition, made before its first frame.
+//! The announcement of an acquisition, which recorders request before its first frame.
 
 use serde::Serialize;
 
@@ -6,8 +6,8 @@ use crate::neuro_frame::NeuroFrame;
 use crate::shape::{ContractError, Shape};
 use crate::wire::{Wire, WireError, impl_wire};
 
-/// The response of `/acquisition/get_info`: the device, and a frame of the shape that every later
-/// frame has.
+/// The response of the service `/acquisition/get_info`: the device, and an example frame with the
+/// shape of all later frames.
 ///
 /// `rosneuro_recorder` waits for this service, allocates its buffers once from the response and then
 /// copies frames unchecked. Therefore a response that violates the contract cannot be constructed.
@@ -61,8 +61,8 @@ impl AcquisitionInfo {
         self.response.to_bytes()
     }
 
-    /// Decodes the body of a response. `None` means that the acquisition has no information yet
-    /// (`result` is false); the inner error, that the announced frame violates the contract.
+    /// Decodes the body of a response. Returns `None` if the acquisition has no information yet
+    /// (`result` is false). Returns the inner error if the announced frame violates the contract.
     ///
     /// # Errors
     ///
@@ -79,7 +79,7 @@ impl AcquisitionInfo {
         Ok(result.then(|| AcquisitionInfo::new(&device_model, &device_id, frame)))
     }
 
-    /// The announced frame, an example for all later ones.
+    /// Announced frame: an example with the shape of all later frames.
     pub fn frame(&self) -> &NeuroFrame {
         &self.response.frame
     }
@@ -94,7 +94,7 @@ impl AcquisitionInfo {
         &self.response.device_id
     }
 
-    /// Shape of the announced frame.
+    /// Shape of the announced frame, which all later frames must have.
     pub fn shape(&self) -> Shape {
         self.shape
     }

@@ -1,4 +1,5 @@
-//! The ROS services of an acquisition node.
+//! The ROS services of an acquisition node: its announcement, and its commands start, stop and
+//! quit.
 
 use std::sync::Arc;
 
@@ -6,7 +7,7 @@ use ros1::{Node, NodeError, Service, ServiceType};
 
 use crate::acquisition_info::AcquisitionInfo;
 
-/// Service from which the recorder and the visualizer get the announcement.
+/// Name of the service from which the recorder and the visualizer request the announcement.
 pub const GET_INFO_SERVICE: &str = "/acquisition/get_info";
 
 /// Type of [`GET_INFO_SERVICE`]: an empty request; the response is an [`AcquisitionInfo`].
@@ -28,26 +29,28 @@ pub static EMPTY: ServiceType = ServiceType {
 pub enum AcquisitionCommand {
     /// `~start`: publish frames.
     Start,
-    /// `~stop`: publish no frames until the next start.
+    /// `~stop`: publish no frames until the next `~start`.
     Stop,
     /// `~quit`: shut the node down.
     Quit,
 }
 
-/// The services of an acquisition node. Dropping it unregisters them.
+/// Handles of an acquisition node's services. Dropping the value unregisters them.
 ///
-/// Start serving only once the announcement is known: the recorder waits for the service to appear
-/// and does not check `result`.
+/// Start the services only when the announcement is known: the recorder waits for the service to
+/// appear and does not check `result`.
 #[derive(Debug)]
 pub struct AcquisitionServices {
-    /// Dropping a handle unregisters its service.
+    /// Kept only because dropping a handle unregisters its service.
     _services: [Service; 4],
 }
 
 impl AcquisitionServices {
-    /// Provides `info` as [`GET_INFO_SERVICE`], and the services `~start`, `~stop` and `~quit`.
+    /// Provides `info` as response of [`GET_INFO_SERVICE`], and the services `~start`, `~stop` and
+    /// `~quit`.
     ///
-    /// `on_command` must not block. Its error message is returned to the caller.
+    /// `on_command` is called for each command and must not block. An error message that it returns
+    /// is sent to the caller of the service.
     ///
     /// # Errors
     ///

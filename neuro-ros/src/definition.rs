@@ -1,5 +1,5 @@
-//! Names, MD5 sums and full definitions of the message types. Recorders store them, so that recordings
-//! are readable without the packages of this project.
+//! Names, MD5 sums and full definitions of the message types. Recorders store the definitions, so
+//! that recordings can be read without the packages of this project.
 
 use ros1::MessageType;
 
@@ -8,7 +8,7 @@ use crate::neuro_event::NeuroEvent;
 use crate::neuro_frame::NeuroFrame;
 use crate::wire::Wire;
 
-/// A value that can be published on a topic.
+/// A message that can be published on a ROS topic.
 pub trait RosMessage: Wire {
     /// Name, MD5 sum and definition that publishers and subscribers exchange.
     const TYPE: &'static MessageType;
@@ -26,8 +26,8 @@ impl RosMessage for DiagnosticArray {
     const TYPE: &'static MessageType = &DIAGNOSTIC_ARRAY;
 }
 
-/// An embedded type in a full definition, in the format of `gendeps --cat`: 80 equals signs, the
-/// name, the text.
+/// Formats an embedded type for a full definition as `gendeps --cat` does: 80 equals signs, the
+/// type's name, its text.
 macro_rules! part {
     ($name:literal, $path:literal) => {
         concat!(

@@ -8,7 +8,7 @@ use crate::wire::{Reader, Wire, WireError, impl_wire};
 /// `diagnostic_msgs/DiagnosticArray`: status reports of several components.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct DiagnosticArray {
-    /// `header.stamp` is the time of the reports; `frame_id` is empty.
+    /// `header.stamp` is the time at which the reports were made; `frame_id` is empty.
     pub header: Header,
     /// One entry per component.
     pub status: Vec<DiagnosticStatus>,
@@ -25,9 +25,9 @@ pub struct DiagnosticStatus {
     pub name: String,
     /// One-line summary for the user.
     pub message: String,
-    /// Identifier of the device.
+    /// Identifier of the individual device, such as its unique ID.
     pub hardware_id: String,
-    /// Measured values of the component.
+    /// Measured values of the component, each with its name and unit.
     pub values: Vec<KeyValue>,
 }
 
@@ -54,7 +54,7 @@ impl_wire!(KeyValue {
 });
 
 impl KeyValue {
-    /// Formats `value` with its `Display` implementation.
+    /// Creates an entry named `key`, which includes the unit; `value` is formatted with `Display`.
     pub fn new(key: &str, value: &dyn std::fmt::Display) -> KeyValue {
         KeyValue {
             key: key.to_owned(),
@@ -91,7 +91,8 @@ impl Wire for DiagnosticLevel {
         byte.write(out);
     }
 
-    /// Reads one byte. Values that the message does not define become [`DiagnosticLevel::Error`].
+    /// Reads one byte. Values that the message definition does not contain become
+    /// [`DiagnosticLevel::Error`].
     fn read(reader: &mut Reader<'_>) -> Result<Self, WireError> {
         Ok(match u8::read(reader)? {
             0 => DiagnosticLevel::Ok,

@@ -5,13 +5,13 @@ use serde::Serialize;
 use crate::stamp::Stamp;
 use crate::wire::impl_wire;
 
-/// `std_msgs/Header`: number, time and place of a message.
+/// `std_msgs/Header`: sequence number, time and coordinate frame of a message.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Header {
-    /// Number of the message. Publishers of roscpp and rospy fill it in; here the caller sets it, to
-    /// the same value as [`NeuroHeader::seq`].
+    /// Sequence number of the message. In roscpp and rospy the publisher sets it; here the caller
+    /// sets it, to the same value as [`NeuroHeader::seq`].
     pub seq: u32,
-    /// Time of the first sample, or of the event.
+    /// Time of the frame's first sample, or start of the event.
     pub stamp: Stamp,
     /// Coordinate frame of the data, as free text; can be empty.
     pub frame_id: String,
@@ -23,10 +23,10 @@ impl_wire!(Header {
     frame_id: String
 });
 
-/// `rosneuro_msgs/NeuroHeader`: the number of a frame or event.
+/// `rosneuro_msgs/NeuroHeader`: the sequence number of a frame or event.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NeuroHeader {
-    /// Starts at 1, increases by one, wraps at 2^32.
+    /// Sequence number: starts at 1, increases by one per message, wraps at 2^32.
     pub seq: u32,
 }
 

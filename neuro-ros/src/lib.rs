@@ -1,8 +1,9 @@
 //! ROS-Neuro messages, their ROS 1 serialisation, and the services of an acquisition node.
 //!
-//! [`Wire`] encodes and decodes the messages as ROS 1 does. A [`Sink`] delivers them: [`RosSink`] to
-//! a ROS 1 topic, [`NdjsonSink`] as lines of JSON. [`AcquisitionInfo`] is what a recorder requests
-//! before the first frame; [`Shape::admit`] checks every later frame against it.
+//! [`Wire`] encodes and decodes messages in the ROS 1 format. A [`Sink`] delivers messages:
+//! [`RosSink`] to a ROS 1 topic, [`NdjsonSink`] as lines of JSON. A recorder requests the
+//! [`AcquisitionInfo`] before the first frame; [`Shape::admit`] checks every later frame against
+//! it.
 //!
 //! ```text
 //! NeuroFrame ──┬─> Shape::admit: same shape as announced?
@@ -12,9 +13,9 @@
 //! AcquisitionCommand <── services ~start, ~stop, ~quit
 //! ```
 //!
-//! The definitions under `msg/` and `srv/` were written from the field lists of `rosneuro_msgs`
-//! alone. Their MD5 sums, which ignore comments, equal those of that package, so its recorder,
-//! filters and visualizer accept these messages.
+//! The definitions in `msg/` and `srv/` were written only from the field lists of `rosneuro_msgs`.
+//! Their MD5 sums, which ignore comments, equal those of `rosneuro_msgs`, so the recorder, filters
+//! and visualizer of ROS-Neuro accept these messages.
 //!
 //! ```
 //! use neuro_ros::{AcquisitionInfo, NeuroFrame, RosMessage, Wire};
@@ -74,5 +75,5 @@ pub use sink::{FrameSink, Sink, SinkError};
 pub use stamp::Stamp;
 pub use wire::{Reader, Wire, WireError};
 
-/// The crate whose node [`RosSink`] and [`AcquisitionServices`] use.
+/// The `ros1` crate, re-exported because [`RosSink`] and [`AcquisitionServices`] use its `Node`.
 pub use ros1;

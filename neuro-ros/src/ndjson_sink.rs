@@ -11,11 +11,12 @@ use serde::Serialize;
 
 use crate::sink::{Sink, SinkError};
 
-/// Limit of queued lines per topic: 17 min at 16 Hz, so that even the fillers of a long outage, which
-/// are published in one burst, fit.
+/// Maximum number of queued lines per topic. At 16 lines per second the queue holds 17 min, which
+/// is enough for the fillers of a long outage, published in one burst.
 const QUEUE_LINES: usize = 16_384;
-/// Limit of queued bytes per topic: 17 min of codes of 4 KB or 2 min of raw frames of 30 KB. Each topic
-/// has a separate limit, so that none causes another to drop lines.
+/// Maximum size of the queued lines per topic, bytes: 17 min of codes of 4 KB or 2 min of raw
+/// frames of 30 KB. The limit is separate for each topic, so that no topic causes another to drop
+/// lines.
 const QUEUE_BYTES: usize = 64 << 20;
 
 /// Writes lines of JSON to any output from a separate thread, so that publishing never waits.
@@ -25,18 +26,19 @@ const QUEUE_BYTES: usize = 64 << 20;
 pub struct NdjsonWriter {
     lines: Sender<QueuedLine>,
     done: Receiver<std::io::Result<()>>,
-    /// Lines sent to the thread and not written yet, over all topics.
+    /// Number of lines sent to the thread and not written yet, over all topics.
     pending: Arc<AtomicUsize>,
 }
 
-/// An encoded line, and the queue usage of its topic, which shrinks when the thread takes the line.
+/// One encoded line. The thread subtracts it from the queue usage of its topic when it receives the
+/// line.
 #[derive(Debug)]
 struct QueuedLine {
     line: Vec<u8>,
     usage: Arc<QueueUsage>,
 }
 
-/// Lines and bytes of one topic that are queued.
+/// Number and total size (bytes) of the queued lines of one topic.
 #[derive(Debug, Default)]
 struct QueueUsage {
     lines: AtomicUsize,
@@ -44,7 +46,8 @@ struct QueueUsage {
 }
 
 impl QueueUsage {
-    /// Adds a line unless a limit would be exceeded. Returns whether it was added.
+    /// Counts a line of `bytes` bytes as queued, unless a limit would be exceeded. Returns whether
+    /// the line was counted.
     fn reserve(&self, bytes: usize) -> bool {
         let room = self.lines.load(Ordering::Relaxed) < QUEUE_LINES
             && self.bytes.load(Ordering::Relaxed) + bytes <= QUEUE_BYTES;
@@ -62,7 +65,7 @@ impl QueueUsage {
 }
 
 impl NdjsonWriter {
-    /// Starts the thread that writes to `output`.
+    /// Starts a thread that writes the lines to `output`.
     pub fn start(output: impl Write + Send + 'static) -> NdjsonWriter {
         let (lines, receiver) = channel();
         let (done_sender, done) = sync_channel(1);
@@ -70,7 +73,7 @@ impl NdjsonWriter {
         let pending_lines = Arc::clone(&pending);
         std::thread::spawn(move || {
             let outcome = write_lines(output, &receiver, &pending_lines);
-            // Sending fails if the writer was dropped without `finish`.
+            // Sending fails if the `NdjsonWriter` was dropped without a call of `finish`.
             let _ = done_sender.send(outcome);
         });
         NdjsonWriter {
@@ -92,8 +95,8 @@ impl NdjsonWriter {
         }
     }
 
-    /// Waits until every sink has been dropped and all queued lines are written, for at most
-    /// `timeout`.
+    /// Waits until all sinks have been dropped and all queued lines have been written. Gives up
+    /// after `timeout`.
     ///
     /// # Errors
     ///

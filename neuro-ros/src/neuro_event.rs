@@ -8,11 +8,11 @@ use crate::wire::impl_wire;
 /// `rosneuro_msgs/NeuroEvent`: an event such as a trigger edge.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NeuroEvent {
-    /// `header.stamp` is the start of the event.
+    /// ROS header; its `stamp` is the start of the event.
     pub header: Header,
-    /// `neuroheader.seq` is the number of the event.
+    /// ROS-Neuro header; its `seq` is the sequence number of the event.
     pub neuroheader: NeuroHeader,
-    /// Version of the table of event codes.
+    /// Version of the event code table, as free text.
     pub version: String,
     /// Event code as in a GDF event table. Bit 15 (0x8000) marks the end of the event.
     pub event: i32,

@@ -8,18 +8,18 @@ use crate::wire::impl_wire;
 /// `rosneuro_msgs/NeuroFrame`: the samples of all channels over a fixed number of time steps.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NeuroFrame {
-    /// `header.stamp` is the time of the first sample.
+    /// ROS header; its `stamp` is the time of the first sample.
     pub header: Header,
-    /// `neuroheader.seq` is the number of the frame.
+    /// ROS-Neuro header; its `seq` is the sequence number of the frame.
     pub neuroheader: NeuroHeader,
-    /// Samples per second and channel, Hz. Consumers compute frames per second as `sr / nsamples` in
-    /// integers.
+    /// Sampling rate of every channel, Hz. Consumers compute the frame rate by the integer division
+    /// `sr / nsamples`.
     pub sr: u16,
-    /// EEG channels; in this project also the numbers of a code.
+    /// Samples of the EEG channels; in encoded frames, the numbers of a code.
     pub eeg: NeuroDataFloat,
-    /// Bipolar channels; this project has none.
+    /// Samples of bipolar channels; empty in this project.
     pub exg: NeuroDataFloat,
-    /// Triggers and status words. Each stays within 16 bits, because the recorder stores them as
+    /// Triggers and status words. Each value must fit in 16 bits, because the recorder stores it as
     /// float32.
     pub tri: NeuroDataInt32,
 }
@@ -40,18 +40,19 @@ pub struct NeuroDataInfo {
     pub nsamples: u16,
     /// Number of channels, one label each.
     pub nchannels: u16,
-    /// Bytes of one time step of all channels: `nchannels * 4`.
+    /// Size of one time step of all channels, bytes: `nchannels * 4`.
     pub stride: u16,
     /// Physical unit, such as `uV`.
     pub unit: String,
-    /// Transducer, such as the type of electrode. The message definition has this spelling.
+    /// Transducer, such as the type of electrode. The misspelled field name is that of the message
+    /// definition.
     pub transducter: String,
     /// Description of the filters that were applied.
     pub prefiltering: String,
     /// 1 for integer samples, 0 for float.
     pub isint: u8,
-    /// Smallest and largest possible value. The recorder's GDF file stores a value outside this
-    /// range as infinite.
+    /// Smallest and largest possible sample value. The recorder's GDF file stores a value outside
+    /// this range as infinity.
     pub minmax: Vec<f64>,
     /// Names of the channels in data order.
     pub labels: Vec<String>,
@@ -72,7 +73,7 @@ impl_wire!(NeuroDataInfo {
 /// `rosneuro_msgs/NeuroDataFloat`: a block of float32 samples.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NeuroDataFloat {
-    /// Shape and meaning of `data`.
+    /// Shape, unit and channel labels of `data`.
     pub info: NeuroDataInfo,
     /// Samples in `info.unit`, sample-major: `data[sample * nchannels + channel]`.
     pub data: Vec<f32>,
@@ -83,7 +84,7 @@ impl_wire!(NeuroDataFloat { info: NeuroDataInfo, data: Vec<f32> });
 /// `rosneuro_msgs/NeuroDataInt32`: a block of int32 samples.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NeuroDataInt32 {
-    /// Shape and meaning of `data`.
+    /// Shape, unit and channel labels of `data`.
     pub info: NeuroDataInfo,
     /// Samples, sample-major: `data[sample * nchannels + channel]`.
     pub data: Vec<i32>,

@@ -7,7 +7,8 @@ use ros1::{Node, NodeError, Publisher, PublisherOptions};
 use crate::definition::RosMessage;
 use crate::sink::{Sink, SinkError};
 
-/// A ROS 1 topic. A slow subscriber loses its oldest messages; other subscribers are not affected.
+/// Sink that publishes on a ROS 1 topic. A slow subscriber loses its oldest messages; other
+/// subscribers are not affected.
 #[derive(Debug)]
 pub struct RosSink<M> {
     publisher: Publisher,
@@ -40,14 +41,15 @@ impl<M: RosMessage> RosSink<M> {
         })
     }
 
-    /// Number of subscribers connected now.
+    /// Number of subscribers with an open connection.
     pub fn subscribers(&self) -> usize {
         self.publisher.subscribers()
     }
 }
 
 impl<M: RosMessage> Sink<M> for RosSink<M> {
-    /// Never fails, even without subscribers or without a master.
+    /// Queues the message for every subscriber. Never fails, even without subscribers or without a
+    /// master.
     fn publish(&mut self, message: &M) -> Result<(), SinkError> {
         self.body.clear();
         message.write(&mut self.body);

@@ -1,4 +1,5 @@
-//! The contract of frames: consistent blocks, and one shape for a whole session.
+//! The contract of frames: blocks that are consistent in themselves, and one shape for a whole
+//! session.
 
 use thiserror::Error;
 
@@ -7,12 +8,13 @@ use crate::neuro_frame::{NeuroDataInfo, NeuroFrame};
 /// Why a frame violates the contract that ROS-Neuro's recorder, filters and visualizer rely on.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ContractError {
-    /// `labels` and `nchannels` differ: the recorder makes one GDF channel per label.
+    /// The number of labels differs from `nchannels`. The recorder creates one GDF channel per
+    /// label.
     #[error(
         "{block}: {labels} labels for {nchannels} channels; give every channel exactly one label"
     )]
     Labels {
-        /// `eeg`, `exg` or `tri`.
+        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
         block: &'static str,
         /// Number of labels in the block.
         labels: usize,
@@ -22,25 +24,26 @@ pub enum ContractError {
     /// `minmax` is not two finite values in ascending order.
     #[error("{block}: minmax is {minmax:?}; it must be the smallest and the largest value")]
     MinMax {
-        /// `eeg`, `exg` or `tri`.
+        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
         block: &'static str,
-        /// The invalid values.
+        /// The rejected content of `minmax`.
         minmax: Vec<f64>,
     },
     /// `stride` is not `nchannels * 4`.
     #[error("{block}: stride is {stride} for {nchannels} channels; it must be nchannels * 4 bytes")]
     Stride {
-        /// `eeg`, `exg` or `tri`.
+        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
         block: &'static str,
         /// The invalid stride, bytes.
         stride: u16,
         /// Number of channels that the block announces.
         nchannels: u16,
     },
-    /// The number of values is not `nsamples * nchannels`. The recorder copies them unchecked.
+    /// The number of values in the block is not `nsamples * nchannels`. The recorder copies the
+    /// values without checking their number.
     #[error("{block}: {length} values for {nsamples} samples of {nchannels} channels")]
     Length {
-        /// `eeg`, `exg` or `tri`.
+        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
         block: &'static str,
         /// Number of values in the block.
         length: usize,
@@ -49,12 +52,12 @@ pub enum ContractError {
         /// Number of channels that the block announces.
         nchannels: u16,
     },
-    /// `isint` does not match the type of the block.
+    /// `isint` does not match the sample type of the block.
     #[error("{block}: isint is {isint}; it is 1 for tri and 0 for eeg and exg")]
     IsInt {
-        /// `eeg`, `exg` or `tri`.
+        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
         block: &'static str,
-        /// The invalid flag.
+        /// The rejected value of `isint`.
         isint: u8,
     },
     /// `sr` is not a multiple of `nsamples`, so the frame rate is not an integer.
@@ -63,18 +66,18 @@ pub enum ContractError {
          sr / nsamples in integers"
     )]
     Rate {
-        /// Samples per second, Hz.
+        /// Sampling rate of every channel, Hz.
         sr: u16,
         /// Samples per channel in one frame.
         nsamples: u16,
     },
-    /// A frame has another shape than the announced one.
+    /// The shape of a frame differs from the announced one.
     #[error(
         "the shape changed from {expected} to {found}; recorders allocate once, so start a new \
          session (restart this node and the recorder)"
     )]
     Changed {
-        /// The announced shape.
+        /// Shape of the announced frame.
         expected: Box<Shape>,
         /// Shape of the refused frame.
         found: Box<Shape>,
@@ -84,7 +87,7 @@ pub enum ContractError {
 /// The dimensions of a frame, from which consumers allocate their buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Samples per second, Hz.
+    /// Sampling rate of every channel, Hz.
     pub sr: u16,
     /// Samples per channel in one frame, the same in every block.
     pub nsamples: u16,
@@ -132,11 +135,12 @@ impl Shape {
         })
     }
 
-    /// Checks that a frame fulfils the contract and has this shape.
+    /// Checks that a frame fulfils the contract and that its shape equals this one.
     ///
     /// # Errors
     ///
-    /// [`ContractError::Changed`] for another shape, any other variant for an inconsistent frame.
+    /// [`ContractError::Changed`] if the shape differs; any other variant if the frame is
+    /// inconsistent in itself.
     pub fn admit(&self, frame: &NeuroFrame) -> Result<(), ContractError> {
         let found = Shape::from_frame(frame)?;
         if found == *self {
@@ -187,7 +191,8 @@ fn block(
             isint: info.isint,
         });
     }
-    // A block without channels can announce any number of samples; all others need that of `eeg`.
+    // A block without channels can announce any number of samples; all other blocks must have the
+    // same number of samples per channel as `eeg`.
     let expected = usize::from(nsamples) * usize::from(nchannels);
     if length != expected || (nchannels > 0 && info.nsamples != nsamples) {
         let nsamples = info.nsamples;

@@ -1,4 +1,4 @@
-//! The interface to message destinations.
+//! The interface through which messages are delivered, whatever their destination.
 
 use thiserror::Error;
 
@@ -6,7 +6,7 @@ use crate::neuro_frame::NeuroFrame;
 
 /// Destination of messages of one type.
 pub trait Sink<M>: Send {
-    /// Queues a message for delivery without waiting. Messages that a slow receiver does not take are
+    /// Queues a message for delivery without waiting. If a receiver is too slow, messages are
     /// dropped and counted.
     ///
     /// # Errors
@@ -14,11 +14,11 @@ pub trait Sink<M>: Send {
     /// [`SinkError`] if the sink cannot deliver any further message.
     fn publish(&mut self, message: &M) -> Result<(), SinkError>;
 
-    /// Messages dropped because a receiver was too slow.
+    /// Number of messages dropped because a receiver was too slow.
     fn dropped(&self) -> u64;
 }
 
-/// A sink for [`NeuroFrame`]s, whatever its type; used as a trait object.
+/// A sink for [`NeuroFrame`]s. The trait exists to shorten the trait object `dyn Sink<NeuroFrame>`.
 pub trait FrameSink: Sink<NeuroFrame> {}
 
 impl<S: Sink<NeuroFrame>> FrameSink for S {}

@@ -11,7 +11,7 @@ const SECOND_NS: u64 = 1_000_000_000;
 /// ROS 1 `time`: seconds and nanoseconds since 1970-01-01 UTC.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct Stamp {
-    /// Whole seconds since 1970; overflows in 2106.
+    /// Whole seconds since 1970-01-01 UTC; overflows in 2106.
     pub secs: u32,
     /// Nanoseconds within the second, 0..=999,999,999.
     pub nsecs: u32,
@@ -23,7 +23,8 @@ impl_wire!(Stamp {
 });
 
 impl Stamp {
-    /// Converts nanoseconds since 1970, saturating at 1970 and 2106.
+    /// Converts nanoseconds since 1970-01-01 UTC. Times before 1970 or after 2106 are clamped to
+    /// this range.
     pub fn from_nanoseconds(nanoseconds: i64) -> Stamp {
         let nanoseconds = u64::try_from(nanoseconds).unwrap_or(0);
         match u32::try_from(nanoseconds / SECOND_NS) {
@@ -38,7 +39,7 @@ impl Stamp {
         }
     }
 
-    /// Reads the wall clock of the host.
+    /// Returns the current time of the host's wall clock.
     pub fn now() -> Stamp {
         let since = SystemTime::now()
             .duration_since(UNIX_EPOCH)
@@ -46,7 +47,7 @@ impl Stamp {
         Stamp::from_nanoseconds(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
     }
 
-    /// Nanoseconds since 1970, 0..=4.3e18.
+    /// Converts to nanoseconds since 1970-01-01 UTC, 0..=4.3e18.
     pub fn nanoseconds(self) -> i64 {
         // At most 4,294,967,295.999,999,999 s = 4.3e18 ns, below 2^63 = 9.2e18.
         i64::from(self.secs) * 1_000_000_000 + i64::from(self.nsecs)

@@ -1,5 +1,5 @@
-//! The ROS 1 serialisation: fields in order, little-endian; strings and arrays follow their length as
-//! u32.
+//! The ROS 1 serialisation: fields in order, little-endian. Strings and arrays are preceded by
+//! their length as u32.
 
 use thiserror::Error;
 
@@ -12,7 +12,7 @@ pub enum WireError {
          definition (compare `rosmsg md5`), or it was cut"
     )]
     Truncated {
-        /// Number of bytes that the field or the announced elements lack.
+        /// Number of bytes that are missing to complete the field or the announced elements.
         missing: usize,
     },
     /// Bytes follow the last field.
@@ -21,7 +21,7 @@ pub enum WireError {
          (compare `rosmsg md5`)"
     )]
     Trailing {
-        /// Number of surplus bytes.
+        /// Number of bytes after the last field.
         count: usize,
     },
 }
@@ -38,7 +38,8 @@ pub trait Wire: Sized {
     ///
     /// # Errors
     ///
-    /// [`WireError::Truncated`], before memory is allocated for elements that are missing.
+    /// [`WireError::Truncated`] if bytes are missing. The length is checked before memory is
+    /// allocated for the elements.
     fn read(reader: &mut Reader<'_>) -> Result<Self, WireError>;
 
     /// Encodes the value as the body of a message.
@@ -82,8 +83,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Reads the number of elements, each of at least `element_bytes`, and checks that the remaining
-    /// bytes can hold them.
+    /// Reads the length of an array or string whose elements have at least `element_bytes` each.
+    /// Checks that the remaining bytes can hold them.
     fn read_length(&mut self, element_bytes: usize) -> Result<usize, WireError> {
         let count = u32::read(self)? as usize;
         let bytes = count.saturating_mul(element_bytes);
@@ -94,8 +95,9 @@ impl Reader<'_> {
     }
 }
 
-/// Appends a length. TCPROS cannot transmit messages beyond 4 GiB, so a length that does not fit is a
-/// defect of the caller. It is written saturated, and the reader refuses the message.
+/// Appends the length of an array or string. TCPROS cannot transmit messages beyond 4 GiB, so a
+/// length that does not fit in u32 is a defect of the caller. It is written as 2^32 - 1, and the
+/// receiver refuses the message.
 fn write_length(count: usize, out: &mut Vec<u8>) {
     debug_assert!(u32::try_from(count).is_ok(), "an array of {count} elements");
     u32::try_from(count).unwrap_or(u32::MAX).write(out);

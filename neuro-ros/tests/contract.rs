@@ -1,4 +1,4 @@
-//! The contract of frames is checked before a consumer receives them.
+//! Frames that violate the contract are refused before a consumer receives them.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use neuro_ros::{AcquisitionInfo, ContractError, NeuroDataInfo, NeuroFrame, Shape, WireError};
@@ -32,7 +32,8 @@ fn frame() -> NeuroFrame {
     frame
 }
 
-/// Returns the error caused by a change to a valid frame.
+/// Returns the error that [`Shape::from_frame`] returns after `change` was applied to a valid
+/// frame.
 fn error_after(change: impl FnOnce(&mut NeuroFrame)) -> ContractError {
     let mut frame = frame();
     change(&mut frame);

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use neuro_ros::{NdjsonWriter, NeuroFrame, Sink, SinkError};
 
-/// Far longer than any output takes, even on a busy machine.
+/// Time limit of each wait: far longer than any operation takes, even on a busy machine.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// An output that sends every write to the test.

@@ -111,7 +111,8 @@ fn bytes_after_the_last_field_are_refused() {
 #[test]
 fn a_string_that_is_not_utf_8_is_decoded_with_replacement_characters() {
     let mut bytes = NeuroEvent::default().to_bytes();
-    // Replace the last field, an empty description, by the two bytes of "µV" in Latin-1.
+    // Replace the last field, an empty description, by the string "µV" in Latin-1, which is two
+    // bytes long.
     bytes.truncate(bytes.len() - 4);
     bytes.extend([2, 0, 0, 0, 0xB5, b'V']);
     let event = NeuroEvent::from_bytes(&bytes).unwrap();

@@ -18,7 +18,7 @@ use crate::{
 /// Labels of the signals that contain annotations.
 const ANNOTATIONS: [&str; 2] = ["EDF Annotations", "BDF Annotations"];
 
-/// Returns the number of signals from the fixed part of a header, 1..=9999.
+/// Reads the number of signals, 1..=9999, from the fixed part of a header.
 ///
 /// # Errors
 /// [`RecordingError::HeaderField`] for any other content of the field.
@@ -35,7 +35,7 @@ pub(crate) fn signal_count(fixed: &[u8; HEADER_BLOCK]) -> Result<usize, Recordin
     Ok(count)
 }
 
-/// Parses a whole header of [`HEADER_BLOCK`] * (1 + signals) bytes.
+/// Parses a whole header: [`HEADER_BLOCK`] * (1 + number of signals) bytes.
 ///
 /// # Errors
 /// [`RecordingError::HeaderField`] for a field that does not hold a valid number,

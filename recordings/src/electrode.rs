@@ -1,4 +1,4 @@
-//! Electrodes by name. Recognises the different spellings of 10-20 labels in files.
+//! Electrodes of the 10-5 system, recognised by the different spellings of their labels in files.
 
 use std::fmt;
 
@@ -9,10 +9,10 @@ pub(crate) struct Row {
     inner: &'static str,
     /// Name of the row in columns 7 to 10, on and below the head's circumference, such as `T`.
     outer: &'static str,
-    /// Distance from the nasion in twentieths of the way to the inion, 0..=20.
+    /// Distance from the nasion along the midline, in twentieths of the way to the inion, 0..=20.
     pub(crate) twentieths: u8,
-    /// Whether a numbered label means the half column even without a trailing `h`. Montages write
-    /// FFC1 for FFC1h, and no common cap has the full columns of these rows.
+    /// True if a numbered label means the half column even without a trailing `h`. Montages write
+    /// FFC1 for FFC1h, and no common cap has full columns in these rows.
     always_half: bool,
 }
 
@@ -25,7 +25,7 @@ const fn row(inner: &'static str, outer: &'static str, twentieths: u8, always_ha
     }
 }
 
-/// All rows from nasion to inion (Oostenveld and Praamstra 2001, figure 2).
+/// All rows from nasion to inion, after Oostenveld and Praamstra 2001, figure 2.
 const ROWS: [Row; 21] = [
     row("N", "N", 0, false),
     row("NFp", "NFp", 1, false),
@@ -53,8 +53,8 @@ const ROWS: [Row; 21] = [
 /// Old and current names of the four electrodes that the 10-20 system has renamed.
 const OLD_NAMES: [(&str, &str); 4] = [("T3", "T7"), ("T4", "T8"), ("T5", "P7"), ("T6", "P8")];
 
-/// Suffixes after a dash that denote a common reference. Any other suffix is a second electrode: the
-/// signal is a difference and has no single position.
+/// Suffixes after a dash that denote a common reference. Any other suffix names a second electrode:
+/// then the signal is the difference of two electrodes and has no single position.
 const REFERENCES: [&str; 13] = [
     "REF", "LE", "RE", "AR", "AV", "AVG", "CAR", "A1", "A2", "A1A2", "M1", "M2", "M1M2",
 ];
@@ -63,9 +63,10 @@ const REFERENCES: [&str; 13] = [
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Electrode {
     pub(crate) row: Row,
-    /// 0 on the midline, odd on the left, even on the right; at most 10.
+    /// Column number: 0 on the midline, odd on the left, even on the right; at most 10.
     pub(crate) column: u8,
-    /// Half a column closer to the midline, written as a trailing `h`.
+    /// True for a half column (trailing `h` in the label), half a column closer to the midline than
+    /// `column`.
     pub(crate) half: bool,
 }
 
@@ -121,14 +122,15 @@ impl Electrode {
         electrode.exists().then_some(electrode)
     }
 
-    /// Distance from the midline in eighths of the way to the circumference: 1 for column 1h, 2 for
-    /// column 1, 8 for column 7. Columns 9h and 9 are below the circumference.
+    /// Distance from the midline along the row, in eighths of the way to the circumference: 1 for
+    /// column 1h, 2 for column 1, 8 for column 7. Columns 9h and 9 are below the circumference.
     pub(crate) fn eighths(self) -> u8 {
         2 * self.column.div_ceil(2) - u8::from(self.half)
     }
 
-    /// Returns whether the row has this column. Rows anterior to AFp and posterior to POO are circles
-    /// around Cz with only one column and its half; Fp and O also have columns 9 and 10.
+    /// Returns whether the electrode's row has its column. Rows anterior to AFp and posterior to
+    /// POO are circles around Cz with only one column and its half; Fp and O also have columns 9
+    /// and 10.
     fn exists(self) -> bool {
         match self.row.twentieths {
             0 | 1 | 19 | 20 => self.column <= 2,

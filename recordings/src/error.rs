@@ -1,4 +1,4 @@
-//! Errors of this crate.
+//! Errors from reading and playing recordings.
 
 use std::{io, path::PathBuf};
 
@@ -12,10 +12,10 @@ pub enum RecordingError {
     Open {
         /// Path of the file as passed by the caller.
         path: PathBuf,
-        /// Error of the operating system.
+        /// Error from the operating system.
         source: io::Error,
     },
-    /// Reading failed at some byte offset.
+    /// The operating system could not read from the file.
     #[error(
         "cannot read {bytes} bytes at byte {at}; the file may have shrunk or its disk may fail"
     )]
@@ -24,7 +24,7 @@ pub enum RecordingError {
         at: u64,
         /// Number of bytes requested.
         bytes: u64,
-        /// Error of the operating system.
+        /// Error from the operating system.
         source: io::Error,
     },
     /// The first eight bytes match no supported format.
@@ -50,11 +50,11 @@ pub enum RecordingError {
     HeaderField {
         /// Name of the field in the specification.
         field: &'static str,
-        /// `the file`, or number and label of the signal.
+        /// Owner of the field: `the file`, or the number and label of a signal.
         place: String,
-        /// Content of the field.
+        /// Content of the field as text.
         found: String,
-        /// Violated requirement.
+        /// Requirement that the content violates.
         reason: &'static str,
     },
     /// The digital range of a signal is empty, or one of its ranges is not finite.
@@ -133,7 +133,7 @@ pub enum RecordingError {
     TooManyElectrodes {
         /// Number of electrodes in the montage.
         electrodes: usize,
-        /// Upper limit, the number of channels of the ADC.
+        /// Number of channels of the ADC.
         channels: usize,
     },
     /// The resampler's buffers have inconsistent sizes. This is a defect of this crate, not of the

@@ -14,10 +14,11 @@ use crate::{
     signal::{Signal, SignalKind, calibration::Calibration, sample_type::SampleType, unit::Unit},
 };
 
-/// Versions from here on (GDF 2.21) store the duration of a record as a float64 instead of two u32.
+/// Threshold between versions: GDF 2.21 and later store the duration of a record as a float64,
+/// earlier versions as two u32.
 const FLOAT_DURATION: f64 = 2.205;
 
-/// Returns the number of signals from the fixed part of a header, 1..=65535.
+/// Reads the number of signals, 1..=65535, from the fixed part of a header.
 ///
 /// # Errors
 /// [`RecordingError::HeaderField`] if the number is 0 or too large.
@@ -43,7 +44,8 @@ pub(crate) fn signal_count(
 /// Parses the fixed part and the signals of a header, [`HEADER_BLOCK`] * (1 + signals) bytes.
 ///
 /// # Errors
-/// [`RecordingError::HeaderField`], [`RecordingError::SampleType`], [`RecordingError::Range`].
+/// [`RecordingError::HeaderField`] for an unusable field, [`RecordingError::SampleType`] for an
+/// unsupported type, [`RecordingError::Range`] for a signal that cannot be scaled.
 pub(crate) fn parse(
     format: Format,
     bytes: &[u8],

@@ -1,4 +1,5 @@
-//! The header of a recording, independent of its format, and parsing functions for both formats.
+//! The header of a recording, independent of its file format, and parsing functions shared by the
+//! EDF and GDF readers.
 
 use crate::{
     error::RecordingError,
@@ -8,7 +9,8 @@ use crate::{
     warning::Warning,
 };
 
-/// Length of the fixed part and of the part of each signal, bytes; the same in EDF, BDF and GDF.
+/// Length of a header's fixed part, and of its part for each signal, bytes; the same in EDF, BDF
+/// and GDF.
 pub(crate) const HEADER_BLOCK: usize = 256;
 
 #[derive(Debug, Clone)]
@@ -36,7 +38,8 @@ impl Header {
         rates.map(Ratio::value).fold(1.0, f64::max)
     }
 
-    /// Checks the requirements of all formats and adds warnings.
+    /// Checks the requirements that all formats share, and adds warnings for defects that do not
+    /// prevent reading.
     ///
     /// # Errors
     /// [`RecordingError::Range`] for a signal that cannot be scaled,
@@ -84,7 +87,8 @@ impl Header {
     }
 }
 
-/// Returns samples per second; `None` if the signal has no samples or the record no duration.
+/// Returns the sampling rate of a signal, Hz; `None` if the signal has no samples or the record has
+/// no duration.
 pub(crate) fn sampling_rate(samples_per_record: u32, duration: Option<Ratio>) -> Option<Ratio> {
     let duration = duration?;
     Ratio::new(
@@ -102,7 +106,8 @@ fn unit_in_brackets(signal: &Signal) -> String {
     }
 }
 
-/// Iterates over the fields of the signals. A header stores each field for all signals in a row.
+/// Iterates over the header fields of the signals. A header stores each field for all signals in a
+/// row.
 pub(crate) struct SignalFields<'a> {
     bytes: &'a [u8],
     signals: usize,
@@ -110,7 +115,7 @@ pub(crate) struct SignalFields<'a> {
 }
 
 impl<'a> SignalFields<'a> {
-    /// Starts at the first field. `header` includes the fixed part.
+    /// Starts at the first field of the signals. `header` includes the fixed part.
     pub(crate) fn new(header: &'a [u8], signals: usize) -> Self {
         Self {
             bytes: header,
@@ -119,7 +124,7 @@ impl<'a> SignalFields<'a> {
         }
     }
 
-    /// Returns the next field, `width` bytes wide, of every signal.
+    /// Returns the next header field, `width` bytes wide, of every signal.
     pub(crate) fn next_field(&mut self, width: usize) -> Vec<&'a [u8]> {
         let start = self.at;
         self.at += width * self.signals;
@@ -134,7 +139,7 @@ pub(crate) fn text(bytes: &[u8]) -> String {
         Ok(text) => text.to_owned(),
         Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect(),
     };
-    // GDF pads with zeros. In some files the bytes after the first zero are not initialised.
+    // GDF pads text with zeros. In some files the bytes after the first zero are not initialised.
     text.split('\0')
         .next()
         .unwrap_or_default()
@@ -142,7 +147,8 @@ pub(crate) fn text(bytes: &[u8]) -> String {
         .to_owned()
 }
 
-/// Returns `N` bytes from offset `at`. Callers check the length; beyond the end it returns zeros.
+/// Returns the `N` bytes at offset `at`. Callers must check the length; beyond the end of `bytes`,
+/// the result is zeros.
 pub(crate) fn array_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     bytes
         .get(at..)

@@ -1,7 +1,8 @@
 //! EEG recordings (EDF, BDF, GDF) played through a virtual ADC.
 //!
-//! The device code downstream of this crate receives the samples that an ADC would deliver, whatever
-//! the rate, unit and channel order of the file. Formats are recognised by content, not by file name.
+//! Device code that uses this crate receives the samples that an ADC would deliver, whatever the
+//! rate, unit and channel order of the file. File formats are recognised by content, not by file
+//! name.
 //!
 //! ```text
 //! file ──> header ──> records ──────> montage ──────────> virtual ADC ──> [i32; 64]

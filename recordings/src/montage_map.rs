@@ -22,12 +22,13 @@ pub enum Missing {
 /// Number of real electrodes from which a missing one is interpolated.
 pub const NEIGHBOURS: usize = 4;
 
-/// Source of the values of an electrode.
+/// Source of the values of one electrode of the montage.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Origin {
     /// The signal of the recording with this index.
     Real(usize),
-    /// (Signal index, weight), nearest first. The weights add up to 1.
+    /// Weighted sum of signals, as pairs (signal index, weight), nearest electrode first. The
+    /// weights add up to 1.
     Interpolated(Vec<(usize, f64)>),
     /// No signal; the value is 0.
     Zero,
@@ -41,7 +42,7 @@ pub enum MontageMapError {
         "the montage contains {label:?}, which is not an electrode of the 10-20, 10-10 or 10-5 system"
     )]
     UnknownElectrode {
-        /// The label as in the montage.
+        /// The rejected label, as written in the montage.
         label: String,
     },
     /// Two labels of the montage denote the same electrode.
@@ -50,7 +51,7 @@ pub enum MontageMapError {
         /// The second of the two labels.
         label: String,
     },
-    /// The recording has no electrode of the montage.
+    /// The recording has none of the montage's electrodes.
     #[error("the recording has none of the montage's electrodes; it has {}; needed are {}", found.join(" "), needed.join(" "))]
     NoCommonElectrode {
         /// All labels of the recording.
@@ -66,7 +67,8 @@ pub enum MontageMapError {
     },
 }
 
-/// Map from the signals of a recording to the electrodes of a montage. `Display` formats a report.
+/// Map from the signals of a recording to the electrodes of a montage. Its `Display` output is a
+/// report for the user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MontageMap {
     electrodes: Vec<String>,
@@ -75,8 +77,9 @@ pub struct MontageMap {
 }
 
 impl MontageMap {
-    /// Finds each of `electrodes` among the `labels` of a recording. [`Electrode::parse`] defines which
-    /// spellings are equal. If two signals have the same electrode, the first is used.
+    /// Finds each of `electrodes` (the montage) among `labels` (the recording).
+    /// [`Electrode::parse`] defines which spellings are equal. If two signals have the same
+    /// electrode, the first is used.
     ///
     /// # Errors
     /// [`MontageMapError`] if the montage is invalid or the recording does not fit it.
@@ -154,22 +157,22 @@ impl MontageMap {
         &self.origins
     }
 
-    /// Labels of the electrodes that are in the recording.
+    /// Labels of the montage's electrodes that the recording contains.
     pub fn real(&self) -> Vec<&str> {
         self.labels_with(|origin| matches!(origin, Origin::Real(_)))
     }
 
-    /// Labels of the electrodes that are interpolated from others.
+    /// Labels of the montage's electrodes that are interpolated from other electrodes.
     pub fn interpolated(&self) -> Vec<&str> {
         self.labels_with(|origin| matches!(origin, Origin::Interpolated(_)))
     }
 
-    /// Labels of the electrodes that are set to 0.
+    /// Labels of the montage's electrodes that are set to 0.
     pub fn zero(&self) -> Vec<&str> {
         self.labels_with(|origin| matches!(origin, Origin::Zero))
     }
 
-    /// Labels of the signals that no electrode uses.
+    /// Labels of the recording's signals that no electrode of the montage uses.
     pub fn unused(&self) -> Vec<&str> {
         let unused = |(signal, _): &(usize, _)| {
             self.origins.iter().all(|origin| match origin {
@@ -195,7 +198,8 @@ impl MontageMap {
     }
 }
 
-/// Returns the [`NEIGHBOURS`] nearest of the located signals with their weights.
+/// Returns the indices of the [`NEIGHBOURS`] signals nearest to `electrode`, with their weights.
+/// `located` holds (signal index, electrode).
 fn nearest(electrode: &Electrode, located: &[(usize, Electrode)]) -> Vec<(usize, f64)> {
     let position = Position::from_electrode(electrode);
     let mut mix: Vec<(usize, f64)> = located
@@ -209,7 +213,8 @@ fn nearest(electrode: &Electrode, located: &[(usize, Electrode)]) -> Vec<(usize,
         .collect();
     mix.sort_by(|(_, a), (_, b)| a.total_cmp(b));
     mix.truncate(NEIGHBOURS);
-    // Two names can have the same position, such as T9h; 1e-12 keeps the weight finite.
+    // Two electrode names can denote the same position, so the distance can be 0; the minimum of
+    // 1e-12 keeps the weight finite.
     for (_, weight) in &mut mix {
         *weight = 1.0 / weight.max(1e-12);
     }

@@ -15,8 +15,8 @@ use std::f64::consts::PI;
 
 use crate::electrode::Electrode;
 
-/// A point on the unit sphere, or a vector. The axes point to the right ear (x), the nose (y) and the
-/// vertex (z).
+/// A point on the unit sphere, or a vector. The x axis points to the right ear, y to the nose and z
+/// to the vertex.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Position {
     /// Towards the right ear, -1..=1 on the sphere.
@@ -33,18 +33,19 @@ const TWENTIETH: f64 = PI / 20.0;
 const CIRCUMFERENCE: f64 = 8.0 * TWENTIETH;
 
 impl Position {
-    /// Computes the position of an electrode. Its distance from the origin is 1 within rounding.
+    /// Computes the position of an electrode. The distance of the position from the origin is 1
+    /// except for rounding.
     pub fn from_electrode(electrode: &Electrode) -> Self {
         let eighths = f64::from(electrode.eighths());
         let from_front = f64::from(electrode.row.twentieths) * TWENTIETH;
         let left = match electrode.row.twentieths {
             _ if electrode.column == 0 => return Self::on_midline(from_front),
-            // N, NFp, OI and I are separate circles around Cz; one column is 18 degrees.
+            // The rows N, NFp, OI and I are circles around Cz; one column is 18 degrees.
             row @ (0 | 1 | 19 | 20) => {
                 let polar = if matches!(row, 0 | 20) { 10.0 } else { 9.0 };
                 Self::polar(polar * TWENTIETH, azimuth_on_circle(row, eighths))
             }
-            // Fp and O are on the circumference itself.
+            // The rows Fp and O are part of the circumference.
             row @ (2 | 18) if eighths <= 2.0 => {
                 Self::polar(CIRCUMFERENCE, azimuth_on_circle(row, eighths))
             }
@@ -69,13 +70,13 @@ impl Position {
         Electrode::parse(label).map(|electrode| Self::from_electrode(&electrode))
     }
 
-    /// Square of the straight-line distance to another point, 0..=4 on the sphere.
+    /// Square of the straight-line distance to another point; 0..=4 if both are on the sphere.
     pub fn chord_squared(self, other: Self) -> f64 {
         let d = self.minus(other);
         d.dot(d)
     }
 
-    /// Angle between two points of the sphere at its centre, rad, 0..=pi.
+    /// Angle between this point and `other`, seen from the centre of the sphere, rad, 0..=pi.
     pub fn angle_to(self, other: Self) -> f64 {
         self.cross(other)
             .dot(self.cross(other))
@@ -91,8 +92,8 @@ impl Position {
         }
     }
 
-    /// Returns the point on the left side at the angle `polar` from Cz and `azimuth` from the front,
-    /// rad.
+    /// Returns the point on the left side of the head at the angle `polar` from Cz and the angle
+    /// `azimuth` from the front, both in rad.
     fn polar(polar: f64, azimuth: f64) -> Self {
         let radius = polar.sin();
         Self {
@@ -156,8 +157,9 @@ impl Position {
     }
 }
 
-/// Returns the azimuth from the front, rad, of a point `eighths` away from the midline, in a row that
-/// is a circle around Cz. Posterior rows count from the back.
+/// Returns the angle around Cz, from the front, in rad, of a point in a row that is a circle around
+/// Cz. The point is `eighths` away from the midline. Points in posterior rows are measured from the
+/// back.
 fn azimuth_on_circle(twentieths: u8, eighths: f64) -> f64 {
     if twentieths < 10 {
         eighths * TWENTIETH

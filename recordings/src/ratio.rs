@@ -4,8 +4,9 @@ use std::fmt;
 
 /// A positive fraction in lowest terms: a rate in Hz or a duration in s.
 ///
-/// Files contain the number of samples per record and the duration of a record as a decimal or as
-/// two integers. With exact fractions the virtual ADC has no time drift: sample k is at k / rate.
+/// A file contains the number of samples per record and the duration of a record, as a decimal or
+/// as two integers. With exact fractions the virtual ADC has no time drift: sample k is at the time
+/// k / rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Ratio {
     numerator: u64,
@@ -17,7 +18,8 @@ pub struct Ratio {
 const DENOMINATOR_MAX: u64 = 10_000_000;
 
 impl Ratio {
-    /// Reduces `numerator / denominator`. Returns `None` if either is zero.
+    /// Creates the fraction `numerator / denominator` in lowest terms. Returns `None` if either is
+    /// zero.
     pub fn new(numerator: u64, denominator: u64) -> Option<Self> {
         if numerator == 0 || denominator == 0 {
             return None;
@@ -29,8 +31,8 @@ impl Ratio {
         })
     }
 
-    /// Returns the simplest fraction within 1e-11 (relative) of `value`, found by continued fractions:
-    /// 1/256 for 0.00390625. Returns `None` outside (1e-9, 1e9).
+    /// Returns the simplest fraction within a relative error of 1e-11 of `value`, such as 1/256 for
+    /// 0.00390625, by continued fractions. Returns `None` for values outside (1e-9, 1e9).
     pub fn from_f64(value: f64) -> Option<Self> {
         if !value.is_finite() || value <= 1e-9 || value >= 1e9 {
             return None;
@@ -70,7 +72,7 @@ impl Ratio {
         self.denominator
     }
 
-    /// Returns the nearest f64.
+    /// Returns the fraction as the nearest f64.
     pub fn value(self) -> f64 {
         quotient(self.numerator, self.denominator)
     }
@@ -90,7 +92,7 @@ fn quotient(a: u64, b: u64) -> f64 {
     a as f64 / b as f64
 }
 
-/// Euclid's algorithm; both arguments > 0.
+/// Computes the greatest common divisor by Euclid's algorithm; both arguments must be > 0.
 pub(crate) fn greatest_common_divisor(a: u64, b: u64) -> u64 {
     let (mut a, mut b) = (a, b);
     while b != 0 {

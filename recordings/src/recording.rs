@@ -1,4 +1,4 @@
-//! The streaming reader for all formats.
+//! The streaming reader for recordings of all supported formats.
 
 use std::{fs::File, io::SeekFrom, path::Path};
 
@@ -24,8 +24,8 @@ use crate::{
 
 /// An open recording: its header and the index of the next record to read.
 ///
-/// Memory: the header (256 bytes per signal) and one block of at least one record. No header, however
-/// damaged, makes the reader allocate more than the size of the file.
+/// Memory use: the header (256 bytes per signal) and one block of at least one record. However
+/// damaged a header is, the reader never allocates more than the size of the file.
 pub struct Recording {
     source: Box<dyn Source>,
     header: Header,
@@ -40,11 +40,11 @@ pub struct Recording {
 /// Consecutive records of a recording in physical units.
 #[derive(Debug, Default, Clone, PartialEq)]
 pub struct Block {
-    /// Index of the first record, counted from the start of the file.
+    /// Index of the block's first record, counted from the start of the file.
     pub first_record: u64,
-    /// Number of whole records; 0 after the end of the recording.
+    /// Number of whole records in the block; 0 after the end of the recording.
     pub records: u64,
-    /// Samples of each signal in the signal's unit; empty for annotations.
+    /// Samples of each signal in the signal's unit; empty for annotation signals.
     pub samples: Vec<Vec<f64>>,
 }
 
@@ -104,7 +104,8 @@ impl Recording {
         } else {
             edf::signal_count(&fixed)?
         };
-        // At most 65,536 blocks, and not more than the file contains.
+        // The header has at most 65,536 blocks of 256 bytes, and `enough` checks that the file
+        // contains them.
         let header_bytes = HEADER_BLOCK * (1 + signals);
         enough(header_bytes as u64)?;
         let mut bytes = vec![0; header_bytes];
@@ -155,7 +156,7 @@ impl Recording {
             });
         }
         let surplus = data_bytes - records * record_bytes;
-        // In a GDF file the bytes after the records are the event table.
+        // In a GDF file the bytes after the records are the event table, not surplus.
         if !is_gdf && !truncated && surplus > 0 {
             header.warnings.push(Warning::Surplus { bytes: surplus });
         }
@@ -181,7 +182,7 @@ impl Recording {
         self.header.format
     }
 
-    /// All signals in file order, including annotations.
+    /// All signals in file order, including annotation signals.
     pub fn signals(&self) -> &[Signal] {
         &self.header.signals
     }
@@ -200,12 +201,12 @@ impl Recording {
         &self.header.warnings
     }
 
-    /// Number of whole records, > 0.
+    /// Number of whole records in the recording, > 0.
     pub fn records(&self) -> u64 {
         self.records
     }
 
-    /// Duration of one record, s; `None` for files that contain only annotations.
+    /// Duration of one record, s; `None` if the file contains only annotations.
     pub fn record_duration(&self) -> Option<Ratio> {
         self.header.record_duration
     }
@@ -217,12 +218,13 @@ impl Recording {
             .map_or(0.0, |length| length.value() * self.records as f64)
     }
 
-    /// Continues reading at the first record.
+    /// Moves the read position back to the first record.
     pub fn rewind(&mut self) {
         self.next_record = 0;
     }
 
-    /// Reads the next records into `block`, reusing its memory. Returns false at the end.
+    /// Reads the next records into `block`, reusing its memory. Returns false at the end of the
+    /// recording.
     ///
     /// # Errors
     /// [`RecordingError::Read`] if reading fails or the file has shrunk since it was opened.
@@ -280,7 +282,8 @@ impl Recording {
     fn gdf_events(&mut self) -> Result<Vec<Event>, RecordingError> {
         let at = self.header.data_start + self.records * self.record_bytes;
         let bytes = self.file_bytes.saturating_sub(at);
-        // A truncated file has lost its table, which is at the end. Other files can lack a table.
+        // A truncated file has lost its event table, which is at the end. Other files can lack a
+        // table too.
         if self.truncated || bytes == 0 {
             return Ok(Vec::new());
         }
@@ -307,7 +310,8 @@ impl Recording {
         let (mut count, mut seconds, mut expected) = (0_u64, 0.0, None::<f64>);
         self.for_each_annotated_record(|annotations| {
             if let Some(start) = annotations.record_start_s {
-                // 1e-6 s is far above the rounding of the decimal start times and far below a sample.
+                // A gap must be longer than 1e-6 s: far more than the rounding of decimal start
+                // times, far less than a sample.
                 if let Some(gap) = expected.map(|end| start - end)
                     && gap.abs() > 1e-6
                 {
@@ -337,7 +341,7 @@ impl Recording {
         }
         let mut damaged = 0;
         let mut bytes = Vec::new();
-        // Without annotation signals no record needs to be read.
+        // Without annotation signals, no record has to be read.
         for record in (0..self.records).take_while(|_| !places.is_empty()) {
             let mut intact = true;
             for &(offset, length) in &places {

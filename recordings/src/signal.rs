@@ -31,16 +31,16 @@ pub struct Signal {
     pub calibration: Calibration,
     /// Encoding of each sample.
     pub sample_type: SampleType,
-    /// Samples per record; 0 for a signal that only events refer to.
+    /// Samples per record; 0 for a signal to which only events refer.
     pub samples_per_record: u32,
     /// Samples per second, Hz; `None` if a record has no samples of this signal.
     pub rate: Option<Ratio>,
 }
 
 impl Signal {
-    /// Bytes of this signal in one record, < 2^35.
+    /// Size of this signal's samples in one record, bytes, < 2^35.
     pub(crate) fn record_bytes(&self) -> u64 {
-        // At most 8 bytes per sample.
+        // Cannot overflow: at most 2^32 - 1 samples of 8 bytes.
         u64::from(self.samples_per_record) * self.sample_type.bytes() as u64
     }
 }

@@ -1,20 +1,20 @@
-//! Random access to the bytes of a file or of memory.
+//! Random access to the bytes of a recording, in a file or in memory.
 
 use std::io::{Read, Seek, SeekFrom};
 
 use crate::error::RecordingError;
 
-/// A byte stream with random access, such as a file or a cursor over bytes.
+/// A byte stream with random access, such as a file or a `Cursor` over bytes.
 pub trait Source: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Source for T {}
 
-/// Target size of one read, bytes. Records that are longer are read one at a time.
+/// Target size of one read, bytes. If a record is longer, one record is read at a time.
 pub(crate) const BLOCK_BYTES: u64 = 64 * 1024;
 
 /// Fills `bytes` from byte offset `at`.
 ///
 /// # Errors
-/// [`RecordingError::Read`] if the source fails or ends too early.
+/// [`RecordingError::Read`] if reading fails or the source ends before `bytes` is full.
 pub(crate) fn read_at(
     source: &mut dyn Source,
     at: u64,

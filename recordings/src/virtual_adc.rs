@@ -10,28 +10,29 @@ use crate::{
 };
 use rate_converter::RateConverter;
 
-/// Number of channels of the ADC. Electrode e of the montage is on channel e; all others are 0.
+/// Number of channels of the ADC. Channel e carries electrode e of the montage; channels without an
+/// electrode are 0.
 pub const CHANNELS: usize = 64;
 
-/// The rails of a 24-bit ADC, counts.
+/// Smallest and largest output of a 24-bit ADC, counts.
 const RAILS: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 
-/// Largest input of the resampler, uV: far beyond every rail, and small enough that no sum in a
-/// transform overflows, on which the resampler would panic.
+/// Largest value passed to the resampler, uV. It is far beyond the ADC's range, and small enough
+/// that no sum in a transform overflows; the resampler would panic on an overflow.
 const LARGEST_UV: f64 = 1e100;
 
-/// Rate and scale of the ADC.
+/// Sampling rate and scale of the virtual ADC.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AdcSpec {
-    /// Samples per second, Hz, 1..=100,000.
+    /// Sampling rate, Hz, 1..=100,000.
     pub rate_hz: u32,
-    /// uV per count, > 0.
+    /// Scale: uV per count, > 0.
     pub lsb_uv: f64,
 }
 
 impl AdcSpec {
-    /// Returns the scale of an ADS1299 with gain 24 and a reference of 4.5 V:
-    /// `2 * 4.5 V / 24 / 2^24` = 22.35 nV per count (TI SBAS499, section 9.5.1).
+    /// Returns a specification with the scale of an ADS1299 at gain 24 with a reference of 4.5 V:
+    /// `2 * 4.5 V / 24 / 2^24` = 22.35 nV per count (TI data sheet SBAS499, section 9.5.1).
     pub const fn ads1299(rate_hz: u32) -> Self {
         Self {
             rate_hz,
@@ -43,9 +44,10 @@ impl AdcSpec {
 /// Counts of values that the conversion could not represent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct AdcCounters {
-    /// Outputs limited to a rail.
+    /// Number of outputs limited to the smallest or largest count.
     pub saturated: u64,
-    /// NaN and infinite samples of the recording; each was replaced by the last finite sample.
+    /// Number of NaN and infinite samples in the recording; each was replaced by the last finite
+    /// sample.
     pub not_finite: u64,
 }
 
@@ -61,7 +63,7 @@ pub struct VirtualAdc {
     recording: Recording,
     spec: AdcSpec,
     groups: Vec<RateGroup>,
-    /// Weighted signals of each electrode.
+    /// Weighted signals that add up to each electrode's value.
     mixes: Vec<Vec<MixTerm>>,
     block: Block,
     ended: bool,
@@ -155,7 +157,7 @@ impl VirtualAdc {
         })
     }
 
-    /// The rate and scale passed to [`VirtualAdc::new`].
+    /// Rate and scale that were passed to [`VirtualAdc::new`].
     pub fn spec(&self) -> AdcSpec {
         self.spec
     }
@@ -170,7 +172,7 @@ impl VirtualAdc {
         self.samples
     }
 
-    /// Saturated and non-finite values so far.
+    /// Counts of saturated and non-finite values since the start.
     pub fn counters(&self) -> AdcCounters {
         self.counters
     }
@@ -252,7 +254,8 @@ impl RateGroup {
     }
 }
 
-/// Returns the rate group of a signal and its index in the group. Adds both if they are new.
+/// Returns the index of a signal's rate group and the index of the signal in that group. Adds the
+/// group and the signal if they are new.
 fn find_or_add(
     signal: usize,
     recording: &Recording,
@@ -361,7 +364,7 @@ mod tests {
             let mut adc = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512)).expect("usable");
             let (mut most, mut delivered) = (0, 0);
             while let Some(counts) = adc.next() {
-                // 1 uV is 44.7 counts.
+                // 1 uV is 44.7 counts of 22.35 nV, which rounds to 45.
                 assert_eq!(counts.expect("readable")[..2], [45, 45]);
                 let held = adc
                     .groups

@@ -1,11 +1,12 @@
-//! Defects of a file that do not prevent reading it.
+//! Warnings about defects of a file that do not prevent reading it.
 
 use std::fmt;
 
 /// A defect of a file that can still be read. Each warning is reported once.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Warning {
-    /// The header states -1 records, so the number was derived from the size of the file.
+    /// The header states -1 records, so the number of records was derived from the size of the
+    /// file.
     RecordsUnknown {
         /// Number of whole records in the file, without its event table.
         derived: u64,
@@ -41,7 +42,7 @@ pub enum Warning {
         /// Label of the signal as in the file.
         label: String,
     },
-    /// An EDF+D or BDF+D file has gaps between records. They are closed.
+    /// An EDF+D or BDF+D file has gaps between records. The records are played without the gaps.
     Gaps {
         /// Number of gaps.
         count: u64,

@@ -1,8 +1,8 @@
-//! Host and port of a URI.
+//! Parses the host and the port of a peer's URI.
 
 use std::fmt;
 
-/// A URI has no host and port that can be connected to.
+/// Error for a URI without a host and a port, to which no connection can be opened.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{uri:?} is not SCHEME://HOST:PORT; an example is http://127.0.0.1:11311/")]
 pub struct AddressError {
@@ -10,7 +10,7 @@ pub struct AddressError {
     pub uri: String,
 }
 
-/// Host and port of a peer. An IPv6 address is stored without the brackets that it has in a URI.
+/// Host and TCP port of a peer. An IPv6 address is stored without the brackets around it in a URI.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Address {
     host: String,

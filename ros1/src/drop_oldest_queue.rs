@@ -1,4 +1,4 @@
-//! A bounded queue that makes room by dropping its oldest item.
+//! A bounded queue that, when full, drops its oldest item to queue a new one.
 
 use std::{collections::VecDeque, sync::Mutex};
 
@@ -7,7 +7,7 @@ use tokio::sync::Notify;
 use crate::lock::lock;
 
 /// Queue between a producer that must never wait and a consumer that can be slow. Any number of
-/// threads push; one task pops.
+/// threads can push; only one task may pop.
 #[derive(Debug)]
 pub(crate) struct DropOldestQueue<T> {
     state: Mutex<State<T>>,
@@ -32,8 +32,8 @@ pub(crate) enum Push {
 }
 
 impl<T> DropOldestQueue<T> {
-    /// Creates a queue of `capacity` items. 0 counts as 1: an item must be stored until the
-    /// consumer pops it.
+    /// Creates a queue for up to `capacity` items. A capacity of 0 is raised to 1, because an item
+    /// must be stored until the consumer pops it.
     pub(crate) fn new(capacity: usize) -> Self {
         let capacity = capacity.max(1);
         let items = VecDeque::with_capacity(capacity.min(1024));
@@ -69,8 +69,8 @@ impl<T> DropOldestQueue<T> {
         outcome
     }
 
-    /// Removes the oldest item, waiting for one; `None` once the queue is closed and empty.
-    /// Cancel safe.
+    /// Removes and returns the oldest item. Waits while the queue is empty; returns `None` once it
+    /// is closed and empty. Cancelling the wait loses no item.
     pub(crate) async fn pop(&self) -> Option<T> {
         loop {
             {
@@ -86,7 +86,7 @@ impl<T> DropOldestQueue<T> {
         }
     }
 
-    /// Accepts no further item; those already queued can still be popped.
+    /// Closes the queue: later pushes are refused, but items already queued can still be popped.
     pub(crate) fn close(&self) {
         lock(&self.state).closed = true;
         self.changed.notify_one();

@@ -1,5 +1,5 @@
-//! The subset of HTTP/1.1 that XML-RPC peers use: `Content-Length`, chunks and keep-alive. Every
-//! length is limited here; the callers limit the time.
+//! The subset of HTTP/1.1 that XML-RPC peers use: `Content-Length`, chunked bodies and keep-alive
+//! connections. This module limits every length; its callers limit the time.
 
 mod body;
 mod head;

@@ -1,8 +1,8 @@
 //! A ROS 1 node and a ROS 1 master, without any ROS installation.
 //!
-//! [`Node`] publishes and subscribes topics and provides and calls services; [`Master`] replaces
-//! rosmaster in demonstrations and tests. Message bodies are opaque bytes: the user of this crate
-//! serialises them.
+//! [`Node`] publishes topics, subscribes to them, provides services and calls them. [`Master`]
+//! replaces rosmaster in demonstrations and tests. Message bodies are opaque bytes: the user of
+//! this crate serialises them.
 //!
 //! ```text
 //! publish() ──> queue per subscriber ══ TCPROS ══> queue per topic ──> recv()
@@ -14,7 +14,8 @@
 //!
 //! A node guarantees:
 //!
-//! * It needs no running master. It registers when there is one, and again within two seconds
+//! * A node needs no running master. It registers once a master is running, and again within two
+//! seconds after the master's restart. Open connections are not affected by a restart.
 //!   after a master's restart; open connections are not affected.
 //! * [`Publisher::publish`] never waits. Each subscriber has a bounded queue that drops its oldest
 //!   message and counts it, so a slow subscriber affects nobody else.

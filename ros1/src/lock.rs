@@ -1,9 +1,9 @@
-//! Locking that ignores poisoning.
+//! Locks a mutex even if it is poisoned.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Locks `mutex`, even if another holder has panicked. The data behind every mutex of this crate
-/// is consistent after each statement, so a panic elsewhere does not stop the node.
+/// Locks `mutex`, even if a thread panicked while holding it. The data in every mutex of this crate
+/// is consistent after each statement, so a panic in one task does not stop the node.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

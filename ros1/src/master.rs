@@ -1,5 +1,5 @@
 //! A ROS 1 master for demonstrations and tests. Its replies equal those of rosmaster, including the
-//! texts of messages.
+//! wording of the messages.
 
 mod api;
 mod arguments;
@@ -24,8 +24,8 @@ use tokio::{
 use crate::{address::Address, xmlrpc::Server};
 use api::Api;
 
-/// A running master. Dropping it stops it without waiting; only [`Master::shutdown`] waits until the
-/// port is free.
+/// A running master. Dropping the master stops it without waiting; only [`Master::shutdown`] waits
+/// until the port is free.
 #[derive(Debug)]
 pub struct Master {
     uri: String,
@@ -37,7 +37,8 @@ impl Master {
     /// Starts a master that listens on `address`. Port 0 chooses a free port.
     ///
     /// # Errors
-    /// The system refuses to listen: the port is in use, or the address is not one of this machine.
+    /// The operating system refuses to listen: the port is in use, or `address` does not belong to
+    /// this machine.
     pub async fn start(address: SocketAddr) -> io::Result<Self> {
         let listener = TcpListener::bind(address).await?;
         let local = listener.local_addr()?;
@@ -59,21 +60,21 @@ impl Master {
         })
     }
 
-    /// URI for [`NodeOptions::master_uri`](crate::NodeOptions::master_uri), `http://HOST:PORT/`. If
-    /// the master listens on every address, the URI contains the loopback address.
+    /// URI to pass as [`NodeOptions::master_uri`](crate::NodeOptions::master_uri), in the form
+    /// `http://HOST:PORT/`. If the master listens on all addresses, HOST is the loopback address.
     pub fn uri(&self) -> &str {
         &self.uri
     }
 
-    /// Waits until the master's `shutdown` method is called. The master keeps running until
-    /// [`Master::shutdown`].
+    /// Waits until a peer calls the master's `shutdown` method. The master itself keeps running
+    /// until [`Master::shutdown`] is called.
     pub async fn shutdown_requested(&self) {
         let mut requested = self.shutdown_requested.clone();
-        // An error means that the server has stopped, so no request can come any more.
+        // An error means that the server has stopped, so no shutdown request can arrive any more.
         let _ = requested.wait_for(|requested| *requested).await;
     }
 
-    /// Stops the master. Its port is free when this returns. A second call does nothing.
+    /// Stops the master. Its port is free when this function returns. A second call does nothing.
     pub async fn shutdown(&self) {
         if let Some(mut server) = self.server.lock().await.take() {
             server.stop().await;

@@ -1,19 +1,19 @@
-//! ROS graph names: global `/a/b`, relative `b`, private `~c`; and remapping.
+//! Resolves ROS graph names: global `/a/b`, relative `b`, private `~c`; and applies remaps.
 
 use std::collections::HashMap;
 
-/// A name violates the syntax of ROS graph names.
+/// Error for a name that violates the syntax of ROS graph names.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{name:?} is not a ROS name: it starts with a letter, / or ~ and goes on with letters, \
      digits, _ and /, without an empty part"
 )]
 pub struct NameError {
-    /// The name as it was passed.
+    /// The rejected name, as the caller passed it.
     pub name: String,
 }
 
-/// Full name of a node and its remaps.
+/// Full name of a node and its remaps, from which all other names of the node are resolved.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Names {
     node: String,
@@ -21,10 +21,11 @@ pub(crate) struct Names {
 }
 
 impl Names {
-    /// Resolves the node `name` in `namespace` and all remaps, each (from, to) as on a command line.
+    /// Resolves the node's `name` in `namespace`, and both names of each remap (from, to). Remaps
+    /// have the form of ROS command-line arguments `from:=to`.
     ///
     /// # Errors
-    /// A name is not a ROS name, or the node's name is private.
+    /// [`NameError`] if a name is not a ROS name or the node's name is private.
     pub(crate) fn new(
         namespace: &str,
         name: &str,
@@ -66,7 +67,7 @@ impl Names {
     /// Returns the full name of `name` after remapping.
     ///
     /// # Errors
-    /// `name` is not a ROS name.
+    /// [`NameError`] if `name` is not a ROS name.
     pub(crate) fn resolve(&self, name: &str) -> Result<String, NameError> {
         check(name)?;
         let full = resolve(name, &self.node);
@@ -90,8 +91,8 @@ fn check(name: &str) -> Result<(), NameError> {
     }
 }
 
-/// Returns the full name of `name` as seen by `caller`, without checks and remapping, as rosmaster
-/// resolves the names in its calls.
+/// Returns the full name of `name` as seen by the node `caller`, without syntax check and
+/// remapping. rosmaster resolves the names in its calls in this way.
 pub(crate) fn resolve(name: &str, caller: &str) -> String {
     if name.is_empty() {
         return namespace(caller);

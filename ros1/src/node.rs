@@ -41,7 +41,7 @@ use service::Service;
 use slave::Slave;
 use subscriber::Subscriber;
 
-/// Why a node could not be started, or a topic or service not be added to it.
+/// Why a node could not be started, or why a topic or service could not be added to a node.
 #[derive(Debug, thiserror::Error)]
 pub enum NodeError {
     /// A name violates the syntax of ROS graph names.
@@ -53,20 +53,20 @@ pub enum NodeError {
     /// The node cannot listen on its address.
     #[error("cannot listen on {address}: {source}; set ROS_IP to an address of this machine")]
     Listen {
-        /// Local address, chosen by [`NodeOptions::host`].
+        /// Local IP address of the failed listener, derived from [`NodeOptions::host`].
         address: IpAddr,
-        /// Error of the operating system.
+        /// Error from the operating system.
         source: io::Error,
     },
-    /// This node already has the topic or service; holds its kind and name.
+    /// This node already has the topic or service. Holds the kind and the name of the duplicate.
     #[error("this node already has a {0}; clone that one, or drop it first")]
     Duplicate(String),
     /// The master refused the registration.
     #[error("the master refuses the {what}: {source}")]
     Refused {
-        /// Publisher, subscriber or service, and its name.
+        /// Kind (publisher, subscriber or service) and name of the refused registration.
         what: String,
-        /// Answer of the master.
+        /// Status code and message that the master returned.
         source: CallError,
     },
     /// [`Node::shutdown`] has been called.
@@ -76,9 +76,9 @@ pub enum NodeError {
 
 /// A node of the ROS graph.
 ///
-/// It needs no running master: it registers as soon as there is one, and again whenever the master
-/// has forgotten it. Dropping the node closes its connections but leaves its registrations at the
-/// master; [`Node::shutdown`] removes them.
+/// A node needs no running master: it registers once a master answers, and again if the master has
+/// lost the registration. Dropping the node closes its connections but leaves its registrations at
+/// the master; [`Node::shutdown`] removes them.
 #[derive(Debug)]
 pub struct Node {
     registrar: Arc<Registrar>,
@@ -96,7 +96,7 @@ struct Tasks {
 }
 
 impl Node {
-    /// Opens the node's ports and starts to register with the master in the background.
+    /// Opens the node's ports and registers with the master in the background.
     ///
     /// # Errors
     /// [`NodeError::Name`], [`NodeError::MasterUri`] or [`NodeError::Listen`].
@@ -153,7 +153,7 @@ impl Node {
         self.names.node()
     }
 
-    /// URI of the node's XML-RPC server, `http://HOST:PORT/`.
+    /// URI of this node's XML-RPC server, `http://HOST:PORT/`.
     pub fn uri(&self) -> &str {
         &self.registrar.api_uri
     }
@@ -166,12 +166,12 @@ impl Node {
         self.names.resolve(name)
     }
 
-    /// Starts to publish a topic. If no master answers within 2 s, it is registered later.
+    /// Advertises a topic. If no master answers within 2 s, the node registers the topic later.
     ///
     /// # Errors
-    /// The name is invalid, the node already publishes the topic, the node has shut down, or the
-    /// master refuses the registration. If a later registration is refused, the node logs that
-    /// once and keeps trying.
+    /// [`NodeError`] if the name is invalid, the node already publishes the topic, the node has
+    /// shut down, or the master refuses the registration. If the master refuses a later
+    /// registration, the node logs the refusal once and keeps trying.
     pub async fn advertise(
         &self,
         topic: &str,
@@ -187,11 +187,11 @@ impl Node {
         Ok(Publisher::new(publication, self.register(lease).await?))
     }
 
-    /// Subscribes to a topic. Up to `queue` received messages wait in the subscriber; one more
-    /// drops the oldest.
+    /// Subscribes to a topic. Up to `queue` received messages wait to be read; each further message
+    /// drops the oldest waiting one.
     ///
     /// # Errors
-    /// The same as [`Node::advertise`].
+    /// [`NodeError`], under the same conditions as [`Node::advertise`].
     pub async fn subscribe(
         &self,
         topic: &str,
@@ -212,7 +212,7 @@ impl Node {
     /// or returns an error message for the caller. It runs on a separate thread and can block.
     ///
     /// # Errors
-    /// The same as [`Node::advertise`].
+    /// [`NodeError`], under the same conditions as [`Node::advertise`].
     pub async fn serve(
         &self,
         name: &str,
@@ -228,7 +228,8 @@ impl Node {
         Ok(Service::new(provider, self.register(lease).await?))
     }
 
-    /// Looks up a service, calls it once and closes the connection, see [`ServiceClient::call`].
+    /// Looks up a service, calls it once as [`ServiceClient::call`] does, and closes the
+    /// connection.
     ///
     /// # Errors
     /// All variants of [`ServiceError`].
@@ -245,10 +246,10 @@ impl Node {
         client.call(request).await
     }
 
-    /// Looks up a service and connects to it for any number of calls.
+    /// Looks up a service and opens a connection that can be used for any number of calls.
     ///
     /// # Errors
-    /// All variants of [`ServiceError`] but `Failed`.
+    /// All variants of [`ServiceError`] except `Failed`.
     pub async fn connect(
         &self,
         service: &str,
@@ -259,7 +260,8 @@ impl Node {
         ServiceClient::connect(self.name(), uri, &service, service_type, true).await
     }
 
-    /// Watches whether the master answers and everything in this node has been registered.
+    /// Returns a watch channel that is true while the master answers and all topics and services of
+    /// this node have been registered.
     pub fn master_online(&self) -> watch::Receiver<bool> {
         self.registrar.online.subscribe()
     }
@@ -269,12 +271,12 @@ impl Node {
     /// not register again.
     pub async fn shutdown_requested(&self) {
         let mut requested = self.registrar.shutdown_requested.subscribe();
-        // The sender lives as long as the node.
+        // Waiting cannot fail, because the sender lives as long as the node.
         let _ = requested.wait_for(|requested| *requested).await;
     }
 
-    /// Unregisters everything, sends queued messages for up to 0.5 s and closes every connection.
-    /// Takes 3 s at most. A second call does nothing.
+    /// Unregisters all topics and services, sends queued messages for up to 0.5 s and closes every
+    /// connection. Returns within 3 s. A second call does nothing.
     pub async fn shutdown(&self) {
         let mut tasks = self.tasks.lock().await;
         if lock(&self.registrar.graph).closed {
@@ -284,13 +286,14 @@ impl Node {
         tasks.registration.abort();
         self.registrar.online.send_replace(false);
         tasks.stop.send_replace(true);
-        // The task ends by itself; the join fails only if it had already been aborted.
+        // The listener task ends by itself; the join fails only if the task had already been
+        // aborted.
         let _ = (&mut tasks.listener).await;
         tasks.server.stop().await;
     }
 
-    /// Adds a topic or service to the graph through `insert`, unless the key is taken or the node
-    /// has shut down.
+    /// Adds a topic or service to the graph by calling `insert`. Fails if `key` is already in the
+    /// graph or the node has shut down.
     fn add(&self, key: Key, insert: impl FnOnce(&mut Graph)) -> Result<Lease, NodeError> {
         let mut graph = lock(&self.registrar.graph);
         if graph.closed {
@@ -303,7 +306,8 @@ impl Node {
         Ok(Lease::new(key, &self.registrar))
     }
 
-    /// Registers a key that was just added. On refusal the dropped lease removes it from the graph.
+    /// Registers a topic or service that was just added to the graph. If the master refuses it,
+    /// dropping the lease removes it from the graph.
     async fn register(&self, lease: Lease) -> Result<Lease, NodeError> {
         let refused = self.registrar.sync_within_timeout().await;
         match refused.into_iter().find(|(key, _)| key == lease.key()) {

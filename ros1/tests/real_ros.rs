@@ -1,4 +1,4 @@
-//! The node together with the programs of Debian's ROS 1.
+//! The node of this crate together with the programs of Debian's ROS 1.
 #![expect(clippy::unwrap_used, reason = "test support code fails by panicking")]
 
 #[path = "peers/debian_ros.rs"]
@@ -20,7 +20,7 @@ use ros1::{
 use tokio::time::{sleep, timeout};
 use types::{SET_BOOL, STRING, string};
 
-/// Far longer than any operation takes, even on a busy machine.
+/// Time limit of each wait: far longer than any operation takes, even on a busy machine.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
 async fn start_node(name: &str, port: u16) -> Node {
@@ -60,7 +60,7 @@ async fn wait_until(what: &str, mut done: impl AsyncFnMut() -> bool) {
     }
 }
 
-/// Sends numbered messages through the rospy node and expects them back in order.
+/// Publishes numbered messages on `up` and expects the rospy node to echo them on `down` in order.
 async fn round_trip(up: &Publisher, down: &mut Subscriber, numbers: std::ops::Range<u32>) {
     for number in numbers.clone() {
         up.publish(&string(&format!("message {number}")));
@@ -71,8 +71,8 @@ async fn round_trip(up: &Publisher, down: &mut Subscriber, numbers: std::ops::Ra
     }
 }
 
-/// Sends until an echo arrives, then drains the remaining echoes. rospy answers the handshake before
-/// it adds the subscriber, and messages that it publishes in between are lost.
+/// Publishes until an echo arrives, then drains the remaining echoes. rospy answers the handshake
+/// before it adds the subscriber, so messages that it publishes in between are lost.
 async fn wait_for_echo(up: &Publisher, down: &mut Subscriber) {
     wait_until("the first echo", async || {
         up.publish(&string("hello"));
@@ -271,7 +271,7 @@ async fn after_a_roscore_restart_the_node_registers_again_and_connections_stay_o
             .is_ok_and(|u| u == ours.uri().into())
     })
     .await;
-    // The promise is 2 s; the rest is a margin for a busy machine.
+    // A node must register again within 2 s; the other 2 s are a margin for a busy machine.
     assert!(
         back.elapsed() < Duration::from_secs(4),
         "{:?}",

@@ -1,4 +1,5 @@
-//! Runs one script of calls against our master and Debian's rosmaster and compares all answers.
+//! Runs the same XML-RPC calls against the master of this crate and Debian's rosmaster and compares
+//! all answers.
 #![expect(clippy::unwrap_used, reason = "test support code fails by panicking")]
 
 #[path = "peers/call_recorder.rs"]
@@ -248,7 +249,7 @@ fn invalid_calls() -> Vec<Call> {
     ]
 }
 
-/// Replaces the first text of each pair by the second in all strings of a value.
+/// Replaces, in all strings inside a value, the first text of each pair by the second.
 fn replaced(value: &Value, pairs: &[(&str, &str)]) -> Value {
     match value {
         Value::String(text) => {
@@ -268,7 +269,8 @@ fn replaced(value: &Value, pairs: &[(&str, &str)]) -> Value {
     }
 }
 
-/// Runs the script and returns every answer, then the calls that each node received.
+/// Makes the calls of `script` at `master`. Returns every answer, then the calls that each node
+/// received.
 async fn run(master: &str, script: &[Call]) -> Vec<String> {
     let nodes = [CallRecorder::start(), CallRecorder::start()];
     let uris = [nodes[0].uri.as_str(), nodes[1].uri.as_str()];
@@ -287,7 +289,7 @@ async fn run(master: &str, script: &[Call]) -> Vec<String> {
         };
         lines.push(format!("{method}{arguments:?} -> {answer}"));
         // rosmaster notifies nodes after it has answered, from threads that poll every 100 ms, and
-        // sends the value that a parameter has by then. Wait until that has happened.
+        // sends the parameter's value at that time. Wait until the notification has been sent.
         if method.contains("register") || method.ends_with("etParam") || *method == "deleteParam" {
             tokio::time::sleep(Duration::from_millis(200)).await;
         }

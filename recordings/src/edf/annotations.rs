@@ -2,9 +2,9 @@
 
 use crate::event::{Event, EventLabel};
 
-/// Ends the time stamp and each text of a list.
+/// Byte that ends the time stamp and each text of an annotation list.
 const TEXT_END: u8 = 0x14;
-/// Separates onset and duration.
+/// Byte between the onset and the duration of an annotation list.
 const DURATION: u8 = 0x15;
 
 #[derive(Debug, Default, PartialEq)]

@@ -6,24 +6,25 @@ use crate::{
     header::array_at,
 };
 
-/// Length of the table prefix, bytes.
+/// Length of an event table's prefix (mode, count and rate), bytes.
 pub(crate) const PREFIX: usize = 8;
 
-/// Versions from here on have the prefix mode, u24 count, f32 rate; earlier ones mode, u24 rate, u32
-/// count. biosig and MNE use the same threshold.
+/// First version whose table prefix is mode (u8), count (u24), rate (f32). In earlier versions it
+/// is mode (u8), rate (u24), count (u32). The libraries biosig and MNE use the same threshold.
 const NEW_PREFIX: f64 = 1.94;
 
-/// Event type of a sample of a sparsely sampled signal. The duration column holds its value.
+/// Event type of a sample of a sparsely sampled signal. The row's duration column holds the sample
+/// value.
 const SPARSE_SAMPLE: u16 = 0x7fff;
 
 /// The first eight bytes of the table, before its columns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TablePrefix {
-    /// 1: positions and types; 3: also channels and durations.
+    /// Columns of the table. 1: positions and types; 3: also channels and durations.
     mode: u8,
     /// Number of events.
     pub(crate) count: u32,
-    /// Positions per second, Hz; <= 0 if the file does not state it.
+    /// Unit of the positions: positions per second, Hz; <= 0 if the file does not state it.
     rate_hz: f64,
 }
 
@@ -45,7 +46,7 @@ impl TablePrefix {
         }
     }
 
-    /// Length of all columns, bytes; `None` for an unknown mode.
+    /// Length of all columns of the table, bytes; `None` for an unknown mode.
     pub(crate) fn column_bytes(&self) -> Option<u64> {
         match self.mode {
             1 => Some(u64::from(self.count) * 6),
@@ -54,13 +55,14 @@ impl TablePrefix {
         }
     }
 
-    /// Returns whether the rate is plausible, at least 1 mHz. Small integers interpreted as a float are
-    /// far below.
+    /// Returns whether the rate is plausible: at least 1 mHz. Small integers interpreted as a float
+    /// are far below this limit.
     pub(crate) fn states_rate(&self) -> bool {
         self.rate_hz.is_finite() && self.rate_hz >= 1e-3
     }
 
-    /// Returns positions per second, Hz, > 0; `fallback_hz` if the file does not state it.
+    /// Returns the number of positions per second, Hz, > 0; `fallback_hz` if the file does not
+    /// state it.
     pub(crate) fn rate_or(&self, fallback_hz: f64) -> f64 {
         if self.rate_hz.is_finite() && self.rate_hz > 0.0 {
             self.rate_hz
@@ -69,8 +71,8 @@ impl TablePrefix {
         }
     }
 
-    /// Decodes the events in file order from `columns`, [`Self::column_bytes`] long. `fallback_hz`
-    /// replaces a missing rate. Positions count from 1.
+    /// Decodes the events in file order from `columns`, which has [`Self::column_bytes`] bytes.
+    /// `fallback_hz` replaces a missing rate. Position 1 is the start of the file.
     pub(crate) fn events(&self, columns: &[u8], fallback_hz: f64) -> Vec<Event> {
         let count = self.count as usize;
         let rate_hz = self.rate_or(fallback_hz);
@@ -168,7 +170,8 @@ mod tests {
         };
         assert_eq!(prefix.events(&columns, 1.0), [sparse, plain]);
 
-        // Mode 1 has no column for the value.
+        // In a table of mode 1, which has no duration column, type 0x7fff is an ordinary event
+        // type.
         let prefix = TablePrefix { mode: 1, ..prefix };
         let events = prefix.events(&columns[..12], 1.0);
         assert_eq!(events[0].label, EventLabel::Type(0x7fff));

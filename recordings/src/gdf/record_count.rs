@@ -1,4 +1,4 @@
-//! Determines the number of records of a GDF file whose header states -1.
+//! Determines the number of records in a GDF file whose header states -1 records.
 
 use super::events::{PREFIX, TablePrefix};
 use crate::{
@@ -8,19 +8,20 @@ use crate::{
     source::{BLOCK_BYTES, Source, in_memory, read_at},
 };
 
-/// Longest event table, bytes: 2^24 - 1 rows, the limit of GDF 2, in mode 3.
+/// Size of the longest possible event table, bytes: 2^24 - 1 rows (the limit of GDF 2) of 12 bytes
+/// in mode 3.
 const TABLE_MAX: u64 = PREFIX as u64 + 12 * 0x00ff_ffff;
 
 /// Returns the number of records before an event table that ends exactly at the end of the file;
 /// `None` if there is no table and all bytes after the header are records.
 ///
-/// No field of the file states where the records end, so the function tests the end of every record,
-/// from the last one backwards. It reads at most [`TABLE_MAX`] bytes, in blocks. Four bytes of a
-/// table prefix determine the length of the table. Samples that happen to match are recognised by
-/// [`is_table`].
+/// No field of the file states where the records end. The function therefore tests the end of every
+/// record, from the last one backwards, for an event table. It reads at most [`TABLE_MAX`] bytes,
+/// in blocks. Four bytes of a table prefix determine the length of the table. Samples that look
+/// like a table prefix by chance are rejected by [`is_table`].
 ///
 /// # Errors
-/// [`RecordingError::Read`].
+/// [`RecordingError::Read`] if reading fails.
 pub(crate) fn before_table(
     source: &mut dyn Source,
     header: &Header,
@@ -63,9 +64,10 @@ pub(crate) fn before_table(
     Ok(None)
 }
 
-/// Returns whether the columns at byte offset `at` are plausible for `table`. The first 16,384
-/// positions must be within twice the duration of the file without a table. A table without rows must
-/// state its rate; otherwise a signal that ends in 1, 0, 0, 0 would match.
+/// Returns whether the columns at byte offset `at` are plausible for the prefix `table`. The first
+/// 16,384 event positions must be within twice the duration that the file would have without a
+/// table. A table without rows must state its rate; otherwise a signal that ends in the bytes 1, 0,
+/// 0, 0 would be taken for a table.
 fn is_table(
     source: &mut dyn Source,
     header: &Header,

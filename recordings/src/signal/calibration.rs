@@ -1,6 +1,7 @@
-//! Conversion from digital to physical values.
+//! Linear conversion of stored (digital) sample values to physical values.
 
-/// The straight line through (digital min, physical min) and (digital max, physical max).
+/// Linear scale of a signal: the straight line through the points (`digital_min`, `physical_min`)
+/// and (`digital_max`, `physical_max`).
 ///
 /// `physical = (d - digital_min) * gain + physical_min` with
 /// `gain = (physical_max - physical_min) / (digital_max - digital_min)`. GDF applies the line to
@@ -24,12 +25,13 @@ impl Calibration {
         range.is_finite() && range != 0.0 && (self.physical_max - self.physical_min).is_finite()
     }
 
-    /// Slope of the line: physical units per digital unit.
+    /// Slope of the scale: physical units per digital unit.
     pub fn gain(&self) -> f64 {
         (self.physical_max - self.physical_min) / (self.digital_max - self.digital_min)
     }
 
-    /// Converts a digital value. Values outside the announced range are not clamped.
+    /// Converts a digital value to the signal's physical unit. Values outside the range given in
+    /// the header are not clamped.
     pub fn physical(&self, digital: f64) -> f64 {
         (digital - self.digital_min) * self.gain() + self.physical_min
     }

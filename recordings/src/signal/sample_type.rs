@@ -1,11 +1,11 @@
-//! Encoding of the samples in a record.
+//! Encoding of the samples in a record: integers and floats of several sizes.
 
 /// Encoding of one sample; always little-endian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SampleType {
-    /// Two's complement integer of 1 to 8 bytes.
+    /// Two's complement integer; holds its size, 1 to 8 bytes.
     Signed(u8),
-    /// Unsigned integer of 1 to 8 bytes.
+    /// Unsigned integer; holds its size, 1 to 8 bytes.
     Unsigned(u8),
     /// IEEE 754 single precision.
     Float32,
@@ -70,7 +70,7 @@ impl SampleType {
     }
 }
 
-/// Returns at most eight little-endian bytes as the low bytes of a word.
+/// Returns up to eight little-endian bytes as a u64; missing high bytes are 0.
 fn word(raw: &[u8]) -> u64 {
     raw.iter()
         .rev()

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// Unit of a signal: its text in the file and, for a voltage, its size in uV.
+/// Unit of a signal: its text in the file and, for a supported voltage, its size in uV.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unit {
     text: String,

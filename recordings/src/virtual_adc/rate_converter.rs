@@ -1,4 +1,4 @@
-//! Band-limited conversion of several signals from one rate to the rate of the ADC.
+//! Band-limited conversion of several signals from a common rate to the rate of the ADC.
 
 use rubato::{
     Fft, FixedSync, Resampler,
@@ -10,14 +10,15 @@ use crate::{
     ratio::{Ratio, greatest_common_divisor},
 };
 
-/// Samples per transform on the slower side. 1024 put the edge of the anti-aliasing filter at 0.986 of
-/// the lower Nyquist frequency.
+/// Samples per transform at the lower of the two rates. 1024 samples put the edge of the
+/// anti-aliasing filter at 0.986 of the lower Nyquist frequency.
 const BLOCK: u64 = 1024;
-/// Upper limit of samples per transform on either side. Pairs of rates that need more are refused.
+/// Maximum number of samples per transform at either rate. Pairs of rates that need more are
+/// refused.
 const BLOCK_MAX: u64 = 1 << 17;
 
-/// Consumed outputs that are kept before their memory is reused: few compared with one block, and
-/// enough that moving the remaining outputs costs little per sample.
+/// Number of consumed outputs that are kept before their memory is reused. It is small compared
+/// with one block, but large enough that moving the remaining outputs costs little per sample.
 const CONSUMED_MAX: usize = 4096;
 
 /// Converts the rate of several signals without a time shift: output k is the input at the time
@@ -35,7 +36,8 @@ pub(crate) struct RateConverter {
     consumed: usize,
 }
 
-/// The resampler and the state that compensates its delay. Absent if the rates are equal.
+/// The resampler and the state that compensates its delay. Not created if the input rate equals the
+/// output rate.
 struct BlockResampler {
     resampler: Fft<f64>,
     converted: Vec<Vec<f64>>,
@@ -72,7 +74,8 @@ impl RateConverter {
         }
         let divisor = greatest_common_divisor(wanted, rate.numerator());
         let (unit_in, unit_out) = (rate.numerator() / divisor, wanted / divisor);
-        // An even number of units, so that the filter's delay is a whole number of samples at both rates.
+        // Use an even number of units, so that the filter's delay is a whole number of samples at
+        // both rates.
         let most = BLOCK_MAX / unit_in.max(unit_out) / 2 * 2;
         let units = BLOCK
             .div_ceil(unit_in.min(unit_out))
@@ -114,10 +117,11 @@ impl RateConverter {
         }
     }
 
-    /// Converts all complete blocks of the appended samples.
+    /// Converts all complete blocks of the samples appended so far.
     ///
     /// # Errors
-    /// [`RecordingError::Resampler`] and [`RecordingError::ResamplerBuffer`], both defects.
+    /// [`RecordingError::Resampler`] or [`RecordingError::ResamplerBuffer`], both of which are
+    /// defects of this crate.
     pub(crate) fn convert(&mut self) -> Result<(), RecordingError> {
         let Some(resampler) = &mut self.resampler else {
             return Ok(());
@@ -144,11 +148,12 @@ impl RateConverter {
         Ok(())
     }
 
-    /// Extends each signal by one block of its value in `held` and converts it, which yields the last
-    /// outputs.
+    /// Extends each signal by one block in which it keeps its value in `held`, and converts that
+    /// block. This yields the last outputs.
     ///
     /// # Errors
-    /// [`RecordingError::Resampler`] and [`RecordingError::ResamplerBuffer`], both defects.
+    /// [`RecordingError::Resampler`] or [`RecordingError::ResamplerBuffer`], both of which are
+    /// defects of this crate.
     pub(crate) fn flush(&mut self, held: &[f64]) -> Result<(), RecordingError> {
         let block = self
             .resampler
@@ -161,7 +166,7 @@ impl RateConverter {
         self.convert()
     }
 
-    /// Number of outputs available for every signal.
+    /// Number of converted samples that are available for every signal.
     pub(crate) fn ready(&self) -> usize {
         self.output.iter().map(Vec::len).min().unwrap_or(0) - self.consumed
     }
@@ -174,7 +179,7 @@ impl RateConverter {
             .unwrap_or(0.0)
     }
 
-    /// Samples in memory per signal: inputs and outputs, including consumed ones.
+    /// Largest number of samples in memory per signal: inputs and outputs, including consumed ones.
     #[cfg(test)]
     pub(crate) fn queued_samples(&self) -> usize {
         let longest = |queues: &[Vec<f64>]| queues.iter().map(Vec::len).max().unwrap_or(0);
@@ -183,8 +188,8 @@ impl RateConverter {
 
     /// Advances to the next output.
     ///
-    /// Memory is released after a fixed number of outputs, not when the queue is empty: next to a
-    /// converter with a longer delay, this one has outputs queued until the end of the recording.
+    /// Memory is released after a fixed number of outputs, not when the queue is empty. If another
+    /// converter has a longer delay, this one has outputs queued until the end of the recording.
     pub(crate) fn advance(&mut self) {
         self.consumed += 1;
         if self.consumed >= CONSUMED_MAX {

@@ -1,4 +1,4 @@
-//! GDF files whose header states -1 records.
+//! Number of records found in GDF files whose header states -1 records.
 
 use recordings::{Event, EventLabel, Warning};
 

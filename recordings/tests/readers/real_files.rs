@@ -17,7 +17,7 @@ use crate::read_all;
 /// skipped.
 pub(crate) fn data(file: &str) -> Option<PathBuf> {
     let Some(folder) = env::var_os("CORTICODE_DATA") else {
-        // Written directly, because the test harness captures eprintln!.
+        // Written to stderr directly, because the test harness captures `eprintln!`.
         writeln!(
             std::io::stderr(),
             "SKIPPED: {file} not read, CORTICODE_DATA is not set"
@@ -125,7 +125,8 @@ fn gdf_of_a_bci_and_of_an_ecg_equal_mne() {
     };
     let events = recording.events().expect("readable");
     assert_eq!(events.len(), 280);
-    // MNE rounds its onset 9.992188 to six digits: position 1280, counted from 1, at 128 Hz.
+    // The onset that MNE prints, 9.992188 s, is position 1280, counted from 1, at 128 Hz, rounded
+    // to six digits.
     assert_eq!(
         events[0],
         event(1279.0 / 128.0, None, EventLabel::Type(785))
@@ -183,7 +184,8 @@ fn a_10_10_cap_covers_the_scalp_grid() {
     };
     let map = MontageMap::new(&recording.labels(), &grid.labels(), Missing::Interpolate)
         .expect("common electrodes");
-    // Real are F3..F4, P3..P4 and seven columns of FC, C and CP.
+    // The recording contains F3..F4, P3..P4 and seven columns each of FC, C and CP; the rest is
+    // interpolated.
     assert_eq!(
         (map.real().len(), map.interpolated().len(), map.zero().len()),
         (31, 30, 0)
@@ -210,8 +212,9 @@ fn a_10_10_cap_covers_the_scalp_grid() {
     let rms = |of: &dyn Fn(&(f64, f64)) -> f64| {
         (pairs.iter().map(|pair| of(pair).powi(2)).sum::<f64>() / f64::from(30 * 512)).sqrt()
     };
-    // The reference was resampled with a wider filter. Measured: 0.894 uV of 52 uV, of which 0.03 uV
-    // are below 70 Hz. A shift by one sample in either direction causes 6.9 uV.
+    // The reference was resampled with a wider filter. The measured difference is 0.894 uV rms of
+    // 52 uV rms, of which 0.03 uV are below 70 Hz. A shift by one sample in either direction causes
+    // 6.9 uV.
     let error = rms(&|(a, b)| a - b);
     assert!(error < 1.2, "{error} uV rms of {}", rms(&|(_, b)| *b));
 }

@@ -1,4 +1,4 @@
-//! Synthetic EDF, EDF+ and BDF files.
+//! Samples, events, warnings and errors from synthetic EDF, EDF+ and BDF files.
 
 use recordings::{Event, EventLabel, Format, Ratio, RecordingError, Warning};
 

@@ -1,4 +1,4 @@
-//! Synthetic GDF files.
+//! Samples, events, warnings and errors from synthetic GDF files.
 
 use recordings::{Event, EventLabel, Format, Ratio, RecordingError, Warning};
 
@@ -103,7 +103,7 @@ fn signals_of_all_sample_types_are_read_from_one_file() {
         &[8_388_608.0, 1.0],
     ];
     for (signal, (found, expected)) in samples.iter().zip(expected).enumerate() {
-        // The calibration (d + 100) * 1 - 100 rounds to 1e-13 of its range.
+        // The calibration (d + 100) * 1 - 100 has rounding errors of up to 1e-13 of its range.
         let close = found
             .iter()
             .zip(expected)

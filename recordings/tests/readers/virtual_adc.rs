@@ -1,4 +1,4 @@
-//! The virtual ADC with synthetic files.
+//! Output of the virtual ADC for synthetic files.
 
 use std::f64::consts::TAU;
 
@@ -60,8 +60,8 @@ fn worst_error_uv(counts: &[[i32; 64]], hz: f64, edge: f64) -> f64 {
 
 #[test]
 fn a_resampled_sine_equals_the_analytic_sine_at_k_over_rate() {
-    // 40 s at 160 Hz need six transforms, so the range contains their boundaries. It excludes the ends,
-    // where the output depends on the extension of the signal.
+    // 40 s at 160 Hz need six transforms, so the checked range contains boundaries between
+    // transforms. It excludes the ends, where the output depends on the extension of the signal.
     for hz in [1.0, 10.0, 60.0] {
         let (counts, counters) = play(sine_file(hz, 160, 40), &["Cz"], Missing::Refuse);
         assert_eq!(counts.len(), 40 * 512);

@@ -1,18 +1,18 @@
-//! Reads the body of an HTTP request or response.
+//! Reads the body of an HTTP request or response, with or without chunked transfer encoding.
 
 use tokio::io::{AsyncBufRead, AsyncRead, AsyncReadExt as _};
 
 use super::head::{Head, HttpError, read_line};
 
-/// Longest body, bytes: enough for the parameter tree of a large robot.
+/// Longest accepted body, bytes: enough for the parameter tree of a large robot.
 const MAX_BODY: usize = 16 * 1024 * 1024;
-/// Longest line with the size of a chunk, bytes.
+/// Longest accepted line that announces the size of a chunk, bytes.
 const MAX_CHUNK_LINE: usize = 256;
-/// Longest trailer after the last chunk, bytes.
+/// Longest accepted trailer (fields after the last chunk), bytes.
 const MAX_TRAILER: usize = 8 * 1024;
 
-/// Reads the body that follows `head`. Memory grows with the bytes received, never with the
-/// announced length.
+/// Reads the body that follows `head`. Allocates memory as bytes arrive, not for the announced
+/// length, so a peer cannot exhaust memory by announcing a huge body.
 pub(crate) async fn read_body<S: AsyncBufRead + Unpin>(
     stream: &mut S,
     head: &Head,
@@ -23,7 +23,7 @@ pub(crate) async fn read_body<S: AsyncBufRead + Unpin>(
     } else if let Some(length) = head.content_length {
         append(stream, &mut body, length).await?;
     } else if head.first_line.starts_with("HTTP/") {
-        // A response without a length ends with its connection.
+        // A response without `Content-Length` or chunks ends when the peer closes the connection.
         let limit = u64::try_from(MAX_BODY + 1).unwrap_or(u64::MAX);
         stream.take(limit).read_to_end(&mut body).await?;
         if body.len() > MAX_BODY {

@@ -1,10 +1,10 @@
-//! Reads the first line and the fields of an HTTP request or response.
+//! Reads the head of an HTTP request or response: its first line and its fields.
 
 use std::io;
 
 use tokio::io::{AsyncBufRead, AsyncBufReadExt as _, AsyncReadExt as _};
 
-/// Longest head, bytes. Peers in Python and C++ send less than 300.
+/// Longest accepted head, bytes. XML-RPC peers in Python and C++ send less than 300 bytes.
 const MAX_HEAD: usize = 32 * 1024;
 
 /// Why an HTTP message could not be read.
@@ -19,18 +19,18 @@ pub enum HttpError {
     /// The head is longer than 32 KiB.
     #[error("the HTTP head is longer than {MAX_HEAD} bytes")]
     HeadTooLong,
-    /// The body is longer than the limit, in bytes.
+    /// The body is longer than the limit; holds the limit in bytes.
     #[error("the HTTP body is longer than {0} bytes")]
     BodyTooLong(usize),
-    /// A field, a length or a chunk size has the wrong syntax.
+    /// A header field, a length or a chunk size has the wrong syntax; holds the line.
     #[error("the HTTP line {0:?} is malformed")]
     Malformed(String),
 }
 
-/// The parts of a head that the reader acts on.
+/// The parts of an HTTP head that determine how the body is read and the connection continues.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Head {
-    /// `POST / HTTP/1.1` or `HTTP/1.1 200 OK`.
+    /// Request line (`POST / HTTP/1.1`) or status line (`HTTP/1.1 200 OK`).
     pub(crate) first_line: String,
     /// Length of the body, bytes; `None` without a `Content-Length` field.
     pub(crate) content_length: Option<usize>,
@@ -42,7 +42,8 @@ pub(crate) struct Head {
     pub(crate) expects_continue: bool,
 }
 
-/// Reads a head. Returns `None` when the connection ends before its first byte.
+/// Reads the head of one message. Returns `None` if the connection ends before the head's first
+/// byte.
 pub(crate) async fn read_head<S: AsyncBufRead + Unpin>(
     stream: &mut S,
 ) -> Result<Option<Head>, HttpError> {
@@ -87,8 +88,8 @@ pub(crate) async fn read_head<S: AsyncBufRead + Unpin>(
     }
 }
 
-/// Reads one line and strips its line end; `None` at the end of the stream. Subtracts the bytes
-/// read from `left`, the limit.
+/// Reads one line and strips its line end; returns `None` at the end of the stream. `left` is the
+/// number of bytes that may still be read; it is reduced by the length of the line.
 pub(super) async fn read_line<S: AsyncBufRead + Unpin>(
     stream: &mut S,
     left: &mut usize,

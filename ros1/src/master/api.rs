@@ -1,4 +1,4 @@
-//! The methods of the master, except those for parameters.
+//! The XML-RPC methods of the master, except those for parameters.
 
 use std::sync::Mutex;
 
@@ -16,7 +16,7 @@ use crate::{
     xmlrpc::{Fault, Reply, Value},
 };
 
-/// Handler of the master's XML-RPC server.
+/// State of the master, and the handler of its XML-RPC calls.
 #[derive(Debug)]
 pub(super) struct Api {
     uri: String,
@@ -29,7 +29,8 @@ pub(super) struct Api {
 struct State {
     registrations: Registrations,
     parameters: Parameters,
-    /// (topic, type) in the order of the first registration; topics are never removed.
+    /// Pairs (topic, type) in the order in which the topics were first registered. Topics are never
+    /// removed.
     topic_types: Vec<(String, String)>,
 }
 
@@ -45,7 +46,8 @@ impl Api {
         }
     }
 
-    /// Answers one call with a [`Reply`] as a value.
+    /// Answers one XML-RPC call. The value is a [`Reply`] as an array; an unknown method is a
+    /// fault.
     pub(super) fn answer(&self, method: &str, arguments: &[Value]) -> Result<Value, Fault> {
         let Some(signature) = signature(method) else {
             let message = format!("<class 'Exception'>:method \"{method}\" is not supported");
@@ -58,7 +60,7 @@ impl Api {
         Ok(reply.into())
     }
 
-    /// Carries out a call whose arguments have been checked.
+    /// Executes `method`. The signature has already checked and converted `arguments`.
     fn dispatch(&self, method: &str, caller: &str, arguments: &[Value]) -> Reply {
         let mut state = lock(&self.state);
         let text = |at: usize| text(arguments, at);
@@ -181,7 +183,7 @@ impl Api {
     }
 }
 
-/// Returns the text argument at index `at`; the signature has checked that it is there.
+/// Returns the string argument at index `at`. The signature has already checked that it exists.
 fn text(arguments: &[Value], at: usize) -> &str {
     arguments
         .get(at)

@@ -1,8 +1,9 @@
-//! The checks that rosmaster makes on the arguments of a call, with its error messages.
+//! The checks that rosmaster applies to the arguments of a call, with the same error messages.
 
 use crate::{names::resolve, xmlrpc::Value};
 
-/// Check and conversion of one argument. Holds the name of the argument for error messages.
+/// Check and conversion of one argument. Each variant but `Any` holds the argument's name for error
+/// messages.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Check {
     /// A non-empty name, resolved to its full form.
@@ -11,19 +12,19 @@ pub(super) enum Check {
     NotRoot(&'static str),
     /// A URI that starts with `http://` or `rosrpc://`.
     Uri(&'static str),
-    /// `package/Type`, or `*`.
+    /// Type of a topic: `package/Type`, or `*` for any type.
     Type(&'static str),
-    /// A non-empty string, not converted.
+    /// A non-empty string, kept as received.
     Text(&'static str),
-    /// An empty string, or a name, resolved to its full form.
+    /// An empty string, kept; or a name, resolved to its full form.
     Subgraph(&'static str),
-    /// Any value but nil.
+    /// Any value except nil.
     Value(&'static str),
     Any,
 }
 
-/// Checks one argument of a call by `caller` and returns its converted value, or the error message
-/// of rosmaster.
+/// Checks one argument of a call by the node `caller`. Returns the converted value, or the error
+/// message that rosmaster would return.
 pub(super) fn check(check: Check, value: &Value, caller: &str) -> Result<Value, String> {
     match check {
         Check::Any => Ok(value.clone()),
@@ -92,7 +93,7 @@ fn must_be_non_empty(name: &str) -> String {
     format!("ERROR: parameter [{name}] must be a non-empty string")
 }
 
-/// Returns whether Python treats the value as false, which is what the checks of rosmaster test.
+/// Returns whether Python treats `value` as false: rosmaster rejects such values as missing.
 fn is_falsy(value: &Value) -> bool {
     match value {
         Value::Int(number) => *number == 0,

@@ -1,5 +1,5 @@
-//! Calls nodes to report changes: one call at a time per node, in order. A newer notice replaces an
-//! older one that still waits.
+//! Notifies nodes of changes by XML-RPC: one call at a time per node, in order. A notice that has
+//! not been sent yet is replaced by a newer one about the same subject.
 
 use std::{
     collections::{HashMap, VecDeque},
@@ -11,27 +11,28 @@ use crate::{
     xmlrpc::{Value, call_ros},
 };
 
-/// Caller name of the master in its calls to nodes.
+/// Caller ID that the master uses in its calls to nodes.
 const MASTER: &str = "/master";
 
 #[derive(Debug)]
 struct Notice {
     method: &'static str,
-    /// Topic, parameter or node that the call is about.
+    /// Name of the topic, parameter or node that the notice is about.
     subject: String,
     arguments: Vec<Value>,
 }
 
-/// Queues of notices by the XML-RPC URI of the node. A queue exists while a task delivers from it.
+/// Queues of notices, keyed by the XML-RPC URI of the node. A queue exists only while a task
+/// delivers its notices.
 #[derive(Debug, Default)]
 pub(super) struct Notifier {
     waiting: Arc<Mutex<HashMap<String, VecDeque<Notice>>>>,
 }
 
 impl Notifier {
-    /// Queues a call of `method` at the node with the URI `api` without waiting. It replaces a
+    /// Queues a call of `method` to the node at the XML-RPC URI `api`, without waiting. Replaces a
     /// waiting call of the same method about the same subject, so a queue holds at most one call
-    /// per subject.
+    /// per method and subject.
     pub(super) fn notify(
         &self,
         api: &str,
@@ -58,8 +59,8 @@ impl Notifier {
         tokio::spawn(deliver(Arc::clone(&self.waiting), api.to_owned()));
     }
 
-    /// Asks the node that was displaced, if any, to shut down: another one has registered under its
-    /// name.
+    /// Asks the node at `api`, if any, to shut down, because another node has registered under the
+    /// name `node`.
     pub(super) fn notify_displaced(&self, api: Option<String>, node: &str) {
         if let Some(api) = api {
             let reason = format!("[{node}] Reason: new node registered with same name");

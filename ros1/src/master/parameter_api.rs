@@ -1,4 +1,4 @@
-//! The methods of the master for parameters.
+//! The XML-RPC methods of the master for parameters.
 
 use super::{
     notifier::Notifier,
@@ -11,7 +11,7 @@ use crate::{
     xmlrpc::{Reply, Value},
 };
 
-/// The state of the master that the methods for parameters work on.
+/// The parts of the master's state that the parameter methods read and change.
 pub(super) struct ParameterApi<'a> {
     pub(super) parameters: &'a mut Parameters,
     pub(super) registrations: &'a mut Registrations,
@@ -19,7 +19,7 @@ pub(super) struct ParameterApi<'a> {
 }
 
 impl ParameterApi<'_> {
-    /// Carries out a call whose arguments have been checked.
+    /// Executes `method`. The signature has already checked and converted `arguments`.
     pub(super) fn dispatch(self, method: &str, caller: &str, arguments: &[Value]) -> Reply {
         let text = |at: usize| {
             arguments
@@ -71,7 +71,7 @@ impl ParameterApi<'_> {
             "unsubscribeParam" => {
                 let key = resolve(text(1), caller);
                 let kind = Kind::ParameterSubscriber;
-                // rosmaster answers 1 whether or not there was a subscription.
+                // rosmaster returns 1 whether or not the node had subscribed to the parameter.
                 self.registrations
                     .unregister(kind, &with_slash(&key), caller, text(0));
                 Reply::success(format!("Unsubscribe to parameter [{key}]"), 1)

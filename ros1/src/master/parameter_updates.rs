@@ -7,14 +7,14 @@ use crate::{names::canonical, xmlrpc::Value};
 #[derive(Debug, PartialEq)]
 pub(super) struct ParameterUpdate {
     pub(super) registrants: Vec<Registrant>,
-    /// Full name with a trailing slash, as rosmaster sends it.
+    /// Full name of the parameter with a trailing slash, as rosmaster sends it.
     pub(super) key: String,
     pub(super) value: Value,
 }
 
 /// Returns the notifications that rosmaster sends after `key` was set to `value`; an empty struct
-/// means that it was deleted. The node `changer` is not notified as a subscriber of `key` or of a
-/// branch above it.
+/// as `value` means that `key` was deleted. The node `changer`, which made the change, is not
+/// notified for its own subscriptions to `key` or to a branch above `key`.
 pub(super) fn parameter_updates(
     subscribers: &[(String, Vec<Registrant>)],
     key: &str,
@@ -60,7 +60,7 @@ pub(super) fn parameter_updates(
     updates
 }
 
-/// Appends the full name, with a trailing slash, and the value of everything below a branch.
+/// Appends, for every parameter below `branch`, its full name with a trailing slash and its value.
 fn push_branch<'a>(names: &mut Vec<(String, &'a Value)>, branch: &str, value: &'a Value) {
     let Value::Struct(members) = value else {
         return;
@@ -72,7 +72,8 @@ fn push_branch<'a>(names: &mut Vec<(String, &'a Value)>, branch: &str, value: &'
     }
 }
 
-/// Returns the canonical name with a trailing slash, under which subscriptions are stored.
+/// Returns the canonical form of `key` with a trailing slash, which is the form of stored
+/// subscriptions.
 pub(super) fn with_slash(key: &str) -> String {
     if key == "/" {
         key.to_owned()

@@ -1,10 +1,10 @@
-//! The parameter tree: structs are branches, all other values are leaves.
+//! The master's parameter tree: structs are branches, all other values are leaves.
 
 use crate::{names::canonical, xmlrpc::Value};
 
 #[derive(Debug)]
 pub(super) struct Parameters {
-    /// Invariant: a struct.
+    /// The whole tree. Invariant: always a struct.
     root: Value,
 }
 
@@ -17,13 +17,13 @@ impl Default for Parameters {
 }
 
 impl Parameters {
-    /// Returns the value or branch at `key`, a full name.
+    /// Returns the value or the branch at `key`, which must be a full name.
     pub(super) fn get(&self, key: &str) -> Option<&Value> {
         parts(key).try_fold(&self.root, |branch, part| branch.member(part))
     }
 
-    /// Sets a value, or replaces a whole branch. A leaf on the path becomes a branch. Returns false
-    /// if `key` is the root and `value` is not a struct.
+    /// Sets the parameter `key`, or replaces the whole branch `key`. A leaf on the path to `key` is
+    /// replaced by a branch. Returns false if `key` is the root and `value` is not a struct.
     pub(super) fn set(&mut self, key: &str, value: Value) -> bool {
         if key == "/" {
             let branch = matches!(value, Value::Struct(_));
@@ -51,7 +51,8 @@ impl Parameters {
         true
     }
 
-    /// Removes a value or a branch. Returns false if it does not exist or is the root.
+    /// Removes the parameter or the branch `key`. Returns false if `key` does not exist or is the
+    /// root.
     pub(super) fn delete(&mut self, key: &str) -> bool {
         let full = canonical(key);
         let Some((branch, leaf)) = full.rsplit_once('/').filter(|(_, leaf)| !leaf.is_empty())
@@ -80,8 +81,9 @@ impl Parameters {
         names
     }
 
-    /// Searches upwards from `namespace` for the first part of `key` and returns the full name of
-    /// `key` there. As in rosmaster, the other parts of `key` need not exist.
+    /// Looks for the first part of `key` in `namespace`, then in each namespace above it. Returns
+    /// the full name of `key` in the first namespace that has that part. As in rosmaster, the other
+    /// parts of `key` need not exist.
     pub(super) fn search(&self, namespace: &str, key: &str) -> Option<String> {
         if key.starts_with('/') {
             return self.get(key).map(|_| key.to_owned());

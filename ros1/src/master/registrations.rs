@@ -11,17 +11,19 @@ pub(super) enum Kind {
     ParameterSubscriber,
 }
 
-/// A node and its XML-RPC URI.
+/// A registered node and its XML-RPC URI.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Registrant {
     pub(super) node: String,
     pub(super) api: String,
 }
 
-/// All registrations of one kind: (topic, service or parameter, its registrants).
+/// All registrations of one kind, as pairs: the name of a topic, service or parameter, and the
+/// nodes registered for it.
 type Register = Vec<(String, Vec<Registrant>)>;
 
-/// URI and registrations of one node. A node without registrations is removed.
+/// XML-RPC URI and registrations of one node. The entry is removed with the node's last
+/// registration.
 #[derive(Debug)]
 struct NodeEntry {
     api: String,
@@ -35,15 +37,16 @@ pub(super) struct Registrations {
     subscribers: Register,
     services: Register,
     parameter_subscribers: Register,
-    /// From the name of a service to its (node, service URI).
+    /// Maps a service name to its provider: (node name, service URI).
     service_uris: HashMap<String, (String, String)>,
-    /// Whether any service has ever been registered. Error messages of rosmaster depend on it.
+    /// True once any service has been registered. Some error messages of rosmaster depend on it.
     had_service: bool,
 }
 
 impl Registrations {
-    /// Registers `node` for `key`. If a node of the same name with another URI was registered, removes
-    /// that one and returns its URI for the shutdown notice.
+    /// Registers `node` for the topic, service or parameter `key`. If a node of the same name but
+    /// another XML-RPC URI was registered, removes the old one and returns its URI, so that the
+    /// caller can ask it to shut down.
     pub(super) fn register(
         &mut self,
         kind: Kind,
@@ -75,7 +78,7 @@ impl Registrations {
         };
         let register = self.entries_mut(kind);
         match register.iter_mut().find(|(name, _)| name == key) {
-            // A service has one provider: the latest.
+            // A service has only one provider: the node that registered it last.
             Some((_, registrants)) if kind == Kind::Service => *registrants = vec![registrant],
             Some((_, registrants)) if registrants.contains(&registrant) => {}
             Some((_, registrants)) => registrants.push(registrant),
@@ -84,7 +87,8 @@ impl Registrations {
         displaced
     }
 
-    /// Registers a service at `uri`. Returns the same as [`Registrations::register`].
+    /// Registers a service at `uri`. Returns the URI of a displaced node, as
+    /// [`Registrations::register`] does.
     pub(super) fn register_service(
         &mut self,
         service: &str,
@@ -99,8 +103,8 @@ impl Registrations {
         displaced
     }
 
-    /// Unregisters the registrant (`node`, `api`). Returns the message of rosmaster and whether the
-    /// registration existed.
+    /// Removes the registration of the node (`node`, `api`). Returns rosmaster's message and
+    /// whether the registration existed.
     pub(super) fn unregister(
         &mut self,
         kind: Kind,
@@ -133,8 +137,8 @@ impl Registrations {
         }
     }
 
-    /// Unregisters a service if `uri` is its current URI. Returns the same as
-    /// [`Registrations::unregister`].
+    /// Unregisters a service if `uri` is its current URI. Returns rosmaster's message and whether
+    /// the registration existed.
     pub(super) fn unregister_service(
         &mut self,
         service: &str,
@@ -166,17 +170,17 @@ impl Registrations {
         }
     }
 
-    /// XML-RPC URI of a node that has any registration.
+    /// Returns the XML-RPC URI of a node; `None` if the node has no registration.
     pub(super) fn node_api(&self, node: &str) -> Option<&str> {
         self.nodes.get(node).map(|entry| entry.api.as_str())
     }
 
-    /// URI of the current provider of a service, `rosrpc://HOST:PORT`.
+    /// Returns the URI of the service's current provider, `rosrpc://HOST:PORT`.
     pub(super) fn service_uri(&self, service: &str) -> Option<&str> {
         self.service_uris.get(service).map(|(_, uri)| uri.as_str())
     }
 
-    /// XML-RPC URIs of all nodes registered for `key`.
+    /// Returns the XML-RPC URIs of all nodes registered for the topic, service or parameter `key`.
     pub(super) fn apis(&self, kind: Kind, key: &str) -> Vec<String> {
         let found = self.entries(kind).iter().find(|(name, _)| name == key);
         found.map_or_else(Vec::new, |(_, registrants)| {
@@ -187,7 +191,7 @@ impl Registrations {
         })
     }
 
-    /// All registrations of one kind in order of registration.
+    /// Returns all registrations of one kind in order of registration.
     pub(super) fn entries(&self, kind: Kind) -> &[(String, Vec<Registrant>)] {
         match kind {
             Kind::Publisher => &self.publishers,

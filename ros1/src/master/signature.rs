@@ -1,18 +1,19 @@
-//! The arguments that each of the master's methods takes.
+//! The arguments of each XML-RPC method of the master, and how they are checked.
 
 use super::arguments::{Check, check};
 use crate::xmlrpc::Value;
 
-/// Argument checks of a method, without its first argument, the name of the caller.
+/// Checks for the arguments of one method. The first argument, the caller's name, is not listed
+/// because every method has it.
 pub(super) struct Signature {
     checks: &'static [Check],
-    /// Value of the reply when a check fails.
+    /// Value (third item) of the reply if a check fails.
     pub(super) on_error: Value,
 }
 
 impl Signature {
-    /// Checks all arguments. Returns the caller's name and the other arguments, converted; or the
-    /// error message of rosmaster.
+    /// Checks all arguments. Returns the caller's name and the other arguments, converted; on
+    /// failure, returns rosmaster's error message.
     pub(super) fn check(&self, arguments: &[Value]) -> Result<(String, Vec<Value>), String> {
         let Some((caller, arguments)) = arguments.split_first() else {
             return Err("missing required caller_id parameter".to_owned());

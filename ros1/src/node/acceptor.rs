@@ -1,4 +1,5 @@
-//! Accepts TCPROS connections from subscribers of our topics and from clients of our services.
+//! Accepts TCPROS connections from subscribers of this node's topics and from clients of its
+//! services.
 
 use std::{sync::Arc, time::Duration};
 
@@ -20,10 +21,11 @@ use crate::{
 const MAX_CONNECTIONS: usize = 1024;
 /// Delay after a failed accept, for example when no file descriptor is left.
 const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
-/// Time at shutdown in which messages already queued are still sent.
+/// Longest time after the start of a shutdown in which messages already queued are still sent.
 const DRAIN_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Accepts connections until `stopped`, then waits for the queues to drain.
+/// Accepts connections until `stopped` is set, then waits until the queues are empty, for at most
+/// [`DRAIN_TIMEOUT`].
 pub(crate) async fn accept(
     listener: TcpListener,
     registrar: Arc<Registrar>,
@@ -58,7 +60,8 @@ pub(crate) async fn accept(
     connections.shutdown().await;
 }
 
-/// Reads the header and passes the connection to the topic or service that it names.
+/// Reads the connection header and passes the connection to the topic or service named in the
+/// header.
 async fn serve_connection(mut stream: TcpStream, registrar: &Registrar) -> Result<(), HeaderError> {
     set_options(&stream)?;
     let header = Header::read(&mut stream).await?;

@@ -1,4 +1,4 @@
-//! The topics and services of a node, and which of them the master knows.
+//! The topics and services of a node, and the registration state of each at the master.
 
 use std::{
     collections::{BTreeMap, HashSet},
@@ -29,25 +29,26 @@ impl fmt::Display for Key {
     }
 }
 
-/// All topics and services of the node, by full name. The graph is authoritative: whatever the
-/// master does not know is registered from here.
+/// All topics and services of the node, by full name. The graph is authoritative: the registrar
+/// registers every entry that the master does not have.
 #[derive(Debug, Default)]
 pub(crate) struct Graph {
     pub(crate) publications: BTreeMap<String, Arc<Publication>>,
     pub(crate) subscriptions: BTreeMap<String, Arc<Subscription>>,
     pub(crate) services: BTreeMap<String, Arc<Provider>>,
-    /// Keys that the master has accepted.
+    /// Topics and services whose registration the master has accepted.
     pub(crate) registered: HashSet<Key>,
-    /// Keys whose handle was dropped and that are still to be unregistered.
+    /// Topics and services whose handle was dropped and that still have to be unregistered.
     pub(crate) leaving: HashSet<Key>,
-    /// Keys that the master refused at the last attempt; keeps the log to one entry each.
+    /// Topics and services that the master refused at the last attempt. Used to log each refusal
+    /// only once.
     pub(crate) refused: HashSet<Key>,
-    /// Set at shutdown: nothing can be added any more.
+    /// True after shutdown has started: nothing can be added any more.
     pub(crate) closed: bool,
 }
 
 impl Graph {
-    /// Returns the key of everything that should be registered.
+    /// Returns the keys of all topics and services, which should all be registered at the master.
     pub(crate) fn keys(&self) -> Vec<Key> {
         let publishers = self.publications.keys().cloned().map(Key::Publisher);
         let subscribers = self.subscriptions.keys().cloned().map(Key::Subscriber);
@@ -63,7 +64,7 @@ impl Graph {
         }
     }
 
-    /// Removes a topic or service and closes its connections.
+    /// Removes a topic or service from the graph and closes its connections.
     pub(crate) fn remove(&mut self, key: &Key) {
         self.registered.remove(key);
         self.refused.remove(key);

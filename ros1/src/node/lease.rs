@@ -1,4 +1,4 @@
-//! Ties a registration to the lifetime of a handle.
+//! Ties the registration of a topic or service to the lifetime of its handle.
 
 use std::{
     fmt,
@@ -7,7 +7,8 @@ use std::{
 
 use super::{graph::Key, registrar::Registrar};
 
-/// Keeps one topic or service in the graph. Dropping the lease removes and unregisters it.
+/// Keeps one topic or service in the node's graph. Dropping the lease removes it from the graph and
+/// unregisters it.
 pub(crate) struct Lease {
     key: Key,
     registrar: Weak<Registrar>,

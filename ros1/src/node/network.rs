@@ -1,4 +1,5 @@
-//! The network address of a node: where it listens and what it reports to the master.
+//! Chooses the network addresses of a node: the one it listens on and the one it reports to the
+//! master.
 
 use std::{
     io,
@@ -9,8 +10,8 @@ use tokio::net::UdpSocket;
 
 use crate::address::Address;
 
-/// Returns the local address to listen on so that peers can connect to `host`. Where `host` is
-/// local, only this machine can connect.
+/// Returns the local address to listen on so that peers can connect to `host`. If `host` is a
+/// loopback address or name, only programs on this machine can connect.
 pub(crate) fn listen_address(host: &str, ipv6: bool) -> IpAddr {
     match host.parse::<IpAddr>() {
         Ok(address) if address.is_loopback() => address,
@@ -21,16 +22,17 @@ pub(crate) fn listen_address(host: &str, ipv6: bool) -> IpAddr {
     }
 }
 
-/// Returns the address of the interface on the route to the master, which the master can call
-/// back. Without a route to the master, returns the address of the default route (192.0.2.1 is
-/// TEST-NET-1, RFC 5737), else loopback. Sends no packet: connecting a UDP socket only selects a
-/// route.
+/// Returns the address of the network interface on the route to the master; the master can call the
+/// node back at this address. Without a route to the master, returns the address of the default
+/// route, which is found by routing to 192.0.2.1 (TEST-NET-1, RFC 5737). Without a default route,
+/// returns loopback. No packet is sent: connecting a UDP socket only selects a route.
 pub(crate) async fn own_address(master: &Address) -> IpAddr {
     for (host, port) in [(master.host(), master.port()), ("192.0.2.1", 9)] {
         let Ok(targets) = tokio::net::lookup_host((host, port)).await else {
             continue;
         };
-        // IPv4 first: most ROS 1 peers support nothing else, and "localhost" resolves to both.
+        // Try IPv4 first: most ROS 1 peers support only IPv4, but `localhost` resolves to IPv4 and
+        // IPv6.
         let mut targets: Vec<SocketAddr> = targets.collect();
         targets.sort_by_key(SocketAddr::is_ipv6);
         for target in targets {

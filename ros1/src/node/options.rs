@@ -1,10 +1,11 @@
-//! Options of a node: its name, its master and its address.
+//! Options of a node (name, master, network address, remaps), read from code, environment and
+//! command line.
 
 use std::path::PathBuf;
 
 use crate::names::{NameError, Names};
 
-/// URI of the master unless the environment or the command line names another.
+/// URI of the master if neither the environment nor the command line sets another.
 pub const DEFAULT_MASTER_URI: &str = "http://localhost:11311/";
 
 /// Options of [`Node::start`](crate::Node::start).
@@ -12,17 +13,18 @@ pub const DEFAULT_MASTER_URI: &str = "http://localhost:11311/";
 pub struct NodeOptions {
     /// Node name: relative to `namespace` (`bridge`) or global (`/lab/bridge`).
     pub name: String,
-    /// Namespace of relative names, such as `/` or `/lab`.
+    /// Namespace in which relative names are resolved, such as `/` or `/lab`.
     pub namespace: String,
     /// XML-RPC URI of the master, `http://HOST:PORT/`.
     pub master_uri: String,
-    /// Host name or address under which other nodes reach this one. `None` takes the address of
-    /// the interface on the route to the master. If that is loopback, only programs on this machine
-    /// reach the node.
+    /// Host name or address under which other nodes reach this one. `None` selects the address of
+    /// the network interface on the route to the master. If `host` is a loopback address, only
+    /// programs on this machine reach the node.
     pub host: Option<String>,
-    /// Also listens on IPv6 if `host` is a name. An IPv6 address in `host` does not need this.
+    /// Listens on IPv6 in addition to IPv4 if `host` is a name. An IPv6 address in `host` does not
+    /// need this.
     pub ipv6: bool,
-    /// Remapped names, (from, to).
+    /// Name remaps as pairs (from, to): a name that resolves to `from` is replaced by `to`.
     pub remaps: Vec<(String, String)>,
     /// Log file that `roslaunch` passes with `__log:=`. The node itself writes no log file.
     pub log: Option<PathBuf>,
@@ -42,14 +44,16 @@ impl NodeOptions {
         }
     }
 
-    /// Reads the environment and arguments of this process, see [`NodeOptions::parse`]. Also returns
-    /// the arguments that are not for ROS, starting with the program's name.
+    /// Reads options from the environment and the arguments of this process, as
+    /// [`NodeOptions::parse`] does. Also returns the arguments that are not for ROS, starting with
+    /// the program's name.
     pub fn from_env_and_args(default_name: &str) -> (Self, Vec<String>) {
         let arguments = std::env::args_os().map(|text| text.to_string_lossy().into_owned());
         Self::parse(default_name, |name| std::env::var(name).ok(), arguments)
     }
 
-    /// Reads options from environment variables and, with precedence, from arguments.
+    /// Reads options from environment variables and from command-line arguments. Arguments override
+    /// variables.
     ///
     /// The variables are `ROS_MASTER_URI`, `ROS_IP`, `ROS_HOSTNAME` (which overrides `ROS_IP`),
     /// `ROS_NAMESPACE` and `ROS_IPV6`; the arguments `__name:=`, `__ns:=`, `__ip:=`,
@@ -94,7 +98,7 @@ impl NodeOptions {
         (options, others)
     }
 
-    /// Resolves the node's full name and its remaps.
+    /// Resolves the node's full name and both names of each remap.
     pub(crate) fn names(&self) -> Result<Names, NameError> {
         Names::new(&self.namespace, &self.name, &self.remaps)
     }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::lease::Lease;
 use crate::topic::publication::Publication;
 
-/// A topic that this node publishes. Clones share the topic; it is unregistered when the last
-/// clone is dropped.
+/// Handle of a topic that this node publishes. All clones publish on the same topic; dropping the
+/// last clone unregisters it.
 #[derive(Debug, Clone)]
 pub struct Publisher {
     publication: Arc<Publication>,
@@ -21,22 +21,23 @@ impl Publisher {
         }
     }
 
-    /// Queues one message body for every subscriber and returns the number of subscribers. Never
-    /// waits.
+    /// Queues one message body for every subscriber, without waiting. Returns the number of
+    /// subscribers.
     ///
-    /// All queues share one allocation; without subscribers there is none. A full queue drops its
-    /// oldest message, and a body longer than [`MAX_MESSAGE`](crate::tcpros::MAX_MESSAGE) is
-    /// dropped as a whole. [`Publisher::dropped`] counts both.
+    /// All subscriber queues share one copy of the body; without subscribers no memory is
+    /// allocated. A full queue drops its oldest message. A body longer than
+    /// [`MAX_MESSAGE`](crate::tcpros::MAX_MESSAGE) is dropped for all subscribers.
+    /// [`Publisher::dropped`] counts both cases.
     pub fn publish(&self, message: &[u8]) -> u32 {
         self.publication.publish(message)
     }
 
-    /// Number of subscribers connected now.
+    /// Number of subscribers with an open connection.
     pub fn subscribers(&self) -> usize {
         self.publication.subscribers()
     }
 
-    /// Messages dropped so far, summed over all subscribers, including disconnected ones.
+    /// Number of messages dropped so far, summed over all subscribers, including disconnected ones.
     pub fn dropped(&self) -> u64 {
         self.publication.dropped()
     }

@@ -23,16 +23,17 @@ use crate::{
 const ONLINE_PERIOD: Duration = Duration::from_secs(1);
 /// Period of the registration check while the master does not answer.
 const OFFLINE_PERIOD: Duration = Duration::from_millis(500);
-/// Longest time that advertising or subscribing waits for a master that accepts the call and does
-/// not answer.
+/// Longest time that advertising or subscribing waits for a master that accepts a connection but
+/// does not answer.
 const REGISTER_TIMEOUT: Duration = Duration::from_secs(2);
 /// Longest time for all unregistrations at shutdown together.
 const UNREGISTER_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// The node's state as far as the master is concerned, and the calls that synchronise the two.
+/// Registration state of a node, and the calls that bring the master's registrations into line with
+/// the node's graph.
 #[derive(Debug)]
 pub(crate) struct Registrar {
-    /// Full name of the node.
+    /// Full name of the node, `/namespace/name`.
     pub(crate) node: String,
     pub(crate) master_uri: String,
     /// URI of the node's XML-RPC server.
@@ -40,18 +41,20 @@ pub(crate) struct Registrar {
     /// URI of the node's TCPROS listener, `rosrpc://HOST:PORT`.
     pub(crate) service_uri: String,
     pub(crate) graph: Mutex<Graph>,
-    /// Whether the master answers and every key has been offered to it.
+    /// True while the master answers and every topic and service has been offered for registration.
     pub(crate) online: watch::Sender<bool>,
     pub(crate) shutdown_requested: watch::Sender<bool>,
     released: mpsc::UnboundedSender<Key>,
-    /// The last call timed out, so only the registration task waits for the next one.
+    /// True if the last call to the master timed out. Then only the background registration task
+    /// waits for the master.
     unresponsive: AtomicBool,
-    /// Serialises calls to the master, so that they arrive in the order of the graph's changes.
+    /// Serialises calls to the master, so that they arrive in the order in which the graph changed.
     master_calls: tokio::sync::Mutex<()>,
 }
 
 impl Registrar {
-    /// Creates a registrar and the receiver of released keys, which [`Registrar::run`] takes.
+    /// Creates a registrar, and the receiver of released keys that must be passed to
+    /// [`Registrar::run`].
     pub(crate) fn new(
         node: String,
         master_uri: String,
@@ -74,8 +77,8 @@ impl Registrar {
         (registrar, released_keys)
     }
 
-    /// Registration task: checks the master periodically, registers what it has forgotten and
-    /// unregisters released keys. Runs until aborted.
+    /// Body of the registration task: checks the master periodically, registers whatever the master
+    /// has lost, and unregisters released topics and services. Runs until aborted.
     pub(crate) async fn run(self: Arc<Self>, mut released_keys: mpsc::UnboundedReceiver<Key>) {
         let mut next = Instant::now();
         loop {
@@ -83,7 +86,8 @@ impl Registrar {
                 Some(key) = released_keys.recv() => self.unregister_released(&key).await,
                 () = sleep_until(next) => {
                     let started = Instant::now();
-                    // Refusals are in the log already; the next check offers the keys again.
+                    // `sync` has already logged refusals; the next check offers the refused keys
+                    // again.
                     let _ = self.sync().await;
                     let online = *self.online.borrow();
                     next = started + if online { ONLINE_PERIOD } else { OFFLINE_PERIOD };
@@ -93,10 +97,12 @@ impl Registrar {
     }
 
     /// Asks the master whether it knows this node and registers every key that it does not know.
-    /// Returns the keys that it refused, with its reasons. An unreachable master is no refusal.
+    /// Returns the refused keys, each with the master's error. An unreachable master is not a
+    /// refusal.
     pub(crate) async fn sync(&self) -> Vec<(Key, CallError)> {
         let _calls = self.master_calls.lock().await;
-        // Another node has taken the name and keeps it: registering again would displace it.
+        // If another node has taken this node's name, do not register: registering would displace
+        // it.
         if *self.shutdown_requested.borrow() {
             return Vec::new();
         }
@@ -110,7 +116,8 @@ impl Registrar {
                     self.shutdown_requested.send_replace(true);
                     return Vec::new();
                 }
-                // The registration of an earlier process, which ours will displace.
+                // The master has the URI of an earlier process of the same name; registering
+                // displaces it.
             }
             Err(CallError::Refused { .. }) => lock(&self.graph).registered.clear(),
             Err(error) => {
@@ -125,8 +132,8 @@ impl Registrar {
         })
     }
 
-    /// Runs [`Registrar::sync`] within [`REGISTER_TIMEOUT`], for a key that was just added. When
-    /// the master is too slow, returns no refusal and leaves the key to the registration task.
+    /// Runs [`Registrar::sync`] within [`REGISTER_TIMEOUT`] after a key was added. If the master is
+    /// too slow, returns no refusals and leaves the key to the registration task.
     pub(crate) async fn sync_within_timeout(&self) -> Vec<(Key, CallError)> {
         if self.unresponsive.load(Relaxed) {
             return Vec::new();
@@ -175,9 +182,9 @@ impl Registrar {
         Ok(refused)
     }
 
-    /// Registers one key and marks it as registered, unless the graph changed during the call: a
-    /// key that was released meanwhile is queued for unregistration, and a key that was released
-    /// and added again still has to be registered.
+    /// Registers one key and marks it as registered, unless the graph changed during the call. A
+    /// key released during the call is queued for unregistration. A key released and added again
+    /// during the call still has to be registered.
     async fn register(&self, key: &Key) -> Result<(), CallError> {
         let api = Value::from(self.api_uri.as_str());
         match key {
@@ -233,7 +240,7 @@ impl Registrar {
 
     async fn unregister_released(&self, key: &Key) {
         let _calls = self.master_calls.lock().await;
-        // A key that was added again in the meantime stays registered.
+        // A key that was added again after its release stays registered.
         if !lock(&self.graph).contains(key)
             && let Err(error) = self.unregister(key).await
         {
@@ -252,8 +259,8 @@ impl Registrar {
             .await
     }
 
-    /// Closes the graph and unregisters everything within [`UNREGISTER_TIMEOUT`], including keys
-    /// released before that the registration task has not handled yet.
+    /// Closes the graph and unregisters all its keys within [`UNREGISTER_TIMEOUT`]. Includes keys
+    /// that were released earlier but not yet unregistered by the registration task.
     pub(crate) async fn unregister_all(&self) {
         let keys = {
             let mut graph = lock(&self.graph);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::lease::Lease;
 use crate::service::provider::Provider;
 
-/// A service that this node provides. Dropping it unregisters the service.
+/// Handle of a service that this node provides. Dropping the handle unregisters the service.
 #[derive(Debug)]
 #[must_use = "dropping the handle unregisters the service"]
 pub struct Service {

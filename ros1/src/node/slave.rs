@@ -1,4 +1,5 @@
-//! ROS's slave API: the calls from the master and from other nodes that a node answers.
+//! The slave API of ROS: the XML-RPC methods that every node provides to the master and to other
+//! nodes.
 
 use std::sync::{
     Arc, Weak,
@@ -12,7 +13,7 @@ use crate::{
     xmlrpc::{Fault, Reply, Value},
 };
 
-/// Handler of the node's XML-RPC server.
+/// Handler of the XML-RPC calls that the node receives.
 #[derive(Debug)]
 pub(crate) struct Slave {
     pub(crate) registrar: Weak<Registrar>,
@@ -23,7 +24,8 @@ pub(crate) struct Slave {
 }
 
 impl Slave {
-    /// Answers one call with a [`Reply`] as a value.
+    /// Answers one XML-RPC call. The value is a [`Reply`] as an array; an unknown method is a
+    /// fault.
     pub(crate) fn answer(&self, method: &str, arguments: &[Value]) -> Result<Value, Fault> {
         let Some(node) = self.registrar.upgrade() else {
             return Ok(Reply::failure("the node is shutting down", 0).into());
@@ -56,7 +58,7 @@ impl Slave {
                 success(0)
             }
             "publisherUpdate" => publisher_update(&node, arguments),
-            // This node caches no parameters.
+            // `paramUpdate` has no effect, because this node caches no parameters.
             "paramUpdate" => success(0),
             "requestTopic" => self.request_topic(&node, arguments),
             _ => {
@@ -107,8 +109,8 @@ fn publisher_update(node: &Registrar, arguments: &[Value]) -> Reply {
     success(0)
 }
 
-/// Returns for each connection: ID, peer, direction, transport, topic, whether it is connected, and
-/// a description.
+/// Returns one array per connection: ID, peer, direction, transport, topic, whether it is
+/// connected, and a description. This is the result of `getBusInfo`.
 fn bus_info(node: &Arc<Registrar>) -> Value {
     let graph = lock(&node.graph);
     let mut connections = Vec::new();
@@ -141,8 +143,8 @@ fn bus_info(node: &Arc<Registrar>) -> Value {
     Value::Array(connections)
 }
 
-/// Returns the bytes and messages of each connection, grouped into publications, subscriptions and
-/// services.
+/// Returns the byte and message counts of each connection, grouped into publications, subscriptions
+/// and services. This is the result of `getBusStats`.
 fn bus_stats(node: &Arc<Registrar>) -> Value {
     let graph = lock(&node.graph);
     let publications = graph.publications.values().map(|publication| {
@@ -158,7 +160,8 @@ fn bus_stats(node: &Arc<Registrar>) -> Value {
     });
     let subscriptions = graph.subscriptions.values().map(|subscription| {
         let connections = subscription.links().into_iter().map(|link| {
-            // -1 for unknown: TCPROS does not report what a publisher has dropped.
+            // -1 means unknown: TCPROS does not report the number of messages that a publisher has
+            // dropped.
             let (received, dropped) = (loaded(&link.bytes), Value::Int(-1));
             let connected = link.is_connected().into();
             Value::Array(vec![
@@ -183,7 +186,7 @@ fn loaded(counter: &AtomicU64) -> Value {
     count(counter.load(Relaxed))
 }
 
-/// Converts a count to XML-RPC's 32-bit integer, saturating.
+/// Converts a count to XML-RPC's 32-bit integer; larger counts become 2^31 - 1.
 fn count(number: u64) -> Value {
     Value::Int(i32::try_from(number).unwrap_or(i32::MAX))
 }

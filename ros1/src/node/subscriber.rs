@@ -5,7 +5,8 @@ use std::sync::Arc;
 use super::lease::Lease;
 use crate::topic::subscription::Subscription;
 
-/// A topic that this node subscribes to, from all its publishers. Dropping it unsubscribes.
+/// Handle of a topic that this node subscribes to; receives from all publishers of the topic.
+/// Dropping the handle unsubscribes.
 #[derive(Debug)]
 pub struct Subscriber {
     subscription: Arc<Subscription>,
@@ -20,18 +21,18 @@ impl Subscriber {
         }
     }
 
-    /// Returns the next message body, waiting for one; `None` once the node has shut down and the
-    /// queue is empty. Cancel safe.
+    /// Returns the next message body. Waits while the queue is empty; returns `None` once the node
+    /// has shut down and the queue is empty. Cancelling the wait loses no message.
     pub async fn recv(&mut self) -> Option<Vec<u8>> {
         self.subscription.inbox.recv().await
     }
 
-    /// Messages dropped because the queue was full when a newer one arrived.
+    /// Number of messages dropped because the queue was full when a newer one arrived.
     pub fn dropped(&self) -> u64 {
         self.subscription.inbox.dropped()
     }
 
-    /// Number of publishers connected now.
+    /// Number of publishers with an open connection.
     pub fn publishers(&self) -> usize {
         self.subscription
             .links()

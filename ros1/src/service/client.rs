@@ -25,57 +25,58 @@ pub enum ServiceError {
     /// The name is not a ROS name.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// The master does not know the service or does not answer.
+    /// The master does not know the service, or the master does not answer.
     #[error("service {service} cannot be looked up: {source}")]
     Lookup {
-        /// Full name of the service.
+        /// Full name of the service after remapping, such as `/lab/reset`.
         service: String,
-        /// The failed call of the master's `lookupService`.
+        /// Error from the call of the master's `lookupService` method.
         source: CallError,
     },
     /// The master returned a malformed service URI.
     #[error("service {service} has no usable address: {source}")]
     Address {
-        /// Full name of the service.
+        /// Full name of the service after remapping, such as `/lab/reset`.
         service: String,
-        /// The URI that was returned.
+        /// Error that holds the URI returned by the master.
         source: AddressError,
     },
-    /// No connection to the provider, or it broke during the call.
+    /// The connection to the provider could not be opened, or it broke during the call.
     #[error("service {service} cannot be reached: {source}; is its node running?")]
     Io {
-        /// Full name of the service.
+        /// Full name of the service after remapping, such as `/lab/reset`.
         service: String,
-        /// Error of the operating system.
+        /// Error from the operating system.
         source: io::Error,
     },
     /// The provider's connection header is malformed or missing.
     #[error("service {service} answered without a valid header: {source}")]
     Header {
-        /// Full name of the service.
+        /// Full name of the service after remapping, such as `/lab/reset`.
         service: String,
         /// Why the header was rejected.
         source: HeaderError,
     },
-    /// The two sides have different definitions of the service, or the provider refuses.
+    /// The client and the provider have different definitions of the service, or the provider
+    /// refused the client.
     #[error("service {service} refuses: {reason}")]
     Refused {
-        /// Full name of the service.
+        /// Full name of the service after remapping, such as `/lab/reset`.
         service: String,
-        /// The provider's error message, or the difference between the types.
+        /// Error message from the provider, or the difference between the two service types.
         reason: String,
     },
-    /// The provider accepted the call and its handler failed.
+    /// The provider accepted the call, but its handler returned an error.
     #[error("service {service} failed: {reason}")]
     Failed {
-        /// Full name of the service.
+        /// Full name of the service after remapping, such as `/lab/reset`.
         service: String,
-        /// The provider's error message.
+        /// Error message from the provider's handler.
         reason: String,
     },
 }
 
-/// A connection to one service, for one call or for many.
+/// A connection to the provider of one service.
 #[derive(Debug)]
 pub struct ServiceClient {
     service: String,
@@ -83,8 +84,8 @@ pub struct ServiceClient {
 }
 
 impl ServiceClient {
-    /// Looks up `service`, a full name, and connects to it. The provider closes the connection
-    /// after one call unless `persistent`.
+    /// Looks up `service`, which must be a full name, and connects to its provider. Unless
+    /// `persistent`, the provider closes the connection after one call.
     pub(crate) async fn connect(
         node: &str,
         master_uri: &str,
@@ -129,12 +130,12 @@ impl ServiceClient {
         }
     }
 
-    /// Sends the body of a request and returns the body of the response. There is no time limit;
-    /// where one is needed, wrap the call in a timeout and drop the client when it expires.
+    /// Sends the body of a request and returns the body of the response. The call has no time
+    /// limit. If one is needed, wrap the call in a timeout and drop the client when it expires.
     ///
     /// # Errors
-    /// [`ServiceError::Failed`] with the provider's error message; [`ServiceError::Io`] when the
-    /// connection broke. After the latter, connect a new client.
+    /// [`ServiceError::Failed`] with the provider's error message; [`ServiceError::Io`] if the
+    /// connection broke, in which case a new client must be connected.
     pub async fn call(&mut self, request: &[u8]) -> Result<Vec<u8>, ServiceError> {
         match self.exchange(request).await {
             Ok((1, response)) => Ok(response),

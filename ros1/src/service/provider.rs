@@ -1,4 +1,4 @@
-//! A service that the node provides.
+//! A service that the node provides, and the connections of its clients.
 
 use std::{fmt, io, sync::Arc, time::Duration};
 
@@ -14,10 +14,10 @@ use crate::{
     tcpros::{Header, HeaderError, read_message_body, type_mismatch, write_message},
 };
 
-/// Longest time from the headers to the first byte of a request, for a client that makes a single
-/// call. A persistent client may be silent before each call without limit.
+/// Longest time between the header exchange and the first byte of a request, for a non-persistent
+/// client. A persistent client can be silent before each call without limit.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
-/// Longest time for the body of a request, and again for writing the response.
+/// Longest time to receive the body of a request; the same limit applies to sending the response.
 const TRANSFER_TIMEOUT: Duration = Duration::from_mins(1);
 
 /// Computes the body of a response from the body of a request, or returns the error message for
@@ -54,12 +54,12 @@ impl Provider {
         }
     }
 
-    /// Closes every connection once the call in progress has been answered.
+    /// Closes every connection of the service, after the call in progress on it has been answered.
     pub(crate) fn close(&self) {
         self.closed.send_replace(true);
     }
 
-    /// Serves one client, whose header has been read.
+    /// Answers the calls of one client, whose connection header has already been read.
     pub(crate) async fn serve(
         self: Arc<Self>,
         mut stream: TcpStream,
@@ -68,7 +68,8 @@ impl Provider {
     ) -> Result<(), HeaderError> {
         let ours = self.service_type;
         let what = format!("service [{}]", self.name);
-        // Clients send the type of the service, of the request or none, so only the MD5 counts.
+        // Compare only the MD5 sum: as the type, clients send the service's, the request's or none
+        // at all.
         if let Some(mismatch) = type_mismatch(header, &what, "*", ours.md5) {
             tracing::warn!(client = header.get("callerid"), "refused: {mismatch}");
             stream
@@ -116,7 +117,7 @@ impl Provider {
         }
     }
 
-    /// Runs the handler on a thread for blocking work, because it can take long.
+    /// Runs the handler on the thread pool for blocking work, because it can take long.
     async fn run_handler(self: &Arc<Self>, request: Vec<u8>) -> Result<Vec<u8>, String> {
         let provider = Arc::clone(self);
         match tokio::task::spawn_blocking(move || (provider.handler)(&request)).await {

@@ -1,5 +1,5 @@
-//! The connection header: `name=value` fields, each preceded by its length, and the total length
-//! in front.
+//! The TCPROS connection header: its total length, then fields `name=value`, each preceded by its
+//! length.
 
 use std::{io, time::Duration};
 
@@ -10,10 +10,10 @@ use tokio::{
 
 use super::message::read_exactly;
 
-/// Longest header, bytes. The largest field, a message definition with all its parts, stays below
-/// 100 KiB.
+/// Longest accepted header, bytes. The largest field, a message definition with all embedded types,
+/// is smaller than 100 KiB.
 pub const MAX_HEADER: usize = 1024 * 1024;
-/// Longest time to connect, and to receive the header of a peer.
+/// Longest time to open a connection, and longest time to receive the peer's header.
 pub(crate) const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Why a connection header could not be read or written.
@@ -28,26 +28,27 @@ pub enum HeaderError {
     /// The header is longer than [`MAX_HEADER`].
     #[error("the header has {length} bytes; at most {MAX_HEADER} are allowed")]
     TooLong {
-        /// Length of the header, bytes.
+        /// Total length of the header, bytes.
         length: u32,
     },
-    /// A field ends beyond the end of the header.
+    /// A header field extends beyond the end of the header.
     #[error("a field announces {length} bytes but the header has only {left} left")]
     FieldTooLong {
         /// Announced length of the field, bytes.
         length: u32,
-        /// Bytes left in the header.
+        /// Number of bytes between the field's length and the end of the header.
         left: usize,
     },
-    /// The header ends within the four bytes of a length.
+    /// The header ends within the four-byte length of a field.
     #[error("the header ends inside the length of a field")]
     Truncated,
-    /// A field has no `=`; holds the field.
+    /// A header field has no `=`; holds the text of the field.
     #[error("the header field {0:?} has no '='")]
     NoEquals(String),
 }
 
-/// The fields that each side sends when a connection opens.
+/// The fields that a subscriber, publisher, service client or provider sends when a connection
+/// opens.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Header {
     fields: Vec<(String, String)>,
@@ -84,7 +85,7 @@ impl Header {
     /// Encodes the header for the wire, starting with its total length (u32, little-endian).
     ///
     /// # Errors
-    /// [`HeaderError::TooLong`] beyond [`MAX_HEADER`].
+    /// [`HeaderError::TooLong`] if the header is longer than [`MAX_HEADER`].
     pub fn encode(&self) -> Result<Vec<u8>, HeaderError> {
         let mut bytes = vec![0; 4];
         for (name, value) in &self.fields {
@@ -99,11 +100,11 @@ impl Header {
         Ok(bytes)
     }
 
-    /// Decodes the bytes that follow the total length. Bytes that are not UTF-8 become U+FFFD:
-    /// other nodes send such strings.
+    /// Decodes the bytes that follow the total length. Bytes that are not UTF-8 become U+FFFD,
+    /// because other nodes send names in other encodings.
     ///
     /// # Errors
-    /// The bytes are not a sequence of `name=value` fields.
+    /// [`HeaderError`] if the bytes are not a sequence of `name=value` fields.
     pub fn decode(mut bytes: &[u8]) -> Result<Self, HeaderError> {
         let mut fields = Vec::new();
         while !bytes.is_empty() {
@@ -153,8 +154,8 @@ fn checked_length(length: usize) -> Result<u32, HeaderError> {
     }
 }
 
-/// Compares the type in a peer's header with ours and returns a message if they differ. `*` matches
-/// every type.
+/// Compares the type in a peer's header with the expected one. Returns an error message if they
+/// differ. `*` matches every type.
 pub(crate) fn type_mismatch(
     header: &Header,
     what: &str,

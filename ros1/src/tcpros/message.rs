@@ -1,21 +1,21 @@
-//! Messages on the wire: a length (u32, little-endian) and that many bytes.
+//! TCPROS messages on the wire: a length (u32, little-endian), then a body of that many bytes.
 
 use std::io::{self, IoSlice};
 
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
 
-/// Longest message, bytes. A larger length means that the stream is corrupt.
+/// Longest accepted message body, bytes. A larger length means that the stream is corrupt.
 pub const MAX_MESSAGE: usize = 256 * 1024 * 1024;
-/// Bytes allocated before the first byte of a message has arrived.
+/// Buffer size allocated before the first byte of a message body has arrived, bytes.
 const FIRST_ALLOCATION: usize = 64 * 1024;
 
-/// Reads one message: its length and its body.
+/// Reads one message, length and body, and returns the body.
 pub(crate) async fn read_message<S: AsyncRead + Unpin>(stream: &mut S) -> io::Result<Vec<u8>> {
     let length = stream.read_u32_le().await?;
     read_message_body(stream, length).await
 }
 
-/// Reads the body of a message after its length.
+/// Reads a message body of `length` bytes; the length itself has already been read.
 pub(crate) async fn read_message_body<S: AsyncRead + Unpin>(
     stream: &mut S,
     length: u32,
@@ -29,7 +29,7 @@ pub(crate) async fn read_message_body<S: AsyncRead + Unpin>(
     }
 }
 
-/// Reads exactly `size` bytes. Memory grows with the bytes received, never with `size`.
+/// Reads exactly `size` bytes. Allocates memory as bytes arrive, not for `size` in advance.
 pub(super) async fn read_exactly<S: AsyncRead + Unpin>(
     stream: &mut S,
     size: usize,
@@ -43,7 +43,7 @@ pub(super) async fn read_exactly<S: AsyncRead + Unpin>(
     Ok(bytes)
 }
 
-/// Writes the length and the body, in one system call where the socket buffer has room.
+/// Writes one message, length and body. Needs only one system call if the socket buffer has room.
 pub(crate) async fn write_message<S: AsyncWrite + Unpin>(
     stream: &mut S,
     body: &[u8],

@@ -1,15 +1,16 @@
-//! Options of every TCPROS socket.
+//! Sets the socket options of TCPROS connections.
 
 use std::{io, time::Duration};
 
 use socket2::{SockRef, TcpKeepalive};
 use tokio::net::TcpStream;
 
-/// Idle time before the first probe.
+/// Idle time before the first TCP keepalive probe.
 const KEEPALIVE_TIME: Duration = Duration::from_secs(10);
-/// Time between two probes.
+/// Time between two TCP keepalive probes.
 const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(5);
-/// Unanswered probes that end the connection, 25 s after the last byte.
+/// Number of unanswered TCP keepalive probes after which the connection is closed: 10 s + 3 * 5 s =
+/// 25 s after the last byte.
 const KEEPALIVE_PROBES: u32 = 3;
 
 /// Disables Nagle's algorithm, so that small messages are sent at once, and enables keepalive.

@@ -7,14 +7,15 @@ use crate::{
     message_type::MessageType,
 };
 
-/// One queue for the messages of all publishers of a topic, and the topic's name and type.
+/// Received messages of a topic from all its publishers, in one queue; also the topic's name and
+/// type.
 #[derive(Debug)]
 pub(crate) struct Inbox {
     /// Full name of the topic.
     pub(crate) topic: String,
-    /// Type that every publisher must have.
+    /// Message type that every publisher of the topic must have.
     pub(crate) message_type: &'static MessageType,
-    /// Full name of the node that subscribes.
+    /// Full name of the subscribing node.
     pub(crate) node: String,
     messages: DropOldestQueue<Vec<u8>>,
     dropped: AtomicU64,
@@ -37,7 +38,7 @@ impl Inbox {
         }
     }
 
-    /// Queues a received message body. Returns false once the inbox is closed.
+    /// Queues a received message body. Returns false if the inbox is closed.
     pub(crate) fn deliver(&self, message: Vec<u8>) -> bool {
         match self.messages.push(message) {
             Push::Queued => true,
@@ -49,18 +50,19 @@ impl Inbox {
         }
     }
 
-    /// Returns the oldest message, waiting for one; `None` once the inbox is closed and empty.
-    /// Cancel safe.
+    /// Removes and returns the oldest message. Waits while the inbox is empty; returns `None` once
+    /// it is closed and empty. Cancelling the wait loses no message.
     pub(crate) async fn recv(&self) -> Option<Vec<u8>> {
         self.messages.pop().await
     }
 
-    /// Messages dropped because the queue was full.
+    /// Number of messages dropped because the queue was full.
     pub(crate) fn dropped(&self) -> u64 {
         self.dropped.load(Relaxed)
     }
 
-    /// Accepts no further message; those already queued can still be received.
+    /// Closes the inbox: no further message is queued, but those already queued can still be
+    /// received.
     pub(crate) fn close(&self) {
         self.messages.close();
     }

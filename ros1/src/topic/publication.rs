@@ -1,4 +1,4 @@
-//! A published topic: its latched message and a queue for each subscriber.
+//! A published topic: its latched message, its subscribers, and a queue of messages for each.
 
 use std::{
     net::SocketAddr,
@@ -23,9 +23,10 @@ use crate::{
 /// Queue length and latching of a published topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PublisherOptions {
-    /// Messages queued per subscriber; one more drops that subscriber's oldest. 0 counts as 1.
+    /// Longest queue per subscriber, messages. One more drops that subscriber's oldest message. 0
+    /// counts as 1.
     pub queue: usize,
-    /// Sends the last message to each new subscriber.
+    /// Whether the last published message is also sent to each new subscriber.
     pub latch: bool,
 }
 
@@ -47,17 +48,17 @@ struct State {
     closed: bool,
 }
 
-/// The connection to one subscriber, with its queue and counters.
+/// The connection to one subscriber of the topic, with its message queue and counters.
 #[derive(Debug)]
 pub(crate) struct SubscriberLink {
-    /// Number of the link within its topic, from 0.
+    /// ID of the link: 0 for the topic's first subscriber, 1 for the second, and so on.
     pub(crate) id: u32,
-    /// Name of the subscribing node as its header states it.
+    /// Name of the subscribing node, from its connection header.
     pub(crate) caller: String,
     pub(crate) peer: SocketAddr,
-    /// Messages written to the socket.
+    /// Number of messages written to the socket.
     pub(crate) messages: AtomicU64,
-    /// Bytes of all message bodies written to the socket.
+    /// Total size of the message bodies written to the socket, bytes.
     pub(crate) bytes: AtomicU64,
     queue: DropOldestQueue<Arc<[u8]>>,
 }
@@ -78,7 +79,7 @@ impl Publication {
         }
     }
 
-    /// Queues a message body for every subscriber. Returns the number of subscribers reached.
+    /// Queues a message body for every subscriber. Returns the number of subscribers.
     pub(crate) fn publish(&self, message: &[u8]) -> u32 {
         if message.len() > MAX_MESSAGE {
             self.dropped.fetch_add(1, Relaxed);
@@ -114,12 +115,13 @@ impl Publication {
         lock(&self.state).links.len()
     }
 
-    /// Messages dropped since the topic was advertised, summed over all subscribers.
+    /// Number of messages dropped since the topic was advertised, summed over all subscribers.
     pub(crate) fn dropped(&self) -> u64 {
         self.dropped.load(Relaxed)
     }
 
-    /// Accepts no further message; those already queued are still sent.
+    /// Closes the publication: no further message is queued, but those already queued are still
+    /// sent.
     pub(crate) fn close(&self) {
         let mut state = lock(&self.state);
         state.closed = true;
@@ -128,7 +130,8 @@ impl Publication {
         }
     }
 
-    /// Sends the topic to one subscriber, whose header has been read, until either side closes.
+    /// Sends the topic's messages to one subscriber, whose connection header has already been read.
+    /// Returns when either side closes the connection.
     pub(crate) async fn serve(
         self: Arc<Self>,
         mut stream: TcpStream,
@@ -158,8 +161,8 @@ impl Publication {
         Ok(())
     }
 
-    /// Adds a link. The latched message is the first in its queue; every message published from
-    /// now on follows.
+    /// Adds a link to a new subscriber. Its queue starts with the latched message, if any, and then
+    /// receives every message published later.
     fn attach(self: &Arc<Self>, caller: String, peer: SocketAddr) -> AttachedLink {
         let link = Arc::new(SubscriberLink {
             id: self.next_id.fetch_add(1, Relaxed),
@@ -184,7 +187,8 @@ impl Publication {
     }
 }
 
-/// Removes its link from the publication when dropped, that is when the connection ends.
+/// Guard of a subscriber link. When the connection ends, the guard is dropped and removes the link
+/// from the publication.
 struct AttachedLink {
     publication: Arc<Publication>,
     link: Arc<SubscriberLink>,
@@ -200,7 +204,8 @@ impl Drop for AttachedLink {
 
 impl SubscriberLink {
     async fn send_messages(&self, mut stream: TcpStream) -> std::io::Result<()> {
-        // A subscriber sends nothing after its header; a read only detects that it has closed.
+        // A subscriber sends nothing after its header, so this read only detects that it has
+        // closed.
         let mut ignored = [0; 64];
         loop {
             tokio::select! {

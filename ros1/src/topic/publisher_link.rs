@@ -1,4 +1,4 @@
-//! The connection to one publisher of a subscribed topic.
+//! The link from a subscribed topic to one of its publishers.
 
 use std::{
     io,
@@ -17,11 +17,11 @@ use crate::{
 /// State of the link to one publisher, kept across reconnections.
 #[derive(Debug)]
 pub(crate) struct PublisherLink {
-    /// Number of the link within its topic, from 0.
+    /// ID of the link: 0 for the topic's first publisher, 1 for the second, and so on.
     pub(crate) id: u32,
-    /// Messages received over all connections.
+    /// Number of messages received, summed over all connections to this publisher.
     pub(crate) messages: AtomicU64,
-    /// Bytes of all message bodies received.
+    /// Total size of the message bodies received, bytes.
     pub(crate) bytes: AtomicU64,
     uri: String,
     listed: AtomicBool,
@@ -49,14 +49,15 @@ pub(crate) enum LinkError {
 }
 
 impl LinkError {
-    /// Whether the two sides disagree, which the user must repair; all else may pass by itself.
+    /// Returns whether publisher and subscriber disagree on the topic's type or the publisher
+    /// refused. The user must resolve these errors; all others can be temporary.
     pub(crate) fn is_refusal(&self) -> bool {
         matches!(self, Self::Refused(_) | Self::TypeMismatch(_))
     }
 }
 
 impl PublisherLink {
-    /// Creates a link to the publisher whose XML-RPC server is at `uri`; opens no connection.
+    /// Creates a link to the publisher whose XML-RPC server is at `uri`. Does not connect.
     pub(crate) fn new(id: u32, uri: String) -> Self {
         Self {
             id,
@@ -74,17 +75,17 @@ impl PublisherLink {
         &self.uri
     }
 
-    /// Whether the header exchange has succeeded and the connection is open.
+    /// Returns whether a connection is open and both sides have exchanged valid headers.
     pub(crate) fn is_connected(&self) -> bool {
         self.connected.load(Relaxed)
     }
 
-    /// Whether the master's latest list names the publisher.
+    /// Returns whether the master's latest list of publishers contains this one.
     pub(crate) fn is_listed(&self) -> bool {
         self.listed.load(Relaxed)
     }
 
-    /// Marks the publisher as listed by the master and requests an immediate retry.
+    /// Marks the publisher as listed by the master and wakes a waiting [`Self::retry_requested`].
     pub(crate) fn mark_listed(&self) {
         self.listed.store(true, Relaxed);
         self.retry.notify_one();
@@ -100,8 +101,8 @@ impl PublisherLink {
         self.retry.notified().await;
     }
 
-    /// Opens one connection and delivers its messages until it ends. Returns `Ok` when the inbox
-    /// is closed.
+    /// Opens one connection and delivers its messages to `inbox` until the connection ends. Returns
+    /// `Ok` if the inbox is closed.
     pub(crate) async fn receive(&self, inbox: &Inbox) -> Result<(), LinkError> {
         let outcome = self.connect_and_receive(inbox).await;
         self.connected.store(false, Relaxed);
@@ -157,7 +158,7 @@ impl PublisherLink {
     }
 }
 
-/// Reads the answer to `requestTopic`: `["TCPROS", host, port]`.
+/// Extracts the address from a publisher's answer to `requestTopic`: `["TCPROS", host, port]`.
 fn tcpros_address(offer: &Value) -> Option<Address> {
     match offer.as_array()? {
         [protocol, host, port, ..] if protocol.as_str() == Some("TCPROS") => Some(Address::new(

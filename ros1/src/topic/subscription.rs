@@ -14,12 +14,12 @@ use tokio::{task::AbortHandle, time::sleep};
 use super::{inbox::Inbox, publisher_link::PublisherLink};
 use crate::lock::lock;
 
-/// Delay before the first reconnection; it doubles with each further failure.
+/// Delay before the first attempt to reconnect to a publisher; doubles after each further failure.
 const FIRST_RETRY_DELAY: Duration = Duration::from_millis(100);
-/// Upper limit of the delay before a reconnection.
+/// Longest delay before an attempt to reconnect to a publisher.
 const MAX_RETRY_DELAY: Duration = Duration::from_secs(5);
 
-/// One topic that the node subscribes to. The key of a link is the publisher's XML-RPC URI.
+/// One topic that the node subscribes to. Its links are keyed by the publishers' XML-RPC URIs.
 #[derive(Debug)]
 pub(crate) struct Subscription {
     pub(crate) inbox: Inbox,
@@ -42,7 +42,7 @@ impl Subscription {
         }
     }
 
-    /// Returns all links, connected or waiting for a retry.
+    /// Returns the links to all publishers, whether connected or waiting to reconnect.
     pub(crate) fn links(&self) -> Vec<Arc<PublisherLink>> {
         lock(&self.links)
             .values()
@@ -50,8 +50,8 @@ impl Subscription {
             .collect()
     }
 
-    /// Connects to those of `publishers` that have no link yet. Removes none: after its restart a
-    /// master knows only the publishers that have registered again.
+    /// Connects to those of `publishers` that have no link yet. Removes no link, because a
+    /// restarted master lists only publishers that have registered again.
     pub(crate) fn add_publishers(self: &Arc<Self>, publishers: &[String]) {
         let mut links = lock(&self.links);
         for uri in publishers {
@@ -67,8 +67,8 @@ impl Subscription {
         }
     }
 
-    /// Replaces the list of publishers by the master's. A link that is not in the list is not
-    /// reconnected, but an open connection stays until the publisher ends it.
+    /// Replaces the list of publishers by the master's list. A publisher that is not in the list is
+    /// not reconnected, but its open connection is kept until the publisher closes it.
     pub(crate) fn set_publishers(self: &Arc<Self>, publishers: &[String]) {
         lock(&self.links).retain(|uri, running| {
             if publishers.contains(uri) {
@@ -84,7 +84,7 @@ impl Subscription {
         self.add_publishers(publishers);
     }
 
-    /// Closes every connection. Messages already received stay in the inbox.
+    /// Closes the connections to all publishers. Messages already received stay in the inbox.
     pub(crate) fn close(&self) {
         for (_, running) in lock(&self.links).drain() {
             running.task.abort();
@@ -92,7 +92,8 @@ impl Subscription {
         self.inbox.close();
     }
 
-    /// Connects and reconnects until the inbox closes or the master no longer lists the publisher.
+    /// Receives from one publisher and reconnects after failures. Ends when the inbox closes or the
+    /// master no longer lists the publisher.
     async fn run_link(self: Arc<Self>, link: Arc<PublisherLink>) {
         let mut delay = FIRST_RETRY_DELAY;
         loop {
@@ -113,14 +114,14 @@ impl Subscription {
             }
             tokio::select! {
                 () = sleep(delay) => delay = (delay * 2).min(MAX_RETRY_DELAY),
-                // The master has listed the publisher again: retry without delay.
+                // The master has listed the publisher again: reconnect without further delay.
                 () = link.retry_requested() => {}
             }
         }
     }
 
-    /// Removes a link without a connection unless the master lists its publisher. Returns whether
-    /// the link was removed.
+    /// Removes the link to a publisher without an open connection, unless the master lists that
+    /// publisher. Returns whether the link was removed.
     fn remove_if_unlisted(&self, link: &PublisherLink) -> bool {
         let mut links = lock(&self.links);
         let listed = link.is_listed();

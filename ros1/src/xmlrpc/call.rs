@@ -1,4 +1,4 @@
-//! The XML-RPC client. Each call opens a connection and closes it.
+//! The XML-RPC client. Each call opens a connection and closes it afterwards.
 
 use std::{io, time::Duration};
 
@@ -19,22 +19,22 @@ use crate::{
 };
 
 /// Longest time from connecting to the last byte of the answer. A working master answers in
-/// milliseconds. A call that hangs must end soon, because nodes promise to register again within
-/// 2 s after the master's restart.
+/// milliseconds. A call that hangs delays the node's next registration, so the limit is only
+/// slightly longer than the 2 s within which a node registers again after a master's restart.
 const CALL_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Why a call returned no value.
+/// Why an XML-RPC call returned no value.
 #[derive(Debug, thiserror::Error)]
 pub enum CallError {
-    /// The URI is malformed.
+    /// The URI to call is malformed.
     #[error(transparent)]
     Address(#[from] AddressError),
-    /// The connection was refused or broke.
+    /// The connection to the server was refused, or it broke.
     #[error("{uri} cannot be reached: {source}; is it running, and is its address right?")]
     Io {
         /// XML-RPC URI that was called.
         uri: String,
-        /// Error of the operating system.
+        /// Error from the operating system.
         source: io::Error,
     },
     /// The answer was not complete within 3 s.
@@ -78,7 +78,7 @@ pub enum CallError {
         uri: String,
         /// XML-RPC method, such as `registerPublisher`.
         method: String,
-        /// Code and message of the server.
+        /// Error code and message returned by the server.
         fault: Fault,
     },
     /// The server returned a ROS status code other than 1.
@@ -86,9 +86,9 @@ pub enum CallError {
     Refused {
         /// XML-RPC method, such as `registerPublisher`.
         method: String,
-        /// Status code: 0 for a failure, -1 for an error of the caller.
+        /// ROS status code: 0 for a failure, -1 for an error of the caller.
         code: i32,
-        /// Error message of the server.
+        /// Error message from the server.
         message: String,
     },
     /// The answer is not the triple (code, message, value) of a ROS API.
@@ -101,11 +101,11 @@ pub enum CallError {
     },
 }
 
-/// Calls `method` at `uri` and returns its value. Connects directly: proxy variables of the
-/// environment are ignored.
+/// Calls `method` at `uri` and returns the value of the answer. Connects directly: proxy settings
+/// in environment variables are ignored.
 ///
 /// # Errors
-/// All variants of [`CallError`] but `Refused` and `Shape`.
+/// All variants of [`CallError`] except `Refused` and `Shape`.
 pub async fn call(uri: &str, method: &str, arguments: &[Value]) -> Result<Value, CallError> {
     let address = Address::parse(uri)?;
     let body = encode_call(method, arguments);
@@ -152,10 +152,11 @@ pub async fn call(uri: &str, method: &str, arguments: &[Value]) -> Result<Value,
     }
 }
 
-/// Calls `method` of a ROS API at `uri` and returns the value of its (code, message, value).
+/// Calls `method` of a ROS API at `uri`. Returns the third item of the answer (code, message,
+/// value).
 ///
 /// # Errors
-/// All variants of [`CallError`]; [`CallError::Refused`] for every code other than 1.
+/// All variants of [`CallError`]. A status code other than 1 becomes [`CallError::Refused`].
 pub async fn call_ros(uri: &str, method: &str, arguments: &[Value]) -> Result<Value, CallError> {
     let triple = call(uri, method, arguments).await?;
     if let Value::Array(items) = triple
@@ -190,7 +191,7 @@ async fn exchange(address: &Address, body: &str) -> Result<(String, Vec<u8>), Ht
     stream.get_mut().write_all(request.as_bytes()).await?;
     loop {
         let head = read_head(&mut stream).await?.ok_or(HttpError::Truncated)?;
-        // Skip interim answers such as 100 Continue.
+        // Skip interim HTTP answers such as `100 Continue`.
         if head
             .first_line
             .split_ascii_whitespace()

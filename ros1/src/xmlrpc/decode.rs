@@ -1,4 +1,5 @@
-//! Decodes XML-RPC documents. Nesting is limited here; the HTTP reader limits the length.
+//! Decodes XML-RPC documents. This decoder limits the depth of nesting; the HTTP reader limits the
+//! length.
 
 use std::{
     borrow::Cow,
@@ -13,8 +14,8 @@ use quick_xml::{
 
 use super::value::{Fault, Value};
 
-/// Limit of nested arrays and structs. 64 levels are far beyond any parameter tree and bound the
-/// stack of this recursive decoder; Python's decoder has no limit.
+/// Maximum nesting of arrays and structs, which bounds the stack of this recursive decoder. Real
+/// parameter trees have far fewer levels than 64. Python's decoder has no limit.
 const MAX_DEPTH: u32 = 64;
 
 /// Why a body is not an XML-RPC call or response.
@@ -23,21 +24,22 @@ pub enum DecodeError {
     /// The XML is not well-formed.
     #[error("the XML is not well-formed: {0}")]
     Xml(#[from] quick_xml::Error),
-    /// An entity reference that is neither a character nor one of XML's five predefined ones.
+    /// An entity reference that is neither a character reference nor one of XML's five predefined
+    /// entities; holds the entity's name.
     #[error("unknown entity &{0};")]
     Entity(String),
     /// A tag or text that XML-RPC's grammar does not allow at this place.
     #[error("expected {expected}, found {found}")]
     Unexpected {
-        /// Tags or texts that the grammar allows.
+        /// Tags or texts that XML-RPC's grammar allows at this place.
         expected: &'static str,
-        /// The tag or text in the document.
+        /// Tag or text found in the document.
         found: String,
     },
     /// The text of an `<int>` is not a 32-bit integer.
     #[error("not a 32-bit integer: {text:?}: {source}")]
     Int {
-        /// Content of the element.
+        /// Text between the opening and the closing tag.
         text: String,
         /// Error of the number parser.
         source: ParseIntError,
@@ -45,12 +47,12 @@ pub enum DecodeError {
     /// The text of a `<double>` is not a number.
     #[error("not a number: {text:?}: {source}")]
     Double {
-        /// Content of the element.
+        /// Text between the opening and the closing tag.
         text: String,
         /// Error of the number parser.
         source: ParseFloatError,
     },
-    /// The text of a `<boolean>` is neither 0 nor 1.
+    /// The text of a `<boolean>` is neither 0 nor 1; holds the text.
     #[error("not a boolean (0 or 1): {0:?}")]
     Bool(String),
     /// Arrays and structs are nested deeper than 64 levels.
@@ -63,15 +65,15 @@ pub enum DecodeError {
 pub struct MethodCall {
     /// Method name, such as `registerPublisher`.
     pub method: String,
-    /// Positional arguments; the first is the caller's name in ROS APIs.
+    /// Positional arguments. In ROS APIs, the first is the caller's name.
     pub arguments: Vec<Value>,
 }
 
-/// Decodes a call. Bytes that are not UTF-8 become U+FFFD: other nodes send such strings, and the
-/// rest of the call is still useful.
+/// Decodes an XML-RPC call. Bytes that are not UTF-8 become U+FFFD, because other nodes send such
+/// strings and the rest of the call is still usable.
 ///
 /// # Errors
-/// The body is not an XML-RPC call.
+/// [`DecodeError`] if the body is not an XML-RPC call.
 pub fn decode_call(body: &[u8]) -> Result<MethodCall, DecodeError> {
     let text = String::from_utf8_lossy(body);
     let mut document = Document::new(&text);
@@ -92,10 +94,10 @@ pub fn decode_call(body: &[u8]) -> Result<MethodCall, DecodeError> {
     Ok(MethodCall { method, arguments })
 }
 
-/// Decodes a response to its value or its fault.
+/// Decodes an XML-RPC response. Returns its value, or the fault as the inner error.
 ///
 /// # Errors
-/// The body is not an XML-RPC response.
+/// [`DecodeError`] if the body is not an XML-RPC response.
 pub fn decode_response(body: &[u8]) -> Result<Result<Value, Fault>, DecodeError> {
     let text = String::from_utf8_lossy(body);
     let mut document = Document::new(&text);
@@ -193,7 +195,8 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// Reads an opening tag `name` (true) or the closing tag of the surrounding element (false).
+    /// Reads one tag: returns true for the opening tag `name` and false for the closing tag of the
+    /// element that encloses it.
     fn open_or_close(&mut self, name: &'static str) -> Result<bool, DecodeError> {
         match self.next_tag()? {
             Token::Open(tag) if tag == name => Ok(true),
@@ -230,7 +233,7 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// Reads the rest of a value after its `<value>`, up to and including its `</value>`.
+    /// Reads the rest of a value whose `<value>` tag has been read, including the `</value>` tag.
     fn value(&mut self, depth: u32) -> Result<Value, DecodeError> {
         if depth >= MAX_DEPTH {
             return Err(DecodeError::TooDeep);
@@ -301,7 +304,8 @@ impl<'a> Document<'a> {
 
     fn structure(&mut self, depth: u32) -> Result<Value, DecodeError> {
         let mut members: Vec<(String, Value)> = Vec::new();
-        // A body can hold a million members: a linear search for each would take minutes.
+        // Index the members by name: a body can hold a million, and a linear search for each of
+        // them would take minutes.
         let mut places: HashMap<String, usize> = HashMap::new();
         while self.open_or_close("member")? {
             self.open("name")?;

@@ -1,4 +1,4 @@
-//! Encodes values, calls and responses as XML.
+//! Encodes XML-RPC values, calls and responses as XML.
 
 use std::fmt::Write as _;
 
@@ -6,7 +6,7 @@ use super::value::{Fault, Value};
 
 const DECLARATION: &str = "<?xml version=\"1.0\"?>\n";
 
-/// Encodes a call as the body of an HTTP request.
+/// Encodes an XML-RPC call as the body of an HTTP request.
 pub fn encode_call(method: &str, arguments: &[Value]) -> String {
     let mut xml = String::from(DECLARATION);
     xml.push_str("<methodCall><methodName>");
@@ -21,7 +21,7 @@ pub fn encode_call(method: &str, arguments: &[Value]) -> String {
     xml
 }
 
-/// Encodes a value or a fault as the body of an HTTP response.
+/// Encodes an XML-RPC response (a value or a fault) as the body of an HTTP response.
 pub fn encode_response(response: &Result<Value, Fault>) -> String {
     let mut xml = String::from(DECLARATION);
     xml.push_str("<methodResponse>");
@@ -84,8 +84,8 @@ fn push_element(xml: &mut String, tag: &str, text: &str) {
 }
 
 /// Appends text with its special characters escaped. A carriage return becomes a character
-/// reference, because parsers turn a bare one into a line feed. Characters that XML 1.0 forbids
-/// become U+FFFD, because Python's parser would refuse the whole document.
+/// reference, because XML parsers convert an unescaped one to a line feed. Characters that XML 1.0
+/// forbids become U+FFFD, because Python's parser would refuse the whole document.
 fn push_escaped(xml: &mut String, text: &str) {
     for character in text.chars() {
         match character {

@@ -1,10 +1,12 @@
-//! `system.multicall`: several calls in one request. Every XML-RPC server of ROS supports it.
+//! The method `system.multicall`: several calls in one request. All XML-RPC servers in ROS support
+//! it.
 
 use super::value::{Fault, Value};
 
 pub(super) const MULTICALL: &str = "system.multicall";
 
-/// Answers a list of calls with a list of results: an array of one value, or the struct of a fault.
+/// Answers each call in a list. The result of a call is an array with its value, or a struct with
+/// its fault.
 pub(super) fn multicall<F>(arguments: &[Value], answer: &F) -> Result<Value, Fault>
 where
     F: Fn(&str, &[Value]) -> Result<Value, Fault>,

@@ -18,17 +18,17 @@ use super::{
 };
 use crate::http::{HttpError, read_body, read_head};
 
-/// Longest time between two requests of a kept-alive connection.
+/// Longest time between two requests on a kept-alive connection.
 const IDLE_TIMEOUT: Duration = Duration::from_mins(2);
-/// Longest time from the connection to the first byte of a request, from there to its last byte,
-/// and for writing the response.
+/// Three limits: from the start of a connection to the first byte of its first request, from the
+/// first to the last byte of a request, and for sending a response.
 const TRANSFER_TIMEOUT: Duration = Duration::from_secs(10);
-/// Limit of open connections; further ones wait in the backlog of the operating system.
+/// Maximum number of open connections; further ones wait in the backlog of the operating system.
 const MAX_CONNECTIONS: usize = 256;
 /// Delay after a failed accept, for example when no file descriptor is left.
 const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
 
-/// A running server. Dropping it aborts the server without waiting for the port to be free.
+/// A running XML-RPC server. Dropping it aborts the server without waiting until the port is free.
 #[derive(Debug)]
 pub(crate) struct Server {
     stop: watch::Sender<bool>,
@@ -36,7 +36,8 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    /// Starts a server that answers every call on `listener` through `answer`, which must not block.
+    /// Starts an XML-RPC server on `listener`. `answer` computes the result of each call and must
+    /// not block.
     pub(crate) fn start<F>(listener: TcpListener, answer: F) -> Self
     where
         F: Fn(&str, &[Value]) -> Result<Value, Fault> + Send + Sync + 'static,
@@ -46,10 +47,10 @@ impl Server {
         Self { stop, task }
     }
 
-    /// Closes every connection and the listener. The port is free when this returns.
+    /// Closes every connection and the listener. The port is free when this function returns.
     pub(crate) async fn stop(&mut self) {
         self.stop.send_replace(true);
-        // The join fails only if the task was aborted or panicked; the port is free either way.
+        // Joining fails only if the task was aborted or panicked; the port is free in both cases.
         let _ = (&mut self.task).await;
     }
 }
@@ -99,7 +100,8 @@ where
 {
     stream.set_nodelay(true)?;
     let mut stream = BufReader::new(stream);
-    // The long idle timeout applies only after a first complete request.
+    // Before the first complete request, the shorter transfer timeout applies instead of the idle
+    // timeout.
     let mut first_byte_timeout = TRANSFER_TIMEOUT;
     loop {
         match timeout(first_byte_timeout, stream.fill_buf()).await {
@@ -136,8 +138,8 @@ where
     }
 }
 
-/// Returns the body, the HTTP method and whether the connection closes after the response; `None`
-/// at the end of the stream.
+/// Reads one request. Returns its body, its HTTP method and whether the connection closes after the
+/// response; `None` if the stream has ended.
 async fn read_request(
     stream: &mut BufReader<TcpStream>,
 ) -> Result<Option<(Vec<u8>, String, bool)>, HttpError> {

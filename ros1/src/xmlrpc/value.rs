@@ -3,24 +3,25 @@
 /// A value together with its XML-RPC type.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
-    /// `<int>`, `<i4>`.
+    /// 32-bit integer: `<int>` or `<i4>`.
     Int(i32),
-    /// `<boolean>`.
+    /// Truth value: `<boolean>` with the text 0 or 1.
     Bool(bool),
-    /// `<double>`.
+    /// Floating-point number: `<double>`.
     Double(f64),
-    /// `<string>`, or text without a type.
+    /// Text: `<string>`, or a `<value>` that contains text without a type tag.
     String(String),
-    /// `<array>`.
+    /// Items of an `<array>`, of any types.
     Array(Vec<Value>),
-    /// `<struct>`: members in document order. Names are unique: a later member replaces an earlier
-    /// one of the same name.
+    /// Members of a `<struct>` in document order. Names are unique: a later member replaces an
+    /// earlier one of the same name.
     Struct(Vec<(String, Value)>),
-    /// `<base64>`: the encoded text. It is not decoded, because the master only passes it on.
+    /// Binary data: the text inside `<base64>`. It is not decoded, because the master only passes
+    /// it on.
     Base64(String),
-    /// `<dateTime.iso8601>`: the text, not parsed.
+    /// Date and time: the text inside `<dateTime.iso8601>`, not parsed.
     DateTime(String),
-    /// `<nil/>`: an extension that Python peers send for `None`.
+    /// No value: `<nil/>`, an extension that Python peers send for `None`.
     Nil,
 }
 
@@ -30,7 +31,7 @@ pub enum Value {
 pub struct Fault {
     /// Error code; Python peers always send 1.
     pub code: i32,
-    /// Error message of the server.
+    /// Error message from the server.
     pub message: String,
 }
 
@@ -60,7 +61,8 @@ impl Value {
         }
     }
 
-    /// Returns the strings of an array, such as publisher URIs. Other items are skipped.
+    /// Returns the strings in an array, such as publisher URIs. Items of other types are skipped;
+    /// any other value has no strings.
     pub(crate) fn strings(&self) -> Vec<String> {
         let items = self.as_array().unwrap_or_default();
         items
@@ -70,12 +72,13 @@ impl Value {
             .collect()
     }
 
-    /// Returns the ID of this process, saturated to 32 bits.
+    /// Returns the process ID of this program; an ID beyond 2^31 - 1 becomes 2^31 - 1.
     pub(crate) fn process_id() -> Self {
         Self::Int(i32::try_from(std::process::id()).unwrap_or(i32::MAX))
     }
 
-    /// Returns the member called `name` of a struct; `None` if it is missing or this is no struct.
+    /// Returns the member `name` of a struct; `None` if the struct has no such member or the value
+    /// is not a struct.
     pub fn member(&self, name: &str) -> Option<&Value> {
         match self {
             Self::Struct(members) => members.iter().find(|(key, _)| key == name).map(|(_, v)| v),
@@ -85,7 +88,7 @@ impl Value {
 }
 
 impl From<Fault> for Value {
-    /// Returns the struct that represents a fault on the wire.
+    /// Converts a fault to the struct that represents it in an XML-RPC response.
     fn from(fault: Fault) -> Self {
         Self::Struct(vec![
             ("faultCode".to_owned(), Self::Int(fault.code)),

@@ -1,4 +1,4 @@
-//! A proxy in front of a master that delays one answer.
+//! A proxy between nodes and a master that delays one of the master's answers.
 
 use std::sync::Arc;
 
@@ -43,7 +43,7 @@ impl DelayingProxy {
                     held.notify_one();
                     release.notified().await;
                 }
-                // The caller may have timed out and closed.
+                // Ignore errors: the caller can have timed out and closed the connection.
                 let _ = stream.write_all(&answer).await;
             }
         });

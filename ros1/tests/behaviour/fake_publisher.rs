@@ -1,4 +1,4 @@
-//! A publisher whose connections the test drives byte by byte.
+//! A fake publisher: the test writes each byte that a subscriber receives.
 
 use ros1::{
     Master, MessageType,
@@ -13,7 +13,7 @@ use tokio::{
 
 use crate::local::TIMEOUT;
 
-/// Answers requestTopic with a port whose connections are returned to the test.
+/// A publisher that refers subscribers to a listener of the test, which accepts their connections.
 pub(crate) struct FakePublisher {
     listener: TcpListener,
 }
@@ -56,7 +56,8 @@ impl FakePublisher {
         stream
     }
 
-    /// Accepts the next connection, reads its header and answers with a valid one.
+    /// Accepts the next connection, reads the subscriber's header and answers with a valid header
+    /// of type `message_type`.
     pub(crate) async fn accept_and_answer(&self, message_type: &MessageType) -> TcpStream {
         let mut stream = self.accept().await;
         let header = Header::new()

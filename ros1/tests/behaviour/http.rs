@@ -122,7 +122,7 @@ async fn invalid_and_missing_answers_are_errors_within_the_timeout() {
             let _ = stream.read(&mut [0; 4096]).await;
             stream.write_all(answer.as_bytes()).await.unwrap();
         }
-        // The last call is never answered.
+        // Accept the last call and never answer it.
         let (_silent, _) = listener.accept().await.unwrap();
         std::future::pending::<()>().await;
     });

@@ -1,5 +1,5 @@
-//! TCP keepalive, which detects vanished peers. The test reads the connection table of Linux,
-//! because a peer on the same machine cannot vanish.
+//! TCP keepalive, which detects peers whose machine has vanished. A peer on the same machine cannot
+//! vanish, so the test checks in Linux's connection table that keepalive is enabled.
 
 use ros1::PublisherOptions;
 
@@ -8,8 +8,8 @@ use crate::{
     types::{SET_BOOL, STRING},
 };
 
-/// Returns the number of established sockets with `port` at either end, and the number of those
-/// whose keepalive timer runs.
+/// Returns (number of established sockets with `port` at either end, number of those whose
+/// keepalive timer runs).
 fn connections(port: u16) -> (usize, usize) {
     let table = std::fs::read_to_string("/proc/net/tcp").unwrap();
     let port = format!(":{port:04X}");

@@ -1,4 +1,4 @@
-//! Starts masters and nodes on this machine and queries them.
+//! Support code: starts masters and nodes on this machine and queries them.
 
 use std::{
     net::SocketAddr,
@@ -16,7 +16,7 @@ use tokio::{
     time::{sleep, timeout},
 };
 
-/// Far longer than any operation takes, even on a busy machine.
+/// Time limit of each wait: far longer than any operation takes, even on a busy machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(20);
 
 pub(crate) async fn start_master() -> Master {
@@ -39,7 +39,7 @@ pub(crate) async fn wait_until(what: &str, mut done: impl AsyncFnMut() -> bool) 
     }
 }
 
-/// Asks `node` for the TCPROS address of `topic`, `HOST:PORT`.
+/// Asks `node` for the TCPROS address of `topic` and returns it as `HOST:PORT`.
 pub(crate) async fn tcpros_address(node: &Node, topic: &str) -> String {
     let protocols = Value::from([Value::from(["TCPROS"])]);
     let arguments = [Value::from("/test"), topic.into(), protocols];
@@ -61,7 +61,8 @@ pub(crate) fn free_port() -> u16 {
         .port()
 }
 
-/// Reports that a test did not run. Writes to stderr directly, because the harness captures eprintln!.
+/// Reports that a test did not run. Writes to stderr directly, because the test harness captures
+/// `eprintln!`.
 pub(crate) fn report_skipped(test: &str, why: &str) {
     use std::io::Write as _;
     let _ = writeln!(std::io::stderr(), "SKIPPED: {test}: {why}");
@@ -77,14 +78,14 @@ pub(crate) fn socket_address(master: &Master) -> SocketAddr {
         .unwrap()
 }
 
-/// Returns whether the node's name is registered with the URI of this node.
+/// Returns whether the master has this node's URI under the node's name.
 pub(crate) async fn is_registered(master: &Master, node: &Node) -> bool {
     let arguments = [Value::from("/test"), node.name().into()];
     let answer = call_ros(master.uri(), "lookupNode", &arguments).await;
     answer.is_ok_and(|uri| uri.as_str() == Some(node.uri()))
 }
 
-/// Reads the connection header of a peer.
+/// Reads the connection header that a peer sends.
 pub(crate) async fn read_header(stream: &mut TcpStream) -> Header {
     let length = stream.read_u32_le().await.unwrap();
     let mut bytes = vec![0; length as usize];

@@ -163,7 +163,8 @@ async fn a_header_of_4_gib_is_refused_at_once() {
     stream.write_all(&[0xff; 4]).await.unwrap();
     assert!(is_closed(&mut stream).await);
     assert!(started.elapsed() < Duration::from_secs(3));
-    // An allowed length without its bytes is closed by the handshake timeout.
+    // If a peer announces an allowed length but sends no header, the handshake timeout closes the
+    // connection.
     let mut stream = TcpStream::connect(&address).await.unwrap();
     stream
         .write_all(&1_000_000_u32.to_le_bytes())
@@ -205,8 +206,8 @@ async fn a_subscriber_that_does_not_read_loses_only_its_own_oldest_messages() {
     assert_eq!(subscriber.dropped(), 0);
     let dropped = publisher.dropped();
     assert!(dropped > 0);
-    // Once it reads, the messages are complete, in order and end with the newest; all others were
-    // counted as dropped.
+    // Once the slow subscriber reads, it receives complete messages in order, including the newest.
+    // All other messages were counted as dropped.
     read_header(&mut slow).await;
     let (mut received, mut last) = (0, None);
     while last != Some(MESSAGES - 1) {
@@ -312,7 +313,8 @@ async fn random_bytes_on_every_port_leave_node_and_master_working() {
     for round in 0..300 {
         let length = usize::from(noise());
         let mut bytes: Vec<u8> = (0..length).map(|_| noise()).collect();
-        // One third starts like an HTTP request and one third like a connection header.
+        // One third of the inputs start like an HTTP request and one third like a connection
+        // header.
         if round % 3 == 0 {
             bytes.splice(..0, *b"POST / HTTP/1.1\r\nContent-Length: 90\r\n\r\n");
         } else if round % 3 == 1 {

@@ -61,7 +61,7 @@ async fn a_registration_that_is_refused_repeatedly_is_logged_once() {
     let port = free_port();
     let uri = format!("http://127.0.0.1:{port}/");
     let ours = Node::start(NodeOptions::new("ours", &uri)).await.unwrap();
-    // Nothing listens yet, so both are registered later.
+    // No master listens yet, so publisher and subscriber are registered later.
     let _publisher = ours.advertise("/chat", &STRING, QUEUE).await.unwrap();
     let _subscriber = ours.subscribe("/chat", &STRING, 4).await.unwrap();
     let listener = TcpListener::bind(("127.0.0.1", port)).await.unwrap();
@@ -87,7 +87,7 @@ async fn a_registration_that_is_refused_repeatedly_is_logged_once() {
 
 #[tokio::test]
 async fn a_silent_master_delays_advertising_only_once_and_gets_the_registrations_later() {
-    // The backlog of the operating system accepts connections; nothing reads from them.
+    // The operating system accepts connections to this listener, but no program reads from them.
     let silent = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
     let address = silent.local_addr().unwrap();
     let uri = format!("http://{address}/");
@@ -101,7 +101,7 @@ async fn a_silent_master_delays_advertising_only_once_and_gets_the_registrations
         .serve("/serve", &SET_BOOL, |_| Ok(vec![7]))
         .await
         .unwrap();
-    // One timeout of 2 s for all four, plus a margin for a busy machine.
+    // The four calls together wait for one timeout of 2 s, plus a margin for a busy machine.
     let waited = started.elapsed();
     assert!(waited < Duration::from_secs(4), "{waited:?}");
     drop(silent);

@@ -87,7 +87,7 @@ async fn nodes_register_again_after_a_restart_under_load_and_no_message_is_lost(
             is_registered(&again, &talker).await && is_registered(&again, &listener).await
         })
         .await;
-        // The promise is 2 s; the rest is a margin for a busy machine.
+        // A node must register again within 2 s; the other 2 s are a margin for a busy machine.
         assert!(
             back.elapsed() < Duration::from_secs(4),
             "{:?}",
@@ -145,7 +145,7 @@ async fn a_publisher_missing_from_the_masters_list_keeps_its_open_connection() {
         publisher.subscribers() == 1
     })
     .await;
-    // After a restart the master lists only publishers that have registered again.
+    // A restarted master lists only publishers that have registered again, so this list is empty.
     let update = [Value::from("/master"), "/chat".into(), Value::Array(vec![])];
     call_ros(listener.uri(), "publisherUpdate", &update)
         .await
@@ -171,7 +171,7 @@ async fn a_topic_dropped_and_subscribed_again_during_its_registration_finds_its_
     let listener = Node::start(NodeOptions::new("listener", &uri))
         .await
         .unwrap();
-    // Nothing listens yet, so the registration task registers the topic later.
+    // No master listens yet, so the registration task registers the topic later.
     let first = listener.subscribe("/chat", &STRING, 4).await.unwrap();
     let socket = TcpListener::bind(("127.0.0.1", port)).await.unwrap();
     let proxy = DelayingProxy::start(socket, &master, "registerSubscriber");

@@ -24,7 +24,7 @@ pub(crate) fn installed(test: &str) -> bool {
         !required,
         "{test} needs ROS 1 and CORTICODE_REQUIRE_ROS is 1; run: {INSTALL}"
     );
-    // Written directly, because the test harness captures eprintln!.
+    // Written to stderr directly, because the test harness captures `eprintln!`.
     let _ = writeln!(
         std::io::stderr(),
         "SKIPPED: {test}: roscore is not installed; run: {INSTALL}"
@@ -41,7 +41,8 @@ pub(crate) fn free_port() -> u16 {
         .port()
 }
 
-/// Prepares a ROS program for the master at `port`. The `PATH` selects Debian's Python.
+/// Prepares a command for a ROS program that uses the master at `port`. `PATH` selects Debian's
+/// Python.
 pub(crate) fn command(program: &str, port: u16) -> Command {
     let home = concat!(env!("CARGO_TARGET_TMPDIR"), "/ros");
     let mut command = Command::new(format!("/usr/bin/{program}"));
@@ -56,7 +57,7 @@ pub(crate) fn command(program: &str, port: u16) -> Command {
     command
 }
 
-/// A program in a separate process group, which is killed on drop.
+/// A child process in a separate process group; dropping it kills the group.
 pub(crate) struct Running {
     pub(crate) child: Child,
 }
@@ -83,7 +84,7 @@ fn kill(signal: &str, process: &str) {
         .status();
 }
 
-/// A running `rosmaster`, or `roscore` with its rosout.
+/// A running `rosmaster`, or a `roscore` with the master and the rosout node that it starts.
 pub(crate) struct RosMaster {
     pub(crate) port: u16,
     /// Process ID of the master itself, which roscore starts in another process group.
@@ -92,7 +93,7 @@ pub(crate) struct RosMaster {
 }
 
 impl Drop for RosMaster {
-    /// Kills the master, then interrupts roscore so that it stops its other children.
+    /// Kills the master, then interrupts roscore, which stops its other child processes.
     fn drop(&mut self) {
         kill("-KILL", &self.pid.to_string());
         kill("-INT", &self.running.child.id().to_string());
