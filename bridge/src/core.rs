@@ -77,7 +77,7 @@ impl Core {
         self.session.commands.is_unresponsive(now.monotonic_us)
     }
 
-    /// Returns the frame decoder's counts of bytes, frames and errors.
+    /// Returns the frame decoder's numbers of bytes, frames and errors so far.
     pub fn wire_counters(&self) -> &Counters {
         self.decoder.counters()
     }

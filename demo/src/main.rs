@@ -32,7 +32,8 @@ use crate::failure::Failure;
     about = "Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures"
 )]
 struct Options {
-    /// Seconds of EEG; the filters take the first 9.5 to settle, and nothing is compared before.
+    /// Seconds of EEG; the filters need the first 9.5 to settle, and nothing before that is
+    /// compared.
     #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(12..=3600))]
     seconds: u32,
     /// Seed of the synthetic EEG.

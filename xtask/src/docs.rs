@@ -110,7 +110,7 @@ fn measure(section: &Section) -> Result<Value, Failure> {
     serde_json::from_slice(&output.stdout).map_err(|error| Failure::check(&what, error, next))
 }
 
-/// Commit and date of the working tree: "commit 2f0fef8, 2026-11-22".
+/// Returns commit and date of the working tree, such as "commit 2f0fef8, 2026-11-22".
 fn source() -> Result<String, Failure> {
     let mut git = Command::new("git");
     git.args(["log", "-1", "--date=short", "--format=commit %h, %cd"]);

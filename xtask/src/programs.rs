@@ -86,7 +86,7 @@ pub(crate) fn budget(json: bool) -> Result<(), Failure> {
     replace(budget.arg(images::folder()).args(json.then_some("--json")))
 }
 
-/// Runs the application in real time on an emulated microcontroller.
+/// Runs the application in real time on an emulated microcontroller, with its link at TCP port `port`.
 ///
 /// # Errors
 /// Cargo does not start.

@@ -8,7 +8,7 @@ use crate::docs;
 use crate::figures::{self, Figures, File, Row};
 use crate::install;
 
-/// Runs the scenarios and prints their figures.
+/// Runs the scenarios on emulated microcontrollers and prints their figures.
 ///
 /// # Errors
 /// The target is missing, or a scenario fails.
