@@ -16,8 +16,8 @@ use crate::streams::tri::TriWords;
 /// Maximum number of fillers for one gap: 68 min at 16 Hz. A longer outage needs a new recording.
 const MAX_FILLERS: u32 = 65_536;
 
-/// Converts codes to NeuroFrames of `/encoded` and to windows for the decoder, with lost codes
-/// filled.
+/// Converts codes to NeuroFrames for `/encoded` and to windows for the decoder. Fillers replace
+/// lost codes.
 ///
 /// The frames' shape, sequence numbers and counts persist for the whole session, across restarts of
 /// the device.
@@ -28,11 +28,11 @@ pub(crate) struct CodeStream {
     decodable: bool,
     frame: NeuroFrame,
     z: [f32; CODE_LEN],
-    /// Whether `z` holds a code received since the last restart of the stream.
+    /// Whether `z` holds a code that was received since the stream last restarted.
     has_last: bool,
     /// Whether a code, a report or an acknowledgement has shown that the stream runs.
     running: bool,
-    /// Device time of the newest code of this stream, received or filled.
+    /// Device time of the newest code in this stream, received or filled, microseconds.
     last_device_us: Option<u64>,
     counts: CodeCounts,
     encoded_stamps: MonotoneStamps,
@@ -44,14 +44,14 @@ pub(crate) struct CodeStream {
 pub(crate) struct CodeCounts {
     pub(crate) ledger: Ledger,
     pub(crate) fillers: u64,
-    /// Lost codes that were not filled, because their gap exceeds [`MAX_FILLERS`].
+    /// Number of lost codes that were not filled, because their gap exceeds [`MAX_FILLERS`].
     pub(crate) unfilled: u64,
-    /// Codes of another model or format than the device introduced itself with.
+    /// Number of codes with another model or format than the device introduced itself with.
     pub(crate) foreign: u64,
-    /// Clipped cells of the encoder's input (int8). A cell counts once for each window that
-    /// contains it.
+    /// Number of cells of the encoder's input that the device clipped to int8. A cell counts once
+    /// for each window that contains it.
     pub(crate) clipped: u64,
-    /// Values in codes that exceeded the range of the code's format and were clipped by the device.
+    /// Number of values in codes that the device clipped to the range of the code's format.
     pub(crate) clipped_values: u64,
 }
 
@@ -91,7 +91,7 @@ impl CodeStream {
         self.decodable = decodable;
     }
 
-    /// Restarts the stream: the device counts windows from 0 again.
+    /// Restarts the stream, because the device counts windows from 0 again.
     pub(crate) fn restart(&mut self) {
         self.counts.ledger.expect_next(0);
         self.has_last = false;
