@@ -44,11 +44,11 @@ pub(crate) struct SampleStream {
 pub(crate) struct SampleCounts {
     pub(crate) received: u64,
     pub(crate) lost: u64,
-    /// Samples that no published frame contains: those of an unfinished frame when the stream
-    /// ended; lost ones beyond the first [`MAX_FILL_SECONDS`] of a gap; and, without fillers, all
-    /// samples of a frame that would contain a lost one.
+    /// Number of samples that no published frame contains: those of an unfinished frame when the
+    /// stream ended; lost ones beyond the first [`MAX_FILL_SECONDS`] of a gap; and, without
+    /// fillers, all samples of a frame that would contain a lost one.
     pub(crate) unpublished: u64,
-    /// Messages whose content does not match the device's capabilities.
+    /// Number of messages whose content does not match the device's capabilities.
     pub(crate) malformed: u64,
     /// Value of `lost` at the last report to `/diagnostics`.
     pub(crate) reported: u64,
