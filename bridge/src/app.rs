@@ -26,8 +26,9 @@ use crate::query::query_port;
 /// status.
 ///
 /// Status 0 means success, 1 a failed check, 2 wrong usage, 3 that the device or ROS is not
-/// reachable, and 4 that the device refuses. Without a subcommand the bridge streams until it is
-/// asked to shut down. `selftest` and `reset` send the device one request and print its answer.
+/// reachable, and 4 that the device refuses the request. Without a subcommand the bridge streams
+/// until a signal or ROS ends it. `selftest` and `reset` send the device one request and print its
+/// answer.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
     let task = Task::parse_from(arguments.into_iter().map(Into::into));
@@ -61,7 +62,8 @@ fn stream(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {
     Ok(())
 }
 
-/// Sends one request and prints the answer. The exit status is 1 if a self-test failed.
+/// Sends one request to the device and prints the answer. The exit status is 1 if a self-test
+/// failed.
 fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCode, BridgeError> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -82,14 +84,15 @@ fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCo
         ),
     };
     match writeln!(std::io::stdout(), "{text}") {
-        // The reader, such as `head`, has closed the pipe.
+        // The process that reads the output, such as `head`, has closed the pipe, which is not an
+        // error.
         Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
         written => written?,
     }
     Ok(ExitCode::from(u8::from(!passed)))
 }
 
-/// Sends the log to stderr, and also to the file that roslaunch names.
+/// Sends the log to stderr, and also to the log file if roslaunch names one.
 fn init_log(ros: &NodeOptions) -> Result<(), BridgeError> {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
     let writer = match &ros.log {

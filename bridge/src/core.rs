@@ -1,4 +1,4 @@
-//! Frame decoder and session, without input and output.
+//! The pure core: frame decoder and session, without input and output.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::session::state::Session;
 use crate::settings::Settings;
 use crate::time::host_time::HostTime;
 
-/// The pure core of the bridge: bytes and times in, [`Effects`] out.
+/// The pure core of the bridge: receives bytes and times, and requests [`Effects`].
 ///
 /// `Core` reads no clock and no port, so tests can reproduce every fault of a link exactly.
 #[derive(Debug)]
@@ -23,7 +23,8 @@ pub struct Core {
 }
 
 impl Core {
-    /// Creates a disconnected core. Without a model, codes are published but not decoded.
+    /// Creates a core without a connection. Without a model it publishes codes but does not decode
+    /// them.
     pub fn new(settings: Settings, model: Option<Arc<Model>>) -> Core {
         Core {
             decoder: Decoder::new(),
@@ -31,19 +32,20 @@ impl Core {
         }
     }
 
-    /// Handles the opening of a port: sends the first command.
+    /// Records that a port was opened, and sends the first command.
     pub fn connected(&mut self, now: HostTime, effects: &mut dyn Effects) {
         self.decoder.reset();
         self.session.connected(now, effects);
     }
 
-    /// Handles the closing or loss of the port. The state of the streams is kept for a
+    /// Records that the port was closed or lost. The state of the streams is kept for a
     /// reconnection.
     pub fn disconnected(&mut self) {
         self.session.disconnected();
     }
 
-    /// Handles bytes from the device that were read at `read`, and sends the command that is due.
+    /// Handles bytes from the device that were read at `read`, and sends the next command if one is
+    /// due.
     pub fn receive(&mut self, mut bytes: &[u8], read: HostTime, effects: &mut dyn Effects) {
         while let Some(outcome) = self.decoder.next::<ToHost>(&mut bytes) {
             match outcome {
@@ -54,38 +56,39 @@ impl Core {
         self.session.tick(read, effects);
     }
 
-    /// Sends the command that is due, if any. Call this at least every 100 ms.
+    /// Sends the next command if one is due. Call this at least every 100 ms.
     pub fn tick(&mut self, now: HostTime, effects: &mut dyn Effects) {
         self.session.tick(now, effects);
     }
 
-    /// Sets whether the device shall stream. The next [`Core::tick`] sends the command.
+    /// Sets whether the device is meant to stream. The next [`Core::tick`] sends the command.
     pub fn set_streaming(&mut self, streaming: bool) {
         self.session.commands.set_streaming(streaming);
     }
 
-    /// Returns whether no stream is wanted and the device has confirmed that it stopped.
+    /// Returns whether the device is not meant to stream and has confirmed that it stopped.
     pub fn is_stopped(&self) -> bool {
         self.session.commands.is_stopped()
     }
 
-    /// Returns whether the port has been silent for more than 5 s, so that it should be reopened.
+    /// Returns whether the connected device has been silent for more than 5 s. The caller should
+    /// then reopen the port.
     pub fn is_unresponsive(&self, now: HostTime) -> bool {
         self.session.commands.is_unresponsive(now.monotonic_us)
     }
 
-    /// Returns the frame decoder's counts of bytes, frames and errors.
+    /// Returns the frame decoder's numbers of bytes, frames and errors so far.
     pub fn wire_counters(&self) -> &Counters {
         self.decoder.counters()
     }
 
-    /// Returns the counts of received, lost and filled data so far.
+    /// Returns the numbers of received, lost and filled codes so far.
     pub fn summary(&self) -> Summary {
         Summary::new(&self.session, self.decoder.counters())
     }
 
-    /// Returns the report for `/diagnostics`. Call this once a second: a loss is a warning in the
-    /// first report after it only.
+    /// Returns the report for `/diagnostics`. Call this once a second: a loss is a warning only in
+    /// the first report after the loss.
     pub fn diagnostics(&mut self, now: HostTime) -> DiagnosticArray {
         diagnose(&mut self.session, self.decoder.counters(), now)
     }

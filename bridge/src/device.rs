@@ -1,10 +1,10 @@
-//! The device as it introduced itself.
+//! Properties of the connected device, as it reported them.
 
 use link::{CODE_LEN, Capabilities, CodeFormat, CodeValues, Hello};
 use thiserror::Error;
 
-/// Properties of a device that its codes, samples and steps depend on, from `Hello` and
-/// `Capabilities`.
+/// What `Hello` and `Capabilities` report about a device; codes, samples and steps are read with
+/// it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Device {
     /// Firmware version, including the commit, as `Hello` reports it.
@@ -25,7 +25,7 @@ pub struct Device {
     pub hop_steps: u8,
     /// Mains frequency that the notch filter removes, Hz.
     pub mains_hz: u8,
-    /// Group delay of the filters, microseconds; stamps are corrected by it.
+    /// Group delay of the filters, microseconds; it is subtracted from stamps.
     pub group_delay_us: u32,
     /// Number of ADC channels: electrodes plus spare channels.
     pub channels: u8,
@@ -33,7 +33,7 @@ pub struct Device {
     pub labels: Vec<String>,
     /// Description of the filters, published as `prefiltering`.
     pub filters: String,
-    /// Largest value that the ADC can measure, microvolt.
+    /// Largest voltage that the ADC can measure, microvolt.
     pub full_scale_uv: f64,
     /// Scale of the ADC, microvolt per count.
     pub uv_per_count: f64,
@@ -41,7 +41,7 @@ pub struct Device {
     pub code_format: CodeFormat,
     scale: [f32; CODE_LEN],
     zero_point: [i8; CODE_LEN],
-    /// Smallest and largest `z` that any value of any code can decode to.
+    /// Smallest and largest `z` that any value in a code can decode to.
     pub(crate) code_range: [f32; 2],
 }
 
@@ -79,7 +79,7 @@ pub enum DeviceError {
         /// Index of the scale; 128 stands for the size of an ADC count.
         index: usize,
     },
-    /// The device is incompatible with the one that was announced.
+    /// The device is not compatible with the device that was announced to recorders.
     #[error(
         "it differs from the announced device in its {what}; recorders ask once and keep the \
          answer, so restart this bridge and the recorder to use it"
@@ -168,7 +168,7 @@ impl Device {
                 .map(str::to_owned)
                 .collect(),
             filters: capabilities.filters.to_owned(),
-            // 24 bits: 2^23 counts. 1000 nV are 1 uV.
+            // Full scale is 2^23 counts (24 bits with sign); 1000 nV are 1 uV.
             full_scale_uv: f64::from(capabilities.lsb_nv) * 8_388_608.0 / 1000.0,
             uv_per_count: f64::from(capabilities.lsb_nv) / 1000.0,
             code_format,
@@ -178,8 +178,8 @@ impl Device {
         })
     }
 
-    /// Checks that frames of `other` match the announcement of this device. Mains frequency,
-    /// firmware and chip can differ.
+    /// Checks that frames from `other` match what was announced for this device. Mains frequency,
+    /// firmware and microcontroller may differ.
     ///
     /// # Errors
     ///
@@ -211,25 +211,25 @@ impl Device {
         [self.adc_rate_hz, self.step_rate_hz, steps[0], steps[1]]
     }
 
-    /// Returns the index since `Start` of the ADC sample at a window's last step.
+    /// Returns the index, since `Start`, of the ADC sample at a window's last step.
     pub fn last_sample(&self, window: u32) -> u64 {
         let hops = u64::from(window) * u64::from(self.hop_steps);
         let step = hops + u64::from(self.window_steps) - 1;
         self.sample_of_step(step)
     }
 
-    /// Returns the index since `Start` of the ADC sample at a step.
+    /// Returns the index, since `Start`, of the ADC sample at a step.
     pub fn sample_of_step(&self, step: u64) -> u64 {
         step.saturating_mul(u64::from(self.adc_rate_hz)) / u64::from(self.step_rate_hz)
     }
 
-    /// Returns the label of an ADC channel: the electrode's, or `exg1`, `exg2`, ... for spare
+    /// Returns the label of an ADC channel: the electrode's name, or `exg1`, `exg2`, ... for spare
     /// channels.
     pub fn channel_label(&self, channel: usize) -> String {
         channel_label(&self.labels, channel)
     }
 
-    /// Returns the rate of the codes, Hz.
+    /// Returns the number of codes per second.
     pub fn codes_per_second(&self) -> u16 {
         self.step_rate_hz / u16::from(self.hop_steps)
     }
@@ -239,8 +239,8 @@ impl Device {
         i64::from(steps) * 1_000_000 / i64::from(self.step_rate_hz)
     }
 
-    /// Converts a float code to quantisation levels of this device, not rounded and limited to the
-    /// range of the format: `level = z / scale + zero_point`.
+    /// Converts a float code to quantisation levels of this device: `level = z / scale +
+    /// zero_point`, limited to the range of the code format but not rounded.
     pub fn code_levels(&self, z: &[f32; CODE_LEN]) -> [f64; CODE_LEN] {
         let range = self.code_format.range().unwrap_or_default().map(f64::from);
         std::array::from_fn(|index| {
@@ -254,7 +254,7 @@ impl Device {
         &self.zero_point
     }
 
-    /// Dequantises a code of any format: `z = (level - zero_point) * scale`.
+    /// Dequantises the values of a code, in any format: `z = (level - zero_point) * scale`.
     pub fn dequantise(&self, values: &CodeValues, z: &mut [f32; CODE_LEN]) {
         let levels = values.levels();
         for (index, z) in z.iter_mut().enumerate() {
@@ -263,8 +263,8 @@ impl Device {
     }
 }
 
-/// Returns the label of an ADC channel: of an electrode, or `exg1`, `exg2`, ... after the
-/// electrodes.
+/// Returns the label of an ADC channel: the name of its electrode, or `exg1`, `exg2`, ... for the
+/// spare channels, which follow the electrodes.
 pub(crate) fn channel_label(labels: &[String], channel: usize) -> String {
     let spare = || format!("exg{}", channel + 1 - labels.len());
     labels.get(channel).cloned().unwrap_or_else(spare)
@@ -278,7 +278,7 @@ fn dequantised(level: i32, scale: f32, zero_point: i8) -> f32 {
     (level - i32::from(zero_point)) as f32 * scale
 }
 
-/// Returns the smallest and the largest `z` of levels between `least` and `greatest`.
+/// Returns the smallest and the largest `z` that levels from `least` to `greatest` decode to.
 fn code_range(
     [least, greatest]: [i32; 2],
     scale: &[f32; CODE_LEN],

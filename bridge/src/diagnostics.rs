@@ -19,8 +19,8 @@ use crate::streams::code::CodeStream;
 use crate::streams::sample::{SampleCounts, SampleStream};
 use crate::time::host_time::HostTime;
 
-/// Builds the report for `/diagnostics`: device, loss, link, clock, and the converters of a device
-/// that has any. Electrodes and deadlines are included once per report of the device.
+/// Builds the report for `/diagnostics`: device, loss, link and clock, and converters if the device
+/// reports any. Electrodes and deadlines are included only after a new message about them.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
         stamp: Stamp::from_nanoseconds(now.wall_ns),
@@ -106,8 +106,8 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     new_status("device", (level, message), values)
 }
 
-/// Returns the state of a streaming device. Missing raw samples or filtered steps are a warning;
-/// missing audits or events, as on older devices, are not.
+/// Returns the level and text for a streaming device. Missing raw samples or filtered steps are a
+/// warning; missing audits or events are not, because older firmware does not support them.
 fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
     let refused = session.commands.refused_streams();
     if refused.is_empty() {

@@ -13,8 +13,8 @@ pub trait Effects {
     /// Queues a complete frame for the device.
     fn send(&mut self, frame: &[u8]);
 
-    /// Announces the device that the following codes belong to. Called again for another device of
-    /// the same shape, or when the mains frequency changes.
+    /// Announces the device that sends the following codes. Called again when another device of the
+    /// same shape connects, or when the mains frequency changes.
     fn announce(&mut self, announcement: &Announcement);
 
     /// Publishes a frame on `/encoded`.
@@ -33,18 +33,18 @@ pub trait Effects {
     /// Publishes an edge of the trigger input on `/events/bus`.
     fn publish_event(&mut self, event: &NeuroEvent);
 
-    /// Compares the device's code of a window with the float network's. Called only if the
-    /// announcement is [`decodable`](Announcement::decodable).
+    /// Compares the device's code for a window with the float network's code for it. Called only if
+    /// the announcement is [`decodable`](Announcement::decodable).
     fn audit(&mut self, window: AuditedWindow);
 }
 
-/// An introduced device, and what is announced of it.
+/// A device that has introduced itself, and what is announced about it to ROS.
 #[derive(Clone, Debug)]
 pub struct Announcement {
-    /// Answer of `/acquisition/get_info`; `None` if the stream to announce is not published.
+    /// Answer to `/acquisition/get_info`; `None` if the stream to announce is not published.
     pub info: Option<AcquisitionInfo>,
     /// Scales, rates and labels of the device's codes.
     pub device: Arc<Device>,
-    /// Whether the bridge has the device's model, so that codes can be decoded and audited.
+    /// Whether the bridge has the device's model and can therefore decode and audit its codes.
     pub decodable: bool,
 }

@@ -9,11 +9,11 @@ use thiserror::Error;
 
 use crate::query::report::DeviceSummary;
 
-/// Error that ends the bridge or a query. An absent device or ROS master is not an error for the
-/// bridge: it waits for them.
+/// Error that ends the bridge or a query. For the bridge, an absent device or ROS master is not an
+/// error; it waits for them.
 #[derive(Debug, Error)]
 pub enum BridgeError {
-    /// The address names something that is not a port.
+    /// The address from `--port` names something that is not a port.
     #[error(
         "{port} cannot be a port: {source}; name a serial port, such as /dev/ttyACM0, or tcp:HOST:PORT"
     )]
@@ -23,7 +23,7 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// The terminal driver refuses the baud rate.
+    /// The terminal driver does not support the baud rate.
     #[error("{port} cannot be used: {source}")]
     Speed {
         /// Address from `--port`.
@@ -42,7 +42,7 @@ pub enum BridgeError {
          --streams codes,raw --announce raw"
     )]
     AnnouncedNotStreamed,
-    /// The port does not open or was lost during a query, which does not wait for it.
+    /// The port does not open, or it disappeared during a query. Queries do not wait for a port.
     #[error("{port} {what}; {remedy}")]
     Unreachable {
         /// Address from `--port`.
@@ -54,7 +54,7 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// No frame, acknowledgement or result arrived before the timeout.
+    /// Neither frame nor acknowledgement nor result arrived before the timeout.
     #[error(
         "no answer {what} within {seconds} s; check cable, power and --baud, and that no other \
          program uses the port"
@@ -73,7 +73,7 @@ pub enum BridgeError {
         /// Reason, and what the user can do next.
         why: &'static str,
     },
-    /// A reset, its watchdog or a fault restarted the device during its self-test.
+    /// The device restarted during its self-test, because of a reset, its watchdog or a fault.
     #[error(
         "the device restarted during its self-test, which has no result: {device}; try again, and \
          report this message if it happens again"
@@ -85,7 +85,8 @@ pub enum BridgeError {
     /// The node's name or the master's URI is invalid, or the node's ports cannot be opened.
     #[error("the ROS node cannot start; check the name, ROS_IP and ROS_MASTER_URI")]
     Node(#[from] NodeError),
-    /// The reader of the lines closed the pipe or does not read, or the output cannot be written.
+    /// The process that reads the JSON lines closed the pipe or does not read, or the output cannot
+    /// be written.
     #[error("frames cannot be published")]
     Sink(#[from] SinkError),
     /// The log file that roslaunch requested cannot be written.
@@ -102,8 +103,8 @@ pub enum BridgeError {
 }
 
 impl BridgeError {
-    /// Returns the exit status of the program: 1 if a check failed or output failed, 2 for wrong
-    /// usage, 3 if the device or ROS is not reachable, 4 if the device refuses.
+    /// Returns the exit status of the program: 1 if a check or the output failed, 2 for wrong
+    /// usage, 3 if the device or ROS is not reachable, 4 if the device refuses the request.
     pub fn exit_code(&self) -> u8 {
         match self {
             BridgeError::Sink(_)

@@ -16,14 +16,15 @@ use crate::time::host_time::HostTime;
 use crate::wire::address::PortAddress;
 use crate::wire::port::{Port, Transfer};
 
-/// Interval of the timeout checks, and delay before a lost port is reopened.
+/// Time between two checks of timeouts, and delay before a lost port is reopened.
 const TICK: Duration = Duration::from_millis(100);
 
 /// Sends a request to the device at a port and waits for the answer, with a spinner on a terminal.
 ///
 /// # Errors
 ///
-/// [`BridgeError`] if the port cannot be used, nothing answers, or the device refuses.
+/// [`BridgeError`] if the port cannot be used, the device does not answer, or it refuses the
+/// request.
 pub(crate) async fn query_port(address: &PortAddress, baud: u32, request: Request) -> QueryResult {
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(TICK);
@@ -50,8 +51,8 @@ async fn run_query(
         }
         let Some(open_port) = &mut port else {
             sleep(TICK).await;
-            // The port is absent while the device restarts; `query` times out if that takes too
-            // long.
+            // While the device restarts, its port is absent and opening it fails; `query` times out
+            // if that takes too long.
             port = Port::open(address, baud).await.ok();
             if port.is_some() {
                 outgoing.clear();

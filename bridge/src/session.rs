@@ -1,4 +1,4 @@
-//! Handling of the device's messages, and of the commands to it.
+//! Handling of messages from the device and of commands to the device.
 
 mod introduction;
 pub(crate) mod state;
@@ -16,8 +16,8 @@ use crate::streams::stamps::Reception;
 use crate::time::host_time::HostTime;
 use crate::wire::commands::AckEffect;
 
-/// Number of frames in a row with an old sequence number after which the device must identify
-/// itself again. It may have been reset and its `Hello` lost.
+/// Number of frames with an old sequence number in a row after which the device must identify
+/// itself again. The device may have been reset and its `Hello` lost.
 const OLD_FRAMES_BEFORE_IDENTIFY: u32 = 8;
 
 impl Session {
@@ -65,7 +65,8 @@ impl Session {
         {
             tracing::error!("the device's frames cannot be decoded: {error}");
         } else {
-            // At debug level, because noise would fill the log; `/diagnostics` counts these frames.
+            // Logged at debug level, because noise on the line would fill the log; `/diagnostics`
+            // counts these frames.
             tracing::debug!(%error, "frame ignored");
         }
     }
@@ -130,7 +131,8 @@ impl Session {
         }
     }
 
-    /// Handles samples, steps, events and audits.
+    /// Handles samples, filtered steps, events and audits; `made_us` is the device time of the
+    /// message.
     fn handle_side(
         &mut self,
         message: &ToHost,

@@ -1,18 +1,20 @@
-//! Settings of the core and the values of command-line options.
+//! User settings of the core; also the value types of some command-line options.
 
 use clap::ValueEnum;
 use link::Streams;
 
-/// Choices of the user about streams and frames; constant while the bridge runs.
+/// What the user chooses about streams and frames; constant while the bridge runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// Whether stamps mark the first sample, the last sample or the arrival of a frame.
     pub stamp: StampPoint,
-    /// Mains frequency that the device shall remove, Hz; 0 leaves the choice to the device.
+    /// Mains frequency that the device's notch filter removes, Hz; 0 leaves the choice to the
+    /// device.
     pub mains_hz: u8,
-    /// Replacement of a lost code, sample or step.
+    /// What is published in place of a lost code, sample or step.
     pub filler: FillerPolicy,
-    /// Whether to reconstruct from the newest window alone instead of waiting one hop for the next.
+    /// Whether steps are reconstructed from the newest window alone, without waiting one hop for
+    /// the next window.
     pub low_latency: bool,
     /// Stream that `/acquisition/get_info` describes.
     pub announced: AnnouncedStream,
@@ -20,7 +22,7 @@ pub struct Settings {
     pub streams: Streams,
 }
 
-/// Streams that can be announced. ROS-Neuro's recorder and filters use exactly one.
+/// Stream that is announced to ROS-Neuro's recorder and filters, which use exactly one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum AnnouncedStream {
     /// `/encoded`: 128 values per code.
@@ -35,7 +37,7 @@ pub enum AnnouncedStream {
 }
 
 impl AnnouncedStream {
-    /// Returns the device's streams that this one is made from.
+    /// Returns the streams that the device must send for this one.
     pub fn needs(self) -> Streams {
         match self {
             AnnouncedStream::Encoded | AnnouncedStream::Reconstructed => Streams::CODES,
@@ -82,7 +84,7 @@ impl StreamKind {
         }
     }
 
-    /// Returns the names of the streams in a set, separated by spaces.
+    /// Returns the names of all streams in `streams`, separated by spaces.
     pub fn names(streams: Streams) -> String {
         let named = StreamKind::ALL.map(|kind| {
             let name = match kind {
@@ -111,7 +113,7 @@ pub enum StampPoint {
     Arrival,
 }
 
-/// Policy for lost codes, samples and steps.
+/// What is published in place of lost codes, samples and steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum FillerPolicy {
     /// The last one that was received.

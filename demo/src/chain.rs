@@ -1,4 +1,4 @@
-//! Board, bridge, ROS master and subscriber, started for one run.
+//! Board, bridge, ROS master and subscriber, which are started for one run of the demo.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
@@ -13,26 +13,27 @@ use crate::program::Program;
 use crate::progress::Progress;
 use crate::run::{Received, Run};
 
-/// Program of the virtual board.
+/// Name of the program that simulates the board.
 pub(crate) const BOARD: &str = "host-sim";
-/// Program of the bridge.
+/// Name of the bridge's program.
 pub(crate) const BRIDGE: &str = "corticode-bridge";
 
 /// Codes per second.
 const CODE_RATE_HZ: u64 = 16;
-/// Silence after which the path counts as broken: 80 codes.
+/// Time without a message after which the path counts as broken: 80 codes.
 const SILENCE: Duration = Duration::from_secs(5);
-/// Longest start on a busy machine.
+/// Longest time for a part to start on a busy machine.
 const START: Duration = Duration::from_secs(20);
-/// Longest time from the board's end to the last message.
+/// Longest time after the board's end in which its last messages arrive.
 const STRAGGLERS: Duration = Duration::from_millis(700);
-/// Messages that the subscriber queues while the progress bar is drawn.
+/// Number of messages that wait for the subscriber while it draws the progress bar.
 const QUEUE: usize = 64;
 
-/// Runs the whole path and returns what the subscriber received; stops everything it started.
+/// Runs the whole path, then stops everything that was started. Returns what the subscriber
+/// received.
 ///
 /// # Errors
-/// A part does not start, ends early or stays silent; Ctrl-C.
+/// A part does not start, ends early or stays silent, or the user presses Ctrl-C.
 pub(crate) async fn run(seconds: u32, seed: u64, programs: &Path) -> Result<Run, Failure> {
     let folder = tempfile::tempdir().map_err(|error| Failure::Check {
         what: "making a temporary folder".to_owned(),
@@ -64,7 +65,8 @@ async fn path(seconds: u32, seed: u64, programs: &Path, folder: &Path) -> Result
         run: Run::default(),
     };
 
-    // The bridge starts first and waits for its port: the subscriber is linked before the first code.
+    // The bridge starts first and waits for its port. The subscriber is therefore linked before the
+    // board makes its first code.
     let port = folder.join("board").to_string_lossy().into_owned();
     let arguments = ["--port", &port, "--ros-master-uri", master.uri()];
     let mut bridge = Program::start(programs, BRIDGE, &arguments, folder)?;
@@ -102,7 +104,7 @@ struct Listener {
 }
 
 impl Listener {
-    /// Waits until the bridge publishes both topics and both are linked.
+    /// Waits until the bridge publishes both topics and the subscriber is linked to both.
     async fn wait_for_links(&mut self, bridge: &mut Program) -> Result<(), Failure> {
         let deadline = Instant::now() + START;
         while self.codes.publishers() == 0 || self.reconstructed.publishers() == 0 {
@@ -115,7 +117,7 @@ impl Listener {
         Ok(())
     }
 
-    /// Receives until the board has ended and its last messages have arrived.
+    /// Receives messages until the board has ended and its last messages have arrived.
     async fn listen(
         &mut self,
         progress: &Progress,
@@ -159,7 +161,7 @@ fn received(body: Option<Vec<u8>>) -> Option<Received> {
     Some(Received { arrival, frame })
 }
 
-/// Parses "... N codes made, ..." in the board's report.
+/// Returns the number N from "... N codes made, ..." in the board's report.
 fn codes_made(report: &str) -> Option<usize> {
     let (before, _) = report.rsplit_once(" codes made")?;
     before.rsplit(' ').next()?.parse().ok()

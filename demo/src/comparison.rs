@@ -1,4 +1,5 @@
-//! The reconstructed EEG against its reference: the same EEG through the same filters, without a link.
+//! Comparison of the reconstructed EEG with its reference: the same EEG after the same filters, not
+//! encoded and not sent.
 
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use pipeline::{ELECTRODES, Electrodes, FrontEnd, Mains, Sample};
@@ -6,24 +7,26 @@ use pipeline::{ELECTRODES, Electrodes, FrontEnd, Mains, Sample};
 use crate::failure::Failure;
 use crate::run::Run;
 
-/// Values of all electrodes at one step of 128 Hz, uV.
+/// Values of all electrodes at one step, uV; there are 128 steps per second.
 type StepUv = [f32; ELECTRODES];
 
-/// Reference and reconstruction over the same steps: the last stretch without settling or fillers.
+/// Reference and reconstruction over the same steps: the last stretch in which the filters had
+/// settled and no code was lost.
 #[derive(Debug, Clone)]
 pub(crate) struct Comparison {
-    /// Index of the first step since the start of the stream.
+    /// Index of the first compared step since the start of the stream.
     pub(crate) first_step: usize,
-    /// Filtered EEG, uV.
+    /// Reference: EEG after the filters, uV.
     pub(crate) source_uv: Vec<StepUv>,
-    /// EEG decoded from the codes, uV.
+    /// Reconstruction: EEG decoded from the codes, uV.
     pub(crate) result_uv: Vec<StepUv>,
-    /// `100 sqrt(sum (x - y)^2 / sum x^2)` over all electrodes and steps, percent.
+    /// Difference between reference x and reconstruction y, `100 sqrt(sum (x - y)^2 / sum x^2)`
+    /// over all electrodes and steps, percent.
     pub(crate) prd_percent: f64,
 }
 
 impl Comparison {
-    /// Compares a run with the EEG that host-sim makes from `seed`.
+    /// Compares the reconstruction in `run` with the EEG that host-sim generates from `seed`.
     ///
     /// # Errors
     /// The generator refuses the model's electrodes.
@@ -32,7 +35,7 @@ impl Comparison {
         let mut first_step = 0;
         let mut source_uv: Vec<StepUv> = Vec::new();
         let mut result_uv: Vec<StepUv> = Vec::new();
-        // Frame w of `/neurodata_reconstructed` holds the steps from w * HOP on.
+        // Frame w of `/neurodata_reconstructed` starts at step w * HOP.
         for frame in &run.reconstructed {
             let window = usize::try_from(frame.window()).unwrap_or(usize::MAX);
             let first = window.saturating_mul(model::HOP);
@@ -58,7 +61,7 @@ impl Comparison {
     }
 }
 
-/// Returns the filtered electrodes of the whole run, one entry per step.
+/// Returns the filtered electrodes over the whole run, one entry per step.
 fn reference(seconds: u32, seed: u64) -> Result<Vec<StepUv>, Failure> {
     let spec = SyntheticSpec::new(seed, model::LABELS.split(' '));
     let mut generator = Generator::new(&spec).map_err(|error| Failure::Check {
@@ -78,7 +81,8 @@ fn reference(seconds: u32, seed: u64) -> Result<Vec<StepUv>, Failure> {
 }
 
 fn microvolts(electrodes: &Electrodes) -> StepUv {
-    // Q27.5 of counts of LSB_NV nanovolts each.
+    // The filters' output is in Q27.5: GUARD_BITS fraction bits, one count of the ADC is LSB_NV
+    // nanovolts.
     let levels_per_count = f32::from(1_u16 << model::GUARD_BITS);
     #[expect(
         clippy::cast_precision_loss,

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-/// Reason why the demo stopped: what failed, why, and what to do next.
+/// Reason why the demo stopped: what failed, why it failed, and what the user can do next.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
     #[error("{what} failed: {why}\n  next: {next}")]
@@ -11,21 +11,21 @@ pub(crate) enum Failure {
         why: String,
         next: String,
     },
-    /// A file that must be there before the demo starts.
+    /// A file or program that must exist before the demo starts is missing.
     #[error("{what} is missing: {why}\n  next: {next}")]
     Missing {
         what: String,
         why: String,
         next: String,
     },
-    /// A part of the path did not start or did not answer.
+    /// A part of the path, such as the bridge, did not start or did not answer.
     #[error("{what} is not reachable: {why}\n  next: {next}")]
     Unreachable {
         what: String,
         why: String,
         next: String,
     },
-    /// Ctrl-C.
+    /// The user pressed Ctrl-C.
     #[error("interrupted; everything that was started is stopped")]
     Interrupted,
 }
@@ -47,7 +47,8 @@ impl Failure {
         }
     }
 
-    /// Exit status: 1 a check failed, 2 something is missing, 3 not reachable, 130 Ctrl-C.
+    /// Exit status: 1 if a check failed, 2 if something is missing, 3 if a part is not reachable,
+    /// 130 after Ctrl-C.
     pub(crate) fn exit_code(&self) -> ExitCode {
         ExitCode::from(match self {
             Self::Check { .. } => 1,

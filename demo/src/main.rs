@@ -32,7 +32,8 @@ use crate::failure::Failure;
     about = "Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures"
 )]
 struct Options {
-    /// Seconds of EEG; the filters take the first 9.5 to settle, and nothing is compared before.
+    /// Seconds of EEG; the filters need the first 9.5 to settle, and nothing before that is
+    /// compared.
     #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(12..=3600))]
     seconds: u32,
     /// Seed of the synthetic EEG.
@@ -50,7 +51,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs the path, draws the pictures and prints the summary.
+/// Runs the whole signal path, draws the pictures and prints the summary.
 fn demo(Options { seconds, seed }: Options) -> Result<(), Failure> {
     let programs = programs_folder()?;
     let pictures = programs.with_file_name("demo");
@@ -86,7 +87,7 @@ fn demo(Options { seconds, seed }: Options) -> Result<(), Failure> {
     })
 }
 
-/// Returns the folder of this program, in which `cargo demo` builds host-sim and the bridge too.
+/// Returns the folder of this program. `cargo demo` builds host-sim and the bridge into it too.
 fn programs_folder() -> Result<PathBuf, Failure> {
     let own = std::env::current_exe().map_err(|error| Failure::not_built(&error.to_string()))?;
     let folder = own.parent().map(PathBuf::from).unwrap_or_default();

@@ -12,15 +12,15 @@ use crate::comparison::Comparison;
 use crate::failure::Failure;
 use crate::run::{Received, Run};
 
-/// Electrodes in the picture, front to back.
+/// Electrodes in the picture of traces, front to back.
 const SHOWN: [&str; 7] = ["F3", "Fz", "F4", "C3", "Cz", "C4", "Pz"];
-/// Seconds in the picture: few enough to see single waves of 10 Hz.
+/// Length of the picture of traces, seconds: short enough to show single waves of 10 Hz.
 const SHOWN_SECONDS: usize = 4;
 
-/// Draws all pictures into `folder`.
+/// Draws all four pictures into `folder`.
 ///
 /// # Errors
-/// The folder or a file cannot be written, or the artifact not read.
+/// The folder or a file cannot be written, or the model's artifact cannot be read.
 pub(crate) fn draw_all(run: &Run, comparison: &Comparison, folder: &Path) -> Result<(), Failure> {
     let response = response()?;
     let draw = || -> Result<(), Box<dyn std::error::Error>> {
@@ -37,7 +37,8 @@ pub(crate) fn draw_all(run: &Run, comparison: &Comparison, folder: &Path) -> Res
     })
 }
 
-/// Measures the integer filters, and their float64 twin from the model's artifact.
+/// Measures the frequency response of the integer filters, and of their float64 twin from the
+/// model's artifact.
 fn response() -> Result<Response, Failure> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact");
     let artifact = Artifact::read(&folder).map_err(|error| Failure::Check {
@@ -109,7 +110,7 @@ fn intervals(run: &Run) -> Intervals {
     }
 }
 
-/// Duration of steps at 128 Hz, s.
+/// Returns the duration of `steps` steps at 128 Hz, seconds.
 fn seconds(steps: usize) -> f64 {
     f64::from(u32::try_from(steps).unwrap_or(u32::MAX)) / f64::from(model::STEP_RATE_HZ)
 }

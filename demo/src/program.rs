@@ -1,4 +1,4 @@
-//! A child process whose output goes to a log file.
+//! Child processes, each with a log file for its output.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use tokio::time::timeout;
 
 use crate::failure::Failure;
 
-/// A running program; killed when dropped.
+/// A running child process; killed when dropped.
 pub(crate) struct Program {
     name: String,
     pub(crate) child: Child,
@@ -19,7 +19,8 @@ pub(crate) struct Program {
 }
 
 impl Program {
-    /// Starts the program `name` of the folder `programs`; stdout and stderr go to a file in `logs`.
+    /// Starts the program `name` from the folder `programs`. Its stdout and stderr go to a file in
+    /// `logs`.
     pub(crate) fn start(
         programs: &Path,
         name: &str,
@@ -34,8 +35,8 @@ impl Program {
                 .stdin(Stdio::null())
                 .stdout(file.try_clone()?)
                 .stderr(file)
-                // A group of its own: the terminal sends Ctrl-C to this program alone, which
-                // then stops its children.
+                // The program gets a process group of its own. Ctrl-C in the terminal then reaches
+                // the demo alone, which stops its children.
                 .process_group(0)
                 .kill_on_drop(true)
                 .spawn()
@@ -47,12 +48,12 @@ impl Program {
         Ok(Self { name, child, log })
     }
 
-    /// Returns everything the program has printed so far.
+    /// Returns everything that the program has printed so far.
     pub(crate) fn log(&self) -> String {
         std::fs::read_to_string(&self.log).unwrap_or_default()
     }
 
-    /// Fails if the program has ended.
+    /// Returns an error if the program has ended.
     pub(crate) fn check_running(&mut self) -> Result<(), Failure> {
         match self.child.try_wait() {
             Ok(None) => Ok(()),
@@ -60,13 +61,13 @@ impl Program {
         }
     }
 
-    /// Failure of a program that ended before it should.
+    /// Returns the failure for a program that ended before it should.
     pub(crate) fn ended(&self) -> Failure {
         let why = format!("it ended early and printed:\n{}", self.log());
         Failure::unreachable(&self.name, &why, "see its message")
     }
 
-    /// Failure of a program that did not do `what` in time.
+    /// Returns the failure for a program that did not do `what` within `after`.
     pub(crate) fn timed_out(&self, what: &str, after: Duration) -> Failure {
         let why = format!(
             "{what} within {after:?}; {} printed:\n{}",
@@ -81,7 +82,8 @@ impl Program {
     pub(crate) async fn terminate(&mut self, deadline: Duration) -> Result<(), Failure> {
         let pid = self.child.id().map(u32::cast_signed);
         if let Some(pid) = pid.and_then(Pid::from_raw) {
-            // Fails if the program has just ended by itself; `wait` below tells.
+            // Sending fails if the program has just ended by itself; `wait` below returns its
+            // status.
             let _ = kill_process(pid, Signal::TERM);
         }
         match timeout(deadline, self.child.wait()).await {

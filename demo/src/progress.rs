@@ -1,15 +1,15 @@
-//! Progress bar with the counts and the latest code.
+//! Progress bar of the demo, with the counts and the newest code.
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::run::Run;
 
-/// Components of the code that fit on a line of 80 characters next to the counts.
+/// Number of components of the code that fit on a line of 80 characters beside the counts.
 const SHOWN: usize = 24;
-/// Codes per printed line where there is no terminal to draw a bar on: one line in 5 s.
+/// Number of codes per printed line if there is no terminal for a bar: one line in 5 s.
 const LINE_EVERY: usize = 80;
 
-/// A bar on the terminal, cleared when dropped.
+/// Progress bar on the terminal, cleared when dropped.
 #[derive(Debug)]
 pub(crate) struct Progress {
     bar: ProgressBar,
@@ -25,12 +25,13 @@ impl Progress {
         Self { bar }
     }
 
-    /// Shows what the demo is waiting for.
+    /// Shows what the demo is waiting for, in place of the counts.
     pub(crate) fn waiting(&self, what: &str) {
         self.bar.set_message(what.to_owned());
     }
 
-    /// Shows the counts and the latest code.
+    /// Shows the number of the newest frame, the number of lost codes, and the values of the newest
+    /// code.
     pub(crate) fn show(&self, run: &Run) {
         let Some(latest) = run.codes.last() else {
             return;
@@ -53,7 +54,8 @@ impl Drop for Progress {
     }
 }
 
-/// Formats the first components as blocks of eight heights, scaled to the largest magnitude.
+/// Formats the first components of a code as blocks of eight heights, scaled to the largest
+/// magnitude.
 fn blocks(code: &[f32]) -> String {
     const HEIGHTS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
     let shown = &code[..code.len().min(SHOWN)];

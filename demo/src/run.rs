@@ -5,7 +5,7 @@ use std::time::Instant;
 use link::Flags;
 use neuro_ros::NeuroFrame;
 
-/// One message of the bridge.
+/// One message from the bridge, with the time at which it arrived.
 #[derive(Debug, Clone)]
 pub(crate) struct Received {
     pub(crate) arrival: Instant,
@@ -18,17 +18,17 @@ impl Received {
         self.word("seq_lo") | self.word("seq_hi") << 16
     }
 
-    /// Device time of the code, us.
+    /// Device time of the code's last sample, us.
     fn device_us(&self) -> u64 {
         self.word("t_us_0") | self.word("t_us_1") << 16 | self.word("t_us_2") << 32
     }
 
-    /// Returns whether the bridge sent this message in the place of a lost code.
+    /// Returns whether the bridge sent this message in place of a lost code.
     pub(crate) fn is_filler(&self) -> bool {
         self.has(Flags::FILLER)
     }
 
-    /// Returns whether the filters were still settling.
+    /// Returns whether the device's filters were still settling when the code was made.
     pub(crate) fn is_settling(&self) -> bool {
         self.has(Flags::SETTLING)
     }
@@ -37,7 +37,7 @@ impl Received {
         self.word("flags") & u64::from(flag.bits()) != 0
     }
 
-    /// Status word with this label, 16 bits; 0 if the frame has none.
+    /// Returns the status word with this label, 16 bits; 0 if the frame has no such word.
     fn word(&self, label: &str) -> u64 {
         let tri = &self.frame.tri;
         let place = tri.info.labels.iter().position(|name| name == label);
@@ -46,19 +46,21 @@ impl Received {
     }
 }
 
-/// Messages in the order of arrival, and the board's own count.
+/// Messages of one run in the order of their arrival, and the number of codes that the board
+/// reports.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Run {
-    /// Messages on `/encoded`.
+    /// Messages that arrived on `/encoded`.
     pub(crate) codes: Vec<Received>,
-    /// Messages on `/neurodata_reconstructed`.
+    /// Messages that arrived on `/neurodata_reconstructed`.
     pub(crate) reconstructed: Vec<Received>,
-    /// Codes made, from the board's report; `None` if its report has no such number.
+    /// Number of codes made, from the board's report; `None` if its report has no such number.
     pub(crate) made_by_board: Option<usize>,
 }
 
 impl Run {
-    /// Codes that the board made: its own count, or else the highest index received plus one.
+    /// Number of codes that the board made: its own count or, without one, the highest received
+    /// index plus one.
     pub(crate) fn made(&self) -> usize {
         let indices = self.codes.iter().map(Received::window);
         let highest = indices.max().map_or(0, |index| index + 1);
@@ -66,17 +68,17 @@ impl Run {
             .unwrap_or(usize::try_from(highest).unwrap_or(usize::MAX))
     }
 
-    /// Codes that arrived at the subscriber, without fillers.
+    /// Number of codes that arrived at the subscriber, without fillers.
     pub(crate) fn received(&self) -> usize {
         self.codes.iter().filter(|code| !code.is_filler()).count()
     }
 
-    /// Codes that were made and did not arrive.
+    /// Number of codes that were made but did not arrive.
     pub(crate) fn lost(&self) -> usize {
         self.made().saturating_sub(self.received())
     }
 
-    /// Time between two arrivals at the subscriber, ms.
+    /// Times between the arrivals of successive codes at the subscriber, ms.
     pub(crate) fn arrival_intervals_ms(&self) -> Vec<f64> {
         let pairs = self.codes.windows(2);
         pairs
@@ -84,7 +86,7 @@ impl Run {
             .collect()
     }
 
-    /// Difference of the device's stamps of two successive codes, ms.
+    /// Differences between the device times of successive received codes, ms.
     pub(crate) fn device_intervals_ms(&self) -> Vec<f64> {
         let codes = self.codes.iter().filter(|code| !code.is_filler());
         let times: Vec<u64> = codes.map(Received::device_us).collect();

@@ -1,4 +1,4 @@
-//! The page that every chart is drawn on: title, colours, text, legend.
+//! The page on which every chart is drawn: title, colours, text styles, legend.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// Part of a page to draw on.
+/// Part of an SVG page to draw on.
 pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 pub(crate) type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
@@ -17,11 +17,11 @@ pub const INK: RGBColor = RGBColor(0x1f, 0x29, 0x33);
 pub const FAINT: RGBColor = RGBColor(0x62, 0x70, 0x80);
 /// Light grey of grid lines.
 pub(crate) const GRID: RGBColor = RGBColor(0xe4, 0xe9, 0xee);
-/// Blue of input signals and of our own figures.
+/// Blue of input signals and of this project's own figures.
 pub const SOURCE: RGBColor = RGBColor(0x2b, 0x6c, 0xb0);
-/// Orange of output signals and of what ours is compared with.
+/// Orange of output signals and of figures that this project's own are compared with.
 pub const RESULT: RGBColor = RGBColor(0xdd, 0x6b, 0x20);
-/// Green of published and designed values.
+/// Green of published or designed reference values.
 pub const REFERENCE: RGBColor = RGBColor(0x2f, 0x85, 0x5a);
 
 const FONT: &str = "Helvetica, Arial, DejaVu Sans, sans-serif";
@@ -30,7 +30,7 @@ const HEAD: i32 = 78;
 /// Left edge of title and subtitle, pixels.
 const MARGIN: i32 = 28;
 
-/// A picture that cannot be written.
+/// Reason why a picture's file cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[error("the picture {} cannot be written: {why}", path.display())]
 pub struct PictureError {
@@ -38,7 +38,8 @@ pub struct PictureError {
     why: String,
 }
 
-/// Writes an SVG file of `size` pixels with title and subtitle; `draw` fills the area below them.
+/// Writes an SVG file of `size` pixels (width, height) with title and subtitle; `draw` draws below
+/// them.
 pub(crate) fn page(
     path: &Path,
     size: (u32, u32),
@@ -60,7 +61,8 @@ pub(crate) fn page(
     })
 }
 
-/// Prepares a chart with a labelled x axis; margins and the width of the y labels in pixels.
+/// Prepares a chart with a labelled x axis. The margins and the width of the y labels are in
+/// pixels.
 pub(crate) fn chart<'a, 'b>(
     area: &'a Area<'b>,
     [top, left, right]: [i32; 3],
@@ -73,17 +75,18 @@ pub(crate) fn chart<'a, 'b>(
     chart
 }
 
-/// Text style of this height in pixels, anchored at its top left.
+/// Returns a text style with `height` in pixels, anchored at the text's top left corner.
 pub(crate) fn text(height: u32, color: RGBColor) -> TextStyle<'static> {
     (FONT, height).into_font().color(&color)
 }
 
-/// Text style anchored at `side` horizontally and at the centre vertically.
+/// Returns a text style with `height` in pixels, anchored at `side` horizontally and at the centre
+/// vertically.
 pub(crate) fn anchored(height: u32, color: RGBColor, side: HPos) -> TextStyle<'static> {
     text(height, color).pos(Pos::new(side, VPos::Center))
 }
 
-/// Draws one entry of a legend at a pixel of the area: a short line and its label.
+/// Draws one entry of a legend, a short line and its label, at the pixel `at` of the area.
 pub(crate) fn legend(area: &Area, at: (i32, i32), color: RGBColor, label: &str) -> Drawn {
     let line = vec![at, (at.0 + 26, at.1)];
     area.draw(&PathElement::new(line, color.stroke_width(3)))?;
@@ -91,7 +94,7 @@ pub(crate) fn legend(area: &Area, at: (i32, i32), color: RGBColor, label: &str) 
     area.draw(&Text::new(label.to_owned(), (at.0 + 34, at.1), style))
 }
 
-/// Converts a pixel of the page, which charts return, to one of the area, which drawing takes.
+/// Converts a pixel of the page, as charts return it, to a pixel of the area, as drawing needs it.
 pub(crate) fn inside(area: &Area, (x, y): (i32, i32)) -> (i32, i32) {
     (x, y - area.get_base_pixel().1)
 }

@@ -1,4 +1,4 @@
-//! Curves over the logarithm of the frequency.
+//! Chart of curves over frequency, on a logarithmic axis.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use plotters::style::text_anchor::HPos;
 
 use crate::canvas::{self, Area, Drawn, FAINT, GRID, INK, PictureError, REFERENCE};
 
-/// Shape in which a curve's points are drawn.
+/// How a curve's points are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
     /// A line through the points.
@@ -16,36 +16,37 @@ pub enum Mark {
     Circles,
 }
 
-/// Points over frequency, with their look and their entry in the legend.
+/// One curve over frequency: its points, look and entry in the legend.
 #[derive(Debug, Clone)]
 pub struct Curve {
     /// Text in the legend.
     pub label: String,
-    /// Colour, one of those in [`canvas`].
+    /// Colour, usually one from [`canvas`].
     pub color: RGBColor,
-    /// Line or circles.
+    /// Whether the points are drawn as a line or as circles.
     pub mark: Mark,
-    /// Frequency in Hz, ascending, and value.
+    /// Points: frequency in Hz, ascending, and value in the unit of the y axis.
     pub points: Vec<(f64, f64)>,
 }
 
-/// Curves on common axes.
+/// Chart of several curves on common axes.
 #[derive(Debug, Clone)]
 pub struct Curves {
     /// Title of the picture.
     pub title: &'static str,
-    /// One line under the title.
+    /// Text in one line below the title.
     pub subtitle: String,
     /// Lowest and highest frequency of the x axis, Hz.
     pub x_hz: [f64; 2],
-    /// Lowest and highest value of the y axis. Points outside are left out, except the first on each
-    /// side of a line, which is drawn at the lower end.
+    /// Lowest and highest value on the y axis. Points outside this range are left out. Only where a
+    /// line leaves the range downwards, its first point below is drawn at the lower end of the
+    /// axis.
     pub y: [f64; 2],
-    /// Quantity and unit of the y axis.
+    /// Quantity and unit that label the y axis.
     pub y_label: &'static str,
-    /// Pass band of the filters, shaded and labelled, Hz.
+    /// Lowest and highest frequency of the filters' pass band, Hz; shaded and labelled.
     pub band_hz: [f64; 2],
-    /// Mains frequency, labelled, Hz.
+    /// Mains frequency, Hz; marked and labelled.
     pub mains_hz: f64,
     /// Curves in drawing order: the last one is on top.
     pub curves: Vec<Curve>,
@@ -79,7 +80,7 @@ impl Curves {
             .bold_line_style(GRID)
             .axis_style(FAINT)
             .disable_x_mesh()
-            // Ticks are drawn below: plotters labels only powers of ten.
+            // No ticks here, they are drawn below: plotters would label only powers of ten.
             .x_labels(0)
             .x_label_formatter(&|_| String::new())
             .set_tick_mark_size(LabelAreaPosition::Bottom, 0)
@@ -134,7 +135,8 @@ impl Curves {
     }
 }
 
-/// Keeps the points that are not below `low`, and moves their lower neighbours up to `low`.
+/// Keeps the points that are not below `low`. Their neighbours that are below are moved up to
+/// `low`.
 fn down_to(low: f64, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let above = |place: usize| points.get(place).is_some_and(|(_, y)| *y >= low);
     let places = (0..points.len()).filter(|place| {
@@ -145,7 +147,8 @@ fn down_to(low: f64, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Rounds a tick to 6 decimals: plotters computes them as sums such as 0.1 + 0.2.
+/// Rounds the value of a tick to 6 decimals, because plotters computes ticks as sums, such as 0.1 +
+/// 0.2.
 fn without_noise(y: f64) -> f64 {
     (y * 1e6).round() / 1e6
 }

@@ -1,4 +1,4 @@
-//! Codes over time: one row per component, one column per code.
+//! Chart of codes over time: one row per component of the code, one column per code.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use plotters::style::text_anchor::HPos;
 use crate::canvas::{self, Area, Drawn, FAINT, INK, PictureError, real};
 use crate::spread::Spread;
 
-/// Codes in the order of their windows.
+/// Codes of one run, in the order of their windows.
 #[derive(Debug, Clone)]
 pub struct HeatMap {
     /// Dequantised codes, 128 values each; `None` is a lost code.
@@ -17,16 +17,16 @@ pub struct HeatMap {
     pub start_s: f64,
     /// Time between two codes, s.
     pub interval_s: f64,
-    /// Number of leading codes made before the filters had settled.
+    /// Number of codes at the start that were made before the filters had settled.
     pub settling: usize,
-    /// One line under the title.
+    /// Text in one line below the title.
     pub subtitle: String,
 }
 
 const SIZE: (u32, u32) = (1200, 860);
-/// Colours of the scale, both signs; odd, so that zero has a colour to itself.
+/// Number of colours for deviations of both signs; odd, so that zero has a colour of its own.
 const LEVELS: i16 = 21;
-/// Deviation that gets the strongest colour, SDs.
+/// Deviation from a component's mean that gets the strongest colour, SDs.
 const REACH: f64 = 2.5;
 /// Colour of a lost code.
 const ABSENT: RGBColor = RGBColor(0xbd, 0xc4, 0xcc);
@@ -64,7 +64,8 @@ impl HeatMap {
             .axis_desc_style(canvas::text(16, INK))
             .draw()?;
         for component in 0..components {
-            // Neighbours of one level share a rectangle, which makes the file a third smaller.
+            // Adjacent codes with the same level share a rectangle, which makes the file a third
+            // smaller.
             let mut code = 0;
             for run in self.levels(component).chunk_by(|a, b| a == b) {
                 let (left, right) = (start_of(code), start_of(code + run.len()));
@@ -88,10 +89,11 @@ impl HeatMap {
         draw_scale(&scale)
     }
 
-    /// Level of a component in every code, or `None` where the code was lost.
+    /// Returns the level of a component in every code, or `None` for a lost code.
     ///
-    /// A component's levels are deviations from its own mean in its own SDs: the components' scales
-    /// differ a hundredfold. Mean and SD come from the settled codes.
+    /// A level is the deviation from the component's mean in the component's SDs, because the
+    /// scales of the components differ a hundredfold. Mean and SD are those of the codes after
+    /// settling.
     fn levels(&self, component: usize) -> Vec<Option<i16>> {
         let value = |code: &Vec<f32>| code.get(component).copied().map(f64::from);
         let settled = self.codes.get(self.settling..).unwrap_or_default();
@@ -148,7 +150,7 @@ fn level_of(deviations: f64) -> i16 {
     level
 }
 
-/// Colour of a level: blue below the mean, white at it, red above.
+/// Returns the colour of a level: blue below the component's mean, white at the mean, red above it.
 fn color_of(level: i16) -> RGBColor {
     let half = f64::from(LEVELS - 1) / 2.0;
     let x = (f64::from(level) - half) / half;

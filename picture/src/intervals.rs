@@ -1,4 +1,4 @@
-//! Histogram of the time between codes, with the paper's result as a curve.
+//! Histogram of the time between codes, with the result of a published paper as a curve.
 
 use std::path::Path;
 
@@ -7,20 +7,21 @@ use plotters::prelude::*;
 use crate::canvas::{self, Area, Drawn, FAINT, GRID, INK, PictureError, REFERENCE, RESULT, SOURCE};
 use crate::spread::Spread;
 
-/// Intervals of the paper's node on a PC, ms (arXiv 2008.13485, interval histogram).
+/// Intervals between the codes of the paper's node on a PC, ms (arXiv 2008.13485, interval
+/// histogram).
 const PAPER_MS: Spread = Spread {
     mean: 62.499,
     sd: 0.227,
 };
 
-/// Intervals between the codes of one run.
+/// Intervals between the codes of one run, to be drawn as a histogram.
 #[derive(Debug, Clone)]
 pub struct Intervals {
-    /// Time between two arrivals at the subscriber, ms of the host's clock.
+    /// Times between the arrivals of successive codes at the subscriber, ms of the host's clock.
     pub arrival_ms: Vec<f64>,
-    /// Difference of the device's time stamps of the same codes, ms of the device's clock.
+    /// Differences between the device's time stamps of successive codes, ms of the device's clock.
     pub device_ms: Vec<f64>,
-    /// One line under the title.
+    /// Text in one line below the title.
     pub subtitle: String,
 }
 
@@ -41,7 +42,8 @@ impl Intervals {
 
     fn draw_on(&self, area: &Area) -> Drawn {
         let spread = Spread::from_values(&self.arrival_ms);
-        // Wide enough for the paper's curve and nearly all of ours; the legend counts the rest.
+        // Wide enough for the paper's curve and nearly all intervals of this run; the legend counts
+        // the rest.
         let reach = (4.0 * spread.sd).clamp(4.0 * PAPER_MS.sd, 6.0);
         let (low, high) = (62.5 - reach, 62.5 + reach);
         let width = (high - low) / f64::from(BINS);

@@ -1,4 +1,4 @@
-//! Mean and standard deviation.
+//! Mean and standard deviation of values.
 
 use std::f64::consts::PI;
 use std::fmt;
@@ -26,7 +26,8 @@ impl Spread {
         }
     }
 
-    /// Density at `x` of the normal distribution with this mean and SD, per unit of the values.
+    /// Returns the density of the normal distribution with this mean and SD at `x`, per unit of the
+    /// values.
     pub(crate) fn density(self, x: f64) -> f64 {
         let deviations = (x - self.mean) / self.sd;
         (-0.5 * deviations * deviations).exp() / (self.sd * (2.0 * PI).sqrt())

@@ -1,4 +1,4 @@
-//! Electrodes over time, before encoding and after decoding.
+//! Chart of electrode signals over time, before encoding and after decoding.
 
 use std::path::Path;
 
@@ -10,24 +10,24 @@ use crate::canvas::{self, Area, Drawn, FAINT, GRID, INK, PictureError, RESULT, S
 /// One electrode's signal before encoding and after decoding.
 #[derive(Debug, Clone)]
 pub struct Trace {
-    /// Electrode's name, "Cz" for example.
+    /// Name of the electrode, such as "Cz".
     pub label: String,
-    /// Signal after filters and decimation, uV.
+    /// Signal before encoding, after filters and decimation, uV.
     pub source_uv: Vec<f32>,
-    /// Signal decoded from the codes, uV; as long as `source_uv`.
+    /// Signal decoded from the codes, uV; as many values as `source_uv`.
     pub result_uv: Vec<f32>,
 }
 
-/// Traces below each other on one time axis.
+/// Several electrodes below each other on one time axis.
 #[derive(Debug, Clone)]
 pub struct Traces {
-    /// Traces from top to bottom; at least one, all of one length.
+    /// Electrodes from top to bottom; at least one, all with the same number of values.
     pub rows: Vec<Trace>,
     /// Samples per second, Hz.
     pub rate_hz: f64,
     /// Time of the first sample since the device's start, s.
     pub start_s: f64,
-    /// One line under the title.
+    /// Text in one line below the title.
     pub subtitle: String,
 }
 
@@ -111,7 +111,8 @@ impl Traces {
         ))
     }
 
-    /// Distance between two zero lines: twice the 99th percentile of magnitudes, uV.
+    /// Returns the distance between the zero lines of two adjacent traces, uV: twice the 99th
+    /// percentile of the magnitudes before encoding.
     fn spacing_uv(&self) -> f64 {
         let values = self.rows.iter().flat_map(|trace| &trace.source_uv);
         let mut sizes: Vec<f32> = values.map(|uv| uv.abs()).collect();
@@ -121,7 +122,7 @@ impl Traces {
     }
 }
 
-/// Largest of 1, 2, 5, 10, 20, 50, .. uV that is at most 60 % of the spacing.
+/// Returns the largest of 1, 2, 5, 10, 20, 50, .. uV that is at most 60 % of `spacing`, uV.
 fn scale_bar_uv(spacing: f64) -> f64 {
     let limit = 0.6 * spacing;
     let decade = 10_f64.powf(limit.log10().floor());

@@ -11,7 +11,7 @@ use picture::traces::{Trace, Traces};
 
 const SUBTITLE: &str = "synthetic data";
 
-/// Draws into a file and returns its text.
+/// Draws a picture to a temporary file and returns the SVG text.
 fn drawn(draw: impl FnOnce(&Path) -> Result<(), PictureError>) -> String {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("picture.svg");
@@ -19,7 +19,7 @@ fn drawn(draw: impl FnOnce(&Path) -> Result<(), PictureError>) -> String {
     std::fs::read_to_string(file).expect("written")
 }
 
-/// Asserts that a picture has this text and at least this many lines, rectangles and circles.
+/// Asserts that a picture contains `words` and at least `shapes` lines, rectangles and circles.
 fn assert_picture(text: &str, words: &str, shapes: usize) {
     assert!(text.contains(words) && text.contains(SUBTITLE), "{words}");
     let found = ["<polyline", "<rect", "<circle"].map(|shape| text.matches(shape).count());
@@ -27,7 +27,7 @@ fn assert_picture(text: &str, words: &str, shapes: usize) {
     assert!(found >= shapes, "{words}: {found} shapes");
 }
 
-/// Synthetic signal with the shape of EEG after the filters, uV.
+/// Returns a synthetic signal shaped like EEG after the filters, uV.
 fn wave(electrode: f32, time: f32) -> f32 {
     20.0 * (0.5 * time + electrode).sin() + 5.0 * (0.11 * time).cos()
 }

@@ -1,4 +1,4 @@
-//! `cargo xtask board`: the images that are flashed, on emulated boards.
+//! `cargo xtask board`: tests the images that are flashed on emulated boards.
 
 use serde_json::{Value, json};
 
@@ -10,7 +10,7 @@ use crate::figures::{self, Figures, File, Row};
 use crate::images::{self, Board};
 use crate::install;
 
-/// Truth values of a board, each with the figures that must all be there.
+/// A board's truth values, each with the figures that must all be present, separated by blanks.
 const VERDICTS: [(&str, &str); 3] = [
     (
         "reset_cause_ok",
@@ -23,7 +23,7 @@ const VERDICTS: [(&str, &str); 3] = [
     ("bridge_connected", "bridge_codes bridge_selftest"),
 ];
 
-/// Figures that every board has; null where its test did not come so far.
+/// Figures of every board, null if its test did not get as far as measuring them.
 const ALWAYS: [&str; 6] = [
     "booted",
     "codes",
@@ -33,7 +33,7 @@ const ALWAYS: [&str; 6] = [
     "selftest_ok",
 ];
 
-/// Builds the images and the bridge, runs the scenarios of one board or of both, and prints their figures.
+/// Builds the images and the bridge, runs the scenarios on one board or on both, and prints their figures.
 ///
 /// # Errors
 /// A toolchain is missing, a program does not build, or a scenario fails.
@@ -47,7 +47,7 @@ pub(crate) fn board(board: Option<Board>, json: bool) -> Result<(), Failure> {
     )
 }
 
-/// The same, with the bridge that is built already.
+/// Runs the scenarios of [`board`] with a bridge that is already built.
 ///
 /// # Errors
 /// An image does not build, or a scenario fails.
@@ -86,7 +86,7 @@ pub(crate) fn test(boards: &[Board], json: bool) -> Result<(), Failure> {
     passed
 }
 
-/// Leaves a board running at a TCP port.
+/// Runs a board whose link is at a TCP port, until Ctrl-C.
 ///
 /// # Errors
 /// A toolchain is missing, or the image or the emulated board does not build.
@@ -111,7 +111,8 @@ pub(crate) fn live(board: Board, port: u16, other_port: bool) -> Result<(), Fail
     )
 }
 
-/// Lints the emulated boards and runs their own tests: models of what the emulator lacks, and bad input.
+/// Lints the emulated boards' own workspace and runs its tests: models of the hardware that the emulator
+/// lacks, and invalid input.
 ///
 /// # Errors
 /// A lint fires, or a test fails.
@@ -128,7 +129,7 @@ pub(crate) fn models() -> Result<(), Failure> {
     )
 }
 
-/// Figures of a board; those of its image with the other port start with the name of that port.
+/// Returns the figures of a board. Those of its image with the other port start with that port's name.
 fn row(board: &str, figures: &Figures) -> Row {
     let mut row: Row = ALWAYS
         .map(|key| (key.to_owned(), Value::Null))

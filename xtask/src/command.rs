@@ -9,20 +9,20 @@ use std::process::{Command, ExitCode, Stdio};
 /// Target triple of the microcontrollers: Cortex-M4F and M7 with a single-precision FPU.
 pub(crate) const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
 
-/// What to do when a program does not build.
+/// Advice to the user after a program that does not build.
 pub(crate) const AFTER_A_BUILD: &str = "read the compiler's message above";
 
-/// Reason why a verb stops: exit status and message.
+/// Reason why a verb stops: the exit status of this program and the message.
 #[derive(Debug)]
 pub(crate) struct Failure(u8, String);
 
 impl Failure {
-    /// A check failed.
+    /// A check did not pass; exit status 1.
     pub(crate) fn check(what: impl Display, why: impl Display, next: impl Display) -> Self {
         Self(1, format!("{what} failed: {why}\n  next: {next}"))
     }
 
-    /// Something is not installed.
+    /// Something that the verb needs is not installed; exit status 2.
     pub(crate) fn missing(what: impl Display, why: impl Display, next: impl Display) -> Self {
         Self(2, format!("{what} is missing: {why}\n  next: {next}"))
     }
@@ -38,16 +38,18 @@ impl Display for Failure {
     }
 }
 
-/// A cargo command in the workspace's root; `words` are separated by blanks.
+/// Returns a cargo command in the workspace's root; `words` are its arguments, separated by blanks.
 pub(crate) fn cargo(words: &str) -> Command {
-    // The cargo that runs this program, so that a toolchain chosen on the command line stays chosen.
+    // Use the cargo that runs this program, so that a toolchain chosen on the command line stays
+    // chosen.
     let program = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(program);
     command.args(words.split_whitespace()).current_dir(root());
     command
 }
 
-/// A cargo command in the workspace of the emulated boards, with its toolchain and target folder.
+/// Returns a cargo command in the workspace of the emulated boards, with that workspace's toolchain
+/// and target folder.
 pub(crate) fn virtual_board_cargo(words: &str) -> Command {
     let mut command = Command::new("rustup");
     command
@@ -58,7 +60,7 @@ pub(crate) fn virtual_board_cargo(words: &str) -> Command {
     command
 }
 
-/// Channel in the rust-toolchain.toml of the emulated boards.
+/// Name of the Rust toolchain in the rust-toolchain.toml of the emulated boards.
 pub(crate) fn virtual_board_toolchain() -> &'static str {
     let file = include_str!("../../tests/virtual-board/rust-toolchain.toml");
     let channel = file.split("channel = \"").nth(1);
@@ -67,24 +69,24 @@ pub(crate) fn virtual_board_toolchain() -> &'static str {
         .unwrap_or("stable")
 }
 
-/// Folder of the root manifest, fixed when this program is compiled.
+/// Folder of the workspace's Cargo.toml, fixed when this program is compiled.
 pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .parent()
         .unwrap_or(Path::new("."))
 }
 
-/// Cargo's target folder: this program is in a folder of it.
+/// Cargo's target folder: the parent of the folder that holds this program.
 pub(crate) fn target_folder() -> PathBuf {
     let program = env::current_exe().unwrap_or_default();
     let folder = program.ancestors().nth(2).map(PathBuf::from);
     folder.unwrap_or_else(|| root().join("target"))
 }
 
-/// The command as a user types it; arguments with blanks in quotes.
+/// Returns the command as a user types it; arguments with blanks are in quotes.
 pub(crate) fn typed(command: &Command) -> String {
     let program = command.get_program().to_string_lossy();
-    // Without the folder of the toolchain.
+    // Leave out the folder of the toolchain.
     let mut words = vec![program.rsplit('/').next().unwrap_or_default().to_owned()];
     words.extend(
         command
@@ -110,7 +112,7 @@ pub(crate) fn run(command: &mut Command, next: &str) -> Result<(), Failure> {
     Err(Failure::check(format!("`{}`", typed(command)), why, next))
 }
 
-/// Replaces this process by the command, whose exit status becomes the verb's.
+/// Replaces this process by the command. The command's exit status becomes the verb's.
 ///
 /// # Errors
 /// The command does not start.

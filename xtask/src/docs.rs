@@ -1,4 +1,4 @@
-//! `cargo xtask docs`: writes docs/figures.md from measurements, and compares it with them.
+//! `cargo xtask docs`: writes docs/figures.md from measurements; `test` compares the page with its own.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use crate::figures_page::{FiguresPage, Section};
 
 const PAGE: &str = "docs/figures.md";
 
-/// First lines of the page.
+/// First lines of docs/figures.md.
 const HEADER: &str = "# Figures
 
 Every measured figure of the project, with the command that prints it. `cargo xtask docs` writes this page \
@@ -19,7 +19,7 @@ from `docs/figures.toml`; do not edit it. `cargo xtask test` fails when a figure
 than the tolerance in that file. [limits.md](limits.md) defines the words simulated and computed.
 ";
 
-/// File in which the verb `command` leaves its JSON object: `target/figures/bench-filters.json`.
+/// Returns the file for the JSON object of the verb `command`, such as `target/figures/bench-filters.json`.
 pub(crate) fn object_file(command: &str) -> PathBuf {
     let name = command.replace(' ', "-");
     target_folder()
@@ -28,7 +28,7 @@ pub(crate) fn object_file(command: &str) -> PathBuf {
         .with_extension("json")
 }
 
-/// Writes a verb's object for [`check`].
+/// Writes the JSON object of a verb to its file, for [`check`].
 ///
 /// # Errors
 /// The folder is not writable.
@@ -37,7 +37,7 @@ pub(crate) fn save(command: &str, object: &Value) -> Result<(), Failure> {
     write(&file, &object.to_string())
 }
 
-/// Measures every figure, or takes the objects in the folder `measured`, and writes the page.
+/// Measures every figure, or reads the JSON objects from the folder `measured`, and writes the page.
 ///
 /// # Errors
 /// A command fails, or its object lacks a figure.
@@ -66,12 +66,12 @@ pub(crate) fn docs(measured: Option<&Path>) -> Result<(), Failure> {
     write(&root().join(PAGE), &page)
 }
 
-/// Compares the page with the objects that the verbs of this run have left.
+/// Compares docs/figures.md with the JSON objects that the verbs of this run have written.
 ///
 /// # Errors
 /// A figure differs by more than its tolerance, or was not measured.
 pub(crate) fn check() -> Result<(), Failure> {
-    // The page's figures are those of runs with real recordings among their inputs.
+    // The figures on the page were measured with real recordings among the inputs.
     if std::env::var_os("CORTICODE_DATA").is_none() {
         eprintln!("SKIPPED: the comparison with docs/figures.md needs CORTICODE_DATA");
         return Ok(());
@@ -98,7 +98,7 @@ fn page_description() -> Result<FiguresPage, Failure> {
     toml::from_str(&read_text(&file)?).map_err(error)
 }
 
-/// Runs a section's command and returns its object.
+/// Runs the command of a section and returns the JSON object that it prints.
 fn measure(section: &Section) -> Result<Value, Failure> {
     let next = "run the command alone";
     let what = format!("`cargo xtask {} --json`", section.command);
@@ -110,7 +110,7 @@ fn measure(section: &Section) -> Result<Value, Failure> {
     serde_json::from_slice(&output.stdout).map_err(|error| Failure::check(&what, error, next))
 }
 
-/// Commit and date of the working tree: "commit 2f0fef8, 2026-11-22".
+/// Returns commit and date of the working tree, such as "commit 2f0fef8, 2026-11-22".
 fn source() -> Result<String, Failure> {
     let mut git = Command::new("git");
     git.args(["log", "-1", "--date=short", "--format=commit %h, %cd"]);

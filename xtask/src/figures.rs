@@ -1,6 +1,7 @@
 //! Figures that tests append as JSON lines to the file named by `CORTICODE_FIGURES`.
 //!
-//! A line is an object: figures of one machine or board, which a member names, or figures of the whole run.
+//! Each line is a JSON object. Its figures belong to the machine or board that one of its members names, or
+//! else to the whole run.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,23 +12,24 @@ use serde_json::{Map, Value};
 
 use crate::command::{Failure, target_folder};
 
-/// Figures by key.
+/// Figures of one machine, board or run, by name.
 pub(crate) type Row = Map<String, Value>;
 
-/// File of one run.
+/// File to which the tests of one run append their figures.
 #[derive(Debug)]
 pub(crate) struct File(PathBuf);
 
 impl File {
-    /// A fresh file for `verb`: a run must not show figures of the run before.
+    /// Returns a new file for `verb` without the figures of the previous run.
     pub(crate) fn new(verb: &str) -> Self {
         let file = target_folder().join(format!("{verb}-figures.jsonl"));
-        // Fails where there is nothing to remove; a file that stays is reported by the tests, which write it.
+        // Fails if there is no file to remove. If an old file stays, the tests that write it report an error.
         let _ = fs::remove_file(&file);
         Self(file)
     }
 
-    /// Lets the tests of a command write to the file; `json` keeps standard output free for the object.
+    /// Makes the tests of a command write to this file. With `json`, the command's own output goes to stderr,
+    /// which leaves stdout to the JSON object.
     pub(crate) fn attach<'c>(&self, command: &'c mut Command, json: bool) -> &'c mut Command {
         if json {
             command.stdout(std::io::stderr());
@@ -35,7 +37,8 @@ impl File {
         command.env("CORTICODE_FIGURES", &self.0)
     }
 
-    /// Reads and merges all lines; none without a file, which a run that fails early does not write.
+    /// Reads and merges all lines of the file. Returns no figures without a file: a run that fails early
+    /// writes none.
     ///
     /// # Errors
     /// A line is not a JSON object.
@@ -54,14 +57,15 @@ impl File {
 /// Merged figures of one run.
 #[derive(Debug, Default)]
 pub(crate) struct Figures {
-    /// Figures of the whole run.
+    /// Figures that belong to no machine or board.
     pub(crate) whole: Row,
-    /// Figures by machine or board.
+    /// Figures of each machine or board, by its name.
     pub(crate) rows: BTreeMap<String, Row>,
 }
 
 impl Figures {
-    /// Merges lines by their member `subject`, "machine" for example. The last figure of a name wins.
+    /// Merges lines by their member `subject`, such as "machine". If a figure occurs twice, the last one
+    /// counts.
     pub(crate) fn parse(text: &str, subject: &str) -> Result<Self, serde_json::Error> {
         let mut figures = Self::default();
         for line in text.lines() {
@@ -75,7 +79,7 @@ impl Figures {
     }
 }
 
-/// Prints one figure per line, the figures in objects and lists included.
+/// Prints one figure per line, including the figures inside objects and lists.
 pub(crate) fn print_table(name: &str, row: &Row) {
     println!("\n{name}");
     for (key, value) in row {

@@ -1,46 +1,46 @@
-//! `docs/figures.md`: every measured figure once, with the command that printed it.
+//! Text of `docs/figures.md`: every measured figure once, with the command that printed it.
 
 use std::fmt::Write as _;
 
 use serde::Deserialize;
 use serde_json::Value;
 
-/// The figures, in the order of the page: `docs/figures.toml`.
+/// Description of the page, read from `docs/figures.toml`: its figures in their order.
 #[derive(Debug, Deserialize)]
 pub(crate) struct FiguresPage {
     #[serde(rename = "section")]
     pub(crate) sections: Vec<Section>,
 }
 
-/// The figures of one command.
+/// Figures that one command prints.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Section {
     title: String,
-    /// Words after `cargo xtask`; `--json` makes it print one object.
+    /// Arguments of `cargo xtask`; with `--json` added, the command prints one JSON object.
     pub(crate) command: String,
     note: String,
     #[serde(rename = "figure")]
     figures: Vec<Figure>,
 }
 
-/// One row of the page.
+/// One row of the page: a figure and where to find it.
 #[derive(Debug, Deserialize)]
 struct Figure {
     name: String,
-    /// Its place in the command's object (RFC 6901).
+    /// Place of the value in the command's JSON object (JSON pointer, RFC 6901).
     pointer: String,
     #[serde(default)]
     unit: String,
-    /// Factor from the object's unit to `unit`.
+    /// Factor from the unit in the JSON object to `unit`.
     #[serde(default = "one")]
     scale: f64,
-    /// Digits after the point on the page.
+    /// Digits after the decimal point on the page.
     #[serde(default)]
     decimals: usize,
-    /// Largest relative difference between the page and another run.
+    /// Largest accepted difference between the page and another run, as a fraction of the value.
     #[serde(default)]
     tolerance: f64,
-    /// A run without a tool that it needs does not measure it.
+    /// Whether the figure may be absent, because a run without some tool does not measure it.
     #[serde(default)]
     optional: bool,
 }
@@ -50,10 +50,10 @@ fn one() -> f64 {
 }
 
 impl Section {
-    /// Returns the section's Markdown; `source` names commit and date of the measurement.
+    /// Returns the section's Markdown; `source` names the commit and date of the measurement.
     ///
     /// # Errors
-    /// Names of figures that `measured` lacks.
+    /// Names of the figures that `measured` lacks.
     pub(crate) fn markdown(&self, measured: &Value, source: &str) -> Result<String, Vec<String>> {
         let values: Vec<Option<f64>> = self.figures.iter().map(|f| f.value(measured)).collect();
         let missing = self.figures.iter().zip(&values);
@@ -74,7 +74,8 @@ impl Section {
         Ok(page)
     }
 
-    /// Returns one line for each figure that `page` lacks or states otherwise than `measured`.
+    /// Returns one line for each figure that `page` lacks, or for which `page` and `measured`
+    /// differ.
     pub(crate) fn differences(&self, page: &str, measured: &Value) -> Vec<String> {
         let section = page
             .split("\n## ")
@@ -106,14 +107,15 @@ impl Figure {
         Some(measured.pointer(&self.pointer)?.as_f64()? * self.scale)
     }
 
-    /// Whether two values differ by no more than the tolerance and the rounding of the page.
+    /// Returns whether the value on the page and a new one differ by no more than the tolerance and
+    /// the rounding of the page.
     fn agree(&self, stated: f64, now: f64) -> bool {
         let digits = i32::try_from(self.decimals).unwrap_or(i32::MAX);
         (stated - now).abs() <= now.abs() * self.tolerance + 0.5001 * 10_f64.powi(-digits)
     }
 }
 
-/// The number with commas between groups of three digits: "1,224,652", "-1,000.50".
+/// Formats a number with commas between groups of three digits: "1,224,652", "-1,000.50".
 fn grouped(value: f64, decimals: usize) -> String {
     let text = format!("{:.decimals$}", value.abs());
     let (whole, fraction) = text.split_once('.').unwrap_or((&text, ""));

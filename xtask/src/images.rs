@@ -1,4 +1,4 @@
-//! The boards' images, built as `cargo flash` builds them.
+//! Images for the boards, built as `cargo flash` builds them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use crate::command::{AFTER_A_BUILD, BOARD_TARGET, Failure, cargo, run, target_folder};
 use crate::install;
 
-/// A board with an STM32.
+/// A board with an STM32 microcontroller, for which there are images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Board {
     /// NUCLEO-H743ZI2.
@@ -20,12 +20,12 @@ pub(crate) enum Board {
 impl Board {
     pub(crate) const ALL: [Self; 2] = [Self::H743, Self::F446];
 
-    /// Name on the command line, in the names of images, packages and tests.
+    /// Name of the board on the command line and in the names of images, packages and tests.
     pub(crate) const fn key(self) -> &'static str {
         ["h743", "f446"][self as usize]
     }
 
-    /// Names of its images and arguments of cargo, the default image last.
+    /// Names of the board's two images, each with its arguments for cargo; the default image is last.
     pub(crate) const fn images(self) -> [[&'static str; 2]; 2] {
         match self {
             Self::H743 => [
@@ -40,13 +40,14 @@ impl Board {
     }
 }
 
-/// Folder of the images, each in a file with its name.
+/// Folder with the images; each file is named after its image.
 pub(crate) fn folder() -> PathBuf {
     target_folder().join("virtual-board").join("images")
 }
 
-/// Builds both images of a board, with its other port and with its default one. Cargo writes both to one path, so
-/// each is copied to a file of its own; the default image also stays where `cargo flash` looks for it.
+/// Builds both images of a board: the one with the other port, then the default one. Cargo writes both to one
+/// path, so each is copied to a file of its own. The default image also stays where `cargo flash` looks for
+/// it.
 ///
 /// # Errors
 /// The target is missing, or an image does not build or cannot be copied.
@@ -70,7 +71,8 @@ pub(crate) fn build(board: Board) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Copies a file unless the copy has the same content, so that an unchanged image keeps its time.
+/// Copies a file unless the copy already has the same content; an unchanged image then keeps its modification
+/// time.
 fn copy_if_changed(from: &Path, to: &Path) -> std::io::Result<()> {
     let content = fs::read(from)?;
     if fs::read(to).is_ok_and(|copy| copy == content) {

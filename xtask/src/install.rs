@@ -1,4 +1,4 @@
-//! Debian packages and pieces of Rust that `test` needs, installed where this user may.
+//! Debian packages and parts of Rust that `test` needs, installed if this user is allowed to.
 
 use std::fmt::Display;
 use std::path::Path;
@@ -6,8 +6,8 @@ use std::process::Command;
 
 use crate::command::{BOARD_TARGET, Failure, run, succeeds, typed, virtual_board_toolchain};
 
-/// ROS 1 with roscore, rospy, rostopic, rosservice and rosbag; the services of `acquisition`; numpy, with
-/// which tests read arrays; and the emulator of the microcontrollers.
+/// Debian packages: ROS 1 with roscore, rospy, rostopic, rosservice and rosbag; the service types of the node
+/// `acquisition`; numpy, with which tests read arrays; the emulator of the microcontrollers.
 const PACKAGES: [&str; 4] = [
     "ros-core",
     "python3-std-srvs",
@@ -15,7 +15,7 @@ const PACKAGES: [&str; 4] = [
     "qemu-system-arm",
 ];
 
-/// Installs what is missing of everything.
+/// Installs everything that `test` needs and that is missing.
 ///
 /// # Errors
 /// Something is missing and cannot be installed; the message has the line that installs it.
@@ -25,12 +25,12 @@ pub(crate) fn install() -> Result<(), Failure> {
     debian_packages()
 }
 
-/// Adds the standard library of the microcontrollers.
+/// Adds Rust's standard library for the microcontrollers.
 ///
 /// # Errors
 /// It is missing, and rustup cannot add it.
 pub(crate) fn board_target() -> Result<(), Failure> {
-    // The compiler is asked and not rustup, which a distribution's own Rust does not have.
+    // Ask the compiler, not rustup: a Rust from a Linux distribution has no rustup.
     let mut rustc = Command::new("rustc");
     let folder = rustc
         .args(["--print=target-libdir", "--target", BOARD_TARGET])
@@ -45,7 +45,8 @@ pub(crate) fn board_target() -> Result<(), Failure> {
     )
 }
 
-/// Installs the toolchain of the emulated boards: on many machines rustup does not do so by itself.
+/// Installs the Rust toolchain of the emulated boards, because rustup on many machines does not install it on
+/// first use.
 ///
 /// # Errors
 /// It is missing, and rustup cannot install it.
@@ -103,7 +104,7 @@ fn debian_packages() -> Result<(), Failure> {
     if run(&mut apt_get_install(prefix, &missing), "").is_ok() {
         return Ok(());
     }
-    // A fresh machine has no package lists yet.
+    // A fresh machine has no package lists, and apt-get needs them to install anything.
     let next = "check the network and /etc/apt/sources.list";
     run(&mut apt_get(prefix, &["update"]), next)?;
     run(&mut apt_get_install(prefix, &missing), "").map_err(|failure| refusal(&missing, failure))
@@ -116,7 +117,7 @@ fn apt_get_install(prefix: &[&str], packages: &[&str]) -> Command {
 
 fn apt_get(prefix: &[&str], words: &[&str]) -> Command {
     let mut command = Command::new(prefix[0]);
-    // Noninteractive: without a terminal a question would block the run.
+    // Noninteractive, because without a terminal a question from a package would block the run.
     let apt_get = ["DEBIAN_FRONTEND=noninteractive", "apt-get"];
     command.args(&prefix[1..]).args(apt_get).args(words);
     command

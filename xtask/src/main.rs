@@ -1,4 +1,4 @@
-//! Verbs that need a condition, an environment variable or two commands: `cargo xtask --help`.
+//! `cargo xtask`: verbs that need a condition, an environment variable or two commands.
 #![forbid(unsafe_code)]
 
 mod board;
@@ -32,13 +32,13 @@ enum Verb {
     /// Run everything that CI runs; install what is missing, or say how
     Test {
         /// Leave out the trainer, the emulators, the benchmarks and models of other shapes, and install
-        /// nothing: tests that need ROS are skipped without it
+        /// nothing; tests that need ROS are skipped if it is missing
         #[arg(long)]
         fast: bool,
     },
     /// Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures
     Demo {
-        /// Seconds of EEG; the filters take the first 9.5 to settle, and nothing is compared before
+        /// Seconds of EEG; the filters need the first 9.5 to settle, and nothing before that is compared
         #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(12..=3600))]
         seconds: u32,
         /// Seed of the synthetic EEG
@@ -68,7 +68,7 @@ enum Verb {
         #[arg(long, default_value_t = 5555, requires = "live")]
         port: u16,
     },
-    /// Let a microcontroller check the golden vectors itself: emulated ones, or a board
+    /// Make a microcontroller check the golden vectors itself: emulated ones, or a board
     Hil {
         /// Run on this board, attached by its ST-LINK, instead of on emulated microcontrollers
         #[arg(long, value_enum)]
@@ -77,10 +77,10 @@ enum Verb {
     /// Run the images that are flashed on emulated boards and test what they do, or leave one running for a
     /// bridge
     Board {
-        /// The board; both if it is left out
+        /// Board to test or to run; both if it is left out
         #[arg(value_enum)]
         board: Option<Board>,
-        /// Leave it running at a TCP port for a bridge, until Ctrl-C, instead of running the tests
+        /// Leave the board running at a TCP port for a bridge, until Ctrl-C, instead of running the tests
         #[arg(long, requires = "board")]
         live: bool,
         /// TCP port of --live on 127.0.0.1
@@ -94,13 +94,13 @@ enum Verb {
         #[arg(long, conflicts_with = "live")]
         json: bool,
     },
-    /// Build the boards' images; print what they take of flash and RAM, and fail above the limits
+    /// Build the boards' images; print how much flash and RAM they use, and fail above the limits
     Budget {
         /// Print one JSON object instead of a table
         #[arg(long)]
         json: bool,
     },
-    /// Check licences, advisories and sources with cargo-deny, where it is installed
+    /// Check licences, advisories and sources with cargo-deny, if it is installed
     Deny,
     /// Measure every figure of docs/figures.md and write the page
     Docs {

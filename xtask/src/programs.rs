@@ -1,4 +1,4 @@
-//! Verbs that become one program: its output and its exit status are theirs.
+//! Verbs that run one program and pass on its output and exit status.
 
 use std::process::Command;
 
@@ -8,7 +8,7 @@ use crate::command::{
 use crate::images::{self, Board};
 use crate::install;
 
-/// Builds the demo and the programs it starts in one call of cargo, and runs it.
+/// Builds the demo and the programs that it starts with one call of cargo, and runs the demo.
 ///
 /// # Errors
 /// A program does not build or start.
@@ -29,7 +29,7 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     ]))
 }
 
-/// Runs the benchmarks' report; only the timings of the PC need optimised programs.
+/// Runs the report of the benchmarks. The program is optimised only for timings on the PC.
 ///
 /// # Errors
 /// Cargo does not start.
@@ -66,7 +66,7 @@ pub(crate) fn hil(board: Option<Board>) -> Result<(), Failure> {
     replace(cargo(&run).arg(image))
 }
 
-/// Links the image with the golden vectors for a board.
+/// Builds the image with the golden vectors for a board, to check that it links.
 ///
 /// # Errors
 /// The image does not build, or is too large for the board.
@@ -76,7 +76,7 @@ pub(crate) fn link_vectors(board: Board) -> Result<(), Failure> {
     run(&mut cargo(&words), AFTER_A_BUILD)
 }
 
-/// Builds the boards' images and runs the check of their sizes and layouts.
+/// Builds the images of the boards and checks their sizes and layouts.
 ///
 /// # Errors
 /// An image does not build, or cargo does not start.
@@ -86,7 +86,7 @@ pub(crate) fn budget(json: bool) -> Result<(), Failure> {
     replace(budget.arg(images::folder()).args(json.then_some("--json")))
 }
 
-/// Runs the application in real time on an emulated microcontroller.
+/// Runs the application in real time on an emulated microcontroller, with its link at TCP port `port`.
 ///
 /// # Errors
 /// Cargo does not start.
@@ -100,7 +100,7 @@ pub(crate) fn live_qemu(port: u16) -> Result<(), Failure> {
 /// Runs cargo-deny over both workspaces.
 ///
 /// # Errors
-/// cargo-deny is missing, or refuses something.
+/// cargo-deny is missing, or refuses a licence, advisory or source.
 pub(crate) fn deny() -> Result<(), Failure> {
     if !succeeds(&mut cargo("deny --version")) {
         let [why, next] = [

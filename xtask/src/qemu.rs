@@ -1,4 +1,5 @@
-//! `cargo xtask qemu`: the application on emulated microcontrollers in virtual time, against host-sim.
+//! `cargo xtask qemu`: runs the application on emulated microcontrollers in virtual time and compares it with
+//! host-sim.
 
 use serde_json::{Value, json};
 
@@ -7,7 +8,7 @@ use crate::docs;
 use crate::figures::{self, Figures, File, Row};
 use crate::install;
 
-/// Runs the scenarios and prints their figures.
+/// Runs the scenarios on emulated microcontrollers and prints their figures.
 ///
 /// # Errors
 /// The target is missing, or a scenario fails.
@@ -23,7 +24,7 @@ pub(crate) fn qemu(codes: u32, json: bool) -> Result<(), Failure> {
     passed
 }
 
-/// Prints the figures of a run as an object or as a table.
+/// Prints the figures of a run as one JSON object or as a table.
 ///
 /// # Errors
 /// A line of the file is not a JSON object.
@@ -55,7 +56,8 @@ pub(crate) fn print(file: &File, json: bool, failure: Option<&Failure>) -> Resul
     Ok(())
 }
 
-/// Figures over all machines: least, sum, worst. A truth value holds if it holds on each machine.
+/// Returns figures over all machines: the least, sum or worst. A truth value holds if it holds on each
+/// machine.
 fn summary(rows: &[&Row]) -> Row {
     let figure = |path: &'static str| rows.iter().map(move |row| at(row, path));
     let all = |path, wanted: Value| {
@@ -80,7 +82,7 @@ fn summary(rows: &[&Row]) -> Row {
     summary.as_object().cloned().unwrap_or_default()
 }
 
-/// The value at a path of keys, `/all_streams/equal` for example; null if there is none.
+/// Returns the value at a path of keys, such as `/all_streams/equal`; null if there is none.
 fn at<'r>(row: &'r Row, path: &str) -> &'r Value {
     let mut keys = path.split('/').skip(1);
     let first = keys.next().and_then(|key| row.get(key));

@@ -1,4 +1,4 @@
-//! `cargo xtask test`: everything that CI checks, in the order in which it fails fastest.
+//! `cargo xtask test`: everything that CI checks, with the checks that fail fastest first.
 
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -12,18 +12,19 @@ const AFTER_A_LINT: &str =
 const AFTER_A_TEST: &str =
     "run the failed test alone: `cargo test --package CRATE TEST_NAME`, its name as printed above";
 
-/// Environment variable with the folder of the built programs, so that tests do not build them again.
+/// Environment variable: the folder of the built programs. Tests with it do not build them again.
 const PROGRAMS: &str = "CORTICODE_PROGRAMS";
 
-/// Environment variable with the file in which a program leaves the object that `--json` prints.
+/// Environment variable: the file to which a program writes the JSON object that `--json` prints.
 const OBJECT: &str = "CORTICODE_OBJECT";
 
-/// Crates that run on a microcontroller without a board's features, and the images for emulated ones.
+/// Crates that run on a microcontroller and need no feature of a board, and the images for emulated
+/// microcontrollers.
 const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8-nn --package=model \
     --package=pipeline --package=link --package=device --package=firmware --package=bench \
     --package=on-target --package=board-qemu";
 
-/// When a stage runs: with and without `--fast`, only with it, only without it.
+/// Whether a stage runs always, only with `--fast`, or only without it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum When {
     Always,
@@ -34,7 +35,7 @@ enum When {
 /// Name of a stage, when it runs, and what it does.
 type Stage = (&'static str, When, fn() -> Result<(), Failure>);
 
-/// Every stage in its order.
+/// Every stage, in the order in which they run.
 #[rustfmt::skip]
 const STAGES: [Stage; 15] = [
     ("format", When::Always, format),
@@ -57,7 +58,7 @@ const STAGES: [Stage; 15] = [
 /// Runs the stages and stops at the first that fails.
 ///
 /// # Errors
-/// The failure of the first stage that did not pass.
+/// The failure of the first stage that fails.
 pub(crate) fn test(fast: bool) -> Result<(), Failure> {
     let left_out = if fast { When::Full } else { When::Fast };
     let stages = STAGES.into_iter().filter(|(_, when, _)| *when != left_out);
@@ -109,8 +110,8 @@ fn lints(selection: &str) -> Result<(), Failure> {
     run(&mut cargo(&words), AFTER_A_LINT)
 }
 
-/// Lints code that the PC's compiler does not see. The profile is that of the images, so that both use the same
-/// macros and build scripts.
+/// Lints code that only the microcontrollers' compiler sees. The profile is that of the images, so lints and
+/// images share compiled macros and build scripts.
 fn lints_for_target(selection: &str) -> Result<(), Failure> {
     let clippy = format!("clippy --profile=firmware --target={BOARD_TARGET}");
     run(
@@ -124,7 +125,8 @@ fn lints_for_microcontrollers() -> Result<(), Failure> {
     lints_for_target(&format!("{THUMB_CRATES} --features=pipeline/cortex-m7"))
 }
 
-/// Lints each board with each port, one at a time: the chips' features exclude each other.
+/// Lints each board with each of its ports, one after the other, because the chips' features exclude each
+/// other.
 fn lints_for_boards() -> Result<(), Failure> {
     let images = Board::ALL.into_iter().flat_map(Board::images);
     images
@@ -132,13 +134,13 @@ fn lints_for_boards() -> Result<(), Failure> {
         .try_for_each(|selection| lints_for_target(&selection))
 }
 
-/// Tests the default members.
+/// Tests the default members of the workspace.
 fn fast_tests() -> Result<(), Failure> {
     let skip = "--skip any_model_streams_as_it_batches --skip yanked";
     tests("", &mut cargo(&format!("test -- {skip}")))
 }
 
-/// Tests all members, and prints the figures of the emulated microcontrollers.
+/// Tests all members of the workspace, and prints the figures of the emulated microcontrollers.
 fn full_tests() -> Result<(), Failure> {
     let figures = figures::File::new("qemu");
     let mut test = cargo("test --workspace");
@@ -147,8 +149,8 @@ fn full_tests() -> Result<(), Failure> {
     qemu::print(&figures, false, None)
 }
 
-/// Builds the programs that tests start, with the tests' selection of packages: with any other one, most crates
-/// would have other features and be compiled a second time.
+/// Builds the programs that tests start, and runs the tests. Both commands select the same packages: with
+/// different selections, most crates would have different features and be compiled twice.
 fn tests(selection: &str, test: &mut Command) -> Result<(), Failure> {
     run(
         &mut cargo(&format!("build --bins --tests {selection}")),
@@ -184,7 +186,8 @@ fn images_for_boards() -> Result<(), Failure> {
     )
 }
 
-/// Of deny.toml only the advisories need cargo-deny: tests/tests/licences.rs and sources.rs check the rest.
+/// Only the advisories in deny.toml need cargo-deny; tests/tests/licences.rs and sources.rs check the rest of
+/// it.
 fn deny_where_installed() -> Result<(), Failure> {
     if succeeds(&mut cargo("deny --version")) {
         return programs::deny();
@@ -192,7 +195,7 @@ fn deny_where_installed() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Formats a duration in the unit a reader would use: "850 ms", "12.3 s", "3 min 20 s".
+/// Formats a duration in the unit that suits its size: "850 ms", "12.3 s", "3 min 20 s".
 fn readable(time: Duration) -> String {
     match time.as_secs() {
         0 => format!("{} ms", time.as_millis()),

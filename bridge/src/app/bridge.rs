@@ -20,19 +20,20 @@ use crate::error::BridgeError;
 use crate::time::host_time::HostTime;
 use crate::wire::connection::{Connection, Event};
 
-/// Interval of the core's ticks.
+/// Time between two ticks of the core.
 const TICK: Duration = Duration::from_millis(100);
 /// Number of ticks between two reports to `/diagnostics`: 1 s.
 const TICKS_PER_REPORT: u32 = 10;
-/// Longest time at shutdown for the device to stop, and for queued lines to be written.
+/// Longest time at shutdown to wait until the device has stopped and queued lines are written.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Runs the bridge until SIGTERM, Ctrl-C, `~quit`, `rosnode kill`, or until the reader of its lines
-/// closes the pipe. Then it stops the device, unregisters the node and closes the port.
+/// Runs the bridge until SIGTERM, Ctrl-C, `~quit`, `rosnode kill`, or until the process that reads
+/// its JSON lines closes the pipe. Then stops the device, unregisters the node and closes the port.
 ///
 /// # Errors
 ///
-/// [`BridgeError`] if the bridge cannot run. It waits for an absent device or ROS master.
+/// [`BridgeError`] if the bridge cannot run. An absent device or ROS master is not an error; the
+/// bridge waits.
 pub(super) async fn stream(
     options: Options,
     mut ros_options: NodeOptions,
@@ -85,13 +86,13 @@ pub(super) async fn stream(
     }
     let written = writer.map_or(Ok(()), |writer| writer.finish(DRAIN_TIMEOUT));
     match outcome.and(written.map_err(BridgeError::Sink)) {
-        // The reader of the lines has closed the pipe.
+        // The process that reads the JSON lines has closed the pipe, which is a normal end.
         Ok(()) | Err(BridgeError::Sink(neuro_ros::SinkError::Closed)) => Ok(summary),
         Err(error) => Err(error),
     }
 }
 
-/// The core with its port, the commands from ROS services, and its outlets.
+/// The core with its port, the commands from ROS services, and the outlets for its effects.
 struct Bridge<'a> {
     core: Core,
     connection: Connection,
@@ -152,7 +153,7 @@ impl Bridge<'_> {
     }
 
     fn handle_connection(&mut self, event: Event, buffer: &[u8]) {
-        // Taken directly after the read, because the clock is fitted to this time.
+        // Read the time directly after the bytes, because the clock is fitted to this time.
         let now = HostTime::now();
         match event {
             Event::Opened => self.core.connected(now, self.outlets),

@@ -71,7 +71,7 @@ pub(crate) struct Options {
     pub(crate) announce: AnnouncedStream,
 }
 
-/// Address and speed of the port.
+/// Address and speed of the port; options of the bridge and of its subcommands.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct PortOptions {
     /// Serial port, pseudoterminal, or tcp:HOST:PORT
@@ -98,7 +98,7 @@ pub(crate) enum SinkKind {
 }
 
 impl Options {
-    /// Converts the options to the core's settings.
+    /// Converts the options to the settings of the core.
     pub(crate) fn settings(&self) -> Settings {
         Settings {
             stamp: self.stamp,
@@ -113,7 +113,7 @@ impl Options {
         }
     }
 
-    /// Returns the topic name with the prefix applied, such as `/left/encoded`.
+    /// Returns the name of the topic `name` with the prefix applied, such as `/left/encoded`.
     pub(crate) fn topic(&self, name: &str) -> String {
         format!("{}/{name}", self.topic_prefix.trim_end_matches('/'))
     }
@@ -127,14 +127,14 @@ fn mains(text: &str) -> Result<u8, String> {
     }
 }
 
-/// The task that the subcommand selects.
+/// What the program does, as the subcommand selects.
 #[derive(Clone, Debug)]
 pub(crate) enum Task {
     /// Stream until shutdown; the default without a subcommand.
     Bridge(Box<Options>),
-    /// `selftest`: the device tests its converters.
+    /// `selftest`: the device tests its converters, and the program prints the results.
     SelfTest(SelfTestOptions),
-    /// `reset`: the device restarts.
+    /// `reset`: the device restarts, and the program prints the cause that it reports.
     Reset(ResetOptions),
 }
 
@@ -176,7 +176,7 @@ impl ResetOptions {
 }
 
 impl Task {
-    /// Parses the arguments, of which the first is the program's name.
+    /// Parses the arguments; the first one is the program's name.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! Sinks, decoder thread and bytes for the device, as the core's effects use them.
+//! Sinks, decoder thread and outgoing bytes, which execute the core's effects.
 
 use std::sync::Arc;
 
@@ -26,15 +26,15 @@ pub(crate) struct Outlets {
     events: Option<Box<dyn Sink<NeuroEvent>>>,
     diagnostics: Box<dyn Sink<DiagnosticArray>>,
     decoder: DecoderThread,
-    /// Channel to the task that serves `/acquisition/get_info`; `None` without ROS.
+    /// Channel to the task that serves `/acquisition/get_info`; `None` if frames go to stdout.
     announcements: Option<UnboundedSender<AcquisitionInfo>>,
-    /// Last announcement that was sent, so that an equal one is not sent again.
+    /// The last announcement that was sent; an equal one is not sent again.
     announced: Option<AcquisitionInfo>,
-    /// Sum of the dropped and undecoded counts at the last report to `/diagnostics`.
+    /// Number of dropped plus undecoded frames at the last report to `/diagnostics`.
     reported: u64,
-    /// Bytes for the device that are not written yet.
+    /// Bytes for the device that have not been written to the port yet.
     pub(crate) outgoing: Vec<u8>,
-    /// Error of a sink that accepts nothing any more.
+    /// Error of the first sink that failed and accepts no more frames.
     pub(crate) sink_error: Option<SinkError>,
 }
 
@@ -62,7 +62,7 @@ impl Outlets {
         })
     }
 
-    /// Finishes queued work and logs what was not decoded or not delivered.
+    /// Waits until queued codes are decoded, and logs what was not decoded or not delivered.
     pub(crate) fn finish(self) {
         let dropped = self.encoded.dropped();
         let undecoded = self.decoder.finish();
@@ -77,7 +77,7 @@ impl Outlets {
         }
     }
 
-    /// Publishes the core's report with the statuses of outlets and audits added.
+    /// Publishes the core's report, extended by the status of the outlets and of the audits.
     pub(crate) fn publish_diagnostics(&mut self, mut report: DiagnosticArray) {
         report.status.push(self.status());
         if let Some(mut audits) = self.decoder.audit_status() {
@@ -88,7 +88,7 @@ impl Outlets {
         self.record_error(published);
     }
 
-    /// Returns the status of the sinks and the decoder: dropped and undecoded frames.
+    /// Returns the status of the sinks and the decoder: numbers of dropped and undecoded frames.
     fn status(&mut self) -> DiagnosticStatus {
         let dropped = |sink: &Option<Box<dyn FrameSink>>| sink.as_ref().map(|sink| sink.dropped());
         let events = self.events.as_ref().map(|sink| sink.dropped());

@@ -1,4 +1,4 @@
-//! The ROS node.
+//! The bridge's ROS node: topics, services and registration.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,7 +9,7 @@ use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender};
 use tokio::sync::watch::Receiver;
 use tokio::task::JoinHandle;
 
-/// Time for the first answer of a ROS master before its absence is logged.
+/// Time to wait for the ROS master's first answer before its absence is logged.
 const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
 
 /// The bridge's ROS node, with a task that logs when the master appears or disappears.
@@ -43,8 +43,9 @@ impl RosNode {
         RosSink::advertise(&self.node, topic, queue).await
     }
 
-    /// Serves the newest announcement and passes calls of `~start`, `~stop` and `~quit` on. This
-    /// runs in a task of its own, because registration can take long.
+    /// Serves `/acquisition/get_info` with the newest announcement, and passes calls of `~start`,
+    /// `~stop` and `~quit` on as commands. Runs in a task of its own, because registration can take
+    /// long.
     pub(crate) fn serve_announcements(
         &self,
         mut announcements: UnboundedReceiver<AcquisitionInfo>,
@@ -73,8 +74,8 @@ impl RosNode {
     }
 }
 
-/// Logs when the master appears or disappears. A missing master is logged after
-/// [`REGISTRATION_GRACE`], because the first answer takes several milliseconds.
+/// Logs when the ROS master appears or disappears. A missing master is logged only after
+/// [`REGISTRATION_GRACE`], because a present master takes several milliseconds to answer first.
 async fn log_master_changes(mut online: Receiver<bool>, uri: String) {
     let mut logged = None;
     tokio::time::sleep(REGISTRATION_GRACE).await;

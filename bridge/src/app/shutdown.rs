@@ -1,4 +1,4 @@
-//! Requests to shut down.
+//! Requests to shut down the bridge.
 
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -7,8 +7,9 @@ use neuro_ros::ros1::Node;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 
-/// Time after the first signal from which another one ends the process at once. A closing terminal
-/// sends several signals within this time; a later one comes from a user who does not want to wait.
+/// Time after the first signal from which another signal ends the process at once. A closing
+/// terminal sends several signals within this time; a later signal means that the user does not
+/// want to wait.
 const FORCE_EXIT_AFTER: Duration = Duration::from_millis(500);
 
 /// Collects requests to shut down from signals, the ROS master and the service `~quit`.
@@ -37,7 +38,8 @@ impl Shutdown {
                         tracing::error!("second signal ({reason}): exiting at once");
                         std::process::exit(1);
                     }
-                    // Fails only during the shutdown; a second signal is still handled above.
+                    // Sending fails only during the shutdown; a second signal is still handled
+                    // above.
                     let _ = reason_sender.send(reason);
                 }
             });
@@ -53,17 +55,17 @@ impl Shutdown {
         let reason_sender = self.reason_sender.clone();
         tokio::spawn(async move {
             node.shutdown_requested().await;
-            // Fails only if the bridge has shut down already.
+            // Sending fails only if the bridge has shut down already.
             let _ = reason_sender.send("the ROS master asks this node to shut down");
         });
     }
 
     pub(crate) fn request(&self, reason: &'static str) {
-        // Cannot fail, because `self` holds the receiver.
+        // Sending cannot fail, because `self` holds the receiver.
         let _ = self.reason_sender.send(reason);
     }
 
-    /// Waits for the next request and returns its reason. Cancel safe.
+    /// Waits for the next shutdown request and returns its reason. Cancel safe.
     pub(crate) async fn requested(&mut self) -> &'static str {
         match self.reasons.recv().await {
             Some(reason) => reason,

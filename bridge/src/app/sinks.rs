@@ -1,4 +1,4 @@
-//! Sinks of all topics.
+//! The sinks of all topics.
 
 use link::Streams;
 use neuro_ros::ros1::NodeError;
@@ -7,19 +7,19 @@ use neuro_ros::{DiagnosticArray, FrameSink, NdjsonWriter, NeuroEvent, Sink};
 use crate::app::command_line::Options;
 use crate::app::ros_node::RosNode;
 
-/// Queue length per subscriber for codes and their reconstruction: 8 min at 16 Hz, so that a
-/// recorder also receives the fillers of a long outage, which are published at once. A frame takes
+/// Queue length per subscriber for codes and their reconstruction, frames: 8 min at 16 Hz. After a
+/// long outage all fillers are published at once, and a recorder receives them too. A frame takes
 /// about 3 KB, and only slow subscribers have frames waiting.
 const QUEUE_FRAMES: usize = 8192;
-/// Queue length per subscriber for samples and steps: the longest gap that is filled, 120 s at 16
-/// Hz. A frame takes about 9 KB.
+/// Queue length per subscriber for samples and steps, frames. The longest gap that is filled, 120 s
+/// at 16 Hz, fits. A frame takes about 9 KB.
 const QUEUE_SAMPLES: usize = 2048;
-/// Queue length per subscriber for events and diagnostics, more than arrive while a recorder
-/// writes.
+/// Queue length per subscriber for events and diagnostics, messages: more than arrive while a
+/// recorder is busy writing.
 const QUEUE_EVENTS: usize = 1024;
 
-/// One sink per topic, each with a queue of its own, so that a slow reader of samples loses samples
-/// and no codes. Topics of streams that are not requested do not exist.
+/// One sink per topic. Each has its own queue, so a slow reader of samples loses samples but no
+/// codes. Topics of streams that are not requested do not exist.
 pub(crate) struct Sinks {
     pub(crate) encoded: Box<dyn FrameSink>,
     pub(crate) reconstructed: Box<dyn FrameSink>,
@@ -48,8 +48,8 @@ impl Names {
             reconstructed: options.topic("neurodata_reconstructed"),
             raw: requested(Streams::RAW, "neurodata"),
             filtered: requested(Streams::FILTERED, "neurodata_filtered"),
-            // Without prefix: all of ROS-Neuro shares one event bus, and one aggregator collects
-            // all diagnostics.
+            // These topics have no prefix: all of ROS-Neuro shares one event bus, and one
+            // aggregator collects all diagnostics.
             events: streams.contains(Streams::EVENTS).then_some("/events/bus"),
             diagnostics: "/diagnostics",
         }

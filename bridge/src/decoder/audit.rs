@@ -1,4 +1,4 @@
-//! Audits of the device's codes by the float network.
+//! Audits: each compares a code from the device with the float network's code of the same window.
 
 use std::sync::Arc;
 
@@ -23,27 +23,27 @@ use crate::device::Device;
 /// nearly three times that.
 const RMS_LIMIT: f64 = 0.05;
 
-/// Limit of the largest difference of a single value, beyond half a level of rounding, as a
-/// fraction of the code's RMS.
+/// Limit of the largest difference of a single value between the two codes, beyond half a level of
+/// rounding, as a fraction of the code's RMS.
 ///
-/// In the measurement above, the largest difference is 1.76 levels where the signal's RMS is 20
-/// (int8), and 41.9 levels where it is 669 (int16). Without half a level of rounding that is 0.064
-/// of the signal.
+/// In the measurement for [`RMS_LIMIT`], the largest difference is 1.76 levels in an int8 code
+/// whose RMS is 20 levels, and 41.9 levels in an int16 code whose RMS is 669 levels. After half a
+/// level is subtracted, the worst difference is 0.064 of the code's RMS.
 ///
-/// A flipped sign bit of one weight of the shortcut changes one value by 1.4 to 2.7 levels on
-/// the loudest of 42 windows; the limit is 1.05 at the median RMS of 5.5. A flipped sign bit in a
-/// convolution changes no value by more than rounding does, because this model's convolutions
-/// contribute little to the code.
+/// A flipped sign bit in one weight of the shortcut changes one value by 1.4 to 2.7 levels on the
+/// loudest of 42 windows. At the median RMS of 5.5 levels, this limit and the half level allow 1.05
+/// levels. A flipped sign bit in a convolution changes no value by more than rounding does, because
+/// the convolutions of this model contribute little to the code.
 const LARGEST_LIMIT: f64 = 0.1;
 
-/// A window that the device's encoder read, and the code that it computed from the window.
+/// A window that the device's encoder read, and the code that the device computed from it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AuditedWindow {
     /// Device that sent the audit; its scales apply to the code.
     pub device: Arc<Device>,
     /// Index of the window since `Start`.
     pub window: u32,
-    /// Planes of the window, oldest first, row-major; int8 levels of the encoder's input.
+    /// Planes of the window, oldest first, each row by row; int8 levels of the encoder's input.
     pub planes: Vec<i8>,
     /// The device's code, in quantisation levels of its format.
     pub levels: Box<[i32; CODE_LEN]>,
@@ -68,8 +68,8 @@ impl AuditedWindow {
         }
     }
 
-    /// Computes the float network's code of the same planes and compares the device's with it.
-    /// Takes several milliseconds.
+    /// Compares the device's code with the code that the float network computes from the same
+    /// planes. Takes several milliseconds.
     pub fn compare(&self, model: &Model) -> AuditResult {
         let float = self.device.code_levels(&model.encode(&self.planes));
         let (mut squares, mut signal) = (0.0, 0.0);
@@ -104,23 +104,24 @@ impl AuditedWindow {
 pub struct AuditResult {
     /// Index of the audited window since `Start`.
     pub window: u32,
-    /// RMS difference over all values.
+    /// RMS difference over all values, levels.
     pub rms: f64,
-    /// Upper bound of `rms` for a device that computes its model correctly.
+    /// Upper bound of `rms`, levels, for a device that computes its model correctly.
     pub rms_limit: f64,
-    /// Largest difference of any value.
+    /// Largest difference of any value, levels.
     pub largest: f64,
-    /// Upper bound of `largest` for a device that computes its model correctly.
+    /// Upper bound of `largest`, levels, for a device that computes its model correctly.
     pub largest_limit: f64,
     /// Index in the code of the value with the largest difference.
     pub value: usize,
-    /// Whether a cell of the window is at the rail of int8. Activations saturate then, so the
-    /// limits do not apply.
+    /// Whether a cell of the window is clipped to the smallest or largest int8. The device's
+    /// activations saturate then, so neither limit applies.
     pub at_rail: bool,
 }
 
 impl AuditResult {
-    /// Returns whether the difference exceeds a limit and the window has no cell at the rail.
+    /// Returns whether the difference exceeds a limit. Never true for a window with a clipped cell,
+    /// to which the limits do not apply.
     pub fn is_wrong(&self) -> bool {
         !self.at_rail && (self.rms > self.rms_limit || self.largest > self.largest_limit)
     }

@@ -1,4 +1,4 @@
-//! Float networks of models.
+//! The float network of a model.
 
 use std::path::Path;
 
@@ -7,14 +7,14 @@ use link::CODE_LEN;
 
 use crate::device::Device;
 
-/// The float network of one model: decodes the codes of devices with that model, and computes the
-/// code that such a device should make of a window.
+/// The float network of one model. It decodes codes from devices with that model, and computes the
+/// code that such a device should compute from a window.
 #[derive(Clone, Debug)]
 pub struct Model {
     id: ModelId,
     encoder: FloatEncoder,
     decoder: FloatDecoder,
-    /// Float input of the network per level of the device's int8 input.
+    /// Float value at the network's input for one int8 level of the device's input.
     input_scale: f32,
     sd_uv: f32,
     steps: usize,
@@ -27,7 +27,7 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError`] if the model's decoder needs more than the code.
+    /// [`ArtifactError`] if the model's decoder needs more input than the code.
     pub fn embedded() -> Result<Model, ArtifactError> {
         Model::new(&Artifact::from_bytes(
             include_str!("../../../model/artifact/model.toml"),
@@ -40,8 +40,8 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError`] if the folder holds no valid model, or its decoder needs more than the
-    /// code.
+    /// [`ArtifactError`] if the folder holds no valid model, or if the model's decoder needs more
+    /// input than the code.
     pub fn read(folder: &Path) -> Result<Model, ArtifactError> {
         Model::new(&Artifact::read(folder)?)
     }
@@ -50,7 +50,8 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError`] if a tensor is missing or the model's decoder needs more than the code.
+    /// [`ArtifactError`] if a tensor is missing, or if the model's decoder needs more input than
+    /// the code.
     pub fn new(artifact: &Artifact) -> Result<Model, ArtifactError> {
         let description = &artifact.description;
         #[expect(
@@ -82,7 +83,7 @@ impl Model {
         &self.electrodes
     }
 
-    /// Returns why this model cannot decode the device's codes, or `None` if it can.
+    /// Returns the reason why this model cannot decode the device's codes; `None` if it can.
     pub fn objection(&self, device: &Device) -> Option<String> {
         if device.model_id != self.id.0 {
             return Some(format!(
@@ -105,7 +106,8 @@ impl Model {
         })
     }
 
-    /// Decodes a code to its window in microvolts, step by step, all electrodes of a step in a row.
+    /// Decodes a code to the electrodes of its window, microvolts: step by step, and all electrodes
+    /// within a step.
     pub fn decode(&self, z: &[f32; CODE_LEN]) -> Vec<f32> {
         let mut window = self.decoder.decode(z);
         for value in &mut window {
@@ -114,13 +116,13 @@ impl Model {
         window
     }
 
-    /// Number of scalp-grid cells in a window, all steps together.
+    /// Number of scalp-grid cells in a window: cells per step times steps.
     pub fn window_cells(&self) -> usize {
         WINDOW_CELLS
     }
 
-    /// Computes the code of a window in the device's input format: int8 cells, plane by plane.
-    /// Missing cells count as 0.
+    /// Computes the float code of a window that is given as the device's input: int8 cells, plane
+    /// by plane. If `planes` is too short, the missing cells count as 0.
     pub fn encode(&self, planes: &[i8]) -> [f32; CODE_LEN] {
         let mut window = [0.0; WINDOW_CELLS];
         for (cell, step) in window.iter_mut().zip(planes) {

@@ -1,4 +1,4 @@
-//! The decoder thread.
+//! The thread that decodes codes and audits them.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -12,16 +12,16 @@ use crate::decoder::model::Model;
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::diagnostics::audit::AuditCounts;
 
-/// Maximum number of codes that wait for the decoder: 16 s at 16 Hz. One takes several
+/// Maximum number of codes that wait for the decoder: 16 s at 16 Hz. Decoding one takes several
 /// milliseconds.
 const QUEUE_WINDOWS: usize = 256;
 
-/// Maximum number of audits that wait for the encoder. One arrives every 10 s and takes about 10
-/// ms.
+/// Maximum number of audits that wait for the encoder. One audit arrives every 10 s; computing it
+/// takes about 10 ms.
 const QUEUE_AUDITS: usize = 4;
 
-/// Thread that decodes codes, publishes the reconstruction and audits windows, so that neither
-/// delays the link.
+/// Thread that decodes codes, publishes their reconstruction and audits windows. Neither decoding
+/// nor auditing delays the link.
 #[derive(Debug)]
 pub(crate) struct DecoderThread {
     work: Sender<Work>,
@@ -33,7 +33,7 @@ pub(crate) struct DecoderThread {
     skipped_audits: u64,
 }
 
-/// Audits that wait for the thread, and its results.
+/// Number of audits that wait for the thread, and the results of finished audits.
 #[derive(Debug, Default)]
 struct Audits {
     waiting: AtomicUsize,
@@ -76,8 +76,9 @@ impl DecoderThread {
         let _ = self.work.send(Work::Device(Box::new(reconstruction)));
     }
 
-    /// Queues a code without blocking. If the queue is full, the code is removed and counted: its
-    /// frame becomes a filler, which takes no decoding, so the number of samples stays correct.
+    /// Queues a code without blocking. If the queue is full, the code is discarded and counted. A
+    /// filler, which needs no decoding, is published in its place, so the number of samples stays
+    /// correct.
     pub(crate) fn decode(&mut self, mut window: TimedCode) {
         if self.waiting.fetch_add(1, Ordering::Relaxed) >= QUEUE_WINDOWS && window.z.is_some() {
             window.z = None;
@@ -252,7 +253,7 @@ mod tests {
             let z = Some(Box::new([0.0; 128]));
             decoder.decode(TimedCode { z, stamp, words });
         }
-        // No device was announced, so there is nothing to publish.
+        // No device was announced with `start_device`, so there is nothing to publish.
         assert_eq!(decoder.finish(), 3);
         assert!(count.lock().unwrap().is_empty());
     }

@@ -5,7 +5,7 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 use crate::decoder::audit::AuditResult;
 use crate::diagnostics::status::new_status;
 
-/// Number of audits in a row with a cell at the rail that is a warning: one minute of audits.
+/// Number of audits with a clipped cell in a row that cause a warning: one minute of audits.
 const UNJUDGED_BEFORE_WARNING: u64 = 6;
 
 /// Counts of audit results, and the newest result.
@@ -14,7 +14,8 @@ pub(crate) struct AuditCounts {
     pub(crate) compared: u64,
     pub(crate) wrong: u64,
     pub(crate) at_rail: u64,
-    /// Audits with a cell at the rail since the last one without.
+    /// Number of audits with a clipped cell since the last audit without one. Their limits do not
+    /// apply.
     unjudged: u64,
     pub(crate) newest: Option<AuditResult>,
 }
@@ -28,8 +29,8 @@ impl AuditCounts {
         self.newest = Some(result);
     }
 
-    /// Returns the status, or `None` before the first audit. `skipped` counts audits that found the
-    /// queue full.
+    /// Returns the status, or `None` before the first audit. `skipped` is the number of audits that
+    /// were not computed because the queue was full.
     pub(crate) fn status(&self, skipped: u64) -> Option<DiagnosticStatus> {
         let newest = self.newest?;
         let AuditResult {

@@ -1,4 +1,4 @@
-//! Report of the device's converters, for `/diagnostics`.
+//! The device's report about its converters, for `/diagnostics`.
 
 use link::Converters;
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
@@ -6,7 +6,7 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 use crate::device::channel_label;
 use crate::diagnostics::status::new_status;
 
-/// Newest report about the chain of converters, and the counts that were reported before.
+/// Newest report about the chain of converters, and how many bad frames `/diagnostics` already has.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ChainReport {
     fault: String,
@@ -14,13 +14,13 @@ pub(crate) struct ChainReport {
     off_positive: u64,
     off_negative: u64,
     frames_bad: Vec<u32>,
-    /// Bad frames of each chip at the last report to `/diagnostics`.
+    /// Number of bad frames of each chip at the last report to `/diagnostics`.
     reported: Vec<u32>,
 }
 
 impl ChainReport {
-    /// Creates the report from the device's message. Counts that `before` has reported already are
-    /// not reported again.
+    /// Creates the report from the device's message. Bad frames that `before` has passed to
+    /// `/diagnostics` are not reported again.
     pub(crate) fn from_message(
         before: Option<&ChainReport>,
         converters: &Converters,
@@ -38,7 +38,7 @@ impl ChainReport {
             off_positive: converters.off_positive,
             off_negative: converters.off_negative,
             frames_bad: converters.frames_bad.to_vec(),
-            // Bad frames from before the bridge connected are not reported as new.
+            // Bad frames from before the bridge connected are not new.
             reported: before.map_or_else(
                 || converters.frames_bad.to_vec(),
                 |before| before.reported.clone(),
@@ -46,7 +46,8 @@ impl ChainReport {
         }
     }
 
-    /// Returns the status: its message names faults, its values are rate, contacts and chips.
+    /// Returns the status. Its message names faults; its values are the DRDY rate, contacts and
+    /// chips.
     pub(crate) fn status(&mut self, adc_rate_hz: u16, labels: &[String]) -> DiagnosticStatus {
         let new = |(chip, bad): (usize, &u32)| {
             let reported = self.reported.get(chip).copied().unwrap_or(0);
@@ -91,7 +92,7 @@ impl ChainReport {
     }
 }
 
-/// Formats the rate of DRDY, such as "512.010 Hz, +20 ppm off the 512 Hz that were set".
+/// Formats the measured rate of DRDY, such as "512.010 Hz, +20 ppm off the 512 Hz that were set".
 fn rate(drdy_millihertz: u32, adc_rate_hz: u16) -> String {
     if drdy_millihertz == 0 {
         return "not known".to_owned();

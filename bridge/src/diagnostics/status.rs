@@ -1,9 +1,9 @@
-//! Construction of one status of `/diagnostics`.
+//! Construction of one status in a report to `/diagnostics`.
 
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
-/// Creates a status without the prefix of its name and without a hardware id; both are set when the
-/// report is complete.
+/// Creates a status with a bare name and no hardware id. The name's prefix and the id are added
+/// when the report is complete.
 pub(crate) fn new_status(
     name: &str,
     (level, message): (DiagnosticLevel, String),

@@ -1,4 +1,4 @@
-//! Summary of a run, printed as the last line of the program.
+//! Summary of a run: the last line that the program prints.
 
 use std::fmt;
 
@@ -10,19 +10,19 @@ use crate::session::state::Session;
 /// Counts of received, lost and filled data so far; prints as one line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// Codes that the device has made, as far as their indices show: received + lost.
+    /// Number of codes that the device has made, as far as their indices show: received + lost.
     pub made: u64,
-    /// Codes that arrived, each once.
+    /// Number of codes that arrived, without replays.
     pub received: u64,
-    /// Codes that did not arrive.
+    /// Number of codes that did not arrive.
     pub lost: u64,
     /// Number of runs of consecutive lost codes.
     pub bursts: u64,
-    /// Length of the longest run of lost codes.
+    /// Length of the longest run of consecutive lost codes.
     pub longest_burst: u32,
     /// Number of fillers published in place of lost codes.
     pub fillers: u64,
-    /// Wire frames of any kind that did not arrive.
+    /// Number of wire frames, of any kind, that did not arrive.
     pub frames_lost: u64,
     /// Counts of the frame decoder: bytes, frames, errors by kind.
     pub wire: Counters,
@@ -30,8 +30,9 @@ pub struct Summary {
     pub connections: u64,
     /// Number of detected resets of the device.
     pub resets: u64,
-    /// Codes that were not published: from before the device's introduction, from a refused device,
-    /// or of another model or format than the device introduced itself with.
+    /// Number of received codes that were not published: from before the device's introduction,
+    /// from a refused device, or with another model or format than the device introduced itself
+    /// with.
     pub unused: u64,
     /// Rate of the host's clock relative to the device's, minus 1, in parts per million.
     pub drift_ppm: f64,

@@ -1,12 +1,12 @@
-//! Report of the device's deadlines and stack, for `/diagnostics`.
+//! The device's report about its deadlines and stack, for `/diagnostics`.
 
 use link::{StageTiming, Timing};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::diagnostics::status::new_status;
 
-/// Returns the status: its message names stages that missed a deadline since the device's boot, and
-/// a stack of which more than 3/4 was used. Its values are the figures of all stages.
+/// Returns the status. Its message names the stages that missed a deadline since the device's boot,
+/// and a stack of which more than 3/4 was used. Its values are the measurements of all stages.
 pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     let Timing {
         stages,
@@ -40,11 +40,11 @@ pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     new_status("timing", state, values)
 }
 
-/// Returns the stage with the largest ratio of worst time to deadline.
+/// Returns the stage whose worst time is largest in relation to its deadline.
 pub(crate) fn closest_to_deadline<'t>(
     stages: impl Iterator<Item = &'t StageTiming>,
 ) -> Option<StageTiming> {
-    // Compares two ratios without division: a/b > c/d if a*d > c*b.
+    // A product instead of a division: a/b > c/d if a*d > c*b.
     let product = |worst: &StageTiming, deadline: &StageTiming| {
         u64::from(worst.worst_ns) * u64::from(deadline.deadline_ns)
     };
@@ -53,7 +53,7 @@ pub(crate) fn closest_to_deadline<'t>(
         .copied()
 }
 
-/// Formats the worst time and the deadline of a stage, such as "worst 122.5 us of 1953 us".
+/// Formats a stage's worst time together with its deadline, such as "worst 122.5 us of 1953 us".
 pub(crate) fn worst_of_deadline(stage: &StageTiming) -> String {
     format!(
         "worst {} us of {} us",

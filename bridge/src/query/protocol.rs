@@ -6,12 +6,13 @@ use crate::error::BridgeError;
 use crate::query::report::{DeviceSummary, SelfTestReport};
 use crate::wire::pending::PendingCommand;
 
-/// Longest time for the device to acknowledge a command, seconds.
+/// Longest time until the device acknowledges a command, seconds.
 const ACK_TIMEOUT_S: u32 = 5;
-/// Longest time for the device to test its converters, or to return after a reset, seconds.
+/// Longest time until the device sends the result of its self-test, or is back after a reset,
+/// seconds.
 const RESULT_TIMEOUT_S: u32 = 15;
 
-/// A request that a device executes once.
+/// A request that a device executes once, such as from the subcommand `selftest`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
     /// Test the converters with their internal signals.
@@ -25,14 +26,14 @@ pub enum Request {
 pub enum Answer {
     /// Result of the self-test.
     SelfTest(Box<SelfTestReport>),
-    /// The device has restarted; its summary has the cause of the start.
+    /// The device has restarted; its summary names the cause.
     Restarted(DeviceSummary),
-    /// The device has agreed to start its bootloader, which does not answer any more.
+    /// The device has agreed to start its bootloader. The bootloader does not speak this protocol.
     InBootloader(DeviceSummary),
 }
 
-/// State machine of a single request: identify the device, stop its streams, send the request, wait
-/// for the result. Bytes and times in, bytes and a [`QueryResult`] out.
+/// State machine of a single request: identifies the device, stops its streams, sends the request
+/// and waits for the result. It reads bytes and times, and returns bytes and a [`QueryResult`].
 #[derive(Debug)]
 pub struct Query {
     request: Request,
@@ -42,7 +43,7 @@ pub struct Query {
     since_us: i64,
     pending: Option<PendingCommand>,
     device: Option<(u32, DeviceSummary)>,
-    /// Number of ADC channels, and the electrode labels of the first ones.
+    /// Number of ADC channels, and the labels of those channels that are electrodes.
     montage: Option<(usize, Vec<String>)>,
     outgoing: Vec<u8>,
 }
@@ -55,7 +56,7 @@ enum Stage {
     Wait,
 }
 
-/// Final result of a [`Query`].
+/// Answer to a [`Query`], or the reason why there is none.
 pub type QueryResult = Result<Answer, BridgeError>;
 
 impl Query {
@@ -74,7 +75,7 @@ impl Query {
         }
     }
 
-    /// Handles the opening or reopening of the port.
+    /// Records that the port was opened or reopened; the query continues from its current stage.
     pub fn connected(&mut self, now_us: i64) {
         self.decoder.reset();
         self.outgoing.clear();
@@ -84,8 +85,8 @@ impl Query {
         }
     }
 
-    /// Returns whether the port can disappear and return now: a restarting device disconnects from
-    /// USB.
+    /// Returns whether the port may disappear and return now, because a restarting device
+    /// disconnects from USB.
     pub fn expects_reconnect(&self) -> bool {
         self.stage == Stage::Wait && matches!(self.request, Request::Reset(_))
     }
@@ -145,7 +146,8 @@ impl Query {
             ToHost::SelfTest(test) if self.request == Request::SelfTest => {
                 let (_, device) = self.device.clone()?;
                 let (channels, labels) = self.montage.as_ref()?;
-                // A result that arrives earlier belongs to another program's request.
+                // A result that arrives before this query's request belongs to another program's
+                // request.
                 matches!(self.stage, Stage::Request | Stage::Wait).then(|| {
                     let report = SelfTestReport::new(device, test, *channels, labels);
                     Ok(Answer::SelfTest(Box::new(report)))
@@ -174,7 +176,8 @@ impl Query {
                     return Some(Ok(Answer::InBootloader(device.clone())));
                 }
             }
-            // The first transmission arrived, and its acknowledgement was lost.
+            // Busy, because the first transmission of the request arrived and only its
+            // acknowledgement was lost.
             (Stage::Request, AckResult::Busy) if pending.was_sent_again() => {
                 self.enter(Stage::Wait, now_us);
             }
@@ -193,7 +196,7 @@ impl Query {
         self.pending = None;
     }
 
-    /// Queues the command that is due, and returns an error after the timeout of the current stage.
+    /// Queues the command that is due. Returns an error after the timeout of the current stage.
     pub fn tick(&mut self, now_us: i64) -> Option<QueryResult> {
         let (what, seconds) = match (self.stage, self.request) {
             (Stage::Identify, _) => ("to the identification request", ACK_TIMEOUT_S),
@@ -209,7 +212,8 @@ impl Query {
             return Some(Err(BridgeError::NoAnswer { what, seconds }));
         }
         let command = match (self.stage, self.request) {
-            // After a reset, `Hello` may have been sent before the port was reopened.
+            // A device sends `Hello` after a reset, but perhaps before the port was reopened; so
+            // ask again.
             (Stage::Identify, _) | (Stage::Wait, Request::Reset(_)) => ToDevice::Identify,
             (Stage::Stop, _) => ToDevice::Stop,
             (Stage::Request, Request::SelfTest) => ToDevice::SelfTest,
@@ -239,7 +243,7 @@ impl Query {
     }
 }
 
-/// Returns the refused request as an infinitive, and the reason with what the user can do next.
+/// Returns the refused request as an infinitive, and the reason together with the user's next step.
 fn refusal(request: Request, result: AckResult) -> (&'static str, &'static str) {
     let what = match request {
         Request::SelfTest => "to test itself",

@@ -1,4 +1,4 @@
-//! Report of a self-test: results, verdicts and their text.
+//! The report of a self-test: measurements, verdicts and their text.
 
 use ads1299::Register;
 use link::{ChannelFault, ChannelTest, ChipTest, Hello, ResetCause, SelfTest};
@@ -7,7 +7,8 @@ use serde::Serialize;
 use crate::device::channel_label;
 
 /// Mask of the ID register's bits that name the part: bit 4 is 1, DEV_ID is 11, and NU_CH is 00, 01
-/// or 10 for 4, 6 or 8 channels. The bits above are the revision (data sheet SBAS499, 9.6.1.1).
+/// or 10 for 4, 6 or 8 channels. The higher bits are the revision (data sheet SBAS499, section
+/// 9.6.1.1).
 const PART_MASK: u8 = 0x1F;
 
 /// Report of a device's self-test, with a verdict for each chip, each channel and the whole.
@@ -17,7 +18,7 @@ pub struct SelfTestReport {
     pub device: DeviceSummary,
     /// First fault, as the device reports it; empty if there is none.
     pub fault: String,
-    /// Rate and faults of the data-ready signal (DRDY).
+    /// Measured rate of the data-ready signal (DRDY), and its faults.
     pub ready: DrdyReport,
     /// Chips in the order of the daisy chain, starting with the chip at MISO.
     pub chips: Vec<ChipReport>,
@@ -38,9 +39,9 @@ pub struct DeviceSummary {
     pub firmware: String,
     /// Unique id of the microcontroller, 24 hexadecimal digits.
     pub uid: String,
-    /// Cause of the last start, in words.
+    /// Cause of the device's last start, in words.
     pub reset_cause: String,
-    /// Fault of this start or of the previous run; empty if there is none.
+    /// Fault since the last start, or of the run before it; empty if there is none.
     pub fault: String,
 }
 
@@ -51,11 +52,11 @@ pub struct DrdyReport {
     pub rate_hz: Option<f64>,
     /// Configured rate, Hz.
     pub expected_hz: f64,
-    /// Deviation of the measured rate from the configured one, parts per million.
+    /// Relative deviation of the measured rate from the configured rate, parts per million.
     pub ppm: Option<f64>,
-    /// Number of edges that came too early.
+    /// Number of DRDY edges that were too early.
     pub early: u32,
-    /// Number of periods without an edge.
+    /// Number of DRDY periods without an edge.
     pub missed: u32,
 }
 
@@ -70,11 +71,11 @@ pub struct ChipReport {
     pub part: String,
     /// Number of registers that did not keep the value that was written.
     pub registers_wrong: u8,
-    /// Name and address of the first wrong register; `None` if all registers are right.
+    /// Name and address of the first wrong register; `None` if all registers are correct.
     pub first_wrong: Option<String>,
     /// Number of damaged or repeated frames from the chip.
     pub frames_bad: u32,
-    /// Whether the part is an 8-channel ADS1299 and all registers are right.
+    /// Whether the part is an 8-channel ADS1299 and all its registers are correct.
     pub in_order: bool,
 }
 
@@ -85,12 +86,12 @@ pub struct ChannelReport {
     pub channel: usize,
     /// Label of the electrode, or exg1, exg2, ... for spare channels.
     pub label: String,
-    /// Error of the amplitude of the chip's square wave, percent. This and the figures below are
-    /// `None` if they were not measured.
+    /// Relative error of the measured amplitude of the chip's square wave, percent. This figure and
+    /// the next three are `None` if they were not measured.
     pub gain_error_percent: Option<f64>,
     /// Mean of the two levels of the square wave, microvolt.
     pub offset_uv: Option<f32>,
-    /// Noise around the levels of the square wave, microvolt RMS.
+    /// Noise around the two levels of the square wave, microvolt RMS.
     pub noise_uv: Option<f32>,
     /// Noise with the input shorted, microvolt RMS.
     pub shorted_noise_uv: Option<f32>,
@@ -101,8 +102,8 @@ pub struct ChannelReport {
 }
 
 impl SelfTestReport {
-    /// Creates the report of a device with `channels` ADC channels, of which the first ones have
-    /// the electrode labels `labels`.
+    /// Creates the report for a device with `channels` ADC channels. `labels` are the electrodes of
+    /// the first channels; the others are spare channels.
     pub(crate) fn new(
         device: DeviceSummary,
         test: &SelfTest,
@@ -213,7 +214,7 @@ fn chip_report((chip, test): (usize, &ChipTest)) -> ChipReport {
     }
 }
 
-/// Returns the part that an ID register names, in words.
+/// Returns the name of the part for the content of an ID register.
 fn part_name(id: u8) -> &'static str {
     match (id, id & PART_MASK) {
         (0x00 | 0xFF, _) => "no answer",
@@ -225,7 +226,7 @@ fn part_name(id: u8) -> &'static str {
 }
 
 /// Returns whether a channel was not measured, or only in part, because the test stopped early. A
-/// measured channel has noise or a fault.
+/// channel that was measured completely has noise in both measurements, or a fault.
 fn is_unmeasured(test: &ChannelTest) -> bool {
     let silent = test.noise_uv == 0.0 || test.shorted_noise_uv == 0.0;
     test.fault == ChannelFault::None && silent
@@ -233,8 +234,8 @@ fn is_unmeasured(test: &ChannelTest) -> bool {
 
 fn channel_report(index: usize, test: &ChannelTest, label: String) -> ChannelReport {
     let too_few = test.fault == ChannelFault::Samples;
-    // Without samples the device reports 0, and a gain error of -1. It reports that gain error also
-    // if it got too few samples to measure both levels of the square wave.
+    // For a channel without samples the device reports zeros and a gain error of -1. It reports a
+    // gain error of -1 also if it had too few samples to measure both levels of the square wave.
     let nothing = test.offset_uv == 0.0 && test.noise_uv == 0.0;
     let square_wave = !(nothing || too_few && test.gain_error <= -1.0);
     let nothing = test.shorted_noise_uv == 0.0;

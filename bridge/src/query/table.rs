@@ -1,11 +1,11 @@
-//! Display of a self-test's report as a table.
+//! A self-test's report as a table of text.
 
 use std::fmt;
 
 use crate::query::report::{ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport};
 
-/// Prints the device, the DRDY line, a table of the chips, a table of the channels, and the
-/// verdict.
+/// Writes one line for the device and one for DRDY, a table of the chips, a table of the channels,
+/// and the verdict.
 impl fmt::Display for SelfTestReport {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(formatter, "device  {}", self.device)?;
@@ -106,13 +106,13 @@ fn channel_row(channel: &ChannelReport) -> [String; 7] {
     ]
 }
 
-/// Returns the figure, or "-" if it was not measured.
+/// Returns the measured value, or "-" if there is none.
 fn or_dash(measured: Option<String>) -> String {
     measured.unwrap_or_else(|| "-".to_owned())
 }
 
-/// Writes a header and rows, each column as wide as its widest cell; columns in `right` are aligned
-/// to the right.
+/// Writes a header and rows. Every column is as wide as its widest cell; columns marked in `right`
+/// are aligned to the right.
 fn write_columns<const N: usize>(
     formatter: &mut fmt::Formatter<'_>,
     header: [&str; N],

@@ -32,7 +32,7 @@ impl Session {
         if reset {
             tracing::warn!("the device was reset or replaced: {identity}");
             self.counts.resets += 1;
-            // Its codes cannot be interpreted until its capabilities arrive.
+            // Codes of the restarted device cannot be interpreted until its `Capabilities` arrive.
             self.commands.device_restarted();
             self.restart_streams();
         } else {
@@ -106,7 +106,7 @@ impl Session {
         });
     }
 
-    /// Returns what `/acquisition/get_info` announces: `None` if the announced stream is not
+    /// Returns the answer to `/acquisition/get_info`; `None` if the stream to announce is not
     /// published.
     fn acquisition_info(
         &self,

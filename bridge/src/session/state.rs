@@ -1,4 +1,4 @@
-//! State of the session.
+//! State that a session keeps about its device.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use crate::time::round_trip::RoundTrips;
 use crate::wire::commands::Commands;
 use crate::wire::identity::Identity;
 
-/// State that the bridge keeps about the device, across reconnections.
+/// State that the bridge keeps about the device, also while the port is closed.
 #[derive(Debug)]
 pub(crate) struct Session {
     pub(super) settings: Settings,
@@ -24,52 +24,53 @@ pub(crate) struct Session {
     pub(super) encoder: Encoder,
     pub(crate) commands: Commands,
     pub(crate) identity: Option<Identity>,
-    /// Whether `Hello` arrived since the port was opened. Sequence numbers are ignored until then.
+    /// Whether `Hello` has arrived since the port was opened. Until then sequence numbers are
+    /// ignored.
     pub(crate) introduced: bool,
     pub(crate) codes: Option<CodeStream>,
     pub(crate) side: SideStreams,
-    /// The device that was announced first. A device with incompatible codes is refused for the
-    /// rest of the session.
+    /// The device that was announced first. Any device whose codes are incompatible with it is
+    /// refused for the rest of the session.
     pub(super) announced: Option<Arc<Device>>,
     pub(crate) clock: Clock,
     pub(crate) round_trips: RoundTrips,
     pub(crate) frames: Ledger,
     pub(super) old_frames_in_a_row: u32,
     pub(crate) counts: SessionCounts,
-    /// Reason why codes or their reconstruction are not published, for the user.
+    /// Reason why codes or their reconstruction are not published, worded for the user.
     pub(crate) objection: Option<String>,
     pub(crate) stats: Option<Stats>,
-    /// Newest report about the electrodes, until `/diagnostics` takes it.
+    /// Newest report about the electrodes, until `/diagnostics` has published it.
     pub(crate) quality: Option<Quality>,
-    /// Newest report about the deadlines, until `/diagnostics` takes it.
+    /// Newest report about the deadlines, until `/diagnostics` has published it.
     pub(crate) timing: Option<Timing>,
-    /// The stage with the largest ratio of worst time to deadline in any report.
+    /// The stage whose worst time was largest in relation to its deadline, over all reports.
     pub(crate) worst_stage: Option<StageTiming>,
     pub(crate) converters: Option<ChainReport>,
     pub(super) logged: LoggedOnce,
 }
 
-/// Warnings that were logged already; each is logged once.
+/// Which warnings were logged already; each is logged once.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LoggedOnce {
     pub(super) newer_messages: bool,
     pub(super) wire_version: bool,
-    /// Reset with each device, unlike the others.
+    /// Reset when another device connects; the other fields are not.
     pub(super) refused_streams: bool,
 }
 
-/// Counts that no stream or ledger holds.
+/// Counts that neither a stream nor a ledger holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SessionCounts {
     /// Number of times that the port was opened.
     pub(crate) connections: u64,
     /// Number of detected resets of the device, including changes of the device.
     pub(crate) resets: u64,
-    /// Codes that arrived before the device's introduction, or from a refused device.
+    /// Number of codes that arrived before the device's introduction, or from a refused device.
     pub(crate) codes_unused: u64,
-    /// Lost codes at the last report to `/diagnostics`.
+    /// Number of lost codes at the last report to `/diagnostics`.
     pub(crate) lost_reported: u64,
-    /// Damaged frames at the last report to `/diagnostics`.
+    /// Number of damaged frames at the last report to `/diagnostics`.
     pub(crate) damaged_reported: u32,
 }
 

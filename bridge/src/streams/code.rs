@@ -1,4 +1,4 @@
-//! Stream of codes.
+//! The stream of codes, published on `/encoded` and passed to the decoder.
 
 use std::sync::Arc;
 
@@ -16,10 +16,11 @@ use crate::streams::tri::TriWords;
 /// Maximum number of fillers for one gap: 68 min at 16 Hz. A longer outage needs a new recording.
 const MAX_FILLERS: u32 = 65_536;
 
-/// Converts codes to NeuroFrames of `/encoded` and to windows for the decoder, with lost codes
-/// filled.
+/// Converts codes to NeuroFrames for `/encoded` and to windows for the decoder. Fillers replace
+/// lost codes.
 ///
-/// Shape, numbers and counts persist for the whole session, across restarts of the device.
+/// The frames' shape, sequence numbers and counts persist for the whole session, across restarts of
+/// the device.
 #[derive(Debug)]
 pub(crate) struct CodeStream {
     settings: Settings,
@@ -27,34 +28,34 @@ pub(crate) struct CodeStream {
     decodable: bool,
     frame: NeuroFrame,
     z: [f32; CODE_LEN],
-    /// Whether `z` holds a code received since the last restart of the stream.
+    /// Whether `z` holds a code that was received since the stream last restarted.
     has_last: bool,
     /// Whether a code, a report or an acknowledgement has shown that the stream runs.
     running: bool,
-    /// Device time of the newest code of this stream, received or filled.
+    /// Device time of the newest code in this stream, received or filled, microseconds.
     last_device_us: Option<u64>,
     counts: CodeCounts,
     encoded_stamps: MonotoneStamps,
     window_stamps: MonotoneStamps,
 }
 
-/// Counts of received, lost and unusable codes.
+/// Numbers of received, lost and unusable codes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CodeCounts {
     pub(crate) ledger: Ledger,
     pub(crate) fillers: u64,
-    /// Lost codes that were not filled, because their gap exceeds [`MAX_FILLERS`].
+    /// Number of lost codes that were not filled, because their gap exceeds [`MAX_FILLERS`].
     pub(crate) unfilled: u64,
-    /// Codes of another model or format than the device introduced itself with.
+    /// Number of codes with another model or format than the device introduced itself with.
     pub(crate) foreign: u64,
-    /// Cells of the encoder's input that the device clipped to int8, counted in each window they
-    /// are in.
+    /// Number of cells of the encoder's input that the device clipped to int8. A cell counts once
+    /// for each window that contains it.
     pub(crate) clipped: u64,
-    /// Values of codes that the device clipped to the code's format.
+    /// Number of values in codes that the device clipped to the range of the code's format.
     pub(crate) clipped_values: u64,
 }
 
-/// Index, time and status of a published code or filler.
+/// Window index, device time and status of a published code or filler.
 #[derive(Clone, Copy, Debug)]
 struct CodePosition {
     window: u32,
@@ -80,7 +81,7 @@ impl CodeStream {
         }
     }
 
-    /// Switches to another device of the same shape, or to the same one with another mains
+    /// Switches to another device of the same shape, or to the same device with another mains
     /// frequency. Sequence numbers, counts and stamps continue.
     pub(crate) fn replace_device(&mut self, device: Arc<Device>, decodable: bool) {
         let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
@@ -90,7 +91,7 @@ impl CodeStream {
         self.decodable = decodable;
     }
 
-    /// Restarts the stream: the device counts windows from 0 again.
+    /// Restarts the stream, because the device counts windows from 0 again.
     pub(crate) fn restart(&mut self) {
         self.counts.ledger.expect_next(0);
         self.has_last = false;
@@ -99,13 +100,14 @@ impl CodeStream {
         self.z = [0.0; CODE_LEN];
     }
 
-    /// Records that the stream runs: from now on the device's reports count its codes.
+    /// Records that the stream runs: from now on the device's reports count codes of this stream.
     pub(crate) fn mark_running(&mut self) {
         self.running = true;
     }
 
     /// Returns whether the stream is known to run since the last restart. Before that, a report
-    /// without streams is the late answer to a `Stop` and counts the codes of the previous stream.
+    /// that names no running stream is the late answer to a `Stop`, and its count belongs to the
+    /// previous stream.
     pub(crate) fn is_running(&self) -> bool {
         self.running
     }
@@ -118,21 +120,23 @@ impl CodeStream {
         &self.counts
     }
 
-    /// Number of stamps that were moved forwards.
+    /// Number of stamps that were moved forwards, because they would have been earlier than the
+    /// stamp before.
     pub(crate) fn moved_stamps(&self) -> u64 {
         self.encoded_stamps.moved() + self.window_stamps.moved()
     }
 
-    /// Returns whether this code shows that the device restarted its stream by itself: its frame is
-    /// new, and its window index is old.
+    /// Returns whether this code shows that the device restarted its stream by itself: the code's
+    /// frame is new, but its window index is not beyond those already counted.
     pub(crate) fn is_restart(&self, code: &Code) -> bool {
         self.counts.ledger.is_old(code.window)
     }
 
-    /// Publishes a code that was made at `device_us`, after fillers for the codes lost before it.
+    /// Publishes a code that the device made at `device_us`, after fillers for the codes lost
+    /// before it.
     ///
-    /// If `device_us` is `None` because the device's time was impossible, the time follows from the
-    /// window index.
+    /// `device_us` is `None` if the frame's device time was impossible; the time is then computed
+    /// from the window index.
     pub(crate) fn receive(
         &mut self,
         code: &Code,
@@ -183,8 +187,8 @@ impl CodeStream {
         effects: &mut dyn Effects,
     ) {
         let lost = self.counts.ledger.count_lost_before(next);
-        // Before the first code of a stream only the report's time is known; the last code was made
-        // at most one hop before it.
+        // Before the first code of a stream only the report's own time is known. The device made
+        // its last code at most one hop before the report.
         let next_us = self.time_of_next(lost, device_us);
         self.fill(next, lost, next_us, reception, effects);
         if lost > 0 {
@@ -192,8 +196,8 @@ impl CodeStream {
         }
     }
 
-    /// Returns the device time of the code that follows `lost` lost ones; if no code's time is
-    /// known, the time one hop after `fallback_us`.
+    /// Returns the device time of the code that follows `lost` lost ones, microseconds. If no
+    /// code's time is known, returns the time one hop after `fallback_us`.
     fn time_of_next(&self, lost: u32, fallback_us: u64) -> u64 {
         let (known_us, hops) = match self.last_device_us {
             Some(last_us) => (last_us, i64::from(lost) + 1),
@@ -206,8 +210,8 @@ impl CodeStream {
         self.device.steps_us(u32::from(self.device.hop_steps))
     }
 
-    /// Publishes fillers for the `lost` codes directly before `window`, which was made at
-    /// `device_us`.
+    /// Publishes fillers for the `lost` codes directly before the code `window`, which the device
+    /// made at `device_us`.
     fn fill(
         &mut self,
         window: u32,

@@ -1,4 +1,4 @@
-//! Stream of trigger events.
+//! The stream of trigger events, published on `/events/bus`.
 
 use link::{Event, EventKind};
 use neuro_ros::{NeuroEvent, Stamp};
@@ -9,18 +9,18 @@ use crate::streams::stamps::Reception;
 
 /// Event code of a rising edge: the first user code of GDF's event table.
 const TRIGGER_RISE: i32 = 0x0001;
-/// Bit that marks the end of an event, in GDF's event table and on ROS-Neuro's bus (there OFF,
-/// 32768).
+/// Bit that marks the end of an event in GDF's event table and on ROS-Neuro's event bus, where it
+/// is called OFF (32768).
 const END_OF_EVENT: i32 = 0x8000;
 
-/// Converts trigger edges to events of `/events/bus` and counts lost ones.
+/// Converts trigger edges to events on `/events/bus` and counts lost edges.
 #[derive(Debug)]
 pub(crate) struct EventStream {
     message: NeuroEvent,
     ledger: Ledger,
     /// Number of events of a kind that this bridge does not know.
     pub(crate) unknown: u64,
-    /// Lost events at the last report to `/diagnostics`.
+    /// Number of lost events at the last report to `/diagnostics`.
     reported: u64,
 }
 
@@ -39,8 +39,8 @@ impl EventStream {
         }
     }
 
-    /// Accepts any event number next: events that happen while nothing streams are numbered and not
-    /// sent.
+    /// Makes any event number the next expected one. While nothing streams, the device numbers
+    /// events but does not send them.
     pub(crate) fn restart(&mut self) {
         self.ledger.expect_any();
     }
@@ -57,8 +57,9 @@ impl EventStream {
 
     /// Publishes an event that happened at `device_us` and returns the trigger's new level.
     ///
-    /// If `device_us` is `None` because the device's time was impossible, the stamp is the time of
-    /// arrival. A replay, or an event of an unknown kind, is not published and returns `None`.
+    /// If `device_us` is `None` because the device's time was impossible, the event is stamped with
+    /// the time at which it was read. A replay, or an event of an unknown kind, is not published
+    /// and returns `None`.
     pub(crate) fn receive(
         &mut self,
         event: Event,

@@ -1,10 +1,9 @@
-//! Exact count of what was made, received and lost, from sequence numbers.
+//! Exact counts of items that were made, received and lost, from their sequence numbers.
 
-/// Counts numbered items so that made = received + lost always holds, also across a wrap of the
-/// numbers.
+/// Counts numbered items, such as codes. Always made = received + lost, also when the numbers wrap.
 ///
-/// The counts depend on the numbers alone, not on time or rates. A gap of up to 2^31 - 1 is a loss;
-/// a number below the expected one is a replay.
+/// The counts depend on the numbers alone, not on time or rates. A gap of up to 2^31 - 1 numbers is
+/// a loss; a number below the next expected one, modulo 2^32, is a replay.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ledger {
     expected: Option<u32>,
@@ -15,30 +14,30 @@ pub struct Ledger {
     replays: u64,
 }
 
-/// Result of recording a number.
+/// Result of recording the number of an item that arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
     /// A number that was not received before.
     New {
-        /// Count of missing numbers directly before this one; usually 0.
+        /// Number of items that are missing directly before this one; usually 0.
         lost: u32,
     },
-    /// A number below the expected one: a duplicate, or a sender that restarted.
+    /// A number below the next expected one: the item is a duplicate, or its sender restarted.
     Old,
 }
 
 impl Ledger {
-    /// Expects `number` next, without counting a loss or a replay. All counts stay.
+    /// Makes `number` the next expected one, without counting a loss or a replay. All counts stay.
     pub fn expect_next(&mut self, number: u32) {
         self.expected = Some(number);
     }
 
-    /// Accepts any number as the next one.
+    /// Makes the next number that arrives the expected one, whatever it is.
     pub fn expect_any(&mut self) {
         self.expected = None;
     }
 
-    /// Returns whether `number` is below the expected one, modulo 2^32.
+    /// Returns whether `number` is below the next expected one, modulo 2^32.
     pub fn is_old(&self, number: u32) -> bool {
         self.missing_before(number) >= 1 << 31
     }
@@ -47,7 +46,7 @@ impl Ledger {
         number.wrapping_sub(self.expected.unwrap_or(number))
     }
 
-    /// Records the arrival of `number`. An old number is counted as a replay, not as received.
+    /// Records the arrival of item `number`. An old number is counted as a replay, not as received.
     pub fn record(&mut self, number: u32) -> Arrival {
         if self.is_old(number) {
             self.replays += 1;
@@ -60,8 +59,8 @@ impl Ledger {
         Arrival::New { lost }
     }
 
-    /// Counts every number before `next` that has not arrived as lost and returns how many those
-    /// are. The sender reports `next` as its next number.
+    /// Counts every item before `next` that has not arrived as lost, and returns their number.
+    /// `next` is the number that the sender reports for its next item.
     pub fn count_lost_before(&mut self, next: u32) -> u32 {
         if self.is_old(next) {
             return 0;
@@ -103,7 +102,7 @@ impl Ledger {
         self.longest_burst
     }
 
-    /// Number of arrivals with an old number.
+    /// Number of arrivals whose number was below the expected one.
     pub fn replays(&self) -> u64 {
         self.replays
     }

@@ -6,13 +6,13 @@ use neuro_ros::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
 use crate::device::Device;
 use crate::streams::tri::tri_info;
 
-/// Value of `transducter` and `header.frame_id` in frames that the network produced.
+/// Value of `transducter` and `header.frame_id` in frames that the network computed.
 const NETWORK: &str = "autoencoder";
 /// Value of `transducter` and `header.frame_id` in frames that the amplifier measured.
 const AMPLIFIER: &str = "electrodes";
 
 impl Device {
-    /// Returns a frame of `/encoded` that holds one code, all zeros.
+    /// Returns a frame for `/encoded` that holds one code, all zeros.
     pub fn encoded_frame(&self) -> NeuroFrame {
         let labels = (0..CODE_LEN).map(|index| format!("z{index:03}")).collect();
         let eeg = NeuroDataInfo {
@@ -29,7 +29,7 @@ impl Device {
         frame(self.codes_per_second(), eeg, NeuroDataInfo::default())
     }
 
-    /// Returns a frame of `/neurodata_reconstructed` that holds the steps of one hop, all zeros.
+    /// Returns a frame for `/neurodata_reconstructed` that holds the steps of one hop, all zeros.
     pub fn reconstructed_frame(&self) -> NeuroFrame {
         let eeg = NeuroDataInfo {
             transducter: NETWORK.to_owned(),
@@ -38,14 +38,14 @@ impl Device {
         frame(self.step_rate_hz, eeg, NeuroDataInfo::default())
     }
 
-    /// Returns a frame of `/neurodata_filtered` that holds the steps of one hop, all zeros.
+    /// Returns a frame for `/neurodata_filtered` that holds the steps of one hop, all zeros.
     pub fn filtered_frame(&self) -> NeuroFrame {
         let eeg = self.electrodes(u16::from(self.hop_steps));
         frame(self.step_rate_hz, eeg, NeuroDataInfo::default())
     }
 
-    /// Returns a frame of `/neurodata` that holds the samples of about one hop, all zeros, with the
-    /// spare channels in `exg`.
+    /// Returns a frame for `/neurodata` that holds the samples of about one hop, all zeros, with
+    /// the spare channels in `exg`.
     pub fn raw_frame(&self) -> NeuroFrame {
         let eeg = NeuroDataInfo {
             prefiltering: "none".to_owned(),
@@ -59,7 +59,8 @@ impl Device {
     }
 
     /// Returns the number of samples in a frame of `/neurodata`: the largest divisor of the ADC's
-    /// rate that is not above the samples of a hop. Consumers compute the frame rate in integers.
+    /// rate that is at most the number of samples per hop. A divisor, because consumers compute the
+    /// frame rate in integers.
     fn raw_samples(&self) -> u16 {
         let hop = u32::from(self.adc_rate_hz) * u32::from(self.hop_steps);
         let most = u16::try_from(hop / u32::from(self.step_rate_hz)).unwrap_or(u16::MAX);
@@ -80,7 +81,7 @@ impl Device {
     }
 }
 
-/// Returns `info` with other channels.
+/// Returns a copy of `info` that describes the channels `labels` instead of its own.
 fn channels_like(info: &NeuroDataInfo, labels: Vec<String>) -> NeuroDataInfo {
     let nchannels = u16::try_from(labels.len()).unwrap_or(u16::MAX);
     NeuroDataInfo {

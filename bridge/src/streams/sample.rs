@@ -7,15 +7,16 @@ use crate::settings::{FillerPolicy, Settings, StampPoint};
 use crate::streams::stamps::{MonotoneStamps, Reception};
 use crate::streams::tri::TriWords;
 
-/// Longest gap that is filled, seconds: 1,920 frames at 16 Hz, which fit into a subscriber's queue.
-/// A longer outage needs a new recording.
+/// Longest gap that is filled, seconds. At 16 frames per second that is 1,920 frames, which fit
+/// into a subscriber's queue. A longer outage needs a new recording.
 const MAX_FILL_SECONDS: u64 = 120;
 
 /// Converts ADC samples to NeuroFrames of `/neurodata`, or filtered steps to NeuroFrames of
-/// `/neurodata_filtered`, with lost ones filled. "Sample" below means either.
+/// `/neurodata_filtered`, and fills gaps. Below, "sample" means an ADC sample or a filtered step.
 ///
-/// Every frame starts at an index that is a multiple of its length, so the number of samples on the
-/// topic matches the time that has passed. Numbers and counts persist for the whole session.
+/// The index of every frame's first sample is a multiple of the frame's length, so the number of
+/// samples on the topic matches the time that has passed. Sequence numbers and counts persist for
+/// the whole session.
 #[derive(Debug)]
 pub(crate) struct SampleStream {
     filler: FillerPolicy,
@@ -26,37 +27,37 @@ pub(crate) struct SampleStream {
     electrodes: usize,
     /// Values of the newest sample, uV; zeros before the first.
     newest: Vec<f32>,
-    /// Index and device time of the newest sample that arrived.
+    /// Index and device time of the newest sample that was received, not filled.
     timeline: Option<SampleTimeline>,
     /// Number of samples in the unfinished frame.
     filled: usize,
     holds_filler: bool,
     first_us: i128,
-    /// Index of the next sample.
+    /// Index of the next sample to publish.
     next: u64,
     counts: SampleCounts,
     stamps: MonotoneStamps,
 }
 
-/// Counts of received, lost and unpublished samples.
+/// Numbers of received, lost and unpublished samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SampleCounts {
     pub(crate) received: u64,
     pub(crate) lost: u64,
-    /// Samples that were published in no frame: those of an unfinished frame when the stream ended,
-    /// lost ones beyond [`MAX_FILL_SECONDS`] of one gap, and, without fillers, all samples of a
-    /// frame that would contain a lost one.
+    /// Number of samples that no published frame contains: those of an unfinished frame when the
+    /// stream ended; lost ones beyond the first [`MAX_FILL_SECONDS`] of a gap; and, without
+    /// fillers, all samples of a frame that would contain a lost one.
     pub(crate) unpublished: u64,
-    /// Messages whose content does not match the device's capabilities.
+    /// Number of messages whose content does not match the device's capabilities.
     pub(crate) malformed: u64,
-    /// Lost samples at the last report to `/diagnostics`.
+    /// Value of `lost` at the last report to `/diagnostics`.
     pub(crate) reported: u64,
 }
 
-/// Samples of one message.
+/// Samples that one message from the device carries.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Samples<'a> {
-    /// Index since `Start` of the first sample.
+    /// Index of the first sample since `Start`.
     pub(crate) first: u64,
     pub(crate) flags: Flags,
     /// Device time of the last sample, microseconds; `None` if it is impossible.
@@ -65,7 +66,7 @@ pub(crate) struct Samples<'a> {
     pub(crate) microvolts: &'a [f32],
 }
 
-/// Device time of every sample, extrapolated from one known sample.
+/// Device time of any sample, extrapolated from one sample whose time is known.
 #[derive(Clone, Copy, Debug)]
 struct SampleTimeline {
     index: u64,
@@ -82,8 +83,8 @@ impl SampleTimeline {
 }
 
 impl SampleStream {
-    /// Creates a stream that publishes frames shaped like `frame`. `delay_us` is the delay of the
-    /// filters, which stamps are corrected by.
+    /// Creates a stream that publishes frames shaped like `frame`. `delay_us` is the filters'
+    /// delay, microseconds, which is subtracted from stamps.
     pub(crate) fn new(frame: NeuroFrame, delay_us: u32, settings: Settings) -> SampleStream {
         let eeg = usize::from(frame.eeg.info.nchannels);
         let width = eeg + usize::from(frame.exg.info.nchannels);
@@ -105,7 +106,7 @@ impl SampleStream {
         }
     }
 
-    /// Switches to another device of the same shape, or to the same one with another mains
+    /// Switches to another device of the same shape, or to the same device with another mains
     /// frequency. Sequence numbers, counts and stamps continue.
     pub(crate) fn replace_device(&mut self, frame: NeuroFrame, delay_us: u32) {
         let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
@@ -131,7 +132,7 @@ impl SampleStream {
         self.counts.unpublished = self.counts.unpublished.saturating_add(samples);
     }
 
-    /// Number of channels of a sample, electrodes and spare channels.
+    /// Number of channels in a sample: electrodes plus spare channels.
     pub(crate) fn width(&self) -> usize {
         self.newest.len()
     }
@@ -140,7 +141,8 @@ impl SampleStream {
         &self.counts
     }
 
-    /// Number of stamps that were moved forwards.
+    /// Number of stamps that were moved forwards, because they would have been earlier than the
+    /// stamp before.
     pub(crate) fn moved_stamps(&self) -> u64 {
         self.stamps.moved()
     }
@@ -151,7 +153,8 @@ impl SampleStream {
         self.counts.lost - reported
     }
 
-    /// Counts a message whose content does not match the device. Its samples will be missing.
+    /// Counts a message whose content does not match the device. Its samples count as lost when the
+    /// next message arrives.
     pub(crate) fn reject(&mut self, why: &str) {
         if self.counts.malformed == 0 {
             tracing::error!(
@@ -162,8 +165,8 @@ impl SampleStream {
         self.counts.malformed += 1;
     }
 
-    /// Publishes the samples of a message, after fillers for those lost before them.
-    /// `trigger_sample` maps an index of this stream to the index of an ADC sample.
+    /// Publishes the samples of a message, after fillers for the samples lost before them.
+    /// `trigger_sample` converts an index of this stream to the index of an ADC sample.
     pub(crate) fn receive(
         &mut self,
         samples: Samples<'_>,
@@ -213,7 +216,7 @@ impl SampleStream {
         self.timeline = Some(timeline);
     }
 
-    /// Appends fillers for the `lost` samples before the ones that arrived.
+    /// Appends fillers for the `lost` samples directly before the samples of the message.
     fn fill_gap(&mut self, lost: u64, batch: &mut Batch<'_>) {
         if lost == 0 {
             return;
@@ -230,8 +233,8 @@ impl SampleStream {
             self.append(Flags::FILLER, batch);
             left -= 1;
         }
-        // A gap that is not filled is skipped in whole frames; only the frames at its ends get
-        // fillers.
+        // A gap that is too long to fill is skipped in whole frames; only the unfinished frames at
+        // its two ends get fillers.
         let most = match self.filler {
             FillerPolicy::Off => 0,
             FillerPolicy::Last | FillerPolicy::Zeros => u64::from(self.frame.sr) * MAX_FILL_SECONDS,
@@ -314,7 +317,7 @@ impl SampleStream {
     }
 }
 
-/// Context of the samples of one message.
+/// What all samples of one message share while they are published.
 struct Batch<'a> {
     timeline: SampleTimeline,
     trigger_sample: &'a dyn Fn(u64) -> u64,

@@ -1,4 +1,4 @@
-//! Optional streams of a device.
+//! The optional streams of a device: samples, filtered steps, events, audits.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use crate::streams::trigger::Trigger;
 use crate::time::clock::Clock;
 use crate::time::host_time::HostTime;
 
-/// Converts and checks the messages of the optional streams: samples, filtered steps, events,
+/// Checks and converts the messages of the optional streams: samples, filtered steps, events and
 /// audits.
 #[derive(Debug)]
 pub(crate) struct SideStreams {
@@ -29,16 +29,17 @@ pub(crate) struct SideStreams {
     /// Number of messages that were not requested, or that arrived before the device's
     /// introduction.
     pub(crate) unused: u64,
-    /// Number of audits that cannot be compared, because their model, format or size differs.
+    /// Number of audits that cannot be compared, because their model, format or size is not the
+    /// device's.
     pub(crate) audits_unusable: u64,
-    /// Samples of the current message, uV; a buffer that is reused.
+    /// Samples of the current message, uV; the buffer is kept and reused for every message.
     microvolts: Vec<f32>,
 }
 
 /// Device time and host time of a message, with the clock that relates them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MessageTime<'a> {
-    /// Device time in the header, microseconds; `None` if it is impossible.
+    /// Device time from the message's header, microseconds; `None` if that time is impossible.
     pub(crate) device_us: Option<u64>,
     pub(crate) read: HostTime,
     pub(crate) clock: &'a Clock,
@@ -62,7 +63,7 @@ impl SideStreams {
     /// Sets the device that the following messages belong to.
     pub(crate) fn set_device(&mut self, device: &Arc<Device>) {
         let wanted = |stream| self.settings.streams.contains(stream);
-        // Raw samples have not passed the filters, so their delay is 0.
+        // Raw samples have not passed the filters, so their filter delay is 0.
         let streams = [
             (&mut self.raw, Streams::RAW, device.raw_frame(), 0),
             (
@@ -92,8 +93,8 @@ impl SideStreams {
         self.restart_events();
     }
 
-    /// Restarts events and trigger after a restart that only the codes revealed. Samples and steps
-    /// detect it from their own indices, perhaps earlier.
+    /// Restarts events and trigger after the indices of codes have shown that the device restarted.
+    /// Raw samples and filtered steps detect a restart from their own indices, perhaps earlier.
     pub(crate) fn restart_events(&mut self) {
         self.events.restart();
         self.trigger.restart();
@@ -152,7 +153,7 @@ impl SideStreams {
         let range_uv = device.full_scale_uv;
         #[expect(clippy::cast_possible_truncation, reason = "clamped to 187500 uV")]
         let microvolt =
-            // A recorder stores values outside the announced range as infinite.
+            // Limit to the announced range: a recorder stores values outside it as infinite.
             |value| (f64::from(value) * value_uv).clamp(-range_uv, range_uv) as f32;
         self.microvolts.clear();
         self.microvolts.extend(filtered.values().map(microvolt));
@@ -187,8 +188,8 @@ impl SideStreams {
         }
     }
 
-    /// Passes an audited window on for comparison. `model` is the device's model, if this bridge
-    /// has it.
+    /// Converts an audit and passes its window on for comparison. `model` is the device's model, if
+    /// this bridge has it.
     pub(crate) fn receive_audit(
         &mut self,
         audit: &Audit,
@@ -200,7 +201,7 @@ impl SideStreams {
             self.unused += 1;
             return;
         };
-        // `/diagnostics` reports the missing model already.
+        // Not logged, because `/diagnostics` already reports the missing model.
         let Some(model) = model else {
             self.unused += 1;
             return;

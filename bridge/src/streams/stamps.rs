@@ -6,7 +6,8 @@ use crate::streams::trigger::Trigger;
 use crate::time::clock::Clock;
 use crate::time::host_time::HostTime;
 
-/// Context in which a message is converted: when it was read, the fitted clock, the trigger input.
+/// What converting a message needs besides its content: when it was read, the fitted clock, the
+/// trigger input.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reception<'a> {
     /// Host time at which the message was read.
@@ -15,21 +16,22 @@ pub(crate) struct Reception<'a> {
     pub(crate) trigger: &'a Trigger,
 }
 
-/// Stamps that increase by at least 1 us each, whatever the clocks do.
+/// Generator of stamps, each at least 1 us later than the one before, unless the wall clock was set
+/// back by more than 30 s.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MonotoneStamps {
     last_ns: i64,
     moved: u64,
-    /// Number of steps back of the wall clock that the stamps have followed.
+    /// Number of long steps back of the wall clock that stamps have followed so far.
     steps_back: u32,
 }
 
 impl MonotoneStamps {
-    /// Returns the stamp for `nanoseconds` on the wall clock, moved forwards if it does not exceed
-    /// the last stamp.
+    /// Returns the stamp for `nanoseconds` on the wall clock. If that is less than 1 us after the
+    /// last stamp, the stamp is moved forwards to 1 us after it.
     ///
-    /// `steps_back` counts the wall clock's long steps back ([`Clock::wall_steps_back`]). After
-    /// such a step the stamp goes back with the clock.
+    /// `steps_back` is the number of times that the wall clock was set back by more than 30 s
+    /// ([`Clock::wall_steps_back`]). After each the stamps go back with the clock.
     pub(crate) fn next(&mut self, nanoseconds: i64, steps_back: u32) -> Stamp {
         if std::mem::replace(&mut self.steps_back, steps_back) != steps_back {
             self.last_ns = 0;

@@ -9,16 +9,16 @@ pub const TRI_LABELS: [&str; 8] = [
 
 /// Status of one code, sample or step, published as eight `tri` words.
 ///
-/// Every word has 16 bits (0 to 65535), because the recorder stores `tri` as float32, which is
-/// exact for integers up to 2^24 only.
+/// Every word has 16 bits (0 to 65535). The recorder stores `tri` as float32, which is exact for
+/// integers up to 2^24 only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TriWords {
     /// Bits of [`link::Flags`], including `filler`.
     pub flags: u16,
-    /// Index since `Start`: of the code's window, or of the frame of samples or steps.
+    /// Index of the code's window, or of the frame of samples or steps, since `Start`.
     pub window: u32,
     /// Device time of the window's last sample, or of the sample or step itself, microseconds. The
-    /// words hold its low 48 bits (8.9 years).
+    /// words carry the low 48 bits of it (8.9 years).
     pub device_time_us: u64,
     /// Codes, samples or steps of this stream that were lost since the bridge started, modulo 2^16.
     pub lost: u64,
@@ -41,7 +41,7 @@ fn sixteen_bits(value: u64) -> [u16; 4] {
     std::array::from_fn(|word| u16::from_le_bytes([bytes[2 * word], bytes[2 * word + 1]]))
 }
 
-/// Returns the description of a `tri` block with `nsamples` samples.
+/// Returns the description of a `tri` block that holds the words of `nsamples` samples.
 pub(crate) fn tri_info(nsamples: u16) -> NeuroDataInfo {
     NeuroDataInfo {
         nsamples,

@@ -1,9 +1,9 @@
-//! The trigger input.
+//! Level of the trigger input over time.
 
 use std::collections::VecDeque;
 
-/// Number of edges that are kept. Samples are published within one frame of their edges, and no
-/// experiment has this many edges in one frame.
+/// Number of edges that are kept. A sample is published at most one frame after the edges before
+/// it, and no experiment has this many edges within one frame.
 const MAX_EDGES: usize = 256;
 
 /// Level of the trigger input at each sample, reconstructed from the edges that arrived.
@@ -21,7 +21,7 @@ struct Edge {
 }
 
 impl Trigger {
-    /// Records that the level is `level` from `sample` on.
+    /// Records that the trigger has this level from the ADC sample `sample` on.
     pub(crate) fn record_edge(&mut self, sample: u64, level: u16) {
         if self.edges.len() == MAX_EDGES
             && let Some(oldest) = self.edges.pop_front()
@@ -31,7 +31,7 @@ impl Trigger {
         self.edges.push_back(Edge { sample, level });
     }
 
-    /// Restarts the sample index at 0 and keeps the current level.
+    /// Discards all edges, because sample indices start at 0 again; the current level stays.
     pub(crate) fn restart(&mut self) {
         if let Some(newest) = self.edges.back() {
             self.level_before = newest.level;
@@ -39,8 +39,8 @@ impl Trigger {
         self.edges.clear();
     }
 
-    /// Returns the level, 0 or 1, at an ADC sample, given by its index since `Start`; 0 before the
-    /// first edge.
+    /// Returns the trigger level, 0 or 1, at an ADC sample, which is given by its index since
+    /// `Start`; 0 before the first edge.
     pub(crate) fn level_at(&self, sample: u64) -> u16 {
         let newest = self.edges.iter().rev().find(|edge| edge.sample <= sample);
         newest.map_or(self.level_before, |edge| edge.level)

@@ -1,7 +1,7 @@
 //! Fit of the device's clock to the host's.
 //!
-//! Every code carries the device time of its last sample. It arrives after a delay that is never
-//! negative and sometimes close to its minimum.
+//! Every code carries the device time of its last sample. The code arrives after a delay that is
+//! never negative and sometimes close to its minimum.
 //!
 //! * Drift: the slope of the lower convex hull of the points (device time, host time) of the last
 //!   two minutes, at the edge that spans the middle. That edge is the line below all points with the
@@ -10,7 +10,8 @@
 //!   within seconds. The offset falls at once but rises no faster than a clock can drift, so that a
 //!   stalled host does not shift it.
 //!
-//! The fit uses monotonic host times; the wall clock's offset is added last.
+//! The fit uses the host's monotonic clock. The difference between wall clock and monotonic clock
+//! is added last.
 //!
 //! One-way delays cannot separate the least delay from an offset between the clocks. Every stamp is
 //! therefore late by the least time from a code's last sample to its reading: the encoder's run and
@@ -21,41 +22,47 @@ use std::collections::VecDeque;
 use crate::time::host_time::HostTime;
 use crate::time::hull::{Point, slope_at_middle};
 
-/// Device time over which the least lag is searched, microseconds. A 20 ppm change of drift costs
-/// 0.2 ms over it. Reads in multiples of 16 ms meet every phase of a 62.5 ms interval within 2 s.
+/// Device time over which the least lag is searched, microseconds. A change of drift by 20 ppm
+/// shifts stamps by 0.2 ms within these 10 s. If the host reads every 16 ms, reads fall on every
+/// phase of the 62.5 ms between codes within 2 s.
 const OFFSET_SPAN_US: f64 = 10e6;
 /// Device time of one block, microseconds. The earliest arrival of each block is one point of the
 /// drift's fit.
 const BLOCK_US: f64 = 2e6;
 /// Number of blocks in the drift's fit: 2 minutes.
 const BLOCKS: usize = 60;
-/// Number of blocks before the drift is fitted: 10 s, over which 1 ms of jitter is 100 ppm.
+/// Number of blocks before the drift is fitted: 10 s. An error of 1 ms over 10 s is 100 ppm.
 const MIN_BLOCKS: usize = 5;
-/// Bound of the fitted drift. Two crystals never differ by more.
+/// Largest drift, either way, that the fit accepts; dimensionless. Two crystals never differ by
+/// more.
 const MAX_DRIFT: f64 = 500e-6;
-/// Fastest rise of the offset: the bound of the drift that the fit has left.
+/// Fastest rise of the offset, host seconds per device second: the largest drift that can remain
+/// after the fitted drift is removed.
 const MAX_RISE: f64 = 200e-6;
-/// Fastest change of the wall clock's offset while the wall clock is slewed. NTP slews by at most
-/// 500 ppm.
+/// Fastest change of the wall clock against the monotonic clock that counts as slewing, seconds per
+/// second. NTP slews by at most 500 ppm.
 const WALL_SLEW: f64 = 600e-6;
-/// Deviation of the wall clock above which it was stepped, nanoseconds.
+/// Jump of the wall clock against the monotonic clock above which the wall clock counts as stepped,
+/// nanoseconds.
 const WALL_STEP_NS: i64 = 20_000_000;
-/// Fraction by which time is slowed after a step backwards until the wall clock has caught up, so
-/// that stamps never go backwards.
+/// Fraction by which the time of stamps runs slower after the wall clock was stepped backwards,
+/// until the wall clock has caught up. Stamps therefore never go backwards.
 const WALL_CATCH_UP: f64 = 0.1;
-/// Longest step backwards that is caught up by slowing time, nanoseconds. A longer one is followed
-/// at once and stamps go back with it, because catching up would take more than 5 minutes.
+/// Longest step backwards of the wall clock that is caught up by slowing time, nanoseconds. After a
+/// longer step the stamps go back at once, because catching up would take more than 5 minutes.
 const WALL_WAIT_NS: i64 = 30_000_000_000;
-/// Longest time by which a frame can seem to be read before it was made, microseconds. The clocks
-/// agree to some milliseconds, so a frame above this has a wrong device time.
+/// Longest time by which a frame can seem to be read before it was made, microseconds. The fitted
+/// clocks agree to some milliseconds, so a frame that exceeds this limit has a wrong device time.
 const MAX_EARLY_US: f64 = 1e6;
-/// Number of refused times in a row after which the fit itself is taken for wrong: half a second.
+/// Number of impossible device times in a row after which the fit itself counts as wrong: half a
+/// second of codes.
 const REFUSED_TO_RESTART: u32 = 8;
 
 /// Fit of the device's clock to the host's monotonic clock, and the smoothed wall clock.
 #[derive(Clone, Debug, Default)]
 pub struct Clock {
-    /// Device time and host time that the points are relative to, which keeps their f64 exact.
+    /// Device time and host time, microseconds, that all points are relative to. Small differences
+    /// keep their f64 values exact.
     origin: Option<(u64, i64)>,
     recent: VecDeque<Point>,
     blocks: VecDeque<Point>,
@@ -94,15 +101,15 @@ impl Clock {
         };
     }
 
-    /// Returns whether a frame can have been made at this device time: not before the newest frame
-    /// and not after it was read. False before the first observation.
+    /// Returns whether a frame can have been made at this device time: not earlier than the newest
+    /// frame in the fit, and not later than the frame was read. False before the first observation.
     pub fn admits(&self, device_us: u64, read: HostTime) -> bool {
         let is_old = |(origin, _)| difference(device_us, origin) < self.newest;
         !self.origin.is_some_and(is_old) && self.is_possible(device_us, read)
     }
 
-    /// Returns whether a frame that was read at this host time can have been made at this device
-    /// time, that is, not after it was read. False before the first observation.
+    /// Returns whether a frame that was made at this device time can have been read at this host
+    /// time: not before it was made. False before the first observation.
     pub fn is_possible(&self, device_us: u64, read: HostTime) -> bool {
         let lag_us = self.lag_us(device_us, read.monotonic_us);
         lag_us.is_some_and(|lag| lag >= -MAX_EARLY_US)
@@ -113,8 +120,8 @@ impl Clock {
         self.origin.is_some()
     }
 
-    /// Returns the host time minus the fitted host time of a device time, microseconds; `None`
-    /// before the first observation.
+    /// Returns by how much a host time is later than the fitted host time of a device time,
+    /// microseconds; `None` before the first observation.
     pub(crate) fn lag_us(&self, device_us: u64, host_us: i64) -> Option<f64> {
         let (device_origin, host_origin) = self.origin?;
         let device = difference(device_us, device_origin);
@@ -122,9 +129,9 @@ impl Clock {
         Some(host - device * (1.0 + self.drift) - self.offset)
     }
 
-    /// Adds a frame with this device time, read at this host time, to the fit. Returns false and
-    /// ignores the frame if its time is impossible; the eighth impossible time in a row restarts
-    /// the fit instead.
+    /// Adds a frame that was made at this device time and read at this host time to the fit.
+    /// Returns false and ignores the frame if its device time is impossible; the eighth impossible
+    /// time in a row restarts the fit instead.
     pub fn observe(&mut self, device_us: u64, read: HostTime) -> bool {
         self.follow_wall(read);
         if self.origin.is_some() && !self.admits(device_us, read) {
@@ -269,7 +276,8 @@ impl Clock {
         self.drift * 1e6
     }
 
-    /// Median delay of the blocks' earliest arrivals after the fit, microseconds.
+    /// Median over all blocks of the delay by which a block's earliest frame is later than the fit,
+    /// microseconds.
     pub fn residual_us(&self) -> f64 {
         let mut residuals: Vec<f64> = self
             .blocks
@@ -280,7 +288,7 @@ impl Clock {
         residuals.get(residuals.len() / 2).copied().unwrap_or(0.0)
     }
 
-    /// Delay of the newest frame after the fit, microseconds.
+    /// Delay by which the newest frame is later than the fit, microseconds.
     pub fn newest_delay_us(&self) -> f64 {
         let newest = self.recent.back();
         newest.map_or(0.0, |point| {
@@ -288,12 +296,13 @@ impl Clock {
         })
     }
 
-    /// Number of steps of the host's wall clock in either direction.
+    /// Number of times the host's wall clock was stepped, in either direction.
     pub fn wall_steps(&self) -> u32 {
         self.wall_steps
     }
 
-    /// Number of times the wall clock was set back by more than 30 s; each time the stamps went back too.
+    /// Number of times the wall clock was set back by more than 30 s. Each time the stamps went
+    /// back too.
     pub fn wall_steps_back(&self) -> u32 {
         self.wall_steps_back
     }

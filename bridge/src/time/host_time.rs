@@ -1,4 +1,4 @@
-//! The host's clocks.
+//! Times on the host's monotonic clock and wall clock.
 
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -8,9 +8,10 @@ use neuro_ros::Stamp;
 /// A reading of the host's monotonic clock and wall clock at the same instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostTime {
-    /// Monotonic clock, microseconds since the first reading in this process; never steps.
+    /// Time on the monotonic clock, microseconds since its first reading in this process; never
+    /// steps.
     pub monotonic_us: i64,
-    /// Wall clock, nanoseconds since 1970; NTP or the user can step it.
+    /// Time on the wall clock, nanoseconds since 1970; NTP or the user can step it.
     pub wall_ns: i64,
 }
 

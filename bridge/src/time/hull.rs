@@ -1,17 +1,18 @@
 //! Lower convex hull of points in time, for the fit of a clock's drift.
 
-/// Device time of an event and host time of its reading, both in microseconds since an origin.
+/// Device time at which something was made and host time at which it was read, both in microseconds
+/// since an origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Point {
     pub(crate) device: f64,
     pub(crate) host: f64,
 }
 
-/// Returns the slope of the line below all points that has the least mean distance to them: the
-/// edge of the lower convex hull that spans the mean device time.
+/// Returns the slope of the line that is below all points and has the least mean distance to them.
+/// It is the edge of the lower convex hull that spans the mean device time.
 ///
-/// `points` must be sorted by device time (Andrew's monotone chain). Fewer than two distinct device
-/// times have slope 1.
+/// `points` must be sorted by device time (Andrew's monotone chain). If there are fewer than two
+/// distinct device times, returns 1.
 pub(crate) fn slope_at_middle(points: &[Point]) -> f64 {
     let mut hull: Vec<Point> = Vec::with_capacity(points.len());
     for &point in points {

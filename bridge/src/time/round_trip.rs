@@ -1,16 +1,17 @@
 //! Round trips of clock queries, which bound the constant delay of the stamps.
 //!
-//! The fit of [`Clock`] sees one direction only: its host times are late by the least delay from a
-//! code's last sample to its reading, and codes alone cannot show how large that delay is. A round
-//! trip bounds it. The device read the query after the host had sent it, and the host read the
-//! answer after the device had made it. With the fitted host time H(t) of a device time t:
+//! The fit of [`Clock`] uses one direction only. Its host times are late by the least delay from a
+//! code's last sample to the reading of the code, and codes alone cannot show how large that delay
+//! is. The round trip of a query bounds the delay: the device read the query after the host had
+//! sent it, and the host read the answer after the device had made it. With the fitted host time
+//! H(t) of a device time t:
 //!
 //! ```text
 //! H(answer made) - answer read  <=  stamps late by  <=  H(query read) - query sent
 //! ```
 //!
-//! The distance between the bounds is the round trip less the time inside the device. Half of it is
-//! the uncertainty of the offset between the clocks.
+//! The distance between the two bounds is the round trip less the time inside the device. Half of
+//! that distance is the uncertainty of the offset between the clocks.
 
 use std::collections::VecDeque;
 
@@ -26,7 +27,7 @@ const RETENTION_US: i64 = 60_000_000;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RoundTrips {
     recent: VecDeque<RoundTrip>,
-    /// Number of answers without a matching query, or with impossible times.
+    /// Number of answers that match no query, or whose times are impossible.
     impossible: u64,
 }
 
@@ -37,12 +38,13 @@ pub(crate) struct RoundTrip {
     /// Transfer time of query and answer together, without the time inside the device,
     /// microseconds.
     pub(crate) transit_us: f64,
-    /// Lower and upper bound of the delay of the fitted times, microseconds; `None` without a fit.
+    /// Lower and upper bound of the delay of the fitted host times, microseconds; `None` without a
+    /// fit.
     pub(crate) late_us: Option<[f64; 2]>,
 }
 
 impl RoundTrips {
-    /// Discards the round trips of another boot or another device.
+    /// Discards all round trips, because the device was reset or replaced.
     pub(crate) fn clear(&mut self) {
         self.recent.clear();
     }
@@ -84,7 +86,8 @@ impl RoundTrips {
         }
     }
 
-    /// Returns the shortest round trip of the minute before `now`.
+    /// Returns the shortest round trip among those of the minute before `now`; `None` if there is
+    /// none.
     pub(crate) fn shortest(&self, now: HostTime) -> Option<RoundTrip> {
         let fresh = |trip: &&RoundTrip| trip.read.monotonic_us >= now.monotonic_us - RETENTION_US;
         let by_length = |a: &&RoundTrip, b: &&RoundTrip| a.transit_us.total_cmp(&b.transit_us);

@@ -5,7 +5,7 @@ use std::io;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-/// Address of the device, as `--port` takes it.
+/// Address of the device, parsed from `--port`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum PortAddress {
     /// Path of a serial port or a pseudoterminal.

@@ -8,48 +8,54 @@ use crate::wire::pending::{PendingCommand, RETRY_US};
 const REFUSED_RETRY_US: i64 = 10_000_000;
 /// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
 const PING_AFTER_US: i64 = 2_000_000;
-/// Silence after which the port counts as unresponsive, microseconds. Pings were sent meanwhile.
+/// Silence of the device after which the port counts as unresponsive, microseconds. The bridge has
+/// pinged the device since 2 s of silence.
 const UNRESPONSIVE_AFTER_US: i64 = 5_000_000;
 /// Time without a code or `Stats` after which a streaming device must identify itself again,
-/// microseconds. It may have been reset and its `Hello` lost, or another program stopped it.
+/// microseconds. The device may have been reset and its `Hello` lost, or another program may have
+/// stopped its stream.
 const STARVED_AFTER_US: i64 = 2_000_000;
-/// Time between two calls of `next_command` above which the host itself was suspended, or this
-/// program was stopped, microseconds. The device's messages of that time wait to be read.
+/// Time between two calls of `next_command`, microseconds, above which the host must have been
+/// suspended or this program stopped. Messages that the device sent during that time are still
+/// unread, so the silence timeouts restart.
 const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
-/// Delay of the first clock query after the start of a stream, microseconds. Codes arrive by then.
+/// Delay from the start of a stream to the first clock query, microseconds. The first codes have
+/// arrived by then, and the answer can be compared with the clock's fit to them.
 const FIRST_CLOCK_QUERY_US: i64 = 2_000_000;
 /// Time between two clock queries, microseconds.
 const CLOCK_QUERY_INTERVAL_US: i64 = 10_000_000;
 
-/// Decides which command the device gets next: identify, stop any stream that this bridge did not
-/// start, start. Every command is repeated until it is acknowledged.
+/// Decides which command is due for the device: first `Identify`, then `Stop` if a stream runs that
+/// this bridge did not start, then `Start`. Every command is repeated until it is acknowledged.
 #[derive(Clone, Debug)]
 pub(crate) struct Commands {
     mains_hz: u8,
-    /// Streams that the user asks for, always with codes.
+    /// Streams that the user asks for; the stream of codes is always one of them.
     wanted_streams: Streams,
-    /// Streams that the device is asked for: fewer than `wanted_streams` after it refused some.
+    /// Streams that `Start` asks the device for: fewer than `wanted_streams` after the device
+    /// refused some.
     streams: Streams,
     streaming_wanted: bool,
     device: Introduction,
-    /// Whether a stream that runs on the device must have been started by this bridge. True from when
-    /// the bridge has stopped the device until the device restarts or another one is connected.
+    /// Whether a stream that runs on the device must have been started by this bridge. True from
+    /// when the bridge has stopped the device until the device restarts or another one is
+    /// connected.
     owns_stream: bool,
     stream: StreamState,
     pending: Option<PendingCommand>,
     connected: bool,
-    /// Earliest host time of the next `Start`, after a refused one.
+    /// Earliest host time of the next `Start` after the device refused one, microseconds.
     start_not_before_us: i64,
     last_frame_us: i64,
-    /// Host time of the newest code or `Stats`, or of the stream's start; `None` while none is
-    /// expected.
+    /// Host time of the newest code or `Stats`, or of the stream's start, microseconds; `None`
+    /// while neither codes nor `Stats` are expected.
     last_stream_us: Option<i64>,
     last_identify_us: i64,
     clock_query: ClockQuery,
     last_tick_us: i64,
 }
 
-/// State of the device's introduction since the port was opened.
+/// What the device has told about itself since the port was opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Introduction {
     Missing,
@@ -67,14 +73,15 @@ enum StreamState {
     Running,
 }
 
-/// Queries for the device's clock. A lost one is not repeated, because the next one serves as well.
+/// State of the queries for the device's clock. A lost query is not repeated, because the next one
+/// serves as well.
 #[derive(Clone, Copy, Debug, Default)]
 struct ClockQuery {
-    /// Host time at which the next query is due; `None` while nothing streams.
+    /// Host time at which the next query is due, microseconds; `None` while nothing streams.
     due_us: Option<i64>,
-    /// Sequence number and host time of the newest query.
+    /// Sequence number and host time, microseconds, of the newest query.
     sent: Option<(u32, i64)>,
-    /// Whether the device does not know this command.
+    /// Whether the device refused a query, as firmware without this command does; no more are sent.
     refused: bool,
 }
 
@@ -91,7 +98,8 @@ pub(crate) enum AckEffect {
 }
 
 impl Commands {
-    /// Creates the state before the first connection. Streaming is wanted from the start.
+    /// Creates the state before the first connection. From the beginning the device is meant to
+    /// stream.
     pub(crate) fn new(mains_hz: u8, streams: Streams) -> Commands {
         let streams = streams | Streams::CODES;
         Commands {
@@ -113,8 +121,8 @@ impl Commands {
         }
     }
 
-    /// Records that a port was opened. The device is identified again; a stream that this bridge
-    /// started may still be running.
+    /// Records that a port was opened. The device must identify itself again, and a stream that
+    /// this bridge started before may still be running.
     pub(crate) fn connected(&mut self, now_us: i64) {
         self.device = Introduction::Missing;
         self.stream = StreamState::Unconfirmed;
@@ -138,7 +146,8 @@ impl Commands {
         self.streaming_wanted = streaming;
     }
 
-    /// Records an introduction; `usable` states whether the device's codes can be published.
+    /// Records that the device introduced itself; `usable` states whether its codes can be
+    /// published.
     pub(crate) fn device_introduced(&mut self, usable: bool) {
         self.device = if usable {
             Introduction::Usable
@@ -147,8 +156,8 @@ impl Commands {
         };
     }
 
-    /// Records another boot, or another device. It must be identified, and stopped, because another
-    /// program may have started it.
+    /// Records that the device rebooted or another device is connected. The device must be
+    /// identified, and stopped, because another program may have started its stream.
     pub(crate) fn device_restarted(&mut self) {
         self.device = Introduction::Missing;
         self.owns_stream = false;
@@ -160,7 +169,8 @@ impl Commands {
         self.clock_query = ClockQuery::default();
     }
 
-    /// Asks the device to identify itself again, because its frames do not match what is known.
+    /// Requires the device to identify itself again, because its frames do not match its last
+    /// introduction.
     pub(crate) fn identify_again(&mut self) {
         self.device = Introduction::Missing;
     }
@@ -170,13 +180,13 @@ impl Commands {
         self.last_frame_us = now_us;
     }
 
-    /// Restarts the timeout for data of the stream. Call this for every code, and for `Stats` of a
-    /// running stream.
+    /// Restarts the timeout of the stream. Call this for every code, and for every `Stats` that
+    /// reports a running stream.
     pub(crate) fn stream_received(&mut self, now_us: i64) {
         self.last_stream_us = Some(now_us);
     }
 
-    /// Records that the device reports no stream though nobody stopped it.
+    /// Records a report of the device that no stream runs although this bridge did not stop it.
     pub(crate) fn device_stopped(&mut self) {
         self.stream = StreamState::Stopped;
         self.last_stream_us = None;
@@ -191,7 +201,8 @@ impl Commands {
         last_stream_us.is_some_and(|last_stream_us| now_us - last_stream_us > STARVED_AFTER_US)
     }
 
-    /// Streams that the device is asked for: those that the user wants, less those it refused.
+    /// Streams that `Start` asks the device for: those that the user wants, less those that the
+    /// device refused.
     pub(crate) fn streams(&self) -> Streams {
         self.streams
     }
@@ -206,7 +217,7 @@ impl Commands {
         self.clock_query.sent.map(|(_, host_us)| host_us)
     }
 
-    /// Returns whether the device shall stream and its codes can be published.
+    /// Returns whether the device is meant to stream, unless its codes cannot be published.
     pub(crate) fn wants_stream(&self) -> bool {
         self.streaming_wanted && self.device != Introduction::Unusable
     }
@@ -222,7 +233,8 @@ impl Commands {
         self.stream == StreamState::Running
     }
 
-    /// Returns whether the device streams for this bridge, or a `Start` is unconfirmed.
+    /// Returns whether this bridge's stream runs on the device, or may run because a `Start` has no
+    /// acknowledgement yet.
     pub(crate) fn is_possibly_streaming(&self) -> bool {
         self.accepts_codes() && self.stream != StreamState::Stopped
     }
@@ -299,8 +311,8 @@ impl Commands {
         }
     }
 
-    /// Returns the clock query when it is due. It waits until codes arrive, because without them
-    /// the answer has no fit to compare with.
+    /// Returns the clock query when it is due. It is due only after codes have arrived, because the
+    /// answer is compared with the clock's fit to codes.
     fn clock_query(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         let due = self
             .clock_query
@@ -375,8 +387,8 @@ impl Commands {
                 self.start_not_before_us = now_us + REFUSED_RETRY_US;
                 self.pending = None;
             }
-            // The device did not restart, so another program may have stopped it. A repeated
-            // `Start` changes nothing if it streams after all.
+            // The device did not restart, so another program may have stopped its stream. If the
+            // stream still runs, the `Start` that follows changes nothing.
             (ToDevice::Identify, _) if self.is_starved(now_us) => {
                 self.stream = StreamState::Unconfirmed;
             }

@@ -10,8 +10,8 @@ use crate::error::BridgeError;
 use crate::wire::address::PortAddress;
 use crate::wire::port::{PORT_TIMEOUT, Port, Transfer};
 
-/// Delay between attempts to open the port. It is well below 1 s, the time within which a replugged
-/// device must be back.
+/// Delay between two attempts to open the port. A replugged device must be connected again within 1
+/// s, so the delay is well below that.
 const RETRY: Duration = Duration::from_millis(250);
 
 /// A port that is reopened whenever it disappears.
@@ -20,7 +20,8 @@ pub(crate) struct Connection {
     address: PortAddress,
     baud: u32,
     state: State,
-    /// Time since which the device has accepted none of the bytes for it.
+    /// Time since which the device has accepted none of the bytes that wait for it; `None` if none
+    /// wait.
     stuck_since: Option<Instant>,
     /// Kind of the last failure that was logged, so that an absent device does not fill the log.
     reported: Option<io::ErrorKind>,
@@ -33,7 +34,7 @@ enum State {
     Open(Port),
 }
 
-/// Change of the port's state, or bytes from it.
+/// What [`Connection::next_event`] reports: a change of the port's state, or bytes from the port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Event {
     Opened,
@@ -65,8 +66,8 @@ impl Connection {
         };
     }
 
-    /// Waits for the next event. Meanwhile it writes `outgoing` and removes what was written, so a
-    /// device that does not read cannot hold up what it sends. Cancel safe.
+    /// Waits for the next event. While waiting, writes `outgoing` to the device and removes what
+    /// was written; a device that does not read its commands can still send. Cancel safe.
     ///
     /// # Errors
     ///
@@ -86,7 +87,8 @@ impl Connection {
                     self.state = State::Opening(opening);
                 }
                 State::Opening(opening) => {
-                    // Joining fails only if the task panicked or the runtime shuts down.
+                    // Awaiting the task fails only if the task panicked or the runtime is shutting
+                    // down.
                     let opened = opening
                         .await
                         .unwrap_or_else(|error| Err(io::Error::other(error)));

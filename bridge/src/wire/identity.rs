@@ -41,7 +41,7 @@ impl Identity {
         }
     }
 
-    /// Returns whether `hello` comes from the same boot of the same device.
+    /// Returns whether `hello` was sent by the same device since the same boot.
     pub(crate) fn is_same_session(&self, hello: &Hello) -> bool {
         self.session_id == hello.session_id
             && self.chip_uid == hello.chip_uid

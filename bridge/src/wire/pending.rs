@@ -5,7 +5,7 @@ use link::ToDevice;
 /// Time without an acknowledgement after which a command is sent again, microseconds.
 pub(crate) const RETRY_US: i64 = 500_000;
 
-/// A command without an acknowledgement, with the numbers of the frames that carried it.
+/// A command without an acknowledgement, and the sequence numbers of the frames that carried it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PendingCommand {
     pub(crate) command: ToDevice,
@@ -27,7 +27,7 @@ impl PendingCommand {
         }
     }
 
-    /// Returns the same command after one more transmission.
+    /// Returns this command with one more transmission recorded: frame `seq`, sent at `now_us`.
     pub(crate) fn sent_again(self, seq: u32, now_us: i64) -> PendingCommand {
         PendingCommand {
             last_seq: seq,
@@ -44,8 +44,8 @@ impl PendingCommand {
         self.first_seq != self.last_seq
     }
 
-    /// Returns whether an acknowledgement of frame `of` acknowledges this command: any of its
-    /// transmissions counts, also across a wrap of the sequence number.
+    /// Returns whether an acknowledgement of frame `of` belongs to this command. Any transmission
+    /// of the command counts, also across a wrap of the sequence number.
     pub(crate) fn is_acknowledged_by(&self, of: u32) -> bool {
         of.wrapping_sub(self.first_seq) <= self.last_seq.wrapping_sub(self.first_seq)
     }

@@ -15,13 +15,13 @@ use tokio::time::timeout;
 
 use crate::wire::address::PortAddress;
 
-/// Longest time to open a TCP connection, or to write pending commands.
+/// Longest time to open a TCP connection, or to write pending commands to the port.
 pub(crate) const PORT_TIMEOUT: Duration = Duration::from_secs(3);
 
 #[derive(Debug)]
 pub(crate) enum Port {
-    /// A serial port or a pseudoterminal in raw mode. Tokio's pipe ends accept any descriptor that
-    /// epoll accepts, and are its only types for this that need no unsafe code.
+    /// A serial port or a pseudoterminal in raw mode. Tokio's ends of pipes are used for it,
+    /// because they accept any descriptor that epoll accepts and need no unsafe code.
     Tty(Receiver, Sender),
     Tcp(TcpStream),
 }
@@ -49,8 +49,8 @@ impl Port {
         }
     }
 
-    /// Waits until at least one byte was read or part of `outgoing` was written. Cancel safe: if
-    /// the future is dropped before it returns, nothing was read or written.
+    /// Waits until at least one byte was read, or a part of `outgoing` was written. Cancel safe: if
+    /// the future is dropped before it completes, no byte was read or written.
     ///
     /// # Errors
     ///
@@ -103,9 +103,9 @@ fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
             "it is neither a serial port nor a pseudoterminal",
         ));
     }
-    // Two bridges on one port would each read only part of the bytes. A lock ends with this
-    // program; TIOCEXCL would stay set as long as another program, such as host-sim, holds the
-    // terminal open.
+    // Lock the port: two bridges on one port would each read only some of the bytes. A lock ends
+    // with this program. TIOCEXCL would stay set as long as another program, such as host-sim,
+    // holds the terminal open.
     rustix::fs::flock(&fd, FlockOperation::NonBlockingLockExclusive).map_err(
         |error| match error {
             Errno::WOULDBLOCK => io::ErrorKind::ResourceBusy.into(),

@@ -1,4 +1,4 @@
-//! Audits: the device's codes against the float network's.
+//! Audits: codes from a device are compared with codes from the float network.
 #![allow(
     clippy::cast_possible_truncation,
     reason = "scales and zero points within their types"
@@ -23,7 +23,7 @@ fn folder() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../model/artifact"))
 }
 
-/// Returns the golden windows and codes of the built-in model as audits of a device with the
+/// Returns the golden windows and codes of the built-in model, as audits from a device that has the
 /// model's scales.
 fn golden() -> Vec<AuditedWindow> {
     let artifact = Artifact::read(folder()).unwrap();
@@ -41,7 +41,8 @@ fn golden() -> Vec<AuditedWindow> {
         .collect()
 }
 
-/// Returns a device with the scales that model-gen uses for int8 codes: twice the calibrated range.
+/// Returns a device with the scales that model-gen computes for int8 codes: twice the calibrated
+/// range.
 fn device(artifact: &Artifact) -> Device {
     let ends = |name| {
         let ends = artifact.calibration.tensor(name, &[CODE_LEN]).unwrap();
@@ -70,8 +71,8 @@ fn codes_of_the_integer_encoder_are_within_the_limits() {
     let judged = results.iter().filter(|result| !result.at_rail);
     for result in judged.clone() {
         assert!(!result.is_wrong(), "{result:?}");
-        // Mostly rounding, 1/sqrt(12) levels. Measured: at most 0.34, and 0.01 on a window of
-        // zeros.
+        // Mostly the RMS of rounding, 1/sqrt(12) levels. The largest measured value is 0.34 levels;
+        // a window of zeros has 0.01.
         assert!(result.rms < 0.36, "{result:?}");
     }
     assert_eq!(
@@ -82,8 +83,8 @@ fn codes_of_the_integer_encoder_are_within_the_limits() {
 }
 
 /// Returns the built-in model with one weight of the shortcut changed by 128 int8 levels, the value
-/// of its sign bit. The difference between this model and a correct device equals that between the
-/// correct model and a device with that bit flipped.
+/// of its sign bit. A correct device differs from this model as a device with that bit flipped
+/// differs from the correct model.
 fn flipped(value: usize, feature: usize) -> Model {
     let mut artifact = Artifact::read(folder()).unwrap();
     let (name, shape) = ("encoder.shortcut.weight", [CODE_LEN, 976]);
@@ -125,7 +126,7 @@ fn a_flipped_sign_bit_is_found_only_at_the_value_that_it_changes() {
 #[test]
 fn a_code_of_another_window_is_found_on_every_window() {
     let windows = golden();
-    // Each window gets the code of the next one.
+    // Give each window the code of the next window.
     for pair in windows.windows(2) {
         let mut wrong = pair[0].clone();
         wrong.levels.clone_from(&pair[1].levels);

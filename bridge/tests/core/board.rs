@@ -1,4 +1,4 @@
-//! A simulated board under the control of a test.
+//! A simulated board whose properties and time are set by a test.
 
 use std::sync::{Arc, LazyLock};
 
@@ -25,7 +25,7 @@ pub(crate) fn model() -> Arc<Model> {
     Arc::clone(&MODEL)
 }
 
-/// A board that answers commands as firmware does; a test sets its properties.
+/// A board that answers commands as the firmware does. Tests set its properties.
 pub(crate) struct Board {
     pub(crate) encoder: Encoder,
     pub(crate) commands: Decoder<MAX_FRAME>,
@@ -43,17 +43,19 @@ pub(crate) struct Board {
     pub(crate) chip_uid: [u8; 12],
     /// Device time of the newest code, microseconds.
     pub(crate) now_us: u64,
-    /// Streams that the firmware supports; a `Start` with others is refused as a bad argument.
+    /// Streams that the simulated firmware supports; a `Start` with any other is refused as a bad
+    /// argument.
     pub(crate) supported: Streams,
-    /// Result in the acknowledgements of self-test, clock query and reset.
+    /// Result in the acknowledgements of the commands self-test, clock query and reset.
     pub(crate) ack_result: AckResult,
-    /// Result that the board sends right after the self-test command.
+    /// Result that the board sends right after it receives the self-test command; `None` sends
+    /// nothing.
     pub(crate) self_test: Option<SelfTest>,
-    /// Whether the reset command reboots the board at once.
+    /// Whether the reset command makes the board reboot at once.
     pub(crate) restarts_on_reset: bool,
-    /// Streams of the last `Start`.
+    /// Streams in the last `Start` that the board received.
     pub(crate) streams: Streams,
-    /// Received commands with their sequence numbers, oldest first.
+    /// Commands that the board received, with their sequence numbers, oldest first.
     pub(crate) received: Vec<(u32, ToDevice)>,
 }
 
@@ -94,7 +96,7 @@ impl Board {
         }
     }
 
-    /// Restarts the board: a new session, with all numbers from 0.
+    /// Restarts the board: a new session starts, and all numbers start at 0.
     pub(crate) fn reboot(&mut self) {
         self.encoder = Encoder::default();
         self.session_id += 1;
@@ -155,7 +157,7 @@ impl Board {
         bytes
     }
 
-    /// Handles commands and returns the answers.
+    /// Handles the commands in `bytes` and returns the answers.
     pub(crate) fn answer(&mut self, mut bytes: &[u8]) -> Vec<u8> {
         let mut answers = Vec::new();
         let mut commands = Vec::new();
@@ -172,7 +174,7 @@ impl Board {
                 ToDevice::Start(start) if !self.supported.contains(start.streams) => {
                     result = AckResult::BadArgument;
                 }
-                // A `Start` of running streams changes nothing.
+                // A `Start` changes nothing while streams are running.
                 ToDevice::Start(_) if self.streaming => {}
                 ToDevice::Start(start) => {
                     self.next_window = 0;
@@ -203,7 +205,7 @@ impl Board {
         answers
     }
 
-    /// Returns the frame of the next code, made at `device_us`, all of whose values are `value`.
+    /// Returns the frame of the next code, made at `device_us`, with `value` in all 128 places.
     pub(crate) fn code(&mut self, device_us: u64, value: i8) -> Vec<u8> {
         self.code_of(device_us, &CodeValues::Int8([value; CODE_LEN]))
     }

@@ -1,4 +1,4 @@
-//! Fit of the device's clock in virtual time, with delayed, bunched and stalled reads.
+//! The fit of the device's clock, in virtual time, with delayed, bunched and stalled reads.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -13,14 +13,16 @@ use crate::board::WALL_START_NS;
 /// Time between codes, microseconds.
 const HOP_US: f64 = 62_500.0;
 
-/// Behaviour of a link and its clocks.
+/// Behaviour of a link and of the clocks at its two ends, for one test.
 struct Scene {
     /// Returns the drift (host seconds per device second minus 1), ppm, at a device time in
     /// seconds.
     ppm: fn(f64) -> f64,
-    /// Returns the host time of the read for a host time of the transmission, both in microseconds.
+    /// For a host time at which a frame was sent, returns the host time at which it is read, both
+    /// in microseconds.
     read_at: fn(f64, &mut Noise) -> f64,
-    /// Returns the total step of the wall clock, nanoseconds, at a host time in seconds.
+    /// Returns by how much the wall clock was stepped in total, nanoseconds, until a host time in
+    /// seconds.
     wall_step: fn(f64) -> i64,
     seconds: u32,
 }
@@ -35,8 +37,8 @@ impl Noise {
     }
 }
 
-/// Returns pairs of host time, seconds, and the stamp's error against the true wall clock,
-/// microseconds. Also checks that stamps never go backwards.
+/// Returns for every code the host time, seconds, and the error of the stamp against the true wall
+/// clock, microseconds. Also checks that stamps never go backwards.
 fn errors(scene: &Scene) -> Vec<(f64, f64)> {
     let mut clock = Clock::default();
     let mut noise = Noise(5);
@@ -47,7 +49,7 @@ fn errors(scene: &Scene) -> Vec<(f64, f64)> {
         let ppm = (scene.ppm)((device_us - 5e9) / 1e6);
         device_us += HOP_US;
         host_us += HOP_US * (1.0 + ppm * 1e-6);
-        // Bytes of a stream are read in order.
+        // The bytes of a stream are read in order, so no read is earlier than the one before.
         last_read = (scene.read_at)(host_us, &mut noise).max(last_read);
         let read = HostTime {
             monotonic_us: last_read as i64,
@@ -70,8 +72,8 @@ fn errors(scene: &Scene) -> Vec<(f64, f64)> {
     errors
 }
 
-/// Returns the 99th percentile and the maximum of the absolute errors after the first minute,
-/// microseconds.
+/// Returns the 99th percentile and the maximum of the absolute errors, microseconds, without the
+/// first minute.
 fn p99_and_max(errors: &[(f64, f64)]) -> (f64, f64) {
     let settled = errors.iter().filter(|(seconds, _)| *seconds > 60.0);
     let mut sizes: Vec<f64> = settled.map(|(_, error)| error.abs()).collect();
@@ -79,7 +81,8 @@ fn p99_and_max(errors: &[(f64, f64)]) -> (f64, f64) {
     (sizes[sizes.len() * 99 / 100], sizes[sizes.len() - 1])
 }
 
-/// Checks the requirement: after 60 s, p99 is at most 0.5 ms and no error exceeds 1 ms.
+/// Checks the requirement: after 60 s, the 99th percentile of the errors is at most 0.5 ms and no
+/// error exceeds 1 ms.
 fn check(name: &str, scene: &Scene) {
     let (p99, max) = p99_and_max(&errors(scene));
     println!("{name}: p99 {p99:.0} us, max {max:.0} us");
@@ -90,7 +93,7 @@ fn check(name: &str, scene: &Scene) {
 }
 
 fn jitter(sent: f64, noise: &mut Noise) -> f64 {
-    // Usually small, up to 4 ms.
+    // A delay that is usually small, and at most 4 ms.
     let a = noise.next();
     sent + 4000.0 * a * a * a
 }
@@ -200,7 +203,8 @@ fn a_step_of_the_wall_clock_is_followed_without_going_backwards() {
         seconds: 200,
     };
     let errors = errors(&scene);
-    // 1 s is caught up at 0.1 s per second, in 10 s; the last 20 ms at the rate of a slew.
+    // A step of 1 s back is caught up at 0.1 s per second, in 10 s; its last 20 ms at the rate of a
+    // slew.
     let after: Vec<_> = errors
         .iter()
         .filter(|(t, _)| !(100.0..145.0).contains(t))
@@ -246,7 +250,7 @@ fn the_drift_is_reported_in_ppm() {
     assert!(clock.residual_us().abs() < 10.0 && clock.newest_delay_us().abs() < 10.0);
 }
 
-/// Returns the host time `us` with a wall clock that was stepped by `step_ns`.
+/// Returns the host time `us` with a wall clock that was stepped by `step_ns` in total.
 fn read(us: i64, step_ns: i64) -> HostTime {
     HostTime {
         monotonic_us: us,
@@ -254,7 +258,7 @@ fn read(us: i64, step_ns: i64) -> HostTime {
     }
 }
 
-/// Returns a clock after 10 s of codes, and the host time of the last one.
+/// Returns a clock that has observed 10 s of codes, and the host time of the last code.
 fn settled() -> (Clock, i64) {
     let mut clock = Clock::default();
     for code in 1..=160 {
@@ -265,7 +269,7 @@ fn settled() -> (Clock, i64) {
 
 #[test]
 fn stamps_are_late_by_the_least_delay() {
-    // 3 ms for the encoder and at least 2 ms for the link.
+    // Each frame takes 3 ms in the encoder and at least 2 ms on the link.
     let scene = Scene {
         ppm: |_| 20.0,
         read_at: |sent, noise| jitter(sent + 5000.0, noise),
@@ -291,7 +295,7 @@ fn one_impossible_device_time_changes_nothing() {
         assert_eq!(clock.wall_ns(10_000_000), before);
         assert_eq!(clock.refused(), 1);
         assert!(clock.observe(10_125_000, read(now + 125_000, 0)));
-        // Converting the impossible time must not overflow.
+        // Converting a device time that was refused must not overflow either.
         clock.wall_ns(i128::from(wrong));
     }
 }
@@ -322,7 +326,7 @@ fn a_step_back_is_counted_and_one_beyond_30_s_is_followed_at_once() {
         assert_eq!((clock.wall_steps(), clock.wall_steps_back()), (1, back));
         let true_ns = WALL_START_NS + 11_000_000_000 + step_ns;
         let error_ns = clock.wall_ns(11_000_000).unwrap() - true_ns;
-        // In one second a tenth of a second is caught up.
+        // In the second after the step, a tenth of a second is caught up.
         let expected = if back == 1 { 0 } else { -step_ns - 100_000_000 };
         assert!((error_ns - expected).abs() < 1000, "{step_s} s: {error_ns}");
     }

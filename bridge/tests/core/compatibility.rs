@@ -1,11 +1,11 @@
-//! Newer devices, other versions of the wire format, and noise are distinguished.
+//! The bridge distinguishes newer devices, other versions of the wire format, and noise.
 
 use link::{AckResult, FrameError, ToHost};
 
 use crate::board::{Board, at};
 use crate::recorder::{Harness, SETTINGS};
 
-/// Messages of a later release: today's, and one more.
+/// Messages of a later release: those of this release, and one more.
 #[derive(serde::Serialize, serde::Deserialize)]
 enum LaterToHost {
     Hello,

@@ -1,4 +1,4 @@
-//! Status `converters` in `/diagnostics`.
+//! The status `converters` in `/diagnostics`.
 
 use link::{Converters, ToHost};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
@@ -6,7 +6,7 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
 use crate::board::Board;
 use crate::recorder::{Harness, SETTINGS};
 
-/// Sends a report of two chips in order, as modified by `change`, and returns the status.
+/// Sends a report about two chips without faults, as modified by `change`, and returns the status.
 fn report_status(harness: &mut Harness, change: impl FnOnce(&mut Converters)) -> DiagnosticStatus {
     let mut converters = Converters {
         fault: heapless::String::new(),
@@ -49,7 +49,7 @@ fn bad_frames_are_a_warning_that_names_the_chip_until_there_are_no_new_ones() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let mut bad =
         |count| report_status(&mut harness, |converters| converters.frames_bad[1] = count);
-    // Bad frames from before the first report are not new.
+    // Bad frames from before the first report are not reported as new.
     assert_eq!(bad(2).level, DiagnosticLevel::Ok);
     let status = bad(5);
     assert_eq!(
@@ -61,7 +61,7 @@ fn bad_frames_are_a_warning_that_names_the_chip_until_there_are_no_new_ones() {
     );
     assert_eq!(bad(5).level, DiagnosticLevel::Ok);
     assert!(bad(10).message.ends_with("chip 1 (5)"));
-    // Without a new report there is no warning.
+    // The warning does not remain when no new message has arrived.
     assert_eq!(
         harness.status("converters").unwrap().level,
         DiagnosticLevel::Ok

@@ -1,4 +1,4 @@
-//! Trigger edges: events on the bus, and the trigger level of every sample.
+//! Edges of the trigger input: events on `/events/bus`, and the trigger level of every sample.
 
 use bridge::Settings;
 use link::{Event, EventKind, Flags, Raw, Streams, ToHost};
@@ -24,7 +24,7 @@ fn event(kind: EventKind, number: u32, sample: u64) -> ToHost<'static> {
 fn an_edge_becomes_an_event_at_its_own_time() {
     let mut harness = Harness::streaming(EVENTS, Board::new());
     harness.code(1, false);
-    // The edge is between two codes, and is read later.
+    // The edge happens between two codes, and its event is read 20 ms later.
     let happened = harness.now_us.unsigned_abs() + 10_123;
     harness.now_us += 30_000;
     harness.send(happened, &event(EventKind::TriggerRise, 7, 40));
@@ -32,7 +32,8 @@ fn an_edge_becomes_an_event_at_its_own_time() {
     let [rise, fall] = &harness.recorder.events[..] else {
         panic!("{:?}", harness.recorder.events)
     };
-    // A user code of GDF's event table, and the same with the bit that marks the end of an event.
+    // The first user code in GDF's event table, and that code with the bit that marks the end of an
+    // event.
     assert_eq!((rise.event, fall.event), (1, 0x8001));
     assert_eq!(
         (&*rise.description, &*fall.description),
@@ -62,7 +63,7 @@ fn lost_events_are_counted_and_reported_once() {
     );
     assert_eq!(harness.status("loss").unwrap().level, DiagnosticLevel::Ok);
     assert_eq!(harness.recorder.events.len(), 3);
-    // A replay, and an event of a later release, are not published.
+    // Neither a replayed event nor an event kind of a later release is published.
     harness.send(now, &event(EventKind::TriggerRise, 4, 0));
     harness.send(now, &event(EventKind::Newer(9), 5, 0));
     assert_eq!(harness.recorder.events.len(), 3);
@@ -95,7 +96,7 @@ fn every_sample_and_code_carries_the_trigger_level() {
     let levels: Vec<i32> = words.map(|words| words[7]).collect();
     assert_eq!(levels[..10], [0; 10]);
     assert_eq!(levels[10..], [1; 22]);
-    // Windows 0 and 1 end at samples 60 and 92.
+    // Windows 0 and 1 end at the ADC samples 60 and 92.
     harness.code(1, false);
     harness.code(1, false);
     let level = |frame: usize| harness.recorder.encoded[frame].tri.data[7];
@@ -122,7 +123,7 @@ fn events_before_an_introduction_are_not_published() {
     assert!(harness.recorder.events.is_empty());
 }
 
-/// Returns the values `events lost` and `events behind others` (replays) of `/diagnostics`.
+/// Returns the values of `events lost` and `events behind others` (replays) in `/diagnostics`.
 fn figures(harness: &mut Harness) -> [String; 2] {
     let values = harness.status("loss").unwrap().values;
     ["events lost", "events behind others"].map(|key| {
@@ -159,7 +160,7 @@ fn event_numbers_that_advance_while_stopped_or_restart_with_a_boot_are_no_loss()
     rise(&mut harness, 3);
     assert_eq!(harness.recorder.events.len(), 3);
     assert_eq!(figures(&mut harness), ["0", "0"]);
-    // The port is reopened while the device keeps streaming.
+    // The port is closed and reopened while the device keeps streaming.
     harness.core.disconnected();
     harness.connect();
     rise(&mut harness, 6);

@@ -1,4 +1,4 @@
-//! Valid frames with extreme numbers that no device should send.
+//! Valid frames with extreme numbers, which no working device sends.
 
 use bridge::{Announcement, AuditedWindow, Core, Effects, FillerPolicy, TimedCode};
 use link::{
@@ -10,7 +10,7 @@ use neuro_ros::{NeuroEvent, NeuroFrame};
 use crate::board::{Board, at, model};
 use crate::recorder::SETTINGS;
 
-/// Keeps the bytes for the device, and counts published frames and events.
+/// Effects that keep the bytes for the device and count published frames and events.
 #[derive(Default)]
 struct Counter {
     sent: Vec<u8>,
@@ -47,7 +47,7 @@ impl Effects for Counter {
     }
 }
 
-/// Limits of the integer types, numbers near a wrap, and some in between.
+/// Numbers to try: limits of the integer types, numbers near a wrap, and some in between.
 const NUMBERS: [u64; 10] = [
     0,
     1,

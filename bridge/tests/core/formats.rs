@@ -13,7 +13,7 @@ fn streaming(code_format: CodeFormat) -> Harness {
     Harness::streaming(SETTINGS, board)
 }
 
-/// Sends a code from a board with scale 0.5 and returns the value on `/encoded` and the published
+/// Sends a code from a board with scale 0.5. Returns the value on `/encoded` and the announced
 /// range.
 fn published(values: &CodeValues) -> (f32, Vec<f64>) {
     let mut harness = streaming(values.format());

@@ -1,4 +1,4 @@
-//! Tests of the pure core, with bytes and times that the tests choose.
+//! Tests of the bridge's core, which gets all bytes and times from the tests.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod audit;

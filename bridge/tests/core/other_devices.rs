@@ -1,4 +1,4 @@
-//! Devices of another model or shape, and devices that replace the announced one.
+//! Devices with another model or shape than announced, and devices that replace the announced one.
 
 use crate::board::{Board, at};
 use crate::recorder::{Harness, SETTINGS, commands};

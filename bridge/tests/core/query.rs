@@ -15,7 +15,7 @@ const FINE: ChannelTest = ChannelTest {
     fault: ChannelFault::None,
 };
 
-/// Returns the result of a device with eight chips in order, as modified by `change`.
+/// Returns the self-test result of eight chips without faults, as modified by `change`.
 fn result(change: impl FnOnce(&mut SelfTest)) -> SelfTest {
     let chip = ChipTest {
         id: 0x3E,
@@ -52,7 +52,8 @@ impl Harness {
         }
     }
 
-    /// Exchanges bytes between both for `us` microseconds, or until the query has a result.
+    /// Exchanges bytes between query and board for `us` microseconds, or until the query has a
+    /// result.
     fn exchange_for(&mut self, us: i64) -> Option<QueryResult> {
         let end_us = self.now_us + us;
         while self.now_us < end_us {
@@ -112,7 +113,7 @@ fn a_device_is_identified_stopped_and_tested() {
         [ToDevice::Identify, ToDevice::Stop, ToDevice::SelfTest]
     );
     assert!(!harness.board.streaming);
-    // Other messages are ignored.
+    // Messages that are neither an acknowledgement nor a result are ignored.
     let stats = harness.board.stats(Streams::empty());
     assert!(harness.query.receive(&stats, harness.now_us).is_none());
     let outcome = harness.send(&ToHost::SelfTest(result(|_| {})));
@@ -197,8 +198,9 @@ fn a_test_that_stopped_early_is_not_in_order() {
 #[test]
 fn a_missing_figure_is_a_dash_in_the_table_and_null_in_json() {
     let report = report(result(|test| {
-        // In order: no DRDY, so no test; bad frames only; too few samples to separate the levels of
-        // the square wave; stopped before the inputs were shorted; measured, and dead.
+        // Channels 0 to 4: no DRDY, so no measurement; bad frames only; too few samples to separate
+        // the two levels of the square wave; test stopped before the inputs were shorted; measured,
+        // but without signal.
         test.channels[0] = ChannelTest::default();
         test.channels[1] = ChannelTest {
             gain_error: -1.0,
@@ -310,7 +312,7 @@ fn a_silent_device_times_out() {
         error.to_string().contains("the identification request"),
         "{error}"
     );
-    // A device that acknowledges the command has 15 s for the result.
+    // If the device acknowledges the command, it has 15 s to send the result.
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     assert!(harness.exchange_for(15_000_000).is_none());
     let outcome = harness.exchange_for(1_000_000);
@@ -334,7 +336,7 @@ fn a_lost_acknowledgement_of_the_test_is_no_refusal() {
         }
         harness.now_us += 100_000;
     }
-    // The test is running, so the repeated command is refused.
+    // The device refuses the repeated command, because its self-test is already running.
     harness.board.ack_result = AckResult::Busy;
     assert!(harness.exchange_for(2_000_000).is_none());
     let outcome = harness.send(&ToHost::SelfTest(result(|_| {})));

@@ -1,4 +1,4 @@
-//! A core connected to a simulated board, with all its effects recorded.
+//! A core that is connected to a simulated board, with all its effects recorded.
 
 use bridge::{
     AnnouncedStream, Announcement, AuditedWindow, Core, Effects, FillerPolicy, Settings,
@@ -18,7 +18,7 @@ pub(crate) const SETTINGS: Settings = Settings {
     streams: Streams::CODES,
 };
 
-/// Records every effect, and checks shape, number and time of every frame.
+/// Records every effect of the core, and checks shape, number and time stamp of every frame.
 #[derive(Default)]
 pub(crate) struct Recorder {
     pub(crate) sent: Vec<u8>,
@@ -68,7 +68,8 @@ impl Effects for Recorder {
     }
 }
 
-/// Records a frame after checking that its shape is unchanged and that number and time increase.
+/// Records a frame after checking that its shape is that of the first frame, and that its number
+/// and time stamp increase.
 fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
     let shape = Shape::from_frame(frames.first().unwrap_or(frame)).unwrap();
     shape.admit(frame).unwrap();
@@ -93,7 +94,7 @@ pub(crate) struct Harness {
 }
 
 impl Harness {
-    /// Creates a harness whose board is identified and streaming.
+    /// Creates a harness whose board is already identified and streaming.
     pub(crate) fn streaming(settings: Settings, board: Board) -> Harness {
         let mut harness = Harness::new(settings, board);
         harness.connect();
@@ -121,7 +122,7 @@ impl Harness {
         self.exchange();
     }
 
-    /// Exchanges bytes between core and board until the core sends none.
+    /// Exchanges bytes between core and board until the core has nothing more to send.
     pub(crate) fn exchange(&mut self) {
         loop {
             let commands = std::mem::take(&mut self.recorder.sent);
@@ -138,7 +139,7 @@ impl Harness {
             .receive(bytes, at(self.now_us), &mut self.recorder);
     }
 
-    /// Advances time by 62.5 ms and lets the board make a code, which arrives unless `lost`.
+    /// Advances time by 62.5 ms and makes the board produce a code, which arrives unless `lost`.
     pub(crate) fn code(&mut self, value: i8, lost: bool) {
         self.now_us += 62_500;
         let bytes = self.board.code(self.now_us.unsigned_abs(), value);
@@ -147,27 +148,27 @@ impl Harness {
         }
     }
 
-    /// Advances time by 62.5 ms and delivers a code with these values.
+    /// Advances time by 62.5 ms and delivers a code with these values from the board to the core.
     pub(crate) fn code_of(&mut self, values: &CodeValues) {
         self.now_us += 62_500;
         let bytes = self.board.code_of(self.now_us.unsigned_abs(), values);
         self.receive(&bytes);
     }
 
-    /// Delivers a message that the board made at `device_us`.
+    /// Delivers a message to the core that the board made at device time `device_us`.
     pub(crate) fn send(&mut self, device_us: u64, message: &ToHost) {
         let bytes = self.board.frame(device_us, message);
         self.receive(&bytes);
     }
 
-    /// Returns the status `corticode: {part}` of a new report, if the report contains it.
+    /// Returns the status `corticode: {part}` from a new report, or `None` if the report lacks it.
     pub(crate) fn status(&mut self, part: &str) -> Option<DiagnosticStatus> {
         let statuses = self.core.diagnostics(at(self.now_us)).status;
         let name = format!("corticode: {part}");
         statuses.into_iter().find(|status| status.name == name)
     }
 
-    /// Returns for every frame of `/encoded` whether it is a filler.
+    /// Returns for every frame on `/encoded`, in order, whether it is a filler.
     pub(crate) fn fillers(&self) -> Vec<bool> {
         self.recorder
             .encoded
@@ -177,7 +178,7 @@ impl Harness {
     }
 }
 
-/// Returns the names of the commands that the board received, in order.
+/// Returns the names of the commands that the board received, oldest first.
 pub(crate) fn commands(harness: &Harness) -> Vec<&'static str> {
     let name = |(_, command): &(u32, ToDevice)| match command {
         ToDevice::Start(_) => "start",

@@ -1,4 +1,4 @@
-//! ADC samples and filtered steps on their topics.
+//! Publication of ADC samples on `/neurodata` and of filtered steps on `/neurodata_filtered`.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
@@ -18,11 +18,11 @@ pub(crate) const SAMPLES: Settings = Settings {
     ..SETTINGS
 };
 
-/// Scale of the board's ADC, microvolt per count, with the rounding of the f32 on the wire.
+/// Scale of the board's ADC, microvolt per count, rounded to f32 as on the wire.
 const COUNT_UV: f64 = 22.351_742_f32 as f64 / 1000.0;
 
-/// Returns the counts of `samples` samples from sample `first` on. Each count identifies its sample
-/// and channel.
+/// Returns the counts of `samples` successive ADC samples, starting with sample `first`. Every
+/// count identifies its sample and its channel.
 pub(crate) fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
     let count = |sample: u64, channel: u8| (sample % 50_000 * 100) as i32 - i32::from(channel);
     let samples = (first..first + samples)
@@ -35,19 +35,19 @@ pub(crate) fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
         .collect()
 }
 
-/// Returns a harness with a fitted clock: a code was read at the time it was made.
+/// Returns a harness whose clock is fitted: one code was read at the time at which it was made.
 pub(crate) fn harness(settings: Settings) -> Harness {
     let mut harness = Harness::streaming(settings, Board::new());
     harness.code(0, false);
     harness
 }
 
-/// Returns the device time of a sample, microseconds; sample 0 is at 2 s.
+/// Returns the device time of an ADC sample, microseconds; sample 0 is at 2 s.
 fn time(sample: u64) -> u64 {
     2_000_000 + sample * 1_000_000 / 512
 }
 
-/// Delivers eight samples from `first` on, at the time of the last one.
+/// Delivers eight ADC samples, starting with sample `first`, at the device time of the last one.
 pub(crate) fn send_samples(harness: &mut Harness, first: u64, flags: Flags) {
     let counts = counts(first, 8, 64);
     let raw = Raw {
@@ -60,7 +60,7 @@ pub(crate) fn send_samples(harness: &mut Harness, first: u64, flags: Flags) {
     harness.send(time(first + 7), &ToHost::Raw(raw));
 }
 
-/// Returns the values of one sample of a frame: electrodes and spare channels.
+/// Returns the values of one sample in a frame: 61 electrodes, and 3 spare channels.
 fn row(frame: &NeuroFrame, sample: usize) -> (&[f32], &[f32]) {
     let (eeg, exg) = (&frame.eeg.data, &frame.exg.data);
     (&eeg[sample * 61..][..61], &exg[sample * 3..][..3])
@@ -114,9 +114,10 @@ fn raw_samples_become_frames_of_one_hop_with_spare_channels_in_exg() {
 #[test]
 fn the_delay_of_the_filters_is_removed_from_stamps_of_steps_only() {
     for (stamp, raw_us, filtered_us) in [
-        // The second frame starts at sample 32 or step 8; the filters delay by 10 ms.
+        // The second frame starts at sample 32 or at step 8. Steps are stamped 10 ms earlier, the
+        // filter delay.
         (StampPoint::First, 62_500, 52_500),
-        // Its end is 31 samples or 7 steps later.
+        // The second frame ends 31 samples or 7 steps after its start.
         (StampPoint::Last, 62_500 + 60_546, 52_500 + 54_687),
     ] {
         let mut harness = harness(Settings { stamp, ..SAMPLES });
@@ -139,7 +140,8 @@ fn the_delay_of_the_filters_is_removed_from_stamps_of_steps_only() {
     }
 }
 
-/// Delivers four steps from `first` on, each with its own index as value, in counts.
+/// Delivers four filtered steps, starting with step `first`. The value of every step, in counts, is
+/// the step's index.
 fn steps(harness: &mut Harness, first: u64, electrodes: u8, fraction_bits: u8) {
     let values = (first..first + 4).flat_map(|step| {
         let value = i32::try_from(step << fraction_bits).unwrap();
@@ -269,13 +271,14 @@ fn without_fillers_a_frame_with_a_lost_sample_is_not_published() {
 fn an_outage_too_long_to_fill_is_counted_and_frames_stay_aligned() {
     let mut harness = harness(SAMPLES);
     send_samples(&mut harness, 0, Flags::empty());
-    // A gap of 200 s.
+    // Samples are missing for 200 s, more than the 120 s that are filled.
     let first = 512 * 200 + 8;
     for message in 0..7 {
         send_samples(&mut harness, first + message * 8, Flags::empty());
     }
     let frames = harness.recorder.raw.clone();
-    // Published: the rest of the first frame, 120 s of fillers, and the current frame.
+    // Published: the rest of the first frame, 120 s of fillers, and the frame with the newest
+    // samples.
     let last = frames.last().unwrap();
     assert_eq!(row(last, 31).0[0], microvolt(first + 55, 0));
     assert!((1921..=1923).contains(&frames.len()), "{}", frames.len());

@@ -1,4 +1,4 @@
-//! Status `signal quality` in `/diagnostics`.
+//! The status `signal quality` in `/diagnostics`.
 
 use link::{ElectrodeQuality, Quality, ToHost};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
@@ -14,7 +14,7 @@ const GOOD: ElectrodeQuality = ElectrodeQuality {
     flat: false,
 };
 
-/// Returns a report of 61 good electrodes, as modified by `change`.
+/// Returns a report about 61 good electrodes, as modified by `change`.
 fn report(change: impl FnOnce(&mut Quality)) -> ToHost<'static> {
     let mut quality = Quality {
         first_sample: 5120,
@@ -25,8 +25,7 @@ fn report(change: impl FnOnce(&mut Quality)) -> ToHost<'static> {
     ToHost::Quality(quality)
 }
 
-/// Delivers a message from a streaming board and returns the status of signal quality, if there is
-/// one.
+/// Delivers a message from a streaming board. Returns the status `signal quality`, if there is one.
 fn report_status(harness: &mut Harness, message: &ToHost) -> Option<DiagnosticStatus> {
     let bytes = harness.board.frame(0, message);
     harness.receive(&bytes);

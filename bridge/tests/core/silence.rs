@@ -1,4 +1,4 @@
-//! Devices that are silent, or that refuse commands.
+//! Devices that fall silent, and devices that refuse commands.
 
 use link::{AckResult, ToDevice, ToHost};
 
@@ -59,7 +59,8 @@ fn a_refused_start_is_not_repeated_for_ten_seconds() {
                     result: AckResult::BadArgument,
                 };
                 let bytes = harness.board.frame(0, &ToHost::Ack(refusal));
-                // The discarded answer counts as lost frames, which this test does not check.
+                // The board's own answer is discarded. The core counts it as lost frames, which is
+                // not checked here.
                 harness.receive(&bytes);
             }
             None => harness.receive(&answers),
@@ -102,7 +103,7 @@ fn a_device_that_falls_silent_at_the_start_is_unresponsive() {
     }
 }
 
-/// Advances time by `seconds` with a board that answers commands and sends no codes.
+/// Advances time by `seconds` seconds with a board that answers commands but sends no codes.
 fn starve(harness: &mut Harness, seconds: i64) {
     for _ in 0..seconds * 10 {
         harness.now_us += 100_000;

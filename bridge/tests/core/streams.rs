@@ -1,4 +1,4 @@
-//! Streams that the device is asked for, and devices that refuse some of them.
+//! Streams that `Start` requests, and devices that refuse some of them.
 
 use bridge::{AnnouncedStream, Settings};
 use link::{Streams, ToDevice};
@@ -9,7 +9,7 @@ use crate::recorder::{Harness, SETTINGS, commands};
 
 const EVERYTHING: Streams = Streams::ALL;
 
-/// Returns the stream bits of every `Start` that the board received.
+/// Returns the stream bits in every `Start` that the board received, oldest first.
 fn starts(harness: &Harness) -> Vec<u16> {
     let streams = harness
         .board
@@ -62,7 +62,7 @@ fn an_older_device_is_asked_for_codes_alone_without_a_warning() {
         "{}",
         status.message
     );
-    // A reconnection does not ask for refused streams again.
+    // After a reconnection, the refused streams are not requested again.
     harness.core.disconnected();
     harness.board.streaming = false;
     harness.connect();

@@ -1,4 +1,4 @@
-//! Status `timing` in `/diagnostics`, and the worst stage in the summary.
+//! The status `timing` in `/diagnostics`, and the worst stage in the summary.
 
 use link::{Stage, StageTiming, Timing, ToHost};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
@@ -13,7 +13,7 @@ const ACQUIRE: StageTiming = StageTiming {
     histogram: [512, 0, 0, 0, 0, 0, 0, 0, 0],
 };
 
-/// A stage closer to its deadline than `ACQUIRE`, and not late.
+/// A stage that is closer to its deadline than `ACQUIRE` but not late.
 const CODE: StageTiming = StageTiming {
     stage: Stage::Code,
     deadline_ns: 7_812_500,
@@ -21,7 +21,7 @@ const CODE: StageTiming = StageTiming {
     histogram: [0, 9, 0, 0, 0, 0, 0, 1, 0],
 };
 
-/// Returns a report of two stages in time and a stack at the limit, as modified by `change`.
+/// Returns a report about two stages in time and a stack at its limit, as modified by `change`.
 fn report(change: impl FnOnce(&mut Timing)) -> ToHost<'static> {
     let mut timing = Timing {
         stages: [ACQUIRE, CODE].into_iter().collect(),
@@ -32,7 +32,7 @@ fn report(change: impl FnOnce(&mut Timing)) -> ToHost<'static> {
     ToHost::Timing(timing)
 }
 
-/// Delivers a message from a streaming board and returns the status of timing, if there is one.
+/// Delivers a message from a streaming board. Returns the status `timing`, if there is one.
 fn report_status(harness: &mut Harness, message: &ToHost) -> Option<DiagnosticStatus> {
     let bytes = harness.board.frame(0, message);
     harness.receive(&bytes);

@@ -1,4 +1,4 @@
-//! Misbehaving peers of the bridge's node do not affect other subscribers.
+//! Misbehaving clients of the bridge's ROS node do not affect other subscribers.
 
 use std::time::Duration;
 
@@ -15,14 +15,14 @@ use crate::device::Device;
 use crate::graph::{frame, master, node, until};
 use crate::process::{Bridge, TIMEOUT};
 
-/// Returns the URI of the bridge's XML-RPC server, once the master knows it.
+/// Returns the URI of the bridge's XML-RPC server, or `None` until the ROS master knows it.
 async fn bridge_uri(master: &str) -> Option<String> {
     let arguments = ["/test", "/acquisition"].map(|text| Value::String(text.to_owned()));
     let answer = call_ros(master, "lookupNode", &arguments).await.ok()?;
     answer.as_str().map(str::to_owned)
 }
 
-/// Returns the address at which the bridge serves `/encoded`.
+/// Returns the address, HOST:PORT, at which the bridge serves `/encoded` to subscribers.
 async fn tcpros(bridge: &str) -> String {
     let protocol = Value::Array(vec![Value::String("TCPROS".into())]);
     let arguments = [
@@ -46,7 +46,7 @@ fn subscription(md5: &str) -> Vec<u8> {
     header.encode().unwrap()
 }
 
-/// Connects, sends `bytes` and returns the open connection.
+/// Connects to `address`, sends `bytes` and returns the open connection.
 async fn send(address: &str, bytes: &[u8]) -> TcpStream {
     let mut stream = TcpStream::connect(address).await.unwrap();
     stream.write_all(bytes).await.unwrap();
@@ -78,14 +78,14 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
         .to_owned();
 
     let mut held = Vec::new();
-    // Clients that send nothing, on both ports.
+    // Clients that connect to either port and send nothing.
     for _ in 0..20 {
         held.push(send(&topic, b"").await);
         held.push(send(&api, b"").await);
     }
-    // A subscriber that never reads.
+    // A subscriber that never reads its messages.
     held.push(send(&topic, &subscription(NeuroFrame::TYPE.md5)).await);
-    // A header of 4 GiB, an incomplete HTTP request, invalid XML.
+    // A header that claims 4 GiB, an incomplete HTTP request, and invalid XML.
     held.push(send(&topic, &u32::MAX.to_le_bytes()).await);
     held.push(send(&api, b"POST / HTTP/1.1\r\nContent-Length: 100\r\n\r\n<").await);
     held.push(send(&api, b"POST / HTTP/1.1\r\nContent-Length: 5\r\n\r\n<<>>!").await);
@@ -94,7 +94,7 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
         let stream = send(&topic, &subscription(NeuroFrame::TYPE.md5)).await;
         stream.set_zero_linger().unwrap();
     }
-    // A subscriber built from another message definition gets an error.
+    // A subscriber that was built from another message definition gets an error as answer.
     let mut wrong = send(&topic, &subscription("00000000000000000000000000000000")).await;
     let mut answer = Vec::new();
     timeout(TIMEOUT, wrong.read_to_end(&mut answer))

@@ -1,4 +1,4 @@
-//! Command-line errors and help.
+//! Errors on the command line, and the help text.
 
 use crate::process::Bridge;
 

@@ -15,15 +15,15 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use crate::board::Board;
 
-/// Time between codes; faster than a real board, to keep the tests short.
+/// Time between two codes. A real board makes a code every 62.5 ms; less keeps the tests short.
 pub(crate) const PACE: Duration = Duration::from_millis(20);
 
-/// Controls and counters of a running board.
+/// Controls and counters of a running board, shared with its thread.
 #[derive(Default)]
 pub(crate) struct Controls {
-    /// Number of codes to lose, starting with the next one.
+    /// Number of codes that do not arrive, starting with the next one.
     pub(crate) lose: AtomicU32,
-    /// Set to close the connection once; the board keeps running.
+    /// Set by a test to close the connection once; the board keeps running.
     pub(crate) hang_up: AtomicBool,
     /// Number of codes made so far.
     pub(crate) made: AtomicU32,
@@ -33,7 +33,7 @@ pub(crate) struct Controls {
     received: Mutex<Vec<ToDevice>>,
 }
 
-/// A board at a port, run by a thread.
+/// A simulated board at a port, run by a thread.
 pub(crate) struct Device {
     pub(crate) port: String,
     pub(crate) controls: Arc<Controls>,
@@ -53,8 +53,8 @@ impl Device {
         })
     }
 
-    /// Starts the board at a pseudoterminal whose name changes with every reconnection; `path` is a
-    /// link to it.
+    /// Starts the board at a pseudoterminal whose name changes with every reconnection. The link
+    /// `path` always leads to the current one.
     pub(crate) fn pty(board: Board, path: &Path) -> Device {
         let port = path.display().to_string();
         let path = path.to_owned();
@@ -85,7 +85,8 @@ impl Device {
             while !shared.stop.load(Relaxed) {
                 if shared.hang_up.swap(false, Relaxed) {
                     line = None;
-                    // Another program can get the same pseudoterminal number next.
+                    // Remove the link, because another program can get the same pseudoterminal
+                    // number next.
                     link.as_ref().map(std::fs::remove_file);
                 }
                 if line.is_none() && !shared.unplugged.load(Relaxed) {
@@ -130,7 +131,7 @@ impl Device {
         }
     }
 
-    /// Returns the received commands, oldest first.
+    /// Returns the commands that the board received, oldest first.
     pub(crate) fn received(&self) -> Vec<ToDevice> {
         self.controls.received.lock().unwrap().clone()
     }
@@ -145,8 +146,8 @@ impl Drop for Device {
     }
 }
 
-/// Returns the other messages of the newest hop: its samples and steps, and an edge and an audit in
-/// every tenth hop.
+/// Returns the messages that belong to the newest code's hop besides the code: samples and steps,
+/// and in every tenth hop an edge and an audit.
 fn side_messages(board: &mut Board, device_us: u64) -> Vec<u8> {
     let window = board.next_window - 1;
     let streams = board.streams;
@@ -198,12 +199,13 @@ trait Line: Read + Write + Send {}
 
 impl<T: Read + Write + Send> Line for T {}
 
-/// Returns whether an error only means "not ready": EIO is a pseudoterminal that nobody has opened.
+/// Returns whether an error only means "not ready". EIO (5) means that nobody has opened the
+/// pseudoterminal.
 fn is_not_ready(error: &io::Error) -> bool {
     error.kind() == ErrorKind::WouldBlock || error.raw_os_error() == Some(5)
 }
 
-/// Sends bytes as a board does: those that the host does not read are dropped.
+/// Sends bytes as a board does: bytes that the host does not read in time are dropped.
 fn send(line: &mut Option<Box<dyn Line>>, bytes: &[u8]) {
     if let Some(open) = line
         && let Err(error) = open.write_all(bytes)

@@ -1,4 +1,4 @@
-//! The bridge in the ROS graph.
+//! The bridge as a node in a ROS graph.
 
 use std::net::SocketAddr;
 use std::sync::atomic::Ordering::Relaxed;
@@ -50,7 +50,7 @@ pub(crate) async fn until(what: &str, mut holds: impl AsyncFnMut() -> bool) {
     }
 }
 
-/// Returns whether the master knows the bridge's service.
+/// Returns whether the ROS master at `uri` knows the bridge's service `get_info`.
 pub(crate) async fn registered(uri: &str) -> bool {
     let arguments = ["/test", "/acquisition/get_info"].map(|text| Value::String(text.to_owned()));
     call_ros(uri, "lookupService", &arguments).await.is_ok()
@@ -134,7 +134,7 @@ async fn the_bridge_registers_with_a_late_master_and_again_after_its_restart() {
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", &uri]);
     until("codes", async || device.controls.made.load(Relaxed) > 5).await;
-    // Long enough for the missing master to be logged.
+    // Wait until the bridge has logged that there is no ROS master, which takes 1 s.
     sleep(Duration::from_millis(1500)).await;
     for round in 0..2 {
         let master = Master::start(address).await.unwrap();

@@ -1,4 +1,5 @@
-//! Tests of the program, between a simulated board and our own ROS master.
+//! Tests of the program `corticode-bridge`, between a simulated board and this project's ROS
+//! master.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod abuse;

@@ -1,4 +1,4 @@
-//! The bridge as a child process.
+//! The bridge as a child process of a test.
 
 use std::io::Read;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-/// Longest time that any step can take on a busy machine.
+/// Longest time that any step of a test can take on a busy machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// A running bridge; killed when dropped.
+/// A running bridge process; killed when dropped.
 pub(crate) struct Bridge {
     child: Child,
 }
@@ -44,7 +44,7 @@ impl Bridge {
         kill_process(pid, signal).unwrap();
     }
 
-    /// Waits for the end and returns the exit status and everything written to stderr.
+    /// Waits until the bridge ends. Returns the exit status and everything that it wrote to stderr.
     pub(crate) fn wait(mut self) -> (ExitStatus, String) {
         let deadline = Instant::now() + TIMEOUT;
         let status = loop {

@@ -1,4 +1,4 @@
-//! The subcommands `selftest` and `reset`.
+//! The subcommands `selftest` and `reset` of the program.
 
 use std::io::Read;
 
@@ -36,7 +36,7 @@ fn board(fault: ChannelFault) -> Board {
     }
 }
 
-/// Runs the bridge and returns exit status, stdout and stderr.
+/// Runs the bridge with these arguments until it ends. Returns exit status, stdout and stderr.
 fn run_query(arguments: &[&str]) -> (Option<i32>, String, String) {
     let mut bridge = Bridge::start(arguments);
     let mut stdout = bridge.stdout();
