@@ -158,8 +158,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// Returns a sum of [`Self::convolve_max_pool`] as it is; [`Winograd`](crate::Winograd) divides
-    /// here.
+    /// Returns a sum of [`Self::convolve_max_pool`] unchanged: the counterpart of Winograd's
+    /// function of the same name, which divides by 48.
     #[inline]
     pub const fn unscaled(sum: i32) -> i32 {
         sum

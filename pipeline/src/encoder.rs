@@ -1,4 +1,4 @@
-//! The streaming encoder: takes one step at a time, and returns a code when a window is complete.
+//! The streaming encoder: reads one step at a time, and returns a code when a window is complete.
 
 mod convolutions;
 mod edges;
@@ -99,7 +99,7 @@ impl<M: BorrowMut<EncoderMemory>> Encoder<'_, M> {
 
 impl EncoderMemory {
     fn restart(&mut self) {
-        // Old planes are overwritten before they are read.
+        // The rings need no clearing: old planes are overwritten before they are read.
         for convolutions in &mut self.convolutions {
             convolutions.restart();
         }
