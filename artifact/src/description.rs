@@ -29,7 +29,7 @@ const PAPER_GRID: [&str; ROWS] = [
 pub struct Description {
     /// Version of the format, 1.
     pub format: u32,
-    /// Parts of the network.
+    /// Layers of the network: convolutions, a linear shortcut, or both.
     pub mode: Mode,
     /// Length, hop and rate of the encoder's windows.
     pub window: Window,
@@ -51,7 +51,7 @@ pub struct Description {
     pub training: TrainingCard,
 }
 
-/// Parts of the network.
+/// Layers of the network: convolutions, a linear shortcut, or both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {

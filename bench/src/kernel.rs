@@ -17,12 +17,12 @@ const FRAMED: usize = HIDDEN.len() / 2;
 /// Pairs in a plane after the transform of the second convolution.
 const TRANSFORMED: usize = NETWORK.conv2().transformed_len();
 
-/// A kernel and its number of runs.
+/// A kernel of the encoder, and how often it runs for each code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kernel {
     /// Name of the layer in reports.
     pub name: &'static str,
-    /// Runs for each code.
+    /// Number of runs for each code.
     pub per_code: u32,
 }
 

@@ -8,7 +8,8 @@ fn main() -> std::process::ExitCode {
     bench::report::main()
 }
 
-/// Built for a microcontroller, where lints check all programs of this crate, it contains nothing.
+/// Built for a microcontroller, as lints do with all programs of this crate, this one is empty and
+/// needs a panic handler.
 #[cfg(target_os = "none")]
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {

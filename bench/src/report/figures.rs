@@ -9,35 +9,35 @@ use super::failure::Failure;
 use super::limits::Limits;
 use super::table;
 
-/// One named value.
+/// One named value of a benchmark, with its limit once it has been judged.
 #[derive(Debug)]
 struct Figure {
     /// Key in JSON and in `limits.toml`.
     name: &'static str,
-    /// Empty for a flag.
+    /// Unit of the value; empty for a flag.
     unit: &'static str,
     value: Json,
     /// Microcontroller that the value belongs to; empty for a key of the JSON object.
     part: String,
-    /// Names what makes a flag false.
+    /// Names of the cases that make a flag false; empty if it is true.
     blamed: String,
-    /// False where this PC lacks a tool to measure the figure.
+    /// False if this PC lacks a tool to measure the figure.
     is_measured: bool,
-    /// Bound in words, once the figure has been judged.
+    /// Limit in words, set when the figure is judged.
     limit: String,
 }
 
 /// Figures and details of one run of a benchmark.
 #[derive(Debug)]
 pub(crate) struct Report {
-    /// Word on the command line, and table in `limits.toml`.
+    /// Name of the benchmark on the command line, and of its table in `limits.toml`.
     benchmark: &'static str,
-    /// What to do when a limit is exceeded.
+    /// What the user should do if a limit is exceeded.
     next: &'static str,
     figures: Vec<Figure>,
     /// Keys of the JSON object that are not judged, with nested values.
     details: Vec<(&'static str, Json)>,
-    /// Exceeded limits in words.
+    /// One sentence for each exceeded limit.
     faults: Vec<String>,
 }
 
@@ -70,7 +70,7 @@ impl Report {
         });
     }
 
-    /// Adds a figure that is `null`, and not judged, where this PC lacks a tool to measure it.
+    /// Adds a figure that is `null`, and not judged, if this PC lacks a tool to measure it.
     pub(crate) fn optional(&mut self, name: &'static str, unit: &'static str, value: Option<f64>) {
         self.figure(name, unit, value);
         self.last().is_measured = value.is_some();
@@ -119,7 +119,7 @@ impl Report {
         }
     }
 
-    /// Returns a failure that names the exceeded limits, where there are any.
+    /// Returns a failure that names the exceeded limits, if there are any.
     pub(crate) fn outcome(&self) -> Result<(), Failure> {
         if self.faults.is_empty() {
             return Ok(());

@@ -81,7 +81,7 @@ impl Lines {
         Ok(Self(parsed))
     }
 
-    /// Removes the line that starts with these words, and parses the rest of it.
+    /// Removes the line that starts with `words`, and parses the rest of it.
     pub(crate) fn remove<T>(
         &mut self,
         words: &str,
@@ -92,12 +92,12 @@ impl Lines {
         parse(&numbers).ok_or_else(|| format!("the line {words:?} ends with {numbers:?}"))
     }
 
-    /// Removes a line that ends with one number.
+    /// Removes the line that starts with `words`, and parses the number at its end.
     pub(crate) fn number(&mut self, words: &str) -> Result<u32, String> {
         self.remove(words, |number| number.parse().ok())
     }
 
-    /// Checks that no line is left.
+    /// Returns an error if a line is left that nothing has removed.
     pub(crate) fn finish(self) -> Result<(), String> {
         match self.0.into_iter().next() {
             None => Ok(()),

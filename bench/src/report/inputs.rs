@@ -17,7 +17,7 @@ pub(crate) type Counts = [i32; CHANNELS];
 pub(crate) struct Inputs<T> {
     pub(crate) names: Vec<&'static str>,
     pub(crate) data: Vec<Vec<T>>,
-    /// Inputs that are left out, with the reason.
+    /// Names of inputs that are left out, with the reason.
     pub(crate) skipped: Vec<String>,
 }
 

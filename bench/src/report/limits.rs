@@ -20,7 +20,7 @@ pub(crate) struct Limit {
     pub(crate) reason: String,
 }
 
-/// Values that a figure can have.
+/// Range of values within which a figure must be.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Bound {
