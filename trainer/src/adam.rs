@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 const MEAN_DECAY: f32 = 0.9;
 /// Decay of the mean squared gradient, beta2.
 const SQUARE_DECAY: f32 = 0.999;
-/// Added to the denominator, so that vanishing gradients leave the update finite.
+/// Number added to the denominator, which keeps the update finite when gradients vanish.
 const EPSILON: f32 = 1e-8;
 
 /// Gradients by name of the tensor, last dimension fastest.

@@ -53,7 +53,7 @@ pub fn calibrated_artifact(
     Ok(Artifact::new(description, weights, calibration)?)
 }
 
-/// Calibrated ranges, in units of `sd_uv`.
+/// Calibrated ranges of codes, input and activations, in units of `sd_uv`.
 struct Ranges {
     low: [f32; CODE],
     high: [f32; CODE],

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 
 /// Weight of a batch in the running statistics; PyTorch's default.
 const MOMENTUM: f32 = 0.1;
-/// Windows in a batch for evaluation.
+/// Number of windows in a batch during evaluation.
 const EVALUATION_BATCH: usize = 64;
 
 /// The autoencoder, computed on the CPU.
@@ -54,7 +54,7 @@ struct Batch {
 }
 
 impl Network {
-    /// Creates the network without parameters, which each pass takes as an argument.
+    /// Creates the network. It holds no parameters: each pass gets them as an argument.
     pub fn new(grid: ScalpGrid) -> Self {
         Self { grid }
     }
@@ -116,7 +116,7 @@ impl Network {
         self.run(parameters, windows, |window, _| numbers(window.clone()))
     }
 
-    /// Returns the codes, and the results of `result` for the reconstruction of each batch.
+    /// Returns the codes, and what `result` returns for the reconstruction of each batch.
     fn run(
         &self,
         parameters: &Parameters,
@@ -279,7 +279,7 @@ impl ForwardPass {
     }
 }
 
-/// Moves running statistics towards those of a batch.
+/// Moves running statistics towards those of a batch, by [`MOMENTUM`] of the difference.
 fn update_running(running: &mut [f32], batch: &[f32]) {
     for (running, batch) in running.iter_mut().zip(batch) {
         *running += MOMENTUM * (batch - *running);

@@ -131,10 +131,7 @@ pub fn is_statistic(name: &str) -> bool {
     name.contains(".running_")
 }
 
-/// Returns the factor of a tensor's learning rate.
-///
-/// The shortcut starts at the optimal linear code, and Adam's updates do not shrink near an optimum. At
-/// the full rate they would lose more there than the convolutions gain.
+/// Returns the factor by which a tensor's learning rate differs from the schedule's.
 pub fn rate_factor(name: &str) -> f32 {
     if name.contains(".shortcut.") {
         0.01

@@ -12,11 +12,11 @@ pub struct OneCycle {
     pub updates: u64,
 }
 
-/// Part of the updates during which the rate rises.
+/// Fraction of the updates during which the rate rises to its peak.
 const WARM_UP: f64 = 0.15;
-/// Peak rate over first rate.
+/// Ratio of the peak rate to the first rate.
 const RISE: f64 = 25.0;
-/// First rate over last rate.
+/// Ratio of the first rate to the last rate.
 const FALL: f64 = 1e4;
 
 impl OneCycle {

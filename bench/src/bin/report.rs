@@ -8,8 +8,8 @@ fn main() -> std::process::ExitCode {
     bench::report::main()
 }
 
-/// Built for a microcontroller, as lints do with all programs of this crate, this one is empty and
-/// needs a panic handler.
+/// A build for a microcontroller is empty: it exists because lints check all programs of this
+/// crate.
 #[cfg(target_os = "none")]
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {

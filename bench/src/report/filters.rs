@@ -104,7 +104,7 @@ fn tallies(lines: &[String], inputs: usize) -> Result<Tallies, String> {
     Ok(tallies)
 }
 
-/// Counts the blocks of each contender that differ.
+/// Returns, for each contender, the number of blocks in `output` that differ from `expected`.
 fn different(expected: &[u8], output: &[u8]) -> [usize; NAMES.len()] {
     let [expected, output] = [expected, output].map(|bytes| bytes.as_chunks::<BYTES>().0);
     let mut different = [0; NAMES.len()];
@@ -163,7 +163,7 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> Result<
     Ok(report)
 }
 
-/// Names the contenders on their machines for which `is_faulty` holds.
+/// Lists the contenders, with their machines, for which `is_faulty` holds.
 fn blamed(machines: &[Counts], is_faulty: impl Fn(&Counts, usize) -> bool) -> String {
     let mut blamed = Vec::new();
     for counts in machines {

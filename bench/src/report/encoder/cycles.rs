@@ -130,7 +130,7 @@ fn loops(image: &Image, is_m7: bool, mca: Option<&str>) -> Result<Vec<LoopCycles
     work().into_iter().map(read).collect()
 }
 
-/// Returns the share of a clock that the codes of a stream take, percent.
+/// Returns the share of a processor's clock cycles that the codes of a live stream take, percent.
 pub(crate) fn load_percent(cycles_per_code: f64, mhz: f64) -> f64 {
     let codes_per_second = f64::from(STEP_RATE_HZ) / f64::from(u32::try_from(HOP).unwrap_or(1));
     100.0 * cycles_per_code * codes_per_second / (mhz * 1e6)
