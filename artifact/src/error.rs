@@ -24,7 +24,7 @@ pub enum ArtifactError {
     Safetensors {
         /// Name of the file in the artifact's folder.
         file: &'static str,
-        /// Error of the safetensors library.
+        /// Error from the safetensors library.
         source: safetensors::SafeTensorError,
     },
     /// A field of `model.toml` has an invalid value.

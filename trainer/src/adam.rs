@@ -105,7 +105,7 @@ mod tests {
                 )
             })
             .collect();
-        // The learning rate of the shortcut is a hundredth of `rate`.
+        // The learning rate of the shortcut is a hundredth of the rate of the other tensors.
         adam.update(&mut parameters, &gradients, 100.0);
         for ((_, before), (_, after)) in start.iter().zip(parameters.iter()) {
             for (index, (before, after)) in before.iter().zip(after).enumerate() {

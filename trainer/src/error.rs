@@ -42,7 +42,7 @@ pub enum TrainerError {
     Recording {
         /// File name of the recording.
         name: String,
-        /// Error of the `recordings` crate.
+        /// Error from the `recordings` crate.
         source: recordings::RecordingError,
     },
     /// The channel labels of a recording do not match the montage.
@@ -75,7 +75,7 @@ pub enum TrainerError {
     Filter {
         /// Mains frequency of the filters, Hz.
         mains_hz: u32,
-        /// Error of the filter design.
+        /// Error from the filter design.
         source: model_gen::FilterError,
     },
     /// The resampler of the description cannot be realised.

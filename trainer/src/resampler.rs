@@ -76,7 +76,7 @@ mod tests {
             }),
         };
         let every = fixed_dsp::Resampler::every(1);
-        // An arbitrary high-pass with the same coefficients for both resamplers.
+        // An arbitrary filter, the same before both resamplers.
         let high_pass = Cascade {
             sections: [Section::HighPass {
                 a1: Coefficient::nearest(1.5),

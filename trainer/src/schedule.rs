@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 /// and Topin, arXiv 1708.07120; shape and ratios of PyTorch's `OneCycleLR`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OneCycle {
-    /// Largest learning rate.
+    /// Largest learning rate, reached after 15 % of the updates.
     pub peak: f64,
     /// Number of updates of the whole training.
     pub updates: u64,

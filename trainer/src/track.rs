@@ -32,7 +32,7 @@ const UNITS_PER_COUNT: f64 = (1_u32 << GUARD_BITS) as f64;
 pub struct Track {
     /// File name of the recording.
     pub name: String,
-    /// Filtered time steps, microvolts, from the time at which the filters have settled.
+    /// Filtered time steps, microvolts; the first [`SETTLING_S`] seconds are omitted.
     pub steps: Vec<Step>,
     /// Labels of electrodes that are missing in the recording and were interpolated.
     pub interpolated: Vec<String>,

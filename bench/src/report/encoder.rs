@@ -110,7 +110,7 @@ fn report(
     for (name, unit, value) in machines[0].0.figures() {
         report.figure(name, unit, value);
     }
-    // Cycles of the Cortex-M4 include the shortcut, and assume memory without wait states.
+    // The cycles include the shortcut, and assume code and data in memory without wait states.
     report.optional("cycles_per_code_m4", "cycles", m4);
     report.optional("cycles_per_code_m4_llvm_mca", "cycles", m4_mca);
     report.optional("cycles_per_code_m7", "cycles", m7);

@@ -35,7 +35,7 @@ pub(crate) struct Report {
     /// What the user should do if a limit is exceeded.
     next: &'static str,
     figures: Vec<Figure>,
-    /// Keys of the JSON object that are not judged, with nested values.
+    /// Further entries of the JSON object, with nested values; no limit applies to them.
     details: Vec<(&'static str, Json)>,
     /// One sentence for each exceeded limit.
     faults: Vec<String>,
@@ -82,7 +82,8 @@ impl Report {
         self.last().blamed = blamed;
     }
 
-    /// Adds the bytes that a microcontroller has left. They are judged; in the JSON object they are part of a detail.
+    /// Adds the number of bytes that the program leaves free on a microcontroller. The figure is
+    /// judged, but it is no key of the JSON object: a detail contains it.
     pub(crate) fn part_figure(&mut self, part: &str, name: &'static str, bytes_left: i64) {
         self.figure(name, "bytes", bytes_left);
         part.clone_into(&mut self.last().part);
@@ -93,7 +94,7 @@ impl Report {
         &mut self.figures[last]
     }
 
-    /// Adds a key of the JSON object that is not judged.
+    /// Adds an entry to the JSON object to which no limit applies.
     pub(crate) fn detail(&mut self, key: &'static str, value: impl Into<Json>) {
         self.details.push((key, value.into()));
     }

@@ -57,7 +57,7 @@ pub(crate) struct LoopCycles {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Loops {
     pub(crate) loops: Vec<LoopCycles>,
-    /// Names of the cycle figures that are left out, with the reason.
+    /// Reasons for which cycle figures are left out, one per figure.
     pub(crate) skipped: Vec<String>,
 }
 

@@ -25,7 +25,7 @@ pub(crate) struct Torch {
     process: Child,
     commands: ChildStdin,
     answers: BufReader<ChildStdout>,
-    /// First line that the process prints.
+    /// Version of PyTorch: the first line that the process prints.
     pub(crate) version: String,
 }
 
