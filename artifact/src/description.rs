@@ -81,7 +81,7 @@ impl Mode {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Window {
-    /// Time steps of a window, 16.
+    /// Number of time steps in a window, 16.
     pub steps: usize,
     /// Time steps from the start of one window to the start of the next, 8 or 16.
     pub hop: usize,

@@ -21,11 +21,11 @@ const SUMS: usize = 8;
 /// Largest number of input pairs of a fully connected layer.
 const PAIRS: usize = 128;
 
-/// Input columns of the first convolution.
+/// Number of input columns of the first convolution.
 const COLUMNS: usize = 11;
-/// Input columns of the second convolution.
+/// Number of input columns of the second convolution.
 const HIDDEN_COLUMNS: usize = 10;
-/// Pairs of input channels of the second convolution.
+/// Number of pairs of input channels of the second convolution.
 const HIDDEN_PAIRS: usize = 8;
 
 type First<'w> = InputConv<'w, COLUMNS>;

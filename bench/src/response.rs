@@ -12,7 +12,7 @@ pub use self::twin::{MAINS_HZ, Twin};
 /// Pass band of the filters, Hz.
 pub const BAND_HZ: [f64; 2] = [0.5, 60.0];
 
-/// Points of a curve, evenly spaced over the logarithm of the frequency.
+/// Number of points in a curve, evenly spaced over the logarithm of the frequency.
 const POINTS: u32 = 600;
 /// Distance between the circles that mark the twin's curve, in points of the curve.
 const CIRCLE_DISTANCE: usize = 8;

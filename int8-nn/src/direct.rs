@@ -9,7 +9,7 @@ use crate::{
     plane::PlaneShape,
 };
 
-/// Weights for each input and output channel: 3 times x 3 rows x 3 columns.
+/// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
 /// Largest number of output channels: byte offsets of three positions stay within a word.
 const MAX_OUTPUTS: usize = 65_536;

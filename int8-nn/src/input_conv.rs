@@ -10,9 +10,9 @@ use crate::{
     requantise::{requantise, saturate_u8},
 };
 
-/// Weights for each output channel: 3 times x 3 rows x 3 columns.
+/// Number of weights for each output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
-/// Pairs of weights for each output channel: 27 weights and a zero.
+/// Number of pairs of weights for each output channel: 27 weights and a zero.
 const WIDTH: usize = 14;
 /// Number of groups of positions in one iteration of the assembler loop.
 const GROUPS_PER_ITERATION: usize = 4;

@@ -18,7 +18,7 @@ use cortex_m::keep_largest;
 use tile::keep_largest;
 use tile::{PRODUCTS, SCALE, TILE, TRANSFORMED_TILE, WINDOWS, transform_inputs, transform_taps};
 
-/// Weights for each input and output channel: 3 times x 3 rows x 3 columns.
+/// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
 /// Largest number of output channels: byte offsets of three tiles stay within a word.
 const MAX_OUTPUTS: usize = 65_536;

@@ -7,7 +7,7 @@ use crate::constants::{
     HAS_CONVOLUTIONS, HAS_SHORTCUT, PADS_SPACE, PADS_TIME, POOL, ROWS, STEPS,
 };
 
-/// Steps, rows or columns that an unpadded convolution removes.
+/// Number of steps, rows or columns that an unpadded convolution removes.
 const SHRINK: usize = 2;
 /// Cells of the scalp grid, row-major; a cell without an electrode is always 0.
 pub const CELLS: usize = ROWS * COLUMNS;

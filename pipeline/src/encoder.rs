@@ -44,7 +44,7 @@ pub struct EncoderMemory {
 }
 
 impl EncoderMemory {
-    /// Memory before the first step.
+    /// Memory of an encoder before its first step, all zeros.
     pub const EMPTY: Self = Self {
         convolutions: [Convolutions::EMPTY; HAS_CONVOLUTIONS as usize],
         windows: [OpenWindow::EMPTY; OPEN_WINDOWS],

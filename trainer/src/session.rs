@@ -29,7 +29,7 @@ pub struct TrainOptions {
     pub dataset: String,
     /// References to cite, for the training card.
     pub citation: String,
-    /// Settings that affect the result.
+    /// Epochs, batch size, learning rate and seed, which determine the trained model.
     pub settings: Settings,
     /// File that keeps the training between epochs.
     pub checkpoint: PathBuf,
@@ -54,7 +54,7 @@ pub trait ProgressObserver {
 /// Figures of a model, and of PCA with the same number of components, on the same test recordings.
 #[derive(Clone, Copy, Debug)]
 pub struct Comparison {
-    /// Figures of the model.
+    /// Figures of the model that was trained or read.
     pub network: Evaluation,
     /// Figures of PCA, fitted to the training part of the same recordings.
     pub pca: Evaluation,

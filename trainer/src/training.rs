@@ -13,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 /// Settings that determine the result of a training on given data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Number of epochs of the whole training.
+    /// Number of epochs after which the training is done.
     pub epochs: u32,
     /// Number of windows in a batch; each batch is one update.
     pub batch: usize,

@@ -15,7 +15,7 @@ use super::failure::Failure;
 use super::figures::Report;
 use super::{checked_in, tools};
 
-/// Rounds in which every contender is timed once; one more before them warms up.
+/// Number of rounds in which every contender is timed once; one more before them warms up.
 const ROUNDS: usize = 9;
 
 /// Codes per second of one round, in the order of [`STREAMING`] to [`TORCH_BATCH`]; `None` without PyTorch.
