@@ -83,7 +83,7 @@ fn different(expected: &[u8], output: &[u8]) -> usize {
     codes.filter(|(code, expected)| code != expected).count()
 }
 
-/// Puts the figures together; the machines are those of [`MACHINES`].
+/// Builds the report from the measured figures; `machines` are in the order of [`MACHINES`].
 fn report(
     inputs: &Inputs<Plane>,
     machines: &[(Counts, Loops)],

@@ -98,7 +98,7 @@ impl Lines {
         self.remove(words, |number| number.parse().ok())
     }
 
-    /// Returns an error if a line is left that nothing has removed.
+    /// Returns an error if the image printed a line that has not been removed.
     pub(crate) fn finish(self) -> Result<(), String> {
         match self.0.into_iter().next() {
             None => Ok(()),
