@@ -29,7 +29,7 @@ const PAPER_GRID: [&str; ROWS] = [
 pub struct Description {
     /// Version of the format, 1.
     pub format: u32,
-    /// Parts of the network.
+    /// Layers of the network: convolutions, a linear shortcut, or both.
     pub mode: Mode,
     /// Length, hop and rate of the encoder's windows.
     pub window: Window,
@@ -51,7 +51,7 @@ pub struct Description {
     pub training: TrainingCard,
 }
 
-/// Parts of the network.
+/// Layers of the network: convolutions, a linear shortcut, or both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
@@ -81,7 +81,7 @@ impl Mode {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Window {
-    /// Time steps of a window, 16.
+    /// Number of time steps in a window, 16.
     pub steps: usize,
     /// Time steps from the start of one window to the start of the next, 8 or 16.
     pub hop: usize,

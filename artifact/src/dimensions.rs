@@ -2,25 +2,25 @@
 //!
 //! Reading an artifact compares them with its description and the shapes of its tensors.
 
-/// Time steps of a window, at 128 Hz.
+/// Number of time steps in a window, at 128 Hz.
 pub const STEPS: usize = 16;
-/// Rows of the scalp grid, front to back.
+/// Number of rows of the scalp grid, front to back.
 pub const ROWS: usize = 10;
-/// Columns of the scalp grid, left to right.
+/// Number of columns of the scalp grid, left to right.
 pub const COLUMNS: usize = 9;
 /// Cells of one plane of the scalp grid; cells without an electrode hold 0.
 pub const CELLS: usize = ROWS * COLUMNS;
 /// Electrodes of the montage; each has one cell of the scalp grid.
 pub const ELECTRODES: usize = 61;
-/// Numbers in a code.
+/// Length of a code, in numbers.
 pub const CODE: usize = 128;
 /// Numbers of a window on the scalp grid: step, row, column, the last fastest.
 pub const WINDOW_CELLS: usize = STEPS * CELLS;
 /// Numbers of a window of electrodes: step, electrode, the last fastest.
 pub const WINDOW_ELECTRODES: usize = STEPS * ELECTRODES;
-/// Output channels of the first convolution.
+/// Number of output channels of the first convolution.
 pub const CONV1_CHANNELS: usize = 16;
-/// Output channels of the second convolution.
+/// Number of output channels of the second convolution.
 pub const CONV2_CHANNELS: usize = 32;
 /// Edge length of every convolution kernel in steps, rows and columns.
 pub const KERNEL: usize = 3;

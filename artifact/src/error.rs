@@ -10,7 +10,7 @@ pub enum ArtifactError {
     File {
         /// File or folder that was accessed.
         path: PathBuf,
-        /// Error of the operating system.
+        /// Error from the operating system.
         source: std::io::Error,
     },
     /// `model.toml` is not TOML, or a field is missing, misspelt or of the wrong type.
@@ -24,7 +24,7 @@ pub enum ArtifactError {
     Safetensors {
         /// Name of the file in the artifact's folder.
         file: &'static str,
-        /// Error of the safetensors library.
+        /// Error from the safetensors library.
         source: safetensors::SafeTensorError,
     },
     /// A field of `model.toml` has an invalid value.
@@ -70,9 +70,9 @@ pub enum ArtifactError {
         file: &'static str,
         /// Name of the tensor, as in the file.
         name: String,
-        /// Shape in the file.
+        /// Shape of the tensor in the file.
         found: Vec<usize>,
-        /// Shape that the network requires.
+        /// Shape that mode, padding and pool of the model require.
         expected: Vec<usize>,
     },
     /// A tensor has another element type than the format.
@@ -84,7 +84,7 @@ pub enum ArtifactError {
         file: &'static str,
         /// Name of the tensor, as in the file.
         name: String,
-        /// Element type in the file.
+        /// Element type of the tensor in the file.
         found: String,
         /// Element type that the format requires.
         expected: &'static str,
@@ -98,7 +98,7 @@ pub enum ArtifactError {
         name: String,
         /// Index of the first offending element, last dimension fastest.
         index: usize,
-        /// Value of that element.
+        /// Value of the offending element, infinite or NaN.
         value: f32,
     },
     /// A calibrated range is empty or a variance is negative.

@@ -1,4 +1,4 @@
-//! The float decoder.
+//! The decoder in f32, from a code to a window of electrodes.
 
 use crate::convolution::{Convolution, Norm, Volume, add_product};
 use crate::description::Mode;

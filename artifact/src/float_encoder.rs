@@ -1,4 +1,4 @@
-//! The float encoder.
+//! The encoder in f32, from a window on the scalp grid to a code.
 
 use crate::convolution::{Convolution, Norm, Volume, add_product};
 use crate::dimensions::{

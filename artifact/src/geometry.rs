@@ -16,11 +16,11 @@ pub struct Geometry {
     pub padding: Padding,
     /// Steps, rows and columns of a pool.
     pub pool: [usize; 3],
-    /// Output of the first convolution.
+    /// Size of the first convolution's output.
     pub hidden: [usize; 3],
-    /// Output of the second convolution.
+    /// Size of the second convolution's output.
     pub feature_map: [usize; 3],
-    /// Output of the max-pool, which drops positions that do not fill a pool.
+    /// Size of the max-pool's output, which drops positions that do not fill a pool.
     pub pooled: [usize; 3],
 }
 

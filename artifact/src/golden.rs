@@ -25,7 +25,7 @@ pub struct Golden {
     pub format: CodeFormat,
     /// Int8 planes of the scalp grid, 16 for each window.
     pub windows: Vec<[[i8; CELLS]; STEPS]>,
-    /// Code of each window.
+    /// Code that the integer encoder must return for each window, in the same order.
     pub codes: Vec<IntegerCode>,
 }
 

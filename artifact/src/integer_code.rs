@@ -1,4 +1,4 @@
-//! A code in integers.
+//! A code in integers, as the device sends it.
 
 use std::fmt;
 

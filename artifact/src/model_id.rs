@@ -1,4 +1,4 @@
-//! The id of a model.
+//! The id of a model: a hash over the files of its artifact.
 
 use sha2::{Digest, Sha256};
 use std::fmt;
@@ -11,7 +11,7 @@ use std::fmt;
 pub struct ModelId(pub [u8; 8]);
 
 impl ModelId {
-    /// Hashes names and contents of the three files, in the order above.
+    /// Hashes the names and contents of the three files, in the order documented at [`ModelId`].
     pub(crate) fn from_files(files: [(&str, &[u8]); 3]) -> Self {
         let mut hash = Sha256::new();
         for (name, bytes) in files {

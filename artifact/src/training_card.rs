@@ -48,12 +48,12 @@ pub struct TrainingCard {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Figures {
-    /// Autoencoder in float.
+    /// Error of the autoencoder with float encoder and float decoder.
     pub autoencoder_float: f64,
-    /// Autoencoder with integer encoder and float decoder.
+    /// Error of the autoencoder with integer encoder and float decoder.
     pub autoencoder_int8: f64,
-    /// PCA in float, with one component for each number of a code.
+    /// Error of PCA in float, with one component for each number of a code.
     pub pca_float: f64,
-    /// PCA with integer encoder and float decoder.
+    /// Error of PCA with integer encoder and float decoder.
     pub pca_int8: f64,
 }

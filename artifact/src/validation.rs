@@ -9,9 +9,9 @@ use crate::tensors::Tensors;
 use std::collections::BTreeSet;
 use std::fmt::Debug;
 
-/// Supported version of the format.
+/// Supported version of the artifact format.
 const FORMAT: u32 = 1;
-/// Rate of the time steps, Hz.
+/// Rate of the time steps that a description must state, Hz.
 const RATE_HZ: u32 = 128;
 
 /// Returns an error that names `field`, its value and the `expected` values unless `holds`.

@@ -5,9 +5,9 @@ use int8_nn::{Direct, InputConv, Linear, Pair, PlaneShape, Winograd};
 
 use crate::random::Random;
 
-/// Random networks: their digests fill the 128 bytes of a code.
+/// Number of random networks. Their 64-bit digests together have the length of a code, 128 bytes.
 const NETWORKS: usize = 16;
-/// Length of [`digests`] in bytes: that of a code, so that they are compared as one more code.
+/// Length of [`digests`] in bytes: that of a code, so that an image writes them as one more code.
 pub const BYTES: usize = NETWORKS * size_of::<u64>();
 
 /// Largest number of rows of Winograd tiles.
@@ -21,11 +21,11 @@ const SUMS: usize = 8;
 /// Largest number of input pairs of a fully connected layer.
 const PAIRS: usize = 128;
 
-/// Input columns of the first convolution.
+/// Number of input columns of the first convolution.
 const COLUMNS: usize = 11;
-/// Input columns of the second convolution.
+/// Number of input columns of the second convolution.
 const HIDDEN_COLUMNS: usize = 10;
-/// Pairs of input channels of the second convolution.
+/// Number of pairs of input channels of the second convolution.
 const HIDDEN_PAIRS: usize = 8;
 
 type First<'w> = InputConv<'w, COLUMNS>;

@@ -13,7 +13,8 @@ pub const SILENCE: Block = [[0; BLOCK]; ELECTRODES];
 /// Length of a block in a file, bytes: electrode by electrode, little endian.
 pub const BYTES: usize = 4 * BLOCK * ELECTRODES;
 
-/// Blocks of one input: 2 s at 512 Hz. The states of all contenders are zero at the start of each input.
+/// Number of blocks in one input: 2 s at 512 Hz. The states of all contenders are zero at the start
+/// of each input.
 pub const BLOCKS: usize = 256;
 
 /// File that an image reads: for `filters`, [`BLOCKS`] blocks of each input.

@@ -10,6 +10,7 @@ pub trait Contender {
     /// Processes the stored block; its instructions are counted.
     fn run(&mut self);
 
-    /// Returns the result of [`run`](Self::run), filled up with zeros where it has fewer numbers than a block.
+    /// Returns the result of [`run`](Self::run), filled up with zeros if it has fewer numbers than
+    /// a block.
     fn output(&self) -> Block;
 }

@@ -2,7 +2,8 @@
 
 use model::{HOP, STEPS};
 
-/// Time steps at the start of an input that are not counted, because the first two windows fill the encoder.
+/// Number of time steps at the start of an input that are not counted, because the first two
+/// windows fill the encoder.
 pub const FILLING: usize = STEPS + HOP;
 
 /// Index in the hop of the time step that completes a window.

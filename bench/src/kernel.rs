@@ -8,21 +8,21 @@ use model::{
     POOLED, POOLED_PAIRS, POOLED_STEPS, SHORTCUT_STEPS,
 };
 
-/// Consecutive planes that a convolution reads.
+/// Number of consecutive planes that a convolution reads.
 const PLANES: usize = 3;
-/// Pairs in a plane after the first convolution, without its zero margin.
+/// Number of pairs in a plane after the first convolution, without its zero margin.
 const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
-/// Pairs in a plane after the first convolution, with its zero margin.
+/// Number of pairs in a plane after the first convolution, with its zero margin.
 const FRAMED: usize = HIDDEN.len() / 2;
-/// Pairs in a plane after the transform of the second convolution.
+/// Number of pairs in a plane after the transform of the second convolution.
 const TRANSFORMED: usize = NETWORK.conv2().transformed_len();
 
-/// A kernel and its number of runs.
+/// A kernel of the encoder, and how often it runs for each code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kernel {
     /// Name of the layer in reports.
     pub name: &'static str,
-    /// Runs for each code.
+    /// Number of runs for each code.
     pub per_code: u32,
 }
 

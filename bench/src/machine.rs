@@ -16,9 +16,9 @@ use crate::block::{INPUTS, OUTPUTS};
 /// Reload register of timer 1 of the board's dual timer (CMSDK, ARM DDI 0479; addresses of the MPS2's FPGA images
 /// AN386 and AN500).
 const LOAD: *mut u32 = 0x4000_2000 as *mut u32;
-/// Current value of that timer, counting down.
+/// Current value of timer 1 of the dual timer, counting down.
 const VALUE: *const u32 = 0x4000_2004 as *const u32;
-/// Control register of that timer.
+/// Control register of timer 1 of the dual timer.
 const CONTROL: *mut u32 = 0x4000_2008 as *mut u32;
 /// Value of [`CONTROL`]: enabled, free running, no interrupt, prescaler 1, 32 bits.
 const FREE_RUNNING: u32 = 0b1000_0010;
@@ -33,7 +33,7 @@ const KNOWN: u32 = 1000;
 /// Instruction counter, based on the timer.
 #[derive(Debug)]
 pub struct Clock {
-    /// Instructions counted for an empty closure.
+    /// Number of instructions counted for an empty closure.
     overhead: u32,
 }
 

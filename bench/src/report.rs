@@ -20,7 +20,7 @@ use clap::{Parser, Subcommand};
 
 use self::failure::Failure;
 
-/// Environment variable with a file that also gets the object of `--json`.
+/// Environment variable that names a file to which the JSON object of `--json` is also written.
 const OBJECT: &str = "CORTICODE_OBJECT";
 
 #[derive(Debug, Parser)]

@@ -12,9 +12,9 @@ pub use self::twin::{MAINS_HZ, Twin};
 /// Pass band of the filters, Hz.
 pub const BAND_HZ: [f64; 2] = [0.5, 60.0];
 
-/// Points of a curve, evenly spaced over the logarithm of the frequency.
+/// Number of points in a curve, evenly spaced over the logarithm of the frequency.
 const POINTS: u32 = 600;
-/// Distance of the twin's circles, in points of the curve.
+/// Distance between the circles that mark the twin's curve, in points of the curve.
 const CIRCLE_DISTANCE: usize = 8;
 
 /// Magnitude down to which the filters are compared with the twin, dB. Further down, rounding hides the
@@ -103,7 +103,8 @@ impl Response {
         frequencies.into_iter().map(compared).collect()
     }
 
-    /// Returns the largest difference where the twin's magnitude exceeds `least_db`.
+    /// Returns the largest difference between filters and twin at points where the twin's magnitude
+    /// exceeds `least_db`.
     fn largest_difference(&self, compared: &[[f64; 3]], least_db: f64) -> f64 {
         let compared = compared.iter();
         let passed = compared.filter(|[hz, ..]| self.twin.magnitude_db(*hz) > least_db);

@@ -21,7 +21,7 @@ impl Stress {
     /// Every sequence, in the order of the reports.
     pub const ALL: [Self; 4] = [Self::Silence, Self::Rails, Self::Impulses, Self::Noise];
 
-    /// Name in reports.
+    /// Returns the name of the sequence in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Silence => "silence",

@@ -14,7 +14,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Tally of no runs.
+    /// Tally before the first run.
     pub const EMPTY: Self = Self {
         fewest: u32::MAX,
         most: 0,

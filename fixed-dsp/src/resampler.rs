@@ -58,7 +58,8 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
                 magnitude += self.taps[phase][age].unsigned_abs() as u64;
                 age += 1;
             }
-            // Times a sample of 2^31 this is 2^62; the rounding adds 2^29.
+            // Magnitudes below 2^31 times a sample of at most 2^31 stay below 2^62; rounding adds
+            // 2^29.
             consistent = consistent && magnitude < 1 << 31;
             phase += 1;
         }
@@ -144,7 +145,7 @@ mod tests {
 
     #[test]
     fn outputs_are_due_at_multiples_of_the_ratio_with_the_sample_before() {
-        // 500 -> 128 Hz: 125 / 32 samples apart.
+        // From 500 Hz to 128 Hz, outputs are 125 / 32 input samples apart.
         let due: Vec<(usize, usize)> = schedule::<32>(125, 1_000)
             .into_iter()
             .enumerate()

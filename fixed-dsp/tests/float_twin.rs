@@ -114,7 +114,7 @@ proptest! {
 
 #[test]
 fn a_notch_passes_a_constant_unchanged() {
-    // scipy: iirnotch(50, 30, fs=512).
+    // Coefficients from scipy's iirnotch(50, 30, fs=512).
     let notch = Section::Notch {
         a1: Coefficient::nearest(1.618_616_208),
         one_minus_b0: Coefficient::nearest(1.0 - 0.989_876_635),

@@ -9,7 +9,7 @@ use crate::{
     plane::PlaneShape,
 };
 
-/// Weights for each input and output channel: 3 times x 3 rows x 3 columns.
+/// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
 /// Largest number of output channels: byte offsets of three positions stay within a word.
 const MAX_OUTPUTS: usize = 65_536;
@@ -158,8 +158,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// Returns a sum of [`Self::convolve_max_pool`] as it is; [`Winograd`](crate::Winograd) divides
-    /// here.
+    /// Returns a sum of [`Self::convolve_max_pool`] unchanged: the counterpart of Winograd's
+    /// function of the same name, which divides by 48.
     #[inline]
     pub const fn unscaled(sum: i32) -> i32 {
         sum

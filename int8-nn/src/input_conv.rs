@@ -10,13 +10,13 @@ use crate::{
     requantise::{requantise, saturate_u8},
 };
 
-/// Weights for each output channel: 3 times x 3 rows x 3 columns.
+/// Number of weights for each output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
-/// Pairs of weights for each output channel: 27 weights and a zero.
+/// Number of pairs of weights for each output channel: 27 weights and a zero.
 const WIDTH: usize = 14;
-/// Groups in one iteration of the assembler loop.
+/// Number of groups of positions in one iteration of the assembler loop.
 const GROUPS_PER_ITERATION: usize = 4;
-/// Pairs of inputs of a group of positions.
+/// Number of input pairs in a group of positions.
 const GROUP: usize = POSITIONS * WIDTH;
 
 /// A 3x3x3 convolution of one channel over (time, row, column), stride 1, unpadded, with ReLU, one

@@ -18,7 +18,7 @@ use cortex_m::keep_largest;
 use tile::keep_largest;
 use tile::{PRODUCTS, SCALE, TILE, TRANSFORMED_TILE, WINDOWS, transform_inputs, transform_taps};
 
-/// Weights for each input and output channel: 3 times x 3 rows x 3 columns.
+/// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
 /// Largest number of output channels: byte offsets of three tiles stay within a word.
 const MAX_OUTPUTS: usize = 65_536;
@@ -43,9 +43,9 @@ const MAX_OUTPUTS: usize = 65_536;
 /// multiple of four plus two.
 #[derive(Clone, Copy, Debug)]
 pub struct Winograd<'w, const PAIRS: usize, const COLUMNS: usize> {
-    /// Rows of tiles; each has two rows of outputs.
+    /// Number of rows of tiles; each has two rows of outputs.
     pub tile_rows: usize,
-    /// Output channels, an even number.
+    /// Number of output channels, even.
     pub outputs: usize,
     /// Weights as transformed by [`Self::transform_weights`], [`Self::weights_len`] pairs.
     pub weights: &'w [Pair],
@@ -60,7 +60,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         if by_sum < by_input { by_sum } else { by_input }
     };
 
-    /// Columns of tiles; each has four columns of outputs.
+    /// Number of columns of tiles; each has four columns of outputs.
     const TILE_COLUMNS: usize = (COLUMNS - 2) / TILE[1];
 
     /// Returns the shape of an input plane: the outputs of all tiles, plus two rows and columns.
@@ -107,7 +107,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
             && self.weights.len() == Self::weights_len(self.outputs)
     }
 
-    /// Pairs of a group of tiles in a transformed plane.
+    /// Number of pairs in a group of tiles in a transformed plane.
     const GROUP: usize = PRODUCTS * POSITIONS * PAIRS;
 
     /// Returns the number of groups of [`POSITIONS`] tiles that are multiplied together; the last group

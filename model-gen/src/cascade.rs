@@ -192,8 +192,8 @@ fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
     high.chain(middle).chain(low).collect()
 }
 
-/// Returns the poles in conjugate pairs by rising frequency. The two real poles of a wide band form the
-/// middle pair, that of the band-pass section.
+/// Returns the poles in conjugate pairs by rising frequency. The two real poles of a wide band form
+/// the middle pair, which goes to the band-pass section.
 fn pole_pairs(poles: &[Complex64]) -> Vec<[Complex64; 2]> {
     /// Largest imaginary part of a real pole, from rounding.
     const REAL_POLE: f64 = 1e-9;

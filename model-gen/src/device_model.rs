@@ -20,8 +20,8 @@ pub const MAINS_HZ: [u32; 2] = [50, 60];
 /// Frequency at which the group delay is stated, Hz: the middle of the alpha band.
 const DELAY_AT_HZ: f64 = 10.0;
 
-/// Part of an input step to which the output must have decayed for the filters to count as settled:
-/// 1 uV of a 10 mV electrode offset.
+/// Fraction of an input step to which the output must have decayed for the filters to count as
+/// settled: 1 uV of a 10 mV electrode offset.
 const SETTLED: f64 = 1e-4;
 
 /// Smallest permitted input multiplier: a relative error of 2^-9 in the scale.
@@ -42,7 +42,7 @@ pub struct MainsFilter {
     pub scalp_delay_us: u32,
     /// ADC samples until an input step has decayed to 1e-4 at the output of the resampler.
     pub settling_samples: u32,
-    /// Description of the chain in words, for `prefiltering` fields.
+    /// Description of the filters in words, which recordings store in their `prefiltering` fields.
     pub description: String,
 }
 

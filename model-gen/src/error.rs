@@ -210,7 +210,7 @@ pub enum ModelGenError {
     Filter {
         /// Mains frequency of the cascade, Hz.
         mains_hz: f64,
-        /// Error of the filter design.
+        /// Error from the filter design.
         #[source]
         source: FilterError,
     },
@@ -289,7 +289,7 @@ pub enum ModelGenError {
     Write {
         /// Path of the file that could not be written.
         path: std::path::PathBuf,
-        /// Error of the operating system.
+        /// Error from the operating system.
         #[source]
         source: std::io::Error,
     },

@@ -58,7 +58,8 @@ pub fn prove_chain_output(chain: &Chain) -> Result<NodeGain, FilterError> {
     checked_gain("output of the resampler".to_owned(), chain.worst_gain()?)
 }
 
-/// Returns the node with its gain, or an error if the node could overflow 32 bits.
+/// Returns the node with its gain, or an error if full-scale input could overflow the node's 32
+/// bits.
 fn checked_gain(node: String, gain: f64) -> Result<NodeGain, FilterError> {
     let limit = f64::from(GAIN_LIMIT) - NOISE;
     if gain < limit {

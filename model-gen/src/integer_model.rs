@@ -45,7 +45,7 @@ impl IntegerLinear {
 /// A quantised encoder. Layers that its mode does not have are empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IntegerModel {
-    /// Parts of the network.
+    /// Mode of the artifact: with convolutions, a linear shortcut, or both.
     pub mode: Mode,
     /// Padding, pool and sizes of the convolutions.
     pub geometry: Geometry,

@@ -8,11 +8,11 @@ use crate::{
     pack::{self, ConvKernel},
 };
 
-/// Bytes of a pair, an accumulator or a factor.
+/// Size of a pair, an accumulator or a factor, bytes.
 const WORD: usize = size_of::<Pair>();
-/// Input planes of a convolution.
+/// Number of input planes from which a convolution computes one output plane.
 const PLANES: usize = KERNEL;
-/// Overlapping windows whose codes are accumulated at the same time.
+/// Number of overlapping windows whose codes are accumulated at the same time.
 const OPEN_WINDOWS: usize = 2;
 
 /// Flash and RAM of one part of the encoder.

@@ -5,14 +5,14 @@ use int8_nn::{Direct, InputConv, Linear, Pair, Winograd};
 
 use crate::integer_model::{IntegerConv, IntegerModel};
 
-/// Weights for each input and output channel: steps x rows x columns of a kernel.
+/// Number of weights for each input and output channel: steps x rows x columns of a kernel.
 const TAPS: usize = KERNEL.pow(3);
-/// Pairs of channels between the convolutions.
+/// Number of pairs of channels between the convolutions.
 const HIDDEN_PAIRS: usize = CONV1_CHANNELS / 2;
-/// Pairs of electrodes of a time step, filled up to a multiple of eight.
+/// Number of pairs of electrodes in a time step, filled up to a multiple of eight.
 const ELECTRODE_PAIRS: usize = ELECTRODES.div_ceil(2).next_multiple_of(8);
 
-/// Kernel of the second convolution.
+/// Kernel that computes the second convolution on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConvKernel {
     /// [`int8_nn::Winograd`]: the fewest instructions.

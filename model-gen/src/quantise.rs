@@ -216,7 +216,7 @@ fn range(artifact: &Artifact, what: &'static str) -> Result<f64, ModelGenError> 
     }
 }
 
-/// Batch norm in inference: `factor * x + offset` for each channel.
+/// Batch norm at inference: `factor * x + offset` for each channel.
 struct Norm {
     factor: Vec<f64>,
     offset: Vec<f64>,

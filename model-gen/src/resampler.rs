@@ -83,7 +83,7 @@ impl ResamplerTable {
         self.taps.len()
     }
 
-    /// Returns the number of input samples from which an output is computed.
+    /// Returns the number of input samples that contribute to one output.
     pub fn taps_per_phase(&self) -> usize {
         self.taps[0].len()
     }

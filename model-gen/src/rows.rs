@@ -117,7 +117,7 @@ mod tests {
             .sum::<i32>()
             + layer.bias[0];
         let output = f64::from(sum) * f64::from(layer.multipliers[0]) / 4_294_967_296.0;
-        // (0.5 * 10 - 1.0 * -5 + 3) * 2
+        // Expected output, from the unquantised weights: (0.5 * 10 - 1.0 * -5 + 3) * 2 = 26.
         assert!((output - 26.0).abs() < 0.5, "{output}");
     }
 

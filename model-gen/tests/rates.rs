@@ -71,7 +71,7 @@ fn check_generated_texts(model: &DeviceModel, case: &str) {
             filter.description.contains(&format!("notch {mains_hz}")),
             "{case}"
         );
-        // The link limits this text to 256 B.
+        // The link limits the description of the filters to 256 bytes.
         assert!(filter.description.len() < 256, "{case}");
     }
 }

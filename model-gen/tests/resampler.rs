@@ -44,7 +44,7 @@ fn the_low_pass_equals_scipy_s_to_1e_12() {
         #[expect(clippy::cast_precision_loss, reason = "phases <= 64")]
         let high_rate = f64::from(rate) * phases as f64;
         let found = kaiser_low_pass(taps, CUTOFF_HZ, KAISER_BETA, high_rate)[index];
-        // Measured: 3e-17.
+        // Measured difference from scipy: 3e-17.
         assert!(
             (found - expected).abs() < 1e-12,
             "tap {index} at {rate} Hz: {found} {expected}"
@@ -136,13 +136,14 @@ fn the_error_of_an_impossible_rate_states_number_and_remedy() {
         slow.contains("100 samples a second") && slow.contains("at least 128"),
         "{slow}"
     );
-    // A delay line of 61 electrodes x 272 taps x 4 B.
+    // A delay line of 61 electrodes x 272 taps x 4 bytes exceeds the limit of 65536 bytes.
     let history = refused(Decimation::Fir, 2_176);
     assert!(history.contains("66368 B, more than 65536"), "{history}");
     assert!(history.contains("electrodes"), "{history}");
     let table = refused(Decimation::Fir, 1_025);
     assert!(table.contains("128 phases of 132 taps"), "{table}");
-    // So close to the step rate that the taps of a phase hardly decay: their magnitudes sum to 2 or more.
+    // This rate is so close to the step rate that the taps of a phase hardly decay: their
+    // magnitudes sum to 2 or more.
     assert!(refused(Decimation::Fir, 133).contains("from 133 Hz add up to"));
     assert!(refused(Decimation::Literal, 0).contains("at least 128"));
     assert!(refused(Decimation::Fir, 9_999_999).contains("65536"));

@@ -18,6 +18,6 @@ pub struct MainsFilter {
     pub scalp_delay_us: u32,
     /// ADC samples until an input step has decayed to 1e-4 at the output of the resampler.
     pub settling_samples: u32,
-    /// Description of the chain in words, for `prefiltering` fields.
+    /// Description of the filters in words, which recordings store in their `prefiltering` fields.
     pub description: &'static str,
 }

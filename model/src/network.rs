@@ -14,7 +14,7 @@ use crate::{
 /// Weights, biases and factors of a convolution.
 #[derive(Clone, Copy, Debug)]
 pub struct ConvWeights<'w, const WEIGHTS: usize, const OUTPUTS: usize> {
-    /// Weights as packed for the kernel.
+    /// Weights in the order that the convolution's kernel reads.
     pub weights: &'w [Pair; WEIGHTS],
     /// Bias of each output channel, in units of the accumulator.
     pub bias: &'w [i32; OUTPUTS],

@@ -7,7 +7,7 @@ use crate::constants::{
     HAS_CONVOLUTIONS, HAS_SHORTCUT, PADS_SPACE, PADS_TIME, POOL, ROWS, STEPS,
 };
 
-/// Steps, rows or columns that an unpadded convolution removes.
+/// Number of steps, rows or columns that an unpadded convolution removes.
 const SHRINK: usize = 2;
 /// Cells of the scalp grid, row-major; a cell without an electrode is always 0.
 pub const CELLS: usize = ROWS * COLUMNS;
@@ -30,7 +30,7 @@ pub const POOLED: PlaneShape = PlaneShape {
     columns: FEATURE_MAP[1] / POOL[2],
     channels: CONV2_CHANNELS,
 };
-/// Pairs of numbers in a pooled plane.
+/// Number of pairs of values in a pooled plane.
 pub const POOLED_PAIRS: usize = POOLED.len() / 2;
 /// Shape of one time step of the first convolution's output, with its margin, as far as the pool
 /// depends on it: in the paper's network one column less than the convolution has.
@@ -39,7 +39,7 @@ pub const HIDDEN: PlaneShape = PlaneShape {
     columns: POOLED.columns * POOL[2] + SHRINK,
     channels: CONV1_CHANNELS,
 };
-/// Pairs of channels of a hidden plane.
+/// Number of pairs of channels in a hidden plane.
 pub const HIDDEN_PAIRS: usize = HIDDEN.channels / 2;
 /// Shape of a hidden plane without its margin: the part that the first convolution computes.
 pub const HIDDEN_INTERIOR: PlaneShape = PlaneShape {
@@ -47,19 +47,20 @@ pub const HIDDEN_INTERIOR: PlaneShape = PlaneShape {
     columns: smaller(HIDDEN.columns - MARGIN, CELL_PLANE.columns - SHRINK),
     channels: HIDDEN.channels,
 };
-/// Pooled planes of a window that do not depend on padded steps; two convolutions remove four steps.
+/// Number of pooled planes in a window that do not depend on padded steps; two convolutions remove
+/// four steps.
 pub const INNER_STEPS: usize = (STEPS - 2 * SHRINK) / POOL[0];
-/// Pooled planes at each end of a window that depend on padded steps.
+/// Number of pooled planes at each end of a window that depend on padded steps.
 pub const EDGE_STEPS: usize = if PADS_TIME { SHRINK / POOL[0] } else { 0 };
-/// Pooled planes of a window.
+/// Number of pooled planes in a window.
 pub const POOLED_STEPS: usize = if HAS_CONVOLUTIONS {
     INNER_STEPS + 2 * EDGE_STEPS
 } else {
     0
 };
-/// Steps of a window with a matrix of the linear shortcut: all or none.
+/// Number of time steps in a window that have a matrix of the linear shortcut: all or none.
 pub const SHORTCUT_STEPS: usize = if HAS_SHORTCUT { STEPS } else { 0 };
-/// Pairs of electrodes of a time step, filled up with zeros to a multiple of eight.
+/// Number of pairs of electrodes in a time step, filled up with zeros to a multiple of eight.
 pub const ELECTRODE_PAIRS: usize = ELECTRODES.div_ceil(2).next_multiple_of(8);
 
 const fn smaller(a: usize, b: usize) -> usize {
@@ -69,17 +70,17 @@ const fn smaller(a: usize, b: usize) -> usize {
 /// The second convolution with its pool.
 pub type Conv2<'w> = ConvKernel<'w, HIDDEN_PAIRS, { HIDDEN.columns }>;
 
-/// Output channels of the first convolution; 0 in a network without convolutions.
+/// Number of output channels of the first convolution; 0 in a network without convolutions.
 pub const CONV1_OUTPUTS: usize = if HAS_CONVOLUTIONS { HIDDEN.channels } else { 0 };
-/// Output channels of the second convolution; 0 in a network without convolutions.
+/// Number of output channels of the second convolution; 0 in a network without convolutions.
 pub const CONV2_OUTPUTS: usize = if HAS_CONVOLUTIONS { POOLED.channels } else { 0 };
-/// Pairs in the packed weights of the first convolution.
+/// Number of pairs in the packed weights of the first convolution.
 pub const CONV1_PAIRS: usize = InputConv::<{ CELL_PLANE.columns }>::weights_len(CONV1_OUTPUTS);
-/// Pairs in the packed weights of the second convolution.
+/// Number of pairs in the packed weights of the second convolution.
 pub const CONV2_PAIRS: usize = Conv2::weights_len(CONV2_OUTPUTS);
-/// Pairs of inputs of a matrix of the fully connected layer.
+/// Number of input pairs of one matrix of the fully connected layer.
 pub(crate) const FC_INPUTS: usize = POOLED_PAIRS / FC_PIECES;
-/// Pairs in the packed weights of a matrix of the fully connected layer.
+/// Number of pairs in the packed weights of one matrix of the fully connected layer.
 pub const FC_PAIRS: usize = FC_INPUTS * CODE / 2;
-/// Pairs in the packed weights of a matrix of the linear shortcut.
+/// Number of pairs in the packed weights of one matrix of the linear shortcut.
 pub const SHORTCUT_PAIRS: usize = ELECTRODE_PAIRS * CODE / 2;

@@ -4,7 +4,7 @@ use model::{ADC_RATE_HZ, PHASES, RESAMPLER, TAPS};
 
 use crate::{front_end::FrontEnd, mains::Mains, plane::quantise, sample::Sample, step::Step};
 
-/// The half of the pipeline that runs at the ADC's rate.
+/// The half of the pipeline that runs at the ADC's rate: from samples to steps.
 #[derive(Clone, Debug)]
 pub struct Acquisition {
     front_end: FrontEnd<'static, Mains, PHASES, TAPS>,
@@ -78,7 +78,8 @@ impl Acquisition {
     }
 }
 
-/// Returns the time from a sample to a step of this phase, microseconds, rounded down.
+/// Returns the time from an ADC sample to the step that is due with it, microseconds, rounded down.
+/// The phase is that time as a fraction of a sample.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "phase < phases: less than the time between two samples, below 2^16 us"
@@ -143,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_step_between_two_samples_carries_its_offset() {
-        // 1000 -> 128 Hz: 16 phases of 62.5 us.
+        // From 1000 Hz to 128 Hz a sample has 16 phases of 62.5 us.
         let offsets = [0, 1, 4, 15].map(|phase| offset_us(phase, 16, 1_000));
         assert_eq!(offsets, [0, 62, 250, 937]);
     }

@@ -1,4 +1,4 @@
-//! The code of a window.
+//! The code of one window, in every code format.
 
 use int8_nn::saturate_i8;
 use model::{CODE, CodeFormat};
@@ -150,7 +150,7 @@ fn round(level: i32, exponent: u8) -> i32 {
     level.saturating_add((1 << exponent) >> 1) >> exponent
 }
 
-/// Saturates to -32768..=32767 (`SSAT`).
+/// Saturates to -32768..=32767 (one `SSAT` instruction on a Cortex-M).
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "clamped to 16 bits")]
 fn saturate_i16(value: i32) -> i16 {

@@ -1,4 +1,4 @@
-//! The streaming encoder: takes one step at a time, and returns a code when a window is complete.
+//! The streaming encoder: reads one step at a time, and returns a code when a window is complete.
 
 mod convolutions;
 mod edges;
@@ -44,7 +44,7 @@ pub struct EncoderMemory {
 }
 
 impl EncoderMemory {
-    /// Memory before the first step.
+    /// Memory of an encoder before its first step, all zeros.
     pub const EMPTY: Self = Self {
         convolutions: [Convolutions::EMPTY; HAS_CONVOLUTIONS as usize],
         windows: [OpenWindow::EMPTY; OPEN_WINDOWS],
@@ -99,7 +99,7 @@ impl<M: BorrowMut<EncoderMemory>> Encoder<'_, M> {
 
 impl EncoderMemory {
     fn restart(&mut self) {
-        // Old planes are overwritten before they are read.
+        // The rings need no clearing: old planes are overwritten before they are read.
         for convolutions in &mut self.convolutions {
             convolutions.restart();
         }

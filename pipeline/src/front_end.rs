@@ -131,7 +131,7 @@ mod tests {
             .filter_map(|sample| Some(sample_by_sample.filter_sample(sample)?.0))
             .collect();
         assert_eq!(expected.len(), samples.len());
-        // Block lengths between outputs: 3; 4; 4, 4 and 1; 4 and 3.
+        // The samples between two outputs form blocks of 3; of 4; of 4, 4 and 1; of 4 and 3.
         for down in [3, 4, 9, 7] {
             let resampler = Resampler::every(down);
             let mut front_end = FrontEnd::new(Mains::Hz60, &resampler);

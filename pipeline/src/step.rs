@@ -9,8 +9,8 @@ use crate::{front_end::Electrodes, plane::Plane};
 pub struct Step {
     /// Index, since the start, of the last ADC sample that is not later than the step.
     pub sample: u64,
-    /// Time from that sample to the step, microseconds; 0 if the ADC's rate is a multiple of the step
-    /// rate.
+    /// Time from the ADC sample `sample` to the step, microseconds; 0 if the ADC's rate is a
+    /// multiple of the step rate.
     pub offset_us: u16,
     /// Filtered electrodes, counts x 2^5 (Q27.5).
     pub electrodes: Electrodes,

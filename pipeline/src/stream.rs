@@ -49,7 +49,7 @@ mod tests {
         for (number, (sample, code)) in codes.iter().enumerate() {
             assert_eq!(code.window as usize, number);
             assert_eq!(code.first_sample, samples(number * HOP) as u64);
-            // It is due with the sample of the window's last step.
+            // A code is due with the ADC sample of its window's last step.
             assert_eq!(*sample, samples(number * HOP + STEPS - 1));
         }
         assert_eq!(codes.len(), 1 + (1_024 / samples(1) - STEPS) / HOP);

@@ -239,7 +239,7 @@ proptest! {
 #[test]
 fn the_state_has_the_size_in_the_manifest() {
     let parts: usize = parts(&BUILT_IN).iter().map(|part| part.ram_bytes).sum();
-    // Events of the windows, indices of the rings, and alignment.
+    // The rest holds the windows' events, the indices of the rings, and padding for alignment.
     let rest = size_of::<Encoder<'_>>() - parts;
     assert!(rest < 256, "{rest} bytes in addition to {parts}");
 }

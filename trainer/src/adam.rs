@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 const MEAN_DECAY: f32 = 0.9;
 /// Decay of the mean squared gradient, beta2.
 const SQUARE_DECAY: f32 = 0.999;
-/// Added to the denominator, so that vanishing gradients leave the update finite.
+/// Number added to the denominator, which keeps the update finite when gradients vanish.
 const EPSILON: f32 = 1e-8;
 
 /// Gradients by name of the tensor, last dimension fastest.
@@ -105,7 +105,7 @@ mod tests {
                 )
             })
             .collect();
-        // The learning rate of the shortcut is a hundredth of `rate`.
+        // The learning rate of the shortcut is a hundredth of the rate of the other tensors.
         adam.update(&mut parameters, &gradients, 100.0);
         for ((_, before), (_, after)) in start.iter().zip(parameters.iter()) {
             for (index, (before, after)) in before.iter().zip(after).enumerate() {

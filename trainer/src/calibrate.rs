@@ -53,7 +53,7 @@ pub fn calibrated_artifact(
     Ok(Artifact::new(description, weights, calibration)?)
 }
 
-/// Calibrated ranges, in units of `sd_uv`.
+/// Measured ranges of each number of the code, and the largest activations of both convolutions.
 struct Ranges {
     low: [f32; CODE],
     high: [f32; CODE],

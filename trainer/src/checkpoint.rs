@@ -133,7 +133,7 @@ fn to_bytes(training: &Training, data: &str) -> Result<Vec<u8>, safetensors::Saf
             TensorView::new(Dtype::F32, vec![bytes.len() / 4], bytes)?,
         ));
     }
-    // `{:?}` of a float parses to the same float.
+    // `{:?}` writes a float with enough digits to parse to the same bits.
     let entries = HashMap::from([
         ("training", training_identity(training.settings, data)),
         ("epoch", training.epoch.to_string()),

@@ -8,7 +8,7 @@ use rand::{Rng, RngExt};
 /// Reciprocal of the part at the end of every track that is used for validation.
 const VALIDATION_PART: usize = 8;
 
-/// Contiguous segments of tracks.
+/// Contiguous segments of filtered recordings, from which windows are cut.
 #[derive(Clone, Debug, Default)]
 pub struct Dataset {
     segments: Vec<Vec<Step>>,
@@ -63,7 +63,7 @@ impl Dataset {
         Self { segments }
     }
 
-    /// Multiplies every value by `factor`.
+    /// Multiplies every value of the dataset by `factor`.
     pub fn scale(&mut self, factor: f64) {
         #[expect(clippy::cast_possible_truncation, reason = "a float network takes f32")]
         for value in self.segments.iter_mut().flatten().flatten() {
@@ -83,7 +83,7 @@ impl Dataset {
         mean.sqrt()
     }
 
-    /// Returns the largest magnitude of all values.
+    /// Returns the largest magnitude of all values, in the unit of the dataset.
     pub fn max_abs(&self) -> f32 {
         let values = self.segments.iter().flatten().flatten();
         values.fold(0.0, |largest, value| largest.max(value.abs()))

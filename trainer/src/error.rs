@@ -10,7 +10,7 @@ pub enum TrainerError {
     File {
         /// File or folder that was accessed.
         path: PathBuf,
-        /// Error of the operating system.
+        /// Error from the operating system.
         source: std::io::Error,
     },
     /// A name on the command line matches no recording.
@@ -42,7 +42,7 @@ pub enum TrainerError {
     Recording {
         /// File name of the recording.
         name: String,
-        /// Error of the `recordings` crate.
+        /// Error from the `recordings` crate.
         source: recordings::RecordingError,
     },
     /// The channel labels of a recording do not match the montage.
@@ -75,7 +75,7 @@ pub enum TrainerError {
     Filter {
         /// Mains frequency of the filters, Hz.
         mains_hz: u32,
-        /// Error of the filter design.
+        /// Error from the filter design.
         source: model_gen::FilterError,
     },
     /// The resampler of the description cannot be realised.
@@ -116,7 +116,7 @@ pub enum TrainerError {
     /// The loss is infinite or NaN.
     #[error("the loss of epoch {epoch} is {loss}: training diverged; use a lower --rate")]
     Diverged {
-        /// Number of the epoch, from 1.
+        /// Number of the epoch that diverged, from 1.
         epoch: u32,
         /// Loss of the last batch.
         loss: f64,

@@ -10,14 +10,14 @@ use artifact::{
 use model_gen::{IntegerModel, Plane};
 use std::fmt;
 
-/// Figures of a model on a set of windows.
+/// Reconstruction and quantisation figures of a model, measured on a set of windows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evaluation {
     /// Number of measured windows.
     pub windows: usize,
-    /// Error with the float encoder's codes.
+    /// Reconstruction error with the float encoder's codes.
     pub float: ReconstructionError,
-    /// Error with the integer encoder's codes.
+    /// Reconstruction error with the integer encoder's codes.
     pub integer: ReconstructionError,
     /// Format of the integer codes.
     pub format: CodeFormat,
@@ -33,9 +33,9 @@ pub struct Evaluation {
 /// Error of reconstructed windows over all electrodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReconstructionError {
-    /// Mean squared error in units of `input.sd_uv` squared.
+    /// Mean squared error, in units of `input.sd_uv` squared.
     pub mse: f64,
-    /// Mean squared error, uV^2.
+    /// Mean squared error, in microvolts squared.
     pub mse_uv2: f64,
     /// Percent root-mean-square difference: root of the squared error over root of the squared signal.
     pub prd_percent: f64,
@@ -218,7 +218,7 @@ mod tests {
     #[test]
     fn the_error_is_that_outside_the_directions_and_slightly_larger_in_int8() {
         let mut dataset = testing::dataset(9, 256);
-        // Large enough to fill the minimum range of the calibration.
+        // Scale the data so that they fill the minimum range of the calibration.
         dataset.scale(5.0);
         let parameters = Parameters::pca(&testing::directions());
         let model = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
@@ -252,7 +252,8 @@ mod tests {
         let mut dataset = testing::dataset(9, 64);
         let parameters = Parameters::pca(&testing::directions());
         let mut model = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
-        // Exceeds the head room of int8 codes, but not that of the other formats and of the input.
+        // The scaled data exceed the head room of int8 codes, but not that of the other formats or
+        // of the input.
         for name in ["code.min", "code.max"] {
             let range = model.calibration.tensor(name, &[CODE]).unwrap().to_vec();
             let less = range.iter().map(|end| end / 9.0).collect();

@@ -8,7 +8,7 @@ use std::f32::consts::TAU;
 
 /// Amplitudes of the 1/f noise windows, as parts of the input's range; the last one clips.
 const AMPLITUDES: [f32; 6] = [0.01, 0.05, 0.1, 0.2, 0.5, 1.5];
-/// Noise windows of each amplitude.
+/// Number of noise windows at each amplitude.
 const WINDOWS_PER_AMPLITUDE: usize = 3;
 /// Seed of the noise windows.
 const SEED: u64 = 0x60_1D;

@@ -79,7 +79,7 @@ struct EvaluateArgs {
     test: Vec<String>,
 }
 
-/// Windows in a batch.
+/// Number of windows in a batch.
 const BATCH: usize = 32;
 
 fn main() -> ExitCode {

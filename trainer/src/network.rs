@@ -115,7 +115,7 @@ impl Network {
         self.run(parameters, windows, |window, _| numbers(window.clone()))
     }
 
-    /// Returns the codes, and the results of `result` for the reconstruction of each batch.
+    /// Returns the codes, and what `result` returns for the reconstruction of each batch.
     fn run(
         &self,
         parameters: &Parameters,
@@ -278,7 +278,7 @@ impl ForwardPass {
     }
 }
 
-/// Moves running statistics towards those of a batch.
+/// Moves running statistics towards those of a batch, by [`MOMENTUM`] of the difference.
 fn update_running(running: &mut [f32], batch: &[f32]) {
     for (running, batch) in running.iter_mut().zip(batch) {
         *running += MOMENTUM * (batch - *running);

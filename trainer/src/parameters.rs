@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 
-/// Values of all tensors by name, last dimension fastest.
+/// Values of all tensors of a network by the artifact's tensor names, last dimension fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     mode: Mode,
@@ -131,10 +131,7 @@ pub fn is_statistic(name: &str) -> bool {
     name.contains(".running_")
 }
 
-/// Returns the factor of a tensor's learning rate.
-///
-/// The shortcut starts at the optimal linear code, and Adam's updates do not shrink near an optimum. At
-/// the full rate they would lose more there than the convolutions gain.
+/// Returns the factor by which a tensor's learning rate is multiplied.
 pub fn rate_factor(name: &str) -> f32 {
     if name.contains(".shortcut.") {
         0.01

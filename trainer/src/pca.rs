@@ -4,9 +4,10 @@ use crate::dataset::Dataset;
 use artifact::{STEPS, WINDOW_ELECTRODES};
 use nalgebra::{DMatrix, SymmetricEigen};
 
-/// Time steps between the windows of the second moment: half a window.
+/// Number of time steps between the windows from which the second moment is computed: half a
+/// window.
 const HOP: usize = STEPS / 2;
-/// Windows in one matrix product.
+/// Number of windows in one matrix product.
 const BLOCK: usize = 512;
 
 /// Returns the second moment of the dataset's windows in f64. It is used instead of the covariance: the

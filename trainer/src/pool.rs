@@ -46,7 +46,7 @@ pub(crate) fn unpool(flat: Tensor<2>) -> Tensor<5> {
     x
 }
 
-/// Converts indices to a tensor.
+/// Converts indices to a tensor of integers on `device`.
 pub(crate) fn indices(values: &[usize], device: &Device) -> Tensor<1, Int> {
     let index = |&value: &usize| i64::try_from(value).expect("an index into a window");
     let values: Vec<i64> = values.iter().map(index).collect();

@@ -49,7 +49,7 @@ impl Resampler {
                 .zip(samples)
                 .map(|(&tap, x)| i64::from(tap) * i64::from(x))
                 .sum();
-            // From Q2.30, rounded half up.
+            // Converts the sum from Q2.30, rounded half up.
             i32::try_from((sum + (1 << 29)) >> 30).expect("model-gen proves the head room")
         }))
     }
@@ -76,7 +76,7 @@ mod tests {
             }),
         };
         let every = fixed_dsp::Resampler::every(1);
-        // An arbitrary filter.
+        // An arbitrary filter, the same before both resamplers.
         let high_pass = Cascade {
             sections: [Section::HighPass {
                 a1: Coefficient::nearest(1.5),

@@ -6,17 +6,17 @@ use std::f64::consts::PI;
 /// and Topin, arXiv 1708.07120; shape and ratios of PyTorch's `OneCycleLR`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OneCycle {
-    /// Largest learning rate.
+    /// Largest learning rate, reached after 15 % of the updates.
     pub peak: f64,
     /// Number of updates of the whole training.
     pub updates: u64,
 }
 
-/// Part of the updates during which the rate rises.
+/// Fraction of the updates during which the rate rises to its peak.
 const WARM_UP: f64 = 0.15;
-/// Peak rate over first rate.
+/// Ratio of the peak rate to the first rate.
 const RISE: f64 = 25.0;
-/// First rate over last rate.
+/// Ratio of the first rate to the last rate.
 const FALL: f64 = 1e4;
 
 impl OneCycle {

@@ -64,7 +64,7 @@ fn matches(name: &str, path: &Path) -> bool {
     stem.is_some_and(|stem| stem.ends_with(name)) || file_name(path).ends_with(name)
 }
 
-/// Expands the ranges in `names`.
+/// Replaces each range in `names` by its names, for example `R03..R05` by R03, R04 and R05.
 fn expand(names: &[String]) -> Result<Vec<String>, TrainerError> {
     let mut expanded = Vec::new();
     for name in names {

@@ -29,11 +29,11 @@ pub struct TrainOptions {
     pub dataset: String,
     /// References to cite, for the training card.
     pub citation: String,
-    /// Settings that affect the result.
+    /// Epochs, batch size, learning rate and seed, which determine the trained model.
     pub settings: Settings,
     /// File that keeps the training between epochs.
     pub checkpoint: PathBuf,
-    /// Whether to resume from the checkpoint.
+    /// True to continue the training that `checkpoint` holds.
     pub resume: bool,
     /// Folder to write the artifact to.
     pub out: PathBuf,
@@ -47,14 +47,14 @@ pub trait ProgressObserver {
     fn epoch_started(&mut self, epoch: u32, epochs: u32, batches: usize);
     /// Reports the number of batches finished in this epoch, and the loss of the last one.
     fn batch_finished(&mut self, batches: usize, loss: f64);
-    /// Reports the result of an epoch.
+    /// Reports that an epoch is finished, with its losses.
     fn epoch_finished(&mut self, report: EpochReport);
 }
 
-/// Figures of a model, and of PCA with the same number of components.
+/// Figures of a model, and of PCA with the same number of components, on the same test recordings.
 #[derive(Clone, Copy, Debug)]
 pub struct Comparison {
-    /// Figures of the model.
+    /// Figures of the model that was trained or read.
     pub network: Evaluation,
     /// Figures of PCA, fitted to the training part of the same recordings.
     pub pca: Evaluation,
@@ -158,7 +158,7 @@ pub fn compare(
     })
 }
 
-/// Runs the remaining epochs and writes a checkpoint after each.
+/// Runs the remaining epochs of a training and writes a checkpoint after each.
 fn run_epochs(
     options: &TrainOptions,
     data: &PreparedData,

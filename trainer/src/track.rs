@@ -24,7 +24,7 @@ pub type Step = [f32; ELECTRODES];
 /// evaluate` would disagree with its `model.toml`.
 pub const SETTLING_S: usize = 4;
 
-/// Units of the front end's output in a count.
+/// Number of units of the front end's output in one ADC count.
 const UNITS_PER_COUNT: f64 = (1_u32 << GUARD_BITS) as f64;
 
 /// A recording as the encoder receives it: filtered, at 128 Hz, in the order of the montage.
@@ -32,7 +32,7 @@ const UNITS_PER_COUNT: f64 = (1_u32 << GUARD_BITS) as f64;
 pub struct Track {
     /// File name of the recording.
     pub name: String,
-    /// Time steps after the filters have settled, uV.
+    /// Filtered time steps, microvolts; the first [`SETTLING_S`] seconds are omitted.
     pub steps: Vec<Step>,
     /// Labels of electrodes that are missing in the recording and were interpolated.
     pub interpolated: Vec<String>,

@@ -13,9 +13,9 @@ use rand_chacha::ChaCha8Rng;
 /// Settings that determine the result of a training on given data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Number of epochs of the whole training.
+    /// Number of epochs after which the training is done.
     pub epochs: u32,
-    /// Windows in a batch; each batch is one update.
+    /// Number of windows in a batch; each batch is one update.
     pub batch: usize,
     /// Largest learning rate.
     pub peak_rate: f64,
@@ -41,7 +41,7 @@ pub struct Candidate {
     pub epoch: u32,
     /// Mean squared error on the validation windows.
     pub validation: f64,
-    /// Parameters after the epoch.
+    /// Parameters of the network after this epoch.
     pub parameters: Parameters,
 }
 

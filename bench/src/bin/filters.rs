@@ -2,7 +2,7 @@
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
-/// Built for a PC, it only states where it runs.
+/// Built for a PC, the program only prints where it must run.
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this image runs on the emulated microcontroller: `cargo xtask bench filters`");

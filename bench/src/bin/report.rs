@@ -8,7 +8,8 @@ fn main() -> std::process::ExitCode {
     bench::report::main()
 }
 
-/// Built for a microcontroller, where lints check all programs of this crate, it contains nothing.
+/// A build for a microcontroller is empty: it exists because lints check all programs of this
+/// crate.
 #[cfg(target_os = "none")]
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {

@@ -3,7 +3,7 @@
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
-/// Built for a PC, it only states its purpose.
+/// Built for a PC, the program only prints its purpose.
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this image is measured, not run: `cargo xtask bench encoder`");

@@ -3,7 +3,7 @@
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
-/// Built for a PC, it only states its purpose.
+/// Built for a PC, the program only prints its purpose.
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this image is linked, not run: `cargo xtask bench encoder`");
@@ -30,7 +30,7 @@ mod image {
     use pipeline::{Acquisition, EncoderMemory, Sample};
     use static_cell::{ConstStaticCell, StaticCell};
 
-    /// ADS1299 in the chain.
+    /// Number of ADS1299 chips in the daisy chain.
     const CHIPS: usize = 8;
 
     static SHARED: Shared = Shared::new(Clock {

@@ -19,7 +19,7 @@ pub(crate) struct Part {
     pub(crate) name: String,
     pub(crate) flash_kib: i64,
     pub(crate) ram_kib: i64,
-    /// Memory that holds a program's variables and stack.
+    /// Name of the memory region that holds a program's variables and stack.
     pub(crate) region: String,
 }
 
@@ -41,7 +41,7 @@ pub(crate) fn published(benchmark: &str) -> Result<Json, Failure> {
     Ok(tables.remove(benchmark).unwrap_or_default())
 }
 
-/// Reads `bench/parts.toml`.
+/// Reads the flash and RAM sizes of microcontrollers from `bench/parts.toml`.
 pub(crate) fn parts() -> Result<Vec<Part>, Failure> {
     let text = include_str!("../../parts.toml");
     let mut parts: BTreeMap<String, Vec<Part>> = parse("parts.toml", text)?;

@@ -21,7 +21,8 @@ use super::inputs::Inputs;
 use super::{checked_in, images, tools};
 use crate::hop;
 
-/// Lines that an image prints in addition to those of its inputs: memory, acquisition, kernels.
+/// Number of lines that an image prints in addition to those of its inputs: memory, acquisition,
+/// kernels.
 const OTHER_LINES: usize = 8;
 
 /// Encodes at least `windows` windows on each machine.
@@ -58,7 +59,7 @@ pub(crate) fn measure(windows: usize) -> Result<Report, Failure> {
     report(&inputs, &machines, flash_bytes)
 }
 
-/// Returns the codes that this PC computes, each input with a new encoder.
+/// Returns the codes that this PC computes; each input is encoded by a new encoder.
 fn codes(inputs: &Inputs<Plane>) -> Vec<u8> {
     let mut codes = Vec::new();
     for planes in &inputs.data {
@@ -76,13 +77,13 @@ fn codes(inputs: &Inputs<Plane>) -> Vec<u8> {
     codes
 }
 
-/// Counts the codes that differ.
+/// Returns the number of codes in `output` that differ from those in `expected`.
 fn different(expected: &[u8], output: &[u8]) -> usize {
     let codes = output.chunks(CODE).zip(expected.chunks(CODE));
     codes.filter(|(code, expected)| code != expected).count()
 }
 
-/// Puts the figures together; the machines are those of [`MACHINES`].
+/// Builds the report from the measured figures; `machines` are in the order of [`MACHINES`].
 fn report(
     inputs: &Inputs<Plane>,
     machines: &[(Counts, Loops)],
@@ -109,7 +110,7 @@ fn report(
     for (name, unit, value) in machines[0].0.figures() {
         report.figure(name, unit, value);
     }
-    // With the shortcut, from memory without wait states.
+    // The cycles include the shortcut, and assume code and data in memory without wait states.
     report.optional("cycles_per_code_m4", "cycles", m4);
     report.optional("cycles_per_code_m4_llvm_mca", "cycles", m4_mca);
     report.optional("cycles_per_code_m7", "cycles", m7);
@@ -132,7 +133,7 @@ fn report(
     Ok(report)
 }
 
-/// Adds the memory that acquisition and encoder leave of each microcontroller.
+/// Adds the flash and RAM that acquisition and encoder leave free on each microcontroller.
 fn add_parts(report: &mut Report, flash_bytes: usize, ram_bytes: u32) -> Result<(), Failure> {
     let mut rooms = Vec::new();
     for part in checked_in::parts()? {

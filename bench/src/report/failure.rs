@@ -1,4 +1,4 @@
-//! Why a benchmark stopped, and the program's exit status.
+//! Reasons for which a benchmark stops, and the program's exit status.
 
 use std::fmt::Display;
 use std::process::ExitCode;
@@ -13,7 +13,7 @@ pub(crate) enum Failure {
     Check {
         what: String,
         why: String,
-        /// A command or an action.
+        /// Command or action that the user should try next.
         next: String,
     },
     /// An image was not built or did not run, or a file cannot be used.
@@ -27,13 +27,13 @@ impl Failure {
         Self::Check { what, why, next }
     }
 
-    /// An input that cannot be made; for `map_err`.
+    /// Returns the failure for an input that cannot be produced; for `map_err`.
     pub(crate) fn input(why: impl Display) -> Self {
         let next = "does CORTICODE_DATA name the right folder?";
         Self::new("making an input", why, next)
     }
 
-    /// 1 for a failed check, 2 when something must be installed first.
+    /// Returns 1 for a failed check, 2 if something must be installed first.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::Emulator(error) if error.is_missing() => ExitCode::from(2),

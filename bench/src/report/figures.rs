@@ -9,35 +9,35 @@ use super::failure::Failure;
 use super::limits::Limits;
 use super::table;
 
-/// One named value.
+/// One named value of a benchmark, with its limit once it has been judged.
 #[derive(Debug)]
 struct Figure {
     /// Key in JSON and in `limits.toml`.
     name: &'static str,
-    /// Empty for a flag.
+    /// Unit of the value; empty for a flag.
     unit: &'static str,
     value: Json,
     /// Microcontroller that the value belongs to; empty for a key of the JSON object.
     part: String,
-    /// Names what makes a flag false.
+    /// Names of the cases that make a flag false; empty if it is true.
     blamed: String,
-    /// False where this PC lacks a tool to measure the figure.
+    /// False if this PC lacks a tool to measure the figure.
     is_measured: bool,
-    /// Bound in words, once the figure has been judged.
+    /// Limit in words, set when the figure is judged.
     limit: String,
 }
 
 /// Figures and details of one run of a benchmark.
 #[derive(Debug)]
 pub(crate) struct Report {
-    /// Word on the command line, and table in `limits.toml`.
+    /// Name of the benchmark on the command line, and of its table in `limits.toml`.
     benchmark: &'static str,
-    /// What to do when a limit is exceeded.
+    /// What the user should do if a limit is exceeded.
     next: &'static str,
     figures: Vec<Figure>,
-    /// Keys of the JSON object that are not judged, with nested values.
+    /// Further entries of the JSON object, with nested values; no limit applies to them.
     details: Vec<(&'static str, Json)>,
-    /// Exceeded limits in words.
+    /// One sentence for each exceeded limit.
     faults: Vec<String>,
 }
 
@@ -70,7 +70,7 @@ impl Report {
         });
     }
 
-    /// Adds a figure that is `null`, and not judged, where this PC lacks a tool to measure it.
+    /// Adds a figure that is `null`, and not judged, if this PC lacks a tool to measure it.
     pub(crate) fn optional(&mut self, name: &'static str, unit: &'static str, value: Option<f64>) {
         self.figure(name, unit, value);
         self.last().is_measured = value.is_some();
@@ -82,7 +82,8 @@ impl Report {
         self.last().blamed = blamed;
     }
 
-    /// Adds the bytes that a microcontroller has left. They are judged; in the JSON object they are part of a detail.
+    /// Adds the number of bytes that the program leaves free on a microcontroller. The figure is
+    /// judged, but it is no key of the JSON object: a detail contains it.
     pub(crate) fn part_figure(&mut self, part: &str, name: &'static str, bytes_left: i64) {
         self.figure(name, "bytes", bytes_left);
         part.clone_into(&mut self.last().part);
@@ -93,7 +94,7 @@ impl Report {
         &mut self.figures[last]
     }
 
-    /// Adds a key of the JSON object that is not judged.
+    /// Adds an entry to the JSON object to which no limit applies.
     pub(crate) fn detail(&mut self, key: &'static str, value: impl Into<Json>) {
         self.details.push((key, value.into()));
     }
@@ -119,7 +120,7 @@ impl Report {
         }
     }
 
-    /// Returns a failure that names the exceeded limits, where there are any.
+    /// Returns a failure that names the exceeded limits, if there are any.
     pub(crate) fn outcome(&self) -> Result<(), Failure> {
         if self.faults.is_empty() {
             return Ok(());

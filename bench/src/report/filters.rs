@@ -31,9 +31,9 @@ const IDSP_DITHER: usize = 5;
 #[derive(Debug)]
 struct Counts {
     machine: Machine,
-    /// A column for each contender.
+    /// Tallies of instructions, with one column for each contender.
     tallies: Tallies,
-    /// Blocks of each contender whose bits differ from those of the portable filters.
+    /// Number of blocks of each contender whose bits differ from those of the portable filters.
     different: [usize; NAMES.len()],
 }
 
@@ -104,7 +104,7 @@ fn tallies(lines: &[String], inputs: usize) -> Result<Tallies, String> {
     Ok(tallies)
 }
 
-/// Counts the blocks of each contender that differ.
+/// Returns, for each contender, the number of blocks in `output` that differ from `expected`.
 fn different(expected: &[u8], output: &[u8]) -> [usize; NAMES.len()] {
     let [expected, output] = [expected, output].map(|bytes| bytes.as_chunks::<BYTES>().0);
     let mut different = [0; NAMES.len()];
@@ -163,7 +163,7 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> Result<
     Ok(report)
 }
 
-/// Names the contenders on their machines for which `is_faulty` holds.
+/// Lists the contenders, with their machines, for which `is_faulty` holds.
 fn blamed(machines: &[Counts], is_faulty: impl Fn(&Counts, usize) -> bool) -> String {
     let mut blamed = Vec::new();
     for counts in machines {
@@ -241,7 +241,7 @@ mod tests {
         let varying = fault(report_of([0; NAMES.len()], Some(1)));
         let words = "constant_count is false (ours-singles on mps2-an386)";
         assert!(varying.starts_with(words), "{varying}");
-        // The count of a peer can vary.
+        // A peer's count may vary with the input: that is no fault.
         let peer = report_of([0; NAMES.len()], Some(IDSP_DITHER));
         assert_eq!(peer.faults(), [""; 0]);
         let mut blocks = [0; NAMES.len()];

@@ -15,21 +15,21 @@ use super::failure::Failure;
 use super::figures::Report;
 use super::{checked_in, tools};
 
-/// Rounds in which every contender is timed once; one more before them warms up.
+/// Number of rounds in which every contender is timed once; one more before them warms up.
 const ROUNDS: usize = 9;
 
 /// Codes per second of one round, in the order of [`STREAMING`] to [`TORCH_BATCH`]; `None` without PyTorch.
 type Round = [Option<f64>; 5];
 
-/// Our encoder on the stream of time steps.
+/// Index in [`Round`] of our encoder on the stream of time steps.
 const STREAMING: usize = 0;
-/// Our encoder window by window, without use of the overlap.
+/// Index in [`Round`] of our encoder window by window, without use of the overlap.
 const BY_WINDOW: usize = 1;
-/// Our acquisition and encoder on ADC samples.
+/// Index in [`Round`] of our acquisition and encoder on ADC samples.
 const PIPELINE: usize = 2;
-/// PyTorch with one window per call.
+/// Index in [`Round`] of PyTorch with one window per call.
 const TORCH: usize = 3;
-/// PyTorch with all windows in one call.
+/// Index in [`Round`] of PyTorch with all windows in one call.
 const TORCH_BATCH: usize = 4;
 
 /// Figures of speed: name, contender and, for a ratio, the contender by which it is divided.
@@ -134,7 +134,7 @@ fn report(rounds: &[Round], int8_rms_levels: f64, torch_relative: Option<f64>) -
     report
 }
 
-/// Returns 0 for no figures.
+/// Returns the median of `figures`, or 0 if there are none.
 fn median(mut figures: Vec<f64>) -> f64 {
     figures.sort_by(f64::total_cmp);
     figures.get(figures.len() / 2).copied().unwrap_or(0.0)

@@ -16,7 +16,8 @@ use crate::tally::Tally;
 /// Longest permitted silence of an image; measured 3 s on one loaded core.
 const SILENCE: Duration = Duration::from_mins(2);
 
-/// Virtual time of an instruction is 2^10 ns, as the images' instruction counter expects.
+/// Virtual time per instruction as a power of two: 2^10 ns, as the images' instruction counter
+/// expects.
 const INSTRUCTION_TIME: u8 = 10;
 
 /// Runs an image on these inputs in `folder`, and returns its printed lines and its output file.
@@ -57,7 +58,7 @@ pub(crate) fn mismatch(machine: Machine, why: impl Display) -> Failure {
     )
 }
 
-/// Numbers that an image printed, by the words before them.
+/// Numbers that an image printed, keyed by the words before them on the line.
 #[derive(Debug)]
 pub(crate) struct Lines(BTreeMap<String, String>);
 
@@ -81,7 +82,7 @@ impl Lines {
         Ok(Self(parsed))
     }
 
-    /// Removes the line that starts with these words, and parses the rest of it.
+    /// Removes the line that starts with `words`, and parses the rest of it.
     pub(crate) fn remove<T>(
         &mut self,
         words: &str,
@@ -92,12 +93,12 @@ impl Lines {
         parse(&numbers).ok_or_else(|| format!("the line {words:?} ends with {numbers:?}"))
     }
 
-    /// Removes a line that ends with one number.
+    /// Removes the line that starts with `words`, and parses the number at its end.
     pub(crate) fn number(&mut self, words: &str) -> Result<u32, String> {
         self.remove(words, |number| number.parse().ok())
     }
 
-    /// Checks that no line is left.
+    /// Returns an error if the image printed a line that has not been removed.
     pub(crate) fn finish(self) -> Result<(), String> {
         match self.0.into_iter().next() {
             None => Ok(()),
@@ -106,7 +107,7 @@ impl Lines {
     }
 }
 
-/// For each input, a tally per column: per contender, or per time step of a hop.
+/// For each input, one tally per column. A column is a contender, or a time step of a hop.
 #[derive(Debug, Clone)]
 pub(crate) struct Tallies(Vec<Vec<Tally>>);
 

@@ -17,7 +17,7 @@ pub(crate) type Counts = [i32; CHANNELS];
 pub(crate) struct Inputs<T> {
     pub(crate) names: Vec<&'static str>,
     pub(crate) data: Vec<Vec<T>>,
-    /// Inputs that are left out, with the reason.
+    /// Reasons for which inputs are left out, one per input.
     pub(crate) skipped: Vec<String>,
 }
 

@@ -20,7 +20,7 @@ pub(crate) struct Limit {
     pub(crate) reason: String,
 }
 
-/// Values that a figure can have.
+/// Range of values within which a figure must be.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Bound {
@@ -30,7 +30,7 @@ pub(crate) enum Bound {
 }
 
 impl Bound {
-    /// Whether a figure is within the bound. NaN, which is `null` in JSON, is not.
+    /// Returns whether a figure is within the limit. NaN, which is `null` in JSON, is not.
     pub(crate) fn contains(self, figure: &Json) -> bool {
         match self {
             Self::AtMost(most) => figure.as_f64().is_some_and(|number| number <= most),

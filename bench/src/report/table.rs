@@ -23,7 +23,7 @@ pub(crate) fn table(title: &str, rows: &[Vec<String>]) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Text of a number, flag, string or flat array; numbers have at most three decimals.
+/// Returns the text of a number, flag, string or flat array; numbers have at most three decimals.
 pub(crate) fn cell(value: &Json) -> String {
     match value {
         Json::Null => "not measured".to_owned(),
@@ -37,7 +37,8 @@ pub(crate) fn cell(value: &Json) -> String {
     }
 }
 
-/// Tables of a nested value: one of the elements' flat fields, then those of their nested fields.
+/// Returns the tables of a nested JSON value: one of its elements' flat fields, then those of their
+/// nested fields.
 pub(crate) fn tables(title: &str, value: &Json) -> String {
     let elements: Vec<(String, &Json)> = match value {
         Json::Array(elements) if elements.iter().any(is_nested) => {

@@ -1,10 +1,10 @@
-//! Programs that a benchmark uses where they are installed, and what it prints while it runs.
+//! External programs that a benchmark uses if they are installed, and progress output.
 
 use std::process::{Command, Stdio};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Whether the command starts and exits with 0; its output is discarded.
+/// Returns whether the command starts and exits with 0; its output is discarded.
 pub(crate) fn succeeds(command: &mut Command) -> bool {
     command.stdin(Stdio::null());
     command.stdout(Stdio::null()).stderr(Stdio::null());

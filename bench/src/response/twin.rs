@@ -10,9 +10,9 @@ pub const MAINS_HZ: f64 = 50.0;
 /// Band-pass and notches in float64, with their state.
 #[derive(Debug, Clone)]
 pub struct Twin {
-    /// `b0, b1, b2, a1, a2` of each section.
+    /// Coefficients `b0, b1, b2, a1, a2` of each section.
     sections: Vec<[f64; 5]>,
-    /// `x1, x2, y1, y2` of each section.
+    /// Previous inputs and outputs `x1, x2, y1, y2` of each section.
     states: Vec<[f64; 4]>,
 }
 

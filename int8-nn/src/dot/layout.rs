@@ -1,11 +1,11 @@
 //! Block size of the dot products, and the order of their weights.
 
-/// Positions multiplied together with [`OUTPUTS`] outputs. Six accumulators, four weights, two inputs
-/// and two pointers fill the 14 usable registers of a Cortex-M.
+/// Number of positions multiplied together with [`OUTPUTS`] outputs. Six accumulators, four
+/// weights, two inputs and two pointers fill the 14 usable registers of a Cortex-M.
 pub(crate) const POSITIONS: usize = 3;
-/// Outputs computed together.
+/// Number of outputs computed together at [`POSITIONS`] positions.
 pub(crate) const OUTPUTS: usize = 2;
-/// Pairs of inputs multiplied in one unrolled round.
+/// Number of input pairs multiplied in one unrolled round.
 pub(crate) const ROUND: usize = 2;
 
 /// Returns the number of weight pairs of one block, for a position with `inputs` pairs of inputs.

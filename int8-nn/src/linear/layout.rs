@@ -1,10 +1,10 @@
 //! Block sizes of a matrix product, and the order of its weights.
 
-/// Outputs computed together: two pairs.
+/// Number of outputs computed together: two pairs.
 pub(super) const OUTPUTS: usize = 4;
-/// Pairs of inputs multiplied in one unrolled round.
+/// Number of input pairs multiplied in one unrolled round.
 pub(super) const ROUND: usize = 2;
-/// Pairs of inputs in one iteration of the assembler loop, whose rounds are unrolled.
+/// Number of input pairs in one iteration of the assembler loop, whose rounds are unrolled.
 pub(super) const INPUTS: usize = 8;
 
 /// Returns the index of the pair that holds the weight of input pair `pair` for `output`, in a matrix

@@ -24,21 +24,21 @@ impl Quad {
     /// Returns the low byte of each 16-bit number, sign-extended.
     #[inline(always)]
     pub(crate) fn low_bytes(self) -> Self {
-        // SAFETY: as in `new`.
+        // SAFETY: `quad.rs` compiles this file only for targets with SSE2.
         Self(unsafe { low_bytes(self.0) })
     }
 
     /// Returns `sums` plus the dot product of each pair of `self` and `other`, wrapping.
     #[inline(always)]
     pub(crate) fn multiply_add(self, other: Self, sums: Self) -> Self {
-        // SAFETY: as in `new`.
+        // SAFETY: `quad.rs` compiles this file only for targets with SSE2.
         Self(unsafe { multiply_add(self.0, other.0, sums.0) })
     }
 
     /// Returns the four sums.
     #[inline(always)]
     pub(crate) fn words(self) -> [i32; 4] {
-        // SAFETY: as in `new`.
+        // SAFETY: `quad.rs` compiles this file only for targets with SSE2.
         unsafe { words(self.0) }
     }
 }

@@ -5,16 +5,16 @@ use crate::{
     pair::Pair,
 };
 
-/// Rows and columns of the outputs of a tile.
+/// Number of rows and columns of outputs in a tile.
 pub(super) const TILE: [usize; 2] = [2, 4];
-/// Rows and columns of a transformed tile: two more than it has outputs.
+/// Number of rows and columns in a transformed tile: two more of each than it has outputs.
 pub(super) const TRANSFORMED_TILE: [usize; 2] = [4, 6];
-/// Products of a tile for each pair of channels and time step; a direct convolution needs nine for
-/// each of the eight outputs.
+/// Number of products in a tile for each pair of channels and time step; a direct convolution needs
+/// nine for each of the eight outputs.
 pub(super) const PRODUCTS: usize = TRANSFORMED_TILE[0] * TRANSFORMED_TILE[1];
 /// Factor in every transformed sum: 2 from the rows, 24 from the columns.
 pub(super) const SCALE: usize = 48;
-/// Pool windows of a tile, side by side.
+/// Number of pool windows in a tile, side by side.
 pub(super) const WINDOWS: usize = 2;
 
 /// Sums of one product: `[position][output]`.

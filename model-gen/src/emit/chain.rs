@@ -1,4 +1,4 @@
-//! Writes the filters and the resampler.
+//! Writes the filters and the resampler as Rust constants.
 
 use fixed_dsp::{Coefficient, Section};
 

@@ -1,4 +1,4 @@
-//! Writes the encoder: weights, factors and the network that refers to them.
+//! Writes the encoder as Rust constants: weights, factors and the network that refers to them.
 
 use artifact::{CODE, CodeFormat, Description};
 use int8_nn::Pair;

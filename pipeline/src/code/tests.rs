@@ -1,4 +1,5 @@
-//! Tests of every code format against model-gen's plain loops, and at the ends of its range.
+//! Compares every code format with model-gen's plain loops, and tests levels at the ends of its
+//! range.
 
 use std::{vec, vec::Vec};
 
@@ -7,7 +8,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// Every format, as in this crate and as in `artifact`.
+/// Every code format, as the enum of this crate and as the enum of `artifact`.
 const FORMATS: [(CodeFormat, Described); 3] = [
     (CodeFormat::Int8, Described::Int8),
     (CodeFormat::Int8Exponent, Described::Int8Exponent),
@@ -18,7 +19,7 @@ fn encoded(format: CodeFormat, levels: &[i32; CODE]) -> (CodeValues, u8) {
     CodeValues::from_levels(format, |j| levels[j])
 }
 
-/// Returns levels of 0, except for `last` at the end.
+/// Returns 128 levels: zeros, then those in `last`.
 fn levels(last: &[i32]) -> [i32; CODE] {
     let mut levels = [0; CODE];
     levels[CODE - last.len()..].copy_from_slice(last);

@@ -16,10 +16,10 @@ use crate::plane::Plane;
 /// State of the convolutional layers: the last planes of each.
 #[derive(Clone, Debug)]
 pub(super) struct Convolutions {
-    /// The last input planes, every cell paired with its right neighbour.
+    /// The last three input planes, every cell paired with its right neighbour.
     input: PlaneRing<Pair, INPUT, 3>,
     hidden: HiddenPlane,
-    /// The last output planes of the first convolution, transformed for the second.
+    /// The last three output planes of the first convolution, transformed for the second.
     transformed: PlaneRing<Pair, TRANSFORMED, 3>,
     pool: Pool,
     /// Slot of the window, and position in it, to which the pooled plane is added in the next step.

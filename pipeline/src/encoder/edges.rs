@@ -10,9 +10,9 @@ use model::{CELL_PLANE, EDGE_STEPS, NETWORK, Network, POOL, POOLED_STEPS, STEPS}
 
 use super::{hidden_plane::HiddenPlane, pool::Pool, window::OpenWindow};
 
-/// Pairs in an input plane.
+/// Number of pairs in an input plane.
 pub(super) const INPUT: usize = CELL_PLANE.len();
-/// Pairs in a transformed plane.
+/// Number of pairs in a hidden plane that is transformed for the second convolution.
 pub(super) const TRANSFORMED: usize = NETWORK.conv2().transformed_len();
 
 /// Padding: an input plane before or after the window.

@@ -1,15 +1,15 @@
-//! Computes planes between the convolutions.
+//! Computes hidden planes: the output of the first convolution, transformed for the second.
 
 use int8_nn::Pair;
 use model::{HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, MARGIN, NETWORK, Network};
 
-/// Pairs of gathered inputs of the first convolution.
+/// Length, in pairs, of the scratch memory for the first convolution's gathered inputs.
 const PATCHES: usize = NETWORK.conv1().patches_len();
-/// Sums of the first convolution.
+/// Length of the scratch memory for the first convolution's sums.
 const SUMS: usize = NETWORK.conv1().sums_len();
-/// Pairs in a hidden plane without its margin.
+/// Number of pairs in a hidden plane without its margin.
 const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
-/// Pairs in a hidden plane with its margin; 0 if the convolutions are not padded.
+/// Number of pairs in a hidden plane with its margin; 0 if the convolutions are not padded.
 const FRAMED: usize = if MARGIN == 0 { 0 } else { HIDDEN.len() / 2 };
 
 /// Scratch memory for computing a plane between the convolutions.

@@ -17,12 +17,12 @@ impl Pool {
         pooled: [Pair::ZERO; POOLED_PAIRS],
     };
 
-    /// Clears the sums.
+    /// Resets the largest sums to `i32::MIN`, before the first plane of a pool.
     pub(super) fn start(&mut self) {
         self.largest.fill(i32::MIN);
     }
 
-    /// Convolves three transformed planes, oldest first, and keeps the maxima with those so far.
+    /// Convolves three transformed planes, oldest first, and updates the largest sums of the pool.
     #[inline]
     pub(super) fn convolve(&mut self, network: &Network<'_>, transformed: [&[Pair]; 3]) {
         network

@@ -87,7 +87,7 @@ const fn cos_sin(angle: f64) -> [f32; 2] {
     let (mut cos, mut sin) = (0.0, 0.0);
     let mut term = 1.0;
     let mut order = 0.0;
-    // pi^32 / 32! = 3e-20.
+    // The first omitted term is at most pi^32 / 32! = 3e-20.
     while order < 32.0 {
         cos += term;
         term *= angle / (order + 1.0);
@@ -157,7 +157,7 @@ mod tests {
                 let read = rms_of(hz, rate, |t| {
                     3.0 * (f64::consts::TAU * f64::from(hz) * t + phase).sin()
                 });
-                // Rounding of the phase in f32; measured 1.2e-5.
+                // The phase is rounded to f32 at every sample. Measured relative error: 1.2e-5.
                 let relative = read / (3.0 / f64::consts::SQRT_2) - 1.0;
                 assert!(relative.abs() < 3e-5, "{relative} at {rate} Hz");
             }
@@ -168,7 +168,8 @@ mod tests {
     fn offsets_ramps_and_other_frequencies_are_rejected() {
         for (rate, hz) in RATES.iter().flat_map(|&rate| [(rate, 50), (rate, 60)]) {
             let near = |t: f64| (f64::consts::TAU * (f64::from(hz) - 2.0) * t).sin();
-            // Measured 4.7e-8, 1.8e-6 (leakage of the window, in f64 too) and 1.3e-6.
+            // Measured: offset 4.7e-8; ramp 1.8e-6 (leakage of the window, in f64 too); 2 Hz lower
+            // 1.3e-6.
             for (name, read, limit) in [
                 ("offset", rms_of(hz, rate, |_| 1.0), 1e-7),
                 ("ramp", rms_of(hz, rate, |t| t), 2e-6),

@@ -47,7 +47,7 @@ fn aliases_have_the_designed_attenuation() {
         })
     });
     let [literal, fir] = table;
-    // Attenuation of the paper's literal decimation, and limits for the alias-free one.
+    // Attenuation by the paper's literal decimation in dB, and limits for the alias-free one.
     for (found, stated) in literal.into_iter().zip([-7.1, -13.2, -26.4, -53.6]) {
         assert!((found - stated).abs() < 0.1, "{found} instead of {stated}");
     }

@@ -8,9 +8,9 @@ use crate::at_rate::AtRate;
 
 const GOLDEN: &str = include_str!("scipy_rates.csv");
 
-/// Range of the outputs in a line of the golden file.
+/// Indices of the outputs that a line of the golden file covers.
 const PICKED: std::ops::Range<usize> = 384..512;
-/// Distance between two outputs in a line of the golden file.
+/// Step between the indices of two outputs in a line of the golden file.
 const EVERY: usize = 8;
 
 /// Returns 20 mV of offset plus noise of at most 46 uV, as in `scipy_rates.py`.

@@ -1,4 +1,4 @@
-//! Counts of the encoder on one machine.
+//! Instruction counts of the encoder on one emulated machine.
 
 use emulator::Machine;
 use model::HOP;
@@ -11,15 +11,15 @@ use crate::report::images::{Lines, Tallies};
 #[derive(Debug, Clone)]
 pub(crate) struct Counts {
     pub(crate) machine: Machine,
-    /// A column for each time step of a hop.
+    /// Tallies of instructions, with one column for each time step of a hop.
     pub(crate) steps: Tallies,
     /// Name and instructions per code of each kernel.
     pub(crate) kernels: Vec<(&'static str, u32)>,
-    /// Instructions of the acquisition for the time steps of a code.
+    /// Number of instructions of the acquisition for all time steps of one code.
     pub(crate) acquisition: u32,
-    /// State of acquisition and encoder, bytes.
+    /// RAM that the state of acquisition and encoder occupies, bytes.
     pub(crate) ram: u32,
-    /// Codes that differ from those of the PC.
+    /// Number of codes that differ from those of the PC.
     pub(crate) different: usize,
 }
 
@@ -49,12 +49,13 @@ impl Counts {
         })
     }
 
-    /// Returns the instructions of a code: the sum of the most that each time step of a hop takes.
+    /// Returns the number of instructions per code: the sum, over the time steps of a hop, of the
+    /// largest count of each.
     pub(crate) fn per_code(&self) -> u32 {
         (0..HOP).map(|place| self.steps.range(place)[1]).sum()
     }
 
-    /// Whether each time step takes the same number of instructions for every input.
+    /// Returns whether each time step takes the same number of instructions for every input.
     pub(crate) fn is_constant(&self) -> bool {
         (0..HOP).all(|place| self.steps.is_constant(place))
     }
@@ -100,7 +101,8 @@ impl Counts {
         worst * f64::from(small(HOP)) / sum
     }
 
-    /// Returns the instructions per code outside the kernels: requantisation, sums, order.
+    /// Returns the number of instructions per code outside the kernels: requantisation, sums,
+    /// reordering.
     pub(crate) fn rest_per_code(&self) -> i64 {
         let in_kernels: u32 = self.kernels.iter().map(|kernel| kernel.1).sum();
         i64::from(self.per_code()) - i64::from(in_kernels)

@@ -18,7 +18,7 @@ const BRANCH_M4: u32 = 3;
 /// with it.
 const BRANCH_M7: u32 = 2;
 
-/// Multiplications of two pairs of 16 bits.
+/// Names of the instructions that multiply two pairs of 16-bit numbers.
 const PRODUCTS: &[&str] = &["smlad", "smuad"];
 
 /// Returns the loops that take most of the encoder's time: the function, instructions of which each iteration
@@ -43,13 +43,13 @@ fn work() -> [(&'static str, &'static [&'static str], usize); 4] {
 #[derive(Debug, Clone, Serialize)]
 pub(crate) struct LoopCycles {
     name: &'static str,
-    /// Iterations.
+    /// Number of iterations of the loop per code.
     turns_per_code: u32,
-    /// Instructions of an iteration.
+    /// Number of instructions in one iteration.
     instructions: u32,
-    /// Cycles of an iteration by ARM's table, which exists for the Cortex-M4 only.
+    /// Cycles per iteration by ARM's table, which exists for the Cortex-M4 only.
     pub(crate) arm_table: Option<u32>,
-    /// Cycles of an iteration by llvm-mca.
+    /// Cycles per iteration by llvm-mca.
     pub(crate) llvm_mca: Option<f64>,
 }
 
@@ -57,12 +57,12 @@ pub(crate) struct LoopCycles {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Loops {
     pub(crate) loops: Vec<LoopCycles>,
-    /// Cycles that are left out, with the reason.
+    /// Reasons for which cycle figures are left out, one per figure.
     pub(crate) skipped: Vec<String>,
 }
 
 impl Loops {
-    /// Reads the loops from the image, where LLVM's tools are installed.
+    /// Reads the loops from the image, if LLVM's tools are installed.
     pub(crate) fn read(machine: Machine, image: &Image) -> Self {
         let core = machine.core;
         let mca = tools::llvm("llvm-mca");
@@ -83,8 +83,8 @@ impl Loops {
         }
     }
 
-    /// Returns the cycles of a code of this many instructions: those of each loop's iterations, and `rest` for
-    /// each other instruction. `None` where a loop's cycles are unknown.
+    /// Returns the cycles per code for this many instructions: those of each loop's iterations, and
+    /// `rest` for each other instruction. `None` if a loop's cycles are unknown.
     pub(crate) fn per_code(
         &self,
         instructions: u32,
@@ -130,7 +130,7 @@ fn loops(image: &Image, is_m7: bool, mca: Option<&str>) -> Result<Vec<LoopCycles
     work().into_iter().map(read).collect()
 }
 
-/// Returns the share of a clock that the codes of a stream take, percent.
+/// Returns the share of a processor's clock cycles that the codes of a live stream take, percent.
 pub(crate) fn load_percent(cycles_per_code: f64, mhz: f64) -> f64 {
     let codes_per_second = f64::from(STEP_RATE_HZ) / f64::from(u32::try_from(HOP).unwrap_or(1));
     100.0 * cycles_per_code * codes_per_second / (mhz * 1e6)

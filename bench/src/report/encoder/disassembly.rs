@@ -9,7 +9,7 @@ use crate::report::tools;
 /// Instructions of a loop in order, without its branch.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Loop {
-    /// In the assembler's syntax.
+    /// Instructions in order, in the assembler's syntax.
     pub(crate) instructions: Vec<String>,
 }
 
@@ -108,7 +108,7 @@ impl Loop {
     }
 }
 
-/// Disassembles all functions of an image, where llvm-objdump is installed.
+/// Disassembles all functions of an image, if llvm-objdump is installed.
 pub(crate) fn disassemble(image: &Path) -> Option<String> {
     let mut command = Command::new(tools::llvm("llvm-objdump")?);
     let output = command

@@ -14,7 +14,7 @@ use crate::report::failure::Failure;
 /// has returned.
 const ALLOWED: &str = "src/zerocopy_channel.rs";
 
-/// Last bytes of the name of a panic's source file.
+/// Last bytes of every source file's name, by which the names are found in the image.
 const SOURCE: &[u8] = b".rs";
 
 /// Reads the bytes that an image loads into flash: instructions, constants and initial values of variables.

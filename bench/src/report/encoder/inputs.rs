@@ -40,7 +40,8 @@ pub(crate) fn inputs(windows: usize) -> Result<Inputs<Plane>, Failure> {
     Ok(inputs)
 }
 
-/// Returns the planes of at most `steps` time steps that the acquisition makes of these samples.
+/// Returns the planes of at most `steps` time steps, computed by the acquisition from these
+/// samples.
 fn planes(mains: Mains, samples: impl IntoIterator<Item = Counts>, steps: usize) -> Vec<Plane> {
     let mut acquisition = Acquisition::new(mains);
     samples

@@ -13,7 +13,7 @@ use crate::report::inputs::{self, Counts, Inputs};
 /// Real EEG below the folder in `CORTICODE_DATA`: 61 electrodes at 512 Hz.
 const REAL: &str = "derived/s001r04_61ch_512hz_i16.gdf";
 
-/// Samples of an input: 2 s.
+/// Number of samples in an input: 2 s.
 const SAMPLES: usize = BLOCKS * BLOCK;
 
 /// Makes [`BLOCKS`] blocks of each input, the same on every run.

@@ -22,7 +22,7 @@ use crate::response::{BAND_HZ, MAINS_HZ, Twin};
 const SETTLING_S: usize = 32;
 /// Duration of the measurement, s.
 const MEASURED_S: usize = 64;
-/// Electrodes, each with its own signal; their powers are averaged.
+/// Number of electrodes, each with a different signal; their powers are averaged.
 const ELECTRODES: u64 = 8;
 
 /// Test signals: name, and amplitudes in uV of the electrode offset (of alternating sign from electrode to
@@ -38,7 +38,7 @@ const EEG: [f64; 3] = [20_000.0, 100.0, 30.0];
 pub(crate) struct Measured {
     /// Noise between 0.5 and 60 Hz with each of [`SIGNALS`], nV rms.
     in_band: [f64; SIGNALS.len()],
-    /// With [`EEG`]: frequency in Hz, density in nV per root Hz.
+    /// Noise density with the signal [`EEG`]: frequency in Hz, density in nV per root Hz.
     density: Vec<(f64, f64)>,
 }
 

@@ -7,12 +7,12 @@ use realfft::RealFftPlanner;
 /// Samples per segment: 8 s at 512 Hz, which puts the band's lower edge, 0.5 Hz, at bin 4 (DC is bin 0).
 const SEGMENT: usize = 4096;
 
-/// Power spectral density over frequency.
+/// Power spectral density of a signal, in bins of equal width from 0 Hz upwards.
 #[derive(Debug, Clone)]
 pub(crate) struct Spectrum {
     /// Width of a bin, Hz; the first bin is centred on 0.
     bin_hz: f64,
-    /// Squared unit of the signal per Hz.
+    /// Density of each bin, in the squared unit of the signal per Hz.
     power: Vec<f64>,
 }
 

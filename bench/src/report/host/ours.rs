@@ -9,7 +9,7 @@ use pipeline::{Acquisition, Code, Encoder, Mains, Pipeline, Sample, Step};
 use crate::report::failure::Failure;
 use crate::report::inputs;
 
-/// Windows of the input, and of PyTorch's batch.
+/// Number of windows in the input, and in PyTorch's batch.
 pub(crate) const WINDOWS: usize = 256;
 
 /// Shortest duration of a measurement; `torch_encoder.py` has the same.
@@ -44,7 +44,7 @@ impl Ours {
         })
     }
 
-    /// Returns the windows as the float network takes them, ordered by time step and cell.
+    /// Returns the windows as input of the float network, ordered by time step and cell.
     pub(crate) fn float_windows(&self, sd_uv: f64) -> Vec<[f32; STEPS * CELLS]> {
         #[expect(
             clippy::cast_possible_truncation,

@@ -13,7 +13,7 @@ use crate::report::checked_in::ARTIFACT;
 use crate::report::failure::Failure;
 use crate::report::tools;
 
-/// Interpreters that are tried in this order.
+/// Python interpreters, tried in this order.
 const PYTHONS: [&str; 2] = ["python3", "/usr/bin/python3"];
 
 /// Input of the float network, ordered by time step and cell.
@@ -25,7 +25,7 @@ pub(crate) struct Torch {
     process: Child,
     commands: ChildStdin,
     answers: BufReader<ChildStdout>,
-    /// First line that the process prints.
+    /// Version of PyTorch: the first line that the process prints.
     pub(crate) version: String,
 }
 
