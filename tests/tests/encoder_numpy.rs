@@ -12,7 +12,7 @@ use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::{HOP, STEPS};
 use pipeline::{Acquisition, Encoder, Mains, Plane, Sample, Step};
 
-/// Windows over all inputs, unless `CORTICODE_WINDOWS` asks for more.
+/// Number of windows over all inputs, unless `CORTICODE_WINDOWS` asks for more.
 const WINDOWS: usize = 1_000;
 
 /// Formats of codes; network number n has format n modulo 3.
@@ -41,7 +41,7 @@ fn numpy_computes_the_codes_of_the_streaming_encoder() {
     let different = pairs.filter(|(ours, theirs)| ours != theirs).count();
     println!("{} windows, {different} different", codes.len());
     assert_eq!((theirs.len(), different), (codes.len(), 0));
-    // Codes repeat only in silence.
+    // Codes repeat only if the input is silent.
     let changes = codes.windows(2).filter(|pair| pair[0] != pair[1]).count();
     assert!(changes > codes.len() / 2, "{changes} of {}", codes.len());
 }

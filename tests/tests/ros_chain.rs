@@ -11,7 +11,7 @@ use pipeline::{Mains, Pipeline, Sample};
 
 /// Seconds of EEG per run.
 const SECONDS: u32 = 20;
-/// Longest delay of the end of a run on a busy machine.
+/// Longest delay until a run ends on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
@@ -169,7 +169,7 @@ fn assert_contract(messages: &[Message]) {
                 .all(|value| (low..=high).contains(value))
         );
     }
-    // 16.00 Hz: device times are exactly 32 samples of 512 Hz apart.
+    // Codes arrive at 16.00 Hz: their device times are exactly 32 samples of 512 Hz apart.
     for pair in messages.windows(2) {
         assert_eq!(
             pair[1].status.device_us() - pair[0].status.device_us(),

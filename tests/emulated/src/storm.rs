@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::frames::encoded;
 use crate::script::{Script, frame};
 
-/// Time from one command to the next in microseconds.
+/// Time from one command to the next, in microseconds.
 pub const PERIOD_US: u64 = 10_000;
 /// Time from a command to the garbage that follows it in microseconds.
 const GARBAGE_US: u64 = 5_000;
@@ -25,8 +25,9 @@ impl Message<'_> for Unknown {
     const DIRECTION: u8 = ToDevice::DIRECTION;
 }
 
-/// A hundred commands a second for as long as `samples` samples last: every kind that does not end the stream,
-/// wrong arguments, repetitions, and garbage in between. The same in every run.
+/// Returns a script with a hundred commands a second for as long as `samples` samples last: every
+/// kind of command that does not end the stream, wrong arguments, repetitions, and garbage in
+/// between. It is the same in every run.
 pub fn script(samples: usize) -> Script {
     let mut random = ChaCha8Rng::seed_from_u64(13);
     let mut script = Script::default();

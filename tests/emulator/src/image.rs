@@ -11,7 +11,7 @@ use crate::error::EmulatorError;
 use crate::installed::check_target;
 use crate::machine::TARGET;
 
-/// A linked program for a microcontroller.
+/// A linked program for a microcontroller, as an ELF file.
 #[derive(Debug, Clone)]
 pub struct Image {
     path: PathBuf,
@@ -89,7 +89,8 @@ fn target_folder_of(image: &Path) -> &Path {
     image.ancestors().nth(3).unwrap_or(Path::new("."))
 }
 
-/// Runs cargo in the workspace's root and returns its messages as JSON lines. Under cargo, this is the same cargo.
+/// Runs cargo in the workspace's root and returns its messages as JSON lines. If this program runs
+/// under cargo, the same cargo is used.
 fn cargo(arguments: &[&str]) -> Result<String, EmulatorError> {
     let failed = |why: String| EmulatorError::Build {
         command: format!("cargo {}", arguments.join(" ")),

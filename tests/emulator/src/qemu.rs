@@ -1,4 +1,4 @@
-//! The command line of QEMU, and a run of it.
+//! QEMU's command line, and a run with it.
 
 use std::fmt;
 use std::io::{BufRead, BufReader, ErrorKind};
@@ -15,9 +15,9 @@ use crate::machine::{Machine, QEMU};
 /// Connection of the emulated board's first UART.
 #[derive(Debug, Clone, Copy)]
 pub enum Uart<'f> {
-    /// Nowhere; the image does not use the UART.
+    /// Not connected; the image does not use the UART.
     None,
-    /// To a file of this name in the run's folder; nothing is received.
+    /// To a file of this name in the run's folder; the image receives nothing.
     File(&'f str),
     /// Through the named pipes `NAME.in` and `NAME.out` in the run's folder.
     Pipes(&'f str),
