@@ -65,7 +65,7 @@ const _: () = {
     assert!(2 * (OPCODE_BYTES + 1) <= STAGE_BYTES);
 };
 
-/// Next stage, in the data sheet's order (data sheet section 11.1, figure 67).
+/// Next stage, in the data sheet's order (section 11.1, figure 67).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     /// Drive the pins to their idle level.
