@@ -225,7 +225,7 @@ impl Descriptors {
         self.configuration = configuration;
     }
 
-    /// Parses and checks the BOS descriptor.
+    /// Parses and checks the BOS descriptor, which lists the device's capabilities.
     pub(super) fn parse_bos(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
         let mut checker = Checker { now, violations };
         let section = "BOS descriptor, USB 3.2, 9.6.2";
