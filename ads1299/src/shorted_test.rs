@@ -5,8 +5,8 @@ use crate::limits::{Limits, SelfTestFault};
 use crate::rate::Rate;
 use crate::statistics::{Statistics, rms};
 
-/// Measures offset and noise of one channel with shorted input. The data sheet (section 8.1) uses 1000
-/// samples; samples after the first 2^16 are ignored.
+/// Measures offset and noise of one channel with shorted input. The data sheet (section 8.1) uses
+/// 1000 samples; samples after the first 2^16 are ignored.
 #[derive(Clone, Debug)]
 pub struct ShortedTest {
     gain: Gain,

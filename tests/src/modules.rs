@@ -70,7 +70,7 @@ impl Modules {
         Ok(modules)
     }
 
-    /// Every file that belongs to the crate, those of its unit tests included.
+    /// Returns every file that belongs to the crate, those of its unit tests included.
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.files.values().flatten().chain(&self.test_files)
     }
@@ -146,7 +146,8 @@ impl Modules {
         Ok(())
     }
 
-    /// Files of the deepest module that a path leads through; `None` for another crate's path.
+    /// Returns the files of the deepest module that a path leads through; `None` for another
+    /// crate's path.
     fn resolve(&self, from: &ModulePath, path: &[String]) -> Option<&BTreeSet<PathBuf>> {
         let mut segments = path.iter();
         let mut module = from.clone();

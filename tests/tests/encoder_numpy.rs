@@ -1,8 +1,8 @@
-//! The streaming encoder computes the codes that numpy computes from the integer model, byte for byte, and so does
-//! the integer reference for networks of every shape.
+//! The streaming encoder computes the codes that numpy computes from the integer model, byte for
+//! byte. So does the integer reference for networks of every shape.
 //!
-//! The numpy implementation, `encoder_numpy.py`, shares no code with the Rust ones. It reads the integers that
-//! model-gen makes of the weights, in PyTorch's order.
+//! The numpy implementation, `encoder_numpy.py`, shares no code with the Rust ones. It reads the
+//! integers that model-gen computes from the weights, in PyTorch's order.
 #![forbid(unsafe_code)]
 
 use acceptance::{any_artifact, numpy_reference, real_data, workspace};
@@ -86,7 +86,7 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
     }
 }
 
-/// Planes of extreme inputs, of synthetic EEG, and of real EEG where it is available.
+/// Returns planes of extreme inputs, of synthetic EEG, and of real EEG if it is available.
 fn inputs(test: &str) -> Vec<Vec<Plane>> {
     let requested = std::env::var("CORTICODE_WINDOWS").ok();
     let windows = requested.map_or(WINDOWS, |text| text.parse().expect("a number of windows"));

@@ -66,7 +66,7 @@ fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
     assert!(largest > 50.0);
 }
 
-/// scipy's sections, the notch first; each has b0, b1, b2, a0 = 1, a1, a2.
+/// Returns scipy's filter sections, the notch first; each has b0, b1, b2, a0 = 1, a1, a2.
 fn sections(reference: &mut Npz) -> Vec<[f64; 6]> {
     let band_pass: Array = reference.array("sos").expect("sos");
     let notch = reference.array("notch").expect("notch");

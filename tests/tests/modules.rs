@@ -63,7 +63,7 @@ fn every_source_file_is_declared_by_a_module() {
     );
 }
 
-/// The file without `..`, which `#[path]` may contain.
+/// Returns the path of a file without `..`, which a `#[path]` attribute can contain.
 fn canonical(file: &Path) -> PathBuf {
     file.canonicalize().expect("an existing file")
 }

@@ -9,7 +9,8 @@ use model_gen::{IntegerModel, ModelGenError, quantise};
 /// Number of windows per variant; its calibration has not seen them.
 const WINDOWS: usize = 6;
 
-/// Codes of the same windows by the float encoder, and by the integer encoder after dequantisation.
+/// Returns the codes of the same windows by the float encoder, and by the integer encoder after
+/// dequantisation.
 fn codes(
     artifact: &Artifact,
     model: &IntegerModel,
@@ -66,7 +67,7 @@ fn zeros_in_place_of_the_padding_degrade_the_codes() {
         model.hidden_padding.fill(0);
         let wrong = sqnr_db(&codes(&artifact, &model, 7));
         println!("{padding:?}: {right:.1} dB, with zeros {wrong:.1} dB");
-        // Measured: 26 dB less.
+        // Measured: the ratio with zeros is 26 dB less than the right one.
         assert!(wrong < right - 20.0, "{padding:?}: {right:.1}, {wrong:.1}");
     }
 }

@@ -11,7 +11,7 @@ use link::Flags;
 use model::{ADC_RATE_HZ, CHANNELS, ELECTRODES, HOP, LSB_NV, STEP_RATE_HZ};
 use pipeline::{Acquisition, Mains, Sample};
 
-/// Seconds of EEG.
+/// Duration of the EEG in seconds.
 const SECONDS: usize = 8;
 /// Number of samples per frame of `/neurodata`: those of one hop.
 const SAMPLES: usize = HOP * ADC_RATE_HZ as usize / STEP_RATE_HZ as usize;
@@ -122,7 +122,8 @@ fn assert_frames(messages: &[Message], nsamples: usize, rate_hz: u16) {
     }
 }
 
-/// Checks values, within the six decimals of the subscriber's lines and float32.
+/// Checks that the values are the expected ones, within float32 and the six decimals of the
+/// subscriber's lines.
 fn assert_values(messages: &[Message], expected: &[f64]) {
     let values = messages.iter().flat_map(|message| &message.values);
     let mut count = 0;

@@ -166,7 +166,7 @@ fn from_registry(packages: &[Package]) -> impl Iterator<Item = &Package> {
     packages.iter().filter(|package| package.source.is_some())
 }
 
-/// Packages of a workspace's lock file.
+/// Returns the packages in a workspace's lock file.
 fn locked(workspace: &str) -> Vec<Package> {
     let lock = table(workspace, "Cargo.lock");
     let packages = lock["package"].as_array().expect("packages").iter();

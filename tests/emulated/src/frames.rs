@@ -62,7 +62,7 @@ pub struct Boot {
     pub clock_readings: Vec<(u64, ClockReading)>,
     /// Number of intact frames.
     pub frames: u32,
-    /// Number of frames that could not be decoded.
+    /// `Capabilities` messages, each encoded by [`encoded`].
     pub damaged: u32,
     /// Decoding error of the first damaged frame.
     pub first_damage: Option<FrameError>,

@@ -72,7 +72,8 @@ pub struct Triggers {
     events: Vec<(u64, Event)>,
 }
 
-/// Figures of a run: edges at the input, events received, and edges without an event.
+/// Figures of a run: number of edges at the input, of events received, and of edges without an
+/// event.
 #[derive(Debug, Clone, Serialize)]
 pub struct Counts {
     edges: usize,
@@ -81,7 +82,7 @@ pub struct Counts {
 }
 
 impl Triggers {
-    /// Collects the events from the frames that were sent.
+    /// Collects the events from the bytes that a board has sent.
     pub fn new(sent: &[u8], edges: Vec<u64>) -> Self {
         let mut events = Vec::new();
         frames::for_each(sent, |header, message| {

@@ -93,7 +93,7 @@ struct Output {
     kind: &'static str,
     /// Device time in microseconds.
     at_us: u64,
-    /// The message in the form of [`frames::encoded`].
+    /// The message as bytes, encoded by [`frames::encoded`].
     bytes: Vec<u8>,
 }
 

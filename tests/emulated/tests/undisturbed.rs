@@ -56,7 +56,8 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
     }
 }
 
-/// Whether both runs have sent the same bytes, but for measured times, and printed the same lines.
+/// Returns whether both runs have sent the same bytes, except for measured times, and have printed
+/// the same lines.
 fn is_repeated([first, second]: &[Run; 2]) -> bool {
     without_timing(&first.sent) == without_timing(&second.sent) && first.lines == second.lines
 }

@@ -84,7 +84,8 @@ impl Image {
     }
 }
 
-/// Cargo's target folder: `target/TRIPLE/PROFILE/bin` and `target/emulator/VARIANT/bin` are both three levels deep.
+/// Returns cargo's target folder: `target/TRIPLE/PROFILE/bin` and `target/emulator/VARIANT/bin` are
+/// both three levels deep.
 fn target_folder_of(image: &Path) -> &Path {
     image.ancestors().nth(3).unwrap_or(Path::new("."))
 }
@@ -111,7 +112,7 @@ fn cargo(arguments: &[&str]) -> Result<String, EmulatorError> {
     }
 }
 
-/// Path of a program in the messages of a build.
+/// Returns the path of a program from the messages of a build.
 fn executable(messages: &str, bin: &str) -> Option<PathBuf> {
     let messages = messages.lines();
     let messages = messages.filter_map(|line| serde_json::from_str::<Message>(line).ok());

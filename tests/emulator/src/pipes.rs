@@ -81,7 +81,8 @@ fn create(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Creates a named pipe and opens it for both directions, so that it outlives QEMU's end of it.
+/// Creates a named pipe and opens it for both directions; it then stays open when QEMU closes its
+/// end.
 fn open(path: &Path) -> io::Result<File> {
     create(path)?;
     let mut options = OpenOptions::new();

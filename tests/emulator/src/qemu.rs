@@ -12,7 +12,7 @@ use crate::error::EmulatorError;
 use crate::image::Image;
 use crate::machine::{Machine, QEMU};
 
-/// Connection of the emulated board's first UART.
+/// Where the emulated board's first UART is connected.
 #[derive(Debug, Clone, Copy)]
 pub enum Uart<'f> {
     /// Not connected; the image does not use the UART.
@@ -141,7 +141,7 @@ fn run_to_end(
     }
 }
 
-/// Command line as typed in a shell, for arguments without blanks.
+/// Returns the command line as typed in a shell, for arguments without blanks.
 fn as_typed(command: &Command) -> String {
     let words = [command.get_program()]
         .into_iter()
