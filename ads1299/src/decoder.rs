@@ -15,7 +15,7 @@ const CHANGE_OVER: u8 = 4;
 /// at a rail or at 0 (the value of a channel that is off) are not counted.
 ///
 /// The noise of a shorted channel is 9.4 counts rms at gain 24 and 512 Hz (`typical_noise_uv`). So
-/// two consecutive counts are equal by chance with probability `1 / (9.4 sqrt(2) sqrt(2 pi))` = 3 %.
+/// two consecutive counts are equal by chance with probability `1 / (9.4 sqrt(2) sqrt(2 pi))`, 3 %.
 /// All eight channels of a chip repeat by chance once in twelve years in a chain of eight chips.
 ///
 /// With a threshold of five, the last chip of a 61-electrode cap, which has three spare channels,
