@@ -1,12 +1,13 @@
-//! Bit positions of the chips in a frame.
+//! Start bit of each chip's part in a frame: with or without a don't-care bit between two chips.
 
-/// Bit positions of the chips in a frame. The data sheet draws a don't-care bit between two chips of a
-/// daisy chain (revision A, figure 41); others report 27 bytes per chip without it.
+/// Spacing of the chips' parts in a frame. The data sheet draws a don't-care bit between two chips
+/// of a daisy chain (revision A, figure 41); other sources report 27 bytes per chip without such a
+/// bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Alignment {
-    /// Chip k starts at bit 216 k.
+    /// Without a don't-care bit: chip k starts at bit 216 k.
     Packed = 0,
-    /// Chip k starts at bit 217 k, because of a don't-care bit between chips.
+    /// With a don't-care bit between two chips: chip k starts at bit 217 k.
     Spaced = 1,
 }
 
@@ -14,7 +15,8 @@ impl Alignment {
     /// Returns the offset of chip k from byte 27 k, in bits: 0 to 7 for k < 8.
     #[inline]
     pub(crate) const fn shift(self, chip: u32) -> u32 {
-        // A product instead of a branch; the mask bounds the shift for the compiler.
+        // A product is used instead of a branch; the mask shows the compiler that the result is at
+        // most 7.
         (self as u32 * chip) & 7
     }
 

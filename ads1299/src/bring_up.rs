@@ -17,8 +17,9 @@ use crate::settings::Settings;
 
 /// Progress of a bring-up, and the registers that it has read back.
 ///
-/// One stage clocks at most [`STAGE_BYTES`]: 1.1 ms at 82 kHz with the decoding times. So a device with
-/// a sample every 1.9 ms can run a stage in between. The caller waits between stages.
+/// One stage clocks at most [`STAGE_BYTES`], which takes 1.1 ms at an SCLK of 82 kHz, decoding
+/// times included. So a device with a sample every 1.9 ms can run a stage between two samples. The
+/// caller waits between stages.
 #[derive(Clone, Debug)]
 pub(crate) struct BringUp<const CHIPS: usize> {
     next: Stage,
@@ -28,20 +29,21 @@ pub(crate) struct BringUp<const CHIPS: usize> {
     pub(crate) read_backs: [ReadBack; CHIPS],
 }
 
-/// Registers written in one stage. The read-only lead-off status between the last two ranges is skipped.
+/// Register indices written, one range per stage. The read-only lead-off status between the last
+/// two ranges is skipped.
 const WRITTEN: [Range<usize>; 3] = [
     Register::CONFIG1.index()..9,
     9..Register::LOFF_STATP.index(),
     Register::GPIO.index()..Register::COUNT,
 ];
 
-/// Registers read in one stage.
+/// Register indices read, one range per stage.
 const READ: [Range<usize>; 3] = [0..8, 8..16, 16..Register::COUNT];
 
 /// Ranges per chip in [`WRITTEN`] and in [`READ`].
 const PARTS: usize = 3;
 
-/// Most bytes that one stage clocks.
+/// Largest number of bytes that one stage clocks.
 const STAGE_BYTES: usize = 11;
 
 /// Bytes of RREG and WREG before the values: opcode and number of registers.
@@ -59,11 +61,11 @@ const _: () = {
         assert!(OPCODE_BYTES + read + RDATAC_BYTES <= STAGE_BYTES);
         part += 1;
     }
-    // CONFIG3 is read and written in one stage.
+    // CONFIG3 is read and written in one stage: two commands of one register each.
     assert!(2 * (OPCODE_BYTES + 1) <= STAGE_BYTES);
 };
 
-/// Next stage, in the data sheet's order (11.1, figure 67).
+/// Next stage, in the data sheet's order (section 11.1, figure 67).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     /// Drive the pins to their idle level.
@@ -79,7 +81,8 @@ enum Stage {
 }
 
 impl<const CHIPS: usize> BringUp<CHIPS> {
-    /// Starts with the supplies: the chips are reset `power_us` microseconds from now.
+    /// Creates a bring-up that starts with the supplies: the chips are reset `power_us`
+    /// microseconds after the first stage.
     pub(crate) const fn from_power(power_us: u32) -> Self {
         Self {
             next: Stage::Power,
@@ -89,7 +92,7 @@ impl<const CHIPS: usize> BringUp<CHIPS> {
         }
     }
 
-    /// Starts with chips that have been reset since power-up.
+    /// Creates a bring-up for chips that have already been reset since power-up.
     pub(crate) const fn from_reset() -> Self {
         let mut bring_up = Self::from_power(0);
         bring_up.next = Stage::Stop;
@@ -98,13 +101,14 @@ impl<const CHIPS: usize> BringUp<CHIPS> {
 }
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
-    /// Brings the chain up in the data sheet's order (11.1, figure 67): START and selects idle,
-    /// 2^18 tCLK, reset, 18 tCLK, SDATAC, IDs, reference and 150 ms, all other registers, read-back.
-    /// Takes 0.33 s for eight chips. If VCAP1 needs more than 175 ms to reach 1.1 V, wait before the call.
+    /// Brings the chain up in the data sheet's order (section 11.1, figure 67): START and selects
+    /// idle, 2^18 tCLK, reset, 18 tCLK, SDATAC, IDs, reference and 150 ms, all other registers,
+    /// read-back. The call lasts 0.33 s for eight chips. If VCAP1 needs more than 175 ms to reach
+    /// 1.1 V, wait before the call.
     ///
     /// # Errors
     /// The first chip with a wrong ID, the first register that did not keep its value, or a bus or
-    /// pin that failed. The call can be repeated after any of them.
+    /// pin that failed. The call can be repeated after any of these errors.
     pub async fn power_up(
         &mut self,
         settings: &Settings<CHIPS>,
@@ -187,7 +191,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
                 let (chip, run) = (part / PARTS, READ[part % PARTS].clone());
                 let read_back = &mut bring_up.read_backs[chip];
                 self.read_part(chip, &mut read_back.read, run).await?;
-                // The comparison is complete with the chip's last range.
+                // The last range of a chip completes its registers; earlier comparisons of the chip
+                // are overwritten.
                 *read_back = ReadBack::new(&settings.image(chip), read_back.read);
                 if part + 1 < PARTS * CHIPS {
                     Stage::ReadBack(part + 1)

@@ -7,8 +7,8 @@ use embedded_hal_async::spi::SpiBus;
 pub enum Speed {
     /// Registers: at most 105 kHz, because of the read-back resistors to MISO (decision 0011).
     Registers,
-    /// Frames of samples, and opcodes without an answer: the board's fastest SCLK up to 20 MHz (7.6:
-    /// 50 ns with DVDD from 2.7 V).
+    /// Frames of samples, and opcodes without an answer: the board's fastest SCLK up to 20 MHz
+    /// (data sheet section 7.6: a period of 50 ns with DVDD from 2.7 V).
     Bursts,
 }
 

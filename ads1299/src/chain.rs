@@ -16,8 +16,9 @@ use crate::settings::Settings;
 
 /// Wires of a chain of 1 to 8 chips: SPI in mode 1, and pins of one type.
 ///
-/// The driver changes SCLK ([`Bus`]). The chips accept 20 MHz for registers too, because the driver
-/// waits for the decoding time after each byte; the limit is the board's read-back path.
+/// The driver changes SCLK between registers and bursts ([`Bus`]). The chips themselves accept 20
+/// MHz for registers too, because the driver waits for the decoding time after each byte; only the
+/// board's read-back resistors require a slower SCLK.
 #[derive(Debug)]
 pub struct Chain<Spi, Line, Delay, const CHIPS: usize> {
     /// SPI bus; must not be used for other devices while a chip is selected.
@@ -32,7 +33,8 @@ pub struct Chain<Spi, Line, Delay, const CHIPS: usize> {
     pub delay: Delay,
 }
 
-/// Longest delay between two calls of `progress`, in microseconds; the shortest watchdog period is 136 ms.
+/// Longest delay between two calls of `progress`, in microseconds. It must stay below the shortest
+/// watchdog period, 136 ms.
 const SLICE_US: u32 = 20_000;
 
 /// Consecutive registers: the first one, and the values.
@@ -173,7 +175,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     ) -> Result<(), Error> {
         self.select(chips.clone(), true)?;
         let result = self.exchange_bytes(send, receive).await;
-        // Deselecting after a failure too resets the chips' command decoder.
+        // Also after a failure: deselecting resets the chips' command decoder.
         let released = self.select(chips, false);
         self.wait(DESELECTED).await;
         result.and(released)
@@ -256,7 +258,7 @@ const fn less_one(values: &[u8]) -> u8 {
     values.len().saturating_sub(1) as u8
 }
 
-/// Chip index as carried in errors and reports.
+/// Chip index as a byte, the form that errors and reports hold.
 #[expect(clippy::cast_possible_truncation, reason = "at most 8 chips")]
 pub(crate) const fn number(chip: usize) -> u8 {
     chip as u8

@@ -1,12 +1,12 @@
 //! Master clock of the chips.
 
-/// Slowest permitted clock: 1 / 666 ns (7.6).
+/// Slowest permitted clock in Hz: 1 / 666 ns (data sheet section 7.6).
 const SLOWEST_HZ: u32 = 1_501_502;
 
-/// Fastest permitted clock: 1 / 444 ns (7.6).
+/// Fastest permitted clock in Hz: 1 / 444 ns (data sheet section 7.6).
 const FASTEST_HZ: u32 = 2_252_252;
 
-/// Master clock, shared by the chips. All their times are multiples of its period, tCLK.
+/// Master clock, shared by the chips. All times of the chips are multiples of its period, tCLK.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
     hz: u32,
@@ -14,20 +14,21 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// External 2^21 Hz: 512 samples per second, and a test signal of 1 Hz.
+    /// External clock of 2^21 Hz, which gives 512 samples per second and a test signal of 1 Hz.
     pub const EEG: Self = Self {
         hz: 1 << 21,
         internal: false,
     };
 
     /// Chip 0's internal oscillator, 2.048 MHz, which feeds the others from its CLK pin. Chip 0 has
-    /// CLKSEL high, the others low (9.3.2.2).
+    /// CLKSEL high, the others low (data sheet section 9.3.2.2).
     pub const INTERNAL: Self = Self {
         hz: 2_048_000,
         internal: true,
     };
 
-    /// Returns an external clock of `hz` at every CLK pin; `None` if tCLK is outside 444 to 666 ns (7.6).
+    /// Returns an external clock of `hz` at every CLK pin; `None` if tCLK is outside 444 to 666 ns
+    /// (data sheet section 7.6).
     pub const fn external(hz: u32) -> Option<Self> {
         if hz < SLOWEST_HZ || hz > FASTEST_HZ {
             return None;
@@ -38,8 +39,9 @@ impl Clock {
         })
     }
 
-    /// Slowest clock of the data sheet. Delays are computed for it, so that a chain with a wrong clock
-    /// still answers; [`ReadyMeter`](crate::ready::ReadyMeter) then reports the wrong rate.
+    /// Slowest clock that the data sheet permits. Delays are computed for this clock, and are
+    /// therefore long enough for a chain with a wrong clock, which still answers;
+    /// [`ReadyMeter`](crate::ready::ReadyMeter) then reports the wrong rate.
     pub(crate) const SLOWEST: Self = Self {
         hz: SLOWEST_HZ,
         internal: false,
@@ -55,9 +57,10 @@ impl Clock {
         self.internal
     }
 
-    /// Accepted deviation of the measured rate, in ppm. The internal oscillator is within
-    /// 2.5 % over temperature (section 7.5, from memory). A quartz is within 100 ppm; the rest allows for
-    /// the clock that stamps the edges.
+    /// Accepted deviation of the measured sample rate from the configured one, in ppm. The internal
+    /// oscillator is within 2.5 % over temperature (data sheet section 7.5, from memory, not
+    /// checked). A quartz is within 100 ppm; the other 900 ppm allow for the clock that stamps the
+    /// edges of DRDY.
     pub const fn tolerance_ppm(self) -> u32 {
         if self.internal { 25_000 } else { 1_000 }
     }

@@ -1,4 +1,4 @@
-//! A chain that is set up and does not convert yet.
+//! Stopped state of a chain: brought up, its registers accessible, not yet converting.
 
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
@@ -31,7 +31,7 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         }
     }
 
-    /// Settings that were written last.
+    /// Settings that were written to the chips last.
     pub const fn settings(&self) -> &Settings<CHIPS> {
         &self.settings
     }
@@ -39,8 +39,8 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     /// Writes other settings; the clock must stay the same.
     ///
     /// # Errors
-    /// The first register that did not keep its value, or a bus or pin that failed; then the chips
-    /// must be configured again before they start.
+    /// The first register that did not keep its value, or a bus or pin that failed. After an error
+    /// the chips must be configured again before they start.
     pub async fn configure(&mut self, settings: &Settings<CHIPS>) -> Result<(), Error> {
         self.settings = *settings;
         self.chain.configure(settings).await
@@ -49,7 +49,7 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     /// Reads all registers of all chips and compares them with the settings.
     ///
     /// # Errors
-    /// When the bus or a pin fails; registers that differ are in the result.
+    /// When the bus or a pin fails. Registers that differ are no error; the result names them.
     pub async fn read_back(&mut self) -> Result<[ReadBack; CHIPS], Error> {
         self.chain.set_speed(Speed::Registers)?;
         let mut all = [ReadBack::NONE; CHIPS];

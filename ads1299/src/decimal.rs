@@ -1,9 +1,9 @@
-//! Decimal numbers in messages.
+//! Formatting of decimal numbers in messages, without the standard library's float formatting.
 
 use core::fmt;
 
-/// Formats `.0` with `.1` decimals, rounded. Uses integer formatting only: the standard library's float
-/// formatting takes 15 KB of a microcontroller's flash.
+/// Formats the number `.0` with `.1` decimals, rounded. Uses integer formatting only: the standard
+/// library's float formatting takes 15 KB of a microcontroller's flash.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Decimal(pub(crate) f32, pub(crate) u32);
 

@@ -11,14 +11,16 @@ use crate::status_word::{ChipFault, StatusWord};
 /// Consecutive frames that must fit the other alignment before the decoder switches.
 const CHANGE_OVER: u8 = 4;
 
-/// Repeated counts, over consecutive frames, from which a chip counts as frozen. Channels at a rail or at
-/// 0 (the value of a channel that is off) are not counted.
+/// Number of repeated counts, over consecutive frames, from which a chip counts as frozen. Channels
+/// at a rail or at 0 (the value of a channel that is off) are not counted.
 ///
-/// The noise of a shorted channel is 9.4 counts rms at gain 24 and 512 Hz (`typical_noise_uv`). So two
-/// counts are equal by chance with probability `1 / (9.4 sqrt(2) sqrt(2 pi))` = 3 %: for eight channels of
-/// eight chips once in twelve years. With a threshold of five, the last chip of a 61-electrode cap, which
-/// has three spare channels, is still detected at its first repetition. Five channels without signal and
-/// three at a rail repeat by chance once a day, for one frame. EEG and mains move counts by hundreds.
+/// The noise of a shorted channel is 9.4 counts rms at gain 24 and 512 Hz (`typical_noise_uv`). So
+/// two consecutive counts are equal by chance with probability `1 / (9.4 sqrt(2) sqrt(2 pi))`, 3 %.
+/// All eight channels of a chip repeat by chance once in twelve years in a chain of eight chips.
+///
+/// With a threshold of five, the last chip of a 61-electrode cap, which has three spare channels,
+/// is still detected at its first repetition. Five channels without signal and three at a rail
+/// repeat by chance once a day, for one frame. EEG and mains move counts by hundreds.
 const FROZEN: u8 = 5;
 
 /// Bytes that contain a chip's bits for either alignment.
@@ -26,40 +28,41 @@ const SPAN: usize = CHIP_BYTES + 1;
 
 /// Decodes a stream of frames: finds the chips' alignment and checks each chip.
 ///
-/// The first frame decides the [`Alignment`], by the number of chips whose status starts with 1100. Chip
-/// 1 alone is sufficient: with the wrong alignment its nibble is 100x or x110. Later frames only count
-/// misfits, unless the other alignment fits every chip in four consecutive frames, which no fault of a
-/// single chip can cause.
+/// The first frame decides the [`Alignment`], by the number of chips whose status starts with 1100.
+/// Chip 1 alone is sufficient: read with the wrong alignment, its first four bits are 100x or x110.
+/// In later frames a chip that does not fit is only counted as bad. The alignment changes only when
+/// the other one fits every chip in four consecutive frames, which no fault of a single chip can
+/// cause.
 #[derive(Clone, Debug)]
 pub struct Decoder<const CHIPS: usize> {
-    /// `None` until a frame has a valid chip after chip 0.
+    /// Alignment of the stream; `None` until a frame has a valid chip after chip 0.
     alignment: Option<Alignment>,
-    /// Consecutive frames that fit the other alignment.
+    /// Number of consecutive frames that fit the other alignment.
     against: u8,
-    /// Previous frame, for [`ChipFault::Repeated`].
+    /// Parts of the previous frame, to detect [`ChipFault::Repeated`].
     last: [Part; CHIPS],
-    /// Repeated counts over consecutive frames, at most 13 per chip.
+    /// Number of repeated counts over consecutive frames, at most 13 per chip.
     repeats: [u8; CHIPS],
     counters: Counters<CHIPS>,
 }
 
-/// Counters of a decoder; each wraps.
+/// Counters of a decoder since its creation; each wraps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counters<const CHIPS: usize> {
-    /// Frames decoded.
+    /// Number of frames decoded.
     pub frames: u32,
-    /// Frames in which a chip's status did not start with 1100, per chip.
+    /// Number of frames in which a chip's status did not start with 1100, per chip.
     pub bad_status: [u32; CHIPS],
-    /// Frames in which a chip was frozen, per chip.
+    /// Number of frames in which a chip was frozen, per chip.
     pub repeated: [u32; CHIPS],
-    /// Changes of the alignment after the first lock.
+    /// Number of changes of the alignment after the first frame decided it.
     pub realigned: u32,
 }
 
-/// Status of a decoded frame.
+/// Result of decoding a frame: alignment, status words, and bad or frozen chips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameStatus<const CHIPS: usize> {
-    /// Alignment that was used.
+    /// Alignment with which this frame was decoded.
     pub alignment: Alignment,
     /// Status word of each chip.
     pub words: [StatusWord; CHIPS],
@@ -131,20 +134,21 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
         &self.counters
     }
 
-    /// Returns the alignment, once it is known.
+    /// Returns the alignment; `None` until a frame has a valid chip after chip 0.
     pub const fn alignment(&self) -> Option<Alignment> {
         self.alignment
     }
 
-    /// Decodes a frame into `counts` by chip and channel, sign-extended from 24 bits, |count| <= 2^23.
+    /// Decodes a frame into `counts` by chip and channel, sign-extended from 24 bits, |count| <=
+    /// 2^23.
     ///
-    /// `BYTES` is [`frame_bytes`] of the chips, checked at compile time. The counts of a bad chip are the
-    /// bits at its position.
+    /// `BYTES` is [`frame_bytes`] for the number of chips, checked at compile time. The counts of a
+    /// bad chip are the bits at its position in the frame.
     ///
     /// # Timing
-    /// The hot path: no allocation, no panic, no division; 16 nibbles and 72 words for eight chips.
-    /// The only branch on data is the choice of the alignment, which a locked stream always takes
-    /// the same way.
+    /// This is the hot path: no allocation, no panic, no division; 16 status nibbles and 72 24-bit
+    /// words for eight chips. The only branch on data is the choice of the alignment, which a
+    /// locked stream always takes the same way.
     #[inline]
     pub fn decode<const BYTES: usize>(
         &mut self,
@@ -236,7 +240,8 @@ impl Part {
         counts: [0; CHANNELS],
     };
 
-    /// Extracts the part from the chip's bytes; `shift <= 7`.
+    /// Extracts status word and counts from a chip's bytes; `shift` is the start bit in the first
+    /// byte, at most 7.
     #[inline]
     fn from_span(span: &[u8; SPAN], shift: u32) -> Self {
         Self {
@@ -252,7 +257,7 @@ impl Part {
         counts.fold(word, |bits, (one, two)| bits | (one ^ two).cast_unsigned()) != 0
     }
 
-    /// Returns the number of channels that are neither at a rail nor at 0.
+    /// Returns the number of channels whose count is neither at a rail nor 0.
     #[inline]
     fn alive(&self) -> u8 {
         // Maps both rails to 0: -2^23 is the complement of 2^23 - 1.
@@ -262,14 +267,14 @@ impl Part {
     }
 }
 
-/// Extracts the status word of a chip; `shift <= 7`.
+/// Extracts the status word of a chip; `shift` is the start bit in the first byte, at most 7.
 #[inline]
 fn status_word(span: &[u8; SPAN], shift: u32) -> StatusWord {
     StatusWord(word(span, 0, shift).cast_unsigned() & 0xFF_FFFF)
 }
 
-/// Extracts the n-th 24 bits of a chip, sign-extended; `n <= 8`, `shift <= 7`. Every caller's `n` is known
-/// at compile time, so no bounds check remains.
+/// Extracts the n-th 24 bits of a chip, sign-extended; `n <= 8`; `shift` is the start bit in the
+/// first byte, at most 7. Every caller's `n` is known at compile time, so no bounds check remains.
 #[inline]
 fn word(span: &[u8; SPAN], n: usize, shift: u32) -> i32 {
     // Four bytes hold the 24 bits for any start bit in the first byte.

@@ -5,7 +5,7 @@
 pub struct DrdyEdge {
     /// Device time of the edge, in microseconds.
     pub us: u64,
-    /// Earlier edges that were missed because nothing waited for them in time.
+    /// Number of earlier edges that were missed because nothing waited for them in time.
     pub missed: u32,
 }
 
@@ -18,13 +18,13 @@ pub trait Drdy {
     /// Returns the current time.
     fn now_us(&self) -> u64;
 
-    /// Waits until time `us` for an edge that was not returned yet. Returns the newest such edge, even if
-    /// `us` has passed.
+    /// Waits until time `us` for an edge of DRDY that no earlier call has returned. Returns the
+    /// newest such edge, even if `us` has passed; `None` if there is none.
     async fn next_until(&mut self, us: u64) -> Option<DrdyEdge>;
 
-    /// Waits until time `us` and ignores DRDY.
+    /// Waits until time `us`, in microseconds, and ignores DRDY.
     async fn wait_until(&mut self, us: u64);
 
-    /// Discards all edges up to now.
+    /// Discards all edges up to now; the next wait returns only later ones.
     fn forget(&mut self);
 }

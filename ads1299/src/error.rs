@@ -1,4 +1,4 @@
-//! Errors of a chain.
+//! Errors of a chain: bus, pins, IDs, registers and DRDY.
 
 use core::fmt;
 
@@ -7,7 +7,8 @@ use embedded_hal::{digital, spi};
 use crate::bus::{Speed, TooFast};
 use crate::register::Register;
 
-/// Reason why a chain, or one of its chips, does not run. Chips count from 0, the one at MISO.
+/// Reason why a chain, or one of its chips, does not run. Chips count from 0, the one wired to
+/// MISO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error {
     /// The microcontroller's SPI failed.
@@ -20,7 +21,7 @@ pub enum Error {
     WrongId {
         /// Index of the chip.
         chip: u8,
-        /// ID byte that was read.
+        /// ID byte that the chip returned.
         read: u8,
     },
     /// A register did not keep what was written.
@@ -34,9 +35,9 @@ pub enum Error {
         /// Value read back.
         read: u8,
     },
-    /// DRDY of the chip whose DRDY is wired did not fall.
+    /// DRDY of the named chip did not fall. A board wires the DRDY of one chip only.
     NeverReady {
-        /// Index of the chip.
+        /// Index of the chip whose DRDY is wired.
         chip: u8,
         /// Waiting time in microseconds.
         waited_us: u32,
@@ -46,13 +47,13 @@ pub enum Error {
 /// Pin of the microcontroller in an [`Error::Pin`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pin {
-    /// Select of this chip.
+    /// Chip select of the chip with this index.
     Select(u8),
-    /// START.
+    /// START, shared by all chips.
     Start,
-    /// RESET.
+    /// RESET, shared by all chips.
     Reset,
-    /// DRDY.
+    /// DRDY of chip 0.
     Ready,
 }
 

@@ -1,24 +1,24 @@
 //! Gain of a channel's amplifier.
 
-/// Internal reference voltage, in volts (7.5).
+/// Internal reference voltage, in volts (data sheet section 7.5).
 pub(crate) const VREF: f64 = 4.5;
 
-/// Gain of a channel's programmable amplifier (CHnSET.GAINn, 9.6.1.6).
+/// Gain of a channel's programmable amplifier (CHnSET.GAINn, data sheet section 9.6.1.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gain {
-    /// 1: full scale is +-4.5 V.
+    /// Gain 1: full scale is +-4.5 V.
     X1 = 0,
-    /// 2.
+    /// Gain 2: full scale is +-2.25 V.
     X2 = 1,
-    /// 4.
+    /// Gain 4: full scale is +-1.125 V.
     X4 = 2,
-    /// 6.
+    /// Gain 6: full scale is +-750 mV.
     X6 = 3,
-    /// 8.
+    /// Gain 8: full scale is +-562.5 mV.
     X8 = 4,
-    /// 12.
+    /// Gain 12: full scale is +-375 mV.
     X12 = 5,
-    /// 24: full scale is +-187.5 mV, one count is 22.35 nV.
+    /// Gain 24: full scale is +-187.5 mV, one count is 22.35 nV.
     X24 = 6,
 }
 
@@ -39,8 +39,8 @@ impl Gain {
         [1, 2, 4, 6, 8, 12, 24][self as usize]
     }
 
-    /// Returns one count, in microvolts at the input: `2 VREF / gain / 2^24` (9.5.1), with the internal
-    /// reference.
+    /// Returns the voltage of one count, in microvolts at the input: `2 VREF / gain / 2^24` (data
+    /// sheet section 9.5.1), with the internal reference.
     #[inline]
     pub const fn lsb_uv(self) -> f64 {
         VREF * 1e6 / (self.factor() as f64) / 8_388_608.0

@@ -1,4 +1,4 @@
-//! Register values of a chip.
+//! Values of all registers of a chip, to write or as read back.
 
 use crate::error::Error;
 use crate::input::Input;
@@ -18,15 +18,15 @@ impl<const CHIPS: usize> Settings<CHIPS> {
             return Image(values);
         };
         let mut set = |register: Register, value: u8| values[register.index()] = value;
-        // Bit 7 is 1, bits 4:3 are 10. Bit 6 is 0: daisy chain.
+        // Bit 7 is always 1, bits 4:3 are always 10. Bit 6 is 0, which selects the daisy chain.
         let clock_out = u8::from(self.clock.is_internal() && chip == 0) << 5;
         set(Register::CONFIG1, 0x90 | clock_out | self.rate as u8);
-        // Bits 7:5 are 110.
+        // Bits 7:5 of CONFIG2 are always 110.
         let test = self.test_signal;
         let source = u8::from(test.internal) << 4;
         let shape = (test.amplitude as u8) << 2 | test.frequency as u8;
         set(Register::CONFIG2, 0xC0 | source | shape);
-        // Bits 6:5 are 11. Bit 7 enables the reference buffer.
+        // Bits 6:5 of CONFIG3 are always 11. Bit 7 switches the reference buffer on.
         let bias = own.bias;
         let measured = own
             .channels
@@ -70,7 +70,7 @@ pub struct ReadBack {
     pub read: Image,
     /// Registers that differ, one bit each; the bit number is the address.
     pub differing: u32,
-    /// Whether the ID is that of an eight-channel ADS1299.
+    /// True if the ID is that of an eight-channel ADS1299.
     pub id_fits: bool,
 }
 
@@ -82,7 +82,7 @@ impl ReadBack {
         id_fits: false,
     };
 
-    /// Compares `read` with `written`, in the bits that keep their value.
+    /// Compares `read` with `written`, in the bits that read back as written.
     pub fn new(written: &Image, read: Image) -> Self {
         let kept = Register::KEPT.iter().zip(written.0.iter().zip(&read.0));
         let differing = kept
@@ -96,7 +96,8 @@ impl ReadBack {
         }
     }
 
-    /// Checks that the chip is an eight-channel ADS1299 that kept all values. `chip` goes into the error.
+    /// Checks that the chip is an eight-channel ADS1299 that kept all values. `chip` is the index
+    /// that the error names.
     ///
     /// # Errors
     /// [`Error::WrongId`], or [`Error::NotKept`] with the first register that differs.

@@ -1,7 +1,8 @@
-//! Lead-off detection.
+//! Settings of lead-off detection: threshold, current and frequency.
 
-/// Lead-off detection (LOFF, 9.6.1.5): a small current that only a good contact drains. The electrodes
-/// are selected in [`ChipSettings`](crate::settings::ChipSettings).
+/// Lead-off detection (LOFF, data sheet section 9.6.1.5): a small current pulls an input to a rail
+/// unless a good contact drains it. The inputs with a current are selected in
+/// [`ChipSettings`](crate::settings::ChipSettings).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LeadOff {
     /// Powers the comparators that set the status bits (CONFIG4.PD_LOFF_COMP).
@@ -24,8 +25,8 @@ impl LeadOff {
     };
 }
 
-/// Comparator threshold of the positive side, in percent of the supply; the negative side has 100 % less
-/// this.
+/// Comparator threshold of the positive side, in percent of the supply. The threshold of the
+/// negative side is 100 % less this value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeadOffThreshold {
     /// 95 %.
@@ -64,9 +65,9 @@ pub enum LeadOffCurrent {
 pub enum LeadOffFrequency {
     /// Direct current.
     Dc = 0,
-    /// Clock / 2^18: 7.8 Hz.
+    /// Clock / 2^18: 7.8 Hz at 2.048 MHz.
     Clock18 = 1,
-    /// Clock / 2^16: 31.2 Hz.
+    /// Clock / 2^16: 31.2 Hz at 2.048 MHz.
     Clock16 = 2,
     /// A quarter of the sample rate.
     Quarter = 3,

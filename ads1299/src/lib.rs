@@ -34,8 +34,9 @@
 //!
 //! Section and table numbers refer to the data sheet, Texas Instruments SBAS499C. Registers, commands
 //! and their times, power-up, bit order and the noise at gains 1 and 2 were compared with copies of
-//! pages of its revisions A and C. Statements marked "from memory" were not, nor were the numbers of
-//! sections 9.4 and 9.5. **This driver is untried on a real chip; it runs on the simulated chain.**
+//! pages of its revisions A and C. Neither the statements marked "from memory" nor the numbers of
+//! sections 9.4 and 9.5 were compared with them. **This driver is untried on a real chip; it runs
+//! on the simulated chain.**
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -1,4 +1,4 @@
-//! Limits of the self-test.
+//! Limits that the self-test applies to each channel.
 
 use core::fmt;
 
@@ -6,13 +6,14 @@ use crate::decimal::Decimal;
 use crate::gain::Gain;
 use crate::rate::Rate;
 
-/// Limits that a working channel meets.
+/// Limits that a working channel keeps in the self-test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Largest |gain error|, as a fraction: 2 % for the test signal and 1 % for the amplifier (7.5; from
-    /// memory).
+    /// Largest |gain error|, as a fraction: 2 % for the test signal and 1 % for the amplifier (data
+    /// sheet section 7.5; from memory, not checked).
     pub gain_error: f32,
-    /// Largest |offset|, in microvolts at the input: five times the typical 60 uV (7.5; from memory).
+    /// Largest |offset|, in microvolts at the input: five times the typical 60 uV (data sheet
+    /// section 7.5; from memory, not checked).
     pub offset_uv: f32,
     /// Least and largest noise, in microvolts rms at the input: half and twice [`typical_noise_uv`]. A
     /// channel without noise is dead.
@@ -26,46 +27,48 @@ pub struct Limits {
 pub enum SelfTestFault {
     /// Too few samples for a verdict.
     Samples {
-        /// Number of samples.
+        /// Number of samples that were measured.
         measured: u32,
-        /// Least number of samples.
+        /// Least number of samples for a verdict.
         limit: u32,
     },
-    /// Wrong amplitude of the test signal; -1 without any signal.
+    /// The test signal has a wrong amplitude.
     Gain {
-        /// Measured value, as a fraction.
+        /// Measured over expected amplitude, less 1; -1 without any signal.
         measured: f32,
-        /// Limit, as a fraction.
+        /// Largest |gain error|, as a fraction.
         limit: f32,
     },
-    /// Offset out of range.
+    /// The offset is out of range.
     Offset {
-        /// Measured value, in microvolts.
+        /// Measured offset, in microvolts at the input.
         measured: f32,
-        /// Limit, in microvolts.
+        /// Largest |offset|, in microvolts at the input.
         limit: f32,
     },
-    /// Too much noise.
+    /// The channel has too much noise.
     Noisy {
-        /// Measured value, in microvolts rms.
+        /// Measured noise, in microvolts rms at the input.
         measured: f32,
-        /// Limit, in microvolts rms.
+        /// Largest noise, in microvolts rms at the input.
         limit: f32,
     },
-    /// Too little noise: the channel is dead.
+    /// The channel has too little noise, so it is dead.
     Silent {
-        /// Measured value, in microvolts rms.
+        /// Measured noise, in microvolts rms at the input.
         measured: f32,
-        /// Limit, in microvolts rms.
+        /// Least noise, in microvolts rms at the input.
         limit: f32,
     },
 }
 
-/// Noise of a channel with shorted input, uV rms at the input.
+/// Typical noise of a channel with shorted input, in microvolts rms at the input.
 ///
-/// At gain 1, by rate: table 1 (8.1). At gain 2 the table has 0.53 times as much. At gain 24 the front page
-/// states 1 uV peak to peak in 70 Hz: 0.14 times as much, with a peak-to-peak ratio of 6.6. The gains in
-/// between follow `sqrt(1 / gain^2 + 0.13^2)`, which matches both.
+/// The values at gain 1, by rate, are those of the data sheet's table 1 (section 8.1). At gain 2
+/// the table has 0.53 times as much. At gain 24 the data sheet's front page states 1 uV peak to
+/// peak in 70 Hz, which is 0.14 times the noise at gain 1 if the peak-to-peak value is 6.6 times
+/// the rms. The gains in between follow `sqrt(1 / gain^2 + 0.13^2)`, which matches the factors at
+/// gains 2 and 24.
 pub const fn typical_noise_uv(gain: Gain, rate: Rate) -> f32 {
     let at_gain_one = [21.70, 6.93, 4.33, 3.06, 2.17, 1.53, 1.08][rate as usize];
     let of_gain = [1.0, 0.53, 0.282, 0.211, 0.180, 0.154, 0.137][gain as usize];

@@ -1,8 +1,8 @@
-//! Sample rate.
+//! Sample rates that the chips support.
 
 use crate::clock::Clock;
 
-/// Sample rate, as a divider of the master clock (CONFIG1.DR, 9.6.1.2).
+/// Sample rate, as a divider of the master clock (CONFIG1.DR, data sheet section 9.6.1.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rate {
     /// Clock / 128: 16 kHz at 2.048 MHz.
@@ -13,11 +13,11 @@ pub enum Rate {
     Div512 = 2,
     /// Clock / 1024: 2 kHz at 2.048 MHz.
     Div1024 = 3,
-    /// Clock / 2048: 1 kHz at 2.048 MHz, 1024 Hz of [`Clock::EEG`].
+    /// Clock / 2048: 1 kHz at 2.048 MHz, 1024 Hz with [`Clock::EEG`].
     Div2048 = 4,
-    /// Clock / 4096: 500 Hz at 2.048 MHz, 512 Hz of [`Clock::EEG`].
+    /// Clock / 4096: 500 Hz at 2.048 MHz, 512 Hz with [`Clock::EEG`].
     Div4096 = 5,
-    /// Clock / 8192: 250 Hz at 2.048 MHz, 256 Hz of [`Clock::EEG`].
+    /// Clock / 8192: 250 Hz at 2.048 MHz, 256 Hz with [`Clock::EEG`].
     Div8192 = 6,
 }
 
@@ -38,8 +38,8 @@ impl Rate {
         128 << self as u32
     }
 
-    /// Returns the clock cycles from START to the first DRDY, whose data are settled: `4 divider + 9`
-    /// (formula derived from memory of the table in 9.4.1).
+    /// Returns the number of clock cycles from START to the first DRDY, whose data are settled: `4
+    /// divider + 9` (derived from the table in data sheet section 9.4.1, from memory, not checked).
     pub const fn settling(self) -> u32 {
         4 * self.divider() + 9
     }

@@ -4,8 +4,9 @@ use crate::clock::Clock;
 use crate::rate::Rate;
 use crate::ready::{Edge, RateError, ReadyMeter};
 
-/// Consecutive periods per rate check: 1/8 s at 512 Hz. Stamps of 1 us resolution then measure the rate
-/// to 16 ppm; an interrupt delayed by 50 us adds 400 ppm. The tolerance of a quartz is 1000 ppm.
+/// Number of consecutive periods per rate check: 1/8 s at 512 Hz. Stamps of 1 us resolution measure
+/// the rate over this time to 16 ppm; an interrupt delayed by 50 us adds 400 ppm. Both together
+/// stay below the 1000 ppm tolerated for a quartz.
 const PERIODS: u32 = 64;
 
 /// Checks DRDY's edges while a chain converts. Reports an early edge at once, a smaller deviation of the
@@ -14,11 +15,11 @@ const PERIODS: u32 = 64;
 pub(crate) struct RateWatch {
     clock: Clock,
     rate: Rate,
-    /// Edges since the last gap or early edge, at most [`PERIODS`] periods.
+    /// Measurement since the last gap or early edge, over at most [`PERIODS`] periods.
     meter: ReadyMeter,
-    /// Result of the last rate check.
+    /// Error that the last rate check found, if any.
     off: Option<RateError>,
-    /// Last measured rate, in millihertz.
+    /// Sample rate from the last check, in millihertz.
     measured: Option<u32>,
 }
 

@@ -7,7 +7,8 @@ use crate::status_word::StatusWord;
 /// Result of reading one sample, chip by chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading<const CHIPS: usize> {
-    /// Status words of the frame; `None` without a frame, because the bus failed or the chain is stopped.
+    /// Status words of the frame; `None` if no frame was read because the bus failed or the chain
+    /// is stopped.
     pub status: Option<FrameStatus<CHIPS>>,
     /// Bad chips, one bit each. Their counts are those of an earlier sample.
     pub bad: u8,
@@ -18,10 +19,10 @@ pub struct Reading<const CHIPS: usize> {
 }
 
 impl<const CHIPS: usize> Reading<CHIPS> {
-    /// Mask with one bit per chip.
+    /// Mask with a 1 for every chip of the chain.
     pub(crate) const ALL: u8 = u8::MAX >> (8 - CHIPS);
 
-    /// Returns whether no chip is bad and the rate is right. Missed samples do not count.
+    /// Returns whether no chip is bad and the sample rate is right; true also after missed samples.
     pub const fn is_sound(&self) -> bool {
         self.bad == 0 && self.rate.is_none()
     }
@@ -33,12 +34,14 @@ impl<const CHIPS: usize> Reading<CHIPS> {
         of_frame.or_else(|| self.rate.map(|error| error.chip()))
     }
 
-    /// Returns a chip's positive inputs that are off, one bit each; 0 for a bad chip.
+    /// Returns the positive inputs of a chip whose electrodes are off, one bit each; 0 for a bad
+    /// chip.
     pub fn off_positive(&self, chip: usize) -> u8 {
         self.sound_word(chip).map_or(0, StatusWord::off_positive)
     }
 
-    /// Returns a chip's negative inputs that are off, one bit each; 0 for a bad chip.
+    /// Returns the negative inputs of a chip whose electrodes are off, one bit each; 0 for a bad
+    /// chip.
     pub fn off_negative(&self, chip: usize) -> u8 {
         self.sound_word(chip).map_or(0, StatusWord::off_negative)
     }

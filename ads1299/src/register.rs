@@ -1,20 +1,20 @@
-//! Registers of a chip.
+//! Addresses, reset values and fixed bits of a chip's registers.
 
 use core::fmt;
 
-/// ID of an eight-channel ADS1299: bit 4 is 1, DEV_ID 11, NU_CH 10 (9.6.1.1). The upper three bits are
-/// the revision, 001 in every part known to the authors.
+/// ID of an eight-channel ADS1299: bit 4 is 1, DEV_ID 11, NU_CH 10 (data sheet section 9.6.1.1).
+/// The upper three bits are the revision, 001 in every part known to the authors.
 pub const ID: u8 = 0x3E;
 
 /// Bits of the ID that identify the part, without the revision.
 pub(crate) const ID_MASK: u8 = 0x1F;
 
-/// Register address (9.6, table 11).
+/// Register address (data sheet section 9.6, table 11).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Register(u8);
 
 impl Register {
-    /// Part and revision; read only.
+    /// ID: part and revision; read only.
     pub const ID: Self = Self(0x00);
     /// Daisy chain, clock output, rate.
     pub const CONFIG1: Self = Self(0x01);

@@ -24,7 +24,7 @@ pub struct RetryingSampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: us
     sampler: Sampler<Spi, Line, Delay, CHIPS, BYTES>,
     /// Retry time: from the last sample or attempt to the next attempt, in microseconds.
     retry_us: u64,
-    /// Error of the last attempt.
+    /// Error of the last attempt; `None` if it succeeded.
     failure: Option<Error>,
     attempt: Option<Attempt<CHIPS>>,
     /// Time of the last valid sample or of the end of the last attempt, in microseconds.
@@ -37,7 +37,7 @@ pub struct RetryingSampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: us
     registers_doubtful: bool,
 }
 
-/// A bring-up in progress.
+/// Bring-up in progress.
 #[derive(Debug)]
 struct Attempt<const CHIPS: usize> {
     bring_up: BringUp<CHIPS>,
@@ -73,7 +73,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         self.restarted(started.err(), drdy);
     }
 
-    /// Records that the chain has been set up and started by other means, such as a self-test.
+    /// Records that the chain has been set up and started by other means, such as a self-test;
+    /// `failure` is the error of that start.
     pub fn restarted(&mut self, failure: Option<Error>, drdy: &mut impl Drdy) {
         drdy.forget();
         self.failure = failure;
@@ -112,7 +113,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         let (us, missed) = (self.due_us, 0);
         self.due_us += self.period_us();
         let before = core::mem::replace(&mut self.is_silent, true);
-        // Twice the settling time of a chain that was just started.
+        // Twice the settling time of a chain that was just started, as silence before that is
+        // normal.
         let silence_us = 2 * u64::from(SILENCE) * self.period_us();
         self.registers_doubtful |= self.attempt.is_none() && us > self.since_us + silence_us;
         let reading = self.sampler.silence(if before { 0 } else { SILENCE - 1 });

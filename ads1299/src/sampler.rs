@@ -1,4 +1,4 @@
-//! Owner of a chain that reads its samples.
+//! Reader of a chain's samples that also counts their errors.
 
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
@@ -22,8 +22,8 @@ pub const SILENCE: u32 = 4;
 
 /// Owns a chain, reads every sample and reports its errors.
 ///
-/// A chip with an invalid part of a frame keeps its previous counts. `BYTES` is
-/// [`frame_bytes`](crate::frame::frame_bytes) of the chips, checked at compile time.
+/// A chip whose part of a frame is invalid keeps its previous counts. `BYTES` is
+/// [`frame_bytes`](crate::frame::frame_bytes) for `CHIPS` chips, checked at compile time.
 #[derive(Debug)]
 pub struct Sampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
     pub(crate) chain: Chain<Spi, Line, Delay, CHIPS>,
@@ -43,16 +43,17 @@ pub struct Sampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
 /// Counters of a sampler since its creation; each wraps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SamplerCounters<const CHIPS: usize> {
-    /// Readings returned.
+    /// Number of readings returned.
     pub readings: u32,
-    /// Readings in which a chip was bad, per chip. A wrong rate counts for chip 0, a reading without a
-    /// frame for all chips.
+    /// Number of readings in which a chip was bad, per chip. A reading with a wrong rate counts for
+    /// chip 0, a reading without a frame for all chips.
     pub errors: [u32; CHIPS],
-    /// Samples that were not read.
+    /// Number of samples that were not read.
     pub missed: u32,
-    /// Readings with a wrong rate.
+    /// Number of readings with a wrong sample rate.
     pub wrong_rate: u32,
-    /// Readings without a frame: DRDY was silent, the bus failed, or the chain was stopped.
+    /// Number of readings without a frame, because DRDY was silent, the bus failed, or the chain
+    /// was stopped.
     pub without_frame: u32,
 }
 
@@ -169,13 +170,13 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         self.last.as_ref()
     }
 
-    /// Returns DRDY's rate in millihertz: of the last 1/8 s without a gap, or since the last early or late
-    /// edge. `None` before the first measurement.
+    /// Returns the sample rate from DRDY's edges in millihertz. It is measured over the last 1/8 s
+    /// without a gap, or since the last early or late edge. `None` before the first measurement.
     pub const fn millihertz(&self) -> Option<u32> {
         self.watch.millihertz()
     }
 
-    /// Returns the counters.
+    /// Returns the counters of this sampler since its creation.
     pub const fn counters(&self) -> &SamplerCounters<CHIPS> {
         &self.counters
     }

@@ -22,23 +22,23 @@ use crate::square_wave_test::SquareWaveTest;
 use crate::streaming::Streaming;
 use crate::test_signal::TestSignal;
 
-/// Periods of the test signal that are measured.
+/// Number of periods of the test signal that are measured.
 const PERIODS: u32 = 2;
 
-/// Extra samples for the settling, and for a transition in progress.
+/// Number of extra samples, for the settling and for a transition in progress.
 const LEAD: u32 = 16;
 
-/// Samples with shorted inputs, as in the data sheet (8.1).
+/// Number of samples with shorted inputs, as in the data sheet (section 8.1).
 const SHORTED: u32 = 1000;
 
-/// State and report of a self-test. 8 KB for 64 channels: place it in a static.
+/// State and report of a self-test. The size is 8 KB for 64 channels, so place it in a static.
 #[derive(Clone, Debug)]
 pub struct SelfTest<const CHIPS: usize> {
     measurements: [[Measurement; CHANNELS]; CHIPS],
     report: SelfTestReport<CHIPS>,
 }
 
-/// Measurement of one channel; both kinds share the memory.
+/// Measurement of one channel; the two kinds, which run one after the other, share the memory.
 #[derive(Clone, Debug)]
 enum Measurement {
     SquareWave(SquareWaveTest),
@@ -119,7 +119,7 @@ impl<const CHIPS: usize> SelfTest<CHIPS> {
     }
 }
 
-/// Environment of a test: DRDY, the clock and the progress callback.
+/// What a test needs from its caller: DRDY, the clock and the progress callback.
 struct Environment<'a, Ready, Now, Progress> {
     drdy: &'a mut Ready,
     now_us: Now,
@@ -129,15 +129,22 @@ struct Environment<'a, Ready, Now, Progress> {
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES: usize>
     Sampler<Spi, Line, Delay, CHIPS, BYTES>
 {
-    /// Tests every chip and channel, and restarts the chain with its previous settings; 4.5 s at 512 Hz.
-    /// [`SelfTest::report`] returns the result.
+    /// Tests every chip and channel, and restarts the chain with its previous settings. The test
+    /// lasts 4.5 s at 512 Hz. [`SelfTest::report`] returns the result.
     ///
-    /// The stages: reset, IDs, registers written and read back; two periods of the internal square wave on
-    /// all channels, with the rate of DRDY; shorted inputs; the previous settings, read back. A broken chip
-    /// is named, and the others are tested as far as their frames pass it. Without DRDY the test stops.
+    /// The stages are:
     ///
-    /// `drdy` waits for edges and `now_us` returns their times. `progress` is called for every sample and at
-    /// least every 20 ms in between, except while [`Streaming::ready`] waits.
+    /// 1. reset, IDs, registers written and read back;
+    /// 2. two periods of the internal square wave on all channels, with the rate of DRDY;
+    /// 3. shorted inputs;
+    /// 4. the previous settings, read back.
+    ///
+    /// A broken chip is named in the report, and the other chips are tested unless it blocks their
+    /// frames. Without DRDY the test stops.
+    ///
+    /// `drdy` waits for edges and `now_us` returns their times in microseconds. `progress` is
+    /// called for every sample and at least every 20 ms in between, except while
+    /// [`Streaming::ready`] waits.
     pub async fn self_test(
         &mut self,
         test: &mut SelfTest<CHIPS>,
@@ -189,7 +196,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             .await
     }
 
-    /// Sets all channels to `input` and measures `samples` samples.
+    /// Sets all channels to `input` and measures `samples` samples of each.
     async fn stream(
         &mut self,
         test: &mut SelfTest<CHIPS>,

@@ -1,4 +1,4 @@
-//! Report of a self-test.
+//! Result of a self-test, by chip and channel, and its first fault.
 
 use core::fmt;
 
@@ -8,35 +8,36 @@ use crate::limits::SelfTestFault;
 use crate::ready::RateError;
 use crate::register::Register;
 
-/// Report of a self-test.
+/// Result of a self-test: registers, frames, channels and sample rate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SelfTestReport<const CHIPS: usize> {
-    /// Registers and frames per chip; chip 0 is the one at MISO.
+    /// Registers and frames per chip; chip 0 is the one wired to MISO.
     pub chips: [ChipReport; CHIPS],
-    /// Measurements per chip and channel.
+    /// Gain, offset and noise per chip and channel.
     pub channels: [[ChannelReport; CHANNELS]; CHIPS],
-    /// Rate of chip 0's DRDY.
+    /// Sample rate, measured at chip 0's DRDY.
     pub ready: ReadyReport,
-    /// Error that stopped the test; later stages were not measured.
+    /// Error that stopped the test; the stages after it were not measured.
     pub stopped: Option<Error>,
     /// Error while restoring the previous settings.
     pub not_restored: Option<Error>,
 }
 
-/// Registers and frames of a chip.
+/// Result of the register check of a chip, and its number of bad frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChipReport {
-    /// ID that was read; expected is [`ID`](crate::register::ID) is right.
+    /// ID that the chip returned; the right one is [`ID`](crate::register::ID).
     pub id: u8,
-    /// Number of registers that differ from the value written: the most of all stages, 0 to 24.
+    /// Number of registers that differ from the value written, 0 to 24: the largest number of all
+    /// stages.
     pub differing: u8,
     /// Wrong ID, or first register that differs.
     pub fault: Option<Error>,
-    /// Frames that were damaged or repeated; they are left out of the measurements.
+    /// Number of frames that were damaged or repeated; they are left out of the measurements.
     pub bad_frames: u32,
 }
 
-/// Measurements of a channel, referred to its input.
+/// Measured gain, offset and noise of a channel, referred to its input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelReport {
     /// Measured over expected amplitude of the square wave, less 1; -1 without a square wave.
@@ -47,11 +48,11 @@ pub struct ChannelReport {
     pub noise_uv: f32,
     /// Noise with shorted input, in microvolts rms.
     pub shorted_noise_uv: f32,
-    /// First limit that is exceeded.
+    /// First limit of the self-test that the channel exceeds.
     pub fault: Option<SelfTestFault>,
 }
 
-/// Rate of DRDY.
+/// Sample rate measured from DRDY's edges during the self-test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadyReport {
     /// Configured rate, in millihertz.
@@ -62,39 +63,39 @@ pub struct ReadyReport {
     pub early: u32,
     /// Number of missing edges.
     pub missed: u32,
-    /// Error of the rate.
+    /// Error of the sample rate, if it is not the configured one.
     pub fault: Option<RateError>,
 }
 
 /// First reason for a failed self-test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Finding {
-    /// ID or register of a chip, the bus, or DRDY.
+    /// Error of a chip's ID or registers, of the bus, or of DRDY.
     Chain(Error),
-    /// Sample rate.
+    /// The sample rate is not the configured one.
     Rate(RateError),
-    /// Frames of a chip.
+    /// A chip sent damaged or repeated frames.
     Frames {
         /// Index of the chip.
         chip: u8,
         /// Number of damaged or repeated frames.
         bad: u32,
     },
-    /// Measurement of a channel.
+    /// A channel exceeds a limit.
     Channel {
         /// Index of the chip.
         chip: u8,
-        /// Index on the chip, from 0.
+        /// Index of the channel on the chip, from 0.
         channel: u8,
         /// Limit that is exceeded.
         fault: SelfTestFault,
     },
-    /// The chain is not again what it was before.
+    /// The chain could not be restored to its previous settings.
     NotRestored(Error),
 }
 
 impl<const CHIPS: usize> SelfTestReport<CHIPS> {
-    /// Report without measurements.
+    /// Report of a test that has not run.
     pub const EMPTY: Self = Self {
         chips: [ChipReport {
             id: 0,
@@ -120,11 +121,12 @@ impl<const CHIPS: usize> SelfTestReport<CHIPS> {
         not_restored: None,
     };
 
-    /// Returns whether the test was passed.
+    /// Checks that the test was passed.
     ///
     /// # Errors
-    /// The most fundamental finding: registers, then the rate, frames, channels. A broken chip also damages
-    /// frames and channels of other chips, so later kinds may be consequences.
+    /// The most fundamental finding: registers first, then the rate, frames and channels. A broken
+    /// chip also damages frames and channels of other chips, so a finding of a later kind may be a
+    /// consequence.
     #[expect(clippy::cast_possible_truncation, reason = "at most 8 of each")]
     pub fn check(&self) -> Result<(), Finding> {
         let none = |finding: Option<Finding>| finding.map_or(Ok(()), Err);

@@ -30,17 +30,18 @@ pub struct ChipSettings {
     pub channels: [Channel; CHANNELS],
     /// Bias amplifier.
     pub bias: Bias,
-    /// Connects SRB1 to every negative input: one reference electrode (MISC1.SRB1, 9.6.1.15).
+    /// Connects SRB1 to every negative input, so that one electrode is the reference of all
+    /// channels (MISC1.SRB1, data sheet section 9.6.1.15).
     pub srb1: bool,
-    /// Positive inputs with lead-off current.
+    /// Positive inputs with lead-off current, one bit each.
     pub lead_off_positive: u8,
-    /// Negative inputs with lead-off current.
+    /// Negative inputs with lead-off current, one bit each.
     pub lead_off_negative: u8,
-    /// Channels with reversed lead-off current.
+    /// Channels with reversed lead-off current, one bit each.
     pub lead_off_flip: u8,
 }
 
-/// Settings of one channel (CHnSET, 9.6.1.6).
+/// Settings of one channel (CHnSET, data sheet section 9.6.1.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Channel {
     /// Powers the channel. A channel that is off reads 0; its input should be [`Input::Shorted`].
@@ -49,11 +50,12 @@ pub struct Channel {
     pub gain: Gain,
     /// Connects the positive input to SRB2.
     pub srb2: bool,
-    /// Signal that is converted.
+    /// Signal that the channel converts.
     pub input: Input,
 }
 
-/// Bias amplifier of a chip. It drives the subject to mid-supply, which reduces mains (9.3.2.4.5).
+/// Bias amplifier of a chip. It drives the subject to mid-supply, which reduces mains (data sheet
+/// section 9.3.2.4.5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bias {
     /// Powers the amplifier.
@@ -112,8 +114,9 @@ impl<const CHIPS: usize> Settings<CHIPS> {
         }
     };
 
-    /// Returns these settings with every channel on and at `input`, for the self-test; the test signal is
-    /// [`TestSignal::SELF_TEST`]. Electrodes are disconnected: SRB1 is open, no lead-off current flows.
+    /// Returns these settings with every channel on and at `input`, for the self-test; the test
+    /// signal is [`TestSignal::SELF_TEST`]. The electrodes have no effect: SRB1 is open, no
+    /// lead-off current flows.
     #[must_use]
     pub fn with_input(mut self, input: Input) -> Self {
         self.test_signal = TestSignal::SELF_TEST;
@@ -130,8 +133,8 @@ impl<const CHIPS: usize> Settings<CHIPS> {
         self
     }
 
-    /// Returns these settings with lead-off detection on every channel: 6 nA DC into the positive inputs,
-    /// comparators at 95 % of the supply. It adds some noise.
+    /// Returns these settings with lead-off detection on every channel: 6 nA DC into the positive
+    /// inputs, comparators at 95 % of the supply. The current adds some noise.
     #[must_use]
     pub const fn with_lead_off(mut self) -> Self {
         self.lead_off = LeadOff {

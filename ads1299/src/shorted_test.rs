@@ -5,8 +5,8 @@ use crate::limits::{Limits, SelfTestFault};
 use crate::rate::Rate;
 use crate::statistics::{Statistics, rms};
 
-/// Measures offset and noise of one channel with shorted input. The data sheet uses 1000 samples (8.1);
-/// samples after the first 2^16 are ignored.
+/// Measures offset and noise of one channel with shorted input. The data sheet (section 8.1) uses
+/// 1000 samples; samples after the first 2^16 are ignored.
 #[derive(Clone, Debug)]
 pub struct ShortedTest {
     gain: Gain,
@@ -16,11 +16,11 @@ pub struct ShortedTest {
 /// Offset and noise of a channel with shorted input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShortedResult {
-    /// Mean, in microvolts at the input.
+    /// Mean of the samples, in microvolts at the input.
     pub offset_uv: f32,
     /// Noise around the mean, in microvolts rms at the input.
     pub noise_uv: f32,
-    /// Number of samples.
+    /// Number of samples that the result is computed from.
     pub samples: u32,
 }
 

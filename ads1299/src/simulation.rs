@@ -1,12 +1,12 @@
 //! Simulated chain in virtual time, accessed through the driver's own traits.
 //!
-//! Modelled: power-on and reset times, commands that need SDATAC first, four tCLK between bytes and before
-//! deselection, reset values, read-only registers, a reference that settles in 150 ms, settling after START
-//! and CONFIG1, a frame that the next sample overwrites while it is read. `analogue.rs` models electrodes,
-//! gains, test signal, lead-off and noise.
+//! The digital model has power-on and reset times, commands that need SDATAC first, four tCLK
+//! between bytes and before deselection, reset values, read-only registers, a reference that
+//! settles in 150 ms, settling after START and CONFIG1, and a frame that the next sample overwrites
+//! while it is read. `analogue.rs` models electrodes, gains, test signal, lead-off and noise.
 //!
-//! Not modelled: commands that the driver never sends, SRB1 and SRB2, the bias amplifier, the sinc filter
-//! on other signals than the test signal, and the circuits of a board.
+//! Not modelled are commands that the driver never sends, SRB1 and SRB2, the bias amplifier, the
+//! sinc filter on other signals than the test signal, and the circuits of a board.
 
 mod analogue;
 mod board;
@@ -73,8 +73,8 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().now_ns() / 1000
     }
 
-    /// Advances time to the next edge of DRDY and returns its time in nanoseconds. Advances to `limit_ns` and
-    /// returns `None` if no edge comes until then.
+    /// Advances time to the next edge of DRDY and returns its time in nanoseconds. Advances to
+    /// `limit_ns` and returns `None` if there is no edge before that time.
     pub fn pass_to_edge(&self, limit_ns: u64) -> Option<u64> {
         let mut board = self.board();
         let came = board.advance_to_edge_until(limit_ns);
@@ -104,8 +104,8 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().set_fault(chip, None);
     }
 
-    /// Switches the chips' supplies off: registers are lost, no chip answers, DRDY stays high. Any level of
-    /// the driver's pins is accepted meanwhile.
+    /// Switches the chips' supplies off: registers are lost, no chip answers, DRDY stays high.
+    /// While the supplies are off, the driver's pins may have any level.
     pub fn power_off(&self) {
         self.board().power_off();
     }
@@ -136,7 +136,7 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
     }
 }
 
-// A virtual board can run in another thread.
+// A virtual board runs the chain in another thread, so it must be `Send` and `Sync`.
 const _: fn() = || {
     const fn is_send<T: Send + Sync>() {}
     is_send::<Simulation<8>>();

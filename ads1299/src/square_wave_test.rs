@@ -6,12 +6,13 @@ use crate::rate::Rate;
 use crate::statistics::{Statistics, rms};
 use crate::test_signal::TestSignal;
 
-/// Samples ignored on either side of a transition: the sinc filter settles in three.
+/// Number of samples ignored on either side of a transition; the sinc filter settles in three
+/// samples.
 const GUARD: usize = 4;
 
-/// Measures gain, offset and noise of one channel from the chip's internal square wave. Needs at least
-/// two periods, about 2 s; samples after the first 2^16 are ignored. 120 bytes, so that 64 channels can be
-/// measured at once.
+/// Measures gain, offset and noise of one channel from the chip's internal square wave. It needs at
+/// least two periods, about 2 s; samples after the first 2^16 are ignored. Its size is 120 bytes,
+/// so 64 channels can be measured at once.
 #[derive(Clone, Debug)]
 pub struct SquareWaveTest {
     gain: Gain,
@@ -36,7 +37,7 @@ pub struct SquareWaveResult {
     pub offset_uv: f32,
     /// Noise around the levels, in microvolts rms at the input.
     pub noise_uv: f32,
-    /// Number of samples.
+    /// Number of samples that the result is computed from.
     pub samples: u32,
 }
 

@@ -1,7 +1,7 @@
-//! Running mean and variance of counts.
+//! Running mean and variance of ADC counts.
 
-/// Running sums for mean and variance. They are exact: 2^16 counts, each clipped to 2^23 from the
-/// reference, fit into 64 bits.
+/// Running sums for mean and variance. The sums are exact: 2^16 counts, each clipped to 2^23 from
+/// the reference, fit into 64 bits.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Statistics {
     reference: i32,
@@ -66,7 +66,8 @@ impl Statistics {
 pub(crate) fn rms(spread: f64, number: u32) -> f64 {
     let variance = spread / f64::from(number.max(1));
     let scale = 65536.0;
-    // 2^31 counts^2 is 1 mV at gain 24. Below it the scaled variance fits into 64 bits.
+    // 2^31 counts^2 is the variance of 1 mV at gain 24. Below it the scaled variance fits into 64
+    // bits.
     if variance < 2_147_483_648.0 {
         ((variance * scale * scale) as u64).isqrt() as f64 / scale
     } else {

@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-/// Status word before a chip's counts (9.4.4): 1100, LOFF_STATP, LOFF_STATN, GPIO data. 24 bits; the
-/// upper 8 bits are 0.
+/// Status word before a chip's counts (data sheet section 9.4.4): 1100, LOFF_STATP, LOFF_STATN,
+/// GPIO data. 24 bits; the upper 8 bits are 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StatusWord(pub u32);
 
@@ -13,18 +13,18 @@ pub(crate) const NIBBLE: u8 = 0b1100;
 /// Fault of a chip, as seen in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChipFault {
-    /// All zeros: no power, no clock, not selected, or DOUT held low.
+    /// All 24 bits are 0: no power, no clock, not selected, or DOUT held low.
     OnlyZeros,
-    /// All ones: nothing drives the line.
+    /// All 24 bits are 1: nothing drives MISO.
     OnlyOnes,
-    /// 1100 is one to three bits late: extra clock edges.
+    /// 1100 is one to three bits late, because of extra clock edges; holds the number of bits.
     Late(u8),
-    /// 1100 is one bit early: a clock edge was lost.
+    /// 1100 is one bit early, because a clock edge was lost.
     Early,
-    /// Other upper bits than 1100.
+    /// The upper four bits are these instead of 1100.
     Nibble(u8),
-    /// More channels repeat their counts exactly than chance explains. Channels at a rail or at 0 do not
-    /// count.
+    /// More channels repeat their counts exactly than chance explains. Channels at a rail or at 0
+    /// are not counted.
     Repeated,
 }
 
@@ -34,12 +34,12 @@ impl StatusWord {
         (self.0 >> 20 & 0xF) as u8
     }
 
-    /// Returns the positive inputs that are off, one bit each (LOFF_STATP).
+    /// Returns the positive inputs whose electrodes are off, one bit each (LOFF_STATP).
     pub const fn off_positive(self) -> u8 {
         (self.0 >> 12 & 0xFF) as u8
     }
 
-    /// Returns the negative inputs that are off, one bit each (LOFF_STATN).
+    /// Returns the negative inputs whose electrodes are off, one bit each (LOFF_STATN).
     pub const fn off_negative(self) -> u8 {
         (self.0 >> 4 & 0xFF) as u8
     }
@@ -49,7 +49,7 @@ impl StatusWord {
         (self.0 & 0xF) as u8
     }
 
-    /// Classifies a wrong upper nibble by the bits around it; `None` if it is right.
+    /// Classifies a wrong start of the word by its first bits; `None` if the first four are 1100.
     pub const fn fault(self) -> Option<ChipFault> {
         let nibble = self.nibble();
         if nibble == NIBBLE {

@@ -1,4 +1,4 @@
-//! A converting chain.
+//! Converting state of a chain: reads frames until it is stopped.
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;
@@ -15,8 +15,8 @@ use crate::command::DECODE;
 use crate::error::{Error, Pin};
 use crate::rate::Rate;
 
-/// A converting chain: one frame per falling edge of DRDY, until it is stopped. Registers cannot be
-/// accessed meanwhile.
+/// A converting chain: one frame per falling edge of DRDY, until it is stopped. While it converts,
+/// registers cannot be accessed.
 #[derive(Debug)]
 pub struct Streaming<'a, Spi, Line, Delay, const CHIPS: usize> {
     /// Wires of the chain, for firmware that clocks frames by DMA: all selects low,
@@ -40,8 +40,9 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     /// Waits for DRDY to fall.
     ///
     /// # Errors
-    /// [`Error::NeverReady`] after the settling time and four sample periods, so the call suits the first
-    /// and all later samples. It names chip 0, whose DRDY is wired. Also when the pin fails.
+    /// [`Error::NeverReady`] after the settling time and four sample periods, which suits the first
+    /// sample and all later ones. The error names chip 0, whose DRDY is wired. [`Error::Pin`] when
+    /// the pin fails.
     pub async fn ready(&mut self, drdy: &mut impl Wait) -> Result<(), Error> {
         let cycles = self.rate.settling() + 4 * self.rate.divider();
         let waited_us = self.clock.microseconds(cycles);
@@ -65,8 +66,8 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     /// When the bus or a pin fails.
     ///
     /// # Timing
-    /// Call it directly after DRDY; it must end before the next DRDY. 108 us for eight chips at 16 MHz,
-    /// and 3 us until the chips are deselected.
+    /// Call it directly after DRDY; it must end before the next DRDY. Clocking takes 108 us for
+    /// eight chips at 16 MHz, and 3 us more pass until the chips are deselected.
     pub async fn read(&mut self, frame: &mut [u8]) -> Result<(), Error> {
         // The chips would execute any opcode sent here; zero is none.
         frame.fill(0);

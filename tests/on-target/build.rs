@@ -1,4 +1,4 @@
-//! Writes the expectations of the vectors, and passes the board's memory map to the linker.
+//! Generates the golden vectors' expected outputs, and passes the board's memory map to the linker.
 #![forbid(unsafe_code)]
 
 use std::{
@@ -125,7 +125,8 @@ fn filtered<const PHASES: usize, const TAPS: usize>(
     Ok(())
 }
 
-/// Writes windows of the artifact, evenly spread over all, and their codes by model-gen's batch reference.
+/// Writes windows of the artifact, evenly spread over all of its windows, and their codes from
+/// model-gen's batch reference.
 fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-env-changed={ARTIFACT}");
     let folder = env::var_os(ARTIFACT).map_or("../../model/artifact".into(), PathBuf::from);
@@ -145,7 +146,7 @@ fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Writes the codes that the PC computes from [`signal::samples`].
+/// Writes the codes that the PC computes for [`signal::samples`].
 fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Error>> {
     let mut pipeline = Pipeline::new(mains);
     let codes = signal::samples().filter_map(|sample| pipeline.encode_sample(&sample));

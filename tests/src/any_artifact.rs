@@ -1,4 +1,4 @@
-//! Random networks of every mode, padding and pool, calibrated as a trained network is.
+//! Random networks of every mode, padding and pool, calibrated in the way of a trained network.
 
 use artifact::{
     Artifact, ArtifactError, CELLS, CODE, ELECTRODES, FloatEncoder, Geometry, Mode, NetworkShape,
@@ -14,8 +14,8 @@ pub type Window = Box<[f32; WINDOW_CELLS]>;
 /// Windows that each network is calibrated on.
 const CALIBRATION: usize = 16;
 
-/// Every tested combination of mode, padding and pool. Mode `paper` occurs once per padding: its encoder is that of
-/// `paper-code-only`.
+/// Every tested combination of mode, padding and pool. Mode `paper` occurs once per padding,
+/// because its encoder is that of `paper-code-only`.
 pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
     let mut variants = vec![(Mode::Pca, Padding::None, [2, 2, 2])];
     for padding in [Padding::None, Padding::Space, Padding::All] {
@@ -71,7 +71,8 @@ pub fn any_artifact(
 /// Random windows of a model's electrodes, smooth over time.
 pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     let grid = ScalpGrid::new(&artifact.description);
-    // Different numbers from those of the weights of the same seed: each window would match a filter exactly.
+    // The seed differs from that of the weights: with equal numbers each window would match a
+    // filter exactly.
     let mut noise = Noise(seed ^ 0x9e37_79b9);
     let mut window = || {
         let mut last = [0.0_f32; ELECTRODES];
@@ -87,7 +88,7 @@ pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     (0..count).map(|_| window()).collect()
 }
 
-/// The quantised planes of a window, as on the device.
+/// Number of windows that each network is calibrated on.
 pub fn planes(artifact: &Artifact, model: &IntegerModel, window: &Window) -> [Plane; STEPS] {
     let sd_uv = artifact.description.input.sd_uv;
     let mut planes = [[0; CELLS]; STEPS];
@@ -122,7 +123,7 @@ fn dense_weights(noise: &mut Noise, mode: Mode, geometry: &Geometry) -> Tensors 
             }
         }
         if name.contains("norm") && name.ends_with(".weight") {
-            // Both signs and zero, for every seed.
+            // The first three values have both signs and zero, for every seed.
             (values[0], values[1], values[2]) = (-0.7, 0.0, 0.7);
         }
         weights.insert(name, &shape, values);
@@ -145,7 +146,7 @@ fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -
         calibration.insert("activation1.max", &[1], first);
         calibration.insert("activation2.max", &[1], second);
     }
-    // The range of a few windows is about half of the range of many.
+    // A range over a few windows is about half of the range over many, so it is widened.
     let (low, high): (Vec<f32>, Vec<f32>) = (0..CODE)
         .map(|j| {
             let of =

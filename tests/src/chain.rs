@@ -15,7 +15,7 @@ use crate::workspace;
 /// MD5 sum of ROS-Neuro's definition of NeuroFrame.
 pub const NEURO_FRAME_MD5: &str = "797997e5036eb017437ce855856d3bad";
 
-/// Device time from one code to the next in microseconds.
+/// Device time from one code to the next, in microseconds.
 const HOP_US: u64 = 62_500;
 
 /// Flags that no code of an undisturbed run has: adc_status_bad, overrun, filler (docs/wire-format.md).
@@ -27,7 +27,7 @@ const EXIT_TIMEOUT: Duration = Duration::from_secs(20);
 /// A NeuroFrame, as `tests/ros/subscribe.py` prints it.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Message {
-    /// Arrival in seconds of a monotonic clock.
+    /// Time of arrival in seconds of a monotonic clock.
     pub arrival: f64,
     /// MD5 sum in the publisher's connection header.
     pub md5: String,
@@ -57,11 +57,11 @@ pub struct Message {
 /// Shape of one block of a NeuroFrame, without its data.
 #[derive(Debug, Clone, Deserialize, PartialEq)]
 pub struct Block {
-    /// Samples per channel.
+    /// Number of samples per channel.
     pub nsamples: u16,
-    /// Channels; 0 where the block is empty.
+    /// Number of channels; 0 if the block is empty.
     pub nchannels: u16,
-    /// Bytes of one sample over all channels.
+    /// Number of bytes per sample over all channels.
     pub stride: u16,
     /// 1 for integers, 0 for floating point.
     pub isint: u8,
@@ -120,7 +120,7 @@ impl<'a> Chain<'a> {
         Self::start_at(folder, &port(folder).to_string_lossy())
     }
 
-    /// [`Self::start`] with options for the bridge.
+    /// Like [`Self::start`], with options for the bridge.
     ///
     /// # Panics
     /// When a program does not start.
@@ -128,7 +128,7 @@ impl<'a> Chain<'a> {
         Self::start_bridge(folder, &port(folder).to_string_lossy(), options)
     }
 
-    /// [`Self::start`] for a board at an address as the bridge's `--port` takes it.
+    /// Like [`Self::start`], for a board at an address in the format of the bridge's `--port`.
     ///
     /// # Panics
     /// When a program does not start.
@@ -171,12 +171,12 @@ impl<'a> Chain<'a> {
         Process::start("board", &mut board, self.folder).expect("host-sim starts")
     }
 
-    /// Starts another subscriber of `/encoded`.
+    /// Starts another subscriber to `/encoded`.
     pub fn another_subscriber(&self) -> Process {
         self.subscriber_of("/encoded")
     }
 
-    /// Starts a subscriber of a topic of NeuroFrames.
+    /// Starts a subscriber to a topic with NeuroFrames.
     ///
     /// # Panics
     /// When the subscriber does not start.
@@ -282,7 +282,7 @@ fn port(folder: &Path) -> PathBuf {
     folder.join("board-port")
 }
 
-/// Starts a rospy subscriber of a topic, with the class that genpy generates from `neuro-ros/msg`.
+/// Starts a rospy subscriber to a topic, with the class that genpy generates from `neuro-ros/msg`.
 fn subscribe(ros: &Ros<'_>, folder: &Path, name: &str, topic: &str) -> Process {
     let script = workspace::root().join("tests/ros/subscribe.py");
     let script = script.canonicalize().expect("the script exists");

@@ -30,10 +30,11 @@ pub fn image() -> Image {
     Image::build(IMAGE, IMAGE, cortex_m4f.features).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Starts the image on a Cortex-M4F. Its UART is TCP port `port` of 127.0.0.1, its converter reads `samples`.
+/// Starts the image on a Cortex-M4F. Its UART is TCP port `port` of 127.0.0.1, its converter reads
+/// `samples`.
 ///
-/// Virtual time counts instructions, but each sample arrives when it is due by the wall clock: on a late PC the
-/// emulated board waits, and does not notice.
+/// Virtual time counts instructions, but each sample arrives when it is due by the wall clock. On a
+/// PC that is too slow, the emulated board waits for the samples and does not notice the delay.
 ///
 /// # Panics
 /// When the folder cannot be written, or QEMU does not start.

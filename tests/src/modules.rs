@@ -1,4 +1,4 @@
-//! The files of a crate as the compiler sees them: which module each one is, and which other files it names.
+//! Module tree of a crate: which module each file is, and which other files it names.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -16,25 +16,25 @@ pub enum ModulesError {
     /// The file cannot be read.
     #[error("{}: {error}", path.display())]
     Read {
-        /// The file.
+        /// File that cannot be read.
         path: PathBuf,
-        /// The system's reason.
+        /// Reason given by the operating system.
         error: std::io::Error,
     },
     /// The file is not Rust of the edition that `syn` parses.
     #[error("{}: {error}; does `rustc` accept this file?", path.display())]
     Parse {
-        /// The file.
+        /// File that cannot be parsed.
         path: PathBuf,
-        /// The parser's reason.
+        /// Reason given by the parser.
         error: syn::Error,
     },
     /// A `mod name;` without a file.
     #[error("{}: `mod {name};` has no file", path.display())]
     NoFile {
-        /// The declaring file.
+        /// File with the declaration.
         path: PathBuf,
-        /// The declared module.
+        /// Name of the declared module.
         name: String,
     },
 }
@@ -42,7 +42,7 @@ pub enum ModulesError {
 /// All files that one crate root declares, with the edges between them.
 #[derive(Debug, Default)]
 pub struct Modules {
-    /// A module has several files where `#[cfg]` chooses between them.
+    /// Files of each module; a module has several files if `#[cfg]` chooses between them.
     files: BTreeMap<ModulePath, BTreeSet<PathBuf>>,
     uses: BTreeMap<PathBuf, BTreeSet<PathBuf>>,
     test_files: BTreeSet<PathBuf>,
@@ -70,12 +70,13 @@ impl Modules {
         Ok(modules)
     }
 
-    /// Every file that belongs to the crate, those of its unit tests included.
+    /// Returns every file that belongs to the crate, those of its unit tests included.
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.files.values().flatten().chain(&self.test_files)
     }
 
-    /// Groups of files that reach each other through `use` and paths, without those of unit tests.
+    /// Returns groups of files that depend on each other in a circle, through `use` and paths;
+    /// paths in unit tests do not count.
     pub fn circles(&self) -> Vec<BTreeSet<&Path>> {
         let reach: BTreeMap<&Path, BTreeSet<&Path>> = self
             .uses
@@ -145,7 +146,8 @@ impl Modules {
         Ok(())
     }
 
-    /// Files of the deepest module that a path leads through; `None` for another crate's path.
+    /// Returns the files of the deepest module that a path leads through; `None` for another
+    /// crate's path.
     fn resolve(&self, from: &ModulePath, path: &[String]) -> Option<&BTreeSet<PathBuf>> {
         let mut segments = path.iter();
         let mut module = from.clone();
@@ -182,7 +184,7 @@ impl Modules {
     }
 }
 
-/// The file of `mod name;`: beside its parent's folder, or where `#[path]` says.
+/// Returns the file of `mod name;`: in its parent's folder, or at the path in `#[path]`.
 fn module_file(
     item: &ItemMod,
     name: &str,
@@ -215,7 +217,7 @@ fn module_file(
     }
 }
 
-/// Whether an item carries `#[cfg(test)]`.
+/// Returns whether an item carries `#[cfg(test)]`.
 fn is_test_only(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| match &attribute.meta {
         Meta::List(list) => list.path.is_ident("cfg") && list.tokens.to_string() == "test",
@@ -223,11 +225,11 @@ fn is_test_only(attributes: &[Attribute]) -> bool {
     })
 }
 
-/// Paths that a file names, without those of its unit tests and of macros' arguments.
+/// Collects the paths that a file names, except those in its unit tests and in macros' arguments.
 #[derive(Debug, Default)]
 struct PathsNamed {
     paths: Vec<ModulePath>,
-    /// Inline modules around the visited item: `super` leads out of them first.
+    /// Number of inline modules around the visited item: `super` leads out of these first.
     inline: usize,
 }
 

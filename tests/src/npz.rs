@@ -117,7 +117,7 @@ fn shape_in(dictionary: &str) -> Option<Vec<usize>> {
 mod tests {
     use super::*;
 
-    /// The file that `np.save` writes for `np.array([[1, 2, 3], [4, 5, -6]], '<f4')`.
+    /// Contents of the file that `np.save` writes for `np.array([[1, 2, 3], [4, 5, -6]], '<f4')`.
     fn two_by_three() -> Vec<u8> {
         let header = b"{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }          \n";
         let mut bytes = b"\x93NUMPY\x01\x00".to_vec();

@@ -31,10 +31,10 @@ pub enum NumpyError {
     },
 }
 
-/// Whether numpy is installed; reports `test` as skipped where it is not.
+/// Returns whether numpy is installed; reports `test` as skipped if it is not.
 ///
 /// # Panics
-/// When it is not installed and `CORTICODE_REQUIRE_ROS=1`, as in CI.
+/// When numpy is not installed and `CORTICODE_REQUIRE_ROS=1`, as in CI.
 pub fn available(test: &str) -> bool {
     let import = Command::new(PYTHON).args(["-c", "import numpy"]).output();
     if import.is_ok_and(|output| output.status.success()) {

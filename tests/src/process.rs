@@ -55,13 +55,13 @@ impl Process {
         fs::read_to_string(&self.errors).unwrap_or_default()
     }
 
-    /// Whether the program itself has not ended; its children are not considered.
+    /// Returns whether the program itself still runs; its children are not considered.
     pub fn is_running(&mut self) -> bool {
         matches!(self.child.try_wait(), Ok(None))
     }
 
-    /// Sends a signal to the group and waits for the program, and then for the rest of the group: `rosbag record`
-    /// ends before the recorder that it started has closed its bag.
+    /// Sends a signal to the group, waits for the program, and then for the rest of the group:
+    /// `rosbag record` ends before the recorder that it has started closes its bag.
     ///
     /// # Panics
     /// When the program still runs after `timeout`: a clean exit is part of what is tested.
@@ -75,18 +75,18 @@ impl Process {
         status
     }
 
-    /// Whether any process of the group has not ended.
+    /// Returns whether any process of the group still runs.
     fn group_is_running(&self) -> bool {
         test_kill_process_group(Pid::from_child(&self.child)).is_ok()
     }
 
     /// Kills the group and every descendant with SIGKILL.
     pub fn kill(&mut self) {
-        // Collect the descendants first: they lose their parent with its death.
+        // Collect the descendants before the kill: when their parent dies, they get another one.
         let descendants = descendants(self.child.id());
         self.signal(Signal::KILL);
         for pid in descendants.into_iter().filter_map(pid_of) {
-            // Fails for a process that has ended meanwhile, which is fine.
+            // Fails for a process that has already ended, which is fine.
             let _ = kill_process(pid, Signal::KILL);
         }
         // Reaps the killed child.
@@ -183,7 +183,8 @@ fn descendants(root: u32) -> Vec<u32> {
     found.split_off(1)
 }
 
-/// The parent: fourth field of `/proc/PID/stat`. The second field, in parentheses, can contain any character.
+/// Returns the parent's id, the fourth field of `/proc/PID/stat`. The second field, in parentheses,
+/// can contain any character.
 fn parent(pid: u32) -> Option<u32> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     let (_, rest) = stat.rsplit_once(')')?;
@@ -222,7 +223,7 @@ mod tests {
     #[test]
     fn dropping_a_process_kills_its_children() {
         let folder = tempfile::tempdir().expect("a folder");
-        // With a separate session, as roscore starts its master.
+        // The child gets a separate session, as roscore's master does.
         let mut process = shell(
             "setsid sleep 600 & sleep 0.2; pgrep -P $$ sleep; wait",
             folder.path(),

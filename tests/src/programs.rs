@@ -11,7 +11,7 @@ use crate::workspace::cargo;
 pub struct Programs {
     /// `host-sim`, the virtual board.
     pub host_sim: PathBuf,
-    /// `corticode-bridge`, the bridge to ROS.
+    /// `corticode-bridge`, the bridge from a board to ROS.
     pub bridge: PathBuf,
 }
 

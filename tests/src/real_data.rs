@@ -28,7 +28,8 @@ pub enum SamplesError {
     Montage(#[from] recordings::MontageMapError),
 }
 
-/// Path of a file under `CORTICODE_DATA`; reports `test` as skipped where the variable is not set.
+/// Returns the path of a file under `CORTICODE_DATA`; reports `test` as skipped if the variable is
+/// not set.
 ///
 /// # Panics
 /// When the variable is set and the file does not exist: a wrong path must not look like a skip.

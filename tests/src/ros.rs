@@ -14,13 +14,14 @@ use crate::ros_messages;
 /// Search path with Debian's programs only: another Python can lack rospy.
 const PATH: &str = "/usr/bin:/bin:/usr/sbin:/sbin";
 
-/// Longest time for an action that takes 2 s, such as a start; the rest is for a busy machine.
+/// Longest time for an action that normally takes 2 s, such as a start; the rest is for a busy
+/// machine.
 pub const TIMEOUT: Duration = Duration::from_mins(1);
 
-/// Whether ROS is installed; reports `test` as skipped where it is not.
+/// Returns whether ROS is installed; reports `test` as skipped if it is not.
 ///
 /// # Panics
-/// When it is not installed and `CORTICODE_REQUIRE_ROS=1`.
+/// When ROS is not installed and `CORTICODE_REQUIRE_ROS=1`.
 pub fn available(test: &str) -> bool {
     let missing: Vec<&str> = ["roscore", "rostopic", "rosservice", "rosbag"]
         .into_iter()

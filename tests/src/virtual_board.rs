@@ -17,10 +17,11 @@ fn toolchain() -> &'static str {
     channel.split('"').next().expect("its end")
 }
 
-/// Whether the toolchain of the virtual boards is installed; reports `test` as skipped where it is not.
+/// Returns whether the toolchain of the virtual boards is installed; reports `test` as skipped if
+/// it is not.
 ///
 /// # Panics
-/// When it is not installed and `CORTICODE_REQUIRE_ROS=1`.
+/// When the toolchain is not installed and `CORTICODE_REQUIRE_ROS=1`.
 pub fn available(test: &str) -> bool {
     let mut version = Command::new("rustup");
     version.args(["run", toolchain(), "cargo", "--version"]);

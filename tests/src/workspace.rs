@@ -14,9 +14,9 @@ pub type Names = BTreeSet<String>;
 pub struct Arrows {
     /// Dependencies of the crate itself.
     pub normal: Names,
-    /// Dependencies of its `build.rs`.
+    /// Dependencies of the crate's `build.rs`.
     pub build: Names,
-    /// Dependencies of its tests only.
+    /// Dependencies of the crate's tests only.
     pub tests: Names,
 }
 
@@ -111,20 +111,20 @@ pub fn arrows() -> Result<BTreeMap<String, Arrows>, WorkspaceError> {
 /// One member of a workspace, with the roots that cargo compiles.
 #[derive(Debug, Clone)]
 pub struct Package {
-    /// Name in its manifest.
+    /// Name of the package in its manifest.
     pub name: String,
-    /// Folder of its manifest.
+    /// Folder of the package's manifest.
     pub folder: PathBuf,
-    /// Library, programs, tests, examples and build script.
+    /// Library, programs, tests, examples and build script of the package.
     pub targets: Vec<Target>,
 }
 
 /// One crate that cargo compiles from a package.
 #[derive(Debug, Clone)]
 pub struct Target {
-    /// Cargo's word: "lib", "bin", "test", "example", "custom-build".
+    /// Kind of target as cargo names it: "lib", "bin", "test", "example" or "custom-build".
     pub kind: String,
-    /// Its root file.
+    /// Root file of the target.
     pub root: PathBuf,
 }
 

@@ -83,7 +83,7 @@ fn only_the_files_that_architecture_md_lists_contain_unsafe_code() {
     );
 }
 
-/// Path of a file below the root, if the file permits unsafe code.
+/// Returns the path of a file below the root if the file permits unsafe code.
 fn unsafe_place(file: &Path) -> Option<String> {
     let text = fs::read_to_string(file).expect("a source file");
     let expects = ["expect(", "allow("].iter().any(|attribute| {
@@ -95,7 +95,7 @@ fn unsafe_place(file: &Path) -> Option<String> {
     expects.then(|| below.to_string_lossy().into_owned())
 }
 
-/// Files that the section "Unsafe code" of ARCHITECTURE.md lists in backticks.
+/// Returns the files that the section "Unsafe code" of ARCHITECTURE.md lists in backticks.
 fn written_unsafe_places() -> Names {
     let text = fs::read_to_string(workspace::root().join("ARCHITECTURE.md")).expect("the document");
     let section = text.split("## Unsafe code").nth(1).expect("the section");
@@ -141,7 +141,7 @@ fn a_source_file_is_short_and_its_name_describes_its_contents() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// Dependencies in the table "Crates and arrows" of ARCHITECTURE.md, by crate name.
+/// Returns the dependencies in the table "Crates and arrows" of ARCHITECTURE.md, by crate name.
 fn written_arrows() -> BTreeMap<String, Arrows> {
     let text = fs::read_to_string(workspace::root().join("ARCHITECTURE.md")).expect("the document");
     let (_, section) = text
@@ -168,7 +168,7 @@ fn written_arrows() -> BTreeMap<String, Arrows> {
     table
 }
 
-/// Names in backticks.
+/// Returns the names in backticks in a cell of the table.
 fn names_in(cell: &str) -> Names {
     cell.split('`')
         .skip(1)
@@ -177,7 +177,7 @@ fn names_in(cell: &str) -> Names {
         .collect()
 }
 
-/// Folder of every member, and of the virtual boards, which are a separate workspace.
+/// Returns the folder of every member, and of the virtual boards, which are a separate workspace.
 fn folders() -> BTreeMap<String, PathBuf> {
     let mut folders = workspace::folders().expect("cargo metadata");
     let root = workspace::root().canonicalize().expect("the root");

@@ -8,7 +8,8 @@ use acceptance::{ros, virtual_board};
 
 /// Number of codes to receive: 16 s of the board's time.
 const CODES: usize = 256;
-/// Longest time for them on the wall clock: a busy machine runs a board slower than real time.
+/// Longest time on the wall clock to receive all codes: a busy machine runs a board slower than
+/// real time.
 const TIMEOUT: Duration = Duration::from_mins(4);
 
 #[test]

@@ -18,7 +18,8 @@ fn streaming_equals_batch_on_every_window_of_r12() {
     compare(real_data::EDF_R12);
 }
 
-/// Compares the codes of the pipeline with those of model-gen's plain loops over the same quantised planes.
+/// Compares the codes of the pipeline with those from model-gen's plain loops over the same
+/// quantised planes.
 fn compare(file: &str) {
     let test = format!("streaming equals batch on {file}");
     let Some(path) = real_data::path(&test, file) else {
@@ -47,7 +48,7 @@ fn compare(file: &str) {
     let different = different(&batch, &planes, &codes);
     println!("{file}: {} windows, {different} different", codes.len());
     assert_eq!(different, 0);
-    // 125 s of EEG, whose codes are neither constant nor all clipped.
+    // The input is 125 s of EEG; its codes are neither constant nor all clipped.
     assert!(codes.len() > 1900);
     assert!(
         codes

@@ -1,8 +1,8 @@
-//! The streaming encoder computes the codes that numpy computes from the integer model, byte for byte, and so does
-//! the integer reference for networks of every shape.
+//! The streaming encoder computes the codes that numpy computes from the integer model, byte for
+//! byte. So does the integer reference for networks of every shape.
 //!
-//! The numpy implementation, `encoder_numpy.py`, shares no code with the Rust ones. It reads the integers that
-//! model-gen makes of the weights, in PyTorch's order.
+//! The numpy implementation, `encoder_numpy.py`, shares no code with the Rust ones. It reads the
+//! integers that model-gen computes from the weights, in PyTorch's order.
 #![forbid(unsafe_code)]
 
 use acceptance::{any_artifact, numpy_reference, real_data, workspace};
@@ -12,7 +12,7 @@ use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::{HOP, STEPS};
 use pipeline::{Acquisition, Encoder, Mains, Plane, Sample, Step};
 
-/// Windows over all inputs, unless `CORTICODE_WINDOWS` asks for more.
+/// Number of windows over all inputs, unless `CORTICODE_WINDOWS` asks for more.
 const WINDOWS: usize = 1_000;
 
 /// Formats of codes; network number n has format n modulo 3.
@@ -41,7 +41,7 @@ fn numpy_computes_the_codes_of_the_streaming_encoder() {
     let different = pairs.filter(|(ours, theirs)| ours != theirs).count();
     println!("{} windows, {different} different", codes.len());
     assert_eq!((theirs.len(), different), (codes.len(), 0));
-    // Codes repeat only in silence.
+    // Codes repeat only if the input is silent.
     let changes = codes.windows(2).filter(|pair| pair[0] != pair[1]).count();
     assert!(changes > codes.len() / 2, "{changes} of {}", codes.len());
 }
@@ -86,7 +86,7 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
     }
 }
 
-/// Planes of extreme inputs, of synthetic EEG, and of real EEG where it is available.
+/// Returns planes of extreme inputs, of synthetic EEG, and of real EEG if it is available.
 fn inputs(test: &str) -> Vec<Vec<Plane>> {
     let requested = std::env::var("CORTICODE_WINDOWS").ok();
     let windows = requested.map_or(WINDOWS, |text| text.parse().expect("a number of windows"));

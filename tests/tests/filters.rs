@@ -66,7 +66,7 @@ fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
     assert!(largest > 50.0);
 }
 
-/// scipy's sections, the notch first; each has b0, b1, b2, a0 = 1, a1, a2.
+/// Returns scipy's filter sections, the notch first; each has b0, b1, b2, a0 = 1, a1, a2.
 fn sections(reference: &mut Npz) -> Vec<[f64; 6]> {
     let band_pass: Array = reference.array("sos").expect("sos");
     let notch = reference.array("notch").expect("notch");
@@ -78,10 +78,11 @@ fn sections(reference: &mut Npz) -> Vec<[f64; 6]> {
     values.as_chunks().0.to_vec()
 }
 
-/// Sum of the magnitudes of the impulse response: the gain for the worst possible input.
+/// Returns the sum of the magnitudes of the impulse response, which is the gain for the worst
+/// input.
 fn l1_norm(sections: &[[f64; 6]]) -> f64 {
     let mut states = vec![[0.0; 2]; sections.len()];
-    // 20 s: the slowest pole, at 0.5 Hz, has decayed by e^-40.
+    // 20 s are enough: the response of the slowest pole, at 0.5 Hz, has decayed by e^-40.
     let impulse = std::iter::once(1.0).chain(std::iter::repeat_n(0.0, 20 * 512));
     impulse
         .map(|input| {

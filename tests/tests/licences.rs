@@ -115,7 +115,7 @@ fn tree(workspace: &str, choice: &[&str]) -> Result<String, WorkspaceError> {
     workspace::cargo(&[&arguments, choice].concat())
 }
 
-/// Whether the allowed licences satisfy a licence expression.
+/// Returns whether the allowed licences satisfy a licence expression.
 fn accepts(allowed: &BTreeSet<String>, licence: &str) -> bool {
     let on_list = |required: &LicenseReq| allowed.contains(&required.to_string());
     Expression::parse_mode(licence, MODE).is_ok_and(|expression| expression.evaluate(on_list))

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use acceptance::modules::Modules;
 use acceptance::workspace::{self, Package};
 
-/// Every member, and the virtual boards, a workspace of their own.
+/// Every member of the workspace, and the virtual boards, which are a separate workspace.
 fn packages() -> Vec<Package> {
     let mut packages = workspace::members("Cargo.toml").expect("cargo metadata");
     packages.extend(workspace::members("tests/virtual-board/Cargo.toml").expect("cargo metadata"));
@@ -63,7 +63,7 @@ fn every_source_file_is_declared_by_a_module() {
     );
 }
 
-/// The file without `..`, which `#[path]` may contain.
+/// Returns the path of a file without `..`, which a `#[path]` attribute can contain.
 fn canonical(file: &Path) -> PathBuf {
     file.canonicalize().expect("an existing file")
 }

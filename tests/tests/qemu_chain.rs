@@ -8,9 +8,9 @@ use acceptance::{emulated_board, ros};
 use emulator::installed;
 use host_sim::synthetic::{Generator, SyntheticSpec};
 
-/// Seconds of codes, unless `CORTICODE_QEMU_SECONDS` asks for more.
+/// Duration of the codes in seconds, unless `CORTICODE_QEMU_SECONDS` asks for more.
 const SECONDS: u32 = 12;
-/// Codes per second.
+/// Number of codes per second.
 const RATE: u32 = 16;
 
 #[test]

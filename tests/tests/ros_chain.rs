@@ -9,9 +9,9 @@ use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
 use pipeline::{Mains, Pipeline, Sample};
 
-/// Seconds of EEG per run.
+/// Duration of the EEG per run in seconds.
 const SECONDS: u32 = 20;
-/// Longest delay of the end of a run on a busy machine.
+/// Longest delay until a run ends on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
@@ -116,7 +116,7 @@ fn passes(test: &str, input: &[&str], mains: Mains, samples: impl Iterator<Item 
     );
 }
 
-/// Dequantised codes of the pipeline for the first seconds of the samples.
+/// Returns the dequantised codes that the pipeline computes for the first seconds of the samples.
 fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Vec<f64>> {
     let mut pipeline = Pipeline::new(mains);
     let count = usize::from(model::ADC_RATE_HZ) * usize::try_from(SECONDS).expect("small");
@@ -169,7 +169,7 @@ fn assert_contract(messages: &[Message]) {
                 .all(|value| (low..=high).contains(value))
         );
     }
-    // 16.00 Hz: device times are exactly 32 samples of 512 Hz apart.
+    // Codes arrive at 16.00 Hz: their device times are exactly 32 samples of 512 Hz apart.
     for pair in messages.windows(2) {
         assert_eq!(
             pair[1].status.device_us() - pair[0].status.device_us(),

@@ -11,13 +11,13 @@ use link::Flags;
 use model::{ADC_RATE_HZ, CHANNELS, ELECTRODES, HOP, LSB_NV, STEP_RATE_HZ};
 use pipeline::{Acquisition, Mains, Sample};
 
-/// Seconds of EEG.
+/// Duration of the EEG in seconds.
 const SECONDS: usize = 8;
-/// Samples per frame of `/neurodata`: those of a hop.
+/// Number of samples per frame of `/neurodata`: those of one hop.
 const SAMPLES: usize = HOP * ADC_RATE_HZ as usize / STEP_RATE_HZ as usize;
 /// Scale of a filtered step: 2^5, for 5 fraction bits.
 const FRACTION: f64 = 32.0;
-/// Longest delay of the end of a run on a busy machine.
+/// Longest delay until a run ends on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
@@ -92,7 +92,8 @@ fn all(subscriber: &mut Process, count: usize) -> Vec<Message> {
     messages
 }
 
-/// Checks ROS-Neuro's contract: samples-major, one label per channel, in order, no filler.
+/// Checks ROS-Neuro's contract: values sample by sample, one label per channel, in order, no
+/// filler.
 fn assert_frames(messages: &[Message], nsamples: usize, rate_hz: u16) {
     let labels: Vec<String> = model::LABELS.split(' ').map(str::to_owned).collect();
     for (index, message) in (0..).zip(messages) {
@@ -121,7 +122,8 @@ fn assert_frames(messages: &[Message], nsamples: usize, rate_hz: u16) {
     }
 }
 
-/// Checks values, within the six decimals of the subscriber's lines and float32.
+/// Checks that the values are the expected ones, within float32 and the six decimals of the
+/// subscriber's lines.
 fn assert_values(messages: &[Message], expected: &[f64]) {
     let values = messages.iter().flat_map(|message| &message.values);
     let mut count = 0;

@@ -16,12 +16,12 @@ const WORKSPACES: [&str; 2] = [".", "tests/virtual-board"];
 /// Source of crates.io in a lock file.
 const CRATES_IO: &str = "registry+https://github.com/rust-lang/crates.io-index";
 
-/// A package of a lock file.
+/// A package in a lock file.
 #[derive(Debug, Clone)]
 struct Package {
     name: String,
     version: String,
-    /// Absent for our own packages.
+    /// Source of the package; `None` for the workspace's own packages.
     source: Option<String>,
 }
 
@@ -74,7 +74,7 @@ fn no_package_of_ours_asks_for_any_version() {
             .filter_map(|package| package["dependencies"].as_array())
             .flatten()
         {
-            // A package of ours is used as it is; it has a path and no version.
+            // Packages of this workspace have a path and no version, so `*` is right for them.
             let is_wild = dependency["path"].is_null() && dependency["req"] == "*";
             assert!(!is_wild, "{workspace}: {dependency}");
         }
@@ -122,7 +122,7 @@ fn no_locked_version_is_yanked() {
 
 #[test]
 fn a_yanked_version_is_found() {
-    // Withdrawn by its authors in 2026, and not in use here.
+    // This version was withdrawn by its authors in 2026; the workspace does not use it.
     let yanked = Package {
         name: "chacha20".to_owned(),
         version: "0.10.1".to_owned(),
@@ -134,7 +134,7 @@ fn a_yanked_version_is_found() {
     }
 }
 
-/// Lets cargo resolve exactly these versions in an empty package.
+/// Makes cargo resolve exactly these versions in an empty package.
 fn resolve_without_lock(packages: &[Package]) -> Result<(), String> {
     let folder = tempfile::tempdir().expect("a folder");
     let mut manifest =
@@ -166,7 +166,7 @@ fn from_registry(packages: &[Package]) -> impl Iterator<Item = &Package> {
     packages.iter().filter(|package| package.source.is_some())
 }
 
-/// Packages of a workspace's lock file.
+/// Returns the packages in a workspace's lock file.
 fn locked(workspace: &str) -> Vec<Package> {
     let lock = table(workspace, "Cargo.lock");
     let packages = lock["package"].as_array().expect("packages").iter();

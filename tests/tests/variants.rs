@@ -13,7 +13,8 @@ use artifact::{
     Padding,
 };
 
-/// Models that together use every kernel, both ends of a padded window, and an encoder without each optional half.
+/// Models that together use every kernel, both ends of a padded window, and an encoder without each
+/// of its optional parts.
 const VARIANTS: [(Mode, Padding, [usize; 3], usize); 6] = [
     (Paper, Padding::None, [2, 2, 2], 16),
     (Paper, Padding::None, [4, 3, 3], 8),
@@ -49,7 +50,8 @@ fn streaming_equals_batch_with_every_variant() {
             .args(test)
             .current_dir(workspace::root())
             .env("CORTICODE_ARTIFACT", folder.path())
-            // A separate folder: each change of the model would rebuild its dependants in the usual one, twice.
+            // A separate folder: in the usual one each change of the model would rebuild its
+            // dependants twice.
             .env("CARGO_TARGET_DIR", target().join("variants"))
             .output()
             .expect("cargo runs");

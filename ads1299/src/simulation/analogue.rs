@@ -14,9 +14,9 @@ use crate::test_signal::TestAmplitude;
 /// Signal at the electrodes of a channel.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Electrode {
-    /// Differential voltage, in volts.
+    /// Differential voltage of the channel's inputs, in volts.
     Volts(f64),
-    /// ADC counts that the channel must return.
+    /// Counts that the channel must return, whatever its gain.
     Counts(i32),
 }
 
@@ -27,7 +27,7 @@ pub(super) type Off = [u8; 2];
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Conversion {
     pub(super) now_ns: u64,
-    /// Time in clock cycles.
+    /// Time since power-on, in clock cycles.
     pub(super) cycles: u64,
     pub(super) rate: Rate,
 }
@@ -66,11 +66,12 @@ pub(super) fn convert(
         if set & 0x80 != 0 {
             return 0;
         }
-        // 7 is reserved.
+        // Gain code 7 is reserved; it is treated as gain 24.
         let gain = Gain::ALL.get(usize::from(set >> 4 & 7));
         let gain = gain.copied().unwrap_or(Gain::X24);
         let mut volts = match Input::ALL[usize::from(set & 7)] {
-            // The lead-off current drives an open input to a rail; a reversed current to the other one.
+            // The lead-off current drives an open input to one rail, a reversed current to the
+            // other rail.
             Input::Electrodes if (positive | negative) >> channel & 1 != 0 => {
                 let up = flipped >> channel & 1 == 0;
                 if up { VREF } else { -VREF }
@@ -82,7 +83,7 @@ pub(super) fn convert(
             },
             Input::TestSignal => test_signal(chip, conversion) * VREF * reference,
             Input::Temperature => 0.1453,
-            // Not modelled: treated as shorted.
+            // Other inputs are not modelled; they are treated as shorted.
             _ => 0.0,
         };
         volts += noise.next() * 1e-6 * f64::from(typical_noise_uv(gain, conversion.rate));
@@ -141,8 +142,8 @@ fn test_signal(chip: &Chip, conversion: Conversion) -> f64 {
     }
 }
 
-/// Step response of a third-order sinc filter, `periods` of the sample rate after the step: from 0 to 1 in
-/// three periods.
+/// Returns the step response of a third-order sinc filter, `periods` sample periods after the step.
+/// It rises from 0 to 1 in three periods.
 fn step_response(periods: f64) -> f64 {
     match periods {
         u if u < 1.0 => u.powi(3) / 6.0,

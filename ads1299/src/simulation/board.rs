@@ -18,18 +18,18 @@ use crate::simulation::noise::Noise;
 use crate::simulation::options::Options;
 use crate::simulation::supply::Supply;
 
-/// Event on the wires.
+/// Event on the wires between the driver and the chips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// RESET went high.
     Reset,
-    /// START changed to this level.
+    /// START changed to this level; true is high.
     Start(bool),
     /// A chip received an opcode.
     Command {
         /// Index of the chip.
         chip: usize,
-        /// Opcode, with the register address where it has one.
+        /// Opcode; RREG and WREG include the first register's address.
         opcode: u8,
     },
 }
@@ -39,7 +39,8 @@ pub(super) struct Board<const CHIPS: usize> {
     options: Options,
     supply: Supply,
     speed: Speed,
-    /// Duration of a byte at each speed, and tSDECODE, in nanoseconds.
+    /// Duration of a byte at the SCLK for registers, in nanoseconds; the next two are the duration
+    /// at the SCLK for bursts, and tSDECODE.
     register_byte_ns: u64,
     burst_byte_ns: u64,
     decode_ns: u64,
@@ -51,19 +52,19 @@ pub(super) struct Board<const CHIPS: usize> {
     off: [Off; CHIPS],
     noise: Noise,
     start: bool,
-    /// Time at which RESET went low, in nanoseconds.
+    /// Time at which RESET went low, in nanoseconds; `None` while it is high.
     reset_low_ns: Option<u64>,
-    /// End of the next conversion, in clock cycles.
+    /// End of the next conversion, in clock cycles; `None` while the chips are stopped.
     next: Option<u64>,
     /// End of the next conversion, in nanoseconds; `u64::MAX` if there is none.
     next_ns: u64,
-    /// Bytes clocked since the last conversion.
+    /// Number of bytes clocked since the last conversion.
     clocked: usize,
-    /// Bits of the current sample, built at the first transfer.
+    /// Bits of the current sample, built at its first transfer.
     burst: Option<Burst>,
-    /// Cached result of the check that zero bytes have no effect on any selected chip; `None` if unknown.
+    /// Cached answer to whether zero bytes have no effect on any selected chip; `None` if unknown.
     is_deaf: Option<bool>,
-    /// Number of visible edges of DRDY.
+    /// Number of DRDY edges that the driver could see.
     edges: u64,
     violations: u32,
     events: Vec<(u64, Event)>,
@@ -158,7 +159,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.restart_filter(config1);
     }
 
-    /// Restarts the digital filter if CONFIG1 differs from `before` (9.4.2).
+    /// Restarts the digital filter if CONFIG1 differs from `before` (data sheet section 9.4.2).
     fn restart_filter(&mut self, before: u8) {
         let changed = self.chips[0].register(Register::CONFIG1) != before;
         if changed && self.next.is_some() {
@@ -318,7 +319,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.next_ns = cycles.map_or(u64::MAX, |cycles| self.nanoseconds(cycles));
     }
 
-    /// Ends a conversion: stores new frames in all chips and lets DRDY fall.
+    /// Ends a conversion: stores new frames in all chips and sets DRDY low.
     fn convert(&mut self, cycles: u64) {
         let conversion = Conversion {
             now_ns: self.now_ns,
@@ -346,7 +347,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    /// Returns the electrodes' sample; 0 V, and no sample is counted, if no channel converts them.
+    /// Returns the next sample from the electrodes. If no channel converts its electrodes, returns
+    /// 0 V and counts no sample.
     fn deliver(&mut self) -> [[Electrode; CHANNELS]; CHIPS] {
         let is_converted =
             |chip: &Chip| (0..CHANNELS).any(|n| analogue::converts_electrodes(chip, n));
@@ -369,7 +371,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    /// Returns the rate of chip 0. The others have the same, because they share clock and START.
+    /// Returns the sample rate of chip 0. The other chips have the same rate, because they share
+    /// clock and START.
     fn rate(&self) -> Rate {
         analogue::rate(self.chips[0].register(Register::CONFIG1))
     }

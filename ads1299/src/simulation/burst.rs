@@ -4,7 +4,8 @@ use crate::frame::{CHIP_BYTES, MAX_CHIPS};
 use crate::simulation::chip::Chip;
 use crate::simulation::fault::Fault;
 
-/// Length of the longest burst in bytes, with a don't-care bit per chip and a shifted bit.
+/// Length of the longest burst in bytes: eight chips, a don't-care bit per chip and a bit from
+/// `Fault::ShiftedBit`.
 const BYTES: usize = CHIP_BYTES * MAX_CHIPS + 2;
 
 /// Bits that a chain sends for one sample, from the first selected chip on.

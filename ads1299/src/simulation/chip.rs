@@ -20,14 +20,14 @@ pub(super) struct Chip {
     state: State,
     /// End of the last byte, in nanoseconds.
     last_ns: u64,
-    /// Effect of the last byte, cancelled if the chip is deselected too early.
+    /// Effect of the last byte, cancelled if the chip is deselected before it is decoded.
     pending: Option<Pending>,
     pub(super) fault: Option<Fault>,
     /// Status word and counts of the last conversion.
     pub(super) frame: [u8; CHIP_BYTES],
 }
 
-/// State of the command decoder.
+/// State of the command decoder: what the next byte means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Opcode,
@@ -59,7 +59,7 @@ enum Pending {
 pub(super) enum Received {
     Nothing,
     Opcode(u8),
-    /// The byte came too early.
+    /// The byte followed the previous one too early.
     Violation,
 }
 
@@ -132,8 +132,8 @@ impl Chip {
         self.registers[Register::LOFF_STATN.index()] = negative;
     }
 
-    /// Returns the reference voltage as a fraction of 4.5 V. Modelled as a ramp of 150 ms; the data sheet
-    /// states only the settling time.
+    /// Returns the reference voltage as a fraction of 4.5 V. The reference is modelled as a ramp of
+    /// 150 ms; the data sheet states only that settling time.
     #[expect(clippy::cast_precision_loss, reason = "hours in ns are exact")]
     pub(super) fn reference(&self, now_ns: u64) -> f64 {
         let since = self.reference_ns.map_or(0, |on| now_ns.saturating_sub(on));

@@ -1,4 +1,4 @@
-//! Signals at the electrodes of a simulated chain.
+//! Sources of the electrodes' signals in a simulated chain.
 
 use std::boxed::Box;
 
@@ -7,7 +7,7 @@ use crate::frame::CHANNELS;
 /// Source of the electrodes' signal. Called once per sample with the sample's number, from 0, while any
 /// channel converts its electrodes; samples of a self-test are not counted.
 pub enum Electrodes<const CHIPS: usize> {
-    /// Volts; the simulated chip adds noise, gain and clipping.
+    /// Differential voltages in volts; the simulated chip applies gain and clipping and adds noise.
     Volts(Deliver<f64, CHIPS>),
     /// ADC counts, |count| <= 2^23, delivered exactly, whatever the gain, and without noise.
     Counts(Deliver<i32, CHIPS>),

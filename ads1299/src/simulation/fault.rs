@@ -1,4 +1,4 @@
-//! Faults of a simulated chip.
+//! Faults that a test can inject into a simulated chip.
 
 use crate::register::Register;
 
@@ -9,13 +9,13 @@ pub enum Fault {
     Dead,
     /// Repeats its last sample.
     StuckData,
-    /// Returns this ID.
+    /// Returns this byte as its ID.
     WrongId(u8),
     /// Converts at twice the rate; visible at chip 0 only, whose DRDY is wired.
     DoubleRate,
     /// Omits the next edge of DRDY, once; visible at chip 0 only.
     MissedReady,
-    /// Sends this in place of 1100 at the start of its status word.
+    /// Sends these four bits in place of 1100 at the start of its status word.
     WrongNibble(u8),
     /// Delays its data, and those of the chips after it, by one bit.
     ShiftedBit,

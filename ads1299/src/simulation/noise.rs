@@ -10,7 +10,7 @@ impl Noise {
         Self(seed | 1 << 63)
     }
 
-    /// Returns the next number, with mean 0 and rms 1.
+    /// Returns the next number from a distribution with mean 0 and rms 1.
     pub(super) fn next(&mut self) -> f64 {
         (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
     }

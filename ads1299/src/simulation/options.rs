@@ -1,8 +1,8 @@
-//! Options of a simulated board.
+//! Clock, SCLK and wiring of a simulated board.
 
 use crate::alignment::Alignment;
 
-/// Options of a simulated board.
+/// Clock, SCLK, wiring and noise seed of a simulated board.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// Master clock of the chips, in Hz.
@@ -11,16 +11,17 @@ pub struct Options {
     pub register_hz: u32,
     /// SCLK for bursts, in Hz.
     pub burst_hz: u32,
-    /// Whether the chips insert a don't-care bit between two of them.
+    /// Spacing of the chips' parts in a frame, with or without a don't-care bit between two chips.
     pub alignment: Alignment,
-    /// Whether every chip that is selected alone drives MISO; otherwise only chip 0 does.
+    /// True if every chip that is selected alone drives MISO; otherwise only chip 0 does.
     pub read_back: bool,
     /// Seed of the noise.
     pub seed: u64,
 }
 
 impl Default for Options {
-    /// 2^21 Hz, SCLK of 100 kHz and 16 MHz, a don't-care bit as in the data sheet, read-back of every chip.
+    /// 2^21 Hz, SCLK of 100 kHz for registers and 16 MHz for bursts, a don't-care bit as in the
+    /// data sheet, read-back of every chip.
     fn default() -> Self {
         Self {
             clock_hz: 1 << 21,

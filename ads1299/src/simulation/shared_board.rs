@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::simulation::board::Board;
 
-/// Handle of a simulated board; clones refer to the same board.
+/// Handle of a simulated board; clones refer to one board.
 #[derive(Clone)]
 pub(super) struct SharedBoard<const CHIPS: usize>(Arc<Mutex<Board<CHIPS>>>);
 

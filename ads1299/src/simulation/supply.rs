@@ -1,4 +1,4 @@
-//! Supplies of the chips.
+//! Power state of the simulated chips.
 
 /// State of the chips' supplies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,4 +1,4 @@
-//! The driver's traits on a simulated board.
+//! Implementations of the driver's bus, pin and delay traits on a simulated board.
 
 use core::convert::Infallible;
 use core::future::pending;

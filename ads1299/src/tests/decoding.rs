@@ -1,4 +1,4 @@
-//! Frames of any content: decoding inverts encoding, faults are found.
+//! Decoding inverts encoding for frames with any counts, and each fault in a frame is found.
 
 use std::vec::Vec;
 

@@ -135,7 +135,7 @@ fn the_first_chip_with_shifted_data_is_the_cause() {
 #[test]
 fn a_doubled_rate_is_detected_at_the_next_edge_and_measured() {
     let (_, edges, meter) = next_frames(Alignment::Spaced, 0, Fault::DoubleRate, 3);
-    // One conversion had started at the old rate.
+    // The fault came during a conversion at the old rate, so the first edge is on time.
     assert_eq!(edges[1..], [Edge::Early; 2]);
     let error = meter.check().expect_err("too fast");
     assert!(

@@ -95,7 +95,8 @@ fn a_chain_whose_power_comes_late_streams_without_a_self_test() {
     assert!(found.last().is_some_and(|(reading, _)| reading.is_sound()));
     assert_eq!(bench.chain.failure(), None);
     assert_rhythm(&found);
-    // The silence counts from its fourth period on, after the first attempt.
+    // After the first attempt the chain counts as silent from the fourth period on, and the three
+    // periods before it as missed.
     assert_eq!(missed(&found), 3);
     assert_eq!(bench.simulation.violations(), 0);
 }
@@ -123,7 +124,7 @@ fn a_broken_chip_costs_the_others_no_sample() {
         let mut bench = Bench::new(|simulation| simulation.inject(5, fault));
         let resets = bench.resets();
         let found = bench.until(20_000_000);
-        // A repetition needs a second sample.
+        // The chip repeats its sample, which shows only from its second sample on.
         let is_broken = |(reading, _): &(Reading<CHIPS>, u64)| {
             reading.culprit() == Some(5) && reading.missed == 0
         };
@@ -165,7 +166,7 @@ fn a_loss_of_supply_clears_the_registers_and_restarts_the_wait_for_a_reset() {
     assert_eq!(simulation.violations(), 0);
     simulation.power_on();
     simulation.pass_us(50_000);
-    // 125 ms at 2^21 Hz; a reset after 50 ms is refused.
+    // 2^18 tCLK at 2^21 Hz are 125 ms; a reset after 50 ms is refused.
     let mut lines = simulation.chain();
     finish(lines.pulse_reset()).unwrap().unwrap();
     assert!(simulation.violations() > 0);

@@ -1,4 +1,4 @@
-//! The sampler: faults while it runs, starts and stops.
+//! Readings of the sampler when chips fail, start and stop.
 
 use std::vec::Vec;
 
@@ -120,7 +120,7 @@ fn every_fault_of_a_frame_names_its_chip_and_holds_its_counts() {
 fn a_doubled_rate_is_flagged_at_the_first_early_edge_and_counted_for_chip_0() {
     let mut bench = running();
     bench.simulation.inject(0, Fault::DoubleRate);
-    // One conversion had started at the old rate.
+    // The first edge follows a conversion that had started at the old rate.
     assert!(bench.next().is_sound());
     for _ in 0..200 {
         let reading = bench.next();
@@ -271,7 +271,7 @@ fn a_chain_is_started_stopped_and_set_up_again_at_the_right_speeds() {
         finish(configured.configure(&Settings::EEG))
             .unwrap()
             .unwrap();
-        // Dropped without a stop, as firmware does when a self-test is requested.
+        // The stream is dropped without a stop, as firmware does when a self-test is requested.
         finish(configured.start()).unwrap().unwrap();
         finish(configured.configure(&Settings::EEG))
             .unwrap()

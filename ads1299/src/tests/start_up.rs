@@ -1,4 +1,4 @@
-//! Bring-up of a chain.
+//! Bring-up of a chain: order, times and refusals.
 
 use std::string::ToString;
 use std::vec::Vec;
@@ -37,7 +37,7 @@ fn order_and_times_follow_the_data_sheet() {
     let reset = time_of(Event::Reset);
     assert!(reset >= 125_000_000, "{reset}");
     assert!(events[1].0 - reset >= 8584, "{events:?}");
-    // SDATAC, IDs, CONFIG3, and 150 ms until anything else is written.
+    // SDATAC, IDs, CONFIG3, and 150 ms before any other register is written.
     for chip in 0..8 {
         let mut opcodes: Vec<u8> = Vec::new();
         for (_, event) in &events {
@@ -56,7 +56,7 @@ fn order_and_times_follow_the_data_sheet() {
         assert_eq!(opcodes, order, "chip {chip}");
         assert!(time_of(command(chip, 0x41)) - time_of(command(7, 0x43)) >= 150_000_000);
     }
-    // START, and RDATAC long before the first sample.
+    // START, and RDATAC long before the first sample ends.
     let start = time_of(Event::Start(true));
     let last = time_of(command(7, 0x10));
     assert!(start < last && last - start < 100_000);
@@ -205,7 +205,7 @@ fn a_chain_can_be_brought_up_again_while_it_streams() {
     let mut chain = simulation.chain();
     for _ in 0..3 {
         let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
-        // Neither stopped nor dropped properly.
+        // The chain is neither stopped nor dropped properly.
         finish(configured.start()).unwrap().unwrap();
         simulation.pass_us(20_000);
     }

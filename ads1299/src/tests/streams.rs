@@ -52,7 +52,7 @@ fn every_sample_arrives_once_and_unchanged_on_either_kind_of_board() {
             assert_eq!(counts, expected, "sample {sample}");
         }
         assert_eq!(decoder.alignment(), Some(alignment));
-        // Stamps are whole microseconds, so the rate is exact to 1 ppm.
+        // Stamps are whole microseconds, so the measured rate is exact to 1 ppm.
         assert!(meter.check().unwrap().abs_diff(512_000) <= 1);
         finish(streaming.stop()).unwrap().unwrap();
         assert_eq!(simulation.violations(), 0);

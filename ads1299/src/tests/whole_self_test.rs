@@ -225,7 +225,8 @@ fn a_doubled_rate_and_a_missing_edge_are_measured_at_chip_0() {
         "{:?}",
         report.ready
     );
-    // Only the first edge after START is late.
+    // The chip omits only the first edge after START, so only the first edge that the test sees is
+    // late.
     let (_, _, report, _) = tested(Options::default(), Some((0, Fault::MissedReady)));
     assert_eq!(report.check(), Ok(()));
     let simulation = Simulation::new(Options::default(), Electrodes::silent());

@@ -16,11 +16,12 @@ use crate::input;
 /// Name of the application's package, and of the program in it.
 pub const APPLICATION: &str = "board-qemu";
 
-/// Virtual time: one instruction lasts 2^4 ns, which is 62.5 million instructions a second, or 2.7 cycles per
-/// instruction at 168 MHz. docs/real-time.md computes 1.6 cycles per instruction of a code.
+/// Duration of an instruction in virtual time: 2^4 ns, which is 62.5 million instructions a second,
+/// or 2.7 cycles per instruction at 168 MHz. docs/real-time.md computes 1.6 cycles per instruction
+/// for a code.
 pub const INSTRUCTION_SHIFT: u8 = 4;
 
-/// Time to start and end QEMU on a loaded machine.
+/// Longest time to start and end QEMU on a loaded machine.
 const START_TIMEOUT: Duration = Duration::from_mins(1);
 
 /// An emulated board with its image.
@@ -28,18 +29,22 @@ const START_TIMEOUT: Duration = Duration::from_mins(1);
 pub struct Board {
     /// QEMU's board, with its name and processor.
     pub machine: Machine,
-    /// Image with the kernels for this machine's processor.
+    /// Returns both boards with the image of the package `program`. If QEMU or the target is
+    /// missing, there is no board, and `test` is reported as skipped.
+    ///
+    /// The iterator builds each image when it reaches it. A scenario runs on one board after the
+    /// other, because the load of the PC affects the timing of the emulated UART.
+    ///
+    /// # Panics
+    /// When the image does not build, or with `CORTICODE_REQUIRE_ROS=1` when QEMU or the target is
+    /// missing.
     pub image: Image,
 }
 
-/// Returns both boards with the image of the package `program`. Where QEMU or the target is missing, there is no board,
-/// and `test` is reported as skipped.
-///
-/// The iterator builds each image when it reaches it. A scenario runs on one board after the other: the load of the PC
-/// affects the timing of the emulated UART.
+/// Unwraps a result of the emulator, whose error message names the next step for the user.
 ///
 /// # Panics
-/// When the image does not build, or with `CORTICODE_REQUIRE_ROS=1` where something is missing.
+/// With the error's message.
 pub fn boards(test: &str, program: &str) -> impl Iterator<Item = Board> {
     let machines: &[Machine] = if installed::available(test) {
         &MACHINES
@@ -61,7 +66,7 @@ pub fn or_panic<T>(result: Result<T, EmulatorError>) -> T {
     result.unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Output of the image in one run.
+/// What one run of the image has sent and printed.
 #[derive(Debug, Clone)]
 pub struct Run {
     /// Bytes that the UART has sent.
@@ -83,7 +88,8 @@ impl Run {
         number.unwrap_or_else(|| panic!("the image printed no `{name}`: {:?}", self.lines))
     }
 
-    /// Number of overruns, printed at the end or reported in the last `Stats`; the larger of both.
+    /// Number of overruns: the larger of the number printed at the end and the number in the last
+    /// `Stats`.
     pub fn overruns(&self, boot: &Boot) -> u64 {
         let reported = u64::from(boot.last_stats().overruns);
         self.printed("overruns").max(reported)
@@ -113,7 +119,8 @@ pub struct Scenario {
     image: Image,
     /// QEMU's working folder, in which the image reads its files.
     pub folder: PathBuf,
-    /// Longest time that the image may print nothing: it prints at its end, and runs faster than real time.
+    /// Longest time that the image may print nothing. It prints only at its end, and runs faster
+    /// than real time.
     pub silence: Duration,
 }
 
@@ -186,7 +193,8 @@ impl Scenario {
         }
     }
 
-    /// Runs the image twice, at the same time: a disturbance of the PC affects both runs at different instructions.
+    /// Runs the image twice, both runs at the same time: a disturbance of the PC then affects them
+    /// at different instructions.
     ///
     /// # Panics
     /// When QEMU fails.

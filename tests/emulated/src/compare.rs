@@ -1,17 +1,17 @@
-//! Differences between expected and found items: their number, and a description of the first.
+//! Differences between expected and found items: their number, and the first of them.
 
 use std::fmt::Debug;
 
 use link::Code;
 
-/// Number of places at which both differ, or at which only one has an item.
+/// Number of indices at which the items differ, or at which only one slice has an item.
 pub fn count_differences<T: PartialEq>(expected: &[T], found: &[T]) -> usize {
     let pairs = expected.iter().zip(found);
     pairs.filter(|(expected, found)| expected != found).count()
         + expected.len().abs_diff(found.len())
 }
 
-/// Description of the first item that is not the expected one; `None` where all are equal.
+/// Description of the first item that is not the expected one; `None` if all are equal.
 pub fn first_difference<T: PartialEq + Debug>(expected: &[T], found: &[T]) -> Option<String> {
     let mut pairs = expected.iter().zip(found).enumerate();
     match pairs.find(|(_, (expected, found))| expected != found) {
@@ -20,7 +20,8 @@ pub fn first_difference<T: PartialEq + Debug>(expected: &[T], found: &[T]) -> Op
     }
 }
 
-/// Names the fields in which the first code that is not the expected one differs; `None` where all are equal.
+/// Names the fields in which the first code that is not the expected one differs; `None` if all
+/// codes are equal.
 pub fn first_different_code(expected: &[Code], found: &[Code]) -> Option<String> {
     let mut pairs = expected.iter().zip(found);
     let Some((expected, found)) = pairs.find(|(expected, found)| expected != found) else {

@@ -1,4 +1,4 @@
-//! Frames that a board has sent, in order and by kind.
+//! Frames that a board has sent, decoded in order and sorted by kind.
 
 use link::{
     Ack, ClockReading, Code, Decoder, Encoder, FrameError, Header, MAX_FRAME, Message, Quality,
@@ -31,7 +31,7 @@ pub fn encoded<'m>(message: &impl Message<'m>) -> Vec<u8> {
 /// Fields of the link's `Hello` that the tests check.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Hello {
-    /// Board type, "qemu-mps2" here.
+    /// Type of the board; "qemu-mps2" for the emulated boards.
     pub board: String,
     /// Id of the model in the board's flash.
     pub model_id: [u8; 8],
@@ -44,25 +44,25 @@ pub struct Hello {
 /// Everything that a board has sent from one reset to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Boot {
-    /// One `Hello` at the start, and one per `Identify`.
+    /// `Hello` frames: one at the start of the boot, and one per `Identify`.
     pub hellos: Vec<Hello>,
     /// `Capabilities` in the form of [`encoded`].
     pub capabilities: Vec<Vec<u8>>,
     /// Codes with their device times in microseconds.
     pub timed_codes: Vec<(u64, Code)>,
-    /// Reports on the electrodes, one per second.
+    /// Reports on the electrodes' quality, one per second.
     pub quality: Vec<Quality>,
-    /// Counters, one frame per second.
+    /// Counters of the board, one frame per second.
     pub stats: Vec<Stats>,
-    /// Times of the stages, each counted from the start of the boot.
+    /// Reported times of the pipeline's stages; each report counts from the start of the boot.
     pub timing: Vec<Timing>,
-    /// Answers to commands, in order.
+    /// Answers to commands, in the order sent.
     pub acks: Vec<Ack>,
     /// Answers to `SyncTime`, with the device times of their frames in microseconds.
     pub clock_readings: Vec<(u64, ClockReading)>,
     /// Number of intact frames.
     pub frames: u32,
-    /// Number of frames that could not be decoded.
+    /// `Capabilities` messages, each encoded by [`encoded`].
     pub damaged: u32,
     /// Decoding error of the first damaged frame.
     pub first_damage: Option<FrameError>,
@@ -161,8 +161,8 @@ impl Boot {
         self.stats.last().copied().unwrap_or_default()
     }
 
-    /// Largest difference of a code's device time from a whole number of hops after the first code, in
-    /// microseconds.
+    /// Largest deviation of a code's device time from a whole number of hops after the first code,
+    /// in microseconds.
     pub fn jitter_us(&self) -> u64 {
         let Some((first, _)) = self.timed_codes.first() else {
             return 0;
@@ -187,7 +187,7 @@ impl Boot {
     }
 }
 
-/// Splits what was sent into frames, and removes those with measured times of the stages.
+/// Splits the bytes sent into frames, and removes the `Timing` frames, which hold measured times.
 pub fn without_timing(sent: &[u8]) -> Vec<&[u8]> {
     let is_timing = |frame: &&[u8]| {
         let terminated = [frame, &[0][..]].concat();

@@ -1,4 +1,4 @@
-//! Samples that the emulated converter reads.
+//! Samples that the emulated converter reads, and the file that holds them.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ pub const FILE: &str = "samples.i32";
 /// Real EEG below the folder that `CORTICODE_DATA` names: 125 s, held out of the training.
 const REAL: &str = "eegmmidb_S001/S001R11.edf";
 
-/// Environment variable with the number of codes per run, and its default.
+/// Environment variable with the number of codes per run, and its default value.
 const CODES: (&str, usize) = ("CORTICODE_CODES", 1000);
 
 /// Samples, and where they come from.
@@ -45,8 +45,8 @@ impl Input {
         Self::new(codes)
     }
 
-    /// Samples for `codes` codes: synthetic EEG with channels at the rail, followed, for up to half of the codes,
-    /// by a real recording. The same in every run.
+    /// Samples for `codes` codes, equal in every run: synthetic EEG with channels at the rail,
+    /// followed, for up to half of the codes, by a real recording.
     ///
     /// # Panics
     /// When `CORTICODE_DATA` is set and the recording cannot be read.

@@ -11,7 +11,7 @@ pub const FILE: &str = "commands.bin";
 pub struct Script {
     /// Contents of [`FILE`].
     pub file: Vec<u8>,
-    /// Expected answers, in order.
+    /// Expected answers to the commands, in order.
     pub answers: Vec<Ack>,
     /// All bytes for the board, in order, without their times.
     bytes: Vec<u8>,
@@ -52,7 +52,7 @@ impl Script {
         self.last = Some((bytes, answer));
     }
 
-    /// Repeats the last command, as a host does that has missed the answer.
+    /// Repeats the last command, as a host does that has not received the answer.
     pub fn repeat_command(&mut self, boot: u32, at_us: u64) {
         if let Some((bytes, answer)) = self.last.clone() {
             self.add_bytes(boot, at_us, &bytes);

@@ -7,20 +7,20 @@ use serde::Serialize;
 
 use crate::board::INSTRUCTION_SHIFT;
 
-/// Largest part of its deadline that a stage may take when only codes stream. The Cortex-M4F and M7 stay below
-/// half of it (0.43 and 0.49); the rest is room for the emulator, whose times differ by some microseconds when the
-/// PC is busy.
+/// Largest part of its deadline that a stage may take while only codes stream. The Cortex-M4F takes
+/// at most 0.43 and the Cortex-M7 at most 0.49; the rest is room for the emulator, whose times
+/// differ by some microseconds when the PC is busy.
 pub const LIMIT: f64 = 0.55;
 
-/// Largest part of its deadline that a stage may take when a board sends all streams, or receives a hundred commands
-/// a second. The worst measured are 0.75 and 0.82, of a step with which samples, filtered steps, an audit, a report
-/// and a code go out at once.
+/// Largest part of its deadline that a stage may take while a board sends all streams, or receives
+/// a hundred commands a second. The worst measured parts are 0.75 and 0.82, for a step with which
+/// samples, filtered steps, an audit, a report and a code are sent at once.
 pub const LIMIT_BUSY: f64 = 0.9;
 
 /// Largest part of the stack that may have been used.
 const STACK_LIMIT: f64 = 0.75;
 
-/// Worst times that a board has reported, other tasks and interrupts included.
+/// Worst times of the stages that a board has reported; they include other tasks and interrupts.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Stages {
     #[serde(rename = "stages")]
@@ -36,8 +36,9 @@ struct Stage {
     name: String,
     worst_ns: u32,
     deadline_ns: u32,
-    /// `worst_ns` in instructions. Those of other tasks and of interrupts are included, and so is idle time: `send`
-    /// waits for the UART. The board's clock ticks every 2.5 instructions.
+    /// `worst_ns` in instructions. It includes the instructions of other tasks and of interrupts,
+    /// and also idle time, because `send` waits for the UART. The board's clock ticks every 2.5
+    /// instructions.
     worst_instructions: u32,
     /// `deadline_ns` in instructions, at 62.5 million a second.
     deadline_instructions: u32,
@@ -46,7 +47,8 @@ struct Stage {
 }
 
 impl Stages {
-    /// From the last `Timing` of a boot, which counts from its start; empty without one.
+    /// Returns the times from the last `Timing` of a boot, which covers the whole boot; empty
+    /// without one.
     pub fn from_last(timing: &[Timing]) -> Self {
         let Some(timing) = timing.last() else {
             return Self::default();

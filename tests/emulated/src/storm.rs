@@ -9,11 +9,12 @@ use serde::{Deserialize, Serialize};
 use crate::frames::encoded;
 use crate::script::{Script, frame};
 
-/// Time from one command to the next in microseconds.
+/// Time from one command to the next, in microseconds.
 pub const PERIOD_US: u64 = 10_000;
-/// Time from a command to the garbage that follows it in microseconds.
+/// Time from a command to the garbage that follows it, in microseconds.
 const GARBAGE_US: u64 = 5_000;
-/// Silence before the samples end in microseconds, so that the last counters include every command.
+/// Silence before the samples end, in microseconds; it is long enough for the last counters to
+/// include every command.
 const SILENCE_US: u64 = 1_500_000;
 
 /// A command that no board knows.
@@ -25,8 +26,9 @@ impl Message<'_> for Unknown {
     const DIRECTION: u8 = ToDevice::DIRECTION;
 }
 
-/// A hundred commands a second for as long as `samples` samples last: every kind that does not end the stream,
-/// wrong arguments, repetitions, and garbage in between. The same in every run.
+/// Returns a script with a hundred commands a second for as long as `samples` samples last: every
+/// kind of command that does not end the stream, wrong arguments, repetitions, and garbage in
+/// between. It is the same in every run.
 pub fn script(samples: usize) -> Script {
     let mut random = ChaCha8Rng::seed_from_u64(13);
     let mut script = Script::default();
@@ -72,7 +74,7 @@ fn add_command(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     }
 }
 
-/// Adds bytes that are not a valid command. They end with a zero, so that the next frame is intact.
+/// Adds bytes that are not a valid command. The bytes end with a zero, so the next frame is intact.
 fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     let ping = frame(7, VERSION, &ToDevice::Ping);
     let mut bytes = match random.random_range(0..6) {

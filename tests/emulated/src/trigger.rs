@@ -1,4 +1,4 @@
-//! Edges at the emulated trigger input, and the events that a board makes of them.
+//! Edges at the emulated trigger input, and the events that a board sends for them.
 
 use link::{Event, EventKind, ToHost};
 use model::ADC_RATE_HZ;
@@ -9,12 +9,13 @@ use crate::frames;
 /// File of the edges in the image's folder: microseconds after the first DRDY, 64 bits, little endian.
 pub const FILE: &str = "trigger.u64";
 
-/// Samples that last a whole number of microseconds: at 512 Hz, eight last 15 625 us.
+/// Number of samples that last a whole number of microseconds: at 512 Hz, eight last 15 625 us.
 const SAMPLES: u64 = 8;
 const SAMPLES_US: u64 = SAMPLES * 1_000_000 / ADC_RATE_HZ as u64;
 const _: () = assert!((SAMPLES * 1_000_000).is_multiple_of(ADC_RATE_HZ as u64));
 
-/// Samples from one group of edges to the next: a fifth of a second, and a different part of the window each time.
+/// Number of samples from one group of edges to the next: a fifth of a second. It is chosen so that
+/// each group falls on a different part of the window.
 const GROUP_PERIOD: u64 = 13 * SAMPLES;
 
 /// Groups from one burst to the next.
@@ -23,16 +24,17 @@ const BURST_PERIOD: u64 = 40;
 /// Edges of a burst: more than the 16 that the board can keep (`firmware::deadlines::EVENTS_WAITING`).
 const BURST_EDGES: u64 = 24;
 
-/// Edges of a burst of which an event must arrive at least: 16, less the three around the preceding DRDY, whose events
-/// wait while the encoder is busy.
+/// Least number of events from a burst: 16, less the three for the edges around the preceding DRDY,
+/// which wait while the encoder is busy.
 const BURST_KEPT: usize = 13;
 
 /// Time between the edges of a burst in microseconds; all of them are between two samples.
 const BOUNCE_US: u64 = 20;
 
-/// Edges of the trigger input for `samples` samples, rising and falling in turn, in microseconds after the first
-/// DRDY: one at the first DRDY, one between the first two, and then in groups one right before a DRDY, one at it,
-/// one right after it and one in the middle between two, or a burst in place of the last.
+/// Edges of the trigger input for `samples` samples, rising and falling in turn, in microseconds
+/// after the first DRDY. One edge is at the first DRDY and one between the first two. Then follow
+/// groups with an edge right before a DRDY, one at it, one right after it, and one in the middle
+/// between two DRDYs or a burst in its place.
 pub fn edges(samples: usize) -> Vec<u64> {
     let mut edges = vec![0, 100];
     for group in 1..(samples as u64 / GROUP_PERIOD) {
@@ -53,7 +55,7 @@ fn sample_of(edge: u64) -> u64 {
     (edge * u64::from(ADC_RATE_HZ)).div_ceil(1_000_000)
 }
 
-/// Whether a neighbouring edge is [`BOUNCE_US`] away, as in a burst only.
+/// Returns whether a neighbouring edge is [`BOUNCE_US`] away, which is the case only in a burst.
 fn is_in_burst(edges: &[u64], number: usize) -> bool {
     let is_near = |other: Option<usize>| {
         let other = other.and_then(|other| edges.get(other));
@@ -70,7 +72,8 @@ pub struct Triggers {
     events: Vec<(u64, Event)>,
 }
 
-/// Figures of a run: edges at the input, events received, and edges without an event.
+/// Figures of a run: number of edges at the input, of events received, and of edges without an
+/// event.
 #[derive(Debug, Clone, Serialize)]
 pub struct Counts {
     edges: usize,
@@ -79,7 +82,7 @@ pub struct Counts {
 }
 
 impl Triggers {
-    /// Collects the events from the frames that were sent.
+    /// Collects the events from the bytes that a board has sent.
     pub fn new(sent: &[u8], edges: Vec<u64>) -> Self {
         let mut events = Vec::new();
         frames::for_each(sent, |header, message| {
@@ -109,11 +112,11 @@ impl Triggers {
         numbers.filter(|number| !came(*number)).collect()
     }
 
-    /// Checks that each event has its edge's kind, time and sample, and that events are lost in bursts only, and
-    /// there only when the board's queue is full.
+    /// Checks that each event has its edge's kind, time and sample, and that events are lost only
+    /// in bursts, after the board's queue is full.
     ///
     /// # Panics
-    /// Naming the first event that is wrong or lost.
+    /// Names the first event that is wrong or lost.
     pub fn assert_right(&self) {
         let edges = &self.edges;
         let (first_us, first) = self.events.first().expect("no event came");
@@ -219,7 +222,8 @@ mod tests {
         let edges = edges(10_000);
         assert!(edges.is_sorted_by(|a, b| a < b));
         let samples: Vec<u64> = edges.iter().map(|edge| sample_of(*edge)).collect();
-        // The first DRDY and the one after it; then right before, at, right after and between.
+        // The first DRDY and the one after it; then the group: right before a DRDY, at it, right
+        // after it, between.
         assert_eq!(samples[..6], [0, 1, 104, 104, 105, 107]);
         let in_burst = (0..edges.len()).filter(|number| is_in_burst(&edges, *number));
         assert_eq!(in_burst.count() as u64, 2 * BURST_EDGES);

@@ -16,12 +16,12 @@ use serde_json::json;
 
 const TEST: &str = "all streams of the emulated application";
 
-/// Number of samples, from the middle of the input, where the real recording starts: 31 s, for four audits. A multiple
-/// of the samples in a frame.
+/// Number of samples: 31 s, which is enough for four audits. They are taken from the middle of the
+/// input, where the real recording starts. The number is a multiple of the samples in a frame.
 const SAMPLES: usize = 15_872;
 
-/// Largest number of samples by which the counters of the acquisition can be ahead of host-sim's: those that wait for
-/// the encoder.
+/// Largest number of samples by which the board's counters of the acquisition can be ahead of
+/// host-sim's: the samples that wait for the encoder.
 const MAX_AHEAD: u64 = 16;
 
 #[test]
@@ -67,7 +67,7 @@ fn all_streams_at_once_equal_host_sims() {
     }
 }
 
-/// Checks the outputs and counters that host-sim sends, too.
+/// Checks the outputs and counters, which host-sim sends, too.
 fn check(sent: &[u8], samples: &[Sample], expected: &[u8]) {
     let difference = first_difference(&Output::all(expected), &Output::all(sent));
     assert_eq!(difference, None, "an output is not host-sim's");
@@ -93,7 +93,7 @@ struct Output {
     kind: &'static str,
     /// Device time in microseconds.
     at_us: u64,
-    /// The message in the form of [`frames::encoded`].
+    /// The message as bytes, encoded by [`frames::encoded`].
     bytes: Vec<u8>,
 }
 

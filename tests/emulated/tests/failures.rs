@@ -13,7 +13,8 @@ use serde_json::json;
 
 const TEST: &str = "failures of the emulated application";
 
-/// Argument that makes the image fail after a second; reset cause and part of the fault in its next `Hello`.
+/// For each failure: the argument that makes the image fail after a second, and the reset cause and
+/// a part of the fault in its next `Hello`.
 const FAILURES: [(&str, ResetCause, &str); 3] = [
     ("hang", ResetCause::Watchdog, "watchdog"),
     ("panic", ResetCause::Fault, "asked to panic"),
@@ -23,7 +24,7 @@ const FAILURES: [(&str, ResetCause, &str); 3] = [
 /// Duration of the samples in seconds; the image reads them from the start again after its reset.
 const SECONDS: usize = 3;
 
-/// Number of codes of all samples.
+/// Number of codes computed from all samples.
 const CODES: usize = 1 + (SECONDS * STEP_RATE_HZ as usize - STEPS) / HOP;
 
 #[test]

@@ -14,7 +14,8 @@ const TEST: &str = "golden vectors on emulated microcontrollers";
 /// Name of the image's package, and of the program in it.
 const IMAGE: &str = "on-target";
 
-/// One instruction lasts 2^10 ns of virtual time, which is 25.6 ticks of the image's 25 MHz clock.
+/// Duration of an instruction: 2^10 ns of virtual time, which is 25.6 ticks of the image's 25 MHz
+/// clock.
 const INSTRUCTION_SHIFT: u8 = 10;
 const TICKS_OF_10_INSTRUCTIONS: u64 = 256;
 

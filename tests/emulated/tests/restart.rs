@@ -22,7 +22,7 @@ const ALARM_US: u64 = 5_000;
 /// Host's clock in `SyncTime`, in microseconds; the board returns it unchanged.
 const HOST_US: u64 = 1 << 50;
 
-/// Commands of the first boot and of the second: device time in microseconds, command, answer.
+/// Commands for the first boot and for the second: device time in microseconds, command, answer.
 const COMMANDS: [&[(u64, ToDevice, AckResult)]; 2] = [
     &[
         (200_000, START_CODES, AckResult::Done),
@@ -127,7 +127,7 @@ fn check(sent: &[u8], expected: &[Ack]) {
     );
 }
 
-/// Indices of the outputs from one start to the next.
+/// Indices of the windows and filtered steps from one start to the next.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 struct Run {
     windows: Vec<u32>,
@@ -136,7 +136,7 @@ struct Run {
 }
 
 impl Run {
-    /// Whether there are windows, and windows and steps start at 0 and have no gap.
+    /// Returns whether there are windows, and whether windows and steps start at 0 and have no gap.
     fn is_whole(&self) -> bool {
         let steps = (0..).step_by(link::FILTERED_STEPS);
         !self.windows.is_empty()

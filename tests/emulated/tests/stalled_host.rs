@@ -15,8 +15,8 @@ use serde_json::json;
 
 const TEST: &str = "a host that stops reading";
 
-/// Divisor of the number of samples: the host reads nothing for the first third. The board's queue is full after three
-/// seconds.
+/// Divisor of the number of samples: the host reads nothing during the first third of them. The
+/// board's queue is full after three seconds.
 const STALLED_PART: usize = 3;
 
 #[test]
@@ -25,7 +25,8 @@ fn a_board_drops_whole_frames_and_counts_them_while_its_host_does_not_read() {
     let expected = Boot::only(&host::sent(Streams::CODES, &input.samples)).codes();
     for board in boards(TEST, APPLICATION) {
         let scenario = board.scenario("stalled-host", &input.samples);
-        // The samples come through a pipe, so the number that the board has taken is its virtual time.
+        // The samples arrive through a pipe, so the number that the board has read gives its
+        // virtual time.
         let taken = Arc::new(AtomicUsize::new(0));
         let counter = Arc::clone(&taken);
         let samples = input.samples.clone().into_iter().map(move |sample| {
@@ -53,7 +54,7 @@ fn a_board_drops_whole_frames_and_counts_them_while_its_host_does_not_read() {
     }
 }
 
-/// Counts the codes that are not host-sim's of the same window.
+/// Counts the codes that differ from host-sim's code for the same window.
 fn count_different(boot: &Boot, expected: &[Code]) -> usize {
     let is_different = |code: &&Code| expected.get(code.window as usize) != Some(*code);
     boot.codes().iter().filter(is_different).count()

@@ -72,8 +72,9 @@ fn check(boot: &Boot, script: &Script, expected: &Boot) {
     assert_eq!(boot.jitter_us(), 0, "jitter of the codes' times");
 }
 
-/// Whether the board has read its clock soon after the command, and sent the reading afterwards. The script's host has
-/// the board's clock, and repeats a command after a multiple of [`PERIOD_US`].
+/// Returns whether the board has read its clock soon after the command arrived, and sent the
+/// reading afterwards. The script's host uses the board's clock, and repeats a command after a
+/// multiple of [`PERIOD_US`].
 fn is_prompt(device_us: u64, reading: &ClockReading) -> bool {
     let waited = reading.received_us.checked_sub(reading.host_time_us);
     waited.is_some_and(|waited| waited % PERIOD_US <= READ_WITHIN_US)

@@ -32,12 +32,12 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
         board.record(&json!({
             "core": board.machine.core,
             "codes": boot.timed_codes.len(),
-            // Codes that differ in any field, and missing codes.
+            // Counts codes that differ in any field, and missing codes.
             "different_codes": count_differences(&expected.codes(), &boot.codes()),
             "different_reports": count_differences(&expected.quality, &boot.quality),
             "repeatable": is_repeated(&runs),
-            // Measured times differ on a busy PC, presumably because QEMU's main loop is a separate thread: an
-            // interrupt of the UART then comes some instructions earlier or later.
+            // Measured times differ on a busy PC, presumably because QEMU's main loop is a separate
+            // thread: an interrupt of the UART then occurs some instructions earlier or later.
             "times_repeat": first.sent == second.sent,
             "samples": first.printed("samples"),
             "overruns": first.overruns(&boot).max(second.printed("overruns")),
@@ -56,12 +56,13 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
     }
 }
 
-/// Whether both runs have sent the same bytes, but for measured times, and printed the same lines.
+/// Returns whether both runs have sent the same bytes, except for measured times, and have printed
+/// the same lines.
 fn is_repeated([first, second]: &[Run; 2]) -> bool {
     without_timing(&first.sent) == without_timing(&second.sent) && first.lines == second.lines
 }
 
-/// Checks everything that host-sim sends, too.
+/// Checks everything in a run that host-sim sends, too.
 fn check(runs: &[Run; 2], boot: &Boot, expected: &Boot, samples: usize) {
     for run in runs {
         run.assert_complete(boot, samples);
@@ -72,7 +73,8 @@ fn check(runs: &[Run; 2], boot: &Boot, expected: &Boot, samples: usize) {
     assert_eq!(boot.capabilities, expected.capabilities, "capabilities");
 }
 
-/// Checks the name of the board, and that its counters come every second; host-sim sends others.
+/// Checks the name of the board, and that its counters arrive every second; host-sim's reports
+/// differ.
 fn check_reports(boot: &Boot, samples: usize) {
     let hello = Hello {
         board: "qemu-mps2".to_owned(),
@@ -122,7 +124,8 @@ fn unequal_unrepeatable_overrun_and_lost_data_are_refused() {
     refuses_both("samples\n  left: 9", &|run| {
         run.lines[0] = "samples 9".to_owned();
     });
-    // A byte within the first code: the frame is damaged, and so a number is missing.
+    // Changes a byte within the first code: the frame is damaged, and its sequence number is
+    // missing.
     refuses_both("left: (0, 1, 1)", &|run| run.sent[1_600] ^= 0x10);
 
     let mut boot = expected.clone();

@@ -1,4 +1,4 @@
-//! Why an image was not built, did not run or did not end well.
+//! Reasons why an image was not built, did not run or did not end well.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ pub enum EmulatorError {
     Build {
         /// Command line of cargo, as typed in a shell.
         command: String,
-        /// Cargo's exit status, or what its output lacked.
+        /// Exit status of cargo, or what its output lacked.
         why: String,
     },
     /// The image printed no line for too long, and was ended.
@@ -58,12 +58,12 @@ pub enum EmulatorError {
 }
 
 impl EmulatorError {
-    /// Whether something must be installed first, as opposed to a check that failed.
+    /// Returns whether something must be installed first, as opposed to a check that failed.
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::QemuMissing | Self::TargetMissing)
     }
 
-    /// Adds the path to an error of the file system; for `map_err`.
+    /// Adds the path to an error of the file system; an argument for `map_err`.
     pub fn file(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         |error| Self::File { path, error }

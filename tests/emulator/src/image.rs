@@ -11,7 +11,7 @@ use crate::error::EmulatorError;
 use crate::installed::check_target;
 use crate::machine::TARGET;
 
-/// A linked program for a microcontroller.
+/// A linked program for a microcontroller, as an ELF file.
 #[derive(Debug, Clone)]
 pub struct Image {
     path: PathBuf,
@@ -84,12 +84,14 @@ impl Image {
     }
 }
 
-/// Cargo's target folder: `target/TRIPLE/PROFILE/bin` and `target/emulator/VARIANT/bin` are both three levels deep.
+/// Returns cargo's target folder: `target/TRIPLE/PROFILE/bin` and `target/emulator/VARIANT/bin` are
+/// both three levels deep.
 fn target_folder_of(image: &Path) -> &Path {
     image.ancestors().nth(3).unwrap_or(Path::new("."))
 }
 
-/// Runs cargo in the workspace's root and returns its messages as JSON lines. Under cargo, this is the same cargo.
+/// Runs cargo in the workspace's root and returns its messages as JSON lines. If this program runs
+/// under cargo, the same cargo is used.
 fn cargo(arguments: &[&str]) -> Result<String, EmulatorError> {
     let failed = |why: String| EmulatorError::Build {
         command: format!("cargo {}", arguments.join(" ")),
@@ -110,7 +112,7 @@ fn cargo(arguments: &[&str]) -> Result<String, EmulatorError> {
     }
 }
 
-/// Path of a program in the messages of a build.
+/// Returns the path of a program from the messages of a build.
 fn executable(messages: &str, bin: &str) -> Option<PathBuf> {
     let messages = messages.lines();
     let messages = messages.filter_map(|line| serde_json::from_str::<Message>(line).ok());

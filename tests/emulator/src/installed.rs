@@ -7,10 +7,11 @@ use crate::error::EmulatorError;
 use crate::machine::{QEMU, TARGET};
 use crate::skip::skip_unless_required;
 
-/// Whether QEMU and the standard library of [`TARGET`] are installed; reports `test` as skipped where they are not.
+/// Returns whether QEMU and the standard library of [`TARGET`] are installed; reports `test` as
+/// skipped if they are not.
 ///
 /// # Panics
-/// When they are not, and `CORTICODE_REQUIRE_ROS=1`.
+/// When one of them is missing and `CORTICODE_REQUIRE_ROS=1`.
 pub fn available(test: &str) -> bool {
     match check() {
         Ok(()) => true,

@@ -14,10 +14,11 @@ use rustix::pipe::fcntl_setpipe_size;
 use crate::error::EmulatorError;
 use crate::qemu::{Qemu, Uart};
 
-/// Polling interval of a pipe that is empty, or not to be read yet.
+/// Polling interval of a pipe that is empty, or that must not be read yet.
 const POLL: Duration = Duration::from_millis(5);
 
-/// Capacity of a UART's pipe in bytes: one second of codes. The board's own queue holds two more seconds.
+/// Capacity of a UART's pipe in bytes: one second of codes. The queue on the board holds two more
+/// seconds.
 const CAPACITY: usize = 4096;
 
 /// Runs an image whose UART receives `input`, and returns the bytes that the UART has sent. Nothing is read from
@@ -80,7 +81,8 @@ fn create(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Creates a named pipe and opens it for both directions, so that it outlives QEMU's end of it.
+/// Creates a named pipe and opens it for both directions; it then stays open when QEMU closes its
+/// end.
 fn open(path: &Path) -> io::Result<File> {
     create(path)?;
     let mut options = OpenOptions::new();

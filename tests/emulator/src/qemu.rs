@@ -1,4 +1,4 @@
-//! The command line of QEMU, and a run of it.
+//! QEMU's command line, and a run with it.
 
 use std::fmt;
 use std::io::{BufRead, BufReader, ErrorKind};
@@ -12,12 +12,12 @@ use crate::error::EmulatorError;
 use crate::image::Image;
 use crate::machine::{Machine, QEMU};
 
-/// Connection of the emulated board's first UART.
+/// Where the emulated board's first UART is connected.
 #[derive(Debug, Clone, Copy)]
 pub enum Uart<'f> {
-    /// Nowhere; the image does not use the UART.
+    /// Not connected; the image does not use the UART.
     None,
-    /// To a file of this name in the run's folder; nothing is received.
+    /// To a file of this name in the run's folder; the image receives nothing.
     File(&'f str),
     /// Through the named pipes `NAME.in` and `NAME.out` in the run's folder.
     Pipes(&'f str),
@@ -141,7 +141,7 @@ fn run_to_end(
     }
 }
 
-/// Command line as typed in a shell, for arguments without blanks.
+/// Returns the command line as typed in a shell, for arguments without blanks.
 fn as_typed(command: &Command) -> String {
     let words = [command.get_program()]
         .into_iter()

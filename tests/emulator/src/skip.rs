@@ -1,4 +1,5 @@
-//! Reports of tests that cannot run on this machine, printed even where the harness captures output.
+//! Reports about tests that cannot run on this machine, printed even if the harness captures
+//! output.
 
 use std::env;
 use std::fmt::Display;

@@ -9,15 +9,16 @@ use std::time::Duration;
 
 use on_target::results::{self, Line};
 
-/// Boards by their words on the command line, with probe-rs' names of their microcontrollers.
+/// Boards by their names on the command line, with probe-rs' names for their microcontrollers.
 const CHIPS: [(&str, &str); 2] = [("h743", "STM32H743ZITx"), ("f446", "STM32F446RETx")];
 
-/// Longest time from one vector's end to the next one's on a board that runs at 16 MHz, and to flash it.
+/// Longest time from the end of one vector to the end of the next on a board that runs at 16 MHz,
+/// and longest time to flash the image.
 const SILENCE: Duration = Duration::from_mins(3);
 
-/// Exit status where probe-rs is missing, or the command line is wrong.
+/// Exit status if probe-rs is missing, or the command line is wrong.
 const MISSING: u8 = 2;
-/// Exit status where no board answers.
+/// Exit status if no board answers.
 const UNREACHABLE: u8 = 3;
 
 /// Runs the image of the command line: `on-target BOARD IMAGE`.

@@ -2,7 +2,8 @@
 
 use fixed_dsp::{BLOCK, Cascade, DelayLine, Filter, Position, Resampler};
 
-/// Range of outputs from which a vector compares every [`EVERY`]th, as in `scipy_rates.csv`; 512 outputs are 4 s.
+/// Range of output indices of which every [`EVERY`]th is compared, as in `scipy_rates.csv`; 512
+/// outputs are 4 s.
 pub(crate) const COMPARED: core::ops::Range<usize> = 384..512;
 const EVERY: usize = 8;
 /// Number of compared outputs.

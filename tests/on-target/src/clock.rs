@@ -1,4 +1,5 @@
-//! Ticks of the processor's clock: cycles on a board, periods of 25 MHz on QEMU's MPS2 boards.
+//! Ticks of the processor's clock: cycles on a board, periods of a 25 MHz clock on QEMU's MPS2
+//! boards.
 
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 

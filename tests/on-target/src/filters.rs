@@ -13,14 +13,15 @@ use crate::{
 pub(crate) struct Filtered<const N: usize, const PHASES: usize, const TAPS: usize> {
     pub(crate) cascade: Cascade<N>,
     pub(crate) resampler: Resampler<PHASES, TAPS>,
-    /// Computed by scipy in float64 and rounded.
+    /// Outputs computed by scipy in float64 and rounded to Q27.5.
     pub(crate) scipy: [i32; OUTPUTS],
-    /// Computed by the PC with the same filters; must be equal.
+    /// Outputs computed by the PC with the same filters; the device's must be equal.
     pub(crate) bits: [i32; OUTPUTS],
 }
 
-/// Tolerance of scipy's outputs, Q27.5: 0.08 uV, as in `pipeline/tests/front_end/rates.rs`, in units of
-/// 22.35 nV x 2^-5, for the rounding of counts and coefficients. Measured there: 0.040 uV.
+/// Tolerance for the difference from scipy's outputs, in Q27.5: 0.08 uV in units of 22.35 nV x
+/// 2^-5, as in `pipeline/tests/front_end/rates.rs`. It covers the rounding of counts and
+/// coefficients. The largest difference measured in that test is 0.040 uV.
 const SCIPY_TOLERANCE: u64 = 114;
 
 /// Not inlined, to save flash: the model leaves little of it on a NUCLEO-F446RE.

@@ -1,4 +1,4 @@
-//! Expectations of the vectors, written by `build.rs`.
+//! Expected outputs of the vectors, written by `build.rs`.
 #![allow(
     clippy::unreadable_literal,
     reason = "generated numbers in the format of the model"

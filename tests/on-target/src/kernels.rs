@@ -8,18 +8,18 @@ use crate::signal::Noise;
 /// Number of layers of each kind.
 const LAYERS: usize = 6;
 
-/// Pairs of input channels of a convolution, the number that the assembler supports.
+/// Pairs of input channels per convolution, the number that the assembler supports.
 const PAIRS: usize = 8;
-/// Input columns of a convolution.
+/// Number of input columns per convolution.
 const COLUMNS: usize = 6;
-/// Output channels of a convolution.
+/// Number of output channels per convolution.
 const OUTPUTS: usize = 2;
-/// Number of weights of a convolution.
+/// Number of weights per convolution.
 const TAPS: usize = 27 * 2 * PAIRS * OUTPUTS;
 
-/// Pairs of inputs of a fully connected layer.
+/// Number of pairs of inputs per fully connected layer.
 const INPUTS: usize = 32;
-/// Outputs of a fully connected layer.
+/// Number of outputs per fully connected layer.
 const SUMS: usize = 8;
 
 type Conv<'w> = Winograd<'w, PAIRS, COLUMNS>;
@@ -32,7 +32,7 @@ const WINOGRAD: Conv<'_> = Winograd {
     weights: &[],
 };
 const WINOGRAD_SUMS: usize = WINOGRAD.pooled().len();
-/// Direct convolution with the same outputs, max-pooled one by four.
+/// Direct convolution with as many outputs as [`WINOGRAD`], max-pooled one by four.
 const DIRECT: Plain<'_> = Direct {
     pool: [1, 4],
     pooled: PlaneShape {
@@ -47,7 +47,8 @@ const DIRECT_SUMS: usize = DIRECT.pooled.len();
 /// Number of outputs of all layers of all kinds.
 pub(crate) const RESULTS: usize = LAYERS * (SUMS + WINOGRAD_SUMS + DIRECT_SUMS);
 
-/// Returns the outputs of all layers: fully connected, Winograd's convolution, direct convolution, and so on in turn.
+/// Returns the outputs of all layers. Fully connected layer, Winograd's convolution and direct
+/// convolution follow each other in turn.
 pub(crate) fn results() -> [i32; RESULTS] {
     let mut noise = Noise(11);
     let mut results = [0; RESULTS];

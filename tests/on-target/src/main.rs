@@ -29,12 +29,12 @@ mod image {
 
     use crate::clock;
 
-    /// Initialised at run time: as an initialised variable it would take 22 KB of flash, which a NUCLEO-F446RE does not
-    /// have in addition to the model.
+    /// State of the pipeline. It is initialised at run time: as an initialised variable it would
+    /// take 22 KB of flash, which a NUCLEO-F446RE does not have in addition to the model.
     static DEVICE: StaticCell<Device> = StaticCell::new();
 
-    /// Prints one line for each vector, `passed TICKS NAME` or `FAILED NAME: WHY`, and a last line with the numbers of
-    /// all and of failed vectors.
+    /// Prints one line for each vector, `passed TICKS NAME` or `FAILED NAME: WHY`, and a last line
+    /// with the number of all vectors and of those that failed.
     #[entry]
     fn main() -> ! {
         let Some(mut core) = cortex_m::Peripherals::take() else {
@@ -59,7 +59,7 @@ mod image {
         end(failed == 0)
     }
 
-    /// Not inlined: the stack frame of `main` is never freed.
+    /// Creates the device. Not inlined: a large stack frame in `main` would never be freed.
     #[inline(never)]
     fn device() -> &'static mut Device {
         DEVICE.init_with(Device::new)

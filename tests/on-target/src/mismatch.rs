@@ -5,9 +5,9 @@ use core::fmt;
 /// The first number that differs from the expected one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mismatch {
-    /// Name of the compared numbers.
+    /// Name of the numbers that were compared.
     pub what: &'static str,
-    /// Index of the number; `None` where there are too few or too many numbers.
+    /// Index of the number; `None` if there are too few or too many numbers.
     pub index: Option<usize>,
     /// Expected number, or expected count of numbers.
     pub expected: i64,

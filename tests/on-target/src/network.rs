@@ -1,4 +1,4 @@
-//! The built-in network: its checksum, and its codes of the artifact's golden windows.
+//! The built-in network: its checksum, and its codes for the artifact's golden windows.
 
 use core::hint::black_box;
 

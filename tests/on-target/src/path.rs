@@ -34,8 +34,8 @@ impl Default for Device {
 /// Numbers of a code in addition to its values.
 const NUMBERS: usize = 8;
 
-/// Restarts the device and compares its codes of [`signal::samples`] in every field. The index of a mismatch counts
-/// the numbers or values of all codes.
+/// Restarts the device and compares its codes for [`signal::samples`] in every field. The index of
+/// a mismatch counts the numbers or values of all codes.
 pub(crate) fn check(device: &mut Device, mains: Mains, codes: &[Code]) -> Result<(), Mismatch> {
     device.acquisition.restart(mains);
     device.encoder.restart();

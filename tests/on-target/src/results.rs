@@ -15,13 +15,13 @@ pub enum Line<'l> {
         /// Name of the vector.
         vector: &'l str,
     },
-    /// A vector has failed.
+    /// A vector has failed; the line states why.
     Failed,
     /// The image has reached its end.
     End {
         /// Number of vectors that ran.
         vectors: usize,
-        /// Number of these that failed.
+        /// Number of vectors that failed.
         failed: usize,
     },
 }
@@ -45,7 +45,7 @@ impl<'l> Line<'l> {
     }
 }
 
-/// Formats a line for the user: ticks become what `from_ticks` makes of them, in `unit`.
+/// Formats a line for the user: `from_ticks` converts its ticks to `unit`.
 pub fn readable(line: &str, unit: &str, from_ticks: impl Fn(u64) -> u64) -> String {
     match Line::parse(line) {
         Some(Line::Passed { ticks, vector }) => {
@@ -55,8 +55,9 @@ pub fn readable(line: &str, unit: &str, from_ticks: impl Fn(u64) -> u64) -> Stri
     }
 }
 
-/// Checks that the image has reached its end, where it counts its vectors, and that each of them has passed. An
-/// exit status of 0 is not enough: a run that the user ends with Ctrl-C has it, too.
+/// Checks that the image has printed its last line, with the number of its vectors, and that each
+/// vector has passed. An exit status of 0 is not enough, because a run that the user ends with
+/// Ctrl-C has it, too.
 ///
 /// # Errors
 /// Returns why the run does not count as passed.

@@ -20,7 +20,7 @@ pub(crate) fn counts() -> impl Iterator<Item = i32> {
     core::iter::from_fn(move || Some(894_784 + (noise.next() >> 20).cast_signed() - 2_048))
 }
 
-/// Samples that a channel stays at one rail before it jumps to the other.
+/// Number of samples that a channel stays at one rail before it jumps to the other.
 const AT_RAIL: usize = 100;
 
 /// Samples of all channels. Of each sixteen channels, the first has noise of 24 bits, the second jumps from rail to

@@ -1,4 +1,4 @@
-//! The simulated converters, connected to the microcontroller's SPI and pins.
+//! Simulated converters, connected to the microcontroller's SPI and pins.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -11,7 +11,7 @@ use crate::eeg;
 use crate::pins::{Pin, Pins};
 use crate::setup::Setup;
 
-/// Number of ADS1299 in the daisy chain.
+/// Number of ADS1299 chips in the daisy chain.
 pub(crate) const CHIPS: usize = 8;
 
 /// The chain and its wires; clones share one state.
@@ -26,22 +26,22 @@ pub(crate) struct Wires {
     /// Last levels of the chip selects, START and RESET, in this order.
     levels: [Option<bool>; CHIPS + 2],
     sclk_hz: u32,
-    /// DRDY edges that were already passed to the microcontroller.
+    /// Number of DRDY edges that were already passed to the microcontroller.
     edges: u64,
     /// A sample is ready and none of its bits have been clocked: DRDY is low.
     ready: bool,
     /// Level at which a test holds DRDY; `None` lets the converters drive it.
     stuck: Option<bool>,
-    /// SPI words clocked so far.
+    /// Number of SPI words clocked so far.
     words: u64,
-    /// SPI words clocked so far that were not 8 bits wide.
+    /// Number of SPI words clocked so far that were not 8 bits wide.
     non_byte_words: u64,
 }
 
 /// Change and level of DRDY at one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct DrdyState {
-    /// DRDY falls now; if it was low already, a short high pulse comes first.
+    /// DRDY falls now; if it was low already, it pulses high first.
     pub(crate) falls: bool,
     pub(crate) is_high: bool,
 }
@@ -73,7 +73,7 @@ impl Chain {
     }
 
     pub(crate) fn wires(&self) -> MutexGuard<'_, Wires> {
-        // After a panic elsewhere, the state is still useful for the diagnosis.
+        // After a panic in another thread, the state is still useful for the diagnosis.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -103,8 +103,9 @@ impl Wires {
         self.stuck = level;
     }
 
-    /// Applies the levels that the microcontroller drives now. Where a pin is not an output, resistors on
-    /// the converter board set the level: selects and RESET high, START low (docs/hardware.md).
+    /// Applies the levels that the microcontroller drives now. If a pin is not an output, a
+    /// resistor on the converter board sets its level: selects and RESET high, START low
+    /// (docs/hardware.md).
     pub(crate) fn set_outputs(
         &mut self,
         now_ns: u64,
@@ -156,7 +157,7 @@ impl spi::Peer for Chain {
         let mut wires = self.wires();
         wires.non_byte_words += u64::from(bits != 8);
         wires.words += 1;
-        // The first SCLK of a transfer sets DRDY high (SBAS499C, 9.4.4.1).
+        // The first SCLK of a transfer sets DRDY high (data sheet SBAS499C, section 9.4.4.1).
         wires.ready = false;
         let [byte, ..] = mosi.to_le_bytes();
         let miso = wires

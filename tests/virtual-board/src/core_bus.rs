@@ -55,11 +55,11 @@ impl Bus<'_> {
 }
 
 impl CoreBus for Bus<'_> {
-    /// Fails accesses below [`MEMORY_END`]: the emulator serves existing memory without this call. Its own bus
-    /// would return 0 here.
+    /// Refuses accesses below [`MEMORY_END`], for which the emulator's own bus would return 0.
+    /// Accesses to existing memory are served without a call of this function.
     fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
         let reads = access.kind == AccessKind::Read;
-        // Vector fetches by the core itself are left to the emulator.
+        // Vector fetches by the core itself are passed on to the emulator.
         if access.address < MEMORY_END && (from_code || !reads) {
             self.failed.push((access.address, access.program_counter));
             return None;

@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::findings::Findings;
 
-/// Snapshot of a board, for error messages.
+/// Virtual time since power on, in microseconds.
 #[derive(Clone, Debug, Default)]
 pub struct Diagnosis {
     /// Virtual time since power on, in us.
@@ -13,7 +13,7 @@ pub struct Diagnosis {
     pub instructions: u64,
     /// Last program counters with their functions, the newest last.
     pub program_counters: Vec<String>,
-    /// Everything the emulator detected since power on.
+    /// Problems that the emulator has detected since power on.
     pub findings: Findings,
     /// Number of frames decoded since power on.
     pub frames: usize,
@@ -62,7 +62,7 @@ impl fmt::Display for Diagnosis {
     }
 }
 
-/// An error of a board, with the snapshot at that time.
+/// An error of a board, with a snapshot of the board when the error occurred.
 #[derive(Clone, thiserror::Error)]
 #[error("{what}\n{diagnosis}")]
 pub struct BoardError {

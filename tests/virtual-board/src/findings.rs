@@ -7,7 +7,7 @@ use crate::board::Nucleo;
 /// Problems that the emulator detected while an image ran, as text, with the program counter where known.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Findings {
-    /// Accesses to unmapped addresses.
+    /// Accesses to addresses at which the chip has nothing.
     pub unmapped: Vec<String>,
     /// Accesses that the bus refused, for example to a peripheral without a clock or with a wrong width.
     pub refused: Vec<String>,

@@ -41,7 +41,7 @@ pub enum Kind {
     Other,
 }
 
-/// Decodes the device's bytes and stores the frames.
+/// Decodes the bytes from the device and stores the frames.
 #[derive(Debug)]
 pub struct Inbox {
     decoder: Decoder<MAX_FRAME>,

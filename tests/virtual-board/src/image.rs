@@ -18,7 +18,7 @@ pub struct Image {
     symbols: Vec<(String, u64)>,
 }
 
-/// Why an image cannot run on a board.
+/// Reasons why an image cannot run on a board.
 #[derive(Debug, Error)]
 pub enum ImageError {
     /// The file cannot be read.
@@ -63,7 +63,7 @@ pub enum ImageError {
         board: &'static str,
         /// First address of the segment.
         address: u64,
-        /// Size of the segment.
+        /// Size of the segment in bytes.
         bytes: u64,
         /// Command that builds the image.
         build: String,
@@ -211,8 +211,8 @@ impl Image {
     }
 }
 
-/// Returns a source that is newer than the image. The sources are those of the `.d` file that cargo writes next
-/// to the image; without that file the result is `None`.
+/// Returns the first source that is newer than the image, if any. The sources are those in the `.d`
+/// file that cargo writes next to the image; without that file the result is `None`.
 fn newer_source(image: &Path) -> Option<PathBuf> {
     let built = fs::metadata(image).and_then(|file| file.modified()).ok()?;
     let list = fs::read_to_string(image.with_extension("d")).ok()?;

@@ -33,7 +33,8 @@ const SP: usize = 13;
 const PC: usize = 15;
 
 impl Injection {
-    /// Returns the changes that cause this failure; `None` if the image lacks a symbol or code they need.
+    /// Returns the changes that cause this failure; `None` if the image lacks a symbol or code that
+    /// they need.
     pub(crate) fn change(self, image: &Image) -> Option<Change> {
         let mut change = Change::default();
         match self {

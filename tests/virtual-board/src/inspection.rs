@@ -42,8 +42,8 @@ impl VirtualBoard {
         last.is_some_and(|place| (vectors..vectors + 16).contains(&place))
     }
 
-    /// Returns the peak use of the stack since power on or reset, in bytes: from the lowest overwritten word up
-    /// to the start of the stack.
+    /// Returns the peak use of the stack since power on or reset, in bytes: from the lowest
+    /// overwritten word up to the start of the stack, which grows downwards.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -81,8 +81,8 @@ impl VirtualBoard {
             .collect())
     }
 
-    /// Returns, for each stream of DMA1 with a peripheral address, its memory address and the bytes left of its
-    /// transfer (0 between transfers).
+    /// Returns memory address and number of bytes left to transfer for each stream of DMA1 that has
+    /// a peripheral address. The number is 0 between transfers.
     ///
     /// # Errors
     /// The emulator has ended.

@@ -12,8 +12,8 @@ use crate::tcp::TcpPort;
 /// Interval between two transfers with the host, in us of virtual time.
 const SLICE_US: u64 = 1_000;
 
-/// Time without SPI or port traffic after which a board counts as stopped, in us of virtual time. The firmware
-/// retries the start of its converters more often.
+/// Time without SPI or port traffic after which a board counts as stopped, in microseconds of
+/// virtual time. The firmware retries the start of its converters at shorter intervals.
 const IDLE_US: u64 = 10_000_000;
 
 /// Interval between two status lines on the console, in us of virtual time.
@@ -67,7 +67,7 @@ pub fn run(
             );
         }
         let ahead = Duration::from_micros(now - first_us).saturating_sub(start.elapsed());
-        // Short sleeps are collected, to avoid a thousand wake-ups per second.
+        // Delays are added up to one sleep, to avoid a thousand wake-ups per second.
         if ahead > Duration::from_millis(5) {
             thread::sleep(ahead);
         }

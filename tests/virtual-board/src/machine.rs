@@ -48,7 +48,7 @@ pub struct VirtualBoard {
     thread: Option<JoinHandle<Result<(), String>>>,
     now_ns: u64,
     encoder: link::Encoder,
-    /// Progress at the last stop.
+    /// Progress of the emulator when it last stopped for the owner.
     progress: Progress,
     keep_open: bool,
 }
@@ -57,7 +57,8 @@ impl VirtualBoard {
     /// Powers a board on; its core has not executed an instruction yet.
     ///
     /// # Errors
-    /// Never at present: the first run reports an image or a board that the emulator refuses.
+    /// None at present: if the emulator refuses the image or the board, the first run returns the
+    /// error.
     pub fn power_on(model: Model, image: &Image, setup: &Setup) -> Result<Self, BoardError> {
         let chain = Chain::new(setup);
         if !setup.converters_on {
@@ -187,7 +188,8 @@ impl VirtualBoard {
         let _ = self.requests.send(Request::Trigger(edges.collect()));
     }
 
-    /// Sets whether the host opens the port whenever the device is configured; true after power on.
+    /// Sets whether the host opens the port whenever the device is configured, which it does after
+    /// power on.
     pub const fn keep_open(&mut self, keep_open: bool) {
         self.keep_open = keep_open;
     }
@@ -226,7 +228,8 @@ impl VirtualBoard {
         &self.observer
     }
 
-    /// Runs until `us` of virtual time since power on, and decodes the frames that the device sends.
+    /// Runs until the virtual time `us`, in microseconds since power on, and decodes the frames
+    /// that the device sends.
     ///
     /// # Errors
     /// The emulator has failed or hangs.
@@ -240,18 +243,19 @@ impl VirtualBoard {
         Ok(())
     }
 
-    /// Runs for `us` of virtual time, and decodes the frames that the device sends.
+    /// Runs for `us` microseconds of virtual time, and decodes the frames that the device sends.
     ///
     /// # Errors
-    /// As [`run_until_us`](Self::run_until_us).
+    /// Those of [`run_until_us`](Self::run_until_us).
     pub fn run_for_us(&mut self, us: u64) -> Result<(), BoardError> {
         self.run_until_us(self.now_us() + us)
     }
 
-    /// Runs for `us` of virtual time without reading the port, for a caller that reads it itself.
+    /// Runs for `us` microseconds of virtual time without reading the port, for a caller that reads
+    /// it itself.
     ///
     /// # Errors
-    /// As [`run_until_us`](Self::run_until_us).
+    /// Those of [`run_until_us`](Self::run_until_us).
     pub fn advance_us(&mut self, us: u64) -> Result<(), BoardError> {
         self.advance(self.now_ns + us * 1000)
     }
@@ -289,7 +293,7 @@ impl VirtualBoard {
     ) -> Result<T, BoardError> {
         let (sender, receiver) = channel();
         let request = Request::Inspect(Box::new(move |session, host| {
-            // Fails only if the caller no longer waits.
+            // Fails only if the caller has stopped waiting for the result.
             let _ = sender.send(inspection(session, host));
         }));
         if self.requests.send(request).is_err() {

@@ -61,8 +61,8 @@ impl Model {
         }
     }
 
-    /// Returns whether DMA1 can access an address (RM0433, 2.1; RM0390, 2.1). On the STM32H743 it cannot access
-    /// the TCMs.
+    /// Returns whether DMA1 can access an address (RM0433, 2.1; RM0390, 2.1). On the STM32H743 DMA1
+    /// cannot access the tightly coupled memories (TCM).
     pub fn dma_reaches(self, address: u64) -> bool {
         let [axi, sram1_to_3, f446] = [
             0x2400_0000..0x2408_0000,
@@ -83,7 +83,7 @@ impl Model {
         }
     }
 
-    /// Returns the core clock that the firmware configures, in Hz.
+    /// Returns the core clock that the firmware must configure, in Hz.
     pub const fn core_hz(self) -> u64 {
         match self {
             Self::H743 => 480_000_000,
@@ -99,9 +99,9 @@ impl Model {
         }
     }
 
-    /// Returns how many instructions the emulated core retires per second of virtual time. The rate is assumed:
-    /// about half an instruction per cycle, from flash with caches enabled. It affects how late the firmware is,
-    /// not what it computes.
+    /// Returns how many instructions the emulated core retires per second of virtual time. The rate
+    /// is an assumption: about half an instruction per cycle, from flash with caches enabled. It
+    /// affects how late the firmware is, not what it computes.
     ///
     /// # Panics
     /// Never: the rates are not 0.

@@ -18,8 +18,8 @@ impl fmt::Display for Pin {
     }
 }
 
-/// Pins that a board connects to the converters and the trigger. Copied from `docs/hardware.md`, with which a
-/// test compares them, and not taken from the firmware.
+/// Pins that a board connects to the converters and the trigger. The list is a copy from
+/// `docs/hardware.md`, not from the firmware, and a test compares it with that document.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pins {
     /// Chip selects, chip 0 first.

@@ -37,7 +37,8 @@ impl Port {
         }
     }
 
-    /// Opens a closed USB port if the device is configured, as a program does that waits for the device.
+    /// Opens a closed USB port if the device is configured, as a program does that waits for the
+    /// device.
     pub(crate) fn keep_open(&self) {
         if let Self::Usb(host) = self
             && host.state() == State::Configured
@@ -46,7 +47,7 @@ impl Port {
         }
     }
 
-    /// Returns whether bytes that are sent now reach the device.
+    /// Returns whether bytes sent now reach the device.
     pub fn is_open(&self) -> bool {
         match self {
             Self::Uart(_) => true,

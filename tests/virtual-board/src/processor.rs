@@ -1,4 +1,5 @@
-//! Wrapper of the emulated core that records program counters and accesses registers and private memory.
+//! Wrapper of the emulated core that records program counters and accesses registers and private
+//! memory.
 #![expect(unsafe_code, reason = "passes memory from the emulator to its core")]
 
 use std::collections::VecDeque;
@@ -13,7 +14,7 @@ use rigless::time::VirtualNanos;
 
 use crate::core_bus::{Bus, Differences};
 
-/// Number of program counters, and of failed accesses, that are kept.
+/// Number of program counters that are kept, and also of failed accesses.
 const KEPT: usize = 16;
 
 /// Access to the running core: records its state and queues changes for its next run; clones share one state.
@@ -86,7 +87,7 @@ pub(crate) fn wrap_core(
     core
 }
 
-/// The emulator's core; every method but [`Processor::run`] only forwards.
+/// The emulator's core, wrapped; every method but [`Processor::run`] only forwards its call.
 #[derive(Debug)]
 struct Core {
     inner: Box<dyn Processor>,
@@ -147,7 +148,8 @@ impl Processor for Core {
     }
 
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
-        // SAFETY: the inner core has the same requirements, which the caller has to meet.
+        // SAFETY: the inner core has the same requirements as this method, whose caller has to meet
+        // them.
         unsafe { self.inner.map(start, length, host, writable) }
     }
 

@@ -16,9 +16,9 @@ pub struct Serial(Arc<Mutex<Line>>);
 pub(crate) struct Line {
     to_host: Vec<u8>,
     to_device: VecDeque<u8>,
-    /// Shortest time between two bytes of the device, in ns.
+    /// Shortest time between two bytes from the device, in ns.
     shortest_ns: Option<u64>,
-    /// Arrival of the last byte of the device, in ns.
+    /// Time of arrival of the last byte from the device, in ns.
     last_ns: u64,
 }
 

@@ -1,4 +1,4 @@
-//! Configuration of a virtual board at power on.
+//! Settings of a virtual board at power on: clocks, cable and converters.
 
 use ads1299::Alignment;
 
@@ -14,16 +14,17 @@ pub enum Cable {
 /// Configuration of a virtual board at power on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setup {
-    /// Clock from the ST-LINK, in Hz; 0 for none.
+    /// Frequency of the external clock from the ST-LINK, in Hz; 0 for none.
     pub clock_hz: u64,
     /// Frequency of the internal low-speed oscillator, in Hz; `None` for the typical one. The range is 17 to
     /// 47 kHz on an STM32F446 and 29.4 to 33.6 kHz on an STM32H743 (DS10693 and DS12110, LSI characteristics).
     pub lsi_hz: Option<u64>,
-    /// Whether the chain inserts a don't-care bit between the data of two chips.
+    /// Spacing of the chips' parts in a frame, with or without a don't-care bit between two chips.
     pub alignment: Alignment,
     /// Cable to the host; must be the one that the image uses.
     pub cable: Cable,
-    /// Whether the converters have power from the start; `Simulation::power_on` powers them later.
+    /// True if the converters have power from the start; otherwise `Simulation::power_on` powers
+    /// them later.
     pub converters_on: bool,
 }
 

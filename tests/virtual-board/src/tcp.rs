@@ -5,7 +5,7 @@ use std::net::{Ipv4Addr, TcpListener, TcpStream};
 
 use crate::port::Port;
 
-/// Bytes read from the socket per call.
+/// Largest number of bytes read from the socket per call.
 const CHUNK: usize = 4096;
 
 /// A TCP port that forwards to the host's end of a board's port.
@@ -13,12 +13,12 @@ const CHUNK: usize = 4096;
 pub struct TcpPort {
     listener: TcpListener,
     host: Option<TcpStream>,
-    /// Bytes of the device that the socket has not accepted yet.
+    /// Bytes from the device that the socket has not accepted yet.
     waiting: Vec<u8>,
 }
 
 impl TcpPort {
-    /// Listens on 127.0.0.1; port 0 lets the system choose.
+    /// Listens on 127.0.0.1. With port 0 the operating system chooses a free one.
     ///
     /// # Errors
     /// The port is occupied, or listening on it is not permitted.
@@ -32,7 +32,8 @@ impl TcpPort {
         })
     }
 
-    /// Returns the number of the TCP port; the one that the system has chosen, if 0 was requested.
+    /// Returns the number of the TCP port. If 0 was requested, it is the one that the system has
+    /// chosen.
     ///
     /// # Errors
     /// The operating system does not return the local address.

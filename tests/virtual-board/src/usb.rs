@@ -1,14 +1,16 @@
 //! USB: a model of the microcontroller's USB core, and a host at the other end of the cable.
 //!
-//! The core is Synopsys's OTG controller in device mode at full speed with FIFO access by the processor,
-//! after RM0433 rev 9 chapter 57 (STM32H743) and RM0390 chapter 31 (STM32F446). Where the manuals leave
-//! behaviour open, the model follows what driver authors found on silicon, and a comment says so.
+//! The core is Synopsys's OTG controller in device mode at full speed with FIFO access by the
+//! processor, after RM0433 rev 9 chapter 57 (STM32H743) and RM0390 chapter 31 (STM32F446). If the
+//! manuals leave behaviour open, the model follows what driver authors found on silicon, and a
+//! comment says so.
 //!
-//! The host enumerates the device as Linux does, uses it as a CDC-ACM serial port, and checks descriptors, data
-//! toggles, lengths and response times. A test controls it with [`UsbHost`].
+//! The host enumerates the device as Linux does, uses it as a CDC-ACM serial port, and checks
+//! descriptors, data toggles, lengths and response times. A test controls the host with
+//! [`UsbHost`].
 //!
-//! Not modelled: host mode, DMA, isochronous endpoints, LPM, battery charging, transmission errors and lost
-//! handshakes, and electrical signals.
+//! Not modelled are host mode, DMA, isochronous endpoints, LPM, battery charging, transmission
+//! errors, lost handshakes and electrical signals.
 
 mod core;
 mod endpoint;

@@ -1,4 +1,4 @@
-//! Error messages and exit status of the program.
+//! Error messages and exit status of the `virtual-board` program.
 
 use std::net::TcpListener;
 use std::path::Path;

@@ -8,7 +8,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
     pub(in crate::simulation) fn power_off(&mut self) {
         self.supply = Supply::Off;
         for chip in &mut self.chips {
-            // As before the first reset: no command is accepted.
+            // No command is accepted, as before the first reset.
             chip.reset(u64::MAX);
         }
         self.burst = None;

@@ -36,7 +36,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs QEMU until a signal. Without a file of samples the image makes synthetic EEG.
+/// Runs QEMU until SIGINT or SIGTERM. Without a file of samples the image generates synthetic EEG.
 fn run(port: u16) -> Result<(), Box<dyn Error>> {
     installed::check()?;
     let [cortex_m4f, _] = MACHINES;

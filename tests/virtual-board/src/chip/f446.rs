@@ -50,7 +50,7 @@ const HSERDY: u64 = 1 << 17;
 /// Address of RCC_DCKCFGR2 (RM0390, 6.3.28), which the STM32F427 lacks. It only stores the written value: the
 /// firmware uses the clocks of the reset value, and a USB clock whose frequency is not modelled here.
 const DCKCFGR2: u64 = 0x4002_3894;
-/// Address that stores DCKCFGR2 instead; the chip has nothing there.
+/// Free address at which DCKCFGR2 is stored instead; the chip has nothing there.
 const SPARE: u64 = 0x5700_0000;
 
 /// Emulated STM32F446: the emulator's part, EXTI and the USB core.
@@ -92,7 +92,8 @@ impl F446 {
         let channel = Channel::new(3).expect("TIM2 has four channels");
         let slot = self.part.bus().slot(TIMERS[TIMER].instance);
         let slot = slot.expect("the part has TIM2");
-        // Take the timer out of the part, whose registers are borrowed meanwhile.
+        // The timer is taken out of the part for the call, because the part's registers are
+        // borrowed during it.
         let spare = Tim::with_clock(1, TIMERS[TIMER].counter);
         let mut timer = mem::replace(&mut self.part.tim[TIMER], spare);
         let (registers, mut context) = self.part.bus_mut().drive(at, slot);

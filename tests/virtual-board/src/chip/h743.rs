@@ -1,4 +1,4 @@
-//! The STM32H743: the emulator's part, with models of the watchdog and USB.
+//! The STM32H743: the emulator's part, extended with models of the watchdog and USB.
 
 mod watchdog;
 
@@ -42,8 +42,9 @@ const TIMER_FUNCTION: u8 = 1;
 const RCC_CR: u64 = 0x5802_4400;
 const HSERDY: u64 = 1 << 17;
 
-/// Peripherals whose models are removed because the firmware does not use them: the emulator polls every model
-/// for every byte of a DMA transfer, which takes half of its time. Accesses to these peripherals are listed in
+/// Peripherals whose models are removed because the firmware does not use them. The emulator polls
+/// every model for every byte of a DMA transfer, and with these models the polling takes half of
+/// its time. Accesses to these peripherals are listed in
 /// [`Findings::unimplemented`](crate::findings::Findings).
 const REMOVED_MODELS: [&str; 48] = [
     "SPI2",
@@ -140,7 +141,8 @@ impl H743 {
         let channel = Channel::new(3).expect("TIM2 has four channels");
         let slot = self.part.bus().slot(TIMERS[TIMER].instance);
         let slot = slot.expect("the part has TIM2");
-        // Take the timer out of the part, whose registers are borrowed meanwhile.
+        // The timer is taken out of the part for the call, because the part's registers are
+        // borrowed during it.
         let spare = Tim::new(TIMERS[TIMER]);
         let mut timer = mem::replace(&mut self.part.tim[TIMER], spare);
         let (registers, mut context) = self.part.bus_mut().drive(at, slot);

@@ -15,7 +15,7 @@ use crate::injection::Change;
 use crate::pins::Pins;
 use crate::processor::Observer;
 
-/// This many resets within [`RESET_LOOP_NS`] count as a reset loop.
+/// Number of resets within [`RESET_LOOP_NS`] from which a board counts as resetting in a loop.
 const RESET_LOOP: usize = 20;
 const RESET_LOOP_NS: u64 = 1_000_000_000;
 
@@ -116,7 +116,8 @@ impl BoardDriver {
         let drdy = self.chain.wires().advance_to(now.0);
         let chip = &mut session.board_mut().chip;
         if drdy.falls && self.driven[0] == Some(false) {
-            // The previous sample was not read: DRDY pulses high before it falls (SBAS499C, 9.4.1).
+            // The previous sample was not read, so DRDY pulses high before it falls (data sheet
+            // SBAS499C, section 9.4.1).
             chip.drive(now, self.pins.drdy, true);
             chip.drive(now, self.pins.drdy, false);
         }
@@ -135,7 +136,8 @@ impl BoardDriver {
         self.driven = [Some(drdy.is_high), Some(self.trigger_is_high)];
     }
 
-    /// Stops a board that resets in a loop: emulating a reset takes far longer than the reset itself.
+    /// Counts resets, and stops a board that resets in a loop, because emulating a reset takes far
+    /// longer than the reset itself.
     fn count_reset(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
         let chip = &session.board().chip;
         let mut wires = self.chain.wires();

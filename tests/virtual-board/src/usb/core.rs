@@ -1,7 +1,7 @@
-//! Model of the core in device mode, with FIFO access by the processor.
+//! Model of the USB core in device mode, with FIFO access by the processor.
 //!
-//! This file contains state and register reads, [`write`] register writes, [`bus`] the packets and signals of the
-//! host, and [`interrupt`] the interrupt flags.
+//! This file contains its state and the register reads. [`write`] contains the register writes,
+//! [`bus`] the packets and signals from the host, and [`interrupt`] the interrupt flags.
 
 mod bus;
 mod interrupt;
@@ -25,7 +25,7 @@ const RESET_FIFO_WORDS: u32 = 0x200;
 /// Clocks and connections that the rest of the part provides to the core.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Supply {
-    /// The clock controller enables the core's bus clock.
+    /// True if the clock controller enables the core's bus clock.
     pub(super) clocked: bool,
     /// Why the transceiver is not connected to the cable; `None` if it is.
     pub(super) unwired: Option<&'static str>,
@@ -40,7 +40,7 @@ struct Registers {
     gotgint: u32,
     gahbcfg: u32,
     gusbcfg: u32,
-    /// `TXFNUM` of the last flush.
+    /// Number of the FIFO that was flushed last (`TXFNUM`).
     grstctl: u32,
     /// Latched bits of `OTG_GINTSTS`.
     gintsts: u32,
@@ -50,7 +50,7 @@ struct Registers {
     gccfg: u32,
     glpmcfg: u32,
     dcfg: u32,
-    /// `RWUSIG`, `SDIS`, `GINSTS`, `GONSTS` and `POPRGDNE`.
+    /// `RWUSIG`, `SDIS`, `GINSTS`, `GONSTS` and `POPRGDNE` of `OTG_DCTL`.
     dctl: u32,
     diepmsk: u32,
     doepmsk: u32,
@@ -96,11 +96,12 @@ impl Registers {
 #[expect(clippy::struct_excessive_bools, reason = "independent signals")]
 #[derive(Clone, Debug, Default)]
 struct BusState {
-    /// VBUS is present.
+    /// True if VBUS is present.
     vbus: bool,
-    /// Start of the first frame since the host last started sending frames, in ns; `None` while it sends none.
+    /// Start of the first frame since the host last started to send frames, in ns; `None` while it
+    /// sends none.
     frames_from: Option<u64>,
-    /// Number of that first frame.
+    /// Number of the frame that starts at `frames_from`.
     first_frame: u64,
     suspended: bool,
     in_reset: bool,

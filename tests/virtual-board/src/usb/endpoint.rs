@@ -9,7 +9,7 @@ use super::register::{epctl, epint};
 pub(super) enum Reply {
     Packet {
         bytes: Vec<u8>,
-        /// The data PID is DATA1.
+        /// True if the data PID is DATA1.
         data1: bool,
     },
     Nak,
@@ -60,12 +60,12 @@ impl Endpoint {
         }
     }
 
-    /// Returns the bytes left in the transfer.
+    /// Returns the number of bytes left in the transfer.
     pub(super) fn transfer_size(&self) -> u32 {
         self.size & 0x7_FFFF
     }
 
-    /// Returns the packets left in the transfer.
+    /// Returns the number of packets left in the transfer.
     pub(super) fn packet_count(&self) -> u32 {
         self.size >> 19 & 0x3FF
     }
@@ -124,9 +124,9 @@ impl Endpoint {
 pub(super) struct InEndpoint {
     pub(super) registers: Endpoint,
     words: VecDeque<u32>,
-    /// Words written for the enabled transfer.
+    /// Number of words written for the enabled transfer.
     written: u32,
-    /// Total words of the enabled transfer.
+    /// Total number of words in the enabled transfer.
     needed: u32,
 }
 
@@ -154,7 +154,8 @@ impl InEndpoint {
         self.words.clear();
     }
 
-    /// Writes the control register; the caller has checked enable and disable.
+    /// Writes the control register; the caller has checked the bits that enable or disable the
+    /// endpoint.
     pub(super) fn write_control(&mut self, value: u32) {
         let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::TXFNUM;
         self.registers.write(value, fields);
@@ -192,7 +193,7 @@ impl InEndpoint {
         self.registers.has(epctl::EPENA) && self.words.len() >= self.next_len().div_ceil(4)
     }
 
-    /// Returns whether the reply to an IN token would be other than NAK.
+    /// Returns whether the endpoint would reply to an IN token with anything other than NAK.
     pub(super) fn answers(&self) -> bool {
         self.registers.has(epctl::STALL) || (!self.registers.has(epctl::NAKSTS) && self.is_loaded())
     }
@@ -247,7 +248,8 @@ impl OutEndpoint {
         }
     }
 
-    /// Writes the control register; the caller has checked enable and disable.
+    /// Writes the control register; the caller has checked the bits that enable or disable the
+    /// endpoint.
     pub(super) fn write_control(&mut self, value: u32) {
         let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::SNPM;
         self.registers.write(value, fields);
@@ -260,15 +262,17 @@ impl OutEndpoint {
         }
     }
 
-    /// Returns whether a packet would be accepted if the receive FIFO has room.
+    /// Returns whether the endpoint would accept a packet, provided that the receive FIFO has room.
     ///
-    /// Only NAK decides: with FIFO access by the processor, an active endpoint accepts packets even if `EPENA` is
-    /// clear. Drivers that never set it on endpoint 0, such as embassy's, rely on this.
+    /// Only NAK decides: with FIFO access by the processor, an active endpoint accepts packets even
+    /// if `EPENA` is clear. Drivers that never set `EPENA` on endpoint 0, such as embassy's, rely
+    /// on this.
     pub(super) fn accepts_data(&self) -> bool {
         !self.registers.has(epctl::NAKSTS)
     }
 
-    /// Returns whether the data PID is the expected one. A repeated packet is acknowledged and dropped.
+    /// Returns whether the data PID is the expected one. Otherwise the packet is a repetition,
+    /// which is acknowledged and dropped.
     pub(super) fn expects(&self, data1: bool) -> bool {
         self.registers.has(epctl::DPID) == data1
     }

@@ -37,14 +37,15 @@ impl RxFifo {
         self.0.len()
     }
 
-    /// Returns the words needed for a packet of `bytes`: status, data, and the status that ends the transfer.
+    /// Returns the number of words that a packet of `bytes` needs: status, data, and the status
+    /// that ends the transfer.
     pub(super) fn words_for(bytes: usize) -> usize {
         1 + bytes.div_ceil(4) + 1
     }
 
     /// Appends a packet, or a status without data.
     ///
-    /// `data1` is whether the data PID is DATA1, `frame` the number of the USB frame.
+    /// `data1` is true if the data PID is DATA1; `frame` is the number of the USB frame.
     pub(super) fn push(
         &mut self,
         status: PacketStatus,

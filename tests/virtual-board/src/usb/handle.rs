@@ -11,8 +11,8 @@ use super::violation::Violation;
 
 /// The host at the other end of the USB cable.
 ///
-/// A command takes effect at the next stop of the emulator, at the latest at the end of the current run. Clones
-/// control the same host.
+/// A command takes effect at the next stop of the emulator, at the latest at the end of the current
+/// run. Clones control one host.
 #[derive(Clone, Debug)]
 pub struct UsbHost(Arc<Mutex<Host>>);
 
@@ -86,7 +86,7 @@ impl UsbHost {
         self.host().take_received()
     }
 
-    /// Returns how far the enumeration and the opening of the port have got.
+    /// Returns the progress of the enumeration and of the opening of the port.
     pub fn state(&self) -> State {
         self.host().state()
     }
@@ -96,7 +96,7 @@ impl UsbHost {
         self.host().device()
     }
 
-    /// Returns the traffic of the bulk endpoints so far.
+    /// Returns the counters of the bulk endpoints' traffic so far.
     pub fn counters(&self) -> Counters {
         self.host().counters()
     }
@@ -111,7 +111,7 @@ impl UsbHost {
         self.host().violations().to_vec()
     }
 
-    /// Performs the work that is due at `now`. Returns the time of the next work, in ns.
+    /// Performs the work that is due at `now`, in ns. Returns the time of the next work, in ns.
     pub(super) fn step(&self, now: u64, core: &mut Core) -> Option<u64> {
         self.host().step(now, core)
     }

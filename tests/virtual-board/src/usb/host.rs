@@ -1,7 +1,7 @@
 //! Model of the USB host, in virtual time.
 //!
-//! To make an idle bus cheap, the host does not send tokens to which the device would respond with NAK: it waits
-//! until the response would differ. Frames are counted, not sent.
+//! To make an idle bus cheap, the host sends no token to which the device would respond with NAK.
+//! It waits until the response would be another one. Frames are counted, not sent.
 
 mod control;
 pub(crate) mod descriptor;
@@ -34,9 +34,9 @@ const SUSPEND_NS: u64 = 3_000_000;
 const RESUME_NS: u64 = 20_000_000;
 /// Recovery time of the device after resume, in ns (USB 2.0, 7.1.7.7: TRSMRCY).
 const RESUME_RECOVERY_NS: u64 = 10_000_000;
-/// Enumerations that the host attempts before it ignores a device, as Linux does.
+/// Number of enumerations that the host attempts before it ignores a device, as Linux does.
 const ATTEMPTS: u32 = 3;
-/// Actions at one time after which the model of the host counts as stuck.
+/// Number of actions at one instant after which the model of the host counts as stuck.
 const MAX_ACTIONS: usize = 1_000;
 
 /// Command to the host from its handle.
@@ -159,7 +159,7 @@ impl Host {
         self.log.push(Logged { at_ns: now, event });
     }
 
-    /// Performs the work that is due at `now`. Returns the time of the next work, in ns.
+    /// Performs the work that is due at `now`, in ns. Returns the time of the next work, in ns.
     pub(super) fn step(&mut self, now: u64, core: &mut Core) -> Option<u64> {
         for _ in 0..MAX_ACTIONS {
             self.violations.take_from(&mut core.violations);

@@ -1,4 +1,5 @@
-//! Parameters of the USB cores of both parts: addresses, sizes, and the bits of other peripherals they need.
+//! Parameters of the USB cores of both parts: addresses, sizes, and the bits of other peripherals
+//! that the cores need.
 
 use rigless::soc::{Bus, Error, Layout};
 
@@ -13,7 +14,7 @@ pub(crate) struct Instance {
     pub(crate) size: u64,
     /// First address of the window, which the part does not use.
     pub(crate) window_base: u64,
-    /// Numbers of the core's interrupts in the NVIC: only the global one.
+    /// Numbers of the core's interrupts in the NVIC; the list holds only the global one.
     pub(crate) interrupts: &'static [u16],
     /// Instance of the emulator's part that has the core's clock and reset line.
     pub(crate) global: &'static str,
@@ -29,7 +30,7 @@ pub(crate) struct Instance {
     pub(crate) unwired: fn(&Bus, &Slots) -> Option<&'static str>,
 }
 
-/// Slots in the emulator of the peripherals that the core depends on.
+/// Slots in the emulator for the peripherals that the core depends on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slots {
     rcc: usize,

@@ -1,9 +1,9 @@
-//! Connection of the USB core to a part of the emulator.
+//! Connection of the USB core to the emulator's model of a microcontroller.
 //!
-//! The registers and FIFOs are in a window at free addresses, to which accesses of the processor are redirected
-//! ([`Otg::redirect`]). The part's own instance of the core only receives its clock and reset line. The part
-//! contains an [`Otg`]: its `split` first calls [`Otg::model`], and its `poll` and `reset` end with those of
-//! [`Otg`].
+//! The registers and FIFOs are in a window at free addresses, to which accesses of the processor
+//! are redirected ([`Otg::redirect`]). The part's own instance of the core only receives its clock
+//! and reset line. The part contains an [`Otg`]: the part's `split` first calls [`Otg::model`], and
+//! its `poll` and `reset` end with calls of [`Otg::poll`] and [`Otg::reset`].
 
 use std::marker::PhantomData;
 use std::num::NonZeroU64;
@@ -26,7 +26,7 @@ const GLOBAL: usize = 0;
 struct CoreAndHost {
     core: Core,
     host: UsbHost,
-    /// Last level of the interrupt line.
+    /// Last level of the interrupt line that the emulator has been given.
     raised: bool,
     /// Earliest time for which an event is scheduled, in ns.
     scheduled: Option<u64>,
@@ -63,7 +63,7 @@ fn lock(link: &Shared) -> MutexGuard<'_, CoreAndHost> {
     link.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Device model of the window.
+/// Device model of the window, which contains the core's registers and FIFOs.
 #[derive(Debug)]
 struct Registers {
     link: Shared,
@@ -139,11 +139,12 @@ impl<L: Layout> Device for ClockAndReset<L> {
         lock(&self.link).core.supply.kernel_hz = Some(hz);
     }
 
-    /// Handles the reset bit in the clock controller, which has the effect of a system reset.
+    /// Handles the reset bit in the clock controller, which affects the core like a system reset.
     fn reset_line(&mut self, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {
         let mut link = lock(&self.link);
         link.core.reset();
-        // The host detects the reset at the next access or stop.
+        // The host detects the reset at the next access to the core, or at the next stop of the
+        // emulator.
     }
 }
 

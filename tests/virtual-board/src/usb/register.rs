@@ -43,7 +43,8 @@ pub(super) enum Register {
     Doepint(usize),
     Doeptsiz(usize),
     Pcgcctl,
-    /// FIFO address of the endpoint with this number. Reads access the receive FIFO that all endpoints share.
+    /// FIFO address of the endpoint with this number. A read at any of these addresses accesses the
+    /// receive FIFO that all endpoints share.
     Fifo(usize),
 }
 
@@ -236,11 +237,11 @@ pub(super) mod dctl {
     pub(crate) const POPRGDNE: u32 = 1 << 11;
 }
 
-/// Bits of the other registers.
+/// Bits of the registers without a separate module.
 pub(super) mod bit {
     /// `OTG_GAHBCFG`: the global interrupt is unmasked.
     pub(crate) const GINT: u32 = 1 << 0;
-    /// `OTG_GAHBCFG`: `TXFE` means completely empty, not half empty.
+    /// `OTG_GAHBCFG`: the flag `TXFE` means that a FIFO is completely empty, not half empty.
     pub(crate) const TXFELVL: u32 = 1 << 7;
     /// `OTG_GUSBCFG`: device mode is forced.
     pub(crate) const FDMOD: u32 = 1 << 30;
@@ -256,7 +257,7 @@ pub(super) mod bit {
     pub(crate) const BSVLD: u32 = 1 << 19;
     /// `OTG_GOTGINT`: the session has ended.
     pub(crate) const SEDET: u32 = 1 << 2;
-    /// `OTG_GCCFG`: the full-speed transceiver is on (despite its name).
+    /// `OTG_GCCFG`: the full-speed transceiver is on, although the name suggests that it is off.
     pub(crate) const PWRDWN: u32 = 1 << 16;
     /// `OTG_GCCFG`: VBUS is sensed.
     pub(crate) const VBDEN: u32 = 1 << 21;

@@ -15,7 +15,7 @@ pub(crate) enum Handshake {
 pub(crate) enum Input {
     Packet {
         bytes: Vec<u8>,
-        /// The data PID is DATA1.
+        /// True if the data PID is DATA1.
         data1: bool,
     },
     Nak,

@@ -1,4 +1,4 @@
-//! Violations of the reference manual and of the USB specification.
+//! Violations of the reference manual and of the USB specification that the models have found.
 
 use std::fmt;
 
@@ -40,7 +40,7 @@ impl Violations {
         }
     }
 
-    /// Moves the violations of `other` into this list.
+    /// Moves the violations of `other` into this list, and adds up the counts of equal texts.
     pub(super) fn take_from(&mut self, other: &mut Self) {
         for violation in other.0.drain(..) {
             match self.0.iter_mut().find(|known| known.text == violation.text) {

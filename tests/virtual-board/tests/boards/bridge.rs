@@ -15,14 +15,15 @@ use crate::session::{assert_sound, power_on};
 /// Timeout of a run of the bridge, in real time. On a busy machine, the board runs slower than real time.
 const TIMEOUT: Duration = Duration::from_secs(180);
 
-/// Attempts at a self-test: the bridge waits 15 s of real time for the result, which takes 4.5 s of virtual time.
+/// Number of attempts at a self-test. The bridge waits 15 s of real time for the result, and the
+/// self-test takes 4.5 s of virtual time, so a slow machine can miss the limit.
 const ATTEMPTS: usize = 3;
 
 /// Number of codes that the bridge must publish.
 const CODES: usize = 48;
 
-/// Runs the bridge at the board's port until it exits, `is_enough` returns true for its output, or the timeout.
-/// Returns its output and exit status.
+/// Runs the bridge at the board's port until it exits, `is_enough` returns true for its output, or
+/// [`TIMEOUT`] has passed. Returns its output and exit status.
 fn bridge(
     board: &mut VirtualBoard,
     arguments: &[&str],
@@ -56,7 +57,8 @@ fn bridge(
         });
         let run = live::run(board, &mut tcp, None, &stop, std::io::sink());
         stop.store(true, Relaxed);
-        // Give the bridge time to exit by itself before it is killed. The reader ends with its output.
+        // The bridge has time to exit by itself before it is killed. The thread that reads its
+        // output ends with it.
         thread::sleep(Duration::from_millis(200));
         let ended = child.try_wait().ok().flatten();
         let _ = child.kill();
@@ -86,8 +88,8 @@ fn codes(text: &str) -> usize {
         .count()
 }
 
-/// The self-test of the bridge passes, and the bridge publishes codes. `tests/tests/board_chain.rs` checks for
-/// gaps.
+/// The self-test that the bridge requests passes, and the bridge publishes codes.
+/// `tests/tests/board_chain.rs` checks for gaps.
 pub(crate) fn bridge_delivers_codes(subject: Subject) -> Result<(), BoardError> {
     let mut board = power_on(subject, &subject.setup())?;
     let (mut table, mut status) = (String::new(), None);

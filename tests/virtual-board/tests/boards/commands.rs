@@ -42,7 +42,8 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
     Ok(())
 }
 
-/// Damaged bytes per million for each kind of error: about one command in twenty.
+/// Number of damaged bytes per million for each kind of error, which damages about one command in
+/// twenty.
 const DAMAGED: u32 = 2_500;
 
 /// Bytes with framing errors and noise destroy only the commands that contain them, which are counted. No command
@@ -89,8 +90,9 @@ pub(crate) fn damaged_bytes_destroy_only_their_commands(
     Ok(())
 }
 
-/// Longest response time on an idle line, in us: transfer of both frames, and the polling interval of the test,
-/// 500 us. A response at the next 20 ms tick of the conversation task would exceed it.
+/// Longest response time on an idle line, in us: the transfer of both frames, and the polling
+/// interval of the test, 500 us. A response that waits for the next 20 ms tick of the conversation
+/// task exceeds it.
 const ANSWER_US: u64 = 4_000;
 
 /// While nothing streams, each command wakes the conversation task immediately.
@@ -100,7 +102,7 @@ pub(crate) fn an_idle_board_answers_at_once(subject: Subject) -> Result<(), Boar
         let before = acks(board.inbox().frames());
         board.send(&ToDevice::Ping);
         board.run_until("an answer", ANSWER_US, |frames| acks(frames) > before)?;
-        // Not a multiple of any period of the firmware.
+        // The interval is not a multiple of any period of the firmware.
         board.run_for_us(3_777)?;
     }
     assert_sound(&mut board)

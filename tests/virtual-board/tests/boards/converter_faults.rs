@@ -9,7 +9,7 @@ use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{UP_US, assert_sound, converters, power_on, run_codes, running, start};
 
-/// Chip with the fault: any but chip 0.
+/// Chip with the fault; any chip but 0 would do.
 const CHIP: usize = 5;
 
 /// Returns the flags of all codes received so far.
@@ -27,7 +27,7 @@ fn frames_bad(board: &VirtualBoard) -> Vec<u32> {
     newest.expect("a status each second")
 }
 
-/// Injects a fault while codes stream, and returns the chips that the device reports.
+/// Injects a fault while codes stream, and returns the chips that the device reports as bad.
 fn inject_fault(board: &mut VirtualBoard, fault: Fault) -> Result<Vec<usize>, BoardError> {
     start(board, Streams::CODES)?;
     run_codes(board, 8)?;
@@ -53,7 +53,7 @@ fn inject_fault(board: &mut VirtualBoard, fault: Fault) -> Result<Vec<usize>, Bo
     Ok((0..counts.len()).filter(|&chip| counts[chip] > 0).collect())
 }
 
-/// A chip without power blocks the chain: it and the chips that send through it are reported.
+/// A chip without power blocks the chain: this chip and those that send through it are reported.
 pub(crate) fn a_dead_chip_is_reported(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let named = inject_fault(&mut board, Fault::Dead)?;

@@ -7,8 +7,8 @@ use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{assert_no_findings_but, greetings, run_codes, start, streaming};
 
-/// Longest time from a failure to the next `Hello`, in us: 200 ms of the watchdog, tolerance of its oscillator,
-/// and the start.
+/// Longest time from a failure to the next `Hello`, in us: the watchdog's 200 ms, the tolerance of
+/// its oscillator, and the start.
 const LONGEST_US: u64 = 600_000;
 
 /// Injects a failure into the encoder's task while codes stream. Returns the reset cause and the fault that the
@@ -76,7 +76,7 @@ pub(crate) fn a_hard_fault_is_reported_after_the_restart(
     Ok(())
 }
 
-/// After a fault with a stack pointer outside the stack, `Hello` reports this.
+/// After a fault with a stack pointer outside the stack, `Hello` reports the stray stack pointer.
 pub(crate) fn a_stray_stack_pointer_is_reported_after_the_restart(
     subject: Subject,
 ) -> Result<(), BoardError> {
@@ -91,7 +91,7 @@ pub(crate) fn a_stray_stack_pointer_is_reported_after_the_restart(
     Ok(())
 }
 
-/// After a stack overflow, `Hello` reports this.
+/// After a stack overflow, `Hello` reports the overflow.
 pub(crate) fn a_stack_overflow_is_reported_after_the_restart(
     subject: Subject,
 ) -> Result<(), BoardError> {

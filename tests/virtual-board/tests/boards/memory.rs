@@ -24,7 +24,8 @@ pub(crate) fn dma_reaches_its_buffers(subject: Subject) -> Result<(), BoardError
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 2)?;
     for _ in 0..INSPECTIONS {
-        // Not a multiple of the sample period.
+        // The interval is not a multiple of the sample period, so the streams are inspected at
+        // varying points.
         board.run_for_us(1_237)?;
         let memory = board.dma_memory()?;
         assert_eq!(memory.len(), streams(subject), "{memory:x?}");

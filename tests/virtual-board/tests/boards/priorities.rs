@@ -51,8 +51,8 @@ fn port_interrupts(subject: Subject) -> &'static [Wanted] {
     }
 }
 
-/// Every interrupt of the application has its priority of `firmware::deadlines`. No other enabled interrupt is as
-/// urgent as the acquisition.
+/// Every interrupt of the application has the priority that `firmware::deadlines` gives it. No
+/// other enabled interrupt is as urgent as the acquisition.
 pub(crate) fn interrupts_have_their_priorities(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let enabled = board.interrupts()?;
@@ -79,8 +79,8 @@ pub(crate) fn interrupts_have_their_priorities(subject: Subject) -> Result<(), B
     Ok(())
 }
 
-/// Returns whether a line never interrupts the tasks: unused streams of DMA1, DMA2, MDMA and BDMA, and the RNG of the
-/// STM32H743, which is read once before the first task.
+/// Returns whether a line never interrupts the tasks. Such lines are unused streams of DMA1, DMA2,
+/// MDMA and BDMA, and the RNG of the STM32H743, which is read once before the first task.
 fn is_inactive(line: u16) -> bool {
     matches!(line, 11..=17 | 47 | 56..=60 | 68..=70 | 80 | 122 | 129..=136)
 }

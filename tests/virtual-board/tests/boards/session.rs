@@ -5,8 +5,9 @@ use virtual_board::{BoardError, Frame, Kind, Setup, VirtualBoard, allowed};
 
 use crate::images::Subject;
 
-/// Longest time from power on until the converters run, in us: 1 s that the firmware waits after power on, 0.15 s
-/// for the reference, the register writes, and 0.5 s timeout of a missing clock.
+/// Longest time from power on until the converters run, in us. The firmware waits 1 s after power
+/// on and 0.15 s for the reference, then writes the registers; a missing clock adds a timeout of
+/// 0.5 s.
 pub(crate) const UP_US: u64 = 2_000_000;
 
 /// Powers on a board with the image of `subject`.
@@ -86,7 +87,7 @@ pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
     frames.iter().filter_map(hello).collect()
 }
 
-/// Asserts [`assert_no_findings`], and that every received frame could be decoded.
+/// Asserts what [`assert_no_findings`] does, and that every received frame could be decoded.
 pub(crate) fn assert_sound(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
     assert_eq!(
@@ -103,7 +104,8 @@ pub(crate) fn assert_no_findings(board: &mut VirtualBoard) -> Result<(), BoardEr
     assert_no_findings_but(board, |_| false)
 }
 
-/// Asserts the same as [`assert_no_findings`], but ignores the unmapped accesses for which `is_intended` is true.
+/// Asserts what [`assert_no_findings`] does, but ignores unmapped accesses for which `is_intended`
+/// is true.
 pub(crate) fn assert_no_findings_but(
     board: &mut VirtualBoard,
     is_intended: fn(&str) -> bool,

@@ -9,8 +9,9 @@ use crate::session::{
     UP_US, assert_no_findings, assert_sound, converters, greetings, power_on, running,
 };
 
-/// Longest time from power on to `Hello`, in us of device time: start of the clocks and initialisation of the
-/// encoder's memory. With a time driver that starts half a period ahead, it would be 65,536 us more.
+/// Longest time from power on to `Hello`, in us of device time: start of the clocks and
+/// initialisation of the encoder's memory. If the time driver started half a period ahead, the time
+/// would be 65,536 us longer.
 const HELLO_US: u64 = 20_000;
 
 /// Clocks, port and converters start without violations, and the first frames are complete.
@@ -48,16 +49,16 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
         assert_eq!(frame.seq, number, "a frame is missing");
     }
     assert_eq!(board.core_hz()?, subject.model.core_hz());
-    // SCLK for registers and samples: 100 kHz and 12.8 MHz, or 82 kHz and 10.5 MHz (docs/hardware.md). The
-    // converters run, so it is the faster one.
+    // SCLK is 100 kHz for registers and 12.8 MHz for samples, or 82 kHz and 10.5 MHz, depending on
+    // the board (docs/hardware.md). The converters run, so the faster SCLK is set.
     let burst_hz = board.sclk_hz();
     assert!(
         (10_000_000..=20_000_000).contains(&burst_hz),
         "SCLK of {burst_hz} Hz"
     );
     if let Some(baud) = board.port().baud() {
-        // Over ten bits, sender and ST-LINK can differ by half a bit in total, less a margin for noise: 2 % for
-        // each of them is the usual budget.
+        // Over ten bits, sender and ST-LINK can differ by half a bit in total, less a margin for
+        // noise. The usual budget is 2 % for each of the two.
         assert!(baud.abs_diff(921_600) <= 921_600 / 50, "{baud} baud");
         record(subject, "baud", baud);
     }
@@ -68,7 +69,8 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     assert_sound(&mut board)
 }
 
-/// Without the clock from the ST-LINK, the board runs from its internal oscillator and reports this.
+/// Without the clock from the ST-LINK, the board runs from its internal oscillator and reports the
+/// missing clock.
 pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardError> {
     let setup = Setup {
         clock_hz: 0,

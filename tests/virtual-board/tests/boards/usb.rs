@@ -17,7 +17,7 @@ const ENUMERATION_US: u64 = 500_000;
 /// Longest time until a command is acknowledged, in us.
 const ANSWER_US: u64 = 200_000;
 
-/// Times from plugging to unplugging, in us: within the enumeration of the device.
+/// Times from plugging to unplugging, in us: all of them within the enumeration of the device.
 const EARLY_US: std::ops::Range<u64> = 100_000..240_000;
 const EARLY_STEP_US: usize = 17_001;
 
@@ -106,8 +106,8 @@ pub(crate) fn works_after_pauses_and_suspend(subject: Subject) -> Result<(), Boa
     Ok(())
 }
 
-/// The device is enumerated again and responds after unplugging while a packet waits to be read, after unplugging at
-/// several points of the enumeration, and after a bus reset.
+/// The device is enumerated again and responds after three kinds of interruption: unplugging while
+/// a packet waits to be read, unplugging at several points of the enumeration, and a bus reset.
 pub(crate) fn reconnects_after_unplugging(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     start(&mut board, Streams::CODES)?;
@@ -143,7 +143,7 @@ pub(crate) fn reconnects_after_unplugging(subject: Subject) -> Result<(), BoardE
     Ok(())
 }
 
-/// Runs until the host has reached `state`, and does not reopen the port meanwhile.
+/// Runs until the host has reached `state`; during the run the host does not reopen the port.
 fn reach_without_reopening(board: &mut VirtualBoard, state: State) -> Result<(), BoardError> {
     let host = host(board);
     board.keep_open(false);
@@ -154,8 +154,8 @@ fn reach_without_reopening(board: &mut VirtualBoard, state: State) -> Result<(),
     Ok(())
 }
 
-/// Asserts the same as [`assert_sound`], but allows up to three frames that cannot be decoded: a packet that waited
-/// while the port was closed or unplugged contains only the end of a frame.
+/// Asserts what [`assert_sound`] does, but allows up to three frames that cannot be decoded: a
+/// packet that waited while the port was closed or unplugged contains only the end of a frame.
 fn assert_sound_but_cut_frames(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
     let bad = board.inbox().decode_errors();

@@ -5,10 +5,10 @@ use rigless::soc::stm32f427::generated::exti::Register;
 
 use crate::pins::Pin;
 
-/// EXTI lines that are connected to pins.
+/// Number of EXTI lines that are connected to pins.
 const LINES: usize = 16;
 
-/// GPIO ports: A to H.
+/// Number of GPIO ports: A to H.
 const PORTS: usize = 8;
 
 /// Index of each interrupt in the emulator's EXTI instance, with its first and last line (RM0390, table 38).
@@ -26,12 +26,12 @@ const ROUTES: [(usize, u8, u8); 7] = [
 /// Model of EXTI for the lines of pins. Pins that the firmware itself drives cause no edge.
 #[derive(Debug, Default)]
 pub(super) struct Exti {
-    /// Pending lines. Kept here because the emulator's register file stores a value written to PR as it is,
-    /// although written ones clear bits.
+    /// Pending lines, one bit each. They are kept here because the emulator's register file stores
+    /// a value written to PR as it is, although bits written as 1 must clear it.
     pending: u64,
     /// Level of each pin of each port.
     levels: [[bool; LINES]; PORTS],
-    /// Whether each interrupt is asserted.
+    /// For each interrupt, whether it is asserted.
     raised: [bool; 8],
 }
 
@@ -42,7 +42,8 @@ impl Exti {
         self.raised = [false; 8];
     }
 
-    /// Sets the level of a pin; `is_routed` is whether SYSCFG routes it to the line with its number.
+    /// Sets the level of a pin. `is_routed` is true if SYSCFG routes the pin to the line with its
+    /// number.
     pub(super) fn set_level(
         &mut self,
         pin: Pin,
@@ -101,7 +102,7 @@ impl Device for Exti {
         context: &mut DeviceContext<'_>,
     ) {
         match register {
-            // Cleared by writing 1.
+            // Bits of PR are cleared by writing 1.
             Register::Pr => self.pending &= !value,
             Register::Swier => self.pending |= value & registers.get(Register::Imr),
             Register::Imr | Register::Emr | Register::Rtsr | Register::Ftsr => {}

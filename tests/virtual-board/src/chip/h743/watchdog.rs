@@ -18,13 +18,13 @@ const RESET_RELOAD: u64 = 0xFFF;
 /// LSI cycles that the transfer of PR and RLR to the counter's clock domain takes (RM0433, 45.4.4).
 const CROSSING: u64 = 5;
 
-/// Model of the watchdog. The window of WINR is not modelled: the firmware keeps the reset value, which disables
-/// it.
+/// Model of the watchdog. The window of WINR is not modelled, because the firmware keeps the reset
+/// value, which disables the window.
 #[derive(Debug, Default)]
 pub(super) struct Watchdog {
     unlocked: bool,
     started: bool,
-    /// Frequency of LSI; 0 while it is stopped.
+    /// Frequency of the LSI oscillator in Hz; 0 while it is stopped.
     clock_hz: u64,
     /// PR and RLR in the counter's clock domain; `None` until RLR has been transferred once.
     prescaler: u64,
@@ -33,7 +33,7 @@ pub(super) struct Watchdog {
     crossing: Option<EventId>,
     /// Time at which the counter reaches 0.
     expiry: Option<EventId>,
-    /// Time of the last reload, and the ticks loaded.
+    /// Time of the last reload, and the number of ticks loaded.
     loaded: Option<(VirtualNanos, u64)>,
 }
 
@@ -60,7 +60,7 @@ impl Watchdog {
         }
     }
 
-    /// Starts the transfer of PR and RLR to the counter's clock domain, once that has a clock.
+    /// Starts the transfer of PR and RLR to the counter's clock domain, if the counter has a clock.
     fn start_crossing(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         registers.set(Register::Sr, 0b011);
         if let Some(wait) = (CROSSING * 1_000_000_000).checked_div(self.clock_hz) {

@@ -47,8 +47,8 @@ impl Core {
             && self.session_valid()
     }
 
-    /// Returns whether the bus is idle: the device is attached and not suspended, and the host sends no frames and
-    /// no reset.
+    /// Returns whether the bus is idle: the device is attached and not suspended, and the host
+    /// sends neither frames nor a reset.
     pub(crate) fn is_idle(&self) -> bool {
         self.is_attached()
             && self.bus.frames_from.is_none()
@@ -146,7 +146,8 @@ impl Core {
         }
     }
 
-    /// Returns whether the response to an OUT packet of `len` bytes would be other than NAK.
+    /// Returns whether the device would respond to an OUT packet of `len` bytes with anything other
+    /// than NAK.
     pub(crate) fn answers_out(&self, endpoint: usize, len: usize) -> bool {
         let output = &self.outputs[endpoint];
         endpoint == 0 && self.bus.in_setup_stage
@@ -156,7 +157,7 @@ impl Core {
                 && self.has_room(len)
     }
 
-    /// Receives an OUT packet; `data1` is whether its PID is DATA1.
+    /// Receives an OUT packet; `data1` is true if its PID is DATA1.
     pub(crate) fn output(
         &mut self,
         address: u8,
@@ -198,7 +199,7 @@ impl Core {
         Handshake::Ack
     }
 
-    /// Returns whether the response to an IN token would be anything other than NAK.
+    /// Returns whether the device would respond to an IN token with anything other than NAK.
     pub(crate) fn answers_in(&self, endpoint: usize) -> bool {
         endpoint == 0 && self.bus.in_setup_stage
             || self.inputs[endpoint].answers() && self.registers.dctl & dctl::GINSTS == 0

@@ -4,7 +4,7 @@ use crate::usb::core::Core;
 use crate::usb::response::{Handshake, Input};
 use crate::usb::violation::Violations;
 
-/// Attempts at a transaction to which the device does not respond (USB 2.0, 10.2.6).
+/// Number of attempts at a transaction to which the device does not respond (USB 2.0, 10.2.6).
 const ATTEMPTS: u32 = 3;
 /// Timeout of a transfer, in ns, as in Linux (`USB_CTRL_GET_TIMEOUT`).
 const TIMEOUT_NS: u64 = 5_000_000_000;

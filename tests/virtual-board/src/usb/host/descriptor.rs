@@ -29,9 +29,9 @@ pub struct Descriptors {
     pub class: [u8; 3],
     /// Maximum packet size of endpoint 0, in bytes.
     pub max_packet_0: u8,
-    /// `idVendor`.
+    /// USB identifier of the manufacturer (`idVendor`).
     pub vendor: u16,
-    /// `idProduct`.
+    /// Identifier of the product (`idProduct`).
     pub product: u16,
     /// `bcdDevice`: version of the device, in BCD.
     pub release: u16,
@@ -52,9 +52,9 @@ pub struct Descriptors {
 /// A configuration of the device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Configuration {
-    /// `bConfigurationValue`.
+    /// Number that selects this configuration (`bConfigurationValue`).
     pub value: u8,
-    /// `bmAttributes`.
+    /// `bmAttributes`: bit 6 is self-powered, bit 5 remote wake-up.
     pub attributes: u8,
     /// Maximum current from the bus, in mA.
     pub max_current_ma: u16,
@@ -65,7 +65,7 @@ pub struct Configuration {
 /// An interface of the configuration.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Interface {
-    /// `bInterfaceNumber`.
+    /// Number of the interface (`bInterfaceNumber`).
     pub number: u8,
     /// `bInterfaceClass`, `bInterfaceSubClass` and `bInterfaceProtocol`.
     pub class: [u8; 3],
@@ -97,7 +97,7 @@ pub(super) struct SerialPort {
     pub(super) notification: EndpointDescriptor,
 }
 
-/// Records violations in descriptors.
+/// Records violations of the specification that it finds in descriptors.
 struct Checker<'a> {
     now: u64,
     violations: &'a mut Violations,
@@ -155,7 +155,7 @@ impl Descriptors {
         checker.expect(self.vendor != 0, "idVendor is 0", section);
     }
 
-    /// Parses and checks the configuration descriptor and the descriptors in it.
+    /// Parses and checks the configuration descriptor and the descriptors that follow in it.
     pub(super) fn parse_configuration(
         &mut self,
         bytes: &[u8],
@@ -225,7 +225,7 @@ impl Descriptors {
         self.configuration = configuration;
     }
 
-    /// Parses and checks the BOS descriptor.
+    /// Parses and checks the BOS descriptor, which lists the device's capabilities.
     pub(super) fn parse_bos(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
         let mut checker = Checker { now, violations };
         let section = "BOS descriptor, USB 3.2, 9.6.2";

@@ -1,4 +1,4 @@
-//! Enumeration: the requests that read the descriptors and configure the device, in the order of Linux.
+//! Enumeration: the requests that read the descriptors and configure the device, in Linux's order.
 
 use super::control::Setup;
 use super::descriptor::{Descriptors, SerialPort, kind, parse_string};
@@ -7,11 +7,11 @@ use crate::usb::violation::Violations;
 
 /// Address that the host assigns with SET_ADDRESS; any from 1 to 127 is valid.
 pub(super) const ADDRESS: u8 = 7;
-/// Time for which a device can take to change its address, in ns (USB 2.0, 9.2.6.3).
+/// Longest time that a device may take to change its address, in ns (USB 2.0, 9.2.6.3).
 const SET_ADDRESS_RECOVERY_NS: u64 = 2_000_000;
 /// Language identifier of US English.
 const LANGUAGE: u16 = 0x0409;
-/// First `bcdUSB` with a BOS descriptor.
+/// First `bcdUSB` for which a device has a BOS descriptor.
 const BOS_VERSION: u16 = 0x0201;
 
 const GET_DESCRIPTOR: u8 = 6;
@@ -33,7 +33,7 @@ enum Stage {
     ConfigurationHeader,
     Configuration(u16),
     Languages,
-    /// String with this index in manufacturer, product and serial number.
+    /// String descriptor; the index counts manufacturer, product and serial number from 0.
     String(usize),
     SetConfiguration,
 }
@@ -105,7 +105,7 @@ impl Enumeration {
     /// Handles a request that the device has rejected with STALL.
     pub(super) fn on_stall(&mut self) -> Next {
         match self.stage {
-            // Required of a device that supports only full speed (USB 2.0, 9.6.2).
+            // STALL is required of a device that supports only full speed (USB 2.0, 9.6.2).
             Stage::Qualifier => self.after_qualifier(),
             Stage::BosHeader => self.request_next(Stage::ConfigurationHeader),
             _ => Next::Failed(format!("rejected with STALL: {}", self.request())),

@@ -29,9 +29,9 @@ pub enum Event {
     Resumed,
     /// An enumeration has failed, for this reason; the host makes at most three attempts.
     EnumerationFailed(String),
-    /// The device has sent this notification.
+    /// The device has sent a notification with these bytes.
     Notification(Vec<u8>),
-    /// Unusual behaviour of the device that is not a violation.
+    /// The device has shown unusual behaviour that is not a violation.
     Note(&'static str),
 }
 
@@ -50,9 +50,9 @@ impl fmt::Display for Event {
 /// An event with its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Logged {
-    /// Virtual time of the event, in ns.
+    /// Virtual time of the event since power on, in ns.
     pub at_ns: u64,
-    /// Event at this time.
+    /// Event that occurred at `at_ns`.
     pub event: Event,
 }
 

@@ -48,21 +48,22 @@ pub(super) struct Serial {
     ports: Option<SerialPort>,
     /// A program wants the port open.
     pub(super) wanted: bool,
-    /// The device has accepted DTR.
+    /// The device has accepted the request that sets DTR.
     pub(super) is_open: bool,
-    /// Reads the bulk IN endpoint: from just before DTR is set until just after it is cleared.
+    /// The host reads the bulk IN endpoint: from just before DTR is set until just after it is
+    /// cleared.
     is_reading: bool,
     /// The bulk IN endpoint has not received a token since the port was opened.
     is_first_read: bool,
     /// Reading is paused although the port is open.
     pub(super) is_paused: bool,
-    /// Whether the next data PID of each [`Pipe`] is DATA1.
+    /// For each [`Pipe`], whether its next data PID is DATA1.
     toggles: [bool; 3],
-    /// The last transaction was an OUT: IN is next if both directions have data.
+    /// The last transaction was an OUT, so an IN is next if both directions have data.
     was_output: bool,
-    /// Data of the read request in progress.
+    /// Data received so far for the read request in progress.
     read: Vec<u8>,
-    /// Data for the program.
+    /// Data received for the program that has opened the port.
     pub(super) received: Vec<u8>,
     pub(super) outgoing: VecDeque<u8>,
     requests: VecDeque<Request>,
@@ -92,7 +93,8 @@ impl Serial {
         self.ports.is_some()
     }
 
-    /// Returns the next request, until [`Serial::complete_request`] is called.
+    /// Returns the next request, and the same one again until [`Serial::complete_request`] is
+    /// called.
     pub(super) fn next_request(&mut self) -> Option<Request> {
         self.ports?;
         if self.requests.is_empty() && self.wanted != self.is_open {
@@ -159,7 +161,8 @@ impl Serial {
         }
     }
 
-    /// Returns endpoint and length of the next transaction to which the device would not respond with NAK.
+    /// Returns endpoint and length of the next transaction, one to which the device would not
+    /// respond with NAK.
     pub(super) fn next_transaction(&self, core: &Core) -> Option<(Pipe, usize)> {
         let ports = self.ports?;
         let input = || {
@@ -186,7 +189,7 @@ impl Serial {
         bulk.or_else(notification)
     }
 
-    /// Performs a transaction on `pipe`. Returns a received notification as an event.
+    /// Performs a transaction on `pipe`. Returns an event if the device has sent a notification.
     pub(super) fn perform(
         &mut self,
         pipe: Pipe,

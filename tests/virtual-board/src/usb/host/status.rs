@@ -1,6 +1,6 @@
-//! State of the host and its traffic counters.
+//! State of the USB host and its traffic counters.
 
-/// Progress of the host with the device.
+/// How far the host has brought a device, from detached to an open port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum State {
     /// There is no device on the bus.
@@ -15,17 +15,17 @@ pub enum State {
     Open,
 }
 
-/// Traffic of the bulk endpoints.
+/// Traffic of the bulk endpoints since the host was created.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Data packets received on bulk IN, including empty ones.
+    /// Number of data packets received on bulk IN, including empty ones.
     pub packets_in: u64,
-    /// Data packets of length 0 received on bulk IN.
+    /// Number of data packets of length 0 received on bulk IN.
     pub empty_packets_in: u64,
-    /// Data bytes received on bulk IN.
+    /// Number of data bytes received on bulk IN.
     pub bytes_in: u64,
-    /// Data packets that the device has acknowledged on bulk OUT.
+    /// Number of data packets that the device has acknowledged on bulk OUT.
     pub packets_out: u64,
-    /// Data bytes that the device has acknowledged on bulk OUT.
+    /// Number of data bytes that the device has acknowledged on bulk OUT.
     pub bytes_out: u64,
 }

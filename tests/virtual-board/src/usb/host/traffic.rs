@@ -41,7 +41,8 @@ impl Host {
         self.enumeration.is_some() || self.serial.next_request().is_some()
     }
 
-    /// Returns the length of the next transaction to which the device would not respond with NAK.
+    /// Returns the length in bytes of the next transaction, one to which the device would not
+    /// respond with NAK.
     fn next_transaction_len(&self, core: &Core) -> Option<usize> {
         let control = self.transfer.as_ref();
         control

@@ -15,7 +15,7 @@ pub(super) enum Fault {
     TotalLength,
     NoBos,
     PacketSize,
-    /// The data stage starts with DATA0.
+    /// The data stage starts with DATA0 instead of DATA1.
     Toggle,
 }
 
@@ -50,7 +50,7 @@ pub(super) struct Gadget {
     /// Appends an empty packet to a transfer whose last packet is full.
     pub(super) ends_transfers: bool,
     outgoing: VecDeque<Vec<u8>>,
-    /// Packets of the data stage that are still to be sent.
+    /// Packets of the current data stage that are still to be sent.
     answer: VecDeque<Vec<u8>>,
     setup: [u8; 8],
     out: Vec<u8>,
@@ -212,7 +212,7 @@ impl Gadget {
                 self.dtr = value & 1 != 0;
                 Vec::new()
             }
-            // The data stage contains the line coding.
+            // The request is complete only after its data stage, which contains the line coding.
             (0x21, 0x20, _) => return,
             _ => {
                 put(core, 0x900, 1 << 21);
