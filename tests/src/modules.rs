@@ -297,6 +297,10 @@ impl Visit<'_> for PathsNamed {
     }
 
     fn visit_path(&mut self, path: &syn::Path) {
+        // A single name in an expression is a variable or an imported item.
+        if path.segments.len() == 1 {
+            return visit::visit_path(self, path);
+        }
         let segments = path.segments.iter();
         self.add(segments.map(|segment| segment.ident.to_string()).collect());
         visit::visit_path(self, path);

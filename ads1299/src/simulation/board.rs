@@ -371,8 +371,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    /// Returns the sample rate of chip 0. The other chips have the same rate, because they share
-    /// clock and START.
+    /// Returns chip 0's sample rate; the other chips have the same, as they share clock and START.
     fn rate(&self) -> Rate {
         analogue::rate(self.chips[0].register(Register::CONFIG1))
     }

@@ -8,19 +8,16 @@ use crate::wire::pending::{PendingCommand, RETRY_US};
 const REFUSED_RETRY_US: i64 = 10_000_000;
 /// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
 const PING_AFTER_US: i64 = 2_000_000;
-/// Silence of the device after which the port counts as unresponsive, microseconds. The bridge has
-/// pinged the device since 2 s of silence.
+/// Silence after which the port counts as unresponsive, microseconds; pings start at 2 s of silence.
 const UNRESPONSIVE_AFTER_US: i64 = 5_000_000;
 /// Time without a code or `Stats` after which a streaming device must identify itself again,
-/// microseconds. The device may have been reset and its `Hello` lost, or another program may have
-/// stopped its stream.
+/// microseconds. A reset's `Hello` may be lost, or another program may have stopped the stream.
 const STARVED_AFTER_US: i64 = 2_000_000;
 /// Time between two calls of `next_command`, microseconds, above which the host must have been
 /// suspended or this program stopped. Messages that the device sent during that time are still
 /// unread, so the silence timeouts restart.
 const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
-/// Delay from the start of a stream to the first clock query, microseconds. The first codes have
-/// arrived by then, and the answer can be compared with the clock's fit to them.
+/// Delay from the start of a stream, whose codes the clock is fitted to, to the first clock query, us.
 const FIRST_CLOCK_QUERY_US: i64 = 2_000_000;
 /// Time between two clock queries, microseconds.
 const CLOCK_QUERY_INTERVAL_US: i64 = 10_000_000;
@@ -32,14 +29,12 @@ pub(crate) struct Commands {
     mains_hz: u8,
     /// Streams that the user asks for; the stream of codes is always one of them.
     wanted_streams: Streams,
-    /// Streams that `Start` asks the device for: fewer than `wanted_streams` after the device
-    /// refused some.
+    /// Streams that `Start` asks for: fewer than `wanted_streams` after the device refused some.
     streams: Streams,
     streaming_wanted: bool,
     device: Introduction,
-    /// Whether a stream that runs on the device must have been started by this bridge. True from
-    /// when the bridge has stopped the device until the device restarts or another one is
-    /// connected.
+    /// Whether a stream that runs on the device must have been started by this bridge. True
+    /// from a stop by the bridge until the device restarts or another device is connected.
     owns_stream: bool,
     stream: StreamState,
     pending: Option<PendingCommand>,
@@ -73,8 +68,7 @@ enum StreamState {
     Running,
 }
 
-/// State of the queries for the device's clock. A lost query is not repeated, because the next one
-/// serves as well.
+/// State of the queries for the device's clock. A lost query is not repeated: the next one will do.
 #[derive(Clone, Copy, Debug, Default)]
 struct ClockQuery {
     /// Host time at which the next query is due, microseconds; `None` while nothing streams.
@@ -98,8 +92,7 @@ pub(crate) enum AckEffect {
 }
 
 impl Commands {
-    /// Creates the state before the first connection. From the beginning the device is meant to
-    /// stream.
+    /// Creates the state before the first connection; the device is to stream once it is known.
     pub(crate) fn new(mains_hz: u8, streams: Streams) -> Commands {
         let streams = streams | Streams::CODES;
         Commands {
@@ -146,8 +139,7 @@ impl Commands {
         self.streaming_wanted = streaming;
     }
 
-    /// Records that the device introduced itself; `usable` states whether its codes can be
-    /// published.
+    /// Records an introduction of the device; `usable`: its codes can be published.
     pub(crate) fn device_introduced(&mut self, usable: bool) {
         self.device = if usable {
             Introduction::Usable
@@ -169,8 +161,7 @@ impl Commands {
         self.clock_query = ClockQuery::default();
     }
 
-    /// Requires the device to identify itself again, because its frames do not match its last
-    /// introduction.
+    /// Makes the device identify itself again, because its frames contradict its introduction.
     pub(crate) fn identify_again(&mut self) {
         self.device = Introduction::Missing;
     }

@@ -57,8 +57,7 @@ impl VirtualBoard {
     /// Powers a board on; its core has not executed an instruction yet.
     ///
     /// # Errors
-    /// None at present: if the emulator refuses the image or the board, the first run returns the
-    /// error.
+    /// None at present: the first run returns an image or board that the emulator refuses.
     pub fn power_on(model: Model, image: &Image, setup: &Setup) -> Result<Self, BoardError> {
         let chain = Chain::new(setup);
         if !setup.converters_on {
@@ -188,8 +187,7 @@ impl VirtualBoard {
         let _ = self.requests.send(Request::Trigger(edges.collect()));
     }
 
-    /// Sets whether the host opens the port whenever the device is configured, which it does after
-    /// power on.
+    /// Sets whether the host opens the port of a configured device; true after power on.
     pub const fn keep_open(&mut self, keep_open: bool) {
         self.keep_open = keep_open;
     }
@@ -228,8 +226,7 @@ impl VirtualBoard {
         &self.observer
     }
 
-    /// Runs until the virtual time `us`, in microseconds since power on, and decodes the frames
-    /// that the device sends.
+    /// Runs until the virtual time `us`, in microseconds since power on, and decodes received frames.
     ///
     /// # Errors
     /// The emulator has failed or hangs.
@@ -251,8 +248,7 @@ impl VirtualBoard {
         self.run_until_us(self.now_us() + us)
     }
 
-    /// Runs for `us` microseconds of virtual time without reading the port, for a caller that reads
-    /// it itself.
+    /// Runs for `us` microseconds of virtual time, for a caller that reads the port itself.
     ///
     /// # Errors
     /// Those of [`run_until_us`](Self::run_until_us).
