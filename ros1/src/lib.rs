@@ -15,8 +15,7 @@
 //! A node guarantees:
 //!
 //! * A node needs no running master. It registers once a master is running, and again within two
-//! seconds after the master's restart. Open connections are not affected by a restart.
-//!   after a master's restart; open connections are not affected.
+//!   seconds after the master's restart. Open connections are not affected by a restart.
 //! * [`Publisher::publish`] never waits. Each subscriber has a bounded queue that drops its oldest
 //!   message and counts it, so a slow subscriber affects nobody else.
 //! * Everything received from a peer is limited in size and, where a call waits for it, in time.

@@ -18,8 +18,8 @@ board_stm32::parts! {
         reset: PC12, "RESET", "all chips";
         drdy: PC7, "DRDY", "chip 0";
         trigger: PB10, "TRIGGER", "your trigger, 3.3 V";
-        usb_dp: PA12, "USB D+", "a socket of your own, without the feature `uart`";
-        usb_dm: PA11, "USB D-", "a socket of your own, without the feature `uart`";
+        usb_dp: PA12, "USB D+", "a socket that you wire, without the feature `uart`";
+        usb_dm: PA11, "USB D-", "a socket that you wire, without the feature `uart`";
         uart_tx: PA2, "UART TX", "the ST-LINK (USART2)";
         uart_rx: PA3, "UART RX", "the ST-LINK (USART2)";
     }
