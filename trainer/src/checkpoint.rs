@@ -33,7 +33,7 @@ pub fn write(path: &Path, training: &Training, data: &str) -> Result<(), Trainer
     std::fs::rename(&partial, path).map_err(file_error)
 }
 
-/// Reads a training that [`write`] has written with the same settings and data.
+/// Reads a training that [`write()`] has written with the same settings and data.
 ///
 /// # Errors
 /// If the file cannot be read, is damaged or belongs to another training.
