@@ -133,8 +133,8 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
     let counts = session.codes.as_ref().map(|codes| codes.counts().clone());
     let counts = counts.unwrap_or_default();
     let ledger = &counts.ledger;
-    let since = ledger.lost() - session.counts.lost_reported;
-    session.counts.lost_reported = ledger.lost();
+    let since = counts.missing() - session.counts.missing_reported;
+    session.counts.missing_reported = counts.missing();
     let mut losses = vec![(since, "codes")];
     let mut side_values = Vec::new();
     for (stream, name) in [
@@ -142,7 +142,7 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
         (&mut session.side.filtered, "filtered steps"),
     ] {
         if let Some(stream) = stream {
-            losses.push((stream.lost_since_report(), name));
+            losses.push((stream.missing_since_report(), name));
             side_values.extend(sample_values(stream.counts(), name));
         }
     }
@@ -165,13 +165,14 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
         let losses: Vec<String> = losses
             .map(|(lost, what)| format!("{lost} {what}"))
             .collect();
-        let message = format!("{} lost since the last report", losses.join(", "));
+        let message = format!("{} missing since the last report", losses.join(", "));
         (DiagnosticLevel::Warn, message)
     };
     let mut values = vec![
         KeyValue::new("made", &ledger.made()),
         KeyValue::new("received", &ledger.received()),
         KeyValue::new("lost", &ledger.lost()),
+        KeyValue::new("missing between runs", &counts.between_runs),
         KeyValue::new("bursts", &ledger.bursts()),
         KeyValue::new("longest burst", &ledger.longest_burst()),
         KeyValue::new("fillers", &counts.fillers),
@@ -183,10 +184,11 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
     new_status("loss", state, values)
 }
 
-fn sample_values(counts: &SampleCounts, name: &str) -> [KeyValue; 4] {
+fn sample_values(counts: &SampleCounts, name: &str) -> [KeyValue; 5] {
     let SampleCounts {
         received,
         lost,
+        between_runs,
         unpublished,
         malformed,
         reported: _,
@@ -194,6 +196,7 @@ fn sample_values(counts: &SampleCounts, name: &str) -> [KeyValue; 4] {
     [
         ("received", received),
         ("lost", lost),
+        ("missing between runs", between_runs),
         ("not published", unpublished),
         ("messages malformed", malformed),
     ]

@@ -177,6 +177,14 @@ impl Session {
         self.side.restart();
     }
 
+    /// Ends the recording of all streams, because the user stopped them.
+    fn end_recording(&mut self) {
+        if let Some(codes) = &mut self.codes {
+            codes.end_recording();
+        }
+        self.side.end_recording();
+    }
+
     /// Records the sequence number of a frame and returns false if the frame is a replay.
     fn record_frame(&mut self, header: Header) -> bool {
         if let Arrival::New { .. } = self.frames.record(header.seq) {
@@ -249,9 +257,13 @@ impl Session {
                     codes.mark_running();
                 }
             }
-            AckEffect::Stopped => {
+            AckEffect::Stopped { by_user } => {
                 tracing::debug!("stopped");
-                self.restart_streams();
+                if by_user {
+                    self.end_recording();
+                } else {
+                    self.restart_streams();
+                }
             }
             AckEffect::Refused(command, result) => {
                 let remedy = match command {

@@ -2,6 +2,7 @@
 //! counted.
 
 pub(crate) mod code;
+mod continuity;
 pub(crate) mod event;
 pub(crate) mod ledger;
 pub(crate) mod neuro_frames;

@@ -16,6 +16,8 @@ pub struct Summary {
     pub received: u64,
     /// Number of codes that did not arrive.
     pub lost: u64,
+    /// Number of codes missing between two runs of the device, which did not make them.
+    pub between_runs: u64,
     /// Number of runs of consecutive lost codes.
     pub bursts: u64,
     /// Length of the longest run of consecutive lost codes.
@@ -49,6 +51,7 @@ impl Summary {
             made: counts.ledger.made(),
             received: counts.ledger.received(),
             lost: counts.ledger.lost(),
+            between_runs: counts.between_runs,
             bursts: counts.ledger.bursts(),
             longest_burst: counts.ledger.longest_burst(),
             fillers: counts.fillers,
@@ -72,6 +75,7 @@ impl fmt::Display for Summary {
             bursts,
             longest_burst,
             fillers,
+            between_runs,
             ..
         } = self;
         let Summary {
@@ -86,7 +90,7 @@ impl fmt::Display for Summary {
         write!(
             formatter,
             "codes: made {made} received {received} lost {lost} (bursts {bursts}, longest \
-             {longest_burst}) fillers {fillers} unused {unused}; frames: lost {frames_lost} crc \
+             {longest_burst}) missing between runs {between_runs} fillers {fillers} unused {unused}; frames: lost {frames_lost} crc \
              {} cobs {} oversize {} version {} unknown {} malformed {} resyncs {}; connections \
              {connections} resets {resets}; clock {drift_ppm:+.1} ppm",
             wire.crc,

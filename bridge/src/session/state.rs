@@ -68,8 +68,8 @@ pub(crate) struct SessionCounts {
     pub(crate) resets: u64,
     /// Number of codes that arrived before the device's introduction, or from a refused device.
     pub(crate) codes_unused: u64,
-    /// Number of lost codes at the last report to `/diagnostics`.
-    pub(crate) lost_reported: u64,
+    /// Number of missing codes at the last report to `/diagnostics`.
+    pub(crate) missing_reported: u64,
     /// Number of damaged frames at the last report to `/diagnostics`.
     pub(crate) damaged_reported: u32,
 }

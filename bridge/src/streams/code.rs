@@ -9,12 +9,13 @@ use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
 use crate::effects::Effects;
 use crate::settings::{FillerPolicy, Settings, StampPoint};
+use crate::streams::continuity::Continuity;
 use crate::streams::ledger::{Arrival, Ledger};
 use crate::streams::stamps::{MonotoneStamps, Reception};
 use crate::streams::tri::TriWords;
 
 /// Maximum number of fillers for one gap: 68 min at 16 Hz. A longer outage needs a new recording.
-const MAX_FILLERS: u32 = 65_536;
+const MAX_FILLERS: u64 = 65_536;
 
 /// Converts codes to NeuroFrames for `/encoded` and to windows for the decoder. Fillers replace
 /// lost codes.
@@ -28,12 +29,15 @@ pub(crate) struct CodeStream {
     decodable: bool,
     frame: NeuroFrame,
     z: [f32; CODE_LEN],
-    /// Whether `z` holds a code that was received since the stream last restarted.
+    /// Whether `z` holds a code of this recording.
     has_last: bool,
     /// Whether a code, a report or an acknowledgement has shown that the stream runs.
     running: bool,
     /// Device time of the newest code in this stream, received or filled, microseconds.
     last_device_us: Option<u64>,
+    /// Index of the newest window, received or filled.
+    last_window: u32,
+    continuity: Continuity,
     counts: CodeCounts,
     encoded_stamps: MonotoneStamps,
     window_stamps: MonotoneStamps,
@@ -43,6 +47,8 @@ pub(crate) struct CodeStream {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CodeCounts {
     pub(crate) ledger: Ledger,
+    /// Number of codes that are missing between two runs of the device, which did not make them.
+    pub(crate) between_runs: u64,
     pub(crate) fillers: u64,
     /// Number of lost codes that were not filled, because their gap exceeds [`MAX_FILLERS`].
     pub(crate) unfilled: u64,
@@ -55,13 +61,32 @@ pub(crate) struct CodeCounts {
     pub(crate) clipped_values: u64,
 }
 
+impl CodeCounts {
+    /// Number of codes that no frame from the device holds: lost ones, and those between two runs.
+    pub(crate) fn missing(&self) -> u64 {
+        self.ledger.lost() + self.between_runs
+    }
+}
+
 /// Window index, device time and status of a published code or filler.
 #[derive(Clone, Copy, Debug)]
 struct CodePosition {
     window: u32,
-    device_us: u64,
+    /// Device time of the window's last step in the newest run, microseconds; negative before that
+    /// run began.
+    device_us: i128,
     flags: Flags,
-    lost: u64,
+    /// Number of codes missing so far.
+    missing: u64,
+}
+
+/// Codes that are missing directly before another code.
+#[derive(Clone, Copy, Debug)]
+struct Gap {
+    /// Number of codes that the device made in this run.
+    lost: u32,
+    /// Number of codes before the first one of this run.
+    between_runs: u64,
 }
 
 impl CodeStream {
@@ -75,6 +100,8 @@ impl CodeStream {
             has_last: false,
             running: false,
             last_device_us: None,
+            last_window: 0,
+            continuity: Continuity::default(),
             counts: CodeCounts::default(),
             encoded_stamps: MonotoneStamps::default(),
             window_stamps: MonotoneStamps::default(),
@@ -91,12 +118,21 @@ impl CodeStream {
         self.decodable = decodable;
     }
 
-    /// Restarts the stream, because the device counts windows from 0 again.
+    /// Starts another run: the device counts windows from 0 again. The time until its first code is
+    /// filled.
     pub(crate) fn restart(&mut self) {
         self.counts.ledger.expect_next(0);
-        self.has_last = false;
         self.running = false;
         self.last_device_us = None;
+        self.continuity.end_run();
+    }
+
+    /// Ends the recording, because the user stopped the stream. The time until the next start is not
+    /// filled.
+    pub(crate) fn end_recording(&mut self) {
+        self.restart();
+        self.continuity = Continuity::default();
+        self.has_last = false;
         self.z = [0.0; CODE_LEN];
     }
 
@@ -158,8 +194,13 @@ impl CodeStream {
         let Arrival::New { lost } = arrival else {
             return;
         };
+        let host_us = device_us.and_then(|us| reception.clock.host_us(us.into()));
         let device_us = device_us.unwrap_or_else(|| self.time_of_next(lost, 0));
-        self.fill(code.window, lost, device_us, reception, effects);
+        let gap = Gap {
+            lost,
+            between_runs: self.missing_between_runs(host_us, lost, reception),
+        };
+        self.fill(code.window, gap, device_us, reception, effects);
         let device = Arc::clone(&self.device);
         device.dequantise(&code.values, &mut self.z);
         self.has_last = true;
@@ -167,12 +208,11 @@ impl CodeStream {
         self.last_device_us = Some(device_us);
         self.counts.clipped += u64::from(code.clipped);
         self.counts.clipped_values += u64::from(code.clipped_values);
-        let (flags, lost) = (code.flags, self.counts.ledger.lost());
         let position = CodePosition {
             window: code.window,
-            device_us,
-            flags,
-            lost,
+            device_us: device_us.into(),
+            flags: code.flags,
+            missing: self.counts.missing(),
         };
         self.publish(position, true, reception, effects);
     }
@@ -187,13 +227,36 @@ impl CodeStream {
         effects: &mut dyn Effects,
     ) {
         let lost = self.counts.ledger.count_lost_before(next);
+        if lost == 0 {
+            return;
+        }
         // Before the first code of a stream only the report's own time is known. The device made
         // its last code at most one hop before the report.
         let next_us = self.time_of_next(lost, device_us);
-        self.fill(next, lost, next_us, reception, effects);
-        if lost > 0 {
-            self.last_device_us = Some(next_us.saturating_add_signed(-self.hop_us()));
-        }
+        let host_us = reception.clock.host_us(next_us.into());
+        let gap = Gap {
+            lost,
+            between_runs: self.missing_between_runs(host_us, lost, reception),
+        };
+        self.fill(next, gap, next_us, reception, effects);
+        self.last_device_us = Some(next_us.saturating_add_signed(-self.hop_us()));
+    }
+
+    /// Returns the number of codes missing between two runs; 0 within a run. `host_us` is the host
+    /// time of a code of the newer run, of which `lost` codes before it are lost.
+    fn missing_between_runs(
+        &mut self,
+        host_us: Option<f64>,
+        lost: u32,
+        reception: Reception<'_>,
+    ) -> u64 {
+        let read_us = reception.read.monotonic_us;
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+        let [read_us, hop_us] = [read_us, self.hop_us()].map(|us| us as f64);
+        let first_us = host_us.unwrap_or(read_us) - f64::from(lost) * hop_us;
+        let missing = self.continuity.missing_before(first_us, hop_us);
+        self.counts.between_runs += missing;
+        missing
     }
 
     /// Returns the device time of the code that follows `lost` lost ones, microseconds. If no
@@ -210,38 +273,49 @@ impl CodeStream {
         self.device.steps_us(u32::from(self.device.hop_steps))
     }
 
-    /// Publishes fillers for the `lost` codes directly before the code `window`, which the device
-    /// made at `device_us`.
+    /// Publishes fillers for the codes missing directly before the code `window`, which the device made
+    /// at `device_us`.
     fn fill(
         &mut self,
         window: u32,
-        lost: u32,
+        gap: Gap,
         device_us: u64,
         reception: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
-        if lost == 0 {
+        let missing = gap.between_runs + u64::from(gap.lost);
+        if missing == 0 {
             return;
         }
-        tracing::warn!(lost, before = window, "codes lost");
-        let filled = lost.min(MAX_FILLERS);
-        if filled < lost {
-            self.counts.unfilled += u64::from(lost - filled);
+        tracing::warn!(
+            lost = gap.lost,
+            between_runs = gap.between_runs,
+            before = window,
+            "codes missing"
+        );
+        let filled = missing.min(MAX_FILLERS);
+        if filled < missing {
+            self.counts.unfilled += missing - filled;
             tracing::error!(
-                unfilled = lost - filled,
+                unfilled = missing - filled,
                 "the outage was too long to fill; start a new recording"
             );
         }
-        let hop_us = self.hop_us();
         if self.settings.filler == FillerPolicy::Zeros || !self.has_last {
             self.z = [0.0; CODE_LEN];
         }
+        let hop_us = i128::from(self.hop_us());
         for back in (1..=filled).rev() {
+            // The windows between two runs have no index of their own; those of the older run go on.
+            let window = match u32::try_from(back) {
+                Ok(back) if back <= gap.lost => window.wrapping_sub(back),
+                _ => self.last_window.wrapping_add(1),
+            };
             let position = CodePosition {
-                window: window.wrapping_sub(back),
-                device_us: device_us.saturating_add_signed(-hop_us * i64::from(back)),
+                window,
+                device_us: i128::from(device_us) - hop_us * i128::from(back),
                 flags: Flags::FILLER,
-                lost: self.counts.ledger.lost() - u64::from(back) + 1,
+                missing: self.counts.missing() - back + 1,
             };
             self.counts.fillers += u64::from(self.settings.filler != FillerPolicy::Off);
             self.publish(position, false, reception, effects);
@@ -255,11 +329,16 @@ impl CodeStream {
         reception: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
+        let host_us = reception.clock.host_us(position.device_us);
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+        let read_us = reception.read.monotonic_us as f64;
+        self.continuity.record(host_us.unwrap_or(read_us));
+        self.last_window = position.window;
         let words = TriWords {
             flags: position.flags.bits(),
             window: position.window,
-            device_time_us: position.device_us,
-            lost: position.lost,
+            device_time_us: u64::try_from(position.device_us).unwrap_or(0),
+            lost: position.missing,
             trigger: reception
                 .trigger
                 .level_at(self.device.last_sample(position.window)),
@@ -300,9 +379,8 @@ impl CodeStream {
             StampPoint::Last => self.device.steps_us(lookback - length),
             StampPoint::Arrival => return reception.clock.wall_of_host_ns(reception.read),
         };
-        let on_scalp = i128::from(position.device_us)
-            - i128::from(back_us)
-            - i128::from(self.device.group_delay_us);
+        let on_scalp =
+            position.device_us - i128::from(back_us) - i128::from(self.device.group_delay_us);
         let wall_ns = reception.clock.wall_ns(on_scalp);
         wall_ns.unwrap_or(reception.read.wall_ns)
     }

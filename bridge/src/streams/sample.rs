@@ -4,6 +4,7 @@ use link::Flags;
 use neuro_ros::NeuroFrame;
 
 use crate::settings::{FillerPolicy, Settings, StampPoint};
+use crate::streams::continuity::Continuity;
 use crate::streams::stamps::{MonotoneStamps, Reception};
 use crate::streams::tri::TriWords;
 
@@ -14,9 +15,10 @@ const MAX_FILL_SECONDS: u64 = 120;
 /// Converts ADC samples to NeuroFrames of `/neurodata`, or filtered steps to NeuroFrames of
 /// `/neurodata_filtered`, and fills gaps. Below, "sample" means an ADC sample or a filtered step.
 ///
-/// The index of every frame's first sample is a multiple of the frame's length, so the number of
-/// samples on the topic matches the time that has passed. Sequence numbers and counts persist for
-/// the whole session.
+/// Samples have an index in the topic, which counts on when the device restarts: the time between two
+/// runs of the device is filled. The index of every frame's first sample is a multiple of the frame's
+/// length, so the number of samples on the topic matches the time that has passed. Sequence numbers
+/// and counts persist for the whole session.
 #[derive(Debug)]
 pub(crate) struct SampleStream {
     filler: FillerPolicy,
@@ -35,6 +37,9 @@ pub(crate) struct SampleStream {
     first_us: i128,
     /// Index of the next sample to publish.
     next: u64,
+    /// Index of the first sample of the device's run; `None` from a restart to the next message.
+    run_start: Option<u64>,
+    continuity: Continuity,
     counts: SampleCounts,
     stamps: MonotoneStamps,
 }
@@ -44,20 +49,29 @@ pub(crate) struct SampleStream {
 pub(crate) struct SampleCounts {
     pub(crate) received: u64,
     pub(crate) lost: u64,
+    /// Number of samples that are missing between two runs of the device, which did not make them.
+    pub(crate) between_runs: u64,
     /// Number of samples that no published frame contains: those of an unfinished frame when the
     /// stream ended; lost ones beyond the first [`MAX_FILL_SECONDS`] of a gap; and, without
     /// fillers, all samples of a frame that would contain a lost one.
     pub(crate) unpublished: u64,
     /// Number of messages whose content does not match the device's capabilities.
     pub(crate) malformed: u64,
-    /// Value of `lost` at the last report to `/diagnostics`.
+    /// Value of `missing` at the last report to `/diagnostics`.
     pub(crate) reported: u64,
+}
+
+impl SampleCounts {
+    /// Number of samples that no message from the device holds: lost ones, and those between two runs.
+    pub(crate) fn missing(&self) -> u64 {
+        self.lost.saturating_add(self.between_runs)
+    }
 }
 
 /// Samples that one message from the device carries.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Samples<'a> {
-    /// Index of the first sample since `Start`.
+    /// Index of the first sample since `Start`, as the device counts.
     pub(crate) first: u64,
     pub(crate) flags: Flags,
     /// Device time of the last sample, microseconds; `None` if it is impossible.
@@ -101,6 +115,8 @@ impl SampleStream {
             holds_filler: false,
             first_us: 0,
             next: 0,
+            run_start: Some(0),
+            continuity: Continuity::default(),
             counts: SampleCounts::default(),
             stamps: MonotoneStamps::default(),
         }
@@ -116,13 +132,23 @@ impl SampleStream {
         self.restart();
     }
 
-    /// Restarts the stream: the device counts samples from 0 again. Samples of an unfinished frame
-    /// are not published.
+    /// Starts another run: the device counts samples from 0 again. The time until its first sample is
+    /// filled.
     pub(crate) fn restart(&mut self) {
+        self.run_start = None;
+        self.timeline = None;
+        self.continuity.end_run();
+    }
+
+    /// Ends the recording, because the user stopped the stream. Samples of an unfinished frame are not
+    /// published, and the time until the next start is not filled.
+    pub(crate) fn end_recording(&mut self) {
         self.count_unpublished(self.filled as u64);
         self.next = 0;
         self.filled = 0;
+        self.run_start = Some(0);
         self.timeline = None;
+        self.continuity = Continuity::default();
         self.newest.fill(0.0);
     }
 
@@ -147,10 +173,10 @@ impl SampleStream {
         self.stamps.moved()
     }
 
-    /// Returns the number of samples lost since the last call.
-    pub(crate) fn lost_since_report(&mut self) -> u64 {
-        let reported = std::mem::replace(&mut self.counts.reported, self.counts.lost);
-        self.counts.lost - reported
+    /// Returns the number of samples missing since the last call.
+    pub(crate) fn missing_since_report(&mut self) -> u64 {
+        let missing = self.counts.missing();
+        missing - std::mem::replace(&mut self.counts.reported, missing)
     }
 
     /// Counts a message whose content does not match the device. Its samples count as lost when the
@@ -175,60 +201,84 @@ impl SampleStream {
         publish: &mut dyn FnMut(&NeuroFrame),
     ) {
         let width = self.width();
-        let count = samples.microvolts.len() / width.max(1);
-        let Some(last) = samples
-            .first
-            .checked_add(count as u64)
-            .filter(|_| count > 0)
-        else {
+        let count = (samples.microvolts.len() / width.max(1)) as u64;
+        let Some(end) = samples.first.checked_add(count).filter(|_| count > 0) else {
             return self.reject("there are no samples, or their index is impossible");
         };
-        let last = last - 1;
-        if samples.first < self.next {
+        let is_known = |start: u64| samples.first < self.next.saturating_sub(start);
+        if self.run_start.is_some_and(is_known) {
             tracing::warn!(sample = samples.first, "the device restarted its samples");
             self.restart();
         }
-        let rate_hz = self.frame.sr;
-        let extrapolated = |known: SampleTimeline| {
-            let us = known.device_us_at(last).max(0);
-            u64::try_from(us).unwrap_or(u64::MAX)
+        // The time of the message's last sample, if it is impossible, follows from its index.
+        let extrapolated = || {
+            let last = self.run_start?.checked_add(end - 1)?;
+            let us = self.timeline?.device_us_at(last).max(0);
+            u64::try_from(us).ok()
         };
-        let Some(us) = samples.last_us.or_else(|| self.timeline.map(extrapolated)) else {
+        let Some(us) = samples.last_us.or_else(extrapolated) else {
             return self.reject("their time is impossible");
         };
+        let host_us = reception.clock.host_us(us.into());
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+        let host_us = host_us.unwrap_or(reception.read.monotonic_us as f64);
+        let start = match self.run_start {
+            Some(start) => start,
+            None => self.begin_run(host_us, end - 1),
+        };
+        let Some(next) = start.checked_add(end) else {
+            return self.reject("their index is impossible");
+        };
         let timeline = SampleTimeline {
-            index: last,
+            index: next - 1,
             us,
-            rate_hz,
+            rate_hz: self.frame.sr,
         };
         let mut batch = Batch {
             timeline,
+            run_start: start,
             trigger_sample: &trigger_sample,
             reception,
             publish,
         };
-        self.fill_gap(samples.first - self.next, &mut batch);
+        self.fill_gap(start + samples.first, &mut batch);
         for sample in samples.microvolts.chunks_exact(width) {
             self.newest.copy_from_slice(sample);
             self.append(samples.flags, &mut batch);
         }
-        self.counts.received += count as u64;
+        self.counts.received += count;
         self.timeline = Some(timeline);
+        self.continuity.record(host_us);
     }
 
-    /// Appends fillers for the `lost` samples directly before the samples of the message.
-    fn fill_gap(&mut self, lost: u64, batch: &mut Batch<'_>) {
-        if lost == 0 {
+    /// Begins the device's next run and returns the index of its first sample in the topic. `host_us`
+    /// is the host time, microseconds, of the run's sample `index`.
+    fn begin_run(&mut self, host_us: f64, index: u64) -> u64 {
+        let period_us = 1e6 / f64::from(self.frame.sr.max(1));
+        #[expect(clippy::cast_precision_loss, reason = "below 2^53 (500,000 years)")]
+        let first_us = host_us - index as f64 * period_us;
+        let missing = self.continuity.missing_before(first_us, period_us);
+        self.counts.between_runs += missing;
+        let start = self.next.saturating_add(missing);
+        self.run_start = Some(start);
+        start
+    }
+
+    /// Appends fillers for all samples before the sample `first`, which is the first of the message.
+    fn fill_gap(&mut self, first: u64, batch: &mut Batch<'_>) {
+        let missing = first - self.next;
+        if missing == 0 {
             return;
         }
-        tracing::debug!(lost, before = self.next + lost, "samples lost");
+        tracing::debug!(missing, before = first, "samples missing");
+        let lost = missing.min(first - batch.run_start);
         self.counts.lost = self.counts.lost.saturating_add(lost);
         if self.filler == FillerPolicy::Zeros {
             self.newest.fill(0.0);
         }
         let nsamples = self.nsamples as u64;
         let to_boundary = (nsamples - self.filled as u64) % nsamples;
-        let mut left = lost;
+        let mut left = missing;
         for _ in 0..to_boundary.min(left) {
             self.append(Flags::FILLER, batch);
             left -= 1;
@@ -278,11 +328,10 @@ impl SampleStream {
             flags: flags.bits(),
             window: frames as u32,
             device_time_us: u64::try_from(us).unwrap_or(0),
-            lost: self.counts.lost,
-            trigger: batch
-                .reception
-                .trigger
-                .level_at((batch.trigger_sample)(self.next)),
+            lost: self.counts.missing(),
+            trigger: batch.reception.trigger.level_at((batch.trigger_sample)(
+                self.next.saturating_sub(batch.run_start),
+            )),
         };
         frame.tri.data[row(8)].copy_from_slice(&words.words());
         self.next += 1;
@@ -320,6 +369,8 @@ impl SampleStream {
 /// What all samples of one message share while they are published.
 struct Batch<'a> {
     timeline: SampleTimeline,
+    /// Index in the topic of the first sample of the device's run.
+    run_start: u64,
     trigger_sample: &'a dyn Fn(u64) -> u64,
     reception: Reception<'a>,
     publish: &'a mut dyn FnMut(&NeuroFrame),

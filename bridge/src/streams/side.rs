@@ -85,6 +85,14 @@ impl SideStreams {
         self.device = Some(Arc::clone(device));
     }
 
+    /// Ends the recording of all streams, because the user stopped them.
+    pub(crate) fn end_recording(&mut self) {
+        for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
+            stream.end_recording();
+        }
+        self.restart_events();
+    }
+
     /// Restarts all streams: the device counts samples and steps from 0 again.
     pub(crate) fn restart(&mut self) {
         for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {

@@ -39,6 +39,11 @@ const MAX_DRIFT: f64 = 500e-6;
 /// Fastest rise of the offset, host seconds per device second: the largest drift that can remain
 /// after the fitted drift is removed.
 const MAX_RISE: f64 = 200e-6;
+/// Lag, microseconds, above which an arrival can be from a backlog: the host stalled, or read late,
+/// and now reads what has waited. Hosts that read every 16 ms stay below it.
+const BACKLOG_LAG_US: f64 = 25_000.0;
+/// Device time without a backlog after which the least lag shows the offset again, microseconds.
+const PROMPT_SPAN_US: f64 = 5e6;
 /// Fastest change of the wall clock against the monotonic clock that counts as slewing, seconds per
 /// second. NTP slews by at most 500 ppm.
 const WALL_SLEW: f64 = 600e-6;
@@ -73,6 +78,15 @@ pub struct Clock {
     offset: f64,
     /// Latest device time of any point, microseconds since the origin.
     newest: f64,
+    /// Largest drift of the clocks since the last prompt arrival, microseconds: what the offset may
+    /// rise by at once after a backlog.
+    unseen_drift: f64,
+    /// Device time of the first prompt arrival after the last backlog, microseconds since the origin.
+    prompt_since: f64,
+    /// The newest arrival, from a backlog or not.
+    newest_arrival: Option<Point>,
+    /// Number of arrivals that were not used for the fit, because they were from a backlog.
+    backlog: u64,
     wall: Option<Wall>,
     wall_steps: u32,
     wall_steps_back: u32,
@@ -97,6 +111,7 @@ impl Clock {
             wall_steps: self.wall_steps,
             wall_steps_back: self.wall_steps_back,
             refused: self.refused,
+            backlog: self.backlog,
             ..Clock::default()
         };
     }
@@ -151,6 +166,15 @@ impl Clock {
             device: difference(device_us, device_origin),
             host: to_f64(read.monotonic_us.saturating_sub(host_origin)),
         };
+        let elapsed = (point.device - self.newest).max(0.0);
+        self.newest = self.newest.max(point.device);
+        self.newest_arrival = Some(point);
+        if !is_first && self.lag(point) > BACKLOG_LAG_US + self.unseen_drift {
+            self.backlog += 1;
+            self.unseen_drift += MAX_RISE * elapsed;
+            self.prompt_since = self.newest;
+            return true;
+        }
         self.recent.push_back(point);
         while self
             .recent
@@ -160,8 +184,13 @@ impl Clock {
             self.recent.pop_front();
         }
         self.add_to_block(point);
-        self.update_offset(point, is_first);
+        self.update_offset(elapsed, is_first);
         true
+    }
+
+    /// Returns by how much a point is later than the fit, microseconds.
+    fn lag(&self, point: Point) -> f64 {
+        point.host - point.device * (1.0 + self.drift) - self.offset
     }
 
     fn add_to_block(&mut self, point: Point) {
@@ -190,19 +219,23 @@ impl Clock {
         }
     }
 
-    fn update_offset(&mut self, point: Point, is_first: bool) {
+    /// Sets the offset to the least recent lag. `elapsed` is the device time since the arrival before,
+    /// microseconds, which limits how far the offset rises.
+    fn update_offset(&mut self, elapsed: f64, is_first: bool) {
         let lags = self
             .recent
             .iter()
             .map(|point| point.host - point.device * (1.0 + self.drift));
         let least = lags.fold(f64::INFINITY, f64::min);
-        let elapsed = (point.device - self.newest).max(0.0);
+        let mut rise = MAX_RISE * elapsed;
+        if self.newest - self.prompt_since >= PROMPT_SPAN_US {
+            rise += std::mem::take(&mut self.unseen_drift);
+        }
         self.offset = if is_first {
             least
         } else {
-            least.min(self.offset + MAX_RISE * elapsed)
+            least.min(self.offset + rise)
         };
-        self.newest = self.newest.max(point.device);
     }
 
     fn follow_wall(&mut self, read: HostTime) {
@@ -245,6 +278,18 @@ impl Clock {
         wall.offset_ns += off.clamp(-most, most);
     }
 
+    /// Returns the host's monotonic clock at a device time, microseconds; `None` before the first
+    /// observation.
+    pub(crate) fn host_us(&self, device_us: i128) -> Option<f64> {
+        let (device_origin, host_origin) = self.origin?;
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "within 2^53 us (285 years) of the origin"
+        )]
+        let device = (device_us - i128::from(device_origin)) as f64;
+        Some(to_f64(host_origin) + self.offset + device * (1.0 + self.drift))
+    }
+
     /// Returns the wall clock at a device time, nanoseconds since 1970; `None` before the first
     /// observation.
     pub fn wall_ns(&self, device_us: i128) -> Option<i64> {
@@ -279,21 +324,14 @@ impl Clock {
     /// Median over all blocks of the delay by which a block's earliest frame is later than the fit,
     /// microseconds.
     pub fn residual_us(&self) -> f64 {
-        let mut residuals: Vec<f64> = self
-            .blocks
-            .iter()
-            .map(|point| point.host - point.device * (1.0 + self.drift) - self.offset)
-            .collect();
+        let mut residuals: Vec<f64> = self.blocks.iter().map(|point| self.lag(*point)).collect();
         residuals.sort_by(f64::total_cmp);
         residuals.get(residuals.len() / 2).copied().unwrap_or(0.0)
     }
 
     /// Delay by which the newest frame is later than the fit, microseconds.
     pub fn newest_delay_us(&self) -> f64 {
-        let newest = self.recent.back();
-        newest.map_or(0.0, |point| {
-            point.host - point.device * (1.0 + self.drift) - self.offset
-        })
+        self.newest_arrival.map_or(0.0, |point| self.lag(point))
     }
 
     /// Number of times the host's wall clock was stepped, in either direction.
@@ -305,6 +343,11 @@ impl Clock {
     /// back too.
     pub fn wall_steps_back(&self) -> u32 {
         self.wall_steps_back
+    }
+
+    /// Number of arrivals that the fit did not use, because they had waited in a buffer.
+    pub fn backlog(&self) -> u64 {
+        self.backlog
     }
 
     /// Number of frames whose device time was impossible.

@@ -85,8 +85,10 @@ pub(crate) enum AckEffect {
     NoChange,
     /// A `Start` was acknowledged.
     Started,
-    /// A `Stop` was acknowledged.
-    Stopped,
+    /// A `Stop` was acknowledged; `by_user`: no stream is wanted any more.
+    Stopped {
+        by_user: bool,
+    },
     /// A command was refused, and repeating it would not help.
     Refused(ToDevice, AckResult),
 }
@@ -366,7 +368,9 @@ impl Commands {
                 self.stream = StreamState::Stopped;
                 self.last_stream_us = None;
                 if result == AckResult::Done {
-                    return AckEffect::Stopped;
+                    return AckEffect::Stopped {
+                        by_user: !self.streaming_wanted,
+                    };
                 }
             }
             (ToDevice::Start(_), AckResult::BadArgument) if self.fewer_streams().is_some() => {

@@ -59,7 +59,10 @@ fn lost_events_are_counted_and_reported_once() {
     let status = harness.status("loss").unwrap();
     assert_eq!(
         (status.level, &*status.message),
-        (DiagnosticLevel::Warn, "3 events lost since the last report")
+        (
+            DiagnosticLevel::Warn,
+            "3 events missing since the last report"
+        )
     );
     assert_eq!(harness.status("loss").unwrap().level, DiagnosticLevel::Ok);
     assert_eq!(harness.recorder.events.len(), 3);

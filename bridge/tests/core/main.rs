@@ -4,6 +4,7 @@
 mod audit;
 mod board;
 mod clock;
+mod clock_backlog;
 mod compatibility;
 mod contract;
 mod converters;
@@ -17,6 +18,7 @@ mod other_devices;
 mod query;
 mod reconstruction;
 mod recorder;
+mod restart;
 mod round_trip;
 mod samples;
 mod session;

@@ -225,7 +225,10 @@ fn lost_samples_are_filled_flagged_and_counted() {
         }
         let status = harness.status("loss").unwrap();
         assert_eq!(status.level, DiagnosticLevel::Warn);
-        assert_eq!(status.message, "16 raw samples lost since the last report");
+        assert_eq!(
+            status.message,
+            "16 raw samples missing since the last report"
+        );
         let status = harness.status("loss").unwrap();
         assert_eq!(status.level, DiagnosticLevel::Ok);
         let lost = status
