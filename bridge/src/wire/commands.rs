@@ -1,4 +1,4 @@
-//! Commands to the device: which one is due, and when it is sent again.
+//! Schedule of the commands to the device: which one is due, and when it is repeated.
 
 use link::{AckResult, Start, Streams, ToDevice};
 
@@ -8,16 +8,16 @@ use crate::wire::pending::{PendingCommand, RETRY_US};
 const REFUSED_RETRY_US: i64 = 10_000_000;
 /// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
 const PING_AFTER_US: i64 = 2_000_000;
-/// Silence after which the port counts as unresponsive, microseconds; pings start at 2 s of silence.
+/// Silence after which the port counts as unresponsive, microseconds. Pings start after 2 s.
 const UNRESPONSIVE_AFTER_US: i64 = 5_000_000;
 /// Time without a code or `Stats` after which a streaming device must identify itself again,
-/// microseconds. A reset's `Hello` may be lost, or another program may have stopped the stream.
+/// microseconds. The `Hello` of a reset may be lost, or another program may have sent `Stop`.
 const STARVED_AFTER_US: i64 = 2_000_000;
 /// Time between two calls of `next_command`, microseconds, above which the host must have been
 /// suspended or this program stopped. Messages that the device sent during that time are still
 /// unread, so the silence timeouts restart.
 const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
-/// Delay from the start of a stream, whose codes the clock is fitted to, to the first clock query, us.
+/// Delay from the start of a stream to the first clock query, us; the clock must be fitted first.
 const FIRST_CLOCK_QUERY_US: i64 = 2_000_000;
 /// Time between two clock queries, microseconds.
 const CLOCK_QUERY_INTERVAL_US: i64 = 10_000_000;
@@ -27,14 +27,14 @@ const CLOCK_QUERY_INTERVAL_US: i64 = 10_000_000;
 #[derive(Clone, Debug)]
 pub(crate) struct Commands {
     mains_hz: u8,
-    /// Streams that the user asks for; the stream of codes is always one of them.
+    /// Streams that the user requested, with the stream of codes added.
     wanted_streams: Streams,
     /// Streams that `Start` asks for: fewer than `wanted_streams` after the device refused some.
     streams: Streams,
     streaming_wanted: bool,
     device: Introduction,
-    /// Whether a stream that runs on the device must have been started by this bridge. True
-    /// from a stop by the bridge until the device restarts or another device is connected.
+    /// Whether this bridge started any stream that runs on the device. Set when the device
+    /// acknowledges a `Stop`; cleared when the device restarts or another device is connected.
     owns_stream: bool,
     stream: StreamState,
     pending: Option<PendingCommand>,
@@ -50,7 +50,7 @@ pub(crate) struct Commands {
     last_tick_us: i64,
 }
 
-/// What the device has told about itself since the port was opened.
+/// Result of the device's introduction since the port was opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Introduction {
     Missing,
@@ -68,14 +68,14 @@ enum StreamState {
     Running,
 }
 
-/// State of the queries for the device's clock. A lost query is not repeated: the next one will do.
+/// State of the clock queries. A lost query is not repeated; the next one follows 10 s later.
 #[derive(Clone, Copy, Debug, Default)]
 struct ClockQuery {
     /// Host time at which the next query is due, microseconds; `None` while nothing streams.
     due_us: Option<i64>,
     /// Sequence number and host time, microseconds, of the newest query.
     sent: Option<(u32, i64)>,
-    /// Whether the device refused a query, as firmware without this command does; no more are sent.
+    /// Whether the device refused a query, because its firmware is older; no more are sent.
     refused: bool,
 }
 
@@ -87,12 +87,12 @@ pub(crate) enum AckEffect {
     Started,
     /// A `Stop` was acknowledged.
     Stopped,
-    /// A command was refused, and repeating it would not help.
+    /// A command was refused for a reason other than `Busy` or `Failed`.
     Refused(ToDevice, AckResult),
 }
 
 impl Commands {
-    /// Creates the state before the first connection; the device is to stream once it is known.
+    /// Creates the state before the first connection. Streaming is wanted from the beginning.
     pub(crate) fn new(mains_hz: u8, streams: Streams) -> Commands {
         let streams = streams | Streams::CODES;
         Commands {
@@ -139,7 +139,7 @@ impl Commands {
         self.streaming_wanted = streaming;
     }
 
-    /// Records an introduction of the device; `usable`: its codes can be published.
+    /// Records an introduction. `usable` is true if the device's codes can be published.
     pub(crate) fn device_introduced(&mut self, usable: bool) {
         self.device = if usable {
             Introduction::Usable
@@ -149,7 +149,7 @@ impl Commands {
     }
 
     /// Records that the device rebooted or another device is connected. The device must be
-    /// identified, and stopped, because another program may have started its stream.
+    /// identified and then stopped, because another program may have started its stream.
     pub(crate) fn device_restarted(&mut self) {
         self.device = Introduction::Missing;
         self.owns_stream = false;
@@ -161,7 +161,7 @@ impl Commands {
         self.clock_query = ClockQuery::default();
     }
 
-    /// Makes the device identify itself again, because its frames contradict its introduction.
+    /// Requests a new introduction, because the device's frames contradict the last one.
     pub(crate) fn identify_again(&mut self) {
         self.device = Introduction::Missing;
     }
@@ -177,7 +177,7 @@ impl Commands {
         self.last_stream_us = Some(now_us);
     }
 
-    /// Records a report of the device that no stream runs although this bridge did not stop it.
+    /// Records that the device reported no stream although this bridge did not stop it.
     pub(crate) fn device_stopped(&mut self) {
         self.stream = StreamState::Stopped;
         self.last_stream_us = None;
@@ -208,7 +208,7 @@ impl Commands {
         self.clock_query.sent.map(|(_, host_us)| host_us)
     }
 
-    /// Returns whether the device is meant to stream, unless its codes cannot be published.
+    /// Returns whether streaming is wanted and the device was not refused.
     pub(crate) fn wants_stream(&self) -> bool {
         self.streaming_wanted && self.device != Introduction::Unusable
     }
@@ -302,8 +302,8 @@ impl Commands {
         }
     }
 
-    /// Returns the clock query when it is due. It is due only after codes have arrived, because the
-    /// answer is compared with the clock's fit to codes.
+    /// Returns a clock query if one is due. None is due before codes arrive, because the answer is
+    /// compared with the clock's fit to codes.
     fn clock_query(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         let due = self
             .clock_query
@@ -337,7 +337,7 @@ impl Commands {
         }
     }
 
-    /// Handles the acknowledgement of the command that was sent in frame `of`.
+    /// Handles the acknowledgement of the command in frame number `of`.
     pub(crate) fn handle_ack(&mut self, of: u32, result: AckResult, now_us: i64) -> AckEffect {
         if self.clock_query.sent.is_some_and(|(seq, _)| seq == of) {
             self.clock_query.refused |= !matches!(result, AckResult::Done | AckResult::Busy);
