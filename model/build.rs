@@ -6,7 +6,7 @@ use std::{
     process::ExitCode,
 };
 
-/// Environment variable with the absolute path of another artifact's folder.
+/// Environment variable with the absolute path of the folder of another artifact.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
 fn main() -> ExitCode {

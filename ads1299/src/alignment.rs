@@ -12,7 +12,8 @@ pub enum Alignment {
 }
 
 impl Alignment {
-    /// Returns the offset of chip k from byte 27 k, in bits: 0 to 7 for k < 8.
+    /// Returns the bit offset of the part of chip `chip` from byte `27 * chip` of the frame: 0 to 7 for
+    /// `chip` < 8.
     #[inline]
     pub(crate) const fn shift(self, chip: u32) -> u32 {
         // A product is used instead of a branch; the mask shows the compiler that the result is at

@@ -17,39 +17,40 @@ use crate::settings::Settings;
 
 /// Progress of a bring-up, and the registers that it has read back.
 ///
-/// One stage clocks at most [`STAGE_BYTES`], which takes 1.1 ms at an SCLK of 82 kHz, decoding
-/// times included. So a device with a sample every 1.9 ms can run a stage between two samples. The
-/// caller waits between stages.
+/// One stage clocks at most [`STAGE_BYTES`], which takes 1.1 ms at an SCLK of 82 kHz, decoding times
+/// included. So a device with a sample every 1.9 ms can run a stage between two samples. Between stages
+/// the caller waits for the time that [`Chain::run_stage`] returns.
 #[derive(Clone, Debug)]
 pub(crate) struct BringUp<const CHIPS: usize> {
     next: Stage,
     power_us: u32,
     reference_was_on: bool,
-    /// Registers of each chip, as read back.
+    /// Registers read back from each chip, compared with the values written; complete after the last
+    /// stage.
     pub(crate) read_backs: [ReadBack; CHIPS],
 }
 
-/// Register indices written, one range per stage. The read-only lead-off status between the last
-/// two ranges is skipped.
+/// Indices of the registers to write, one range per stage. The read-only registers LOFF_STATP and
+/// LOFF_STATN, between the last two ranges, are skipped.
 const WRITTEN: [Range<usize>; 3] = [
     Register::CONFIG1.index()..9,
     9..Register::LOFF_STATP.index(),
     Register::GPIO.index()..Register::COUNT,
 ];
 
-/// Register indices read, one range per stage.
+/// Indices of the registers to read back, one range per stage.
 const READ: [Range<usize>; 3] = [0..8, 8..16, 16..Register::COUNT];
 
-/// Ranges per chip in [`WRITTEN`] and in [`READ`].
+/// Number of ranges in each of [`WRITTEN`] and [`READ`].
 const PARTS: usize = 3;
 
-/// Largest number of bytes that one stage clocks.
+/// Limit on the number of bytes that one stage clocks; asserted below.
 const STAGE_BYTES: usize = 11;
 
-/// Bytes of RREG and WREG before the values: opcode and number of registers.
+/// Number of bytes that RREG and WREG take before the values: opcode and number of registers.
 const OPCODE_BYTES: usize = 2;
 
-/// RDATAC, sent in the same stage as the last read.
+/// Number of bytes of RDATAC, which is sent in the same stage as the last read.
 const RDATAC_BYTES: usize = 1;
 
 const _: () = {
@@ -65,23 +66,23 @@ const _: () = {
     assert!(2 * (OPCODE_BYTES + 1) <= STAGE_BYTES);
 };
 
-/// Next stage, in the data sheet's order (section 11.1, figure 67).
+/// Stages of a bring-up, in the order of the data sheet's power-up flow (figure 67).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     /// Drive the pins to their idle level.
     Power,
     Reset,
     Stop,
-    /// Write CONFIG3 of this chip, which switches its reference on.
+    /// Write CONFIG3 of the chip with this index, which switches the chip's reference on.
     Reference(usize),
-    /// Write a range of registers; ranges are counted over all chips.
+    /// Write one range of registers. The index counts the ranges of all chips: `PARTS * chip + range`.
     Registers(usize),
     ReadBack(usize),
     Done,
 }
 
 impl<const CHIPS: usize> BringUp<CHIPS> {
-    /// Creates a bring-up that starts with the supplies: the chips are reset `power_us`
+    /// Creates a bring-up for chips whose supplies have just come on: the chips are reset `power_us`
     /// microseconds after the first stage.
     pub(crate) const fn from_power(power_us: u32) -> Self {
         Self {
@@ -101,14 +102,14 @@ impl<const CHIPS: usize> BringUp<CHIPS> {
 }
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
-    /// Brings the chain up in the data sheet's order (section 11.1, figure 67): START and selects
-    /// idle, 2^18 tCLK, reset, 18 tCLK, SDATAC, IDs, reference and 150 ms, all other registers,
-    /// read-back. The call lasts 0.33 s for eight chips. If VCAP1 needs more than 175 ms to reach
-    /// 1.1 V, wait before the call.
+    /// Brings the chain up in the order of the data sheet (figure 67, times of section 11.1): START low
+    /// and chips deselected, wait 2^18 tCLK, reset, wait 18 tCLK, SDATAC, check the IDs, switch the
+    /// references on and wait 150 ms, write all other registers, read all registers back. The call lasts
+    /// 0.33 s for eight chips. If VCAP1 needs more than 175 ms to reach 1.1 V, wait before the call.
     ///
     /// # Errors
-    /// The first chip with a wrong ID, the first register that did not keep its value, or a bus or
-    /// pin that failed. The call can be repeated after any of these errors.
+    /// The first chip with a wrong ID, the first register that did not keep its value, or a bus or pin
+    /// that failed. The call can be repeated after any of these errors.
     pub async fn power_up(
         &mut self,
         settings: &Settings<CHIPS>,
@@ -191,8 +192,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
                 let (chip, run) = (part / PARTS, READ[part % PARTS].clone());
                 let read_back = &mut bring_up.read_backs[chip];
                 self.read_part(chip, &mut read_back.read, run).await?;
-                // The last range of a chip completes its registers; earlier comparisons of the chip
-                // are overwritten.
+                // Only the comparison after a chip's last range is complete; it overwrites the earlier
+                // ones.
                 *read_back = ReadBack::new(&settings.image(chip), read_back.read);
                 if part + 1 < PARTS * CHIPS {
                     Stage::ReadBack(part + 1)

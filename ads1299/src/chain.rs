@@ -16,7 +16,7 @@ use crate::settings::Settings;
 
 /// Wires of a chain of 1 to 8 chips: SPI in mode 1, and pins of one type.
 ///
-/// The driver changes SCLK between registers and bursts ([`Bus`]). The chips themselves accept 20
+/// The driver sets a slower SCLK for registers than for bursts ([`Bus`]). The chips themselves accept 20
 /// MHz for registers too, because the driver waits for the decoding time after each byte; only the
 /// board's read-back resistors require a slower SCLK.
 #[derive(Debug)]
@@ -29,7 +29,7 @@ pub struct Chain<Spi, Line, Delay, const CHIPS: usize> {
     pub start: Line,
     /// RESET, shared by all chips, active low.
     pub reset: Line,
-    /// Delay provider.
+    /// Delay provider, for the waits between bytes, between commands and after power-up.
     pub delay: Delay,
 }
 
@@ -37,11 +37,12 @@ pub struct Chain<Spi, Line, Delay, const CHIPS: usize> {
 /// watchdog period, 136 ms.
 const SLICE_US: u32 = 20_000;
 
-/// Consecutive registers: the first one, and the values.
+/// Consecutive registers to write: the first register, and the value of each.
 type Run<'a> = (Register, &'a [u8]);
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
-    /// Waits for the supplies, resets the chips and sends SDATAC; calls `progress` every 20 ms.
+    /// Waits 2^18 clock cycles for the supplies, resets the chips and sends SDATAC; calls `progress`
+    /// every 20 ms.
     pub(crate) async fn reset(&mut self, progress: &mut impl FnMut()) -> Result<(), Error> {
         self.rest_pins()?;
         self.rest(POWER_ON_US, progress).await;
@@ -80,7 +81,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok(old[0] & 0x80 != 0)
     }
 
-    /// Writes the registers of the range `part` from the chip's settings.
+    /// Writes the registers with the indices in `part`; the values come from the chip's settings.
     pub(crate) async fn write_part(
         &mut self,
         chip: usize,
@@ -94,7 +95,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.write_registers(chip, (first, &image.0[part])).await
     }
 
-    /// Reads the registers of the range `part` into `image`.
+    /// Reads the registers with the indices in `part` into `image`.
     pub(crate) async fn read_part(
         &mut self,
         chip: usize,
@@ -121,7 +122,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.command_all(opcode::SDATAC).await
     }
 
-    /// Reads every register of a chip, which must be stopped, and compares with `written`.
+    /// Reads every register of a stopped chip and compares the values with `written`.
     pub(crate) async fn read_back(
         &mut self,
         chip: usize,
@@ -166,7 +167,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.exchange(chip..chip + 1, &bytes[..end], &mut []).await
     }
 
-    /// Selects the chips, sends, receives and deselects, with four clock cycles after every byte.
+    /// Selects the chips, sends `send`, fills `receive` and deselects the chips, with a wait of four
+    /// clock cycles after every byte.
     async fn exchange(
         &mut self,
         chips: Range<usize>,
@@ -175,7 +177,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     ) -> Result<(), Error> {
         self.select(chips.clone(), true)?;
         let result = self.exchange_bytes(send, receive).await;
-        // Also after a failure: deselecting resets the chips' command decoder.
+        // The chips are deselected after a failure too, because that resets their command decoders.
         let released = self.select(chips, false);
         self.wait(DESELECTED).await;
         result.and(released)
@@ -201,7 +203,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.spi.flush().await.map_err(bus)
     }
 
-    /// Selects or deselects the chips of a range.
+    /// Selects or deselects the chips of a range. Sets all of them even after an error, and returns the
+    /// first error.
     pub(crate) fn select(&mut self, chips: Range<usize>, selected: bool) -> Result<(), Error> {
         let mut result = Ok(());
         for (chip, line) in self.selects.iter_mut().enumerate() {
@@ -239,26 +242,26 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         }
     }
 
-    /// Delays by a number of clock cycles, counted for the slowest permitted clock.
+    /// Delays by at least `cycles` clock cycles, computed for the slowest permitted clock.
     pub(crate) async fn wait(&mut self, cycles: u32) {
         let us = const { Clock::SLOWEST }.microseconds(cycles);
         self.delay.delay_us(us).await;
     }
 }
 
-/// Returns the first register of a range.
+/// Returns the first register of a range; `None` if the range starts after the last register.
 #[expect(clippy::cast_possible_truncation, reason = "at most 24 registers")]
 fn register(part: &Range<usize>) -> Option<Register> {
     Register::at(part.start as u8)
 }
 
-/// Second byte of RREG and WREG: the number of values (1 to 24) less one.
+/// Returns the second byte of RREG and WREG: the number of values (1 to 24) less one.
 #[expect(clippy::cast_possible_truncation, reason = "at most 24 registers")]
 const fn less_one(values: &[u8]) -> u8 {
     values.len().saturating_sub(1) as u8
 }
 
-/// Chip index as a byte, the form that errors and reports hold.
+/// Returns a chip's index as a byte, the type that errors and reports use.
 #[expect(clippy::cast_possible_truncation, reason = "at most 8 chips")]
 pub(crate) const fn number(chip: usize) -> u8 {
     chip as u8

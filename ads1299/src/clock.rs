@@ -6,7 +6,7 @@ const SLOWEST_HZ: u32 = 1_501_502;
 /// Fastest permitted clock in Hz: 1 / 444 ns (data sheet section 7.6).
 const FASTEST_HZ: u32 = 2_252_252;
 
-/// Master clock, shared by the chips. All times of the chips are multiples of its period, tCLK.
+/// Master clock, shared by the chips. All times of the chips are multiples of the clock's period, tCLK.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
     hz: u32,
@@ -20,8 +20,8 @@ impl Clock {
         internal: false,
     };
 
-    /// Chip 0's internal oscillator, 2.048 MHz, which feeds the others from its CLK pin. Chip 0 has
-    /// CLKSEL high, the others low (data sheet section 9.3.2.2).
+    /// Internal oscillator of chip 0, 2.048 MHz. Chip 0 has CLKSEL high and drives the other chips from
+    /// its CLK pin; they have CLKSEL low (data sheet section 9.3.2.2).
     pub const INTERNAL: Self = Self {
         hz: 2_048_000,
         internal: true,
@@ -39,15 +39,15 @@ impl Clock {
         })
     }
 
-    /// Slowest clock that the data sheet permits. Delays are computed for this clock, and are
-    /// therefore long enough for a chain with a wrong clock, which still answers;
-    /// [`ReadyMeter`](crate::ready::ReadyMeter) then reports the wrong rate.
+    /// Slowest clock that the data sheet permits. The driver computes its delays for this clock, so they
+    /// are long enough for any permitted clock. A chain with another clock than the configured one
+    /// therefore answers, and [`ReadyMeter`](crate::ready::ReadyMeter) reports the wrong rate.
     pub(crate) const SLOWEST: Self = Self {
         hz: SLOWEST_HZ,
         internal: false,
     };
 
-    /// Frequency in Hz.
+    /// Returns the frequency in Hz.
     pub const fn hz(self) -> u32 {
         self.hz
     }
@@ -57,20 +57,20 @@ impl Clock {
         self.internal
     }
 
-    /// Accepted deviation of the measured sample rate from the configured one, in ppm. The internal
-    /// oscillator is within 2.5 % over temperature (data sheet section 7.5, from memory, not
-    /// checked). A quartz is within 100 ppm; the other 900 ppm allow for the clock that stamps the
-    /// edges of DRDY.
+    /// Returns the accepted deviation of the measured sample rate from the configured one, in ppm. For
+    /// the internal oscillator that is an assumed accuracy of 2.5 % over temperature, which was not
+    /// compared with the data sheet (section 7.5). A quartz is within 100 ppm; the other 900 ppm allow
+    /// for the clock that stamps the edges of DRDY.
     pub const fn tolerance_ppm(self) -> u32 {
         if self.internal { 25_000 } else { 1_000 }
     }
 
-    /// Duration of `cycles` in nanoseconds, rounded up; `cycles <= 2^22`.
+    /// Returns the duration of `cycles` in nanoseconds, rounded up; `cycles <= 2^22`.
     pub const fn nanoseconds(self, cycles: u32) -> u64 {
         (cycles as u64 * 1_000_000_000).div_ceil(self.hz as u64)
     }
 
-    /// Duration of `cycles` in microseconds, rounded up; `cycles <= 2^22`, so below 2.8 s.
+    /// Returns the duration of `cycles` in microseconds, rounded up; `cycles <= 2^22`, so below 2.8 s.
     #[expect(clippy::cast_possible_truncation, reason = "less than 2.8e6")]
     pub const fn microseconds(self, cycles: u32) -> u32 {
         self.nanoseconds(cycles).div_ceil(1000) as u32

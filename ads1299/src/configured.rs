@@ -13,7 +13,7 @@ use crate::streaming::Streaming;
 /// A chain that has been brought up and is stopped: registers can be read and written.
 #[derive(Debug)]
 pub struct Configured<'a, Spi, Line, Delay, const CHIPS: usize> {
-    /// Wires of the chain.
+    /// Wires of the chain, borrowed while it is stopped.
     pub chain: &'a mut Chain<Spi, Line, Delay, CHIPS>,
     settings: Settings<CHIPS>,
 }
@@ -31,16 +31,16 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
         }
     }
 
-    /// Settings that were written to the chips last.
+    /// Returns the settings that were written to the chips last.
     pub const fn settings(&self) -> &Settings<CHIPS> {
         &self.settings
     }
 
-    /// Writes other settings; the clock must stay the same.
+    /// Writes new settings, whose clock must be that of the previous settings.
     ///
     /// # Errors
-    /// The first register that did not keep its value, or a bus or pin that failed. After an error
-    /// the chips must be configured again before they start.
+    /// The first register that did not keep its value, or a bus or pin that failed. After an error the
+    /// chips must be configured again before they start.
     pub async fn configure(&mut self, settings: &Settings<CHIPS>) -> Result<(), Error> {
         self.settings = *settings;
         self.chain.configure(settings).await
@@ -49,7 +49,7 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     /// Reads all registers of all chips and compares them with the settings.
     ///
     /// # Errors
-    /// When the bus or a pin fails. Registers that differ are no error; the result names them.
+    /// When the bus or a pin fails. A register that differs is not an error; the result names it.
     pub async fn read_back(&mut self) -> Result<[ReadBack; CHIPS], Error> {
         self.chain.set_speed(Speed::Registers)?;
         let mut all = [ReadBack::NONE; CHIPS];

@@ -8,31 +8,32 @@ use crate::frame::frame_bytes;
 use crate::status_word::NIBBLE;
 use crate::status_word::{ChipFault, StatusWord};
 
-/// Consecutive frames that must fit the other alignment before the decoder switches.
+/// Number of consecutive frames that must fit the other alignment before the decoder switches to it.
 const CHANGE_OVER: u8 = 4;
 
-/// Number of repeated counts, over consecutive frames, from which a chip counts as frozen. Channels
-/// at a rail or at 0 (the value of a channel that is off) are not counted.
+/// Number of repeated counts at which a chip is reported as frozen, summed over its channels and over
+/// consecutive frames in which its data repeat. Channels at a rail or at 0 (the value of a channel that
+/// is off) are not counted.
 ///
-/// The noise of a shorted channel is 9.4 counts rms at gain 24 and 512 Hz (`typical_noise_uv`). So
-/// two consecutive counts are equal by chance with probability `1 / (9.4 sqrt(2) sqrt(2 pi))`, 3 %.
-/// All eight channels of a chip repeat by chance once in twelve years in a chain of eight chips.
+/// The noise of a shorted channel is 9.4 counts rms at gain 24 and 512 Hz (`typical_noise_uv`). So two
+/// consecutive counts are equal by chance with probability `1 / (9.4 sqrt(2) sqrt(2 pi))`, 3 %. In a
+/// chain of eight chips, all eight channels of some chip repeat by chance once in twelve years.
 ///
-/// With a threshold of five, the last chip of a 61-electrode cap, which has three spare channels,
-/// is still detected at its first repetition. Five channels without signal and three at a rail
-/// repeat by chance once a day, for one frame. EEG and mains move counts by hundreds.
+/// A threshold of five detects the last chip of a 61-electrode cap, which has three spare channels, at
+/// its first repetition. A chip with noise on five channels and a rail on three is reported by mistake
+/// once a day, for one frame. EEG and mains change the counts by hundreds from sample to sample.
 const FROZEN: u8 = 5;
 
-/// Bytes that contain a chip's bits for either alignment.
+/// Number of bytes that contain a chip's part of the frame in either alignment.
 const SPAN: usize = CHIP_BYTES + 1;
 
 /// Decodes a stream of frames: finds the chips' alignment and checks each chip.
 ///
-/// The first frame decides the [`Alignment`], by the number of chips whose status starts with 1100.
-/// Chip 1 alone is sufficient: read with the wrong alignment, its first four bits are 100x or x110.
-/// In later frames a chip that does not fit is only counted as bad. The alignment changes only when
-/// the other one fits every chip in four consecutive frames, which no fault of a single chip can
-/// cause.
+/// The first frame with a valid chip after chip 0 decides the [`Alignment`]: the one in which more chips
+/// have a status that starts with 1100. Chip 1 alone is sufficient: read with the wrong alignment, its
+/// first four bits are 100x or x110. In later frames a chip whose status does not start with 1100 is
+/// only counted as bad. The alignment changes only after four consecutive frames in which every chip
+/// fits the other alignment, which no fault of a single chip can cause.
 #[derive(Clone, Debug)]
 pub struct Decoder<const CHIPS: usize> {
     /// Alignment of the stream; `None` until a frame has a valid chip after chip 0.
@@ -41,7 +42,8 @@ pub struct Decoder<const CHIPS: usize> {
     against: u8,
     /// Parts of the previous frame, to detect [`ChipFault::Repeated`].
     last: [Part; CHIPS],
-    /// Number of repeated counts over consecutive frames, at most 13 per chip.
+    /// Repeated counts of each chip, as [`FROZEN`] defines them; at most 13: `FROZEN` and eight channels
+    /// more.
     repeats: [u8; CHIPS],
     counters: Counters<CHIPS>,
 }
@@ -98,8 +100,8 @@ impl<const CHIPS: usize> FrameStatus<CHIPS> {
         word.fault().or(repeated.then_some(ChipFault::Repeated))
     }
 
-    /// Returns the chips with a fault. A dead or shifted chip also affects those that send through it, so
-    /// the first one is the cause.
+    /// Returns the faulty chips with their faults, chip 0 first. A dead or shifted chip also corrupts
+    /// the data of the chips that send through it, so the first chip returned is the cause.
     pub fn faults(&self) -> impl Iterator<Item = (usize, ChipFault)> + '_ {
         (0..CHIPS).filter_map(|chip| Some((chip, self.fault(chip)?)))
     }
@@ -112,7 +114,7 @@ impl<const CHIPS: usize> Default for Decoder<CHIPS> {
 }
 
 impl<const CHIPS: usize> Decoder<CHIPS> {
-    /// Creates a decoder for 1 to 8 chips, checked at compile time.
+    /// Creates a decoder without an alignment. The number of chips, 1 to 8, is checked at compile time.
     pub const fn new() -> Self {
         const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
         Self {
@@ -139,16 +141,15 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
         self.alignment
     }
 
-    /// Decodes a frame into `counts` by chip and channel, sign-extended from 24 bits, |count| <=
-    /// 2^23.
+    /// Decodes a frame into `counts` by chip and channel, sign-extended from 24 bits, |count| <= 2^23.
     ///
-    /// `BYTES` is [`frame_bytes`] for the number of chips, checked at compile time. The counts of a
-    /// bad chip are the bits at its position in the frame.
+    /// `BYTES` is [`frame_bytes`] for the number of chips, checked at compile time. For a bad chip,
+    /// `counts` receives the bits at the chip's position in the frame, whatever they are.
     ///
     /// # Timing
-    /// This is the hot path: no allocation, no panic, no division; 16 status nibbles and 72 24-bit
-    /// words for eight chips. The only branch on data is the choice of the alignment, which a
-    /// locked stream always takes the same way.
+    /// This is the hot path: no allocation, no panic, no division. For eight chips it extracts 14 status
+    /// words to check the alignment, and 72 words of 24 bits. The only branch on data is the choice of
+    /// the alignment, which a locked stream always takes the same way.
     #[inline]
     pub fn decode<const BYTES: usize>(
         &mut self,
@@ -187,7 +188,8 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
         status
     }
 
-    /// Returns the alignment for this frame, and switches the locked one by the rule of [`Decoder`].
+    /// Returns the alignment for this frame. Locks or switches the alignment of the stream by the rule
+    /// stated at [`Decoder`].
     #[inline]
     fn align<const BYTES: usize>(&mut self, frame: &[u8; BYTES]) -> Alignment {
         let mut fits = [0_u32; 2];
@@ -220,7 +222,7 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
     }
 }
 
-/// Returns each chip's bytes and the byte after them.
+/// Returns, for each chip k, the 27 bytes from byte 27 k of the frame on, and the byte after them.
 #[inline]
 fn spans(frame: &[u8]) -> impl Iterator<Item = &[u8; SPAN]> {
     frame.array_windows().step_by(CHIP_BYTES)
@@ -234,7 +236,7 @@ struct Part {
 }
 
 impl Part {
-    /// A value that no chip sends.
+    /// Initial value of the previous frame. No chip sends it, because a status word has only 24 bits.
     const NEVER_SENT: Self = Self {
         word: StatusWord(u32::MAX),
         counts: [0; CHANNELS],
@@ -273,8 +275,8 @@ fn status_word(span: &[u8; SPAN], shift: u32) -> StatusWord {
     StatusWord(word(span, 0, shift).cast_unsigned() & 0xFF_FFFF)
 }
 
-/// Extracts the n-th 24 bits of a chip, sign-extended; `n <= 8`; `shift` is the start bit in the
-/// first byte, at most 7. Every caller's `n` is known at compile time, so no bounds check remains.
+/// Extracts the n-th group of 24 bits of a chip, sign-extended; `n <= 8`; `shift` is the start bit in
+/// the first byte, at most 7. Every caller's `n` is known at compile time, so no bounds check remains.
 #[inline]
 fn word(span: &[u8; SPAN], n: usize, shift: u32) -> i32 {
     // Four bytes hold the 24 bits for any start bit in the first byte.

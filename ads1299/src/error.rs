@@ -7,26 +7,26 @@ use embedded_hal::{digital, spi};
 use crate::bus::{Speed, TooFast};
 use crate::register::Register;
 
-/// Reason why a chain, or one of its chips, does not run. Chips count from 0, the one wired to
+/// Reason why a chain, or one of its chips, does not run. Chips are numbered from 0, the chip wired to
 /// MISO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error {
     /// The microcontroller's SPI failed.
     Bus(spi::ErrorKind),
-    /// The board has no SCLK that is slow enough.
+    /// The board has no SCLK that is slow enough for this kind of transfer.
     TooFast(Speed, TooFast),
-    /// One of the microcontroller's pins failed.
+    /// One of the microcontroller's pins could not be driven or read.
     Pin(Pin, digital::ErrorKind),
     /// A chip's ID is not that of an eight-channel ADS1299.
     WrongId {
-        /// Index of the chip.
+        /// Index of the chip, from 0 at MISO.
         chip: u8,
         /// ID byte that the chip returned.
         read: u8,
     },
-    /// A register did not keep what was written.
+    /// A register holds another value than the one written.
     NotKept {
-        /// Index of the chip.
+        /// Index of the chip, from 0 at MISO.
         chip: u8,
         /// First register that differs.
         register: Register,
@@ -35,11 +35,11 @@ pub enum Error {
         /// Value read back.
         read: u8,
     },
-    /// DRDY of the named chip did not fall. A board wires the DRDY of one chip only.
+    /// DRDY did not fall within `waited_us`. A board wires the DRDY of one chip only.
     NeverReady {
         /// Index of the chip whose DRDY is wired.
         chip: u8,
-        /// Waiting time in microseconds.
+        /// Time for which the driver waited, in microseconds.
         waited_us: u32,
     },
 }
@@ -69,7 +69,7 @@ impl fmt::Display for Pin {
 }
 
 impl Error {
-    /// Returns the chip that the error concerns, if it concerns a single one.
+    /// Returns the chip that the error concerns; `None` for the bus and for pins shared by all chips.
     pub const fn chip(&self) -> Option<u8> {
         match self {
             Self::WrongId { chip, .. }

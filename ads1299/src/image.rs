@@ -11,14 +11,15 @@ use crate::settings::{Channel, Settings};
 pub struct Image(pub [u8; Register::COUNT]);
 
 impl<const CHIPS: usize> Settings<CHIPS> {
-    /// Returns the register values for a chip; those after a reset if `chip >= CHIPS`.
+    /// Returns the register values for a chip; the reset values if `chip >= CHIPS`.
     pub fn image(&self, chip: usize) -> Image {
         let mut values = Register::RESET;
         let Some(own) = self.chips.get(chip) else {
             return Image(values);
         };
         let mut set = |register: Register, value: u8| values[register.index()] = value;
-        // Bit 7 is always 1, bits 4:3 are always 10. Bit 6 is 0, which selects the daisy chain.
+        // In CONFIG1, bit 7 is always 1, and bits 4:3 are always 10. Bit 6 is 0, which selects the daisy
+        // chain.
         let clock_out = u8::from(self.clock.is_internal() && chip == 0) << 5;
         set(Register::CONFIG1, 0x90 | clock_out | self.rate as u8);
         // Bits 7:5 of CONFIG2 are always 110.
@@ -55,7 +56,7 @@ impl<const CHIPS: usize> Settings<CHIPS> {
     }
 }
 
-/// Returns the value of CHnSET.
+/// Returns the value of CHnSET for the settings of a channel.
 fn channel_set(channel: Channel) -> u8 {
     u8::from(!channel.on) << 7
         | (channel.gain as u8) << 4
@@ -75,14 +76,14 @@ pub struct ReadBack {
 }
 
 impl ReadBack {
-    /// State before the first read.
+    /// Value before the first read: all registers 0, and an ID that does not fit.
     pub(crate) const NONE: Self = Self {
         read: Image([0; Register::COUNT]),
         differing: 0,
         id_fits: false,
     };
 
-    /// Compares `read` with `written`, in the bits that read back as written.
+    /// Compares `read` with `written`, in the bits that a chip returns as they were written.
     pub fn new(written: &Image, read: Image) -> Self {
         let kept = Register::KEPT.iter().zip(written.0.iter().zip(&read.0));
         let differing = kept
@@ -117,7 +118,7 @@ impl ReadBack {
         })
     }
 
-    /// Returns the first register that differs.
+    /// Returns the first register that differs; `None` if no register differs.
     #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
     pub fn first_differing(&self) -> Option<Register> {
         Register::at(self.differing.trailing_zeros() as u8)

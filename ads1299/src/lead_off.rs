@@ -1,13 +1,13 @@
 //! Settings of lead-off detection: threshold, current and frequency.
 
 /// Lead-off detection (LOFF, data sheet section 9.6.1.5): a small current pulls an input to a rail
-/// unless a good contact drains it. The inputs with a current are selected in
+/// unless it can flow through a good contact. The inputs with a current are selected in
 /// [`ChipSettings`](crate::settings::ChipSettings).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LeadOff {
     /// Powers the comparators that set the status bits (CONFIG4.PD_LOFF_COMP).
     pub comparators: bool,
-    /// Threshold of the comparators.
+    /// Thresholds of the comparators.
     pub threshold: LeadOffThreshold,
     /// Magnitude of the current.
     pub current: LeadOffCurrent,
@@ -25,25 +25,25 @@ impl LeadOff {
     };
 }
 
-/// Comparator threshold of the positive side, in percent of the supply. The threshold of the
-/// negative side is 100 % less this value.
+/// Thresholds of the comparators on the positive and the negative side, in percent of the supply. They
+/// add up to 100 %.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeadOffThreshold {
-    /// 95 %.
+    /// Positive side 95 %, negative side 5 %.
     P95 = 0,
-    /// 92.5 %.
+    /// Positive side 92.5 %, negative side 7.5 %.
     P92_5 = 1,
-    /// 90 %.
+    /// Positive side 90 %, negative side 10 %.
     P90 = 2,
-    /// 87.5 %.
+    /// Positive side 87.5 %, negative side 12.5 %.
     P87_5 = 3,
-    /// 85 %.
+    /// Positive side 85 %, negative side 15 %.
     P85 = 4,
-    /// 80 %.
+    /// Positive side 80 %, negative side 20 %.
     P80 = 5,
-    /// 75 %.
+    /// Positive side 75 %, negative side 25 %.
     P75 = 6,
-    /// 70 %.
+    /// Positive side 70 %, negative side 30 %.
     P70 = 7,
 }
 

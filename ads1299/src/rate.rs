@@ -38,8 +38,8 @@ impl Rate {
         128 << self as u32
     }
 
-    /// Returns the number of clock cycles from START to the first DRDY, whose data are settled: `4
-    /// divider + 9` (derived from the table in data sheet section 9.4.1, from memory, not checked).
+    /// Returns the number of clock cycles from START to the first DRDY, at which the data are settled.
+    /// The formula was neither compared with the table in data sheet section 9.4.1 nor measured.
     pub const fn settling(self) -> u32 {
         4 * self.divider() + 9
     }

@@ -39,13 +39,13 @@ impl RateWatch {
         self.measured
     }
 
-    /// Discards previous edges: the next one counts as the first.
+    /// Discards previous edges: the next edge counts as the first.
     pub(crate) fn restart(&mut self) {
         self.meter = ReadyMeter::new(0, self.clock, self.rate);
     }
 
-    /// Records an edge at `time_us`, which must not decrease. Returns the number of samples missing before
-    /// it, and the error of the rate, if any.
+    /// Records an edge at `time_us`, which must not decrease. Returns the number of samples missing
+    /// before this edge, and the error of the sample rate, if any.
     pub(crate) fn edge(&mut self, time_us: u64) -> (u32, Option<RateError>) {
         let (missed, error) = match self.meter.edge(time_us) {
             Edge::First => return (0, self.off),
@@ -84,10 +84,12 @@ mod tests {
                 flagged + u32::from(error.is_some())
             })
         };
-        // 512.03 Hz is within a quartz's tolerance; 500 Hz is another clock.
+        // 1953 us is 512.03 Hz, within the 1000 ppm allowed for a quartz; 2000 us is 500 Hz, outside it.
+        // Of the 128 slow periods, the first 56 pass before the next rate check.
         assert_eq!(flagged(1953, 200), 0);
         assert_eq!(flagged(2000, 128), 128 - 56);
-        // Two checks include slow periods as well as correct ones.
+        // The rate check at the 57th edge still includes 7 slow periods. The check at the 121st edge
+        // includes none, so the edges before it are flagged.
         assert_eq!(flagged(1953, 128), 120);
         assert_eq!(flagged(1953, 64), 0);
     }

@@ -14,7 +14,7 @@ pub struct ReadyMeter {
     rate: Rate,
     first_us: Option<u64>,
     last_us: u64,
-    /// Number of periods from the first edge to the last, missing edges not counted.
+    /// Number of edges after the first one. Missing edges are not counted.
     periods: u32,
     early: u32,
     missed: u32,
@@ -25,7 +25,7 @@ pub struct ReadyMeter {
 pub enum Edge {
     /// The first edge: there is no previous one.
     First,
-    /// One period after the previous edge.
+    /// From 3/4 to 1.5 periods after the previous edge.
     OnTime,
     /// Less than 3/4 of a period after the previous edge: the chip is too fast, or the line is noisy.
     Early,
@@ -33,7 +33,7 @@ pub enum Edge {
     Missed(u32),
 }
 
-/// Deviation of the sample rate from the configured one.
+/// Error of the sample rate: not measured, or not the configured rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RateError {
     /// Fewer than two edges were recorded, so there is no rate.
@@ -49,9 +49,9 @@ pub enum RateError {
         measured: u32,
         /// Configured rate, in millihertz.
         expected: u32,
-        /// Number of early edges.
+        /// Number of edges that came less than 3/4 of a period after the previous one.
         early: u32,
-        /// Number of missing edges.
+        /// Number of edges that did not come.
         missed: u32,
     },
 }
@@ -66,7 +66,7 @@ impl RateError {
 }
 
 impl ReadyMeter {
-    /// Creates a meter for the DRDY of `chip`: 0 on a board that wires only one.
+    /// Creates a meter for the DRDY of `chip`, which is 0 on a board that wires only one DRDY.
     pub const fn new(chip: u8, clock: Clock, rate: Rate) -> Self {
         Self {
             chip,
@@ -87,7 +87,8 @@ impl ReadyMeter {
             self.last_us = time_us;
             return Edge::First;
         }
-        // In millionths of a clock cycle: exact for every rate and intervals of up to three months.
+        // Intervals are in millionths of a clock cycle: exact for every rate, up to an interval of three
+        // months.
         let interval_us = time_us.saturating_sub(self.last_us);
         let interval = interval_us.saturating_mul(u64::from(self.clock.hz()));
         let period = u64::from(self.rate.divider()) * 1_000_000;
@@ -116,26 +117,26 @@ impl ReadyMeter {
         self.last_us - self.first_us.unwrap_or(self.last_us)
     }
 
-    /// Returns the number of early edges.
+    /// Returns the number of early edges so far.
     pub const fn early(&self) -> u32 {
         self.early
     }
 
-    /// Returns the number of missing edges.
+    /// Returns the number of missing edges so far.
     pub const fn missed(&self) -> u32 {
         self.missed
     }
 
-    /// Returns the mean rate in millihertz; missing edges lower it. `None` before the second edge.
+    /// Returns the mean rate in millihertz, which missing edges lower. `None` before the second edge.
     pub fn millihertz(&self) -> Option<u32> {
         let span_us = self.span_us();
         let rate = (u64::from(self.periods) * 1_000_000_000).checked_div(span_us)?;
         u32::try_from(rate).ok()
     }
 
-    /// Checks that the rate is the configured one, within the clock's tolerance and the resolution
-    /// of two 1 us stamps, and that no edge was early or missing. Returns the rate in millihertz.
-    /// 64 edges at 512 Hz resolve 16 ppm.
+    /// Checks that no edge was early or missing, and that the rate is the configured one. It may deviate
+    /// by the clock's tolerance and by the resolution of two 1 us stamps, which is 16 ppm over 64
+    /// periods at 512 Hz. Returns the rate in millihertz.
     ///
     /// # Errors
     /// [`RateError`]: too few edges, a wrong rate, or early or missing edges.
@@ -185,7 +186,8 @@ impl fmt::Display for RateError {
             expected / 1000,
             expected % 1000
         )?;
-        // Within 2 % of a whole multiple of the configured rate, from 2 on.
+        // The ratio is in percent. Within 2 of 200, 300 and so on, the rate counts as a multiple of the
+        // configured one.
         let ratio = (u64::from(measured) * 100).div_ceil(u64::from(expected).max(1));
         if ratio >= 198 && (ratio + 2) % 100 <= 4 {
             return write!(

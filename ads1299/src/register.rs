@@ -16,19 +16,19 @@ pub struct Register(u8);
 impl Register {
     /// ID: part and revision; read only.
     pub const ID: Self = Self(0x00);
-    /// Daisy chain, clock output, rate.
+    /// Daisy chain, clock output and sample rate.
     pub const CONFIG1: Self = Self(0x01);
-    /// Test signal.
+    /// Test signal: source, amplitude and frequency.
     pub const CONFIG2: Self = Self(0x02);
-    /// Reference, bias amplifier.
+    /// Reference buffer and bias amplifier.
     pub const CONFIG3: Self = Self(0x03);
     /// Lead-off: threshold, current, frequency.
     pub const LOFF: Self = Self(0x04);
-    /// Channel 1: power, gain, SRB2, input; channels 2 to 8 follow.
+    /// Channel 1: power, gain, SRB2, input. The registers of channels 2 to 8 follow.
     pub const CH1SET: Self = Self(0x05);
-    /// Positive inputs in the bias, one bit each.
+    /// Positive inputs from which the bias is derived, one bit each.
     pub const BIAS_SENSP: Self = Self(0x0D);
-    /// Negative inputs in the bias, one bit each.
+    /// Negative inputs from which the bias is derived, one bit each.
     pub const BIAS_SENSN: Self = Self(0x0E);
     /// Positive inputs with lead-off current, one bit each.
     pub const LOFF_SENSP: Self = Self(0x0F);
@@ -36,23 +36,23 @@ impl Register {
     pub const LOFF_SENSN: Self = Self(0x10);
     /// Channels with reversed lead-off current, one bit each.
     pub const LOFF_FLIP: Self = Self(0x11);
-    /// Positive inputs that are off, one bit each; read only.
+    /// Positive inputs at which an electrode is disconnected, one bit each; read only.
     pub const LOFF_STATP: Self = Self(0x12);
-    /// Negative inputs that are off, one bit each; read only.
+    /// Negative inputs at which an electrode is disconnected, one bit each; read only.
     pub const LOFF_STATN: Self = Self(0x13);
-    /// Four pins: data in the upper half, direction in the lower half (1 is input).
+    /// GPIO pins: data in the upper four bits, direction in the lower four (1 is input).
     pub const GPIO: Self = Self(0x14);
-    /// SRB1: one reference for all negative inputs.
+    /// Switch from SRB1 to all negative inputs, which makes SRB1 their common reference.
     pub const MISC1: Self = Self(0x15);
-    /// Reserved, 0.
+    /// Reserved; always 0.
     pub const MISC2: Self = Self(0x16);
-    /// Single shot, lead-off comparators.
+    /// Single-shot mode, and power of the lead-off comparators.
     pub const CONFIG4: Self = Self(0x17);
 
     /// Number of registers.
     pub const COUNT: usize = 24;
 
-    /// Values after a reset.
+    /// Values of all registers after a reset, by address.
     pub const RESET: [u8; Self::COUNT] = [
         ID, 0x96, 0xC0, 0x60, 0x00, // ID, CONFIG1 to 3, LOFF
         0x61, 0x61, 0x61, 0x61, 0x61, 0x61, 0x61, 0x61, // CHnSET: gain 24, shorted
@@ -61,8 +61,8 @@ impl Register {
         0x0F, 0x00, 0x00, 0x00, // GPIO, MISC1, MISC2, CONFIG4
     ];
 
-    /// Bits that read back as written: all but the ID, lead-off status, CONFIG3.BIAS_STAT, and the data of
-    /// the GPIO pins, which are inputs.
+    /// Mask for each register of the bits that read back as written: all but the ID, lead-off status,
+    /// CONFIG3.BIAS_STAT, and the data of the GPIO pins, which are inputs.
     pub(crate) const KEPT: [u8; Self::COUNT] = [
         0x00, 0xFF, 0xFF, 0xFE, 0xFF, // ID, CONFIG1 to 3, LOFF
         0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, // CHnSET
@@ -91,7 +91,7 @@ impl Register {
 }
 
 impl fmt::Display for Register {
-    /// Writes the data sheet's name of the register.
+    /// Writes the register's name in the data sheet.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         const NAMES: [&str; Register::COUNT] = [
             "ID",

@@ -11,29 +11,31 @@ use crate::error::Error;
 use crate::reading::Reading;
 use crate::sampler::{SILENCE, Sampler};
 
-/// Delivers one sample per period in any case: real samples, or flagged repetitions of the last counts
-/// while the chain is silent.
+/// Delivers one sample per period in any case: a real sample, or, while the chain is silent, a flagged
+/// repetition of the last counts.
 ///
-/// When no chip has delivered a sample for the retry time, the chain is brought up again, because its
-/// supplies may have come late or failed for a while. The stages of the bring-up run between flagged
-/// samples, so nothing else is delayed. While at least one chip delivers, there is no attempt: the valid
-/// samples matter more than a broken chip, which a self-test can restart. Chips that return after a
-/// silence with another rate have lost their registers and count as silent.
+/// When no chip has delivered a valid sample for the retry time, the chain is brought up again, because
+/// its supplies may have come on late or failed for a while. The stages of the bring-up run between
+/// flagged samples, so the samples keep their rate. While at least one chip delivers, there is no
+/// attempt: the valid samples matter more than a broken chip, which a self-test can restart. If chips
+/// convert at another rate after a silence, they have lost their registers, and the chain is brought up
+/// again as well.
 #[derive(Debug)]
 pub struct RetryingSampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
     sampler: Sampler<Spi, Line, Delay, CHIPS, BYTES>,
-    /// Retry time: from the last sample or attempt to the next attempt, in microseconds.
+    /// Retry time: from the last valid sample, or the end of the last attempt, to the next attempt;
+    /// microseconds.
     retry_us: u64,
-    /// Error of the last attempt; `None` if it succeeded.
+    /// Error of the last bring-up; `None` if it succeeded.
     failure: Option<Error>,
     attempt: Option<Attempt<CHIPS>>,
     /// Time of the last valid sample or of the end of the last attempt, in microseconds.
     since_us: u64,
-    /// Latest time of the next edge, in microseconds.
+    /// Time at which a flagged repetition is returned if there is no edge before, in microseconds.
     due_us: u64,
-    /// The last sample was a flagged repetition.
+    /// True if the last sample was a flagged repetition, or if an attempt has stopped the chain.
     is_silent: bool,
-    /// The chain was silent after the last attempt, so its registers may be lost.
+    /// True if the chain has been silent since the last attempt, so that its registers may be lost.
     registers_doubtful: bool,
 }
 
@@ -62,8 +64,9 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         }
     }
 
-    /// Brings the chain up for the first time and starts it. `is_cold`: the supplies may have just come on.
-    /// An error is in [`Self::failure`] and flagged in every sample.
+    /// Brings the chain up for the first time and starts it. `is_cold` is true if the supplies may have
+    /// just come on. [`Self::failure`] returns the error, if any, and every sample flags the chips
+    /// concerned.
     pub async fn start(&mut self, is_cold: bool, drdy: &mut impl Drdy) {
         let started = if is_cold {
             self.sampler.start_cold(|| ()).await
@@ -73,7 +76,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         self.restarted(started.err(), drdy);
     }
 
-    /// Records that the chain has been set up and started by other means, such as a self-test;
+    /// Records that the chain has been brought up and started by other means, such as a self-test;
     /// `failure` is the error of that start.
     pub fn restarted(&mut self, failure: Option<Error>, drdy: &mut impl Drdy) {
         drdy.forget();
@@ -85,12 +88,12 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         self.registers_doubtful = false;
     }
 
-    /// Waits for the next sample; [`Sampler::counts`] then returns it.
+    /// Waits for the next sample; [`Sampler::counts`] then returns its counts.
     ///
     /// # Timing
     /// That of [`Sampler::read`]. A stage of a bring-up fits into the period before a sample.
     pub async fn next(&mut self, drdy: &mut impl Drdy) -> (Reading<CHIPS>, DrdyEdge) {
-        // A sample that is already late does not wait for a stage.
+        // A sample that is already due is not delayed by a stage.
         if drdy.now_us() < self.due_us {
             self.attempt(drdy).await;
         }
@@ -113,8 +116,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         let (us, missed) = (self.due_us, 0);
         self.due_us += self.period_us();
         let before = core::mem::replace(&mut self.is_silent, true);
-        // Twice the settling time of a chain that was just started, as silence before that is
-        // normal.
+        // A chain that was just started is silent for its settling time, about `SILENCE` periods. Twice
+        // that time without a valid sample means that the registers may be lost.
         let silence_us = 2 * u64::from(SILENCE) * self.period_us();
         self.registers_doubtful |= self.attempt.is_none() && us > self.since_us + silence_us;
         let reading = self.sampler.silence(if before { 0 } else { SILENCE - 1 });
@@ -128,7 +131,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             return;
         }
         if self.attempt.is_none() && !self.is_silent {
-            // The chain is about to stop, so the samples until then are not counted as missed.
+            // The attempt stops the chain. The first flagged sample is due one period after the last
+            // edge, and no sample counts as missed.
             self.due_us -= u64::from(SILENCE - 1) * self.period_us();
             self.is_silent = true;
         }

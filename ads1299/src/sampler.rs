@@ -17,7 +17,7 @@ use crate::reading::Reading;
 use crate::settings::Settings;
 use crate::streaming::Streaming;
 
-/// Periods without an edge of DRDY after which a chain counts as silent.
+/// Number of sample periods without an edge of DRDY after which a chain counts as silent.
 pub const SILENCE: u32 = 4;
 
 /// Owns a chain, reads every sample and reports its errors.
@@ -85,17 +85,19 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     }
 
     /// Brings the chain up and starts it, as [`Chain::power_up`] and
-    /// [`Configured::start`](crate::configured::Configured::start) do; `progress` is called at least every 20 ms.
+    /// [`Configured::start`](crate::configured::Configured::start) do; `progress` is called at least
+    /// every 20 ms.
     ///
     /// # Errors
-    /// The first error. If it concerns single chips, the chain runs, and these chips are bad in every
-    /// reading. If it concerns every chip, the bus or a pin, the chain stays stopped.
+    /// The first error. If only some chips have a wrong ID or register, the chain runs, and these chips
+    /// are bad in every reading. If every chip has, or if the bus or a pin fails, the chain stays
+    /// stopped.
     pub async fn start(&mut self, mut progress: impl FnMut()) -> Result<(), Error> {
         let mut bring_up = BringUp::from_power(POWER_ON_US);
         self.finish(&mut bring_up, &mut progress).await
     }
 
-    /// Like [`Self::start`], for supplies that may have just come on: waits 1 s for VCAP1.
+    /// Like [`Self::start`], but waits 1 s for VCAP1, because the supplies may have just come on.
     ///
     /// # Errors
     /// Those of [`Self::start`].
@@ -104,7 +106,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         self.finish(&mut bring_up, &mut progress).await
     }
 
-    /// Sets up chips that have been reset since power-on, and starts them.
+    /// Brings up chips that have been reset since power-on, and starts them.
     pub(crate) async fn resume(&mut self, progress: &mut impl FnMut()) -> Result<(), Error> {
         self.finish(&mut BringUp::from_reset(), progress).await
     }
@@ -121,8 +123,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         self.run_checked(bring_up).await
     }
 
-    /// Runs the next stage of a bring-up. The last one starts the chain. Returns the delay before the next
-    /// stage in microseconds, or `None` after the last one.
+    /// Runs the next stage of a bring-up; the last stage starts the chain. Returns the delay before the
+    /// next stage in microseconds, or `None` after the last one.
     pub(crate) async fn run_stage(
         &mut self,
         bring_up: &mut BringUp<CHIPS>,
@@ -155,7 +157,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         self.is_running
     }
 
-    /// Returns the settings of the chain.
+    /// Returns the settings with which the chain is brought up.
     pub const fn settings(&self) -> &Settings<CHIPS> {
         &self.settings
     }
@@ -165,13 +167,13 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         &self.counts
     }
 
-    /// Returns the newest reading.
+    /// Returns the newest reading; `None` before the first one.
     pub const fn last(&self) -> Option<&Reading<CHIPS>> {
         self.last.as_ref()
     }
 
-    /// Returns the sample rate from DRDY's edges in millihertz. It is measured over the last 1/8 s
-    /// without a gap, or since the last early or late edge. `None` before the first measurement.
+    /// Returns the sample rate measured from DRDY's edges, in millihertz; `None` before the first
+    /// measurement. It is updated every 64 periods (1/8 s at 512 Hz), and at an early or late edge.
     pub const fn millihertz(&self) -> Option<u32> {
         self.watch.millihertz()
     }
@@ -181,7 +183,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         &self.counters
     }
 
-    /// Reads the sample whose DRDY edge was at `edge_us`, in microseconds; [`Self::counts`] then returns it.
+    /// Reads the sample whose DRDY edge was at `edge_us`, in microseconds; [`Self::counts`] then returns
+    /// its counts.
     ///
     /// # Timing
     /// That of [`Streaming::read`] and [`Decoder::decode`]; no allocation, no panic.
@@ -210,8 +213,9 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         reading
     }
 
-    /// Records a missing sample. Call it after [`SILENCE`] periods without an edge of DRDY, and then each
-    /// period; `missed` is the number of periods before this one.
+    /// Records a missing sample. Call it after [`SILENCE`] periods without an edge of DRDY, and then
+    /// each period. `missed` is the number of samples missing before this one and not yet reported:
+    /// three ([`SILENCE`] less one) in the first call, then 0.
     pub fn silence(&mut self, missed: u32) -> Reading<CHIPS> {
         self.watch.restart();
         let reading = Reading {

@@ -25,7 +25,8 @@ use crate::test_signal::TestSignal;
 /// Number of periods of the test signal that are measured.
 const PERIODS: u32 = 2;
 
-/// Number of extra samples, for the settling and for a transition in progress.
+/// Number of samples beyond these periods, for the settling and for a transition in progress at the
+/// start.
 const LEAD: u32 = 16;
 
 /// Number of samples with shorted inputs, as in the data sheet (section 8.1).
@@ -38,7 +39,7 @@ pub struct SelfTest<const CHIPS: usize> {
     report: SelfTestReport<CHIPS>,
 }
 
-/// Measurement of one channel; the two kinds, which run one after the other, share the memory.
+/// Measurement of one channel. The two kinds run one after the other, so they share memory.
 #[derive(Clone, Debug)]
 enum Measurement {
     SquareWave(SquareWaveTest),
@@ -68,7 +69,7 @@ impl<const CHIPS: usize> Default for SelfTest<CHIPS> {
 }
 
 impl<const CHIPS: usize> SelfTest<CHIPS> {
-    /// Creates an empty self-test.
+    /// Creates a self-test with an empty report.
     pub const fn new() -> Self {
         Self {
             measurements: [const { [const { Measurement::new(Input::Shorted, Gain::X24) }; CHANNELS] };
@@ -196,7 +197,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             .await
     }
 
-    /// Sets all channels to `input` and measures `samples` samples of each.
+    /// Sets all channels to `input` and measures `samples` samples of each. Calls `edge` with the time
+    /// of each edge of DRDY, in microseconds.
     async fn stream(
         &mut self,
         test: &mut SelfTest<CHIPS>,

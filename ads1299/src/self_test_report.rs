@@ -17,7 +17,7 @@ pub struct SelfTestReport<const CHIPS: usize> {
     pub channels: [[ChannelReport; CHANNELS]; CHIPS],
     /// Sample rate, measured at chip 0's DRDY.
     pub ready: ReadyReport,
-    /// Error that stopped the test; the stages after it were not measured.
+    /// Error that stopped the test; the stages after it were not run.
     pub stopped: Option<Error>,
     /// Error while restoring the previous settings.
     pub not_restored: Option<Error>,
@@ -28,27 +28,28 @@ pub struct SelfTestReport<const CHIPS: usize> {
 pub struct ChipReport {
     /// ID that the chip returned; the right one is [`ID`](crate::register::ID).
     pub id: u8,
-    /// Number of registers that differ from the value written, 0 to 24: the largest number of all
-    /// stages.
+    /// Largest number of registers, over all stages, that differ from the values written: 0 to 24.
     pub differing: u8,
-    /// Wrong ID, or first register that differs.
+    /// Error of a wrong ID, or of the first register that differs.
     pub fault: Option<Error>,
-    /// Number of frames that were damaged or repeated; they are left out of the measurements.
+    /// Number of frames in which the chip's data were damaged or repeated; they are left out of the
+    /// measurements.
     pub bad_frames: u32,
 }
 
 /// Measured gain, offset and noise of a channel, referred to its input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelReport {
-    /// Measured over expected amplitude of the square wave, less 1; -1 without a square wave.
+    /// Ratio of the measured to the expected amplitude of the square wave, minus 1; -1 without a square
+    /// wave.
     pub gain_error: f32,
-    /// Mean of the square wave's levels, in microvolts.
+    /// Mean of the square wave's two levels, in microvolts.
     pub offset_uv: f32,
-    /// Noise around the levels of the square wave, in microvolts rms.
+    /// Noise around the two levels of the square wave, in microvolts rms.
     pub noise_uv: f32,
     /// Noise with shorted input, in microvolts rms.
     pub shorted_noise_uv: f32,
-    /// First limit of the self-test that the channel exceeds.
+    /// First limit of the self-test that the channel does not keep.
     pub fault: Option<SelfTestFault>,
 }
 
@@ -59,9 +60,9 @@ pub struct ReadyReport {
     pub expected: u32,
     /// Measured rate, in millihertz; 0 if it was not measured.
     pub measured: u32,
-    /// Number of early edges.
+    /// Number of edges that came too early.
     pub early: u32,
-    /// Number of missing edges.
+    /// Number of edges that did not come.
     pub missed: u32,
     /// Error of the sample rate, if it is not the configured one.
     pub fault: Option<RateError>,
@@ -74,20 +75,20 @@ pub enum Finding {
     Chain(Error),
     /// The sample rate is not the configured one.
     Rate(RateError),
-    /// A chip sent damaged or repeated frames.
+    /// A chip's data were damaged or repeated in some frames.
     Frames {
-        /// Index of the chip.
+        /// Index of the chip, from 0 at MISO.
         chip: u8,
-        /// Number of damaged or repeated frames.
+        /// Number of these frames.
         bad: u32,
     },
-    /// A channel exceeds a limit.
+    /// A channel does not keep a limit.
     Channel {
-        /// Index of the chip.
+        /// Index of the chip, from 0 at MISO.
         chip: u8,
         /// Index of the channel on the chip, from 0.
         channel: u8,
-        /// Limit that is exceeded.
+        /// Limit that the channel does not keep.
         fault: SelfTestFault,
     },
     /// The chain could not be restored to its previous settings.
@@ -124,9 +125,9 @@ impl<const CHIPS: usize> SelfTestReport<CHIPS> {
     /// Checks that the test was passed.
     ///
     /// # Errors
-    /// The most fundamental finding: registers first, then the rate, frames and channels. A broken
-    /// chip also damages frames and channels of other chips, so a finding of a later kind may be a
-    /// consequence.
+    /// The first finding in this order: registers, the error that stopped the test, rate, frames,
+    /// channels, restored settings. A broken chip also corrupts the frames of other chips, so a finding
+    /// late in this order may be its consequence.
     #[expect(clippy::cast_possible_truncation, reason = "at most 8 of each")]
     pub fn check(&self) -> Result<(), Finding> {
         let none = |finding: Option<Finding>| finding.map_or(Ok(()), Err);

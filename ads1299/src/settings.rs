@@ -19,16 +19,16 @@ pub struct Settings<const CHIPS: usize> {
     pub test_signal: TestSignal,
     /// Lead-off detection of all chips.
     pub lead_off: LeadOff,
-    /// Settings per chip; chip 0 is the one at MISO.
+    /// Settings per chip; chip 0 is wired to MISO.
     pub chips: [ChipSettings; CHIPS],
 }
 
-/// Settings of one chip. Bit n of a byte is channel n, from 0.
+/// Settings of one chip. In a byte with one bit per channel, bit n is channel n, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChipSettings {
     /// Settings per channel.
     pub channels: [Channel; CHANNELS],
-    /// Bias amplifier.
+    /// Settings of the bias amplifier.
     pub bias: Bias,
     /// Connects SRB1 to every negative input, so that one electrode is the reference of all
     /// channels (MISC1.SRB1, data sheet section 9.6.1.15).
@@ -54,15 +54,15 @@ pub struct Channel {
     pub input: Input,
 }
 
-/// Bias amplifier of a chip. It drives the subject to mid-supply, which reduces mains (data sheet
-/// section 9.3.2.4.5).
+/// Settings of a chip's bias amplifier, which drives the subject to mid-supply and so reduces mains
+/// interference (data sheet section 9.3.2.4.5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bias {
     /// Powers the amplifier.
     pub on: bool,
-    /// Uses the internal reference at mid-supply.
+    /// Uses the chip's internal mid-supply voltage as the amplifier's reference (CONFIG3.BIASREF_INT).
     pub internal_reference: bool,
-    /// Monitors the bias electrode (CONFIG3.BIAS_LOFF_SENS).
+    /// Detects a disconnected bias electrode (CONFIG3.BIAS_LOFF_SENS).
     pub lead_off: bool,
     /// Positive inputs that the bias is derived from, one bit each.
     pub positive: u8,
@@ -82,8 +82,8 @@ impl Bias {
 }
 
 impl<const CHIPS: usize> Settings<CHIPS> {
-    /// EEG against one reference electrode at SRB1: 512 Hz, gain 24, bias driven by chip 0 from its
-    /// positive inputs. No lead-off current, because it adds noise.
+    /// Settings for EEG against one reference electrode at SRB1: 512 Hz, gain 24, bias driven by chip 0
+    /// from its positive inputs. No lead-off current, because it adds noise.
     pub const EEG: Self = {
         let chip = ChipSettings {
             channels: [Channel {

@@ -2,8 +2,9 @@
 //!
 //! The digital model has power-on and reset times, commands that need SDATAC first, four tCLK
 //! between bytes and before deselection, reset values, read-only registers, a reference that
-//! settles in 150 ms, settling after START and CONFIG1, and a frame that the next sample overwrites
-//! while it is read. `analogue.rs` models electrodes, gains, test signal, lead-off and noise.
+//! settles in 150 ms, settling after START and after a write of CONFIG1, and a frame that the next
+//! sample overwrites even while it is read. `analogue.rs` models electrodes, gains, test signal,
+//! lead-off and noise.
 //!
 //! Not modelled are commands that the driver never sends, SRB1 and SRB2, the bias amplifier, the
 //! sinc filter on other signals than the test signal, and the circuits of a board.
@@ -68,21 +69,21 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         SimulatedReady(self.0.clone())
     }
 
-    /// Returns the time since power-on, in microseconds.
+    /// Returns the virtual time since this chain was created, in microseconds.
     pub fn time_us(&self) -> u64 {
         self.board().now_ns() / 1000
     }
 
-    /// Advances time to the next edge of DRDY and returns its time in nanoseconds. Advances to
-    /// `limit_ns` and returns `None` if there is no edge before that time.
+    /// Advances time to the next edge of DRDY and returns the edge's time in nanoseconds. Advances to
+    /// `limit_ns` and returns `None` if there is no edge by then.
     pub fn pass_to_edge(&self, limit_ns: u64) -> Option<u64> {
         let mut board = self.board();
         let came = board.advance_to_edge_until(limit_ns);
         came.then(|| board.now_ns())
     }
 
-    /// Returns the end of the next conversion, when DRDY falls, in nanoseconds since power-on; `None` while
-    /// the chips are stopped.
+    /// Returns the time at which the next conversion ends and DRDY falls, in nanoseconds since this
+    /// chain was created; `None` while the chips are stopped.
     pub fn next_edge_ns(&self) -> Option<u64> {
         self.board().next_ns()
     }
@@ -115,18 +116,19 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().power_on();
     }
 
-    /// Connects or disconnects an electrode; `chip` and `channel` count from 0.
+    /// Connects or disconnects the electrode at the positive or negative input of a channel; `chip` and
+    /// `channel` count from 0.
     pub fn set_electrode(&self, chip: usize, channel: usize, positive: bool, on: bool) {
         self.board().set_electrode(chip, channel, positive, on);
     }
 
-    /// Returns how often the driver violated a timing rule: too early after power-on or reset, too short a
-    /// delay between bytes, deselected too early, registers read at the burst speed.
+    /// Returns how often the driver violated a timing rule: a reset or command too early, a byte before
+    /// the previous one was decoded, deselection too early, or registers read at the burst speed.
     pub fn violations(&self) -> u32 {
         self.board().violations()
     }
 
-    /// Returns the events on the wires with their times in nanoseconds, without data bytes and frames.
+    /// Returns the log of the wires, with times in nanoseconds: resets, levels of START, and opcodes.
     pub fn events(&self) -> Vec<(u64, Event)> {
         self.board().events().to_vec()
     }
@@ -136,14 +138,14 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
     }
 }
 
-// A virtual board runs the chain in another thread, so it must be `Send` and `Sync`.
+// A virtual board runs the chain in another thread, so `Simulation` must be `Send` and `Sync`.
 const _: fn() = || {
     const fn is_send<T: Send + Sync>() {}
     is_send::<Simulation<8>>();
 };
 
-/// Runs a future on simulated wires to its end. Time is virtual, so one poll is enough. Returns `None` if
-/// it waits for an event that never comes, such as an edge of DRDY without START.
+/// Runs a future on simulated wires to its end. Time is virtual, so one poll is enough. Returns `None`
+/// if the future waits for something that never happens, such as an edge of DRDY without START.
 pub fn finish<T>(future: impl Future<Output = T>) -> Option<T> {
     match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(value) => Some(value),

@@ -11,8 +11,8 @@ use crate::test_signal::TestSignal;
 const GUARD: usize = 4;
 
 /// Measures gain, offset and noise of one channel from the chip's internal square wave. It needs at
-/// least two periods, about 2 s; samples after the first 2^16 are ignored. Its size is 120 bytes,
-/// so 64 channels can be measured at once.
+/// least two periods, about 2 s; samples after the first 2^16 are ignored. Its size is 120 bytes, small
+/// enough to measure 64 channels at once.
 #[derive(Clone, Debug)]
 pub struct SquareWaveTest {
     gain: Gain,
@@ -31,11 +31,11 @@ pub struct SquareWaveTest {
 /// Gain, offset and noise of a channel at the square wave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SquareWaveResult {
-    /// Measured over expected amplitude, less 1; -1 without a square wave.
+    /// Ratio of the measured to the expected amplitude, minus 1; -1 without a square wave.
     pub gain_error: f32,
-    /// Mean of both levels, in microvolts at the input.
+    /// Mean of the two levels, in microvolts at the input.
     pub offset_uv: f32,
-    /// Noise around the levels, in microvolts rms at the input.
+    /// Noise around the two levels, in microvolts rms at the input.
     pub noise_uv: f32,
     /// Number of samples that the result is computed from.
     pub samples: u32,
@@ -63,7 +63,7 @@ impl SquareWaveTest {
     pub fn add_sample(&mut self, count: i32) {
         let newest = self.recent[GUARD - 1];
         if self.held > 0 && (newest < 0) != (count < 0) {
-            // The transition may have started in the samples held back.
+            // The transition may have started in the samples held back, so they are discarded.
             self.held = 0;
             self.skip = GUARD;
         }

@@ -1,7 +1,7 @@
 //! Running mean and variance of ADC counts.
 
-/// Running sums for mean and variance. The sums are exact: 2^16 counts, each clipped to 2^23 from
-/// the reference, fit into 64 bits.
+/// Running sums for mean and variance. Each count is clipped to within 2^23 of the reference, so the
+/// sums over 2^16 counts are exact in 64 bits.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Statistics {
     reference: i32,
@@ -11,7 +11,7 @@ pub(crate) struct Statistics {
 }
 
 impl Statistics {
-    /// Largest number of counts; further ones are ignored.
+    /// Largest number of counts in the sums; further counts are ignored.
     const MOST: u32 = 1 << 16;
 
     /// Creates empty sums; `reference` should be near the mean.
@@ -41,7 +41,7 @@ impl Statistics {
         self.number
     }
 
-    /// Returns the mean in counts; the reference if there are none.
+    /// Returns the mean in counts; the reference if no count has been added.
     #[expect(clippy::cast_precision_loss, reason = "|sum| <= 2^39 is exact")]
     pub(crate) fn mean(&self) -> f64 {
         f64::from(self.reference) + self.sum as f64 / f64::from(self.number.max(1))
@@ -56,7 +56,7 @@ impl Statistics {
 }
 
 /// Returns `sqrt(spread / number)` in counts, to 1/65536 count. Uses the integer square root, because
-/// `core` has none for floats.
+/// `core` has no square root for floats.
 #[expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
@@ -66,8 +66,8 @@ impl Statistics {
 pub(crate) fn rms(spread: f64, number: u32) -> f64 {
     let variance = spread / f64::from(number.max(1));
     let scale = 65536.0;
-    // 2^31 counts^2 is the variance of 1 mV at gain 24. Below it the scaled variance fits into 64
-    // bits.
+    // 2^31 counts^2 is the variance at 1 mV rms and gain 24. Below that, the scaled variance fits into
+    // 64 bits.
     if variance < 2_147_483_648.0 {
         ((variance * scale * scale) as u64).isqrt() as f64 / scale
     } else {

@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-/// Status word before a chip's counts (data sheet section 9.4.4): 1100, LOFF_STATP, LOFF_STATN,
-/// GPIO data. 24 bits; the upper 8 bits are 0.
+/// Word of 24 bits that a chip sends before its counts (data sheet section 9.4.4): 1100, LOFF_STATP,
+/// LOFF_STATN, GPIO data, from the most significant bit. The upper 8 bits of the `u32` are 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StatusWord(pub u32);
 
@@ -21,7 +21,7 @@ pub enum ChipFault {
     Late(u8),
     /// 1100 is one bit early, because a clock edge was lost.
     Early,
-    /// The upper four bits are these instead of 1100.
+    /// The upper four bits have this value instead of 1100, and no other variant applies.
     Nibble(u8),
     /// More channels repeat their counts exactly than chance explains. Channels at a rail or at 0
     /// are not counted.
@@ -34,12 +34,12 @@ impl StatusWord {
         (self.0 >> 20 & 0xF) as u8
     }
 
-    /// Returns the positive inputs whose electrodes are off, one bit each (LOFF_STATP).
+    /// Returns the positive inputs at which an electrode is disconnected, one bit each (LOFF_STATP).
     pub const fn off_positive(self) -> u8 {
         (self.0 >> 12 & 0xFF) as u8
     }
 
-    /// Returns the negative inputs whose electrodes are off, one bit each (LOFF_STATN).
+    /// Returns the negative inputs at which an electrode is disconnected, one bit each (LOFF_STATN).
     pub const fn off_negative(self) -> u8 {
         (self.0 >> 4 & 0xFF) as u8
     }
@@ -49,7 +49,7 @@ impl StatusWord {
         (self.0 & 0xF) as u8
     }
 
-    /// Classifies a wrong start of the word by its first bits; `None` if the first four are 1100.
+    /// Returns the fault that the first bits of the word show; `None` if the first four are 1100.
     pub const fn fault(self) -> Option<ChipFault> {
         let nibble = self.nibble();
         if nibble == NIBBLE {

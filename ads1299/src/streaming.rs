@@ -1,4 +1,4 @@
-//! Converting state of a chain: reads frames until it is stopped.
+//! Converting state of a chain, in which frames are read.
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;
@@ -15,12 +15,13 @@ use crate::command::DECODE;
 use crate::error::{Error, Pin};
 use crate::rate::Rate;
 
-/// A converting chain: one frame per falling edge of DRDY, until it is stopped. While it converts,
-/// registers cannot be accessed.
+/// A converting chain: one frame per falling edge of DRDY, until the chain is stopped. While it
+/// converts, registers cannot be accessed.
 #[derive(Debug)]
 pub struct Streaming<'a, Spi, Line, Delay, const CHIPS: usize> {
-    /// Wires of the chain, for firmware that clocks frames by DMA: all selects low,
-    /// [`frame_bytes`](crate::frame::frame_bytes) zeros out, 4 tCLK, all selects high.
+    /// The chain, for firmware that clocks frames by DMA. For each frame the firmware sets all selects
+    /// low, sends [`frame_bytes`](crate::frame::frame_bytes) zeros, waits 4 tCLK and sets all selects
+    /// high.
     pub chain: &'a mut Chain<Spi, Line, Delay, CHIPS>,
     clock: Clock,
     rate: Rate,
@@ -40,9 +41,9 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     /// Waits for DRDY to fall.
     ///
     /// # Errors
-    /// [`Error::NeverReady`] after the settling time and four sample periods, which suits the first
-    /// sample and all later ones. The error names chip 0, whose DRDY is wired. [`Error::Pin`] when
-    /// the pin fails.
+    /// [`Error::NeverReady`] if DRDY does not fall within the settling time and four sample periods,
+    /// which is long enough for the first sample too. The error names chip 0, whose DRDY is wired.
+    /// [`Error::Pin`] when the pin fails.
     pub async fn ready(&mut self, drdy: &mut impl Wait) -> Result<(), Error> {
         let cycles = self.rate.settling() + 4 * self.rate.divider();
         let waited_us = self.clock.microseconds(cycles);
@@ -66,10 +67,10 @@ impl<'a, Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize>
     /// When the bus or a pin fails.
     ///
     /// # Timing
-    /// Call it directly after DRDY; it must end before the next DRDY. Clocking takes 108 us for
-    /// eight chips at 16 MHz, and 3 us more pass until the chips are deselected.
+    /// Call it directly after DRDY falls; the call must end before DRDY falls again. Clocking takes 108
+    /// us for eight chips at 16 MHz, and 3 us more pass until the chips are deselected.
     pub async fn read(&mut self, frame: &mut [u8]) -> Result<(), Error> {
-        // The chips would execute any opcode sent here; zero is none.
+        // The chips would execute an opcode sent here, so only zeros are sent: 0 is not an opcode.
         frame.fill(0);
         self.chain.select(0..CHIPS, true)?;
         let result = self.chain.transfer(frame).await;

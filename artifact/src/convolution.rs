@@ -93,8 +93,8 @@ impl Volume {
     }
 }
 
-/// An unpadded convolution with a 3x3x3 kernel. For padding, apply [`Volume::padded`] before it, or
-/// [`Volume::cropped`] after a transposed one.
+/// An unpadded convolution with a 3x3x3 kernel. For padding, apply [`Volume::padded`] to the input; for
+/// padding of a transposed convolution, apply [`Volume::cropped`] to the output.
 ///
 /// Weights are `[out][in][step][row][column]`; those of the decoder's transposed convolution are
 /// `[in][out][step][row][column]`, as in PyTorch.
@@ -276,7 +276,7 @@ mod tests {
         }
     }
 
-    /// Returns a convolution whose weights are 0 except for one tap.
+    /// Returns a convolution whose weights are 0 except for one, which is 2. Every bias is 0.5.
     fn one_tap(inputs: usize, outputs: usize, index: usize) -> Convolution {
         let mut weight = vec![0.0; inputs * outputs * 27];
         weight[index] = 2.0;
@@ -289,7 +289,7 @@ mod tests {
 
     #[test]
     fn a_single_tap_shifts_and_scales() {
-        // Output 1, input 0, tap (1, 0, 2) of two inputs and two outputs.
+        // The weight that is not 0 belongs to output 1, input 0 and tap (1, 0, 2).
         let convolution = one_tap(2, 2, 2 * 27 + 9 + 2);
         let x = ramp(2, [4, 5, 6]);
         let y = convolution.forward(&x);

@@ -33,7 +33,7 @@ pub struct Description {
     pub mode: Mode,
     /// Length, hop and rate of the encoder's windows.
     pub window: Window,
-    /// Padding and pool of the convolutions; unused in mode `pca`, which has none.
+    /// Padding and pool of the convolutions; unused in mode `pca`, which has no convolutions.
     pub network: NetworkShape,
     /// Integer format of the codes.
     pub code: CodeQuantisation,
@@ -55,9 +55,9 @@ pub struct Description {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
-    /// The paper's network, whose decoder unpools with pool indices: the code alone cannot be decoded.
+    /// The paper's network. Its decoder unpools with pool indices, so the code alone cannot be decoded.
     Paper,
-    /// The paper's network, with nearest-neighbour unpooling: the code alone can be decoded.
+    /// The paper's network, but with nearest-neighbour unpooling, so the code alone can be decoded.
     PaperCodeOnly,
     /// [`Self::PaperCodeOnly`] plus linear maps from window to code and back.
     Shortcut,
@@ -244,8 +244,8 @@ pub enum Decimation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
-    /// Standard deviation of the filtered training set, uV. The input of the float network is uV divided
-    /// by this.
+    /// Standard deviation of the filtered training set, uV. The input of the float network is in units
+    /// of this value.
     pub sd_uv: f64,
 }
 

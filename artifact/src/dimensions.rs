@@ -8,15 +8,15 @@ pub const STEPS: usize = 16;
 pub const ROWS: usize = 10;
 /// Number of columns of the scalp grid, left to right.
 pub const COLUMNS: usize = 9;
-/// Cells of one plane of the scalp grid; cells without an electrode hold 0.
+/// Number of cells in one plane of the scalp grid; a cell without an electrode holds 0.
 pub const CELLS: usize = ROWS * COLUMNS;
-/// Electrodes of the montage; each has one cell of the scalp grid.
+/// Number of electrodes of the montage; each has one cell of the scalp grid.
 pub const ELECTRODES: usize = 61;
 /// Length of a code, in numbers.
 pub const CODE: usize = 128;
-/// Numbers of a window on the scalp grid: step, row, column, the last fastest.
+/// Number of values in a window on the scalp grid, in the order step, row, column (the last fastest).
 pub const WINDOW_CELLS: usize = STEPS * CELLS;
-/// Numbers of a window of electrodes: step, electrode, the last fastest.
+/// Number of values in a window of electrodes, in the order step, electrode (the last fastest).
 pub const WINDOW_ELECTRODES: usize = STEPS * ELECTRODES;
 /// Number of output channels of the first convolution.
 pub const CONV1_CHANNELS: usize = 16;

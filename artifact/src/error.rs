@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// An artifact that cannot be read, written or used.
+/// Reason why an artifact cannot be read, written or used.
 #[derive(Debug, thiserror::Error)]
 pub enum ArtifactError {
     /// A file of the folder cannot be read or written.
@@ -37,14 +37,14 @@ pub enum ArtifactError {
         /// Valid values, in words.
         expected: String,
     },
-    /// An electrode label that is malformed, occurs twice, or is only on the grid or only in the montage.
+    /// An electrode label is malformed, occurs twice, or is only on the grid or only in the montage.
     #[error(
         "model.toml: electrode {label}: {problem}; grid.cells and montage.electrodes must hold the same labels, each once"
     )]
     Label {
         /// Label of the electrode, as in the file.
         label: String,
-        /// Description of the problem, without the subject.
+        /// Problem in words, which continue a sentence that begins with the label.
         problem: &'static str,
     },
     /// A tensor that the model's mode requires is missing.
@@ -55,7 +55,7 @@ pub enum ArtifactError {
         /// Name of the tensor, as in the file.
         name: String,
     },
-    /// A tensor that no model of this mode has, perhaps a misspelt name.
+    /// The file holds a tensor that no model of this mode has; its name may be misspelt.
     #[error("{file}: tensor {name} is not part of a model of this mode; rename or remove it")]
     UnknownTensor {
         /// Name of the file in the artifact's folder.
@@ -75,7 +75,7 @@ pub enum ArtifactError {
         /// Shape that mode, padding and pool of the model require.
         expected: Vec<usize>,
     },
-    /// A tensor has another element type than the format.
+    /// A tensor has another element type than the format requires.
     #[error(
         "{file}: tensor {name} has elements of type {found}, expected {expected}; convert it before writing"
     )]
@@ -89,7 +89,7 @@ pub enum ArtifactError {
         /// Element type that the format requires.
         expected: &'static str,
     },
-    /// An element is infinite or NaN: training diverged.
+    /// An element is infinite or NaN, probably because training diverged.
     #[error("{file}: tensor {name}, element {index}, is {value}; train again with a lower rate")]
     NotFinite {
         /// Name of the file in the artifact's folder.
@@ -110,10 +110,10 @@ pub enum ArtifactError {
         name: String,
         /// Index of the first offending element, last dimension fastest.
         index: usize,
-        /// Description of the problem, without the subject.
+        /// Problem in words, for the message.
         problem: &'static str,
     },
-    /// The model has mode `paper`, whose decoder needs pool indices that are not in the code.
+    /// The model has mode `paper`, whose decoder needs pool indices, which are not in the code.
     #[error(
         "a model of mode `paper` cannot be decoded from its code: its pool indices are not sent; use `paper-code-only` or `shortcut`"
     )]

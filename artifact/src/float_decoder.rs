@@ -8,13 +8,14 @@ use crate::folder::Artifact;
 use crate::geometry::Geometry;
 use crate::scalp_grid::ScalpGrid;
 
-/// The decoder in f32: fully connected; nearest-neighbour unpooling; transposed conv, ReLU, norm;
-/// transposed conv; plus the linear shortcut. Its only input is the code.
+/// The decoder in f32: a fully connected layer, nearest-neighbour unpooling, a transposed convolution
+/// with ReLU and batch norm, and a second transposed convolution. The linear shortcut is added to their
+/// output. The only input is the code.
 #[derive(Clone, Debug)]
 pub struct FloatDecoder {
     grid: ScalpGrid,
     convolutions: Option<Convolutions>,
-    /// Weights `[976][128]`; feature = step * 61 + electrode.
+    /// Weights `[976][128]`; the row is step * 61 + electrode. `None` without a shortcut.
     shortcut: Option<Vec<f32>>,
 }
 
@@ -102,8 +103,9 @@ impl Convolutions {
     }
 }
 
-/// Unpools by nearest neighbour: position p of n takes pooled position floor(p * pooled / n), as
-/// PyTorch's `interpolate` does. For example, the first three of five columns take pooled column 0.
+/// Unpools by nearest neighbour: position p of n takes pooled position floor(p * m / n), where m is the
+/// pooled size, as in PyTorch's `interpolate`. For example, the first three of five columns take pooled
+/// column 0 of two.
 fn unpool(flat: &[f32], geometry: &Geometry) -> Volume {
     let (pooled, size) = (geometry.pooled, geometry.feature_map);
     let [steps, rows, columns] = size;
@@ -140,7 +142,7 @@ mod tests {
         let geometry = Geometry::new(&testing::description().network);
         let flat: Vec<f32> = (0..geometry.flat()).map(|index| index as f32).collect();
         let x = unpool(&flat, &geometry);
-        // Channel 1, step 3, row 5: pooled step 1, pooled row 2.
+        // Channel 1, step 3, row 5 takes pooled step 1, pooled row 2.
         let row = ((12 + 3) * 6 + 5) * 5;
         let first = ((6 + 1) * 3 + 2) * 2;
         let expected = [first, first, first, first + 1, first + 1].map(|index| index as f32);
@@ -163,10 +165,12 @@ mod tests {
 
     #[test]
     fn a_code_decodes_to_the_window_worked_out_by_hand() {
-        // testing::shortcut: decoder.fc 0 = code 0; conv1 tap (0,0,0) of channel 0 -> 0 is 1; norm
-        // gain 2, offset 0.25; conv2 tap (2,2,2) of channel 0 is 1, bias -0.5; no shortcut part.
-        // Along an unpadded axis, conv2's tap shifts the region that pooled position 0 covers. Along a
-        // padded one, conv1 shifts it back by one, out of the volume, and conv2 forward by one.
+        // In testing::shortcut, output 0 of decoder.fc is code 0; tap (0,0,0) of conv1 from channel 0 to
+        // channel 0 is 1; the norm has gain 2 and offset 0.25; tap (2,2,2) of conv2 from channel 0 is 1,
+        // its bias -0.5; the shortcut is 0. Along an unpadded axis, conv2's tap shifts the region that
+        // pooled position 0 covers by two. Along a padded axis, conv1 shifts the region by one to the
+        // front, partly out of the volume, and conv2 by one to the back. Each case ends with the covered
+        // region and the first position that the tap reaches.
         let cases = [
             (Padding::None, [2, 2, 2], [2..4, 2..4, 2..5], [2, 2, 2]),
             (Padding::None, [4, 3, 5], [2..6, 2..5, 2..7], [2, 2, 2]),

@@ -9,13 +9,14 @@ use crate::folder::Artifact;
 use crate::geometry::Geometry;
 use crate::scalp_grid::ScalpGrid;
 
-/// The encoder in f32: conv, ReLU, norm, twice; max-pool; fully connected; plus the linear
-/// shortcut. The reference for the integer encoder's quantisation error.
+/// The encoder in f32: two convolutions, each with ReLU and batch norm, a max-pool and a fully connected
+/// layer. The linear shortcut is added to their output. Reference for the integer encoder's quantisation
+/// error.
 #[derive(Clone, Debug)]
 pub struct FloatEncoder {
     grid: ScalpGrid,
     convolutions: Option<Convolutions>,
-    /// Weights `[128][976]`; feature = step * 61 + electrode.
+    /// Weights `[128][976]`; the column is step * 61 + electrode. `None` without a shortcut.
     shortcut: Option<Vec<f32>>,
 }
 
@@ -31,7 +32,7 @@ struct Convolutions {
     fc_bias: Vec<f32>,
 }
 
-/// A code with the largest activations of its computation, for calibration.
+/// A code with the largest activations of its computation, which calibration needs.
 #[derive(Clone, Copy, Debug)]
 pub struct TracedCode {
     /// Float code, before quantisation.
@@ -88,12 +89,13 @@ impl FloatEncoder {
         })
     }
 
-    /// Returns the code of a window: step, row, column; in units of `input.sd_uv` microvolts.
+    /// Returns the code of a window, which is `[step][row][column]` in units of `input.sd_uv`
+    /// microvolts.
     pub fn encode(&self, window: &[f32; WINDOW_CELLS]) -> [f32; CODE] {
         self.encode_traced(window).code
     }
 
-    /// Returns the code of a window with the largest activations, which calibration needs.
+    /// Returns the code of a window and the largest activations, which calibration needs.
     pub fn encode_traced(&self, window: &[f32; WINDOW_CELLS]) -> TracedCode {
         let mut traced = TracedCode {
             code: [0.0; CODE],
@@ -208,7 +210,8 @@ mod tests {
         };
         let pooled = max_pool(&x, &geometry);
         assert_eq!(pooled.len(), CONV2_CHANNELS * 12 * 3 * 4);
-        // Channel 1, step 2, pool row 1, pool column 2: the last row and column of that pool.
+        // Channel 1, step 2, pool row 1, pool column 2: the values increase, so the maximum is in the
+        // last row and column of the pool.
         let last = ((steps + 2) * rows + 5) * columns + 5;
         assert_eq!(pooled[((12 + 2) * 3 + 1) * 4 + 2], last as f32);
     }
@@ -217,7 +220,7 @@ mod tests {
     fn pca_codes_are_inner_products_with_the_components() {
         let artifact = testing::pca();
         let encoder = FloatEncoder::new(&artifact).unwrap();
-        // Component k of the test model is feature k.
+        // Component k of the test model selects feature k.
         let electrodes = core::array::from_fn(|feature| feature as f32);
         let code = encoder.encode(&ScalpGrid::new(&artifact.description).scatter(&electrodes));
         assert_eq!(code, core::array::from_fn(|index| index as f32));
@@ -225,8 +228,9 @@ mod tests {
 
     #[test]
     fn a_constant_window_has_the_code_worked_out_by_hand() {
-        // testing::shortcut: conv1 channel 0 = 0.5 + sum of 27 cells; norm gains 2 and offsets 0.25;
-        // conv2 channel 0 = 0.1 * centre tap of channel 0; fc 0 = pooled value 0; no shortcut part.
+        // In testing::shortcut, conv1 channel 0 = 0.5 + sum of 27 cells; the norms have gain 2 and
+        // offset 0.25; conv2 channel 0 = 0.1 * centre tap of channel 0; output 0 of fc = 1 + pooled
+        // value 0; the shortcut is 0.
         let artifact = testing::shortcut();
         let encoder = FloatEncoder::new(&artifact).unwrap();
         let window = [1.0; WINDOW_CELLS];
@@ -244,9 +248,9 @@ mod tests {
 
     #[test]
     fn a_padded_corner_has_the_code_worked_out_by_hand() {
-        // testing::shortcut as in the test above, but pooled value 0 is the corner of the feature map.
-        // There conv2's centre tap reads the corner of conv1's output, which sums the cells inside the
-        // window: 8 of 27 with padded steps, 12 without.
+        // With testing::shortcut_with, output 0 of fc = 1 + pooled value 0, the corner of the feature
+        // map. There conv2's centre tap reads the corner of conv1's output, which sums the cells inside
+        // the window: 8 of 27 with padded steps, 12 without.
         for (padding, inside) in [(Padding::Space, 12.0), (Padding::All, 8.0)] {
             let mut description = testing::description();
             description.network = NetworkShape {

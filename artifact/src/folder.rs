@@ -10,8 +10,8 @@ use std::path::Path;
 /// Name of the file that holds the description.
 const DESCRIPTION: &str = "model.toml";
 
-/// Factor by which the quantised input and activations exceed the range seen in calibration: clipping
-/// costs far more than resolution.
+/// Factor by which the range of the quantised input and activations exceeds the range in calibration.
+/// Clipping costs far more accuracy than a coarser resolution.
 pub const HEAD_ROOM: f64 = 1.25;
 
 /// A trained model: description, weights and calibration that belong together.
@@ -26,7 +26,7 @@ pub struct Artifact {
     pub weights: Tensors,
     /// Calibrated ranges, f32, from which model-gen derives the int8 scales.
     pub calibration: Tensors,
-    /// Hash over the three files, which identifies the model.
+    /// Hash over the files with description, weights and calibration; identifies the model.
     pub id: ModelId,
 }
 
@@ -49,7 +49,7 @@ impl FileBytes {
 }
 
 impl Artifact {
-    /// Creates a model from its parts; its id is that of the files [`Artifact::write`] will write.
+    /// Creates a model from its parts. Its id is that of the files that [`Artifact::write`] writes.
     ///
     /// # Errors
     /// If the parts are not a valid model.
@@ -109,8 +109,8 @@ impl Artifact {
     }
 
     /// Writes the three files that the model id covers into a folder, creates it if necessary, and
-    /// returns the id of the written files. It equals `self.id` unless a part was changed since, or
-    /// the model was read from a hand-written `model.toml`.
+    /// returns the id of the written files. This id equals `self.id`, unless a part was changed after
+    /// the model was created, or the model was read from a hand-written `model.toml`.
     ///
     /// # Errors
     /// If the parts are not a valid model or a file cannot be written.
@@ -129,7 +129,7 @@ impl Artifact {
         Ok(ModelId::from_files(bytes.named()))
     }
 
-    /// Returns the microvolts of one level of the encoder's int8 input; its zero point is 0.
+    /// Returns the microvolts of one level of the encoder's int8 input; the input's zero point is 0.
     ///
     /// # Errors
     /// If the calibration has no `input.max_abs`; impossible after [`Artifact::read`].

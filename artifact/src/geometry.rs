@@ -47,8 +47,8 @@ impl Geometry {
         }
     }
 
-    /// Returns the number of inputs of the fully connected layer: channel, step, row, column, the last
-    /// fastest.
+    /// Returns the number of inputs of the fully connected layer, which are in the order channel, step,
+    /// row, column (the last fastest).
     pub const fn flat(&self) -> usize {
         CONV2_CHANNELS * self.pooled[0] * self.pooled[1] * self.pooled[2]
     }

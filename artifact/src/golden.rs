@@ -8,7 +8,7 @@ use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 use std::path::Path;
 
-/// Name of the file in the artifact's folder.
+/// Name of the file with the golden windows.
 const FILE: &str = "golden.safetensors";
 
 /// Name of the tensor of exponents, which only format `Int8Exponent` has.

@@ -17,7 +17,7 @@
 //! | `golden.safetensors` | int8 windows and their codes ([`Golden`]) | no: it tests the model |
 //!
 //! [`FloatEncoder`] and [`FloatDecoder`] run the network in f32 with plain loops. The encoder is the
-//! reference for the integer encoder; the bridge decodes with the decoder.
+//! reference for the integer encoder; the bridge uses the decoder.
 //!
 //! ```
 //! use artifact::{Artifact, FloatDecoder, FloatEncoder, WINDOW_CELLS, WINDOW_ELECTRODES};
@@ -28,7 +28,7 @@
 //! let code = FloatEncoder::new(&artifact)?.encode(&[0.0; WINDOW_CELLS]);
 //! let window = FloatDecoder::new(&artifact)?.decode(&code);
 //! assert_eq!(window.len(), WINDOW_ELECTRODES);
-//! // A window of zeros is reconstructed to a tenth of a standard deviation of the training data.
+//! // A window of zeros is reconstructed to within a tenth of the training data's standard deviation.
 //! assert!(window.iter().all(|electrode| electrode.abs() < 0.1));
 //! # Ok::<(), artifact::ArtifactError>(())
 //! ```

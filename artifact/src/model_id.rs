@@ -5,8 +5,9 @@ use std::fmt;
 
 /// Identifies a model. Every frame carries the id, and the bridge decodes only frames of its own model.
 ///
-/// The first 8 bytes of the SHA-256 over, for each of `model.toml`, `weights.safetensors` and
-/// `calibration.safetensors` in this order: the name, the length as little-endian u64, the contents.
+/// The id is the first 8 bytes of the SHA-256 over `model.toml`, `weights.safetensors` and
+/// `calibration.safetensors`, in this order. Of each file the hash covers the name, the length as
+/// little-endian u64, and the contents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ModelId(pub [u8; 8]);
 

@@ -10,7 +10,7 @@ pub const NORM_EPSILON: f32 = 1e-5;
 /// Name and shape of a tensor, in PyTorch's order of dimensions.
 pub type NamedShape = (&'static str, Vec<usize>);
 
-/// Returns the tensors of the convolutions, norms and fully connected layers of encoder and decoder.
+/// Returns name and shape of each tensor of the convolutions, norms and fully connected layers.
 fn convolution_shapes(flat: usize) -> Vec<NamedShape> {
     let kernel = |first: usize, second: usize| vec![first, second, KERNEL, KERNEL, KERNEL];
     vec![
@@ -47,7 +47,8 @@ fn convolution_shapes(flat: usize) -> Vec<NamedShape> {
     ]
 }
 
-/// Returns all tensors of `weights.safetensors` for a mode and the sizes of its convolutions.
+/// Returns name and shape of each tensor in `weights.safetensors`, for a mode and the sizes of its
+/// convolutions.
 pub fn weight_shapes(mode: Mode, geometry: &Geometry) -> Vec<NamedShape> {
     let mut shapes = Vec::new();
     if mode.has_convolutions() {
@@ -60,7 +61,7 @@ pub fn weight_shapes(mode: Mode, geometry: &Geometry) -> Vec<NamedShape> {
     shapes
 }
 
-/// Returns all tensors of `calibration.safetensors` for a mode.
+/// Returns name and shape of each tensor in `calibration.safetensors`, for a mode.
 pub(crate) fn calibration_shapes(mode: Mode) -> Vec<NamedShape> {
     let mut shapes = vec![
         ("input.max_abs", vec![1]),

@@ -80,7 +80,7 @@ impl Tensors {
             .map(|(name, (shape, _))| (name.as_str(), shape.as_slice()))
     }
 
-    /// Returns an error if a tensor is missing, unknown or misshapen, or a number is not finite.
+    /// Returns an error if a tensor is missing, unknown or of another shape, or a number is not finite.
     pub(crate) fn check(&self, expected: &[NamedShape]) -> Result<(), ArtifactError> {
         for (name, shape) in expected {
             let values = self.tensor(name, shape)?;

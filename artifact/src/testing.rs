@@ -77,7 +77,7 @@ fn calibration(mode: Mode) -> Tensors {
     calibration
 }
 
-/// Returns a model of mode `pca` whose component k is feature k.
+/// Returns a model of mode `pca` whose component k selects feature k.
 pub(crate) fn pca() -> Artifact {
     let mut weights = Tensors::for_weights();
     let mut encoder = vec![0.0; CODE * WINDOW_ELECTRODES];
@@ -105,7 +105,7 @@ pub(crate) fn shortcut() -> Artifact {
     shortcut_with(description())
 }
 
-/// Returns the model of [`shortcut`] with padding and pool of a description.
+/// Returns the model of [`shortcut`], with the padding and the pool in `description`.
 pub(crate) fn shortcut_with(mut description: Description) -> Artifact {
     description.mode = Mode::Shortcut;
     let expected = weight_shapes(Mode::Shortcut, &Geometry::new(&description.network));

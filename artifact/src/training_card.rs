@@ -28,7 +28,7 @@ pub struct TrainingCard {
     pub mains_hz: u32,
     /// Seed of all random numbers in training.
     pub seed: u64,
-    /// Number of epochs that were run.
+    /// Number of epochs in the training run.
     pub epochs: u32,
     /// Epoch whose weights were kept; 0 means the initial weights (PCA in mode `shortcut`).
     pub best_epoch: u32,
@@ -39,12 +39,12 @@ pub struct TrainingCard {
     /// Mean squared error over all electrodes of the test files, in units of `input.sd_uv` squared;
     /// absent if not measured.
     pub mse: Option<Figures>,
-    /// Percent root-mean-square difference on the test files: root of the squared error over the root
-    /// of the squared signal; absent if not measured.
+    /// Percent root-mean-square difference on the test files: the root of the summed squared error,
+    /// divided by the root of the summed squared signal; absent if not measured.
     pub prd_percent: Option<Figures>,
 }
 
-/// One reconstruction error of the model, and that of PCA for comparison.
+/// One kind of reconstruction error: of the model, and of PCA for comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Figures {

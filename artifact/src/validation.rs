@@ -175,8 +175,9 @@ fn check_network(d: &Description) -> Result<(), ArtifactError> {
         &pool,
         &format!("at most {map:?}, the feature map; make it smaller or pad the convolutions"),
     )?;
-    // The steps of a pool divide the hop, so that overlapping windows share pools. With padded steps
-    // the first and last pool of a window cannot be shared; pools of four steps would leave hardly any.
+    // The steps of a pool divide the hop, so that overlapping windows share pools. With padded steps,
+    // windows cannot share the first and the last pool; of the four pools of four steps, that would be
+    // half.
     let (steps, expected) = if padding.pads_time() {
         (&[1, 2][..], "of 1 or 2 steps with padding \"all\"")
     } else {

@@ -38,7 +38,7 @@ impl Core {
         self.session.connected(now, effects);
     }
 
-    /// Records that the port was closed or lost. The state of the streams is kept for a
+    /// Records that the port was closed or lost. The state of streams and counts is kept for a
     /// reconnection.
     pub fn disconnected(&mut self) {
         self.session.disconnected();
@@ -61,12 +61,12 @@ impl Core {
         self.session.tick(now, effects);
     }
 
-    /// Sets whether the device is meant to stream. The next [`Core::tick`] sends the command.
+    /// Sets whether the device should stream. The next [`Core::tick`] sends the command for it.
     pub fn set_streaming(&mut self, streaming: bool) {
         self.session.commands.set_streaming(streaming);
     }
 
-    /// Returns whether the device is not meant to stream and has confirmed that it stopped.
+    /// Returns whether no stream is wanted and the device has confirmed that none is running.
     pub fn is_stopped(&self) -> bool {
         self.session.commands.is_stopped()
     }
@@ -77,12 +77,12 @@ impl Core {
         self.session.commands.is_unresponsive(now.monotonic_us)
     }
 
-    /// Returns the frame decoder's numbers of bytes, frames and errors so far.
+    /// Returns the frame decoder's counts of bytes, frames and errors.
     pub fn wire_counters(&self) -> &Counters {
         self.decoder.counters()
     }
 
-    /// Returns the numbers of received, lost and filled codes so far.
+    /// Returns the counts of received, lost and filled codes since the core was created.
     pub fn summary(&self) -> Summary {
         Summary::new(&self.session, self.decoder.counters())
     }

@@ -1,10 +1,9 @@
-//! Properties of the connected device, as it reported them.
+//! Properties of the connected device, from its `Hello` and `Capabilities`.
 
 use link::{CODE_LEN, Capabilities, CodeFormat, CodeValues, Hello};
 use thiserror::Error;
 
-/// What `Hello` and `Capabilities` report about a device; codes, samples and steps are read with
-/// it.
+/// Properties of a device, which are needed to interpret its codes, samples and steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Device {
     /// Firmware version, including the commit, as `Hello` reports it.
@@ -25,7 +24,8 @@ pub struct Device {
     pub hop_steps: u8,
     /// Mains frequency that the notch filter removes, Hz.
     pub mains_hz: u8,
-    /// Group delay of the filters, microseconds; it is subtracted from stamps.
+    /// Group delay of the filters, microseconds; subtracted from the stamps of codes and filtered
+    /// steps.
     pub group_delay_us: u32,
     /// Number of ADC channels: electrodes plus spare channels.
     pub channels: u8,
@@ -33,7 +33,7 @@ pub struct Device {
     pub labels: Vec<String>,
     /// Description of the filters, published as `prefiltering`.
     pub filters: String,
-    /// Largest voltage that the ADC can measure, microvolt.
+    /// Full scale of the ADC: the largest input voltage, microvolt.
     pub full_scale_uv: f64,
     /// Scale of the ADC, microvolt per count.
     pub uv_per_count: f64,
@@ -41,14 +41,14 @@ pub struct Device {
     pub code_format: CodeFormat,
     scale: [f32; CODE_LEN],
     zero_point: [i8; CODE_LEN],
-    /// Smallest and largest `z` that any value in a code can decode to.
+    /// Smallest and largest dequantised value (`z`) that a code can contain.
     pub(crate) code_range: [f32; 2],
 }
 
 /// Reason why a device's codes cannot be published.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum DeviceError {
-    /// The rate of the codes is not a whole number per second.
+    /// The number of codes per second is not an integer.
     #[error(
         "the device makes {step_rate_hz} steps per second and one code every {hop_steps} steps; \
          consumers need a whole number of codes per second (8 or 16 steps at 128 Hz)"
@@ -56,16 +56,16 @@ pub enum DeviceError {
     CodeRate {
         /// Reported rate of the time steps, Hz.
         step_rate_hz: u16,
-        /// Reported distance between two codes, steps.
+        /// Reported number of steps from one code to the next.
         hop_steps: u8,
     },
-    /// The format of the codes is newer than this bridge.
+    /// This bridge does not know the format of the codes.
     #[error(
         "the device's codes have a format that is newer than this bridge ({0}); bring firmware and \
          bridge to the same release"
     )]
     Format(CodeFormat),
-    /// There are not exactly 128 scales and 128 zero points.
+    /// `Capabilities` does not have 128 scales and 128 zero points.
     #[error("the device reports {scales} scales and {zero_points} zero points for 128 code values")]
     Scales {
         /// Number of scales in `Capabilities`.
@@ -73,10 +73,10 @@ pub enum DeviceError {
         /// Number of zero points in `Capabilities`.
         zero_points: usize,
     },
-    /// A scale, or the size of an ADC count, is not a positive finite number.
+    /// A code scale, or the ADC's voltage per count, is not a positive finite number.
     #[error("the device reports a scale that is not a positive number (index {index})")]
     Scale {
-        /// Index of the scale; 128 stands for the size of an ADC count.
+        /// Index of the code scale; 128 means the voltage per count.
         index: usize,
     },
     /// The device is not compatible with the device that was announced to recorders.
@@ -93,7 +93,7 @@ pub enum DeviceError {
     Window {
         /// Reported length of a window, steps.
         window_steps: u8,
-        /// Reported distance between the starts of two windows, steps.
+        /// Reported number of steps from the start of one window to the start of the next.
         hop_steps: u8,
     },
 }
@@ -168,7 +168,7 @@ impl Device {
                 .map(str::to_owned)
                 .collect(),
             filters: capabilities.filters.to_owned(),
-            // Full scale is 2^23 counts (24 bits with sign); 1000 nV are 1 uV.
+            // Full scale is 2^23 counts (24 bits with sign); 1000 nV is 1 uV.
             full_scale_uv: f64::from(capabilities.lsb_nv) * 8_388_608.0 / 1000.0,
             uv_per_count: f64::from(capabilities.lsb_nv) / 1000.0,
             code_format,
@@ -178,7 +178,7 @@ impl Device {
         })
     }
 
-    /// Checks that frames from `other` match what was announced for this device. Mains frequency,
+    /// Checks that frames from `other` match the announcement of this device. Mains frequency,
     /// firmware and microcontroller may differ.
     ///
     /// # Errors
@@ -239,8 +239,8 @@ impl Device {
         i64::from(steps) * 1_000_000 / i64::from(self.step_rate_hz)
     }
 
-    /// Converts a float code to quantisation levels of this device: `level = z / scale +
-    /// zero_point`, limited to the range of the code format but not rounded.
+    /// Converts a float code to levels of this device: `level = z / scale + zero_point`, limited to
+    /// the range of the code format but not rounded.
     pub fn code_levels(&self, z: &[f32; CODE_LEN]) -> [f64; CODE_LEN] {
         let range = self.code_format.range().unwrap_or_default().map(f64::from);
         std::array::from_fn(|index| {
@@ -278,7 +278,8 @@ fn dequantised(level: i32, scale: f32, zero_point: i8) -> f32 {
     (level - i32::from(zero_point)) as f32 * scale
 }
 
-/// Returns the smallest and the largest `z` that levels from `least` to `greatest` decode to.
+/// Returns the smallest and the largest value `z` to which levels from `least` to `greatest`
+/// dequantise, over all places of a code.
 fn code_range(
     [least, greatest]: [i32; 2],
     scale: &[f32; CODE_LEN],

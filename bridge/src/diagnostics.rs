@@ -19,8 +19,9 @@ use crate::streams::code::CodeStream;
 use crate::streams::sample::{SampleCounts, SampleStream};
 use crate::time::host_time::HostTime;
 
-/// Builds the report for `/diagnostics`: device, loss, link and clock, and converters if the device
-/// reports any. Electrodes and deadlines are included only after a new message about them.
+/// Builds the report for `/diagnostics`: device, loss, link, clock, and converters if the device
+/// reports any. The statuses of electrodes and of deadlines are included only if a new message
+/// about them has arrived since the last report.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
         stamp: Stamp::from_nanoseconds(now.wall_ns),
@@ -106,8 +107,8 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     new_status("device", (level, message), values)
 }
 
-/// Returns the level and text for a streaming device. Missing raw samples or filtered steps are a
-/// warning; missing audits or events are not, because older firmware does not support them.
+/// Returns level and text for a streaming device. Missing raw samples or filtered steps cause a
+/// warning; missing audits or events do not, because older firmware does not support them.
 fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
     let refused = session.commands.refused_streams();
     if refused.is_empty() {

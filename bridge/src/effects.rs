@@ -13,15 +13,16 @@ pub trait Effects {
     /// Queues a complete frame for the device.
     fn send(&mut self, frame: &[u8]);
 
-    /// Announces the device that sends the following codes. Called again when another device of the
-    /// same shape connects, or when the mains frequency changes.
+    /// Announces the device that sends the following codes. Called again when another compatible
+    /// device connects, or when the mains frequency changes.
     fn announce(&mut self, announcement: &Announcement);
 
     /// Publishes a frame on `/encoded`.
     fn publish_encoded(&mut self, frame: &NeuroFrame);
 
-    /// Decodes a code to microvolts and publishes it on `/neurodata_reconstructed`. Called only if
-    /// the announcement is [`decodable`](Announcement::decodable).
+    /// Decodes a code to electrode signals in microvolts and publishes them on
+    /// `/neurodata_reconstructed`. Called only if the announcement is
+    /// [`decodable`](Announcement::decodable).
     fn decode(&mut self, window: TimedCode);
 
     /// Publishes a frame of ADC samples on `/neurodata`.
@@ -33,18 +34,18 @@ pub trait Effects {
     /// Publishes an edge of the trigger input on `/events/bus`.
     fn publish_event(&mut self, event: &NeuroEvent);
 
-    /// Compares the device's code for a window with the float network's code for it. Called only if
+    /// Compares the device's code with the float network's code for the same window. Called only if
     /// the announcement is [`decodable`](Announcement::decodable).
     fn audit(&mut self, window: AuditedWindow);
 }
 
-/// A device that has introduced itself, and what is announced about it to ROS.
+/// A device that has introduced itself, with the description for `/acquisition/get_info`.
 #[derive(Clone, Debug)]
 pub struct Announcement {
-    /// Answer to `/acquisition/get_info`; `None` if the stream to announce is not published.
+    /// Answer to `/acquisition/get_info`; `None` if the selected stream is not published.
     pub info: Option<AcquisitionInfo>,
     /// Scales, rates and labels of the device's codes.
     pub device: Arc<Device>,
-    /// Whether the bridge has the device's model and can therefore decode and audit its codes.
+    /// Whether the bridge has the device's model, which is needed to decode and audit the codes.
     pub decodable: bool,
 }

@@ -9,11 +9,11 @@ use thiserror::Error;
 
 use crate::query::report::DeviceSummary;
 
-/// Error that ends the bridge or a query. For the bridge, an absent device or ROS master is not an
-/// error; it waits for them.
+/// Error that ends the bridge or a query. The streaming bridge waits for an absent device or ROS
+/// master, without an error.
 #[derive(Debug, Error)]
 pub enum BridgeError {
-    /// The address from `--port` names something that is not a port.
+    /// `--port` names something that is not a port.
     #[error(
         "{port} cannot be a port: {source}; name a serial port, such as /dev/ttyACM0, or tcp:HOST:PORT"
     )]
@@ -31,7 +31,7 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// `--model` names no valid model, or one whose codes cannot be decoded.
+    /// `--model` names no valid model, or a model whose codes cannot be decoded.
     #[error(
         "the model cannot be read; --model takes a folder with model.toml, weights.safetensors and calibration.safetensors"
     )]
@@ -42,7 +42,7 @@ pub enum BridgeError {
          --streams codes,raw --announce raw"
     )]
     AnnouncedNotStreamed,
-    /// The port does not open, or it disappeared during a query. Queries do not wait for a port.
+    /// During a query, the port does not open or disappears. Queries do not wait for a port.
     #[error("{port} {what}; {remedy}")]
     Unreachable {
         /// Address from `--port`.
@@ -54,7 +54,7 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// Neither frame nor acknowledgement nor result arrived before the timeout.
+    /// The device did not acknowledge a command, or did not send the result, before the timeout.
     #[error(
         "no answer {what} within {seconds} s; check cable, power and --baud, and that no other \
          program uses the port"
@@ -62,7 +62,7 @@ pub enum BridgeError {
     NoAnswer {
         /// Phrase that follows "no answer", such as `to the reset command`.
         what: &'static str,
-        /// Timeout that has passed, seconds.
+        /// Length of the timeout, seconds.
         seconds: u32,
     },
     /// The device acknowledged the request with an error.
@@ -82,11 +82,12 @@ pub enum BridgeError {
         /// Identity, cause of the restart, and any fault that the device reports.
         device: Box<DeviceSummary>,
     },
-    /// The node's name or the master's URI is invalid, or the node's ports cannot be opened.
+    /// The ROS node's name or the master's URI is invalid, or the node's network ports cannot be
+    /// opened.
     #[error("the ROS node cannot start; check the name, ROS_IP and ROS_MASTER_URI")]
     Node(#[from] NodeError),
-    /// The process that reads the JSON lines closed the pipe or does not read, or the output cannot
-    /// be written.
+    /// The JSON lines cannot be written: their reader closed the pipe or does not read, or the
+    /// output failed.
     #[error("frames cannot be published")]
     Sink(#[from] SinkError),
     /// The log file that roslaunch requested cannot be written.
@@ -97,7 +98,7 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// A signal handler, a thread or stdout is not available.
+    /// The operating system does not provide a signal handler, a thread or stdout.
     #[error("the operating system refuses a resource that the bridge needs")]
     System(#[from] std::io::Error),
 }

@@ -16,10 +16,11 @@ use crate::time::host_time::HostTime;
 use crate::wire::address::PortAddress;
 use crate::wire::port::{Port, Transfer};
 
-/// Time between two checks of timeouts, and delay before a lost port is reopened.
+/// Interval at which timeouts are checked and a lost port is reopened.
 const TICK: Duration = Duration::from_millis(100);
 
-/// Sends a request to the device at a port and waits for the answer, with a spinner on a terminal.
+/// Sends a request to the device at a port and waits for the answer. Shows a spinner if stderr is a
+/// terminal.
 ///
 /// # Errors
 ///
@@ -51,8 +52,8 @@ async fn run_query(
         }
         let Some(open_port) = &mut port else {
             sleep(TICK).await;
-            // While the device restarts, its port is absent and opening it fails; `query` times out
-            // if that takes too long.
+            // While the device restarts, its port is absent and cannot be opened. `query` times out
+            // if the restart takes too long.
             port = Port::open(address, baud).await.ok();
             if port.is_some() {
                 outgoing.clear();

@@ -16,8 +16,8 @@ use crate::streams::stamps::Reception;
 use crate::time::host_time::HostTime;
 use crate::wire::commands::AckEffect;
 
-/// Number of frames with an old sequence number in a row after which the device must identify
-/// itself again. The device may have been reset and its `Hello` lost.
+/// Number of consecutive frames with an old sequence number after which the bridge sends `Identify`
+/// again. The device may have been reset and its `Hello` lost.
 const OLD_FRAMES_BEFORE_IDENTIFY: u32 = 8;
 
 impl Session {
@@ -46,7 +46,8 @@ impl Session {
         }
     }
 
-    /// Handles bytes that are not a valid frame, or a frame that this bridge does not know.
+    /// Handles the error for bytes that are not a valid frame, or for a frame of a kind that this
+    /// bridge does not know.
     pub(crate) fn handle_error(&mut self, error: FrameError, read: HostTime) {
         if let FrameError::Unknown { header, kind } = error {
             self.commands.frame_received(read.monotonic_us);
@@ -131,8 +132,8 @@ impl Session {
         }
     }
 
-    /// Handles samples, filtered steps, events and audits; `made_us` is the device time of the
-    /// message.
+    /// Handles a message with samples, filtered steps, an event or an audit; `made_us` is its
+    /// device time.
     fn handle_side(
         &mut self,
         message: &ToHost,
@@ -144,7 +145,8 @@ impl Session {
             self.side.unused += 1;
             return;
         }
-        // The clock is fitted to codes; samples are used only until the first code arrives.
+        // The clock is fitted to codes. Samples are used for the fit only until the first code
+        // arrives.
         let samples = matches!(message, ToHost::Raw(_) | ToHost::Filtered(_));
         let possible = if self.clock.is_known() {
             self.clock.is_possible(made_us, read)
@@ -169,7 +171,7 @@ impl Session {
         }
     }
 
-    /// Restarts all streams, because the device counts from 0 again.
+    /// Restarts all streams, because the device counts windows, samples and steps from 0 again.
     fn restart_streams(&mut self) {
         if let Some(codes) = &mut self.codes {
             codes.restart();
@@ -219,7 +221,8 @@ impl Session {
         if !codes.is_running() {
             return;
         }
-        // The clock is fitted to codes; a report is used only until the first code arrives.
+        // The clock is fitted to codes. A `Stats` message is used for the fit only until the first
+        // code arrives.
         if !self.clock.admits(device_us, read) && !self.clock.observe(device_us, read) {
             return;
         }

@@ -3,26 +3,26 @@
 use clap::ValueEnum;
 use link::Streams;
 
-/// What the user chooses about streams and frames; constant while the bridge runs.
+/// User settings for streams and frames; constant while the bridge runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Whether stamps mark the first sample, the last sample or the arrival of a frame.
+    /// Point of a frame that its stamp refers to: first sample, last sample or arrival.
     pub stamp: StampPoint,
     /// Mains frequency that the device's notch filter removes, Hz; 0 leaves the choice to the
     /// device.
     pub mains_hz: u8,
-    /// What is published in place of a lost code, sample or step.
+    /// Replacement that is published for a lost code, sample or step.
     pub filler: FillerPolicy,
-    /// Whether steps are reconstructed from the newest window alone, without waiting one hop for
-    /// the next window.
+    /// Whether each window's newest steps are reconstructed from that window alone, without waiting
+    /// one hop for the next window, which also contains them.
     pub low_latency: bool,
     /// Stream that `/acquisition/get_info` describes.
     pub announced: AnnouncedStream,
-    /// Streams that the device is asked for. Codes are always requested.
+    /// Streams that the device is asked for. The bridge adds the stream of codes if it is missing.
     pub streams: Streams,
 }
 
-/// Stream that is announced to ROS-Neuro's recorder and filters, which use exactly one.
+/// Stream that is announced to ROS-Neuro's recorder and filters, which handle exactly one stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum AnnouncedStream {
     /// `/encoded`: 128 values per code.
@@ -37,7 +37,7 @@ pub enum AnnouncedStream {
 }
 
 impl AnnouncedStream {
-    /// Returns the streams that the device must send for this one.
+    /// Returns the streams that the device must send so that this stream can be published.
     pub fn needs(self) -> Streams {
         match self {
             AnnouncedStream::Encoded | AnnouncedStream::Reconstructed => Streams::CODES,
@@ -47,7 +47,7 @@ impl AnnouncedStream {
     }
 }
 
-/// A stream of the device, as `--streams` names it.
+/// A stream of the device, as named in `--streams`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum StreamKind {
     /// `/encoded` and `/neurodata_reconstructed`; always on.
@@ -104,24 +104,24 @@ impl StreamKind {
 /// Point of a frame that its stamp refers to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum StampPoint {
-    /// The frame's first sample, on the scalp (filter delay removed).
+    /// Time at which the frame's first sample was at the electrodes (filter delay removed).
     #[default]
     First,
-    /// The frame's last sample, on the scalp (filter delay removed).
+    /// Time at which the frame's last sample was at the electrodes (filter delay removed).
     Last,
-    /// The reading of the frame, by the host's wall clock alone.
+    /// Time at which the host read the frame, by the wall clock alone.
     Arrival,
 }
 
-/// What is published in place of lost codes, samples and steps.
+/// Replacement for lost codes, samples and steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum FillerPolicy {
-    /// The last one that was received.
+    /// The last code, sample or step that was received.
     #[default]
     Last,
     /// A code, sample or step of zeros.
     Zeros,
-    /// Nothing. The gap shifts later samples against events in a recorder, and a frame that would
+    /// Nothing. In a recording, the gap shifts later samples relative to events. A frame that would
     /// contain a filler is not published.
     Off,
 }

@@ -1,6 +1,7 @@
 //! The port to the device, the commands sent over it, and the identity that the device reports.
 
 pub(crate) mod address;
+mod clock_query;
 pub(crate) mod commands;
 pub(crate) mod connection;
 pub(crate) mod identity;

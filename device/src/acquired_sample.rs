@@ -1,29 +1,30 @@
-//! Samples on their way from the acquisition to the producer, and the counters of the acquisition.
+//! Samples that the acquisition passes to the producer, and the acquisition's counters.
 
 use pipeline::{Sample, Step};
 
 use crate::marks::Marks;
 use crate::order::Run;
 
-/// A sample, with the filtered step that was due at it, on its way from the acquisition to the
-/// [`Producer`].
+/// One ADC sample from the acquisition, with the filtered step that is due at this sample. Input of
+/// the [`Producer`].
 ///
 /// [`Producer`]: crate::Producer
 #[derive(Clone, Debug, Default)]
 pub struct AcquiredSample {
-    /// The run that starts with this sample. If the queue had no room for a run's first sample, the
-    /// next one that fits carries it.
+    /// The run that starts with this sample; `None` within a run. If the queue to the producer had
+    /// no room for the first sample of a run, the next queued sample carries the run.
     pub new_run: Option<Run>,
-    /// Counts of the ADC, one per channel.
+    /// ADC counts of all channels.
     pub sample: Sample,
-    /// Index of the sample since the start of the run, from 0.
+    /// Index of the sample in its run, from 0.
     pub index: u64,
-    /// The step that was due at this sample, with the step's index since the start of the run;
-    /// `None` for samples without a step.
+    /// Index in the run and value of the filtered step that is due at this sample; `None` if no
+    /// step is due.
     pub step: Option<(u64, Step)>,
     /// Device time of the sample's DRDY edge, microseconds.
     pub drdy_us: u64,
-    /// Faults of this sample, and of the samples before it that found no room in the queue.
+    /// Faults of this sample, and of the samples directly before it that found no room in the
+    /// queue.
     pub marks: Marks,
 }
 
@@ -32,7 +33,7 @@ pub struct AcquiredSample {
 pub struct Counts {
     /// Samples read while a run was active.
     pub samples: u64,
-    /// Samples that were not read in time.
+    /// Samples that were not read in time, or that found no room in the queue to the producer.
     pub overruns: u32,
     /// Samples with a wrong status word.
     pub adc_status_bad: u32,

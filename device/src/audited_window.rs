@@ -1,4 +1,4 @@
-//! The newest window of planes and its code, which the host receives every ten seconds.
+//! Window and code for an audit: the host computes the code again from the planes of the window.
 
 use link::Audit;
 use model::{CELLS, CODE, HOP, STEP_RATE_HZ, STEPS};
@@ -13,7 +13,7 @@ const PERIOD_S: u32 = 10;
 #[expect(clippy::cast_possible_truncation, reason = "a hop is below 256")]
 const PERIOD_WINDOWS: u32 = PERIOD_S * STEP_RATE_HZ as u32 / HOP as u32;
 
-/// Planes of the newest window, and its code once it is complete.
+/// Planes of the newest window, with its index and code once the window is complete.
 #[derive(Clone, Debug)]
 pub struct AuditedWindow {
     window: u32,
@@ -22,7 +22,7 @@ pub struct AuditedWindow {
 }
 
 impl AuditedWindow {
-    /// A window before its first plane: zeros.
+    /// State before the first plane: all zeros.
     pub(crate) const EMPTY: Self = Self {
         window: 0,
         values: CodeValues::Int8([0; CODE]),
@@ -38,12 +38,13 @@ impl AuditedWindow {
         }
     }
 
-    /// Returns true if this window is sent to the host: every ten seconds, window 0 included.
+    /// Returns true if `window` is sent to the host as an audit: window 0, then one window every
+    /// ten seconds.
     pub(crate) const fn is_due(window: u32) -> bool {
         window.is_multiple_of(PERIOD_WINDOWS)
     }
 
-    /// Stores the index and the code of the window that the stored planes form.
+    /// Stores index and code of the window that consists of the stored planes.
     pub(crate) fn complete(&mut self, window: u32, values: &CodeValues) -> &Self {
         self.window = window;
         self.values = *values;

@@ -1,4 +1,4 @@
-//! Identity of a board, for `Hello`, and the commands and streams that the board supports.
+//! Identity of a board for `Hello`, and the commands and streams that the board supports.
 
 use link::{Hello, ResetCause, Streams};
 
@@ -11,12 +11,13 @@ pub struct Identity<'i> {
     pub board: &'i str,
     /// Unique id of the microcontroller, 96 bits.
     pub chip_uid: [u8; 12],
-    /// Number that differs from boot to boot, random or counted.
+    /// Number that differs from boot to boot: a random number, or a count of boots.
     pub session_id: u32,
-    /// Reset cause as the microcontroller or the kept fault record reports it.
+    /// Cause of the last reset, from the microcontroller's reset flags or from the fault record
+    /// that survives a reset.
     pub reset_cause: ResetCause,
-    /// Description of a fault of this start or of the previous run, at most
-    /// [`link::MAX_TEXT_BYTES`] bytes; empty without a fault.
+    /// Description of a fault that was found at this start, or that caused the last reset; at most
+    /// [`link::MAX_TEXT_BYTES`] bytes, empty without a fault.
     pub fault: &'i str,
 }
 
@@ -47,7 +48,7 @@ pub struct Abilities {
 }
 
 impl Abilities {
-    /// A board that streams codes and supports no optional command.
+    /// Abilities of a board that streams codes and supports no optional command.
     pub const CODES: Self = Self {
         streams: Streams::CODES,
         self_test: false,

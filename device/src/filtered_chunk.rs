@@ -11,7 +11,7 @@ const STEP_BYTES: usize = ELECTRODES * VALUE_BYTES;
 /// Fraction bits of an electrode's filtered value (format Q27.5).
 const FRACTION_BITS: u8 = 5;
 
-/// Up to [`FILTERED_STEPS`] consecutive steps, serialised.
+/// Up to [`FILTERED_STEPS`] consecutive steps in their wire format.
 #[derive(Clone, Debug)]
 pub struct FilteredChunk {
     first: u64,

@@ -5,16 +5,15 @@ use crate::sender::FrameQueue;
 /// Bytes of the length field in front of each frame.
 const LENGTH: usize = 2;
 
-/// Queue of whole frames in a ring buffer of `BYTES` bytes.
+/// Queue of whole frames in a ring buffer of `BYTES` bytes, for the port to the host.
 ///
-/// While the host does not read, the oldest frames are dropped whole and counted, because a closed
-/// loop needs the newest frames.
+/// A full ring drops and counts its oldest frames, because a closed loop needs the newest ones.
 #[derive(Clone, Debug)]
 pub struct FrameRing<const BYTES: usize> {
     bytes: [u8; BYTES],
     /// Offset of the oldest frame in `bytes`.
     first: usize,
-    /// Bytes in use.
+    /// Bytes in use, length fields included.
     used: usize,
     dropped: u32,
 }
@@ -30,13 +29,13 @@ impl<const BYTES: usize> FrameRing<BYTES> {
         }
     }
 
-    /// Returns true if every frame was popped or dropped.
+    /// Returns true if no frame waits.
     pub const fn is_empty(&self) -> bool {
         self.used == 0
     }
 
-    /// Moves the oldest frame into `frame` and returns the part it fills; `None` if no frame waits. A
-    /// frame longer than `frame` is dropped and counted.
+    /// Moves the oldest frame to the start of `frame` and returns that part of `frame`; `None` if
+    /// no frame waits. A frame longer than `frame` is dropped and counted.
     pub fn pop<'f>(&mut self, frame: &'f mut [u8]) -> Option<&'f [u8]> {
         while self.used > 0 && self.length() > frame.len() {
             self.discard_oldest();
@@ -47,7 +46,8 @@ impl<const BYTES: usize> FrameRing<BYTES> {
         }
         let frame = &mut frame[..self.length()];
         let (wrapped, up_to_end) = self.bytes.split_at((self.first + LENGTH) % BYTES);
-        // The frame can wrap around: `head` is up to the buffer's end, `rest` is at its start.
+        // A frame can wrap around the end of the ring: `head` is its part before the end, `rest`
+        // its part from the start of the ring.
         let (head, rest) = frame.split_at_mut(frame.len().min(up_to_end.len()));
         head.copy_from_slice(&up_to_end[..head.len()]);
         rest.copy_from_slice(&wrapped[..rest.len()]);
@@ -97,7 +97,8 @@ impl<const BYTES: usize> FrameQueue for FrameRing<BYTES> {
         self.append(frame);
     }
 
-    /// Bulk frames can fill three quarters of the ring; the rest is reserved for codes and answers.
+    /// Bulk frames can fill three quarters of the ring; the last quarter is reserved for codes and
+    /// answers.
     fn push_bulk(&mut self, frame: &[u8]) {
         if self.used + LENGTH + frame.len() > BYTES / 4 * 3 {
             self.count_dropped();
@@ -168,8 +169,8 @@ mod tests {
         for number in 0..9 {
             ring.push_bulk(&[number; 10]);
         }
-        // Four frames of 12 bytes, length fields included, fill three quarters of the ring's 64
-        // bytes.
+        // Three quarters of the ring are 48 bytes, enough for four of the nine frames: each takes
+        // 12 bytes with its length field.
         assert_eq!(ring.dropped(), 5);
         ring.push(&[100; 10]);
         assert_eq!(ring.dropped(), 5);

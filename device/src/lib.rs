@@ -1,7 +1,7 @@
-//! What a board does between pipeline and port: session with the host, messages, waiting frames.
+//! The part of a board between pipeline and port: session with the host, messages, frame queue.
 //!
-//! The firmware and host-sim run this code unchanged. It has no port, no registers and no clock:
-//! every call takes the device time as an argument, in microseconds since boot.
+//! The firmware and host-sim run this code unchanged. It accesses no port, no registers and no
+//! clock: every call takes the device time as an argument, in microseconds since boot.
 //!
 //! ```text
 //! AcquiredSample --> Producer --Output--+

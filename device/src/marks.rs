@@ -1,9 +1,9 @@
-//! Faults that the acquisition detects, per sample and per window.
+//! Faults that the acquisition detects, collected per sample and per window.
 
 use link::Flags;
 use model::{HOP, STEPS};
 
-/// Faults of a sample or a window that the pipeline cannot see.
+/// Faults of a sample or a window that are detected outside the pipeline.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Marks {
     /// A status word of the ADC chain was wrong.
@@ -32,7 +32,7 @@ impl Marks {
         }
     }
 
-    /// Converts to the wire's flags.
+    /// Converts the faults to wire flags.
     pub(crate) fn flags(self) -> Flags {
         [
             (self.adc_status_bad, Flags::ADC_STATUS_BAD),
@@ -45,12 +45,12 @@ impl Marks {
     }
 }
 
-/// Faults of the windows in progress, which overlap, collected per hop from window to window.
+/// Faults of the newest window. They are stored per hop, because consecutive windows overlap.
 #[derive(Clone, Debug)]
 pub(crate) struct WindowMarks {
-    /// Steps since the start.
+    /// Number of steps since the start of the run.
     steps: u64,
-    /// Faults of the last hops, newest first; together they cover a window.
+    /// Faults of the hops that the newest window covers, newest hop first.
     hops: [Marks; STEPS.div_ceil(HOP)],
 }
 
@@ -61,7 +61,7 @@ impl WindowMarks {
         hops: [Marks::NONE; STEPS.div_ceil(HOP)],
     };
 
-    /// Adds faults that occurred since the last step.
+    /// Adds faults to the step in progress.
     pub(crate) fn mark(&mut self, marks: Marks) {
         self.hops[0] = self.hops[0].union(marks);
     }

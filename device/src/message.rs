@@ -1,4 +1,4 @@
-//! Wire messages, built from the pipeline's and the model's types.
+//! Wire messages, built from the types of pipeline and model.
 
 use link::{
     Capabilities, Code as CodeMessage, CodeFormat, CodeValues, ElectrodeQuality, Flags,

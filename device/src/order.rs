@@ -3,11 +3,11 @@
 use link::{ResetInto, Streams};
 use pipeline::Mains;
 
-/// Parameters of a run: the time from one `Start` to the next, or to a `Stop`.
+/// Parameters of a run, which lasts from one `Start` to the next `Start` or `Stop`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Run {
-    /// Number of the start since boot, 1 for the first; wraps. Distinguishes outputs of this run
-    /// from queued ones of an earlier run.
+    /// Number of the run since boot, from 1; wraps. Distinguishes outputs of this run from those of
+    /// an earlier run that are still queued.
     pub number: u32,
     /// Mains frequency, which the notch filter removes.
     pub mains: Mains,
@@ -24,16 +24,16 @@ impl Run {
     };
 }
 
-/// Effect of a command on the board.
+/// Action that a command from the host requires of the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Start the run at sample 0.
+    /// Start this run; its first sample has index 0.
     Start(Run),
     /// Stop streaming and discard samples until the next start.
     Stop,
     /// Test the converters; report the result with
     /// [`Session::send_self_test`](crate::Session::send_self_test).
     SelfTest,
-    /// Restart the board, after a tenth of a second in which waiting frames can be sent.
+    /// Restart the board 0.1 s later, so that queued frames can still be sent.
     Reset(ResetInto),
 }

@@ -1,4 +1,4 @@
-//! Results of the producer, on their way to the session.
+//! Results that the producer passes to the session.
 
 use link::Event;
 use pipeline::{Code, Quality};
@@ -8,10 +8,10 @@ use crate::filtered_chunk::FilteredChunk;
 use crate::marks::Marks;
 use crate::raw_chunk::RawChunk;
 
-/// A result for the host, with the run and the time it belongs to.
+/// A result for the host, with the number of its run and the time for its frame.
 #[derive(Clone, Debug, Default)]
 pub struct Output {
-    /// [`Run::number`](crate::Run::number) of the run that produced it.
+    /// [`Run::number`](crate::Run::number) of the run that produced this output.
     pub run: u32,
     /// Device time for the frame's header, microseconds.
     pub at_us: u64,
@@ -22,10 +22,10 @@ pub struct Output {
 impl Output {
     /// Returns true at the end of each second of a run: send `Stats` and `Timing` now.
     ///
-    /// The producer counts seconds in samples and emits one [`Payload::Quality`] per second, which
-    /// identifies the end. `Stats`, `Timing` and `Quality` then share one device time and one place
-    /// among the codes, in every run of the same samples. With a timer of the device's clock, this
-    /// time and place would differ from run to run.
+    /// The producer counts seconds in samples and emits one [`Payload::Quality`] at the end of each
+    /// second. `Stats`, `Timing` and `Quality` of a second therefore have the same device time, and
+    /// the same samples always put them between the same codes. A timer of the device's clock would
+    /// put them at varying places.
     pub const fn ends_second(&self) -> bool {
         matches!(self.payload, Payload::Quality(_))
     }
@@ -34,7 +34,7 @@ impl Output {
 /// Content of an [`Output`].
 #[derive(Clone, Debug, Default)]
 pub enum Payload {
-    /// An empty slot of a queue.
+    /// Empty queue slot; no message is sent.
     #[default]
     Nothing,
     /// A code, with the faults in its window. [`Output::at_us`] is the time of the window's last
@@ -43,12 +43,13 @@ pub enum Payload {
     /// Signal quality of each electrode over the last second. [`Output::at_us`] is the time of the
     /// second's last sample.
     Quality(Quality),
-    /// Unfiltered samples. [`Output::at_us`] is the time of the last one.
+    /// Unfiltered samples. [`Output::at_us`] is the time of the last sample.
     Raw(RawChunk),
-    /// Filtered steps. [`Output::at_us`] is the time of the last one.
+    /// Filtered steps. [`Output::at_us`] is the time of the last step.
     Filtered(FilteredChunk),
-    /// A window with its code. [`Output::at_us`] is the time of the code.
+    /// The planes of a window, with its code. [`Output::at_us`] is the time of the window's last
+    /// step.
     Audit(AuditedWindow),
-    /// An edge at an input. [`Output::at_us`] is the time of the edge.
+    /// An edge at the trigger input. [`Output::at_us`] is the time of the edge.
     Event(Event),
 }

@@ -1,4 +1,4 @@
-//! Codes and requested streams, produced from samples and steps.
+//! Computes codes and the other requested streams from samples and steps.
 
 use core::borrow::BorrowMut;
 
@@ -15,44 +15,48 @@ use crate::raw_chunk::RawChunk;
 
 /// Produces codes, and the other streams that the host requested, from acquired samples.
 ///
-/// If a step is missing because a queue was full, the step before it replaces it. The index of a
-/// window thus still tells its time; the codes that contain the replacement are marked with an
-/// overrun.
+/// If a step is missing because a queue was full, the producer encodes the previous step again. The
+/// index of a window therefore still determines its time. Codes of windows that contain a repeated
+/// step are marked with an overrun.
 ///
-/// An [`Output`] takes two kilobytes, whatever its payload. The functions that build an output are
-/// never inlined, so that a task's stack frame does not hold several at once.
+/// An [`Output`] takes 2 KB whatever its payload. The functions that build an output are never
+/// inlined, so that a task's stack frame does not hold several outputs at once.
 ///
-/// `M` is the encoder's memory, or a reference to it, because a board keeps the memory in a static.
+/// `M` is the encoder's memory or a reference to it. A board keeps the memory in a `static` and
+/// passes a reference.
 #[derive(Debug)]
 pub struct Producer<M = &'static mut EncoderMemory> {
     run: Run,
     encoder: Encoder<'static, M>,
     quality: SignalQuality,
     windows: WindowMarks,
-    /// Faults of the samples since the newest step.
+    /// Faults of the samples after the newest step.
     since_step: Marks,
-    /// The newest step, which replaces missing ones.
+    /// The newest step; repeated in place of missing steps.
     last: Step,
     raw: RawChunk,
     filtered: FilteredChunk,
     audited: AuditedWindow,
-    /// An event that is later than the newest sample, and waits for the sample that follows it.
+    /// A captured event that is later than the newest sample; held until the sample that follows
+    /// the event.
     ahead: Option<CapturedEvent>,
 }
 
-/// An edge at an input, as the capture hardware or its interrupt recorded it.
+/// An edge at the trigger input, with its time from the capture hardware or from the interrupt
+/// handler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CapturedEvent {
     /// Input and direction of the edge.
     pub kind: EventKind,
-    /// Number of the event since boot, wraps.
+    /// Number of the event since boot; wraps.
     pub number: u32,
     /// Device time of the edge, microseconds.
     pub at_us: u64,
 }
 
 impl<M: BorrowMut<EncoderMemory>> Producer<M> {
-    /// Creates a producer without a run; `memory` must hold [`EncoderMemory::EMPTY`].
+    /// Creates a producer that waits for its first run; `memory` must hold
+    /// [`EncoderMemory::EMPTY`].
     pub const fn new(memory: M) -> Self {
         Self {
             run: Run::NONE,
@@ -100,12 +104,13 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         }
     }
 
-    /// Passes the events up to `acquired` to `emit`, each with the index of the sample that it
-    /// precedes.
+    /// Passes all events up to the time of `acquired` to `emit`, with the index of `acquired`.
+    /// Later events wait for a later call.
     ///
-    /// `next` returns the captured events, oldest first. Call this before [`Self::process`] of the
-    /// same sample, so that the host receives an edge before the results of the sample. For a run's
-    /// first sample, call it after [`Self::process`], which starts the run.
+    /// `next` returns the captured events one by one, oldest first. Call this method before
+    /// [`Self::process`] of the same sample, so that the host receives an edge before the results
+    /// of the sample. For the first sample of a run, call it after [`Self::process`], which starts
+    /// the run.
     pub fn place_events(
         &mut self,
         acquired: &AcquiredSample,
@@ -136,7 +141,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         self.since_step = Marks::NONE;
         self.raw.clear();
         self.filtered.clear();
-        // An event that waits for a later sample stays only if it happened within this run.
+        // Keep the held event only if it happened after the start of this run.
         self.ahead = self.ahead.take_if(|event| event.at_us >= start_us);
     }
 

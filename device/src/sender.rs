@@ -1,27 +1,29 @@
-//! Numbering and queueing of the frames to the host.
+//! Numbers the frames to the host and queues them.
 
 use link::{Encoder, MAX_FRAME, ToHost};
 
-/// A queue of whole frames in front of the port. It never blocks: frames without room are dropped
+/// Queue of whole frames for the port. It never blocks: when the queue is full, frames are dropped
 /// and counted.
 pub trait FrameQueue {
-    /// Appends a frame; can drop older ones to make room.
+    /// Appends a frame; can drop older frames to make room.
     fn push(&mut self, frame: &[u8]);
 
-    /// Appends a frame of a bulk stream, which must not displace others. Raw samples and filtered
-    /// steps are so frequent that they would push out the codes while a host pauses briefly.
+    /// Appends a frame of a bulk stream, which must not displace other frames. Raw samples and
+    /// filtered steps are so frequent that they would displace the codes while the host pauses
+    /// briefly.
     fn push_bulk(&mut self, frame: &[u8]) {
         self.push(frame);
     }
 
-    /// Counts a frame that was numbered but never queued.
+    /// Counts a frame that got a `seq` but was not queued.
     fn count_dropped(&mut self);
 
     /// Returns the number of frames dropped since boot; wraps.
     fn dropped(&self) -> u32;
 }
 
-/// Numbers messages, encodes them and queues the frames; a device has one sender.
+/// Numbers messages, encodes them as frames and queues the frames. A device has one sender, so that
+/// `seq` increases by one with every frame.
 #[derive(Clone, Debug)]
 pub struct Sender<Q> {
     encoder: Encoder,
@@ -39,8 +41,8 @@ impl<Q: FrameQueue> Sender<Q> {
         }
     }
 
-    /// Numbers, encodes and queues a message. `device_time_us`, microseconds since boot, goes into
-    /// the frame's header.
+    /// Numbers, encodes and queues a message. `device_time_us` is the device time for the frame's
+    /// header, microseconds since boot.
     pub fn send(&mut self, device_time_us: u64, message: &ToHost<'_>) {
         match self
             .encoder
@@ -48,13 +50,14 @@ impl<Q: FrameQueue> Sender<Q> {
         {
             Ok(frame) if is_bulk(message) => self.queue.push_bulk(frame),
             Ok(frame) => self.queue.push(frame),
-            // The message is too long for a frame: the host sees a gap in `seq`, which the counter
+            // The message is too long for a frame. The host sees a gap in `seq`, which the counter
             // of dropped frames explains.
             Err(_) => self.queue.count_dropped(),
         }
     }
 
-    /// Uses up the number of a message that was lost before encoding, and counts it as dropped.
+    /// Skips the `seq` of a message that was lost before encoding, and counts the message as
+    /// dropped.
     pub fn skip(&mut self) {
         self.encoder.skip();
         self.queue.count_dropped();

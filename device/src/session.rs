@@ -17,24 +17,24 @@ use crate::output::{Output, Payload};
 use crate::raw_chunk::RawChunk;
 use crate::sender::{FrameQueue, Sender};
 
-/// Answers the host's commands and turns outputs into messages.
+/// Answers the host's commands and sends the producer's outputs as messages.
 ///
-/// Messages are built on the stack and take up to two kilobytes. The functions that build a message
-/// are never inlined, so that a task's stack frame does not hold several at once.
+/// Messages are built on the stack and take up to 2 KB. The functions that build a message are
+/// never inlined, so that a task's stack frame does not hold several messages at once.
 #[derive(Debug)]
 pub struct Session<'i> {
     identity: Identity<'i>,
     abilities: Abilities,
-    /// The active run, or the last one with its streams cleared.
+    /// The active run; after a `Stop`, the last run with its streams cleared.
     run: Run,
     /// False if the model is damaged.
     can_stream: bool,
-    /// The newest status of the converters; `None` until the first status.
+    /// Newest status of the converters; `None` before the first status.
     converters: Option<Converters>,
-    /// A self-test was ordered and its result is outstanding.
+    /// True from the order of a self-test until its result is sent.
     is_testing: bool,
     decoder: Decoder,
-    /// Counters that the session itself keeps; [`Self::stats`] fills in all others.
+    /// Counters of the session; [`Self::stats`] adds those of acquisition, sender and decoder.
     stats: Stats,
 }
 
@@ -53,8 +53,8 @@ impl<'i> Session<'i> {
         }
     }
 
-    /// Refuses every `Start` from now on, because the model is damaged. Report the damage in
-    /// [`Identity::fault`].
+    /// Refuses every `Start` from now on. Call this if the model is damaged, and report the damage
+    /// in [`Identity::fault`].
     pub fn refuse_starts(&mut self) {
         self.can_stream = false;
     }
@@ -76,8 +76,8 @@ impl<'i> Session<'i> {
         self.send_converters(now_us, sender);
     }
 
-    /// Reads bytes from the host and answers the commands that they complete. `order` receives the
-    /// effect of a command on the board before its `Ack` is queued.
+    /// Decodes bytes from the host and answers each command that they complete. If a command
+    /// requires an action of the board, `order` is called before the command's `Ack` is queued.
     #[inline(never)]
     pub fn receive(
         &mut self,
@@ -96,7 +96,8 @@ impl<'i> Session<'i> {
                     (frame.header.seq, result)
                 }
                 Err(FrameError::Unknown { header, .. }) => (header.seq, AckResult::UnknownCommand),
-                // The decoder has counted the unusable frame, which has no `seq` to acknowledge.
+                // The frame is unusable and has no `seq` to acknowledge; the decoder has counted
+                // it.
                 Err(_) => continue,
             };
             send_ack(Ack { of, result }, now_us, sender);
@@ -134,8 +135,8 @@ impl<'i> Session<'i> {
         counts: Counts,
         sender: &mut Sender<impl FrameQueue>,
     ) -> (AckResult, Option<Order>) {
-        // No order without a run: it would replace an order that the acquisition has not executed
-        // yet.
+        // Without an active run no order is needed, and it would replace an order that the
+        // acquisition has not executed yet.
         let order = self.is_streaming().then_some(Order::Stop);
         self.run.streams = Streams::empty();
         self.send_stats(now_us, counts, sender);
@@ -161,8 +162,8 @@ impl<'i> Session<'i> {
         }
     }
 
-    /// Executes a `Start`. Windows and samples are counted from 0 again, unless a run with the same
-    /// streams and the same mains frequency is active already.
+    /// Executes a `Start`. A new run begins, with windows and samples counted from 0, unless a run
+    /// with the same streams and the same mains frequency is already active.
     pub fn start(
         &mut self,
         start: Start,
@@ -203,8 +204,8 @@ impl<'i> Session<'i> {
         (AckResult::Done, Some(Order::Start(self.run)))
     }
 
-    /// Sends an output if it belongs to the active run; a `Start` or `Stop` can have overtaken it in
-    /// its queue.
+    /// Sends an output if it belongs to the active run. An output can still be queued when its run
+    /// ends, and is then discarded.
     pub fn send(&mut self, output: &Output, sender: &mut Sender<impl FrameQueue>) {
         if !self.is_current_run(output.run) {
             return;
@@ -235,8 +236,8 @@ impl<'i> Session<'i> {
         sender.send(step_us, &ToHost::Code(message::code(code, marks)));
     }
 
-    /// Stores the status of the converters for later introductions. Sends it now if anything streams
-    /// or if the fault has changed.
+    /// Stores the status of the converters for later introductions. Sends it at once while a run is
+    /// active, or if the fault has changed.
     #[inline(never)]
     pub fn update_converters(
         &mut self,
@@ -263,7 +264,7 @@ impl<'i> Session<'i> {
         }
     }
 
-    /// Sends the result of the self-test that was ordered, and allows starts again.
+    /// Sends the result of the ordered self-test, and accepts `Start` again.
     #[inline(never)]
     pub fn send_self_test(
         &mut self,
@@ -275,22 +276,22 @@ impl<'i> Session<'i> {
         sender.send(now_us, &ToHost::SelfTest(result.clone()));
     }
 
-    /// Sends the counters. A device calls this every second while it streams; a `Stop` sends them
-    /// by itself.
+    /// Sends the counters. Call this every second while streaming; in answer to a `Stop` the
+    /// session sends them itself.
     #[inline(never)]
     pub fn send_stats(&self, now_us: u64, counts: Counts, sender: &mut Sender<impl FrameQueue>) {
         let stats = self.stats(counts, sender.dropped());
         sender.send(now_us, &ToHost::Stats(stats));
     }
 
-    /// Sends the durations of the stages. A device that measures them calls this every second while
-    /// it streams, after [`Self::send_stats`].
+    /// Sends the durations of the stages. On a device that measures them, call this every second
+    /// while streaming, after [`Self::send_stats`].
     #[inline(never)]
     pub fn send_timing(&self, timing: &Timing, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         sender.send(now_us, &ToHost::Timing(timing.clone()));
     }
 
-    /// Returns the counters of session and acquisition since boot.
+    /// Returns all counters since boot, for a `Stats` message.
     pub fn stats(&self, counts: Counts, frames_dropped: u32) -> Stats {
         Stats {
             streams: self.run.streams,
@@ -351,7 +352,7 @@ fn send_event(event: Event, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
     sender.send(at_us, &ToHost::Event(event));
 }
 
-/// Returns the number of frames from the host that could not be used; wraps.
+/// Returns the number of unusable frames from the host; wraps.
 fn input_bad(counters: &Counters) -> u32 {
     [
         counters.crc,

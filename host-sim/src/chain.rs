@@ -7,9 +7,9 @@ pub const CHIPS: usize = 8;
 
 const _: () = assert!(model::CHANNELS == CHIPS * CHANNELS);
 
-/// Time from one sample to the next on the chain's clock, ns: 4096 cycles of 2^21 Hz. The model's
-/// ADC rate does not depend on this period, because that rate belongs to the device's clock.
+/// Sample period of the simulated chain, ns of the chain's time: 4096 cycles of 2^21 Hz. Device
+/// time does not use this period; it has the model's ADC rate.
 pub(crate) const PERIOD_NS: u64 = 1_953_125;
 
-/// Samples per second of the chain's clock, Hz.
+/// Sample rate of the simulated chain in the chain's time, Hz.
 pub(crate) const RATE_HZ: u64 = 512;

@@ -22,7 +22,7 @@ pub(crate) enum Command {
     Inspect(InspectOptions),
 }
 
-/// Source of the EEG.
+/// Source of the EEG, parsed from `--input`.
 #[derive(Clone, Debug)]
 pub(crate) enum Input {
     /// The generator of synthetic EEG.
@@ -45,9 +45,9 @@ impl FromStr for Input {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum MissingElectrodes {
-    /// Interpolate them from the four nearest electrodes.
+    /// Interpolate missing electrodes from the four nearest ones.
     Interpolate,
-    /// Set them to 0.
+    /// Set missing electrodes to 0.
     Zero,
     /// Refuse the recording.
     Refuse,

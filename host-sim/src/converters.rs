@@ -26,45 +26,45 @@ type Simulated = Sampler<
 
 /// A chain of eight simulated converters with the driver that reads them.
 ///
-/// Counts enter as signals at the electrodes and leave through the driver's decoder. The chain's time
-/// is virtual: each sample that enters advances it by one period, whatever the device's clock shows.
+/// Counts are applied to the simulated electrodes and read back by the driver. The chain's time is
+/// virtual: each applied sample advances it by one period, independently of device time.
 #[derive(Debug)]
 pub struct Converters {
     simulation: Simulation<CHIPS>,
     sampler: Simulated,
     drdy: SimulatedReady<CHIPS>,
-    /// Counts at the electrodes for the next conversion.
+    /// Counts that the next conversion delivers.
     electrodes: Arc<Mutex<Counts>>,
     faults: Faults,
-    /// Sample periods started, which is the time axis of the faults.
+    /// Number of sample periods started. This number determines which faults are due.
     periods: u64,
     /// Due time of the current sample's DRDY edge, ns of the chain's time; `None` before the first
-    /// sample.
+    /// sample after start-up or a self-test.
     due_ns: Option<u64>,
-    /// True if the current period has no more samples.
+    /// True if all samples of the current period have been read.
     is_done: bool,
-    /// True if an edge has occurred in the current period.
+    /// True if a DRDY edge has occurred in the current period.
     edge_seen: bool,
-    /// Consecutive periods without an edge.
+    /// Consecutive periods without a DRDY edge; saturates at `SILENCE + 1`.
     silent: u32,
-    /// Fault found when the chain was initialised.
+    /// Fault found when the chain was initialised; `None` if there was none.
     failure: Option<Error>,
 }
 
 /// A sample from the driver, or a repeated one that replaces missing samples.
 #[derive(Clone, Copy, Debug)]
 pub struct ConvertedSample {
-    /// Counts of all channels; those of a bad chip repeat its last good sample.
+    /// Counts of all channels. The channels of a bad chip repeat the chip's last good sample.
     pub sample: Sample,
     /// Status of the chips, and samples missed before this one.
     pub reading: Reading<CHIPS>,
-    /// Microseconds of device time by which the sample was early; above 0 if the chain runs too
-    /// fast.
+    /// Time by which DRDY came before it was due, microseconds of device time; above 0 if the chain
+    /// runs too fast.
     pub early_us: u64,
 }
 
 impl Converters {
-    /// Powers on the chain with the faults that are present from the beginning, and initialises it.
+    /// Powers on the chain with the faults that are present at power-on, and initialises it.
     pub fn new(faults: Faults) -> Self {
         let electrodes = Arc::new(Mutex::new([[0; CHANNELS]; CHIPS]));
         let at_electrodes = electrodes.clone();
@@ -109,8 +109,8 @@ impl Converters {
         )
     }
 
-    /// Starts a period, at the end of which the electrodes deliver `sample`. [`Self::read`] then
-    /// returns what the driver reads in this period.
+    /// Starts a sample period, in which the chips convert `sample`. [`Self::read`] then returns
+    /// what the driver reads in this period.
     pub fn start_period(&mut self, sample: &Sample) {
         self.apply_faults();
         self.periods += 1;
@@ -122,8 +122,8 @@ impl Converters {
             .as_flattened_mut()
             .copy_from_slice(&sample.counts);
         drop(electrodes);
-        // The first edge is due when the chips' filter has settled; for a chain that does not run,
-        // one period from now.
+        // The first DRDY edge is due when the chips' filter has settled. If the chips do not
+        // convert, the edge counts as due one period from now.
         let first_ns = || {
             let now_ns = self.simulation.time_us() * 1_000;
             Some(self.simulation.next_edge_ns().unwrap_or(now_ns + PERIOD_NS))
@@ -134,8 +134,9 @@ impl Converters {
         self.edge_seen = false;
     }
 
-    /// Returns the next sample of this period, `None` after the last one. A period has one sample;
-    /// it has none if an edge is missing, and two from a chain that is twice as fast.
+    /// Returns the next sample of the current period; `None` after the last one. A period has one
+    /// sample, but none if a DRDY edge is missing and two if the chain runs twice as fast. From the
+    /// [`SILENCE`]th consecutive period without an edge on, each period has one repeated sample.
     pub fn read(&mut self) -> Option<ConvertedSample> {
         let due_ns = self.due_ns.filter(|_| !self.is_done)?;
         if let Some(edge_ns) = self.simulation.pass_to_edge(due_ns) {
@@ -185,7 +186,7 @@ impl Converters {
         test.report().clone()
     }
 
-    /// Returns the driver, for its counters.
+    /// Returns the driver, which holds the counters of samples and errors.
     pub const fn sampler(&self) -> &Simulated {
         &self.sampler
     }

@@ -8,13 +8,14 @@ use std::{
 /// Relation of device time to wall-clock time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// Device time follows the wall clock: samples are processed when they are due.
+    /// Real time: device time follows the wall clock, and samples are processed when they are due.
     Realtime,
-    /// Device time counts samples, which are processed as fast as possible.
+    /// Virtual time: device time advances by one period per sample, and samples are processed as
+    /// fast as possible.
     Fast,
 }
 
-/// Counts samples and computes when each is due.
+/// Counts samples and computes the device time at which each sample is due.
 #[derive(Clone, Debug)]
 pub struct DeviceClock {
     pace: Pace,
@@ -26,7 +27,7 @@ pub struct DeviceClock {
 }
 
 impl DeviceClock {
-    /// Creates a clock at 0 whose samples are `1 / rate_hz` apart.
+    /// Creates a clock that starts at 0 and has `rate_hz` samples per second.
     pub fn new(pace: Pace, rate_hz: u32) -> Self {
         Self {
             pace,
@@ -45,14 +46,14 @@ impl DeviceClock {
         }
     }
 
-    /// Starts sampling: the next sample is number 0 and due now.
+    /// Starts sampling: the next sample has number 0 and is due now.
     pub fn start(&mut self) {
         self.start_us = self.now_us();
         self.samples = 0;
     }
 
-    /// Returns the DRDY time of the next sample and counts it, microseconds. Sample n is due exactly
-    /// n / rate after the first, whenever the thread woke up.
+    /// Counts the next sample and returns its DRDY time, microseconds of device time. Sample n is
+    /// due exactly n / rate after sample 0, even if the thread wakes up late.
     pub fn next_drdy_us(&mut self) -> u64 {
         let due = self.due_us(self.samples);
         self.samples += 1;

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use crate::chain::CHIPS;
 
-/// Syntax of a fault and all kinds; the text of `--help`.
+/// Syntax and kinds of faults, as `--help` prints them.
 pub const FAULTS: &str = "\
 KIND[@FROM[..TO]]:WHERE, such as dead@3s:chip2, stuck@2s..4.5s:chip0, lead-off@2s:Cz.
 FROM and TO are seconds of signal since power-on; without FROM the fault is present at power-on, without
@@ -26,7 +26,7 @@ TO it stays. Chips count from 0 to 7; chip 0 is the one whose DRDY is wired. Kin
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Chip(usize, simulation::Fault),
-    /// An electrode without contact, by its ADC channel.
+    /// An electrode without contact; holds its ADC channel.
     Electrode(usize),
 }
 
@@ -41,34 +41,35 @@ pub struct Fault {
     to: Option<u64>,
 }
 
-/// A text that is no fault, or two faults that exclude each other.
+/// Why a text is not a fault, or why two faults cannot be combined.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum FaultError {
-    /// The colon and the place after it are missing.
+    /// The text has no colon, so it names no place; holds the text.
     #[error("{0:?} names no place; write KIND@FROM:WHERE, such as dead@3s:chip2")]
     NoPlace(String),
-    /// The kind is unknown.
+    /// The word before `@` or `:` is not a kind of fault; holds the word.
     #[error("{0:?} is no kind of fault; the kinds are {KINDS}")]
     NoKind(String),
-    /// The place is not a chip of the chain.
+    /// The fault needs a chip, and the place is not `chip0` to `chip7`; holds the place.
     #[error("{0:?} is no chip; write chip0 to chip7")]
     NoChip(String),
-    /// The place is not an electrode of the model.
+    /// The place of a `lead-off` is not an electrode of the model; holds the place.
     #[error("{0:?} is no electrode of the model; its electrodes are {labels}", labels = model::LABELS)]
     NoElectrode(String),
-    /// FROM or TO is not a number of seconds.
+    /// FROM or TO is negative or not a number of seconds; holds the text of that time.
     #[error("{0:?} is no time; write seconds, such as 3s or 0.5s")]
     NoTime(String),
-    /// TO is not after FROM.
+    /// TO is not after FROM; holds the whole text.
     #[error("{0:?} ends before it begins; write FROM before TO")]
     Backwards(String),
-    /// The fault affects DRDY, and only chip 0's is wired.
+    /// The fault affects DRDY but is not on chip 0, the only chip whose DRDY is wired; holds the
+    /// kind.
     #[error("{0} affects DRDY, and only that of chip0 is wired; write chip0")]
     NotWired(String),
-    /// A fault that affects a single edge has an end (TO).
+    /// The text gives an end (TO) to `missed-drdy`, which always ends after one sample.
     #[error("a missed edge of DRDY ends by itself; omit ..TO")]
     Passing,
-    /// Two faults of one chip overlap in time.
+    /// Two faults of one chip overlap in time; holds the number of the chip.
     #[error(
         "chip{0} has two faults at the same time; the simulated chip breaks in one way at a time"
     )]
@@ -103,7 +104,7 @@ impl FromStr for Fault {
         if passes && to.is_some() {
             return Err(FaultError::Passing);
         }
-        // A fault of a single edge is repaired with the next sample.
+        // A missed edge affects one sample, so the fault is repaired at the next sample.
         let to = if passes { Some(from + 1) } else { to };
         Ok(Self { kind, from, to })
     }
@@ -114,7 +115,7 @@ fn kind(name: &str, place: &str) -> Result<Kind, FaultError> {
     let broken = match name {
         "dead" => Broken::Dead,
         "stuck" => Broken::StuckData,
-        // The id of an ADS1298.
+        // ID register of an ADS1298.
         "wrong-id" => Broken::WrongId(0x92),
         "forgets" => Broken::Forgets(Register::CH1SET),
         "double-rate" => Broken::DoubleRate,
@@ -162,23 +163,24 @@ pub(crate) enum Change {
 /// Schedule of the faults of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Faults {
-    /// Changes in the order of their times, in samples; at the same time, repairs precede faults.
+    /// Pairs (samples before the change, change), in order of time. At equal times, the repair of a
+    /// chip precedes a new fault.
     changes: Vec<(u64, Change)>,
-    /// Number of changes that were already applied.
+    /// Number of changes that [`Faults::take_due`] has already returned.
     applied: usize,
 }
 
 impl Faults {
-    /// A run without faults.
+    /// The schedule of a run without faults.
     pub const NONE: Self = Self {
         changes: Vec::new(),
         applied: 0,
     };
 
-    /// Sorts the faults into a schedule.
+    /// Creates the schedule of these faults.
     ///
     /// # Errors
-    /// [`FaultError::Twice`]: two faults of one chip overlap.
+    /// [`FaultError::Twice`] if two faults of one chip overlap in time.
     pub fn new(faults: &[Fault]) -> Result<Self, FaultError> {
         let mut changes = Vec::new();
         for (index, fault) in faults.iter().enumerate() {
@@ -204,7 +206,7 @@ impl Faults {
         })
     }
 
-    /// Returns the changes that are due once `samples` samples have been taken; each change once.
+    /// Returns the changes that are due after `samples` samples and were not returned before.
     pub(crate) fn take_due(&mut self, samples: u64) -> Vec<Change> {
         let due = self.changes[self.applied..].iter();
         let due: Vec<Change> = due

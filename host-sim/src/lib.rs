@@ -1,7 +1,7 @@
-//! A virtual board: EEG through simulated converters and the firmware's pipeline, onto a port.
+//! A virtual board: passes EEG through simulated converters and the firmware's pipeline to a port.
 //!
-//! Converter driver, pipeline and link are those of the firmware, so codes equal a board's bit for
-//! bit. The program `host-sim` is a command line around [`Session`].
+//! The converter driver, pipeline and link are those of the firmware, so the codes equal those of a
+//! board bit for bit. The program `host-sim` is the command line of [`Session`].
 //!
 //! ```text
 //! Source -------> Converters -------> VirtualBoard ------> Outbox ------> Port
@@ -9,7 +9,7 @@
 //! synthetic EEG   real driver         commands             drops oldest   or file
 //! ```
 //!
-//! A second of synthetic EEG, without a host:
+//! This example encodes one second of synthetic EEG without a host:
 //!
 //! ```
 //! use host_sim::synthetic::{Generator, SyntheticSpec};

@@ -12,9 +12,9 @@ use host_sim::SessionError;
 
 use command_line::{Command, CommandLine};
 
-/// Exit status when the input cannot be used.
+/// Exit status if the input or the options cannot be used.
 const UNUSABLE: u8 = 2;
-/// Exit status when the output cannot be opened or written.
+/// Exit status if the output cannot be opened or written.
 const UNREACHABLE: u8 = 3;
 
 fn main() -> ExitCode {

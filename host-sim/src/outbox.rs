@@ -1,4 +1,4 @@
-//! Queue of whole frames in front of a host that can be slow.
+//! Queue of whole frames between a board and a host that can be slow.
 
 use std::{
     collections::VecDeque,
@@ -10,9 +10,9 @@ use std::{
 /// Behaviour when the host reads frames more slowly than the board produces them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhenFull {
-    /// Drop the oldest whole frames and count them, as a board does: real time cannot wait.
+    /// In real time: drop the oldest whole frames and count them, as a board does.
     DropOldest,
-    /// Wait for room, in virtual time.
+    /// In virtual time: make the board wait for room.
     Wait,
 }
 
@@ -33,24 +33,24 @@ struct Shared {
 
 #[derive(Debug, Default)]
 struct Queue {
-    /// Frames with the time at which each was queued.
+    /// Frames, oldest first, each with the time at which it was queued.
     frames: VecDeque<(Instant, Vec<u8>)>,
-    /// True while a popped frame is neither written nor lost.
+    /// True from [`Outbox::pop`] until the frame is reported as written or lost.
     writing: bool,
     closed: bool,
     dropped: u32,
     failure: Option<io::Error>,
 }
 
-/// Most frames in the queue in virtual time: 4 s of codes.
+/// Number of queued frames at which the board waits in virtual time: 4 s of codes.
 const CAPACITY: usize = 64;
 
-/// Greatest age of a frame in real time. A limit on the number of frames would be wrong: raw samples,
-/// four times as many, would displace codes in a pause that codes alone survive.
+/// Greatest age of a queued frame in real time. The limit is an age, not a number of frames, so
+/// that the 64 raw frames per second do not displace the 16 codes per second during a pause.
 const MAX_AGE: Duration = Duration::from_secs(4);
 
-/// Most frames in the queue in real time, 0.5 MB: more than 4 s of every stream, which has 64 raw and
-/// 32 filtered frames, 16 codes and 5 reports a second.
+/// Largest number of queued frames in real time, about 0.5 MB. In 4 s, all streams together have
+/// 468 frames: 64 raw frames, 32 filtered frames, 16 codes and 5 reports per second.
 const MAX_FRAMES: usize = 512;
 
 impl Outbox {
@@ -66,21 +66,21 @@ impl Outbox {
         }
     }
 
-    /// Returns the behaviour that was chosen at creation.
+    /// Returns the behaviour that was passed to [`Outbox::new`].
     pub fn when_full(&self) -> WhenFull {
         self.when_full
     }
 
-    /// Waits until there is room, at most `timeout`, and returns true if there is. A queue that drops
-    /// frames always has room.
+    /// Waits for room in the queue, at most `timeout`, and returns true if there is room. With
+    /// [`WhenFull::DropOldest`] there always is.
     pub fn wait_for_room(&self, timeout: Duration) -> bool {
         let full = |queue: &Queue| queue.frames.len() >= CAPACITY && !queue.closed;
         self.when_full == WhenFull::DropOldest || self.wait_while(timeout, full)
     }
 
-    /// Appends a frame. A queue that drops discards frames older than 4 s. A queue that waits grows
-    /// instead: call [`Outbox::wait_for_room`] before making a frame. A closed outbox counts the frame as
-    /// dropped.
+    /// Appends a frame. With [`WhenFull::DropOldest`], drops frames older than 4 s first. With
+    /// [`WhenFull::Wait`], the queue can exceed its limit, so call [`Outbox::wait_for_room`] before
+    /// making a frame. A closed outbox counts the frame as dropped.
     pub fn push(&self, frame: &[u8]) {
         self.push_at(frame, Instant::now());
     }
@@ -98,8 +98,8 @@ impl Outbox {
         self.shared.changed.notify_all();
     }
 
-    /// Removes and returns the oldest frame, waiting for one; `None` when the outbox is closed. Call
-    /// [`Outbox::mark_written`] or [`Outbox::mark_lost`] next.
+    /// Waits for a frame, then removes and returns the oldest one; `None` if the outbox is closed.
+    /// After writing the frame, call [`Outbox::mark_written`] or [`Outbox::mark_lost`].
     pub fn pop(&self) -> Option<Vec<u8>> {
         let mut queue = self.lock();
         while queue.frames.is_empty() && !queue.closed {
@@ -121,10 +121,11 @@ impl Outbox {
         self.shared.changed.notify_all();
     }
 
-    /// Reports that the popped frame could not be written. The first reason is kept.
+    /// Reports that the popped frame could not be written. The first reason is kept for
+    /// [`Outbox::take_failure`].
     pub fn mark_lost(&self, reason: io::Error) {
         let mut queue = self.lock();
-        // If `close` has cleared the flag, it has counted this frame already.
+        // If `close` has cleared `writing`, `close` has already counted this frame.
         if std::mem::take(&mut queue.writing) {
             queue.drop_frames(1);
         }
@@ -152,12 +153,14 @@ impl Outbox {
         self.lock().closed
     }
 
-    /// Waits until every frame was written, at most `timeout`. Returns true if every frame was.
+    /// Waits until no frame is queued or being written, at most `timeout`. Returns false if the
+    /// time limit expired.
     pub fn drain(&self, timeout: Duration) -> bool {
         self.wait_while(timeout, |queue| !queue.frames.is_empty() || queue.writing)
     }
 
-    /// Ends [`Outbox::pop`] for every thread; frames not written by now count as dropped.
+    /// Closes the outbox: [`Outbox::pop`] returns `None` from now on, and frames that were not
+    /// written count as dropped.
     pub fn close(&self) {
         let mut queue = self.lock();
         let unsent = queue.frames.len() + usize::from(std::mem::take(&mut queue.writing));
@@ -167,7 +170,7 @@ impl Outbox {
         self.shared.changed.notify_all();
     }
 
-    /// Waits while `condition` holds and returns true if it ended within `timeout`.
+    /// Waits while `condition` holds, at most `timeout`. Returns false if the time limit expired.
     fn wait_while(&self, timeout: Duration, condition: impl Fn(&Queue) -> bool) -> bool {
         let deadline = Instant::now() + timeout;
         let mut queue = self.lock();
@@ -226,7 +229,8 @@ mod tests {
     fn a_pause_of_four_seconds_loses_nothing_with_any_streams_and_a_longer_one_the_oldest() {
         let outbox = Outbox::new(WhenFull::DropOldest);
         let start = Instant::now();
-        // All streams: 64 raw frames, 32 filtered frames, 16 codes and 5 reports a second.
+        // All streams have 117 frames per second: 64 raw frames, 32 filtered frames, 16 codes and 5
+        // reports.
         for index in 0..6 * 117_u32 {
             outbox.push_at(
                 &index.to_le_bytes(),
@@ -237,7 +241,7 @@ mod tests {
             }
         }
         assert_eq!(outbox.dropped(), 2 * 117 - 1);
-        // Codes alone: 16 codes and 5 reports a second.
+        // Codes alone have 21 frames per second: 16 codes and 5 reports.
         let outbox = Outbox::new(WhenFull::DropOldest);
         for index in 0..6 * 21_u32 {
             outbox.push_at(

@@ -23,21 +23,22 @@ use crate::outbox::{Outbox, WhenFull};
 /// Pause before a failed operation is tried again.
 const RETRY: Duration = Duration::from_millis(20);
 
-/// Interval at which the unread bytes of a slow host are checked.
+/// Interval between checks of how many bytes a slow host has not read.
 const POLL: Duration = Duration::from_millis(2);
 
-/// Most bytes that wait in a terminal for a slow host: half a second of codes. The kernel alone would
-/// buffer 64 KB, half a minute of codes, which are stale when the host reads them.
+/// Number of unread bytes in a terminal above which no frame is written: about half a second of
+/// codes. Without this limit, the kernel would buffer 64 KB, about half a minute of codes, and a
+/// slow host would read old codes.
 const MAX_UNREAD: u64 = 1_024;
 
 /// Destination of the frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// A pseudo-terminal; the path becomes a symbolic link to it.
+    /// A pseudo-terminal. Holds the path of the symbolic link to the terminal.
     Pty(PathBuf),
-    /// A TCP port for one host at a time, as HOST:PORT to listen on.
+    /// A TCP port for one host at a time. Holds the address to listen on, HOST:PORT.
     Tcp(String),
-    /// A file. It sends no commands, so the codes start at once.
+    /// A file. No commands come from a file, so the codes start at once.
     File(PathBuf),
 }
 
@@ -66,13 +67,13 @@ impl fmt::Display for Output {
     }
 }
 
-/// Reason why an output could not be opened.
+/// Why an output could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
     /// The system provides no pseudo-terminal.
     #[error("cannot open a pseudo-terminal; is /dev/pts mounted?")]
     Pty(#[source] io::Error),
-    /// The link to the pseudo-terminal could not be made.
+    /// The symbolic link to the pseudo-terminal could not be created.
     #[error("cannot make the link {path}; choose a path in a writable folder")]
     Link {
         /// Path in [`Output::Pty`].
@@ -81,7 +82,7 @@ pub enum PortError {
         #[source]
         source: io::Error,
     },
-    /// The path of the link exists and is not a link.
+    /// Something other than a symbolic link exists at the path of the link.
     #[error("{path} exists and is no link; remove it or choose another path")]
     Occupied {
         /// Path in [`Output::Pty`].
@@ -107,7 +108,8 @@ pub enum PortError {
     },
 }
 
-/// An open output. One thread writes the outbox to it, another one reads commands.
+/// An open output. One thread writes the frames of the outbox to the output; another thread reads
+/// the host's commands.
 pub struct Port {
     commands: mpsc::Receiver<Vec<u8>>,
     pty: Option<Pty>,
@@ -115,7 +117,7 @@ pub struct Port {
 
 struct Pty {
     link: PathBuf,
-    /// Kept open, so that a host can close the terminal and open it again.
+    /// File descriptor that stays open, so that a host can close the terminal and open it again.
     terminal: OwnedFd,
 }
 
@@ -123,7 +125,7 @@ impl Port {
     /// Opens the output and starts the thread that writes the outbox to it.
     ///
     /// # Errors
-    /// One variant of [`PortError`] for each kind of output.
+    /// [`PortError`] if the terminal, its link, the TCP port or the file cannot be opened.
     pub fn open(output: &Output, outbox: &Outbox) -> Result<Self, PortError> {
         let (sender, commands) = mpsc::channel();
         let pty = match output {
@@ -163,7 +165,7 @@ impl Port {
         self.commands.try_iter()
     }
 
-    /// Waits for bytes from the host, at most `timeout`.
+    /// Waits for bytes from the host, at most `timeout`. Returns `None` if no bytes arrived.
     pub fn receive_timeout(&self, timeout: Duration) -> Option<Vec<u8>> {
         match self.commands.recv_timeout(timeout) {
             Ok(bytes) => Some(bytes),
@@ -175,13 +177,15 @@ impl Port {
         }
     }
 
-    /// Waits until the host has read everything, at most `timeout`, and returns the number of unread
-    /// bytes. Closing a pseudo-terminal discards them; other outputs return 0 at once.
+    /// Waits until the host has read everything, at most `timeout`, and returns the number of
+    /// unread bytes. Closing a pseudo-terminal discards unread bytes. Returns 0 at once for other
+    /// outputs.
     pub fn wait_until_read(&self, timeout: Duration) -> u64 {
         let Some(pty) = &self.pty else { return 0 };
         let unread = || unread_in(&pty.terminal);
         let deadline = Instant::now() + timeout;
-        // Bytes can still be on their way to the terminal's queue, so it must be empty twice.
+        // Written bytes can reach the terminal's queue late, so two consecutive checks must find
+        // the queue empty.
         let mut empty = 0;
         while Instant::now() < deadline && empty < 2 {
             thread::sleep(RETRY);
@@ -230,7 +234,7 @@ fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
                 path: link.to_owned(),
             });
         }
-        // A link left by an earlier run.
+        // The link was left by an earlier run: remove it.
         Ok(_) => drop(fs::remove_file(link)),
         Err(_) => {}
     }
@@ -249,7 +253,8 @@ fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
 
 /// Writes frames until the outbox is closed; a frame that cannot be written is counted as lost.
 ///
-/// Waits before each frame until `unread`, the number of bytes that the host has not read, is small.
+/// Before each frame, waits until the host has at most [`MAX_UNREAD`] bytes to read; `unread`
+/// returns their number.
 fn write_all_to(mut out: impl Write, unread: impl Fn() -> u64, outbox: &Outbox) {
     while let Some(frame) = outbox.pop() {
         while unread() > MAX_UNREAD && !outbox.is_closed() {
@@ -262,7 +267,7 @@ fn write_all_to(mut out: impl Write, unread: impl Fn() -> u64, outbox: &Outbox) 
     }
 }
 
-/// Forwards the host's bytes to the board until the host or the board is gone.
+/// Forwards the host's bytes to the board until the host disconnects or the board ends.
 fn forward(mut input: impl Read, commands: &mpsc::Sender<Vec<u8>>) {
     let mut buffer = [0; 512];
     loop {
@@ -282,8 +287,8 @@ fn forward(mut input: impl Read, commands: &mpsc::Sender<Vec<u8>>) {
 /// The connected host; `None` without one.
 type CurrentHost = Arc<Mutex<Option<Arc<TcpStream>>>>;
 
-/// Serves one host at a time; a new connection replaces the old one. Without a host, frames are dropped
-/// and counted in real time, and wait in virtual time.
+/// Serves one host at a time; a new connection replaces the old one. Without a host, frames are
+/// dropped and counted in real time; in virtual time they wait.
 fn serve(listener: TcpListener, outbox: &Outbox, commands: &mpsc::Sender<Vec<u8>>) {
     let host = CurrentHost::default();
     let (current, commands) = (host.clone(), commands.clone());
@@ -302,8 +307,8 @@ fn serve(listener: TcpListener, outbox: &Outbox, commands: &mpsc::Sender<Vec<u8>
 fn accept(listener: &TcpListener, current: &CurrentHost, commands: &mpsc::Sender<Vec<u8>>) {
     loop {
         let Ok((stream, _)) = listener.accept() else {
-            // Most likely the process is out of file descriptors: an immediate retry would only
-            // load the processor.
+            // Most likely the process is out of file descriptors. Wait, because an immediate retry
+            // would fail again.
             thread::sleep(RETRY);
             continue;
         };
@@ -312,7 +317,7 @@ fn accept(listener: &TcpListener, current: &CurrentHost, commands: &mpsc::Sender
         };
         let mut current = current.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(old) = current.replace(Arc::new(stream)) {
-            // An error means that the old host is already gone.
+            // An error means that the old host has already disconnected.
             let _ = old.shutdown(std::net::Shutdown::Both);
         }
         let commands = commands.clone();

@@ -61,7 +61,7 @@ fn session(options: &RunOptions, faults: Faults) -> Session {
         _ => Pace::Realtime,
     };
     let default_id = || match pace {
-        // In virtual time the id is constant, because two such runs must be equal to the last byte.
+        // In virtual time the id is constant, because equal runs must write equal bytes.
         Pace::Fast => 1,
         Pace::Realtime => SystemTime::now()
             .duration_since(UNIX_EPOCH)

@@ -1,4 +1,5 @@
-//! A run of the virtual board, from its start to the end of its source.
+//! A run of the virtual board: passes the samples of a source to the board and the board's frames
+//! to a port.
 
 use std::{
     sync::atomic::{AtomicBool, Ordering},
@@ -19,10 +20,11 @@ use crate::source::Source;
 use crate::trigger::Trigger;
 use crate::virtual_board::{Identity, VirtualBoard};
 
-/// Longest wait at the end for a host that does not read.
+/// Time limit at the end of a run for writing the queued frames, and again for the host to read
+/// them.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Interval at which an idle board checks the stop flag.
+/// Longest wait for a command or for room in the outbox before the stop flag is checked again.
 const IDLE_POLL: Duration = Duration::from_millis(20);
 
 /// Configuration of a run of the virtual board.
@@ -32,19 +34,19 @@ pub struct Session {
     pub output: Output,
     /// Real time or virtual time; decides whether a slow host loses frames or delays the board.
     pub pace: Pace,
-    /// Mains frequency of the notch until a host selects another one.
+    /// Mains frequency that the notch filter removes until a host selects another one.
     pub mains: Mains,
     /// Session id and chip id that the board reports in `Hello`.
     pub identity: Identity,
-    /// ADC samples after which the run ends; `None` for no limit.
+    /// Number of ADC samples after which the run ends; `None` for no limit.
     pub limit: Option<u64>,
-    /// Faults of converters and electrodes, by time.
+    /// Schedule of the faults of converters and electrodes.
     pub faults: Faults,
     /// Simulated trigger input; `None` for an input without edges.
     pub trigger: Option<Trigger>,
 }
 
-/// Failure of a run.
+/// Why a run failed.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     /// The output could not be opened.
@@ -56,12 +58,12 @@ pub enum SessionError {
         #[source]
         source: PortError,
     },
-    /// Frames could not be written to a file.
+    /// At least one frame could not be written to a file.
     #[error("cannot write to {output}; is the disk full?")]
     Write {
         /// Output as in [`Session::output`].
         output: Output,
-        /// Error from writing the first frame that was lost.
+        /// Error from the first write that failed.
         #[source]
         source: std::io::Error,
     },
@@ -69,7 +71,7 @@ pub enum SessionError {
     /// sent.
     #[error("the recording broke off after {samples} samples of the ADC; they were sent")]
     Source {
-        /// ADC samples read before the error.
+        /// Number of ADC samples read before the error.
         samples: u64,
         /// Error from the file's reader.
         #[source]
@@ -91,16 +93,18 @@ pub struct Report {
     pub stats: Stats,
     /// Counters of the converters' driver at the end.
     pub converters: SamplerCounters<CHIPS>,
-    /// Fault found when the converters were initialised.
+    /// Fault found when the converters were initialised; `None` if there was none.
     pub failure: Option<ads1299::Error>,
     /// Wall-clock time from the first sample to the end of the run.
     pub elapsed: Duration,
-    /// Bytes in a pseudo-terminal that the host had not read at the end.
+    /// Number of bytes in a pseudo-terminal that the host had not read at the end; 0 for other
+    /// outputs.
     pub unread_bytes: u64,
 }
 
 impl Report {
-    /// Returns the duration of the processed signal, seconds.
+    /// Returns the duration of the processed signal in seconds, computed from the number of
+    /// samples.
     #[expect(
         clippy::cast_precision_loss,
         reason = "sample counts are far below 2^52"
@@ -133,7 +137,7 @@ impl Session {
                 .with_trigger(self.trigger);
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into());
         if let Output::File(_) = self.output {
-            // No host can send a `Start` through a file.
+            // A file has no host that could send a `Start`, so start the codes here.
             board.start(
                 Start {
                     streams: Streams::CODES,

@@ -1,4 +1,4 @@
-//! Source of the virtual board's samples.
+//! Sources of samples: a recording or synthetic EEG.
 
 use pipeline::Sample;
 use recordings::{RecordingError, VirtualAdc};
@@ -9,7 +9,7 @@ const _: () = assert!(model::CHANNELS == recordings::virtual_adc::CHANNELS);
 
 /// A stream of samples at the ADC's rate.
 pub enum Source {
-    /// A recording through the virtual ADC; finite.
+    /// A recording, converted to samples by the virtual ADC; finite.
     Recording(Box<VirtualAdc>),
     /// Synthetic EEG; endless.
     Synthetic(Box<Generator>),
@@ -19,7 +19,7 @@ impl Source {
     /// Returns the next sample; `None` at the end of a recording.
     ///
     /// # Errors
-    /// The rest of the recording cannot be read.
+    /// [`RecordingError`] if the rest of the recording cannot be read.
     pub fn next_sample(&mut self) -> Result<Option<Sample>, RecordingError> {
         match self {
             Self::Recording(adc) => adc

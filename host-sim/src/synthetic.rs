@@ -1,13 +1,15 @@
 //! Synthetic EEG: seeded, endless, in ADC counts.
 //!
-//! The sum of a 1/f^1.5 background of smooth sources under the scalp (`background`), posterior
-//! alpha bursts (`alpha`), blinks (`blink`), mains and a slow drift on an electrode offset
-//! (`interference`) and, on request, episodes at the ADC's rail (`rail`). Each component has its own
-//! random stream, so switching blinks or rails off does not change the others.
+//! Each sample is the sum of several components: a 1/f^1.5 background from sources under the scalp
+//! (`background`), posterior alpha bursts (`alpha`) and blinks (`blink`); mains, an electrode
+//! offset and its slow drift (`interference`); and, on request, episodes at the ADC's rail
+//! (`rail`). Each component has a separate random stream, so switching blinks or rails off does not
+//! change the others.
 //!
-//! Equal specs yield equal counts on every platform. Samples are computed with `+ - * /` and square
-//! roots, which IEEE 754 rounds exactly, and ChaCha8. Only the electrodes' positions use the
-//! platform's sines; values derived from them are rounded to 2^-20 (see `scalp`).
+//! Equal specs yield equal counts on every platform. The random numbers come from ChaCha8, and
+//! samples are computed with `+ - * /` and square roots, for which IEEE 754 specifies every bit of
+//! the result. Only the electrodes' positions depend on the platform's sine function; values
+//! derived from the positions are rounded to 2^-20 (see `scalp`).
 
 mod alpha;
 mod background;
@@ -47,10 +49,10 @@ pub struct Generator {
 }
 
 impl Generator {
-    /// Creates a generator; its first sample is the same for equal specs.
+    /// Creates a generator. Its samples, from the first one on, depend only on `spec`.
     ///
     /// # Errors
-    /// [`SyntheticError`], with one variant for each kind of field that can be wrong.
+    /// [`SyntheticError`] if a field of `spec` is outside its range.
     pub fn new(spec: &SyntheticSpec) -> Result<Self, SyntheticError> {
         let SyntheticSpec {
             rate_hz, mains_hz, ..
@@ -110,7 +112,7 @@ impl Generator {
         })
     }
 
-    /// Returns the number of counts limited to a rail so far.
+    /// Returns the number of counts that were clipped to a rail so far.
     pub fn saturated(&self) -> u64 {
         self.saturated
     }

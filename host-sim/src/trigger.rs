@@ -6,32 +6,33 @@ use device::CapturedEvent;
 use link::EventKind;
 use thiserror::Error;
 
-/// Shortest interval between two edges.
+/// Shortest interval between edges that [`Trigger::every`] accepts.
 const SHORTEST: Duration = Duration::from_millis(1);
 
 /// A simulated trigger input: periodic edges, rising and falling in turn, at exact device times.
 ///
-/// As on a board, edges are numbered since boot, whether anything streams or not.
+/// As on a board, edges are numbered from 0 at boot, and edges outside a run are counted as well.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trigger {
     /// Interval between edges, microseconds of device time.
     interval_us: u64,
-    /// Device time of the boot, microseconds; edge n follows after n + 1 intervals.
+    /// Device time of the boot, microseconds. Edge n occurs n + 1 intervals later.
     boot_us: u64,
-    /// Edges since boot.
+    /// Number of edges since boot, which is the number of the next edge.
     edges: u64,
 }
 
-/// The interval between edges is too short.
+/// The interval between edges is shorter than a millisecond; holds the interval.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[error("an edge every {0:?} is too fast for a board; use an interval of a millisecond or more")]
 pub struct TriggerError(Duration);
 
 impl Trigger {
-    /// Creates a trigger with this interval; the first edge occurs one interval after power-on.
+    /// Creates a trigger with an edge at every `interval`. The first edge occurs one interval after
+    /// boot.
     ///
     /// # Errors
-    /// [`TriggerError`]: the interval is shorter than a millisecond.
+    /// [`TriggerError`] if the interval is shorter than a millisecond.
     pub fn every(interval: Duration) -> Result<Self, TriggerError> {
         let interval_us = u64::try_from(interval.as_micros()).unwrap_or(u64::MAX);
         if interval < SHORTEST {
@@ -44,20 +45,21 @@ impl Trigger {
         })
     }
 
-    /// Restarts the trigger with the board: edges are counted from 0 again.
+    /// Restarts the trigger when the board boots at `now_us`: edges are numbered from 0 again.
     pub(crate) fn restart(&mut self, now_us: u64) {
         self.boot_us = now_us;
         self.edges = 0;
     }
 
-    /// Skips the edges before `start_us`, device time in microseconds; the skipped edges keep their
+    /// Skips the edges before `start_us`, microseconds of device time. Later edges keep their
     /// numbers.
     pub(crate) fn skip_before(&mut self, start_us: u64) {
         let since_boot_us = start_us.saturating_sub(self.boot_us);
         self.edges = since_boot_us.saturating_sub(1) / self.interval_us;
     }
 
-    /// Returns the next edge up to `now_us`, device time in microseconds; each edge once.
+    /// Returns the next edge if it is not after `now_us`, microseconds of device time. Returns each
+    /// edge once.
     pub(crate) fn next(&mut self, now_us: u64) -> Option<CapturedEvent> {
         let since_boot_us = (self.edges + 1).saturating_mul(self.interval_us);
         let at_us = self.boot_us.saturating_add(since_boot_us);

@@ -1,4 +1,4 @@
-//! A board without clock and port: samples and commands in, frames out.
+//! A board without clock and port. Receives samples and commands, and sends frames to an outbox.
 
 use ads1299::SelfTestReport;
 use device::{
@@ -14,12 +14,12 @@ use crate::fault::Faults;
 use crate::outbox::Outbox;
 use crate::trigger::Trigger;
 
-/// Part of `Hello` that a user of the virtual board chooses.
+/// The fields of `Hello` that the user of the virtual board chooses.
 #[derive(Clone, Copy, Debug)]
 pub struct Identity {
-    /// Session id, which should differ from start to start; a `Reset` increments it.
+    /// Session id, which should be different at each start of the board. A `Reset` increments it.
     pub session_id: u32,
-    /// Replaces the unique id of a microcontroller, 96 bits.
+    /// Unique id of 96 bits, in place of a microcontroller's.
     pub chip_uid: [u8; 12],
 }
 
@@ -42,13 +42,14 @@ const ABILITIES: Abilities = Abilities {
     bootloader: false,
 };
 
-/// A board with simulated converters: samples at the electrodes and bytes in, frames out.
+/// A board with simulated converters. Receives samples at the electrodes and bytes from the host;
+/// sends frames to an [`Outbox`].
 ///
-/// Every call takes the device time as an argument, in microseconds since boot.
+/// Methods take the device time as an argument, in microseconds since boot.
 #[derive(Debug)]
 pub struct VirtualBoard {
     identity: Identity,
-    /// Mains frequency of the notch after a boot.
+    /// Mains frequency that the notch filter removes after a boot.
     mains: Mains,
     session: Session<'static>,
     sender: Sender<Outbox>,
@@ -56,20 +57,21 @@ pub struct VirtualBoard {
     trigger: Option<Trigger>,
     acquisition: Acquisition,
     producer: Box<Producer<EncoderMemory>>,
-    /// A run that starts with the next sample.
+    /// Parameters of a run that starts with the next sample; otherwise `None`.
     new_run: Option<Run>,
-    /// Samples since boot; the two counters below are since boot as well.
+    /// Samples since boot. `overruns` and `adc_status_bad` also count since boot.
     samples: u64,
     overruns: u32,
     adc_status_bad: u32,
     /// Steps since the last `Start`.
     steps: u64,
-    /// Electrode values clipped to int8 before the last `Start`; wraps.
+    /// Number of electrode values clipped to int8 between boot and the last `Start`; wraps.
     clipped_before: u32,
 }
 
 impl VirtualBoard {
-    /// Creates a board that has just started and has put its introduction into the outbox.
+    /// Creates a board that has just started. `Hello`, `Capabilities` and `Converters` are in the
+    /// outbox.
     pub fn new(identity: Identity, mains: Mains, outbox: Outbox) -> Self {
         Self::with_faults(identity, mains, Faults::NONE, outbox)
     }
@@ -97,7 +99,7 @@ impl VirtualBoard {
         board
     }
 
-    /// Adds a simulated trigger input.
+    /// Adds a simulated trigger input; `None` for an input without edges.
     #[must_use]
     pub fn with_trigger(mut self, trigger: Option<Trigger>) -> Self {
         self.trigger = trigger;
@@ -117,7 +119,7 @@ impl VirtualBoard {
         }
     }
 
-    /// Executes a `Start` without a host and without an `Ack`.
+    /// Executes a `Start` without a command from a host, and sends no `Ack`.
     pub fn start(&mut self, start: Start, now_us: u64) -> AckResult {
         let (result, order) = self.session.start(start, now_us, &mut self.sender);
         if let Some(order) = order {
@@ -146,7 +148,7 @@ impl VirtualBoard {
         }
     }
 
-    /// Restarts the board as a reset does; waiting frames still go out.
+    /// Restarts the board as a reset does. Frames in the outbox are still sent.
     fn restart(&mut self, now_us: u64) {
         let outbox = self.sender.queue().clone();
         self.identity.session_id = self.identity.session_id.wrapping_add(1);
@@ -174,8 +176,8 @@ impl VirtualBoard {
             .update_converters(message, now_us, &mut self.sender);
     }
 
-    /// Applies a sample to the electrodes, with its DRDY edge due at `now_us`, and processes what the
-    /// converters read. Ignored while nothing streams.
+    /// Applies a sample, whose DRDY edge is due at `now_us`, to the electrodes and processes what
+    /// the driver reads. Ignores the sample outside a run.
     pub fn process_sample(&mut self, sample: &Sample, now_us: u64) {
         if !self.is_streaming() {
             return;
@@ -232,8 +234,8 @@ impl VirtualBoard {
             trigger.skip_before(now_us);
         }
         let mut next = || trigger.as_mut()?.next(now_us);
-        // Events precede the results of their sample, except in a run's first sample, which starts the
-        // run.
+        // Trigger edges precede the results of their sample, except in the first sample of a run:
+        // the run must start before its edges are sent.
         if !is_first {
             self.producer.place_events(&acquired, &mut next, &mut emit);
         }
@@ -253,13 +255,13 @@ impl VirtualBoard {
         &self.converters
     }
 
-    /// Tests the converters as a board does; they convert again afterwards. Unlike the command,
-    /// this function does not refuse the test while a run is active.
+    /// Runs the self-test of the converters, which convert again afterwards. Unlike the command
+    /// `SelfTest`, this function does not refuse while a run is active.
     pub fn run_self_test(&mut self) -> SelfTestReport<CHIPS> {
         self.converters.run_self_test()
     }
 
-    /// Returns the counters since boot.
+    /// Returns the counters of samples, codes, commands and losses since boot.
     pub fn stats(&self) -> Stats {
         self.session.stats(self.counts(), self.sender.dropped())
     }

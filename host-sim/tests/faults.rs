@@ -1,4 +1,5 @@
-//! Each fault of the converters is flagged in the first code whose window contains it, not before.
+//! Each fault of the converters is flagged in the first code whose window contains the fault, and
+//! in no earlier code.
 
 use std::time::Duration;
 
@@ -16,8 +17,8 @@ const BAD: Flags = Flags::ADC_STATUS_BAD;
 const HOP: usize = 32;
 /// Samples per window at 512 Hz.
 const WINDOW: u64 = 64;
-/// Samples that a step covers before its own: a step is taken at every fourth sample, from the first
-/// on, and includes the flags of the three samples before.
+/// Number of samples before a step's own sample whose flags the step includes. At 512 Hz, every
+/// fourth sample, starting with the first, makes a step.
 const BEFORE: u64 = 3;
 
 /// Flags of every code, and the board's counters at the end.
@@ -27,7 +28,7 @@ struct Observed {
 }
 
 impl Observed {
-    /// Returns the windows whose codes have a flag.
+    /// Returns the indices of the windows whose codes have `flag`.
     fn windows_with(&self, flag: Flags) -> Vec<usize> {
         let codes = self.codes.iter().enumerate();
         codes
@@ -79,7 +80,7 @@ fn observe(faults: &[&str]) -> Observed {
     Observed { codes, stats }
 }
 
-/// Returns the windows that contain any of these samples.
+/// Returns the indices of the windows (0 to 30) whose steps include the flags of any of `samples`.
 fn windows_of(samples: std::ops::Range<u64>) -> Vec<usize> {
     let windows = (0..31).zip((0..).step_by(HOP));
     windows
@@ -90,9 +91,9 @@ fn windows_of(samples: std::ops::Range<u64>) -> Vec<usize> {
         .collect()
 }
 
-/// Time of sample [`FROM`].
+/// Time of sample [`FROM`]: 500 / 512 s.
 const AT: &str = "0.9765625s";
-/// First faulty sample: neither the first nor the last of a hop.
+/// First faulty sample. It is neither the first nor the last sample of a hop.
 const FROM: u64 = 500;
 
 #[test]
@@ -146,7 +147,7 @@ fn a_fault_of_one_sample_is_flagged_in_exactly_the_windows_that_contain_it() {
 
 #[test]
 fn a_repaired_chip_is_flagged_up_to_the_last_window_that_contains_the_fault() {
-    // The fault lasts 48 samples.
+    // 1.0703125 s is the time of sample 548, so the fault lasts 48 samples.
     let observed = observe(&[&format!("dead@{AT}..1.0703125s:chip3")]);
     assert_eq!(observed.windows_with(BAD), windows_of(FROM..FROM + 48));
     assert_eq!(observed.stats.adc_status_bad, 48);
@@ -155,7 +156,7 @@ fn a_repaired_chip_is_flagged_up_to_the_last_window_that_contains_the_fault() {
 #[test]
 fn without_chip_0_and_its_drdy_the_samples_continue_with_flags() {
     let observed = observe(&[&format!("dead@{AT}:chip0")]);
-    // Three samples pass before the driver detects that DRDY is silent.
+    // The driver misses three samples before it detects that DRDY is silent.
     assert_eq!(observed.stats.overruns, 3);
     assert_eq!(observed.stats.samples, 1024 - 3);
     assert_eq!(observed.windows_with(BAD), windows_of(FROM..1021));
@@ -179,7 +180,8 @@ fn a_missed_edge_is_an_overrun_and_nothing_else() {
 #[test]
 fn a_doubled_rate_is_flagged_with_its_first_early_sample() {
     let observed = observe(&[&format!("double-rate@{AT}:chip0")]);
-    // The conversion in progress ends at the old rate. Twice as many samples make twice as many windows.
+    // The conversion in progress ends at the old rate, so the first early sample is FROM + 1. From
+    // there on, twice as many samples make twice as many windows.
     let first = windows_of(FROM + 1..FROM + 2)[0];
     let expected: Vec<usize> = (first..observed.codes.len()).collect();
     assert_eq!(observed.windows_with(BAD), expected);
@@ -199,7 +201,7 @@ fn an_electrode_that_is_off_is_flagged_and_saturates() {
         windows_of(FROM..FROM + 48)
     );
     assert_eq!(observed.windows_with(BAD), []);
-    // The lead-off current has no path, so the input goes to the rail.
+    // The lead-off current has no path through the electrode, so the input goes to the rail.
     assert_eq!(
         observed.windows_with(Flags::SATURATED),
         windows_of(FROM..FROM + 48)

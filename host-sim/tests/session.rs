@@ -1,4 +1,4 @@
-//! Runs of the virtual board with each kind of output.
+//! Tests that run the virtual board with each kind of output.
 
 use std::{
     fs::{self, File, OpenOptions},
@@ -20,7 +20,7 @@ use host_sim::{
 use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice, ToHost};
 use pipeline::Mains;
 
-/// Longest wait for anything in these tests; generous, because CI machines are shared.
+/// Time limit of each wait: far longer than any operation takes, even on a busy machine.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
 fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
@@ -52,10 +52,10 @@ fn run_observed(
     session.run(&mut Source::Synthetic(Box::new(generator)), stop, on_second)
 }
 
-/// A run in a separate thread; dropping this stops it.
+/// A run in a separate thread. Dropping the value stops the run.
 struct Running {
     stop: Arc<AtomicBool>,
-    /// Codes made until the last full second of signal.
+    /// Number of codes made up to the last full second of signal.
     codes: Arc<AtomicU32>,
     thread: Option<JoinHandle<Result<Report, SessionError>>>,
 }
@@ -91,7 +91,7 @@ fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
-/// Repeats an attempt until it returns a value.
+/// Repeats `attempt` until it returns a value; fails after [`TIMEOUT`].
 fn eventually<T>(mut attempt: impl FnMut() -> Option<T>) -> T {
     let deadline = Instant::now() + TIMEOUT;
     loop {
@@ -195,7 +195,7 @@ fn a_board_without_a_reader_counts_its_codes_as_dropped_and_stops_on_request() {
     let running = Running::start(session(Output::Pty(link.clone()), Pace::Fast, None));
     let mut terminal = open_terminal(&link);
     send(&mut terminal, START);
-    // Wait until the terminal and the queue are full, so that the board waits.
+    // Wait until the board makes no more codes, because the terminal and the queue are full.
     let mut codes = 0;
     eventually(|| {
         thread::sleep(Duration::from_secs(1));
@@ -205,7 +205,7 @@ fn a_board_without_a_reader_counts_its_codes_as_dropped_and_stops_on_request() {
     let start = Instant::now();
     let report = running.finish();
     assert!(start.elapsed() < TIMEOUT);
-    // Everything except the half second in the terminal counts as dropped.
+    // All frames count as dropped, except those of about half a second in the terminal.
     let stats = report.stats;
     assert!(stats.frames_dropped > stats.codes_made / 2, "{report:?}");
     assert!(stats.codes_made < 200, "{report:?}");

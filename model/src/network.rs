@@ -18,45 +18,49 @@ pub struct ConvWeights<'w, const WEIGHTS: usize, const OUTPUTS: usize> {
     pub weights: &'w [Pair; WEIGHTS],
     /// Bias of each output channel, in units of the accumulator.
     pub bias: &'w [i32; OUTPUTS],
-    /// Requantisation factor of each output channel, Q0.32. After the pool it is negative for a channel
-    /// whose weights are negated because its batch norm has a negative factor.
+    /// Requantisation factor of each output channel, Q0.32. In the second convolution, a channel whose
+    /// batch norm has a negative factor has negated weights and a negative multiplier, because the
+    /// max-pool precedes the batch norm.
     pub multipliers: &'w [i32; OUTPUTS],
 }
 
-/// An int8 encoder: two convolutions, max-pool and a fully connected layer, a linear shortcut, or both.
+/// An int8 encoder: convolutions with a max-pool and a fully connected layer, or a linear shortcut, or
+/// both.
 #[derive(Clone, Copy, Debug)]
 pub struct Network<'w> {
     /// Time steps from the start of one window to the start of the next, 8 or 16: a multiple of the
     /// pool's steps, so that overlapping windows share pooled planes.
     pub hop: usize,
-    /// First convolution, from the scalp grid.
+    /// First convolution, whose input is the scalp grid.
     pub conv1: ConvWeights<'w, CONV1_PAIRS, CONV1_OUTPUTS>,
     /// Second convolution, followed by the pool.
     pub conv2: ConvWeights<'w, CONV2_PAIRS, CONV2_OUTPUTS>,
-    /// Padding of each input channel of the second convolution: the number that the batch norm turns
-    /// into 0. Unused without padding.
+    /// Padding of each input channel of the second convolution: the number that the first batch norm
+    /// turns into 0, plus `hidden_offset`. Unused without padding.
     pub hidden_padding: [Pair; HIDDEN_PAIRS],
-    /// Offset added to all inputs of each channel except the padding, so that none is negative. Unused
-    /// without padding.
+    /// Offset of each input channel of the second convolution, which makes the padding non-negative. The
+    /// encoder adds the offset to the inputs inside the margin; `hidden_padding` already contains it.
+    /// Unused without padding.
     pub hidden_offset: [Pair; HIDDEN_PAIRS],
     /// Packed weights of the fully connected layer, [`FC_PIECES`](crate::FC_PIECES) matrices for each
     /// pooled plane of a window.
     pub fc: [[&'w [Pair; FC_PAIRS]; FC_PIECES]; POOLED_STEPS],
     /// Bias of the fully connected layer, in units of its accumulator.
     pub fc_bias: &'w [i32; CODE],
-    /// Factors from the fully connected layer to the code, Q0.32.
+    /// Requantisation factors of the fully connected layer, from accumulator to level of the code,
+    /// Q0.32.
     pub fc_multipliers: &'w [i32; CODE],
     /// Packed weights of the linear shortcut, one matrix for each time step of a window.
     pub shortcut: [&'w [Pair; SHORTCUT_PAIRS]; SHORTCUT_STEPS],
-    /// Factors from the linear shortcut to the code, Q0.32.
+    /// Requantisation factors of the linear shortcut, from accumulator to level of the code, Q0.32.
     pub shortcut_multipliers: &'w [i32; CODE],
     /// Level of a float zero in each dimension of the code.
     pub code_zero_point: &'w [i8; CODE],
 }
 
 impl<'w> Network<'w> {
-    /// Returns the first convolution. Its shape is a constant, so that the compiler removes checks and
-    /// strides.
+    /// Returns the first convolution. Its shape is constant, so that the compiler can remove bounds
+    /// checks and the computation of strides.
     #[inline]
     pub const fn conv1(&self) -> InputConv<'w, { CELL_PLANE.columns }> {
         InputConv {
@@ -68,8 +72,8 @@ impl<'w> Network<'w> {
         }
     }
 
-    /// Returns the second convolution with its pool. Its shape is a constant, so that the compiler
-    /// removes checks and strides.
+    /// Returns the second convolution with its pool. Its shape is constant, so that the compiler can
+    /// remove bounds checks and the computation of strides.
     #[inline]
     pub const fn conv2(&self) -> Conv2<'w> {
         conv_kernel(POOLED, self.conv2.weights)
@@ -96,8 +100,8 @@ impl<'w> Network<'w> {
     }
 
     /// Returns the checksum of all weights, biases, factors and zero points: 32-bit FNV-1a (Fowler, Noll
-    /// and Vo) over words. A change of any single word changes it. A board compares it with
-    /// [`NETWORK_CHECKSUM`](crate::NETWORK_CHECKSUM) to detect damaged flash.
+    /// and Vo) over words. A change of any single word changes the checksum. A board compares the
+    /// checksum with [`NETWORK_CHECKSUM`](crate::NETWORK_CHECKSUM) to detect damaged flash.
     pub const fn checksum(&self) -> u32 {
         let mut sum = Checksum::EMPTY;
         sum.add_pairs(self.conv1.weights);
@@ -131,8 +135,8 @@ impl<'w> Network<'w> {
     }
 
     /// Returns true if the hop is a multiple of the pool's steps and the kernels fit the shapes, so that
-    /// no kernel can panic; asserted at compile time for the built-in network. The types of the fields
-    /// fix the numbers of weights.
+    /// no kernel can panic. Asserted at compile time for the built-in network. The numbers of weights
+    /// need no check, because the types of the fields fix them.
     pub const fn is_consistent(&self) -> bool {
         const FC: &[Pair; FC_PAIRS] = &[Pair::ZERO; FC_PAIRS];
         const SHORTCUT: &[Pair; SHORTCUT_PAIRS] = &[Pair::ZERO; SHORTCUT_PAIRS];
@@ -147,7 +151,7 @@ impl<'w> Network<'w> {
     }
 }
 
-/// An FNV-1a checksum under construction.
+/// FNV-1a checksum of the words added so far.
 struct Checksum(u32);
 
 impl Checksum {

@@ -11,7 +11,7 @@ use crate::constants::{
 const SHRINK: usize = 2;
 /// Cells of the scalp grid, row-major; a cell without an electrode is always 0.
 pub const CELLS: usize = ROWS * COLUMNS;
-/// Rows and columns of padding on each side of a plane, of both convolutions.
+/// Number of padding rows, and of padding columns, on each side of a plane in both convolutions: 0 or 1.
 pub const MARGIN: usize = PADS_SPACE as usize;
 /// Shape of one time step of the scalp grid, with its margin.
 pub const CELL_PLANE: PlaneShape = PlaneShape {
@@ -32,8 +32,8 @@ pub const POOLED: PlaneShape = PlaneShape {
 };
 /// Number of pairs of values in a pooled plane.
 pub const POOLED_PAIRS: usize = POOLED.len() / 2;
-/// Shape of one time step of the first convolution's output, with its margin, as far as the pool
-/// depends on it: in the paper's network one column less than the convolution has.
+/// Shape of one time step of the first convolution's output, with its margin, without the rows and
+/// columns that the pool does not use. In the paper's network one column is left out.
 pub const HIDDEN: PlaneShape = PlaneShape {
     rows: POOLED.rows * POOL[1] + SHRINK,
     columns: POOLED.columns * POOL[2] + SHRINK,
@@ -58,16 +58,17 @@ pub const POOLED_STEPS: usize = if HAS_CONVOLUTIONS {
 } else {
     0
 };
-/// Number of time steps in a window that have a matrix of the linear shortcut: all or none.
+/// Number of matrices of the linear shortcut: one for each time step of a window, or 0 without a
+/// shortcut.
 pub const SHORTCUT_STEPS: usize = if HAS_SHORTCUT { STEPS } else { 0 };
-/// Number of pairs of electrodes in a time step, filled up with zeros to a multiple of eight.
+/// Number of pairs of electrodes in a time step; zeros fill it up to a multiple of eight.
 pub const ELECTRODE_PAIRS: usize = ELECTRODES.div_ceil(2).next_multiple_of(8);
 
 const fn smaller(a: usize, b: usize) -> usize {
     if a < b { a } else { b }
 }
 
-/// The second convolution with its pool.
+/// Kernel of the second convolution and its pool, for the shape of a hidden plane.
 pub type Conv2<'w> = ConvKernel<'w, HIDDEN_PAIRS, { HIDDEN.columns }>;
 
 /// Number of output channels of the first convolution; 0 in a network without convolutions.
@@ -78,7 +79,7 @@ pub const CONV2_OUTPUTS: usize = if HAS_CONVOLUTIONS { POOLED.channels } else { 
 pub const CONV1_PAIRS: usize = InputConv::<{ CELL_PLANE.columns }>::weights_len(CONV1_OUTPUTS);
 /// Number of pairs in the packed weights of the second convolution.
 pub const CONV2_PAIRS: usize = Conv2::weights_len(CONV2_OUTPUTS);
-/// Number of input pairs of one matrix of the fully connected layer.
+/// Number of pairs of inputs of one matrix of the fully connected layer.
 pub(crate) const FC_INPUTS: usize = POOLED_PAIRS / FC_PIECES;
 /// Number of pairs in the packed weights of one matrix of the fully connected layer.
 pub const FC_PAIRS: usize = FC_INPUTS * CODE / 2;

@@ -1,4 +1,4 @@
-//! The announcement of an acquisition, which recorders request before its first frame.
+//! The announcement of an acquisition. Recorders request it before the first frame.
 
 use serde::Serialize;
 
@@ -9,8 +9,9 @@ use crate::wire::{Wire, WireError, impl_wire};
 /// The response of the service `/acquisition/get_info`: the device, and an example frame with the
 /// shape of all later frames.
 ///
-/// `rosneuro_recorder` waits for this service, allocates its buffers once from the response and then
-/// copies frames unchecked. Therefore a response that violates the contract cannot be constructed.
+/// `rosneuro_recorder` waits for this service, allocates its buffers once from the response and
+/// then copies frames without checking their size. Therefore a value of this type always fulfils
+/// the contract.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AcquisitionInfo {
     response: Response,
@@ -79,7 +80,7 @@ impl AcquisitionInfo {
         Ok(result.then(|| AcquisitionInfo::new(&device_model, &device_id, frame)))
     }
 
-    /// Announced frame: an example with the shape of all later frames.
+    /// Returns the announced frame, an example with the shape of all later frames.
     pub fn frame(&self) -> &NeuroFrame {
         &self.response.frame
     }

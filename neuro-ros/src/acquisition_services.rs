@@ -37,8 +37,8 @@ pub enum AcquisitionCommand {
 
 /// Handles of an acquisition node's services. Dropping the value unregisters them.
 ///
-/// Start the services only when the announcement is known: the recorder waits for the service to
-/// appear and does not check `result`.
+/// Start the services only when the announcement is complete. The recorder requests it as soon as
+/// the service appears and does not check `result`.
 #[derive(Debug)]
 pub struct AcquisitionServices {
     /// Kept only because dropping a handle unregisters its service.
@@ -46,15 +46,15 @@ pub struct AcquisitionServices {
 }
 
 impl AcquisitionServices {
-    /// Provides `info` as response of [`GET_INFO_SERVICE`], and the services `~start`, `~stop` and
-    /// `~quit`.
+    /// Provides [`GET_INFO_SERVICE`] with the response `info`, and the services `~start`, `~stop`
+    /// and `~quit`.
     ///
-    /// `on_command` is called for each command and must not block. An error message that it returns
-    /// is sent to the caller of the service.
+    /// `on_command` is called for each command and must not block. If `on_command` returns an error
+    /// message, the caller of the service receives the message.
     ///
     /// # Errors
     ///
-    /// [`NodeError`] if this node already has one of the services or the master refuses it.
+    /// [`NodeError`] if this node already has one of the services or the master refuses one.
     pub async fn serve(
         node: &Node,
         info: &AcquisitionInfo,

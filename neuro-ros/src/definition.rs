@@ -26,8 +26,8 @@ impl RosMessage for DiagnosticArray {
     const TYPE: &'static MessageType = &DIAGNOSTIC_ARRAY;
 }
 
-/// Formats an embedded type for a full definition as `gendeps --cat` does: 80 equals signs, the
-/// type's name, its text.
+/// Formats an embedded type for a full definition as `gendeps --cat` does: a line of 80 equals
+/// signs, a line with the type's name, and the text of the type's definition.
 macro_rules! part {
     ($name:literal, $path:literal) => {
         concat!(

@@ -27,7 +27,7 @@ pub struct DiagnosticStatus {
     pub message: String,
     /// Identifier of the individual device, such as its unique ID.
     pub hardware_id: String,
-    /// Measured values of the component, each with its name and unit.
+    /// Measured values of the component, each with a name and a unit.
     pub values: Vec<KeyValue>,
 }
 

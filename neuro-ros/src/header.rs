@@ -8,8 +8,8 @@ use crate::wire::impl_wire;
 /// `std_msgs/Header`: sequence number, time and coordinate frame of a message.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Header {
-    /// Sequence number of the message. In roscpp and rospy the publisher sets it; here the caller
-    /// sets it, to the same value as [`NeuroHeader::seq`].
+    /// Sequence number of the message. In roscpp and rospy the publisher sets this number; in this
+    /// crate the caller sets it to the value of [`NeuroHeader::seq`].
     pub seq: u32,
     /// Time of the frame's first sample, or start of the event.
     pub stamp: Stamp,

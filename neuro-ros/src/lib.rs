@@ -2,8 +2,8 @@
 //!
 //! [`Wire`] encodes and decodes messages in the ROS 1 format. A [`Sink`] delivers messages:
 //! [`RosSink`] to a ROS 1 topic, [`NdjsonSink`] as lines of JSON. A recorder requests the
-//! [`AcquisitionInfo`] before the first frame; [`Shape::admit`] checks every later frame against
-//! it.
+//! [`AcquisitionInfo`] before the first frame. [`Shape::admit`] checks that every later frame has
+//! the announced shape.
 //!
 //! ```text
 //! NeuroFrame ──┬─> Shape::admit: same shape as announced?
@@ -13,9 +13,9 @@
 //! AcquisitionCommand <── services ~start, ~stop, ~quit
 //! ```
 //!
-//! The definitions in `msg/` and `srv/` were written only from the field lists of `rosneuro_msgs`.
-//! Their MD5 sums, which ignore comments, equal those of `rosneuro_msgs`, so the recorder, filters
-//! and visualizer of ROS-Neuro accept these messages.
+//! The definitions in `msg/` and `srv/` were written from the field lists of `rosneuro_msgs` alone.
+//! MD5 sums of definitions ignore comments and therefore equal those of `rosneuro_msgs`, so the
+//! recorder, filters and visualizer of ROS-Neuro accept these messages.
 //!
 //! ```
 //! use neuro_ros::{AcquisitionInfo, NeuroFrame, RosMessage, Wire};

@@ -11,12 +11,12 @@ use serde::Serialize;
 
 use crate::sink::{Sink, SinkError};
 
-/// Maximum number of queued lines per topic. At 16 lines per second the queue holds 17 min, which
-/// is enough for the fillers of a long outage, published in one burst.
+/// Maximum number of queued lines per topic. At 16 lines per second, the queue holds 17 min. This
+/// is enough for the fillers that a bridge publishes at once after a long outage.
 const QUEUE_LINES: usize = 16_384;
-/// Maximum size of the queued lines per topic, bytes: 17 min of codes of 4 KB or 2 min of raw
-/// frames of 30 KB. The limit is separate for each topic, so that no topic causes another to drop
-/// lines.
+/// Maximum size of the queued lines per topic, bytes. At 16 lines per second, the limit is reached
+/// after 17 min of codes (4 KB each) or after 2 min of raw frames (30 KB each). Each topic has a
+/// separate limit, so that no topic causes another to drop lines.
 const QUEUE_BYTES: usize = 64 << 20;
 
 /// Writes lines of JSON to any output from a separate thread, so that publishing never waits.
@@ -26,19 +26,19 @@ const QUEUE_BYTES: usize = 64 << 20;
 pub struct NdjsonWriter {
     lines: Sender<QueuedLine>,
     done: Receiver<std::io::Result<()>>,
-    /// Number of lines sent to the thread and not written yet, over all topics.
+    /// Number of lines of all topics that the thread has not written yet.
     pending: Arc<AtomicUsize>,
 }
 
-/// One encoded line. The thread subtracts it from the queue usage of its topic when it receives the
-/// line.
+/// One encoded line. The writer thread subtracts the line from its topic's queue usage when it
+/// receives the line.
 #[derive(Debug)]
 struct QueuedLine {
     line: Vec<u8>,
     usage: Arc<QueueUsage>,
 }
 
-/// Number and total size (bytes) of the queued lines of one topic.
+/// Number and total size (bytes) of one topic's queued lines.
 #[derive(Debug, Default)]
 struct QueueUsage {
     lines: AtomicUsize,
@@ -73,7 +73,7 @@ impl NdjsonWriter {
         let pending_lines = Arc::clone(&pending);
         std::thread::spawn(move || {
             let outcome = write_lines(output, &receiver, &pending_lines);
-            // Sending fails if the `NdjsonWriter` was dropped without a call of `finish`.
+            // Sending fails if the `NdjsonWriter` was dropped without calling `finish`.
             let _ = done_sender.send(outcome);
         });
         NdjsonWriter {
@@ -161,7 +161,7 @@ impl<M: Serialize> Sink<M> for NdjsonSink<M> {
             self.dropped += 1;
             return Ok(());
         }
-        // Count the line before the thread can write it and subtract it.
+        // Count the line before sending it: the thread can write and subtract it at once.
         self.pending.fetch_add(1, Ordering::Relaxed);
         let usage = Arc::clone(&self.usage);
         let sent = self.lines.send(QueuedLine { line, usage });

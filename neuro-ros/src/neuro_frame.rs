@@ -19,8 +19,8 @@ pub struct NeuroFrame {
     pub eeg: NeuroDataFloat,
     /// Samples of bipolar channels; empty in this project.
     pub exg: NeuroDataFloat,
-    /// Triggers and status words. Each value must fit in 16 bits, because the recorder stores it as
-    /// float32.
+    /// Triggers and status words. Values have at most 16 bits. The recorder stores them as float32,
+    /// which is exact up to 2^24.
     pub tri: NeuroDataInt32,
 }
 
@@ -40,11 +40,11 @@ pub struct NeuroDataInfo {
     pub nsamples: u16,
     /// Number of channels, one label each.
     pub nchannels: u16,
-    /// Size of one time step of all channels, bytes: `nchannels * 4`.
+    /// Bytes per time step over all channels, `nchannels * 4`.
     pub stride: u16,
     /// Physical unit, such as `uV`.
     pub unit: String,
-    /// Transducer, such as the type of electrode. The misspelled field name is that of the message
+    /// Transducer, such as the type of electrode. The field's name is misspelled in the message
     /// definition.
     pub transducter: String,
     /// Description of the filters that were applied.
@@ -54,7 +54,7 @@ pub struct NeuroDataInfo {
     /// Smallest and largest possible sample value. The recorder's GDF file stores a value outside
     /// this range as infinity.
     pub minmax: Vec<f64>,
-    /// Names of the channels in data order.
+    /// Names of the channels, in the order of the channels in `data`.
     pub labels: Vec<String>,
 }
 

@@ -12,7 +12,7 @@ use crate::sink::{Sink, SinkError};
 #[derive(Debug)]
 pub struct RosSink<M> {
     publisher: Publisher,
-    /// Buffer for the encoded message, reused to avoid an allocation per message.
+    /// Buffer for the encoded message, kept to avoid an allocation per message.
     body: Vec<u8>,
     message: PhantomData<fn(M)>,
 }
@@ -23,7 +23,7 @@ impl<M: RosMessage> RosSink<M> {
     /// # Errors
     ///
     /// [`NodeError`] if the name is invalid, the node already publishes the topic, or the master
-    /// refuses it.
+    /// refuses the topic.
     pub async fn advertise(
         node: &Node,
         topic: &str,

@@ -1,5 +1,4 @@
-//! The contract of frames: blocks that are consistent in themselves, and one shape for a whole
-//! session.
+//! The contract of frames: each block is consistent, and all frames of a session have one shape.
 
 use thiserror::Error;
 
@@ -52,7 +51,8 @@ pub enum ContractError {
         /// Number of channels that the block announces.
         nchannels: u16,
     },
-    /// `isint` does not match the sample type of the block.
+    /// `isint` does not match the block's sample type: it must be 1 for `tri` and 0 for `eeg` and
+    /// `exg`.
     #[error("{block}: isint is {isint}; it is 1 for tri and 0 for eeg and exg")]
     IsInt {
         /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
@@ -111,7 +111,7 @@ impl Shape {
     ///
     /// # Errors
     ///
-    /// [`ContractError`] with the block and the violated rule.
+    /// [`ContractError`]: the first rule that the frame violates.
     pub fn from_frame(frame: &NeuroFrame) -> Result<Shape, ContractError> {
         let nsamples = frame.eeg.info.nsamples;
         block("eeg", &frame.eeg.info, frame.eeg.data.len(), nsamples, 0)?;
@@ -135,12 +135,12 @@ impl Shape {
         })
     }
 
-    /// Checks that a frame fulfils the contract and that its shape equals this one.
+    /// Checks that a frame fulfils the contract and has this shape.
     ///
     /// # Errors
     ///
-    /// [`ContractError::Changed`] if the shape differs; any other variant if the frame is
-    /// inconsistent in itself.
+    /// [`ContractError::Changed`] if the shape differs; any other variant if the frame itself
+    /// violates the contract.
     pub fn admit(&self, frame: &NeuroFrame) -> Result<(), ContractError> {
         let found = Shape::from_frame(frame)?;
         if found == *self {

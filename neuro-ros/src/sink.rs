@@ -1,4 +1,4 @@
-//! The interface through which messages are delivered, whatever their destination.
+//! The interface through which messages are delivered to any destination.
 
 use thiserror::Error;
 
@@ -29,7 +29,7 @@ pub enum SinkError {
     /// The reader has closed its end of the output.
     #[error("the reader has closed the output")]
     Closed,
-    /// The output was still blocked when the time limit expired.
+    /// The time limit expired before all queued lines were written.
     #[error("the reader does not read the output; {lines} lines are lost")]
     Stuck {
         /// Number of lines that were not written.

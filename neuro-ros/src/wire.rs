@@ -12,7 +12,7 @@ pub enum WireError {
          definition (compare `rosmsg md5`), or it was cut"
     )]
     Truncated {
-        /// Number of bytes that are missing to complete the field or the announced elements.
+        /// Number of bytes missing from the field or from the announced elements.
         missing: usize,
     },
     /// Bytes follow the last field.
@@ -28,7 +28,8 @@ pub enum WireError {
 
 /// A value with a ROS 1 serialisation.
 pub trait Wire: Sized {
-    /// Smallest encoded size, bytes. Limits the array lengths that [`Wire::read`] accepts.
+    /// Smallest encoded size, bytes. [`Wire::read`] refuses an array whose elements, at this size,
+    /// do not fit in the remaining bytes.
     const MIN_BYTES: usize;
 
     /// Appends the encoded value to `out`.
@@ -38,8 +39,8 @@ pub trait Wire: Sized {
     ///
     /// # Errors
     ///
-    /// [`WireError::Truncated`] if bytes are missing. The length is checked before memory is
-    /// allocated for the elements.
+    /// [`WireError::Truncated`] if bytes are missing. The length of an array is checked before
+    /// memory is allocated for the elements.
     fn read(reader: &mut Reader<'_>) -> Result<Self, WireError>;
 
     /// Encodes the value as the body of a message.
@@ -84,7 +85,7 @@ impl Reader<'_> {
     }
 
     /// Reads the length of an array or string whose elements have at least `element_bytes` each.
-    /// Checks that the remaining bytes can hold them.
+    /// Checks that the remaining bytes can hold the elements.
     fn read_length(&mut self, element_bytes: usize) -> Result<usize, WireError> {
         let count = u32::read(self)? as usize;
         let bytes = count.saturating_mul(element_bytes);
@@ -96,8 +97,8 @@ impl Reader<'_> {
 }
 
 /// Appends the length of an array or string. TCPROS cannot transmit messages beyond 4 GiB, so a
-/// length that does not fit in u32 is a defect of the caller. It is written as 2^32 - 1, and the
-/// receiver refuses the message.
+/// length that does not fit in u32 is a defect of the caller. Such a length is written as 2^32 - 1,
+/// and the receiver refuses the message.
 fn write_length(count: usize, out: &mut Vec<u8>) {
     debug_assert!(u32::try_from(count).is_ok(), "an array of {count} elements");
     u32::try_from(count).unwrap_or(u32::MAX).write(out);

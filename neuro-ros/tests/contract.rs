@@ -32,8 +32,7 @@ fn frame() -> NeuroFrame {
     frame
 }
 
-/// Returns the error that [`Shape::from_frame`] returns after `change` was applied to a valid
-/// frame.
+/// Applies `change` to a valid frame and returns the error from [`Shape::from_frame`].
 fn error_after(change: impl FnOnce(&mut NeuroFrame)) -> ContractError {
     let mut frame = frame();
     change(&mut frame);

@@ -27,7 +27,7 @@ fn definitions() -> HashMap<String, String> {
     found
 }
 
-/// Splits a definition into its fields and constants: (type, rest of the line).
+/// Splits a definition into its fields and constants, each as a pair (type, rest of the line).
 fn lines(text: &str) -> Vec<(String, String)> {
     text.lines()
         .map(|line| line.split('#').next().unwrap().trim())
@@ -37,7 +37,7 @@ fn lines(text: &str) -> Vec<(String, String)> {
         .collect()
 }
 
-/// Returns the `package/Name` of a field's type, unless it is a built-in type.
+/// Returns the `package/Name` of a field's type, or `None` for a built-in type.
 fn embedded(kind: &str, package: &str, all: &HashMap<String, String>) -> Option<String> {
     let kind = kind.split('[').next().unwrap();
     let name = match kind {
@@ -79,8 +79,8 @@ fn hex(text: &str) -> String {
     digits.concat()
 }
 
-/// Returns the full definition as `gendeps --cat` prints it: the text, then each embedded type once,
-/// in the order of its first use, depth first.
+/// Returns the full definition as `gendeps --cat` prints it: the text of `name`, then each embedded
+/// type once. The types are in depth-first order of their first use.
 fn full_text(name: &str, all: &HashMap<String, String>) -> String {
     fn collect(name: &str, all: &HashMap<String, String>, parts: &mut Vec<String>) {
         let (package, _) = name.split_once('/').unwrap();

@@ -74,7 +74,8 @@ fn a_blocked_output_loses_lines_but_never_blocks_publishing() {
     for _ in 0..17_000 {
         sink.publish(&NeuroFrame::default()).unwrap();
     }
-    // 16,384 lines are queued and one more may be in the output; all others are counted as dropped.
+    // Of 17,000 lines, 16,384 are queued and one more can be in the output, so 615 or 616 are
+    // dropped.
     assert!((615..=616).contains(&sink.dropped()), "{}", sink.dropped());
     let kept = 17_000 - sink.dropped();
     drop(sink);
@@ -89,12 +90,12 @@ fn large_lines_of_one_topic_do_not_displace_lines_of_another() {
     let writer = NdjsonWriter::start(BlockedOutput(blocked));
     let (mut raw, mut encoded) = (writer.sink("/neurodata"), writer.sink("/encoded"));
     let mut large = NeuroFrame::default();
-    // 11 bytes per value make 1.1 MB per line.
+    // Each value takes 11 bytes (`0.12345679,`), so a line has 1.1 MB.
     large.eeg.data = vec![0.123_456_79; 100_000];
     for _ in 0..70 {
         raw.publish(&large).unwrap();
     }
-    // 64 MiB are queued and one line can be in the output.
+    // About 60 of the 70 lines fit in the queue of 64 MiB, and one more can be in the output.
     assert!((8..=13).contains(&raw.dropped()), "{}", raw.dropped());
     for _ in 0..10_000 {
         encoded.publish(&NeuroFrame::default()).unwrap();

@@ -10,7 +10,8 @@ pub struct AddressError {
     pub uri: String,
 }
 
-/// Host and TCP port of a peer. An IPv6 address is stored without the brackets around it in a URI.
+/// Host and TCP port of a peer. An IPv6 address is stored without the square brackets that enclose
+/// it in a URI.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Address {
     host: String,

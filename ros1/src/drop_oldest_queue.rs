@@ -25,7 +25,7 @@ struct State<T> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Push {
     Queued,
-    /// The item is queued; the oldest one was dropped to make room.
+    /// The item is queued; the oldest item was dropped to make room.
     DroppedOldest,
     /// The queue is closed; the item was dropped.
     Closed,
@@ -69,8 +69,8 @@ impl<T> DropOldestQueue<T> {
         outcome
     }
 
-    /// Removes and returns the oldest item. Waits while the queue is empty; returns `None` once it
-    /// is closed and empty. Cancelling the wait loses no item.
+    /// Removes and returns the oldest item. Waits while the queue is empty; returns `None` once the
+    /// queue is closed and empty. Cancelling the wait loses no item.
     pub(crate) async fn pop(&self) -> Option<T> {
         loop {
             {

@@ -1,5 +1,6 @@
 //! The subset of HTTP/1.1 that XML-RPC peers use: `Content-Length`, chunked bodies and keep-alive
-//! connections. This module limits every length; its callers limit the time.
+//! connections. This module limits the length of everything that it reads; the callers limit the
+//! time.
 
 mod body;
 mod head;

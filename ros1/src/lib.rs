@@ -16,13 +16,16 @@
 //!
 //! * A node needs no running master. It registers once a master is running, and again within two
 //!   seconds after the master's restart. Open connections are not affected by a restart.
-//! * [`Publisher::publish`] never waits. Each subscriber has a bounded queue that drops its oldest
-//!   message and counts it, so a slow subscriber affects nobody else.
-//! * Everything received from a peer is limited in size and, where a call waits for it, in time.
-//! * Topics and persistent service clients can be silent without limit. TCP keepalive closes their
-//!   connections within 30 s after the peer's machine has vanished. If sent data is still
-//!   unacknowledged, the operating system retransmits first, for about 15 min on Linux; the queue
-//!   drops and counts messages meanwhile.
+//! * [`Publisher::publish`] never waits. Each subscriber has a bounded queue. When the queue is
+//!   full, it drops its oldest message and counts the loss, so a slow subscriber affects nobody
+//!   else.
+//! * Everything received from a peer has a size limit. Connecting, handshakes and XML-RPC calls
+//!   have time limits. Waiting for a service's response has none, because a handler can take any
+//!   time.
+//! * Topics and persistent service clients can be silent for any time. If the peer's machine
+//!   vanishes, TCP keepalive closes the idle connection within 30 s. If sent data is still
+//!   unacknowledged, the operating system retransmits it first, for about 15 min on Linux. A full
+//!   queue drops and counts messages meanwhile.
 //! * `TCP_NODELAY` is set on every connection, proxies are never used, and both IPv4 and IPv6 work.
 //!
 //! ```

@@ -1,4 +1,4 @@
-//! Resolves ROS graph names: global `/a/b`, relative `b`, private `~c`; and applies remaps.
+//! Resolves ROS graph names (global `/a/b`, relative `b`, private `~c`) and applies remaps.
 
 use std::collections::HashMap;
 
@@ -21,11 +21,11 @@ pub(crate) struct Names {
 }
 
 impl Names {
-    /// Resolves the node's `name` in `namespace`, and both names of each remap (from, to). Remaps
-    /// have the form of ROS command-line arguments `from:=to`.
+    /// Resolves the node's `name` in `namespace`, then both names of each remap. A remap is a pair
+    /// (from, to), which `from:=to` sets on a ROS command line.
     ///
     /// # Errors
-    /// [`NameError`] if a name is not a ROS name or the node's name is private.
+    /// [`NameError`] if any of the names is not a ROS name, or if `name` or `namespace` is private.
     pub(crate) fn new(
         namespace: &str,
         name: &str,
@@ -91,8 +91,8 @@ fn check(name: &str) -> Result<(), NameError> {
     }
 }
 
-/// Returns the full name of `name` as seen by the node `caller`, without syntax check and
-/// remapping. rosmaster resolves the names in its calls in this way.
+/// Returns the full name that `name` has for the node `caller`. Neither checks the syntax nor
+/// applies remaps. rosmaster resolves the names in calls from nodes in the same way.
 pub(crate) fn resolve(name: &str, caller: &str) -> String {
     if name.is_empty() {
         return namespace(caller);

@@ -208,8 +208,9 @@ impl Node {
         Ok(Subscriber::new(subscription, self.register(lease).await?))
     }
 
-    /// Provides a service. `handler` computes the body of the response from the body of the request,
-    /// or returns an error message for the caller. It runs on a separate thread and can block.
+    /// Provides a service. `handler` computes the body of the response from the body of the
+    /// request, or returns an error message for the caller. The handler runs on a separate thread
+    /// and can block.
     ///
     /// # Errors
     /// [`NodeError`], under the same conditions as [`Node::advertise`].
@@ -260,8 +261,8 @@ impl Node {
         ServiceClient::connect(self.name(), uri, &service, service_type, true).await
     }
 
-    /// Returns a watch channel that is true while the master answers and all topics and services of
-    /// this node have been registered.
+    /// Returns a watch channel that is true while the master answers and every topic and service of
+    /// this node has been offered for registration. The master can have refused some of them.
     pub fn master_online(&self) -> watch::Receiver<bool> {
         self.registrar.online.subscribe()
     }
@@ -306,8 +307,8 @@ impl Node {
         Ok(Lease::new(key, &self.registrar))
     }
 
-    /// Registers a topic or service that was just added to the graph. If the master refuses it,
-    /// dropping the lease removes it from the graph.
+    /// Registers a topic or service that was just added to the graph. If the master refuses the
+    /// registration, drops the lease, which removes the topic or service from the graph.
     async fn register(&self, lease: Lease) -> Result<Lease, NodeError> {
         let refused = self.registrar.sync_within_timeout().await;
         match refused.into_iter().find(|(key, _)| key == lease.key()) {

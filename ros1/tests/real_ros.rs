@@ -1,4 +1,4 @@
-//! The node of this crate together with the programs of Debian's ROS 1.
+//! Tests of this crate's node with the programs of Debian's ROS 1.
 #![expect(clippy::unwrap_used, reason = "test support code fails by panicking")]
 
 #[path = "peers/debian_ros.rs"]
@@ -72,7 +72,7 @@ async fn round_trip(up: &Publisher, down: &mut Subscriber, numbers: std::ops::Ra
 }
 
 /// Publishes until an echo arrives, then drains the remaining echoes. rospy answers the handshake
-/// before it adds the subscriber, so messages that it publishes in between are lost.
+/// before it adds the subscriber, so messages that rospy publishes in between are lost.
 async fn wait_for_echo(up: &Publisher, down: &mut Subscriber) {
     wait_until("the first echo", async || {
         up.publish(&string("hello"));

@@ -249,7 +249,7 @@ fn invalid_calls() -> Vec<Call> {
     ]
 }
 
-/// Replaces, in all strings inside a value, the first text of each pair by the second.
+/// Replaces the first text of each pair with the second one in all strings inside `value`.
 fn replaced(value: &Value, pairs: &[(&str, &str)]) -> Value {
     match value {
         Value::String(text) => {
@@ -289,7 +289,8 @@ async fn run(master: &str, script: &[Call]) -> Vec<String> {
         };
         lines.push(format!("{method}{arguments:?} -> {answer}"));
         // rosmaster notifies nodes after it has answered, from threads that poll every 100 ms, and
-        // sends the parameter's value at that time. Wait until the notification has been sent.
+        // sends the value that the parameter has then. Wait until rosmaster has sent the
+        // notification.
         if method.contains("register") || method.ends_with("etParam") || *method == "deleteParam" {
             tokio::time::sleep(Duration::from_millis(200)).await;
         }

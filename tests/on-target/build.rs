@@ -21,13 +21,15 @@ mod kernels;
 #[path = "src/signal.rs"]
 mod signal;
 
-/// Environment variable with the folder of another model than the checked-in one; see `model/build.rs`.
+/// Environment variable that names the folder of a model to use instead of the checked-in one, as in
+/// `model/build.rs`.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
-/// scipy's outputs, written by `scipy_rates.py` in the same folder.
+/// File with the filter outputs that scipy computes; `scipy_rates.py` in the same folder writes it.
 const SCIPY: &str = "../../pipeline/tests/front_end/scipy_rates.csv";
-/// Document with frames as hex dumps; `link/tests/wire_format.rs` compares them with the encoder.
+/// Document that shows frames as hex dumps; `link/tests/wire_format/` compares the dumps with the output of
+/// the encoder.
 const WIRE_FORMAT: &str = "../../docs/wire-format.md";
-/// Number of windows whose codes are compared.
+/// Largest number of golden windows whose codes are compared.
 const WINDOWS: usize = 6;
 /// Number of codes that are compared for each mains frequency.
 const CODES: usize = 12;
@@ -51,7 +53,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     link(&out)
 }
 
-/// Writes filters as model-gen designs them, scipy's outputs and the PC's outputs.
+/// Writes the filters that model-gen designs for three test cases, and for each case the outputs that scipy
+/// computes and those that this PC computes.
 fn filters(golden: &mut String) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed={SCIPY}");
     let scipy = fs::read_to_string(SCIPY)?;
@@ -125,8 +128,8 @@ fn filtered<const PHASES: usize, const TAPS: usize>(
     Ok(())
 }
 
-/// Writes windows of the artifact, evenly spread over all of its windows, and their codes from
-/// model-gen's batch reference.
+/// Writes up to [`WINDOWS`] golden windows, evenly spaced over all those of the artifact, with their codes,
+/// which model-gen's batch reference has computed.
 fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-env-changed={ARTIFACT}");
     let folder = env::var_os(ARTIFACT).map_or("../../model/artifact".into(), PathBuf::from);
@@ -146,7 +149,7 @@ fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Writes the codes that the PC computes for [`signal::samples`].
+/// Writes the first [`CODES`] codes that this PC computes for [`signal::samples`].
 fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Error>> {
     let mut pipeline = Pipeline::new(mains);
     let codes = signal::samples().filter_map(|sample| pipeline.encode_sample(&sample));
@@ -159,7 +162,8 @@ fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Er
     Ok(())
 }
 
-/// Writes the bytes of a dump in the wire format's document, a block that opens with ```` ```hex NAME ````.
+/// Writes the bytes of a hex dump in [`WIRE_FORMAT`]: the block that opens with ```` ```hex NAME ````,
+/// where NAME is the value of `dump`.
 fn frame(golden: &mut String, name: &str, dump: &str) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed={WIRE_FORMAT}");
     let document = fs::read_to_string(WIRE_FORMAT)?;
@@ -178,7 +182,8 @@ fn frame(golden: &mut String, name: &str, dump: &str) -> Result<(), Box<dyn Erro
     Ok(())
 }
 
-/// Selects the memory map of the image's board. Does nothing when building for the PC.
+/// Passes to the linker the memory map of the board that the features select. Does nothing in a build for
+/// the PC.
 fn link(out: &Path) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=../../memory.x");
     let has = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
@@ -192,7 +197,7 @@ fn link(out: &Path) -> Result<(), Box<dyn Error>> {
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return Ok(());
     }
-    // memory.x in the workspace's root includes a file of this name.
+    // `memory.x` in the root of the workspace includes `board.x`.
     fs::copy(map, out.join("board.x"))?;
     println!("cargo::rustc-link-search={}", out.display());
     for argument in ["-Tlink.x", "--nmagic"] {

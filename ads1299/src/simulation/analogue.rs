@@ -27,12 +27,12 @@ pub(super) type Off = [u8; 2];
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Conversion {
     pub(super) now_ns: u64,
-    /// Time since power-on, in clock cycles.
+    /// Time since the board was created, in clock cycles.
     pub(super) cycles: u64,
     pub(super) rate: Rate,
 }
 
-/// Returns the rate in CONFIG1; the reserved code counts as the slowest.
+/// Returns the rate that CONFIG1 selects; the reserved code is treated as the slowest rate.
 pub(super) fn rate(config1: u8) -> Rate {
     let code = usize::from(config1 & 7);
     Rate::ALL.get(code).copied().unwrap_or(Rate::Div8192)
@@ -43,7 +43,8 @@ pub(super) fn converts_electrodes(chip: &Chip, channel: usize) -> bool {
     channel_set(chip, channel) & 0x87 == Input::Electrodes as u8
 }
 
-/// Returns the lead-off status: disconnected electrodes with a current, if the comparators are on.
+/// Returns the lead-off status: disconnected electrodes with a lead-off current; 0 while the comparators
+/// are off.
 pub(super) fn lead_off(chip: &Chip, off: Off) -> [u8; 2] {
     let comparators = chip.register(Register::CONFIG4) & 2 != 0;
     let lost = without_contact(chip, off);
@@ -78,7 +79,7 @@ pub(super) fn convert(
             }
             Input::Electrodes => match electrodes[channel] {
                 Electrode::Volts(volts) => volts,
-                // Exact once the reference has settled.
+                // The counts are exact once the reference has settled, because `reference` is then 1.
                 Electrode::Counts(counts) => return clip(f64::from(counts) / reference),
             },
             Input::TestSignal => test_signal(chip, conversion) * VREF * reference,
@@ -106,7 +107,7 @@ fn channel_set(chip: &Chip, channel: usize) -> u8 {
     register.map_or(0, |register| chip.register(register))
 }
 
-/// Rounds to a count and clips to 24 bits; NaN (0 V without reference) is 0.
+/// Rounds to a count and clips to 24 bits. NaN, which 0 V gives while the reference is off, becomes 0.
 #[expect(clippy::cast_possible_truncation, reason = "clamped to 24 bits")]
 fn clip(counts: f64) -> i32 {
     counts.round().clamp(-8_388_608.0, 8_388_607.0) as i32

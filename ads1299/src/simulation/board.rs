@@ -18,29 +18,29 @@ use crate::simulation::noise::Noise;
 use crate::simulation::options::Options;
 use crate::simulation::supply::Supply;
 
-/// Event on the wires between the driver and the chips.
+/// Entry in the log of the wires between the driver and the chips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// RESET went high.
+    /// RESET went high, which ends a reset.
     Reset,
     /// START changed to this level; true is high.
     Start(bool),
     /// A chip received an opcode.
     Command {
-        /// Index of the chip.
+        /// Index of the chip, from 0 at MISO.
         chip: usize,
         /// Opcode; RREG and WREG include the first register's address.
         opcode: u8,
     },
 }
 
-/// State of the simulated board.
+/// Chips, levels of the wires, virtual time, and the log of the wires.
 pub(super) struct Board<const CHIPS: usize> {
     options: Options,
     supply: Supply,
     speed: Speed,
-    /// Duration of a byte at the SCLK for registers, in nanoseconds; the next two are the duration
-    /// at the SCLK for bursts, and tSDECODE.
+    /// Duration of a byte at the SCLK for registers, in nanoseconds. `burst_byte_ns` is the duration at
+    /// the SCLK for bursts, and `decode_ns` is tSDECODE.
     register_byte_ns: u64,
     burst_byte_ns: u64,
     decode_ns: u64,
@@ -62,9 +62,9 @@ pub(super) struct Board<const CHIPS: usize> {
     clocked: usize,
     /// Bits of the current sample, built at its first transfer.
     burst: Option<Burst>,
-    /// Cached answer to whether zero bytes have no effect on any selected chip; `None` if unknown.
+    /// Cached result of [`Self::ignores_null_bytes`]; `None` if it must be computed again.
     is_deaf: Option<bool>,
-    /// Number of DRDY edges that the driver could see.
+    /// Number of falling edges of DRDY, without those that a fault suppressed.
     edges: u64,
     violations: u32,
     events: Vec<(u64, Event)>,
@@ -208,7 +208,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.clock_byte(byte, self.now_ns + byte_ns, self.speed)
     }
 
-    /// Transfers a byte that ends at `end_ns`.
+    /// Transfers a byte that ends at `end_ns`, and returns the byte on MISO.
     pub(super) fn clock_byte(&mut self, byte: u8, end_ns: u64, speed: Speed) -> u8 {
         let answer = self.output();
         self.clocked += 1;
@@ -268,7 +268,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         burst.byte(self.clocked)
     }
 
-    /// Advances time to `to_ns`, with all conversions until then.
+    /// Advances time to `to_ns` and performs every conversion that ends by then.
     pub(super) fn advance(&mut self, to_ns: u64) {
         while let Some(next) = self.next
             && self.next_ns <= to_ns
@@ -371,7 +371,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    /// Returns chip 0's sample rate; the other chips have the same, as they share clock and START.
+    /// Returns the sample rate in chip 0's CONFIG1, which the model uses for all chips.
     fn rate(&self) -> Rate {
         analogue::rate(self.chips[0].register(Register::CONFIG1))
     }

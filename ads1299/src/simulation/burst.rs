@@ -1,11 +1,11 @@
-//! Bits that a chain sends for one sample.
+//! Data of one sample on MISO, assembled from the frames of the selected chips.
 
 use crate::frame::{CHIP_BYTES, MAX_CHIPS};
 use crate::simulation::chip::Chip;
 use crate::simulation::fault::Fault;
 
-/// Length of the longest burst in bytes: eight chips, a don't-care bit per chip and a bit from
-/// `Fault::ShiftedBit`.
+/// Length of the longest burst in bytes: eight chips, a don't-care bit per chip, and the bit that
+/// `Fault::ShiftedBit` inserts.
 const BYTES: usize = CHIP_BYTES * MAX_CHIPS + 2;
 
 /// Bits that a chain sends for one sample, from the first selected chip on.

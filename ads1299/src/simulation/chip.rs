@@ -6,21 +6,21 @@ use crate::frame::CHIP_BYTES;
 use crate::register::Register;
 use crate::simulation::fault::Fault;
 
-/// State of a simulated chip.
+/// Registers, command decoder and output data of a simulated chip.
 #[derive(Clone, Debug)]
 pub(super) struct Chip {
     registers: [u8; Register::COUNT],
-    /// RDATAC mode: data at every DRDY, only SDATAC is accepted.
+    /// True in RDATAC mode: the chip sends data after every DRDY and accepts only SDATAC.
     continuous: bool,
     /// Time before which no command is accepted, in nanoseconds.
     awake_ns: u64,
-    /// Time at which the reference was switched on, in nanoseconds.
+    /// Time at which the reference was switched on, in nanoseconds; `None` while it is off.
     reference_ns: Option<u64>,
     pub(super) selected: bool,
     state: State,
     /// End of the last byte, in nanoseconds.
     last_ns: u64,
-    /// Effect of the last byte, cancelled if the chip is deselected before it is decoded.
+    /// Effect of the last byte, cancelled if the chip is deselected before the byte is decoded.
     pending: Option<Pending>,
     pub(super) fault: Option<Fault>,
     /// Status word and counts of the last conversion.
@@ -43,11 +43,11 @@ enum State {
         at: u8,
         left: u8,
     },
-    /// After a violation, until the chip is deselected.
+    /// After a violation: bytes have no effect until the chip is deselected.
     Lost,
 }
 
-/// Effect of a byte, four clock cycles after its end.
+/// Effect of a byte, which begins four clock cycles after the end of the byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Pending {
     Continuous(bool),
@@ -59,11 +59,11 @@ enum Pending {
 pub(super) enum Received {
     Nothing,
     Opcode(u8),
-    /// The byte followed the previous one too early.
+    /// The byte came before the previous one was decoded, or before the end of a reset.
     Violation,
 }
 
-/// Current time, and the four cycles of tSDECODE, in nanoseconds.
+/// Current time, and the duration of tSDECODE (four clock cycles), both in nanoseconds.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Moment {
     pub(super) now_ns: u64,
@@ -121,7 +121,7 @@ impl Chip {
         self.continuous
     }
 
-    /// Returns a register's value in effect.
+    /// Returns a register's value, without a write that is still being decoded.
     pub(super) const fn register(&self, register: Register) -> u8 {
         self.registers[register.index()]
     }
@@ -132,8 +132,8 @@ impl Chip {
         self.registers[Register::LOFF_STATN.index()] = negative;
     }
 
-    /// Returns the reference voltage as a fraction of 4.5 V. The reference is modelled as a ramp of
-    /// 150 ms; the data sheet states only that settling time.
+    /// Returns the reference voltage as a fraction of 4.5 V. The model is a ramp of 150 ms, because the
+    /// data sheet states only that settling time.
     #[expect(clippy::cast_precision_loss, reason = "hours in ns are exact")]
     pub(super) fn reference(&self, now_ns: u64) -> f64 {
         let since = self.reference_ns.map_or(0, |on| now_ns.saturating_sub(on));
@@ -151,7 +151,7 @@ impl Chip {
         self.pending = None;
     }
 
-    /// Deselects the chip and returns whether the last byte had its decoding time.
+    /// Deselects the chip and returns whether the last byte had been decoded by then.
     pub(super) fn deselect(&mut self, moment: Moment) -> bool {
         self.selected = false;
         let in_time = moment.now_ns >= self.last_ns + moment.decode_ns;
@@ -181,7 +181,7 @@ impl Chip {
         waits && (self.continuous || self.is_dead()) && moment.now_ns >= self.awake_ns
     }
 
-    /// Receives a byte that ends now.
+    /// Receives a byte that ends at the time in `moment`.
     pub(super) fn receive(&mut self, byte: u8, moment: Moment) -> Received {
         if self.is_dead() {
             return Received::Nothing;

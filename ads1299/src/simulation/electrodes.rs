@@ -4,8 +4,8 @@ use std::boxed::Box;
 
 use crate::frame::CHANNELS;
 
-/// Source of the electrodes' signal. Called once per sample with the sample's number, from 0, while any
-/// channel converts its electrodes; samples of a self-test are not counted.
+/// Source of the electrodes' signal. The function is called once per sample with the sample's number,
+/// from 0, while any channel converts its electrodes; samples of a self-test are not counted.
 pub enum Electrodes<const CHIPS: usize> {
     /// Differential voltages in volts; the simulated chip applies gain and clipping and adds noise.
     Volts(Deliver<f64, CHIPS>),

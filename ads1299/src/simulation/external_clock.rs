@@ -10,7 +10,7 @@ use crate::simulation::Simulation;
 const FASTEST_REGISTERS_HZ: u32 = 105_000;
 
 impl<const CHIPS: usize> Simulation<CHIPS> {
-    /// Advances time to `now_ns`, in nanoseconds since power-on; no effect for a time in the past.
+    /// Advances time to `now_ns`, in nanoseconds since creation; no effect for a time in the past.
     pub fn advance_to(&self, now_ns: u64) {
         self.board().advance(now_ns);
     }

@@ -7,13 +7,13 @@ use crate::register::Register;
 pub enum Fault {
     /// No power: accepts no command, DOUT low, DRDY high. Blocks the data of the chips after it.
     Dead,
-    /// Repeats its last sample.
+    /// Sends the data of its last sample again, in every frame.
     StuckData,
     /// Returns this byte as its ID.
     WrongId(u8),
-    /// Converts at twice the rate; visible at chip 0 only, whose DRDY is wired.
+    /// Converts at twice the rate. Only chip 0 shows this fault, because only its DRDY is wired.
     DoubleRate,
-    /// Omits the next edge of DRDY, once; visible at chip 0 only.
+    /// Omits the next edge of DRDY, once. Only chip 0 shows this fault, because only its DRDY is wired.
     MissedReady,
     /// Sends these four bits in place of 1100 at the start of its status word.
     WrongNibble(u8),

@@ -1,4 +1,4 @@
-//! Pseudo-random Gaussian noise.
+//! Noise of the simulated channels.
 
 /// Pseudo-random Gaussian noise: the sum of twelve uniform numbers from xorshift64*.
 #[derive(Clone, Debug)]

@@ -13,9 +13,9 @@ pub struct Options {
     pub burst_hz: u32,
     /// Spacing of the chips' parts in a frame, with or without a don't-care bit between two chips.
     pub alignment: Alignment,
-    /// True if every chip that is selected alone drives MISO; otherwise only chip 0 does.
+    /// True if a chip that is selected alone drives MISO; false if only chip 0 drives it.
     pub read_back: bool,
-    /// Seed of the noise.
+    /// Seed of the pseudo-random noise of all channels.
     pub seed: u64,
 }
 

@@ -1,6 +1,6 @@
 //! Power state of the simulated chips.
 
-/// State of the chips' supplies.
+/// Whether the chips' supplies are on, and since when.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Supply {
     /// Without power: the pins may be driven, no chip answers.

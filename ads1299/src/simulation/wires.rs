@@ -32,7 +32,7 @@ enum Role {
     Reset,
 }
 
-/// DRDY of chip 0. A wait ends at the next edge; without one it never ends.
+/// DRDY of chip 0. A wait ends at the next edge, and never if there is none.
 #[derive(Debug)]
 pub struct SimulatedReady<const CHIPS: usize>(pub(super) SharedBoard<CHIPS>);
 
@@ -170,7 +170,8 @@ impl<const CHIPS: usize> digital::ErrorType for SimulatedReady<CHIPS> {
 }
 
 impl<const CHIPS: usize> Wait for SimulatedReady<CHIPS> {
-    // DRDY falls at each sample and rises with the first bit read, so its levels follow from its edges.
+    // The model has only falling edges: DRDY is taken to be high again at once. So `wait_for_high`
+    // returns immediately, and every other wait ends at the next falling edge.
     async fn wait_for_high(&mut self) -> Result<(), Infallible> {
         Ok(())
     }

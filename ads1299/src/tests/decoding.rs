@@ -10,7 +10,7 @@ use crate::frame::CHANNELS;
 use crate::frame::frame_bytes;
 use crate::status_word::ChipFault;
 
-/// Returns a frame as a chain sends it; `other` fills the don't-care bits.
+/// Returns a frame as a chain sends it; every don't-care bit has the value `other`.
 fn encode<const CHIPS: usize, const BYTES: usize>(
     status: u32,
     counts: &[[i32; CHANNELS]; CHIPS],
@@ -127,7 +127,7 @@ fn lead_off_bits_and_pins_are_in_the_status_word() {
     assert_eq!(word.fault(), None);
 }
 
-/// Returns counts that differ from frame to frame.
+/// Returns counts that differ from frame to frame and between channels.
 fn moving(frame: i32) -> [[i32; CHANNELS]; 8] {
     let mut count = frame;
     [[(); CHANNELS]; 8].map(|chip| {
@@ -187,7 +187,8 @@ fn a_lost_bit_in_the_first_frame_of_two_chips_does_not_last() {
     let mut decoder = Decoder::<2>::new();
     let mut decoded = [[0; CHANNELS]; 2];
     let two = |n| [moving(n)[0], moving(n)[1]];
-    // An extra clock edge between the chips looks like the other alignment.
+    // An extra clock edge between the chips makes the first frame look like one of the other alignment.
+    // The next three frames are flagged; the fourth one corrects the alignment.
     let slipped: [u8; 55] = encode(0xC0_0000, &two(0), Alignment::Spaced, false);
     decoder.decode(&slipped, &mut decoded);
     let mut flagged = 0;

@@ -1,4 +1,4 @@
-//! Each fault of the ADC is flagged within a frame, and the chip is named.
+//! Each fault of a chip is flagged within one frame, with the index of the chip.
 
 use std::string::ToString;
 use std::vec::Vec;
@@ -17,7 +17,8 @@ use crate::status_word::ChipFault;
 
 const CHIPS: usize = 8;
 
-/// Streams 20 valid frames, breaks a chip, and returns status and edge of the next frames.
+/// Streams 20 valid frames and then injects `fault` into `chip`. Returns the status and the DRDY edge of
+/// each of the next `after` frames, and the meter of all edges.
 fn next_frames(
     alignment: Alignment,
     chip: usize,
@@ -165,7 +166,8 @@ fn a_chip_that_starts_at_twice_the_rate_is_named_with_the_factor() {
         meter.edge(simulation.time_us());
     }
     let text = meter.check().expect_err("twice as fast").to_string();
-    // 63 periods of 1024 Hz, in whole microseconds: 1023.990 or 1024.007 Hz.
+    // 63 periods of 1024 Hz, rounded to whole microseconds, measure as 1023.990 or 1024.007 Hz. The test
+    // compares the digits that both have in common.
     let begin = "DRDY of ADS1299 0 comes at 102";
     let end = " Hz, and 512.000 Hz is set, 2 times as fast: ";
     assert!(text.starts_with(begin) && text.contains(end), "{text}");
@@ -207,7 +209,7 @@ fn edges_at_any_times_neither_overflow_nor_divide_by_zero() {
     assert_eq!(meter.edge(0), Edge::First);
     assert_eq!(meter.edge(0), Edge::Early);
     assert_eq!(meter.check(), Err(RateError::NotMeasured { chip: 3 }));
-    // Just above 2.5 periods of 61 us: the edge counts as the third, and two are missing.
+    // 153 us is just above 2.5 periods of 61 us: the edge counts as the third, and two are missing.
     assert_eq!(meter.edge(153), Edge::Missed(2));
     assert_eq!(meter.edge(u64::MAX), Edge::Missed(u32::MAX));
     assert_eq!(meter.edge(5), Edge::Early);
@@ -228,7 +230,7 @@ fn a_frame_that_is_read_too_late_is_flagged() {
         assert!(decoder.decode(&frame, &mut counts).is_sound());
     }
     finish(streaming.ready(&mut drdy)).unwrap().unwrap();
-    // The next conversion ends during the burst of 108 us.
+    // The burst takes 108 us and starts 50 us before the end of the next conversion.
     simulation.pass_us(1953 - 50);
     finish(streaming.read(&mut frame)).unwrap().unwrap();
     let status = decoder.decode(&frame, &mut counts);

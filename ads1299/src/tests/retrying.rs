@@ -40,7 +40,8 @@ impl Bench {
         }
     }
 
-    /// Returns the readings until `us` with their stamps, and asserts that each comes before the next is due.
+    /// Returns the readings until `us` with their time stamps, and asserts that each reading comes
+    /// before the next one is due.
     fn until(&mut self, us: u64) -> Vec<(Reading<CHIPS>, u64)> {
         let mut found = Vec::new();
         let mut before_us = self.drdy.now_us();
@@ -67,7 +68,7 @@ fn missed(found: &[(Reading<CHIPS>, u64)]) -> u32 {
     found.iter().map(|(reading, _)| reading.missed).sum()
 }
 
-/// Asserts that stamps are one period apart: none omitted, none repeated.
+/// Asserts that the time stamps are about one period apart: none omitted, none repeated.
 fn assert_rhythm(found: &[(Reading<CHIPS>, u64)]) {
     for pair in found.windows(2) {
         let [(_, before), (_, after)] = pair else {
@@ -90,13 +91,13 @@ fn a_chain_whose_power_comes_late_streams_without_a_self_test() {
     assert!(found.iter().all(|(reading, _)| reading.bad == 0xFF));
     assert!(bench.resets() > 1, "it was tried again");
     bench.simulation.power_on();
-    // Worst case: an attempt has just started, then the retry time, then a whole attempt.
+    // Worst case: an attempt without power has just started, and a whole attempt follows the retry time.
     let found = [found, bench.until(9_000_000 + RETRY_US + 3_000_000)].concat();
     assert!(found.last().is_some_and(|(reading, _)| reading.is_sound()));
     assert_eq!(bench.chain.failure(), None);
     assert_rhythm(&found);
-    // After the first attempt the chain counts as silent from the fourth period on, and the three
-    // periods before it as missed.
+    // The chain counts as silent from the fourth period after the first attempt on. The three periods
+    // before it count as missed.
     assert_eq!(missed(&found), 3);
     assert_eq!(bench.simulation.violations(), 0);
 }
@@ -109,7 +110,8 @@ fn a_chain_that_loses_its_power_while_it_runs_comes_back() {
     bench.simulation.power_off();
     let off = bench.until(4_000_000);
     assert_eq!(missed(&off), 3, "until it is called a silence");
-    // START is high: chips without settings convert at 256 Hz, and their frames look valid.
+    // START is high, so the chips convert with their reset values, at 256 Hz, and their frames look
+    // valid.
     bench.simulation.power_on();
     let found = bench.until(4_000_000 + RETRY_US + 3_000_000);
     assert!(found.iter().any(|(reading, _)| reading.missed == 1));
@@ -124,7 +126,7 @@ fn a_broken_chip_costs_the_others_no_sample() {
         let mut bench = Bench::new(|simulation| simulation.inject(5, fault));
         let resets = bench.resets();
         let found = bench.until(20_000_000);
-        // The chip repeats its sample, which shows only from its second sample on.
+        // Stuck data show only from the chip's second sample on, so the first readings are skipped.
         let is_broken = |(reading, _): &(Reading<CHIPS>, u64)| {
             reading.culprit() == Some(5) && reading.missed == 0
         };
@@ -140,7 +142,7 @@ fn a_chain_without_its_first_chip_is_retried_without_delaying_samples() {
     assert!(found.iter().all(|(reading, _)| reading.bad == 0xFF));
     assert!(bench.resets() >= 3);
     assert_rhythm(&found);
-    // The chip has its reset values: it converts at 256 Hz until the chain is set up again.
+    // The chip has its reset values: it converts at 256 Hz until the chain is brought up again.
     bench.simulation.repair(0);
     let found = bench.until(23_000_000);
     assert!(found.last().is_some_and(|(reading, _)| reading.is_sound()));
@@ -166,7 +168,7 @@ fn a_loss_of_supply_clears_the_registers_and_restarts_the_wait_for_a_reset() {
     assert_eq!(simulation.violations(), 0);
     simulation.power_on();
     simulation.pass_us(50_000);
-    // 2^18 tCLK at 2^21 Hz are 125 ms; a reset after 50 ms is refused.
+    // 2^18 tCLK at 2^21 Hz are 125 ms, so a reset after 50 ms is too early.
     let mut lines = simulation.chain();
     finish(lines.pulse_reset()).unwrap().unwrap();
     assert!(simulation.violations() > 0);

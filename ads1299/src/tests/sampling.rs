@@ -57,7 +57,7 @@ impl Bench {
     }
 }
 
-/// Returns counts that encode sample, chip and channel.
+/// Returns counts that encode the numbers of the sample, the chip and the channel.
 fn numbered() -> Electrodes<CHIPS> {
     Electrodes::counts(|sample, counts| {
         for (place, count) in (0..).zip(counts.as_flattened_mut()) {
@@ -171,7 +171,7 @@ fn a_wrong_clock_is_flagged_while_streaming() {
         .collect();
     assert_eq!(flagged.iter().position(|flagged| *flagged), Some(64));
     let measured = sampler.millihertz().expect("three judgements");
-    // Tolerance: stamps of 1 us over 1/8 s.
+    // Tolerance: two stamps of 1 us resolution over 1/8 s are 16 ppm, 8 mHz at 500 Hz.
     assert!(measured.abs_diff(500_000) <= 10, "{measured}");
     assert!(flagged[64..].iter().all(|flagged| *flagged));
 }
@@ -188,7 +188,7 @@ fn a_chain_without_drdy_is_silent_and_all_of_its_chips_are_bad() {
     assert!(!reading.lead_off());
     bench.simulation.repair(0);
     bench.simulation.pass_us(100_000);
-    // The silent periods are counted once.
+    // `silence` has counted the missed periods; the next reading does not count them again.
     assert_eq!(bench.next().missed, 0);
     assert_eq!(bench.sampler.counters().missed, 3);
 }

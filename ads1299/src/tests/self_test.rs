@@ -1,4 +1,4 @@
-//! Internal signals through the real driver, measured by the self-test.
+//! Internal signals of the chips, streamed by the driver and measured by the tests of a channel.
 
 use std::string::ToString;
 use std::vec::Vec;
@@ -19,7 +19,7 @@ use crate::test_signal::{TestAmplitude, TestFrequency, TestSignal};
 
 const CHIPS: usize = 2;
 
-/// Streams samples of all channels at one input and passes each to `judge`.
+/// Streams samples of all channels with these settings and passes each channel and count to `judge`.
 fn stream(settings: &Settings<CHIPS>, samples: u32, mut judge: impl FnMut(usize, i32)) {
     let options = Options {
         clock_hz: settings.clock.hz(),
@@ -67,7 +67,7 @@ fn the_test_signal_is_measured_within_one_percent_at_every_gain() {
             });
             for test in &tests {
                 let result = test.result();
-                // Tolerance: 500 samples average the noise to 3e-5 at gain 1.
+                // Tolerance: at gain 1 the noise, averaged over 500 samples, is 3e-5 of the amplitude.
                 assert!(
                     result.gain_error.abs() < 1e-4,
                     "{gain:?} {rate:?} {result:?}"
@@ -111,7 +111,6 @@ fn the_doubled_and_the_fast_test_signal_are_measured_as_well() {
 fn shorted_inputs_have_the_data_sheets_noise() {
     for rate in Rate::ALL {
         let mut settings = at(Gain::X24, rate, Input::Shorted);
-        // Two chips at 16 kHz need a fast bus; a lost sample does not change the noise.
         settings.test_signal = TestSignal::OFF;
         let mut test = ShortedTest::new(Gain::X24);
         stream(&settings, 500, |_, count| test.add_sample(count));
@@ -126,7 +125,8 @@ fn shorted_inputs_have_the_data_sheets_noise() {
     }
 }
 
-/// Returns a square wave with 100 samples per level, noise of one amplitude, and edges of three samples.
+/// Returns a square wave with 100 samples per level and transitions of three samples. The noise
+/// alternates between +`noise` and -`noise`.
 fn wave(level: i32, offset: i32, noise: i32) -> impl Iterator<Item = i32> {
     (0..1000).map(move |n| {
         let (place, up) = (n % 100, n / 100 % 2 == 0);
@@ -144,7 +144,8 @@ fn judged(level: i32, offset: i32, noise: i32) -> Result<(), SelfTestFault> {
 
 #[test]
 fn each_limit_can_be_exceeded_and_is_named() {
-    // 1.875 mV is 83,886 counts, 0.2 uV is 9.
+    // At gain 24, 1.875 mV is 83,886 counts, and 0.2 uV is 9 counts. The limits are 3 % of gain, 300 uV
+    // of offset (13,422 counts), and 0.10 to 0.42 uV of noise (4.7 to 18.8 counts).
     assert_eq!(judged(83_886, 0, 9), Ok(()));
     assert_eq!(judged(83_886, 5000, 9), Ok(()));
     let low = judged(80_000, 0, 9).expect_err("4.6 % too low");
@@ -223,7 +224,7 @@ fn a_square_wave_of_100_uv_at_the_electrodes_arrives_within_one_percent() {
     }
     for sum in sums.as_flattened() {
         let uv = f64::from(*sum) / 1024.0 * Gain::X24.lsb_uv();
-        // Tolerance: 1024 samples average the noise to 0.007 uV.
+        // Tolerance 0.05 uV: averaged over 1024 samples, the noise is 0.007 uV.
         assert!((uv - 100.0).abs() < 0.05, "{uv}");
     }
 }

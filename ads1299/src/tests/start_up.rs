@@ -33,17 +33,18 @@ fn order_and_times_follow_the_data_sheet() {
     let events = simulation.events();
     let time_of = |wanted: Event| events.iter().find(|(_, event)| *event == wanted).unwrap().0;
     let command = |chip, opcode| Event::Command { chip, opcode };
-    // 2^18 tCLK before the reset, 18 tCLK after it.
+    // 2^18 tCLK (125 ms) pass before the reset, and 18 tCLK (8584 ns) after it.
     let reset = time_of(Event::Reset);
     assert!(reset >= 125_000_000, "{reset}");
     assert!(events[1].0 - reset >= 8584, "{events:?}");
-    // SDATAC, IDs, CONFIG3, and 150 ms before any other register is written.
+    // Each chip receives SDATAC, its ID is read, and CONFIG3 is written. 150 ms pass after the last
+    // write of CONFIG3 before any other register is written.
     for chip in 0..8 {
         let mut opcodes: Vec<u8> = Vec::new();
         for (_, event) in &events {
             if let Event::Command { chip: of, opcode } = event
                 && *of == chip
-                // Reading CONFIG3 and repeating SDATAC are allowed at any time.
+                // Reads of CONFIG3 (0x23) and repeated opcodes are allowed at any time.
                 && *opcode != 0x23
                 && opcodes.last() != Some(opcode)
             {
@@ -56,7 +57,7 @@ fn order_and_times_follow_the_data_sheet() {
         assert_eq!(opcodes, order, "chip {chip}");
         assert!(time_of(command(chip, 0x41)) - time_of(command(7, 0x43)) >= 150_000_000);
     }
-    // START, and RDATAC long before the first sample ends.
+    // RDATAC follows START within 100 us, long before the first sample ends.
     let start = time_of(Event::Start(true));
     let last = time_of(command(7, 0x10));
     assert!(start < last && last - start < 100_000);
@@ -205,7 +206,7 @@ fn a_chain_can_be_brought_up_again_while_it_streams() {
     let mut chain = simulation.chain();
     for _ in 0..3 {
         let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
-        // The chain is neither stopped nor dropped properly.
+        // The chain keeps converting: it is not stopped before the next bring-up.
         finish(configured.start()).unwrap().unwrap();
         simulation.pass_us(20_000);
     }

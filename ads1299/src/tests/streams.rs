@@ -1,4 +1,4 @@
-//! Samples through the real driver, on both kinds of wiring.
+//! Samples streamed by the driver, with and without don't-care bits between the chips.
 
 use std::vec::Vec;
 
@@ -52,7 +52,7 @@ fn every_sample_arrives_once_and_unchanged_on_either_kind_of_board() {
             assert_eq!(counts, expected, "sample {sample}");
         }
         assert_eq!(decoder.alignment(), Some(alignment));
-        // Stamps are whole microseconds, so the measured rate is exact to 1 ppm.
+        // Two stamps of 1 us resolution over 1.95 s are 1 ppm, or 0.5 mHz of 512 Hz.
         assert!(meter.check().unwrap().abs_diff(512_000) <= 1);
         finish(streaming.stop()).unwrap().unwrap();
         assert_eq!(simulation.violations(), 0);
@@ -121,7 +121,7 @@ fn a_disconnected_electrode_sets_its_bit_and_reads_the_rail() {
     let mut streaming = finish(configured.start()).unwrap().unwrap();
     simulation.set_electrode(4, 5, true, false);
     simulation.set_electrode(4, 1, false, false);
-    // Without lead-off current it is not detected.
+    // These two electrodes have no lead-off current, so they are not detected.
     simulation.set_electrode(4, 7, false, false);
     simulation.set_electrode(2, 0, true, false);
     let (mut frame, mut counts) = ([0; frame_bytes(8)], [[0; CHANNELS]; 8]);

@@ -26,7 +26,8 @@ type Simulated = Sampler<
     { frame_bytes(CHIPS) },
 >;
 
-/// Tests a running chain with a fault; also returns the longest time between calls of `progress`, us.
+/// Runs the self-test of a running chain, with a fault if `broken` names one. The last value returned is
+/// the longest time between calls of `progress`, in microseconds.
 fn tested(
     options: Options,
     broken: Option<(usize, Fault)>,
@@ -77,7 +78,8 @@ fn a_working_chain_passes_with_figures_and_keeps_streaming() {
     assert_eq!((ready.expected, ready.early, ready.missed), (512_000, 0, 0));
     assert!(ready.measured.abs_diff(512_000) <= 1, "{ready:?}");
     for channel in report.channels.as_flattened() {
-        // Tolerance: 1000 samples average the noise to 1e-5; 0.21 uV is typical.
+        // Tolerance: averaged over 1000 samples, the noise is below 1e-5 of the amplitude. The typical
+        // noise is 0.21 uV rms.
         assert!(
             channel.gain_error.abs() < 1e-4 && channel.gain_error != 0.0,
             "{channel:?}"
@@ -197,7 +199,8 @@ fn frozen_shifted_and_wrong_frames_are_counted_and_not_measured() {
         let Finding::Frames { chip: 1, bad } = finding else {
             panic!("{fault:?}: {finding}");
         };
-        // The first frame of each stage has no predecessor to repeat.
+        // Of the 2040 frames, the first one of each of the two measurements has no predecessor to
+        // repeat.
         assert!((2038..=2040).contains(&bad), "{fault:?} {bad}");
         assert_eq!(report.chips[2].bad_frames, behind, "{fault:?}");
         assert!(
@@ -225,8 +228,8 @@ fn a_doubled_rate_and_a_missing_edge_are_measured_at_chip_0() {
         "{:?}",
         report.ready
     );
-    // The chip omits only the first edge after START, so only the first edge that the test sees is
-    // late.
+    // The chip omits only the first edge after START. The first edge that the test sees is then late,
+    // which the test cannot detect.
     let (_, _, report, _) = tested(Options::default(), Some((0, Fault::MissedReady)));
     assert_eq!(report.check(), Ok(()));
     let simulation = Simulation::new(Options::default(), Electrodes::silent());

@@ -20,15 +20,17 @@ use crate::error::BridgeError;
 use crate::time::host_time::HostTime;
 use crate::wire::connection::{Connection, Event};
 
-/// Time between two ticks of the core.
+/// Time between two calls of [`Core::tick`].
 const TICK: Duration = Duration::from_millis(100);
-/// Number of ticks between two reports to `/diagnostics`: 1 s.
+/// Number of ticks per report to `/diagnostics`: one report per second.
 const TICKS_PER_REPORT: u32 = 10;
-/// Longest time at shutdown to wait until the device has stopped and queued lines are written.
+/// Timeout of each of the two waits at shutdown: until the device has stopped, and until queued
+/// JSON lines are written.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Runs the bridge until SIGTERM, Ctrl-C, `~quit`, `rosnode kill`, or until the process that reads
-/// its JSON lines closes the pipe. Then stops the device, unregisters the node and closes the port.
+/// Runs the bridge until it is ended by a signal (such as SIGTERM), by `~quit`, by `rosnode kill`,
+/// or because the reader of the JSON lines closes the pipe. Then stops the device, unregisters the
+/// node and closes the port.
 ///
 /// # Errors
 ///
@@ -153,7 +155,8 @@ impl Bridge<'_> {
     }
 
     fn handle_connection(&mut self, event: Event, buffer: &[u8]) {
-        // Read the time directly after the bytes, because the clock is fitted to this time.
+        // Read the time directly after the bytes, because the fit of the device's clock needs the
+        // time at which the bytes arrived.
         let now = HostTime::now();
         match event {
             Event::Opened => self.core.connected(now, self.outlets),

@@ -53,11 +53,11 @@ pub(crate) struct Options {
     /// Replacement of a lost code, sample or step
     #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
     pub(crate) filler: FillerPolicy,
-    /// Reconstruct from the newest window alone: 62.5 ms earlier, with about 6 % more error
+    /// Reconstruct from the newest window alone: 62.5 ms earlier, with a slightly larger error
     #[arg(long, env = "CORTICODE_LOW_LATENCY")]
     pub(crate) low_latency: bool,
-    /// Streams of the device, comma-separated; codes are always included. A device that refuses
-    /// some is asked for fewer
+    /// Streams of the device, comma-separated; codes are always included. If the device refuses
+    /// some streams, the bridge requests fewer
     #[arg(
         long,
         env = "CORTICODE_STREAMS",
@@ -127,14 +127,15 @@ fn mains(text: &str) -> Result<u8, String> {
     }
 }
 
-/// What the program does, as the subcommand selects.
+/// Action of the program, selected by the subcommand.
 #[derive(Clone, Debug)]
 pub(crate) enum Task {
     /// Stream until shutdown; the default without a subcommand.
     Bridge(Box<Options>),
     /// `selftest`: the device tests its converters, and the program prints the results.
     SelfTest(SelfTestOptions),
-    /// `reset`: the device restarts, and the program prints the cause that it reports.
+    /// `reset`: the device restarts, and the program prints the cause of the restart that the
+    /// device reports.
     Reset(ResetOptions),
 }
 
@@ -151,7 +152,7 @@ pub(crate) struct SelfTestOptions {
     pub(crate) json: bool,
 }
 
-/// Restart the device, and print the cause of the start that it reports.
+/// Restart the device, and print the cause of the restart that the device reports.
 ///
 /// Exit status: 0 the device has restarted (with --bootloader: has agreed to), 3 no answer, 4 the
 /// device refuses.

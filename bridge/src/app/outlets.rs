@@ -1,4 +1,4 @@
-//! Sinks, decoder thread and outgoing bytes, which execute the core's effects.
+//! Outputs of the bridge: sinks, decoder thread and bytes for the device.
 
 use std::sync::Arc;
 
@@ -16,7 +16,8 @@ use crate::decoder::thread::DecoderThread;
 use crate::effects::{Announcement, Effects};
 use crate::settings::Settings;
 
-/// Executes the core's effects. No method waits for the network or the device.
+/// Executes the core's effects: publishes frames, queues codes for the decoder thread, and collects
+/// bytes for the device. None of the effects waits for the network or the device.
 pub(crate) struct Outlets {
     settings: Settings,
     model: Arc<Model>,
@@ -28,13 +29,13 @@ pub(crate) struct Outlets {
     decoder: DecoderThread,
     /// Channel to the task that serves `/acquisition/get_info`; `None` if frames go to stdout.
     announcements: Option<UnboundedSender<AcquisitionInfo>>,
-    /// The last announcement that was sent; an equal one is not sent again.
+    /// Last announcement that was sent. An equal announcement is not sent again.
     announced: Option<AcquisitionInfo>,
-    /// Number of dropped plus undecoded frames at the last report to `/diagnostics`.
+    /// Sum of all dropped and undecoded frames at the last report to `/diagnostics`.
     reported: u64,
     /// Bytes for the device that have not been written to the port yet.
     pub(crate) outgoing: Vec<u8>,
-    /// Error of the first sink that failed and accepts no more frames.
+    /// Error of the sink that failed most recently. The main loop takes the error and shuts down.
     pub(crate) sink_error: Option<SinkError>,
 }
 
@@ -62,7 +63,8 @@ impl Outlets {
         })
     }
 
-    /// Waits until queued codes are decoded, and logs what was not decoded or not delivered.
+    /// Waits until queued codes are decoded. Logs the number of codes that were not decoded, and of
+    /// frames on `/encoded` that were dropped for slow subscribers.
     pub(crate) fn finish(self) {
         let dropped = self.encoded.dropped();
         let undecoded = self.decoder.finish();
@@ -88,7 +90,7 @@ impl Outlets {
         self.record_error(published);
     }
 
-    /// Returns the status of the sinks and the decoder: numbers of dropped and undecoded frames.
+    /// Returns the status of sinks and decoder, with the numbers of dropped and undecoded frames.
     fn status(&mut self) -> DiagnosticStatus {
         let dropped = |sink: &Option<Box<dyn FrameSink>>| sink.as_ref().map(|sink| sink.dropped());
         let events = self.events.as_ref().map(|sink| sink.dropped());
@@ -154,7 +156,8 @@ impl Effects for Outlets {
         };
         if self.announced.as_ref() != Some(info) {
             self.announced = Some(info.clone());
-            // Fails only while the node shuts down, when nobody calls the service any more.
+            // Sending fails only while the node shuts down, when no client can call the service any
+            // more.
             let _ = announcements.send(info.clone());
         }
     }

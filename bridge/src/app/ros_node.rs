@@ -9,7 +9,7 @@ use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender};
 use tokio::sync::watch::Receiver;
 use tokio::task::JoinHandle;
 
-/// Time to wait for the ROS master's first answer before its absence is logged.
+/// Time after the node's start at which a missing ROS master is first logged.
 const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
 
 /// The bridge's ROS node, with a task that logs when the master appears or disappears.
@@ -43,8 +43,8 @@ impl RosNode {
         RosSink::advertise(&self.node, topic, queue).await
     }
 
-    /// Serves `/acquisition/get_info` with the newest announcement, and passes calls of `~start`,
-    /// `~stop` and `~quit` on as commands. Runs in a task of its own, because registration can take
+    /// Serves `/acquisition/get_info` with the newest announcement, and sends calls of `~start`,
+    /// `~stop` and `~quit` to `commands`. Runs in a task of its own, because registration can take
     /// long.
     pub(crate) fn serve_announcements(
         &self,
@@ -74,8 +74,8 @@ impl RosNode {
     }
 }
 
-/// Logs when the ROS master appears or disappears. A missing master is logged only after
-/// [`REGISTRATION_GRACE`], because a present master takes several milliseconds to answer first.
+/// Logs when the ROS master appears or disappears. The first message waits for
+/// [`REGISTRATION_GRACE`], because even a running master takes several milliseconds to answer.
 async fn log_master_changes(mut online: Receiver<bool>, uri: String) {
     let mut logged = None;
     tokio::time::sleep(REGISTRATION_GRACE).await;

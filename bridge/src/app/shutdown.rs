@@ -7,9 +7,9 @@ use neuro_ros::ros1::Node;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 
-/// Time after the first signal from which another signal ends the process at once. A closing
+/// Time since the first signal after which another signal ends the process at once. A closing
 /// terminal sends several signals within this time; a later signal means that the user does not
-/// want to wait.
+/// want to wait for the shutdown.
 const FORCE_EXIT_AFTER: Duration = Duration::from_millis(500);
 
 /// Collects requests to shut down from signals, the ROS master and the service `~quit`.
@@ -38,8 +38,8 @@ impl Shutdown {
                         tracing::error!("second signal ({reason}): exiting at once");
                         std::process::exit(1);
                     }
-                    // Sending fails only during the shutdown; a second signal is still handled
-                    // above.
+                    // Sending fails only if the bridge is already shutting down. The check above
+                    // still handles a second signal then.
                     let _ = reason_sender.send(reason);
                 }
             });

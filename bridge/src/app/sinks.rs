@@ -7,19 +7,19 @@ use neuro_ros::{DiagnosticArray, FrameSink, NdjsonWriter, NeuroEvent, Sink};
 use crate::app::command_line::Options;
 use crate::app::ros_node::RosNode;
 
-/// Queue length per subscriber for codes and their reconstruction, frames: 8 min at 16 Hz. After a
-/// long outage all fillers are published at once, and a recorder receives them too. A frame takes
-/// about 3 KB, and only slow subscribers have frames waiting.
+/// Queue length per subscriber for frames of codes and of reconstructed signals: 8.5 minutes at 16
+/// frames per second. After a long outage all fillers are published at once, and a recorder must
+/// receive all of them. A frame takes about 3 KB, and only slow subscribers have frames waiting.
 const QUEUE_FRAMES: usize = 8192;
-/// Queue length per subscriber for samples and steps, frames. The longest gap that is filled, 120 s
-/// at 16 Hz, fits. A frame takes about 9 KB.
+/// Queue length per subscriber for frames of samples and of filtered steps. The queue holds the
+/// longest gap that is filled: 120 s at 16 frames per second, 1,920 frames of about 9 KB each.
 const QUEUE_SAMPLES: usize = 2048;
-/// Queue length per subscriber for events and diagnostics, messages: more than arrive while a
-/// recorder is busy writing.
+/// Queue length per subscriber for messages with events and diagnostics. Few of them arrive per
+/// second, so the queue covers a recorder's pauses while it writes to disk.
 const QUEUE_EVENTS: usize = 1024;
 
-/// One sink per topic. Each has its own queue, so a slow reader of samples loses samples but no
-/// codes. Topics of streams that are not requested do not exist.
+/// One sink per topic. Each sink has its own queue, so a slow reader of samples loses samples but
+/// no codes. Streams that are not requested have no topic.
 pub(crate) struct Sinks {
     pub(crate) encoded: Box<dyn FrameSink>,
     pub(crate) reconstructed: Box<dyn FrameSink>,

@@ -1,4 +1,4 @@
-//! Audits: each compares a code from the device with the float network's code of the same window.
+//! Audits: comparison of a device's code with the float network's code of the same window.
 
 use std::sync::Arc;
 
@@ -7,48 +7,51 @@ use link::{Audit, CODE_LEN, CodeValues, MAX_EXPONENT};
 use crate::decoder::model::Model;
 use crate::device::Device;
 
-/// Limit of the RMS difference between a device's code and the float network's, beyond half a level
-/// of rounding, as a fraction of the code's RMS. The error of int8 weights and activations grows
-/// with the signal.
+/// Limit of the RMS difference between the device's code and the float network's code, as a
+/// fraction of the RMS of the latter. Half a level is allowed in addition, for rounding. The limit
+/// is relative because the error of int8 weights and activations grows with the signal.
 ///
 /// Measured with model 2baa001418a09107 on the 3,998 windows of EEGMMIDB S001 R11 and R12, none
-/// with a clipped input, integer reference against floats, in quantisation levels:
+/// with a clipped input. The integer reference is compared with the float network; figures in
+/// levels of the code:
 ///
 /// | format | median RMS difference | worst window | RMS of that window's code |
 /// | --- | --- | --- | --- |
 /// | int8 | 0.29 (rounding alone: 1/sqrt(12)) | 0.46 | 21 |
 /// | int16 | 1.4 | 12.5 | 669 |
 ///
-/// After half a level is subtracted, the worst difference is 0.018 of the code's RMS. The limit is
-/// nearly three times that.
+/// Less half a level, the largest RMS difference is 0.018 of the code's RMS. The limit is nearly
+/// three times that value.
 const RMS_LIMIT: f64 = 0.05;
 
-/// Limit of the largest difference of a single value between the two codes, beyond half a level of
-/// rounding, as a fraction of the code's RMS.
+/// Limit of the difference of any single value between the two codes, as a fraction of the RMS of
+/// the float network's code. Half a level is allowed in addition, for rounding.
 ///
 /// In the measurement for [`RMS_LIMIT`], the largest difference is 1.76 levels in an int8 code
-/// whose RMS is 20 levels, and 41.9 levels in an int16 code whose RMS is 669 levels. After half a
-/// level is subtracted, the worst difference is 0.064 of the code's RMS.
+/// whose RMS is 20 levels, and 41.9 levels in an int16 code whose RMS is 669 levels. Less half a
+/// level, the largest difference is 0.064 of the code's RMS.
 ///
-/// A flipped sign bit in one weight of the shortcut changes one value by 1.4 to 2.7 levels on the
-/// loudest of 42 windows. At the median RMS of 5.5 levels, this limit and the half level allow 1.05
-/// levels. A flipped sign bit in a convolution changes no value by more than rounding does, because
-/// the convolutions of this model contribute little to the code.
+/// For comparison, with a median RMS of 5.5 levels, this limit plus half a level is 1.05 levels. In
+/// one measurement, which no test repeats, a flipped sign bit in one weight of the linear shortcut
+/// changed one value by 1.4 to 2.7 levels on the loudest of 42 windows. A flipped sign bit in a
+/// convolution changed no value by more than rounding does, because the convolutions of this model
+/// contribute little to the code.
 const LARGEST_LIMIT: f64 = 0.1;
 
-/// A window that the device's encoder read, and the code that the device computed from it.
+/// A window of the encoder's input, and the code that the device computed from this window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AuditedWindow {
-    /// Device that sent the audit; its scales apply to the code.
+    /// Device that sent the audit. The scales of this device apply to the code.
     pub device: Arc<Device>,
     /// Index of the window since `Start`.
     pub window: u32,
-    /// Planes of the window, oldest first, each row by row; int8 levels of the encoder's input.
+    /// Planes of the window, oldest first, and the cells of a plane row by row; int8, as the
+    /// encoder reads them.
     pub planes: Vec<i8>,
-    /// The device's code, in quantisation levels of its format.
+    /// The device's code, in levels of its format.
     pub levels: Box<[i32; CODE_LEN]>,
-    /// Distance between adjacent values of the code, in levels: a power of two for codes with an
-    /// exponent, else 1.
+    /// Difference between neighbouring levels that a value can take: `2^exponent` for codes with an
+    /// exponent, 1 for all other codes.
     pub resolution: u16,
 }
 
@@ -108,20 +111,20 @@ pub struct AuditResult {
     pub rms: f64,
     /// Upper bound of `rms`, levels, for a device that computes its model correctly.
     pub rms_limit: f64,
-    /// Largest difference of any value, levels.
+    /// Largest difference of a single value, levels.
     pub largest: f64,
     /// Upper bound of `largest`, levels, for a device that computes its model correctly.
     pub largest_limit: f64,
-    /// Index in the code of the value with the largest difference.
+    /// Index of the value with the largest difference, 0 to 127.
     pub value: usize,
-    /// Whether a cell of the window is clipped to the smallest or largest int8. The device's
-    /// activations saturate then, so neither limit applies.
+    /// Whether a cell of the window has the smallest or largest int8, because the input was
+    /// clipped. The device's activations can then saturate, so the limits do not apply.
     pub at_rail: bool,
 }
 
 impl AuditResult {
-    /// Returns whether the difference exceeds a limit. Never true for a window with a clipped cell,
-    /// to which the limits do not apply.
+    /// Returns whether a difference exceeds its limit. Always false for a window with a clipped
+    /// cell, to which the limits do not apply.
     pub fn is_wrong(&self) -> bool {
         !self.at_rail && (self.rms > self.rms_limit || self.largest > self.largest_limit)
     }

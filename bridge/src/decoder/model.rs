@@ -1,4 +1,4 @@
-//! The float network of a model.
+//! A model's network in floating point, as encoder and decoder.
 
 use std::path::Path;
 
@@ -7,14 +7,14 @@ use link::CODE_LEN;
 
 use crate::device::Device;
 
-/// The float network of one model. It decodes codes from devices with that model, and computes the
-/// code that such a device should compute from a window.
+/// The float network of one model. It decodes the codes of devices with that model, and computes
+/// the code that a correct device returns for a window.
 #[derive(Clone, Debug)]
 pub struct Model {
     id: ModelId,
     encoder: FloatEncoder,
     decoder: FloatDecoder,
-    /// Float value at the network's input for one int8 level of the device's input.
+    /// Value at the float network's input that corresponds to one int8 level of the device's input.
     input_scale: f32,
     sd_uv: f32,
     steps: usize,
@@ -73,7 +73,7 @@ impl Model {
         })
     }
 
-    /// Returns the model id, as codes and `Hello` carry it.
+    /// Returns the model id: 8 bytes, as in codes and `Hello`.
     pub fn id(&self) -> [u8; 8] {
         self.id.0
     }
@@ -83,7 +83,8 @@ impl Model {
         &self.electrodes
     }
 
-    /// Returns the reason why this model cannot decode the device's codes; `None` if it can.
+    /// Returns the reason why this model cannot decode the device's codes, worded for the user;
+    /// `None` if it can decode them.
     pub fn objection(&self, device: &Device) -> Option<String> {
         if device.model_id != self.id.0 {
             return Some(format!(
@@ -106,8 +107,8 @@ impl Model {
         })
     }
 
-    /// Decodes a code to the electrodes of its window, microvolts: step by step, and all electrodes
-    /// within a step.
+    /// Decodes a code to the electrode signals of its window, microvolts: all electrodes of the
+    /// first step, then all electrodes of the next step, and so on.
     pub fn decode(&self, z: &[f32; CODE_LEN]) -> Vec<f32> {
         let mut window = self.decoder.decode(z);
         for value in &mut window {
@@ -116,13 +117,13 @@ impl Model {
         window
     }
 
-    /// Number of scalp-grid cells in a window: cells per step times steps.
+    /// Returns the number of scalp-grid cells in a window: cells per plane times steps.
     pub fn window_cells(&self) -> usize {
         WINDOW_CELLS
     }
 
-    /// Computes the float code of a window that is given as the device's input: int8 cells, plane
-    /// by plane. If `planes` is too short, the missing cells count as 0.
+    /// Computes the float code of a window. `planes` holds the device's input for the window: int8
+    /// cells, plane by plane. If `planes` is too short, the missing cells count as 0.
     pub fn encode(&self, planes: &[i8]) -> [f32; CODE_LEN] {
         let mut window = [0.0; WINDOW_CELLS];
         for (cell, step) in window.iter_mut().zip(planes) {

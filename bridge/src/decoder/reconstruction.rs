@@ -1,4 +1,4 @@
-//! Electrode signals reconstructed from codes.
+//! Reconstruction of electrode signals from codes.
 
 use std::sync::Arc;
 
@@ -10,15 +10,15 @@ use crate::device::Device;
 use crate::settings::{FillerPolicy, Settings};
 use crate::streams::tri::TriWords;
 
-/// A received code, or the place of a lost one, with its time; input of the decoder.
+/// Input of the decoder: a received code, or a placeholder for a lost code, with its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimedCode {
     /// The code, dequantised; `None` if it was lost.
     pub z: Option<Box<[f32; CODE_LEN]>>,
-    /// Stamp of the frame that this code's window completes.
+    /// Stamp of the `/neurodata_reconstructed` frame that this code completes.
     pub stamp: Stamp,
-    /// Status words of the code. The published flags are those of this and the previous window
-    /// combined.
+    /// Status words of the code. The flags that are published combine those of this window and of
+    /// the previous window.
     pub words: TriWords,
 }
 
@@ -26,7 +26,7 @@ pub struct TimedCode {
 struct Decoded {
     window: u32,
     flags: u16,
-    /// Decoded values, microvolts: step by step, and all electrodes within a step.
+    /// Decoded signals, microvolts: all electrodes of the first step, then of the next, and so on.
     microvolts: Vec<f32>,
 }
 
@@ -40,14 +40,14 @@ pub struct Reconstruction {
     hop: usize,
     electrodes: usize,
     full_scale_uv: f32,
-    /// The previous window, decoded; `None` if its code was lost.
+    /// The previous window, decoded; `None` if the code of that window was lost.
     previous: Option<Decoded>,
     frame: NeuroFrame,
 }
 
 impl Reconstruction {
-    /// Creates a reconstruction for a device whose codes `model` can decode: [`Model::objection`]
-    /// is `None`.
+    /// Creates a reconstruction for a device whose codes `model` can decode ([`Model::objection`]
+    /// returns `None`).
     pub fn new(device: &Device, model: Arc<Model>, settings: Settings) -> Reconstruction {
         #[expect(clippy::cast_possible_truncation, reason = "187500, exact in f32")]
         let full_scale_uv = device.full_scale_uv as f32;
@@ -74,8 +74,8 @@ impl Reconstruction {
         u32::from(steps) - 1
     }
 
-    /// Continues the sequence numbers and the last values of `before`, a reconstruction whose
-    /// frames have the same shape.
+    /// Continues the sequence numbers and the last values of `before`. The frames of both
+    /// reconstructions must have the same shape.
     pub(crate) fn continue_from(&mut self, before: &Reconstruction) {
         self.frame.header.seq = before.frame.header.seq;
         self.frame.neuroheader.seq = before.frame.neuroheader.seq;
@@ -83,17 +83,18 @@ impl Reconstruction {
     }
 
     /// Returns the frame that `window` completes. With low latency, the frame holds the window's
-    /// last hop of steps; otherwise the hop of steps that the window shares with the previous one.
-    /// `None` if no window with these steps has arrived and lost codes are not filled.
+    /// last hop of steps; otherwise it holds the first hop, which the window shares with the
+    /// previous window. Returns `None` if no code with these steps was received and lost codes are
+    /// not filled.
     pub fn next_frame(&mut self, window: &TimedCode) -> Option<&NeuroFrame> {
         let decoded = window.z.as_ref().map(|z| self.model.decode(z));
         let values = self.hop * self.electrodes;
         let data = &mut self.frame.eeg.data;
         let mut words = window.words;
         words.flags &= !Flags::FILLER.bits();
-        // The previous window started one hop earlier, so this window starts at the second hop of
-        // the previous. After a restart of the stream, the last received window is not the previous
-        // one.
+        // The previous window started one hop earlier, so its second hop is this window's first.
+        // After a restart of the stream the indices are not consecutive, and the stored window is
+        // not used.
         let before = self
             .previous
             .take()
@@ -110,7 +111,7 @@ impl Reconstruction {
             }
             (Some(new), Some(old)) => average(old, new, data),
             (Some(new), None) => data.copy_from_slice(&new[..values]),
-            // This window is lost, and the previous one contains the steps that they share.
+            // The code of this window is lost, but the previous window contains the shared steps.
             (None, Some(old)) => data.copy_from_slice(old),
             (None, None) => {
                 words.flags |= Flags::FILLER.bits();
@@ -122,7 +123,8 @@ impl Reconstruction {
             }
         }
         for value in data.iter_mut() {
-            // Limit to the announced range: a recorder stores values outside it as infinite.
+            // Limit the value to the announced range: a recorder stores values outside this range
+            // as infinite.
             *value = value.clamp(-self.full_scale_uv, self.full_scale_uv);
         }
         self.previous = decoded.map(|microvolts| Decoded {
@@ -145,9 +147,9 @@ impl Reconstruction {
     }
 }
 
-/// Averages the steps that two windows share. On EEGMMIDB S001 R11 and R12 with the built-in model,
-/// the normalised error of these steps is 0.00971; from one window alone it is 0.01034. The average
-/// is 6 % better.
+/// Averages the steps that two windows share, which lowers their error. Measured with an earlier
+/// model on EEGMMIDB S001 R11 and R12: normalised error 0.00971 for the average and 0.01034 for one
+/// window alone. Not measured again with the built-in model.
 fn average(old: &[f32], new: &[f32], out: &mut [f32]) {
     for (out, (old, new)) in out.iter_mut().zip(old.iter().zip(new)) {
         *out = 0.5 * (old + new);

@@ -12,16 +12,16 @@ use crate::decoder::model::Model;
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::diagnostics::audit::AuditCounts;
 
-/// Maximum number of codes that wait for the decoder: 16 s at 16 Hz. Decoding one takes several
-/// milliseconds.
+/// Maximum number of codes that wait for the decoder: 16 s at 16 codes per second. Decoding a code
+/// takes several milliseconds.
 const QUEUE_WINDOWS: usize = 256;
 
-/// Maximum number of audits that wait for the encoder. One audit arrives every 10 s; computing it
-/// takes about 10 ms.
+/// Maximum number of audits that wait for this thread. One audit arrives every 10 s, and its
+/// comparison takes about 10 ms.
 const QUEUE_AUDITS: usize = 4;
 
-/// Thread that decodes codes, publishes their reconstruction and audits windows. Neither decoding
-/// nor auditing delays the link.
+/// Thread that decodes codes, publishes the reconstructed signals and compares audits, so that this
+/// work does not delay the link.
 #[derive(Debug)]
 pub(crate) struct DecoderThread {
     work: Sender<Work>,
@@ -33,7 +33,7 @@ pub(crate) struct DecoderThread {
     skipped_audits: u64,
 }
 
-/// Number of audits that wait for the thread, and the results of finished audits.
+/// Number of queued audits, and the results of the finished ones.
 #[derive(Debug, Default)]
 struct Audits {
     waiting: AtomicUsize,
@@ -41,7 +41,7 @@ struct Audits {
 }
 
 enum Work {
-    /// Reconstruction for the device that the following codes belong to.
+    /// Reconstruction for the device that sends the codes queued after this item.
     Device(Box<Reconstruction>),
     Code(TimedCode),
     Audit(Box<AuditedWindow>, Arc<Model>),
@@ -70,14 +70,14 @@ impl DecoderThread {
         })
     }
 
-    /// Sets the reconstruction for the device that the following codes belong to.
+    /// Sets the reconstruction for the device that sends the following codes.
     pub(crate) fn start_device(&self, reconstruction: Reconstruction) {
-        // Fails only if the thread has ended because its sink failed.
+        // Sending fails only if the thread has ended because its sink failed.
         let _ = self.work.send(Work::Device(Box::new(reconstruction)));
     }
 
-    /// Queues a code without blocking. If the queue is full, the code is discarded and counted. A
-    /// filler, which needs no decoding, is published in its place, so the number of samples stays
+    /// Queues a code without blocking. If the queue is full, the code is discarded and counted, and
+    /// a filler is published in its place. Fillers need no decoding and keep the number of samples
     /// correct.
     pub(crate) fn decode(&mut self, mut window: TimedCode) {
         if self.waiting.fetch_add(1, Ordering::Relaxed) >= QUEUE_WINDOWS && window.z.is_some() {
@@ -97,7 +97,7 @@ impl DecoderThread {
         let _ = self.work.send(Work::Audit(Box::new(window), model));
     }
 
-    /// Returns the results of the audits for `/diagnostics`; `None` before the first.
+    /// Returns the results of the audits for `/diagnostics`; `None` before the first audit.
     pub(crate) fn audit_status(&self) -> Option<DiagnosticStatus> {
         let counts = self.audits.counts.lock();
         let counts = counts.unwrap_or_else(PoisonError::into_inner);
@@ -114,7 +114,7 @@ impl DecoderThread {
         self.dropped.load(Ordering::Relaxed)
     }
 
-    /// Returns whether the thread has ended, so that nothing is reconstructed any more.
+    /// Returns whether the thread has ended, after which no signals are reconstructed.
     pub(crate) fn has_ended(&self) -> bool {
         self.thread.is_finished()
     }
@@ -189,7 +189,7 @@ mod tests {
     use crate::settings::{AnnouncedStream, FillerPolicy, Settings, StampPoint};
     use crate::streams::tri::TriWords;
 
-    /// A sink that records the sequence numbers of frames.
+    /// Sink that records the sequence number of every frame.
     struct Numbers(Arc<Mutex<Vec<u32>>>);
 
     impl Sink<NeuroFrame> for Numbers {
@@ -246,7 +246,7 @@ mod tests {
     fn codes_beyond_a_full_queue_are_counted() {
         let count = Arc::new(Mutex::new(Vec::new()));
         let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
-        // Pretends that more windows are waiting than the thread can decode during this test.
+        // Simulate more waiting codes than the thread can decode during this test.
         decoder.waiting.store(2 * QUEUE_WINDOWS, Ordering::Relaxed);
         let (stamp, words) = (Stamp::default(), TriWords::default());
         for _ in 0..3 {

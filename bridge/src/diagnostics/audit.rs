@@ -5,17 +5,18 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 use crate::decoder::audit::AuditResult;
 use crate::diagnostics::status::new_status;
 
-/// Number of audits with a clipped cell in a row that cause a warning: one minute of audits.
+/// Number of consecutive audits with a clipped cell that causes a warning: one minute of audits, at
+/// one audit every 10 s.
 const UNJUDGED_BEFORE_WARNING: u64 = 6;
 
-/// Counts of audit results, and the newest result.
+/// Numbers of audits by result, and the newest result.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct AuditCounts {
     pub(crate) compared: u64,
     pub(crate) wrong: u64,
     pub(crate) at_rail: u64,
-    /// Number of audits with a clipped cell since the last audit without one. Their limits do not
-    /// apply.
+    /// Number of audits with a clipped cell since the last audit without one. An audit with a
+    /// clipped cell is not judged.
     unjudged: u64,
     pub(crate) newest: Option<AuditResult>,
 }
@@ -29,8 +30,8 @@ impl AuditCounts {
         self.newest = Some(result);
     }
 
-    /// Returns the status, or `None` before the first audit. `skipped` is the number of audits that
-    /// were not computed because the queue was full.
+    /// Returns the status `audit`; `None` before the first audit. `skipped` is the number of audits
+    /// that were not computed because the queue was full.
     pub(crate) fn status(&self, skipped: u64) -> Option<DiagnosticStatus> {
         let newest = self.newest?;
         let AuditResult {

@@ -6,7 +6,8 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 use crate::device::channel_label;
 use crate::diagnostics::status::new_status;
 
-/// Newest report about the chain of converters, and how many bad frames `/diagnostics` already has.
+/// Newest report about the chain of converters, and the numbers of bad frames that `/diagnostics`
+/// has already reported.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ChainReport {
     fault: String,
@@ -19,8 +20,8 @@ pub(crate) struct ChainReport {
 }
 
 impl ChainReport {
-    /// Creates the report from the device's message. Bad frames that `before` has passed to
-    /// `/diagnostics` are not reported again.
+    /// Creates the report from the device's message. Bad frames that `before` has already reported
+    /// to `/diagnostics` are not reported again.
     pub(crate) fn from_message(
         before: Option<&ChainReport>,
         converters: &Converters,
@@ -38,7 +39,7 @@ impl ChainReport {
             off_positive: converters.off_positive,
             off_negative: converters.off_negative,
             frames_bad: converters.frames_bad.to_vec(),
-            // Bad frames from before the bridge connected are not new.
+            // Bad frames that the first message counts are not reported as new.
             reported: before.map_or_else(
                 || converters.frames_bad.to_vec(),
                 |before| before.reported.clone(),
@@ -46,8 +47,8 @@ impl ChainReport {
         }
     }
 
-    /// Returns the status. Its message names faults; its values are the DRDY rate, contacts and
-    /// chips.
+    /// Returns the status `converters`. The message names faults; the values are the rate of DRDY,
+    /// the electrodes without contact and the bad frames of each chip.
     pub(crate) fn status(&mut self, adc_rate_hz: u16, labels: &[String]) -> DiagnosticStatus {
         let new = |(chip, bad): (usize, &u32)| {
             let reported = self.reported.get(chip).copied().unwrap_or(0);
@@ -92,7 +93,8 @@ impl ChainReport {
     }
 }
 
-/// Formats the measured rate of DRDY, such as "512.010 Hz, +20 ppm off the 512 Hz that were set".
+/// Formats the measured rate of DRDY and its deviation, such as "512.010 Hz, +20 ppm off the 512 Hz
+/// that were set".
 fn rate(drdy_millihertz: u32, adc_rate_hz: u16) -> String {
     if drdy_millihertz == 0 {
         return "not known".to_owned();

@@ -5,16 +5,16 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::diagnostics::status::new_status;
 
-/// Amplitude of mains interference at an electrode's input above which the status names the
-/// electrode, microvolt RMS.
+/// Mains voltage at an electrode's input above which the status names the electrode, microvolt RMS.
 ///
-/// The grid of continental Europe stays within 50 mHz of 50 Hz (Regulation (EU) 2017/1485, annex
-/// III, standard frequency range). At a deviation of 50 mHz a notch of Q 30 passes `2 Q df / f` = 6
-/// % of mains. From 100 uV it leaves 6 uV, about one level of the encoder's int8 input (5.1 uV).
+/// The mains frequency of continental Europe stays within 50 mHz of 50 Hz (Regulation (EU)
+/// 2017/1485, annex III, standard frequency range). At a deviation `df` of 50 mHz, a notch filter
+/// of Q 30 passes the fraction `2 Q df / f` = 6 % of the mains voltage. Of 100 uV, 6 uV remain:
+/// about one level of the encoder's int8 input (5.1 uV).
 const MAINS_LIMIT_UV: f32 = 100.0;
 
-/// Returns the status. Its message names electrodes with faults; its values are the measurements of
-/// all electrodes.
+/// Returns the status `signal quality`. The message names electrodes with faults; the values are
+/// the measurements of all electrodes.
 pub(crate) fn signal_quality_status(quality: &Quality, labels: &[String]) -> DiagnosticStatus {
     let electrodes: Vec<(String, &ElectrodeQuality)> = quality
         .electrodes

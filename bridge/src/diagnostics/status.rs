@@ -2,8 +2,8 @@
 
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
-/// Creates a status with a bare name and no hardware id. The name's prefix and the id are added
-/// when the report is complete.
+/// Creates a status with `name` and no hardware id. [`diagnose`](super::diagnose) adds the name's
+/// prefix and the hardware id.
 pub(crate) fn new_status(
     name: &str,
     (level, message): (DiagnosticLevel, String),

@@ -1,4 +1,4 @@
-//! Summary of a run: the last line that the program prints.
+//! Summary of the streaming bridge's counts, which the program prints as its last line.
 
 use std::fmt;
 
@@ -10,36 +10,36 @@ use crate::session::state::Session;
 /// Counts of received, lost and filled data so far; prints as one line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// Number of codes that the device has made, as far as their indices show: received + lost.
+    /// Number of codes that the device has made, derived from their indices: received plus lost.
     pub made: u64,
-    /// Number of codes that arrived, without replays.
+    /// Number of codes that arrived; replays do not count.
     pub received: u64,
     /// Number of codes that did not arrive.
     pub lost: u64,
     /// Number of codes missing between two runs of the device, which did not make them.
     pub between_runs: u64,
-    /// Number of runs of consecutive lost codes.
+    /// Number of bursts; a burst is a sequence of consecutive lost codes.
     pub bursts: u64,
-    /// Length of the longest run of consecutive lost codes.
+    /// Number of codes in the longest burst.
     pub longest_burst: u32,
     /// Number of fillers published in place of lost codes.
     pub fillers: u64,
     /// Number of wire frames, of any kind, that did not arrive.
     pub frames_lost: u64,
-    /// Counts of the frame decoder: bytes, frames, errors by kind.
+    /// Counts of the frame decoder: bytes, frames, and errors of each kind.
     pub wire: Counters,
     /// Number of times that the port was opened.
     pub connections: u64,
     /// Number of detected resets of the device.
     pub resets: u64,
-    /// Number of received codes that were not published: from before the device's introduction,
-    /// from a refused device, or with another model or format than the device introduced itself
-    /// with.
+    /// Number of received codes that were not published: the device had not introduced itself or
+    /// was refused, or the code's model or format is not the one that the device reported.
     pub unused: u64,
-    /// Rate of the host's clock relative to the device's, minus 1, in parts per million.
+    /// Drift: rate of the host's clock relative to the device's clock, minus 1, in parts per
+    /// million.
     pub drift_ppm: f64,
-    /// The device's stage with the largest ratio of worst time to deadline; `None` if the device
-    /// measures no stages.
+    /// The device's stage with the largest ratio of worst time to deadline so far; `None` if the
+    /// device reports no stages.
     pub worst_stage: Option<StageTiming>,
 }
 

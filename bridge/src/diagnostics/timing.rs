@@ -5,8 +5,9 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::diagnostics::status::new_status;
 
-/// Returns the status. Its message names the stages that missed a deadline since the device's boot,
-/// and a stack of which more than 3/4 was used. Its values are the measurements of all stages.
+/// Returns the status `timing`. The message names the stages that missed a deadline since the
+/// device's boot, and the stack if more than 3/4 of it was used. The values are the measurements of
+/// all stages.
 pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     let Timing {
         stages,
@@ -40,11 +41,11 @@ pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     new_status("timing", state, values)
 }
 
-/// Returns the stage whose worst time is largest in relation to its deadline.
+/// Returns the stage with the largest ratio of worst time to deadline.
 pub(crate) fn closest_to_deadline<'t>(
     stages: impl Iterator<Item = &'t StageTiming>,
 ) -> Option<StageTiming> {
-    // A product instead of a division: a/b > c/d if a*d > c*b.
+    // Compare products instead of quotients: a/b > c/d if a*d > c*b.
     let product = |worst: &StageTiming, deadline: &StageTiming| {
         u64::from(worst.worst_ns) * u64::from(deadline.deadline_ns)
     };

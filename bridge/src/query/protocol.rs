@@ -6,13 +6,12 @@ use crate::error::BridgeError;
 use crate::query::report::{DeviceSummary, SelfTestReport};
 use crate::wire::pending::PendingCommand;
 
-/// Longest time until the device acknowledges a command, seconds.
+/// Timeout for the acknowledgement of a command, seconds.
 const ACK_TIMEOUT_S: u32 = 5;
-/// Longest time until the device sends the result of its self-test, or is back after a reset,
-/// seconds.
+/// Timeout for the result of the self-test, or for the first `Hello` after a reset, seconds.
 const RESULT_TIMEOUT_S: u32 = 15;
 
-/// A request that a device executes once, such as from the subcommand `selftest`.
+/// A single request to a device, such as that of the subcommand `selftest`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
     /// Test the converters with their internal signals.
@@ -26,14 +25,16 @@ pub enum Request {
 pub enum Answer {
     /// Result of the self-test.
     SelfTest(Box<SelfTestReport>),
-    /// The device has restarted; its summary names the cause.
+    /// The device has restarted; the summary names the cause.
     Restarted(DeviceSummary),
-    /// The device has agreed to start its bootloader. The bootloader does not speak this protocol.
+    /// The device has agreed to start its bootloader, which does not use this protocol. The summary
+    /// is from before the restart.
     InBootloader(DeviceSummary),
 }
 
 /// State machine of a single request: identifies the device, stops its streams, sends the request
-/// and waits for the result. It reads bytes and times, and returns bytes and a [`QueryResult`].
+/// and waits for the result. Bytes and times are passed in; bytes and a [`QueryResult`] are
+/// returned.
 #[derive(Debug)]
 pub struct Query {
     request: Request,
@@ -56,7 +57,7 @@ enum Stage {
     Wait,
 }
 
-/// Answer to a [`Query`], or the reason why there is none.
+/// Answer to a [`Query`], or the error that ended the query.
 pub type QueryResult = Result<Answer, BridgeError>;
 
 impl Query {
@@ -85,13 +86,13 @@ impl Query {
         }
     }
 
-    /// Returns whether the port may disappear and return now, because a restarting device
+    /// Returns whether the port can now disappear and return, because a restarting device
     /// disconnects from USB.
     pub fn expects_reconnect(&self) -> bool {
         self.stage == Stage::Wait && matches!(self.request, Request::Reset(_))
     }
 
-    /// Returns what the query is doing, for display.
+    /// Returns a phrase for the current stage, for display to the user.
     pub fn progress_text(&self) -> &'static str {
         match (self.stage, self.request) {
             (Stage::Identify, _) => "identifying the device",
@@ -101,14 +102,15 @@ impl Query {
         }
     }
 
-    /// Returns the bytes to send to the device and clears them.
+    /// Removes and returns the bytes to send to the device.
     pub fn outgoing(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.outgoing)
     }
 
     /// Handles bytes from the device and returns the result if they complete the query.
     pub fn receive(&mut self, mut bytes: &[u8], now_us: i64) -> Option<QueryResult> {
-        // Frames borrow from the decoder, so it is moved out of `self` while they are handled.
+        // Frames borrow from the decoder, so the decoder is moved out of `self` while frames are
+        // handled.
         let mut decoder = std::mem::replace(&mut self.decoder, Decoder::new());
         let mut outcome = None;
         while outcome.is_none()
@@ -146,8 +148,8 @@ impl Query {
             ToHost::SelfTest(test) if self.request == Request::SelfTest => {
                 let (_, device) = self.device.clone()?;
                 let (channels, labels) = self.montage.as_ref()?;
-                // A result that arrives before this query's request belongs to another program's
-                // request.
+                // A result that arrives before this query has sent its request is the answer to
+                // another program's request.
                 matches!(self.stage, Stage::Request | Stage::Wait).then(|| {
                     let report = SelfTestReport::new(device, test, *channels, labels);
                     Ok(Answer::SelfTest(Box::new(report)))
@@ -176,8 +178,8 @@ impl Query {
                     return Some(Ok(Answer::InBootloader(device.clone())));
                 }
             }
-            // Busy, because the first transmission of the request arrived and only its
-            // acknowledgement was lost.
+            // The device is busy because the first transmission of the request arrived, and only
+            // its acknowledgement was lost.
             (Stage::Request, AckResult::Busy) if pending.was_sent_again() => {
                 self.enter(Stage::Wait, now_us);
             }
@@ -196,7 +198,8 @@ impl Query {
         self.pending = None;
     }
 
-    /// Queues the command that is due. Returns an error after the timeout of the current stage.
+    /// Queues the command that is due. Returns an error if the timeout of the current stage has
+    /// passed.
     pub fn tick(&mut self, now_us: i64) -> Option<QueryResult> {
         let (what, seconds) = match (self.stage, self.request) {
             (Stage::Identify, _) => ("to the identification request", ACK_TIMEOUT_S),
@@ -212,8 +215,8 @@ impl Query {
             return Some(Err(BridgeError::NoAnswer { what, seconds }));
         }
         let command = match (self.stage, self.request) {
-            // A device sends `Hello` after a reset, but perhaps before the port was reopened; so
-            // ask again.
+            // After a reset a device sends `Hello`, perhaps before the port is open again. The
+            // query therefore asks for another `Hello`.
             (Stage::Identify, _) | (Stage::Wait, Request::Reset(_)) => ToDevice::Identify,
             (Stage::Stop, _) => ToDevice::Stop,
             (Stage::Request, Request::SelfTest) => ToDevice::SelfTest,
@@ -243,7 +246,7 @@ impl Query {
     }
 }
 
-/// Returns the refused request as an infinitive, and the reason together with the user's next step.
+/// Returns the refused request as an infinitive, and the reason with advice for the user.
 fn refusal(request: Request, result: AckResult) -> (&'static str, &'static str) {
     let what = match request {
         Request::SelfTest => "to test itself",

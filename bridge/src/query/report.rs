@@ -1,4 +1,4 @@
-//! The report of a self-test: measurements, verdicts and their text.
+//! Report of a self-test: measurements and verdicts.
 
 use ads1299::Register;
 use link::{ChannelFault, ChannelTest, ChipTest, Hello, ResetCause, SelfTest};
@@ -6,12 +6,13 @@ use serde::Serialize;
 
 use crate::device::channel_label;
 
-/// Mask of the ID register's bits that name the part: bit 4 is 1, DEV_ID is 11, and NU_CH is 00, 01
-/// or 10 for 4, 6 or 8 channels. The higher bits are the revision (data sheet SBAS499, section
-/// 9.6.1.1).
+/// Mask of the bits of the ID register that identify the part: bit 4 is 1, DEV_ID (bits 3 and 2) is
+/// 11, and NU_CH (bits 1 and 0) is 00, 01 or 10 for 4, 6 or 8 channels. The three higher bits are
+/// the revision (data sheet SBAS499, section 9.6.1.1).
 const PART_MASK: u8 = 0x1F;
 
-/// Report of a device's self-test, with a verdict for each chip, each channel and the whole.
+/// Report of a device's self-test, with a verdict for each chip, for each channel and for the
+/// device.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SelfTestReport {
     /// Device that was tested.
@@ -39,22 +40,25 @@ pub struct DeviceSummary {
     pub firmware: String,
     /// Unique id of the microcontroller, 24 hexadecimal digits.
     pub uid: String,
-    /// Cause of the device's last start, in words.
+    /// Cause of the device's last reset, in words.
     pub reset_cause: String,
-    /// Fault since the last start, or of the run before it; empty if there is none.
+    /// Fault that the device found at its last start, or that caused the last reset; empty if there
+    /// is none.
     pub fault: String,
 }
 
-/// Rate and faults of the data-ready signal (DRDY), which times all samples.
+/// Rate and faults of the data-ready signal (DRDY). Each of its edges starts the reading of a
+/// sample.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DrdyReport {
-    /// Measured rate, Hz of the device's clock; `None` if it was not measured.
+    /// Rate measured with the device's clock, Hz; `None` if it was not measured.
     pub rate_hz: Option<f64>,
     /// Configured rate, Hz.
     pub expected_hz: f64,
-    /// Relative deviation of the measured rate from the configured rate, parts per million.
+    /// Relative deviation of the measured rate from the configured rate, parts per million; `None`
+    /// if either rate is unknown.
     pub ppm: Option<f64>,
-    /// Number of DRDY edges that were too early.
+    /// Number of DRDY edges that came too early.
     pub early: u32,
     /// Number of DRDY periods without an edge.
     pub missed: u32,
@@ -67,9 +71,9 @@ pub struct ChipReport {
     pub chip: usize,
     /// Content of the ID register.
     pub id: u8,
-    /// Part that the ID register names, in words.
+    /// Name of the part, from the ID register.
     pub part: String,
-    /// Number of registers that did not keep the value that was written.
+    /// Number of registers that did not keep the value written to them.
     pub registers_wrong: u8,
     /// Name and address of the first wrong register; `None` if all registers are correct.
     pub first_wrong: Option<String>,
@@ -86,14 +90,14 @@ pub struct ChannelReport {
     pub channel: usize,
     /// Label of the electrode, or exg1, exg2, ... for spare channels.
     pub label: String,
-    /// Relative error of the measured amplitude of the chip's square wave, percent. This figure and
-    /// the next three are `None` if they were not measured.
+    /// Relative error of the measured amplitude of the chip's square-wave test signal, percent;
+    /// `None` if not measured.
     pub gain_error_percent: Option<f64>,
-    /// Mean of the two levels of the square wave, microvolt.
+    /// Mean of the two levels of the square wave, microvolt; `None` if not measured.
     pub offset_uv: Option<f32>,
-    /// Noise around the two levels of the square wave, microvolt RMS.
+    /// Noise around the two levels of the square wave, microvolt RMS; `None` if not measured.
     pub noise_uv: Option<f32>,
-    /// Noise with the input shorted, microvolt RMS.
+    /// Noise with the input shorted, microvolt RMS; `None` if not measured.
     pub shorted_noise_uv: Option<f32>,
     /// The fault in words, "not measured", or "in order".
     pub verdict: String,
@@ -225,8 +229,8 @@ fn part_name(id: u8) -> &'static str {
     }
 }
 
-/// Returns whether a channel was not measured, or only in part, because the test stopped early. A
-/// channel that was measured completely has noise in both measurements, or a fault.
+/// Returns whether the test stopped before both measurements of a channel were complete. A
+/// completely measured channel has noise in both measurements, or a fault.
 fn is_unmeasured(test: &ChannelTest) -> bool {
     let silent = test.noise_uv == 0.0 || test.shorted_noise_uv == 0.0;
     test.fault == ChannelFault::None && silent
@@ -234,8 +238,8 @@ fn is_unmeasured(test: &ChannelTest) -> bool {
 
 fn channel_report(index: usize, test: &ChannelTest, label: String) -> ChannelReport {
     let too_few = test.fault == ChannelFault::Samples;
-    // For a channel without samples the device reports zeros and a gain error of -1. It reports a
-    // gain error of -1 also if it had too few samples to measure both levels of the square wave.
+    // A device reports zeros and a gain error of -1 for a channel without samples. A gain error of
+    // -1 also means that the samples were too few to measure both levels of the square wave.
     let nothing = test.offset_uv == 0.0 && test.noise_uv == 0.0;
     let square_wave = !(nothing || too_few && test.gain_error <= -1.0);
     let nothing = test.shorted_noise_uv == 0.0;

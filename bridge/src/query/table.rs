@@ -1,4 +1,4 @@
-//! A self-test's report as a table of text.
+//! The report of a self-test as a table of text.
 
 use std::fmt;
 
@@ -106,7 +106,7 @@ fn channel_row(channel: &ChannelReport) -> [String; 7] {
     ]
 }
 
-/// Returns the measured value, or "-" if there is none.
+/// Returns `measured`, or "-" if there is no measurement.
 fn or_dash(measured: Option<String>) -> String {
     measured.unwrap_or_else(|| "-".to_owned())
 }

@@ -1,4 +1,4 @@
-//! Handling of `Hello` and `Capabilities`: a device introduces itself.
+//! Handling of `Hello` and `Capabilities`, with which a device introduces itself.
 
 use std::sync::Arc;
 
@@ -106,7 +106,7 @@ impl Session {
         });
     }
 
-    /// Returns the answer to `/acquisition/get_info`; `None` if the stream to announce is not
+    /// Returns the answer to `/acquisition/get_info`; `None` if the selected stream is not
     /// published.
     fn acquisition_info(
         &self,

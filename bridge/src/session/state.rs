@@ -24,13 +24,13 @@ pub(crate) struct Session {
     pub(super) encoder: Encoder,
     pub(crate) commands: Commands,
     pub(crate) identity: Option<Identity>,
-    /// Whether `Hello` has arrived since the port was opened. Until then sequence numbers are
-    /// ignored.
+    /// Whether `Hello` has arrived since the port was opened. Sequence numbers are ignored before
+    /// `Hello`.
     pub(crate) introduced: bool,
     pub(crate) codes: Option<CodeStream>,
     pub(crate) side: SideStreams,
-    /// The device that was announced first. Any device whose codes are incompatible with it is
-    /// refused for the rest of the session.
+    /// The device that was announced first. A device that is not compatible with it is refused for
+    /// as long as the bridge runs.
     pub(super) announced: Option<Arc<Device>>,
     pub(crate) clock: Clock,
     pub(crate) round_trips: RoundTrips,
@@ -40,26 +40,27 @@ pub(crate) struct Session {
     /// Reason why codes or their reconstruction are not published, worded for the user.
     pub(crate) objection: Option<String>,
     pub(crate) stats: Option<Stats>,
-    /// Newest report about the electrodes, until `/diagnostics` has published it.
+    /// Newest report about the electrodes; `None` after `/diagnostics` has published it.
     pub(crate) quality: Option<Quality>,
-    /// Newest report about the deadlines, until `/diagnostics` has published it.
+    /// Newest report about the deadlines; `None` after `/diagnostics` has published it.
     pub(crate) timing: Option<Timing>,
-    /// The stage whose worst time was largest in relation to its deadline, over all reports.
+    /// The stage with the largest ratio of worst time to deadline, over all reports.
     pub(crate) worst_stage: Option<StageTiming>,
     pub(crate) converters: Option<ChainReport>,
     pub(super) logged: LoggedOnce,
 }
 
-/// Which warnings were logged already; each is logged once.
+/// Flags of the warnings that were logged; each of these warnings is logged once.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LoggedOnce {
     pub(super) newer_messages: bool,
     pub(super) wire_version: bool,
-    /// Reset when another device connects; the other fields are not.
+    /// Cleared when the device restarts or another device connects. The other flags are never
+    /// cleared.
     pub(super) refused_streams: bool,
 }
 
-/// Counts that neither a stream nor a ledger holds.
+/// Counts of the session that are not part of a stream or a ledger.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SessionCounts {
     /// Number of times that the port was opened.

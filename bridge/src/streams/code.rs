@@ -14,14 +14,15 @@ use crate::streams::ledger::{Arrival, Ledger};
 use crate::streams::stamps::{MonotoneStamps, Reception};
 use crate::streams::tri::TriWords;
 
-/// Maximum number of fillers for one gap: 68 min at 16 Hz. A longer outage needs a new recording.
+/// Maximum number of fillers for one gap: 68 minutes at 16 codes per second. After a longer outage
+/// a new recording is needed.
 const MAX_FILLERS: u64 = 65_536;
 
-/// Converts codes to NeuroFrames for `/encoded` and to windows for the decoder. Fillers replace
-/// lost codes.
+/// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Fillers replace lost
+/// codes.
 ///
-/// The frames' shape, sequence numbers and counts persist for the whole session, across restarts of
-/// the device.
+/// Shape of the frames, sequence numbers and counts persist while the bridge runs, across restarts
+/// of the device.
 #[derive(Debug)]
 pub(crate) struct CodeStream {
     settings: Settings,
@@ -31,9 +32,9 @@ pub(crate) struct CodeStream {
     z: [f32; CODE_LEN],
     /// Whether `z` holds a code of this recording.
     has_last: bool,
-    /// Whether a code, a report or an acknowledgement has shown that the stream runs.
+    /// Whether a code, a `Stats` message or an acknowledgement has shown that the stream runs.
     running: bool,
-    /// Device time of the newest code in this stream, received or filled, microseconds.
+    /// Device time of the newest code or filler in this stream, microseconds.
     last_device_us: Option<u64>,
     /// Index of the newest window, received or filled.
     last_window: u32,
@@ -50,9 +51,9 @@ pub(crate) struct CodeCounts {
     /// Number of codes that are missing between two runs of the device, which did not make them.
     pub(crate) between_runs: u64,
     pub(crate) fillers: u64,
-    /// Number of lost codes that were not filled, because their gap exceeds [`MAX_FILLERS`].
+    /// Number of lost codes without a filler, because the gap exceeds [`MAX_FILLERS`].
     pub(crate) unfilled: u64,
-    /// Number of codes with another model or format than the device introduced itself with.
+    /// Number of codes whose model or format is not the one that the device reported.
     pub(crate) foreign: u64,
     /// Number of cells of the encoder's input that the device clipped to int8. A cell counts once
     /// for each window that contains it.
@@ -118,8 +119,8 @@ impl CodeStream {
         self.decodable = decodable;
     }
 
-    /// Starts another run: the device counts windows from 0 again. The time until its first code is
-    /// filled.
+    /// Starts another run. Call this when the device counts windows from 0 again. The time until the
+    /// run's first code is filled.
     pub(crate) fn restart(&mut self) {
         self.counts.ledger.expect_next(0);
         self.running = false;
@@ -136,14 +137,15 @@ impl CodeStream {
         self.z = [0.0; CODE_LEN];
     }
 
-    /// Records that the stream runs: from now on the device's reports count codes of this stream.
+    /// Records that the stream runs. From now on, the window index in `Stats` is that of this
+    /// stream.
     pub(crate) fn mark_running(&mut self) {
         self.running = true;
     }
 
-    /// Returns whether the stream is known to run since the last restart. Before that, a report
-    /// that names no running stream is the late answer to a `Stop`, and its count belongs to the
-    /// previous stream.
+    /// Returns whether the stream is known to run since the last restart. Before that, a `Stats`
+    /// message without the stream of codes is the late answer to a `Stop`, and its window index
+    /// belongs to the previous stream.
     pub(crate) fn is_running(&self) -> bool {
         self.running
     }
@@ -156,22 +158,22 @@ impl CodeStream {
         &self.counts
     }
 
-    /// Number of stamps that were moved forwards, because they would have been earlier than the
-    /// stamp before.
+    /// Returns the number of stamps that were moved forwards, because they were not at least 1 us
+    /// later than the previous stamp.
     pub(crate) fn moved_stamps(&self) -> u64 {
         self.encoded_stamps.moved() + self.window_stamps.moved()
     }
 
-    /// Returns whether this code shows that the device restarted its stream by itself: the code's
-    /// frame is new, but its window index is not beyond those already counted.
+    /// Returns whether `code` shows that the device restarted its stream without a command. A
+    /// restart is assumed if the code's frame is new but its window index was already counted.
     pub(crate) fn is_restart(&self, code: &Code) -> bool {
         self.counts.ledger.is_old(code.window)
     }
 
-    /// Publishes a code that the device made at `device_us`, after fillers for the codes lost
-    /// before it.
+    /// Publishes a code that the device made at `device_us`. Fillers for the codes lost before it
+    /// are published first.
     ///
-    /// `device_us` is `None` if the frame's device time was impossible; the time is then computed
+    /// `device_us` is `None` if the frame's device time was impossible. The time is then computed
     /// from the window index.
     pub(crate) fn receive(
         &mut self,
@@ -217,8 +219,8 @@ impl CodeStream {
         self.publish(position, true, reception, effects);
     }
 
-    /// Publishes fillers for all codes before `next` that have not arrived. The device reported at
-    /// `device_us` that `next` will be its next code.
+    /// Publishes fillers for all codes before index `next` that have not arrived. According to a
+    /// `Stats` message that the device made at `device_us`, its next code has this index.
     pub(crate) fn fill_before(
         &mut self,
         next: u32,
@@ -230,8 +232,8 @@ impl CodeStream {
         if lost == 0 {
             return;
         }
-        // Before the first code of a stream only the report's own time is known. The device made
-        // its last code at most one hop before the report.
+        // Before the first code of a stream, only the time of the `Stats` message is known. The
+        // device made its last code at most one hop before that time.
         let next_us = self.time_of_next(lost, device_us);
         let host_us = reception.clock.host_us(next_us.into());
         let gap = Gap {
@@ -259,8 +261,8 @@ impl CodeStream {
         missing
     }
 
-    /// Returns the device time of the code that follows `lost` lost ones, microseconds. If no
-    /// code's time is known, returns the time one hop after `fallback_us`.
+    /// Returns the device time of the code that follows `lost` lost codes, microseconds. If the
+    /// time of no code is known, returns the time one hop after `fallback_us`.
     fn time_of_next(&self, lost: u32, fallback_us: u64) -> u64 {
         let (known_us, hops) = match self.last_device_us {
             Some(last_us) => (last_us, i64::from(lost) + 1),
@@ -273,8 +275,8 @@ impl CodeStream {
         self.device.steps_us(u32::from(self.device.hop_steps))
     }
 
-    /// Publishes fillers for the codes missing directly before the code `window`, which the device made
-    /// at `device_us`.
+    /// Publishes fillers for the codes missing directly before index `window`. The code of index
+    /// `window` has the device time `device_us`.
     fn fill(
         &mut self,
         window: u32,
@@ -365,8 +367,9 @@ impl CodeStream {
         }
     }
 
-    /// Returns the stamp, nanoseconds since 1970, of a frame that starts `lookback` steps before
-    /// the window's last step and ends `length` steps after its start.
+    /// Returns the stamp of a frame, nanoseconds since 1970. The frame's first step is `lookback`
+    /// steps before the last step of the window; the frame's last step is `length` steps after its
+    /// first.
     fn wall_time_ns(
         &self,
         position: CodePosition,

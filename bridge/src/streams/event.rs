@@ -39,8 +39,8 @@ impl EventStream {
         }
     }
 
-    /// Makes any event number the next expected one. While nothing streams, the device numbers
-    /// events but does not send them.
+    /// Accepts any number for the next event. While no stream is active, the device numbers events
+    /// but does not send them.
     pub(crate) fn restart(&mut self) {
         self.ledger.expect_any();
     }
@@ -57,9 +57,9 @@ impl EventStream {
 
     /// Publishes an event that happened at `device_us` and returns the trigger's new level.
     ///
-    /// If `device_us` is `None` because the device's time was impossible, the event is stamped with
-    /// the time at which it was read. A replay, or an event of an unknown kind, is not published
-    /// and returns `None`.
+    /// If `device_us` is `None` because the device's time was impossible, the stamp is the time at
+    /// which the event was read. Returns `None` for a replay and for an event of an unknown kind,
+    /// which are not published.
     pub(crate) fn receive(
         &mut self,
         event: Event,

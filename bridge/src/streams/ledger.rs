@@ -1,9 +1,11 @@
-//! Exact counts of items that were made, received and lost, from their sequence numbers.
+//! Exact counts of the items that were made, received and lost, derived from their sequence
+//! numbers.
 
-/// Counts numbered items, such as codes. Always made = received + lost, also when the numbers wrap.
+/// Counts numbered items, such as codes. The number of made items is always the sum of received and
+/// lost items, also when the sequence numbers wrap.
 ///
-/// The counts depend on the numbers alone, not on time or rates. A gap of up to 2^31 - 1 numbers is
-/// a loss; a number below the next expected one, modulo 2^32, is a replay.
+/// The counts depend only on the sequence numbers, not on times or rates. A gap of up to 2^31 - 1
+/// numbers is a loss; a number below the next expected number, modulo 2^32, is a replay.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ledger {
     expected: Option<u32>,
@@ -17,27 +19,28 @@ pub struct Ledger {
 /// Result of recording the number of an item that arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
-    /// A number that was not received before.
+    /// The item has the expected number or a later number.
     New {
-        /// Number of items that are missing directly before this one; usually 0.
+        /// Number of items that are missing directly before this item; usually 0.
         lost: u32,
     },
-    /// A number below the next expected one: the item is a duplicate, or its sender restarted.
+    /// The item's number is below the next expected number: the item is a duplicate, or the sender
+    /// restarted.
     Old,
 }
 
 impl Ledger {
-    /// Makes `number` the next expected one, without counting a loss or a replay. All counts stay.
+    /// Sets the next expected number, without counting a loss or a replay. All counts are kept.
     pub fn expect_next(&mut self, number: u32) {
         self.expected = Some(number);
     }
 
-    /// Makes the next number that arrives the expected one, whatever it is.
+    /// Accepts any number for the next item, without counting a loss or a replay.
     pub fn expect_any(&mut self) {
         self.expected = None;
     }
 
-    /// Returns whether `number` is below the next expected one, modulo 2^32.
+    /// Returns whether `number` is below the next expected number, modulo 2^32.
     pub fn is_old(&self, number: u32) -> bool {
         self.missing_before(number) >= 1 << 31
     }
@@ -59,8 +62,8 @@ impl Ledger {
         Arrival::New { lost }
     }
 
-    /// Counts every item before `next` that has not arrived as lost, and returns their number.
-    /// `next` is the number that the sender reports for its next item.
+    /// Counts every item before number `next` that has not arrived as lost, and returns how many
+    /// there are. `next` is the number of the sender's next item, as the sender reports it.
     pub fn count_lost_before(&mut self, next: u32) -> u32 {
         if self.is_old(next) {
             return 0;
@@ -77,12 +80,12 @@ impl Ledger {
         self.longest_burst = self.longest_burst.max(lost);
     }
 
-    /// Number of items that the sender has made, as far as its numbers show: received + lost.
+    /// Number of items that the sender has made, derived from their numbers: received plus lost.
     pub fn made(&self) -> u64 {
         self.received + self.lost
     }
 
-    /// Number of items that arrived, without replays.
+    /// Number of items that arrived; replays do not count.
     pub fn received(&self) -> u64 {
         self.received
     }
@@ -92,17 +95,17 @@ impl Ledger {
         self.lost
     }
 
-    /// Number of runs of consecutive lost items.
+    /// Number of bursts; a burst is a sequence of consecutive lost items.
     pub fn bursts(&self) -> u64 {
         self.bursts
     }
 
-    /// Length of the longest run of consecutive lost items.
+    /// Number of items in the longest burst.
     pub fn longest_burst(&self) -> u32 {
         self.longest_burst
     }
 
-    /// Number of arrivals whose number was below the expected one.
+    /// Number of arrivals with a number below the expected number.
     pub fn replays(&self) -> u64 {
         self.replays
     }

@@ -1,4 +1,4 @@
-//! Templates of the NeuroFrames that are published for a device.
+//! Templates of the NeuroFrames for the topics of a device.
 
 use link::CODE_LEN;
 use neuro_ros::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
@@ -6,9 +6,10 @@ use neuro_ros::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
 use crate::device::Device;
 use crate::streams::tri::tri_info;
 
-/// Value of `transducter` and `header.frame_id` in frames that the network computed.
+/// Value of `transducter` and `header.frame_id` in frames with values that the network computed.
 const NETWORK: &str = "autoencoder";
-/// Value of `transducter` and `header.frame_id` in frames that the amplifier measured.
+/// Value of `transducter` and `header.frame_id` in frames with voltages that the amplifier
+/// measured.
 const AMPLIFIER: &str = "electrodes";
 
 impl Device {
@@ -59,8 +60,8 @@ impl Device {
     }
 
     /// Returns the number of samples in a frame of `/neurodata`: the largest divisor of the ADC's
-    /// rate that is at most the number of samples per hop. A divisor, because consumers compute the
-    /// frame rate in integers.
+    /// rate that does not exceed the number of samples per hop. It must be a divisor because
+    /// consumers compute the frame rate in integers.
     fn raw_samples(&self) -> u16 {
         let hop = u32::from(self.adc_rate_hz) * u32::from(self.hop_steps);
         let most = u16::try_from(hop / u32::from(self.step_rate_hz)).unwrap_or(u16::MAX);
@@ -81,7 +82,7 @@ impl Device {
     }
 }
 
-/// Returns a copy of `info` that describes the channels `labels` instead of its own.
+/// Returns a copy of `info` for the channels `labels`.
 fn channels_like(info: &NeuroDataInfo, labels: Vec<String>) -> NeuroDataInfo {
     let nchannels = u16::try_from(labels.len()).unwrap_or(u16::MAX);
     NeuroDataInfo {

@@ -1,4 +1,4 @@
-//! Stream of ADC samples or filtered steps.
+//! A stream of ADC samples or of filtered steps, published as NeuroFrames.
 
 use link::Flags;
 use neuro_ros::NeuroFrame;
@@ -8,17 +8,18 @@ use crate::streams::continuity::Continuity;
 use crate::streams::stamps::{MonotoneStamps, Reception};
 use crate::streams::tri::TriWords;
 
-/// Longest gap that is filled, seconds. At 16 frames per second that is 1,920 frames, which fit
-/// into a subscriber's queue. A longer outage needs a new recording.
+/// Longest part of a gap that is filled, seconds. At 16 frames per second it takes 1,920 frames,
+/// which fit into a subscriber's queue. After a longer outage a new recording is needed.
 const MAX_FILL_SECONDS: u64 = 120;
 
 /// Converts ADC samples to NeuroFrames of `/neurodata`, or filtered steps to NeuroFrames of
-/// `/neurodata_filtered`, and fills gaps. Below, "sample" means an ADC sample or a filtered step.
+/// `/neurodata_filtered`, and fills gaps. In this file, "sample" means an ADC sample or a filtered
+/// step.
 ///
-/// Samples have an index in the topic, which counts on when the device restarts: the time between two
-/// runs of the device is filled. The index of every frame's first sample is a multiple of the frame's
-/// length, so the number of samples on the topic matches the time that has passed. Sequence numbers
-/// and counts persist for the whole session.
+/// Samples have an index in the topic. It goes on when the device restarts, and the time between two
+/// runs of the device is filled. The index of a frame's first sample is always a multiple of the
+/// number of samples per frame, so the number of samples on the topic matches the time that has
+/// passed. Sequence numbers and counts persist while the bridge runs.
 #[derive(Debug)]
 pub(crate) struct SampleStream {
     filler: FillerPolicy,
@@ -27,9 +28,9 @@ pub(crate) struct SampleStream {
     frame: NeuroFrame,
     nsamples: usize,
     electrodes: usize,
-    /// Values of the newest sample, uV; zeros before the first.
+    /// Values of the newest sample, uV; zeros before the first sample.
     newest: Vec<f32>,
-    /// Index and device time of the newest sample that was received, not filled.
+    /// Index and device time of the newest sample that was received; fillers do not count.
     timeline: Option<SampleTimeline>,
     /// Number of samples in the unfinished frame.
     filled: usize,
@@ -51,36 +52,38 @@ pub(crate) struct SampleCounts {
     pub(crate) lost: u64,
     /// Number of samples that are missing between two runs of the device, which did not make them.
     pub(crate) between_runs: u64,
-    /// Number of samples that no published frame contains: those of an unfinished frame when the
-    /// stream ended; lost ones beyond the first [`MAX_FILL_SECONDS`] of a gap; and, without
-    /// fillers, all samples of a frame that would contain a lost one.
+    /// Number of samples that no published frame contains: samples of a frame that was unfinished
+    /// when the stream ended; lost samples of a gap in excess of [`MAX_FILL_SECONDS`]; and, without
+    /// fillers, all samples of a frame that would contain a lost sample.
     pub(crate) unpublished: u64,
     /// Number of messages whose content does not match the device's capabilities.
     pub(crate) malformed: u64,
-    /// Value of `missing` at the last report to `/diagnostics`.
+    /// Value of `missing` at the last report to `/diagnostics`, which shows the difference.
     pub(crate) reported: u64,
 }
 
 impl SampleCounts {
-    /// Number of samples that no message from the device holds: lost ones, and those between two runs.
+    /// Number of samples that are in no message from the device: lost samples, and samples missing
+    /// between two runs.
     pub(crate) fn missing(&self) -> u64 {
         self.lost.saturating_add(self.between_runs)
     }
 }
 
-/// Samples that one message from the device carries.
+/// Samples of one message from the device.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Samples<'a> {
-    /// Index of the first sample since `Start`, as the device counts.
+    /// Index of the message's first sample, counted by the device since `Start`.
     pub(crate) first: u64,
     pub(crate) flags: Flags,
-    /// Device time of the last sample, microseconds; `None` if it is impossible.
+    /// Device time of the last sample, microseconds; `None` if the message's time is impossible.
     pub(crate) last_us: Option<u64>,
-    /// Values in uV, sample by sample; within a sample the electrodes, then the spare channels.
+    /// Values in uV, sample by sample. The values of a sample are those of the electrodes, then
+    /// those of the spare channels.
     pub(crate) microvolts: &'a [f32],
 }
 
-/// Device time of any sample, extrapolated from one sample whose time is known.
+/// Extrapolates the device time of any sample from one sample with a known time.
 #[derive(Clone, Copy, Debug)]
 struct SampleTimeline {
     index: u64,
@@ -89,7 +92,8 @@ struct SampleTimeline {
 }
 
 impl SampleTimeline {
-    /// Returns the device time of a sample, microseconds, rounded towards the known sample's time.
+    /// Returns the device time of a sample, microseconds, rounded towards the time of the known
+    /// sample.
     fn device_us_at(self, index: u64) -> i128 {
         let samples = i128::from(index) - i128::from(self.index);
         i128::from(self.us) + samples * 1_000_000 / i128::from(self.rate_hz.max(1))
@@ -97,8 +101,8 @@ impl SampleTimeline {
 }
 
 impl SampleStream {
-    /// Creates a stream that publishes frames shaped like `frame`. `delay_us` is the filters'
-    /// delay, microseconds, which is subtracted from stamps.
+    /// Creates a stream that publishes frames of the shape of `frame`. `delay_us` is the delay of
+    /// the filters, microseconds, which is subtracted from stamps.
     pub(crate) fn new(frame: NeuroFrame, delay_us: u32, settings: Settings) -> SampleStream {
         let eeg = usize::from(frame.eeg.info.nchannels);
         let width = eeg + usize::from(frame.exg.info.nchannels);
@@ -132,8 +136,8 @@ impl SampleStream {
         self.restart();
     }
 
-    /// Starts another run: the device counts samples from 0 again. The time until its first sample is
-    /// filled.
+    /// Starts another run. Call this when the device counts samples from 0 again. The time until the
+    /// run's first sample is filled.
     pub(crate) fn restart(&mut self) {
         self.run_start = None;
         self.timeline = None;
@@ -152,8 +156,8 @@ impl SampleStream {
         self.newest.fill(0.0);
     }
 
-    /// Counts samples that no frame will contain. Saturates, because a faulty device can jump by
-    /// 2^63 samples.
+    /// Counts samples that no published frame will contain. Saturates, because a faulty device can
+    /// skip 2^63 samples.
     fn count_unpublished(&mut self, samples: u64) {
         self.counts.unpublished = self.counts.unpublished.saturating_add(samples);
     }
@@ -167,8 +171,8 @@ impl SampleStream {
         &self.counts
     }
 
-    /// Number of stamps that were moved forwards, because they would have been earlier than the
-    /// stamp before.
+    /// Returns the number of stamps that were moved forwards, because they were not at least 1 us
+    /// later than the previous stamp.
     pub(crate) fn moved_stamps(&self) -> u64 {
         self.stamps.moved()
     }
@@ -179,8 +183,8 @@ impl SampleStream {
         missing - std::mem::replace(&mut self.counts.reported, missing)
     }
 
-    /// Counts a message whose content does not match the device. Its samples count as lost when the
-    /// next message arrives.
+    /// Counts a message whose content does not match the device. The message's samples count as
+    /// lost when the next valid message arrives.
     pub(crate) fn reject(&mut self, why: &str) {
         if self.counts.malformed == 0 {
             tracing::error!(
@@ -191,8 +195,8 @@ impl SampleStream {
         self.counts.malformed += 1;
     }
 
-    /// Publishes the samples of a message, after fillers for the samples lost before them.
-    /// `trigger_sample` converts an index of this stream to the index of an ADC sample.
+    /// Publishes the samples of a message. Fillers for the samples lost before them are published
+    /// first. `trigger_sample` converts a sample index of this stream to an ADC sample index.
     pub(crate) fn receive(
         &mut self,
         samples: Samples<'_>,
@@ -283,8 +287,8 @@ impl SampleStream {
             self.append(Flags::FILLER, batch);
             left -= 1;
         }
-        // A gap that is too long to fill is skipped in whole frames; only the unfinished frames at
-        // its two ends get fillers.
+        // The part of a gap that is too long to fill is skipped in whole frames, so that frames
+        // stay aligned. The rest of the gap gets fillers.
         let most = match self.filler {
             FillerPolicy::Off => 0,
             FillerPolicy::Last | FillerPolicy::Zeros => u64::from(self.frame.sr) * MAX_FILL_SECONDS,
@@ -366,7 +370,7 @@ impl SampleStream {
     }
 }
 
-/// What all samples of one message share while they are published.
+/// Data that all samples of one message share while they are published.
 struct Batch<'a> {
     timeline: SampleTimeline,
     /// Index in the topic of the first sample of the device's run.

@@ -1,4 +1,4 @@
-//! The optional streams of a device: samples, filtered steps, events, audits.
+//! The optional streams of a device: samples, filtered steps, events and audits.
 
 use std::sync::Arc;
 
@@ -16,8 +16,7 @@ use crate::streams::trigger::Trigger;
 use crate::time::clock::Clock;
 use crate::time::host_time::HostTime;
 
-/// Checks and converts the messages of the optional streams: samples, filtered steps, events and
-/// audits.
+/// Checks the messages of the optional streams and converts them to frames, events and audits.
 #[derive(Debug)]
 pub(crate) struct SideStreams {
     settings: Settings,
@@ -26,13 +25,14 @@ pub(crate) struct SideStreams {
     pub(crate) filtered: Option<SampleStream>,
     pub(crate) events: EventStream,
     pub(crate) trigger: Trigger,
-    /// Number of messages that were not requested, or that arrived before the device's
-    /// introduction.
+    /// Number of messages that were ignored: they were not requested, arrived before the device's
+    /// introduction or from a refused device, or were audits of a model that the bridge does not
+    /// have.
     pub(crate) unused: u64,
-    /// Number of audits that cannot be compared, because their model, format or size is not the
+    /// Number of audits that were not compared, because their model, format or size is not the
     /// device's.
     pub(crate) audits_unusable: u64,
-    /// Samples of the current message, uV; the buffer is kept and reused for every message.
+    /// Samples of the current message, uV. The buffer is reused to avoid allocations.
     microvolts: Vec<f32>,
 }
 
@@ -93,7 +93,7 @@ impl SideStreams {
         self.restart_events();
     }
 
-    /// Restarts all streams: the device counts samples and steps from 0 again.
+    /// Restarts all streams. Call this when the device counts samples and steps from 0 again.
     pub(crate) fn restart(&mut self) {
         for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
             stream.restart();
@@ -101,8 +101,9 @@ impl SideStreams {
         self.restart_events();
     }
 
-    /// Restarts events and trigger after the indices of codes have shown that the device restarted.
-    /// Raw samples and filtered steps detect a restart from their own indices, perhaps earlier.
+    /// Restarts events and trigger. Call this when the indices of codes show that the device
+    /// restarted. Raw samples and filtered steps detect a restart from their own indices, perhaps
+    /// earlier.
     pub(crate) fn restart_events(&mut self) {
         self.events.restart();
         self.trigger.restart();
@@ -161,7 +162,8 @@ impl SideStreams {
         let range_uv = device.full_scale_uv;
         #[expect(clippy::cast_possible_truncation, reason = "clamped to 187500 uV")]
         let microvolt =
-            // Limit to the announced range: a recorder stores values outside it as infinite.
+            // Limit the value to the announced range: a recorder stores values outside this range
+            // as infinite.
             |value| (f64::from(value) * value_uv).clamp(-range_uv, range_uv) as f32;
         self.microvolts.clear();
         self.microvolts.extend(filtered.values().map(microvolt));
@@ -196,8 +198,8 @@ impl SideStreams {
         }
     }
 
-    /// Converts an audit and passes its window on for comparison. `model` is the device's model, if
-    /// this bridge has it.
+    /// Converts an audit and requests its comparison. `model` is the device's model; `None` if this
+    /// bridge does not have it.
     pub(crate) fn receive_audit(
         &mut self,
         audit: &Audit,

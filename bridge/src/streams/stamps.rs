@@ -6,7 +6,7 @@ use crate::streams::trigger::Trigger;
 use crate::time::clock::Clock;
 use crate::time::host_time::HostTime;
 
-/// What converting a message needs besides its content: when it was read, the fitted clock, the
+/// Context for the conversion of a message: the time at which it was read, the fitted clock and the
 /// trigger input.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reception<'a> {
@@ -16,22 +16,22 @@ pub(crate) struct Reception<'a> {
     pub(crate) trigger: &'a Trigger,
 }
 
-/// Generator of stamps, each at least 1 us later than the one before, unless the wall clock was set
-/// back by more than 30 s.
+/// Generator of increasing stamps. Each stamp is at least 1 us later than the previous stamp,
+/// unless the wall clock was set back by more than 30 s.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MonotoneStamps {
     last_ns: i64,
     moved: u64,
-    /// Number of long steps back of the wall clock that stamps have followed so far.
+    /// Number of times so far that the wall clock was set back by more than 30 s.
     steps_back: u32,
 }
 
 impl MonotoneStamps {
-    /// Returns the stamp for `nanoseconds` on the wall clock. If that is less than 1 us after the
-    /// last stamp, the stamp is moved forwards to 1 us after it.
+    /// Returns the stamp for the time `nanoseconds` of the wall clock. A stamp that would be less
+    /// than 1 us after the previous stamp is moved forwards to 1 us after it.
     ///
     /// `steps_back` is the number of times that the wall clock was set back by more than 30 s
-    /// ([`Clock::wall_steps_back`]). After each the stamps go back with the clock.
+    /// ([`Clock::wall_steps_back`]). When it increases, the stamps go back with the clock.
     pub(crate) fn next(&mut self, nanoseconds: i64, steps_back: u32) -> Stamp {
         if std::mem::replace(&mut self.steps_back, steps_back) != steps_back {
             self.last_ns = 0;

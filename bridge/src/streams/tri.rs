@@ -9,18 +9,20 @@ pub const TRI_LABELS: [&str; 8] = [
 
 /// Status of one code, sample or step, published as eight `tri` words.
 ///
-/// Every word has 16 bits (0 to 65535). The recorder stores `tri` as float32, which is exact for
-/// integers up to 2^24 only.
+/// Every word has 16 bits (0 to 65535), because the recorder stores `tri` as float32, which is
+/// exact only for integers up to 2^24.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TriWords {
     /// Bits of [`link::Flags`], including `filler`.
     pub flags: u16,
-    /// Index of the code's window, or of the frame of samples or steps, since `Start`.
+    /// Index, since `Start`, of the code's window, or of the frame that contains the sample or
+    /// step.
     pub window: u32,
-    /// Device time of the window's last sample, or of the sample or step itself, microseconds. The
-    /// words carry the low 48 bits of it (8.9 years).
+    /// Device time of the window's last step, or of the sample or step itself, microseconds. The
+    /// words carry the low 48 bits, which wrap after 8.9 years.
     pub device_time_us: u64,
-    /// Codes, samples or steps of this stream that were lost since the bridge started, modulo 2^16.
+    /// Number of codes, samples or steps of this stream that were lost since the bridge started.
+    /// The word carries the number modulo 2^16.
     pub lost: u64,
     /// Level of the trigger input, 0 or 1; 0 while the device sends no events.
     pub trigger: u16,

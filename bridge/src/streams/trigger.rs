@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 /// Number of edges that are kept. A sample is published at most one frame after the edges before
-/// it, and no experiment has this many edges within one frame.
+/// it, and a frame of 62.5 ms is not expected to contain 256 edges.
 const MAX_EDGES: usize = 256;
 
 /// Level of the trigger input at each sample, reconstructed from the edges that arrived.
@@ -21,7 +21,7 @@ struct Edge {
 }
 
 impl Trigger {
-    /// Records that the trigger has this level from the ADC sample `sample` on.
+    /// Records an edge: the trigger has the level `level` from ADC sample `sample` on.
     pub(crate) fn record_edge(&mut self, sample: u64, level: u16) {
         if self.edges.len() == MAX_EDGES
             && let Some(oldest) = self.edges.pop_front()
@@ -39,8 +39,8 @@ impl Trigger {
         self.edges.clear();
     }
 
-    /// Returns the trigger level, 0 or 1, at an ADC sample, which is given by its index since
-    /// `Start`; 0 before the first edge.
+    /// Returns the trigger level, 0 or 1, at the ADC sample with index `sample` since `Start`; 0
+    /// before the first edge.
     pub(crate) fn level_at(&self, sample: u64) -> u16 {
         let newest = self.edges.iter().rev().find(|edge| edge.sample <= sample);
         newest.map_or(self.level_before, |edge| edge.level)

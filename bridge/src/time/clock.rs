@@ -1,91 +1,96 @@
 //! Fit of the device's clock to the host's.
 //!
-//! Every code carries the device time of its last sample. The code arrives after a delay that is
-//! never negative and sometimes close to its minimum.
+//! Every code carries the device time of its last sample. The host reads the code after a delay
+//! that is never negative and is sometimes close to its minimum.
 //!
-//! * Drift: the slope of the lower convex hull of the points (device time, host time) of the last
-//!   two minutes, at the edge that spans the middle. That edge is the line below all points with the
-//!   least mean distance to them (Moon, Skelly, Towsley, INFOCOM 1999).
-//! * Offset: the least lag of the last 10 s with the drift removed, so that a change of drift shows
-//!   within seconds. The offset falls at once but rises no faster than a clock can drift, so that a
-//!   stalled host does not shift it.
+//! * Drift: the slope of one edge of the lower convex hull of the points (device time, host time)
+//!   of the last two minutes. The edge is the one that spans the mean device time: of all lines
+//!   below the points, it has the least mean distance to them (Moon, Skelly and Towsley, INFOCOM
+//!   1999).
+//! * Offset: the minimum, over the last 10 s, of host time minus drift-corrected device time.
+//!   Within these 10 s the offset follows a change of drift. The offset falls at once but rises no
+//!   faster than a clock can drift.
+//!
+//! While a stalled host reads a backlog, every frame is late, by up to minutes. Such a frame is later
+//! than any drift can explain; it shows nothing about the clocks and is left out of the fit.
 //!
 //! The fit uses the host's monotonic clock. The difference between wall clock and monotonic clock
-//! is added last.
+//! is added to the fitted host time.
 //!
-//! One-way delays cannot separate the least delay from an offset between the clocks. Every stamp is
-//! therefore late by the least time from a code's last sample to its reading: the encoder's run and
-//! the transfer. That delay is constant and shifts all frames of a recording alike.
+//! Delays in one direction cannot show which part of the offset is the least delay. Every stamp is
+//! therefore late by the least delay from a code's last sample to the reading of the code, which
+//! includes encoding and transfer. This lateness is constant and shifts all frames of a recording
+//! alike.
 
 use std::collections::VecDeque;
 
 use crate::time::host_time::HostTime;
 use crate::time::hull::{Point, slope_at_middle};
 
-/// Device time over which the least lag is searched, microseconds. A change of drift by 20 ppm
-/// shifts stamps by 0.2 ms within these 10 s. If the host reads every 16 ms, reads fall on every
-/// phase of the 62.5 ms between codes within 2 s.
+/// Device time over which the offset's minimum is taken, microseconds. A change of drift by 20 ppm
+/// shifts stamps by 0.2 ms within these 10 s. A host that reads every 16 ms adds a delay that takes
+/// all its values within 2 s, because 62.5 ms between codes is not a multiple of 16 ms.
 const OFFSET_SPAN_US: f64 = 10e6;
-/// Device time of one block, microseconds. The earliest arrival of each block is one point of the
-/// drift's fit.
+/// Device time that one block spans, microseconds. The least delayed frame of each block is one
+/// point of the drift's fit.
 const BLOCK_US: f64 = 2e6;
-/// Number of blocks in the drift's fit: 2 minutes.
+/// Number of newest blocks from which the drift is fitted: 2 minutes.
 const BLOCKS: usize = 60;
-/// Number of blocks before the drift is fitted: 10 s. An error of 1 ms over 10 s is 100 ppm.
+/// Number of blocks from which on the drift is fitted: 10 s. An error of 1 ms over 10 s makes an
+/// error of 100 ppm in the drift.
 const MIN_BLOCKS: usize = 5;
-/// Largest drift, either way, that the fit accepts; dimensionless. Two crystals never differ by
-/// more.
+/// Limit of the fitted drift in both directions, dimensionless. The drift between two crystals is
+/// always smaller.
 const MAX_DRIFT: f64 = 500e-6;
-/// Fastest rise of the offset, host seconds per device second: the largest drift that can remain
-/// after the fitted drift is removed.
+/// Fastest rise of the offset, host seconds per device second: the largest error of the fitted
+/// drift that is expected.
 const MAX_RISE: f64 = 200e-6;
-/// Lag, microseconds, above which an arrival can be from a backlog: the host stalled, or read late,
-/// and now reads what has waited. Hosts that read every 16 ms stay below it.
+/// Lag, microseconds, above which a frame counts as part of a backlog: it waited in a buffer while the
+/// host did not read. A host that reads every 16 ms stays below this limit.
 const BACKLOG_LAG_US: f64 = 25_000.0;
-/// Device time without a backlog after which the least lag shows the offset again, microseconds.
+/// Device time without a backlog after which the offset may follow the least lag at once, microseconds.
 const PROMPT_SPAN_US: f64 = 5e6;
-/// Fastest change of the wall clock against the monotonic clock that counts as slewing, seconds per
-/// second. NTP slews by at most 500 ppm.
+/// Fastest change of the smoothed wall clock relative to the monotonic clock, seconds per second.
+/// NTP slews a clock by at most 500 ppm.
 const WALL_SLEW: f64 = 600e-6;
-/// Jump of the wall clock against the monotonic clock above which the wall clock counts as stepped,
-/// nanoseconds.
+/// Jump of the wall clock relative to the monotonic clock above which the wall clock counts as
+/// stepped, nanoseconds.
 const WALL_STEP_NS: i64 = 20_000_000;
-/// Fraction by which the time of stamps runs slower after the wall clock was stepped backwards,
-/// until the wall clock has caught up. Stamps therefore never go backwards.
+/// Fraction by which stamps advance more slowly after the wall clock was stepped backwards, until
+/// the wall clock has caught up. Stamps therefore never go backwards.
 const WALL_CATCH_UP: f64 = 0.1;
-/// Longest step backwards of the wall clock that is caught up by slowing time, nanoseconds. After a
-/// longer step the stamps go back at once, because catching up would take more than 5 minutes.
+/// Longest backward step of the wall clock that is corrected by slower stamps, nanoseconds. After a
+/// longer step the stamps go back at once, because the correction would take more than 5 minutes.
 const WALL_WAIT_NS: i64 = 30_000_000_000;
-/// Longest time by which a frame can seem to be read before it was made, microseconds. The fitted
-/// clocks agree to some milliseconds, so a frame that exceeds this limit has a wrong device time.
+/// Longest time by which a frame may seem to be read before it was made, microseconds. The fit is
+/// correct to some milliseconds, so a frame beyond this limit has a wrong device time.
 const MAX_EARLY_US: f64 = 1e6;
-/// Number of impossible device times in a row after which the fit itself counts as wrong: half a
-/// second of codes.
+/// Number of consecutive impossible device times after which the fit restarts, because the fit
+/// itself must be wrong: half a second of codes.
 const REFUSED_TO_RESTART: u32 = 8;
 
 /// Fit of the device's clock to the host's monotonic clock, and the smoothed wall clock.
 #[derive(Clone, Debug, Default)]
 pub struct Clock {
-    /// Device time and host time, microseconds, that all points are relative to. Small differences
-    /// keep their f64 values exact.
+    /// Device time and host time, microseconds, to which all points are relative. Relative times
+    /// are small enough to be exact in f64.
     origin: Option<(u64, i64)>,
     recent: VecDeque<Point>,
     blocks: VecDeque<Point>,
     block: Option<Point>,
     /// Host seconds per device second, minus 1; dimensionless.
     drift: f64,
-    /// Host time minus device time times (1 + drift), at the origin, microseconds.
+    /// Fitted host time at the device time of `origin`, microseconds relative to `origin`.
     offset: f64,
-    /// Latest device time of any point, microseconds since the origin.
+    /// Latest device time of all points, microseconds relative to `origin`.
     newest: f64,
-    /// Largest drift of the clocks since the last prompt arrival, microseconds: what the offset may
-    /// rise by at once after a backlog.
+    /// Largest change of the offset during backlogs that the fit has not followed yet, microseconds.
     unseen_drift: f64,
-    /// Device time of the first prompt arrival after the last backlog, microseconds since the origin.
-    prompt_since: f64,
-    /// The newest arrival, from a backlog or not.
-    newest_arrival: Option<Point>,
-    /// Number of arrivals that were not used for the fit, because they were from a backlog.
+    /// Device time of the last frame from a backlog, microseconds relative to `origin`.
+    newest_backlog: f64,
+    /// The newest frame, whether it is from a backlog or not.
+    newest_frame: Option<Point>,
+    /// Number of frames that the fit did not use, because they were from a backlog.
     backlog: u64,
     wall: Option<Wall>,
     wall_steps: u32,
@@ -94,17 +99,17 @@ pub struct Clock {
     refused_in_a_row: u32,
 }
 
-/// Smoothed offset of the wall clock from the monotonic clock.
+/// Smoothed difference between wall clock and monotonic clock.
 #[derive(Clone, Copy, Debug)]
 struct Wall {
     offset_ns: i64,
     read_at_us: i64,
-    /// Whether a step backwards is being caught up.
+    /// Whether stamps advance more slowly because of a backward step.
     catching_up: bool,
 }
 
 impl Clock {
-    /// Discards the fit, because the device was reset. The wall clock's state stays.
+    /// Discards the fit. Call this when the device was reset. The state of the wall clock is kept.
     pub fn restart(&mut self) {
         *self = Clock {
             wall: self.wall,
@@ -116,15 +121,15 @@ impl Clock {
         };
     }
 
-    /// Returns whether a frame can have been made at this device time: not earlier than the newest
-    /// frame in the fit, and not later than the frame was read. False before the first observation.
+    /// Returns whether a frame can have this device time: the time is not before the newest frame
+    /// in the fit and not after the frame was read. False before the first observation.
     pub fn admits(&self, device_us: u64, read: HostTime) -> bool {
         let is_old = |(origin, _)| difference(device_us, origin) < self.newest;
         !self.origin.is_some_and(is_old) && self.is_possible(device_us, read)
     }
 
-    /// Returns whether a frame that was made at this device time can have been read at this host
-    /// time: not before it was made. False before the first observation.
+    /// Returns whether this device time is possible for a frame that was read at this host time:
+    /// the frame was not read before it was made. False before the first observation.
     pub fn is_possible(&self, device_us: u64, read: HostTime) -> bool {
         let lag_us = self.lag_us(device_us, read.monotonic_us);
         lag_us.is_some_and(|lag| lag >= -MAX_EARLY_US)
@@ -135,8 +140,8 @@ impl Clock {
         self.origin.is_some()
     }
 
-    /// Returns by how much a host time is later than the fitted host time of a device time,
-    /// microseconds; `None` before the first observation.
+    /// Returns the time from the fitted host time of `device_us` to `host_us`, microseconds; `None`
+    /// before the first observation.
     pub(crate) fn lag_us(&self, device_us: u64, host_us: i64) -> Option<f64> {
         let (device_origin, host_origin) = self.origin?;
         let device = difference(device_us, device_origin);
@@ -144,9 +149,9 @@ impl Clock {
         Some(host - device * (1.0 + self.drift) - self.offset)
     }
 
-    /// Adds a frame that was made at this device time and read at this host time to the fit.
-    /// Returns false and ignores the frame if its device time is impossible; the eighth impossible
-    /// time in a row restarts the fit instead.
+    /// Adds a frame to the fit, with its device time and the host time at which it was read. If the
+    /// device time is impossible, ignores the frame and returns false; the eighth consecutive
+    /// impossible time restarts the fit instead.
     pub fn observe(&mut self, device_us: u64, read: HostTime) -> bool {
         self.follow_wall(read);
         if self.origin.is_some() && !self.admits(device_us, read) {
@@ -168,11 +173,11 @@ impl Clock {
         };
         let elapsed = (point.device - self.newest).max(0.0);
         self.newest = self.newest.max(point.device);
-        self.newest_arrival = Some(point);
+        self.newest_frame = Some(point);
         if !is_first && self.lag(point) > BACKLOG_LAG_US + self.unseen_drift {
             self.backlog += 1;
             self.unseen_drift += MAX_RISE * elapsed;
-            self.prompt_since = self.newest;
+            self.newest_backlog = self.newest;
             return true;
         }
         self.recent.push_back(point);
@@ -211,7 +216,7 @@ impl Clock {
                 if self.blocks.len() >= MIN_BLOCKS {
                     let drift = slope_at_middle(self.blocks.make_contiguous()) - 1.0;
                     let drift = drift.clamp(-MAX_DRIFT, MAX_DRIFT);
-                    // Rotate the line about the newest point, so that stamps do not jump.
+                    // Rotate the fitted line about the newest point, so that stamps do not jump.
                     self.offset += (self.drift - drift) * self.newest;
                     self.drift = drift;
                 }
@@ -219,8 +224,8 @@ impl Clock {
         }
     }
 
-    /// Sets the offset to the least recent lag. `elapsed` is the device time since the arrival before,
-    /// microseconds, which limits how far the offset rises.
+    /// Moves the offset to the least lag of the recent frames, and limits its rise. `elapsed` is the
+    /// device time since the previous frame, microseconds.
     fn update_offset(&mut self, elapsed: f64, is_first: bool) {
         let lags = self
             .recent
@@ -228,7 +233,7 @@ impl Clock {
             .map(|point| point.host - point.device * (1.0 + self.drift));
         let least = lags.fold(f64::INFINITY, f64::min);
         let mut rise = MAX_RISE * elapsed;
-        if self.newest - self.prompt_since >= PROMPT_SPAN_US {
+        if self.newest - self.newest_backlog >= PROMPT_SPAN_US {
             rise += std::mem::take(&mut self.unseen_drift);
         }
         self.offset = if is_first {
@@ -278,8 +283,8 @@ impl Clock {
         wall.offset_ns += off.clamp(-most, most);
     }
 
-    /// Returns the host's monotonic clock at a device time, microseconds; `None` before the first
-    /// observation.
+    /// Returns the time on the host's monotonic clock at a device time, microseconds; `None` before the
+    /// first observation.
     pub(crate) fn host_us(&self, device_us: i128) -> Option<f64> {
         let (device_origin, host_origin) = self.origin?;
         #[expect(
@@ -290,8 +295,8 @@ impl Clock {
         Some(to_f64(host_origin) + self.offset + device * (1.0 + self.drift))
     }
 
-    /// Returns the wall clock at a device time, nanoseconds since 1970; `None` before the first
-    /// observation.
+    /// Returns the wall-clock time at a device time, nanoseconds since 1970; `None` before the
+    /// first observation.
     pub fn wall_ns(&self, device_us: i128) -> Option<i64> {
         let (device_origin, host_origin) = self.origin?;
         let wall = self.wall?;
@@ -307,7 +312,7 @@ impl Clock {
         Some(host_ns.saturating_add(wall.offset_ns))
     }
 
-    /// Returns the smoothed wall clock at a host time, nanoseconds since 1970.
+    /// Returns the time of the smoothed wall clock at a host time, nanoseconds since 1970.
     pub fn wall_of_host_ns(&self, read: HostTime) -> i64 {
         let offset_ns = self
             .wall
@@ -316,22 +321,23 @@ impl Clock {
         host_ns.saturating_add(offset_ns)
     }
 
-    /// Rate of the host's clock relative to the device's, minus 1, in parts per million.
+    /// Drift: rate of the host's clock relative to the device's clock, minus 1, in parts per
+    /// million.
     pub fn drift_ppm(&self) -> f64 {
         self.drift * 1e6
     }
 
-    /// Median over all blocks of the delay by which a block's earliest frame is later than the fit,
-    /// microseconds.
+    /// Median residual of the fit, microseconds. The residual of a block is the time by which its
+    /// least delayed frame was read later than the fit predicts.
     pub fn residual_us(&self) -> f64 {
         let mut residuals: Vec<f64> = self.blocks.iter().map(|point| self.lag(*point)).collect();
         residuals.sort_by(f64::total_cmp);
         residuals.get(residuals.len() / 2).copied().unwrap_or(0.0)
     }
 
-    /// Delay by which the newest frame is later than the fit, microseconds.
+    /// Time by which the newest frame was read later than the fit predicts, microseconds.
     pub fn newest_delay_us(&self) -> f64 {
-        self.newest_arrival.map_or(0.0, |point| self.lag(point))
+        self.newest_frame.map_or(0.0, |point| self.lag(point))
     }
 
     /// Number of times the host's wall clock was stepped, in either direction.
@@ -339,18 +345,18 @@ impl Clock {
         self.wall_steps
     }
 
-    /// Number of times the wall clock was set back by more than 30 s. Each time the stamps went
-    /// back too.
+    /// Number of times the wall clock was set back by more than 30 s. The stamps went back each
+    /// time.
     pub fn wall_steps_back(&self) -> u32 {
         self.wall_steps_back
     }
 
-    /// Number of arrivals that the fit did not use, because they had waited in a buffer.
+    /// Number of frames that the fit did not use, because they had waited in a buffer.
     pub fn backlog(&self) -> u64 {
         self.backlog
     }
 
-    /// Number of frames whose device time was impossible.
+    /// Number of frames with an impossible device time.
     pub fn refused(&self) -> u64 {
         self.refused
     }

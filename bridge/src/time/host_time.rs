@@ -1,17 +1,17 @@
-//! Times on the host's monotonic clock and wall clock.
+//! Readings of the host's monotonic clock and wall clock.
 
 use std::sync::OnceLock;
 use std::time::Instant;
 
 use neuro_ros::Stamp;
 
-/// A reading of the host's monotonic clock and wall clock at the same instant.
+/// The time on the host's monotonic clock and on its wall clock, read at the same instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostTime {
-    /// Time on the monotonic clock, microseconds since its first reading in this process; never
-    /// steps.
+    /// Time on the monotonic clock, which never steps; microseconds since this process first read
+    /// it.
     pub monotonic_us: i64,
-    /// Time on the wall clock, nanoseconds since 1970; NTP or the user can step it.
+    /// Time on the wall clock, nanoseconds since 1970. NTP or the user can step this clock.
     pub wall_ns: i64,
 }
 
@@ -27,7 +27,7 @@ impl HostTime {
         }
     }
 
-    /// Wall clock minus monotonic clock, nanoseconds.
+    /// Returns the wall-clock time minus the monotonic time, nanoseconds.
     pub(crate) fn wall_offset_ns(self) -> i64 {
         let monotonic_ns = self.monotonic_us.saturating_mul(1000);
         self.wall_ns.saturating_sub(monotonic_ns)

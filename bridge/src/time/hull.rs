@@ -1,6 +1,6 @@
-//! Lower convex hull of points in time, for the fit of a clock's drift.
+//! Lower convex hull of points (device time, host time), for the fit of a clock's drift.
 
-/// Device time at which something was made and host time at which it was read, both in microseconds
+/// Device time at which a frame was made and host time at which it was read, both in microseconds
 /// since an origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Point {
@@ -8,11 +8,11 @@ pub(crate) struct Point {
     pub(crate) host: f64,
 }
 
-/// Returns the slope of the line that is below all points and has the least mean distance to them.
-/// It is the edge of the lower convex hull that spans the mean device time.
+/// Returns the slope of the line that has the least mean distance to the points among all lines
+/// below them. That line is the edge of the lower convex hull that spans the mean device time.
 ///
-/// `points` must be sorted by device time (Andrew's monotone chain). If there are fewer than two
-/// distinct device times, returns 1.
+/// `points` must be sorted by device time, as Andrew's monotone chain algorithm needs them. Returns
+/// 1 if there are fewer than two distinct device times.
 pub(crate) fn slope_at_middle(points: &[Point]) -> f64 {
     let mut hull: Vec<Point> = Vec::with_capacity(points.len());
     for &point in points {

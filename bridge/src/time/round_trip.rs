@@ -1,17 +1,17 @@
-//! Round trips of clock queries, which bound the constant delay of the stamps.
+//! Round trips of clock queries, from which bounds for the constant delay of the stamps follow.
 //!
-//! The fit of [`Clock`] uses one direction only. Its host times are late by the least delay from a
-//! code's last sample to the reading of the code, and codes alone cannot show how large that delay
-//! is. The round trip of a query bounds the delay: the device read the query after the host had
-//! sent it, and the host read the answer after the device had made it. With the fitted host time
-//! H(t) of a device time t:
+//! The fit of [`Clock`] uses messages in one direction only. Its host times are late by the least
+//! delay from a code's last sample to the reading of the code, and codes alone do not show how
+//! large that delay is. A query bounds the delay: the device read the query after the host had sent
+//! it, and the host read the answer after the device had made it. With the fitted host time H(t) of
+//! a device time t:
 //!
 //! ```text
 //! H(answer made) - answer read  <=  stamps late by  <=  H(query read) - query sent
 //! ```
 //!
-//! The distance between the two bounds is the round trip less the time inside the device. Half of
-//! that distance is the uncertainty of the offset between the clocks.
+//! The difference between the two bounds is the round-trip time less the time inside the device.
+//! Half of that difference is the uncertainty of the offset between the clocks.
 
 use std::collections::VecDeque;
 
@@ -20,26 +20,25 @@ use link::ClockReading;
 use crate::time::clock::Clock;
 use crate::time::host_time::HostTime;
 
-/// Time for which a round trip is kept, microseconds.
+/// Time after which a round trip is discarded, microseconds.
 const RETENTION_US: i64 = 60_000_000;
 
 /// Clock queries of the last minute with their answers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RoundTrips {
     recent: VecDeque<RoundTrip>,
-    /// Number of answers that match no query, or whose times are impossible.
+    /// Number of answers without a matching query, or with impossible times.
     impossible: u64,
 }
 
-/// One clock query with its answer.
+/// Times of one clock query and its answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RoundTrip {
     read: HostTime,
-    /// Transfer time of query and answer together, without the time inside the device,
-    /// microseconds.
+    /// Transfer time of query and answer together, microseconds; the time inside the device is not
+    /// included.
     pub(crate) transit_us: f64,
-    /// Lower and upper bound of the delay of the fitted host times, microseconds; `None` without a
-    /// fit.
+    /// Lower and upper bound of the delay of stamps, microseconds; `None` if the clock had no fit.
     pub(crate) late_us: Option<[f64; 2]>,
 }
 
@@ -49,8 +48,8 @@ impl RoundTrips {
         self.recent.clear();
     }
 
-    /// Records an answer that the device made at `made_us` (device time) to the query that was sent
-    /// at `sent_us` (host time), if any was sent.
+    /// Records an answer that the device made at `made_us` (device time). `sent_us` is the host
+    /// time at which the newest query was sent; `None` if no query was sent.
     pub(crate) fn record(
         &mut self,
         sent_us: Option<i64>,
@@ -86,8 +85,8 @@ impl RoundTrips {
         }
     }
 
-    /// Returns the shortest round trip among those of the minute before `now`; `None` if there is
-    /// none.
+    /// Returns the round trip with the shortest transfer time of the last minute; `None` if the
+    /// last minute has no round trip.
     pub(crate) fn shortest(&self, now: HostTime) -> Option<RoundTrip> {
         let fresh = |trip: &&RoundTrip| trip.read.monotonic_us >= now.monotonic_us - RETENTION_US;
         let by_length = |a: &&RoundTrip, b: &&RoundTrip| a.transit_us.total_cmp(&b.transit_us);

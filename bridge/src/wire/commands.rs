@@ -1,40 +1,36 @@
-//! Commands to the device: which one is due, and when it is sent again.
+//! Schedule of the commands to the device: which one is due, and when it is repeated.
 
 use link::{AckResult, Start, Streams, ToDevice};
 
+use crate::wire::clock_query::ClockQuery;
 use crate::wire::pending::{PendingCommand, RETRY_US};
 
 /// Delay before a refused `Start` is sent again, microseconds.
 const REFUSED_RETRY_US: i64 = 10_000_000;
 /// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
 const PING_AFTER_US: i64 = 2_000_000;
-/// Silence after which the port counts as unresponsive, microseconds; pings start at 2 s of silence.
+/// Silence after which the port counts as unresponsive, microseconds. Pings start after 2 s.
 const UNRESPONSIVE_AFTER_US: i64 = 5_000_000;
 /// Time without a code or `Stats` after which a streaming device must identify itself again,
-/// microseconds. A reset's `Hello` may be lost, or another program may have stopped the stream.
+/// microseconds. The `Hello` of a reset may be lost, or another program may have sent `Stop`.
 const STARVED_AFTER_US: i64 = 2_000_000;
 /// Time between two calls of `next_command`, microseconds, above which the host must have been
 /// suspended or this program stopped. Messages that the device sent during that time are still
 /// unread, so the silence timeouts restart.
 const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
-/// Delay from the start of a stream, whose codes the clock is fitted to, to the first clock query, us.
-const FIRST_CLOCK_QUERY_US: i64 = 2_000_000;
-/// Time between two clock queries, microseconds.
-const CLOCK_QUERY_INTERVAL_US: i64 = 10_000_000;
-
 /// Decides which command is due for the device: first `Identify`, then `Stop` if a stream runs that
 /// this bridge did not start, then `Start`. Every command is repeated until it is acknowledged.
 #[derive(Clone, Debug)]
 pub(crate) struct Commands {
     mains_hz: u8,
-    /// Streams that the user asks for; the stream of codes is always one of them.
+    /// Streams that the user requested, with the stream of codes added.
     wanted_streams: Streams,
     /// Streams that `Start` asks for: fewer than `wanted_streams` after the device refused some.
     streams: Streams,
     streaming_wanted: bool,
     device: Introduction,
-    /// Whether a stream that runs on the device must have been started by this bridge. True
-    /// from a stop by the bridge until the device restarts or another device is connected.
+    /// Whether this bridge started any stream that runs on the device. Set when the device
+    /// acknowledges a `Stop`; cleared when the device restarts or another device is connected.
     owns_stream: bool,
     stream: StreamState,
     pending: Option<PendingCommand>,
@@ -50,7 +46,7 @@ pub(crate) struct Commands {
     last_tick_us: i64,
 }
 
-/// What the device has told about itself since the port was opened.
+/// Result of the device's introduction since the port was opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Introduction {
     Missing,
@@ -68,33 +64,23 @@ enum StreamState {
     Running,
 }
 
-/// State of the queries for the device's clock. A lost query is not repeated: the next one will do.
-#[derive(Clone, Copy, Debug, Default)]
-struct ClockQuery {
-    /// Host time at which the next query is due, microseconds; `None` while nothing streams.
-    due_us: Option<i64>,
-    /// Sequence number and host time, microseconds, of the newest query.
-    sent: Option<(u32, i64)>,
-    /// Whether the device refused a query, as firmware without this command does; no more are sent.
-    refused: bool,
-}
-
 /// Effect of an acknowledgement on the rest of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AckEffect {
     NoChange,
     /// A `Start` was acknowledged.
     Started,
-    /// A `Stop` was acknowledged; `by_user`: no stream is wanted any more.
+    /// A `Stop` was acknowledged.
     Stopped {
+        /// Whether the user wants no stream any more.
         by_user: bool,
     },
-    /// A command was refused, and repeating it would not help.
+    /// A command was refused for a reason other than `Busy` or `Failed`.
     Refused(ToDevice, AckResult),
 }
 
 impl Commands {
-    /// Creates the state before the first connection; the device is to stream once it is known.
+    /// Creates the state before the first connection. Streaming is wanted from the beginning.
     pub(crate) fn new(mains_hz: u8, streams: Streams) -> Commands {
         let streams = streams | Streams::CODES;
         Commands {
@@ -141,7 +127,7 @@ impl Commands {
         self.streaming_wanted = streaming;
     }
 
-    /// Records an introduction of the device; `usable`: its codes can be published.
+    /// Records an introduction. `usable` is true if the device's codes can be published.
     pub(crate) fn device_introduced(&mut self, usable: bool) {
         self.device = if usable {
             Introduction::Usable
@@ -151,7 +137,7 @@ impl Commands {
     }
 
     /// Records that the device rebooted or another device is connected. The device must be
-    /// identified, and stopped, because another program may have started its stream.
+    /// identified and then stopped, because another program may have started its stream.
     pub(crate) fn device_restarted(&mut self) {
         self.device = Introduction::Missing;
         self.owns_stream = false;
@@ -163,7 +149,7 @@ impl Commands {
         self.clock_query = ClockQuery::default();
     }
 
-    /// Makes the device identify itself again, because its frames contradict its introduction.
+    /// Requests a new introduction, because the device's frames contradict the last one.
     pub(crate) fn identify_again(&mut self) {
         self.device = Introduction::Missing;
     }
@@ -179,7 +165,7 @@ impl Commands {
         self.last_stream_us = Some(now_us);
     }
 
-    /// Records a report of the device that no stream runs although this bridge did not stop it.
+    /// Records that the device reported no stream although this bridge did not stop it.
     pub(crate) fn device_stopped(&mut self) {
         self.stream = StreamState::Stopped;
         self.last_stream_us = None;
@@ -207,10 +193,10 @@ impl Commands {
 
     /// Host time of the newest clock query, microseconds.
     pub(crate) fn clock_query_sent_us(&self) -> Option<i64> {
-        self.clock_query.sent.map(|(_, host_us)| host_us)
+        self.clock_query.sent_us()
     }
 
-    /// Returns whether the device is meant to stream, unless its codes cannot be published.
+    /// Returns whether streaming is wanted and the device was not refused.
     pub(crate) fn wants_stream(&self) -> bool {
         self.streaming_wanted && self.device != Introduction::Unusable
     }
@@ -307,21 +293,9 @@ impl Commands {
     /// Returns the clock query when it is due. It is due only after codes have arrived, because the
     /// answer is compared with the clock's fit to codes.
     fn clock_query(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
-        let due = self
-            .clock_query
-            .due_us
-            .is_some_and(|due_us| now_us >= due_us);
-        let codes_arrive = self
-            .last_stream_us
-            .is_some_and(|last_stream_us| now_us - last_stream_us < RETRY_US);
-        if !due || !codes_arrive || self.clock_query.refused || self.stream != StreamState::Running
-        {
-            return None;
-        }
-        self.clock_query.due_us = Some(now_us + CLOCK_QUERY_INTERVAL_US);
-        self.clock_query.sent = Some((seq, now_us));
-        let host_time_us = now_us.unsigned_abs();
-        Some(ToDevice::SyncTime { host_time_us })
+        let last_us = self.last_stream_us?;
+        let codes_arrive = now_us - last_us < RETRY_US && self.stream == StreamState::Running;
+        codes_arrive.then(|| self.clock_query.next(now_us, seq))?
     }
 
     /// Returns the streams to ask for after a refused `Start`: without raw samples, which a UART
@@ -339,10 +313,9 @@ impl Commands {
         }
     }
 
-    /// Handles the acknowledgement of the command that was sent in frame `of`.
+    /// Handles the acknowledgement of the command in frame number `of`.
     pub(crate) fn handle_ack(&mut self, of: u32, result: AckResult, now_us: i64) -> AckEffect {
-        if self.clock_query.sent.is_some_and(|(seq, _)| seq == of) {
-            self.clock_query.refused |= !matches!(result, AckResult::Done | AckResult::Busy);
+        if self.clock_query.handle_ack(of, result) {
             return AckEffect::NoChange;
         }
         let Some(pending) = self
@@ -357,9 +330,7 @@ impl Commands {
                 self.pending = None;
                 self.stream = StreamState::Running;
                 self.last_stream_us.get_or_insert(now_us);
-                self.clock_query
-                    .due_us
-                    .get_or_insert(now_us + FIRST_CLOCK_QUERY_US);
+                self.clock_query.start(now_us);
                 return AckEffect::Started;
             }
             (ToDevice::Stop, result) => {

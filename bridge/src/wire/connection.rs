@@ -1,4 +1,4 @@
-//! Connection to a port that can disappear.
+//! Connection to a port that can disappear and return.
 
 use std::io;
 use std::time::Duration;
@@ -10,8 +10,8 @@ use crate::error::BridgeError;
 use crate::wire::address::PortAddress;
 use crate::wire::port::{PORT_TIMEOUT, Port, Transfer};
 
-/// Delay between two attempts to open the port. A replugged device must be connected again within 1
-/// s, so the delay is well below that.
+/// Delay between two attempts to open the port. The requirement is to reconnect a replugged device
+/// within 1 s, which allows several attempts.
 const RETRY: Duration = Duration::from_millis(250);
 
 /// A port that is reopened whenever it disappears.
@@ -20,7 +20,7 @@ pub(crate) struct Connection {
     address: PortAddress,
     baud: u32,
     state: State,
-    /// Time since which the device has accepted none of the bytes that wait for it; `None` if none
+    /// Time since which the device has accepted none of the outgoing bytes; `None` if no bytes
     /// wait.
     stuck_since: Option<Instant>,
     /// Kind of the last failure that was logged, so that an absent device does not fill the log.
@@ -66,8 +66,8 @@ impl Connection {
         };
     }
 
-    /// Waits for the next event. While waiting, writes `outgoing` to the device and removes what
-    /// was written; a device that does not read its commands can still send. Cancel safe.
+    /// Waits for the next event. Meanwhile writes `outgoing` to the device and removes the written
+    /// bytes. Reads bytes from the device even while the device accepts none. Cancel safe.
     ///
     /// # Errors
     ///

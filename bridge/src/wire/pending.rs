@@ -5,7 +5,8 @@ use link::ToDevice;
 /// Time without an acknowledgement after which a command is sent again, microseconds.
 pub(crate) const RETRY_US: i64 = 500_000;
 
-/// A command without an acknowledgement, and the sequence numbers of the frames that carried it.
+/// A command without an acknowledgement, and the sequence numbers of the first and last frame that
+/// carried it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PendingCommand {
     pub(crate) command: ToDevice,
@@ -44,8 +45,8 @@ impl PendingCommand {
         self.first_seq != self.last_seq
     }
 
-    /// Returns whether an acknowledgement of frame `of` belongs to this command. Any transmission
-    /// of the command counts, also across a wrap of the sequence number.
+    /// Returns whether an acknowledgement of frame number `of` belongs to any transmission of this
+    /// command, also if the sequence number has wrapped.
     pub(crate) fn is_acknowledged_by(&self, of: u32) -> bool {
         of.wrapping_sub(self.first_seq) <= self.last_seq.wrapping_sub(self.first_seq)
     }

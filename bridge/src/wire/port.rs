@@ -15,20 +15,20 @@ use tokio::time::timeout;
 
 use crate::wire::address::PortAddress;
 
-/// Longest time to open a TCP connection, or to write pending commands to the port.
+/// Timeout for opening a TCP connection, and for writing outgoing bytes to the port.
 pub(crate) const PORT_TIMEOUT: Duration = Duration::from_secs(3);
 
 #[derive(Debug)]
 pub(crate) enum Port {
-    /// A serial port or a pseudoterminal in raw mode. Tokio's ends of pipes are used for it,
-    /// because they accept any descriptor that epoll accepts and need no unsafe code.
+    /// A serial port or a pseudoterminal in raw mode. Uses Tokio's pipe ends, which accept any
+    /// descriptor that epoll accepts and need no unsafe code here.
     Tty(Receiver, Sender),
     Tcp(TcpStream),
 }
 
 impl Port {
-    /// Opens the port. A terminal is set to raw mode at `baud` (ignored by pseudoterminals and USB)
-    /// and locked for this program.
+    /// Opens the port. A terminal is locked for this program and set to raw mode at `baud`, which
+    /// pseudoterminals and USB ignore.
     ///
     /// # Errors
     ///
@@ -49,7 +49,7 @@ impl Port {
         }
     }
 
-    /// Waits until at least one byte was read, or a part of `outgoing` was written. Cancel safe: if
+    /// Waits until at least one byte is read, or a part of `outgoing` is written. Cancel safe: if
     /// the future is dropped before it completes, no byte was read or written.
     ///
     /// # Errors
@@ -103,9 +103,9 @@ fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
             "it is neither a serial port nor a pseudoterminal",
         ));
     }
-    // Lock the port: two bridges on one port would each read only some of the bytes. A lock ends
-    // with this program. TIOCEXCL would stay set as long as another program, such as host-sim,
-    // holds the terminal open.
+    // Lock the port, because two bridges on one port would each read only some of the bytes. The
+    // lock is released when this program ends. TIOCEXCL, in contrast, would stay set as long as
+    // another program, such as host-sim, holds the terminal open.
     rustix::fs::flock(&fd, FlockOperation::NonBlockingLockExclusive).map_err(
         |error| match error {
             Errno::WOULDBLOCK => io::ErrorKind::ResourceBusy.into(),
@@ -123,7 +123,8 @@ fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
     Ok(fd.into())
 }
 
-/// Explains `EINVAL` from a terminal that refuses the baud rate; returns other errors unchanged.
+/// Explains the error `EINVAL` of a terminal that does not support the baud rate; returns other
+/// errors unchanged.
 fn speed_error(error: Errno, baud: u32) -> io::Error {
     match error {
         Errno::INVAL => io::Error::new(

@@ -1,4 +1,4 @@
-//! Audits: codes from a device are compared with codes from the float network.
+//! Audits: comparison of a device's codes with those of the float network.
 #![allow(
     clippy::cast_possible_truncation,
     reason = "scales and zero points within their types"
@@ -23,7 +23,7 @@ fn folder() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../model/artifact"))
 }
 
-/// Returns the golden windows and codes of the built-in model, as audits from a device that has the
+/// Returns the golden windows and codes of the built-in model as audits from a device with the
 /// model's scales.
 fn golden() -> Vec<AuditedWindow> {
     let artifact = Artifact::read(folder()).unwrap();
@@ -41,8 +41,8 @@ fn golden() -> Vec<AuditedWindow> {
         .collect()
 }
 
-/// Returns a device with the scales that model-gen computes for int8 codes: twice the calibrated
-/// range.
+/// Returns a device with the scales of int8 codes as model-gen computes them: they cover twice the
+/// calibrated range.
 fn device(artifact: &Artifact) -> Device {
     let ends = |name| {
         let ends = artifact.calibration.tensor(name, &[CODE_LEN]).unwrap();
@@ -71,8 +71,9 @@ fn codes_of_the_integer_encoder_are_within_the_limits() {
     let judged = results.iter().filter(|result| !result.at_rail);
     for result in judged.clone() {
         assert!(!result.is_wrong(), "{result:?}");
-        // Mostly the RMS of rounding, 1/sqrt(12) levels. The largest measured value is 0.34 levels;
-        // a window of zeros has 0.01.
+        // The difference is mostly rounding, whose RMS is 1/sqrt(12) = 0.29 levels. The largest
+        // measured value is 0.34 levels, just below the limit of 0.36; for a window of zeros it is
+        // 0.01.
         assert!(result.rms < 0.36, "{result:?}");
     }
     assert_eq!(
@@ -83,8 +84,8 @@ fn codes_of_the_integer_encoder_are_within_the_limits() {
 }
 
 /// Returns the built-in model with one weight of the shortcut changed by 128 int8 levels, the value
-/// of its sign bit. A correct device differs from this model as a device with that bit flipped
-/// differs from the correct model.
+/// of the weight's sign bit. A correct device differs from this model as much as a device with that
+/// bit flipped differs from the correct model.
 fn flipped(value: usize, feature: usize) -> Model {
     let mut artifact = Artifact::read(folder()).unwrap();
     let (name, shape) = ("encoder.shortcut.weight", [CODE_LEN, 976]);

@@ -8,7 +8,7 @@ use link::{
     Hello, MAX_FRAME, ResetCause, SelfTest, Stats, Streams, ToDevice, ToHost,
 };
 
-/// Wall clock when host and device start, nanoseconds since 1970.
+/// Wall-clock time at which host and device start, nanoseconds since 1970.
 pub(crate) const WALL_START_NS: i64 = 1_700_000_000_000_000_000;
 
 /// Returns the host time `us` microseconds after the start, with a correct wall clock.
@@ -35,7 +35,7 @@ pub(crate) struct Board {
     pub(crate) hop_steps: u8,
     pub(crate) code_format: CodeFormat,
     pub(crate) code_scale: [f32; CODE_LEN],
-    /// Zero points of int8 codes; the other formats have none.
+    /// Zero points of int8 codes. In the other formats all zero points are 0.
     pub(crate) code_zero_point: [i8; CODE_LEN],
     pub(crate) step_rate_hz: u16,
     pub(crate) next_window: u32,
@@ -43,15 +43,15 @@ pub(crate) struct Board {
     pub(crate) chip_uid: [u8; 12],
     /// Device time of the newest code, microseconds.
     pub(crate) now_us: u64,
-    /// Streams that the simulated firmware supports; a `Start` with any other is refused as a bad
-    /// argument.
+    /// Streams that the simulated firmware supports. A `Start` with any other stream is refused as
+    /// `BadArgument`.
     pub(crate) supported: Streams,
-    /// Result in the acknowledgements of the commands self-test, clock query and reset.
+    /// Result in the acknowledgements of self-test, clock query and reset.
     pub(crate) ack_result: AckResult,
-    /// Result that the board sends right after it receives the self-test command; `None` sends
-    /// nothing.
+    /// Result that the board sends directly after a self-test command; with `None` it sends no
+    /// result.
     pub(crate) self_test: Option<SelfTest>,
-    /// Whether the reset command makes the board reboot at once.
+    /// Whether the board reboots at once after a reset command.
     pub(crate) restarts_on_reset: bool,
     /// Streams in the last `Start` that the board received.
     pub(crate) streams: Streams,
@@ -162,7 +162,8 @@ impl Board {
         let mut answers = Vec::new();
         let mut commands = Vec::new();
         while let Some(outcome) = self.commands.next::<ToDevice>(&mut bytes) {
-            // Before raw mode is set, the terminal echoes answers back; skip what does not decode.
+            // Before raw mode is set, the terminal echoes the board's answers. Skip whatever does
+            // not decode as a command.
             let Ok(frame) = outcome else { continue };
             commands.push((frame.header.seq, frame.message));
         }
@@ -205,12 +206,13 @@ impl Board {
         answers
     }
 
-    /// Returns the frame of the next code, made at `device_us`, with `value` in all 128 places.
+    /// Returns the frame of the next code, with device time `device_us` and `value` in all 128
+    /// places.
     pub(crate) fn code(&mut self, device_us: u64, value: i8) -> Vec<u8> {
         self.code_of(device_us, &CodeValues::Int8([value; CODE_LEN]))
     }
 
-    /// Returns the frame of the next code with these values, made at `device_us`.
+    /// Returns the frame of the next code, with device time `device_us` and these values.
     pub(crate) fn code_of(&mut self, device_us: u64, values: &CodeValues) -> Vec<u8> {
         let window = self.next_window;
         self.now_us = device_us;

@@ -1,4 +1,4 @@
-//! The fit of the device's clock, in virtual time, with delayed, bunched and stalled reads.
+//! The fit of the device's clock, in virtual time: reads can be delayed, bunched or stalled.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -13,16 +13,15 @@ use crate::board::WALL_START_NS;
 /// Time between codes, microseconds.
 const HOP_US: f64 = 62_500.0;
 
-/// Behaviour of a link and of the clocks at its two ends, for one test.
+/// Simulated link and clocks for one test.
 struct Scene {
-    /// Returns the drift (host seconds per device second minus 1), ppm, at a device time in
+    /// Returns the drift (host seconds per device second minus 1) in ppm, at a device time in
     /// seconds.
     ppm: fn(f64) -> f64,
-    /// For a host time at which a frame was sent, returns the host time at which it is read, both
-    /// in microseconds.
+    /// Takes the host time at which a frame is sent and returns the host time at which it is read,
+    /// both in microseconds.
     read_at: fn(f64, &mut Noise) -> f64,
-    /// Returns by how much the wall clock was stepped in total, nanoseconds, until a host time in
-    /// seconds.
+    /// Returns the sum of the wall clock's steps in nanoseconds, up to a host time in seconds.
     wall_step: fn(f64) -> i64,
     seconds: u32,
 }
@@ -37,8 +36,8 @@ impl Noise {
     }
 }
 
-/// Returns for every code the host time, seconds, and the error of the stamp against the true wall
-/// clock, microseconds. Also checks that stamps never go backwards.
+/// Returns, for every code, the host time in seconds and the error of the stamp in microseconds,
+/// relative to the true wall clock. Also checks that stamps never go backwards.
 fn errors(scene: &Scene) -> Vec<(f64, f64)> {
     let mut clock = Clock::default();
     let mut noise = Noise(5);
@@ -49,7 +48,8 @@ fn errors(scene: &Scene) -> Vec<(f64, f64)> {
         let ppm = (scene.ppm)((device_us - 5e9) / 1e6);
         device_us += HOP_US;
         host_us += HOP_US * (1.0 + ppm * 1e-6);
-        // The bytes of a stream are read in order, so no read is earlier than the one before.
+        // Bytes are read in the order in which they were sent, so no read is earlier than the
+        // previous read.
         last_read = (scene.read_at)(host_us, &mut noise).max(last_read);
         let read = HostTime {
             monotonic_us: last_read as i64,
@@ -72,8 +72,8 @@ fn errors(scene: &Scene) -> Vec<(f64, f64)> {
     errors
 }
 
-/// Returns the 99th percentile and the maximum of the absolute errors, microseconds, without the
-/// first minute.
+/// Returns the 99th percentile and the maximum of the absolute errors after the first minute,
+/// microseconds.
 fn p99_and_max(errors: &[(f64, f64)]) -> (f64, f64) {
     let settled = errors.iter().filter(|(seconds, _)| *seconds > 60.0);
     let mut sizes: Vec<f64> = settled.map(|(_, error)| error.abs()).collect();
@@ -93,7 +93,7 @@ fn check(name: &str, scene: &Scene) {
 }
 
 fn jitter(sent: f64, noise: &mut Noise) -> f64 {
-    // A delay that is usually small, and at most 4 ms.
+    // A random delay of at most 4 ms that is usually much shorter.
     let a = noise.next();
     sent + 4000.0 * a * a * a
 }
@@ -203,8 +203,8 @@ fn a_step_of_the_wall_clock_is_followed_without_going_backwards() {
         seconds: 200,
     };
     let errors = errors(&scene);
-    // A step of 1 s back is caught up at 0.1 s per second, in 10 s; its last 20 ms at the rate of a
-    // slew.
+    // A backward step of 1 s is corrected at 0.1 s per second within 10 s, except for the last 20
+    // ms: at the slew rate of 600 ppm these take 33 s. Errors count again 45 s after the step.
     let after: Vec<_> = errors
         .iter()
         .filter(|(t, _)| !(100.0..145.0).contains(t))
@@ -258,7 +258,7 @@ fn read(us: i64, step_ns: i64) -> HostTime {
     }
 }
 
-/// Returns a clock that has observed 10 s of codes, and the host time of the last code.
+/// Returns a clock that has observed 10 s of codes, and the host time of the newest code.
 fn settled() -> (Clock, i64) {
     let mut clock = Clock::default();
     for code in 1..=160 {
@@ -269,7 +269,7 @@ fn settled() -> (Clock, i64) {
 
 #[test]
 fn stamps_are_late_by_the_least_delay() {
-    // Each frame takes 3 ms in the encoder and at least 2 ms on the link.
+    // Each frame takes 3 ms in the encoder and at least 2 ms on the link, so stamps are 5 ms late.
     let scene = Scene {
         ppm: |_| 20.0,
         read_at: |sent, noise| jitter(sent + 5000.0, noise),
@@ -295,7 +295,7 @@ fn one_impossible_device_time_changes_nothing() {
         assert_eq!(clock.wall_ns(10_000_000), before);
         assert_eq!(clock.refused(), 1);
         assert!(clock.observe(10_125_000, read(now + 125_000, 0)));
-        // Converting a device time that was refused must not overflow either.
+        // The conversion of a refused device time must not overflow.
         clock.wall_ns(i128::from(wrong));
     }
 }
@@ -326,7 +326,8 @@ fn a_step_back_is_counted_and_one_beyond_30_s_is_followed_at_once() {
         assert_eq!((clock.wall_steps(), clock.wall_steps_back()), (1, back));
         let true_ns = WALL_START_NS + 11_000_000_000 + step_ns;
         let error_ns = clock.wall_ns(11_000_000).unwrap() - true_ns;
-        // In the second after the step, a tenth of a second is caught up.
+        // After a step of up to 30 s, 0.1 s is corrected in the first second. A longer step is
+        // followed at once.
         let expected = if back == 1 { 0 } else { -step_ns - 100_000_000 };
         assert!((error_ns - expected).abs() < 1000, "{step_s} s: {error_ns}");
     }

@@ -1,11 +1,11 @@
-//! The bridge distinguishes newer devices, other versions of the wire format, and noise.
+//! Reactions of the bridge to newer devices, to other versions of the wire format, and to noise.
 
 use link::{AckResult, FrameError, ToHost};
 
 use crate::board::{Board, at};
 use crate::recorder::{Harness, SETTINGS};
 
-/// Messages of a later release: those of this release, and one more.
+/// Messages of a later release, which has one kind more than this release.
 #[derive(serde::Serialize, serde::Deserialize)]
 enum LaterToHost {
     Hello,

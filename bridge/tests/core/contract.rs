@@ -26,7 +26,7 @@ fn encoded_frames_have_the_fields_that_ros_neuro_expects() {
     );
     assert_eq!(info.isint, 0);
     assert!(!info.unit.is_empty());
-    // Range of (q - 1) * 0.5 for int8 levels q in -128..=127.
+    // Range of (level - 1) * 0.5 for int8 levels from -128 to 127.
     assert_eq!(info.minmax, [-64.5, 63.0]);
     assert_eq!(frame.eeg.data, [-64.5; 128]);
     assert_eq!(frame.exg.info.nchannels, 0);
@@ -52,11 +52,11 @@ fn hop_16_gives_8_codes_per_second() {
 
 #[test]
 fn stamps_refer_to_the_chosen_point_of_the_frame() {
-    // The clocks are equal, and the code is read when it is made, at device time 1.0625 s.
+    // Device clock and host clock are equal. The code is made and read at device time 1.0625 s.
     let made_ns = WALL_START_NS + 1_062_500_000;
     for (stamp, expected) in [
-        // The first step is 15 steps of 7.8125 ms (rounded to microseconds) earlier; filter delay
-        // is 10 ms.
+        // The window's first step is 15 steps of 7.8125 ms before its last step (117,187 us,
+        // rounded down). The filter delay is 10 ms.
         (StampPoint::First, made_ns - 117_187_000 - 10_000_000),
         (StampPoint::Last, made_ns - 10_000_000),
         (StampPoint::Arrival, made_ns),

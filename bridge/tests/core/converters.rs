@@ -49,7 +49,7 @@ fn bad_frames_are_a_warning_that_names_the_chip_until_there_are_no_new_ones() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let mut bad =
         |count| report_status(&mut harness, |converters| converters.frames_bad[1] = count);
-    // Bad frames from before the first report are not reported as new.
+    // Bad frames that the first report contains already are not reported as new.
     assert_eq!(bad(2).level, DiagnosticLevel::Ok);
     let status = bad(5);
     assert_eq!(
@@ -61,7 +61,7 @@ fn bad_frames_are_a_warning_that_names_the_chip_until_there_are_no_new_ones() {
     );
     assert_eq!(bad(5).level, DiagnosticLevel::Ok);
     assert!(bad(10).message.ends_with("chip 1 (5)"));
-    // The warning does not remain when no new message has arrived.
+    // Without a new message, the next report does not repeat the warning.
     assert_eq!(
         harness.status("converters").unwrap().level,
         DiagnosticLevel::Ok

@@ -24,7 +24,7 @@ fn event(kind: EventKind, number: u32, sample: u64) -> ToHost<'static> {
 fn an_edge_becomes_an_event_at_its_own_time() {
     let mut harness = Harness::streaming(EVENTS, Board::new());
     harness.code(1, false);
-    // The edge happens between two codes, and its event is read 20 ms later.
+    // The edge happens 10 ms after a code, and its event is read 20 ms after the edge.
     let happened = harness.now_us.unsigned_abs() + 10_123;
     harness.now_us += 30_000;
     harness.send(happened, &event(EventKind::TriggerRise, 7, 40));
@@ -32,8 +32,8 @@ fn an_edge_becomes_an_event_at_its_own_time() {
     let [rise, fall] = &harness.recorder.events[..] else {
         panic!("{:?}", harness.recorder.events)
     };
-    // The first user code in GDF's event table, and that code with the bit that marks the end of an
-    // event.
+    // A rising edge has the first user code of GDF's event table, 1. A falling edge has the same
+    // code with the bit that marks the end of an event, 0x8000.
     assert_eq!((rise.event, fall.event), (1, 0x8001));
     assert_eq!(
         (&*rise.description, &*fall.description),
@@ -99,7 +99,8 @@ fn every_sample_and_code_carries_the_trigger_level() {
     let levels: Vec<i32> = words.map(|words| words[7]).collect();
     assert_eq!(levels[..10], [0; 10]);
     assert_eq!(levels[10..], [1; 22]);
-    // Windows 0 and 1 end at the ADC samples 60 and 92.
+    // Window 0 ends at ADC sample 60, when the trigger is high; window 1 at sample 92, after the
+    // falling edge.
     harness.code(1, false);
     harness.code(1, false);
     let level = |frame: usize| harness.recorder.encoded[frame].tri.data[7];
@@ -126,7 +127,8 @@ fn events_before_an_introduction_are_not_published() {
     assert!(harness.recorder.events.is_empty());
 }
 
-/// Returns the values of `events lost` and `events behind others` (replays) in `/diagnostics`.
+/// Returns the numbers of lost events (`events lost`) and of replays (`events behind others`) in
+/// `/diagnostics`.
 fn figures(harness: &mut Harness) -> [String; 2] {
     let values = harness.status("loss").unwrap().values;
     ["events lost", "events behind others"].map(|key| {
@@ -163,7 +165,7 @@ fn event_numbers_that_advance_while_stopped_or_restart_with_a_boot_are_no_loss()
     rise(&mut harness, 3);
     assert_eq!(harness.recorder.events.len(), 3);
     assert_eq!(figures(&mut harness), ["0", "0"]);
-    // The port is closed and reopened while the device keeps streaming.
+    // The port is closed and reopened while the device keeps streaming. Events 4 and 5 are lost.
     harness.core.disconnected();
     harness.connect();
     rise(&mut harness, 6);

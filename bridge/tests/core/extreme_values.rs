@@ -10,7 +10,7 @@ use neuro_ros::{NeuroEvent, NeuroFrame};
 use crate::board::{Board, at, model};
 use crate::recorder::SETTINGS;
 
-/// Effects that keep the bytes for the device and count published frames and events.
+/// Collects the bytes for the device, and counts published frames and events.
 #[derive(Default)]
 struct Counter {
     sent: Vec<u8>,
@@ -47,7 +47,7 @@ impl Effects for Counter {
     }
 }
 
-/// Numbers to try: limits of the integer types, numbers near a wrap, and some in between.
+/// Numbers for all fields: limits of the integer types, numbers near a wrap, and some in between.
 const NUMBERS: [u64; 10] = [
     0,
     1,

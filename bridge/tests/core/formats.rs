@@ -13,8 +13,8 @@ fn streaming(code_format: CodeFormat) -> Harness {
     Harness::streaming(SETTINGS, board)
 }
 
-/// Sends a code from a board with scale 0.5. Returns the value on `/encoded` and the announced
-/// range.
+/// Sends a code from a board whose code scale is 0.5. Returns the value that all places of the
+/// frame on `/encoded` have, and the announced range.
 fn published(values: &CodeValues) -> (f32, Vec<f64>) {
     let mut harness = streaming(values.format());
     harness.code_of(values);

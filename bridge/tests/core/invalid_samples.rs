@@ -1,4 +1,4 @@
-//! Samples that do not match the device, restart, or were not requested.
+//! Samples that do not match the device's capabilities, that restart, or that were not requested.
 
 use link::{Filtered, Flags, Raw, ToHost};
 
@@ -59,7 +59,7 @@ fn samples_that_do_not_match_the_device_are_counted_and_not_published() {
     assert_eq!(figure("filtered steps messages malformed"), "3");
     assert_eq!(figure("raw samples received"), "0");
     assert!(harness.recorder.raw.is_empty());
-    // Codes are still accepted after the refused samples.
+    // The device's codes are still accepted after its invalid samples.
     harness.code(1, false);
     assert_eq!(harness.core.summary().received, 2);
 }
@@ -127,8 +127,8 @@ fn stamps_that_were_moved_forwards_are_counted() {
     for first in (0..32).step_by(8) {
         send_samples(&mut harness, first, Flags::empty());
     }
-    // The next samples carry a device time that is one second earlier than that of the samples
-    // before.
+    // The next samples carry device time 1 s, although the previous samples carry times from 2 s
+    // on.
     for first in (32..64).step_by(8) {
         let counts = counts(first, 8, 64);
         let raw = Raw {

@@ -1,4 +1,4 @@
-//! Tests of `Ledger`: always made = received + lost.
+//! Tests of `Ledger`: the number of made items is always that of received plus lost items.
 
 use bridge::{Arrival, Ledger};
 use proptest::prelude::*;
@@ -57,7 +57,7 @@ fn a_new_ledger_accepts_any_first_number() {
     assert_eq!(ledger.record(77), Arrival::New { lost: 0 });
     assert_eq!(ledger.count_lost_before(80), 2);
     assert_eq!((ledger.made(), ledger.lost()), (3, 2));
-    // A next number that is reported below those already received is ignored.
+    // A reported next number that is below the numbers already received changes nothing.
     assert_eq!(ledger.count_lost_before(5), 0);
     assert_eq!(ledger.record(80), Arrival::New { lost: 0 });
 }

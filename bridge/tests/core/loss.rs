@@ -26,8 +26,8 @@ proptest! {
         prop_assert_eq!((summary.made, summary.lost), (losses.len() as u64, lost));
         prop_assert_eq!(summary.received + summary.lost, summary.made);
         prop_assert_eq!((summary.fillers, summary.frames_lost), (lost, lost));
-        // Every frame, including fillers, has its window index, its device time and the losses so
-        // far.
+        // Every frame, fillers included, carries its window index, its device time and the number
+        // of codes lost so far.
         for (frame, index) in harness.recorder.encoded.iter().zip(0..) {
             prop_assert_eq!(frame.tri.data[1], index);
             let device_us = 1_000_000 + 62_500 * (i64::from(index) + 1);
@@ -95,8 +95,8 @@ fn fillers_repeat_the_last_code_are_zeros_or_are_not_published() {
             .collect();
         assert_eq!(values, expected, "{filler:?}");
         assert_eq!(harness.core.summary().lost, 2);
-        // The decoder is told of lost codes too; it must average the windows of adjacent codes
-        // only.
+        // The decoder also gets a placeholder for every lost code, because it must average only
+        // windows of consecutive codes.
         let known: Vec<bool> = harness
             .recorder
             .windows

@@ -1,4 +1,4 @@
-//! Tests of the bridge's core, which gets all bytes and times from the tests.
+//! Tests of the bridge's core with simulated boards, links and clocks.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod audit;

@@ -1,4 +1,5 @@
-//! Devices with another model or shape than announced, and devices that replace the announced one.
+//! Devices with another model or shape than announced, and devices that replace the announced
+//! device.
 
 use crate::board::{Board, at};
 use crate::recorder::{Harness, SETTINGS, commands};

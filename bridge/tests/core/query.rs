@@ -113,7 +113,7 @@ fn a_device_is_identified_stopped_and_tested() {
         [ToDevice::Identify, ToDevice::Stop, ToDevice::SelfTest]
     );
     assert!(!harness.board.streaming);
-    // Messages that are neither an acknowledgement nor a result are ignored.
+    // The query ignores messages that are neither an acknowledgement nor a result.
     let stats = harness.board.stats(Streams::empty());
     assert!(harness.query.receive(&stats, harness.now_us).is_none());
     let outcome = harness.send(&ToHost::SelfTest(result(|_| {})));
@@ -198,9 +198,9 @@ fn a_test_that_stopped_early_is_not_in_order() {
 #[test]
 fn a_missing_figure_is_a_dash_in_the_table_and_null_in_json() {
     let report = report(result(|test| {
-        // Channels 0 to 4: no DRDY, so no measurement; bad frames only; too few samples to separate
-        // the two levels of the square wave; test stopped before the inputs were shorted; measured,
-        // but without signal.
+        // Channel 0: not measured, because DRDY was missing. 1: only bad frames. 2: too few samples
+        // to separate the two levels of the square wave. 3: the test stopped before the inputs were
+        // shorted. 4: measured, but without a signal.
         test.channels[0] = ChannelTest::default();
         test.channels[1] = ChannelTest {
             gain_error: -1.0,
@@ -312,7 +312,7 @@ fn a_silent_device_times_out() {
         error.to_string().contains("the identification request"),
         "{error}"
     );
-    // If the device acknowledges the command, it has 15 s to send the result.
+    // After the acknowledgement of the command, the device has 15 s to send the result.
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     assert!(harness.exchange_for(15_000_000).is_none());
     let outcome = harness.exchange_for(1_000_000);
@@ -336,7 +336,7 @@ fn a_lost_acknowledgement_of_the_test_is_no_refusal() {
         }
         harness.now_us += 100_000;
     }
-    // The device refuses the repeated command, because its self-test is already running.
+    // The device refuses the repeated command as busy, because its self-test is already running.
     harness.board.ack_result = AckResult::Busy;
     assert!(harness.exchange_for(2_000_000).is_none());
     let outcome = harness.send(&ToHost::SelfTest(result(|_| {})));

@@ -13,7 +13,7 @@ fn device(board: Board) -> Arc<Device> {
     Arc::clone(&harness.recorder.announced[0].device)
 }
 
-/// Returns a float code for a window; different windows have different codes.
+/// Returns a float code for a window. Different windows get different codes.
 fn z(window: u16) -> Box<[f32; 128]> {
     Box::new(std::array::from_fn(|index| {
         let phase = f32::from(window) * 0.7 + f32::from(u16::try_from(index).unwrap());
@@ -32,8 +32,8 @@ fn window(index: u32, z: Option<Box<[f32; 128]>>) -> TimedCode {
     }
 }
 
-/// Returns the frame that each window completes, from window 0 on. `windows[i]` states whether the
-/// code of window `i` was received.
+/// Returns the frames that consecutive windows complete, starting with window 0. `windows[i]` is
+/// true if the code of window `i` was received.
 fn frames(settings: Settings, windows: &[bool]) -> Vec<Option<Vec<f32>>> {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), settings);
     let mut index = 0;
@@ -99,7 +99,7 @@ fn two_windows_are_averaged_where_they_overlap() {
     let averaged = frames[1].as_ref().unwrap();
     for (index, value) in averaged.iter().enumerate() {
         let mean = f32::midpoint(old[index], new[index]);
-        // The limit is the rounding error of f32 at about 100 uV.
+        // The limit allows for rounding: at 100 uV, neighbouring f32 numbers are 8e-6 apart.
         assert!((value - mean).abs() < 1e-4, "value {index}: {value}");
     }
 }

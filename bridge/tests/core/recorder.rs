@@ -1,4 +1,4 @@
-//! A core that is connected to a simulated board, with all its effects recorded.
+//! A core with a simulated board, and a recorder of the core's effects.
 
 use bridge::{
     AnnouncedStream, Announcement, AuditedWindow, Core, Effects, FillerPolicy, Settings,
@@ -18,7 +18,7 @@ pub(crate) const SETTINGS: Settings = Settings {
     streams: Streams::CODES,
 };
 
-/// Records every effect of the core, and checks shape, number and time stamp of every frame.
+/// Records every effect of the core. Checks shape, number and stamp of every frame.
 #[derive(Default)]
 pub(crate) struct Recorder {
     pub(crate) sent: Vec<u8>,
@@ -68,8 +68,8 @@ impl Effects for Recorder {
     }
 }
 
-/// Records a frame after checking that its shape is that of the first frame, and that its number
-/// and time stamp increase.
+/// Checks that a frame has the shape of the first frame and that its number and stamp increase, and
+/// records it.
 fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
     let shape = Shape::from_frame(frames.first().unwrap_or(frame)).unwrap();
     shape.admit(frame).unwrap();
@@ -139,7 +139,8 @@ impl Harness {
             .receive(bytes, at(self.now_us), &mut self.recorder);
     }
 
-    /// Advances time by 62.5 ms and makes the board produce a code, which arrives unless `lost`.
+    /// Advances time by 62.5 ms. The board makes a code with this value, which reaches the core
+    /// unless `lost`.
     pub(crate) fn code(&mut self, value: i8, lost: bool) {
         self.now_us += 62_500;
         let bytes = self.board.code(self.now_us.unsigned_abs(), value);
@@ -148,27 +149,28 @@ impl Harness {
         }
     }
 
-    /// Advances time by 62.5 ms and delivers a code with these values from the board to the core.
+    /// Advances time by 62.5 ms. The board makes a code with these values, which reaches the core.
     pub(crate) fn code_of(&mut self, values: &CodeValues) {
         self.now_us += 62_500;
         let bytes = self.board.code_of(self.now_us.unsigned_abs(), values);
         self.receive(&bytes);
     }
 
-    /// Delivers a message to the core that the board made at device time `device_us`.
+    /// Delivers to the core a message that the board made at device time `device_us`.
     pub(crate) fn send(&mut self, device_us: u64, message: &ToHost) {
         let bytes = self.board.frame(device_us, message);
         self.receive(&bytes);
     }
 
-    /// Returns the status `corticode: {part}` from a new report, or `None` if the report lacks it.
+    /// Returns the status `corticode: {part}` of a new report; `None` if the report has no such
+    /// status.
     pub(crate) fn status(&mut self, part: &str) -> Option<DiagnosticStatus> {
         let statuses = self.core.diagnostics(at(self.now_us)).status;
         let name = format!("corticode: {part}");
         statuses.into_iter().find(|status| status.name == name)
     }
 
-    /// Returns for every frame on `/encoded`, in order, whether it is a filler.
+    /// Returns, for each frame on `/encoded` from the oldest on, whether the frame is a filler.
     pub(crate) fn fillers(&self) -> Vec<bool> {
         self.recorder
             .encoded

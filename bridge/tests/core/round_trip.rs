@@ -1,4 +1,4 @@
-//! Clock queries: their answers bound how late the stamps are.
+//! Clock queries, whose answers give bounds for the delay of stamps.
 
 use link::{AckResult, ClockReading, ToDevice, ToHost};
 use neuro_ros::DiagnosticStatus;
@@ -6,8 +6,7 @@ use neuro_ros::DiagnosticStatus;
 use crate::board::Board;
 use crate::recorder::{Harness, SETTINGS, commands};
 
-/// Delivers codes for `seconds` seconds. The board answers the commands that the core sends in
-/// between.
+/// Delivers codes for `seconds` seconds. The board answers all commands of the core.
 fn run(harness: &mut Harness, seconds: u32) {
     for _ in 0..seconds * 16 {
         harness.code(1, false);
@@ -58,8 +57,8 @@ fn a_device_that_does_not_know_the_query_is_not_queried_again() {
 #[test]
 fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
     // The host reads each code 4 ms after the code's last sample, a delay that the fit cannot
-    // detect. A query takes 0.3 ms to the device, its answer is made 0.1 ms later and takes 0.5 ms
-    // back.
+    // detect. A query takes 0.3 ms to the device. The device makes the answer 0.1 ms later, and the
+    // answer takes 0.5 ms to the host, plus `longer`.
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     for longer in [700, 0, 2000] {
         let before = clock_queries(&harness).len();
@@ -86,7 +85,7 @@ fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
     // Lower bound: 4000 us minus the 500 us of the answer. Upper bound: 4000 us plus the 300 us of
     // the query.
     assert_eq!(figure("stamps late by us"), "3500 to 4300");
-    // Round trips are discarded when they are older than a minute.
+    // Round trips older than a minute are discarded.
     run(&mut harness, 61);
     let status = harness.status("clock").unwrap();
     assert_eq!(value(&status, "round trip us"), None);
@@ -108,7 +107,7 @@ fn answers_without_a_query_or_with_impossible_times_are_counted() {
     for (host, received, made) in [
         (asked + 1, 10, 20),
         (asked, 20, 10),
-        // Impossible: the time inside the device is longer than the time from query to answer.
+        // Impossible, because the time inside the device exceeds the time from query to answer.
         (asked, 0, u64::MAX),
         (asked, 0, 3_000_000),
     ] {

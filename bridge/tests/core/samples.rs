@@ -18,11 +18,11 @@ pub(crate) const SAMPLES: Settings = Settings {
     ..SETTINGS
 };
 
-/// Scale of the board's ADC, microvolt per count, rounded to f32 as on the wire.
+/// Scale of the board's ADC, microvolt per count, from the f32 in `Capabilities`.
 const COUNT_UV: f64 = 22.351_742_f32 as f64 / 1000.0;
 
-/// Returns the counts of `samples` successive ADC samples, starting with sample `first`. Every
-/// count identifies its sample and its channel.
+/// Returns the packed counts of `samples` consecutive ADC samples, starting with sample `first`.
+/// Every count identifies its sample and its channel.
 pub(crate) fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
     let count = |sample: u64, channel: u8| (sample % 50_000 * 100) as i32 - i32::from(channel);
     let samples = (first..first + samples)
@@ -35,7 +35,8 @@ pub(crate) fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
         .collect()
 }
 
-/// Returns a harness whose clock is fitted: one code was read at the time at which it was made.
+/// Returns a harness with a fitted clock: it has read one code, at the time at which the code was
+/// made.
 pub(crate) fn harness(settings: Settings) -> Harness {
     let mut harness = Harness::streaming(settings, Board::new());
     harness.code(0, false);
@@ -47,7 +48,7 @@ fn time(sample: u64) -> u64 {
     2_000_000 + sample * 1_000_000 / 512
 }
 
-/// Delivers eight ADC samples, starting with sample `first`, at the device time of the last one.
+/// Delivers eight ADC samples from sample `first` on, at the device time of the last of them.
 pub(crate) fn send_samples(harness: &mut Harness, first: u64, flags: Flags) {
     let counts = counts(first, 8, 64);
     let raw = Raw {
@@ -60,7 +61,7 @@ pub(crate) fn send_samples(harness: &mut Harness, first: u64, flags: Flags) {
     harness.send(time(first + 7), &ToHost::Raw(raw));
 }
 
-/// Returns the values of one sample in a frame: 61 electrodes, and 3 spare channels.
+/// Returns the values of one sample in a frame: those of 61 electrodes and of 3 spare channels.
 fn row(frame: &NeuroFrame, sample: usize) -> (&[f32], &[f32]) {
     let (eeg, exg) = (&frame.eeg.data, &frame.exg.data);
     (&eeg[sample * 61..][..61], &exg[sample * 3..][..3])
@@ -114,10 +115,11 @@ fn raw_samples_become_frames_of_one_hop_with_spare_channels_in_exg() {
 #[test]
 fn the_delay_of_the_filters_is_removed_from_stamps_of_steps_only() {
     for (stamp, raw_us, filtered_us) in [
-        // The second frame starts at sample 32 or at step 8. Steps are stamped 10 ms earlier, the
-        // filter delay.
+        // The second frames start at sample 32 and step 8, both 62.5 ms after the first sample.
+        // Steps are stamped 10 ms earlier, because the filter delay is subtracted.
         (StampPoint::First, 62_500, 52_500),
-        // The second frame ends 31 samples or 7 steps after its start.
+        // The last sample of a frame is 31 samples (60,546 us) after its first; the last step is 7
+        // steps (54,687 us) after the first.
         (StampPoint::Last, 62_500 + 60_546, 52_500 + 54_687),
     ] {
         let mut harness = harness(Settings { stamp, ..SAMPLES });
@@ -140,8 +142,8 @@ fn the_delay_of_the_filters_is_removed_from_stamps_of_steps_only() {
     }
 }
 
-/// Delivers four filtered steps, starting with step `first`. The value of every step, in counts, is
-/// the step's index.
+/// Delivers four filtered steps from step `first` on. All values of a step, in counts, are the
+/// step's index.
 fn steps(harness: &mut Harness, first: u64, electrodes: u8, fraction_bits: u8) {
     let values = (first..first + 4).flat_map(|step| {
         let value = i32::try_from(step << fraction_bits).unwrap();
@@ -280,8 +282,8 @@ fn an_outage_too_long_to_fill_is_counted_and_frames_stay_aligned() {
         send_samples(&mut harness, first + message * 8, Flags::empty());
     }
     let frames = harness.recorder.raw.clone();
-    // Published: the rest of the first frame, 120 s of fillers, and the frame with the newest
-    // samples.
+    // Published are the first frame, completed with fillers, about 1,920 frames of fillers (120 s),
+    // and the frame with the newest samples.
     let last = frames.last().unwrap();
     assert_eq!(row(last, 31).0[0], microvolt(first + 55, 0));
     assert!((1921..=1923).contains(&frames.len()), "{}", frames.len());

@@ -1,4 +1,4 @@
-//! Devices that connect, disconnect, reboot, start and stop streaming.
+//! Connections, disconnections, reboots, starts and stops of a device.
 
 use link::{Streams, ToHost};
 
@@ -22,7 +22,7 @@ fn commands_without_an_answer_are_repeated() {
     }
     let sent = std::mem::take(&mut harness.recorder.sent);
     harness.board.answer(&sent);
-    // Commands at 0 s and then every 0.5 s up to 2 s.
+    // `Identify` is sent at 0 s and then every 0.5 s, for the fifth time at 2 s.
     assert_eq!(commands(&harness), ["identify"; 5]);
 }
 
@@ -35,7 +35,7 @@ fn a_lost_acknowledgement_of_start_costs_no_code() {
     for _ in 0..3 {
         let commands = std::mem::take(&mut harness.recorder.sent);
         let answers = harness.board.answer(&commands);
-        // The first acknowledgement of `Start` does not arrive.
+        // The acknowledgement of the first `Start` does not reach the core.
         if harness.board.received.len() < 3 {
             harness.receive(&answers);
         }
@@ -122,7 +122,7 @@ fn a_thousand_outages_are_counted_exactly() {
     for outage in 0..1000 {
         let missing = outage % 7;
         harness.core.disconnected();
-        // The cable is unplugged while a frame is on the wire: only half of the frame arrives.
+        // The cable is unplugged during a frame, so only half of the frame arrives.
         let half = harness
             .board
             .frame(0, &ToHost::Stats(link::Stats::default()));
@@ -240,8 +240,8 @@ fn a_report_from_before_the_start_counts_no_loss() {
     harness.core.set_streaming(false);
     harness.core.tick(at(harness.now_us), &mut harness.recorder);
     harness.exchange();
-    // After a reconnection the device is stopped again. Its next report still counts the codes of
-    // the old stream.
+    // After a reconnection the device is stopped again. The `Stats` that follow still count the
+    // codes of the previous stream.
     harness.core.disconnected();
     harness.connect();
     assert_eq!(commands(&harness)[3..], ["stop", "identify", "stop"]);

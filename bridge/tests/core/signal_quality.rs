@@ -25,7 +25,8 @@ fn report(change: impl FnOnce(&mut Quality)) -> ToHost<'static> {
     ToHost::Quality(quality)
 }
 
-/// Delivers a message from a streaming board. Returns the status `signal quality`, if there is one.
+/// Delivers a message from a streaming board. Returns the status `signal quality`; `None` if the
+/// report has none.
 fn report_status(harness: &mut Harness, message: &ToHost) -> Option<DiagnosticStatus> {
     let bytes = harness.board.frame(0, message);
     harness.receive(&bytes);

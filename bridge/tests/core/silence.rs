@@ -1,4 +1,4 @@
-//! Devices that fall silent, and devices that refuse commands.
+//! Devices that stop sending, and devices that refuse commands.
 
 use link::{AckResult, ToDevice, ToHost};
 
@@ -59,8 +59,8 @@ fn a_refused_start_is_not_repeated_for_ten_seconds() {
                     result: AckResult::BadArgument,
                 };
                 let bytes = harness.board.frame(0, &ToHost::Ack(refusal));
-                // The board's own answer is discarded. The core counts it as lost frames, which is
-                // not checked here.
+                // The test discards the board's own acknowledgement, and the core counts a lost
+                // frame. This test does not check that count.
                 harness.receive(&bytes);
             }
             None => harness.receive(&answers),
@@ -103,7 +103,7 @@ fn a_device_that_falls_silent_at_the_start_is_unresponsive() {
     }
 }
 
-/// Advances time by `seconds` seconds with a board that answers commands but sends no codes.
+/// Advances time by `seconds` seconds. The board answers commands but sends no codes.
 fn starve(harness: &mut Harness, seconds: i64) {
     for _ in 0..seconds * 10 {
         harness.now_us += 100_000;

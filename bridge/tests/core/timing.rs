@@ -13,7 +13,7 @@ const ACQUIRE: StageTiming = StageTiming {
     histogram: [512, 0, 0, 0, 0, 0, 0, 0, 0],
 };
 
-/// A stage that is closer to its deadline than `ACQUIRE` but not late.
+/// A stage that exactly meets its deadline, and is closer to it than `ACQUIRE`.
 const CODE: StageTiming = StageTiming {
     stage: Stage::Code,
     deadline_ns: 7_812_500,
@@ -21,7 +21,8 @@ const CODE: StageTiming = StageTiming {
     histogram: [0, 9, 0, 0, 0, 0, 0, 1, 0],
 };
 
-/// Returns a report about two stages in time and a stack at its limit, as modified by `change`.
+/// Returns a report about two stages that met their deadlines and a stack of which 3/4 was used,
+/// the limit without a warning. `change` modifies the report.
 fn report(change: impl FnOnce(&mut Timing)) -> ToHost<'static> {
     let mut timing = Timing {
         stages: [ACQUIRE, CODE].into_iter().collect(),
@@ -32,7 +33,8 @@ fn report(change: impl FnOnce(&mut Timing)) -> ToHost<'static> {
     ToHost::Timing(timing)
 }
 
-/// Delivers a message from a streaming board. Returns the status `timing`, if there is one.
+/// Delivers a message from a streaming board. Returns the status `timing`; `None` if the report has
+/// none.
 fn report_status(harness: &mut Harness, message: &ToHost) -> Option<DiagnosticStatus> {
     let bytes = harness.board.frame(0, message);
     harness.receive(&bytes);

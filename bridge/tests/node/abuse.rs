@@ -1,4 +1,4 @@
-//! Misbehaving clients of the bridge's ROS node do not affect other subscribers.
+//! Misbehaving clients of the bridge's ROS node, which must not affect other subscribers.
 
 use std::time::Duration;
 
@@ -78,7 +78,7 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
         .to_owned();
 
     let mut held = Vec::new();
-    // Clients that connect to either port and send nothing.
+    // Clients that connect to the topic or the API port and send nothing.
     for _ in 0..20 {
         held.push(send(&topic, b"").await);
         held.push(send(&api, b"").await);
@@ -94,7 +94,7 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
         let stream = send(&topic, &subscription(NeuroFrame::TYPE.md5)).await;
         stream.set_zero_linger().unwrap();
     }
-    // A subscriber that was built from another message definition gets an error as answer.
+    // A subscriber with another message definition receives an error.
     let mut wrong = send(&topic, &subscription("00000000000000000000000000000000")).await;
     let mut answer = Vec::new();
     timeout(TIMEOUT, wrong.read_to_end(&mut answer))

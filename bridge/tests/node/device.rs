@@ -15,15 +15,15 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use crate::board::Board;
 
-/// Time between two codes. A real board makes a code every 62.5 ms; less keeps the tests short.
+/// Time between two codes. It is shorter than the 62.5 ms of a real board, to keep the tests short.
 pub(crate) const PACE: Duration = Duration::from_millis(20);
 
 /// Controls and counters of a running board, shared with its thread.
 #[derive(Default)]
 pub(crate) struct Controls {
-    /// Number of codes that do not arrive, starting with the next one.
+    /// Number of codes that the board makes next but does not send.
     pub(crate) lose: AtomicU32,
-    /// Set by a test to close the connection once; the board keeps running.
+    /// Set by a test to close the connection once, while the board keeps running.
     pub(crate) hang_up: AtomicBool,
     /// Number of codes made so far.
     pub(crate) made: AtomicU32,
@@ -33,7 +33,7 @@ pub(crate) struct Controls {
     received: Mutex<Vec<ToDevice>>,
 }
 
-/// A simulated board at a port, run by a thread.
+/// A simulated board at a port; a thread runs the board.
 pub(crate) struct Device {
     pub(crate) port: String,
     pub(crate) controls: Arc<Controls>,
@@ -53,8 +53,8 @@ impl Device {
         })
     }
 
-    /// Starts the board at a pseudoterminal whose name changes with every reconnection. The link
-    /// `path` always leads to the current one.
+    /// Starts the board at a pseudoterminal whose name changes with every reconnection. The
+    /// symbolic link `path` points to the current pseudoterminal.
     pub(crate) fn pty(board: Board, path: &Path) -> Device {
         let port = path.display().to_string();
         let path = path.to_owned();
@@ -85,8 +85,8 @@ impl Device {
             while !shared.stop.load(Relaxed) {
                 if shared.hang_up.swap(false, Relaxed) {
                     line = None;
-                    // Remove the link, because another program can get the same pseudoterminal
-                    // number next.
+                    // Remove the symbolic link, because another program may get a pseudoterminal of
+                    // this name next.
                     link.as_ref().map(std::fs::remove_file);
                 }
                 if line.is_none() && !shared.unplugged.load(Relaxed) {
@@ -146,8 +146,8 @@ impl Drop for Device {
     }
 }
 
-/// Returns the messages that belong to the newest code's hop besides the code: samples and steps,
-/// and in every tenth hop an edge and an audit.
+/// Returns the messages of the newest code's hop other than the code: samples and steps, and in
+/// every tenth hop an edge and an audit.
 fn side_messages(board: &mut Board, device_us: u64) -> Vec<u8> {
     let window = board.next_window - 1;
     let streams = board.streams;
@@ -199,13 +199,14 @@ trait Line: Read + Write + Send {}
 
 impl<T: Read + Write + Send> Line for T {}
 
-/// Returns whether an error only means "not ready". EIO (5) means that nobody has opened the
-/// pseudoterminal.
+/// Returns whether an error only means that no bytes can be transferred now. EIO (5) means that no
+/// program has opened the other end of the pseudoterminal.
 fn is_not_ready(error: &io::Error) -> bool {
     error.kind() == ErrorKind::WouldBlock || error.raw_os_error() == Some(5)
 }
 
-/// Sends bytes as a board does: bytes that the host does not read in time are dropped.
+/// Sends bytes without waiting, as a board does: bytes that the host does not read in time are
+/// dropped.
 fn send(line: &mut Option<Box<dyn Line>>, bytes: &[u8]) {
     if let Some(open) = line
         && let Err(error) = open.write_all(bytes)

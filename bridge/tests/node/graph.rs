@@ -134,7 +134,7 @@ async fn the_bridge_registers_with_a_late_master_and_again_after_its_restart() {
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", &uri]);
     until("codes", async || device.controls.made.load(Relaxed) > 5).await;
-    // Wait until the bridge has logged that there is no ROS master, which takes 1 s.
+    // Wait until the bridge has logged the absence of a ROS master, which it does after 1 s.
     sleep(Duration::from_millis(1500)).await;
     for round in 0..2 {
         let master = Master::start(address).await.unwrap();

@@ -1,4 +1,4 @@
-//! The bridge writes lines of JSON instead of using ROS.
+//! Tests of `--sink ndjson`, with which the bridge writes lines of JSON instead of using ROS.
 
 use std::io::{BufRead, BufReader};
 use std::sync::atomic::Ordering::Relaxed;
@@ -79,7 +79,7 @@ fn a_reader_that_does_not_read_cannot_prevent_the_shutdown() {
     let device = Device::tcp(Board::new());
     let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
     let stdout = bridge.stdout();
-    // 100 codes are more than the 64 KB that a pipe holds.
+    // The lines of 100 codes exceed the 64 KB that a pipe holds.
     while device.controls.made.load(Relaxed) < 100 {
         std::thread::sleep(PACE);
     }

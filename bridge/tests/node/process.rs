@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-/// Longest time that any step of a test can take on a busy machine.
+/// Timeout of every wait in a test, sufficient for a busy machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// A running bridge process; killed when dropped.
+/// A running bridge process, which is killed when this value is dropped.
 pub(crate) struct Bridge {
     child: Child,
 }
@@ -44,7 +44,7 @@ impl Bridge {
         kill_process(pid, signal).unwrap();
     }
 
-    /// Waits until the bridge ends. Returns the exit status and everything that it wrote to stderr.
+    /// Waits until the bridge exits. Returns the exit status and its output on stderr.
     pub(crate) fn wait(mut self) -> (ExitStatus, String) {
         let deadline = Instant::now() + TIMEOUT;
         let status = loop {

@@ -36,7 +36,7 @@ fn board(fault: ChannelFault) -> Board {
     }
 }
 
-/// Runs the bridge with these arguments until it ends. Returns exit status, stdout and stderr.
+/// Runs the bridge with these arguments until it exits. Returns exit status, stdout and stderr.
 fn run_query(arguments: &[&str]) -> (Option<i32>, String, String) {
     let mut bridge = Bridge::start(arguments);
     let mut stdout = bridge.stdout();

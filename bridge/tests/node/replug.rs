@@ -13,7 +13,8 @@ use crate::board::Board;
 use crate::device::Device;
 use crate::process::{Bridge, TIMEOUT};
 
-/// Returns a channel that receives each frame on `/encoded` with the time at which it arrived.
+/// Returns a channel that receives each frame on `/encoded`, with the time at which the frame
+/// arrived.
 fn encoded(bridge: &mut Bridge) -> Receiver<(Instant, Value)> {
     let (frames, receiver) = channel();
     let lines = BufReader::new(bridge.stdout()).lines();
@@ -29,7 +30,7 @@ fn encoded(bridge: &mut Bridge) -> Receiver<(Instant, Value)> {
 }
 
 /// Unplugs and replugs the board `times` times. Returns the times from each replugging to the next
-/// code that arrives, and the log.
+/// code that arrived, and the log.
 fn replug(device: &Device, mut bridge: Bridge, times: u32) -> (Vec<Duration>, String) {
     let frames = encoded(&mut bridge);
     let mut outages = Vec::new();
@@ -57,7 +58,8 @@ fn replug(device: &Device, mut bridge: Bridge, times: u32) -> (Vec<Duration>, St
     (outages, log)
 }
 
-/// Returns the numbers made, received, lost, fillers and connections from the last line of the log.
+/// Returns the numbers after `made`, `received`, `lost`, `fillers` and `connections` in the last
+/// line of the log.
 fn totals(log: &str) -> [u32; 5] {
     let line = log.lines().last().unwrap();
     ["made", "received", "lost", "fillers", "connections"].map(|name| {
@@ -81,7 +83,7 @@ fn a_pseudoterminal_that_returns_under_another_name_is_reopened() {
     assert_eq!((received + lost, fillers), (made, lost), "{log}");
     assert!(lost > 0);
     println!("{log}");
-    // The requirement is 1 s. The test allows 1 s more, because the machine may be busy.
+    // The requirement is 1 s. The test allows another second, because the machine may be busy.
     assert!(
         outages
             .iter()
@@ -144,7 +146,7 @@ fn a_port_is_locked_by_one_bridge_and_released_at_its_end() {
     let mut first = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
     let of_first = encoded(&mut first);
     of_first.recv_timeout(TIMEOUT).unwrap();
-    // Another program keeps the pseudoterminal open all the time, as host-sim does.
+    // Keep the pseudoterminal open all the time, as another program such as host-sim does.
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
     let held = rustix::fs::open(&path, flags, Mode::empty()).unwrap();
     let mut second = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);

@@ -1,4 +1,4 @@
-//! Outputs for complete and incomplete sequences of samples and steps.
+//! Outputs of the producer for complete sequences of samples and for sequences with gaps.
 
 use std::{boxed::Box, vec, vec::Vec};
 
@@ -7,7 +7,7 @@ use model::{CELLS, HOP, STEPS};
 
 use super::*;
 
-/// Samples per step.
+/// Number of ADC samples per step.
 const PER_STEP: u64 = model::ADC_RATE_HZ as u64 / model::STEP_RATE_HZ as u64;
 
 const OVERRUN: Marks = Marks {
@@ -23,7 +23,7 @@ fn run(number: u32, streams: Streams) -> Run {
     }
 }
 
-/// Sample number `index` of a run, 1,000 us after the one before, with its step if one is due.
+/// Sample `index` of a run at 1,000 us per sample, with its step if one is due.
 fn acquired(index: u64) -> AcquiredSample {
     let mut acquired = AcquiredSample {
         index,
@@ -47,7 +47,7 @@ fn acquired(index: u64) -> AcquiredSample {
     acquired
 }
 
-/// Returns what a new producer emits for `samples`.
+/// Returns the outputs of a new producer for `samples`.
 fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output> {
     let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
     let mut outputs = Vec::new();
@@ -57,7 +57,8 @@ fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output> 
     outputs
 }
 
-/// The samples of a run except the `lost` ones; the first that remains starts the run.
+/// Returns the samples of a run without the `lost` ones. The first remaining sample starts the run;
+/// a sample directly after a lost one is marked with an overrun.
 fn samples(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = AcquiredSample> {
     let remaining = (0..count).filter(move |index| !lost.contains(index));
     remaining
@@ -73,7 +74,7 @@ fn samples(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = A
         })
 }
 
-/// Returns the first sample, the number of samples and the flags of every raw output.
+/// Returns the index of the first sample, the number of samples and the flags of every raw output.
 fn raw_frames(outputs: &[Output]) -> Vec<(u64, usize, Flags)> {
     let raw = outputs.iter().filter_map(|output| match &output.payload {
         Payload::Raw(raw) => Some(raw.message()),
@@ -140,7 +141,7 @@ fn a_raw_frame_ends_before_a_lost_sample_and_the_next_one_starts_after_it() {
 
 #[test]
 fn a_filtered_frame_ends_before_a_lost_step_and_has_the_flags_of_all_its_samples() {
-    // The sample with step 5 is lost; one between steps 8 and 9 has a bad status.
+    // The sample that carries step 5 is lost; a sample between steps 8 and 9 has a bad status word.
     let mut input: Vec<AcquiredSample> =
         samples(Streams::FILTERED, 64, &[5 * PER_STEP + 3]).collect();
     for acquired in &mut input {
@@ -190,7 +191,8 @@ fn lost_steps_shift_no_window_and_mark_the_codes_that_contain_them() {
             (number, end(window), is_marked)
         })
         .collect();
-    // Step 22, which follows the lost ones, is marked as well, and is in the same windows.
+    // Step 22, the first after the lost steps, is marked as well. It is in the same windows as
+    // steps 20 and 21, so no other window is marked.
     assert_eq!(codes, due);
 }
 
@@ -257,8 +259,8 @@ fn a_new_run_keeps_nothing_of_the_previous_one() {
     assert_eq!(codes(&fresh, 1).len(), 1);
 }
 
-/// Returns time and sample of the emitted events. `captured` holds the time of each edge, and the index
-/// of the sample after which the producer can see it.
+/// Returns time and sample index of the emitted events. `captured` holds the time of each edge and
+/// the index of the sample from which on the producer can see the edge.
 fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
     let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
     let mut outputs = Vec::new();
@@ -286,7 +288,7 @@ fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
 
 #[test]
 fn an_event_belongs_to_the_first_sample_that_is_not_before_it() {
-    // A late encoder sees several edges at once, after sample 1.
+    // As with an encoder task that runs late, six edges become visible at once, with sample 1.
     let captured = [
         (0, 0),
         (1, 1),
@@ -317,8 +319,8 @@ fn events_that_were_not_requested_are_discarded() {
     assert_eq!(events(Streams::CODES, &[(0, 0), (1_500, 2)]), []);
 }
 
-/// Returns run and sample of an edge at `at_us`. Run 1 has one sample, at 1,000 us; run 2 starts at
-/// 2,000 us.
+/// Returns run number and sample index of the event for an edge at `at_us`; `None` if the edge is
+/// discarded. Run 1 has one sample, at 1,000 us; run 2 starts at 2,000 us.
 fn event_before_a_new_run(at_us: u64) -> Option<(u32, u64)> {
     let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
     let mut outputs = Vec::new();

@@ -1,4 +1,4 @@
-//! Commands from a host, and the orders and messages that they cause.
+//! Orders and messages that a session returns for commands from a host.
 
 use std::{vec, vec::Vec};
 
@@ -39,7 +39,7 @@ const fn start(streams: Streams) -> ToDevice {
     })
 }
 
-/// Sends a command that arrives at 1,000 us; returns the order to the acquisition and the answer.
+/// Delivers a command at 1,000 us; returns the order to the board and the result in the `Ack`.
 fn execute(
     session: &mut Session<'_>,
     sender: &mut Ring,
@@ -62,7 +62,7 @@ fn execute(
     (orders.pop(), acks[0].result)
 }
 
-/// Removes the frames that wait and returns what `select` picks from them.
+/// Removes all queued frames and returns the values that `select` extracts from them.
 fn sent<T>(sender: &mut Ring, select: impl Fn(&Header, &ToHost<'_>) -> Option<T>) -> Vec<T> {
     let mut host = Decoder::<MAX_FRAME>::new();
     let mut found = Vec::new();
@@ -76,7 +76,7 @@ fn sent<T>(sender: &mut Ring, select: impl Fn(&Header, &ToHost<'_>) -> Option<T>
     found
 }
 
-/// Removes the messages that wait and returns their names.
+/// Removes all queued messages and returns the names of their kinds.
 fn kinds(sender: &mut Ring) -> Vec<&'static str> {
     sent(sender, |_, message| {
         Some(match message {
@@ -94,7 +94,7 @@ fn kinds(sender: &mut Ring) -> Vec<&'static str> {
     })
 }
 
-/// Executes a command and returns the names of the messages that it causes.
+/// Executes a command and returns the kinds of the messages that the session sends for it.
 fn kinds_after(
     session: &mut Session<'_>,
     sender: &mut Ring,
@@ -184,7 +184,7 @@ fn a_start_with_other_streams_is_a_new_run_and_a_repeated_one_is_not() {
         });
     }
     assert_eq!(numbers, [Some(1), None, Some(2), None, Some(3)]);
-    // A `Start` with another mains frequency starts a new run, because it changes the filters.
+    // A `Start` with another mains frequency starts a new run, because the filters change.
     let mains = ToDevice::Start(Start {
         streams: Streams::RAW,
         mains_hz: 60,

@@ -10,13 +10,14 @@ use super::{
 
 /// Centre frequency of the rhythm, Hz.
 const ALPHA_HZ: f64 = 10.0;
-/// Half of the rhythm's bandwidth, Hz: its amplitude varies within about a second, even in a burst.
+/// Half of the rhythm's bandwidth, Hz. This bandwidth makes the amplitude vary within about a
+/// second, even during a burst.
 const HALF_WIDTH: f64 = 0.5;
-/// Electrodes below which the sources are.
+/// Electrodes under which the sources of the rhythm are placed.
 const SITES: [&str; 3] = ["PO3", "POz", "PO4"];
 /// Reach of a source (see `Scalp::weights`), in radii of the head.
 const REACH: f64 = 0.7;
-/// Amplitude between bursts, relative to a burst.
+/// Amplitude between bursts, relative to the amplitude in a burst.
 const REST: f64 = 0.15;
 /// Corner frequency of the envelope's low-pass, Hz.
 const ENVELOPE: f64 = 0.6;
@@ -28,7 +29,7 @@ pub(super) struct Alpha {
     damping: f64,
     drive: f64,
     phasors: Vec<Phasor>,
-    /// Amplitude of each source at each electrode, uV RMS; one row of sources per electrode.
+    /// Amplitude of each source at each electrode, uV RMS: `mixing[electrode][source]`.
     mixing: Vec<Vec<f64>>,
     in_burst: bool,
     samples_left: u32,
@@ -40,7 +41,8 @@ impl Alpha {
     pub(super) fn new(noise: Noise, scalp: &Scalp, rate: f64, rms_uv: f64) -> Self {
         let sites = SITES.iter().filter_map(|label| Position::from_label(label));
         let seen: Vec<Vec<f64>> = sites.map(|site| scalp.weights(site, REACH)).collect();
-        // Powers of independent sources add up; an electrode between them sees all three.
+        // The powers of independent sources add. An electrode near all three receives three times
+        // the power of one source, so each source is scaled by 1 / sqrt(3).
         let scale = rms_uv / f64::from(3_u8).sqrt();
         let mixing = (0..scalp.electrodes())
             .map(|electrode| seen.iter().map(|row| row[electrode] * scale).collect())

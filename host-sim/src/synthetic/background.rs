@@ -7,17 +7,18 @@ use super::{
     scalp::Scalp,
 };
 
-/// Corner frequencies of the low-pass noises that make up a source, Hz. Each has four times the
-/// corner and half the variance of the one before. Their sum falls as 1/f^1.5 from the first corner to
-/// the last.
+/// Corner frequencies of the low-pass noises whose sum is one source, Hz. Each noise has four times
+/// the corner frequency and half the variance of the previous one. The power spectrum of the sum
+/// falls as 1/f^1.5 from the first corner to the last.
 const CORNERS: [f64; 5] = [0.5, 2.0, 8.0, 32.0, 128.0];
 
 /// Share of a source's variance within 0.5-60 Hz: the mean, weighted by variance, of
 /// `2/pi (atan(60 / c) - atan(0.5 / c))` over the corners c.
 const IN_BAND: f64 = 0.633;
 
-/// Reach of a source (see `Scalp::weights`), in radii of the head. With [`COMMON`], correlation
-/// falls with the distance of two electrodes as on a real cap, within 0.5-60 Hz:
+/// Reach of a source (see `Scalp::weights`), in radii of the head. Together with [`COMMON`], the
+/// reach sets how the correlation between two electrodes (within 0.5-60 Hz) falls with the distance
+/// between them. The result is close to a recording:
 ///
 /// | Distance, radii | Generator, measured | EEGMMIDB S001R03 |
 /// | --- | --- | --- |
@@ -25,18 +26,19 @@ const IN_BAND: f64 = 0.633;
 /// | 1.1 | 0.60 | 0.65 |
 /// | 1.7 | 0.42 | 0.41 |
 const REACH: f64 = 0.8;
-/// Share of the variance that all electrodes have in common.
+/// Share of each electrode's variance that comes from a source common to all electrodes.
 const COMMON: f64 = 0.3;
 
-/// White sensor noise of each electrode, uV RMS. The ADS1299 contributes about 0.14 (1.0 uV peak to
-/// peak, data sheet SBAS499, table 1); wet electrodes add to it.
+/// White sensor noise of each electrode, uV RMS. An ADS1299 at gain 24 and 512 Hz contributes about
+/// 0.2 (`ads1299::typical_noise_uv`, derived from the data sheet); the rest represents wet
+/// electrodes.
 const SENSOR_UV: f64 = 0.3;
 
 #[derive(Debug, Clone)]
 pub(super) struct Background {
     noise: Noise,
     sources: Vec<[LowPassNoise; CORNERS.len()]>,
-    /// Amplitude of each source at each electrode, uV RMS; one row of sources per electrode.
+    /// Amplitude of each source at each electrode, uV RMS: `mixing[electrode][source]`.
     mixing: Vec<Vec<f64>>,
     now: Vec<f64>,
     sensor_uv: f64,
@@ -75,7 +77,8 @@ impl Background {
     }
 
     pub(super) fn add(&mut self, microvolts: &mut [f64]) {
-        // The variances 1, 1/2, ... 1/16 sum to 31/16.
+        // The variances 1, 1/2, ... 1/16 of the noises sum to 31/16. Scale the variance within
+        // 0.5-60 Hz to 1.
         let scale = (16.0 / 31.0 / IN_BAND).sqrt();
         let half = 0.5_f64.sqrt();
         for (now, source) in self.now.iter_mut().zip(&mut self.sources) {

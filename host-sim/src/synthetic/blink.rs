@@ -4,13 +4,13 @@ use recordings::Position;
 
 use super::{noise::Noise, scalp::Scalp};
 
-/// Electrode with the largest amplitude.
+/// Electrode at which blinks have their largest amplitude.
 const SITE: &str = "Fpz";
 /// Reach of a blink (see `Scalp::weights`), in radii of the head.
 const REACH: f64 = 0.8;
-/// Duration of a blink's rise, s.
+/// Time from the start of a blink to its peak, s.
 const RISE_S: f64 = 0.1;
-/// Duration of a blink's fall, s.
+/// Time from the peak of a blink to its end, s.
 const FALL_S: f64 = 0.2;
 
 #[derive(Debug, Clone)]
@@ -18,9 +18,10 @@ pub(super) struct Blinks {
     noise: Noise,
     rate: f64,
     weights: Vec<f64>,
-    /// Samples until the next blink; counts down between blinks.
+    /// Number of samples until the next blink; decreases between blinks.
     wait: u32,
-    /// Time since the blink's start, s, and its peak at the site, uV; `None` between blinks.
+    /// Time since the start of the current blink, s, and its peak amplitude at [`SITE`], uV; `None`
+    /// between blinks.
     now: Option<(f64, f64)>,
 }
 
@@ -56,7 +57,7 @@ impl Blinks {
     }
 }
 
-/// Returns 0 below 0, 1 above 1 and `x^2 (3 - 2x)` between.
+/// Returns 0 for `x` below 0, 1 for `x` above 1 and `x^2 (3 - 2x)` between.
 fn smoothstep(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)

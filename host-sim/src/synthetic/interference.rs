@@ -19,7 +19,7 @@ pub(super) struct Interference {
 
 #[derive(Debug, Clone)]
 struct ElectrodeInterference {
-    /// Amplitudes of the mains' cosine and sine, uV.
+    /// Amplitudes of the mains voltage's cosine and sine parts, uV.
     mains_uv: (f64, f64),
     offset_uv: f64,
     drift: LowPassNoise,
@@ -30,8 +30,8 @@ impl Interference {
         let rate = f64::from(spec.rate_hz);
         let mut electrode = || {
             let amplitude = spec.mains_uv * noise.uniform(0.5, 1.5);
-            // Cosine and sine of the phase, from the tangent of half the phase: within +-33
-            // degrees.
+            // Draw the tangent of half the phase and compute the phase's cosine and sine from it,
+            // without trigonometric functions. The phase is within +-33 degrees.
             let tangent = noise.uniform(-0.3, 0.3);
             let scale = amplitude / (1.0 + tangent * tangent);
             ElectrodeInterference {

@@ -5,23 +5,24 @@ use rand_chacha::{
     rand_core::{Rng, SeedableRng},
 };
 
-/// A seeded stream of random numbers.
+/// A stream of random numbers from ChaCha8, equal for equal seeds.
 #[derive(Debug, Clone)]
 pub(super) struct Noise {
     random: ChaCha8Rng,
 }
 
 impl Noise {
-    /// Creates the stream with this number; streams of one seed are independent of each other.
+    /// Creates the random stream number `stream` of `seed`. Different streams of a seed are
+    /// independent.
     pub(super) fn new(seed: u64, stream: u64) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(stream);
         Self { random }
     }
 
-    /// Returns a number of mean 0 and variance 1, |x| <= 3.47: the scaled sum of four uniform 16-bit
-    /// numbers. Every caller sums dozens of them, so the result is close to normal, without the logarithm
-    /// that Box-Muller would need.
+    /// Returns a number of mean 0 and variance 1, |x| <= 3.47: the scaled sum of four uniform
+    /// 16-bit numbers. This is close to a normal distribution and does not need the logarithm of
+    /// the Box-Muller method.
     pub(super) fn normal(&mut self) -> f64 {
         let bits = self.random.next_u64();
         let [a, b, c, d, e, f, g, h] = bits.to_le_bytes();
@@ -30,16 +31,18 @@ impl Noise {
             .iter()
             .map(|part| u32::from(u16::from_le_bytes(*part)))
             .sum();
-        // Mean 4 * 65535 / 2; variance 4 * (65536^2 - 1) / 12.
+        // Subtract the mean, `4 * 65535 / 2`, and divide by the root of the variance,
+        // `4 * (65536^2 - 1) / 12`.
         (f64::from(sum) - 131_070.0) / 37_837.227_2
     }
 
-    /// Returns a uniform number within low..high.
+    /// Returns a uniformly distributed number in `low..high`.
     pub(super) fn uniform(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * (f64::from(self.random.next_u32()) / 4_294_967_296.0)
     }
 
-    /// Returns a random duration between `low` and `high` s as a number of samples, at least 1.
+    /// Returns a random duration between `low` and `high` seconds as a number of samples at `rate`
+    /// Hz, at least 1.
     pub(super) fn samples(&mut self, low: f64, high: f64, rate: f64) -> u32 {
         #[expect(
             clippy::cast_possible_truncation,
@@ -50,7 +53,7 @@ impl Noise {
         samples.max(1)
     }
 
-    /// Returns a uniform index below `count`, `count` > 0.
+    /// Returns a uniformly distributed index below `count`, which must be above 0.
     pub(super) fn index(&mut self, count: usize) -> usize {
         let scaled = (u128::from(self.random.next_u64()) * count as u128) >> 64;
         usize::try_from(scaled).unwrap_or(0)
@@ -66,7 +69,8 @@ pub(super) struct LowPassNoise {
 }
 
 impl LowPassNoise {
-    /// Creates the noise with a random first value; corner frequency and rate in Hz.
+    /// Creates the noise with a random first value. `corner` is the corner frequency, Hz; `rate` is
+    /// the sample rate, Hz.
     pub(super) fn new(corner: f64, rate: f64, noise: &mut Noise) -> Self {
         let pole = pole(corner, rate);
         Self {
@@ -83,7 +87,8 @@ impl LowPassNoise {
 }
 
 /// Returns the pole of a first-order low-pass by the bilinear transform,
-/// `(1 - pi f / rate) / (1 + pi f / rate)`. A rational function, so equal on every platform.
+/// `(1 - pi f / rate) / (1 + pi f / rate)`. This is a rational function, so the result is equal on
+/// every platform.
 pub(super) fn pole(corner: f64, rate: f64) -> f64 {
     let angle = std::f64::consts::PI * corner / rate;
     (1.0 - angle) / (1.0 + angle)

@@ -3,15 +3,16 @@
 /// A point that rotates on a circle by `frequency / rate` of a turn per sample.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Phasor {
-    /// Cosine and sine of the angle per sample.
+    /// Cosine and sine of the angle by which the point rotates per sample.
     rotation: (f64, f64),
-    /// Cosine and sine of the angle; [`Alpha`](super::alpha::Alpha) adds noise to both.
+    /// Coordinates of the point. [`Alpha`](super::alpha::Alpha) adds noise to both.
     pub(super) point: (f64, f64),
 }
 
 impl Phasor {
-    /// Starts at (1, 0). Cosine and sine of one sample's angle come from their series instead of the
-    /// platform: eight halvings make the angle < 0.0123, where four terms leave an error below 1e-19.
+    /// Creates a phasor at (1, 0). The platform's cosine and sine are not used, because they differ
+    /// between platforms. Instead, the angle per sample is halved eight times to less than 0.0123,
+    /// where four terms of each series leave an error below 1e-19. Eight doublings follow.
     pub(super) fn new(frequency: f64, rate: f64) -> Self {
         let angle = std::f64::consts::TAU * frequency / rate / 256.0;
         let square = angle * angle;
@@ -26,7 +27,8 @@ impl Phasor {
         }
     }
 
-    /// Rotates by one sample and keeps the radius at 1: `(3 - r^2) / 2` is 1 / r near r = 1.
+    /// Rotates by one sample and returns the point. The factor `(3 - r^2) / 2`, which is close to
+    /// `1 / r` near r = 1, keeps the radius r at 1.
     pub(super) fn advance(&mut self) -> (f64, f64) {
         self.rotate(1.0);
         let (x, y) = self.point;

@@ -1,8 +1,9 @@
-//! Episodes with one electrode at the ADC's rail, as when it comes loose.
+//! Episodes with one electrode at the ADC's rail, as if the electrode had come loose.
 
 use super::noise::Noise;
 
-/// Added voltage, uV: far beyond the ADC's +-187,500 uV, so the count saturates in any case.
+/// Added voltage, uV: far beyond the ADC's +-187,500 uV, so the count is clipped whatever the other
+/// components are.
 const RAIL_UV: f64 = 1e6;
 
 #[derive(Debug, Clone)]
@@ -11,7 +12,8 @@ pub(super) struct Rails {
     electrodes: usize,
     rate: f64,
     wait: u32,
-    /// Electrode, added voltage in uV and remaining samples; `None` between episodes.
+    /// Index of the electrode, added voltage in uV and number of remaining samples of the current
+    /// episode; `None` between episodes.
     now: Option<(usize, f64, u32)>,
 }
 

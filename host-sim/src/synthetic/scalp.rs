@@ -1,18 +1,20 @@
-//! Sensitivity of the electrodes to sources under the scalp.
+//! Positions of the electrodes, and the weights of sources under the scalp at each electrode.
 
 use recordings::Position;
 
 use super::spec::SyntheticError;
 
-/// Positions of the electrodes.
+/// Positions of the electrodes on the unit sphere, in the order of the spec.
 #[derive(Debug, Clone)]
 pub(super) struct Scalp {
     positions: Vec<Position>,
 }
 
 impl Scalp {
+    /// Looks up the positions of the electrodes with these labels.
+    ///
     /// # Errors
-    /// [`SyntheticError::UnknownElectrode`].
+    /// [`SyntheticError::UnknownElectrode`] for a label that is not in the 10-5 system.
     pub(super) fn new(labels: &[String]) -> Result<Self, SyntheticError> {
         let position = |label: &String| {
             Position::from_label(label).ok_or_else(|| SyntheticError::UnknownElectrode {
@@ -28,11 +30,11 @@ impl Scalp {
         self.positions.len()
     }
 
-    /// Returns the weight of a source at each electrode, 0..=1: `1 / (1 + d^2 / reach^2)^2`, with d the
-    /// straight distance between points of the unit sphere.
+    /// Returns the weight of a source at each electrode, 0..=1: `1 / (1 + d^2 / reach^2)^2`, where
+    /// d is the straight distance between source and electrode on the unit sphere.
     ///
-    /// The formula is a bell curve without an exponential. Rounding to 2^-20 removes the last bits
-    /// of the positions, which differ with the platform's sines.
+    /// The formula is a bell curve without an exponential. Weights are rounded to 2^-20, which
+    /// hides differences in the last bits of the positions between platforms.
     pub(super) fn weights(&self, source: Position, reach: f64) -> Vec<f64> {
         let weight = |position: &Position| {
             let bell = 1.0 + position.chord_squared(source) / (reach * reach);

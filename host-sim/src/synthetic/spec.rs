@@ -1,4 +1,4 @@
-//! Parameters of synthetic EEG, and what can be wrong with them.
+//! Parameters of synthetic EEG, and the errors for invalid parameters.
 
 use recordings::virtual_adc::CHANNELS;
 use thiserror::Error;
@@ -10,32 +10,35 @@ pub struct SyntheticSpec {
     pub seed: u64,
     /// Samples per second, Hz, 128..=16,000.
     pub rate_hz: u32,
-    /// Labels of the 10-5 system; electrode e is on ADC channel e.
+    /// Labels of the electrodes in the 10-5 system; the first one is on ADC channel 0, and so on.
     pub electrodes: Vec<String>,
-    /// Background, uV RMS within 0.5-60 Hz; each electrode has a random 0.7 to 1.3 times this.
+    /// Background, uV RMS within 0.5-60 Hz. A random factor of 0.7 to 1.3 scales it at each
+    /// electrode.
     pub background_uv: f64,
     /// Alpha rhythm over the back of the head during a burst, uV RMS.
     pub alpha_uv: f64,
     /// Mains frequency, Hz, > 0 and below half the rate.
     pub mains_hz: u32,
-    /// Mean amplitude (peak) of mains interference, uV; each electrode has a random 0.5 to 1.5 times
-    /// this.
+    /// Mean peak amplitude of mains interference, uV. A random factor of 0.5 to 1.5 scales it at
+    /// each electrode.
     pub mains_uv: f64,
-    /// Largest electrode offset, mV, either sign.
+    /// Largest absolute value of an electrode's offset, mV. Each electrode has a random offset of
+    /// either sign.
     pub offset_mv: f64,
     /// Slow drift on top of the offset, uV RMS.
     pub drift_uv: f64,
-    /// Adds blinks: 150 to 300 uV at Fpz, every 2 to 7 s.
+    /// Adds a blink of 150 to 300 uV at Fpz every 2 to 7 s.
     pub blinks: bool,
-    /// Drives single electrodes to the ADC's rail: for 0.2 to 1.5 s, every 5 to 20 s.
+    /// Drives a random electrode to the ADC's rail for 0.2 to 1.5 s, every 5 to 20 s.
     pub rails: bool,
 }
 
 impl SyntheticSpec {
-    /// Returns the parameters of a recording at rest: 512 Hz, 50 Hz mains, blinks, no rails.
+    /// Returns the parameters of EEG recorded at rest: 512 Hz, 50 Hz mains, blinks, no rails.
     ///
-    /// Slope and spatial correlation are those of a real cap (EEGMMIDB S001R03: 1/f^1.6 from 2 to
-    /// 40 Hz). With alpha and blinks the RMS is 24 to 46 uV within 0.5-60 Hz (seed 7, 120 s).
+    /// Spectral slope and spatial correlation are close to those of a recording (EEGMMIDB S001R03:
+    /// 1/f^1.6 from 2 to 40 Hz). Including alpha and blinks, the electrodes' RMS values are 24 to
+    /// 46 uV within 0.5-60 Hz (measured with seed 7 over 120 s).
     pub fn new(seed: u64, electrodes: impl IntoIterator<Item = impl Into<String>>) -> Self {
         Self {
             seed,

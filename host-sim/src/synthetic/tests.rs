@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// The electrodes of the scalp grid, and three at the front and back of the head.
+/// The electrodes of the scalp grid, then Fpz at the front and O1 and O2 at the back of the head.
 const LABELS: &str = "F3 F1 Fz F2 F4 FFC5 FFC3 FFC1 FFC2 FFC4 FFC6 FC5 FC3 FC1 FCz FC2 FC4 FC6 \
     FTT7 FCC5 FCC3 FCC1 FCC2 FCC4 FCC6 FTT8 C5 C3 C1 Cz C2 C4 C6 TTP7 CCP5 CCP3 CCP1 CCP2 CCP4 CCP6 \
     TTP8 CP5 CP3 CP1 CPz CP2 CP4 CP6 CPP5 CPP3 CPP1 CPP2 CPP4 CPP6 P3 P1 Pz P2 P4 PPO1 PPO2 \
@@ -31,7 +31,7 @@ fn channel(label: &str) -> usize {
         .expect("in the list")
 }
 
-/// Generates `seconds` of all channels, uV, one vector per channel.
+/// Generates samples for `seconds` s and returns one vector per channel, uV.
 fn generate(spec: &SyntheticSpec, seconds: usize) -> Vec<Vec<f64>> {
     let lsb_uv = AdcSpec::ads1299(512).lsb_uv;
     let generator = Generator::new(spec).expect("a usable spec");
@@ -44,7 +44,7 @@ fn generate(spec: &SyntheticSpec, seconds: usize) -> Vec<Vec<f64>> {
     traces
 }
 
-/// Returns the amplitude (peak) at a frequency, uV: mean power over Hann windows of four seconds.
+/// Returns the peak amplitude at `hz`, uV, from the mean power in Hann windows of four seconds.
 fn amplitude(trace: &[f64], hz: f64) -> f64 {
     let window = 4 * 512;
     let powers: Vec<f64> = trace
@@ -108,8 +108,8 @@ fn the_background_falls_with_its_exponent() {
         let near = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|d| amplitude(&traces[channel("Cz")], hz + d));
         near.iter().map(|a| a * a).sum::<f64>().log2()
     };
-    // Each range spans two octaves. The exponent is 1.5 by design; 60 windows x 5 lines resolve
-    // it to about 0.1.
+    // Each range spans two octaves. The exponent is 1.5 by design; the mean over 60 windows and 5
+    // spectral lines has an uncertainty of about 0.1.
     for (low, high) in [(3.0, 12.0), (10.0, 40.0)] {
         let exponent = (power(low) - power(high)) / 2.0;
         assert!(
@@ -126,13 +126,13 @@ fn amplitudes_are_as_specified() {
         .iter()
         .step_by(9)
         .map(|trace| {
-            // The noise bandwidth of a Hann window is 1.5 lines.
+            // Divide by the noise bandwidth of a Hann window, which is 1.5 spectral lines.
             let power = (2..=240).map(|line| amplitude(trace, f64::from(line) / 4.0).powi(2) / 2.0);
             (power.sum::<f64>() / 1.5).sqrt()
         })
         .collect();
-    // By design 20 uV times 0.7 to 1.3; the RMS of 40 s of slow noise has an uncertainty of about
-    // 10 %.
+    // By design the RMS is 20 uV times 0.7 to 1.3, so 14 to 26 uV. The limits are wider, because
+    // the RMS of 40 s of slow noise has an uncertainty of about 10 %.
     assert!(
         found.iter().all(|rms| (12.0..30.0).contains(rms)),
         "{found:?}"
@@ -206,7 +206,8 @@ fn mains_has_its_frequency_and_amplitude() {
         let hz = f64::from(mains_hz);
         let found: Vec<f64> = traces.iter().map(|trace| amplitude(trace, hz)).collect();
         assert!(found.iter().all(|uv| (9.9..30.1).contains(uv)), "{found:?}");
-        // The mean of 64 uniform numbers of SD 5.8 is within 3 * 5.8 / 8 of 20.
+        // The amplitudes are uniform within 10 to 30 uV, so their SD is 5.8 uV. Three standard
+        // errors of the mean of 64 amplitudes are 3 * 5.8 / 8 = 2.2 uV.
         assert!((mean(&found) - 20.0).abs() < 2.2, "{}", mean(&found));
         let widest =
             found.iter().copied().fold(0.0, f64::max) / found.iter().copied().fold(99.0, f64::min);

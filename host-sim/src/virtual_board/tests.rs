@@ -1,4 +1,4 @@
-//! Answers and codes of a virtual board.
+//! Tests of the answers and codes of a virtual board.
 
 use link::{Decoder, Encoder, Flags, MAX_FRAME, Streams, ToDevice, ToHost};
 
@@ -177,7 +177,7 @@ fn every_second_of_a_stream_the_quality_of_each_electrode_is_sent() {
     let mut host = Encoder::default();
     for command in [START, ToDevice::Stop, START] {
         send(&mut board, &mut host, command);
-        // A second and a half: the incomplete second is not reported.
+        // Process 1.5 s of samples. The incomplete second has no report.
         for index in 0..3 * model::ADC_RATE_HZ / 2 {
             let mut sample = Sample::default();
             sample.counts[3] = if index < 100 { Sample::MAX } else { 0 };

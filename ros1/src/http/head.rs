@@ -16,7 +16,8 @@ pub enum HttpError {
     /// The connection ended inside a message.
     #[error("the connection ended inside the HTTP message")]
     Truncated,
-    /// The head is longer than 32 KiB.
+    /// The head is longer than 32 KiB. Also returned for a chunk-size line longer than 256 bytes
+    /// and a trailer longer than 8 KiB.
     #[error("the HTTP head is longer than {MAX_HEAD} bytes")]
     HeadTooLong,
     /// The body is longer than the limit; holds the limit in bytes.
@@ -27,7 +28,7 @@ pub enum HttpError {
     Malformed(String),
 }
 
-/// The parts of an HTTP head that determine how the body is read and the connection continues.
+/// The parts of an HTTP head that determine how to read the body and when to close the connection.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Head {
     /// Request line (`POST / HTTP/1.1`) or status line (`HTTP/1.1 200 OK`).
@@ -89,7 +90,7 @@ pub(crate) async fn read_head<S: AsyncBufRead + Unpin>(
 }
 
 /// Reads one line and strips its line end; returns `None` at the end of the stream. `left` is the
-/// number of bytes that may still be read; it is reduced by the length of the line.
+/// number of bytes that may still be read; it is reduced by the number of bytes read.
 pub(super) async fn read_line<S: AsyncBufRead + Unpin>(
     stream: &mut S,
     left: &mut usize,

@@ -35,8 +35,8 @@ struct State {
 }
 
 impl Api {
-    /// Creates a master without registrations. `request_shutdown` is set when a caller asks the
-    /// master to shut down.
+    /// Creates a master without registrations. `request_shutdown` becomes true when a caller asks
+    /// the master to shut down.
     pub(super) fn new(uri: String, request_shutdown: watch::Sender<bool>) -> Self {
         Self {
             uri,
@@ -46,8 +46,8 @@ impl Api {
         }
     }
 
-    /// Answers one XML-RPC call. The value is a [`Reply`] as an array; an unknown method is a
-    /// fault.
+    /// Answers one XML-RPC call with a [`Reply`] as an array, or with a fault if the method is
+    /// unknown.
     pub(super) fn answer(&self, method: &str, arguments: &[Value]) -> Result<Value, Fault> {
         let Some(signature) = signature(method) else {
             let message = format!("<class 'Exception'>:method \"{method}\" is not supported");
@@ -60,7 +60,7 @@ impl Api {
         Ok(reply.into())
     }
 
-    /// Executes `method`. The signature has already checked and converted `arguments`.
+    /// Executes `method`. `Signature::check` has already checked and converted `arguments`.
     fn dispatch(&self, method: &str, caller: &str, arguments: &[Value]) -> Reply {
         let mut state = lock(&self.state);
         let text = |at: usize| text(arguments, at);
@@ -183,7 +183,8 @@ impl Api {
     }
 }
 
-/// Returns the string argument at index `at`. The signature has already checked that it exists.
+/// Returns the string argument at index `at`. `Signature::check` has already checked that the
+/// argument exists.
 fn text(arguments: &[Value], at: usize) -> &str {
     arguments
         .get(at)

@@ -2,8 +2,8 @@
 
 use crate::{names::resolve, xmlrpc::Value};
 
-/// Check and conversion of one argument. Each variant but `Any` holds the argument's name for error
-/// messages.
+/// Check and conversion of one argument. Each variant except `Any` holds the argument's name for
+/// error messages.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Check {
     /// A non-empty name, resolved to its full form.
@@ -16,7 +16,7 @@ pub(super) enum Check {
     Type(&'static str),
     /// A non-empty string, kept as received.
     Text(&'static str),
-    /// An empty string, kept; or a name, resolved to its full form.
+    /// Either an empty string, which is kept, or a name, which is resolved to its full form.
     Subgraph(&'static str),
     /// Any value except nil.
     Value(&'static str),

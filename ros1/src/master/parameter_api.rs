@@ -19,7 +19,7 @@ pub(super) struct ParameterApi<'a> {
 }
 
 impl ParameterApi<'_> {
-    /// Executes `method`. The signature has already checked and converted `arguments`.
+    /// Executes `method`. `Signature::check` has already checked and converted `arguments`.
     pub(super) fn dispatch(self, method: &str, caller: &str, arguments: &[Value]) -> Reply {
         let text = |at: usize| {
             arguments

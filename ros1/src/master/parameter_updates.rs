@@ -72,8 +72,8 @@ fn push_branch<'a>(names: &mut Vec<(String, &'a Value)>, branch: &str, value: &'
     }
 }
 
-/// Returns the canonical form of `key` with a trailing slash, which is the form of stored
-/// subscriptions.
+/// Returns the canonical form of `key` with a trailing slash. Subscriptions are stored in this
+/// form.
 pub(super) fn with_slash(key: &str) -> String {
     if key == "/" {
         key.to_owned()

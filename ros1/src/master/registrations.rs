@@ -1,5 +1,5 @@
-//! Registrations at the master: publishers, subscribers, services and parameter subscribers, in the
-//! order of registration as rosmaster lists them.
+//! Registrations at the master: publishers, subscribers, services and parameter subscribers. Like
+//! rosmaster, lists them in the order of registration.
 
 use std::collections::HashMap;
 
@@ -39,14 +39,15 @@ pub(super) struct Registrations {
     parameter_subscribers: Register,
     /// Maps a service name to its provider: (node name, service URI).
     service_uris: HashMap<String, (String, String)>,
-    /// True once any service has been registered. Some error messages of rosmaster depend on it.
+    /// True once any service has been registered. The error message for an unregistered service
+    /// depends on this, as in rosmaster.
     had_service: bool,
 }
 
 impl Registrations {
     /// Registers `node` for the topic, service or parameter `key`. If a node of the same name but
-    /// another XML-RPC URI was registered, removes the old one and returns its URI, so that the
-    /// caller can ask it to shut down.
+    /// another XML-RPC URI was registered, removes the old node and returns its URI, so that the
+    /// caller can ask that node to shut down.
     pub(super) fn register(
         &mut self,
         kind: Kind,
@@ -87,7 +88,7 @@ impl Registrations {
         displaced
     }
 
-    /// Registers a service at `uri`. Returns the URI of a displaced node, as
+    /// Registers the service `service` at `uri`. Returns the XML-RPC URI of a displaced node, as
     /// [`Registrations::register`] does.
     pub(super) fn register_service(
         &mut self,
@@ -103,8 +104,8 @@ impl Registrations {
         displaced
     }
 
-    /// Removes the registration of the node (`node`, `api`). Returns rosmaster's message and
-    /// whether the registration existed.
+    /// Removes the registration of the node named `node` with the XML-RPC URI `api`. Returns
+    /// rosmaster's message and whether the registration existed.
     pub(super) fn unregister(
         &mut self,
         kind: Kind,

@@ -1,4 +1,4 @@
-//! The arguments of each XML-RPC method of the master, and how they are checked.
+//! The checks for the arguments of each XML-RPC method of the master.
 
 use super::arguments::{Check, check};
 use crate::xmlrpc::Value;

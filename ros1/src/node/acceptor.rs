@@ -21,7 +21,7 @@ use crate::{
 const MAX_CONNECTIONS: usize = 1024;
 /// Delay after a failed accept, for example when no file descriptor is left.
 const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
-/// Longest time after the start of a shutdown in which messages already queued are still sent.
+/// Longest time after the start of a shutdown during which queued messages are still sent.
 const DRAIN_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Accepts connections until `stopped` is set, then waits until the queues are empty, for at most

@@ -38,7 +38,7 @@ pub(crate) struct Graph {
     pub(crate) services: BTreeMap<String, Arc<Provider>>,
     /// Topics and services whose registration the master has accepted.
     pub(crate) registered: HashSet<Key>,
-    /// Topics and services whose handle was dropped and that still have to be unregistered.
+    /// Topics and services that still have to be unregistered after their handle was dropped.
     pub(crate) leaving: HashSet<Key>,
     /// Topics and services that the master refused at the last attempt. Used to log each refusal
     /// only once.

@@ -7,8 +7,8 @@ use std::{
 
 use super::{graph::Key, registrar::Registrar};
 
-/// Keeps one topic or service in the node's graph. Dropping the lease removes it from the graph and
-/// unregisters it.
+/// Keeps one topic or service in the node's graph. Dropping the lease removes the topic or service
+/// from the graph and unregisters it.
 pub(crate) struct Lease {
     key: Key,
     registrar: Weak<Registrar>,

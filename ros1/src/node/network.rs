@@ -1,5 +1,5 @@
-//! Chooses the network addresses of a node: the one it listens on and the one it reports to the
-//! master.
+//! Chooses the network addresses of a node: the address to listen on and the address to report to
+//! the master.
 
 use std::{
     io,

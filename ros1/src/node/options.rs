@@ -1,5 +1,5 @@
-//! Options of a node (name, master, network address, remaps), read from code, environment and
-//! command line.
+//! Options of a node (name, master, network address, remaps), set in code or read from environment
+//! and command line.
 
 use std::path::PathBuf;
 
@@ -17,12 +17,12 @@ pub struct NodeOptions {
     pub namespace: String,
     /// XML-RPC URI of the master, `http://HOST:PORT/`.
     pub master_uri: String,
-    /// Host name or address under which other nodes reach this one. `None` selects the address of
-    /// the network interface on the route to the master. If `host` is a loopback address, only
-    /// programs on this machine reach the node.
+    /// Host name or address at which other nodes reach this node. `None` selects the address of the
+    /// network interface on the route to the master. If `host` is a loopback address, only programs
+    /// on this machine reach the node.
     pub host: Option<String>,
-    /// Listens on IPv6 in addition to IPv4 if `host` is a name. An IPv6 address in `host` does not
-    /// need this.
+    /// Whether to listen on IPv6 in addition to IPv4 if `host` is a name. If `host` is an IPv6
+    /// address, the node listens on IPv6 in any case.
     pub ipv6: bool,
     /// Name remaps as pairs (from, to): a name that resolves to `from` is replaced by `to`.
     pub remaps: Vec<(String, String)>,

@@ -6,7 +6,7 @@ use super::lease::Lease;
 use crate::topic::publication::Publication;
 
 /// Handle of a topic that this node publishes. All clones publish on the same topic; dropping the
-/// last clone unregisters it.
+/// last clone unregisters the topic.
 #[derive(Debug, Clone)]
 pub struct Publisher {
     publication: Arc<Publication>,
@@ -22,12 +22,12 @@ impl Publisher {
     }
 
     /// Queues one message body for every subscriber, without waiting. Returns the number of
-    /// subscribers.
+    /// subscribers, or 0 if the body was too long.
     ///
     /// All subscriber queues share one copy of the body; without subscribers no memory is
     /// allocated. A full queue drops its oldest message. A body longer than
     /// [`MAX_MESSAGE`](crate::tcpros::MAX_MESSAGE) is dropped for all subscribers.
-    /// [`Publisher::dropped`] counts both cases.
+    /// [`Publisher::dropped`] counts the messages dropped for either reason.
     pub fn publish(&self, message: &[u8]) -> u32 {
         self.publication.publish(message)
     }

@@ -23,10 +23,10 @@ use crate::{
 const ONLINE_PERIOD: Duration = Duration::from_secs(1);
 /// Period of the registration check while the master does not answer.
 const OFFLINE_PERIOD: Duration = Duration::from_millis(500);
-/// Longest time that advertising or subscribing waits for a master that accepts a connection but
+/// Longest time that adding a topic or service waits for a master that accepts the connection but
 /// does not answer.
 const REGISTER_TIMEOUT: Duration = Duration::from_secs(2);
-/// Longest time for all unregistrations at shutdown together.
+/// Time limit for all unregistrations at shutdown together.
 const UNREGISTER_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Registration state of a node, and the calls that bring the master's registrations into line with
@@ -45,8 +45,8 @@ pub(crate) struct Registrar {
     pub(crate) online: watch::Sender<bool>,
     pub(crate) shutdown_requested: watch::Sender<bool>,
     released: mpsc::UnboundedSender<Key>,
-    /// True if the last call to the master timed out. Then only the background registration task
-    /// waits for the master.
+    /// True if the last call to the master timed out. While it is true, only the background
+    /// registration task waits for the master.
     unresponsive: AtomicBool,
     /// Serialises calls to the master, so that they arrive in the order in which the graph changed.
     master_calls: tokio::sync::Mutex<()>,
@@ -77,8 +77,8 @@ impl Registrar {
         (registrar, released_keys)
     }
 
-    /// Body of the registration task: checks the master periodically, registers whatever the master
-    /// has lost, and unregisters released topics and services. Runs until aborted.
+    /// Body of the registration task: checks the master periodically, registers all topics and
+    /// services that the master does not have, and unregisters released ones. Runs until aborted.
     pub(crate) async fn run(self: Arc<Self>, mut released_keys: mpsc::UnboundedReceiver<Key>) {
         let mut next = Instant::now();
         loop {
@@ -96,13 +96,13 @@ impl Registrar {
         }
     }
 
-    /// Asks the master whether it knows this node and registers every key that it does not know.
+    /// Asks the master whether it knows this node, and registers every key that is not registered.
     /// Returns the refused keys, each with the master's error. An unreachable master is not a
     /// refusal.
     pub(crate) async fn sync(&self) -> Vec<(Key, CallError)> {
         let _calls = self.master_calls.lock().await;
         // If another node has taken this node's name, do not register: registering would displace
-        // it.
+        // that node.
         if *self.shutdown_requested.borrow() {
             return Vec::new();
         }
@@ -116,8 +116,8 @@ impl Registrar {
                     self.shutdown_requested.send_replace(true);
                     return Vec::new();
                 }
-                // The master has the URI of an earlier process of the same name; registering
-                // displaces it.
+                // The master has the URI of an earlier node of the same name; registering displaces
+                // that node.
             }
             Err(CallError::Refused { .. }) => lock(&self.graph).registered.clear(),
             Err(error) => {

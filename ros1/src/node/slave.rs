@@ -24,8 +24,8 @@ pub(crate) struct Slave {
 }
 
 impl Slave {
-    /// Answers one XML-RPC call. The value is a [`Reply`] as an array; an unknown method is a
-    /// fault.
+    /// Answers one XML-RPC call with a [`Reply`] as an array, or with a fault if the method is
+    /// unknown.
     pub(crate) fn answer(&self, method: &str, arguments: &[Value]) -> Result<Value, Fault> {
         let Some(node) = self.registrar.upgrade() else {
             return Ok(Reply::failure("the node is shutting down", 0).into());
@@ -109,8 +109,8 @@ fn publisher_update(node: &Registrar, arguments: &[Value]) -> Reply {
     success(0)
 }
 
-/// Returns one array per connection: ID, peer, direction, transport, topic, whether it is
-/// connected, and a description. This is the result of `getBusInfo`.
+/// Returns the result of `getBusInfo`: one array per connection, which holds its ID, peer,
+/// direction, transport, topic, whether it is open, and a description.
 fn bus_info(node: &Arc<Registrar>) -> Value {
     let graph = lock(&node.graph);
     let mut connections = Vec::new();
@@ -143,8 +143,8 @@ fn bus_info(node: &Arc<Registrar>) -> Value {
     Value::Array(connections)
 }
 
-/// Returns the byte and message counts of each connection, grouped into publications, subscriptions
-/// and services. This is the result of `getBusStats`.
+/// Returns the result of `getBusStats`: the byte and message counts of each connection, grouped
+/// into publications, subscriptions and services.
 fn bus_stats(node: &Arc<Registrar>) -> Value {
     let graph = lock(&node.graph);
     let publications = graph.publications.values().map(|publication| {
@@ -186,7 +186,7 @@ fn loaded(counter: &AtomicU64) -> Value {
     count(counter.load(Relaxed))
 }
 
-/// Converts a count to XML-RPC's 32-bit integer; larger counts become 2^31 - 1.
+/// Converts a count to XML-RPC's 32-bit integer; counts above 2^31 - 1 become 2^31 - 1.
 fn count(number: u64) -> Value {
     Value::Int(i32::try_from(number).unwrap_or(i32::MAX))
 }

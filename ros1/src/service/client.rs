@@ -25,7 +25,7 @@ pub enum ServiceError {
     /// The name is not a ROS name.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// The master does not know the service, or the master does not answer.
+    /// The master does not know the service or does not answer.
     #[error("service {service} cannot be looked up: {source}")]
     Lookup {
         /// Full name of the service after remapping, such as `/lab/reset`.
@@ -131,7 +131,8 @@ impl ServiceClient {
     }
 
     /// Sends the body of a request and returns the body of the response. The call has no time
-    /// limit. If one is needed, wrap the call in a timeout and drop the client when it expires.
+    /// limit. To limit the time, wrap the call in a timeout, and drop the client if the timeout
+    /// expires.
     ///
     /// # Errors
     /// [`ServiceError::Failed`] with the provider's error message; [`ServiceError::Io`] if the

@@ -14,8 +14,8 @@ use crate::{
     tcpros::{Header, HeaderError, read_message_body, type_mismatch, write_message},
 };
 
-/// Longest time between the header exchange and the first byte of a request, for a non-persistent
-/// client. A persistent client can be silent before each call without limit.
+/// Longest time between the header exchange and the length of a non-persistent client's request. A
+/// persistent client can be silent for any time before each call.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest time to receive the body of a request; the same limit applies to sending the response.
 const TRANSFER_TIMEOUT: Duration = Duration::from_mins(1);
@@ -54,7 +54,7 @@ impl Provider {
         }
     }
 
-    /// Closes every connection of the service, after the call in progress on it has been answered.
+    /// Closes every connection of the service. A call in progress is answered first.
     pub(crate) fn close(&self) {
         self.closed.send_replace(true);
     }
@@ -68,8 +68,8 @@ impl Provider {
     ) -> Result<(), HeaderError> {
         let ours = self.service_type;
         let what = format!("service [{}]", self.name);
-        // Compare only the MD5 sum: as the type, clients send the service's, the request's or none
-        // at all.
+        // Compare only the MD5 sum: some clients send the service's type, others the request's type
+        // or none.
         if let Some(mismatch) = type_mismatch(header, &what, "*", ours.md5) {
             tracing::warn!(client = header.get("callerid"), "refused: {mismatch}");
             stream
@@ -117,7 +117,7 @@ impl Provider {
         }
     }
 
-    /// Runs the handler on the thread pool for blocking work, because it can take long.
+    /// Runs the handler on the thread pool for blocking work, because a handler can block.
     async fn run_handler(self: &Arc<Self>, request: Vec<u8>) -> Result<Vec<u8>, String> {
         let provider = Arc::clone(self);
         match tokio::task::spawn_blocking(move || (provider.handler)(&request)).await {

@@ -10,16 +10,17 @@ use tokio::{
 
 use super::message::read_exactly;
 
-/// Longest accepted header, bytes. The largest field, a message definition with all embedded types,
-/// is smaller than 100 KiB.
+/// Longest accepted header, bytes. The largest field in practice is a message definition with all
+/// embedded types, less than 100 KiB.
 pub const MAX_HEADER: usize = 1024 * 1024;
-/// Longest time to open a connection, and longest time to receive the peer's header.
+/// Time limit for opening a connection, and again for receiving the peer's header. A service client
+/// applies one such limit to both together.
 pub(crate) const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Why a connection header could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum HeaderError {
-    /// The connection failed or ended.
+    /// The connection failed or ended before the whole header was transferred.
     #[error("the connection ended before the whole header came: {0}")]
     Io(#[from] io::Error),
     /// The peer did not send its header within 5 s.
@@ -154,8 +155,8 @@ fn checked_length(length: usize) -> Result<u32, HeaderError> {
     }
 }
 
-/// Compares the type in a peer's header with the expected one. Returns an error message if they
-/// differ. `*` matches every type.
+/// Compares the type and MD5 sum in a peer's header with ours. Returns an error message if either
+/// differs. `*` on either side matches everything.
 pub(crate) fn type_mismatch(
     header: &Header,
     what: &str,

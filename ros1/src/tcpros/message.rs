@@ -4,9 +4,9 @@ use std::io::{self, IoSlice};
 
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
 
-/// Longest accepted message body, bytes. A larger length means that the stream is corrupt.
+/// Longest accepted message body, bytes. A larger announced length is treated as a corrupt stream.
 pub const MAX_MESSAGE: usize = 256 * 1024 * 1024;
-/// Buffer size allocated before the first byte of a message body has arrived, bytes.
+/// Largest buffer allocated before the first byte of a message body has arrived, bytes.
 const FIRST_ALLOCATION: usize = 64 * 1024;
 
 /// Reads one message, length and body, and returns the body.

@@ -23,8 +23,8 @@ use crate::{
 /// Queue length and latching of a published topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PublisherOptions {
-    /// Longest queue per subscriber, messages. One more drops that subscriber's oldest message. 0
-    /// counts as 1.
+    /// Capacity of each subscriber's queue, messages; 0 is raised to 1. A full queue drops its
+    /// oldest message to queue a new one.
     pub queue: usize,
     /// Whether the last published message is also sent to each new subscriber.
     pub latch: bool,
@@ -79,7 +79,8 @@ impl Publication {
         }
     }
 
-    /// Queues a message body for every subscriber. Returns the number of subscribers.
+    /// Queues a message body for every subscriber and returns their number. Drops a body longer
+    /// than [`MAX_MESSAGE`] and returns 0.
     pub(crate) fn publish(&self, message: &[u8]) -> u32 {
         if message.len() > MAX_MESSAGE {
             self.dropped.fetch_add(1, Relaxed);
@@ -161,8 +162,8 @@ impl Publication {
         Ok(())
     }
 
-    /// Adds a link to a new subscriber. Its queue starts with the latched message, if any, and then
-    /// receives every message published later.
+    /// Adds a link to a new subscriber. The link's queue starts with the latched message, if any,
+    /// and then receives every message published later.
     fn attach(self: &Arc<Self>, caller: String, peer: SocketAddr) -> AttachedLink {
         let link = Arc::new(SubscriberLink {
             id: self.next_id.fetch_add(1, Relaxed),
@@ -204,8 +205,8 @@ impl Drop for AttachedLink {
 
 impl SubscriberLink {
     async fn send_messages(&self, mut stream: TcpStream) -> std::io::Result<()> {
-        // A subscriber sends nothing after its header, so this read only detects that it has
-        // closed.
+        // A subscriber sends nothing after its header, so this read only detects that the
+        // subscriber has closed the connection.
         let mut ignored = [0; 64];
         loop {
             tokio::select! {

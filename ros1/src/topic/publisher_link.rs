@@ -49,8 +49,8 @@ pub(crate) enum LinkError {
 }
 
 impl LinkError {
-    /// Returns whether publisher and subscriber disagree on the topic's type or the publisher
-    /// refused. The user must resolve these errors; all others can be temporary.
+    /// Returns true if the publisher refused the connection or the two sides disagree on the
+    /// topic's type. The user must resolve these errors; all others can be temporary.
     pub(crate) fn is_refusal(&self) -> bool {
         matches!(self, Self::Refused(_) | Self::TypeMismatch(_))
     }

@@ -67,8 +67,8 @@ impl Subscription {
         }
     }
 
-    /// Replaces the list of publishers by the master's list. A publisher that is not in the list is
-    /// not reconnected, but its open connection is kept until the publisher closes it.
+    /// Replaces the list of publishers with the master's list. A publisher that is not in the list
+    /// is not reconnected, but its open connection is kept until the publisher closes it.
     pub(crate) fn set_publishers(self: &Arc<Self>, publishers: &[String]) {
         lock(&self.links).retain(|uri, running| {
             if publishers.contains(uri) {

@@ -19,8 +19,7 @@ use crate::{
 };
 
 /// Longest time from connecting to the last byte of the answer. A working master answers in
-/// milliseconds. A call that hangs delays the node's next registration, so the limit is only
-/// slightly longer than the 2 s within which a node registers again after a master's restart.
+/// milliseconds. The limit is short, because a call that hangs delays the node's next registration.
 const CALL_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Why an XML-RPC call returned no value.

@@ -304,8 +304,8 @@ impl<'a> Document<'a> {
 
     fn structure(&mut self, depth: u32) -> Result<Value, DecodeError> {
         let mut members: Vec<(String, Value)> = Vec::new();
-        // Index the members by name: a body can hold a million, and a linear search for each of
-        // them would take minutes.
+        // Index the members by name: a body can hold a million members, and a linear search for
+        // each name would take minutes.
         let mut places: HashMap<String, usize> = HashMap::new();
         while self.open_or_close("member")? {
             self.open("name")?;

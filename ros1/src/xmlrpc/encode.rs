@@ -84,8 +84,8 @@ fn push_element(xml: &mut String, tag: &str, text: &str) {
 }
 
 /// Appends text with its special characters escaped. A carriage return becomes a character
-/// reference, because XML parsers convert an unescaped one to a line feed. Characters that XML 1.0
-/// forbids become U+FFFD, because Python's parser would refuse the whole document.
+/// reference, because XML parsers convert an unescaped carriage return to a line feed. Characters
+/// that XML 1.0 forbids become U+FFFD, because Python's parser would refuse the whole document.
 fn push_escaped(xml: &mut String, text: &str) {
     for character in text.chars() {
         match character {

@@ -5,8 +5,8 @@ use super::value::{Fault, Value};
 
 pub(super) const MULTICALL: &str = "system.multicall";
 
-/// Answers each call in a list. The result of a call is an array with its value, or a struct with
-/// its fault.
+/// Answers each call in a list. The result for one call is an array that holds the value, or a
+/// struct that describes the fault.
 pub(super) fn multicall<F>(arguments: &[Value], answer: &F) -> Result<Value, Fault>
 where
     F: Fn(&str, &[Value]) -> Result<Value, Fault>,

@@ -20,15 +20,16 @@ use crate::http::{HttpError, read_body, read_head};
 
 /// Longest time between two requests on a kept-alive connection.
 const IDLE_TIMEOUT: Duration = Duration::from_mins(2);
-/// Three limits: from the start of a connection to the first byte of its first request, from the
-/// first to the last byte of a request, and for sending a response.
+/// Time limit for each of three phases: waiting for the first byte of a connection's first request,
+/// receiving the rest of a request, and sending a response.
 const TRANSFER_TIMEOUT: Duration = Duration::from_secs(10);
-/// Maximum number of open connections; further ones wait in the backlog of the operating system.
+/// Maximum number of open connections; further connections wait in the operating system's backlog.
 const MAX_CONNECTIONS: usize = 256;
 /// Delay after a failed accept, for example when no file descriptor is left.
 const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
 
-/// A running XML-RPC server. Dropping it aborts the server without waiting until the port is free.
+/// A running XML-RPC server. Dropping the value stops the server without waiting until the port is
+/// free.
 #[derive(Debug)]
 pub(crate) struct Server {
     stop: watch::Sender<bool>,
@@ -100,7 +101,7 @@ where
 {
     stream.set_nodelay(true)?;
     let mut stream = BufReader::new(stream);
-    // Before the first complete request, the shorter transfer timeout applies instead of the idle
+    // Until the first request begins, the shorter transfer timeout applies instead of the idle
     // timeout.
     let mut first_byte_timeout = TRANSFER_TIMEOUT;
     loop {

@@ -16,8 +16,8 @@ pub enum Value {
     /// Members of a `<struct>` in document order. Names are unique: a later member replaces an
     /// earlier one of the same name.
     Struct(Vec<(String, Value)>),
-    /// Binary data: the text inside `<base64>`. It is not decoded, because the master only passes
-    /// it on.
+    /// Binary data: the text inside `<base64>`. The text is not decoded, because the master only
+    /// passes it on.
     Base64(String),
     /// Date and time: the text inside `<dateTime.iso8601>`, not parsed.
     DateTime(String),
@@ -44,7 +44,8 @@ impl Value {
         }
     }
 
-    /// Returns an integer, or a boolean as 0 or 1 as Python peers do; `None` for other types.
+    /// Returns the value of an integer, or 0 or 1 for a boolean, as Python does; `None` for other
+    /// types.
     pub fn as_int(&self) -> Option<i32> {
         match self {
             Self::Int(number) => Some(*number),
@@ -61,8 +62,8 @@ impl Value {
         }
     }
 
-    /// Returns the strings in an array, such as publisher URIs. Items of other types are skipped;
-    /// any other value has no strings.
+    /// Returns the strings in an array, such as publisher URIs. Skips items of other types; returns
+    /// an empty list if the value is not an array.
     pub(crate) fn strings(&self) -> Vec<String> {
         let items = self.as_array().unwrap_or_default();
         items

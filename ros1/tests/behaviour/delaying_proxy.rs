@@ -13,7 +13,7 @@ use tokio::{
 use crate::local::{TIMEOUT, socket_address};
 
 /// Forwards every call to a master and holds back the first answer to `method` until
-/// [`DelayingProxy::release`].
+/// [`DelayingProxy::release`] is called.
 pub(crate) struct DelayingProxy {
     held: Arc<Notify>,
     release: Arc<Notify>,

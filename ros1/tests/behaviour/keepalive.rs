@@ -8,8 +8,8 @@ use crate::{
     types::{SET_BOOL, STRING},
 };
 
-/// Returns (number of established sockets with `port` at either end, number of those whose
-/// keepalive timer runs).
+/// Returns the number of established sockets with `port` at either end, and how many of them have a
+/// running keepalive timer.
 fn connections(port: u16) -> (usize, usize) {
     let table = std::fs::read_to_string("/proc/net/tcp").unwrap();
     let port = format!(":{port:04X}");
@@ -48,6 +48,7 @@ async fn both_ends_of_topic_and_service_connections_use_keepalive() {
     let address = tcpros_address(&talker, "/chat").await;
     let (_, port) = address.rsplit_once(':').unwrap();
     let port = port.parse().unwrap();
-    // One topic and one service connection, each with both ends on this machine.
+    // There is one topic connection and one service connection. Both ends of each are on this
+    // machine, so the table lists four sockets.
     wait_until("the keepalive timers", async || connections(port) == (4, 4)).await;
 }

@@ -1,4 +1,4 @@
-//! Start and shutdown of nodes and masters, and nodes of the same name.
+//! Tests of the start and shutdown of nodes and masters, and of two nodes with the same name.
 
 use std::time::Duration;
 
@@ -45,7 +45,7 @@ async fn a_second_node_takes_the_name_and_the_first_is_asked_to_shut_down() {
     let new_topic = new.advertise("/chat", &STRING, LATCH).await.unwrap();
     new_topic.publish(&string("new"));
     timeout(TIMEOUT, old.shutdown_requested()).await.unwrap();
-    // The displaced node must not register its name again.
+    // Wait longer than the node's check period of 1 s: the displaced node must not register again.
     tokio::time::sleep(Duration::from_millis(1500)).await;
     assert!(is_registered(&master, &new).await);
     old.shutdown().await;

@@ -101,7 +101,8 @@ async fn a_silent_master_delays_advertising_only_once_and_gets_the_registrations
         .serve("/serve", &SET_BOOL, |_| Ok(vec![7]))
         .await
         .unwrap();
-    // The four calls together wait for one timeout of 2 s, plus a margin for a busy machine.
+    // The four calls together wait for one timeout of 2 s; the other 2 s are a margin for a busy
+    // machine.
     let waited = started.elapsed();
     assert!(waited < Duration::from_secs(4), "{waited:?}");
     drop(silent);

@@ -46,7 +46,7 @@ async fn the_slave_api_answers_every_method_of_ros() {
     let pid = i32::try_from(std::process::id()).unwrap();
     assert_eq!(ask("getPid", &["/t"]).await.unwrap(), pid.into());
     // The node sends and receives one message of 9 bytes. The sender counts a message only after
-    // writing it, so its counter can change after the message has been received.
+    // writing it, so the sender's counter can change after the message has been received.
     wait_until("the counters", async || {
         let stats = ask("getBusStats", &["/t"]).await.unwrap();
         let [sent, received, _] = stats.as_array().unwrap() else {

@@ -2,14 +2,14 @@
 
 use ros1::{MessageType, ServiceType};
 
-/// MD5 sum printed by `rosmsg md5 std_msgs/String`.
+/// A message with one string. Its MD5 sum is that printed by `rosmsg md5 std_msgs/String`.
 pub(crate) static STRING: MessageType = MessageType {
     name: "std_msgs/String",
     md5: "992ce8a1687cec8c8bd883ec73ca41d1",
     definition: "string data\n",
 };
 
-/// MD5 sum printed by `rossrv md5 std_srvs/SetBool`.
+/// A service that sets a boolean. Its MD5 sum is that printed by `rossrv md5 std_srvs/SetBool`.
 pub(crate) static SET_BOOL: ServiceType = ServiceType {
     name: "std_srvs/SetBool",
     md5: "09fb03525b03e7ea1fd3992bafd87e16",

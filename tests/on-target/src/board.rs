@@ -1,4 +1,5 @@
-//! Runs the image on a board behind its ST-LINK, with probe-rs: `cargo xtask hil --board`.
+//! Runs the image on a board through its ST-LINK, with probe-rs; `cargo xtask hil --board` starts this
+//! program.
 
 use std::env;
 use std::io::{BufRead, BufReader};
@@ -9,19 +10,19 @@ use std::time::Duration;
 
 use on_target::results::{self, Line};
 
-/// Boards by their names on the command line, with probe-rs' names for their microcontrollers.
+/// For each board, its name on the command line and probe-rs's name for its microcontroller.
 const CHIPS: [(&str, &str); 2] = [("h743", "STM32H743ZITx"), ("f446", "STM32F446RETx")];
 
-/// Longest time from the end of one vector to the end of the next on a board that runs at 16 MHz,
-/// and longest time to flash the image.
+/// Time without a line of output after which the run fails. It must exceed the time to flash the image, and
+/// the time of the slowest vector at 16 MHz, the clock of the NUCLEO-F446RE after a reset.
 const SILENCE: Duration = Duration::from_mins(3);
 
-/// Exit status if probe-rs is missing, or the command line is wrong.
+/// Exit status for a wrong command line.
 const MISSING: u8 = 2;
-/// Exit status if no board answers.
+/// Exit status if the image prints no result: probe-rs does not start, or no board responds.
 const UNREACHABLE: u8 = 3;
 
-/// Runs the image of the command line: `on-target BOARD IMAGE`.
+/// Runs the program with the command line `on-target BOARD IMAGE`, and returns its exit status.
 pub(crate) fn run() -> ExitCode {
     let words: Vec<String> = env::args().skip(1).collect();
     let chip = |word: &str| CHIPS.into_iter().find(|(board, _)| *board == word);
@@ -62,7 +63,8 @@ fn failure(status: u8, what: &str, next: &str) -> ExitCode {
     status.into()
 }
 
-/// Runs a command, calls `on_line` with each line it prints, and ends it after [`SILENCE`] without one.
+/// Runs a command and calls `on_line` with each line that it prints. Kills the command and fails if no line
+/// is printed for [`SILENCE`].
 fn run_to_end(command: &mut Command, mut on_line: impl FnMut(String)) -> Result<(), String> {
     let spawned = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
     let mut child = spawned.map_err(|error| error.to_string())?;
@@ -80,7 +82,7 @@ fn run_to_end(command: &mut Command, mut on_line: impl FnMut(String)) -> Result<
             Ok(line) => on_line(line),
             Err(RecvTimeoutError::Disconnected) => break,
             Err(RecvTimeoutError::Timeout) => {
-                // Fails if the command has just ended by itself.
+                // This fails if the command has already ended, which is harmless.
                 let _ = child.kill();
                 return Err(format!("silent for {} s", SILENCE.as_secs()));
             }

@@ -6,13 +6,14 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use cortex_m::peripheral::{SYST, syst::SystClkSource};
 use cortex_m_rt::exception;
 
-/// Value from which SysTick counts down to 0 (ARMv7-M Architecture Reference Manual, B3.3: 24 bits).
+/// Value from which SysTick, a timer of 24 bits, counts down to 0 (ARMv7-M Architecture Reference Manual,
+/// B3.3).
 const RELOAD: u32 = 0x00ff_ffff;
 
 /// Number of times that SysTick has reached 0.
 static ENDS: AtomicU32 = AtomicU32::new(0);
 
-/// Starts SysTick. The cycle counter would have 32 bits, but QEMU does not emulate it.
+/// Starts SysTick. The cycle counter of the DWT has 32 bits, but QEMU does not emulate it.
 pub(crate) fn start(timer: &mut SYST) {
     timer.set_clock_source(SystClkSource::Core);
     timer.set_reload(RELOAD);

@@ -1,4 +1,4 @@
-//! Filters and resampler, designed by model-gen for several ADC rates.
+//! Checks filters and resamplers that model-gen designs for several ADC rates.
 
 use fixed_dsp::{Cascade, Resampler};
 
@@ -15,16 +15,17 @@ pub(crate) struct Filtered<const N: usize, const PHASES: usize, const TAPS: usiz
     pub(crate) resampler: Resampler<PHASES, TAPS>,
     /// Outputs computed by scipy in float64 and rounded to Q27.5.
     pub(crate) scipy: [i32; OUTPUTS],
-    /// Outputs computed by the PC with the same filters; the device's must be equal.
+    /// Outputs computed by the PC with the same filters; the outputs of the device must be equal to them.
     pub(crate) bits: [i32; OUTPUTS],
 }
 
-/// Tolerance for the difference from scipy's outputs, in Q27.5: 0.08 uV in units of 22.35 nV x
-/// 2^-5, as in `pipeline/tests/front_end/rates.rs`. It covers the rounding of counts and
-/// coefficients. The largest difference measured in that test is 0.040 uV.
+/// Largest permitted difference from scipy's outputs, in units of 22.35 nV x 2^-5 (Q27.5): 0.08 uV, as in
+/// `pipeline/tests/front_end/rates.rs`. It covers the rounding of counts and coefficients. The largest
+/// difference measured in that test is 0.040 uV.
 const SCIPY_TOLERANCE: u64 = 114;
 
-/// Not inlined, to save flash: the model leaves little of it on a NUCLEO-F446RE.
+/// Checks the outputs of filters and resampler against those of scipy and of the PC. Not inlined, to save
+/// flash: the model leaves little flash free on a NUCLEO-F446RE.
 #[inline(never)]
 pub(crate) fn check<const N: usize, const PHASES: usize, const TAPS: usize>(
     filtered: &Filtered<N, PHASES, TAPS>,

@@ -1,4 +1,4 @@
-//! The dumps of frames in `docs/wire-format.md`, encoded and decoded.
+//! Encodes and decodes the frames that `docs/wire-format.md` shows as hex dumps.
 
 use link::{
     CODE_LEN, Code, CodeValues, Decoder, Encoder, Flags, MAX_FRAME, Message, Start, Streams,
@@ -10,9 +10,9 @@ use crate::{
     mismatch::{Mismatch, expect_equal},
 };
 
-/// Sequence number of the dumped code, and its device time in microseconds.
+/// Sequence number of the dumped frame with the code, and the frame's device time in microseconds.
 const CODE_AT: (u32, u64) = (304, 19_871_093);
-/// Sequence number of the dumped command, and its time in microseconds.
+/// Sequence number of the dumped frame with the command, and the frame's time in microseconds.
 const START_AT: (u32, u64) = (1, 0);
 
 /// Checks the frame of a code, which the device sends.
@@ -29,7 +29,7 @@ pub(crate) fn check_command() -> Result<(), Mismatch> {
     check(&mut Decoder::new(), &golden::START_FRAME, START_AT, &start)
 }
 
-/// Code that the document dumps.
+/// Returns the code that `docs/wire-format.md` shows as a hex dump.
 fn code() -> ToHost<'static> {
     let value = |index: usize| i8::try_from(index).unwrap_or(0) - 64;
     ToHost::Code(Code {
@@ -44,8 +44,8 @@ fn code() -> ToHost<'static> {
     })
 }
 
-/// Checks that the message encodes to the dump, and that the dump, received after garbage, decodes to a message that
-/// encodes to the dump again.
+/// Checks that `message` encodes to `dump`, that the decoder refuses garbage, and that the message which it
+/// then decodes from `dump` encodes to `dump` again.
 fn check<'d, M: Message<'d>>(
     decoder: &'d mut Decoder,
     dump: &[u8],
@@ -67,11 +67,12 @@ fn check<'d, M: Message<'d>>(
     expect_equal("decoded byte", dump, again)
 }
 
-/// Inverts each bit of the dumped code, one at a time, and checks that every damaged frame is refused.
+/// Inverts each bit of the dumped code, one at a time, and checks that every damaged frame is refused and
+/// that an undamaged frame is accepted afterwards.
 pub(crate) fn check_damaged() -> Result<(), Mismatch> {
     let mut decoder = Decoder::<MAX_FRAME>::new();
     let mut dump = golden::CODE_FRAME;
-    // All bits between the delimiting zeros.
+    // All bits between the two zero bytes that delimit the frame.
     for bit in 8..8 * (dump.len() - 1) {
         let mask = 1 << (bit % 8);
         dump[bit / 8] ^= mask;
@@ -81,8 +82,7 @@ pub(crate) fn check_damaged() -> Result<(), Mismatch> {
     }
     let counters = decoder.counters();
     expect_equal("damaged frames accepted", &[0], &[counters.frames])?;
-    // Checks filters against scipy's and the PC's outputs. Not inlined, to save flash: the model
-    // leaves little of it on a NUCLEO-F446RE.
+    // The last damaged frame ended with a zero byte, so the decoder starts a new frame here.
     let mut input: &[u8] = &dump;
     let sound = decoder.next::<ToHost<'_>>(&mut input);
     let is_sound = sound.is_some_and(|frame| frame.is_ok());

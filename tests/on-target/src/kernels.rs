@@ -1,14 +1,14 @@
-//! The int8 kernels on small random layers; weights and activations are often at the ends of their ranges.
+//! Runs the int8 kernels on small random layers, whose weights and activations often have extreme values.
 //! `build.rs` includes this file as well.
 
 use int8_nn::{Direct, Linear, Pair, PlaneShape, Winograd};
 
 use crate::signal::Noise;
 
-/// Number of layers of each kind.
+/// Number of layers of each of the three kinds.
 const LAYERS: usize = 6;
 
-/// Pairs of input channels per convolution, the number that the assembler supports.
+/// Number of pairs of input channels per convolution; the assembler kernels require 8.
 const PAIRS: usize = 8;
 /// Number of input columns per convolution.
 const COLUMNS: usize = 6;
@@ -25,14 +25,16 @@ const SUMS: usize = 8;
 type Conv<'w> = Winograd<'w, PAIRS, COLUMNS>;
 type Plain<'w> = Direct<'w, PAIRS, COLUMNS>;
 
-/// Winograd's convolution with outputs of two rows and four columns, max-pooled two by two.
+/// Winograd convolution with 2 rows and 4 columns of sums per output channel, max-pooled over 2 rows and 2
+/// columns.
 const WINOGRAD: Conv<'_> = Winograd {
     tile_rows: 1,
     outputs: OUTPUTS,
     weights: &[],
 };
 const WINOGRAD_SUMS: usize = WINOGRAD.pooled().len();
-/// Direct convolution with as many outputs as [`WINOGRAD`], max-pooled one by four.
+/// Direct convolution with 2 rows and 4 columns of sums per output channel, max-pooled over 1 row and 4
+/// columns.
 const DIRECT: Plain<'_> = Direct {
     pool: [1, 4],
     pooled: PlaneShape {
@@ -47,8 +49,8 @@ const DIRECT_SUMS: usize = DIRECT.pooled.len();
 /// Number of outputs of all layers of all kinds.
 pub(crate) const RESULTS: usize = LAYERS * (SUMS + WINOGRAD_SUMS + DIRECT_SUMS);
 
-/// Returns the outputs of all layers. Fully connected layer, Winograd's convolution and direct
-/// convolution follow each other in turn.
+/// Returns the outputs of all layers, in [`LAYERS`] rounds of one fully connected layer, one Winograd
+/// convolution and one direct convolution.
 pub(crate) fn results() -> [i32; RESULTS] {
     let mut noise = Noise(11);
     let mut results = [0; RESULTS];
@@ -116,14 +118,14 @@ fn direct(noise: &mut Noise, sums: &mut [i32]) -> usize {
     })
 }
 
-/// Runs a max pool on cleared sums and returns their number.
+/// Sets all `sums` to the smallest value, calls `pool` with them, and returns their number.
 fn pooled(sums: &mut [i32], pool: impl FnOnce(&mut [i32])) -> usize {
     sums.fill(i32::MIN);
     pool(sums);
     sums.len()
 }
 
-/// Draws a weight; with a probability of 1/4 one of -127 and 127.
+/// Draws a weight from -127 to 127, with a probability of at least 1/4 for the two extremes together.
 fn weight(noise: &mut Noise) -> i8 {
     let [.., choice, any] = noise.next().to_le_bytes();
     match choice % 8 {
@@ -133,7 +135,7 @@ fn weight(noise: &mut Noise) -> i8 {
     }
 }
 
-/// Draws two activations; the first is 255 with a probability of at least 1/4.
+/// Draws two activations from 0 to 255. The first is 255 with a probability of at least 1/4.
 fn activations(noise: &mut Noise) -> Pair {
     let [_, choice, first, second] = noise.next().to_le_bytes();
     let first = if choice.is_multiple_of(4) { 255 } else { first };

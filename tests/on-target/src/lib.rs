@@ -1,9 +1,9 @@
 //! Golden vectors that a microcontroller checks itself, emulated or on a board.
 //!
-//! Each [`Vector`] runs a part of the signal path on a generated input and compares the output with the
-//! expectation that `build.rs` has written: scipy's outputs, model-gen's batch codes, the dumps of
-//! `docs/wire-format.md`, and otherwise the bits that the PC computes with the portable kernels. A
-//! [`Mismatch`] names the first number that differs.
+//! Each [`Vector`] runs a part of the signal path on a generated input and compares the output with an
+//! expectation that `build.rs` has written. The expectation comes from scipy, from model-gen's batch
+//! reference or from the dumps in `docs/wire-format.md`; where none of these exists, it is what the
+//! portable kernels compute on the PC. A [`Mismatch`] names the first number that differs.
 //!
 //! ```text
 //! scipy, model-gen, docs, PC ── build.rs ──> golden.rs ──┐ expected

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// The first number that differs from the expected one.
+/// The first computed number that differs from the expected one, or a wrong count of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mismatch {
     /// Name of the numbers that were compared.
@@ -16,7 +16,7 @@ pub struct Mismatch {
 }
 
 impl Mismatch {
-    /// Adds `before`, the number of numbers compared earlier, to the index.
+    /// Adds `before`, the count of numbers compared earlier, to the index.
     pub(crate) fn offset_by(self, before: usize) -> Self {
         Self {
             index: self.index.map(|index| before + index),
@@ -43,7 +43,7 @@ impl fmt::Display for Mismatch {
 /// Checks that both slices hold equal numbers.
 ///
 /// # Errors
-/// Returns the first difference, or the lengths.
+/// Returns the first difference, or both lengths if only the lengths differ.
 pub(crate) fn expect_equal<T: Copy + Into<i64>>(
     what: &'static str,
     expected: &[T],
@@ -55,7 +55,7 @@ pub(crate) fn expect_equal<T: Copy + Into<i64>>(
 /// Checks that no number differs from the expected one by more than `tolerance`.
 ///
 /// # Errors
-/// Returns the first larger difference, or the lengths.
+/// Returns the first larger difference, or both lengths if only the lengths differ.
 pub(crate) fn expect_near<T: Copy + Into<i64>>(
     what: &'static str,
     tolerance: u64,

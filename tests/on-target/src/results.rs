@@ -1,23 +1,23 @@
-//! Lines that the image prints, as the PC reads them from QEMU or from probe-rs.
+//! Lines that the image prints, received by the PC from QEMU or probe-rs.
 
 use std::borrow::ToOwned;
 use std::format;
 use std::string::String;
 use std::vec::Vec;
 
-/// A result in the image's output.
+/// A line of the image's output that reports a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Line<'l> {
-    /// A vector has passed, and took `ticks` of the image's clock.
+    /// A vector has passed.
     Passed {
-        /// Ticks of the image's clock.
+        /// Duration of the vector, in ticks of the image's clock.
         ticks: u64,
         /// Name of the vector.
         vector: &'l str,
     },
     /// A vector has failed; the line states why.
     Failed,
-    /// The image has reached its end.
+    /// The last line of the output: the image has run all vectors.
     End {
         /// Number of vectors that ran.
         vectors: usize,
@@ -45,7 +45,8 @@ impl<'l> Line<'l> {
     }
 }
 
-/// Formats a line for the user: `from_ticks` converts its ticks to `unit`.
+/// Formats a line for the user. The ticks of a passed vector are converted to `unit` by `from_ticks`; other
+/// lines are unchanged.
 pub fn readable(line: &str, unit: &str, from_ticks: impl Fn(u64) -> u64) -> String {
     match Line::parse(line) {
         Some(Line::Passed { ticks, vector }) => {
@@ -55,9 +56,8 @@ pub fn readable(line: &str, unit: &str, from_ticks: impl Fn(u64) -> u64) -> Stri
     }
 }
 
-/// Checks that the image has printed its last line, with the number of its vectors, and that each
-/// vector has passed. An exit status of 0 is not enough, because a run that the user ends with
-/// Ctrl-C has it, too.
+/// Checks that each vector has passed, and that the image has printed its last line with the number of
+/// vectors. An exit status of 0 is not enough: a run that the user ends with Ctrl-C also has this status.
 ///
 /// # Errors
 /// Returns why the run does not count as passed.

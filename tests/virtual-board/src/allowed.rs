@@ -42,7 +42,8 @@ const F446: &[Reason] = &[
     ),
 ];
 
-/// Returns the findings that the list of `model` does not allow.
+/// Returns the manual violations, unimplemented registers and undefined addresses in `findings` that are
+/// not allowed for `model`. Other kinds of findings are ignored.
 pub fn unexpected(model: Model, findings: &Findings) -> Vec<String> {
     let list = match model {
         Model::H743 => H743,

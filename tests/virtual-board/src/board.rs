@@ -1,4 +1,4 @@
-//! The NUCLEO board, as the emulator's `Board` trait requires it.
+//! The NUCLEO board, as an implementation of the emulator's `Board` trait.
 
 use rigless::chip::uart;
 use rigless::machine::{Board, Target};
@@ -40,7 +40,7 @@ impl Nucleo {
         if let Some(hz) = setup.lsi_hz {
             chip.set_lsi_hz(hz);
         }
-        // The emulator sets HSERDY even without a clock at the pins.
+        // Without an external clock, HSERDY must stay 0, but the emulator sets it.
         let cleared = (setup.clock_hz == 0).then(|| chip.hse_ready_flag());
         chip.attach_spi(chain);
         chip.attach_uart(Box::new(serial));

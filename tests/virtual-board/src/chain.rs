@@ -14,21 +14,21 @@ use crate::setup::Setup;
 /// Number of ADS1299 chips in the daisy chain.
 pub(crate) const CHIPS: usize = 8;
 
-/// The chain and its wires; clones share one state.
+/// Handle of the simulated chain and its wires; clones share one state.
 #[derive(Clone, Debug)]
 pub(crate) struct Chain(Arc<Mutex<Wires>>);
 
-/// Signals between the chain and the microcontroller.
+/// The simulated chain, with the state of the signals between chain and microcontroller.
 #[derive(Debug)]
 pub(crate) struct Wires {
     simulation: Simulation<CHIPS>,
     chain: SimulatedChain<CHIPS>,
-    /// Last levels of the chip selects, START and RESET, in this order.
+    /// Levels of the chip selects, START and RESET, in this order, as last passed to the chain.
     levels: [Option<bool>; CHIPS + 2],
     sclk_hz: u32,
     /// Number of DRDY edges that were already passed to the microcontroller.
     edges: u64,
-    /// A sample is ready and none of its bits have been clocked: DRDY is low.
+    /// A sample is ready and none of its bits have been clocked out: DRDY is low.
     ready: bool,
     /// Level at which a test holds DRDY; `None` lets the converters drive it.
     stuck: Option<bool>,
@@ -38,7 +38,7 @@ pub(crate) struct Wires {
     non_byte_words: u64,
 }
 
-/// Change and level of DRDY at one instant.
+/// State of DRDY at one instant: whether it falls, and its level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct DrdyState {
     /// DRDY falls now; if it was low already, it pulses high first.
@@ -73,7 +73,7 @@ impl Chain {
     }
 
     pub(crate) fn wires(&self) -> MutexGuard<'_, Wires> {
-        // After a panic in another thread, the state is still useful for the diagnosis.
+        // A lock that a panicking thread has poisoned is used: the state is still useful for the diagnosis.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -144,7 +144,8 @@ impl Wires {
         DrdyState { falls, is_high }
     }
 
-    /// Returns when the next conversion ends, in ns since power on.
+    /// Returns the time at which the next conversion ends, in ns since power-on; `None` while the chips are
+    /// stopped.
     pub(crate) fn next_edge_ns(&self) -> Option<u64> {
         self.simulation.next_edge_ns()
     }

@@ -5,10 +5,11 @@ use std::ops::Range;
 use rigless::emulator::{Access, AccessKind, Checked, CoreBus, InterruptLine, Queued};
 use rigless::time::VirtualNanos;
 
-/// A redirected address range.
+/// Address range whose accesses are redirected.
 ///
-/// The emulator's register tables cover the whole block of a peripheral. Registers that they lack are modelled
-/// at a free address; the firmware still uses the address of the real chip.
+/// A register that the emulator's part lacks can be modelled only at a free address, because the part's
+/// register tables cover the whole address block of a peripheral. The firmware still uses the register's
+/// address on the chip.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Redirect {
     /// Addresses that the firmware uses.
@@ -25,18 +26,18 @@ pub(crate) struct ClearedBits {
     pub(crate) bits: u64,
 }
 
-/// Differences between the emulator's part and the chip, as the core's accesses must see them.
+/// Corrections to the core's accesses where the emulator's part differs from the chip.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Differences {
     pub(crate) redirects: Vec<Redirect>,
     pub(crate) cleared: Vec<ClearedBits>,
 }
 
-/// First address after code and SRAM in the address map (ARM DDI 0403, B3.1). Accesses below it that reach
-/// this bus hit no memory.
+/// First address above the code and SRAM regions of the address map (ARM DDI 0403, B3.1). An access below
+/// this address reaches this bus only if there is no memory at the accessed address.
 const MEMORY_END: u64 = 0x4000_0000;
 
-/// Bus adapter that the core uses for one run.
+/// Bus that the core uses during one call of `Processor::run`.
 pub(crate) struct Bus<'a> {
     pub(crate) inner: &'a mut dyn CoreBus,
     pub(crate) differences: &'a Differences,
@@ -55,11 +56,11 @@ impl Bus<'_> {
 }
 
 impl CoreBus for Bus<'_> {
-    /// Refuses accesses below [`MEMORY_END`], for which the emulator's own bus would return 0.
-    /// Accesses to existing memory are served without a call of this function.
+    /// Refuses accesses below [`MEMORY_END`], for which the emulator's own bus would return 0. The core
+    /// accesses existing memory directly, without this method.
     fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
         let reads = access.kind == AccessKind::Read;
-        // Vector fetches by the core itself are passed on to the emulator.
+        // Reads by the core itself, such as vector fetches, are passed on to the emulator.
         if access.address < MEMORY_END && (from_code || !reads) {
             self.failed.push((access.address, access.program_counter));
             return None;

@@ -4,18 +4,18 @@ use std::fmt;
 
 use crate::findings::Findings;
 
-/// Virtual time since power on, in microseconds.
+/// Snapshot of a board for error messages.
 #[derive(Clone, Debug, Default)]
 pub struct Diagnosis {
-    /// Virtual time since power on, in us.
+    /// Virtual time since power-on, in us.
     pub now_us: u64,
-    /// Instructions retired since power on.
+    /// Number of instructions retired since power-on.
     pub instructions: u64,
-    /// Last program counters with their functions, the newest last.
+    /// Most recent program counters, each with the function it is in, the newest last.
     pub program_counters: Vec<String>,
-    /// Problems that the emulator has detected since power on.
+    /// Problems that the emulator has detected since power-on.
     pub findings: Findings,
-    /// Number of frames decoded since power on.
+    /// Number of frames decoded since power-on.
     pub frames: usize,
     /// Decoding error of each frame that could not be decoded.
     pub decode_errors: Vec<String>,
@@ -62,7 +62,7 @@ impl fmt::Display for Diagnosis {
     }
 }
 
-/// An error of a board, with a snapshot of the board when the error occurred.
+/// An error of a board, with a snapshot of the board at the time of the error.
 #[derive(Clone, thiserror::Error)]
 #[error("{what}\n{diagnosis}")]
 pub struct BoardError {
@@ -77,7 +77,7 @@ impl BoardError {
     }
 }
 
-// A test that returns this error prints it with `Debug`.
+// `Debug` prints the same text as `Display`, because a test that returns this error prints it with `Debug`.
 impl fmt::Debug for BoardError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{self}")

@@ -1,8 +1,8 @@
 //! Reproducible input for the simulated converters.
 
-/// Returns the ADC count of `channel` (0 to 63) at `sample`: two sine waves between 9 and 28 Hz, an
-/// offset per channel, and noise; the magnitude is below 2^13. The signal is not EEG: all channels
-/// and samples differ, so a comparison detects exchanged ones.
+/// Returns the ADC count of `channel` (0 to 63) at `sample`: the sum of two sine waves between 9 and 28 Hz,
+/// an offset that depends on the channel, and noise. The magnitude is below 2^13. The signal does not
+/// resemble EEG. All channels and samples differ, so a comparison detects exchanged channels or samples.
 #[expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,

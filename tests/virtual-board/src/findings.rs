@@ -1,10 +1,10 @@
-//! Problems that the emulator detected while an image ran.
+//! Collection of the problems that the emulator detects in a session.
 
 use rigless::session::Session;
 
 use crate::board::Nucleo;
 
-/// Problems that the emulator detected while an image ran, as text, with the program counter where known.
+/// Problems that the emulator has detected since power-on, one text for each.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Findings {
     /// Accesses to addresses at which the chip has nothing.
@@ -15,11 +15,11 @@ pub struct Findings {
     pub unimplemented: Vec<String>,
     /// Accesses to reserved addresses within a peripheral.
     pub undefined: Vec<String>,
-    /// Interrupts that are not connected to the NVIC.
+    /// Interrupts that were raised but are not connected to the NVIC.
     pub unrouted: Vec<String>,
-    /// Violations of the reference manual, with the section.
+    /// Violations of the reference manual: the register, and the violated rule with its section.
     pub manual_violations: Vec<String>,
-    /// Resets: time in us since power on, and cause.
+    /// Resets: the time in us since power-on, and the cause.
     pub resets: Vec<(u64, String)>,
 }
 

@@ -11,11 +11,11 @@ pub struct Frame {
     pub seq: u32,
     /// Device time when the frame was made, in us since boot.
     pub device_us: u64,
-    /// Message and its data.
+    /// Message type, with the data that tests use.
     pub kind: Kind,
 }
 
-/// Message of a frame, with owned data.
+/// Message of a frame, as owned data: the variants of [`ToHost`] that tests use.
 #[derive(Clone, Debug, PartialEq)]
 #[expect(missing_docs, reason = "the variants are documented in `link`")]
 pub enum Kind {

@@ -182,7 +182,7 @@ impl Image {
     }
 
     /// Returns the address of a panic function of `core`, and the number of the register that holds its
-    /// `&Location` argument. An image contains at least one of them if it unwraps an `Option`.
+    /// `&Location` argument. An image that unwraps an `Option` contains at least one such function.
     pub(crate) fn panic_function(&self) -> Option<(u64, usize)> {
         let functions: [(&[&str], usize); 3] = [
             (&["4core", "6option", "13unwrap_failed"], 0),

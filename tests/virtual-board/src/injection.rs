@@ -2,7 +2,7 @@
 
 use crate::image::{Image, LOOP};
 
-/// A failure to inject. The code of the image is not changed; registers and unused memory are set.
+/// A failure to inject. Only registers and unused memory are changed, not the code of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Injection {
     /// An endless loop.
@@ -13,7 +13,7 @@ pub enum Injection {
     HardFault,
     /// A stack pointer outside the stack, and a jump to an unmapped address.
     WildStack,
-    /// A stack pointer 16 bytes above the end of the stack.
+    /// A stack pointer 16 bytes above the lowest address of the stack, so the stack soon overflows.
     StackOverflow,
 }
 
@@ -26,7 +26,8 @@ pub(crate) struct Change {
     pub(crate) memory: Vec<(u64, Vec<u8>)>,
 }
 
-/// Offset of unused memory from the start of the region that keeps the failure record across a reset.
+/// Offset of unused memory, in bytes from the start of the region that keeps the failure record across a
+/// reset.
 const SPARE: u64 = 0x300;
 
 const SP: usize = 13;
@@ -68,7 +69,7 @@ impl Injection {
     }
 }
 
-/// Converts an address of the 32-bit address space.
+/// Converts an address to 32 bits.
 fn word(address: u64) -> u32 {
     u32::try_from(address).unwrap_or(u32::MAX)
 }

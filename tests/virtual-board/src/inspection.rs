@@ -11,14 +11,15 @@ use crate::machine::VirtualBoard;
 /// Word that cortex-m-rt fills the stack with.
 const PAINT: u64 = 0xCCCC_CCCC;
 
-/// Set-enable and priority registers of the NVIC (ARM DDI 0403, B3.4.3).
+/// Addresses of the first set-enable and the first priority register of the NVIC (ARM DDI 0403, B3.4.3).
 const ISER: u64 = 0xE000_E100;
 const IPR: u64 = 0xE000_E400;
 
-/// Number of interrupt lines to inspect.
+/// Number of interrupt lines to inspect, a multiple of 32; the STM32H743 has 150 lines.
 const LINES: u16 = 160;
 
-/// Streams of a DMA controller, and the distance between their registers (RM0433, 15.5; RM0390, 9.5).
+/// Number of streams of a DMA controller, and the distance in bytes between the registers of two streams
+/// (RM0433, 15.5; RM0390, 9.5).
 const STREAMS: u64 = 8;
 const STREAM_BYTES: u64 = 0x18;
 /// Offsets of SxNDTR, SxPAR and SxM0AR of stream 0.
@@ -42,8 +43,8 @@ impl VirtualBoard {
         last.is_some_and(|place| (vectors..vectors + 16).contains(&place))
     }
 
-    /// Returns the peak use of the stack since power on or reset, in bytes: from the lowest
-    /// overwritten word up to the start of the stack, which grows downwards.
+    /// Returns the peak stack use since power-on or reset, in bytes. The stack grows downwards from its
+    /// start, so the peak is the distance from the lowest overwritten word up to the start.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -81,8 +82,8 @@ impl VirtualBoard {
             .collect())
     }
 
-    /// Returns memory address and number of bytes left to transfer for each stream of DMA1 that has
-    /// a peripheral address. The number is 0 between transfers.
+    /// Returns, for each stream of DMA1 that has a peripheral address, the memory address and the number of
+    /// bytes left to transfer. The number is 0 between transfers.
     ///
     /// # Errors
     /// The emulator has ended.

@@ -1,9 +1,9 @@
 //! Emulated NUCLEO boards that run the unmodified firmware images.
 //!
 //! [`VirtualBoard`] loads the ELF file that `cargo flash` writes, and runs it in virtual time on an
-//! emulated microcontroller (the crate `rigless`). Simulated ADS1299 converters are connected to its SPI and
-//! pins, a host to its UART or USB. A test powers the board on, sends commands, runs it for a while, and
-//! reads the frames that it has sent.
+//! emulated microcontroller (the crate `rigless`). Simulated ADS1299 converters are connected to the SPI
+//! and pins of the microcontroller, and a host to its UART or USB. A test powers the board on, sends
+//! commands, runs the board for a while, and reads the frames that the board has sent.
 //!
 //! ```text
 //! test, bridge <-- frames, commands --> Port <--> UART or USB

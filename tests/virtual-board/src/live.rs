@@ -9,21 +9,23 @@ use crate::diagnosis::BoardError;
 use crate::machine::VirtualBoard;
 use crate::tcp::TcpPort;
 
-/// Interval between two transfers with the host, in us of virtual time.
+/// Interval at which bytes are transferred between board and host, in us of virtual time.
 const SLICE_US: u64 = 1_000;
 
-/// Time without SPI or port traffic after which a board counts as stopped, in microseconds of
-/// virtual time. The firmware retries the start of its converters at shorter intervals.
+/// Time without SPI or port traffic after which a board counts as stopped, in us of virtual time. The
+/// firmware retries a failed start of the converters at shorter intervals, so such a board does not count
+/// as stopped.
 const IDLE_US: u64 = 10_000_000;
 
 /// Interval between two status lines on the console, in us of virtual time.
 const REPORT_US: u64 = 10_000_000;
 
-/// Runs a board for a host that connects to the TCP port, for `seconds` of virtual time or until `stop`, never
-/// faster than real time.
+/// Runs a board for a host that connects to the TCP port, never faster than real time, until `stop` is true
+/// or `seconds` of virtual time since power-on have passed.
 ///
 /// # Errors
-/// The emulator fails, or the board makes no progress; the error contains a diagnosis.
+/// The emulator fails, or the board has had no SPI or port traffic for 10 s of virtual time. The error
+/// contains a diagnosis.
 pub fn run(
     board: &mut VirtualBoard,
     tcp: &mut TcpPort,
@@ -59,7 +61,7 @@ pub fn run(
             } else {
                 "no host is connected"
             };
-            // A closed console is no reason to stop.
+            // The board keeps running even if the console is closed.
             let _ = writeln!(
                 console,
                 "{} s of virtual time in {real:.0} s, {sent} bytes to the host, {count} resets, {state}",
@@ -67,7 +69,7 @@ pub fn run(
             );
         }
         let ahead = Duration::from_micros(now - first_us).saturating_sub(start.elapsed());
-        // Delays are added up to one sleep, to avoid a thousand wake-ups per second.
+        // Sleeps only when more than 5 ms ahead of real time, to avoid a thousand wake-ups per second.
         if ahead > Duration::from_millis(5) {
             thread::sleep(ahead);
         }

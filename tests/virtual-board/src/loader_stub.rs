@@ -6,7 +6,7 @@ use rigless::image::Image;
 
 use crate::model::Model;
 
-/// Thumb instruction `b .`, twice.
+/// Thumb instruction `b .`, a branch to itself, in both halfwords.
 const LOOP: u32 = 0xE7FE_E7FE;
 
 /// Size of an ELF header and one program header, in bytes.
@@ -29,8 +29,8 @@ pub(crate) fn image(model: Model) -> Option<Image> {
     Image::new(Path::new("loader"), file, None).ok()
 }
 
-/// Builds an ELF file for ARM with one segment, whose code starts at the third word (System V ABI, chapters 4
-/// and 5).
+/// Builds an ELF file for ARM with one segment of `contents` at address `base`. The entry point is the
+/// third word of the segment (System V ABI, chapters 4 and 5).
 fn elf(base: u32, contents: &[u8]) -> Vec<u8> {
     let mut file = b"\x7fELF\x01\x01\x01".to_vec();
     file.resize(16, 0);

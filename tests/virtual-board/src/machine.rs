@@ -26,7 +26,7 @@ use crate::usb::handle::UsbHost;
 
 mod driver;
 
-/// Real time after which an emulator that has not reached its stop counts as hung.
+/// Real time within which the emulator must reach a requested stop; otherwise it counts as hung.
 const TIMEOUT: Duration = Duration::from_secs(300);
 
 /// Interval between two checks of a condition, in us of virtual time.
@@ -48,7 +48,7 @@ pub struct VirtualBoard {
     thread: Option<JoinHandle<Result<(), String>>>,
     now_ns: u64,
     encoder: link::Encoder,
-    /// Progress of the emulator when it last stopped for the owner.
+    /// Progress of the emulator at its last requested stop.
     progress: Progress,
     keep_open: bool,
 }
@@ -57,7 +57,7 @@ impl VirtualBoard {
     /// Powers a board on; its core has not executed an instruction yet.
     ///
     /// # Errors
-    /// None at present: the first run returns an image or board that the emulator refuses.
+    /// None at present. If the emulator refuses the image or the board, the first run returns the error.
     pub fn power_on(model: Model, image: &Image, setup: &Setup) -> Result<Self, BoardError> {
         let chain = Chain::new(setup);
         if !setup.converters_on {
@@ -116,12 +116,12 @@ impl VirtualBoard {
         })
     }
 
-    /// Returns the board type given at power on.
+    /// Returns the board type given at power-on.
     pub const fn model(&self) -> Model {
         self.model
     }
 
-    /// Returns the image given at power on.
+    /// Returns the image given at power-on.
     pub const fn image(&self) -> &Image {
         &self.image
     }
@@ -141,12 +141,12 @@ impl VirtualBoard {
         &self.inbox
     }
 
-    /// Returns the virtual time since power on, in us.
+    /// Returns the virtual time since power-on, in us.
     pub const fn now_us(&self) -> u64 {
         self.now_ns / 1000
     }
 
-    /// Returns the number of instructions that the core has retired.
+    /// Returns the number of instructions that the core has retired since power-on.
     pub const fn instructions(&self) -> u64 {
         self.progress.instructions
     }
@@ -156,12 +156,12 @@ impl VirtualBoard {
         self.chain.wires().sclk_hz()
     }
 
-    /// Returns the number of words that SPI has clocked.
+    /// Returns the number of words that the SPI has transferred since power-on.
     pub fn spi_words(&self) -> u64 {
         self.chain.wires().words()
     }
 
-    /// Returns the number of SPI words that were not 8 bits wide.
+    /// Returns the number of SPI words since power-on that were not 8 bits wide.
     pub fn non_byte_words(&self) -> u64 {
         self.chain.wires().non_byte_words()
     }
@@ -180,14 +180,14 @@ impl VirtualBoard {
         self.inspect(move |session, _| session.board_mut().chip.damage_uart(per_million))
     }
 
-    /// Schedules edges of the trigger line: time in us since power on, in ascending order, and new level.
+    /// Schedules edges of the trigger line: ascending times in us since power-on, and levels (`true` is high).
     pub fn plan_trigger(&self, edges: &[(u64, bool)]) {
         let edges = edges.iter().map(|&(us, is_high)| (us * 1000, is_high));
         // If the emulator has ended, the next run reports it.
         let _ = self.requests.send(Request::Trigger(edges.collect()));
     }
 
-    /// Sets whether the host opens the port of a configured device; true after power on.
+    /// Sets whether the host opens the USB port of a configured device after each run; initially true.
     pub const fn keep_open(&mut self, keep_open: bool) {
         self.keep_open = keep_open;
     }
@@ -226,10 +226,10 @@ impl VirtualBoard {
         &self.observer
     }
 
-    /// Runs until the virtual time `us`, in microseconds since power on, and decodes received frames.
+    /// Runs until the virtual time `us`, in us since power-on, and decodes received frames.
     ///
     /// # Errors
-    /// The emulator has failed or hangs.
+    /// The emulator fails or hangs, or the board resets in a loop.
     pub fn run_until_us(&mut self, us: u64) -> Result<(), BoardError> {
         self.advance(us * 1000)?;
         if self.keep_open {
@@ -248,7 +248,7 @@ impl VirtualBoard {
         self.run_until_us(self.now_us() + us)
     }
 
-    /// Runs for `us` microseconds of virtual time, for a caller that reads the port itself.
+    /// Runs for `us` microseconds of virtual time without reading the port, which is left to the caller.
     ///
     /// # Errors
     /// Those of [`run_until_us`](Self::run_until_us).
@@ -298,7 +298,7 @@ impl VirtualBoard {
         receiver.recv().map_err(|_| self.ended())
     }
 
-    /// Returns everything that the emulator has detected since power on.
+    /// Returns all problems that the emulator has detected since power-on.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -331,7 +331,7 @@ impl VirtualBoard {
         }
     }
 
-    /// Returns the part of the diagnosis that needs no answer from the emulator.
+    /// Returns the part of the diagnosis that is known without a request to the emulator.
     fn position(&self) -> Diagnosis {
         let program_counters = self.observer.recent_program_counters();
         let program_counters = program_counters.iter();
@@ -364,7 +364,7 @@ impl VirtualBoard {
             }
             Err(RecvTimeoutError::Disconnected) => Err(self.ended()),
             Err(RecvTimeoutError::Timeout) => {
-                // Joining the hung thread would block; it ends with the process.
+                // Joining the hung thread would block; the thread ends with the process.
                 self.thread = None;
                 Err(BoardError::new(
                     format!(

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use clap::{Parser, ValueEnum};
 use virtual_board::{Cable, Image, Model, Setup, TcpPort, VirtualBoard, live};
 
-/// Runs a firmware image on an emulated board, whose port is a TCP port for a bridge.
+/// Runs a firmware image on an emulated board and serves the board's port as a TCP port for a bridge.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Options {
@@ -21,8 +21,8 @@ struct Options {
     /// TCP port on 127.0.0.1 for the bridge (`--port tcp:127.0.0.1:5556`); 0 lets the system choose.
     #[arg(long, default_value_t = 5556)]
     port: u16,
-    /// The cable to the host. The default is that of the board's default image: USB for the NUCLEO-H743ZI2,
-    /// the UART for the NUCLEO-F446RE.
+    /// The cable to the host. The default is the cable that the board's default image uses: USB for the
+    /// NUCLEO-H743ZI2, the UART for the NUCLEO-F446RE.
     #[arg(long)]
     cable: Option<CableOption>,
     /// Seconds of virtual time to run; the default is to run until the program is stopped.
@@ -44,7 +44,7 @@ enum Board {
 enum CableOption {
     /// The ST-LINK's cable, which carries the UART.
     Uart,
-    /// A cable at the microcontroller's own USB.
+    /// A cable to the microcontroller's own USB port.
     Usb,
 }
 

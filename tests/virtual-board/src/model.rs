@@ -6,7 +6,7 @@ use std::num::NonZeroU64;
 use crate::pins::{F446_PINS, H743_PINS, Pins};
 use crate::setup::Cable;
 
-/// Type of a board.
+/// Type of NUCLEO board to emulate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Model {
     /// NUCLEO-H743ZI2 with an STM32H743ZI, the default board.
@@ -35,7 +35,7 @@ impl Model {
         }
     }
 
-    /// Returns the name of the board as `Hello` states it.
+    /// Returns the name of the board as the device reports it in `Hello`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::H743 => "NUCLEO-H743ZI2",
@@ -91,7 +91,8 @@ impl Model {
         }
     }
 
-    /// Returns the core clock after a reset, from the internal oscillator (RM0433, 8.5.2; RM0390, 6.2.2), in Hz.
+    /// Returns the core clock after a reset, in Hz: the frequency of the internal oscillator (RM0433,
+    /// 8.5.2; RM0390, 6.2.2).
     pub const fn reset_hz(self) -> u64 {
         match self {
             Self::H743 => 64_000_000,
@@ -99,9 +100,9 @@ impl Model {
         }
     }
 
-    /// Returns how many instructions the emulated core retires per second of virtual time. The rate
-    /// is an assumption: about half an instruction per cycle, from flash with caches enabled. It
-    /// affects how late the firmware is, not what it computes.
+    /// Returns how many instructions the emulated core retires per second of virtual time. The rate is an
+    /// assumption, not a measurement: about half an instruction per cycle, from flash with caches enabled.
+    /// The rate affects how late the firmware is, not what it computes.
     ///
     /// # Panics
     /// Never: the rates are not 0.

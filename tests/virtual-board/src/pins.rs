@@ -28,9 +28,9 @@ pub(crate) struct Pins {
     pub(crate) reset: Pin,
     pub(crate) drdy: Pin,
     pub(crate) trigger: Pin,
-    /// Address of the GPIO port of the selects, START and RESET.
+    /// Base address of the GPIO port to which the selects, START and RESET are connected.
     pub(crate) select_port: u64,
-    /// Address of the converters' SPI.
+    /// Base address of the SPI to which the converters are connected.
     pub(crate) spi: u64,
 }
 

@@ -14,7 +14,8 @@ pub enum Port {
 }
 
 impl Port {
-    /// Sends bytes to the device; over USB, they wait until the port is open.
+    /// Sends bytes to the device. Over USB, the bytes wait until the port is open, and are dropped if no
+    /// device is configured.
     pub fn send(&self, bytes: &[u8]) {
         match self {
             Self::Uart(serial) => serial.line().send(bytes),
@@ -37,8 +38,7 @@ impl Port {
         }
     }
 
-    /// Opens a closed USB port if the device is configured, as a program does that waits for the
-    /// device.
+    /// Opens a closed USB port if the device is configured, like a program that waits for the device.
     pub(crate) fn keep_open(&self) {
         if let Self::Usb(host) = self
             && host.state() == State::Configured
@@ -62,7 +62,8 @@ impl Port {
         }
     }
 
-    /// Returns the baud rate of the device, measured between two bytes that it has sent; `None` over USB.
+    /// Returns the device's baud rate, calculated from the shortest interval between two bytes that the
+    /// device has sent; `None` over USB or before the first byte.
     pub fn baud(&self) -> Option<u64> {
         match self {
             Self::Uart(serial) => serial.line().baud(),

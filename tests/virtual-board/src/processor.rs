@@ -14,20 +14,22 @@ use rigless::time::VirtualNanos;
 
 use crate::core_bus::{Bus, Differences};
 
-/// Number of program counters that are kept, and also of failed accesses.
+/// Number of program counters that are kept. Once this number of failed accesses is known, no more are
+/// recorded.
 const KEPT: usize = 16;
 
-/// Access to the running core: records its state and queues changes for its next run; clones share one state.
+/// Access to the running core: records its state, and queues changes to apply before the next call of
+/// [`Processor::run`]. Clones share one state.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Observer(Arc<Mutex<Observed>>);
 
 #[derive(Debug, Default)]
 struct Observed {
-    /// Program counter after each of the last runs, the newest last.
+    /// Program counter after each of the last calls of [`Processor::run`], the newest last.
     program_counters: VecDeque<u64>,
-    /// Registers to set before the next run: GDB's register number and value.
+    /// Registers to set before the next call of [`Processor::run`]: GDB's register number and value.
     set: Vec<(usize, u32)>,
-    /// Addresses to read before the next run.
+    /// Addresses to read before the next call of [`Processor::run`].
     wanted: Vec<u64>,
     /// Addresses that were read, with the words found there.
     read: Vec<(u64, u32)>,
@@ -40,7 +42,7 @@ impl Observer {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the program counters after the last runs, the newest last.
+    /// Returns the program counters after the last calls of [`Processor::run`], the newest last.
     pub(crate) fn recent_program_counters(&self) -> Vec<u64> {
         self.state().program_counters.iter().copied().collect()
     }
@@ -50,20 +52,21 @@ impl Observer {
         self.state().failed.clone()
     }
 
-    /// Sets registers before the next run: 0 to 12 are r0 to r12, 13 is sp, 14 is lr, 15 is pc.
+    /// Sets registers before the core next runs: 0 to 12 are r0 to r12, 13 is sp, 14 is lr, 15 is pc.
     pub(crate) fn set_registers(&self, registers: &[(usize, u32)]) {
         self.state().set.extend(registers);
     }
 
-    /// Requests words of the core's private address space, for example of the NVIC. They are read before the
-    /// next run.
+    /// Requests words of the core's private address space, for example of the NVIC. They are read before
+    /// the core next runs.
     pub(crate) fn request_words(&self, addresses: &[u64]) {
         let mut state = self.state();
         state.wanted = addresses.to_vec();
         state.read.clear();
     }
 
-    /// Returns address and value of the words of the last [`Self::request_words`]; empty before the next run.
+    /// Returns address and value of the words of the last [`Self::request_words`]; empty until they have
+    /// been read.
     pub(crate) fn words_read(&self) -> Vec<(u64, u32)> {
         self.state().read.clone()
     }
@@ -120,7 +123,7 @@ impl Processor for Core {
         };
         let ran = self.inner.run(budget, &mut bus);
         let mut state = self.observer.state();
-        // The first failed accesses are the most useful ones.
+        // Later failed accesses are dropped: the first ones show the cause best.
         if state.failed.len() < KEPT {
             state.failed.extend(failed);
         }
@@ -148,8 +151,9 @@ impl Processor for Core {
     }
 
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
-        // SAFETY: the inner core has the same requirements as this method, whose caller has to meet
-        // them.
+        // SAFETY: the caller meets the requirements of `Processor::map` for this wrapper, and the arguments
+        // are passed on unchanged. The wrapper does not use `host` itself, and it drops the inner core when
+        // it is dropped.
         unsafe { self.inner.map(start, length, host, writable) }
     }
 

@@ -7,11 +7,11 @@ use rigless::chip::{Timeline, uart};
 use rigless::snapshot::Store;
 use rigless::time::VirtualNanos;
 
-/// The serial line; clones share one state.
+/// The serial line between device and host; clones share one state.
 #[derive(Clone, Debug, Default)]
 pub struct Serial(Arc<Mutex<Line>>);
 
-/// Bytes in transit in both directions.
+/// Bytes in transit in both directions, and the timing of those from the device.
 #[derive(Debug, Default)]
 pub(crate) struct Line {
     to_host: Vec<u8>,

@@ -8,7 +8,7 @@ use crate::port::Port;
 /// Largest number of bytes read from the socket per call.
 const CHUNK: usize = 4096;
 
-/// A TCP port that forwards to the host's end of a board's port.
+/// A TCP port that exchanges bytes with the host's end of a board's port.
 #[derive(Debug)]
 pub struct TcpPort {
     listener: TcpListener,
@@ -18,7 +18,7 @@ pub struct TcpPort {
 }
 
 impl TcpPort {
-    /// Listens on 127.0.0.1. With port 0 the operating system chooses a free one.
+    /// Listens on 127.0.0.1. If `port` is 0, the operating system chooses a free port.
     ///
     /// # Errors
     /// The port is occupied, or listening on it is not permitted.
@@ -32,8 +32,8 @@ impl TcpPort {
         })
     }
 
-    /// Returns the number of the TCP port. If 0 was requested, it is the one that the system has
-    /// chosen.
+    /// Returns the number of the TCP port. If 0 was requested, this is the number that the operating system
+    /// has chosen.
     ///
     /// # Errors
     /// The operating system does not return the local address.
@@ -46,14 +46,15 @@ impl TcpPort {
         self.host.is_some()
     }
 
-    /// Transfers bytes in both directions without blocking, and returns the number of bytes that the device has
-    /// sent. Bytes sent while no host is connected are lost, as on a serial line.
+    /// Transfers bytes in both directions without blocking, and returns the number of bytes that the device
+    /// has sent since the last call. Bytes that it sends while no host is connected are lost, as on a
+    /// serial line.
     pub fn serve(&mut self, port: &Port) -> usize {
         if self.host.is_none()
             && let Ok((host, _)) = self.listener.accept()
             && host.set_nonblocking(true).is_ok()
         {
-            // Frames are short and must not wait for more data.
+            // Frames are short and must be sent without waiting for more data.
             let _ = host.set_nodelay(true);
             self.host = Some(host);
             self.waiting.clear();
@@ -62,7 +63,7 @@ impl TcpPort {
         let Some(host) = &mut self.host else {
             return sent.len();
         };
-        // Opens the port of a device that has just been configured, for example after a restart.
+        // The port of a device that has just been configured, for example after a restart, is still closed.
         port.keep_open();
         self.waiting.extend_from_slice(&sent);
         if exchange(host, &mut self.waiting, port).is_err() {
@@ -73,7 +74,7 @@ impl TcpPort {
     }
 }
 
-/// Transfers bytes between socket and port. On an error, the connection has ended.
+/// Transfers bytes between socket and port. An error means that the connection has ended.
 fn exchange(host: &mut TcpStream, waiting: &mut Vec<u8>, port: &Port) -> io::Result<()> {
     if !waiting.is_empty() {
         match host.write(waiting) {

@@ -1,9 +1,8 @@
 //! USB: a model of the microcontroller's USB core, and a host at the other end of the cable.
 //!
-//! The core is Synopsys's OTG controller in device mode at full speed with FIFO access by the
-//! processor, after RM0433 rev 9 chapter 57 (STM32H743) and RM0390 chapter 31 (STM32F446). If the
-//! manuals leave behaviour open, the model follows what driver authors found on silicon, and a
-//! comment says so.
+//! The core is Synopsys's OTG controller in device mode at full speed, with FIFO access by the processor.
+//! The model follows RM0433 rev 9 chapter 57 (STM32H743) and RM0390 chapter 31 (STM32F446). Where the
+//! manuals leave behaviour open, it follows what driver authors found on silicon, and a comment says so.
 //!
 //! The host enumerates the device as Linux does, uses it as a CDC-ACM serial port, and checks
 //! descriptors, data toggles, lengths and response times. A test controls the host with

@@ -5,13 +5,14 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::{fs, io};
 
-/// Builds an ELF file: a vector table with stack pointer and entry point at address `flash`, then `code`.
+/// Builds an ELF file whose segment at address `flash` holds a vector table (stack pointer, entry point)
+/// and then `code`.
 fn elf(machine: u16, flash: u32, code: &[u16]) -> Vec<u8> {
     const HEADERS: u32 = 84;
     let length = 8 + 2 * u32::try_from(code.len()).expect("a short program");
     let mut file = b"\x7fELF\x01\x01\x01".to_vec();
     file.resize(16, 0);
-    // Type: executable. The program headers follow this header.
+    // Type: executable. The program header follows this ELF header.
     file.extend([2_u16, machine].map(u16::to_le_bytes).concat());
     let words = [1, flash + 9, 52, 0, 0x0500_0400];
     file.extend(words.map(u32::to_le_bytes).concat());
@@ -49,7 +50,7 @@ fn run(arguments: &[&str]) -> (Option<i32>, String) {
     (status.code(), String::from_utf8_lossy(&stderr).into_owned())
 }
 
-/// Runs an image on the NUCLEO-H743ZI2, at a port that the system chooses.
+/// Runs an image on the NUCLEO-H743ZI2, at a TCP port that the operating system chooses.
 fn run_image(path: &Path) -> (Option<i32>, String) {
     run(&["h743", "--port", "0", "--image", &path.to_string_lossy()])
 }

@@ -8,7 +8,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
     pub(in crate::simulation) fn power_off(&mut self) {
         self.supply = Supply::Off;
         for chip in &mut self.chips {
-            // No command is accepted, as before the first reset.
+            // The chip accepts no command until the next reset.
             chip.reset(u64::MAX);
         }
         self.burst = None;
@@ -16,8 +16,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.convert_at(None);
     }
 
-    /// Switches the supplies of all chips on. The chips accept commands only after a reset, which must not
-    /// come too early.
+    /// Switches the supplies of all chips on. The chips accept commands only after a reset, which must
+    /// not start before the power-on time has passed.
     pub(in crate::simulation) fn power_on(&mut self) {
         if self.supply.is_on() {
             return;

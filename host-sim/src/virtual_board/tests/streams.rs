@@ -1,4 +1,4 @@
-//! Streams other than codes, self-test, reset and trigger.
+//! Tests of self-test, reset, trigger edges and all streams except codes.
 
 use std::time::Duration;
 
@@ -7,7 +7,8 @@ use pipeline::{Acquisition, CodeValues, Step};
 
 use super::*;
 
-/// Seeded noise of 20 bits; every hundredth sample has a channel at the rail.
+/// Returns pseudo-random samples of 20 bits, the same at each call. One channel is at the rail in
+/// every hundredth sample.
 fn samples(count: usize) -> Vec<Sample> {
     let mut state = 1_u32;
     let mut next = || {
@@ -33,7 +34,7 @@ fn start(streams: Streams) -> ToDevice {
     })
 }
 
-/// Streams the samples and returns what `select` picks from the messages.
+/// Passes `samples` to a board that sends `streams`. Returns what `select` picks from the messages.
 fn streamed<T>(
     streams: Streams,
     samples: &[Sample],
@@ -94,7 +95,8 @@ fn filtered_frames_are_the_steps_that_the_encoder_reads() {
 
 #[test]
 fn an_audit_contains_the_planes_of_its_code() {
-    // Long enough for the windows 0 and 160.
+    // 162 hops contain windows 0 to 160. Every 160th window has an audit, so windows 0 and 160 have
+    // one.
     let samples = samples(32 * 162);
     let seen = streamed(Streams::AUDIT, &samples, |message| match message {
         ToHost::Audit(audit) => Some((audit.window, audit.planes.to_vec(), audit.values)),
@@ -220,9 +222,9 @@ fn trigger_edges_are_sent_before_the_samples_that_follow_them() {
         send(&mut board, &mut host, ToDevice::Stop);
         frames(&outbox, |_| Some(()));
     };
-    // Edge 0 occurs a microsecond after sample 0. Edges 64 and 65 occur right before samples 7 and
-    // 15, which are the last ones of their frames. The edges between the runs are not sent but
-    // numbered.
+    // Edge 0 occurs a microsecond after sample 0. In the second run, edges 64 and 65 occur right
+    // before samples 7 and 15, each of which is the last sample of a raw frame. The edges between
+    // the two runs are counted but not sent.
     stream(15_625 - 1);
     stream(1_002_000);
     let event = |kind, number, sample| {

@@ -1,4 +1,5 @@
-//! The STM32F446: the emulator's STM32F427, which has the same peripherals, with models of EXTI and USB.
+//! The STM32F446: the emulator's STM32F427, extended with models of EXTI, USB and the register
+//! RCC_DCKCFGR2.
 
 mod exti;
 
@@ -30,11 +31,11 @@ use crate::usb::otg::Otg;
 
 use exti::Exti;
 
-/// Index of SPI2, the SPI of the converters.
+/// Index of SPI2, which is connected to the converters, in the emulator's array of SPIs.
 const SPI: usize = 1;
-/// Index of USART2, which is connected to the ST-LINK.
+/// Index of USART2, which is connected to the ST-LINK, in the emulator's array of USARTs.
 const UART: usize = 1;
-/// Index of TIM2, whose channel 3 captures the trigger.
+/// Index of TIM2, whose channel 3 captures the trigger, in the emulator's array of timers.
 const TIMER: usize = 0;
 /// TIM2's alternate function on PB10 (DS10693, table 11).
 const TIMER_FUNCTION: u8 = 1;
@@ -47,10 +48,10 @@ const PORTS: [&str; 8] = [
 const RCC_CR: u64 = 0x4002_3800;
 const HSERDY: u64 = 1 << 17;
 
-/// Address of RCC_DCKCFGR2 (RM0390, 6.3.28), which the STM32F427 lacks. It only stores the written value: the
-/// firmware uses the clocks of the reset value, and a USB clock whose frequency is not modelled here.
+/// Address of RCC_DCKCFGR2 (RM0390, 6.3.28), which the STM32F427 lacks. The emulated register only stores
+/// the written value, which is sufficient: the firmware keeps the reset clock selections.
 const DCKCFGR2: u64 = 0x4002_3894;
-/// Free address at which DCKCFGR2 is stored instead; the chip has nothing there.
+/// Free address at which accesses to DCKCFGR2 are served; the chip has nothing there.
 const SPARE: u64 = 0x5700_0000;
 
 /// Emulated STM32F446: the emulator's part, EXTI and the USB core.
@@ -63,7 +64,7 @@ pub(crate) struct F446 {
 }
 
 impl F446 {
-    /// Creates a chip with supply, without external clock, and with `host` at the other end of its USB cable.
+    /// Creates a powered chip without an external clock, with `host` at the other end of its USB cable.
     ///
     /// # Panics
     /// When the emulator's description of the part is inconsistent.
@@ -82,7 +83,7 @@ impl F446 {
         }
     }
 
-    /// Drives channel 3 of TIM2, if the pin has the timer's alternate function.
+    /// Drives the input of TIM2's channel 3, if the pin has the timer's alternate function.
     fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
         let registers = self.part.bus().registers(PORTS[pin.port()]);
         let function = registers.and_then(|registers| Gpio::function(part_pin(pin), registers));
@@ -92,8 +93,8 @@ impl F446 {
         let channel = Channel::new(3).expect("TIM2 has four channels");
         let slot = self.part.bus().slot(TIMERS[TIMER].instance);
         let slot = slot.expect("the part has TIM2");
-        // The timer is taken out of the part for the call, because the part's registers are
-        // borrowed during it.
+        // The timer is moved out of the part during the call, because the part's registers are borrowed at
+        // the same time.
         let spare = Tim::with_clock(1, TIMERS[TIMER].counter);
         let mut timer = mem::replace(&mut self.part.tim[TIMER], spare);
         let (registers, mut context) = self.part.bus_mut().drive(at, slot);
@@ -101,7 +102,7 @@ impl F446 {
         self.part.tim[TIMER] = timer;
     }
 
-    /// Returns the port that SYSCFG routes to an EXTI line (RM0390, SYSCFG_EXTICR1 to 4).
+    /// Returns the index of the GPIO port that SYSCFG routes to an EXTI line (RM0390, SYSCFG_EXTICR1 to 4).
     fn routed_port(&self, line: u8) -> u64 {
         let registers = self.bus().registers("SYSCFG").expect("the part has SYSCFG");
         let register = match line / 4 {

@@ -29,11 +29,11 @@ use crate::usb::otg::Otg;
 
 use watchdog::Watchdog;
 
-/// Index of SPI1, the SPI of the converters.
+/// Index of SPI1, which is connected to the converters, in the emulator's array of SPIs.
 const SPI: usize = 0;
-/// Index of USART3, which is connected to the ST-LINK.
+/// Index of USART3, which is connected to the ST-LINK, in the emulator's array of USARTs.
 const UART: usize = 2;
-/// Index of TIM2, whose channel 3 captures the trigger.
+/// Index of TIM2, whose channel 3 captures the trigger, in the emulator's array of timers.
 const TIMER: usize = 0;
 /// TIM2's alternate function on PB10 (DS12110, table 10).
 const TIMER_FUNCTION: u8 = 1;
@@ -42,9 +42,9 @@ const TIMER_FUNCTION: u8 = 1;
 const RCC_CR: u64 = 0x5802_4400;
 const HSERDY: u64 = 1 << 17;
 
-/// Peripherals whose models are removed because the firmware does not use them. The emulator polls
-/// every model for every byte of a DMA transfer, and with these models the polling takes half of
-/// its time. Accesses to these peripherals are listed in
+/// Peripherals whose models are removed because the firmware does not use them. The emulator polls every
+/// model for every byte of a DMA transfer; with these models, polling would take half of the emulation's
+/// time. Accesses to these peripherals are listed in
 /// [`Findings::unimplemented`](crate::findings::Findings).
 const REMOVED_MODELS: [&str; 48] = [
     "SPI2",
@@ -109,7 +109,7 @@ pub(crate) struct H743 {
 }
 
 impl H743 {
-    /// Creates a chip with supply, without external clock, and with `host` at the other end of its USB cable.
+    /// Creates a powered chip without an external clock, with `host` at the other end of its USB cable.
     ///
     /// # Panics
     /// When the emulator's description of the part is inconsistent.
@@ -131,7 +131,7 @@ impl H743 {
         }
     }
 
-    /// Drives channel 3 of TIM2, if the pin has the timer's alternate function.
+    /// Drives the input of TIM2's channel 3, if the pin has the timer's alternate function.
     fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
         let registers = self.part.bus().registers(PORTS[pin.port()]);
         let function = registers.and_then(|registers| Gpio::function(part_pin(pin), registers));
@@ -141,8 +141,8 @@ impl H743 {
         let channel = Channel::new(3).expect("TIM2 has four channels");
         let slot = self.part.bus().slot(TIMERS[TIMER].instance);
         let slot = slot.expect("the part has TIM2");
-        // The timer is taken out of the part for the call, because the part's registers are
-        // borrowed during it.
+        // The timer is moved out of the part during the call, because the part's registers are borrowed at
+        // the same time.
         let spare = Tim::new(TIMERS[TIMER]);
         let mut timer = mem::replace(&mut self.part.tim[TIMER], spare);
         let (registers, mut context) = self.part.bus_mut().drive(at, slot);

@@ -15,18 +15,18 @@ use crate::injection::Change;
 use crate::pins::Pins;
 use crate::processor::Observer;
 
-/// Number of resets within [`RESET_LOOP_NS`] from which a board counts as resetting in a loop.
+/// Number of resets within [`RESET_LOOP_NS`] at which the board counts as resetting in a loop.
 const RESET_LOOP: usize = 20;
 const RESET_LOOP_NS: u64 = 1_000_000_000;
 
 /// Longest time between two stops, in ns. Bytes that wait for the UART are fetched at each stop.
 const MAX_RUN_NS: u64 = 250_000;
 
-/// Request from the owner of the board to the emulator's thread.
+/// Request from the owner of the [`VirtualBoard`](crate::VirtualBoard) to the emulator's thread.
 pub(super) enum Request {
     /// Run until this virtual time, in ns, then send the [`Progress`].
     Run(u64),
-    /// Schedule edges of the trigger line: time in ns and level.
+    /// Times in ns and levels of trigger edges to schedule.
     Trigger(Vec<(u64, bool)>),
     /// Change registers and memory when the core reaches this address.
     Inject(u64, Change),
@@ -51,10 +51,10 @@ impl fmt::Debug for Request {
     }
 }
 
-/// Progress of the emulator at a stop.
+/// Progress of the emulator when it reaches a requested stop.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Progress {
-    /// Instructions retired since power on.
+    /// Number of instructions retired since power-on.
     pub(super) instructions: u64,
     /// The run ended early because the board resets in a loop.
     pub(super) is_reset_loop: bool,
@@ -69,14 +69,14 @@ pub(super) struct BoardDriver {
     injection: Option<(u64, Change)>,
     requests: Receiver<Request>,
     reached: Sender<Progress>,
-    /// Virtual time of the next stop for the owner, in ns.
+    /// Virtual time of the stop that the owner has requested, in ns; 0 before the first request.
     until_ns: u64,
     /// Scheduled trigger edges: time in ns and level.
     trigger: VecDeque<(u64, bool)>,
     trigger_is_high: bool,
-    /// Levels of DRDY and trigger that were last driven; `None` after a reset.
+    /// Levels last driven on the pins DRDY and trigger; `None` after a reset.
     driven: [Option<bool>; 2],
-    /// Resets seen so far.
+    /// Number of resets handled so far.
     resets: usize,
     is_reset_loop: bool,
 }
@@ -136,8 +136,8 @@ impl BoardDriver {
         self.driven = [Some(drdy.is_high), Some(self.trigger_is_high)];
     }
 
-    /// Counts resets, and stops a board that resets in a loop, because emulating a reset takes far
-    /// longer than the reset itself.
+    /// Passes the levels of the output pins after a reset on to the converters. Stops a board that resets
+    /// in a loop, because emulating a reset takes far longer than the reset itself.
     fn count_reset(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
         let chip = &session.board().chip;
         let mut wires = self.chain.wires();
@@ -170,7 +170,8 @@ impl BoardDriver {
         self.observer.set_registers(&change.registers);
     }
 
-    /// Returns the time of the next stop.
+    /// Returns the time of the next DRDY edge, trigger edge or requested stop, whichever is first, at the
+    /// latest [`MAX_RUN_NS`] after `now`.
     fn next_stop(&self, now: VirtualNanos) -> VirtualNanos {
         let mut next = (now.0 + MAX_RUN_NS).min(self.until_ns);
         let trigger = self.trigger.front().map(|&(at, _)| at);
@@ -185,7 +186,8 @@ impl BoardDriver {
 }
 
 impl Driver<Nucleo> for BoardDriver {
-    /// Passes the firmware's writes to pins and SPI on to the converters.
+    /// Passes the firmware's writes to pins and SPI on to the converters, and handles resets and
+    /// injections.
     fn on_settled(&mut self, session: &mut Session<Nucleo>, host: &mut dyn Host, settled: Settled) {
         let access = match settled {
             Settled::Access { access, .. } => access,

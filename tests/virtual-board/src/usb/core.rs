@@ -1,6 +1,6 @@
 //! Model of the USB core in device mode, with FIFO access by the processor.
 //!
-//! This file contains its state and the register reads. [`write`] contains the register writes,
+//! This file contains the state of the core and the register reads. [`write`] contains the register writes,
 //! [`bus`] the packets and signals from the host, and [`interrupt`] the interrupt flags.
 
 mod bus;
@@ -22,12 +22,12 @@ const FLUSH_NS: u64 = 167;
 /// Depth of every FIFO after reset, in words.
 const RESET_FIFO_WORDS: u32 = 0x200;
 
-/// Clocks and connections that the rest of the part provides to the core.
+/// Clocks and connections that the rest of the microcontroller provides to the core.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Supply {
     /// True if the clock controller enables the core's bus clock.
     pub(super) clocked: bool,
-    /// Why the transceiver is not connected to the cable; `None` if it is.
+    /// Reason why the transceiver is not connected to the cable; `None` if it is connected.
     pub(super) unwired: Option<&'static str>,
     /// Frequency of the kernel clock in Hz; `None` if the part's model does not report it.
     pub(super) kernel_hz: Option<u64>,
@@ -40,7 +40,8 @@ struct Registers {
     gotgint: u32,
     gahbcfg: u32,
     gusbcfg: u32,
-    /// Number of the FIFO that was flushed last (`TXFNUM`).
+    /// `TXFNUM`, `TXFFLSH` and `RXFFLSH` as last written; the flush bits read as 0 when the flush has
+    /// ended.
     grstctl: u32,
     /// Latched bits of `OTG_GINTSTS`.
     gintsts: u32,
@@ -50,7 +51,7 @@ struct Registers {
     gccfg: u32,
     glpmcfg: u32,
     dcfg: u32,
-    /// `RWUSIG`, `SDIS`, `GINSTS`, `GONSTS` and `POPRGDNE` of `OTG_DCTL`.
+    /// `RWUSIG`, `SDIS`, `GINSTS`, `GONSTS`, `TCTL` and `POPRGDNE` of `OTG_DCTL`.
     dctl: u32,
     diepmsk: u32,
     doepmsk: u32,
@@ -63,7 +64,7 @@ struct Registers {
 }
 
 impl Registers {
-    /// Returns the reset values (RM0433 57.14).
+    /// Returns the reset values (RM0433 57.14) for a core with this number of endpoints per direction.
     fn new(endpoints: usize) -> Self {
         let tx = (0..endpoints).map(|_| RESET_FIFO_WORDS << 16 | RESET_FIFO_WORDS);
         Self {
@@ -98,8 +99,8 @@ impl Registers {
 struct BusState {
     /// True if VBUS is present.
     vbus: bool,
-    /// Start of the first frame since the host last started to send frames, in ns; `None` while it
-    /// sends none.
+    /// Start of the first frame since the host last started to send frames, in ns; `None` while the host
+    /// sends no frames.
     frames_from: Option<u64>,
     /// Number of the frame that starts at `frames_from`.
     first_frame: u64,
@@ -353,7 +354,8 @@ impl Core {
         })
     }
 
-    /// Returns the level of the interrupt line: whether an unmasked flag is set.
+    /// Returns the level of the interrupt line: high if the core is clocked, `GINT` is set and an unmasked
+    /// flag is set.
     pub(super) fn interrupt(&self) -> bool {
         self.supply.clocked
             && self.registers.gahbcfg & bit::GINT != 0

@@ -1,4 +1,4 @@
-//! Endpoints of the core: control, interrupt and size registers of each direction.
+//! Endpoints of the core: their registers, transfers and transmit FIFOs.
 
 use std::collections::VecDeque;
 
@@ -16,7 +16,7 @@ pub(super) enum Reply {
     Stall,
 }
 
-/// Registers that IN and OUT endpoints share.
+/// Registers of an endpoint of either direction.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Endpoint {
     /// `DIEPCTLx` or `DOEPCTLx` without the write-only bits.
@@ -50,7 +50,7 @@ impl Endpoint {
         }
     }
 
-    /// Returns the maximum packet size in bytes. Endpoint 0 has a two-bit code for four sizes.
+    /// Returns the maximum packet size in bytes. Endpoint 0 has a two-bit code for 64, 32, 16 and 8 bytes.
     pub(super) fn max_packet(&self) -> usize {
         let field = self.control & epctl::MPSIZ;
         if self.number == 0 {
@@ -81,9 +81,9 @@ impl Endpoint {
         self.number == 0 || self.control & epctl::EPTYP == 0
     }
 
-    /// Applies a write to the control register, except `EPENA` and `EPDIS`, which the caller handles.
+    /// Applies a write to the control register, except to `EPENA` and `EPDIS`, which the caller handles.
     ///
-    /// `writable` is the mask of the fields that this direction has.
+    /// `writable` is the mask of the fields that are writable for this direction.
     fn write(&mut self, value: u32, writable: u32) {
         let writable = if self.number == 0 {
             writable & !(epctl::USBAEP | epctl::EPTYP) & !(epctl::MPSIZ & !3)
@@ -154,8 +154,7 @@ impl InEndpoint {
         self.words.clear();
     }
 
-    /// Writes the control register; the caller has checked the bits that enable or disable the
-    /// endpoint.
+    /// Writes the control register; the caller has checked whether the endpoint may be enabled or disabled.
     pub(super) fn write_control(&mut self, value: u32) {
         let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::TXFNUM;
         self.registers.write(value, fields);
@@ -227,7 +226,7 @@ impl InEndpoint {
         Reply::Packet { bytes, data1 }
     }
 
-    /// Handles a SETUP packet: the next data PID is DATA1, and NAK is set until software clears it.
+    /// Handles a SETUP packet: clears STALL, sets NAK, and sets the next data PID to DATA1.
     pub(super) fn on_setup(&mut self) {
         self.registers.set(epctl::DPID, true);
         self.registers.set(epctl::NAKSTS, true);
@@ -248,8 +247,7 @@ impl OutEndpoint {
         }
     }
 
-    /// Writes the control register; the caller has checked the bits that enable or disable the
-    /// endpoint.
+    /// Writes the control register; the caller has checked whether the endpoint may be enabled or disabled.
     pub(super) fn write_control(&mut self, value: u32) {
         let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::SNPM;
         self.registers.write(value, fields);
@@ -264,20 +262,21 @@ impl OutEndpoint {
 
     /// Returns whether the endpoint would accept a packet, provided that the receive FIFO has room.
     ///
-    /// Only NAK decides: with FIFO access by the processor, an active endpoint accepts packets even
-    /// if `EPENA` is clear. Drivers that never set `EPENA` on endpoint 0, such as embassy's, rely
-    /// on this.
+    /// Only NAK decides: with FIFO access by the processor, an active endpoint accepts packets even while
+    /// `EPENA` is clear. Drivers that never set `EPENA` on endpoint 0, such as embassy's, rely on this
+    /// behaviour.
     pub(super) fn accepts_data(&self) -> bool {
         !self.registers.has(epctl::NAKSTS)
     }
 
-    /// Returns whether the data PID is the expected one. Otherwise the packet is a repetition,
-    /// which is acknowledged and dropped.
+    /// Returns whether the data PID is the expected one. If it is not, the packet is a repetition, which
+    /// the device acknowledges and drops.
     pub(super) fn expects(&self, data1: bool) -> bool {
         self.registers.has(epctl::DPID) == data1
     }
 
-    /// Accepts a packet. Returns whether the transfer is complete, which the core reports in the receive FIFO.
+    /// Accepts a packet of `bytes` bytes. Returns whether the transfer is complete; the caller then appends
+    /// that status to the receive FIFO.
     pub(super) fn accept(&mut self, bytes: usize) -> bool {
         let data1 = self.registers.has(epctl::DPID);
         self.registers.set(epctl::DPID, !data1);
@@ -289,13 +288,13 @@ impl OutEndpoint {
         done
     }
 
-    /// Ends the transfer, when software has read its completion from the receive FIFO.
+    /// Ends the transfer; called when software reads the completion status from the receive FIFO.
     pub(super) fn complete(&mut self) {
         self.registers.set(epctl::EPENA, false);
         self.registers.flags |= epint::XFRC;
     }
 
-    /// Handles a SETUP packet: the next data PID is DATA1, and NAK is set until software clears it.
+    /// Handles a SETUP packet: clears STALL, sets NAK, and sets the next data PID to DATA1.
     pub(super) fn on_setup(&mut self) {
         self.registers.set(epctl::DPID, true);
         self.registers.set(epctl::NAKSTS, true);

@@ -1,5 +1,5 @@
-//! The core's FIFO memory: one receive FIFO that all OUT endpoints share, one transmit FIFO per IN endpoint,
-//! and the check of their layout in the memory.
+//! The core's FIFO memory: one receive FIFO that all OUT endpoints share, one transmit FIFO per IN
+//! endpoint, and a check of the positions and sizes of these FIFOs.
 
 use std::collections::VecDeque;
 
@@ -37,13 +37,13 @@ impl RxFifo {
         self.0.len()
     }
 
-    /// Returns the number of words that a packet of `bytes` needs: status, data, and the status
-    /// that ends the transfer.
+    /// Returns the number of words that a packet of `bytes` bytes needs: its status, its data, and the
+    /// status that ends the transfer.
     pub(super) fn words_for(bytes: usize) -> usize {
         1 + bytes.div_ceil(4) + 1
     }
 
-    /// Appends a packet, or a status without data.
+    /// Appends the status word of a packet and the packet's bytes, if any.
     ///
     /// `data1` is true if the data PID is DATA1; `frame` is the number of the USB frame.
     pub(super) fn push(
@@ -121,7 +121,8 @@ impl Extent {
 /// Minimum depth of a FIFO, in words (RM0433 57.14, `OTG_GRXFSIZ` and `OTG_DIEPTXFx`).
 const MIN_DEPTH: u32 = 16;
 
-/// Returns the first error in the layout of `fifos`, receive FIFO first, in a memory of `words`.
+/// Returns the first error in the layout of `fifos` in a memory of `words` words. The receive FIFO is the
+/// first of `fifos`.
 pub(super) fn layout_error(fifos: &[(String, Extent)], words: u32) -> Option<String> {
     for (n, (name, extent)) in fifos.iter().enumerate() {
         if extent.depth < MIN_DEPTH {

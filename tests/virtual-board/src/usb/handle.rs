@@ -9,10 +9,10 @@ use super::host::status::{Counters, State};
 use super::host::{Command, Host};
 use super::violation::Violation;
 
-/// The host at the other end of the USB cable.
+/// Handle of the host at the other end of the USB cable; clones control the same host.
 ///
-/// A command takes effect at the next stop of the emulator, at the latest at the end of the current
-/// run. Clones control one host.
+/// A command takes effect at the next stop of the emulator, at the latest when the current run of the board
+/// ends.
 #[derive(Clone, Debug)]
 pub struct UsbHost(Arc<Mutex<Host>>);
 
@@ -41,7 +41,7 @@ impl UsbHost {
         self.command(Command::Plug);
     }
 
-    /// Unplugs the cable: VBUS is off, and the host discards the device.
+    /// Unplugs the cable: VBUS goes off, and the host discards the device.
     pub fn unplug(&self) {
         self.command(Command::Unplug);
     }
@@ -66,7 +66,7 @@ impl UsbHost {
         self.command(Command::Suspend(true));
     }
 
-    /// Resumes the bus: 20 ms of resume signalling, then frames again.
+    /// Resumes the bus: the host signals resume for 20 ms, then sends frames again.
     pub fn resume(&self) {
         self.command(Command::Suspend(false));
     }
@@ -76,7 +76,7 @@ impl UsbHost {
         self.command(Command::ResetBus);
     }
 
-    /// Sends bytes once the serial port is open. Without a configured device they are dropped.
+    /// Sends bytes once the serial port is open. Without a configured device the bytes are dropped.
     pub fn send(&self, bytes: &[u8]) {
         self.command(Command::Send(bytes.to_vec()));
     }
@@ -86,7 +86,7 @@ impl UsbHost {
         self.host().take_received()
     }
 
-    /// Returns the progress of the enumeration and of the opening of the port.
+    /// Returns how far enumeration and opening of the port have progressed.
     pub fn state(&self) -> State {
         self.host().state()
     }
@@ -96,12 +96,12 @@ impl UsbHost {
         self.host().device()
     }
 
-    /// Returns the counters of the bulk endpoints' traffic so far.
+    /// Returns the traffic counters of the bulk endpoints.
     pub fn counters(&self) -> Counters {
         self.host().counters()
     }
 
-    /// Returns all events on the bus so far.
+    /// Returns the log of all events on the bus so far.
     pub fn log(&self) -> Vec<Logged> {
         self.host().log().to_vec()
     }
@@ -111,7 +111,8 @@ impl UsbHost {
         self.host().violations().to_vec()
     }
 
-    /// Performs the work that is due at `now`, in ns. Returns the time of the next work, in ns.
+    /// Performs the work that is due at `now`, and returns the time at which work is due next; both times
+    /// are in ns.
     pub(super) fn step(&self, now: u64, core: &mut Core) -> Option<u64> {
         self.host().step(now, core)
     }

@@ -1,7 +1,7 @@
 //! Model of the USB host, in virtual time.
 //!
-//! To make an idle bus cheap, the host sends no token to which the device would respond with NAK.
-//! It waits until the response would be another one. Frames are counted, not sent.
+//! To make an idle bus cheap to emulate, the host sends a token only when the device would not respond with
+//! NAK. Frames are counted, not sent.
 
 mod control;
 pub(crate) mod descriptor;
@@ -36,10 +36,11 @@ const RESUME_NS: u64 = 20_000_000;
 const RESUME_RECOVERY_NS: u64 = 10_000_000;
 /// Number of enumerations that the host attempts before it ignores a device, as Linux does.
 const ATTEMPTS: u32 = 3;
-/// Number of actions at one instant after which the model of the host counts as stuck.
+/// Number of actions at one virtual time after which the model of the host counts as stuck in an endless
+/// loop.
 const MAX_ACTIONS: usize = 1_000;
 
-/// Command to the host from its handle.
+/// Command that a [`UsbHost`](super::handle::UsbHost) sends to the host.
 #[derive(Clone, Debug)]
 pub(super) enum Command {
     Plug,
@@ -51,7 +52,7 @@ pub(super) enum Command {
     Send(Vec<u8>),
 }
 
-/// Phase of the host's port, with the time in ns at which it ends.
+/// Phase of the host's port; a number is the time at which the phase ends, in ns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     Unplugged,
@@ -81,7 +82,7 @@ enum Purpose {
     Serial(Request),
 }
 
-/// USB host: state of its port, of the enumeration and of the serial port.
+/// USB host: state of its bus, of the enumeration and of the serial port.
 #[derive(Debug)]
 pub(super) struct Host {
     pub(super) commands: VecDeque<Command>,
@@ -159,7 +160,8 @@ impl Host {
         self.log.push(Logged { at_ns: now, event });
     }
 
-    /// Performs the work that is due at `now`, in ns. Returns the time of the next work, in ns.
+    /// Performs the work that is due at `now`, and returns the time at which work is due next; both times
+    /// are in ns.
     pub(super) fn step(&mut self, now: u64, core: &mut Core) -> Option<u64> {
         for _ in 0..MAX_ACTIONS {
             self.violations.take_from(&mut core.violations);
@@ -255,7 +257,7 @@ impl Host {
         }
     }
 
-    /// Returns the time of the next work, in ns.
+    /// Returns the time at which work is due next, in ns.
     fn next_due(&mut self, now: u64, core: &Core) -> Option<u64> {
         let phase = match self.phase {
             Phase::Debounce(until) | Phase::Reset(until) | Phase::Recovery(until) => Some(until),

@@ -1,22 +1,22 @@
-//! Parameters of the USB cores of both parts: addresses, sizes, and the bits of other peripherals
-//! that the cores need.
+//! Parameters of the USB cores of both microcontrollers: addresses, sizes, and the bits of other
+//! peripherals that the cores need.
 
 use rigless::soc::{Bus, Error, Layout};
 
-/// Parameters of a part's USB core.
+/// Parameters of one microcontroller's USB core.
 #[derive(Debug)]
 pub(crate) struct Instance {
-    /// Name of the emulator's window that models the core.
+    /// Name of the window in the emulator, an address range whose accesses the model of the core serves.
     pub(crate) window: &'static str,
     /// Address of the core's first register.
     pub(crate) base: u64,
     /// Size of the core's address range, FIFOs included, in bytes.
     pub(crate) size: u64,
-    /// First address of the window, which the part does not use.
+    /// First address of the window, in a range that the microcontroller does not use.
     pub(crate) window_base: u64,
-    /// Numbers of the core's interrupts in the NVIC; the list holds only the global one.
+    /// Numbers of the core's interrupts in the NVIC; the list contains only the global interrupt.
     pub(crate) interrupts: &'static [u16],
-    /// Instance of the emulator's part that has the core's clock and reset line.
+    /// Name of the emulator's own instance of the core, which receives the core's clock and reset line.
     pub(crate) global: &'static str,
     /// Number of endpoints per direction, including endpoint 0.
     pub(crate) endpoints: usize,
@@ -26,7 +26,8 @@ pub(crate) struct Instance {
     pub(crate) core_id: u32,
     /// Returns whether the bus clock of the core is on.
     pub(crate) is_clocked: fn(&Bus, &Slots) -> bool,
-    /// Returns why the transceiver is not connected to the cable, its supply or its pins; `None` if it is.
+    /// Returns why the transceiver cannot use the cable, for lack of its supply or its pins; `None` if it
+    /// can.
     pub(crate) unwired: fn(&Bus, &Slots) -> Option<&'static str>,
 }
 
@@ -39,7 +40,7 @@ pub(crate) struct Slots {
 }
 
 impl Slots {
-    /// Looks the slots up on the bus of a part.
+    /// Looks up the slots on the bus of a microcontroller.
     ///
     /// # Errors
     ///
@@ -53,11 +54,11 @@ impl Slots {
     }
 }
 
-/// OTG_FS (USB2) of the STM32H743, on PA11 and PA12: RM0433 rev 9, table 8 (address),
-/// table 147 (interrupt), 57.3 (9 endpoints, 4 KiB of FIFO).
+/// OTG_FS (USB2) of the STM32H743, on PA11 and PA12: RM0433 rev 9, table 8 (address), table 147
+/// (interrupt), 57.3 (9 endpoints, 4 KiB of FIFO).
 ///
-/// The value of `OTG_CID` differs between revisions of the manual. embassy's driver, which supports this part,
-/// treats 0x2300 as a core with `VBDEN`.
+/// The value of `OTG_CID` differs between revisions of the manual. embassy's driver treats 0x2300 as a core
+/// with `VBDEN` in `OTG_GCCFG`, which this microcontroller has.
 pub(crate) const H743_USB2: Instance = Instance {
     window: "USB2_OTG_FS",
     base: 0x4008_0000,

@@ -1,9 +1,10 @@
 //! Connection of the USB core to the emulator's model of a microcontroller.
 //!
-//! The registers and FIFOs are in a window at free addresses, to which accesses of the processor
-//! are redirected ([`Otg::redirect`]). The part's own instance of the core only receives its clock
-//! and reset line. The part contains an [`Otg`]: the part's `split` first calls [`Otg::model`], and
-//! its `poll` and `reset` end with calls of [`Otg::poll`] and [`Otg::reset`].
+//! The registers and FIFOs are in a window at free addresses, to which accesses of the processor are
+//! redirected ([`Otg::redirect`]). The emulator's own instance of the core receives only the core's clock
+//! and reset line. The model of a chip contains an [`Otg`]: its `split` returns the model from
+//! [`Otg::model`] if there is one for the slot, and its `poll` and `reset` end with calls of [`Otg::poll`]
+//! and [`Otg::reset`].
 
 use std::marker::PhantomData;
 use std::num::NonZeroU64;
@@ -21,12 +22,13 @@ use crate::core_bus::Redirect;
 /// Index of the core's global interrupt in the window.
 const GLOBAL: usize = 0;
 
-/// The core and its host, with the interrupt level and the event that the emulator has been given.
+/// The core and its host, with the interrupt level and the event time that were last passed to the
+/// emulator.
 #[derive(Debug)]
 struct CoreAndHost {
     core: Core,
     host: UsbHost,
-    /// Last level of the interrupt line that the emulator has been given.
+    /// Level of the interrupt line that was last passed to the emulator.
     raised: bool,
     /// Earliest time for which an event is scheduled, in ns.
     scheduled: Option<u64>,
@@ -63,7 +65,7 @@ fn lock(link: &Shared) -> MutexGuard<'_, CoreAndHost> {
     link.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Device model of the window, which contains the core's registers and FIFOs.
+/// Device model of the window, through which the processor accesses the core's registers and FIFOs.
 #[derive(Debug)]
 struct Registers {
     link: Shared,
@@ -125,7 +127,7 @@ impl ErasedDevice for Registers {
     }
 }
 
-/// Device model of the part's own instance, for its clock and reset line only.
+/// Device model of the emulator's own instance of the core, for the core's clock and reset line only.
 #[derive(Debug)]
 struct ClockAndReset<L> {
     link: Shared,
@@ -139,7 +141,7 @@ impl<L: Layout> Device for ClockAndReset<L> {
         lock(&self.link).core.supply.kernel_hz = Some(hz);
     }
 
-    /// Handles the reset bit in the clock controller, which affects the core like a system reset.
+    /// Handles the core's reset bit in the clock controller, which has the same effect as a system reset.
     fn reset_line(&mut self, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {
         let mut link = lock(&self.link);
         link.core.reset();
@@ -148,7 +150,7 @@ impl<L: Layout> Device for ClockAndReset<L> {
     }
 }
 
-/// The USB core of a part.
+/// The USB core of a microcontroller, connected to the emulator.
 pub(crate) struct Otg {
     link: Shared,
     registers: Registers,
@@ -169,12 +171,12 @@ impl std::fmt::Debug for Otg {
 }
 
 impl Otg {
-    /// Adds the core `instance` to the bus of a part, with `host` at the other end of its cable. `L` is the
-    /// register layout of [`Instance::global`].
+    /// Adds the core `instance` to the bus of a microcontroller, with `host` at the other end of its cable.
+    /// `L` is the register layout of [`Instance::global`].
     ///
     /// # Errors
     ///
-    /// The part lacks [`Instance::global`], or the addresses of the window are in use.
+    /// The emulator's part lacks [`Instance::global`], or the addresses of the window are in use.
     pub(crate) fn new<L: Layout + Send + 'static>(
         instance: &'static Instance,
         host: &UsbHost,
@@ -218,8 +220,8 @@ impl Otg {
         }
     }
 
-    /// Returns the model for `slot` if the slot belongs to the core; the part's `split` then returns it instead of
-    /// its own model.
+    /// Returns the model for `slot` if the slot belongs to the core. The chip's `split` then returns it
+    /// instead of the model of the emulator's part.
     pub(crate) fn model(&mut self, slot: usize, bus: &Bus) -> Option<&mut dyn ErasedDevice> {
         if slot == self.window {
             self.update_supply(bus);
@@ -231,14 +233,15 @@ impl Otg {
         }
     }
 
-    /// Performs the host's work at a stop of the emulator; the part's `poll` calls it.
+    /// Performs the host's work at a stop of the emulator; the chip's `poll` calls this method.
     pub(crate) fn poll(&mut self, now: VirtualNanos, bus: &mut Bus) {
         self.update_supply(bus);
         let (_, mut context) = bus.drive(now, self.window);
         lock(&self.link).settle(&mut context);
     }
 
-    /// Applies a system reset; the part's `reset` calls it at its end. The host sees the device detach.
+    /// Applies a system reset, which detaches the device from the bus; the chip's `reset` calls this method
+    /// at its end.
     pub(crate) fn reset(&mut self) {
         let mut link = lock(&self.link);
         link.core.reset();
@@ -247,7 +250,8 @@ impl Otg {
         link.scheduled = None;
     }
 
-    /// Updates the bus clock and the connection to the cable from the part's registers.
+    /// Updates the state of the bus clock and of the connection to the cable from the microcontroller's
+    /// registers.
     fn update_supply(&mut self, bus: &Bus) {
         let supply = &mut lock(&self.link).core.supply;
         supply.clocked = (self.instance.is_clocked)(bus, &self.slots);

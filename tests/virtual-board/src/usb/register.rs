@@ -16,12 +16,12 @@ pub(super) enum Register {
     Grxstsr,
     Grxstsp,
     Grxfsiz,
-    /// Size of the transmit FIFO with this number: `DIEPTXF0` to `DIEPTXF8`.
+    /// Start and size of the transmit FIFO with this number: `DIEPTXF0` to `DIEPTXF8`.
     Dieptxf(usize),
     Gnptxsts,
     Gccfg,
     Cid,
-    /// Offset of an identification register that drivers read although ST's manuals omit it.
+    /// Identification register at this offset, which drivers read although ST's manuals omit it.
     Undocumented(u32),
     Glpmcfg,
     Dcfg,
@@ -51,7 +51,7 @@ pub(super) enum Register {
 /// Maximum number of endpoints per direction in the register map.
 pub(super) const MAX_ENDPOINTS: usize = 9;
 
-/// Distance between the registers of two endpoints, in bytes.
+/// Distance between the registers of two consecutive endpoints, in bytes.
 const ENDPOINT_STRIDE: u64 = 0x20;
 /// Size of the address range of one FIFO, in bytes.
 const FIFO_STRIDE: u64 = 0x1000;
@@ -263,7 +263,7 @@ pub(super) mod bit {
     pub(crate) const VBDEN: u32 = 1 << 21;
     /// `OTG_DSTS`: the bus is suspended.
     pub(crate) const SUSPSTS: u32 = 1 << 0;
-    /// `OTG_DSTS`: `ENUMSPD` full speed.
+    /// `OTG_DSTS`: value of `ENUMSPD` for full speed.
     pub(crate) const FULL_SPEED: u32 = 3 << 1;
     /// `OTG_PCGCCTL`: the PHY's clock is stopped.
     pub(crate) const STPPCLK: u32 = 1 << 0;

@@ -6,7 +6,7 @@ pub(crate) enum Handshake {
     Ack,
     Nak,
     Stall,
-    /// No response: the token is for another device, or the device is not on the bus.
+    /// No response, for example because the token is for another device or the device is not on the bus.
     Silent,
 }
 
@@ -20,6 +20,6 @@ pub(crate) enum Input {
     },
     Nak,
     Stall,
-    /// No response, as for [`Handshake::Silent`].
+    /// No response, for example because the token is for another device or the device is not on the bus.
     Silent,
 }

@@ -1,4 +1,4 @@
-//! Violations of the reference manual and of the USB specification that the models have found.
+//! Violations of the reference manual and of the USB specification, found by the models of core and host.
 
 use std::fmt;
 

@@ -12,7 +12,7 @@ use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{assert_sound, power_on};
 
-/// Timeout of a run of the bridge, in real time. On a busy machine, the board runs slower than real time.
+/// Timeout of one run of the bridge, in real time. On a busy machine, the board runs slower than real time.
 const TIMEOUT: Duration = Duration::from_secs(180);
 
 /// Number of attempts at a self-test. The bridge waits 15 s of real time for the result, and the
@@ -23,7 +23,7 @@ const ATTEMPTS: usize = 3;
 const CODES: usize = 48;
 
 /// Runs the bridge at the board's port until it exits, `is_enough` returns true for its output, or
-/// [`TIMEOUT`] has passed. Returns its output and exit status.
+/// [`TIMEOUT`] has passed. Returns the output and exit status of the bridge.
 fn bridge(
     board: &mut VirtualBoard,
     arguments: &[&str],
@@ -57,8 +57,8 @@ fn bridge(
         });
         let run = live::run(board, &mut tcp, None, &stop, std::io::sink());
         stop.store(true, Relaxed);
-        // The bridge has time to exit by itself before it is killed. The thread that reads its
-        // output ends with it.
+        // The bridge gets time to exit by itself before it is killed. The reader thread ends when the
+        // bridge has ended.
         thread::sleep(Duration::from_millis(200));
         let ended = child.try_wait().ok().flatten();
         let _ = child.kill();
@@ -89,7 +89,7 @@ fn codes(text: &str) -> usize {
 }
 
 /// The self-test that the bridge requests passes, and the bridge publishes codes.
-/// `tests/tests/board_chain.rs` checks for gaps.
+/// `tests/tests/board_chain.rs` checks the codes for gaps.
 pub(crate) fn bridge_delivers_codes(subject: Subject) -> Result<(), BoardError> {
     let mut board = power_on(subject, &subject.setup())?;
     let (mut table, mut status) = (String::new(), None);

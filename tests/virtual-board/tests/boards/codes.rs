@@ -12,8 +12,8 @@ use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{assert_sound, run_codes, running, start};
 
-/// Returns the number of codes to compare: 256 (16 s) for default images, 48 (3 s) for images that
-/// differ from them only in the port.
+/// Returns the number of codes to compare: 256 (16 s) for the default image of a board, 48 (3 s) for the
+/// other image, which differs only in the port.
 const fn codes(subject: Subject) -> usize {
     match (subject.model, subject.cable) {
         (Model::H743, Cable::Uart) | (Model::F446, Cable::Usb) => 48,
@@ -37,7 +37,8 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
     #[expect(clippy::cast_precision_loss, reason = "seconds")]
     let real_time_factor = virtual_us as f64 * 1e-6 / started.elapsed().as_secs_f64();
     let codes: Vec<Code> = board.inbox().codes().map(|(_, code)| *code).collect();
-    // The first sample is one of those between the `Start` command and its acknowledgement.
+    // The test does not know at which sample the codes start, so it tries all samples between the `Start`
+    // command and its acknowledgement.
     let first = (before.saturating_sub(1)..=after + 1)
         .find(|&sample| simulated(sample, 2 * HOP)[..1] == codes[..1]);
     let first = first.expect("the first code equals none of host-sim's");
@@ -91,8 +92,8 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
         .iter()
         .map(|stage| f64::from(stage.worst_ns) / f64::from(stage.deadline_ns));
     let worst = worst.fold(0.0, f64::max);
-    // The device reported its stack use before the test reads the memory, so the report cannot be
-    // larger.
+    // The peak of the stack use only grows, and the device reported it before this read, so the report
+    // cannot be larger.
     let used = board.stack_used()?;
     let [reported, size] = [timing.stack_used, timing.stack_size].map(u64::from);
     assert!(

@@ -8,7 +8,7 @@ use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{acks, assert_sound, run_codes, running, stats, streaming};
 
-/// Number of commands sent back to back; they occupy the line for about 50 ms.
+/// Number of commands sent back to back; over the UART they take about 50 ms.
 const COMMANDS: u32 = 300;
 
 /// While codes stream, every command is received once, and its acknowledgement is sent or counted as dropped.
@@ -27,7 +27,8 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
     let stats = stats(frames).expect("a report each second");
     assert_eq!(stats.input_bad, 0, "damaged commands");
     assert_eq!(stats.commands - commands, COMMANDS, "commands received");
-    // A full UART can drop acknowledgements, which are counted. USB has the capacity for all of them.
+    // Acknowledgements that do not fit into the UART's buffer are dropped and counted. USB has the capacity
+    // for all of them.
     let answered = u32::try_from(acks(frames) - before).expect("fewer than 2^32");
     let dropped = stats.frames_dropped - dropped;
     assert!(
@@ -42,12 +43,12 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
     Ok(())
 }
 
-/// Number of damaged bytes per million for each kind of error, which damages about one command in
-/// twenty.
+/// Rate of framing errors and, separately, of noise, in bytes per million. Together they damage about one
+/// command in twenty.
 const DAMAGED: u32 = 2_500;
 
-/// Bytes with framing errors and noise destroy only the commands that contain them, which are counted. No command
-/// is executed twice, and reception continues.
+/// A byte with a framing error or noise destroys only the command that contains it, and damaged commands
+/// are counted. No command is executed twice, and reception continues.
 pub(crate) fn damaged_bytes_destroy_only_their_commands(
     subject: Subject,
 ) -> Result<(), BoardError> {
@@ -90,9 +91,9 @@ pub(crate) fn damaged_bytes_destroy_only_their_commands(
     Ok(())
 }
 
-/// Longest response time on an idle line, in us: the transfer of both frames, and the polling
-/// interval of the test, 500 us. A response that waits for the next 20 ms tick of the conversation
-/// task exceeds it.
+/// Longest response time on an idle line, in us: the transfer of both frames, and the polling interval of
+/// the test, 500 us. If the conversation task handled commands only at its 20 ms tick, most responses would
+/// take longer.
 const ANSWER_US: u64 = 4_000;
 
 /// While nothing streams, each command wakes the conversation task immediately.
@@ -102,7 +103,8 @@ pub(crate) fn an_idle_board_answers_at_once(subject: Subject) -> Result<(), Boar
         let before = acks(board.inbox().frames());
         board.send(&ToDevice::Ping);
         board.run_until("an answer", ANSWER_US, |frames| acks(frames) > before)?;
-        // The interval is not a multiple of any period of the firmware.
+        // The interval is not a multiple of any period of the firmware, so commands arrive at varying
+        // points of each period.
         board.run_for_us(3_777)?;
     }
     assert_sound(&mut board)

@@ -9,7 +9,7 @@ use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{UP_US, assert_sound, converters, power_on, run_codes, running, start};
 
-/// Chip with the fault; any chip but 0 would do.
+/// Index of the chip with the fault. Any chip except 0 is suitable.
 const CHIP: usize = 5;
 
 /// Returns the flags of all codes received so far.
@@ -35,7 +35,8 @@ fn inject_fault(board: &mut VirtualBoard, fault: Fault) -> Result<Vec<usize>, Bo
     assert!(flags(board).iter().all(|flags| !flags.contains(bad)));
     board.converters().inject(CHIP, fault);
     run_codes(board, 24)?;
-    // The first window that ends after the fault contains it.
+    // The first window that ends after the fault contains it, so code 8 or 9 must be the first with the
+    // flag.
     let flagged: Vec<_> = flags(board)
         .iter()
         .map(|flags| flags.contains(bad))
@@ -115,8 +116,8 @@ pub(crate) fn a_packed_chain_is_decoded(subject: Subject) -> Result<(), BoardErr
     Ok(())
 }
 
-/// The converters get power seconds after the microcontroller: the firmware reports the fault, retries, and can
-/// stream without a restart.
+/// If the converters get power seconds after the microcontroller, the firmware reports the fault, retries,
+/// and can stream without a restart.
 pub(crate) fn converters_can_be_powered_late(subject: Subject) -> Result<(), BoardError> {
     let setup = Setup {
         converters_on: false,

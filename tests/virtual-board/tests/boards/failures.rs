@@ -20,7 +20,7 @@ fn fail(
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
     let at_us = board.now_us();
-    // The encoder runs in this interrupt.
+    // The encode task runs in the interrupt SAI1.
     board.inject_at("SAI1", injection)?;
     board.run_until("Hello after a failure", LONGEST_US, |frames| {
         greetings(frames).len() == 2
@@ -38,7 +38,7 @@ fn assert_streams(mut board: VirtualBoard) -> Result<(), BoardError> {
     board.run_for_us(2_000_000)?;
     start(&mut board, Streams::CODES)?;
     run_codes(&mut board, 4)?;
-    // A stack overflow accesses addresses just below the RAM.
+    // The injected stack overflow accesses addresses just below the RAM.
     assert_no_findings_but(&mut board, |access| access.starts_with("0x1fffff"))
 }
 
@@ -51,7 +51,7 @@ pub(crate) fn a_hang_is_ended_by_the_watchdog(subject: Subject) -> Result<(), Bo
     Ok(())
 }
 
-/// After a panic, `Hello` contains its message.
+/// After a panic, `Hello` contains the location of the panic.
 pub(crate) fn a_panic_is_reported_after_the_restart(subject: Subject) -> Result<(), BoardError> {
     let (board, cause, fault) = fail(subject, Injection::Panic)?;
     assert_eq!(cause, ResetCause::Fault);
@@ -61,7 +61,7 @@ pub(crate) fn a_panic_is_reported_after_the_restart(subject: Subject) -> Result<
     Ok(())
 }
 
-/// After a jump to an unmapped address, `Hello` contains the fault registers.
+/// After a jump to an unmapped address, `Hello` reports a hard fault at that address.
 pub(crate) fn a_hard_fault_is_reported_after_the_restart(
     subject: Subject,
 ) -> Result<(), BoardError> {

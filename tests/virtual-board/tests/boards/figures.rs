@@ -7,7 +7,8 @@ use std::io::Write;
 
 use crate::images::Subject;
 
-/// Prints a figure and appends it to the file; `value` is a number or a boolean.
+/// Prints a figure, and appends it to the file that `CORTICODE_FIGURES` names. `value` is a number or a
+/// boolean.
 pub(crate) fn record(subject: Subject, key: &str, value: impl Display) {
     println!("{subject}: {key} {value}");
     let Some(path) = env::var_os("CORTICODE_FIGURES") else {
@@ -15,7 +16,7 @@ pub(crate) fn record(subject: Subject, key: &str, value: impl Display) {
     };
     let file = OpenOptions::new().append(true).create(true).open(path);
     let board = subject.key();
-    // A single write, because tests run concurrently.
+    // The line is written with a single call, because tests run concurrently.
     let line = format!("{{\"board\":\"{board}\",\"{key}\":{value}}}\n");
     let written = file.and_then(|mut file| file.write_all(line.as_bytes()));
     written.expect("CORTICODE_FIGURES names a writable file");

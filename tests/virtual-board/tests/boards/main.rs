@@ -54,7 +54,7 @@ macro_rules! scenarios {
     };
 }
 
-/// Defines the tests of every image.
+/// Defines, for one image, the tests that every image has.
 macro_rules! every_image {
     ($subject:ident) => {
         scenarios! {
@@ -67,7 +67,8 @@ macro_rules! every_image {
     };
 }
 
-/// Defines the tests of a default image, including those of every image.
+/// Defines the tests of one default image: those that every image has, and those that only default images
+/// have.
 macro_rules! default_image {
     ($subject:ident) => {
         every_image!($subject);

@@ -7,10 +7,10 @@ use virtual_board::{BoardError, Cable};
 use crate::images::Subject;
 use crate::session::{assert_sound, run_codes, streaming};
 
-/// Number of times that the streams are inspected.
+/// Number of times that the DMA streams are inspected.
 const INSPECTIONS: usize = 50;
 
-/// Returns the number of streams in use: two for SPI, and two for the UART if the image uses it.
+/// Returns the number of DMA streams in use: two for SPI, and two more if the image uses the UART.
 const fn streams(subject: Subject) -> usize {
     match subject.cable {
         Cable::Uart => 4,
@@ -18,8 +18,8 @@ const fn streams(subject: Subject) -> usize {
     }
 }
 
-/// All buffers of DMA streams are in memory that DMA1 can access. The emulator allows DMA accesses to the DTCM,
-/// which the chip does not (RM0433, 2.1).
+/// All buffers of DMA streams are in memory that DMA1 can access. On the chip, DMA1 cannot access the DTCM
+/// (RM0433, 2.1), but the emulator allows it.
 pub(crate) fn dma_reaches_its_buffers(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 2)?;

@@ -6,7 +6,7 @@ use virtual_board::{BoardError, Cable, Model};
 use crate::images::Subject;
 use crate::session::{assert_sound, running};
 
-/// Interrupts with the same line on both chips (RM0433, table 149; RM0390, table 38).
+/// Interrupts with the same line on both chips (RM0433 rev 9, table 147; RM0390, table 38).
 const COMMON: [Wanted; 6] = [
     ("EXTI9_5, DRDY", 23, priority::DRDY),
     ("TIM2, time driver", 28, priority::TIME),
@@ -19,7 +19,7 @@ const COMMON: [Wanted; 6] = [
 /// Expected interrupt: source, line and priority.
 type Wanted = (&'static str, u16, u8);
 
-/// Returns the DMA interrupts of the converters' SPI (RM0433, table 149; RM0390, table 38).
+/// Returns the DMA interrupts of the converters' SPI (RM0433 rev 9, table 147; RM0390, table 38).
 fn spi_interrupts(model: Model) -> [Wanted; 2] {
     match model {
         Model::H743 => [
@@ -33,7 +33,7 @@ fn spi_interrupts(model: Model) -> [Wanted; 2] {
     }
 }
 
-/// Returns the interrupts of the port to the host.
+/// Returns the interrupts of the port to the host: USB, or UART and DMA.
 fn port_interrupts(subject: Subject) -> &'static [Wanted] {
     match (subject.model, subject.cable) {
         (Model::H743, Cable::Usb) => &[("OTG_FS", 101, priority::CONVERSE)],
@@ -51,8 +51,8 @@ fn port_interrupts(subject: Subject) -> &'static [Wanted] {
     }
 }
 
-/// Every interrupt of the application has the priority that `firmware::deadlines` gives it. No
-/// other enabled interrupt is as urgent as the acquisition.
+/// Every interrupt of the application has the priority that `firmware::deadlines` defines. No other enabled
+/// interrupt has a priority as urgent as that of the acquire task.
 pub(crate) fn interrupts_have_their_priorities(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let enabled = board.interrupts()?;

@@ -7,8 +7,8 @@ use virtual_board::BoardError;
 use crate::images::Subject;
 use crate::session::{acks, assert_sound, greetings, run_codes, running, start, streaming};
 
-/// Longest time from the command to the next `Hello`, in us: 100 ms for the acknowledgement, start of the clocks,
-/// and USB enumeration.
+/// Longest time from the command to the next `Hello`, in us. It covers 100 ms for the acknowledgement, the
+/// start of the clocks, and USB enumeration.
 const LONGEST_US: u64 = 1_000_000;
 
 /// The device acknowledges `Reset`, restarts, reports the cause, and streams again.
@@ -28,7 +28,8 @@ pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), BoardError> {
     Ok(())
 }
 
-/// The device acknowledges `Reset` into the boot loader, and runs it with the clocks after a reset.
+/// The device acknowledges `Reset` into the boot loader. The boot loader then runs with the clocks of the
+/// reset state.
 pub(crate) fn restarts_into_the_loader(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let before = acks(board.inbox().frames());

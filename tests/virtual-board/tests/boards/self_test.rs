@@ -7,7 +7,7 @@ use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{assert_sound, converters, running};
 
-/// Longest time of a self-test, in us. It takes 4.5 s (docs/hardware.md).
+/// Longest time of a self-test, in us; a self-test takes 4.5 s (docs/hardware.md).
 const LONGEST_US: u64 = 6_000_000;
 
 /// The self-test passes for all eight chips and 64 channels, and the chain converts again afterwards.

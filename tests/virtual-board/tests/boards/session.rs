@@ -5,9 +5,9 @@ use virtual_board::{BoardError, Frame, Kind, Setup, VirtualBoard, allowed};
 
 use crate::images::Subject;
 
-/// Longest time from power on until the converters run, in us. The firmware waits 1 s after power
-/// on and 0.15 s for the reference, then writes the registers; a missing clock adds a timeout of
-/// 0.5 s.
+/// Longest time from power-on until the converters run, in us. The firmware waits 1 s after power-on and
+/// 0.15 s for the reference, then writes the registers. If the external clock is missing, a timeout of 0.5
+/// s is added.
 pub(crate) const UP_US: u64 = 2_000_000;
 
 /// Powers on a board with the image of `subject`.
@@ -87,7 +87,8 @@ pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
     frames.iter().filter_map(hello).collect()
 }
 
-/// Asserts what [`assert_no_findings`] does, and that every received frame could be decoded.
+/// Asserts that there are no unexpected findings, as [`assert_no_findings`] does, and that every received
+/// frame could be decoded.
 pub(crate) fn assert_sound(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
     assert_eq!(
@@ -98,14 +99,14 @@ pub(crate) fn assert_sound(board: &mut VirtualBoard) -> Result<(), BoardError> {
     Ok(())
 }
 
-/// Asserts that no unmapped address was accessed, no access was refused, all other findings are on the list of
-/// allowed ones, and no rule of the converters or of USB was violated.
+/// Asserts that no unmapped address was accessed, no access was refused, all other findings are on the list
+/// of allowed findings, and no rule of the converters or of USB was violated.
 pub(crate) fn assert_no_findings(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings_but(board, |_| false)
 }
 
-/// Asserts what [`assert_no_findings`] does, but ignores unmapped accesses for which `is_intended`
-/// is true.
+/// Asserts the same as [`assert_no_findings`], but ignores unmapped accesses for which `is_intended`
+/// returns true.
 pub(crate) fn assert_no_findings_but(
     board: &mut VirtualBoard,
     is_intended: fn(&str) -> bool,

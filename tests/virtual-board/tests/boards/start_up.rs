@@ -1,4 +1,4 @@
-//! The start: from power on until the converters run.
+//! The start: from power-on until the converters run.
 
 use link::ResetCause;
 use virtual_board::{BoardError, Kind, Setup};
@@ -9,9 +9,9 @@ use crate::session::{
     UP_US, assert_no_findings, assert_sound, converters, greetings, power_on, running,
 };
 
-/// Longest time from power on to `Hello`, in us of device time: start of the clocks and
-/// initialisation of the encoder's memory. If the time driver started half a period ahead, the time
-/// would be 65,536 us longer.
+/// Longest time from power-on to `Hello`, in us of device time. It covers the start of the clocks and the
+/// initialisation of the encoder's memory. If the time driver counted a half period that has not passed,
+/// the time would be 65,536 us longer.
 const HELLO_US: u64 = 20_000;
 
 /// Clocks, port and converters start without violations, and the first frames are complete.
@@ -49,16 +49,16 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
         assert_eq!(frame.seq, number, "a frame is missing");
     }
     assert_eq!(board.core_hz()?, subject.model.core_hz());
-    // SCLK is 100 kHz for registers and 12.8 MHz for samples, or 82 kHz and 10.5 MHz, depending on
-    // the board (docs/hardware.md). The converters run, so the faster SCLK is set.
+    // SCLK is 100 kHz for registers and 12.8 MHz for samples on the STM32H743, 82 kHz and 10.5 MHz on the
+    // STM32F446 (docs/hardware.md). The converters run, so SCLK is that for samples.
     let burst_hz = board.sclk_hz();
     assert!(
         (10_000_000..=20_000_000).contains(&burst_hz),
         "SCLK of {burst_hz} Hz"
     );
     if let Some(baud) = board.port().baud() {
-        // Over ten bits, sender and ST-LINK can differ by half a bit in total, less a margin for
-        // noise. The usual budget is 2 % for each of the two.
+        // Over the ten bits of a byte, sender and ST-LINK may differ by half a bit in total, less a margin
+        // for noise: usually 2 % for each of them.
         assert!(baud.abs_diff(921_600) <= 921_600 / 50, "{baud} baud");
         record(subject, "baud", baud);
     }

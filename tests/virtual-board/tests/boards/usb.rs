@@ -11,13 +11,14 @@ use crate::session::{
     streaming,
 };
 
-/// Longest time for debouncing, two resets and an enumeration, in us.
+/// Longest time for debouncing, two bus resets and an enumeration, in us.
 const ENUMERATION_US: u64 = 500_000;
 
-/// Longest time until a command is acknowledged, in us.
+/// Longest time from a command to its acknowledgement, in us.
 const ANSWER_US: u64 = 200_000;
 
-/// Times from plugging to unplugging, in us: all of them within the enumeration of the device.
+/// Times from plugging the cable in to unplugging it, in us. They cover the enumeration, which starts after
+/// 100 ms of debouncing.
 const EARLY_US: std::ops::Range<u64> = 100_000..240_000;
 const EARLY_STEP_US: usize = 17_001;
 
@@ -74,7 +75,7 @@ pub(crate) fn works_after_pauses_and_suspend(subject: Subject) -> Result<(), Boa
     let codes = board.inbox().codes().count();
     host.pause_reading(false);
     run_codes(&mut board, 8)?;
-    // The device counts dropped frames; the missing frame numbers must match its count.
+    // The device counts dropped frames; this count must equal the number of missing frame numbers.
     let seqs: Vec<u32> = board
         .inbox()
         .frames()
@@ -106,8 +107,8 @@ pub(crate) fn works_after_pauses_and_suspend(subject: Subject) -> Result<(), Boa
     Ok(())
 }
 
-/// The device is enumerated again and responds after three kinds of interruption: unplugging while
-/// a packet waits to be read, unplugging at several points of the enumeration, and a bus reset.
+/// The device is enumerated again and responds after three kinds of interruption: unplugging while a packet
+/// waits to be read, unplugging at several points of the enumeration, and a bus reset.
 pub(crate) fn reconnects_after_unplugging(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     start(&mut board, Streams::CODES)?;
@@ -143,7 +144,7 @@ pub(crate) fn reconnects_after_unplugging(subject: Subject) -> Result<(), BoardE
     Ok(())
 }
 
-/// Runs until the host has reached `state`; during the run the host does not reopen the port.
+/// Runs until the host has reached `state`. The host does not reopen the port meanwhile.
 fn reach_without_reopening(board: &mut VirtualBoard, state: State) -> Result<(), BoardError> {
     let host = host(board);
     board.keep_open(false);
@@ -154,8 +155,8 @@ fn reach_without_reopening(board: &mut VirtualBoard, state: State) -> Result<(),
     Ok(())
 }
 
-/// Asserts what [`assert_sound`] does, but allows up to three frames that cannot be decoded: a
-/// packet that waited while the port was closed or unplugged contains only the end of a frame.
+/// Asserts the same as [`assert_sound`], but allows up to three frames that cannot be decoded. A packet
+/// that waits in the device while the port is closed or unplugged contains only the end of a frame.
 fn assert_sound_but_cut_frames(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
     let bad = board.inbox().decode_errors();

@@ -15,19 +15,19 @@ const fn range(model: Model) -> [u64; 2] {
     }
 }
 
-/// Returns the timeout of the watchdog for a frequency of its oscillator, in us: 200 ms at 32 kHz.
+/// Returns the timeout of the watchdog in us, 200 ms at 32 kHz, when its oscillator runs at `hz`.
 const fn watchdog_us(hz: u64) -> u64 {
     200_000 * 32_000 / hz
 }
 
-/// Interval in which the firmware checks the progress of its tasks and reloads the watchdog, in us.
+/// Interval at which the firmware checks the progress of its tasks and reloads the watchdog, in us.
 const FED_US: u64 = 62_500;
 
-/// Longest start, including USB enumeration, in us.
+/// Longest time from the reset to `Hello`, including USB enumeration, in us.
 const START_US: u64 = 500_000;
 
-/// At both ends of the frequency range, a healthy board is not reset, and a hang ends after the timeout of the
-/// watchdog.
+/// At both ends of the frequency range, a healthy board is not reset, and a hang ends with a reset after
+/// the timeout of the watchdog.
 pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Result<(), BoardError> {
     for hz in range(subject.model) {
         let setup = Setup {
@@ -57,7 +57,7 @@ pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Resu
         assert_eq!(cause, ResetCause::Watchdog);
         let resets = board.findings()?.resets;
         let reset_us = resets.last().expect("a reset").0;
-        // The last reload is up to one checking interval before or after the hang.
+        // The last reload is at most one check interval before or after the hang; the range allows for two.
         let range_us = watchdog_us(hz).saturating_sub(2 * FED_US)..watchdog_us(hz) + 2 * FED_US;
         let took_us = reset_us - at_us;
         assert!(

@@ -11,8 +11,8 @@ const LINES: usize = 16;
 /// Number of GPIO ports: A to H.
 const PORTS: usize = 8;
 
-/// Index of each interrupt in the emulator's EXTI instance, with its first and last line (RM0390, table 38).
-/// Index 0 is not connected to pins.
+/// For each interrupt of the pins, its index in the emulator's EXTI instance and its first and last EXTI
+/// line (RM0390, table 38). The interrupt with index 0 is not connected to pins.
 const ROUTES: [(usize, u8, u8); 7] = [
     (1, 0, 0),
     (2, 1, 1),
@@ -26,12 +26,12 @@ const ROUTES: [(usize, u8, u8); 7] = [
 /// Model of EXTI for the lines of pins. Pins that the firmware itself drives cause no edge.
 #[derive(Debug, Default)]
 pub(super) struct Exti {
-    /// Pending lines, one bit each. They are kept here because the emulator's register file stores
-    /// a value written to PR as it is, although bits written as 1 must clear it.
+    /// Pending lines, one bit each. They are kept here because the emulator's register file would store a
+    /// value written to PR, whereas on the chip each bit written as 1 clears a pending line.
     pending: u64,
-    /// Level of each pin of each port.
+    /// For each port and pin, whether the pin is high.
     levels: [[bool; LINES]; PORTS],
-    /// For each interrupt, whether it is asserted.
+    /// For each interrupt of the emulator's EXTI instance, whether it was last driven high.
     raised: [bool; 8],
 }
 

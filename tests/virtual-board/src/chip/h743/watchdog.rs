@@ -4,7 +4,8 @@ use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::soc::stm32h743::generated::iwdg::Register;
 use rigless::time::{EventId, VirtualNanos};
 
-/// Index of the emulator's request to the clock controller that starts the LSI oscillator (RM0433, 8.5.2).
+/// Index of the emulator's signal with which the watchdog requests the LSI oscillator from the clock
+/// controller (RM0433, 8.5.2).
 const STARTED: usize = 0;
 
 /// Keys for register KR (RM0433, 45.4.1).
@@ -12,7 +13,8 @@ const UNLOCK: u64 = 0x5555;
 const START: u64 = 0xCCCC;
 const RELOAD: u64 = 0xAAAA;
 
-/// Start value of the counter until RLR has been transferred to the counter's clock domain (RM0433, 45.3).
+/// Value that is loaded into the counter until RLR has been transferred to the counter's clock domain
+/// (RM0433, 45.3).
 const RESET_RELOAD: u64 = 0xFFF;
 
 /// LSI cycles that the transfer of PR and RLR to the counter's clock domain takes (RM0433, 45.4.4).
@@ -26,12 +28,13 @@ pub(super) struct Watchdog {
     started: bool,
     /// Frequency of the LSI oscillator in Hz; 0 while it is stopped.
     clock_hz: u64,
-    /// PR and RLR in the counter's clock domain; `None` until RLR has been transferred once.
+    /// Value of PR in the counter's clock domain.
     prescaler: u64,
+    /// Value of RLR in the counter's clock domain; `None` before the first transfer.
     reload: Option<u64>,
-    /// End of the transfer of PR and RLR in progress.
+    /// Event at the end of the current transfer of PR and RLR.
     crossing: Option<EventId>,
-    /// Time at which the counter reaches 0.
+    /// Event at the time when the counter reaches 0.
     expiry: Option<EventId>,
     /// Time of the last reload, and the number of ticks loaded.
     loaded: Option<(VirtualNanos, u64)>,

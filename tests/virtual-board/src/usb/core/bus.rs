@@ -6,7 +6,7 @@ use crate::usb::fifo::{PacketStatus, RxFifo};
 use crate::usb::register::{bit, dctl, epctl, epint, gintsts};
 use crate::usb::response::{Handshake, Input};
 
-/// Words of the receive FIFO that stay free for status words without data.
+/// Number of words that must stay free in the receive FIFO, for status words without data.
 const RESERVED_WORDS: usize = 2;
 /// `bmRequestType` and `bRequest` of SET_ADDRESS (USB 2.0, 9.4).
 const SET_ADDRESS: [u8; 2] = [0x00, 0x05];
@@ -31,7 +31,7 @@ impl Core {
         }
     }
 
-    /// Switches VBUS on or off, which can start or end a session.
+    /// Sets whether VBUS is present, which can start or end a session.
     pub(crate) fn set_vbus(&mut self, on: bool) {
         let before = self.session_valid();
         self.bus.vbus = on;
@@ -67,7 +67,7 @@ impl Core {
         }
     }
 
-    /// Suspends the device, after the bus has been idle for 3 ms.
+    /// Suspends the device. The host calls this method after 3 ms of an idle bus.
     pub(crate) fn suspend(&mut self) {
         if self.is_attached() && !self.bus.suspended {
             self.bus.suspended = true;
@@ -101,7 +101,7 @@ impl Core {
         }
     }
 
-    /// Ends the bus reset; the speed is now known.
+    /// Ends the bus reset, after which the speed is known: sets `ENUMDNE`.
     pub(crate) fn end_reset(&mut self) {
         self.bus.in_reset = false;
         if self.is_attached() {
@@ -109,7 +109,7 @@ impl Core {
         }
     }
 
-    /// Returns whether the device receives a token for `address`.
+    /// Returns whether the device reacts to tokens for `address`.
     fn accepts(&self, address: u8) -> bool {
         self.is_attached()
             && !self.bus.in_reset
@@ -137,7 +137,7 @@ impl Core {
         self.rx.len() + words <= self.registers.rx_depth as usize
     }
 
-    /// Reports the end of the setup stage, at the first token after SETUP.
+    /// Reports the end of the setup stage in the receive FIFO, at the first token after the SETUP packet.
     fn end_setup_stage(&mut self, endpoint: usize) {
         if endpoint == 0 && self.bus.in_setup_stage {
             self.bus.in_setup_stage = false;
@@ -205,7 +205,7 @@ impl Core {
             || self.inputs[endpoint].answers() && self.registers.dctl & dctl::GINSTS == 0
     }
 
-    /// Returns the length of the packet that the next IN token fetches.
+    /// Returns the length in bytes of the packet that the next IN token fetches.
     pub(crate) fn next_in_len(&self, endpoint: usize) -> usize {
         self.inputs[endpoint].next_len()
     }

@@ -5,7 +5,8 @@ use crate::usb::register::{dctl, gintsts};
 
 /// Duration of a frame at full speed, in ns.
 const FRAME_NS: u64 = 1_000_000;
-/// Offset of the end of the periodic frame for `PFIVL` = 0b00, 80 % of the frame, in ns.
+/// Time from the start of a frame to the end of the periodic frame, in ns: 80 % of the frame (`PFIVL` =
+/// 0b00).
 const EOPF_NS: u64 = 800_000;
 
 impl Core {
@@ -18,7 +19,8 @@ impl Core {
         u32::try_from((self.bus.first_frame + passed) & 0x7FF).unwrap_or_default()
     }
 
-    /// Returns whether the point `offset` ns after the start of a frame has occurred since `cleared`.
+    /// Returns whether, since the time `cleared` in ns, any frame has reached the point `offset` ns after
+    /// its start.
     fn frame_instant_since(&self, cleared: u64, offset: u64) -> bool {
         self.bus.frames_from.is_some_and(|from| {
             let count = |at: u64| {
@@ -42,7 +44,7 @@ impl Core {
         sof.into_iter().chain(eopf).min()
     }
 
-    /// Returns the value of `OTG_GINTSTS`.
+    /// Returns the value of `OTG_GINTSTS`: the latched flags and those derived from the current state.
     pub(super) fn gintsts(&self) -> u32 {
         let mut flags = self.registers.gintsts;
         let mut set = |bit: u32, on: bool| {

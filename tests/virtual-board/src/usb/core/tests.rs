@@ -33,7 +33,7 @@ const fn doeptsiz(n: u64) -> u64 {
     0xB10 + 0x20 * n
 }
 
-/// A core whose clock is on and whose pins reach the connector.
+/// Returns a core whose clock is on, whose pins reach the connector, and which has VBUS.
 fn supplied() -> Core {
     let mut core = Core::new(&H743_USB2);
     core.supply = Supply {
@@ -70,7 +70,7 @@ impl Core {
     }
 }
 
-/// A core that a driver has configured, with bulk endpoints 1 OUT and 2 IN.
+/// Returns a core that a driver has configured, with bulk endpoints 1 OUT and 2 IN.
 fn configured() -> Core {
     let mut core = supplied();
     core.put(GUSBCFG, 1 << 30 | 6 << 10 | 1 << 6);

@@ -6,7 +6,7 @@ use super::{Core, FLUSH_NS, SOFT_RESET_NS};
 use crate::usb::fifo::{Extent, PacketStatus, layout_error};
 use crate::usb::register::{Register, bit, dctl, epctl, gintsts, grstctl};
 
-/// Range of the kernel clock for full speed, in Hz: 48 MHz +- 0.25 % (USB 2.0, 7.1.11).
+/// Permitted range of the kernel clock at full speed, in Hz: 48 MHz +- 0.25 % (USB 2.0, 7.1.11).
 const KERNEL_HZ: std::ops::RangeInclusive<u64> = 47_880_000..=48_120_000;
 /// Section of RM0433 on programming the endpoints in device mode.
 const PROGRAMMING: &str = "57.15.6";
@@ -171,7 +171,8 @@ impl Core {
                     "57.14",
                 );
             }
-            // The OUT NAK takes effect when software reads its status word from the receive FIFO.
+            // Only the IN NAK takes effect here. The OUT NAK takes effect when software reads its status
+            // word from the receive FIFO.
             let sets = value & set != 0 && state == dctl::GINSTS;
             if (before & state != 0 || sets) && value & clear == 0 {
                 now |= state;
@@ -272,7 +273,7 @@ impl Core {
         self.check_layout();
     }
 
-    /// Checks the layout of the FIFOs of active endpoints.
+    /// Checks that the FIFOs of active endpoints are in the memory and do not overlap.
     fn check_layout(&mut self) {
         let rx = Extent {
             start: 0,

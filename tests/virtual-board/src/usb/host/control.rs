@@ -4,13 +4,14 @@ use crate::usb::core::Core;
 use crate::usb::response::{Handshake, Input};
 use crate::usb::violation::Violations;
 
-/// Number of attempts at a transaction to which the device does not respond (USB 2.0, 10.2.6).
+/// Number of transactions without a response after which a transfer fails (USB 2.0, 10.2.6).
 const ATTEMPTS: u32 = 3;
 /// Timeout of a transfer, in ns, as in Linux (`USB_CTRL_GET_TIMEOUT`).
 const TIMEOUT_NS: u64 = 5_000_000_000;
-/// Longest time of a standard request until its next data packet, in ns (USB 2.0, 9.2.6.4).
+/// Limit for the time until the next data packet of a standard request, in ns (USB 2.0, 9.2.6.4).
 const DATA_NS: u64 = 500_000_000;
-/// Longest time of a standard request from the last data to the status stage, in ns (USB 2.0, 9.2.6.4).
+/// Limit for the time from the last data packet of a standard request to the end of its status stage, in ns
+/// (USB 2.0, 9.2.6.4).
 const STATUS_NS: u64 = 50_000_000;
 
 /// Contents of a SETUP packet (USB 2.0, 9.3).
@@ -96,8 +97,8 @@ pub(super) struct Transfer {
 }
 
 impl Transfer {
-    /// Creates a transfer to `address`, with packets of at most `max_packet` bytes. `data` is sent in the data
-    /// stage of an OUT transfer.
+    /// Creates a transfer to the device at `address`, with packets of at most `max_packet` bytes. `data` is
+    /// what an OUT transfer sends in its data stage.
     pub(super) fn new(
         setup: Setup,
         address: u8,
@@ -125,7 +126,7 @@ impl Transfer {
         self.started + TIMEOUT_NS
     }
 
-    /// Formats request and stage, for messages.
+    /// Formats the request and the current stage, for error messages.
     pub(super) fn describe(&self) -> String {
         format!("{}, {:?} stage", self.setup, self.stage)
     }
@@ -149,7 +150,7 @@ impl Transfer {
         &self.data[self.sent..end]
     }
 
-    /// Performs the next transaction.
+    /// Performs the next transaction, and returns the state of the transfer after it.
     pub(super) fn perform(
         &mut self,
         now: u64,

@@ -49,12 +49,12 @@ pub struct Descriptors {
     pub(super) strings: [u8; 3],
 }
 
-/// A configuration of the device.
+/// A configuration descriptor, with the interfaces that it contains (USB 2.0, 9.6.3).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Configuration {
     /// Number that selects this configuration (`bConfigurationValue`).
     pub value: u8,
-    /// `bmAttributes`: bit 6 is self-powered, bit 5 remote wake-up.
+    /// `bmAttributes`: bit 6 means self-powered, bit 5 remote wake-up.
     pub attributes: u8,
     /// Maximum current from the bus, in mA.
     pub max_current_ma: u16,
@@ -62,7 +62,7 @@ pub struct Configuration {
     pub interfaces: Vec<Interface>,
 }
 
-/// An interface of the configuration.
+/// An interface descriptor in alternate setting 0, with the descriptors that belong to it (USB 2.0, 9.6.5).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Interface {
     /// Number of the interface (`bInterfaceNumber`).
@@ -75,12 +75,12 @@ pub struct Interface {
     pub functions: Vec<u8>,
 }
 
-/// Contents of an endpoint descriptor.
+/// Contents of an endpoint descriptor (USB 2.0, 9.6.6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EndpointDescriptor {
     /// `bEndpointAddress`: bit 7 is set for IN.
     pub address: u8,
-    /// `bmAttributes`: 2 is bulk, 3 interrupt.
+    /// `bmAttributes`: 2 is bulk, 3 is interrupt.
     pub attributes: u8,
     /// Maximum packet size, in bytes.
     pub max_packet: u16,
@@ -97,7 +97,7 @@ pub(super) struct SerialPort {
     pub(super) notification: EndpointDescriptor,
 }
 
-/// Records violations of the specification that it finds in descriptors.
+/// Records the rules of the specification that a descriptor violates.
 struct Checker<'a> {
     now: u64,
     violations: &'a mut Violations,
@@ -155,7 +155,7 @@ impl Descriptors {
         checker.expect(self.vendor != 0, "idVendor is 0", section);
     }
 
-    /// Parses and checks the configuration descriptor and the descriptors that follow in it.
+    /// Parses and checks the configuration descriptor and the descriptors that it contains.
     pub(super) fn parse_configuration(
         &mut self,
         bytes: &[u8],
@@ -251,7 +251,8 @@ impl Descriptors {
         self.capabilities = Some(capabilities);
     }
 
-    /// Finds the endpoints of the serial port; `None` if the device has none.
+    /// Finds the control interface and the endpoints of the serial port; `None` if the device has no serial
+    /// port.
     pub(super) fn find_serial_port(
         &self,
         now: u64,
@@ -289,7 +290,8 @@ impl Descriptors {
 }
 
 impl Configuration {
-    /// Adds a descriptor. Returns the number of endpoints that it announces.
+    /// Adds a descriptor. If it is an interface descriptor, returns the number of endpoints that it
+    /// declares, otherwise 0.
     fn add(&mut self, bytes: &[u8], checker: &mut Checker<'_>) -> usize {
         match byte(bytes, 1) {
             kind::INTERFACE => {

@@ -9,9 +9,9 @@ use crate::usb::violation::Violations;
 pub(super) const ADDRESS: u8 = 7;
 /// Longest time that a device may take to change its address, in ns (USB 2.0, 9.2.6.3).
 const SET_ADDRESS_RECOVERY_NS: u64 = 2_000_000;
-/// Language identifier of US English.
+/// Identifier of the language in which the host requests strings: US English.
 const LANGUAGE: u16 = 0x0409;
-/// First `bcdUSB` for which a device has a BOS descriptor.
+/// Lowest `bcdUSB` for which a device has a BOS descriptor.
 const BOS_VERSION: u16 = 0x0201;
 
 const GET_DESCRIPTOR: u8 = 6;
@@ -21,10 +21,10 @@ const SET_CONFIGURATION: u8 = 9;
 /// Stage of an enumeration: the request in progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
-    /// Device descriptor at address 0, for the packet size of endpoint 0.
+    /// Reads the device descriptor at address 0, for the packet size of endpoint 0.
     First,
     SetAddress,
-    /// First 8 bytes of the device descriptor, at the new address.
+    /// Reads the first 8 bytes of the device descriptor, at the new address.
     Short,
     Device,
     Qualifier,
@@ -33,12 +33,12 @@ enum Stage {
     ConfigurationHeader,
     Configuration(u16),
     Languages,
-    /// String descriptor; the index counts manufacturer, product and serial number from 0.
+    /// Reads a string descriptor; the index counts manufacturer, product and serial number from 0.
     String(usize),
     SetConfiguration,
 }
 
-/// Action of the host after a request.
+/// What the host does after a request has ended.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Next {
     Request,
@@ -156,7 +156,7 @@ impl Enumeration {
                 ));
                 self.after_qualifier()
             }
-            // Hosts continue without a BOS descriptor.
+            // Like real hosts, the model continues without a BOS descriptor.
             Stage::BosHeader if data.len() < 5 => {
                 let text = format!(
                     "bcdUSB is {:#06x} and the BOS descriptor has {} bytes (USB 3.2, 9.6.2)",
@@ -215,7 +215,7 @@ impl Enumeration {
         Next::Request
     }
 
-    /// Requests the next string that the device has, from index `n` on.
+    /// Requests the first existing string from index `n` on, or the configuration if there is none.
     fn request_string(&mut self, n: usize) -> Next {
         let next = (n..3).find(|&n| self.device.strings[n] != 0);
         self.request_next(next.map_or(Stage::SetConfiguration, Stage::String))

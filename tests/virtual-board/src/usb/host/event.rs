@@ -13,7 +13,7 @@ pub enum Event {
     Attached,
     /// The device has disabled its pull-up, or lost its clock.
     Detached,
-    /// The host has ended a bus reset; recovery of the device starts.
+    /// The host has ended a bus reset; the recovery time of the device starts.
     BusReset,
     /// The device has accepted this address.
     Addressed(u8),
@@ -23,7 +23,7 @@ pub enum Event {
     Opened,
     /// The host has closed the serial port: DTR is clear.
     Closed,
-    /// The host has stopped sending frames.
+    /// The host has suspended the bus: it sends no more frames.
     Suspended,
     /// The host has resumed the bus, and the recovery time of the device is over.
     Resumed,
@@ -47,10 +47,10 @@ impl fmt::Display for Event {
     }
 }
 
-/// An event with its time.
+/// Entry in the log of the USB host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Logged {
-    /// Virtual time of the event since power on, in ns.
+    /// Virtual time of the event since power-on, in ns.
     pub at_ns: u64,
     /// Event that occurred at `at_ns`.
     pub event: Event,

@@ -13,7 +13,8 @@ use crate::usb::violation::Violations;
 /// Size of the driver's read buffer in bytes, as in the driver of Windows. A program receives the data when the
 /// buffer is full or after a short packet.
 const READ_BYTES: usize = 4_096;
-/// Bit rates that the driver sets when the device is configured and when a program opens it, in bit/s.
+/// Bit rates in bit/s: the driver sets the first when the device is configured, the second when a program
+/// opens the port.
 const RATES: [u32; 2] = [9_600, 115_200];
 
 /// Class-specific requests (CDC PSTN 1.2, 6.3).
@@ -21,7 +22,7 @@ const RATES: [u32; 2] = [9_600, 115_200];
 pub(super) enum Request {
     SetLineCoding(u32),
     GetLineCoding(u32),
-    /// Sets or clears both DTR and RTS.
+    /// Sets both DTR and RTS if true, clears both if false.
     LineState(bool),
 }
 
@@ -38,7 +39,7 @@ fn line_coding(rate: u32) -> Vec<u8> {
     [rate.to_le_bytes().as_slice(), &[0, 0, 8]].concat()
 }
 
-/// State of the driver, from the configuration of a device until it is detached.
+/// State of the driver, from the configuration of a device until the device is detached.
 #[expect(
     clippy::struct_excessive_bools,
     reason = "independent states of the program and of the device"
@@ -53,13 +54,13 @@ pub(super) struct Serial {
     /// The host reads the bulk IN endpoint: from just before DTR is set until just after it is
     /// cleared.
     is_reading: bool,
-    /// The bulk IN endpoint has not received a token since the port was opened.
+    /// The host has sent no token to the bulk IN endpoint since the port was opened.
     is_first_read: bool,
     /// Reading is paused although the port is open.
     pub(super) is_paused: bool,
     /// For each [`Pipe`], whether its next data PID is DATA1.
     toggles: [bool; 3],
-    /// The last transaction was an OUT, so an IN is next if both directions have data.
+    /// The last transaction was an OUT, so an IN comes next if both directions have data.
     was_output: bool,
     /// Data received so far for the read request in progress.
     read: Vec<u8>,
@@ -93,7 +94,7 @@ impl Serial {
         self.ports.is_some()
     }
 
-    /// Returns the next request, and the same one again until [`Serial::complete_request`] is
+    /// Returns the request to perform next. It remains the next one until [`Serial::complete_request`] is
     /// called.
     pub(super) fn next_request(&mut self) -> Option<Request> {
         self.ports?;
@@ -131,7 +132,8 @@ impl Serial {
         }
     }
 
-    /// Completes the current request with the response `data`; empty after a failure.
+    /// Completes the current request. `data` is the response, empty after a failure. Returns an event if
+    /// the port is now open or closed.
     pub(super) fn complete_request(
         &mut self,
         data: &[u8],
@@ -161,8 +163,8 @@ impl Serial {
         }
     }
 
-    /// Returns endpoint and length of the next transaction, one to which the device would not
-    /// respond with NAK.
+    /// Returns the endpoint and length of the next transaction; `None` while the device would respond with
+    /// NAK.
     pub(super) fn next_transaction(&self, core: &Core) -> Option<(Pipe, usize)> {
         let ports = self.ports?;
         let input = || {

@@ -1,6 +1,6 @@
 //! State of the USB host and its traffic counters.
 
-/// How far the host has brought a device, from detached to an open port.
+/// State of the device as the host sees it; the variants are in the order in which a device reaches them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum State {
     /// There is no device on the bus.

@@ -1,4 +1,4 @@
-//! Tests of the host with a device: a small driver on the model of the core.
+//! Tests of the host with a device, which consists of a small driver and the model of the core.
 
 mod gadget;
 
@@ -9,7 +9,7 @@ use crate::usb::instance::H743_USB2;
 
 const MS: u64 = 1_000_000;
 
-/// A host, a core and its driver, with a common virtual time.
+/// A host and a device with a common virtual time; the device consists of the core and its driver.
 struct Bench {
     host: Host,
     core: Core,
@@ -61,7 +61,7 @@ impl Bench {
         all.into_iter().map(|violation| violation.text).collect()
     }
 
-    /// Runs until the device is configured and its port is open.
+    /// Returns a bench whose device is configured and whose port is open.
     fn opened() -> Self {
         let mut bench = Self::new(Fault::None);
         bench.run(400 * MS);

@@ -7,12 +7,12 @@ use super::serial::Pipe;
 use super::{Host, Phase, Purpose};
 use crate::usb::core::Core;
 
-/// Duration of a byte at 12 Mbit/s, in ns.
+/// Duration of one byte at 12 Mbit/s, in ns.
 const BYTE_NS: u64 = 667;
 /// Overhead of a transaction in bytes: token, data header and CRC, handshake, gaps (USB 2.0, table 5-9).
 const OVERHEAD_BYTES: u64 = 13;
 
-/// Returns the duration of a transaction with `len` data bytes, in ns: 51 us for 64 bytes.
+/// Returns the duration of a transaction with `len` data bytes, in ns; with 64 bytes it is 51 us.
 fn wire_ns(len: usize) -> u64 {
     (OVERHEAD_BYTES + len as u64) * BYTE_NS
 }
@@ -41,8 +41,7 @@ impl Host {
         self.enumeration.is_some() || self.serial.next_request().is_some()
     }
 
-    /// Returns the length in bytes of the next transaction, one to which the device would not
-    /// respond with NAK.
+    /// Returns the length in bytes of the next transaction; `None` while the device would respond with NAK.
     fn next_transaction_len(&self, core: &Core) -> Option<usize> {
         let control = self.transfer.as_ref();
         control
@@ -50,7 +49,8 @@ impl Host {
             .or_else(|| self.serial.next_transaction(core).map(|(_, len)| len))
     }
 
-    /// Starts the next control transfer, or completes the transaction in progress.
+    /// Starts the next control transfer, completes the transaction in progress, or ends a transfer at its
+    /// timeout.
     pub(super) fn advance_traffic(&mut self, now: u64, core: &mut Core) {
         if self.transfer.is_none() && self.has_request() {
             self.start_transfer(now);
@@ -139,7 +139,7 @@ impl Host {
         }
     }
 
-    /// Performs the next action of the enumeration.
+    /// Logs a new address of the device, and performs the next action of the enumeration.
     fn continue_enumeration(&mut self, next: Next, now: u64, core: &mut Core) {
         let address = self.enumeration.as_ref().map_or(0, |e| e.address);
         if address != 0 && self.address == 0 {

@@ -16,7 +16,7 @@ const AHB4ENR: u64 = 0x5802_44E0;
 const GPIOA: u64 = 0x5802_0000;
 const WINDOW: u64 = H743_USB2.window_base;
 
-/// A part with the core, as the boards' parts contain it.
+/// The emulator's part extended with the USB core, as in the models of the boards' chips.
 #[derive(Debug)]
 struct Wrapped<M> {
     part: M,

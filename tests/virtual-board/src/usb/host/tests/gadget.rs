@@ -1,4 +1,4 @@
-//! A polled driver on the registers of the core: a device with a serial port.
+//! A device with a serial port: a driver that polls the registers of the core.
 
 use std::collections::VecDeque;
 
@@ -40,17 +40,17 @@ const SD0PID: u32 = 1 << 28;
 const EPDIS: u32 = 1 << 30;
 const EPENA: u32 = 1 << 31;
 
-/// Driver and state of the device.
+/// The device: state of its driver, and what the host has set or sent.
 pub(super) struct Gadget {
     fault: Fault,
     pub(super) dtr: bool,
     pub(super) line_coding: [u8; 7],
     pub(super) suspended: bool,
     pub(super) received: Vec<u8>,
-    /// Appends an empty packet to a transfer whose last packet is full.
+    /// True if [`Gadget::send`] appends an empty packet to a transfer whose last packet is full.
     pub(super) ends_transfers: bool,
     outgoing: VecDeque<Vec<u8>>,
-    /// Packets of the current data stage that are still to be sent.
+    /// Packets of the current data stage that have not been sent yet.
     answer: VecDeque<Vec<u8>>,
     setup: [u8; 8],
     out: Vec<u8>,
@@ -86,7 +86,7 @@ impl Gadget {
         }
     }
 
-    /// Sends `bytes` in packets on the bulk endpoint.
+    /// Queues `bytes` in packets for the bulk IN endpoint.
     pub(super) fn send(&mut self, bytes: &[u8]) {
         self.outgoing.extend(bytes.chunks(64).map(<[u8]>::to_vec));
         if self.ends_transfers && bytes.len().is_multiple_of(64) {
