@@ -14,9 +14,10 @@ use crate::diagnostics::signal_quality::signal_quality_status;
 use crate::diagnostics::status::new_status;
 use crate::diagnostics::timing::timing_status;
 use crate::session::state::Session;
-use crate::settings::StreamKind;
+use crate::settings::{AnnouncedStream, StreamKind};
 use crate::streams::code::CodeStream;
-use crate::streams::sample::{SampleCounts, SampleStream};
+use crate::streams::counts::SampleCounts;
+use crate::streams::sample::SampleStream;
 use crate::time::host_time::HostTime;
 
 /// Builds the report for `/diagnostics`: device, loss, link, clock, and converters if the device
@@ -86,6 +87,13 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
         values.push(KeyValue::new("firmware", &device.firmware));
         values.push(KeyValue::new("mains Hz", &device.mains_hz));
         values.push(KeyValue::new("code format", &device.code_format));
+        for (topic, stream) in AnnouncedStream::TOPICS {
+            let shift_us = device.recorder_shift_us(stream, session.settings.low_latency);
+            values.push(KeyValue::new(
+                &format!("recorder shift us {topic}"),
+                &shift_us,
+            ));
+        }
         values.push(KeyValue::new(
             "codes of another model or format",
             &codes.counts().foreign,

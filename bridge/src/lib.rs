@@ -22,7 +22,7 @@
 //! ```
 //! # use bridge::{Announcement, AuditedWindow, TimedCode};
 //! # use neuro_ros::{NeuroEvent, NeuroFrame};
-//! use bridge::{AnnouncedStream, Core, Effects, FillerPolicy, HostTime, Settings, StampPoint};
+//! use bridge::{AnnouncedStream, Core, Effects, EventStamps, FillerPolicy, HostTime, Settings, StampPoint};
 //! use link::{Decoder, MAX_FRAME, Streams, ToDevice};
 //!
 //! /// Keeps the bytes for the device and ignores all other effects.
@@ -50,6 +50,7 @@
 //!     low_latency: false,
 //!     announced: AnnouncedStream::Encoded,
 //!     streams: Streams::CODES,
+//!     event_stamps: EventStamps::Scalp,
 //! };
 //! let mut core = Core::new(settings, None);
 //! let mut port = ToPort::default();
@@ -86,7 +87,7 @@ pub use effects::{Announcement, Effects};
 pub use error::BridgeError;
 pub use query::protocol::{Answer, Query, QueryResult, Request};
 pub use query::report::{ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport};
-pub use settings::{AnnouncedStream, FillerPolicy, Settings, StampPoint, StreamKind};
+pub use settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint, StreamKind};
 pub use streams::ledger::{Arrival, Ledger};
 pub use streams::tri::{TRI_LABELS, TriWords};
 pub use time::clock::Clock;

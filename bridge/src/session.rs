@@ -1,6 +1,7 @@
 //! Handling of messages from the device and of commands to the device.
 
 mod introduction;
+mod reports;
 pub(crate) mod state;
 
 use link::{Ack, Frame, FrameError, Header, MAX_FRAME, Stats, Streams, ToDevice, ToHost};
@@ -78,6 +79,11 @@ impl Session {
         read: HostTime,
         effects: &mut dyn Effects,
     ) {
+        self.handle_message(frame, read, effects);
+        self.report_missing(read, effects);
+    }
+
+    fn handle_message(&mut self, frame: &Frame<ToHost>, read: HostTime, effects: &mut dyn Effects) {
         let header = frame.header;
         self.commands.frame_received(read.monotonic_us);
         if let ToHost::Hello(hello) = &frame.message {
@@ -89,7 +95,9 @@ impl Session {
         match &frame.message {
             // `Hello` was handled above, and a session never requests a self-test.
             ToHost::Hello(_) | ToHost::SelfTest(_) => {}
-            ToHost::Capabilities(capabilities) => self.handle_capabilities(capabilities, effects),
+            ToHost::Capabilities(capabilities) => {
+                self.handle_capabilities(capabilities, read, effects);
+            }
             ToHost::Code(code) => match &mut self.codes {
                 Some(codes) if self.introduced && self.commands.accepts_codes() => {
                     self.commands.stream_received(read.monotonic_us);
@@ -120,7 +128,8 @@ impl Session {
             }
             ToHost::Converters(converters) => {
                 let report = ChainReport::from_message(self.converters.as_ref(), converters);
-                self.converters = Some(report);
+                let before = self.converters.replace(report);
+                self.report_electrodes(before.as_ref(), header.device_time_us, read, effects);
             }
             ToHost::ClockReading(reading) => self.round_trips.record(
                 self.commands.clock_query_sent_us(),

@@ -20,6 +20,18 @@ pub struct Settings {
     pub announced: AnnouncedStream,
     /// Streams that the device is asked for. The bridge adds the stream of codes if it is missing.
     pub streams: Streams,
+    /// Time that the stamps of events refer to.
+    pub event_stamps: EventStamps,
+}
+
+/// Time that the stamp of an event on `/events/bus` refers to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum EventStamps {
+    /// The place of the event in a recording of the announced stream by `rosneuro_recorder`.
+    #[default]
+    Recorder,
+    /// The event itself, on the time scale of the frames' stamps.
+    Scalp,
 }
 
 /// Stream that is announced to ROS-Neuro's recorder and filters, which handle exactly one stream.
@@ -37,6 +49,14 @@ pub enum AnnouncedStream {
 }
 
 impl AnnouncedStream {
+    /// All streams that can be announced, with their topics.
+    pub const TOPICS: [(&'static str, AnnouncedStream); 4] = [
+        ("/encoded", AnnouncedStream::Encoded),
+        ("/neurodata_reconstructed", AnnouncedStream::Reconstructed),
+        ("/neurodata", AnnouncedStream::Raw),
+        ("/neurodata_filtered", AnnouncedStream::Filtered),
+    ];
+
     /// Returns the streams that the device must send so that this stream can be published.
     pub fn needs(self) -> Streams {
         match self {

@@ -1,11 +1,14 @@
 //! Conversion of the device's messages to NeuroFrames and NeuroEvents, with lost data filled and
 //! counted.
 
+pub(crate) mod bus;
 pub(crate) mod code;
-mod continuity;
+pub(crate) mod continuity;
+pub(crate) mod counts;
 pub(crate) mod event;
 pub(crate) mod ledger;
 pub(crate) mod neuro_frames;
+mod recorder_shift;
 pub(crate) mod sample;
 pub(crate) mod side;
 pub(crate) mod stamps;

@@ -150,7 +150,8 @@ impl Process {
         )
     }
 
-    fn signal(&self, signal: Signal) {
+    /// Sends a signal to the program's group.
+    pub fn signal(&self, signal: Signal) {
         // Fails when the whole group has ended, which is fine.
         let _ = kill_process_group(Pid::from_child(&self.child), signal);
     }

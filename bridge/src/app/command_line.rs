@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use clap::{Args, CommandFactory, Error, FromArgMatches, Parser};
 use link::{ResetInto, Streams};
 
-use crate::settings::{AnnouncedStream, FillerPolicy, Settings, StampPoint, StreamKind};
+use crate::settings::{
+    AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint, StreamKind,
+};
 use crate::wire::address::PortAddress;
 
 /// Publish the codes and signals of a Corticode board as ROS-Neuro NeuroFrames.
@@ -66,6 +68,10 @@ pub(crate) struct Options {
         default_value = "codes,audit,events"
     )]
     pub(crate) streams: Vec<StreamKind>,
+    /// Time that the stamp of an event refers to: where rosneuro_recorder places it in a recording of
+    /// the announced stream, or the event itself, as the frames' stamps
+    #[arg(long, env = "CORTICODE_EVENT_STAMPS", value_enum, default_value_t)]
+    pub(crate) event_stamps: EventStamps,
     /// Stream that /acquisition/get_info describes; record this one and no other
     #[arg(long, env = "CORTICODE_ANNOUNCE", value_enum, default_value_t)]
     pub(crate) announce: AnnouncedStream,
@@ -106,6 +112,7 @@ impl Options {
             filler: self.filler,
             low_latency: self.low_latency,
             announced: self.announce,
+            event_stamps: self.event_stamps,
             streams: self
                 .streams
                 .iter()

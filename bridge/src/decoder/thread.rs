@@ -186,7 +186,7 @@ mod tests {
     use crate::decoder::model::Model;
     use crate::decoder::reconstruction::{Reconstruction, TimedCode};
     use crate::device::Device;
-    use crate::settings::{AnnouncedStream, FillerPolicy, Settings, StampPoint};
+    use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
     use crate::streams::tri::TriWords;
 
     /// Sink that records the sequence number of every frame.
@@ -238,6 +238,7 @@ mod tests {
             low_latency: false,
             announced: AnnouncedStream::Encoded,
             streams: link::Streams::CODES,
+            event_stamps: EventStamps::Scalp,
         };
         Reconstruction::new(&device, model, settings)
     }

@@ -47,6 +47,11 @@ impl ChainReport {
         }
     }
 
+    /// Returns the labels of all electrodes without contact.
+    pub(crate) fn electrodes_off(&self, labels: &[String]) -> Vec<String> {
+        off(self.off_positive | self.off_negative, labels)
+    }
+
     /// Returns the status `converters`. The message names faults; the values are the rate of DRDY,
     /// the electrodes without contact and the bad frames of each chip.
     pub(crate) fn status(&mut self, adc_rate_hz: u16, labels: &[String]) -> DiagnosticStatus {
@@ -58,7 +63,7 @@ impl ChainReport {
         let frames = self.frames_bad.iter().enumerate();
         let frames: Vec<String> = frames.filter_map(new).collect();
         self.reported.clone_from(&self.frames_bad);
-        let off = off(self.off_positive | self.off_negative, labels);
+        let off = self.electrodes_off(labels);
         let warnings: Vec<String> = [
             ("frames bad since the last report", frames),
             ("electrodes off", off),

@@ -10,6 +10,7 @@ use crate::effects::{Announcement, Effects};
 use crate::session::state::Session;
 use crate::settings::AnnouncedStream;
 use crate::streams::code::CodeStream;
+use crate::time::host_time::HostTime;
 use crate::wire::identity::Identity;
 
 impl Session {
@@ -47,6 +48,7 @@ impl Session {
     pub(super) fn handle_capabilities(
         &mut self,
         capabilities: &Capabilities,
+        read: HostTime,
         effects: &mut dyn Effects,
     ) {
         let Some(identity) = self.identity.as_ref().filter(|_| self.introduced) else {
@@ -54,7 +56,13 @@ impl Session {
         };
         let device = match Device::new(&identity.as_hello(), capabilities) {
             Ok(device) => Arc::new(device),
-            Err(error) => return self.refuse(format!("{error}; its codes are not published")),
+            Err(error) => {
+                return self.refuse(
+                    format!("{error}; its codes are not published"),
+                    read,
+                    effects,
+                );
+            }
         };
         let objection = self
             .model
@@ -63,12 +71,22 @@ impl Session {
         let decodable = self.model.is_some() && objection.is_none();
         let info = match self.acquisition_info(&device, decodable) {
             Ok(info) => info,
-            Err(error) => return self.refuse(format!("{error}; its codes are not published")),
+            Err(error) => {
+                return self.refuse(
+                    format!("{error}; its codes are not published"),
+                    read,
+                    effects,
+                );
+            }
         };
         if let Some(announced) = &self.announced
             && let Err(error) = announced.check_compatible(&device)
         {
-            return self.refuse(format!("another device is connected: {error}"));
+            return self.refuse(
+                format!("another device is connected: {error}"),
+                read,
+                effects,
+            );
         }
         self.announced.get_or_insert_with(|| Arc::clone(&device));
         self.commands.device_introduced(true);
@@ -126,8 +144,9 @@ impl Session {
         AcquisitionInfo::new(&model, &device.uid, frame).map(Some)
     }
 
-    fn refuse(&mut self, why: String) {
+    fn refuse(&mut self, why: String, read: HostTime, effects: &mut dyn Effects) {
         tracing::error!("{why}");
+        self.report_refusal(&why, read, effects);
         self.objection = Some(why);
         self.commands.device_introduced(false);
     }

@@ -19,7 +19,7 @@ use crate::wire::identity::Identity;
 /// State that the bridge keeps about the device, also while the port is closed.
 #[derive(Debug)]
 pub(crate) struct Session {
-    pub(super) settings: Settings,
+    pub(crate) settings: Settings,
     pub(super) model: Option<Arc<Model>>,
     pub(super) encoder: Encoder,
     pub(crate) commands: Commands,

@@ -9,8 +9,9 @@ use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
 use crate::effects::Effects;
 use crate::settings::{FillerPolicy, Settings, StampPoint};
-use crate::streams::continuity::Continuity;
-use crate::streams::ledger::{Arrival, Ledger};
+use crate::streams::continuity::{Continuity, MissingStretch};
+use crate::streams::counts::CodeCounts;
+use crate::streams::ledger::Arrival;
 use crate::streams::stamps::{MonotoneStamps, Reception};
 use crate::streams::tri::TriWords;
 
@@ -39,34 +40,11 @@ pub(crate) struct CodeStream {
     /// Index of the newest window, received or filled.
     last_window: u32,
     continuity: Continuity,
+    /// Newest stretch of missing codes, until the bus has reported it.
+    missing: Option<MissingStretch>,
     counts: CodeCounts,
     encoded_stamps: MonotoneStamps,
     window_stamps: MonotoneStamps,
-}
-
-/// Numbers of received, lost and unusable codes.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct CodeCounts {
-    pub(crate) ledger: Ledger,
-    /// Number of codes that are missing between two runs of the device, which did not make them.
-    pub(crate) between_runs: u64,
-    pub(crate) fillers: u64,
-    /// Number of lost codes without a filler, because the gap exceeds [`MAX_FILLERS`].
-    pub(crate) unfilled: u64,
-    /// Number of codes whose model or format is not the one that the device reported.
-    pub(crate) foreign: u64,
-    /// Number of cells of the encoder's input that the device clipped to int8. A cell counts once
-    /// for each window that contains it.
-    pub(crate) clipped: u64,
-    /// Number of values in codes that the device clipped to the range of the code's format.
-    pub(crate) clipped_values: u64,
-}
-
-impl CodeCounts {
-    /// Number of codes that no frame from the device holds: lost ones, and those between two runs.
-    pub(crate) fn missing(&self) -> u64 {
-        self.ledger.lost() + self.between_runs
-    }
 }
 
 /// Window index, device time and status of a published code or filler.
@@ -103,6 +81,7 @@ impl CodeStream {
             last_device_us: None,
             last_window: 0,
             continuity: Continuity::default(),
+            missing: None,
             counts: CodeCounts::default(),
             encoded_stamps: MonotoneStamps::default(),
             window_stamps: MonotoneStamps::default(),
@@ -152,6 +131,11 @@ impl CodeStream {
 
     pub(crate) fn device(&self) -> &Arc<Device> {
         &self.device
+    }
+
+    /// Returns the newest stretch of missing codes once. It starts where the frames do.
+    pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
+        self.missing.take()
     }
 
     pub(crate) fn counts(&self) -> &CodeCounts {
@@ -271,6 +255,15 @@ impl CodeStream {
         known_us.saturating_add_signed(hops * self.hop_us())
     }
 
+    /// Returns the time from the first step of an announced frame, at the electrodes, to the last step
+    /// of the window that completes the frame, microseconds.
+    fn lookback_us(&self) -> i128 {
+        let announced = self.settings.announced;
+        self.device
+            .frame_lookback_us(announced, self.settings.low_latency)
+            .into()
+    }
+
     fn hop_us(&self) -> i64 {
         self.device.steps_us(u32::from(self.device.hop_steps))
     }
@@ -295,6 +288,17 @@ impl CodeStream {
             before = window,
             "codes missing"
         );
+        let hop_us = i128::from(self.hop_us());
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "68 minutes are exact to the millisecond"
+        )]
+        let seconds = (hop_us * i128::from(missing)) as f32 / 1e6;
+        self.missing = Some(MissingStretch {
+            start_us: i128::from(device_us) - hop_us * i128::from(missing) - self.lookback_us(),
+            seconds,
+            restarted: gap.between_runs > 0,
+        });
         let filled = missing.min(MAX_FILLERS);
         if filled < missing {
             self.counts.unfilled += missing - filled;
@@ -306,7 +310,6 @@ impl CodeStream {
         if self.settings.filler == FillerPolicy::Zeros || !self.has_last {
             self.z = [0.0; CODE_LEN];
         }
-        let hop_us = i128::from(self.hop_us());
         for back in (1..=filled).rev() {
             // The windows between two runs have no index of their own; those of the older run go on.
             let window = match u32::try_from(back) {

@@ -49,6 +49,16 @@ impl Continuity {
     }
 }
 
+/// A stretch of missing data in a topic, all of which is filled or skipped at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct MissingStretch {
+    /// Device time at which the stretch was at the electrodes, microseconds.
+    pub(crate) start_us: i128,
+    pub(crate) seconds: f32,
+    /// Whether the device restarted in this time.
+    pub(crate) restarted: bool,
+}
+
 #[cfg(test)]
 mod tests {
     use super::Continuity;

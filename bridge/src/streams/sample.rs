@@ -4,7 +4,8 @@ use link::Flags;
 use neuro_ros::NeuroFrame;
 
 use crate::settings::{FillerPolicy, Settings, StampPoint};
-use crate::streams::continuity::Continuity;
+use crate::streams::continuity::{Continuity, MissingStretch};
+use crate::streams::counts::SampleCounts;
 use crate::streams::stamps::{MonotoneStamps, Reception};
 use crate::streams::tri::TriWords;
 
@@ -41,33 +42,10 @@ pub(crate) struct SampleStream {
     /// Index of the first sample of the device's run; `None` from a restart to the next message.
     run_start: Option<u64>,
     continuity: Continuity,
+    /// Newest stretch of missing samples, until the bus has reported it.
+    missing: Option<MissingStretch>,
     counts: SampleCounts,
     stamps: MonotoneStamps,
-}
-
-/// Numbers of received, lost and unpublished samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct SampleCounts {
-    pub(crate) received: u64,
-    pub(crate) lost: u64,
-    /// Number of samples that are missing between two runs of the device, which did not make them.
-    pub(crate) between_runs: u64,
-    /// Number of samples that no published frame contains: samples of a frame that was unfinished
-    /// when the stream ended; lost samples of a gap in excess of [`MAX_FILL_SECONDS`]; and, without
-    /// fillers, all samples of a frame that would contain a lost sample.
-    pub(crate) unpublished: u64,
-    /// Number of messages whose content does not match the device's capabilities.
-    pub(crate) malformed: u64,
-    /// Value of `missing` at the last report to `/diagnostics`, which shows the difference.
-    pub(crate) reported: u64,
-}
-
-impl SampleCounts {
-    /// Number of samples that are in no message from the device: lost samples, and samples missing
-    /// between two runs.
-    pub(crate) fn missing(&self) -> u64 {
-        self.lost.saturating_add(self.between_runs)
-    }
 }
 
 /// Samples of one message from the device.
@@ -121,6 +99,7 @@ impl SampleStream {
             next: 0,
             run_start: Some(0),
             continuity: Continuity::default(),
+            missing: None,
             counts: SampleCounts::default(),
             stamps: MonotoneStamps::default(),
         }
@@ -165,6 +144,11 @@ impl SampleStream {
     /// Number of channels in a sample: electrodes plus spare channels.
     pub(crate) fn width(&self) -> usize {
         self.newest.len()
+    }
+
+    /// Returns the newest stretch of missing samples once.
+    pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
+        self.missing.take()
     }
 
     pub(crate) fn counts(&self) -> &SampleCounts {
@@ -276,6 +260,16 @@ impl SampleStream {
         }
         tracing::debug!(missing, before = first, "samples missing");
         let lost = missing.min(first - batch.run_start);
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "minutes are exact to the millisecond"
+        )]
+        let seconds = missing as f32 / f32::from(self.frame.sr.max(1));
+        self.missing = Some(MissingStretch {
+            start_us: batch.timeline.device_us_at(self.next) - i128::from(self.delay_us),
+            seconds,
+            restarted: missing > lost,
+        });
         self.counts.lost = self.counts.lost.saturating_add(lost);
         if self.filler == FillerPolicy::Zeros {
             self.newest.fill(0.0);

@@ -8,7 +8,8 @@ use crate::decoder::audit::AuditedWindow;
 use crate::decoder::model::Model;
 use crate::device::Device;
 use crate::effects::Effects;
-use crate::settings::Settings;
+use crate::settings::{EventStamps, Settings};
+use crate::streams::bus::EventBus;
 use crate::streams::event::EventStream;
 use crate::streams::sample::{SampleStream, Samples};
 use crate::streams::stamps::Reception;
@@ -24,6 +25,7 @@ pub(crate) struct SideStreams {
     pub(crate) raw: Option<SampleStream>,
     pub(crate) filtered: Option<SampleStream>,
     pub(crate) events: EventStream,
+    pub(crate) bus: EventBus,
     pub(crate) trigger: Trigger,
     /// Number of messages that were ignored: they were not requested, arrived before the device's
     /// introduction or from a refused device, or were audits of a model that the bridge does not
@@ -52,7 +54,8 @@ impl SideStreams {
             device: None,
             raw: None,
             filtered: None,
-            events: EventStream::new(),
+            events: EventStream::default(),
+            bus: EventBus::new(settings.streams.contains(Streams::EVENTS)),
             trigger: Trigger::default(),
             unused: 0,
             audits_unusable: 0,
@@ -82,6 +85,13 @@ impl SideStreams {
                 None => {}
             }
         }
+        let shift_us = match self.settings.event_stamps {
+            EventStamps::Recorder => {
+                device.recorder_shift_us(self.settings.announced, self.settings.low_latency)
+            }
+            EventStamps::Scalp => 0,
+        };
+        self.bus.set_shift(shift_us);
         self.device = Some(Arc::clone(device));
     }
 
@@ -190,9 +200,9 @@ impl SideStreams {
         let reception = times.reception(&self.trigger);
         if !self.settings.streams.contains(Streams::EVENTS) {
             self.unused += 1;
-        } else if let Some(level) = self
-            .events
-            .receive(event, times.device_us, reception, effects)
+        } else if let Some(level) =
+            self.events
+                .receive(event, times.device_us, reception, &mut self.bus, effects)
         {
             self.trigger.record_edge(event.sample, level);
         }

@@ -43,6 +43,13 @@ fn sixteen_bits(value: u64) -> [u16; 4] {
     std::array::from_fn(|word| u16::from_le_bytes([bytes[2 * word], bytes[2 * word + 1]]))
 }
 
+/// Range that is announced for the status words.
+///
+/// ROS-Neuro's recorder stores `tri` in GDF as float32 and maps this range to the whole range of
+/// float32. The range of the words themselves, 0 to 65535, makes almost every stored word infinite or
+/// inexact; with 24 bits and sign, words come back as they were.
+const RANGE: [f64; 2] = [-8_388_608.0, 8_388_607.0];
+
 /// Returns the description of a `tri` block that holds the words of `nsamples` samples.
 pub(crate) fn tri_info(nsamples: u16) -> NeuroDataInfo {
     NeuroDataInfo {
@@ -53,7 +60,7 @@ pub(crate) fn tri_info(nsamples: u16) -> NeuroDataInfo {
         transducter: "corticode status words".to_owned(),
         prefiltering: String::new(),
         isint: 1,
-        minmax: vec![0.0, 65535.0],
+        minmax: RANGE.to_vec(),
         labels: TRI_LABELS.map(str::to_owned).to_vec(),
     }
 }

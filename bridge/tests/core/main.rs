@@ -3,6 +3,7 @@
 
 mod audit;
 mod board;
+mod bus;
 mod clock;
 mod clock_backlog;
 mod compatibility;

@@ -1,8 +1,8 @@
 //! A core with a simulated board, and a recorder of the core's effects.
 
 use bridge::{
-    AnnouncedStream, Announcement, AuditedWindow, Core, Effects, FillerPolicy, Settings,
-    StampPoint, TimedCode,
+    AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FillerPolicy,
+    Settings, StampPoint, TimedCode,
 };
 use link::{CodeValues, Streams, ToDevice, ToHost};
 use neuro_ros::{DiagnosticStatus, NeuroEvent, NeuroFrame, Shape};
@@ -16,6 +16,7 @@ pub(crate) const SETTINGS: Settings = Settings {
     low_latency: false,
     announced: AnnouncedStream::Encoded,
     streams: Streams::CODES,
+    event_stamps: EventStamps::Scalp,
 };
 
 /// Records every effect of the core. Checks shape, number and stamp of every frame.
