@@ -1,6 +1,6 @@
 //! Instruction counts of repeated runs, and their text form in an image's output.
 
-use core::fmt;
+use core::{fmt, num::ParseIntError, str::FromStr};
 
 /// Smallest, largest and total instruction count of the runs on one input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,16 +27,20 @@ impl Tally {
         self.most = self.most.max(instructions);
         self.total += u64::from(instructions);
     }
+}
+
+impl FromStr for Tally {
+    type Err = ParseIntError;
 
     /// Parses `FEWEST MOST TOTAL`, which `Display` writes.
-    pub fn parse(text: &str) -> Option<Self> {
-        let mut numbers = text.split(' ');
-        let tally = Self {
-            fewest: numbers.next()?.parse().ok()?,
-            most: numbers.next()?.parse().ok()?,
-            total: numbers.next()?.parse().ok()?,
-        };
-        numbers.next().is_none().then_some(tally)
+    fn from_str(text: &str) -> Result<Self, ParseIntError> {
+        let mut numbers = text.splitn(3, ' ');
+        let mut next = || numbers.next().unwrap_or_default();
+        Ok(Self {
+            fewest: next().parse()?,
+            most: next().parse()?,
+            total: next().parse()?,
+        })
     }
 }
 

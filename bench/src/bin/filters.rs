@@ -26,14 +26,14 @@ mod image {
         with_clock(count_all)
     }
 
-    /// Prints one line for each input and contender: `count INPUT CONTENDER FEWEST MOST TOTAL`.
+    /// Prints one line for each input and contender: `count INPUT CONTENDER: FEWEST MOST TOTAL`.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut inputs = HostFile::open(INPUTS)?;
         let mut outputs = HostFile::create(OUTPUTS)?;
         let mut input = 0;
         while let Some(tallies) = count_input(clock, &mut inputs, &mut outputs)? {
             for (name, tally) in NAMES.iter().zip(tallies) {
-                hprintln!("count {} {} {}", input, name, tally);
+                hprintln!("count {} {}: {}", input, name, tally);
             }
             input += 1;
         }
