@@ -1,9 +1,10 @@
 //! Instruction counts of repeated runs, and their text form in an image's output.
 
-use core::{fmt, num::ParseIntError, str::FromStr};
+use core::fmt;
 
 /// Smallest, largest and total instruction count of the runs on one input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(not(target_os = "none"), derive(serde::Deserialize))]
 pub struct Tally {
     /// Instructions of the shortest run.
     pub fewest: u32,
@@ -29,23 +30,30 @@ impl Tally {
     }
 }
 
-impl FromStr for Tally {
-    type Err = ParseIntError;
-
-    /// Parses `FEWEST MOST TOTAL`, which `Display` writes.
-    fn from_str(text: &str) -> Result<Self, ParseIntError> {
-        let mut numbers = text.splitn(3, ' ');
-        let mut next = || numbers.next().unwrap_or_default();
-        Ok(Self {
-            fewest: next().parse()?,
-            most: next().parse()?,
-            total: next().parse()?,
-        })
+impl fmt::Debug for Tally {
+    /// Writes `[FEWEST, MOST, TOTAL]`, from which the report reads the tally.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            formatter,
+            "[{}, {}, {}]",
+            self.fewest, self.most, self.total
+        )
     }
 }
 
-impl fmt::Display for Tally {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{} {} {}", self.fewest, self.most, self.total)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tally_is_read_as_it_is_written() {
+        let mut tally = Tally::EMPTY;
+        tally.add(7);
+        tally.add(9);
+        let text = format!("tallies = {:?}", [tally]);
+        assert_eq!(text, "tallies = [[7, 9, 16]]");
+        let read: std::collections::BTreeMap<String, [Tally; 1]> =
+            toml::from_str(&text).expect("TOML");
+        assert_eq!(read["tallies"], [tally]);
     }
 }

@@ -29,15 +29,17 @@ mod image {
     #[entry]
     fn main() -> ! {
         with_clock(|clock| {
-            hprintln!("ram acquisition: {}", size_of::<Acquisition>());
-            hprintln!("ram encoder: {}", size_of::<Encoder<'_>>());
+            hprintln!("ram_acquisition = {}", size_of::<Acquisition>());
+            hprintln!("ram_encoder = {}", size_of::<Encoder<'_>>());
             count_acquisition(clock);
-            kernel::each(|kernel, run| hprintln!("kernel {}: {}", kernel.name, clock.count(run)));
+            kernel::each(|kernel, run| {
+                hprintln!("kernels.\"{}\" = {}", kernel.name, clock.count(run));
+            });
             count_all(clock)
         })
     }
 
-    /// Prints `acquisition: COUNT`: the instructions of the acquisition for one time step. The image `filters` shows
+    /// Prints `acquisition = COUNT`: the instructions of the acquisition for one time step. The image `filters` shows
     /// that their number is the same for every signal.
     fn count_acquisition(clock: &Clock) {
         let mut acquisition = Acquisition::new(Mains::Hz50);
@@ -49,10 +51,10 @@ mod image {
                 step = acquisition.process_sample(&sample);
             }
         });
-        hprintln!("acquisition: {}", count);
+        hprintln!("acquisition = {}", count);
     }
 
-    /// Prints one line for each input and place in the hop: `step INPUT PLACE: FEWEST MOST TOTAL`.
+    /// Prints the tallies of all places in the hop for each input.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut inputs = HostFile::open(INPUTS)?;
         let mut outputs = HostFile::create(OUTPUTS)?;
@@ -61,13 +63,11 @@ mod image {
             return Err(Refused);
         }
         let steps = u32::from_le_bytes(steps) as usize;
-        let mut input = 0;
+        hprintln!("inputs = [");
         while let Some(tallies) = count_input(clock, steps, &mut inputs, &mut outputs)? {
-            for (place, tally) in tallies.iter().enumerate() {
-                hprintln!("step {} {}: {}", input, place, tally);
-            }
-            input += 1;
+            hprintln!("{:?},", tallies);
         }
+        hprintln!("]");
         outputs.write(&any_network::digests())
     }
 

@@ -15,7 +15,7 @@ use self::counts::Counts;
 use self::cycles::{LoopCycles, REST_M4, REST_M7, load_percent};
 use super::checked_in;
 use super::figures::Report;
-use super::images::{self, Lines};
+use super::images;
 use super::inputs::{self, Inputs};
 use crate::hop;
 
@@ -56,15 +56,9 @@ pub(crate) fn measure(windows: usize) -> anyhow::Result<Report> {
         let tasks = Image::build("bench", "tasks", machine.features)?;
         flash::check_panics(&flash::loaded(tasks.path())?)?;
         let image = Image::build("bench", "encoder", machine.features)?;
-        let read = |lines: &mut Lines| Counts::read(machine, lines, inputs.names.len());
-        let (mut counts, output) = images::run(
-            &image,
-            machine,
-            "bench/encoder",
-            &bytes,
-            expected.len(),
-            read,
-        )?;
+        let folder = "bench/encoder";
+        let (printed, output) = images::run(&image, machine, folder, &bytes, expected.len())?;
+        let mut counts = Counts::new(machine, &printed)?;
         counts.different_codes = different(&expected, &output);
         match cycles::loops(machine, &image) {
             Ok(loops) => counts.loops = loops,

@@ -9,7 +9,7 @@ use anyhow::Context;
 use emulator::{Image, MACHINES, Machine};
 use fixed_dsp::BLOCK;
 use model::ELECTRODES;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 
 use self::noise::Noise;
@@ -20,6 +20,7 @@ use super::inputs::{self, Inputs};
 use crate::block::{self, BYTES, Block};
 use crate::contenders::{NAMES, with_contenders};
 use crate::response::{Response, Twin};
+use crate::tally::Tally;
 
 /// Contender whose figures have limits.
 const OURS: &str = "ours-blocks";
@@ -27,6 +28,13 @@ const OURS: &str = "ours-blocks";
 const IDSP_DITHER: &str = "idsp-dither";
 /// Index in [`NAMES`] of the contender whose output must equal that of the one before it.
 const SINGLES: usize = 1;
+
+/// What the image prints: the tallies of all contenders for each input.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Printed {
+    inputs: Vec<[Tally; NAMES.len()]>,
+}
 
 /// Counts of all contenders on one machine.
 #[derive(Debug, Serialize)]
@@ -51,7 +59,11 @@ struct Contender {
 }
 
 impl Counts {
-    fn new(machine: Machine, ranges: &[Range], different: [usize; NAMES.len()]) -> Self {
+    fn new(
+        machine: Machine,
+        ranges: [Range; NAMES.len()],
+        different: [usize; NAMES.len()],
+    ) -> Self {
         let samples = f64::from(u32::try_from(BLOCK * ELECTRODES).unwrap_or(u32::MAX));
         let contenders = NAMES.into_iter().zip(ranges).zip(different);
         let contenders = contenders.map(|((name, range), different_blocks)| Contender {
@@ -81,13 +93,10 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     let expected = expected(&inputs);
     let mut machines = Vec::new();
     for machine in MACHINES {
-        let read = |lines: &mut images::Lines| {
-            let ranges = NAMES.iter();
-            let ranges = ranges.map(|name| lines.take_range("count", inputs.names.len(), name));
-            ranges.collect::<anyhow::Result<Vec<Range>>>()
-        };
-        let (ranges, output) = images::run(&image, machine, "bench", &bytes, expected.len(), read)?;
-        machines.push(Counts::new(machine, &ranges, different(&expected, &output)));
+        let (Printed { inputs }, output) =
+            images::run(&image, machine, "bench", &bytes, expected.len())?;
+        let ranges = Range::of_columns(&inputs);
+        machines.push(Counts::new(machine, ranges, different(&expected, &output)));
     }
     let twin = Twin::new(&checked_in::artifact()?.description.filters);
     eprintln!("measuring the noise of our filters and of idsp's");
@@ -187,7 +196,7 @@ mod tests {
                 (range.fewest, range.most) = (13_420, 13_420);
             }
         }
-        let mut counts = Counts::new(MACHINES[0], &ranges, [0; NAMES.len()]);
+        let mut counts = Counts::new(MACHINES[0], ranges, [0; NAMES.len()]);
         counts.contenders.iter_mut().for_each(change);
         let mut noise = Noise::default();
         noise.ours.eeg = 2.4;

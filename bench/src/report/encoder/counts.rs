@@ -1,20 +1,40 @@
 //! Instruction counts of the encoder on one emulated machine.
 
+use std::collections::BTreeMap;
+
+use anyhow::Context;
 use emulator::Machine;
 use model::HOP;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::cycles::LoopCycles;
 use crate::hop::COMPLETING;
 use crate::kernel::{self, SHORTCUT};
-use crate::report::images::{Lines, Range};
+use crate::report::images::Range;
+use crate::tally::Tally;
+
+/// What the image prints.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Printed {
+    /// State of the acquisition, bytes.
+    ram_acquisition: u32,
+    /// State of the encoder, bytes.
+    ram_encoder: u32,
+    /// Instructions of the acquisition for one time step.
+    acquisition: u32,
+    /// Instructions of one run of each kernel.
+    kernels: BTreeMap<String, u32>,
+    /// For each input the tallies of the time steps of a hop.
+    inputs: Vec<[Tally; HOP]>,
+}
 
 #[derive(Debug, Clone, Serialize)]
 pub(crate) struct Counts {
     pub(crate) machine: &'static str,
     core: &'static str,
     /// Fewest and most instructions of each time step of a hop, over all inputs.
-    steps: Vec<[u32; 2]>,
+    steps: [[u32; 2]; HOP],
     /// Whether each time step takes the same number of instructions for every input.
     pub(crate) constant: bool,
     kernels: Vec<KernelCount>,
@@ -58,14 +78,18 @@ pub(crate) struct Figures {
 }
 
 impl Counts {
-    /// Takes the lines of a run with `inputs` inputs; the codes are not compared, and the loops are missing.
-    pub(crate) fn read(machine: Machine, lines: &mut Lines, inputs: usize) -> anyhow::Result<Self> {
-        let steps = (0..HOP).map(|place| lines.take_range("step", inputs, place));
-        let steps = steps.collect::<anyhow::Result<Vec<Range>>>()?;
+    /// Computes the counts from what the image printed; the codes are not compared, and the loops are missing.
+    ///
+    /// # Errors
+    /// The image did not count a kernel.
+    pub(crate) fn new(machine: Machine, printed: &Printed) -> anyhow::Result<Self> {
+        let steps = Range::of_columns(&printed.inputs);
         let mut kernels = Vec::new();
         kernel::each(|kernel, _| kernels.push(kernel));
         let kernels = kernels.into_iter().map(|kernel| {
-            let count: u32 = lines.take(&format!("kernel {}", kernel.name))?;
+            let count = printed.kernels.get(kernel.name);
+            let count =
+                count.with_context(|| format!("the image did not count {}", kernel.name))?;
             Ok(KernelCount {
                 name: kernel.name,
                 insn_per_code: kernel.per_code * count,
@@ -78,13 +102,13 @@ impl Counts {
         Ok(Self {
             machine: machine.name,
             core: machine.core,
-            steps: steps.iter().map(|step| [step.fewest, step.most]).collect(),
+            steps: steps.map(|step| [step.fewest, step.most]),
             constant: steps.iter().all(|step| step.constant),
             rest_per_code: i64::from(figures.insn_per_code_shortcut) - i64::from(in_kernels),
             kernels,
             figures,
-            acquisition_per_code: lines.take::<u32>("acquisition")? * small(HOP),
-            ram_bytes: lines.take::<u32>("ram acquisition")? + lines.take::<u32>("ram encoder")?,
+            acquisition_per_code: printed.acquisition * small(HOP),
+            ram_bytes: printed.ram_acquisition + printed.ram_encoder,
             different_codes: 0,
             loops: Vec::new(),
             skipped: Vec::new(),
@@ -130,15 +154,21 @@ mod tests {
     impl Counts {
         /// Counts of one input: the last time step of a hop takes `last`, all others 1000 instructions.
         pub(crate) fn synthetic(last: u32) -> Self {
-            let mut lines = vec!["ram acquisition: 5000".to_owned()];
-            lines.extend(["ram encoder: 30000", "acquisition: 900"].map(str::to_owned));
-            kernel::each(|kernel, _| lines.push(format!("kernel {}: 100", kernel.name)));
-            for place in 0..HOP {
-                let count = if place == HOP - 1 { last } else { 1000 };
-                lines.push(format!("step 0 {place}: {count} {count} {}", 10 * count));
-            }
-            let counts = Lines::read(&lines, |lines| Self::read(MACHINES[0], lines, 1));
-            counts.expect("the lines of an image")
+            let mut kernels = BTreeMap::new();
+            kernel::each(|kernel, _| _ = kernels.insert(kernel.name.to_owned(), 100));
+            let inputs = vec![std::array::from_fn(|place| {
+                let mut tally = Tally::EMPTY;
+                tally.add(if place == HOP - 1 { last } else { 1000 });
+                tally
+            })];
+            let printed = Printed {
+                ram_acquisition: 5_000,
+                ram_encoder: 30_000,
+                acquisition: 900,
+                kernels,
+                inputs,
+            };
+            Self::new(MACHINES[0], &printed).expect("a count of every kernel")
         }
     }
 
