@@ -17,7 +17,7 @@ mod image {
         any_network,
         block::{INPUTS, OUTPUTS},
         hop::FILLING,
-        kernel,
+        kernel::{self, Kernel},
         machine::{Clock, HostFile, Refused, exit, with_clock},
         tally::Tally,
     };
@@ -29,18 +29,21 @@ mod image {
     #[entry]
     fn main() -> ! {
         with_clock(|clock| {
-            hprintln!("ram_acquisition = {}", size_of::<Acquisition>());
-            hprintln!("ram_encoder = {}", size_of::<Encoder<'_>>());
+            let ram_bytes = size_of::<Acquisition>() + size_of::<Encoder<'_>>();
+            hprintln!("ram_bytes = {}", ram_bytes);
             count_acquisition(clock);
-            kernel::each(|kernel, run| {
-                hprintln!("kernels.\"{}\" = {}", kernel.name, clock.count(run));
+            hprintln!("kernels = [");
+            kernel::each(|Kernel { name, per_code }, run| {
+                let count = per_code * clock.count(run);
+                hprintln!("{{ name = {:?}, insn_per_code = {} }},", name, count);
             });
+            hprintln!("]");
             count_all(clock)
         })
     }
 
-    /// Prints `acquisition = COUNT`: the instructions of the acquisition for one time step. The image `filters` shows
-    /// that their number is the same for every signal.
+    /// Prints the instructions of the acquisition for the time steps of a code. The image `filters` shows that their
+    /// number is the same for every signal.
     fn count_acquisition(clock: &Clock) {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let sample = Sample::default();
@@ -51,7 +54,7 @@ mod image {
                 step = acquisition.process_sample(&sample);
             }
         });
-        hprintln!("acquisition = {}", count);
+        hprintln!("acquisition_per_code = {}", count as usize * HOP);
     }
 
     /// Prints the tallies of all places in the hop for each input.

@@ -163,6 +163,11 @@ mod tests {
             assert_eq!(self.object["faults"], json!(self.faults));
             &self.faults
         }
+
+        pub(crate) fn assert_only_fault(&self, words: &str) {
+            let faults = self.faults();
+            assert!(faults.len() == 1 && faults[0].contains(words), "{faults:?}");
+        }
     }
 
     fn report(figures: Json) -> Report {

@@ -85,7 +85,9 @@ mod tests {
     fn one_instruction_more_on_one_input_is_not_constant() {
         let tally = |counts: [u32; 2]| {
             let mut tally = Tally::EMPTY;
-            counts.map(|count| tally.add(count));
+            for count in counts {
+                tally.add(count);
+            }
             tally
         };
         let range = |fewest, most, constant| Range {

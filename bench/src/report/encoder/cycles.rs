@@ -51,7 +51,8 @@ pub(crate) fn loops(machine: Machine, image: &Image) -> anyhow::Result<Vec<LoopC
     for (name, products, per_code) in work() {
         let body = Loop::find(&disassembly, name)
             .with_context(|| format!("{name} has no loop, or is not in the image"))?;
-        let share = body.named(products);
+        let is_product = |line: &&String| products.iter().any(|name| line.starts_with(name));
+        let share = body.instructions.iter().filter(is_product).count();
         ensure!(
             share > 0 && per_code.is_multiple_of(share),
             "{name} does {share} at a time, the network takes {per_code}: other loops run"
@@ -60,7 +61,8 @@ pub(crate) fn loops(machine: Machine, image: &Image) -> anyhow::Result<Vec<LoopC
         loops.push(LoopCycles {
             name,
             turns_per_code: u32::try_from(per_code / share)?,
-            instructions: body.count(),
+            // The branch is one more.
+            instructions: u32::try_from(body.instructions.len() + 1)?,
             arm_table: (!is_m7).then(|| arm_table(&body.instructions) + branch),
             llvm_mca: body.simulated(cpu, &source)? + f64::from(branch),
         });

@@ -42,18 +42,6 @@ impl Loop {
         None
     }
 
-    /// Returns the number of instructions of an iteration, including the branch.
-    pub(crate) fn count(&self) -> u32 {
-        u32::try_from(self.instructions.len() + 1).unwrap_or(u32::MAX)
-    }
-
-    /// Returns the number of instructions whose name starts with one of these.
-    pub(crate) fn named(&self, names: &[&str]) -> usize {
-        let is_named =
-            |instruction: &&String| names.iter().any(|name| instruction.starts_with(name));
-        self.instructions.iter().filter(is_named).count()
-    }
-
     /// Simulates the loop with llvm-mca on this processor, and returns the mean cycles of an iteration without
     /// its branch. Writes the loop to the file `source`.
     ///
@@ -156,10 +144,9 @@ mod tests {
     #[test]
     fn the_innermost_loop_is_found_by_its_branch() {
         let found = Loop::of_quads();
-        assert_eq!(found.count(), 8);
+        assert_eq!(found.instructions.len(), 7);
         assert_eq!(found.instructions[0], "ldm.w r12!, {r4, r5, r6, r7}");
         assert_eq!(found.instructions[6], "cmp r11, lr");
-        assert_eq!(found.named(&["smlad", "smuad"]), 1);
         assert_eq!(Loop::find(DISASSEMBLY, "straight"), None);
         assert_eq!(Loop::find(DISASSEMBLY, "quad"), None);
     }
