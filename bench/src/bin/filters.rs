@@ -26,17 +26,15 @@ mod image {
         with_clock(count_all)
     }
 
-    /// Prints one line for each input and contender: `count INPUT CONTENDER FEWEST MOST TOTAL`.
+    /// Prints the tallies of all contenders, in the order of `NAMES`, for each input.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut inputs = HostFile::open(INPUTS)?;
         let mut outputs = HostFile::create(OUTPUTS)?;
-        let mut input = 0;
+        hprintln!("inputs = [");
         while let Some(tallies) = count_input(clock, &mut inputs, &mut outputs)? {
-            for (name, tally) in NAMES.iter().zip(tallies) {
-                hprintln!("count {} {} {}", input, name, tally);
-            }
-            input += 1;
+            hprintln!("{:?},", tallies);
         }
+        hprintln!("]");
         Ok(())
     }
 
