@@ -9,12 +9,13 @@ pub fn count_differences<T: PartialEq>(expected: &[T], found: &[T]) -> usize {
         + expected.len().abs_diff(found.len())
 }
 
-/// Description of the first item that is not the expected one; `None` if all are equal.
+/// Description of the first item that is not the expected one, cut where items are long; `None` if all are equal.
 pub fn first_difference<T: PartialEq + Debug>(expected: &[T], found: &[T]) -> Option<String> {
+    let text = |item: &T| format!("{item:?}").chars().take(300).collect::<String>();
     let mut pairs = expected.iter().zip(found).enumerate();
     if let Some((index, (expected, found))) = pairs.find(|(_, (expected, found))| expected != found)
     {
-        return Some(format!("{index}: {found:?}, not {expected:?}"));
+        return Some(format!("{index}: {}, not {}", text(found), text(expected)));
     }
     let [expected, found] = [expected.len(), found.len()];
     (expected != found).then(|| format!("{found} of {expected}"))
