@@ -15,7 +15,7 @@ mod program;
 mod progress;
 mod run;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -32,8 +32,7 @@ use crate::failure::Failure;
     about = "Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures"
 )]
 struct Options {
-    /// Seconds of EEG; the filters need the first 9.5 to settle, and nothing before that is
-    /// compared.
+    /// Seconds of EEG; the filters need the first 9.5 to settle, and nothing before that is compared.
     #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(12..=3600))]
     seconds: u32,
     /// Seed of the synthetic EEG.
@@ -45,8 +44,8 @@ fn main() -> ExitCode {
     match demo(Options::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("\nerror: {failure}");
-            failure.exit_code()
+            eprintln!("\nerror: {}", failure.message);
+            failure.status.into()
         }
     }
 }
@@ -59,18 +58,15 @@ fn demo(Options { seconds, seed }: Options) -> Result<(), Failure> {
         .worker_threads(2)
         .enable_all()
         .build();
-    let runtime = runtime.map_err(|error| Failure::Check {
-        what: "starting threads".to_owned(),
-        why: error.to_string(),
-        next: "look for a limit on processes: `ulimit -u`".to_owned(),
-    })?;
+    let next = "look for a limit on processes: `ulimit -u`";
+    let runtime = runtime.map_err(|error| Failure::check("starting threads", error, next))?;
     let run = runtime.block_on(chain::run(seconds, seed, &programs))?;
     let comparison = Comparison::new(&run, seconds, seed)?;
     pictures::draw_all(&run, &comparison, &pictures)?;
 
     let arrival = Spread::from_values(&run.arrival_intervals_ms());
     let device = Spread::from_values(&run.device_intervals_ms());
-    let [made, received, lost] = [run.made(), run.received(), run.lost()];
+    let [made, received, lost] = [run.made, run.received(), run.lost()];
     println!("pictures: {}", pictures.display());
     println!(
         "codes made {made}, received {received}, lost {lost}; interval {arrival} ms at the \
@@ -80,22 +76,22 @@ fn demo(Options { seconds, seed }: Options) -> Result<(), Failure> {
     if lost == 0 && received > 0 {
         return Ok(());
     }
-    Err(Failure::Check {
-        what: "the demo".to_owned(),
-        why: format!("{lost} of {made} codes did not arrive"),
-        next: "is the machine busy? `cargo demo` again; then `cargo xtask test`".to_owned(),
-    })
+    let why = format!("{lost} of {made} codes did not arrive");
+    let next = "is the machine busy? `cargo demo` again; then `cargo xtask test`";
+    Err(Failure::check("the demo", why, next))
 }
 
 /// Returns the folder of this program. `cargo demo` builds host-sim and the bridge into it too.
 fn programs_folder() -> Result<PathBuf, Failure> {
-    let own = std::env::current_exe().map_err(|error| Failure::not_built(&error.to_string()))?;
-    let folder = own.parent().map(PathBuf::from).unwrap_or_default();
+    let own = std::env::current_exe().unwrap_or_default();
+    let folder = own.parent().unwrap_or(Path::new("."));
     for program in [chain::BOARD, chain::BRIDGE] {
         let file = folder.join(program);
         if !file.exists() {
-            return Err(Failure::not_built(&format!("no {}", file.display())));
+            let why = format!("no {}", file.display());
+            let next = "`cargo demo`, which builds all programs before it starts this one";
+            return Err(Failure::missing("a built program", why, next));
         }
     }
-    Ok(folder)
+    Ok(folder.to_owned())
 }
