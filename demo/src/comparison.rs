@@ -33,13 +33,10 @@ impl Comparison {
     /// The generator refuses the model's electrodes.
     pub(crate) fn new(run: &Run, seconds: u32, seed: u64) -> Result<Self, Failure> {
         let reference = reference(seconds, seed)?;
-        let mut first_step = 0;
-        let mut source_uv: Vec<StepUv> = Vec::new();
-        let mut result_uv: Vec<StepUv> = Vec::new();
+        let (mut first_step, mut source_uv, mut result_uv) = (0, Vec::new(), Vec::new());
         // Frame w of `/neurodata_reconstructed` starts at step w * HOP.
         for frame in &run.reconstructed {
-            let window = usize::try_from(frame.window()).unwrap_or(usize::MAX);
-            let first = window.saturating_mul(model::HOP);
+            let first = frame.window().saturating_mul(model::HOP);
             let steps = frame.frame.eeg.data.as_chunks().0;
             let usable = !frame.has(Flags::SETTLING) && !frame.has(Flags::FILLER);
             if !usable || first != first_step + source_uv.len() {

@@ -76,17 +76,18 @@ fn heat_map(run: &Run) -> HeatMap {
     let first = run.codes.first().map_or(0, Received::window);
     let codes = run.codes.iter();
     let settling = codes.clone().take_while(|code| code.has(Flags::SETTLING));
+    let values = |code: &Received| {
+        let is_lost = code.has(Flags::FILLER);
+        (!is_lost).then(|| code.frame.eeg.data.clone())
+    };
+    let [received, lost] = [run.received(), run.lost()];
     HeatMap {
         settling: settling.count(),
-        codes: codes
-            .map(|code| (!code.has(Flags::FILLER)).then(|| code.frame.eeg.data.clone()))
-            .collect(),
-        start_s: seconds(usize::try_from(first).unwrap_or(0) * model::HOP),
+        codes: codes.map(values).collect(),
+        start_s: seconds(first * model::HOP),
         interval_s: seconds(model::HOP),
         subtitle: format!(
-            "{} codes received from /encoded, {} lost; each component around its own mean",
-            run.received(),
-            run.lost()
+            "{received} codes received from /encoded, {lost} lost; each component around its own mean"
         ),
     }
 }

@@ -14,8 +14,9 @@ pub(crate) struct Received {
 
 impl Received {
     /// Index of the code's window since the device started the stream.
-    pub(crate) fn window(&self) -> u64 {
-        self.word("seq_lo") | self.word("seq_hi") << 16
+    pub(crate) fn window(&self) -> usize {
+        let window = self.word("seq_lo") | self.word("seq_hi") << 16;
+        usize::try_from(window).unwrap_or(usize::MAX)
     }
 
     /// Device time of the code's last sample.
@@ -90,11 +91,12 @@ fn milliseconds(time: Duration) -> f64 {
 mod tests {
     use super::*;
 
-    fn received(flags: u16, time: [i32; 3]) -> Received {
+    fn received(flags: Flags, window: i32, time: [i32; 3]) -> Received {
+        let labels = ["flags", "seq_lo", "seq_hi", "t_us_0", "t_us_1", "t_us_2"];
+        let words = [flags.bits().into(), window, 1, time[0], time[1], time[2]];
         let mut frame = NeuroFrame::default();
-        let labels = ["flags", "t_us_0", "t_us_1", "t_us_2"];
         frame.tri.info.labels = labels.map(str::to_owned).into();
-        frame.tri.data = vec![flags.into(), time[0], time[1], time[2]];
+        frame.tri.data = words.into();
         let arrival = Instant::now();
         Received { arrival, frame }
     }
@@ -103,14 +105,15 @@ mod tests {
     fn made_is_received_plus_lost_and_a_filler_counts_as_lost() {
         let run = Run {
             codes: vec![
-                received(0, [0xFFFF, 0, 1]),
-                received(Flags::FILLER.bits(), [0; 3]),
-                received(0, [0xF447, 1, 1]),
+                received(Flags::SETTLING, 7, [0xFFFF, 0, 1]),
+                received(Flags::FILLER, 8, [0; 3]),
+                received(Flags::CLIPPED, 9, [0xF447, 1, 1]),
             ],
             made: 4,
             ..Run::default()
         };
         assert_eq!([run.received(), run.lost()], [2, 2]);
+        assert_eq!(run.codes[0].window(), 0x1_0007);
         let intervals = run.device_intervals_ms();
         assert!(
             intervals.len() == 1 && (intervals[0] - 62.536).abs() < 1e-9,
