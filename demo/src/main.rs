@@ -18,30 +18,22 @@ mod run;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::Parser;
 use picture::spread::Spread;
 
 use crate::comparison::Comparison;
 use crate::failure::Failure;
 
-/// Command-line options.
-#[derive(Debug, Clone, Copy, Parser)]
-#[command(
-    name = "cargo demo",
-    bin_name = "cargo demo",
-    about = "Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures"
-)]
-struct Options {
-    /// Seconds of EEG; the filters need the first 9.5 to settle, and nothing before that is compared.
-    #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(12..=3600))]
-    seconds: u32,
-    /// Seed of the synthetic EEG.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-}
-
 fn main() -> ExitCode {
-    match demo(Options::parse()) {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let numbers = match &words[..] {
+        [seconds, seed] => seconds.parse().ok().zip(seed.parse().ok()),
+        _ => None,
+    };
+    let Some((seconds, seed)) = numbers else {
+        eprintln!("usage: demo SECONDS SEED; `cargo demo` builds all programs and starts this one");
+        return ExitCode::from(2);
+    };
+    match demo(seconds, seed) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("\nerror: {}", failure.message);
@@ -51,7 +43,7 @@ fn main() -> ExitCode {
 }
 
 /// Runs the whole signal path, draws the pictures and prints the summary.
-fn demo(Options { seconds, seed }: Options) -> Result<(), Failure> {
+fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     let programs = programs_folder()?;
     let pictures = programs.with_file_name("demo");
     let runtime = tokio::runtime::Builder::new_multi_thread()

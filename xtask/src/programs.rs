@@ -18,7 +18,7 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     let build = "build --release --package demo --package host-sim --package bridge --bins";
     run(&mut cargo(build), AFTER_A_BUILD)?;
     let mut demo = Command::new(target_folder().join("release/demo"));
-    replace(demo.args([format!("--seconds={seconds}"), format!("--seed={seed}")]))
+    replace(demo.args([seconds.to_string(), seed.to_string()]))
 }
 
 /// Runs the report of the benchmarks. The program is optimised only for timings on the PC.
