@@ -1,5 +1,5 @@
-//! Image that counts the instructions of each time step of the encoder; the library's documentation describes
-//! its files.
+//! Image that counts the instructions of each time step of the encoder. The documentation of the library
+//! `bench` describes the image's files.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
@@ -37,8 +37,8 @@ mod image {
         })
     }
 
-    /// Prints `acquisition COUNT`: the instructions of the acquisition for one time step. The image `filters` shows
-    /// that their number is the same for every signal.
+    /// Prints `acquisition COUNT`: the number of instructions that the acquisition takes for one time step.
+    /// The image `filters` shows that this number is the same for every signal.
     fn count_acquisition(clock: &Clock) {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let sample = Sample::default();
@@ -52,7 +52,8 @@ mod image {
         hprintln!("acquisition {}", count);
     }
 
-    /// Prints one line for each input and place in the hop: `step INPUT PLACE FEWEST MOST TOTAL`.
+    /// Encodes all inputs and prints one line for each input and place in the hop: `step INPUT PLACE FEWEST
+    /// MOST TOTAL`.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut inputs = HostFile::open(INPUTS)?;
         let mut outputs = HostFile::create(OUTPUTS)?;
@@ -71,7 +72,7 @@ mod image {
         outputs.write(&any_network::digests())
     }
 
-    /// Encodes the next input and returns a tally for each place in the hop; `None` at the end of the file.
+    /// Encodes the next input. Returns a tally for each place in the hop, or `None` at the end of the file.
     fn count_input(
         clock: &Clock,
         steps: usize,
