@@ -1,28 +1,28 @@
-//! Instruction counts of repeated runs, and their text form in an image's output.
+//! Instruction counts of repeated measurements, and their text form in an image's output.
 
 use core::fmt;
 
-/// Smallest, largest and total instruction count of the runs on one input.
+/// Smallest, largest and total instruction count of the measurements with one input.
 #[derive(Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(not(target_os = "none"), derive(serde::Deserialize))]
 pub struct Tally {
-    /// Instructions of the shortest run.
+    /// Smallest instruction count of a measurement.
     pub fewest: u32,
-    /// Instructions of the longest run.
+    /// Largest instruction count of a measurement.
     pub most: u32,
-    /// Instructions of all runs together.
+    /// Sum of the instruction counts of all measurements.
     pub total: u64,
 }
 
 impl Tally {
-    /// Tally before the first run.
+    /// Tally before the first measurement.
     pub const EMPTY: Self = Self {
         fewest: u32::MAX,
         most: 0,
         total: 0,
     };
 
-    /// Includes one more run of this many instructions.
+    /// Includes one more measurement, of this many instructions.
     pub fn add(&mut self, instructions: u32) {
         self.fewest = self.fewest.min(instructions);
         self.most = self.most.max(instructions);

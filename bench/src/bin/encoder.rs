@@ -1,5 +1,5 @@
-//! Image that counts the instructions of each time step of the encoder; the library's documentation describes
-//! its files.
+//! Image that counts the instructions of each time step of the encoder. The documentation of the library
+//! `bench` describes the image's files.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
@@ -42,8 +42,8 @@ mod image {
         })
     }
 
-    /// Prints the instructions of the acquisition for the time steps of a code. The image `filters` shows that their
-    /// number is the same for every signal.
+    /// Prints the number of instructions that the acquisition takes for the time steps of one code. The image
+    /// `filters` shows that this number is the same for every signal.
     fn count_acquisition(clock: &Clock) {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let sample = Sample::default();
@@ -57,7 +57,7 @@ mod image {
         hprintln!("acquisition_per_code = {}", count as usize * HOP);
     }
 
-    /// Prints the tallies of all places in the hop for each input.
+    /// Encodes all inputs and prints, for each input, one tally for each place in the hop.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut inputs = HostFile::open(INPUTS)?;
         let mut outputs = HostFile::create(OUTPUTS)?;
@@ -74,7 +74,7 @@ mod image {
         outputs.write(&any_network::digests())
     }
 
-    /// Encodes the next input and returns a tally for each place in the hop; `None` at the end of the file.
+    /// Encodes the next input. Returns a tally for each place in the hop, or `None` at the end of the file.
     fn count_input(
         clock: &Clock,
         steps: usize,

@@ -1,4 +1,5 @@
-//! Image that counts the instructions of all contenders; the library's documentation describes its files.
+//! Image that counts the instructions of all contenders. The documentation of the library `bench`
+//! describes the image's files.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
@@ -26,7 +27,7 @@ mod image {
         with_clock(count_all)
     }
 
-    /// Prints the tallies of all contenders, in the order of `NAMES`, for each input.
+    /// Filters all inputs and prints, for each input, one tally for each contender in the order of `NAMES`.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut inputs = HostFile::open(INPUTS)?;
         let mut outputs = HostFile::create(OUTPUTS)?;
@@ -38,7 +39,7 @@ mod image {
         Ok(())
     }
 
-    /// Filters the next input and returns a tally for each contender; `None` at the end of the file.
+    /// Filters the next input. Returns a tally for each contender, or `None` at the end of the file.
     fn count_input(
         clock: &Clock,
         inputs: &mut HostFile,
