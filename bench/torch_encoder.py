@@ -1,11 +1,10 @@
 """The encoder in PyTorch, f32, on one thread, timed for comparison by `cargo xtask bench host`.
 
-    python3 torch_encoder.py WEIGHTS CELLS
+    python3 torch_encoder.py WEIGHTS CELLS CODES < WINDOWS
 
-Reads windows.bin in the current folder (f32, [window][step][row][column] of 16 time steps, 10 rows and 9
-columns), writes the windows' codes to torch.bin (f32) and prints PyTorch's version. CELLS are the cells of the
-electrodes, separated by commas. Each line on standard input starts a measurement: "single" encodes one window
-per call, "batch" all windows in one call. The answer is the number of codes and the nanoseconds they took.
+WINDOWS are f32, [window][step][row][column] of 16 time steps, 10 rows and 9 columns; CELLS are the cells of the
+electrodes, separated by commas. Prints one JSON object: PyTorch's version, the values of the first CODES codes,
+and codes per second with one window per call ("single") and with all windows in one call ("batch").
 """
 
 import json
@@ -17,7 +16,7 @@ import torch
 from torch import nn
 
 # Shortest duration of a measurement; bench/src/report/host/ours.rs has the same.
-TURN_NS = 200_000_000
+TURN_S = 0.2
 
 
 def tensors(path):
@@ -69,27 +68,31 @@ class Encoder(nn.Module):
         return x + self.shortcut(electrodes.flatten(1))
 
 
+def speed(encoder, batches):
+    """Returns codes per second, after one call that warms up."""
+    encoder(batches[0])
+    codes, start = 0, time.perf_counter()
+    while time.perf_counter() - start < TURN_S:
+        for batch in batches:
+            codes += len(encoder(batch))
+    return codes / (time.perf_counter() - start)
+
+
 def main():
-    _, weights, cells = sys.argv
+    _, weights, cells, codes = sys.argv
     torch.set_num_threads(1)
     torch.set_num_interop_threads(1)
     encoder = Encoder(tensors(weights), [int(cell) for cell in cells.split(",")]).eval()
-    with open("windows.bin", "rb") as file:
-        windows = torch.frombuffer(bytearray(file.read()), dtype=torch.float32)
+    windows = torch.frombuffer(bytearray(sys.stdin.buffer.read()), dtype=torch.float32)
     windows = windows.reshape(-1, 16, 10, 9)
-    singles = windows.split(1)
-
     with torch.no_grad():
-        with open("torch.bin", "wb") as file:
-            file.write(encoder(windows).numpy().tobytes())
-        print(torch.__version__, flush=True)
-        for line in sys.stdin:
-            batches = {"single": singles, "batch": [windows]}[line.strip()]
-            codes, start = 0, time.perf_counter_ns()
-            while time.perf_counter_ns() - start < TURN_NS:
-                for batch in batches:
-                    codes += len(encoder(batch))
-            print(codes, time.perf_counter_ns() - start, flush=True)
+        answer = {
+            "version": torch.__version__,
+            "codes": encoder(windows)[: int(codes)].flatten().tolist(),
+            "single": speed(encoder, windows.split(1)),
+            "batch": speed(encoder, [windows]),
+        }
+    json.dump(answer, sys.stdout, allow_nan=False)
 
 
 main()

@@ -1,13 +1,15 @@
-//! The encoder's kernels with random weights, inputs and shapes, to compare the assembler on the microcontroller
-//! with the portable kernels on the PC.
+//! Random weights, inputs and shapes for the encoder's kernels, to compare the assembler kernels on the
+//! microcontroller with the portable ones on the PC.
 
 use int8_nn::{Direct, InputConv, Linear, Pair, PlaneShape, Winograd};
 
 use crate::random::Random;
 
-/// Number of random networks. Their 64-bit digests together have the length of a code, 128 bytes.
+/// Number of random networks. The digests of all networks, 64 bits each, have 128 bytes together, as many as
+/// a code.
 const NETWORKS: usize = 16;
-/// Length of [`digests`] in bytes: that of a code, so that an image writes them as one more code.
+/// Length of the result of [`digests`] in bytes. It equals the length of a code, so that an image can write
+/// the digests as one more code.
 pub const BYTES: usize = NETWORKS * size_of::<u64>();
 
 /// Largest number of rows of Winograd tiles.
@@ -32,7 +34,7 @@ type First<'w> = InputConv<'w, COLUMNS>;
 type Conv<'w> = Winograd<'w, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
 type Plain<'w> = Direct<'w, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
 
-/// Returns one hash per network, over all outputs of its kernels.
+/// Returns for each random network one hash over the outputs of all its kernels.
 pub fn digests() -> [u8; BYTES] {
     let mut bytes = [0; BYTES];
     for (seed, digest) in (1..).zip(bytes.as_chunks_mut::<{ size_of::<u64>() }>().0) {
@@ -47,7 +49,7 @@ pub fn digests() -> [u8; BYTES] {
     bytes
 }
 
-/// FNV-1a of 64 bits (Fowler, Noll and Vo), over words of 32 bits.
+/// 64-bit FNV-1a hash (Fowler, Noll and Vo) that takes words of 32 bits instead of bytes.
 struct Hash(u64);
 
 impl Hash {
@@ -61,12 +63,13 @@ impl Hash {
 struct Draw(Random);
 
 impl Draw {
-    /// Draws a number from 1 to `most`.
+    /// Draws a number from 1 to `most`, both included.
     fn up_to(&mut self, most: usize) -> usize {
         1 + self.0.next() as usize % most
     }
 
-    /// Draws a weight; with a probability of 1/4 one of -127 and 127.
+    /// Draws a weight from -127 to 127. With a probability of 1/8 the weight is 127, and with the same
+    /// probability -127; otherwise it is uniform.
     fn weight(&mut self) -> i8 {
         let [any, choice, ..] = self.0.next().to_le_bytes();
         match choice % 8 {
@@ -145,7 +148,7 @@ impl Draw {
         hash.add(largest.iter().map(|sum| sum.cast_unsigned()));
     }
 
-    /// Runs the direct convolution with inputs of either sign and pools of every size that fits.
+    /// Runs the direct convolution with inputs of both signs, and with a pool of 1 x 8, 2 x 4 or 4 x 2.
     fn direct(&mut self, hash: &mut Hash) {
         const ROWS: usize = 4;
         const INPUT: usize = (ROWS + 2) * HIDDEN_COLUMNS * HIDDEN_PAIRS;

@@ -3,27 +3,30 @@
 use fixed_dsp::BLOCK;
 use model::ELECTRODES;
 
-/// Four consecutive samples of each electrode: counts x 2^5 (Q27.5), |x| <= 2^28 at
-/// the input.
+/// Four consecutive samples of each electrode: counts x 2^5 (Q27.5). In the input of a contender, the
+/// magnitude is at most 2^28.
 pub type Block = [[i32; BLOCK]; ELECTRODES];
 
 /// A block of zeros.
 pub const SILENCE: Block = [[0; BLOCK]; ELECTRODES];
 
-/// Length of a block in a file, bytes: electrode by electrode, little endian.
+/// Length of a block in a file, bytes. The file stores the values electrode by electrode, 32 bits
+/// each, little endian.
 pub const BYTES: usize = 4 * BLOCK * ELECTRODES;
 
-/// Number of blocks in one input: 2 s at 512 Hz. The states of all contenders are zero at the start
-/// of each input.
+/// Number of blocks in one input: 256 blocks are 2 s at 512 Hz. The states of all contenders are zero
+/// at the start of each input.
 pub const BLOCKS: usize = 256;
 
-/// File that an image reads: for `filters`, [`BLOCKS`] blocks of each input.
+/// Name of the file that an image reads. For the image `filters` it holds [`BLOCKS`] blocks of each
+/// input.
 pub const INPUTS: &str = "inputs.bin";
 
-/// File that an image writes: for `filters`, one block of each contender for each block of [`INPUTS`].
+/// Name of the file that an image writes. For the image `filters` it holds one block of each contender
+/// for each block of [`INPUTS`].
 pub const OUTPUTS: &str = "outputs.bin";
 
-/// Returns a block as it is stored in a file; [`BYTES`] states the order.
+/// Returns the bytes of a block in a file, in the order that [`BYTES`] states.
 pub fn to_bytes(block: &Block) -> [u8; BYTES] {
     let mut bytes = [0; BYTES];
     let words = bytes.as_chunks_mut().0;

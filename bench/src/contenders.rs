@@ -1,4 +1,5 @@
-//! All contenders: our filters in the forms in which they are used, and the filters of idsp, a peer.
+//! All contenders: our filters in the forms in which they are used, and the filters of a peer, the crate
+//! idsp.
 
 use fixed_dsp::{BLOCK, CascadeState, DelayLine, Filter, Resampler};
 use idsp::iir::{DirectForm1, DirectForm1Dither, DirectForm1Wide};
@@ -24,7 +25,7 @@ pub const NAMES: [&str; 8] = [
     "idsp-plain",
 ];
 
-/// Calls `use_them` with all contenders, their states zero.
+/// Calls `use_them` with all contenders, in the order of [`NAMES`] and with all states zero.
 pub fn with_contenders<R>(use_them: impl FnOnce([&mut dyn Contender; NAMES.len()]) -> R) -> R {
     use_them([
         &mut Blocks::default(),
@@ -90,10 +91,12 @@ impl Contender for Singles {
     }
 }
 
-/// Taps of the counted resampler: as many as a decimation from 512 Hz needs. Their values do not affect the count.
+/// Number of taps of the counted resampler, as many as a decimation from 512 Hz needs. The values of the taps
+/// do not affect the count.
 const TAPS: usize = 64;
 
-/// A resampler from 512 to 128 Hz: four samples enter the delay line, one output leaves.
+/// A resampler from 512 to 128 Hz: for each block, four samples enter the delay line and one output is
+/// computed.
 struct Resampling {
     resampler: Resampler<1, TAPS>,
     line: DelayLine<ELECTRODES, TAPS>,
@@ -139,8 +142,8 @@ struct Acquiring {
 }
 
 impl Default for Acquiring {
-    /// Passes one sample of silence, which completes the first time step, so that every later block of four
-    /// samples completes one as well.
+    /// Processes one sample of silence, which completes the first time step. Then every block of four samples
+    /// also completes one time step.
     fn default() -> Self {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         acquisition.process_sample(&Sample::default());
@@ -175,7 +178,7 @@ impl Contender for Acquiring {
     }
 }
 
-/// Block with the values as its first samples and zeros after them.
+/// Returns a block with the electrodes' values as its first sample and zeros as the other three.
 fn as_block(electrodes: &Electrodes) -> Block {
     electrodes.map(|value| {
         let mut samples = [0; BLOCK];

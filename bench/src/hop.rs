@@ -1,23 +1,24 @@
-//! Time steps of a hop: the encoder's image counts each of them separately.
+//! Numbering of the time steps in a hop. The image of the encoder counts the instructions of each of them
+//! separately.
 
 use model::{HOP, STEPS};
 
-/// Number of time steps at the start of an input that are not counted, because the first two
-/// windows fill the encoder.
+/// Number of time steps at the start of an input that are not counted: those of the first two windows, in
+/// which the encoder's buffers fill.
 pub const FILLING: usize = STEPS + HOP;
 
-/// Index in the hop of the time step that completes a window.
+/// Index, within a hop, of the time step that completes a window.
 pub const COMPLETING: usize = (STEPS - 1) % HOP;
 
-/// Number of time steps after which `windows` windows are complete.
+/// Returns the number of time steps that complete `windows` windows, at least two.
 ///
-/// The encoder's input file starts with this number, 32 bits, little endian. The planes of all inputs follow,
-/// one byte per cell. The output file holds the codes in order.
+/// The input file of the encoder's image starts with this number, 32 bits, little endian. The planes of all
+/// inputs follow, one byte per cell. The output file holds the codes in order.
 pub const fn steps(windows: usize) -> usize {
     FILLING + HOP * windows.saturating_sub(2)
 }
 
-/// Number of complete windows after `steps` time steps, at least [`STEPS`] of them.
+/// Returns the number of complete windows after `steps` time steps, which must be at least [`STEPS`].
 pub const fn windows(steps: usize) -> usize {
     (steps - STEPS) / HOP + 1
 }

@@ -1,4 +1,4 @@
-//! The peer: biquads of the crate idsp with the coefficients of our sections.
+//! Filters of a peer: biquads of the crate idsp with the coefficients of our sections.
 
 use dsp_fixedpoint::Q32;
 use dsp_process::SplitProcess;
@@ -11,10 +11,11 @@ use crate::{
     contender::Contender,
 };
 
-/// A section of idsp: five coefficients in Q2.29, since the largest magnitude is 2.
+/// A section of idsp: five coefficients in Q2.29, because their largest magnitude is 2.
 pub type Section29 = Biquad<Q32<29>>;
 
-/// Our sections for 50 Hz mains, in the same order and with the same gains, with states of idsp's type `S`.
+/// Our sections for 50 Hz mains as idsp's biquads, in the same order and with the same gains; `S` is idsp's
+/// type of a section's state.
 #[derive(Clone, Debug)]
 pub struct IdspCascade<S> {
     sections: [Section29; SECTIONS],
@@ -39,7 +40,7 @@ where
     /// Filters one sample of one electrode, Q27.5.
     ///
     /// # Panics
-    /// When `electrode` is not below [`ELECTRODES`].
+    /// If `electrode` is not below [`ELECTRODES`].
     #[inline]
     pub fn apply(&mut self, electrode: usize, x: i32) -> i32 {
         let sections = self.sections.iter().zip(&mut self.states[electrode]);
@@ -55,7 +56,8 @@ where
         self.block = *block;
     }
 
-    /// Filters section by section, each over all four samples: idsp's own order, which is also the faster one.
+    /// Applies each section to all four samples before the next section. This is the order that idsp itself
+    /// uses, and the faster one.
     fn run(&mut self) {
         for (states, samples) in self.states.iter_mut().zip(&mut self.block) {
             for (section, state) in self.sections.iter().zip(states) {
@@ -71,7 +73,8 @@ where
     }
 }
 
-/// Converts one of our sections to direct form coefficients `b0, b1, b2, -a1, -a2`, rounded to Q2.29.
+/// Converts one of our sections to idsp's coefficients `b0, b1, b2, -a1, -a2` of a direct form, rounded to
+/// Q2.29.
 fn biquad(section: &Section) -> Section29 {
     const ONE: i64 = 1 << 32;
     let q32 = Coefficient::to_q32;

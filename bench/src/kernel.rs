@@ -1,4 +1,4 @@
-//! Kernels of the encoder, each run alone with the built-in network.
+//! The encoder's kernels, each called alone with the weights of the built-in network.
 
 use core::hint::black_box;
 
@@ -17,19 +17,20 @@ const FRAMED: usize = HIDDEN.len() / 2;
 /// Number of pairs in a plane after the transform of the second convolution.
 const TRANSFORMED: usize = NETWORK.conv2().transformed_len();
 
-/// A kernel of the encoder, and how often it runs for each code.
+/// A kernel of the encoder, and how often the encoder calls it for each code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kernel {
     /// Name of the layer in reports.
     pub name: &'static str,
-    /// Number of runs for each code.
+    /// Number of calls for each code.
     pub per_code: u32,
 }
 
-/// Name of the one kernel that a network without shortcut does not run.
+/// Name of the only kernel that a network without shortcut does not call.
 pub const SHORTCUT: &str = "shortcut";
 
-/// Calls `count` with each kernel and a closure that runs it once. Inputs are zeros, which do not affect the count.
+/// Calls `count` for each kernel, with a closure that calls the kernel once. The inputs are zeros; their
+/// values do not affect the count.
 pub fn each(mut count: impl FnMut(Kernel, &mut dyn FnMut())) {
     #[expect(clippy::cast_possible_truncation, reason = "at most 16")]
     let mut count = |name, per_code: usize, run: &mut dyn FnMut()| {

@@ -7,7 +7,7 @@
 //! `bench/limits.toml`.
 //!
 //! ```text
-//!            inputs.bin              lines with counts ──┐
+//!            inputs.bin              counts as TOML ─────┐
 //! report ──────────────> image, QEMU ────────────────────┤
 //!   │                                outputs.bin ──────┐ │
 //!   └── same inputs ──> same code on the PC ── equal? ─┴─┴─> table or JSON, limits.toml

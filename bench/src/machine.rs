@@ -13,24 +13,24 @@ use cortex_m_semihosting::{debug, hprintln, nr, syscall};
 
 use crate::block::{INPUTS, OUTPUTS};
 
-/// Reload register of timer 1 of the board's dual timer (CMSDK, ARM DDI 0479; addresses of the MPS2's FPGA images
-/// AN386 and AN500).
+/// Address of the load register of the dual timer's timer 1 (CMSDK, ARM DDI 0479; addresses of the MPS2's
+/// FPGA images AN386 and AN500).
 const LOAD: *mut u32 = 0x4000_2000 as *mut u32;
-/// Current value of timer 1 of the dual timer, counting down.
+/// Address of the current value of the dual timer's timer 1, which counts down.
 const VALUE: *const u32 = 0x4000_2004 as *const u32;
-/// Control register of timer 1 of the dual timer.
+/// Address of the control register of the dual timer's timer 1.
 const CONTROL: *mut u32 = 0x4000_2008 as *mut u32;
-/// Value of [`CONTROL`]: enabled, free running, no interrupt, prescaler 1, 32 bits.
+/// Value of the register at [`CONTROL`]: enabled, free running, no interrupt, prescaler 1, 32 bits.
 const FREE_RUNNING: u32 = 0b1000_0010;
 
-/// Timer ticks of ten instructions: with QEMU's `-icount shift=10` an instruction takes 1024 ns, which is 25.6
-/// periods of the board's 25 MHz clock.
+/// Timer ticks in ten instructions. With QEMU's `-icount shift=10` an instruction takes 1024 ns, which is
+/// 25.6 periods of the board's 25 MHz clock.
 const TICKS_OF_TEN: u64 = 256;
 
-/// Length of the block of instructions with which the counter is checked.
+/// Number of instructions in the block with which the counter is checked.
 const KNOWN: u32 = 1000;
 
-/// Instruction counter, based on the timer.
+/// Instruction counter, based on the emulated timer.
 #[derive(Debug)]
 pub struct Clock {
     /// Number of instructions counted for an empty closure.
@@ -38,20 +38,21 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// Starts the timer, measures the overhead of a measurement, and checks both with a block of 1000
-    /// instructions.
+    /// Starts the timer, measures the overhead of a measurement, and checks timer and overhead with a block
+    /// of 1000 instructions.
     ///
     /// # Errors
-    /// Returns the count of that block when it is not 1000: QEMU runs with other options than needed.
+    /// Returns the count of that block if it is not 1000: QEMU was started with other options than needed.
     pub fn start() -> Result<Self, u32> {
         for (register, value) in [(LOAD, u32::MAX), (CONTROL, FREE_RUNNING)] {
-            // SAFETY: both are registers of the dual timer, which nothing else here uses.
+            // SAFETY: `LOAD` and `CONTROL` are addresses of registers of the dual timer, which only this file
+            // uses.
             unsafe { register.write_volatile(value) };
         }
         let mut clock = Self { overhead: 0 };
         clock.overhead = clock.count(&mut || {});
         let known = clock.count(&mut || {
-            // SAFETY: executes NOPs only.
+            // SAFETY: the block executes NOPs only.
             unsafe { asm!(".rept {}", "nop", ".endr", const KNOWN, options(nomem, nostack)) };
         });
         if known == KNOWN {
@@ -61,10 +62,11 @@ impl Clock {
         }
     }
 
-    /// Counts the instructions of `work` without its call and return. The timer wraps at 2^27 instructions.
+    /// Returns the number of instructions of `work` without its call and return. The timer wraps after 2^32
+    /// ticks, which is 1.7e8 instructions.
     ///
-    /// Not inlined: the compiler would mix it with the surrounding code, and each measurement would have another
-    /// overhead.
+    /// Not inlined: the compiler would mix this function with the surrounding code, and each measurement
+    /// would have a different overhead.
     #[inline(never)]
     pub fn count(&self, work: &mut dyn FnMut()) -> u32 {
         let start = ticks();
@@ -79,8 +81,8 @@ impl Clock {
     }
 }
 
-/// Starts the counter, runs the image's `work` with it, and ends the emulation. The exit status is 1, with a printed
-/// reason, when the counter is wrong or a file of the host cannot be used.
+/// Starts the counter, calls `work` with it, and ends the emulation. If the counter is wrong or a file of the
+/// host cannot be used, prints the reason and ends with exit status 1.
 pub fn with_clock(work: impl FnOnce(&Clock) -> Result<(), Refused>) -> ! {
     let clock = match Clock::start() {
         Ok(clock) => clock,
@@ -103,18 +105,19 @@ pub fn with_clock(work: impl FnOnce(&Clock) -> Result<(), Refused>) -> ! {
     exit(done.is_ok())
 }
 
-/// Returns the ticks since the timer's start, modulo 2^32.
+/// Returns the number of ticks since the timer's start, modulo 2^32.
 #[inline]
 fn ticks() -> u32 {
-    // SAFETY: a register of the dual timer; reading it has no side effect.
+    // SAFETY: `VALUE` is the address of a register of the dual timer; reading it has no side effect.
     !unsafe { VALUE.read_volatile() }
 }
 
-/// A file on the host, accessed through semihosting.
+/// Handle of an open file on the host, accessed through semihosting.
 #[derive(Debug)]
 pub struct HostFile(usize);
 
-/// The host refused an operation: the file is missing or too short, or the disk is full.
+/// The host refused an operation: the file is missing or too short, its name is too long, or the disk is
+/// full.
 #[derive(Clone, Copy, Debug)]
 pub struct Refused;
 
@@ -139,7 +142,9 @@ impl HostFile {
         let mut terminated = [0; 32];
         let space = terminated.get_mut(..name.len()).ok_or(Refused)?;
         space.copy_from_slice(name.as_bytes());
-        // SAFETY: SYS_OPEN reads the name and its length from an argument block that outlives it.
+        // SAFETY: SYS_OPEN reads `name.len()` bytes and a zero at `terminated`, a local array that lives
+        // until this function returns. The macro's argument block is a temporary that lives until the call
+        // returns.
         let handle = unsafe { syscall!(OPEN, terminated.as_ptr(), mode, name.len()) };
         if handle == usize::MAX {
             Err(Refused)
@@ -148,12 +153,13 @@ impl HostFile {
         }
     }
 
-    /// Fills the buffer and returns true, or returns false at the end of the file.
+    /// Fills the buffer and returns true; returns false at the end of the file.
     ///
     /// # Errors
     /// The file ends within the buffer, or cannot be read.
     pub fn read(&mut self, buffer: &mut [u8]) -> Result<bool, Refused> {
-        // SAFETY: SYS_READ writes at most `len` bytes into the buffer, which is borrowed for it.
+        // SAFETY: SYS_READ writes at most `buffer.len()` bytes to `buffer`, which is mutably borrowed until
+        // the call returns. The macro's argument block is a temporary that lives as long.
         let missing = unsafe { syscall!(READ, self.0, buffer.as_mut_ptr(), buffer.len()) };
         match missing {
             0 => Ok(true),
@@ -162,18 +168,19 @@ impl HostFile {
         }
     }
 
-    /// Appends all bytes.
+    /// Appends all bytes to the file.
     ///
     /// # Errors
     /// The disk is full or the host reports another error.
     pub fn write(&mut self, bytes: &[u8]) -> Result<(), Refused> {
-        // SAFETY: SYS_WRITE reads `len` bytes from the slice, which is borrowed for it.
+        // SAFETY: SYS_WRITE reads `bytes.len()` bytes from `bytes`, which is borrowed until the call returns.
+        // The macro's argument block is a temporary that lives as long.
         let missing = unsafe { syscall!(WRITE, self.0, bytes.as_ptr(), bytes.len()) };
         if missing == 0 { Ok(()) } else { Err(Refused) }
     }
 }
 
-/// Ends the emulation; QEMU exits with status 0 on success and 1 otherwise.
+/// Ends the emulation. QEMU's exit status is 0 for `success` and 1 otherwise.
 pub fn exit(success: bool) -> ! {
     loop {
         debug::exit(if success {

@@ -1,7 +1,7 @@
-//! Pseudo-random numbers, equal on the PC and the microcontroller.
+//! Pseudo-random numbers that are equal on the PC and on the microcontroller.
 
-/// The state of a linear congruential generator with Knuth's constants for 64 bits (MMIX; The Art of
-/// Computer Programming 2, 3.3.4).
+/// State of a linear congruential generator with Knuth's 64-bit constants (MMIX; The Art of Computer
+/// Programming 2, 3.3.4).
 #[derive(Clone, Debug)]
 pub(crate) struct Random(pub(crate) u64);
 

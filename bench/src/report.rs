@@ -2,13 +2,11 @@
 
 mod checked_in;
 mod encoder;
-mod failure;
 mod figures;
 mod filters;
 mod host;
 mod images;
 mod inputs;
-mod limits;
 mod table;
 mod tools;
 
@@ -17,8 +15,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-
-use self::failure::Failure;
+use emulator::EmulatorError;
 
 /// Environment variable that names a file to which the JSON object of `--json` is also written.
 const OBJECT: &str = "CORTICODE_OBJECT";
@@ -52,33 +49,34 @@ enum Benchmark {
 
 /// Runs the program; returns 1 when a check failed and 2 when something must be installed.
 pub fn main() -> ExitCode {
-    match run(&Options::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            eprintln!("\nerror: {failure}");
-            failure.exit_code()
-        }
-    }
+    let Err(error) = run(&Options::parse()) else {
+        return ExitCode::SUCCESS;
+    };
+    eprintln!("\nerror: {error}");
+    error
+        .chain()
+        .skip(1)
+        .for_each(|why| eprintln!("  why: {why}"));
+    let emulator = error.downcast_ref::<EmulatorError>();
+    let is_missing = emulator.is_some_and(EmulatorError::is_missing);
+    ExitCode::from(if is_missing { 2 } else { 1 })
 }
 
-fn run(options: &Options) -> Result<(), Failure> {
-    let (name, mut report) = match options.benchmark {
-        Benchmark::Filters => ("filters", filters::measure()?),
-        Benchmark::Encoder { windows } => ("encoder", encoder::measure(windows as usize)?),
-        Benchmark::Host => ("host", host::measure()?),
+fn run(options: &Options) -> anyhow::Result<()> {
+    let report = match options.benchmark {
+        Benchmark::Filters => filters::measure()?,
+        Benchmark::Encoder { windows } => encoder::measure(windows as usize)?,
+        Benchmark::Host => host::measure()?,
     };
-    report.judge(&limits::read(name)?);
-    let next = "compare with `git log` of bench";
-    let json = serde_json::to_string(&report)
-        .map_err(|error| Failure::new("writing JSON", error, next))?;
     if let Some(file) = std::env::var_os(OBJECT) {
         let file = Path::new(&file);
         let folder = file.parent().unwrap_or(Path::new("."));
-        let written = fs::create_dir_all(folder).and_then(|()| fs::write(file, &json));
-        written.map_err(|error| Failure::new(file.display(), error, "is its folder writable?"))?;
+        let written =
+            fs::create_dir_all(folder).and_then(|()| fs::write(file, report.object.to_string()));
+        written.map_err(EmulatorError::file(file))?;
     }
     if options.json {
-        println!("{json}");
+        println!("{}", report.object);
     } else {
         print!("{report}");
     }

@@ -1,4 +1,4 @@
-//! Frequency response of the filters: measured with impulses, and computed by a float64 twin.
+//! Frequency response of the filters, measured with impulses, and that of their float64 twin.
 
 mod impulse;
 mod twin;
@@ -14,11 +14,12 @@ pub const BAND_HZ: [f64; 2] = [0.5, 60.0];
 
 /// Number of points in a curve, evenly spaced over the logarithm of the frequency.
 const POINTS: u32 = 600;
-/// Distance between the circles that mark the twin's curve, in points of the curve.
+/// Distance between two circles on the twin's curve, in points of the curve.
 const CIRCLE_DISTANCE: usize = 8;
 
-/// Magnitude down to which the filters are compared with the twin, dB. Further down, rounding hides the
-/// response to an impulse, and the part after the impulse response's end is missing.
+/// Smallest magnitude at which the filters are compared with the twin, dB. At smaller magnitudes,
+/// rounding hides the response to an impulse, and the truncated end of the impulse response is
+/// significant.
 const COMPARED_DB: f64 = -40.0;
 
 /// Impulse responses of the fixed-point filters and of their float64 twin.
@@ -37,7 +38,7 @@ impl Response {
         }
     }
 
-    /// Returns the chart of the magnitude, dB over Hz.
+    /// Returns the chart of the magnitude in dB over the frequency in Hz.
     pub fn magnitude(&self) -> Curves {
         let nyquist_hz = f64::from(model::ADC_RATE_HZ) / 2.0;
         let compared = self.compare(ImpulseResponse::magnitude_db, [0.1, 0.999 * nyquist_hz]);
@@ -59,11 +60,11 @@ impl Response {
         }
     }
 
-    /// Returns the chart of the group delay, ms over Hz.
+    /// Returns the chart of the group delay in ms over the frequency in Hz.
     pub fn group_delay(&self) -> Curves {
         let mut compared = self.compare(ImpulseResponse::group_delay_ms, [1.0, 100.0]);
         let difference = self.largest_difference(&compared, COMPARED_DB / 2.0);
-        // In the middle of the notch no signal passes that could be delayed.
+        // At the centre of the notch no signal passes, so it has no delay.
         for [hz, measured, _] in &mut compared {
             if (*hz - MAINS_HZ).abs() <= 0.01 {
                 *measured = f64::NAN;
@@ -86,7 +87,8 @@ impl Response {
         }
     }
 
-    /// Returns frequency in Hz, the filters' quantity and the twin's at each point of a curve.
+    /// Returns, for each point of a curve, the frequency in Hz, and `quantity` of the filters and of
+    /// the twin at this frequency.
     fn compare(
         &self,
         quantity: fn(&ImpulseResponse, f64) -> f64,
@@ -96,15 +98,15 @@ impl Response {
         let mut frequencies: Vec<f64> = parts
             .map(|part| first * (last / first).powf(part))
             .collect();
-        // More points around the notch.
+        // Add points around the notch.
         frequencies.extend((-10..=10).map(|point| MAINS_HZ + 0.04 * f64::from(point)));
         frequencies.sort_by(f64::total_cmp);
         let compared = |hz: f64| [hz, quantity(&self.filters, hz), quantity(&self.twin, hz)];
         frequencies.into_iter().map(compared).collect()
     }
 
-    /// Returns the largest difference between filters and twin at points where the twin's magnitude
-    /// exceeds `least_db`.
+    /// Returns the largest difference between the filters and the twin, among the points at which the
+    /// twin's magnitude exceeds `least_db`.
     fn largest_difference(&self, compared: &[[f64; 3]], least_db: f64) -> f64 {
         let compared = compared.iter();
         let passed = compared.filter(|[hz, ..]| self.twin.magnitude_db(*hz) > least_db);
@@ -150,7 +152,7 @@ mod tests {
     fn the_measured_filters_are_the_designed_ones() {
         let response = response();
         let magnitude = response.compare(ImpulseResponse::magnitude_db, [0.1, 255.0]);
-        // Measured 0.003 dB, near -40 dB.
+        // The largest difference measured is 0.003 dB, at a magnitude near -40 dB.
         let difference = response.largest_difference(&magnitude, COMPARED_DB);
         assert!(difference < 0.01, "{difference} dB");
         let notch = magnitude
@@ -159,8 +161,8 @@ mod tests {
         assert!(notch.is_some_and(|[_, db, _]| *db < -60.0), "{notch:?}");
     }
 
-    /// Reference: `scipy.signal.freqz` of `butter(5, [0.5, 60], 'bandpass', fs=512)` times
-    /// `iirnotch(50, 30, 512)`.
+    /// The reference values are those of `scipy.signal.freqz` for `butter(5, [0.5, 60], 'bandpass',
+    /// fs=512)` times `iirnotch(50, 30, 512)`.
     #[test]
     fn the_twin_is_scipys() {
         let scipy = [
@@ -172,7 +174,8 @@ mod tests {
         let twin = response().twin;
         for (hz, expected) in scipy {
             let db = twin.magnitude_db(hz);
-            // The impulse response is cut off after 10 s; measured 4e-4 dB at most.
+            // The impulse response ends after 10 s, which changes the magnitude by at most 4e-4 dB
+            // (measured).
             assert!((db - expected).abs() < 1e-3, "{hz} Hz: {db}");
         }
     }

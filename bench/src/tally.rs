@@ -1,47 +1,59 @@
-//! Instruction counts of repeated runs, and their text form in an image's output.
+//! Instruction counts of repeated measurements, and their text form in an image's output.
 
 use core::fmt;
 
-/// Smallest, largest and total instruction count of the runs on one input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Smallest, largest and total instruction count of the measurements with one input.
+#[derive(Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(not(target_os = "none"), derive(serde::Deserialize))]
 pub struct Tally {
-    /// Instructions of the shortest run.
+    /// Smallest instruction count of a measurement.
     pub fewest: u32,
-    /// Instructions of the longest run.
+    /// Largest instruction count of a measurement.
     pub most: u32,
-    /// Instructions of all runs together.
+    /// Sum of the instruction counts of all measurements.
     pub total: u64,
 }
 
 impl Tally {
-    /// Tally before the first run.
+    /// Tally before the first measurement.
     pub const EMPTY: Self = Self {
         fewest: u32::MAX,
         most: 0,
         total: 0,
     };
 
-    /// Includes one more run of this many instructions.
+    /// Includes one more measurement, of this many instructions.
     pub fn add(&mut self, instructions: u32) {
         self.fewest = self.fewest.min(instructions);
         self.most = self.most.max(instructions);
         self.total += u64::from(instructions);
     }
+}
 
-    /// Parses `FEWEST MOST TOTAL`, which `Display` writes.
-    pub fn parse(text: &str) -> Option<Self> {
-        let mut numbers = text.split(' ');
-        let tally = Self {
-            fewest: numbers.next()?.parse().ok()?,
-            most: numbers.next()?.parse().ok()?,
-            total: numbers.next()?.parse().ok()?,
-        };
-        numbers.next().is_none().then_some(tally)
+impl fmt::Debug for Tally {
+    /// Writes `[FEWEST, MOST, TOTAL]`, from which the report reads the tally.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            formatter,
+            "[{}, {}, {}]",
+            self.fewest, self.most, self.total
+        )
     }
 }
 
-impl fmt::Display for Tally {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{} {} {}", self.fewest, self.most, self.total)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tally_is_read_as_it_is_written() {
+        let mut tally = Tally::EMPTY;
+        tally.add(7);
+        tally.add(9);
+        let text = format!("tallies = {:?}", [tally]);
+        assert_eq!(text, "tallies = [[7, 9, 16]]");
+        let read: std::collections::BTreeMap<String, [Tally; 1]> =
+            toml::from_str(&text).expect("TOML");
+        assert_eq!(read["tallies"], [tally]);
     }
 }

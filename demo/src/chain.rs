@@ -4,13 +4,14 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use indicatif::ProgressBar;
 use neuro_ros::{NeuroFrame, RosMessage, Wire};
 use ros1::{Master, Node, NodeOptions, Subscriber};
-use tokio::time::sleep_until;
+use tokio::time::{sleep, sleep_until};
 
 use crate::failure::Failure;
 use crate::program::Program;
-use crate::progress::Progress;
+use crate::progress;
 use crate::run::{Received, Run};
 
 /// Name of the program that simulates the board.
@@ -29,32 +30,30 @@ const STRAGGLERS: Duration = Duration::from_millis(700);
 /// Number of messages that wait for the subscriber while it draws the progress bar.
 const QUEUE: usize = 64;
 
-/// Runs the whole path, then stops everything that was started. Returns what the subscriber
-/// received.
+/// Runs the whole path, then stops everything that was started. Returns what the subscriber received.
 ///
 /// # Errors
 /// A part does not start, ends early or stays silent, or the user presses Ctrl-C.
 pub(crate) async fn run(seconds: u32, seed: u64, programs: &Path) -> Result<Run, Failure> {
-    let folder = tempfile::tempdir().map_err(|error| Failure::Check {
-        what: "making a temporary folder".to_owned(),
-        why: error.to_string(),
-        next: "is the disk full? is TMPDIR writable?".to_owned(),
+    let folder = tempfile::tempdir().map_err(|error| {
+        let next = "is the disk full? is TMPDIR writable?";
+        Failure::check("making a temporary folder", error, next)
     })?;
     tokio::select! {
         run = path(seconds, seed, programs, folder.path()) => run,
-        _ = tokio::signal::ctrl_c() => Err(Failure::Interrupted),
+        _ = tokio::signal::ctrl_c() => Err(Failure::interrupted()),
     }
 }
 
 async fn path(seconds: u32, seed: u64, programs: &Path, folder: &Path) -> Result<Run, Failure> {
-    let progress = Progress::new(u64::from(seconds) * CODE_RATE_HZ);
+    let bar = progress::bar(u64::from(seconds) * CODE_RATE_HZ);
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     let master = Master::start(address).await.map_err(no_master)?;
-    let node_options = NodeOptions {
+    let node = Node::start(NodeOptions {
         host: Some("127.0.0.1".to_owned()),
         ..NodeOptions::new("demo", master.uri())
-    };
-    let node = Node::start(node_options).await.map_err(no_master)?;
+    });
+    let node = node.await.map_err(no_master)?;
     let subscribe = async |topic| {
         let subscriber = node.subscribe(topic, NeuroFrame::TYPE, QUEUE).await;
         subscriber.map_err(no_master)
@@ -69,27 +68,22 @@ async fn path(seconds: u32, seed: u64, programs: &Path, folder: &Path) -> Result
     // board makes its first code.
     let port = folder.join("board").to_string_lossy().into_owned();
     let arguments = ["--port", &port, "--ros-master-uri", master.uri()];
-    let mut bridge = Program::start(programs, BRIDGE, &arguments, folder)?;
-    progress.waiting("waiting for the bridge to announce its topics");
+    let mut bridge = Program::start(&programs.join(BRIDGE), &arguments, folder)?;
+    bar.set_message("waiting for the bridge to announce its topics");
     listener.wait_for_links(&mut bridge).await?;
-    let [seed, duration] = [seed.to_string(), seconds.to_string()];
-    let output = format!("pty:{port}");
     let arguments = [
         "run",
         "--input=synthetic",
         "--realtime",
-        "--seed",
-        &seed,
-        "--duration",
-        &duration,
-        "--output",
-        &output,
+        &format!("--seed={seed}"),
+        &format!("--duration={seconds}"),
+        &format!("--output=pty:{port}"),
     ];
-    let mut board = Program::start(programs, BOARD, &arguments, folder)?;
-    progress.waiting("waiting for the first code");
-    listener.listen(&progress, &mut board, &mut bridge).await?;
-    listener.run.made_by_board = codes_made(&board.log());
-    drop(progress);
+    let mut board = Program::start(&programs.join(BOARD), &arguments, folder)?;
+    bar.set_message("waiting for the first code");
+    listener.listen(&bar, &mut board, &mut bridge).await?;
+    drop(bar);
+    listener.run.made = codes_made(&board.log()).ok_or_else(|| board.ended())?;
     bridge.terminate(SILENCE).await?;
     node.shutdown().await;
     master.shutdown().await;
@@ -105,22 +99,23 @@ struct Listener {
 
 impl Listener {
     /// Waits until the bridge publishes both topics and the subscriber is linked to both.
-    async fn wait_for_links(&mut self, bridge: &mut Program) -> Result<(), Failure> {
-        let deadline = Instant::now() + START;
-        while self.codes.publishers() == 0 || self.reconstructed.publishers() == 0 {
-            bridge.check_running()?;
-            if Instant::now() > deadline {
-                return Err(bridge.timed_out("it announced no topic", START));
+    async fn wait_for_links(&self, bridge: &mut Program) -> Result<(), Failure> {
+        let linked = async {
+            while self.codes.publishers() == 0 || self.reconstructed.publishers() == 0 {
+                sleep(Duration::from_millis(10)).await;
             }
-            tokio::time::sleep(Duration::from_millis(10)).await;
+        };
+        tokio::select! {
+            () = linked => Ok(()),
+            _ = bridge.child.wait() => Err(bridge.ended()),
+            () = sleep(START) => Err(bridge.timed_out("it announced no topic", START)),
         }
-        Ok(())
     }
 
     /// Receives messages until the board has ended and its last messages have arrived.
     async fn listen(
         &mut self,
-        progress: &Progress,
+        bar: &ProgressBar,
         board: &mut Program,
         bridge: &mut Program,
     ) -> Result<(), Failure> {
@@ -130,12 +125,10 @@ impl Listener {
             tokio::select! {
                 body = self.codes.recv() => {
                     self.run.codes.extend(received(body));
-                    progress.show(&self.run);
+                    progress::show(bar, &self.run);
                     deadline = Instant::now() + if board_ended { STRAGGLERS } else { SILENCE };
                 }
-                body = self.reconstructed.recv() => {
-                    self.run.reconstructed.extend(received(body));
-                }
+                body = self.reconstructed.recv() => self.run.reconstructed.extend(received(body)),
                 status = board.child.wait(), if !board_ended => {
                     if !status.is_ok_and(|status| status.success()) {
                         return Err(board.ended());
@@ -145,10 +138,8 @@ impl Listener {
                 }
                 _ = bridge.child.wait() => return Err(bridge.ended()),
                 () = sleep_until(deadline.into()) => {
-                    if board_ended {
-                        return Ok(());
-                    }
-                    return Err(bridge.timed_out("no code came", SILENCE));
+                    let silent = || bridge.timed_out("no code came", SILENCE);
+                    return board_ended.then_some(()).ok_or_else(silent);
                 }
             }
         }
@@ -170,7 +161,7 @@ fn codes_made(report: &str) -> Option<usize> {
 #[expect(clippy::needless_pass_by_value, reason = "for `map_err`")]
 fn no_master(error: impl ToString) -> Failure {
     let what = "the master in this program";
-    Failure::unreachable(what, &error.to_string(), "is 127.0.0.1 up?")
+    Failure::unreachable(what, error.to_string(), "is 127.0.0.1 up?")
 }
 
 #[cfg(test)]

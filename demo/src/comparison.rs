@@ -1,7 +1,8 @@
-//! Comparison of the reconstructed EEG with its reference: the same EEG after the same filters, not
-//! encoded and not sent.
+//! Comparison of the reconstructed EEG with its reference: the same EEG after the same filters, not encoded and
+//! not sent.
 
 use host_sim::synthetic::{Generator, SyntheticSpec};
+use link::Flags;
 use pipeline::{ELECTRODES, Electrodes, FrontEnd, Mains, Sample};
 
 use crate::failure::Failure;
@@ -32,15 +33,12 @@ impl Comparison {
     /// The generator refuses the model's electrodes.
     pub(crate) fn new(run: &Run, seconds: u32, seed: u64) -> Result<Self, Failure> {
         let reference = reference(seconds, seed)?;
-        let mut first_step = 0;
-        let mut source_uv: Vec<StepUv> = Vec::new();
-        let mut result_uv: Vec<StepUv> = Vec::new();
+        let (mut first_step, mut source_uv, mut result_uv) = (0, Vec::new(), Vec::new());
         // Frame w of `/neurodata_reconstructed` starts at step w * HOP.
         for frame in &run.reconstructed {
-            let window = usize::try_from(frame.window()).unwrap_or(usize::MAX);
-            let first = window.saturating_mul(model::HOP);
+            let first = frame.window().saturating_mul(model::HOP);
             let steps = frame.frame.eeg.data.as_chunks().0;
-            let usable = !frame.is_settling() && !frame.is_filler();
+            let usable = !frame.has(Flags::SETTLING) && !frame.has(Flags::FILLER);
             if !usable || first != first_step + source_uv.len() {
                 source_uv.clear();
                 result_uv.clear();
@@ -64,11 +62,9 @@ impl Comparison {
 /// Returns the filtered electrodes over the whole run, one entry per step.
 fn reference(seconds: u32, seed: u64) -> Result<Vec<StepUv>, Failure> {
     let spec = SyntheticSpec::new(seed, model::LABELS.split(' '));
-    let mut generator = Generator::new(&spec).map_err(|error| Failure::Check {
-        what: "synthesising the reference".to_owned(),
-        why: error.to_string(),
-        next: "compare model/artifact/model.toml with the electrodes that host-sim knows"
-            .to_owned(),
+    let mut generator = Generator::new(&spec).map_err(|error| {
+        let next = "compare model/artifact/model.toml with the electrodes that host-sim knows";
+        Failure::check("synthesising the reference", error, next)
     })?;
     let mut front_end = FrontEnd::new(Mains::Hz50, &model::RESAMPLER);
     let samples = 0..u64::from(seconds) * u64::from(model::ADC_RATE_HZ);
@@ -81,13 +77,9 @@ fn reference(seconds: u32, seed: u64) -> Result<Vec<StepUv>, Failure> {
 }
 
 fn microvolts(electrodes: &Electrodes) -> StepUv {
-    // The filters' output is in Q27.5: GUARD_BITS fraction bits, one count of the ADC is LSB_NV
-    // nanovolts.
+    // The filters' output is in Q27.5: GUARD_BITS fraction bits, one count of the ADC is LSB_NV nanovolts.
     let levels_per_count = f32::from(1_u16 << model::GUARD_BITS);
-    #[expect(
-        clippy::cast_precision_loss,
-        reason = "a picture needs no more than 24 bits"
-    )]
+    #[expect(clippy::cast_precision_loss, reason = "24 bits do for a picture")]
     electrodes.map(|value| value as f32 / levels_per_count * model::LSB_NV / 1000.0)
 }
 

@@ -15,62 +15,50 @@ mod program;
 mod progress;
 mod run;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::Parser;
 use picture::spread::Spread;
 
 use crate::comparison::Comparison;
 use crate::failure::Failure;
 
-/// Command-line options.
-#[derive(Debug, Clone, Copy, Parser)]
-#[command(
-    name = "cargo demo",
-    bin_name = "cargo demo",
-    about = "Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures"
-)]
-struct Options {
-    /// Seconds of EEG; the filters need the first 9.5 to settle, and nothing before that is
-    /// compared.
-    #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(12..=3600))]
-    seconds: u32,
-    /// Seed of the synthetic EEG.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-}
-
 fn main() -> ExitCode {
-    match demo(Options::parse()) {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let numbers = match &words[..] {
+        [seconds, seed] => seconds.parse().ok().zip(seed.parse().ok()),
+        _ => None,
+    };
+    let Some((seconds, seed)) = numbers else {
+        eprintln!("usage: demo SECONDS SEED; `cargo demo` builds all programs and starts this one");
+        return ExitCode::from(2);
+    };
+    match demo(seconds, seed) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("\nerror: {failure}");
-            failure.exit_code()
+            eprintln!("\nerror: {}", failure.message);
+            failure.status.into()
         }
     }
 }
 
 /// Runs the whole signal path, draws the pictures and prints the summary.
-fn demo(Options { seconds, seed }: Options) -> Result<(), Failure> {
+fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     let programs = programs_folder()?;
     let pictures = programs.with_file_name("demo");
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .enable_all()
         .build();
-    let runtime = runtime.map_err(|error| Failure::Check {
-        what: "starting threads".to_owned(),
-        why: error.to_string(),
-        next: "look for a limit on processes: `ulimit -u`".to_owned(),
-    })?;
+    let next = "look for a limit on processes: `ulimit -u`";
+    let runtime = runtime.map_err(|error| Failure::check("starting threads", error, next))?;
     let run = runtime.block_on(chain::run(seconds, seed, &programs))?;
     let comparison = Comparison::new(&run, seconds, seed)?;
     pictures::draw_all(&run, &comparison, &pictures)?;
 
     let arrival = Spread::from_values(&run.arrival_intervals_ms());
     let device = Spread::from_values(&run.device_intervals_ms());
-    let [made, received, lost] = [run.made(), run.received(), run.lost()];
+    let [made, received, lost] = [run.made, run.received(), run.lost()];
     println!("pictures: {}", pictures.display());
     println!(
         "codes made {made}, received {received}, lost {lost}; interval {arrival} ms at the \
@@ -80,22 +68,22 @@ fn demo(Options { seconds, seed }: Options) -> Result<(), Failure> {
     if lost == 0 && received > 0 {
         return Ok(());
     }
-    Err(Failure::Check {
-        what: "the demo".to_owned(),
-        why: format!("{lost} of {made} codes did not arrive"),
-        next: "is the machine busy? `cargo demo` again; then `cargo xtask test`".to_owned(),
-    })
+    let why = format!("{lost} of {made} codes did not arrive");
+    let next = "is the machine busy? `cargo demo` again; then `cargo xtask test`";
+    Err(Failure::check("the demo", why, next))
 }
 
 /// Returns the folder of this program. `cargo demo` builds host-sim and the bridge into it too.
 fn programs_folder() -> Result<PathBuf, Failure> {
-    let own = std::env::current_exe().map_err(|error| Failure::not_built(&error.to_string()))?;
-    let folder = own.parent().map(PathBuf::from).unwrap_or_default();
+    let own = std::env::current_exe().unwrap_or_default();
+    let folder = own.parent().unwrap_or(Path::new("."));
     for program in [chain::BOARD, chain::BRIDGE] {
         let file = folder.join(program);
         if !file.exists() {
-            return Err(Failure::not_built(&format!("no {}", file.display())));
+            let why = format!("no {}", file.display());
+            let next = "`cargo demo`, which builds all programs before it starts this one";
+            return Err(Failure::missing("a built program", why, next));
         }
     }
-    Ok(folder)
+    Ok(folder.to_owned())
 }

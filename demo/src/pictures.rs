@@ -1,9 +1,11 @@
 //! The demo's four pictures, drawn from a run.
 
+use std::error::Error;
 use std::path::Path;
 
 use artifact::Artifact;
 use bench::response::{Response, Twin};
+use link::Flags;
 use picture::heat_map::HeatMap;
 use picture::intervals::Intervals;
 use picture::traces::{Trace, Traces};
@@ -22,32 +24,22 @@ const SHOWN_SECONDS: usize = 4;
 /// # Errors
 /// The folder or a file cannot be written, or the model's artifact cannot be read.
 pub(crate) fn draw_all(run: &Run, comparison: &Comparison, folder: &Path) -> Result<(), Failure> {
-    let response = response()?;
-    let draw = || -> Result<(), Box<dyn std::error::Error>> {
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact");
+    let draw = || -> Result<(), Box<dyn Error>> {
+        let artifact = Artifact::read(&model)?;
+        let twin = Twin::new(&artifact.description.filters);
         std::fs::create_dir_all(folder)?;
         traces(comparison).draw(&folder.join("traces.svg"))?;
         heat_map(run).draw(&folder.join("codes.svg"))?;
         intervals(run).draw(&folder.join("intervals.svg"))?;
-        Ok(response.magnitude().draw(&folder.join("filters.svg"))?)
+        let response = Response::measure(&twin).magnitude();
+        Ok(response.draw(&folder.join("filters.svg"))?)
     };
-    draw().map_err(|error| Failure::Check {
-        what: "drawing the pictures".to_owned(),
-        why: error.to_string(),
-        next: format!("is {} writable, and the disk not full?", folder.display()),
+    draw().map_err(|error| {
+        let next =
+            "is target/demo/ writable, the disk not full, and `git status model/artifact` clean?";
+        Failure::check("drawing the pictures", error, next)
     })
-}
-
-/// Measures the frequency response of the integer filters, and of their float64 twin from the
-/// model's artifact.
-fn response() -> Result<Response, Failure> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact");
-    let artifact = Artifact::read(&folder).map_err(|error| Failure::Check {
-        what: "reading the model's artifact".to_owned(),
-        why: error.to_string(),
-        next: "`git status model/artifact`".to_owned(),
-    })?;
-    let twin = Twin::new(&artifact.description.filters);
-    Ok(Response::measure(&twin))
 }
 
 fn traces(comparison: &Comparison) -> Traces {
@@ -83,18 +75,19 @@ fn traces(comparison: &Comparison) -> Traces {
 fn heat_map(run: &Run) -> HeatMap {
     let first = run.codes.first().map_or(0, Received::window);
     let codes = run.codes.iter();
-    let settling = codes.clone().take_while(|code| code.is_settling());
+    let settling = codes.clone().take_while(|code| code.has(Flags::SETTLING));
+    let values = |code: &Received| {
+        let is_lost = code.has(Flags::FILLER);
+        (!is_lost).then(|| code.frame.eeg.data.clone())
+    };
+    let [received, lost] = [run.received(), run.lost()];
     HeatMap {
         settling: settling.count(),
-        codes: codes
-            .map(|code| (!code.is_filler()).then(|| code.frame.eeg.data.clone()))
-            .collect(),
-        start_s: seconds(usize::try_from(first).unwrap_or(0) * model::HOP),
+        codes: codes.map(values).collect(),
+        start_s: seconds(first * model::HOP),
         interval_s: seconds(model::HOP),
         subtitle: format!(
-            "{} codes received from /encoded, {} lost; each component around its own mean",
-            run.received(),
-            run.lost()
+            "{received} codes received from /encoded, {lost} lost; each component around its own mean"
         ),
     }
 }

@@ -1,6 +1,7 @@
 //! Child processes, each with a log file for its output.
 
 use std::fs::File;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::Duration;
@@ -19,32 +20,26 @@ pub(crate) struct Program {
 }
 
 impl Program {
-    /// Starts the program `name` from the folder `programs`. Its stdout and stderr go to a file in
-    /// `logs`.
-    pub(crate) fn start(
-        programs: &Path,
-        name: &str,
-        arguments: &[&str],
-        logs: &Path,
-    ) -> Result<Self, Failure> {
-        let log = logs.join(format!("{name}.log"));
-        let start = || {
+    /// Starts the program at `path`. Its stdout and stderr go to a file in `logs`.
+    pub(crate) fn start(path: &Path, arguments: &[&str], logs: &Path) -> Result<Self, Failure> {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let log = logs.join(&*name).with_extension("log");
+        let start = || -> io::Result<Child> {
             let file = File::create(&log)?;
-            Command::new(programs.join(name))
+            Command::new(path)
                 .args(arguments)
                 .stdin(Stdio::null())
                 .stdout(file.try_clone()?)
                 .stderr(file)
-                // The program gets a process group of its own. Ctrl-C in the terminal then reaches
-                // the demo alone, which stops its children.
+                // In a process group of its own, so that Ctrl-C in the terminal reaches only the demo, which
+                // stops its children.
                 .process_group(0)
                 .kill_on_drop(true)
                 .spawn()
         };
-        let child = start().map_err(|error| {
-            Failure::unreachable(name, &error.to_string(), "`cargo build --release`")
-        })?;
-        let name = name.to_owned();
+        let child = start()
+            .map_err(|error| Failure::unreachable(&name, error, "`cargo build --release`"))?;
+        let name = name.into_owned();
         Ok(Self { name, child, log })
     }
 
@@ -53,37 +48,25 @@ impl Program {
         std::fs::read_to_string(&self.log).unwrap_or_default()
     }
 
-    /// Returns an error if the program has ended.
-    pub(crate) fn check_running(&mut self) -> Result<(), Failure> {
-        match self.child.try_wait() {
-            Ok(None) => Ok(()),
-            _ => Err(self.ended()),
-        }
-    }
-
     /// Returns the failure for a program that ended before it should.
     pub(crate) fn ended(&self) -> Failure {
         let why = format!("it ended early and printed:\n{}", self.log());
-        Failure::unreachable(&self.name, &why, "see its message")
+        Failure::unreachable(&self.name, why, "see its message")
     }
 
     /// Returns the failure for a program that did not do `what` within `after`.
     pub(crate) fn timed_out(&self, what: &str, after: Duration) -> Failure {
-        let why = format!(
-            "{what} within {after:?}; {} printed:\n{}",
-            self.name,
-            self.log()
-        );
+        let (name, log) = (&self.name, self.log());
+        let why = format!("{what} within {after:?}; {name} printed:\n{log}");
         let next = "is the machine very busy? `cargo demo` again";
-        Failure::unreachable("the path", &why, next)
+        Failure::unreachable("the path", why, next)
     }
 
     /// Sends SIGTERM and waits until the program has ended with status 0.
     pub(crate) async fn terminate(&mut self, deadline: Duration) -> Result<(), Failure> {
         let pid = self.child.id().map(u32::cast_signed);
         if let Some(pid) = pid.and_then(Pid::from_raw) {
-            // Sending fails if the program has just ended by itself; `wait` below returns its
-            // status.
+            // Fails if the program has just ended by itself; `wait` below returns its status.
             let _ = kill_process(pid, Signal::TERM);
         }
         match timeout(deadline, self.child.wait()).await {

@@ -9,53 +9,28 @@ const SHOWN: usize = 24;
 /// Number of codes per printed line if there is no terminal for a bar: one line in 5 s.
 const LINE_EVERY: usize = 80;
 
-/// Progress bar on the terminal, cleared when dropped.
-#[derive(Debug)]
-pub(crate) struct Progress {
-    bar: ProgressBar,
+/// Returns a bar for `codes` codes, which is cleared when dropped.
+pub(crate) fn bar(codes: u64) -> ProgressBar {
+    let style = ProgressStyle::with_template("{elapsed_precise} {bar:16} {msg}");
+    ProgressBar::new(codes).with_style(style.unwrap_or(ProgressStyle::default_bar()))
 }
 
-impl Progress {
-    pub(crate) fn new(codes: u64) -> Self {
-        let bar = ProgressBar::new(codes);
-        // The default style remains if the template has an error.
-        if let Ok(style) = ProgressStyle::with_template("{elapsed_precise} {bar:16} {msg}") {
-            bar.set_style(style);
-        }
-        Self { bar }
-    }
-
-    /// Shows what the demo is waiting for, in place of the counts.
-    pub(crate) fn waiting(&self, what: &str) {
-        self.bar.set_message(what.to_owned());
-    }
-
-    /// Shows the number of the newest frame, the number of lost codes, and the values of the newest
-    /// code.
-    pub(crate) fn show(&self, run: &Run) {
-        let Some(latest) = run.codes.last() else {
-            return;
-        };
-        let fillers = run.codes.len() - run.received();
-        let counts = format!("frame {:4}  lost {fillers}", latest.frame.neuroheader.seq);
-        let position = u64::try_from(run.codes.len()).unwrap_or(u64::MAX);
-        self.bar.set_position(position);
-        let code = blocks(&latest.frame.eeg.data);
-        self.bar.set_message(format!("{counts}  {code}"));
-        if self.bar.is_hidden() && run.codes.len().is_multiple_of(LINE_EVERY) {
-            eprintln!("{counts}");
-        }
+/// Shows the number of the newest frame, the number of lost codes, and the values of the newest code.
+pub(crate) fn show(bar: &ProgressBar, run: &Run) {
+    let Some(latest) = run.codes.last() else {
+        return;
+    };
+    let fillers = run.codes.len() - run.received();
+    let counts = format!("frame {:4}  lost {fillers}", latest.frame.neuroheader.seq);
+    let code = blocks(&latest.frame.eeg.data);
+    bar.inc(1);
+    bar.set_message(format!("{counts}  {code}"));
+    if bar.is_hidden() && run.codes.len().is_multiple_of(LINE_EVERY) {
+        eprintln!("{counts}");
     }
 }
 
-impl Drop for Progress {
-    fn drop(&mut self) {
-        self.bar.finish_and_clear();
-    }
-}
-
-/// Formats the first components of a code as blocks of eight heights, scaled to the largest
-/// magnitude.
+/// Formats the first components of a code as blocks of eight heights, scaled to the largest magnitude.
 fn blocks(code: &[f32]) -> String {
     const HEIGHTS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
     let shown = &code[..code.len().min(SHOWN)];

@@ -2,7 +2,8 @@
 
 use std::{env, fs, path::PathBuf, process::Command};
 
-/// Sets the linker arguments for a memory map, and `CORTICODE_FIRMWARE` to version and commit.
+/// Sets the linker arguments for a memory map, and the environment variable `CORTICODE_FIRMWARE` to
+/// version and commit.
 pub(crate) fn configure(memory_map: &str) {
     println!("cargo::rerun-if-changed={memory_map}");
     println!("cargo::rerun-if-changed=../../memory.x");
@@ -20,10 +21,10 @@ pub(crate) fn configure(memory_map: &str) {
 }
 
 /// Returns version and commit, for example `0.1.0 5d4b736`, with a `+` if there are uncommitted changes.
-/// Without git it is the version alone.
+/// Without git, returns the version alone.
 fn version() -> String {
     let version = env::var("CARGO_PKG_VERSION").expect("cargo sets it");
-    // Every commit and every change of branch appends a line to this file.
+    // Git appends a line to this file at every commit and every change of branch.
     if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
         println!("cargo::rerun-if-changed={log}");
     }

@@ -1,5 +1,5 @@
-//! Acquisition task, the most urgent: reads every sample, filters it and, if a step is due, produces the
-//! step.
+//! Acquisition task, the most urgent task: reads and filters every sample, and produces a step when one is
+//! due.
 
 use device::{Marks, Order, Run, fault_text};
 use link::{SelfTest, Stage};
@@ -15,7 +15,8 @@ use crate::{
 /// Runs the acquisition. Without an active run, samples are read and discarded.
 ///
 /// The task waits only for the converter, and neither allocates nor logs. When the encoder's queue is full,
-/// the sample is dropped and counted as an overrun, and the next sample in the queue is marked.
+/// the sample is dropped and counted as an overrun, and the next sample that is queued carries an overrun
+/// mark.
 pub async fn acquire(
     mut converter: impl Converter,
     shared: &Shared,
@@ -65,14 +66,15 @@ pub async fn acquire(
     }
 }
 
-/// Filters one sample. A function of its own, because the boards compile the task around it for size.
+/// Filters one sample. Not inlined, so that the filters are compiled for speed: the board's crate, which
+/// instantiates the task around this call, is compiled for size.
 #[inline(never)]
 fn filter(acquisition: &mut Acquisition, sample: &Sample) -> Option<Step> {
     acquisition.process_sample(sample)
 }
 
-/// Publishes the converters' status for the conversation. Not inlined, to keep the status text off the
-/// task's stack frame.
+/// Publishes the converters' status for the conversation task. Not inlined, to keep the status text off the
+/// stack frame of the acquisition task.
 #[inline(never)]
 fn publish_status(converter: &impl Converter, shared: &Shared) {
     if let Some(status) = converter.status() {
@@ -80,8 +82,8 @@ fn publish_status(converter: &impl Converter, shared: &Shared) {
     }
 }
 
-/// Publishes the result of a self-test for the conversation. Not inlined, to keep the result, one kilobyte,
-/// off the task's stack frame.
+/// Publishes the result of a self-test for the conversation task. Not inlined, to keep the result, one
+/// kilobyte, off the stack frame of the acquisition task.
 #[inline(never)]
 fn publish_self_test_result(converter: &impl Converter, shared: &Shared) {
     let result = converter.self_test_result().unwrap_or_else(|| SelfTest {
@@ -93,13 +95,13 @@ fn publish_self_test_result(converter: &impl Converter, shared: &Shared) {
 
 /// State of an active run.
 struct Running {
-    /// Start of the run, for the encoder; `None` once a sample has carried it to the encoder.
+    /// Settings of the run, until its first queued sample has passed them to the encoder; then `None`.
     start: Option<Run>,
     /// Samples read since the start.
     samples: u64,
     /// Steps produced since the start.
     steps: u64,
-    /// Faults since the last sample that was handed over to the encoder.
+    /// Faults since the last queued sample; the next queued sample carries them.
     marks: Marks,
 }
 
@@ -128,8 +130,8 @@ impl Running {
         let (index, step_index) = (self.samples, self.steps);
         self.samples += 1;
         self.steps += u64::from(step.is_some());
-        // Marked even if the queue is full: the queue of a hung encoder is full, and a hung encoder must not
-        // pass for idle.
+        // Mark progress even if the queue is full. A hung encoder leaves its queue full; without the mark,
+        // the watchdog check would take the encoder for idle.
         shared.progress.mark_handed_over();
         let Some(slot) = samples.try_send() else {
             shared.count_overruns(1);

@@ -1,4 +1,5 @@
-//! Conversation task, between port and pipeline: commands in, frames out.
+//! Conversation task: executes the commands that the port receives, and writes frames for the host to the
+//! port.
 
 use core::{
     cell::{Cell, RefCell},
@@ -21,10 +22,11 @@ use crate::{
     stack::Stack,
 };
 
-/// Bytes read from the port at once: one USB packet at full speed.
+/// Largest number of bytes read from the port in one call: one bulk packet of full-speed USB.
 const PACKET: usize = 64;
 
-/// Longest time between two signs of progress of the conversation.
+/// Longest time for which the conversation waits for an output before it marks progress again; also the delay
+/// before a closed port is read again.
 const TICK: embassy_time::Duration = embassy_time::Duration::from_millis(20);
 
 /// Both directions of a port.
@@ -36,20 +38,21 @@ pub struct Port<Input, Output> {
     pub output: Output,
 }
 
-/// The microcontroller, as far as the conversation needs it.
+/// What the conversation needs from the microcontroller: its stack, to report the use, and its reset.
 #[derive(Clone, Copy, Debug)]
 pub struct Machine {
-    /// Painted stack, whose peak goes into the `Timing` message; `None` if it is not painted.
+    /// Stack whose largest use the `Timing` message reports; `None` if the start-up code has not painted the
+    /// stack.
     pub stack: Option<Stack>,
     /// Resets the microcontroller on the host's command.
     pub restart: fn(ResetInto) -> !,
 }
 
 /// Runs the conversation: introduces the device, answers commands and sends outputs. With `start`, a run
-/// starts without a command.
+/// starts without a command from the host.
 ///
-/// Reading, forwarding and writing are futures of one task, so they share session and frames without locks.
-/// When the port accepts no bytes, the oldest whole frames are dropped and counted.
+/// Reading, forwarding and writing are futures of one task, so they share the session and the frames without
+/// locks. When the port accepts no bytes, the oldest whole frames are dropped and counted.
 pub async fn converse(
     Port { input, output }: Port<impl Read, impl Write>,
     session: &mut Session<'_>,
@@ -73,7 +76,8 @@ pub async fn converse(
         machine,
     };
     conversation.frames_waiting.signal(());
-    // Pinned in place: a moved future would occupy the stack a second time, for the whole run.
+    // Pinned here: if the futures were moved into `join5`, the task's stack frame would hold a second copy of
+    // each for as long as the task runs.
     join5(
         pin!(conversation.receive_commands(input)),
         pin!(conversation.forward_outputs(outputs)),
@@ -115,10 +119,11 @@ impl Conversation<'_, '_> {
         }
     }
 
-    /// Passes bytes to the session. Returns the target of a reset if they complete that command.
+    /// Passes bytes to the session. If they complete a reset command, returns the program that the reset must
+    /// start.
     fn handle_bytes(&self, bytes: &[u8]) -> Option<ResetInto> {
         let (session, frames) = &mut *self.state.borrow_mut();
-        // Before the command is executed, because the answer to a Stop includes the frames lost until then.
+        // Skip the lost frames first: the answer to a Stop command counts the frames lost before the command.
         self.skip_lost(frames);
         let counts = self.shared.counts();
         let mut restart = None;
@@ -129,7 +134,7 @@ impl Conversation<'_, '_> {
         restart
     }
 
-    /// Turns the encoder's outputs into frames.
+    /// Converts the encoder's outputs to frames.
     async fn forward_outputs(&self, mut outputs: OutputReceiver) {
         loop {
             self.shared.progress.mark_conversed();
@@ -144,8 +149,8 @@ impl Conversation<'_, '_> {
 
     /// Queues the frame of one output.
     ///
-    /// At the end of each second of a run, `Stats` and `Timing` precede the output with the same time stamp, as
-    /// the wire format specifies.
+    /// At the end of each second of a run, queues `Stats` and `Timing` before the output, with the time stamp
+    /// of the output, as the wire format specifies.
     ///
     /// Not inlined, to keep the messages off the task's stack frame.
     #[inline(never)]
@@ -164,7 +169,7 @@ impl Conversation<'_, '_> {
         }
     }
 
-    /// Skips a frame number for each output that the encoder could not queue, and counts it as dropped.
+    /// For each output that the encoder could not queue, skips one frame number and counts one dropped frame.
     fn skip_lost(&self, frames: &mut Frames) {
         for _ in 0..self.shared.outputs_lost.swap(0, Relaxed) {
             frames.skip();
@@ -194,7 +199,8 @@ impl Conversation<'_, '_> {
         }
     }
 
-    /// Sends the converters' status whenever the acquisition publishes it.
+    /// Passes each status that the acquisition publishes to the session, which sends it during a run or if
+    /// the fault has changed.
     async fn report_converters(&self) {
         loop {
             let status = self.shared.converter_status.wait().await;

@@ -10,7 +10,7 @@ use crate::{
     shared::Shared,
 };
 
-/// Runs the encoder: produces every output that the host has requested from the queued samples.
+/// Runs the encoder: produces, from the queued samples, every output that the host has requested.
 pub async fn encode(
     shared: &Shared,
     (mut samples, mut outputs, producer): (SampleReceiver, OutputSender, &mut Producer),
@@ -25,8 +25,9 @@ pub async fn encode(
                 shared.timing.record(Stage::Code, slot.drdy_ticks);
             }
         };
-        // The events up to a sample precede the outputs made from it. Only the first sample of a run is
-        // processed before its events, because it starts the run.
+        // Events up to the time of a sample are queued before the outputs of this sample. The first
+        // sample of a run is the exception: it is processed before its events, because its processing
+        // starts the run.
         let starts_run = slot.acquired.new_run.is_some();
         if starts_run {
             shared.inputs.discard_before(slot.acquired.drdy_us);

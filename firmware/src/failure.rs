@@ -1,7 +1,7 @@
-//! End of a run of the firmware: the record of why it ended, kept across the reset for the next run.
+//! Record of why the firmware ended, kept in memory across the reset so that the next boot can report it.
 //!
-//! The board's memory map provides three symbols: `_kept`, start of memory that neither the linker nor the
-//! start-up code uses, and `_stack_start` and `_stack_end`, the bounds of the stack.
+//! The board's memory map provides three symbols. `_kept` is the start of memory that neither the linker
+//! nor the start-up code uses; `_stack_start` and `_stack_end` are the bounds of the stack.
 #![expect(
     unsafe_code,
     reason = "symbols of the memory map, and memory that nothing initialises"
@@ -19,7 +19,8 @@ unsafe extern "C" {
 }
 
 unsafe extern "C" {
-    /// One past the highest address of the stack. Only the addresses of these two symbols are used.
+    /// One past the highest address of the stack; `_stack_end` is the lowest address. Only the addresses of
+    /// both symbols are used, never their contents.
     static _stack_start: u32;
     static _stack_end: u32;
 }
@@ -27,17 +28,18 @@ unsafe extern "C" {
 /// Returns the stack that all tasks and interrupts share.
 pub fn stack() -> Stack {
     let [end, start] = [&raw const _stack_end, &raw const _stack_start].map(<*const u32>::addr);
-    // SAFETY: the memory map reserves the region for the stack, and cortex-m-rt has painted it.
+    // SAFETY: the memory map reserves all words from `_stack_end` to `_stack_start` for the stack, and
+    // cortex-m-rt has painted them.
     unsafe { Stack::from_bounds(end, start) }
 }
 
-/// Returns the record that the previous run left, and erases it.
+/// Returns the record that the firmware left before the last reset, if there is a valid one, and erases it.
 pub fn previous_fault() -> Option<FaultRecord> {
     critical_section::with(|section| KEPT.take(section))
 }
 
-/// Returns whether the previous run ended with a request for the microcontroller's own boot loader, and
-/// erases the request. A record of any other end stays.
+/// Returns whether the last reset was requested by the host to enter the microcontroller's own boot loader,
+/// and erases the request. A record with any other reason stays.
 pub fn take_bootloader_request() -> bool {
     critical_section::with(|section| {
         let Some(record) = KEPT.take(section) else {
@@ -51,17 +53,17 @@ pub fn take_bootloader_request() -> bool {
     })
 }
 
-/// Leaves a record for the next run and resets the microcontroller.
+/// Stores `record` for the next boot and resets the microcontroller with `reset`.
 pub fn end_run(record: FaultRecord, reset: fn() -> !) -> ! {
     critical_section::with(|section| KEPT.put(section, record));
     reset()
 }
 
-/// Memory that a reset leaves unchanged. After power-on its content is random.
+/// Memory for one record. A reset leaves the memory unchanged; after power-on its content is random.
 #[repr(transparent)]
 struct KeptRecord(UnsafeCell<MaybeUninit<FaultRecord>>);
 
-// SAFETY: accessed only within critical sections, as the `CriticalSection` arguments prove.
+// SAFETY: the cell is accessed only within critical sections, as the `CriticalSection` arguments prove.
 unsafe impl Sync for KeptRecord {}
 
 impl KeptRecord {
@@ -69,14 +71,15 @@ impl KeptRecord {
         // SAFETY: the critical section excludes every other access. All fields are integers, for which any
         // bits are valid, and the volatile read keeps the compiler from assuming uninitialised memory.
         let record = unsafe { self.0.get().cast::<FaultRecord>().read_volatile() };
-        // SAFETY: the critical section excludes every other access; the record begins with an aligned word.
+        // SAFETY: the critical section excludes every other access. The pointer is valid for a `u32`,
+        // because `FaultRecord` is `repr(C)` and begins with one.
         unsafe { self.0.get().cast::<u32>().write_volatile(0) };
         record.is_valid().then_some(record)
     }
 
     fn put(&self, _: CriticalSection<'_>, record: FaultRecord) {
-        // SAFETY: the critical section excludes every other access. Volatile, because this run never reads
-        // the record.
+        // SAFETY: the critical section excludes every other access. Volatile, so that the compiler keeps
+        // the write, although nothing reads the record before the reset.
         unsafe { self.0.get().cast::<FaultRecord>().write_volatile(record) };
     }
 }

@@ -1,16 +1,17 @@
-//! Record of why a run of the firmware ended.
+//! Record of why the firmware ended, for the report after the next boot.
 
 use core::fmt::{self, Write};
 
 use link::{ResetCause, ResetInto};
 
-/// Bytes of a record's text; longer text is cut.
+/// Largest number of text bytes in a record; longer text is cut.
 const TEXT_BYTES: usize = 160;
 
-/// First word of a valid record; after power-on the memory holds random bits.
+/// Value of the first word of a valid record. After power-on, the memory holds random bits instead.
 const MAGIC: u32 = 0x5245_434f;
 
-/// Why a run of the firmware ended, for memory that survives a reset.
+/// Why the firmware ended: a reason and a text, with a checksum that detects random bits. Stored in memory
+/// that survives a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct FaultRecord {
@@ -34,17 +35,17 @@ const RESTART: u32 = 2;
 const RESTART_INTO_BOOTLOADER: u32 = 3;
 
 impl FaultRecord {
-    /// Records a panic or a processor fault.
+    /// Creates the record of a panic or a processor fault.
     pub fn from_failure(description: impl fmt::Display) -> Self {
         Self::new(FAILURE, &description)
     }
 
-    /// Records a task that made no progress.
+    /// Creates the record of a hang: a task made no progress, so the watchdog expired.
     pub fn from_hang(description: impl fmt::Display) -> Self {
         Self::new(HANG, &description)
     }
 
-    /// Records a reset that the host commanded; its text is empty.
+    /// Creates the record of a reset that the host commanded; the text is empty.
     pub fn from_restart(into: ResetInto) -> Self {
         match into {
             ResetInto::Bootloader => Self::new(RESTART_INTO_BOOTLOADER, &""),
@@ -57,7 +58,7 @@ impl FaultRecord {
             bytes: [0; TEXT_BYTES],
             length: 0,
         };
-        // `Text` never fails; it drops the bytes that do not fit.
+        // `Text` never returns an error; it drops the bytes that do not fit.
         let _ = write!(text, "{description}");
         let mut record = Self {
             magic: MAGIC,
@@ -75,7 +76,7 @@ impl FaultRecord {
         self.magic == MAGIC && self.checksum == self.compute_checksum()
     }
 
-    /// Returns the description, cut to whole characters.
+    /// Returns the record's text, without an incomplete last character.
     pub fn text(&self) -> &str {
         let length = usize::try_from(self.length)
             .unwrap_or(TEXT_BYTES)
@@ -83,7 +84,7 @@ impl FaultRecord {
         let text = &self.text[..length];
         match core::str::from_utf8(text) {
             Ok(text) => text,
-            // The last character is incomplete.
+            // `new` has cut the text within its last character.
             Err(error) => core::str::from_utf8(&text[..error.valid_up_to()]).unwrap_or(""),
         }
     }
@@ -102,8 +103,8 @@ impl FaultRecord {
         self.reason == RESTART_INTO_BOOTLOADER
     }
 
-    /// FNV-1a (Fowler, Noll and Vo), 32 bits. Not inlined: the compiler unrolls the loop, and every inlined
-    /// copy takes a kilobyte of flash.
+    /// Returns the 32-bit FNV-1a hash (Fowler, Noll and Vo) of all fields before `checksum`. Not inlined:
+    /// the compiler unrolls the loop, and every inlined copy would take a kilobyte of flash.
     #[inline(never)]
     fn compute_checksum(&self) -> u32 {
         let words = [self.magic, self.reason, self.length].map(u32::to_le_bytes);

@@ -1,4 +1,4 @@
-//! Events at a board's inputs, on their way from the interrupt to the encoder.
+//! Events at a board's inputs: a queue from the interrupt that captures them to the encoder.
 
 use core::{
     cell::RefCell,
@@ -16,7 +16,7 @@ type EventQueue = Deque<CapturedEvent, { deadlines::EVENTS_WAITING }>;
 
 /// Queue of captured events that have not been assigned to a sample yet.
 pub struct Inputs {
-    /// Events since boot, lost ones included; wraps.
+    /// Number of the next event: events since boot, lost ones included; wraps.
     number: AtomicU32,
     queue: blocking_mutex::Mutex<RawMutex, RefCell<EventQueue>>,
 }
@@ -29,11 +29,12 @@ impl Inputs {
         }
     }
 
-    /// Queues an event with its device time in microseconds; called by the input's interrupt. A full queue
-    /// drops the event, which leaves a gap in the event numbers.
+    /// Queues an event that happened at the device time `at_us`, in microseconds. Called by the input's
+    /// interrupt handler. If the queue is full, the event is dropped, which leaves a gap in the event
+    /// numbers.
     pub fn push_event(&self, kind: EventKind, at_us: u64) {
         let number = self.number.fetch_add(1, Relaxed);
-        // The number that a dropped event has used up shows its loss.
+        // If the queue is full, the number stays used: the gap in the numbers shows the loss.
         let _ = self.with_queue(|queue| {
             queue.push_back(CapturedEvent {
                 kind,
@@ -43,7 +44,7 @@ impl Inputs {
         });
     }
 
-    /// Skips the numbers of `events` events that happened but were not captured.
+    /// Skips `events` event numbers, for events that happened but were not captured.
     pub fn count_lost(&self, events: u32) {
         self.number.fetch_add(events, Relaxed);
     }
@@ -52,7 +53,8 @@ impl Inputs {
         self.with_queue(Deque::pop_front).flatten()
     }
 
-    /// Drops the events before a run; `start_us` is the device time of the run's first sample.
+    /// Drops the events that happened before a run; `start_us` is the device time of the run's first
+    /// sample, in microseconds.
     pub(crate) fn discard_before(&self, start_us: u64) {
         self.with_queue(|queue| {
             while queue.front().is_some_and(|event| event.at_us < start_us) {

@@ -16,10 +16,10 @@ use crate::{
 /// Numbers frames and keeps them until the port accepts them.
 pub type Frames = Sender<FrameRing<{ deadlines::FRAME_BYTES_WAITING }>>;
 
-/// Memory of a board's tasks and queues; a board declares one as a static.
+/// Memory of a board's tasks and queues; a board declares one static of this type.
 ///
 /// [`init`](Self::init) builds most values on the stack and moves them into place. The encoder's memory,
-/// by far the largest, is zero from the start and takes no flash.
+/// by far the largest value, is initialised to zeros at compile time and takes no flash.
 pub struct Memory {
     frames: StaticCell<Frames>,
     acquisition: StaticCell<Acquisition>,
@@ -43,7 +43,7 @@ pub struct TaskMemory {
 }
 
 impl Memory {
-    /// Reserves the memory without initialising it.
+    /// Creates the memory for a static; [`init`](Self::init) then initialises it.
     pub const fn new() -> Self {
         Self {
             frames: StaticCell::new(),
@@ -59,8 +59,8 @@ impl Memory {
 
     /// Initialises the memory and splits it among the tasks.
     ///
-    /// Never inlined: the first tasks run before the board's start function returns, and temporaries of
-    /// this function in that frame would take stack from them.
+    /// Not inlined: the first tasks run before the board's start function returns. If this function were
+    /// inlined there, its temporaries would take stack from these tasks.
     ///
     /// # Panics
     /// On the second call.

@@ -6,7 +6,8 @@ use embassy_sync::{
     zerocopy_channel::{Receiver, Sender},
 };
 
-/// Guards everything that tasks of different priorities share. It disables interrupts.
+/// Mutex that guards everything that tasks of different priorities share. Locking it disables
+/// interrupts.
 pub type RawMutex = CriticalSectionRawMutex;
 
 /// Slot of the queue from the acquisition to the encoder.
@@ -14,24 +15,24 @@ pub type RawMutex = CriticalSectionRawMutex;
 pub struct SampleSlot {
     /// Sample, and its step if one is due.
     pub acquired: AcquiredSample,
-    /// DRDY edge of the sample, in ticks of the board's [`Clock`](crate::Clock).
+    /// Time of the sample's DRDY edge, in ticks of the board's [`Clock`](crate::Clock).
     pub drdy_ticks: u32,
 }
 
 /// Slot of the queue from the encoder to the conversation.
 #[derive(Clone, Debug, Default)]
 pub struct OutputSlot {
-    /// Code, report or chunk for the host.
+    /// Output for the host, for example a code or a report.
     pub output: Output,
     /// Time at which the encoder queued the output, in ticks of the board's [`Clock`](crate::Clock).
     pub queued_ticks: u32,
 }
 
-/// End of the sample queue that [`acquire`](fn@crate::acquire) holds.
+/// Sending end of the sample queue, which [`acquire`](fn@crate::acquire) holds.
 pub type SampleSender = Sender<'static, RawMutex, SampleSlot>;
-/// End of the sample queue that [`encode`](fn@crate::encode) holds.
+/// Receiving end of the sample queue, which [`encode`](fn@crate::encode) holds.
 pub type SampleReceiver = Receiver<'static, RawMutex, SampleSlot>;
-/// End of the output queue that [`encode`](fn@crate::encode) holds.
+/// Sending end of the output queue, which [`encode`](fn@crate::encode) holds.
 pub type OutputSender = Sender<'static, RawMutex, OutputSlot>;
-/// End of the output queue that [`converse`](fn@crate::converse) holds.
+/// Receiving end of the output queue, which [`converse`](fn@crate::converse) holds.
 pub type OutputReceiver = Receiver<'static, RawMutex, OutputSlot>;

@@ -13,18 +13,20 @@ use crate::{
     timing::{Clock, Timing},
 };
 
-/// Shared state of the tasks; a board declares one as a static. Each count has one writer.
+/// Shared state of the tasks; a board declares one static of this type. Only the acquisition writes
+/// the counts that [`counts`](Self::counts) returns.
 pub struct Shared {
     /// Order to the acquisition; a newer order replaces one that the acquisition has not read yet.
     pub(crate) orders: Signal<RawMutex, Order>,
-    /// Number of samples read since boot: lower and upper 32 bits.
+    /// Number of samples read during runs since boot: the lower 32 bits, then the upper 32 bits.
     samples: [AtomicU32; 2],
     overruns: AtomicU32,
     adc_status_bad: AtomicU32,
     clipped: AtomicU32,
-    /// Outputs for which the queue to the conversation had no room.
+    /// Number of outputs for which the queue to the conversation had no room. The encoder counts
+    /// them; the conversation takes the count and resets it to 0.
     pub(crate) outputs_lost: AtomicU32,
-    /// Events at the board's inputs.
+    /// Captured events at the board's inputs, for the encoder.
     pub inputs: Inputs,
     /// Latest status of the converters, set by the acquisition.
     pub(crate) converter_status: Signal<RawMutex, Converters>,
@@ -36,7 +38,8 @@ pub struct Shared {
 }
 
 impl Shared {
-    /// State at boot: no order, all counts zero. The stages are timed with `clock`.
+    /// Creates the state at boot: no order, all counts zero. `clock` measures the durations of the
+    /// stages.
     pub const fn new(clock: Clock) -> Self {
         Self {
             orders: Signal::new(),
@@ -60,8 +63,8 @@ impl Shared {
 
     /// Returns the acquisition's counts since boot.
     pub fn counts(&self) -> Counts {
-        // The acquisition can interrupt any reader between the two loads. A carry into the upper half
-        // changes it, and the loop reads again.
+        // The acquisition can preempt any reader between the loads. If the count carries into the
+        // upper half meanwhile, the two loads of the upper half differ, and the loop reads again.
         let [high, low] = loop {
             let high = self.samples[1].load(Relaxed);
             let low = self.samples[0].load(Relaxed);

@@ -1,4 +1,4 @@
-//! Depth of the stack.
+//! Bounds of the stack, and the largest number of its bytes in use since boot.
 #![expect(unsafe_code, reason = "reads memory below the stack pointer")]
 
 /// Word that cortex-m-rt's feature `paint-stack` fills the stack with at start-up.
@@ -28,8 +28,8 @@ impl Stack {
         self.start - self.end
     }
 
-    /// Returns whether `words` words that start at `address` are aligned and all within the stack, so that
-    /// a fault handler may read them.
+    /// Returns whether `address` is aligned and the `words` words that start there are all within the
+    /// stack, so that a fault handler may read them.
     pub const fn contains_words(self, address: usize, words: usize) -> bool {
         address.is_multiple_of(size_of::<u32>())
             && address >= self.end
@@ -37,12 +37,14 @@ impl Stack {
             && words <= (self.start - address) / size_of::<u32>()
     }
 
-    /// Returns the largest number of bytes in use since boot, from the lowest word that has lost its paint.
-    /// Reads every word that was never used: too slow for a task with a short deadline.
+    /// Returns the largest number of stack bytes in use since boot: those from the lowest word that no
+    /// longer holds `PAINT` up to the start of the stack. Reads every word that was never used, which is
+    /// too slow for a task with a short deadline.
     pub fn peak_bytes(self) -> usize {
         let words = (self.end..self.start).step_by(size_of::<u32>());
         let untouched = words.take_while(|&word| {
-            // SAFETY: guaranteed by the caller of `from_bounds`. Volatile, because the stack is in use.
+            // SAFETY: the caller of `from_bounds` guarantees that all words of the stack are readable.
+            // Volatile, because tasks and interrupts write to the stack meanwhile.
             let value = unsafe { (word as *const u32).read_volatile() };
             value == PAINT
         });

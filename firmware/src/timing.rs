@@ -1,4 +1,4 @@
-//! Durations of the stages, as histograms over their deadlines.
+//! Durations of the stages, as histograms in eighths of each stage's deadline.
 
 use core::{
     num::NonZeroU32,
@@ -13,16 +13,16 @@ use crate::{deadlines, stack::Stack};
 /// Free-running 32-bit counter of a board.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
-    /// Reads the counter, in ticks. It must not wrap within the longest deadline.
+    /// Returns the counter in ticks. The counter must not wrap within the longest deadline.
     pub now: fn() -> u32,
     /// Ticks per second.
     pub hz: u32,
 }
 
-/// Histogram bins up to the deadline; one more bin counts durations beyond it.
+/// Number of histogram bins up to the deadline; one more bin counts longer durations.
 const BINS: usize = 8;
 
-/// Measured stages with their deadlines, in the order of [`Stage`].
+/// Stages that are timed, with their deadlines; the index is the number of the [`Stage`] on the wire.
 const STAGES: [(Stage, Duration); 4] = [
     (Stage::Acquire, deadlines::SAMPLE),
     (Stage::Step, deadlines::STEP),
@@ -64,7 +64,7 @@ impl Timing {
         }
     }
 
-    /// Returns the `Timing` message.
+    /// Returns the `Timing` message; without `stack`, its stack sizes are 0.
     pub(crate) fn report(&self, stack: Option<Stack>) -> link::Timing {
         let bytes = |bytes: usize| u32::try_from(bytes).unwrap_or(u32::MAX);
         let stages = STAGES.iter().zip(&self.stages);
@@ -112,7 +112,8 @@ impl StageTime {
     }
 }
 
-/// Returns an eighth of a deadline in ticks, rounded down so that a late stage never counts as in time.
+/// Returns an eighth of a deadline in ticks. Rounded down, so that a late stage never counts as in
+/// time.
 const fn bin_ticks(deadline: Duration, hz: u32) -> NonZeroU32 {
     let ticks = deadline.as_micros() * hz as u64 / 1_000_000;
     assert!(ticks < 1 << 31, "the clock wraps within a deadline");
@@ -136,7 +137,9 @@ mod tests {
             hz: 1_000_000,
         };
         let timing = Timing::new(MHZ);
-        // The deadline of 7,812 ticks gives bins of 976 ticks: an eighth, rounded down.
+        // The deadline of 7,812 ticks divided by 8 bins is 976 ticks, rounded down. So 976 is the
+        // longest duration of the first bin, 7,808 = 8 x 976 that of the last one, and 7,809 counts as
+        // late.
         for ticks in [1, 976, 977, 7_808, 7_809, 9_999] {
             timing.record(Stage::Step, 10_000 - ticks);
         }

@@ -1,7 +1,8 @@
 //! The 64-bit accumulator of a section: one multiply-accumulate instruction (SMLAL) per product on a
 //! Cortex-M.
 
-/// 64-bit sum in Q32: the high word is the section's output, the low word its rounding error.
+/// 64-bit sum in Q32. At the end, the high word is the section's output and the low word its
+/// rounding error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Accumulator {
     /// Integer part, in the unit of the output.
@@ -13,16 +14,18 @@ pub(crate) struct Accumulator {
 impl Accumulator {
     /// Adds `fraction * x`, Q0.32 times an integer; wraps modulo 2^64.
     ///
-    /// SMLAL is written as inline assembly because the compiler otherwise merges the constant integer
-    /// and fraction of a coefficient into one 64-bit multiplication, three times as many instructions.
+    /// SMLAL is written as inline assembly because the compiler otherwise merges the constant
+    /// integer and fraction of a coefficient into one 64-bit multiplication, which takes three
+    /// times as many instructions.
     #[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
     #[expect(unsafe_code, reason = "the instruction has no safe name in Rust")]
     #[inline(always)]
     pub(crate) fn multiply_add(self, fraction: i32, x: i32) -> Self {
         let Self { mut high, mut low } = self;
-        // SAFETY: SMLAL (ARMv7-M ARM, A7.7.138) reads and writes these four registers and nothing
-        // else, not even the flags. ARMv6-M has no SMLAL; it has no compare-and-swap either, so
-        // `target_has_atomic` in the `cfg` above excludes it.
+        // SAFETY: SMLAL (ARMv7-M ARM, A7.7.138) reads these four registers and writes `low` and
+        // `high`. It accesses no memory and leaves the flags unchanged. ARMv6-M has no SMLAL; the
+        // `cfg` above excludes it by `target_has_atomic`, because it has no compare-and-swap
+        // either.
         unsafe {
             core::arch::asm!(
                 "smlal {low}, {high}, {fraction}, {x}",
@@ -36,7 +39,7 @@ impl Accumulator {
         Self { high, low }
     }
 
-    /// Adds `fraction * x` on machines without SMLAL; the same bits as the assembly.
+    /// Adds `fraction * x` on machines without SMLAL, with the same bits as the assembly.
     ///
     /// `cargo xtask bench filters` compares the two on an emulated Cortex-M4 and M7: with the model's
     /// coefficients, and with random coefficients and samples (contender `ours-any-sections`).

@@ -4,8 +4,9 @@ use crate::section::{Fractions, Section, SectionState};
 
 /// Configuration of `N` sections in series, at most [`MAX_SECTIONS`]; shared by all channels.
 ///
-/// Overflow wraps. To exclude it, the L1 norm of the impulse response up to each section, times the
-/// largest input, must stay below 2^31; model-gen proves this for the cascades it generates.
+/// Overflow wraps. To exclude it, the largest input times the L1 norm of the impulse response must
+/// stay below 2^31, for the response from the input to each section's output and to each number
+/// that a section multiplies. model-gen proves this for the cascades it generates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cascade<const N: usize> {
     /// Sections in signal order: the first filters the input.
@@ -35,12 +36,14 @@ impl<const N: usize> Default for CascadeState<N> {
     }
 }
 
-/// Largest number of sections in a cascade, up to which its code is unrolled by hand.
+/// Largest number of sections in a cascade; the code for them is unrolled by hand up to this
+/// number.
 pub const MAX_SECTIONS: usize = 12;
 
 impl<const N: usize> Cascade<N> {
-    /// Fractions of all coefficients: the part that [`Compiled`](crate::filter::Compiled) loads as
-    /// data, while section types and integer parts become code.
+    /// Returns the fractions of all coefficients: the part that
+    /// [`Compiled`](crate::filter::Compiled) loads as data, while section types and integer parts
+    /// become code.
     pub(crate) const fn fractions(&self) -> [Fractions; N] {
         let mut fractions = [[0; 3]; N];
         let mut index = 0;
@@ -69,7 +72,7 @@ impl<const N: usize> Cascade<N> {
             (state.x2, state.x1) = (state.x1, x);
         }
         // Unrolled by hand: the compiler does not unroll a loop of this size and would select each
-        // section's type at run time, more than twice the instructions on a Cortex-M4.
+        // section's type at run time, which takes more than twice the instructions on a Cortex-M4.
         macro_rules! apply_sections {
             ($($index:literal)*) => {$(
                 if $index < N {
@@ -91,8 +94,8 @@ mod tests {
     use super::*;
     use crate::{coefficient::Coefficient, filter::Filter};
 
-    /// A DC-blocking high-pass and a gentle low-pass with double poles at 0.9 and 0.5: an arbitrary
-    /// stable example.
+    /// Returns an arbitrary stable cascade: a high-pass with a double pole at 0.9 and a low-pass
+    /// with a double pole at 0.5.
     fn cascade() -> Cascade<2> {
         let high_pass = Section::HighPass {
             a1: Coefficient::nearest(1.8),
@@ -108,7 +111,7 @@ mod tests {
         }
     }
 
-    /// Output of the same difference equations in f64: an independent reference.
+    /// Returns the output of the same difference equations in f64, as an independent reference.
     fn reference(input: &[i32]) -> Vec<f64> {
         let mut signal: Vec<f64> = input.iter().map(|&x| f64::from(x)).collect();
         for (b, a) in [
@@ -127,8 +130,9 @@ mod tests {
 
     #[test]
     fn the_fixed_point_output_follows_the_float_one_within_the_shaped_noise() {
-        // A rounding error in [0, 1) enters as e[n] - e[n-1] and is filtered by 1/A. The bound is
-        // half the L1 norm of (1 - z) / A: 7.8 for the double pole at 0.9, 2.0 for the one at 0.5.
+        // The rounding error e of a section, in [0, 1), enters as e[n] - e[n-1] and is filtered by
+        // 1/A. Its effect is at most half the L1 norm of (1 - z^-1) / A: 3.9 for the double pole at
+        // 0.9, 1.0 for the one at 0.5, together 4.9.
         let mut noise = 12_345_u32;
         let input: Vec<i32> = (0..4_000)
             .map(|_| {

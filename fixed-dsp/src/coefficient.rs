@@ -2,9 +2,10 @@
 
 /// A real number as nearest integer plus signed fraction: value = `integer` + `fraction` / 2^32.
 ///
-/// The product with a sample then takes an addition into the high word of a 64-bit accumulator for the
-/// integer, and one `SMLAL` for the fraction. The sum's high word is the result without a shift, its
-/// low word the exact rounding error. The coefficient's own error is at most 2^-33 (1.2e-10).
+/// The product of a sample and the integer is added to the high word of a 64-bit accumulator; the
+/// product of the sample and the fraction takes one `SMLAL`. The high word of the sum is the result
+/// without a shift; the low word is the exact rounding error. The coefficient's own error is at
+/// most 2^-33 (1.2e-10).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Coefficient {
     /// Integer nearest to the value; |integer| <= 2 in a stable second-order section.

@@ -3,8 +3,8 @@
 /// The last `TAPS` samples of each of `CHANNELS` channels; zeros before the first sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DelayLine<const CHANNELS: usize, const TAPS: usize> {
-    /// Ring buffer of each channel: index `newest` holds the newest sample, each following index
-    /// (modulo `TAPS`) the sample before it.
+    /// Ring buffer of each channel: index `newest` holds the newest sample; earlier samples follow
+    /// at increasing indices, modulo `TAPS`.
     samples: [[i32; TAPS]; CHANNELS],
     newest: usize,
 }
@@ -34,7 +34,7 @@ impl<const CHANNELS: usize, const TAPS: usize> DelayLine<CHANNELS, TAPS> {
 
     /// Returns the weighted sum of each channel's samples; `weights[0]` belongs to the newest sample.
     ///
-    /// Exact in 64 bits while the magnitudes of the weights sum to less than 2^32.
+    /// The sum is exact in 64 bits if the magnitudes of the weights sum to less than 2^32.
     #[inline]
     pub(crate) fn weighted_sums(&self, weights: &[i32; TAPS]) -> impl Iterator<Item = i64> {
         let newest = self.newest();

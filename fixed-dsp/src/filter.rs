@@ -1,4 +1,5 @@
-//! The interface of all filters: coefficients known at run time, or compiled into the code.
+//! The interface of all filters, whose coefficients are known at run time or compiled into the
+//! code.
 
 use core::marker::PhantomData;
 
@@ -7,8 +8,8 @@ use crate::{
     section::Fractions,
 };
 
-/// Samples of one channel that are filtered together, so that the state is loaded and stored once for
-/// four samples.
+/// Number of consecutive samples of one channel that are filtered together, so that the state is
+/// loaded and stored once for all of them.
 pub const BLOCK: usize = 4;
 
 /// A filter for any number of channels, each with a separate state.
@@ -23,14 +24,15 @@ pub trait Filter {
     /// Filters one sample of one channel.
     fn apply(&self, state: &mut Self::State, x: i32) -> i32;
 
-    /// Filters [`BLOCK`] consecutive samples of each channel in place; the same bits as [`BLOCK`]
-    /// calls of [`Self::apply`].
+    /// Filters [`BLOCK`] consecutive samples of each channel in place, with the same bits as
+    /// [`BLOCK`] calls of [`Self::apply`].
     ///
-    /// `blocks[channel]` belongs to `states[channel]`; if one slice is longer, its rest is unchanged.
+    /// `blocks[channel]` belongs to `states[channel]`. If one slice is longer, its excess elements
+    /// are unchanged.
     fn apply_blocks(&self, states: &mut [Self::State], blocks: &mut [[i32; BLOCK]]);
 }
 
-/// Filters with coefficients that are known at run time only.
+/// A cascade as a filter: its coefficients are known at run time only.
 impl<const N: usize> Filter for Cascade<N> {
     type State = CascadeState<N>;
     const REST: Self::State = CascadeState::REST;
@@ -51,15 +53,15 @@ impl<const N: usize> Filter for Cascade<N> {
 
 /// A cascade of `N` sections that is a compile-time constant.
 pub trait Design<const N: usize> {
-    /// Sections and their coefficients.
+    /// The sections, with their coefficients.
     const CASCADE: Cascade<N>;
 }
 
-/// The filter of a [`Design`]: code for this one cascade, with the section types and the integer parts
-/// of the coefficients built in. Only the fractions are loaded.
+/// The filter of a [`Design`]: code for this one cascade, with the section types and the integer
+/// parts of the coefficients built in. Only the fractions are loaded from memory.
 ///
-/// It takes about half of the instructions of [`Cascade`]: 56 per sample and channel instead of 90 to
-/// 108, for any six sections (`cargo xtask bench filters`).
+/// In blocks, six sections take 56 instructions per sample and channel. As a [`Cascade`] they take
+/// 90 to 108, depending on the types of the sections (`cargo xtask bench filters`, simulated).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Compiled<D, const N: usize>(PhantomData<D>);
 
@@ -73,8 +75,8 @@ impl<D, const N: usize> Compiled<D, N> {
 impl<D: Design<N>, const N: usize> Compiled<D, N> {
     const FRACTIONS: &'static [Fractions; N] = &D::CASCADE.fractions();
 
-    /// Returns the fractions as data. As constants in the code, each would take two instructions per
-    /// channel instead of one load.
+    /// Returns the fractions as data, which `black_box` hides from the optimiser. As constants in
+    /// the code, each fraction would take two instructions per channel instead of one load.
     #[inline(always)]
     fn fractions() -> &'static [Fractions; N] {
         core::hint::black_box(Self::FRACTIONS)

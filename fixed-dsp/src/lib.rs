@@ -1,7 +1,8 @@
 //! Fixed-point filters and resamplers for many channels; nothing about EEG.
 //!
 //! Cascades of second-order IIR sections with exact rounding-error feedback, and polyphase FIR
-//! resamplers. `no_std`, integers only, the same bits on every machine.
+//! resamplers. The crate is `no_std`. Samples are filtered with integers only, so the output bits
+//! are the same on every machine.
 //!
 //! ```text
 //! Coefficient --> Section --> Cascade           configuration, shared by all channels
@@ -11,9 +12,9 @@
 //! ```
 //!
 //! A [`Cascade`] holds coefficients, a [`CascadeState`] the memory of one channel. Where the
-//! coefficients are known when the program is built, [`Compiled`] generates code for them; the output
-//! bits are the same. The caller chooses the fixed-point format of the samples and leaves the head room
-//! that the cascade's worst-case gain needs.
+//! coefficients are known when the program is built, [`Compiled`] generates code for them; the
+//! output bits are the same. The caller chooses the fixed-point format of the samples and leaves
+//! the headroom that the cascade's worst-case gain needs.
 //!
 //! ```
 //! use fixed_dsp::{Cascade, CascadeState, Coefficient, Filter, Section};

@@ -4,12 +4,13 @@ use crate::delay_line::DelayLine;
 
 /// A polyphase FIR filter: output rate = input rate * `PHASES` / `down`, in lowest terms.
 ///
-/// The prototype low-pass has `PHASES * TAPS` taps at `PHASES` times the input rate; each output needs
-/// `TAPS` of them. Output `m` is the signal at time `m * down / PHASES`, in input samples from the first.
-/// It is computed with the last input sample that is not later; its phase is the time between the two.
+/// The prototype low-pass has `PHASES * TAPS` taps at `PHASES` times the input rate; each output
+/// needs `TAPS` of them. Output `m` is the signal at time `m * down / PHASES`, counted in input
+/// samples from the first one. It is computed from the input samples up to that time; its phase is
+/// the time since the last of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resampler<const PHASES: usize, const TAPS: usize> {
-    /// Input samples for every `PHASES` output samples; at least `PHASES`.
+    /// Number of input samples for every `PHASES` output samples; at least `PHASES`.
     pub down: u16,
     /// Impulse response, Q2.30, `[phase][age]`; age 0 is the newest input sample.
     pub taps: [[i32; TAPS]; PHASES],
@@ -18,7 +19,8 @@ pub struct Resampler<const PHASES: usize, const TAPS: usize> {
 /// Time of a resampler's next output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Position {
-    /// Time from the next input sample to the next output, in 1 / `PHASES` of an input sample.
+    /// Time from the next input sample to the next output, in 1 / `PHASES` of the time between two
+    /// input samples.
     ahead: u16,
 }
 
@@ -28,11 +30,11 @@ impl Position {
 }
 
 impl Resampler<1, 1> {
-    /// Keeps the first sample and every `down`-th one after it, unfiltered: signals above half of the
-    /// output rate alias.
+    /// Returns a resampler that keeps the first sample and every `down`-th sample after it,
+    /// unfiltered: signals above half of the output rate alias.
     ///
     /// # Panics
-    /// When `down` is 0; at compile time in a `const` context.
+    /// If `down` is 0; at compile time in a `const` context.
     pub const fn every(down: u16) -> Self {
         assert!(down > 0, "`down` must be at least 1");
         Self {
@@ -43,7 +45,7 @@ impl Resampler<1, 1> {
 }
 
 impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
-    /// The tap 1.0 in Q2.30.
+    /// The tap 1.0, Q2.30.
     pub const UNITY: i32 = 1 << 30;
 
     /// Returns true if each input yields at most one output and no input can overflow the 64-bit
@@ -58,16 +60,17 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
                 magnitude += self.taps[phase][age].unsigned_abs() as u64;
                 age += 1;
             }
-            // Magnitudes below 2^31 times a sample of at most 2^31 stay below 2^62; rounding adds
-            // 2^29.
+            // If the magnitudes sum to less than 2^31, their products with samples of at most 2^31
+            // sum to less than 2^62; rounding adds 2^29.
             consistent = consistent && magnitude < 1 << 31;
             phase += 1;
         }
         consistent
     }
 
-    /// Advances by one input sample. If an output is due with it, returns the output's phase: the time
-    /// from this sample to the output, in 1 / `PHASES` of an input sample.
+    /// Advances by one input sample. If an output is due with this sample, returns the output's
+    /// phase: the time from the sample to the output, in 1 / `PHASES` of the time between two input
+    /// samples.
     #[inline]
     #[expect(
         clippy::cast_possible_truncation,
@@ -87,7 +90,7 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
 
     /// Returns the output of every channel at `phase`, in the samples' unit and format.
     ///
-    /// An exact 64-bit sum, rounded half up once. Overflow wraps; the caller must prove
+    /// The 64-bit sum is exact and rounded half up once. Overflow wraps; the caller must prove
     /// |output| < 2^31.
     #[inline]
     #[expect(
@@ -145,7 +148,7 @@ mod tests {
 
     #[test]
     fn outputs_are_due_at_multiples_of_the_ratio_with_the_sample_before() {
-        // From 500 Hz to 128 Hz, outputs are 125 / 32 input samples apart.
+        // From 500 Hz to 128 Hz, outputs are 125 / 32 = 3.90625 input samples apart.
         let due: Vec<(usize, usize)> = schedule::<32>(125, 1_000)
             .into_iter()
             .enumerate()

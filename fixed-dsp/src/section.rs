@@ -5,9 +5,9 @@ use crate::{accumulator::Accumulator, coefficient::Coefficient};
 /// Configuration of one second-order section: its type, which fixes the zeros exactly, and its
 /// coefficients.
 ///
-/// Sign convention of every type: feedback is added, `y0 = .. + a1 y1 + a2 y2`. So `a1` and `a2` are
-/// the negatives of those in a denominator written `1 + a1 z^-1 + a2 z^-2`. The rounding error of each
-/// output is added to the next one.
+/// Sign convention of every type: feedback is added, `y0 = .. + a1 y1 + a2 y2`. So `a1` and `a2`
+/// are the negatives of those in a denominator written `1 + a1 z^-1 + a2 z^-2`. The rounding error
+/// of each output is added to the next output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Section {
     /// `y0 = x0 + x2 - y2 + a1 (y1 - x1) + (1 - b0) (2 y2 - x0 - x2)`: zeros on the unit circle, and
@@ -60,8 +60,8 @@ pub struct SectionState {
 impl SectionState {
     /// State after an infinitely long input of zeros, with the rounding error at its mean of 0.5.
     ///
-    /// An error of 0 would act as an input step of half a unit at every start, which the high-pass
-    /// sections turn into 0.06 uV over the first 0.3 s.
+    /// If the rounding error started at 0, it would step to its mean, and the high-pass sections
+    /// would turn this step into a transient of up to 0.03 uV (computed for the checked-in model).
     pub const REST: Self = Self {
         y1: 0,
         y2: 0,
@@ -80,8 +80,8 @@ impl Default for SectionState {
 pub(crate) type Fractions = [i32; 3];
 
 impl Section {
-    /// Returns the fractions of the coefficients: the part that is loaded as data where section types
-    /// and integer parts are compiled into the code.
+    /// Returns the fractions of the coefficients. They are loaded as data where section types and
+    /// integer parts are compiled into the code.
     pub(crate) const fn fractions(&self) -> Fractions {
         match self {
             Self::Notch { a1, one_minus_b0 } => [a1.fraction, one_minus_b0.fraction, 0],
@@ -94,14 +94,14 @@ impl Section {
 
     /// Filters `B` consecutive samples of one channel in place.
     ///
-    /// `earlier_inputs` are the two inputs before the block, `[x1, x2]`. Returns the two outputs before
-    /// the block in the same order: the next section's `earlier_inputs`.
+    /// `earlier_inputs` are the two inputs before the block, `[x1, x2]`. Returns the two outputs
+    /// before the block in the same order; they are the next section's `earlier_inputs`.
     ///
-    /// Rounding: toward minus infinity, with the error added to the next output (first-order noise
-    /// shaping, so a constant input has no bias). Overflow: outputs wrap, and the caller must prove
-    /// |output| < 2^31; intermediate sums may wrap without harm.
+    /// Rounding is toward minus infinity, and the error is added to the next output (first-order
+    /// noise shaping, so a constant input has no bias). Overflow wraps: the caller must prove that
+    /// outputs and all multiplied numbers stay below 2^31. Intermediate sums may wrap without harm.
     ///
-    /// Only the type and the integer parts are read from `self`. Where they are constants, their
+    /// Only the type and the integer parts are read from `self`. Where these are constants, their
     /// products become additions and shifts.
     #[inline(always)]
     pub(crate) fn apply_block<const B: usize>(
@@ -134,8 +134,10 @@ impl Section {
     }
 }
 
-/// Applies a notch in terms of the change `u = y - x`: `u0 = -u2 + a1 u1 + (1 - b0) (u2 + y2 - x0)`.
-/// This takes two multiplications; the textbook form takes four. `u0` may wrap, as it is only added.
+/// Applies a notch in terms of the change `u = y - x`:
+/// `u0 = -u2 + a1 u1 + (1 - b0) (u2 + y2 - x0)`. This takes two multiplications;
+/// `b0 (x0 + x2) + a1 (y1 - x1) + a2 y2` would take three. `u1` and the bracket are multiplied, so
+/// both must fit 32 bits.
 #[inline(always)]
 fn notch<const B: usize>(
     [a1, one_minus_b0]: [i32; 2],
@@ -160,8 +162,9 @@ fn notch<const B: usize>(
     }
 }
 
-/// Applies a high-pass in terms of `u = y - x`: `u0 = 2 u1 - u2 + (a1 - 2) y1 + (a2 + 1) y2`. A pole
-/// pair near DC has `a1` near 2 and `a2` near -1, so both integer parts are 0.
+/// Applies a high-pass in terms of `u = y - x`: `u0 = 2 u1 - u2 + (a1 - 2) y1 + (a2 + 1) y2`. A
+/// pole pair near DC has `a1` near 2 and `a2` near -1, so the integer parts of `a1 - 2` and
+/// `a2 + 1` are 0. `u` may wrap, because it is only added.
 #[inline(always)]
 fn high_pass<const B: usize>(
     [a1, a2]: [i32; 2],
@@ -212,7 +215,7 @@ fn band_pass<const B: usize>(
 }
 
 /// Applies a low-pass as `y0 = gain (x0 + x1) + gain (x1 + x2) + a1 y1 + a2 y2`. This takes as many
-/// instructions as one sum of three inputs, which would need one more bit of head room.
+/// instructions as `gain (x0 + 2 x1 + x2)`, whose bracket would need one more bit of headroom.
 #[inline(always)]
 fn low_pass<const B: usize>(
     [gain, a1, a2]: [i32; 3],
@@ -240,8 +243,8 @@ fn low_pass<const B: usize>(
 }
 
 impl SectionState {
-    /// Returns the accumulator of the next output: its integer part so far, and the previous rounding
-    /// error.
+    /// Returns the accumulator of the next output, with `high` as its integer part and the previous
+    /// rounding error as its fraction.
     #[inline(always)]
     fn accumulator(&self, high: i32) -> Accumulator {
         Accumulator {

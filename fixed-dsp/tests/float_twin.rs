@@ -1,4 +1,4 @@
-//! Sections of every type against the same difference equations in f64, and split coefficients against
+//! Sections of every type follow the same difference equations in f64, and split coefficients equal
 //! whole ones.
 
 use fixed_dsp::{Cascade, CascadeState, Coefficient, Filter, Section};
@@ -8,7 +8,7 @@ fn value(coefficient: Coefficient) -> f64 {
     f64::from(coefficient.integer) + f64::from(coefficient.fraction) / 4_294_967_296.0
 }
 
-/// Any stable section, of every type, with poles at random radius and angle.
+/// Stable sections of every type, with poles at a random radius and angle.
 fn section() -> impl Strategy<Value = Section> {
     (0..4, 0.1..0.95_f64, 0.1..3.0_f64, 0.05..1.0_f64).prop_map(|(shape, radius, angle, gain)| {
         let a1 = Coefficient::nearest(2.0 * radius * angle.cos());
@@ -81,8 +81,9 @@ proptest! {
         let mut state = CascadeState::default();
         for (&x, expected) in input.iter().zip(twin(&section, &input)) {
             let y = f64::from(cascade.apply(&mut state, x));
-            // A rounding error in [0, 1) enters as a difference e[n] - e[n-1] and is filtered by 1 / A,
-            // whose L1 norm is at most 1 / (1 - outer pole)^2.
+            // A rounding error in [0, 1) enters as a difference e[n] - e[n-1] and is filtered by
+            // `1 / A`, whose L1 norm is at most 1 / (1 - outer pole)^2. The limit is twice that
+            // norm.
             let bound = 2.0 / (1.0 - outer_pole(&section)).powi(2);
             prop_assert!((y - expected).abs() < bound, "{} instead of {}", y, expected);
         }

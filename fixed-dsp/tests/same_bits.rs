@@ -4,7 +4,8 @@
 use fixed_dsp::{BLOCK, Cascade, CascadeState, Coefficient, Compiled, Design, Filter, Section};
 use proptest::prelude::*;
 
-/// Sections of every type; a pole near DC, where the integer parts are 0, and one far from it.
+/// Sections of every type. The first high-pass has poles near DC, where `a1 - 2` and `a2 + 1` have
+/// integer parts of 0; the second has poles far from DC.
 struct Mixture;
 
 impl Design<5> for Mixture {
@@ -36,8 +37,8 @@ impl Design<5> for Mixture {
     };
 }
 
-/// One section as documented at [`Section`], exact in 128 bits: `[x1, x2, y1, y2]` and the rounding
-/// error in Q0.32.
+/// One section as documented at [`Section`], computed exactly in 128 bits. `memory` is
+/// `[x1, x2, y1, y2]`; `error` is the rounding error in Q0.32.
 #[derive(Clone, Copy)]
 struct Exact {
     memory: [i32; 4],
@@ -75,7 +76,7 @@ impl Exact {
 proptest! {
     #[test]
     fn every_way_to_filter_returns_the_bits_of_the_exact_sum(
-        // Half of the device's full scale: no overflow proof exists for these sections beyond it.
+        // Half of the device's full scale, with which no output of these sections overflows.
         input in prop::collection::vec(-(1_i32 << 27)..(1 << 27), BLOCK..400),
         channels in 1_usize..4,
     ) {

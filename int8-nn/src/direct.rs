@@ -11,20 +11,20 @@ use crate::{
 
 /// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
-/// Largest number of output channels: byte offsets of three positions stay within a word.
+/// Largest number of output channels, with which byte offsets of three positions fit 32 bits.
 const MAX_OUTPUTS: usize = 65_536;
 
 /// A 3x3x3 convolution over (time, row, column), stride 1, unpadded, followed by a max-pool of any
 /// shape.
 ///
 /// It replaces [`Winograd`](crate::Winograd) where the pool does not fit Winograd's tiles, or the
-/// transformed numbers do not fit 16 bits. From 16 channels to 32 it takes 9,870 instructions per
-/// position, Winograd 3,900 (simulated, Cortex-M4).
+/// transformed numbers do not fit 16 bits. With 16 input and 32 output channels it takes 9,870
+/// instructions per output position; Winograd takes 3,900 (simulated, Cortex-M4).
 ///
-/// Ranges: 16-bit inputs, as long as no sum of 27 products per channel leaves 32 bits.
+/// Ranges: inputs of 16 bits; every sum of 27 products per input channel must fit 32 bits.
 ///
-/// `PAIRS` is the number of pairs of input channels, an even number (8 has an assembler kernel);
-/// `COLUMNS` is the number of columns of the input.
+/// `PAIRS` is the number of pairs of input channels, an even number; there is an assembler kernel for 8
+/// pairs. `COLUMNS` is the number of columns of the input.
 #[derive(Clone, Copy, Debug)]
 pub struct Direct<'w, const PAIRS: usize, const COLUMNS: usize> {
     /// Rows and columns of the max-pool.
@@ -36,8 +36,8 @@ pub struct Direct<'w, const PAIRS: usize, const COLUMNS: usize> {
 }
 
 impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
-    /// Returns the shape of an input plane: outputs of whole pools, plus the two rows and columns that
-    /// the kernel needs beyond them.
+    /// Returns the shape of an input plane: the outputs of whole pools, plus the two rows and two
+    /// columns by which an unpadded convolution shrinks a plane.
     pub const fn input(&self) -> PlaneShape {
         PlaneShape {
             rows: self.pooled.rows * self.pool[0] + 2,
@@ -92,7 +92,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
     /// outputs, and max-pools it into `largest`, of shape [`Self::pooled`].
     ///
     /// `largest[i]` becomes the maximum of its previous value and the outputs of pool window `i`, so
-    /// that consecutive calls also pool over time. Without bias.
+    /// that consecutive calls also pool over time. No bias is added.
     ///
     /// # Panics
     /// If a slice is shorter than its shape requires, or [`Self::is_consistent`] is false.
@@ -106,7 +106,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         let weights = self.weights.chunks_exact(layout::weights_len(TAPS * PAIRS));
         for row in 0..rows {
             for group in 0..columns.div_ceil(POSITIONS) {
-                // The last group is moved back to be full; computing a maximum twice is harmless.
+                // The last group is moved back so that it is full. The outputs that it computes again
+                // do not change the maxima.
                 let column = (group * POSITIONS).min(columns - POSITIONS);
                 for (pair, weights) in weights.clone().enumerate() {
                     let sums = Self::dots(transformed, [row, column], weights);
@@ -116,7 +117,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// Returns the sums of a pair of outputs at three positions, starting at (row, column).
+    /// Returns the sums of a pair of outputs at three adjacent positions of a row; the first is (row,
+    /// column).
     #[inline]
     fn dots(
         transformed: [&[Pair]; 3],
@@ -139,8 +141,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         sums[0]
     }
 
-    /// Updates the maxima of the pool windows with the sums of a pair of outputs at three positions,
-    /// starting at (row, column).
+    /// Updates the maxima of the pool windows with the sums of a pair of outputs at three adjacent
+    /// positions of a row; the first is (row, column).
     #[inline]
     fn keep_largest(
         &self,
@@ -158,8 +160,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// Returns a sum of [`Self::convolve_max_pool`] unchanged: the counterpart of Winograd's
-    /// function of the same name, which divides by 48.
+    /// Returns a sum of [`Self::convolve_max_pool`] unchanged. The function of the same name of
+    /// Winograd's convolution divides by 48.
     #[inline]
     pub const fn unscaled(sum: i32) -> i32 {
         sum
@@ -168,7 +170,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
     /// Packs weights `[time][row][column][input][output]` for [`Self::weights`].
     ///
     /// # Panics
-    /// If `weights` has not 54 * `PAIRS` * `outputs` numbers, or `packed` is shorter than
+    /// If `weights` does not have 54 * `PAIRS` * `outputs` numbers, or `packed` is shorter than
     /// [`Self::weights_len`].
     pub fn pack_weights(outputs: usize, weights: &[i8], packed: &mut [Pair]) {
         let channels = 2 * PAIRS;

@@ -13,9 +13,9 @@ use layout::{OUTPUTS, POSITIONS, ROUND, weights_len};
 /// inputs[segment][(block * POSITIONS + position) * STRIDE + k] . weights[block][segment][k][output]`,
 /// wrapping.
 ///
-/// The inputs of a position are `SEGMENTS` runs of `WIDTH` pairs; the runs of the next position start
-/// `STRIDE` pairs later. If `weights` holds the weights of one block only, all blocks use them. Order
-/// of the weights within a block: [`layout::weight_index`].
+/// The inputs of a position are `WIDTH` consecutive pairs in each of the `SEGMENTS` slices; those of
+/// the next position start `STRIDE` pairs later. If `weights` holds the weights of one block only, all
+/// blocks use them. Order of the weights within a block: [`layout::weight_index`].
 ///
 /// # Panics
 /// If a slice is shorter than the formula requires.
@@ -49,8 +49,8 @@ pub(crate) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usiz
 
 /// Computes one block in plain Rust: the portable equivalent of the assembler.
 ///
-/// A [`Quad`] holds the products of a round, `[output][pair]`, in separate sums, which are added at the
-/// end.
+/// For each position, a [`Quad`] accumulates four separate sums, `[output][pair of the round]`. The two
+/// sums of each output are added at the end.
 #[inline]
 fn block_portable<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
     inputs: [&[Pair]; SEGMENTS],

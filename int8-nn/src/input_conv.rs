@@ -12,7 +12,7 @@ use crate::{
 
 /// Number of weights for each output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
-/// Number of pairs of weights for each output channel: 27 weights and a zero.
+/// Number of pairs of weights for each output channel: 27 weights and one zero.
 const WIDTH: usize = 14;
 /// Number of groups of positions in one iteration of the assembler loop.
 const GROUPS_PER_ITERATION: usize = 4;
@@ -24,13 +24,13 @@ const GROUP: usize = POSITIONS * WIDTH;
 ///
 /// The 27 inputs of each position are first copied side by side (im2col), so that the products use the
 /// same loop as the other layers. `COLUMNS` is the number of columns of the input, a constant so that
-/// one pointer reaches all rows of a plane.
+/// the offsets from row to row are constants as well.
 #[derive(Clone, Copy, Debug)]
 pub struct InputConv<'w, const COLUMNS: usize> {
     /// Rows of an input plane, at least 3.
     pub rows: usize,
-    /// Shape of an output plane: at least two rows and two columns smaller than the input. It is
-    /// smaller still where later layers do not read the last rows or columns.
+    /// Shape of an output plane: at least two rows and two columns smaller than the input, and smaller
+    /// still if later layers do not read the last rows or columns.
     pub output: PlaneShape,
     /// Weights as packed by [`Self::pack_weights`], [`Self::weights_len`] pairs.
     pub weights: &'w [Pair],
@@ -131,7 +131,8 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         }
     }
 
-    /// Pairs every input of a plane with its right neighbour, the last one with 0.
+    /// Pairs every input of a plane with the next input in memory, which is its right neighbour within
+    /// a row; the last input is paired with 0.
     ///
     /// # Panics
     /// If a slice is shorter than the input plane.
@@ -149,7 +150,7 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
     /// Copies the inputs of each position side by side (im2col): the first two columns of each (time,
     /// row) as pairs, then the third columns, two rows in a pair, and a zero.
     fn gather_patches(&self, planes: [&[Pair]; 3], patches: &mut [Pair]) {
-        /// Returns the distance from a position's first input to its last, inclusive.
+        /// Returns the number of inputs from a position's first to its last, both included.
         const fn reach(columns: usize) -> usize {
             2 * columns + 3
         }
@@ -185,10 +186,11 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         }
     }
 
-    /// Packs weights `[time][row][column][output]` for [`Self::weights`].
+    /// Packs weights `[time][row][column][output]` of an even number of outputs for [`Self::weights`].
     ///
     /// # Panics
-    /// Unless there are 27 weights and 14 pairs for each of an even number of outputs.
+    /// If `weights` does not have 27 * `outputs` numbers, or `packed` has fewer than
+    /// [`Self::weights_len`] pairs.
     pub fn pack_weights(outputs: usize, weights: &[i8], packed: &mut [Pair]) {
         assert_eq!(weights.len(), TAPS * outputs, "27 weights for each output");
         packed.fill(Pair::ZERO);

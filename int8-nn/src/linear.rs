@@ -11,7 +11,7 @@ use crate::quad::Quad;
 use layout::ROUND;
 use layout::{INPUTS, OUTPUTS, weight_index};
 
-/// Largest number of outputs: the product with the inputs stays within a word.
+/// Largest number of outputs, with which byte offsets of the weights fit 32 bits.
 const MAX_OUTPUTS: usize = 65_536;
 
 /// A weight matrix from a slice of a layer's inputs to all its outputs.
@@ -19,13 +19,14 @@ const MAX_OUTPUTS: usize = 65_536;
 /// A fully connected layer over a window is one `Linear` per plane: the accumulators start at the
 /// bias, and the product of each plane is added when the plane arrives.
 ///
-/// Two 8-bit weights share a 16-bit number: `256 * odd + even`, for an odd output and the even one
-/// before it. Products with the whole number sum to `256 * odd sum + even sum`, products with its low
-/// byte to the even sum; the odd sum follows by subtraction. So odd weights need no instruction to
-/// unpack them, and each weight takes 8 bits of memory.
+/// Two 8-bit weights share a 16-bit number, `256 * odd + even`: those of an odd output and of the even
+/// output before it. Products with the whole number sum to `256 * odd sum + even sum`, and products
+/// with its low byte to the even sum; the odd sum follows by subtraction. So the odd weights need no
+/// instruction to unpack them, and each weight takes 8 bits of memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Linear<'w> {
-    /// Pairs of inputs: a multiple of 8, at most 128; fill up with zeros.
+    /// Number of pairs of inputs: a multiple of 8, at most [`Self::MAX_INPUTS`]. Callers fill up
+    /// missing inputs with zeros.
     pub inputs: usize,
     /// Number of outputs: a multiple of 4.
     pub outputs: usize,
@@ -34,7 +35,8 @@ pub struct Linear<'w> {
 }
 
 impl Linear<'_> {
-    /// Largest number of pairs of inputs: 257 products of 255 and 128 stay below 2^23.
+    /// Largest number of pairs of inputs. 256 products of at most 255 * 127 sum to less than 2^23, so
+    /// that 256 times an odd sum fits 32 bits.
     pub const MAX_INPUTS: usize = 128;
 
     /// Returns the number of pairs in the packed weights.
@@ -77,8 +79,8 @@ impl Linear<'_> {
     /// weights are 0.
     ///
     /// # Panics
-    /// If there are more weights than the matrix holds, or a weight is -128: `256 * odd + even` must
-    /// fit 16 bits.
+    /// If there are more weights than the matrix holds, or a weight is -128, with which
+    /// `256 * odd + even` would not fit 16 bits.
     pub fn pack_weights(inputs: usize, outputs: usize, weights: &[i8], packed: &mut [Pair]) {
         assert!(
             weights.len() <= 2 * inputs * outputs,
@@ -133,7 +135,8 @@ mod tests {
     #[test]
     fn a_linear_layer_adds_a_matrix_product_to_its_accumulators() {
         let (inputs, outputs) = (8, 8);
-        // Weights and inputs at the ends of their ranges.
+        // Weights and inputs at the ends of their ranges. The weights of the last three of the 16
+        // inputs are missing, and count as 0.
         let weights: Vec<i8> = (0..13 * outputs)
             .map(|at| [127, -127, 1, -1, 0, 100][at * 7 % 6])
             .collect();

@@ -2,8 +2,8 @@
 
 /// Two `i16` in a word, the first in its low half.
 ///
-/// One SIMD instruction of a Cortex-M4 or M7 adds or multiplies both. Planes and weights are slices of
-/// pairs: of two channels, or of two inputs.
+/// One SIMD instruction of a Cortex-M4 or M7 adds or multiplies both numbers. Planes and weights are
+/// slices of pairs: each pair holds two channels, or two inputs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pair(pub u32);
 
@@ -43,7 +43,7 @@ impl Pair {
         Self::new(both)
     }
 
-    /// Returns a pair of the first number of `self` and the first number of `other` (PKHBT).
+    /// Returns the pair of both first numbers: that of `self`, then that of `other` (PKHBT).
     #[inline(always)]
     pub(crate) const fn low_halves(self, other: Self) -> Self {
         Self(self.0 & 0xffff | other.0 << 16)
@@ -65,8 +65,8 @@ impl Pair {
 macro_rules! lane_wise {
     ($name:literal, $a:expr, $b:expr) => {{
         let result;
-        // SAFETY: SADD16 and SSUB16 (ARMv7-M ARM, A7.7.110 and A7.7.173, DSP extension) read two
-        // registers, and write one register and the GE flags, which no other code here reads.
+        // SAFETY: SADD16 and SSUB16 (ARMv7-M ARM, A7.7, DSP extension) read two registers, and write
+        // one register and the GE flags of the APSR, which no other code here reads.
         #[expect(unsafe_code, reason = "the instruction has no safe name in Rust")]
         unsafe {
             core::arch::asm!(

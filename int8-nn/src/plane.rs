@@ -7,7 +7,7 @@ pub struct PlaneShape {
     pub rows: usize,
     /// Number of positions along the faster spatial axis.
     pub columns: usize,
-    /// Number of values (features) at each position.
+    /// Number of values at each position.
     pub channels: usize,
 }
 

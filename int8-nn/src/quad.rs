@@ -1,4 +1,4 @@
-//! Four words that a PC multiplies and adds in one SIMD instruction.
+//! Four words that a PC processes together in one SIMD register.
 
 #[cfg(any(test, not(target_feature = "sse2")))]
 mod plain;

@@ -2,17 +2,18 @@
 
 /// Returns `accumulator * multiplier / 2^32`, rounded half up, as `SMMULR` does.
 ///
-/// The multiplier is Q0.32 in [-0.5, 0.5); the result is at most half of the accumulator.
-/// One rounding ("single rounding" in CMSIS-NN), no shift.
+/// The multiplier is Q0.32 in [-0.5, 0.5), so |result| is at most half of |accumulator|. The product is
+/// rounded once and not shifted again (CMSIS-NN: "single rounding").
 #[inline]
 pub fn requantise(accumulator: i32, multiplier: i32) -> i32 {
     high_word(i64::from(accumulator) * i64::from(multiplier))
 }
 
-/// Returns the sum of two requantised accumulators, rounded once at the end: two `SMLAL`.
+/// Returns the sum of two requantised accumulators, rounded once at the end (two `SMLAL` on a
+/// Cortex-M).
 ///
-/// |result| <= 2^31. The sum of two products of 32-bit numbers fits 64 bits, except for -2^31 * -2^31
-/// twice, which a range proof on the accumulators must exclude.
+/// |result| <= 2^31. The result wraps only at 2^31: if all four arguments are -2^31, or three of them
+/// are and the other is -2^31 + 1. A range proof on the accumulators must exclude this.
 #[inline]
 pub fn requantise_sum(a: i32, a_multiplier: i32, b: i32, b_multiplier: i32) -> i32 {
     let sum = i64::from(a) * i64::from(a_multiplier);

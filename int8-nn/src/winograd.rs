@@ -20,15 +20,15 @@ use tile::{PRODUCTS, SCALE, TILE, TRANSFORMED_TILE, WINDOWS, transform_inputs, t
 
 /// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
-/// Largest number of output channels: byte offsets of three tiles stay within a word.
+/// Largest number of output channels, with which byte offsets of three tiles fit 32 bits.
 const MAX_OUTPUTS: usize = 65_536;
 
 /// A 3x3x3 convolution over (time, row, column), stride 1, unpadded, followed by a 2x2x2 max-pool.
 ///
-/// A plane is computed in tiles of 2x4 outputs with Winograd's F(2x4, 3x3), and directly in time:
-/// 72 products instead of 216 per tile and pair of channels. All numbers are integers, and the
-/// result equals the direct convolution bit for bit: transformed weights are 48 times the usual
-/// fractions, and 48 times the sum is divided exactly.
+/// A plane is computed in tiles of 2x4 outputs with Winograd's F(2x4, 3x3), and directly in time: 72
+/// products instead of 216 per tile and pair of channels. All numbers are integers, and the result
+/// equals the direct convolution bit for bit: the transformed weights are 48 times the usual fractions,
+/// and the sum, 48 times too large, is divided by 48 without remainder.
 ///
 /// In the columns, with inputs d, weights g and the points 0, 1, -1, 2, -2 and infinity of Lavin and
 /// Gray (arXiv 1509.09308): `V = (4 d0 - 5 d2 + d4, p + q, p - q, r + 2 s, r - 2 s, 4 d1 - 5 d3 + d5)`
@@ -36,8 +36,9 @@ const MAX_OUTPUTS: usize = 65_536;
 /// -4 (g0 - g1 + g2), g0 + 2 g1 + 4 g2, g0 - 2 g1 + 4 g2, 24 g2)`. In the rows `V = (d0 - d2, d1 + d2,
 /// d2 - d1, d1 - d3)` and `U = (2 g0, g0 + g1 + g2, g0 - g1 + g2, 2 g2)`.
 ///
-/// Ranges: with weights -127..=127, |U| <= 9144, within `i16`. With inputs 0..=x, |V| <= 16 x, and 48
-/// times a sum must fit 32 bits: both bound [`Winograd::LARGEST_INPUT`], 815 for 16 channels.
+/// Ranges: with weights -127..=127, |U| <= 9144, which fits `i16`. With inputs 0..=x, |V| <= 16 x must
+/// fit 16 bits, and 48 times a sum 32 bits: the two limits determine [`Winograd::LARGEST_INPUT`], 815
+/// for 16 channels.
 ///
 /// `PAIRS` is the number of pairs of input channels; `COLUMNS` is the number of columns of the input, a
 /// multiple of four plus two.
@@ -52,8 +53,8 @@ pub struct Winograd<'w, const PAIRS: usize, const COLUMNS: usize> {
 }
 
 impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
-    /// Largest permitted input. With it, 48 times a sum of 27 products per channel, weights up to 127,
-    /// stays below 2^31, and transformed inputs, up to 16 times an input, stay below 2^15.
+    /// Largest permitted input. With it, 48 times a sum of 27 products per channel (weights up to 127)
+    /// stays below 2^31, and transformed inputs (up to 16 times an input) stay below 2^15.
     pub const LARGEST_INPUT: usize = {
         let by_sum = ((1 << 31) - 1) / (SCALE * TAPS * 2 * PAIRS * 127);
         let by_input = ((1 << 15) - 1) / 16;
@@ -63,7 +64,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// Number of columns of tiles; each has four columns of outputs.
     const TILE_COLUMNS: usize = (COLUMNS - 2) / TILE[1];
 
-    /// Returns the shape of an input plane: the outputs of all tiles, plus two rows and columns.
+    /// Returns the shape of an input plane: the outputs of all tiles, plus the two rows and two columns
+    /// by which an unpadded convolution shrinks a plane.
     pub const fn input(&self) -> PlaneShape {
         PlaneShape {
             rows: TILE[0] * self.tile_rows + 2,
@@ -87,8 +89,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         self.groups() * Self::GROUP
     }
 
-    /// Returns the number of pairs in the transformed weights of `outputs` output channels: `[pair of
-    /// outputs][product]`, then the order in which the dot products read them.
+    /// Returns the number of pairs in the transformed weights of `outputs` output channels. Their order
+    /// is `[pair of outputs][product]`, and within a product that of the dot products.
     pub const fn weights_len(outputs: usize) -> usize {
         outputs * 3 * PRODUCTS * PAIRS
     }
@@ -140,7 +142,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// outputs, and max-pools it into `largest`, of shape [`Self::pooled`].
     ///
     /// `largest[i]` becomes the maximum of its previous value and the outputs of pool window `i`, so
-    /// that two calls also pool over time. Without bias, and scaled by 48: [`Self::unscaled`] divides.
+    /// that two calls also pool over time. No bias is added, and all sums are 48 times too large;
+    /// [`Self::unscaled`] divides by 48.
     ///
     /// # Panics
     /// If a slice is shorter than its shape requires, or [`Self::is_consistent`] is false.
@@ -167,7 +170,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// Returns a sum of [`Self::convolve_max_pool`] divided by 48, exactly.
+    /// Returns a sum of [`Self::convolve_max_pool`] divided by 48; the remainder is always 0.
     #[inline]
     pub const fn unscaled(sum: i32) -> i32 {
         // 48 = 3 * 2^4, and 3 * 0xAAAA_AAAB = 1 modulo 2^32.
@@ -177,7 +180,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// Transforms weights `[time][row][column][input][output]` for [`Self::weights`].
     ///
     /// # Panics
-    /// If `weights` has not 54 * `PAIRS` * `outputs` numbers, `transformed` is shorter than
+    /// If `weights` does not have 54 * `PAIRS` * `outputs` numbers, `transformed` is shorter than
     /// [`Self::weights_len`], or a weight is -128.
     pub fn transform_weights(outputs: usize, weights: &[i8], transformed: &mut [Pair]) {
         let channels = 2 * PAIRS;

@@ -15,19 +15,19 @@ pub struct Ack {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "u8", into = "u8")]
 pub enum AckResult {
-    /// 0: the device obeyed.
+    /// 0: the device has executed the command, or has accepted it (`SelfTest`, `Reset`).
     Done,
-    /// 1: the firmware does not know the command: it is older than the host.
+    /// 1: the firmware is older than the host and does not know the command.
     UnknownCommand,
-    /// 2: a value is out of its range.
+    /// 2: an argument is out of range.
     BadArgument,
     /// 3: not possible now; the same command can succeed later.
     Busy,
     /// 4: the command is known, but this board or model cannot do it.
     NotSupported,
-    /// 5: tried and failed; `Stats` or the next `Hello` has the reason.
+    /// 5: the device tried and failed. No device in this repository sends this result yet.
     Failed,
-    /// Any other: a result newer than this host; not done.
+    /// Any other: a result newer than this host; the command was not executed.
     Newer(u8),
 }
 
@@ -59,10 +59,10 @@ impl From<AckResult> for u8 {
     }
 }
 
-/// Answer to `SyncTime`, sent before its `Ack`.
+/// Answer to `SyncTime`, sent before the `Ack` of that command.
 ///
-/// It carries two of the four times of a round trip; its header has the third (when the answer was
-/// made), and the host records the fourth (when the answer arrived).
+/// The answer carries two of the four times of a round trip. Its header has the third, when the
+/// answer was made; the host records the fourth, when the answer arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ClockReading {
     /// Time in the command, microseconds of the host's clock.

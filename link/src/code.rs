@@ -10,47 +10,49 @@ use crate::packed;
 /// Number of values in a code.
 pub const CODE_LEN: usize = 128;
 
-/// Largest exponent of a code: 8 bits of value and 8 of exponent make 16.
+/// Largest exponent of a code: an 8-bit value times 2^8 fills 16 bits.
 pub const MAX_EXPONENT: u8 = 8;
 
 /// Output of the encoder for one window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Code {
-    /// First 8 bytes of the SHA-256 over the model; only its decoder can read the values.
+    /// First 8 bytes of the SHA-256 over the model; only the decoder of that model can read the
+    /// values.
     pub model_id: [u8; 8],
     /// Index of the window since `Start`, wraps at 2^32. Increases by one with every code made,
     /// dropped ones included.
     pub window: u32,
-    /// Index since `Start` of the ADC sample with which the window's first step was taken.
+    /// Index since `Start` of the ADC sample that yielded the window's first step.
     pub first_sample: u64,
-    /// Faults and events of the window.
+    /// Faults and conditions of the window.
     pub flags: Flags,
-    /// Electrode values of the window that were clipped to int8; saturates at 65535.
+    /// Number of electrode values of the window that were clipped to int8; saturates at 65535.
     pub clipped: u16,
-    /// Numbers of the code itself that were clipped, 0 to 128.
+    /// Number of values of the code itself that were clipped, 0 to 128.
     pub clipped_values: u8,
-    /// ADC channels that reached the converter's rail inside the window; bit = channel, in the
-    /// order of [`Capabilities::labels`](crate::Capabilities::labels).
+    /// ADC channels that reached the converter's rail inside the window. Bit n is channel n; the
+    /// first channels carry the electrodes of
+    /// [`Capabilities::labels`](crate::Capabilities::labels), in that order.
     pub saturated: u64,
-    /// Numbers in the format that [`Capabilities::code_format`](crate::Capabilities) names.
+    /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces.
     pub values: CodeValues,
 }
 
-/// The numbers of a code, in one of three formats.
+/// The values of a code, in one of three formats.
 ///
 /// In every format `z = (level - code_zero_point) * code_scale`, with zero points and scales from
 /// [`Capabilities`](crate::Capabilities) and the [levels](Self::levels) defined below. On the wire:
 /// one byte with the format's number, then a fixed number of bytes; none of them is a varint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CodeValues {
-    /// 0: 128 bytes, each of them a level, -128 to 127.
+    /// 0: 128 bytes; each is a level, -128 to 127.
     Int8(#[serde(with = "packed")] [i8; CODE_LEN]),
-    /// 1: an exponent for all values, and 128 bytes: `level = value * 2^exponent`.
+    /// 1: one exponent shared by all values, then 128 bytes: `level = value * 2^exponent`.
     Int8Exponent {
-        /// 0 to [`MAX_EXPONENT`]; a frame with a larger one is malformed.
+        /// 0 to [`MAX_EXPONENT`]; a frame with a larger exponent is malformed.
         #[serde(deserialize_with = "exponent")]
         exponent: u8,
-        /// One mantissa per code number, -128 to 127.
+        /// Mantissas of the 128 values, -128 to 127.
         #[serde(with = "packed")]
         values: [i8; CODE_LEN],
     },
@@ -59,7 +61,8 @@ pub enum CodeValues {
 }
 
 impl CodeValues {
-    /// Returns the format's name, as [`Capabilities`](crate::Capabilities) announces it.
+    /// Returns the format of these values; it must equal
+    /// [`Capabilities::code_format`](crate::Capabilities).
     pub const fn format(&self) -> CodeFormat {
         match self {
             CodeValues::Int8(_) => CodeFormat::Int8,
@@ -98,7 +101,7 @@ pub enum CodeFormat {
     Int8Exponent,
     /// 2: [`CodeValues::Int16`].
     Int16,
-    /// Any other: a format newer than this host, which cannot read its codes.
+    /// Any other: a format newer than this host; the host cannot read codes in this format.
     Newer(u8),
 }
 
@@ -149,8 +152,8 @@ impl From<CodeFormat> for u8 {
 
 /// A window as the encoder read it, with the code it produced; sent every ten seconds if requested.
 ///
-/// A host that has the model recomputes the code and checks that the device still computes what it
-/// was built for. The header's time is that of the window's [`Code`].
+/// A host that has the model recomputes the code and checks that the device computes the same one.
+/// The header's time is that of the window's [`Code`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Audit<'a> {
     /// First 8 bytes of the SHA-256 over the model.
@@ -160,6 +163,6 @@ pub struct Audit<'a> {
     /// Planes of the window, oldest first; every plane is row-major, one int8 byte per cell.
     #[serde(borrow, serialize_with = "packed::serialize_bytes")]
     pub planes: &'a [u8],
-    /// Numbers in the format that [`Capabilities::code_format`](crate::Capabilities) names.
+    /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces.
     pub values: CodeValues,
 }

@@ -4,10 +4,10 @@ use core::ops::BitOr;
 
 use serde::{Deserialize, Serialize};
 
-/// Arguments of `Start`; window and sample indices restart at 0.
+/// Arguments of `Start`, which starts the streams and sets the indices of windows and samples to 0.
 ///
-/// Repeating a `Start` while the same streams run is acknowledged and changes nothing, so a host
-/// can repeat it until the acknowledgement arrives.
+/// A `Start` with the streams and the mains frequency that are already active is acknowledged and
+/// changes nothing, so a host can repeat a `Start` until the acknowledgement arrives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Start {
     /// Streams to send; unknown bits are refused with `BadArgument`.
@@ -17,7 +17,7 @@ pub struct Start {
     pub mains_hz: u8,
 }
 
-/// Bit set of streams.
+/// Set of streams, one bit for each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Streams(u16);
@@ -29,7 +29,7 @@ impl Streams {
     pub const RAW: Streams = Streams(1 << 1);
     /// Bit 2: every filtered step, in [`Filtered`](crate::Filtered).
     pub const FILTERED: Streams = Streams(1 << 2);
-    /// Bit 3: every ten seconds a window with its code, in [`Audit`](crate::Audit).
+    /// Bit 3: every ten seconds the planes of a window with its code, in [`Audit`](crate::Audit).
     pub const AUDIT: Streams = Streams(1 << 3);
     /// Bit 4: edges at the device's inputs, in [`Event`](crate::Event).
     pub const EVENTS: Streams = Streams(1 << 4);
@@ -37,7 +37,7 @@ impl Streams {
     /// Every stream that this version names.
     pub const ALL: Streams = Streams(0b1_1111);
 
-    /// Returns the empty set, which an idle device has.
+    /// Returns the empty set, the streams of an idle device.
     pub const fn empty() -> Streams {
         Streams(0)
     }
@@ -81,7 +81,7 @@ impl BitOr for Streams {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "u8", into = "u8")]
 pub enum ResetInto {
-    /// 0: the application that is running now.
+    /// 0: the application, restarted.
     Firmware,
     /// 1: the microcontroller's built-in boot loader, which accepts new firmware over USB.
     Bootloader,

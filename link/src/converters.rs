@@ -1,4 +1,4 @@
-//! Status and self-test of the chain of converters.
+//! Status and self-test of the chain of converters (ADS1299).
 
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
@@ -6,32 +6,33 @@ use serde::{Deserialize, Serialize};
 use crate::introduction::MAX_TEXT_BYTES;
 use crate::quality::MAX_ELECTRODES;
 
-/// Most chips of a chain.
+/// Largest number of chips in a chain.
 pub const MAX_CHIPS: usize = 8;
 
 /// Status of the chain of converters.
 ///
-/// A device that has a chain sends it after [`Capabilities`](crate::Capabilities) and every second
-/// while streaming.
+/// A device that has a chain sends this message after [`Capabilities`](crate::Capabilities), every
+/// second while streaming, and at once when `fault` changes.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Converters {
-    /// Fault found when the chain was initialised, in words that name the chip; empty without one.
+    /// Fault found when the chain was initialised, in words that name the chip; empty if none was
+    /// found.
     pub fault: String<MAX_TEXT_BYTES>,
     /// Rate of the DRDY edges since the chain was started, millihertz; 0 if it is not known.
     pub drdy_millihertz: u32,
-    /// ADC channels whose positive electrode is off in the newest sample; bit = channel.
+    /// ADC channels with lead-off at the positive input in the newest sample; bit n is channel n.
     pub off_positive: u64,
-    /// ADC channels whose negative electrode is off in the newest sample; bit = channel.
+    /// ADC channels with lead-off at the negative input in the newest sample; bit n is channel n.
     pub off_negative: u64,
-    /// Frames of each chip that were refused as wrong, since boot; wraps. Element 0 is the chip
-    /// whose data output is wired to MISO.
+    /// Number of frames of each chip that were refused as invalid since boot; wraps. Element 0 is
+    /// the chip whose data output is wired to MISO.
     pub frames_bad: Vec<u32, MAX_CHIPS>,
 }
 
-/// Result of a `SelfTest`: sent once, some seconds after its `Ack`.
+/// Result of the command `SelfTest`: sent once, some seconds after the `Ack` of that command.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SelfTest {
-    /// The first fault found, in words that name the chip; empty without one.
+    /// The first fault found, in words that name the chip; empty if none was found.
     pub fault: String<MAX_TEXT_BYTES>,
     /// Rate of the DRDY edges, millihertz on the device's clock; 0 if it was not measured.
     pub drdy_millihertz: u32,
@@ -57,14 +58,15 @@ pub struct ChipTest {
     /// Address of the first wrong register. If `registers_wrong` is 0, this is 0; otherwise 0
     /// means the ID register.
     pub first_wrong: u8,
-    /// Frames that were refused as wrong during the test.
+    /// Number of frames that were refused as invalid during the test.
     pub frames_bad: u32,
 }
 
 /// Self-test result of one channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ChannelTest {
-    /// Measured amplitude of the chip's test square wave over the configured one, minus 1.
+    /// Relative error of the gain: measured amplitude of the chip's test square wave, divided by
+    /// the configured amplitude, minus 1.
     pub gain_error: f32,
     /// Mean of the two levels of the square wave, microvolt at the input.
     pub offset_uv: f32,
@@ -72,7 +74,7 @@ pub struct ChannelTest {
     pub noise_uv: f32,
     /// Noise with the input shorted, microvolt RMS at the input.
     pub shorted_noise_uv: f32,
-    /// The first limit that is exceeded.
+    /// The first limit that the channel violates; `None` if it keeps all limits.
     pub fault: ChannelFault,
 }
 
@@ -80,7 +82,7 @@ pub struct ChannelTest {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "u8", into = "u8")]
 pub enum ChannelFault {
-    /// 0: every limit is kept.
+    /// 0: the channel keeps every limit.
     #[default]
     None,
     /// 1: too few samples for a result.

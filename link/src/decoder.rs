@@ -1,11 +1,11 @@
-//! Search for frames in a byte stream.
+//! Finds frames in a byte stream and verifies them.
 
 use core::fmt;
 
 use crate::frame::{CRC_BYTES, Header, MAX_FRAME, VERSION, digest};
 use crate::message::Message;
 
-/// One intact frame.
+/// An intact frame, decoded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame<M> {
     /// Version, number and time, as the sender wrote them.
@@ -17,23 +17,23 @@ pub struct Frame<M> {
 /// Why the bytes between two zeros are not a usable frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameError {
-    /// More bytes without a zero than the buffer, and therefore a frame, can hold.
+    /// More bytes between two zeros than the decoder's buffer holds.
     Oversize,
-    /// Not COBS: a byte was changed, lost or added.
+    /// Invalid COBS: a byte was changed, lost or added.
     Cobs,
     /// The CRC does not match: a byte was changed, lost or added, or the frame belongs to the other
     /// direction (an echo).
     Crc,
-    /// An intact frame of another version of frame and header.
+    /// An intact frame whose version is this number, not [`VERSION`].
     Version(u8),
     /// An intact frame with a message that is newer than this receiver.
     Unknown {
         /// Header of the frame; its `seq` counts as received.
         header: Header,
-        /// The message's number in its enum.
+        /// Wire number of the message.
         kind: u32,
     },
-    /// An intact frame whose content does not match the message it names: the sender violates the
+    /// An intact frame whose content does not match its message number: the sender violates the
     /// format.
     Malformed,
 }
@@ -77,18 +77,19 @@ pub struct Counters {
     pub oversize: u32,
     /// Frames refused with [`FrameError::Version`].
     pub version: u32,
-    /// Frames left out with [`FrameError::Unknown`].
+    /// Intact frames with a message that is newer than this receiver ([`FrameError::Unknown`]).
     pub unknown: u32,
     /// Frames refused with [`FrameError::Malformed`].
     pub malformed: u32,
-    /// Damaged stretches: consecutive bad frames count once.
+    /// Damaged stretches of the stream: consecutive frames refused with `Crc`, `Cobs` or `Oversize`
+    /// count once.
     pub resyncs: u32,
 }
 
 /// Finds frames in any byte stream and resynchronises at every zero.
 ///
-/// `N` is the buffer's length in bytes. [`MAX_FRAME`] suits both directions; a device that is short
-/// of RAM and receives only commands can use less. Work per byte is bounded, and nothing allocates.
+/// `N` is the buffer's length in bytes. [`MAX_FRAME`] is long enough for every frame; a device that
+/// receives only commands can use less. Nothing is allocated.
 ///
 /// ```
 /// use link::{Decoder, Encoder, ToDevice, MAX_FRAME};
@@ -104,10 +105,10 @@ pub struct Counters {
 pub struct Decoder<const N: usize = MAX_FRAME> {
     buffer: [u8; N],
     filled: usize,
-    /// The last frame was returned, so the next byte overwrites the buffer.
+    /// True if the buffer holds a frame that was returned; the next byte starts a new frame.
     handed_out: bool,
     overflowed: bool,
-    /// The last frame was bad, so another bad one belongs to the same damaged stretch.
+    /// True if the last frame was damaged; another damaged frame then belongs to the same stretch.
     damaged: bool,
     counters: Counters,
 }
@@ -146,19 +147,19 @@ impl<const N: usize> Decoder<N> {
         &self.counters
     }
 
-    /// Discards an unfinished frame, after a port was closed and opened again.
+    /// Discards an unfinished frame; call this after the port was closed and opened again.
     pub fn reset(&mut self) {
         self.filled = 0;
         self.handed_out = false;
         self.overflowed = false;
     }
 
-    /// Reads bytes from `input` until a frame ends and returns it; `None` when the input is used
-    /// up. Everything that is not a usable frame is counted.
+    /// Reads bytes from `input` up to the end of a frame. Returns the frame or the reason why it is
+    /// refused, and counts either; returns `None` when `input` is used up.
     ///
     /// # Errors
     ///
-    /// The inner result: why the bytes between two zeros cannot be used.
+    /// The inner `Result` is an error if the bytes between two zeros are not a usable frame.
     pub fn next<'d, M: Message<'d>>(
         &'d mut self,
         input: &mut &[u8],

@@ -59,7 +59,7 @@ pub fn encode<'m, 'b, M: Message<'m>>(
     Ok(&out[..written + 2])
 }
 
-/// Numbers frames and writes them; a sender has one for its direction.
+/// Writes the frames of one direction and numbers them; a sender has one encoder.
 #[derive(Clone, Debug, Default)]
 pub struct Encoder {
     next_seq: u32,
@@ -71,17 +71,17 @@ impl Encoder {
         Encoder { next_seq: seq }
     }
 
-    /// Returns the number of the next frame, without using it up.
+    /// Returns the `seq` that the next frame will have.
     pub const fn next_seq(&self) -> u32 {
         self.next_seq
     }
 
-    /// Numbers a frame and writes it into `out`. A frame that the caller then drops keeps its
-    /// number.
+    /// Numbers a frame and writes it into `out`. The number stays used up if the caller then drops
+    /// the frame.
     ///
     /// # Errors
     ///
-    /// As [`encode`]; the number is used up all the same, so that the loss shows at the receiver.
+    /// As [`encode`]. A failed call uses up the number too, so that the receiver notices the loss.
     pub fn encode<'m, 'b, M: Message<'m>>(
         &mut self,
         device_time_us: u64,
@@ -91,7 +91,7 @@ impl Encoder {
         encode(&self.number(device_time_us), message, out)
     }
 
-    /// Uses up the number of a frame that is never written, so that its loss shows at the receiver.
+    /// Uses up the number of a frame that is never written, so that the receiver notices the loss.
     pub fn skip(&mut self) {
         self.number(0);
     }
@@ -107,11 +107,11 @@ impl Encoder {
     }
 }
 
-/// Output of postcard: updates the CRC and writes COBS.
+/// Receives postcard's bytes, adds them to the CRC and writes them as COBS.
 struct FrameSink<'b> {
     encoder: CobsEncoder<'b>,
     digest: Digest<'static, u32>,
-    /// Bytes of [`MAX_BODY`] that are left, the CRC included.
+    /// Bytes of [`MAX_BODY`] that are still free; the CRC will take the last four.
     room: usize,
 }
 

@@ -10,13 +10,14 @@ use serde::{Deserialize, Serialize};
 pub struct Event {
     /// Input and direction of the edge.
     pub kind: EventKind,
-    /// Number of the event since boot, over all kinds, wraps; a gap means lost events.
+    /// Number of the event, counted since boot over all kinds; wraps. A gap means that events were
+    /// lost.
     pub number: u32,
-    /// Index since `Start` of the first ADC sample whose DRDY edge was not before the event.
+    /// Index since `Start` of the first ADC sample whose DRDY edge was at or after the event.
     pub sample: u64,
 }
 
-/// Kind of an event; one byte on the wire.
+/// Input and direction of an edge; one byte on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "u8", into = "u8")]
 pub enum EventKind {
@@ -24,7 +25,7 @@ pub enum EventKind {
     TriggerRise,
     /// 1: the trigger input went low.
     TriggerFall,
-    /// Any other: an event newer than this host.
+    /// Any other: a kind newer than this host.
     Newer(u8),
 }
 

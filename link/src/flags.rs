@@ -1,13 +1,14 @@
-//! Faults and events of a window, or of samples, as a bit set.
+//! Status flags of a window or of samples.
 
 use core::ops::{BitOr, BitOrAssign};
 
 use serde::{Deserialize, Serialize};
 
-/// Bit set of faults and events inside a code's window, or in the samples of a message.
+/// Faults and conditions, such as clipping, of a code's window or of the samples in a message: one
+/// bit for each.
 ///
-/// 16 bits, so that it fits one word of the NeuroFrame's `tri` (recorded as float32). Bits that
-/// this version does not name are kept.
+/// The 16 bits are one word of the NeuroFrame's `tri`, which a recorder stores as float32 without
+/// loss. Bits that this version does not name are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Flags(u16);
@@ -17,7 +18,7 @@ impl Flags {
     pub const ADC_STATUS_BAD: Flags = Flags(1 << 0);
     /// Bit 1: at least one ADC sample reached the converter's rail ([`crate::Code::saturated`]).
     pub const SATURATED: Flags = Flags(1 << 1);
-    /// Bit 2: the ADC reported at least one electrode without contact.
+    /// Bit 2: the ADC reported lead-off, an electrode without contact, on at least one channel.
     pub const LEAD_OFF: Flags = Flags(1 << 2);
     /// Bit 3: the filters have not settled yet after a start.
     pub const SETTLING: Flags = Flags(1 << 3);
@@ -25,7 +26,7 @@ impl Flags {
     pub const CLIPPED: Flags = Flags(1 << 4);
     /// Bit 5: at least one ADC sample of the window was not read in time.
     pub const OVERRUN: Flags = Flags(1 << 5);
-    /// Bit 6: at least one number of the code was clipped ([`crate::Code::clipped_values`]).
+    /// Bit 6: at least one value of the code was clipped ([`crate::Code::clipped_values`]).
     pub const CODE_CLIPPED: Flags = Flags(1 << 6);
     /// Bit 15: the bridge inserted this code for a lost one. Never set on the wire.
     pub const FILLER: Flags = Flags(1 << 15);

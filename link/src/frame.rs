@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::message::Message;
 
-/// Layout of frame and header that this crate implements.
+/// Version number of the layout of frame and header.
 pub const VERSION: u8 = 1;
 
-/// Longest body (header, message and CRC before COBS), bytes. The largest message is an `Audit`, a
-/// window's int8 planes with its code: 1733 bytes (test
+/// Longest body (header, message and CRC, before COBS), bytes. The longest body in use is that of
+/// an `Audit`, a window's int8 planes with its code: 1733 bytes (test
 /// `samples_windows_and_self_tests_fit_a_frame`).
 pub const MAX_BODY: usize = 2048;
 
@@ -21,13 +21,18 @@ pub const MAX_FRAME: usize = cobs::max_encoding_length(MAX_BODY) + 2;
 pub struct Header {
     /// [`VERSION`] of the sender; the first byte of every frame's body.
     pub version: u8,
-    /// Number of the frame in its direction since boot; wraps at 2^32. Frames that were made and
-    /// then dropped use up a number too, so a gap is a loss and the host's count of losses is
-    /// complete.
+    /// Number of the frame in its direction since boot; wraps at 2^32. A frame that is made and
+    /// then dropped uses up a number too, so the gaps in `seq` are exactly the lost frames.
     pub seq: u32,
-    /// Sender's monotonic clock, microseconds since boot, range 0 to 2^64 - 1. For a
-    /// [`Code`](crate::Code): the DRDY edge of the last ADC sample of its window. Otherwise: when
-    /// the message was made. A host sends 0, because no device reads its clock.
+    /// Sender's monotonic clock, microseconds since boot, range 0 to 2^64 - 1. A host sends 0,
+    /// because no device reads its clock. In messages from a device it is the time of
+    /// * [`Code`](crate::Code), [`Audit`](crate::Audit), [`Filtered`](crate::Filtered): the last
+    ///   step
+    /// * [`Raw`](crate::Raw): the last sample's DRDY edge
+    /// * [`Event`](crate::Event): the edge
+    /// * [`Quality`](crate::Quality), and `Stats` and `Timing` sent with it: the last sample of the
+    ///   second
+    /// * any other message: its creation
     pub device_time_us: u64,
 }
 
@@ -37,7 +42,8 @@ pub(crate) const CRC_BYTES: usize = 4;
 /// CRC-32C (Castagnoli); the crc crate names it CRC-32/ISCSI.
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
-/// Starts the CRC of a body. The CRC then already covers the direction byte, which is not sent.
+/// Returns a CRC that already covers the direction byte, which is not sent; the caller adds the
+/// body.
 pub(crate) fn digest<'m, M: Message<'m>>() -> Digest<'static, u32> {
     let mut digest = CRC.digest();
     digest.update(&[M::DIRECTION]);

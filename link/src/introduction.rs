@@ -9,7 +9,7 @@ use crate::code::{CODE_LEN, CodeFormat};
 /// [`SelfTest`](crate::SelfTest), bytes of UTF-8.
 pub const MAX_TEXT_BYTES: usize = 256;
 
-/// Longest [`Capabilities::labels`], bytes: 64 labels of 7 characters with a blank after each.
+/// Longest [`Capabilities::labels`], bytes: 64 labels of 7 bytes, each with a blank after it.
 pub const MAX_LABELS_BYTES: usize = 512;
 
 /// Identity of the device: sent at start-up and in answer to `Identify`.
@@ -26,10 +26,12 @@ pub struct Hello<'a> {
     pub model_id: [u8; 8],
     /// Differs from boot to boot: a change means that the device was reset.
     pub session_id: u32,
-    /// Reset flags of the microcontroller, or the failure that caused a reset by software.
+    /// Cause of the last start, from the microcontroller's reset flags or from the record of a
+    /// failure.
     pub reset_cause: ResetCause,
-    /// A damaged model, a board without its clock, or the panic message or fault registers of the
-    /// previous run. Empty without a fault. At most [`MAX_TEXT_BYTES`] bytes.
+    /// Fault of this start, such as a damaged model or a missing clock, or the panic message or
+    /// fault registers of the previous run; empty without a fault. At most [`MAX_TEXT_BYTES`]
+    /// bytes.
     pub fault: &'a str,
 }
 
@@ -47,7 +49,7 @@ pub enum ResetCause {
     BrownOut,
     /// 4: a watchdog expired.
     Watchdog,
-    /// 5: requested by software.
+    /// 5: software restarted the device without a fault.
     Software,
     /// 6: a fault or a panic; [`Hello::fault`] has the details.
     Fault,
@@ -101,24 +103,27 @@ pub struct Capabilities<'a> {
     pub hop_steps: u8,
     /// ADC channels, the unused ones included.
     pub channels: u8,
-    /// Volts per count from the registers read back, in nanovolt (22.351742 for an ADS1299 at
-    /// gain 24 and 4.5 V).
+    /// Nanovolts per count, computed from the registers that the device read back: 22.351742 for an
+    /// ADS1299 at gain 24 with a reference of 4.5 V.
     pub lsb_nv: f32,
     /// Mains frequency that the active notch removes, 50 or 60 Hz.
     pub mains_hz: u8,
-    /// Delay of the filter chain in its pass band, microseconds: a code with the time `t` shows the
-    /// scalp at `t - group_delay_us`.
+    /// Delay of the filter chain in its pass band, microseconds: a step with the time `t`
+    /// represents the signal that was at the electrodes at `t - group_delay_us`. A code has the
+    /// time of its last step.
     pub group_delay_us: u32,
     /// Electrode labels, blank-separated, in the order of the montage (ADC channel order, the same
     /// as the row-major order of the scalp grid's cells). At most [`MAX_LABELS_BYTES`] bytes.
     pub labels: &'a str,
-    /// Description of the filter chain for people. At most [`MAX_TEXT_BYTES`] bytes.
+    /// Description of the filter chain, for human readers. At most [`MAX_TEXT_BYTES`] bytes.
     pub filters: &'a str,
-    /// Format of every code; it belongs to the model.
+    /// Format of all codes of this device; it is part of the model.
     pub code_format: CodeFormat,
-    /// Scale of each code value: `z = (level - code_zero_point) * code_scale`, with the
-    /// [levels](crate::CodeValues::levels) of the code. Positive and finite.
+    /// Scale of each code value. The decoder network's input is
+    /// `z = (level - code_zero_point) * code_scale`, with the [levels](crate::CodeValues::levels)
+    /// of the code. Positive and finite.
     pub code_scale: Vec<f32, CODE_LEN>,
-    /// Level that means `z = 0`; 0 in the formats other than [`CodeFormat::Int8`].
+    /// Level of each code value that stands for `z = 0`; always 0 in the formats other than
+    /// [`CodeFormat::Int8`].
     pub code_zero_point: Vec<i8, CODE_LEN>,
 }

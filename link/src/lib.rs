@@ -1,8 +1,8 @@
 //! The wire format between board and host, for both ends.
 //!
-//! [`Encoder`] numbers messages and writes them as frames; [`Decoder`] finds frames in any byte
-//! stream and counts the bytes it cannot use. The same bytes run over USB, UART, TCP and a
-//! pseudo-terminal. `docs/wire-format.md` has the field tables and real frames as hex dumps.
+//! [`Encoder`] numbers messages and writes them as frames. [`Decoder`] finds frames in any byte
+//! stream and counts the frames it refuses. The same bytes run over USB, UART, TCP and a
+//! pseudo-terminal. `docs/wire-format.md` has the field tables, and real frames as hex dumps.
 //!
 //! ```text
 //! board                                                                       host
@@ -10,8 +10,8 @@
 //! ToDevice <-- Decoder <-- 00 COBS(header, message, CRC-32C) 00 <-- Encoder <-- ToDevice
 //! ```
 //!
-//! Header and message are serialised with postcard. A zero byte on both sides of a frame limits
-//! the damage: garbage, a reset or a lost byte costs the frame it hits and at most one more.
+//! Header and message are serialised with postcard. A zero byte on both sides of a frame limits the
+//! damage: garbage, a reset or a lost byte costs the frame it hits and at most one more frame.
 //!
 //! ```
 //! use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice};
@@ -33,16 +33,18 @@
 //!
 //! # Compatibility
 //!
-//! * [`VERSION`] names the layout of frame and header and changes only with them. A frame of
-//!   another version is refused and counted; [`FrameError::Version`] carries its number.
-//! * [`ToHost`] and [`ToDevice`] grow only at their end. Fields of an existing message never
-//!   change; a message that must carry more is a new message. A message newer than the receiver is
-//!   [`FrameError::Unknown`]: an intact frame whose `seq` counts as received, never corruption.
+//! * [`VERSION`] is the version of the layout of frame and header and changes only with that
+//!   layout. A frame of another version is refused and counted; [`FrameError::Version`] states its
+//!   version.
+//! * New messages are added only at the end of [`ToHost`] and [`ToDevice`]. Fields of an existing
+//!   message never change; a message that must carry more is a new message. A message that is newer
+//!   than the receiver is reported as [`FrameError::Unknown`]: its frame is intact, and its `seq`
+//!   counts as received.
 //! * A device answers a command that it does not know with [`AckResult::UnknownCommand`]. The host
 //!   then uses only the commands that both sides know.
 //! * [`ResetCause`], [`AckResult`], [`ChannelFault`], [`CodeFormat`], [`Stage`], [`EventKind`] and
-//!   [`ResetInto`] travel as one byte and keep a value that the receiver does not know.
-//!   [`Flags`] and [`Streams`] keep their unknown bits.
+//!   [`ResetInto`] are one byte on the wire; a value that the receiver does not know is kept as a
+//!   number. [`Flags`] and [`Streams`] keep bits that the receiver does not know.
 #![no_std]
 #![forbid(unsafe_code)]
 

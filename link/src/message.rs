@@ -1,4 +1,4 @@
-//! The messages of both directions, numbered.
+//! All messages of both directions, in the order of their wire numbers.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,16 +13,18 @@ use crate::signal::{Filtered, Raw};
 use crate::stats::Stats;
 use crate::timing::Timing;
 
-/// A message that can be framed; one enum implements it for each direction.
+/// The set of messages of one direction: [`ToHost`] or [`ToDevice`].
 pub trait Message<'a>: Serialize + Deserialize<'a> {
-    /// Number of messages that this version knows; a number at or above it is a newer message.
+    /// Number of messages in the set. A wire number of `KINDS` or more belongs to a message that is
+    /// newer than this release.
     const KINDS: u32;
     /// Byte that enters the CRC before the header and is never sent. A frame of the other direction,
     /// such as an echo on a looped line, therefore fails the CRC and is not answered.
     const DIRECTION: u8;
 }
 
-/// Messages from device to host. Grows only at its end: a variant's position is its wire number.
+/// Messages from device to host. New variants are added only at the end, because a variant's
+/// position is its number on the wire.
 #[expect(
     clippy::large_enum_variant,
     reason = "no heap in no_std; a decoder holds one message at a time, about 1 KB"
@@ -43,24 +45,24 @@ pub enum ToHost<'a> {
     Ack(Ack),
     /// 5: signal quality of each electrode in one second.
     Quality(Quality),
-    /// 6: durations of the device's stages.
+    /// 6: durations of the stages of the signal path.
     Timing(Timing),
     /// 7: unfiltered ADC samples.
     #[serde(borrow)]
     Raw(Raw<'a>),
-    /// 8: filtered electrodes at the encoder's rate.
+    /// 8: filtered electrodes at the step rate.
     #[serde(borrow)]
     Filtered(Filtered<'a>),
-    /// 9: a window with its code.
+    /// 9: the input planes of a window, with its code.
     #[serde(borrow)]
     Audit(Audit<'a>),
-    /// 10: an edge at an input.
+    /// 10: an edge at an input of the device.
     Event(Event),
     /// 11: status of the converters.
     Converters(Converters),
     /// 12: the result of a self-test of the converters.
     SelfTest(SelfTest),
-    /// 13: the device's clock, in answer to the host's.
+    /// 13: the device's clock; the answer to `SyncTime`.
     ClockReading(ClockReading),
 }
 
@@ -69,19 +71,20 @@ impl<'a> Message<'a> for ToHost<'a> {
     const DIRECTION: u8 = b'H';
 }
 
-/// Messages from host to device. Grows only at its end: a variant's position is its wire number.
+/// Messages from host to device. New variants are added only at the end, because a variant's
+/// position is its number on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ToDevice {
     /// 0: start streaming.
     Start(Start),
     /// 1: stop streaming.
     Stop,
-    /// 2: answer with `Hello` and `Capabilities`.
+    /// 2: answer with `Hello` and `Capabilities`, and with `Converters` if there is a chain.
     Identify,
-    /// 3: answer with an `Ack` only; tells a live link from a dead one.
+    /// 3: answer with an `Ack` only, to check that the link works.
     Ping,
-    /// 4: test the converters with their internal signals; refused while anything streams.
-    /// `SelfTest` follows.
+    /// 4: test the converters with their internal signals; refused while any stream runs.
+    /// [`ToHost::SelfTest`] carries the result.
     SelfTest,
     /// 5: answer with a `ClockReading`.
     SyncTime {

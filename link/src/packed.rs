@@ -1,14 +1,15 @@
 //! Serde adapters that write integers as bytes instead of varints.
 //!
-//! Arrays of fixed length become their elements in two's complement, least significant byte first,
-//! without a length before them. Serde itself supports arrays of at most 32 elements.
+//! An array of fixed length is written as its elements in two's complement, least significant byte
+//! first, without a length before them. Serde itself supports arrays of at most 32 elements only.
 
 use core::{fmt, marker::PhantomData};
 
 use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
 use serde::ser::{Serialize, SerializeTuple, Serializer};
 
-/// An integer with a fixed number of bytes; postcard would write an `i16` as a varint.
+/// An integer that is written with a fixed number of bytes; postcard itself writes an `i16` as a
+/// varint.
 pub(crate) trait Element: Copy + Default {
     type Bytes: Serialize + for<'de> Deserialize<'de>;
     fn to_bytes(self) -> Self::Bytes;

@@ -5,13 +5,15 @@ use serde::{Deserialize, Serialize};
 use crate::flags::Flags;
 use crate::packed;
 
-/// Most samples that a device puts into a [`Raw`]: 64 channels take 1536 bytes of the body.
+/// Largest number of samples that a device puts into a [`Raw`]. Eight samples of 64 channels take
+/// 1536 bytes of the body.
 pub const RAW_SAMPLES: usize = 8;
 
 /// Bytes of a count in [`Raw::counts`].
 pub const COUNT_BYTES: usize = 3;
 
-/// Most steps that a device puts into a [`Filtered`]: 61 electrodes take 976 bytes of the body.
+/// Largest number of steps that a device puts into a [`Filtered`]. Four steps of 61 electrodes take
+/// 976 bytes of the body.
 pub const FILTERED_STEPS: usize = 4;
 
 /// Bytes of a value in [`Filtered::values`].
@@ -19,7 +21,7 @@ pub const VALUE_BYTES: usize = 4;
 
 /// Consecutive unfiltered ADC samples of all channels; sent if requested.
 ///
-/// The header's time is the DRDY edge of the last sample.
+/// The header's time is that of the last sample's DRDY edge.
 ///
 /// ```
 /// # use link::{Flags, Raw};
@@ -33,15 +35,15 @@ pub const VALUE_BYTES: usize = 4;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Raw<'a> {
-    /// Index since `Start` of the first sample. The index in the next frame is higher by the number
-    /// of samples in this one; if it is higher still, samples are lost.
+    /// Index of the first sample, counted from `Start`. The next frame's index is this index plus
+    /// the number of samples in this frame; a higher one means that samples were lost.
     pub first_sample: u64,
     /// Counts per sample; 64 on a chain of eight ADS1299.
     pub channels: u8,
-    /// Faults of these samples: `ADC_STATUS_BAD`, `LEAD_OFF`, `OVERRUN`.
+    /// Faults of the samples in this frame: `ADC_STATUS_BAD`, `LEAD_OFF`, `OVERRUN`.
     pub flags: Flags,
-    /// Counts, sample by sample and channel by channel; 24 bits in two's complement, least
-    /// significant byte first.
+    /// All counts of the first sample in the order of the channels, then those of the next sample;
+    /// 24 bits each in two's complement, least significant byte first.
     #[serde(borrow, serialize_with = "packed::serialize_bytes")]
     pub counts: &'a [u8],
 }
@@ -57,24 +59,24 @@ impl Raw<'_> {
     }
 }
 
-/// Consecutive filtered steps of all electrodes at the encoder's rate, before quantisation; sent if
-/// requested.
+/// Consecutive filtered steps of all electrodes at the encoder's step rate, before quantisation;
+/// sent if requested.
 ///
 /// The header's time is that of the last step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Filtered<'a> {
-    /// Index since `Start` of the first step. The index in the next frame is higher by the number
-    /// of steps in this one; if it is higher still, steps are lost.
+    /// Index of the first step, counted from `Start`. The next frame's index is this index plus the
+    /// number of steps in this frame; a higher one means that steps were lost.
     pub first_step: u64,
     /// Electrodes per step, in the order of [`Capabilities::labels`](crate::Capabilities::labels).
     pub electrodes: u8,
     /// Fraction bits of a value: `value * lsb_nv / 2^fraction_bits` is in nanovolt.
     pub fraction_bits: u8,
-    /// Faults of the samples of these steps: `ADC_STATUS_BAD`, `LEAD_OFF`, `OVERRUN`, `SATURATED`,
-    /// `SETTLING`.
+    /// Faults of the samples from which these steps were computed: `ADC_STATUS_BAD`, `LEAD_OFF`,
+    /// `OVERRUN`, `SATURATED`, `SETTLING`.
     pub flags: Flags,
-    /// Values, step by step and electrode by electrode; 32 bits in two's complement, least
-    /// significant byte first.
+    /// All values of the first step in the order of the electrodes, then those of the next step; 32
+    /// bits each in two's complement, least significant byte first.
     #[serde(borrow, serialize_with = "packed::serialize_bytes")]
     pub values: &'a [u8],
 }

@@ -1,15 +1,15 @@
-//! Durations of the device's stages, once a second.
+//! Durations of the stages of the signal path, once a second.
 
 use core::fmt;
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Most stages in a [`Timing`].
+/// Largest number of stages in a [`Timing`].
 pub const MAX_STAGES: usize = 8;
 
-/// Durations of the device's stages since boot; sent every second while streaming, after `Stats`, by
-/// a device that measures them.
+/// Durations of the stages of the signal path since boot. A device that measures them sends this
+/// message every second while streaming, after `Stats`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Timing {
     /// The stages that are measured, each once, in the order of [`Stage`].
@@ -23,14 +23,14 @@ pub struct Timing {
 /// Durations of one stage since boot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StageTiming {
-    /// Start and end of the measured interval.
+    /// Stage whose durations these are.
     pub stage: Stage,
     /// Longest allowed duration, nanoseconds; anything longer is late.
     pub deadline_ns: u32,
     /// Longest measured duration, nanoseconds; saturates.
     pub worst_ns: u32,
-    /// Durations by eighths of the deadline: element k counts those above k/8 and up to (k+1)/8,
-    /// element 8 the late ones; every element wraps.
+    /// Number of durations by eighths of the deadline. Element k below 8 counts durations above k/8
+    /// and up to (k+1)/8 of the deadline; element 8 counts longer ones. Every element wraps.
     pub histogram: [u32; 9],
 }
 
@@ -40,11 +40,11 @@ pub struct StageTiming {
 pub enum Stage {
     /// 0: from a sample's DRDY edge until the sample is in the encoder's queue.
     Acquire,
-    /// 1: processing of a sample with a step: encoder, reports, streams.
+    /// 1: processing of a sample that completes a step: encoder, reports, streams.
     Step,
     /// 2: from the DRDY edge of a window's last sample until its code is in the output queue.
     Code,
-    /// 3: from the output queue until the code's frame is written to the port.
+    /// 3: from the entry of a code into the output queue until its frame is written to the port.
     Send,
     /// Any other: a stage newer than this host.
     Newer(u8),

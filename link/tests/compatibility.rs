@@ -1,4 +1,4 @@
-//! Peers of different releases: versions, newer messages, echoes.
+//! Frames from peers of other releases, and echoes, are refused and never misread.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{

@@ -1,4 +1,4 @@
-//! Every message with its largest content fits the buffers.
+//! Every message fits the buffers, even with its largest content.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
@@ -9,7 +9,7 @@ use link::{
     SelfTest, Stage, StageTiming, Start, Stats, Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
-/// Returns the length of the message's body, bytes, for the largest header.
+/// Returns the length in bytes of the message's body, with the largest header.
 fn body_bytes<'m, M: Message<'m>>(message: &M) -> usize {
     let mut buffer = [0; MAX_FRAME];
     let mut encoder = Encoder::starting_at(u32::MAX);
@@ -41,8 +41,9 @@ fn the_largest_frame_fits() {
     let labels = "x".repeat(MAX_LABELS_BYTES);
     let text = "x".repeat(MAX_TEXT_BYTES);
     let largest = body_bytes(&capabilities(&labels, &text));
-    // Bytes: 16 header (1 + 5 + 10), 1 kind, 3 + 3 rates, 3 dimensions, 4 LSB, 1 mains, 5 delay,
-    // 2 + 512 labels, 2 + 256 filters, 1 format, 2 + 512 scales, 2 + 128 zero points, 4 CRC.
+    // Bytes: 16 header (1 + 5 + 10), 1 message number, 3 + 3 rates, 3 dimensions, 4 LSB,
+    // 1 mains, 5 delay, 2 + 512 labels, 2 + 256 filters, 1 format, 2 + 512 scales,
+    // 2 + 128 zero points, 4 CRC.
     assert_eq!(largest, 1457);
     assert!(largest <= MAX_BODY);
 
@@ -168,7 +169,8 @@ fn samples_windows_and_self_tests_fit_a_frame() {
     });
     let [raw, filtered, audit, converters, self_test] =
         [raw, filtered, audit, converters, self_test].map(|message| body_bytes(&message));
-    // Each sum starts with 21 bytes: 16 header, 1 kind, 4 CRC. The fields follow in their order.
+    // Each sum starts with the 21 bytes of header (16), message number (1) and CRC (4); the lengths
+    // of the fields follow in their order.
     assert_eq!(raw, 21 + 10 + 1 + 3 + 2 + 1536);
     assert_eq!(filtered, 21 + 10 + 1 + 1 + 3 + 2 + 1024);
     assert_eq!(audit, 21 + 8 + 5 + 2 + 1440 + 1 + 256);
@@ -181,7 +183,8 @@ fn samples_windows_and_self_tests_fit_a_frame() {
 
 #[test]
 fn a_body_of_the_maximum_length_fits_the_longest_frame() {
-    // COBS adds most to a body without zeros; this Hello has none outside its header.
+    // COBS adds most to a body without zeros. The only zero in this body is the number of `Hello`,
+    // unless the CRC has one by chance.
     let text = "x".repeat(MAX_BODY);
     let mut frame = [0; MAX_FRAME];
     let mut longest = 0;

@@ -1,4 +1,4 @@
-//! From a filter specification to quantised sections.
+//! Designs the quantised sections of a filter specification.
 
 use fixed_dsp::{Coefficient, MAX_SECTIONS, Section};
 use num_complex::Complex64;
@@ -15,25 +15,25 @@ pub struct FilterSpec {
     pub rate_hz: f64,
     /// Mains frequency in Hz, removed by a notch.
     pub mains_hz: f64,
-    /// Quality factor of every notch: its frequency over its -3 dB width. It is the same for the
-    /// harmonics, because the k-th harmonic deviates k times as far as the mains frequency.
+    /// Quality factor of every notch: its frequency divided by its -3 dB width. Harmonics have the same
+    /// factor: if the mains frequency deviates, its k-th harmonic deviates k times as far.
     pub notch_q: f64,
-    /// Number of further notches, at 2, 3, .. times the mains frequency.
+    /// Number of notches at harmonics: at 2, 3, .. times the mains frequency.
     pub harmonics: u32,
-    /// Lower and upper -3 dB edge in Hz.
+    /// Lower and upper -3 dB edge of the band-pass, Hz.
     pub band_hz: [f64; 2],
-    /// Order of the band-pass per edge.
+    /// Order of the band-pass per edge; the band-pass has as many sections.
     pub order: usize,
 }
 
-/// Highest order per edge; beyond it, poles are too close together for quantised sections.
+/// Highest order per edge; at higher orders, poles are too close together for quantised sections.
 const MAX_ORDER: usize = 8;
 
 /// Designs the cascade of a specification: notches, high-pass sections (low Q first), one band-pass
 /// section if the order is odd, low-pass sections (low Q first), each with gain 1 in its pass band.
 ///
-/// This order keeps the signal large and the rounding noise small at every node. scipy's order, with
-/// its gain of 0.0024 at the front, doubles the noise.
+/// This order keeps the signal large and the rounding noise small at every node. scipy's order, whose
+/// first section has the whole gain of 0.0024, doubles the noise.
 ///
 /// # Errors
 /// If a frequency is not below half of the sampling rate, another number is out of range, there are more
@@ -113,8 +113,8 @@ fn check(spec: &FilterSpec) -> Result<(), FilterError> {
             longest: MAX_SECTIONS,
         });
     }
-    // Half the width of the widest notch, in radians, must stay below pi / 2, where its tangent
-    // changes sign.
+    // This is half the width of the widest notch, in radians. It must be below pi / 2, where the tangent
+    // in the design changes sign.
     let half_width = std::f64::consts::PI * highest_notch_hz / spec.rate_hz / spec.notch_q;
     if !(half_width > 0.0 && half_width < std::f64::consts::FRAC_PI_2) {
         return Err(FilterError::NotchQuality { q: spec.notch_q });
@@ -145,7 +145,7 @@ impl Feedback {
     }
 }
 
-/// Returns the sections of the band-pass; `pairs` are its poles by rising frequency.
+/// Returns the sections of the band-pass `filter`; `pairs` are its pole pairs in order of frequency.
 fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
     let half = filter.order / 2;
     let by_radius = |range: &[[Complex64; 2]]| {
@@ -160,8 +160,8 @@ fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
     let mixed = by_radius(&pairs[half..pairs.len() - half]);
     let low_pass = by_radius(&pairs[pairs.len() - half..]);
 
-    // Each low-pass has unit gain at DC. The rest of the total gain goes to the band-pass section or,
-    // for an even order, to the last low-pass.
+    // Each low-pass section has unit gain at DC. The rest of the total gain goes to the band-pass
+    // section or, if the order is even, to the last low-pass section.
     let mut low_gains: Vec<f64> = low_pass.iter().map(|f| (1.0 - f.a1 - f.a2) / 4.0).collect();
     let rest = filter.gain / low_gains.iter().product::<f64>();
     if mixed.is_empty()
@@ -192,10 +192,10 @@ fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
     high.chain(middle).chain(low).collect()
 }
 
-/// Returns the poles in conjugate pairs by rising frequency. The two real poles of a wide band form
+/// Returns the poles in conjugate pairs, in order of frequency. The two real poles of a wide band form
 /// the middle pair, which goes to the band-pass section.
 fn pole_pairs(poles: &[Complex64]) -> Vec<[Complex64; 2]> {
-    /// Largest imaginary part of a real pole, from rounding.
+    /// Largest imaginary part of a pole that counts as real; it comes from rounding.
     const REAL_POLE: f64 = 1e-9;
     let mut upper: Vec<Complex64> = poles.iter().copied().filter(|p| p.im > REAL_POLE).collect();
     upper.sort_by(|a, b| a.arg().total_cmp(&b.arg()));
@@ -218,8 +218,8 @@ fn is_stable(section: &Section) -> bool {
     d2.abs() < 1.0 && d1.abs() < 1.0 + d2
 }
 
-/// Returns the coefficients of the quantised denominator `1 + d1 z^-1 + d2 z^-2`, the negatives of
-/// `a1` and `a2` of [`Section`].
+/// Returns `d1` and `d2` of the quantised denominator `1 + d1 z^-1 + d2 z^-2`: the negatives of `a1` and
+/// `a2` of [`Section`].
 pub(crate) fn denominator(section: &Section) -> (f64, f64) {
     match *section {
         Section::Notch { a1, one_minus_b0 } => (-value(a1), 1.0 - 2.0 * value(one_minus_b0)),

@@ -62,8 +62,8 @@ impl Chain<'_> {
                 .iter()
                 .any(|phase| phase_output(phase, &step, *n).abs() >= threshold)
         };
-        // The magnitudes of the taps sum to less than 2, so an input below half the threshold yields
-        // an output below it.
+        // The magnitudes of the taps sum to less than 2, so inputs below half the threshold yield an
+        // output below the threshold.
         let quiet = step
             .iter()
             .rposition(|y| y.abs() >= threshold / 2.0)
@@ -71,14 +71,15 @@ impl Chain<'_> {
         Ok((0..=quiet).rfind(unsettled).map_or(0, |last| last + 1))
     }
 
-    /// Returns the cascade's output for `input`, up to the length of its decayed impulse response.
+    /// Returns the output of the cascade for `input`, for as many samples as its impulse response takes
+    /// to decay.
     fn cascade_response(&self, input: impl Iterator<Item = f64>) -> Result<Vec<f64>, FilterError> {
         let samples = response::decay_samples(self.sections)?;
         Ok(response::filter(self.sections, input.take(samples)).collect())
     }
 }
 
-/// Returns the output of a phase at sample `n` of a signal that is 0 before its start and after its end.
+/// Returns the output of a phase at sample `n` of `signal`, which is 0 before its start and after its end.
 fn phase_output(phase: &[f64], signal: &[f64], n: usize) -> f64 {
     let first = (n + 1).saturating_sub(signal.len());
     phase

@@ -11,7 +11,7 @@ use num_complex::Complex64;
 pub struct BandPass {
     /// `2 * order` poles inside the unit circle, closed under conjugation.
     pub poles: Vec<Complex64>,
-    /// Factor of the transfer function.
+    /// Constant factor of the transfer function.
     pub gain: f64,
     /// Order of the low-pass prototype; the band-pass has twice as many poles.
     pub order: usize,
@@ -19,9 +19,9 @@ pub struct BandPass {
 
 /// Designs a Butterworth band-pass of `order` (per edge) between `low_hz` and `high_hz` at `rate_hz`.
 ///
-/// Analogue low-pass prototype, transformed to a band-pass, then the bilinear transform with both edges
-/// pre-warped: the same transfer function as scipy's `butter(order, [low, high], 'bandpass', fs=rate)`.
-/// Expects `0 < low_hz < high_hz < rate_hz / 2`.
+/// The analogue low-pass prototype becomes a band-pass, and the bilinear transform with both edges
+/// pre-warped makes it digital. The result is the transfer function of scipy's
+/// `butter(order, [low, high], 'bandpass', fs=rate)`. Expects `0 < low_hz < high_hz < rate_hz / 2`.
 pub fn butterworth_band_pass(order: usize, low_hz: f64, high_hz: f64, rate_hz: f64) -> BandPass {
     let prewarp = |hz: f64| 2.0 * rate_hz * (PI * hz / rate_hz).tan();
     let (low, high) = (prewarp(low_hz), prewarp(high_hz));
@@ -53,12 +53,12 @@ pub fn butterworth_band_pass(order: usize, low_hz: f64, high_hz: f64, rate_hz: f
 pub struct Notch {
     /// Factor of the numerator, `1 / (1 + tan(w0 / 2Q))`.
     pub gain: f64,
-    /// Middle term, `-2 cos(w0)`.
+    /// Middle coefficient of the numerator without the factor `gain`: `-2 cos(w0)`.
     pub cosine: f64,
 }
 
-/// Designs a notch at `frequency_hz` with quality factor `q` (frequency over -3 dB width), as scipy's
-/// `iirnotch(frequency, q, fs=rate)`.
+/// Designs a notch at `frequency_hz` with quality factor `q` (frequency divided by -3 dB width), like
+/// scipy's `iirnotch(frequency, q, fs=rate)`.
 ///
 /// Expects `0 < frequency_hz < rate_hz / 2` and `q > 0`.
 pub fn notch(frequency_hz: f64, q: f64, rate_hz: f64) -> Notch {
@@ -89,8 +89,8 @@ mod tests {
 
     #[test]
     fn the_paper_s_band_pass_equals_scipy_s() {
-        // scipy 1.17: butter(5, [0.5, 60], 'bandpass', fs=512, output='zpk'), gain and the
-        // largest pole radius.
+        // Gain and largest pole radius of scipy 1.17:
+        // butter(5, [0.5, 60], 'bandpass', fs=512, output='zpk').
         let filter = butterworth_band_pass(5, 0.5, 60.0, 512.0);
         assert!(
             (filter.gain - 0.002_419_698_231_044_458).abs() < 1e-15,

@@ -14,17 +14,18 @@ use crate::{
     rounding::to_i32,
 };
 
-/// Mains frequencies for which filters are generated, Hz; the device selects one at start.
+/// Mains frequencies for which filters are generated, Hz; the device selects one of them at start.
 pub const MAINS_HZ: [u32; 2] = [50, 60];
 
 /// Frequency at which the group delay is stated, Hz: the middle of the alpha band.
 const DELAY_AT_HZ: f64 = 10.0;
 
-/// Fraction of an input step to which the output must have decayed for the filters to count as
-/// settled: 1 uV of a 10 mV electrode offset.
+/// Fraction of a step at the input below which the output must stay for the filters to count as settled:
+/// 1 uV for an electrode offset of 10 mV.
 const SETTLED: f64 = 1e-4;
 
-/// Smallest permitted input multiplier: a relative error of 2^-9 in the scale.
+/// Smallest permitted input multiplier, Q0.32. Its rounding error of at most 0.5 then changes the scale
+/// by at most 2^-9.
 const MIN_INPUT_MULTIPLIER: i32 = 256;
 
 /// Filters for one mains frequency.
@@ -38,18 +39,20 @@ pub struct MainsFilter {
     pub gains: Vec<NodeGain>,
     /// Group delay of cascade and resampler at 10 Hz, microseconds.
     pub group_delay_us: u32,
-    /// Time from the middle of a window on the scalp to the time stamp of its code, microseconds.
+    /// Time from when the middle of a window was at the electrodes to the time stamp of its
+    /// code, microseconds.
     pub scalp_delay_us: u32,
-    /// ADC samples until an input step has decayed to 1e-4 at the output of the resampler.
+    /// Number of ADC samples until the response to a step at the input has decayed to 1e-4 at the output
+    /// of the resampler.
     pub settling_samples: u32,
     /// Description of the filters in words, which recordings store in their `prefiltering` fields.
     pub description: String,
 }
 
-/// An artifact turned into the integers that the device runs on.
+/// The integers into which an artifact is turned, and on which the device runs.
 #[derive(Clone, Debug)]
 pub struct DeviceModel {
-    /// Id of the artifact, which every frame carries.
+    /// Id of the artifact; the device sends it with every code.
     pub id: ModelId,
     /// Contents of the artifact's `model.toml`.
     pub description: Description,
@@ -105,7 +108,7 @@ impl DeviceModel {
         })
     }
 
-    /// Returns the nanovolts of one ADC count.
+    /// Returns the size of one ADC count, nV.
     #[expect(clippy::cast_possible_truncation, reason = "published as f32")]
     pub fn lsb_nv(&self) -> f32 {
         (self.description.adc.lsb_uv() * 1_000.0) as f32
@@ -117,7 +120,7 @@ impl DeviceModel {
     }
 }
 
-/// Returns an error if a number of the description is beyond what this version supports.
+/// Returns an error if this version does not support a number of the description.
 fn refuse_unsupported(description: &Description) -> Result<(), ModelGenError> {
     let unsupported = |what, found: String, expected| {
         Err(ModelGenError::Unsupported {
@@ -208,7 +211,7 @@ fn microseconds(seconds: f64) -> u32 {
     microseconds
 }
 
-/// Returns the description of a chain for `prefiltering` fields of recordings.
+/// Returns the description of filters and resampler for `prefiltering` fields of recordings.
 fn prefiltering_text(description: &Description, mains_hz: u32) -> String {
     let (filters, rate_hz) = (&description.filters, description.adc.rate_hz);
     let step_rate_hz = description.window.rate_hz;

@@ -13,7 +13,8 @@ use source::Source;
 
 /// Returns the generated files of the `model` crate: names and Rust sources.
 ///
-/// The constants do not depend on any type of `model`, so that its types can depend on them.
+/// The constants in the first file use no type of `model`, so that the types of `model` can use
+/// these constants.
 pub fn rust_files(model: &DeviceModel) -> [(&'static str, String); 2] {
     let mut constants = Source::default();
     constants.constants(model);

@@ -2,7 +2,7 @@
 
 use fixed_dsp::Section;
 
-/// A filter specification that cannot be realised.
+/// Why filters or a resampler cannot be realised.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FilterError {
     /// A frequency is not positive, or not below half of the sampling rate.
@@ -25,7 +25,7 @@ pub enum FilterError {
          model.toml, or raise [adc] rate_hz"
     )]
     Harmonic {
-        /// Highest harmonic in Hz.
+        /// Frequency of the highest notch, Hz.
         hz: f64,
         /// Requested number of harmonics.
         harmonics: u32,
@@ -66,7 +66,7 @@ pub enum FilterError {
         harmonics: u32,
         /// Requested order of the band-pass per edge.
         order: usize,
-        /// Sections that these filters need.
+        /// Number of sections that these filters need.
         sections: usize,
         /// Largest possible number of sections.
         longest: usize,
@@ -128,7 +128,7 @@ pub enum FilterError {
         /// Rate of the encoder's time steps in Hz.
         step_rate_hz: u32,
     },
-    /// Literal decimation of a rate that is not a multiple of the step rate.
+    /// Literal decimation was requested at a sampling rate that is not a multiple of the step rate.
     #[error(
         "literal decimation keeps every n-th sample, but {rate_hz} Hz is not a multiple of \
          {step_rate_hz} Hz: write [filters] decimation = \"fir\" in model.toml, which takes any \
@@ -142,7 +142,7 @@ pub enum FilterError {
         /// Nearest multiple of the step rate in Hz.
         nearest_hz: u32,
     },
-    /// The ratio of the rates in lowest terms does not fit 16 bits.
+    /// The numerator of sampling rate / step rate, in lowest terms, does not fit 16 bits.
     #[error(
         "the ratio of {rate_hz} Hz to {step_rate_hz} Hz in lowest terms is not below 65536: lower [adc] rate_hz \
          in model.toml"
@@ -153,7 +153,7 @@ pub enum FilterError {
         /// Rate of the encoder's time steps in Hz.
         step_rate_hz: u32,
     },
-    /// The resampler takes so much memory that the encoder would not fit.
+    /// The delay line or the table of taps of the resampler takes more memory than permitted.
     #[error(
         "at {rate_hz} Hz the resampler has {phases} phases of {taps} taps, and {what} takes \
          {bytes} B, more than {largest}: lower [adc] rate_hz in model.toml to 2144 Hz at most, or \
@@ -164,9 +164,9 @@ pub enum FilterError {
         what: String,
         /// Sampling rate of the ADC, Hz.
         rate_hz: u32,
-        /// Phases of the polyphase filter.
+        /// Number of phases of the polyphase filter.
         phases: usize,
-        /// Taps of each phase.
+        /// Number of taps of each phase.
         taps: usize,
         /// Size of the part in bytes.
         bytes: usize,
@@ -192,14 +192,14 @@ pub enum FilterError {
     Overflow {
         /// Name of the signal, for example "output of section 3".
         node: String,
-        /// L1 norm of the impulse response from the input to the node.
+        /// L1 norm of the impulse response from the input to the node: its worst-case gain.
         gain: f64,
         /// Upper limit of the gain.
         limit: f64,
     },
 }
 
-/// An artifact that cannot be turned into integers.
+/// Why an artifact cannot be turned into integers.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelGenError {
     /// The artifact is unreadable or invalid.
@@ -228,10 +228,10 @@ pub enum ModelGenError {
         layer: &'static str,
         /// Output channel, from 0.
         output: usize,
-        /// Factor that the layer needs.
+        /// Requantisation factor that this output needs.
         factor: f64,
     },
-    /// The input scale does not fit the scale of the ADC.
+    /// The factor from filtered samples to levels of the int8 input is too small or too large for Q0.32.
     #[error(
         "one unit of a filtered sample is {factor:e} levels of the int8 input: the ADC's scale \
          ([adc] vref_v and gain of model.toml) and the calibrated input range do not belong \
@@ -254,7 +254,7 @@ pub enum ModelGenError {
         /// Largest possible magnitude.
         worst: f64,
     },
-    /// A padding value does not fit 16 bits.
+    /// A padding value of the second convolution is beyond +-32512.
     #[error(
         "the padding of channel {channel} after conv1 would be {value:.0}, but at most +-32512 \
          fits: its batch norm's bias is far larger than what the channel was calibrated to reach; \
@@ -266,10 +266,10 @@ pub enum ModelGenError {
         /// Value of the padding, in levels of the quantised channel.
         value: f64,
     },
-    /// A calibrated range is not a positive number.
+    /// A calibrated range is not a positive, finite number.
     #[error("the calibrated range of {what} is {value}: run the calibration again")]
     Calibration {
-        /// Name of the tensor.
+        /// Name of the tensor in the calibration.
         what: &'static str,
         /// Calibrated range, as read.
         value: f64,

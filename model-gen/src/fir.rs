@@ -34,7 +34,7 @@ fn sinc(x: f64) -> f64 {
 }
 
 /// Returns the modified Bessel function of the first kind, order 0: the sum of `((x / 2)^k / k!)^2`
-/// (Abramowitz and Stegun 9.6.12). Its terms are positive and converge quickly.
+/// (Abramowitz and Stegun 9.6.12). All terms are positive, and the series converges quickly.
 fn bessel_i0(x: f64) -> f64 {
     let quarter = x * x / 4.0;
     let (mut sum, mut term, mut k) = (1.0, 1.0, 1.0);

@@ -4,18 +4,19 @@ use fixed_dsp::Section;
 
 use crate::{chain::Chain, error::FilterError, response};
 
-/// Fraction bits of a filtered sample below one count: format Q27.5. Each bit halves the rounding noise
-/// and the head room; with five, the noise in the band is below the ADC's rounding noise.
+/// Number of fraction bits of a filtered sample below one count: format Q27.5. Each further bit halves
+/// both the rounding noise and the head room; with five bits, the noise in the band is below the ADC's
+/// rounding noise.
 pub const GUARD_BITS: u32 = 5;
 
 /// An ADC count is a 24-bit two's-complement number: |count| <= 2^23.
 const ADC_BITS: u32 = 24;
 
-/// Full scale of 32 bits over full scale of a filtered sample: every worst-case gain must be smaller.
+/// Limit of every worst-case gain: full scale of 32 bits divided by full scale of a filtered sample.
 pub(crate) const GAIN_LIMIT: u32 = 1 << (32 - ADC_BITS - GUARD_BITS);
 
-/// Bound of the rounding noise of the whole cascade at a node, as a part of full scale: 2^10 units of
-/// Q27.5 (measured: 15).
+/// Bound of the rounding noise of the whole cascade at a node, as a fraction of full scale: 2^-17, which
+/// is 2^11 units of Q27.5. The noise measured on EEG is a few units rms (docs/figures.md).
 const NOISE: f64 = 1.0 / 131_072.0;
 
 /// Worst-case gain from the input to one node of the filter chain.
@@ -27,13 +28,13 @@ pub struct NodeGain {
     pub gain: f64,
 }
 
-/// Returns the worst-case gain of every number of a cascade that must fit 32 bits.
+/// Returns the worst-case gain of every signal in a cascade that must fit 32 bits.
 ///
-/// These are the outputs of all sections, the numerators of sections that scale them, and the change
-/// (output minus input) and balance (`2 y2 - x0 - x2`) of a notch. Intermediate sums may wrap.
+/// These signals are the outputs of all sections, the numerators of the sections that scale them, and the
+/// change (output minus input) and balance (`2 y2 - x0 - x2`) of a notch. Intermediate sums may wrap.
 ///
 /// # Errors
-/// If a full-scale input (2^23 counts with [`GUARD_BITS`]) could take one of them to 2^31.
+/// If a full-scale input (2^23 counts with [`GUARD_BITS`]) could take one of these signals to 2^31.
 pub fn prove_cascade(sections: &[Section]) -> Result<Vec<NodeGain>, FilterError> {
     let mut gains = Vec::new();
     let mut input = vec![0.0; response::decay_samples(sections)?];
@@ -58,8 +59,7 @@ pub fn prove_chain_output(chain: &Chain) -> Result<NodeGain, FilterError> {
     checked_gain("output of the resampler".to_owned(), chain.worst_gain()?)
 }
 
-/// Returns the node with its gain, or an error if full-scale input could overflow the node's 32
-/// bits.
+/// Returns the node with its gain, or an error if a full-scale input could overflow 32 bits at the node.
 fn checked_gain(node: String, gain: f64) -> Result<NodeGain, FilterError> {
     let limit = f64::from(GAIN_LIMIT) - NOISE;
     if gain < limit {
@@ -68,7 +68,7 @@ fn checked_gain(node: String, gain: f64) -> Result<NodeGain, FilterError> {
     Err(FilterError::Overflow { node, gain, limit })
 }
 
-/// Returns the signals of a section that must fit 32 bits, computed from its input and output.
+/// Returns the signals that must fit 32 bits in a section with this input and output.
 fn nodes(section: &Section, input: &[f64], output: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
     let before = |signal: &[f64], index: usize, age: usize| {
         index

@@ -2,11 +2,11 @@
 
 use artifact::{CODE, CodeFormat, IntegerCode};
 
-/// Returns the code of the given levels (multiples of the code's scale), computed in plain loops: the
-/// reference for every format.
+/// Returns the code of the given levels, which are multiples of the code's scale. Computed in plain
+/// loops: the reference for every format.
 ///
 /// The exponent is the smallest with which every `round(level / 2^exponent)`, half up, is within the
-/// format's range, or the largest exponent if there is none. Values out of range saturate.
+/// format's range; if no exponent is large enough, it is the largest, and values out of range saturate.
 pub fn integer_code(format: CodeFormat, levels: &[i64; CODE]) -> IntegerCode {
     let [least, greatest] = format.range().map(i64::from);
     let rounded = |level: i64, exponent: u8| {

@@ -17,8 +17,8 @@ pub struct IntegerConv {
     pub weights: Vec<i8>,
     /// Bias of each output channel, in units of the accumulator.
     pub bias: Vec<i32>,
-    /// Requantisation factor of each output channel, Q0.32. It is negative for a channel whose weights
-    /// are negated because its batch norm has a negative factor.
+    /// Requantisation factor of each output channel, Q0.32. The factor is negative where the weights of
+    /// the channel are negated, because its batch norm has a negative factor.
     pub multipliers: Vec<i32>,
 }
 
@@ -42,7 +42,7 @@ impl IntegerLinear {
     }
 }
 
-/// A quantised encoder. Layers that its mode does not have are empty.
+/// A quantised encoder. A layer that the mode does not have is empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IntegerModel {
     /// Mode of the artifact: with convolutions, a linear shortcut, or both.
@@ -55,14 +55,14 @@ pub struct IntegerModel {
     pub code_format: CodeFormat,
     /// Scale of each dimension of the code: `z = (level - zero point) * scale`.
     pub code_scale: [f32; CODE],
-    /// Level of a float zero in each dimension; 0 in the formats other than `Int8`.
+    /// Level that stands for 0 in each dimension; 0 in the formats other than `Int8`.
     pub code_zero_point: [i8; CODE],
     /// Grid cell of each electrode.
     pub cells: [u8; ELECTRODES],
     /// First convolution, padded with 0.
     pub conv1: IntegerConv,
     /// Padding of each input channel of the second convolution: the integer that the first batch norm
-    /// turns into 0. All 0 without padding.
+    /// turns into 0. All 0 if the model has no padding.
     pub hidden_padding: [i16; CONV1_CHANNELS],
     /// Second convolution, padded with `hidden_padding`.
     pub conv2: IntegerConv,
@@ -75,13 +75,13 @@ pub struct IntegerModel {
 }
 
 impl IntegerModel {
-    /// Returns the largest magnitude of an input of the second convolution: 255, or that of a padding
-    /// beyond it.
+    /// Returns the largest magnitude of an input of the second convolution: 255, or the magnitude of a
+    /// padding value if that is larger.
     pub fn largest_hidden(&self) -> i32 {
         largest_hidden(&self.hidden_padding)
     }
 
-    /// Returns the code of one window, computed in plain loops: the reference that the streaming encoder
+    /// Returns the code of one window. Computed in plain loops: the reference that the streaming encoder
     /// must equal bit for bit.
     pub fn encode_window(&self, window: &[Plane; STEPS]) -> IntegerCode {
         let features = if self.mode.has_convolutions() {
@@ -149,8 +149,8 @@ impl Volume {
         &self.values[((channel * times + time) * rows + row) * columns..][..columns]
     }
 
-    /// Returns a copy with `pads` values added on both sides of each axis; each channel has one padding
-    /// value.
+    /// Returns a copy with `pads` values added on both sides of the time, row and column axes; `padding`
+    /// holds the added value of each channel.
     fn padded(&self, pads: [usize; 3], padding: &[i16]) -> Self {
         let [channels, times, rows, columns] = self.shape;
         let shape = [
@@ -188,7 +188,7 @@ impl Volume {
 
 /// Computes an unpadded 3x3x3 convolution.
 fn convolve(conv: &IntegerConv, input: &Volume) -> Volume {
-    /// Steps, rows or columns that the convolution removes.
+    /// Number of steps, rows or columns by which the convolution shrinks its input.
     const SHRINK: usize = KERNEL - 1;
     let outputs = conv.bias.len();
     let [inputs, times, rows, columns] = input.shape;
@@ -215,7 +215,7 @@ fn convolve(conv: &IntegerConv, input: &Volume) -> Volume {
     Volume { shape, values }
 }
 
-/// Returns the requantised maximum of each pool, `[channel][time][row][column]`.
+/// Returns the maximum of each pool, requantised, `[channel][time][row][column]`.
 fn pool(sums: &Volume, geometry: &Geometry, multipliers: &[i32]) -> Vec<i64> {
     let ([steps, rows, columns], [t, r, c]) = (geometry.pooled, geometry.pool);
     let mut features = Vec::with_capacity(geometry.flat());
@@ -236,7 +236,7 @@ pub(crate) fn largest_hidden(padding: &[i16]) -> i32 {
     magnitudes.fold(255, i32::max)
 }
 
-/// Iterates over (time, row, column) of a shape, the last fastest.
+/// Iterates over all positions (time, row, column) of a shape, the column fastest.
 fn positions([_, times, rows, columns]: [usize; 4]) -> impl Iterator<Item = (usize, usize, usize)> {
     (0..times).flat_map(move |time| {
         (0..rows).flat_map(move |row| (0..columns).map(move |column| (time, row, column)))

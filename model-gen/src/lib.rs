@@ -1,4 +1,5 @@
-//! Turns a trained artifact into Rust integers: filter design, quantisation, range proofs, code.
+//! Turns a trained artifact into integers in Rust: designs the filters, quantises the encoder, proves
+//! the ranges and writes the constants.
 //!
 //! `model/build.rs` calls [`generate`]. The trainer uses [`quantise`] for the golden codes and the int8
 //! figures, and [`filter_cascade`] for the filters of its training data.
@@ -58,7 +59,7 @@ pub use manifest::manifest;
 pub use quantise::quantise;
 pub use resampler::ResamplerTable;
 
-/// Reads the artifact in `artifact_dir` and writes the [`rust_files`] and `manifest.txt` to `out_dir`.
+/// Reads the artifact in `artifact_dir`, and writes the [`rust_files`] and `manifest.txt` to `out_dir`.
 ///
 /// # Errors
 /// If the artifact cannot be read or turned into integers, or a file cannot be written.

@@ -1,4 +1,4 @@
-//! Summary of a model for human readers: the text of `model/manifest.txt`.
+//! Writes the summary of a model for human readers, `model/manifest.txt`.
 
 use std::fmt::Write as _;
 
@@ -158,7 +158,7 @@ fn layers(out: &mut String, integers: &IntegerModel) -> std::fmt::Result {
     Ok(())
 }
 
-/// Writes the size of a layer and its largest possible accumulator.
+/// Writes the size of a layer's weights and its largest possible accumulator.
 fn layer(
     out: &mut String,
     name: &str,

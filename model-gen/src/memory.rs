@@ -12,7 +12,7 @@ use crate::{
 const WORD: usize = size_of::<Pair>();
 /// Number of input planes from which a convolution computes one output plane.
 const PLANES: usize = KERNEL;
-/// Number of overlapping windows whose codes are accumulated at the same time.
+/// Number of overlapping windows whose codes the encoder accumulates at the same time.
 const OPEN_WINDOWS: usize = 2;
 
 /// Flash and RAM of one part of the encoder.
@@ -20,9 +20,9 @@ const OPEN_WINDOWS: usize = 2;
 pub struct Part {
     /// Name of the part and its kernel.
     pub name: &'static str,
-    /// Packed weights, biases and factors, bytes.
+    /// Size of packed weights, biases and factors, bytes.
     pub flash_bytes: usize,
-    /// State and scratch, bytes.
+    /// Size of state and scratch memory, bytes.
     pub ram_bytes: usize,
 }
 
@@ -42,7 +42,7 @@ pub fn parts(model: &IntegerModel) -> Vec<Part> {
     }
     parts.push(Part {
         name: "codes of two open windows",
-        // A bias, two factors and a zero point for each number of a code.
+        // Each number of a code has a bias, two factors and a zero point of one byte.
         flash_bytes: 3 * WORD * CODE + CODE,
         ram_bytes: OPEN_WINDOWS * 2 * WORD * CODE,
     });
@@ -54,7 +54,7 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
     let [_, rows, columns] = model.geometry.pooled;
     let [_, pool_rows, pool_columns] = model.geometry.pool;
     let cells = (ROWS + 2 * margin) * (COLUMNS + 2 * margin);
-    // The part of the first convolution's output that the pool depends on, with margin.
+    // The pool depends on this part of the first convolution's output, margins included.
     let [framed_rows, framed_columns] =
         [rows * pool_rows, columns * pool_columns].map(|length| length + KERNEL - 1);
     let [_, hidden_rows, hidden_columns] = model.geometry.hidden;
@@ -78,7 +78,8 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
     let (name, transformed) = match ConvKernel::select(model) {
         ConvKernel::Winograd => (
             "conv2, pool: Winograd F(2x4, 3x3)",
-            // A tile of 2x4 outputs holds two adjacent pools; here all tiles are in one column.
+            // A tile of 2x4 outputs holds two adjacent pools. The length depends only on the number of
+            // tiles, so all tiles are placed in one column here.
             Winograd::<{ CONV1_CHANNELS / 2 }, 6> {
                 tile_rows: rows * columns / 2,
                 outputs: CONV2_CHANNELS,

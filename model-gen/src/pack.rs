@@ -5,25 +5,25 @@ use int8_nn::{Direct, InputConv, Linear, Pair, Winograd};
 
 use crate::integer_model::{IntegerConv, IntegerModel};
 
-/// Number of weights for each input and output channel: steps x rows x columns of a kernel.
+/// Number of weights for each pair of input and output channel: steps x rows x columns of a kernel.
 const TAPS: usize = KERNEL.pow(3);
-/// Number of pairs of channels between the convolutions.
+/// Number of pairs of channels between the two convolutions.
 const HIDDEN_PAIRS: usize = CONV1_CHANNELS / 2;
-/// Number of pairs of electrodes in a time step, filled up to a multiple of eight.
+/// Number of pairs of electrodes in a time step, rounded up to a multiple of eight.
 const ELECTRODE_PAIRS: usize = ELECTRODES.div_ceil(2).next_multiple_of(8);
 
 /// Kernel that computes the second convolution on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConvKernel {
-    /// [`int8_nn::Winograd`]: the fewest instructions.
+    /// [`int8_nn::Winograd`]: needs the fewest instructions.
     Winograd,
-    /// [`int8_nn::Direct`]: any pool, any range.
+    /// [`int8_nn::Direct`]: supports every pool and every input range.
     Direct,
 }
 
 impl ConvKernel {
-    /// Selects Winograd's kernel if its tiles of 2x4 outputs hold whole pools and its numbers fit 16
-    /// bits, otherwise the direct one.
+    /// Selects the Winograd kernel if its tiles of 2x4 outputs hold whole pools and its numbers fit
+    /// 16 bits, otherwise the direct kernel.
     pub fn select(model: &IntegerModel) -> Self {
         type Kernel = Winograd<'static, HIDDEN_PAIRS, 6>;
         let [_, rows, columns] = model.geometry.pool;
@@ -79,9 +79,9 @@ fn by_tap(conv: &IntegerConv) -> Vec<i8> {
         .collect()
 }
 
-/// Packs the fully connected layer: for each pooled plane its pieces, with inputs in the order
-/// `[position][channel]`. PyTorch's order is `[out][channel][plane][position]`. Empty without
-/// convolutions.
+/// Packs the fully connected layer: the pieces of each pooled plane, with inputs in the order
+/// `[position][channel]`. PyTorch's order is `[out][channel][plane][position]`. Returns an empty list
+/// for a model without convolutions.
 pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
     if !model.mode.has_convolutions() {
         return Vec::new();
@@ -108,8 +108,8 @@ pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
         .collect()
 }
 
-/// Returns the number of matrices for a pooled plane: the smallest number of equal matrices, each with a
-/// multiple of eight pairs of inputs, that [`Linear`] supports.
+/// Returns the number of matrices into which the weights of a pooled plane are split: the smallest
+/// number of equal matrices that [`Linear`] supports, each with a multiple of eight pairs of inputs.
 pub fn fc_pieces(model: &IntegerModel) -> usize {
     let [_, rows, columns] = model.geometry.pooled;
     let pairs = rows * columns * CONV2_CHANNELS / 2;
@@ -120,7 +120,7 @@ pub fn fc_pieces(model: &IntegerModel) -> usize {
 }
 
 /// Packs the linear shortcut: one matrix for each time step, from PyTorch's
-/// `[out][step * 61 + electrode]`. Empty without a shortcut.
+/// `[out][step * 61 + electrode]`. Returns an empty list for a model without a shortcut.
 pub fn shortcut(model: &IntegerModel) -> Vec<Vec<Pair>> {
     if !model.mode.has_shortcut() {
         return Vec::new();
@@ -132,7 +132,7 @@ pub fn shortcut(model: &IntegerModel) -> Vec<Vec<Pair>> {
     matrices(&weights, STEPS, ELECTRODE_PAIRS)
 }
 
-/// Splits weights `[input][output]` into equal parts and packs each for `pairs` pairs of inputs.
+/// Splits weights `[input][output]` into equal parts, and packs each part for `pairs` pairs of inputs.
 fn matrices(weights: &[i8], parts: usize, pairs: usize) -> Vec<Vec<Pair>> {
     weights
         .chunks_exact(weights.len() / parts)
@@ -144,20 +144,22 @@ fn matrices(weights: &[i8], parts: usize, pairs: usize) -> Vec<Vec<Pair>> {
         .collect()
 }
 
-/// The second convolution with non-negative inputs, which its kernels require, for a padding that can be
-/// negative.
+/// Padding and bias of the second convolution after its inputs are made non-negative.
+///
+/// The kernels require non-negative inputs, but a padding value can be negative. So each input channel
+/// gets an offset, and the bias subtracts the contribution of the offsets.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnsignedInput {
-    /// Offset added to all inputs of each channel, padding included.
+    /// Offset added to all inputs of each channel, padding included; >= 0.
     pub offset: [i16; CONV1_CHANNELS],
     /// Padding of each channel with the offset added.
     pub padding: [i16; CONV1_CHANNELS],
-    /// Bias of each output channel, which subtracts the contribution of the offsets.
+    /// Bias of each output channel, less the contribution of the offsets.
     pub bias: Vec<i32>,
 }
 
 impl UnsignedInput {
-    /// Computes offsets and biases of a model whose padding plus 255 fits 16 bits, as
+    /// Computes offsets and biases. Every padding value of the model plus 255 must fit 16 bits, as
     /// [`quantise`](crate::quantise()) guarantees.
     pub fn from_model(model: &IntegerModel) -> Self {
         let offset = model.hidden_padding.map(|padding| (-padding).max(0));
@@ -177,7 +179,7 @@ impl UnsignedInput {
         }
     }
 
-    /// Returns the largest input of the second convolution.
+    /// Returns the largest input of the second convolution, offsets included.
     pub fn largest(&self) -> u16 {
         let offsets = self.offset.iter().map(|offset| 255 + offset.unsigned_abs());
         let paddings = self.padding.iter().map(|padding| padding.unsigned_abs());

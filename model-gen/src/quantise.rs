@@ -1,18 +1,18 @@
 //! Quantises the float encoder to integers.
 //!
-//! Every value is `integer * scale`. Weights have one scale for each output channel, activations one
-//! for each tensor, derived from the calibrated ranges.
+//! Every value is `integer * scale`. Weights have one scale for each output channel. Activations have
+//! one scale for each tensor, derived from the calibrated range.
 //!
 //! Batch norm follows the ReLU, so it cannot be folded into the convolution before it. With
 //! `g = weight / sqrt(variance + eps)` and `b = bias - g * mean`, the next layer reads `g * relu + b`.
-//! |g| is folded into the requantisation factor, the sign of g into the weights of the next layer, and
-//! b times those weights into its bias; without padding this is exact. Before the max-pool a negative g
-//! would turn the maximum into a minimum, so the weights and bias of that channel are negated and its
-//! factor is negative.
+//! |g| is folded into the requantisation factor of the convolution, the sign of g into the weights of
+//! the next layer, and b times these weights into the bias of the next layer; without padding this is
+//! exact. Before the max-pool, a negative g would turn the maximum into a minimum. So the weights and
+//! the bias of such a channel are negated, and its requantisation factor is negative.
 //!
-//! With padding, the second convolution reads zeros after the first batch norm. Its bias contains b
-//! times all its weights, so a padded cell must cancel b: it holds the integer x that the norm turns
-//! into 0, `x = -sign(g) * b / scale`.
+//! With padding, the second convolution must read zeros after the first batch norm. Its bias contains b
+//! times all its weights, so a padded cell must cancel b. The cell holds the integer x that the norm
+//! turns into 0: `x = -sign(g) * b / scale`.
 
 use artifact::{
     Artifact, CODE, CONV1_CHANNELS, CONV2_CHANNELS, CodeFormat, Geometry, HEAD_ROOM, KERNEL,
@@ -26,18 +26,18 @@ use crate::{
     rows::{FloatLayer, IntegerLayer, LayerInput},
 };
 
-/// Factor by which an 8-bit code exceeds the range seen in calibration, one bit. A blink or a jaw clench
-/// that the calibration set does not contain moves few dimensions far, and clipping a code costs more
-/// than all rounding.
+/// Ratio of the range of an 8-bit code to the range in calibration: one bit. A blink or a jaw clench
+/// that is not in the calibration set drives few dimensions far beyond their range, and clipping a code
+/// costs more than all rounding.
 const CODE_HEAD_ROOM: f64 = 2.0;
 
-/// Factor by which a code of 16 bits, or with an exponent, exceeds the range seen in calibration, four
-/// bits. The remaining 12 bits are still finer than the int8 input; an exponent restores the resolution
-/// of windows that do not need the range.
+/// Ratio of the range of a code of 16 bits, or with an exponent, to the range in calibration: four bits.
+/// The resolution of the other 12 bits is still finer than that of the int8 input. With an exponent,
+/// windows that do not need the whole range have a finer resolution.
 const WIDE_CODE_HEAD_ROOM: f64 = 16.0;
 
-/// Largest magnitude of a padded cell. The kernels add this offset to all inputs of the channel,
-/// activations up to 255 included, and the sum must fit 16 bits.
+/// Largest magnitude of a padding value. The kernels add the magnitude of a negative padding value to
+/// all inputs of the channel, which are at most 255, and the sum must fit 16 bits.
 const LARGEST_PADDING: u16 = 32_767 - 255;
 
 /// Quantises the encoder of an artifact.
@@ -157,7 +157,7 @@ impl Convolutions {
             "encoder.conv1",
             &[CONV1_CHANNELS, 1, KERNEL, KERNEL, KERNEL],
         )?;
-        // The sign of a factor is folded into conv2's weights.
+        // The sign of a norm's factor is folded into the weights of conv2.
         let gain1: Vec<f64> = norm1
             .factor
             .iter()
@@ -172,7 +172,7 @@ impl Convolutions {
         )?;
         conv2.absorb(&norm1, KERNEL.pow(3));
         conv2.negate_outputs(&norm2);
-        // A negated channel keeps its negative factor, so that the product has the right sign.
+        // A channel with negated weights keeps its negative factor, so that the product has the right sign.
         let gain2: Vec<f64> = norm2.factor.iter().map(|g| g / pooled.scale).collect();
         let conv2 = conv2.quantise("conv2", &gain2, hidden)?;
 
@@ -206,7 +206,7 @@ fn tensor(artifact: &Artifact, name: &str, shape: &[usize]) -> Result<Vec<f64>, 
     Ok(values.iter().map(|&v| f64::from(v)).collect())
 }
 
-/// Returns a calibrated largest magnitude, times [`HEAD_ROOM`].
+/// Returns the calibrated largest magnitude `what`, times [`HEAD_ROOM`].
 fn range(artifact: &Artifact, what: &'static str) -> Result<f64, ModelGenError> {
     let value = f64::from(artifact.calibration.tensor(what, &[1])?[0]);
     if value.is_finite() && value > 0.0 {
@@ -241,8 +241,8 @@ impl Norm {
         Ok(Self { factor, offset })
     }
 
-    /// Returns, for each channel, the integer (of scale `scale`, before the factor's sign) that the norm
-    /// turns into 0.
+    /// Returns, for each channel, the integer that the norm turns into 0. `scale` is the size of one
+    /// level, before the sign of the norm's factor is applied.
     fn padding(&self, scale: f64) -> Result<[i16; CONV1_CHANNELS], ModelGenError> {
         let mut padding = [0; CONV1_CHANNELS];
         let norm = self.factor.iter().zip(&self.offset);
@@ -272,8 +272,8 @@ impl Layer {
         })
     }
 
-    /// Folds sign and offset of the preceding norm into this layer; each of the norm's channels has
-    /// `taps` consecutive weights.
+    /// Folds sign and offset of the preceding norm into this layer; each channel of the norm has `taps`
+    /// consecutive weights.
     fn absorb(&mut self, norm: &Norm, taps: usize) {
         let channels = norm.factor.len();
         let rows = self.weights.chunks_exact_mut(channels * taps);
@@ -322,9 +322,9 @@ fn negate(weights: &mut [f64]) {
     }
 }
 
-/// Scale and zero point of each code dimension. Only the `int8` format has a zero point, which gains up to
-/// one bit of resolution. `int16` does not need one; in `int8-exponent` it would have to change with the
-/// exponent.
+/// Scale and zero point of each code dimension. Only the `int8` format has a zero point, which gains up
+/// to one bit of resolution. `int16` does not need this bit; in `int8-exponent` the zero point would
+/// have to change with the exponent.
 struct CodeScales {
     scale: [f64; CODE],
     zero_point: [i8; CODE],
@@ -340,7 +340,7 @@ impl CodeScales {
             zero_point: [0; CODE],
         };
         for j in 0..CODE {
-            // A range that contains 0 keeps the zero point within int8.
+            // The range is extended to contain 0, so that the zero point fits int8.
             let low = f64::from(smallest[j]).min(0.0);
             let high = f64::from(largest[j]).max(0.0);
             if high <= low {

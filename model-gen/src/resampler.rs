@@ -8,32 +8,32 @@ use num_complex::Complex64;
 
 use crate::{error::FilterError, fir::kaiser_low_pass};
 
-/// The tap 1.0 in Q2.30.
+/// Value of a tap of 1.0, Q2.30.
 pub const UNITY: i32 = Resampler::<1, 1>::UNITY;
 
-/// -6 dB point of the low-pass, Hz. With [`KAISER_BETA`] it attenuates by at least 54 dB above 78 Hz,
-/// which aliases onto 50 Hz, and by at most 0.1 dB up to 50 Hz. Chosen from the table in
+/// -6 dB point of the low-pass, Hz. With [`KAISER_BETA`], the low-pass attenuates by at most 0.1 dB up
+/// to 50 Hz, and by at least 54 dB from 78 Hz, which aliases onto 50 Hz. Chosen from the table in
 /// docs/decisions/0007-alias-free-decimation.md.
 pub const CUTOFF_HZ: f64 = 62.0;
 /// Shape of the Kaiser window of the low-pass, chosen with [`CUTOFF_HZ`].
 pub const KAISER_BETA: f64 = 5.0;
 
-/// Reciprocal of the low-pass's length in seconds: an eighth of a second, rounded up to
+/// Lengths of the low-pass per second: its impulse response lasts 1/8 s, rounded up to a multiple of
 /// [`TAPS_MULTIPLE`] samples.
 const SPANS_PER_SECOND: u32 = 8;
-/// The taps of a phase are a multiple of this, for the unrolled loop.
+/// The number of taps of each phase is a multiple of this number.
 const TAPS_MULTIPLE: u32 = 4;
 
-/// Largest size of the electrodes' delay line, and of the table of taps: half of the RAM and an eighth
-/// of the flash of the smallest board (STM32F446, datasheet DS10693: 128 and 512 KiB).
+/// Limit of the size of the electrodes' delay line, and of the table of taps, bytes. It is half of the RAM
+/// (128 KiB) and an eighth of the flash (512 KiB) of the smallest board (STM32F446, datasheet DS10693).
 const LARGEST_BYTES: usize = 65_536;
 
 /// A quantised resampler: output rate = input rate * phases / `down`, in lowest terms.
 ///
-/// Has the contents of [`Resampler`], with sizes known only after the artifact is read.
+/// It holds the same data as [`Resampler`], but has sizes that are known only after the artifact is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResamplerTable {
-    /// Input samples for every [`phases`](Self::phases) outputs.
+    /// Number of input samples for every [`phases`](Self::phases) outputs.
     pub down: u16,
     /// Impulse response, Q2.30, `[phase][age]`; age 0 is the newest input sample. Every phase sums to
     /// exactly [`UNITY`], so that a constant passes each phase unchanged.
@@ -88,15 +88,16 @@ impl ResamplerTable {
         self.taps[0].len()
     }
 
-    /// Returns the largest accumulator for 32-bit samples, rounding included, as a part of 2^63.
+    /// Returns the largest magnitude of the accumulator for 32-bit samples, including the addend for
+    /// rounding, as a fraction of 2^63.
     pub fn largest_accumulator(&self) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "a magnitude has 31 bits")]
         let sum = self.largest_magnitude() as f64 * 2.0_f64.powi(31);
         (sum + f64::from(UNITY / 2)) / 2.0_f64.powi(63)
     }
 
-    /// Returns the largest sum of tap magnitudes of a phase, Q2.30. It is below 2^31, so half of the
-    /// 64-bit accumulator remains unused.
+    /// Returns the largest sum of the tap magnitudes of a phase, Q2.30. The sum is below 2^31, so the
+    /// 64-bit accumulator uses at most half of its range.
     pub fn largest_magnitude(&self) -> u64 {
         let magnitude =
             |taps: &Vec<i32>| -> u64 { taps.iter().map(|tap| u64::from(tap.unsigned_abs())).sum() };
@@ -120,11 +121,12 @@ impl ResamplerTable {
             .collect()
     }
 
-    /// Returns the complex gain at `frequency_hz` for samples at `rate_hz`, relative to the time of an
-    /// output: the response of the prototype, which is the mean over the phases.
+    /// Returns the complex gain at `frequency_hz` for samples at `rate_hz`; its delay is relative to the
+    /// time of an output. The gain is that of the prototype: the mean over all phases.
     ///
-    /// A tone above half of the output rate has this gain at its alias frequency. If the rates are not
-    /// multiples, the gain at `k * rate_hz - f` is that of the image of a tone at `f`.
+    /// A tone above half of the output rate has this gain at its alias frequency. If the input rate is
+    /// not a multiple of the output rate, the gain at `k * rate_hz - f` is that of the image of a tone
+    /// at `f`.
     pub fn frequency_response(&self, frequency_hz: f64, rate_hz: f64) -> Complex64 {
         let radians = -2.0 * PI * frequency_hz / (rate_hz * real(self.phases()));
         self.prototype()
@@ -144,7 +146,8 @@ impl ResamplerTable {
     }
 }
 
-/// Designs the alias-free low-pass; returns its phases, each normalised to a gain of 1 and quantised.
+/// Designs the anti-aliasing low-pass in polyphase form. Returns the taps of each phase, normalised to a
+/// gain of 1 at DC and quantised.
 fn low_pass(rate_hz: u32, phases: usize) -> Result<Vec<Vec<i32>>, FilterError> {
     let taps = rate_hz
         .div_ceil(SPANS_PER_SECOND)
@@ -179,8 +182,8 @@ fn low_pass(rate_hz: u32, phases: usize) -> Result<Vec<Vec<i32>>, FilterError> {
         .collect())
 }
 
-/// Quantises the taps of a phase to Q2.30 with the sum [`UNITY`]; the largest tap takes the rounding
-/// error.
+/// Quantises the taps of a phase to Q2.30 with the sum [`UNITY`]; the rounding error of the sum is added
+/// to the largest tap.
 fn quantise<'a>(taps: impl Iterator<Item = &'a f64> + Clone) -> Vec<i32> {
     let scale = f64::from(UNITY) / taps.clone().sum::<f64>();
     #[expect(
@@ -188,7 +191,7 @@ fn quantise<'a>(taps: impl Iterator<Item = &'a f64> + Clone) -> Vec<i32> {
         reason = "a tap is about the cutoff over half the rate at most: below 2"
     )]
     let mut quantised: Vec<i32> = taps.map(|tap| (tap * scale).round() as i32).collect();
-    // The error is small, so the difference is right even if a partial sum wraps.
+    // `UNITY - sum` is small, so it is right even if a partial sum wraps.
     let sum = quantised.iter().copied().fold(0, i32::wrapping_add);
     if let Some(largest) = quantised.iter_mut().max_by_key(|tap| tap.unsigned_abs()) {
         *largest = largest.wrapping_add(UNITY.wrapping_sub(sum));

@@ -1,7 +1,7 @@
 //! Rounding of f64 to integers, with range checks.
 
-/// Quantises weights with one scale, at least `smallest_scale`: `weight = integer * scale`,
-/// |integer| <= 127. Returns integers and scale.
+/// Quantises weights with one scale, which is at least `smallest_scale`: `weight = integer * scale`,
+/// |integer| <= 127. Returns the integers and the scale.
 pub(crate) fn weights_i8(weights: &[f64], smallest_scale: f64) -> (Vec<i8>, f64) {
     let largest = weights.iter().fold(0.0, |m: f64, w| m.max(w.abs()));
     let scale = (largest / 127.0).max(smallest_scale);

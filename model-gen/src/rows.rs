@@ -17,7 +17,7 @@ pub(crate) struct FloatLayer<'f> {
     pub(crate) name: &'static str,
     pub(crate) weights: &'f [f64],
     pub(crate) bias: &'f [f64],
-    /// Levels of the quantised output for one unit of the layer's value, with sign.
+    /// Levels of the quantised output for a layer value of 1; can be negative.
     pub(crate) gain: &'f [f64],
 }
 
@@ -30,7 +30,8 @@ pub(crate) struct IntegerLayer {
 }
 
 impl FloatLayer<'_> {
-    /// Quantises every row with a separate scale, and proves that its accumulator and its factor fit.
+    /// Quantises every row with its own scale, and proves that the accumulator and the factor of the row
+    /// fit 32 bits.
     pub(crate) fn quantise(&self, input: LayerInput) -> Result<IntegerLayer, ModelGenError> {
         let mut integers = IntegerLayer::default();
         let inputs = self.weights.len() / self.bias.len();
@@ -78,8 +79,9 @@ impl FloatLayer<'_> {
     }
 }
 
-/// Returns the smallest permitted weight scale: with it, the requantisation factor has at least 8 bits
-/// and the bias at most 24, so that an output with negligible weights stays representable.
+/// Returns the smallest permitted weight scale. With this scale, the magnitude of the requantisation
+/// factor is at least 2^8 (unless the gain is 0) and that of the bias at most 2^24, so that an output
+/// with negligible weights can still be represented.
 fn finest_scale(bias: f64, gain: f64, input: LayerInput) -> f64 {
     const TWO_TO_24: f64 = 16_777_216.0;
     let output_level = if gain == 0.0 { 0.0 } else { 1.0 / gain.abs() };

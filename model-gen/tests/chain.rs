@@ -28,7 +28,7 @@ fn decibel(chain: &Chain, hz: f64) -> f64 {
 fn aliases_are_as_low_as_documented_in_decision_7() {
     let sections = sections(512, 50.0, 0);
     for (decimation, expected) in [
-        // Gains in dB from scipy 1.17: sosfreqz, iirnotch and firwin of the same specification.
+        // Gains in dB computed with scipy 1.17: sosfreqz, iirnotch and firwin of the same specification.
         (Decimation::Literal, [-7.1, -13.2, -26.4, -53.6]),
         (Decimation::Fir, [-23.6, -68.7, -120.6, -124.9]),
     ] {
@@ -64,8 +64,8 @@ fn at_every_rate_the_low_pass_keeps_the_band_and_stops_its_aliases() {
                 gain(hz)
             );
         }
-        // 78 Hz aliases onto 50 Hz. The low-pass runs at `phases` times the rate, so its response is
-        // periodic in that rate.
+        // The stop band starts at 78 Hz, which aliases onto 50 Hz. The low-pass runs at `phases` times
+        // the rate, so its response repeats above half of that rate.
         let phases = u32::try_from(table.phases()).expect("at most 64 phases");
         let highest_hz = f64::from(rate * phases / 2);
         let stopped = (390..10_000).map(|fifth| f64::from(fifth) / 5.0);
@@ -97,7 +97,8 @@ fn the_low_pass_delays_by_half_its_length() {
         let high_rate = f64::from(rate) * f64::from(length) / real(table.taps_per_phase());
         let half_s = f64::from(length - 1) / 2.0 / high_rate;
         let later = delay_s(&table) - delay_s(&none);
-        // Normalising each phase makes the low-pass slightly asymmetric: measured 0.1 us, at 250 Hz.
+        // Normalising each phase makes the low-pass slightly asymmetric, which changes its delay: by
+        // 0.1 us at 250 Hz, the measured maximum.
         assert!((later - half_s).abs() < 1e-6, "{rate} Hz: {later} {half_s}");
     }
 }
@@ -117,8 +118,8 @@ fn after_the_settling_time_every_output_stays_below_the_threshold() {
             .iter()
             .rfind(|(_, y)| y.abs() >= 1e-4)
             .expect("the step reaches the output");
-        // Outputs are about four samples apart, and which phase settles last depends on the step's
-        // start. So the last output above the threshold can precede the stated time by up to 40
+        // Outputs are about four samples apart, and which phase settles last depends on where the step
+        // starts. So the last output above the threshold can precede the stated time by up to 40
         // samples.
         assert!(
             (settled - 40..settled).contains(&last.0),
@@ -164,8 +165,8 @@ fn the_worst_input_reaches_the_proven_gain_and_no_more() {
     }
 }
 
-/// Returns the chain's outputs computed by definition in f64: the index of the sample with which each is
-/// due, and its value.
+/// Returns the outputs of the chain, computed by definition in f64: the index of the sample at which
+/// each output is due, and the value of the output.
 fn resampled(chain: &Chain, input: &[f64]) -> Vec<(usize, f64)> {
     let filtered: Vec<f64> = response::filter(chain.sections, input.iter().copied()).collect();
     let (down, phases) = (usize::from(chain.resampler.down), chain.resampler.phases());

@@ -1,4 +1,4 @@
-//! Code formats on the built-in model: the gain of an exponent and of 16 bits.
+//! Code formats of the built-in model: the effect of an exponent and of 16 bits on the error.
 
 use std::path::Path;
 
@@ -16,8 +16,8 @@ fn model(format: CodeFormat) -> IntegerModel {
     quantise(&artifact).expect("quantisable in every format")
 }
 
-/// Returns the golden windows: 10 extreme ones, then three of noise for each amplitude, 0.01 to 1.5 of
-/// the input's range.
+/// Returns the golden windows: 10 extreme windows, then three windows of noise for each amplitude from
+/// 0.01 to 1.5 of the input's range.
 fn windows() -> Vec<[Plane; STEPS]> {
     let golden = Golden::read(&folder()).expect("the checked-in golden is readable");
     assert_eq!(golden.windows.len(), 28);
@@ -65,7 +65,7 @@ fn with_an_exponent_small_signals_have_a_finer_code_and_large_ones_are_not_clipp
              {by_exponent:.4}, in 16 bits {by_int16:.4}",
             codes[1].exponent
         );
-        // Rounding of the last bit can favour either format.
+        // The 1 % allows for rounding of the last bit, which can favour either format.
         assert!(by_int16 <= 1.01 * by_exponent, "window {index}");
         if index < 13 {
             assert!(by_exponent < 0.1 * by_int8, "window {index}, small signal");
@@ -109,7 +109,7 @@ fn the_smallest_exponent_that_clips_no_value_is_chosen() {
         (code.exponent, code.values[0])
     };
     assert_eq!(encoded(127), (0, 127));
-    // 255 / 2 rounds up to 128.
+    // 255 / 2 rounds up to 128, which is above 127, so 255 needs the exponent 2.
     assert_eq!((encoded(254), encoded(255)), ((1, 127), (2, 64)));
     assert_eq!((encoded(-257), encoded(-258)), ((1, -128), (2, -64)));
     assert_eq!((encoded(32_639), encoded(32_640)), ((8, 127), (8, 127)));

@@ -1,5 +1,5 @@
-//! The resampler's design compared with scipy's, its phases, and the rates it refuses.
-//! `scipy_firwin.py` in this folder printed the golden numbers.
+//! The design of the resampler compared with scipy's, the phases of the resampler, and the rates that it
+//! refuses. `scipy_firwin.py` in this folder printed the golden numbers.
 
 use artifact::Decimation;
 use model_gen::{
@@ -13,7 +13,8 @@ const GOLDEN: &str = include_str!("scipy_firwin.csv");
 /// Usual sampling rates of amplifiers, Hz.
 const RATES: [u32; 6] = [250, 256, 500, 512, 1_000, 1_024];
 
-/// Iterates over the lines of the golden file: rate, phases, taps of all phases, index, value.
+/// Iterates over the lines of the golden file: rate, number of phases, number of taps of all phases,
+/// index of a tap, value of the tap.
 fn golden() -> impl Iterator<Item = (u32, usize, usize, usize, f64)> {
     GOLDEN
         .lines()
@@ -62,8 +63,8 @@ fn the_quantised_low_pass_has_scipy_s_taps_up_to_the_gain_of_each_phase() {
             (phases, taps)
         );
         let found = table.prototype()[index];
-        // At 250 Hz one phase in 64 has a gain of 1.0002 before it is normalised, and the largest
-        // tap is 0.5 / 64: measured 1.6e-6.
+        // At 250 Hz one of the 64 phases has a gain of 1.0002 before it is normalised. Normalising
+        // changes its largest tap, 0.5 / 64, by 1.6e-6, the measured maximum.
         assert!(
             (found - expected).abs() < 3e-6,
             "tap {index} at {rate} Hz: {found} {expected}"
@@ -90,8 +91,8 @@ fn a_constant_passes_every_phase_of_every_rate_unchanged_and_no_sum_overflows() 
             Err(error) => panic!("{rate} Hz: {error}"),
         }
     }
-    // Odd rates above 1024 Hz need 128 phases of more than 128 taps, which is too much memory; the
-    // same holds for 64, 32 and 16 phases at higher rates.
+    // Odd rates above 1024 Hz need 128 phases of more than 128 taps, which is too much memory. The same
+    // holds above 2048 Hz for rates with 64 phases.
     assert!(refused > 500, "{refused}");
 }
 
@@ -142,7 +143,7 @@ fn the_error_of_an_impossible_rate_states_number_and_remedy() {
     assert!(history.contains("electrodes"), "{history}");
     let table = refused(Decimation::Fir, 1_025);
     assert!(table.contains("128 phases of 132 taps"), "{table}");
-    // This rate is so close to the step rate that the taps of a phase hardly decay: their
+    // 133 Hz is so close to the step rate of 128 Hz that the taps of a phase hardly decay: their
     // magnitudes sum to 2 or more.
     assert!(refused(Decimation::Fir, 133).contains("from 133 Hz add up to"));
     assert!(refused(Decimation::Literal, 0).contains("at least 128"));

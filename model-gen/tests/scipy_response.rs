@@ -74,10 +74,12 @@ fn the_quantised_cascade_has_scipy_s_response_at_every_rate() {
         worst = worst.max(error);
         lines += 1;
     }
-    // At 250 and 256 Hz two harmonics do not fit below half of the rate.
+    // Six rates with 0, 1 and 2 harmonics, less 2 harmonics at 250 and 256 Hz, which exceed half of the
+    // rate; two mains frequencies; 17 frequencies.
     assert_eq!(lines, (6 * 3 - 2) * 2 * 17);
-    // Coefficients carry 32 fractional bits (1.2e-10); the poles of the 0.5 Hz high-pass amplify
-    // that by 1 / (1 - r)^2 close to the band edge. Measured 2.1e-5, at 1000 Hz and 0.5 Hz.
+    // Coefficients have 32 fraction bits, a rounding error of 1.2e-10. The poles of the 0.5 Hz high-pass
+    // amplify this error by 1 / (1 - r)^2 close to the band edge. Measured maximum: 2.1e-5, at 0.5 Hz
+    // and a rate of 1000 Hz.
     assert!(worst < 5e-5, "largest deviation {worst:e}");
 }
 
@@ -132,8 +134,8 @@ fn a_band_that_could_overflow_or_settles_too_slowly_is_refused() {
             .expect_err("no room")
             .to_string()
     };
-    // The node's worst-case gain is its L1 norm, 8.45. The first 40,000 samples show only 7.75 of
-    // it.
+    // The worst-case gain of the node is 8.45, above the limit of 8. Only the whole response shows this:
+    // the L1 norm of its first 40,000 samples is 7.75.
     assert!(refused(0.01, 5).contains("pair of section 4"));
     assert!(refused(0.5, 8).contains("times the input"));
     assert!(refused(5e-4, 1).contains("decays over"));

@@ -1,6 +1,6 @@
 //! The page on which every chart is drawn: title, colours, text styles, legend.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -32,14 +32,13 @@ const MARGIN: i32 = 28;
 
 /// Reason why a picture's file cannot be written.
 #[derive(Debug, thiserror::Error)]
-#[error("the picture {} cannot be written: {why}", path.display())]
+#[error("the picture {path} cannot be written: {why}")]
 pub struct PictureError {
-    path: PathBuf,
+    path: String,
     why: String,
 }
 
-/// Writes an SVG file of `size` pixels (width, height) with title and subtitle; `draw` draws below
-/// them.
+/// Writes an SVG file of `size` pixels (width, height) with title and subtitle; `draw` draws below them.
 pub(crate) fn page(
     path: &Path,
     size: (u32, u32),
@@ -56,13 +55,12 @@ pub(crate) fn page(
         page.present()
     })();
     drawn.map_err(|error| PictureError {
-        path: path.to_owned(),
+        path: path.display().to_string(),
         why: error.to_string(),
     })
 }
 
-/// Prepares a chart with a labelled x axis. The margins and the width of the y labels are in
-/// pixels.
+/// Prepares a chart with a labelled x axis. The margins and the width of the y labels are in pixels.
 pub(crate) fn chart<'a, 'b>(
     area: &'a Area<'b>,
     [top, left, right]: [i32; 3],
@@ -80,8 +78,7 @@ pub(crate) fn text(height: u32, color: RGBColor) -> TextStyle<'static> {
     (FONT, height).into_font().color(&color)
 }
 
-/// Returns a text style with `height` in pixels, anchored at `side` horizontally and at the centre
-/// vertically.
+/// Returns a text style with `height` in pixels, anchored at `side` horizontally and at the centre vertically.
 pub(crate) fn anchored(height: u32, color: RGBColor, side: HPos) -> TextStyle<'static> {
     text(height, color).pos(Pos::new(side, VPos::Center))
 }

@@ -38,9 +38,8 @@ pub struct Curves {
     pub subtitle: String,
     /// Lowest and highest frequency of the x axis, Hz.
     pub x_hz: [f64; 2],
-    /// Lowest and highest value on the y axis. Points outside this range are left out. Only where a
-    /// line leaves the range downwards, its first point below is drawn at the lower end of the
-    /// axis.
+    /// Lowest and highest value on the y axis. Points outside this range are left out. Only where a line leaves
+    /// the range downwards, its first point below is drawn at the lower end of the axis.
     pub y: [f64; 2],
     /// Quantity and unit that label the y axis.
     pub y_label: &'static str,
@@ -61,9 +60,8 @@ impl Curves {
     /// # Errors
     /// The file cannot be written.
     pub fn draw(&self, path: &Path) -> Result<(), PictureError> {
-        canvas::page(path, SIZE, [self.title, &self.subtitle], |area| {
-            self.draw_on(area)
-        })
+        let heading = [self.title, &self.subtitle];
+        canvas::page(path, SIZE, heading, |area| self.draw_on(area))
     }
 
     fn draw_on(&self, area: &Area) -> Drawn {
@@ -85,7 +83,10 @@ impl Curves {
             .x_label_formatter(&|_| String::new())
             .set_tick_mark_size(LabelAreaPosition::Bottom, 0)
             .y_labels(12)
-            .y_label_formatter(&|y| without_noise(*y).to_string().replace('-', "−"))
+            .y_label_formatter(&|y| {
+                // Rounded, because plotters computes ticks as sums, such as 0.1 + 0.2.
+                ((y * 1e6).round() / 1e6).to_string().replace('-', "−")
+            })
             .x_desc("frequency (Hz)")
             .y_desc(self.y_label)
             .label_style(canvas::text(15, INK))
@@ -127,30 +128,20 @@ impl Curves {
         }
         let width = i32::try_from(area.dim_in_pixel().0).unwrap_or(i32::MAX) - 100;
         let count = i32::try_from(self.curves.len()).unwrap_or(i32::MAX);
-        for (place, curve) in (0..).zip(&self.curves) {
+        (0..).zip(&self.curves).try_for_each(|(place, curve)| {
             let at = (90 + width / count * place, 10);
-            canvas::legend(area, at, curve.color, &curve.label)?;
-        }
-        Ok(())
+            canvas::legend(area, at, curve.color, &curve.label)
+        })
     }
 }
 
-/// Keeps the points that are not below `low`. Their neighbours that are below are moved up to
-/// `low`.
+/// Keeps the points that are not below `low`. Their neighbours that are below are moved up to `low`.
 fn down_to(low: f64, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    let above = |place: usize| points.get(place).is_some_and(|(_, y)| *y >= low);
-    let places = (0..points.len()).filter(|place| {
-        above(*place) || above(place + 1) || place.checked_sub(1).is_some_and(above)
-    });
-    places
-        .map(|place| (points[place].0, points[place].1.max(low)))
-        .collect()
-}
-
-/// Rounds the value of a tick to 6 decimals, because plotters computes ticks as sums, such as 0.1 +
-/// 0.2.
-fn without_noise(y: f64) -> f64 {
-    (y * 1e6).round() / 1e6
+    let is_above = |place: usize| points.get(place).is_some_and(|(_, y)| *y >= low);
+    let places =
+        (0..points.len()).filter(|place| (place.saturating_sub(1)..=place + 1).any(is_above));
+    let moved = places.map(|place| (points[place].0, points[place].1.max(low)));
+    moved.collect()
 }
 
 #[cfg(test)]

@@ -24,10 +24,16 @@ pub struct HeatMap {
 }
 
 const SIZE: (u32, u32) = (1200, 860);
-/// Number of colours for deviations of both signs; odd, so that zero has a colour of its own.
-const LEVELS: i16 = 21;
-/// Deviation from a component's mean that gets the strongest colour, SDs.
+/// Strongest level of a deviation from a component's mean; each whole level from -10 to 10 has a colour.
+const STRONGEST: i32 = 10;
+/// Deviation from a component's mean that has the strongest level, SDs.
 const REACH: f64 = 2.5;
+/// Colours of a component far below its mean, at its mean and far above it, with all levels in between.
+const COLORS: [RGBColor; 3] = [
+    RGBColor(0x21, 0x5a, 0xa0),
+    WHITE,
+    RGBColor(0xb8, 0x2e, 0x2e),
+];
 /// Colour of a lost code.
 const ABSENT: RGBColor = RGBColor(0xbd, 0xc4, 0xcc);
 
@@ -37,10 +43,8 @@ impl HeatMap {
     /// # Errors
     /// The file cannot be written.
     pub fn draw(&self, path: &Path) -> Result<(), PictureError> {
-        let title = "The codes: 128 numbers every 62.5 ms";
-        canvas::page(path, SIZE, [title, &self.subtitle], |area| {
-            self.draw_on(area)
-        })
+        let heading = ["The codes: 128 numbers every 62.5 ms", &self.subtitle];
+        canvas::page(path, SIZE, heading, |area| self.draw_on(area))
     }
 
     fn draw_on(&self, area: &Area) -> Drawn {
@@ -64,8 +68,7 @@ impl HeatMap {
             .axis_desc_style(canvas::text(16, INK))
             .draw()?;
         for component in 0..components {
-            // Adjacent codes with the same level share a rectangle, which makes the file a third
-            // smaller.
+            // Adjacent codes with the same level share a rectangle, which makes the file a third smaller.
             let mut code = 0;
             for run in self.levels(component).chunk_by(|a, b| a == b) {
                 let (left, right) = (start_of(code), start_of(code + run.len()));
@@ -91,83 +94,56 @@ impl HeatMap {
 
     /// Returns the level of a component in every code, or `None` for a lost code.
     ///
-    /// A level is the deviation from the component's mean in the component's SDs, because the
-    /// scales of the components differ a hundredfold. Mean and SD are those of the codes after
-    /// settling.
-    fn levels(&self, component: usize) -> Vec<Option<i16>> {
+    /// A level is the rounded deviation from the component's mean; in the component's SDs, because the scales of
+    /// the components differ a hundredfold. Mean and SD are those of the codes after settling.
+    fn levels(&self, component: usize) -> Vec<Option<f64>> {
         let value = |code: &Vec<f32>| code.get(component).copied().map(f64::from);
-        let settled = self.codes.get(self.settling..).unwrap_or_default();
-        let settled = if settled.is_empty() {
-            &self.codes
-        } else {
-            settled
+        let settled = match self.codes.get(self.settling..) {
+            Some(settled) if !settled.is_empty() => settled,
+            _ => &self.codes,
         };
         let seen: Vec<f64> = settled.iter().flatten().filter_map(value).collect();
         let Spread { mean, sd } = Spread::from_values(&seen);
-        let level = |x: f64| level_of(if sd > 0.0 { (x - mean) / sd } else { 0.0 });
-        let codes = self.codes.iter();
-        codes
-            .map(|code| code.as_ref().and_then(value).map(level))
-            .collect()
+        let most = f64::from(STRONGEST);
+        let level = |x: f64| {
+            let deviation = if sd > 0.0 { (x - mean) / sd } else { 0.0 };
+            (deviation / REACH * most).round().clamp(-most, most)
+        };
+        let levels = self
+            .codes
+            .iter()
+            .map(|code| code.as_ref().and_then(value).map(level));
+        levels.collect()
     }
 }
 
+/// Draws the scale of the colours, from far above the mean down to far below it, and the colour of a lost code.
 fn draw_scale(area: &Area) -> Drawn {
-    let (top, bottom, left, right) = (60_i32, 560_i32, 14_i32, 34_i32);
-    let height = f64::from(bottom - top) / f64::from(LEVELS);
-    let row = |level: i16| -> i32 {
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "a row of a page: below 10 000"
-        )]
-        let row = (f64::from(top) + f64::from(level) * height).round() as i32;
-        row
-    };
-    for level in 0..LEVELS {
-        let corners = [(left, row(level)), (right, row(level + 1))];
-        let color = color_of(LEVELS - 1 - level);
+    let (top, bottom, left, right) = (60, 560, 14, 34);
+    let count = 2 * STRONGEST + 1;
+    // Rounded to the nearest pixel.
+    let row = |place| top + ((bottom - top) * place + count / 2) / count;
+    for place in 0..count {
+        let corners = [(left, row(place)), (right, row(place + 1))];
+        let color = color_of(f64::from(STRONGEST - place));
         area.draw(&Rectangle::new(corners, color.filled()))?;
     }
     area.draw(&Rectangle::new([(left, top), (right, bottom)], FAINT))?;
-    let label = canvas::anchored(15, INK, HPos::Left);
+    let lost = [(left, bottom + 30), (right, bottom + 50)];
+    area.draw(&Rectangle::new(lost, ABSENT.filled()))?;
     for (text, y) in [
         (format!("+{REACH} SD"), top),
         ("mean".to_owned(), i32::midpoint(top, bottom)),
         (format!("−{REACH} SD"), bottom),
+        ("lost".to_owned(), bottom + 40),
     ] {
-        area.draw(&Text::new(text, (right + 8, y), label.clone()))?;
+        let style = canvas::anchored(15, INK, HPos::Left);
+        area.draw(&Text::new(text, (right + 8, y), style))?;
     }
-    let lost = [(left, bottom + 30), (right, bottom + 50)];
-    area.draw(&Rectangle::new(lost, ABSENT.filled()))?;
-    area.draw(&Text::new("lost", (right + 8, bottom + 40), label))
+    Ok(())
 }
 
-fn level_of(deviations: f64) -> i16 {
-    let half = f64::from(LEVELS - 1) / 2.0;
-    let level = (deviations / REACH * half).round().clamp(-half, half) + half;
-    #[expect(clippy::cast_possible_truncation, reason = "0..LEVELS after the clamp")]
-    let level = level as i16;
-    level
-}
-
-/// Returns the colour of a level: blue below the component's mean, white at the mean, red above it.
-fn color_of(level: i16) -> RGBColor {
-    let half = f64::from(LEVELS - 1) / 2.0;
-    let x = (f64::from(level) - half) / half;
-    let strongest = if x < 0.0 {
-        [0x21, 0x5a, 0xa0]
-    } else {
-        [0xb8, 0x2e, 0x2e]
-    };
-    let [red, green, blue] = strongest.map(|channel: u8| {
-        let mixed = 255.0 + (f64::from(channel) - 255.0) * x.abs();
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "between the channel and 255"
-        )]
-        let mixed = mixed.round() as u8;
-        mixed
-    });
-    RGBColor(red, green, blue)
+fn color_of(level: f64) -> RGBColor {
+    let most = f64::from(STRONGEST);
+    DerivedColorMap::new(&COLORS).get_color_normalized(level, -most, most)
 }

@@ -34,10 +34,8 @@ impl Intervals {
     /// # Errors
     /// The file cannot be written.
     pub fn draw(&self, path: &Path) -> Result<(), PictureError> {
-        let title = "Time between two codes";
-        canvas::page(path, SIZE, [title, &self.subtitle], |area| {
-            self.draw_on(area)
-        })
+        let heading = ["Time between two codes", &self.subtitle];
+        canvas::page(path, SIZE, heading, |area| self.draw_on(area))
     }
 
     fn draw_on(&self, area: &Area) -> Drawn {

@@ -20,14 +20,11 @@ impl Spread {
         let count = real(values.len());
         let mean = values.iter().sum::<f64>() / count;
         let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
-        Self {
-            mean,
-            sd: variance.sqrt(),
-        }
+        let sd = variance.sqrt();
+        Self { mean, sd }
     }
 
-    /// Returns the density of the normal distribution with this mean and SD at `x`, per unit of the
-    /// values.
+    /// Returns the density of the normal distribution with this mean and SD at `x`, per unit of the values.
     pub(crate) fn density(self, x: f64) -> f64 {
         let deviations = (x - self.mean) / self.sd;
         (-0.5 * deviations * deviations).exp() / (self.sd * (2.0 * PI).sqrt())
@@ -53,13 +50,9 @@ mod tests {
 
     #[test]
     fn the_density_has_area_one() {
-        let spread = Spread {
-            mean: 62.499,
-            sd: 0.227,
-        };
-        let area: f64 = (0..4000)
-            .map(|i| spread.density(60.5 + f64::from(i) * 0.001) * 0.001)
-            .sum();
+        let (mean, sd) = (62.499, 0.227);
+        let density = |place: u16| Spread { mean, sd }.density(60.5 + f64::from(place) * 0.001);
+        let area: f64 = (0..4000).map(|place| density(place) * 0.001).sum();
         assert!((area - 1.0).abs() < 1e-6, "{area}");
     }
 }

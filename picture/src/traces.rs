@@ -41,10 +41,11 @@ impl Traces {
     /// # Errors
     /// The file cannot be written.
     pub fn draw(&self, path: &Path) -> Result<(), PictureError> {
-        let title = "EEG after the filters, and decoded from the codes";
-        canvas::page(path, SIZE, [title, &self.subtitle], |area| {
-            self.draw_on(area)
-        })
+        let heading = [
+            "EEG after the filters, and decoded from the codes",
+            &self.subtitle,
+        ];
+        canvas::page(path, SIZE, heading, |area| self.draw_on(area))
     }
 
     fn draw_on(&self, area: &Area) -> Drawn {
@@ -96,23 +97,20 @@ impl Traces {
 
         // One scale bar beside the lowest trace: every trace has the same vertical scale.
         let bar_uv = scale_bar_uv(spacing);
-        let bar_end = |sign: f64| {
-            let y = -(count - 1.0) * spacing + sign * bar_uv / 2.0;
-            let (x, y) = canvas::inside(area, chart.backend_coord(&(end_s, y)));
+        let lowest = (1.0 - count) * spacing;
+        let [base, top] = [-0.5, 0.5].map(|part| {
+            let end = chart.backend_coord(&(end_s, lowest + part * bar_uv));
+            let (x, y) = canvas::inside(area, end);
             (x + 16, y)
-        };
-        let [base, top] = [-1.0, 1.0].map(bar_end);
-        let bar = PathElement::new(vec![base, top], INK.stroke_width(3));
-        area.draw(&bar)?;
-        area.draw(&Text::new(
-            format!("{bar_uv:.0} µV"),
-            (base.0 + 10, i32::midpoint(base.1, top.1)),
-            canvas::anchored(16, INK, HPos::Left),
-        ))
+        });
+        area.draw(&PathElement::new([base, top], INK.stroke_width(3)))?;
+        let place = (base.0 + 10, i32::midpoint(base.1, top.1));
+        let style = canvas::anchored(16, INK, HPos::Left);
+        area.draw(&Text::new(format!("{bar_uv:.0} µV"), place, style))
     }
 
-    /// Returns the distance between the zero lines of two adjacent traces, uV: twice the 99th
-    /// percentile of the magnitudes before encoding.
+    /// Returns the distance between the zero lines of two adjacent traces, uV: twice the 99th percentile of the
+    /// magnitudes before encoding.
     fn spacing_uv(&self) -> f64 {
         let values = self.rows.iter().flat_map(|trace| &trace.source_uv);
         let mut sizes: Vec<f32> = values.map(|uv| uv.abs()).collect();
@@ -136,9 +134,8 @@ mod tests {
 
     #[test]
     fn the_scale_bar_is_a_round_number_below_the_spacing() {
-        assert!((scale_bar_uv(100.0) - 50.0).abs() < 1e-9);
-        assert!((scale_bar_uv(60.0) - 20.0).abs() < 1e-9);
-        assert!((scale_bar_uv(20.0) - 10.0).abs() < 1e-9);
-        assert!((scale_bar_uv(3.0) - 1.0).abs() < 1e-9);
+        for (spacing, bar) in [(100.0, 50.0), (60.0, 20.0), (20.0, 10.0), (3.0, 1.0)] {
+            assert!((scale_bar_uv(spacing) - bar).abs() < 1e-9, "{spacing}");
+        }
     }
 }

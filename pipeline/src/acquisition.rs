@@ -10,7 +10,7 @@ pub struct Acquisition {
     front_end: FrontEnd<'static, Mains, PHASES, TAPS>,
     settling_samples: u64,
     samples: u64,
-    /// ADC channels that were at the rail since the last step, one bit each.
+    /// ADC channels that were at the rail in a sample since the last step; bit n is channel n.
     saturated: u64,
     clipped_total: u32,
     saturated_total: u32,
@@ -39,8 +39,8 @@ impl Acquisition {
         self.saturated_total = 0;
     }
 
-    /// Processes one sample; returns a step if one is due with it: at 512 Hz with the first sample and
-    /// every fourth one after it.
+    /// Processes one sample. Returns a step if one is due with this sample: at 512 Hz, with the first
+    /// sample and with every fourth sample after it.
     #[inline]
     pub fn process_sample(&mut self, sample: &Sample) -> Option<Step> {
         let rails = sample.channels_at_rail();
@@ -67,7 +67,7 @@ impl Acquisition {
         self.samples
     }
 
-    /// Returns the number of electrode values that the int8 input clipped since the start; wraps.
+    /// Returns the number of electrode values that were clipped to int8 since the start; wraps.
     pub const fn clipped(&self) -> u32 {
         self.clipped_total
     }
@@ -78,8 +78,8 @@ impl Acquisition {
     }
 }
 
-/// Returns the time from an ADC sample to the step that is due with it, microseconds, rounded down.
-/// The phase is that time as a fraction of a sample.
+/// Returns the time from an ADC sample to the step that is due with it, microseconds, rounded down:
+/// `phase / phases` of the time between two samples.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "phase < phases: less than the time between two samples, below 2^16 us"
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_step_between_two_samples_carries_its_offset() {
-        // From 1000 Hz to 128 Hz a sample has 16 phases of 62.5 us.
+        // From 1000 Hz to 128 Hz there are 16 phases of 62.5 us between two samples.
         let offsets = [0, 1, 4, 15].map(|phase| offset_us(phase, 16, 1_000));
         assert_eq!(offsets, [0, 62, 250, 937]);
     }
@@ -174,7 +174,7 @@ mod tests {
     #[test]
     fn after_the_settling_flag_clears_an_input_step_has_decayed() {
         for mains in [Mains::Hz50, Mains::Hz60] {
-            // 100 mV on every channel, from the first sample on.
+            // An input step of 100 mV on every channel, at the first sample.
             let count = 4_473_924;
             let steps = steps(
                 mains,
@@ -188,7 +188,8 @@ mod tests {
             for step in settled {
                 assert!(step.electrodes[0].abs() <= limit, "sample {}", step.sample);
             }
-            // The flag is not set longer than necessary: shortly before it clears, the limit is exceeded.
+            // The flag is not set longer than necessary: the output still exceeds the limit within the
+            // last 64 samples before the flag clears.
             let flagged = steps
                 .iter()
                 .rfind(|step| step.settling && step.electrodes[0].abs() > limit);

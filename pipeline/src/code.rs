@@ -3,7 +3,8 @@
 use int8_nn::saturate_i8;
 use model::{CODE, CodeFormat};
 
-/// The code of one window, with its position in the stream and the events inside its window.
+/// The code of one window, with its position in the stream and the window's status: clipped values,
+/// channels at the rail, settling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Code {
     /// Index of the window since the start; wraps.
@@ -13,20 +14,20 @@ pub struct Code {
     /// Time from the ADC sample that completed the window to the window's last step, microseconds;
     /// see [`Step::offset_us`](crate::Step::offset_us).
     pub offset_us: u16,
-    /// Electrode values of the window that the int8 input clipped (0..=976).
+    /// Number of electrode values of the window that were clipped to int8 (0..=976).
     pub clipped: u16,
-    /// Values of the code that were clipped (0..=128).
+    /// Number of values of the code that were clipped (0..=128).
     pub clipped_values: u8,
-    /// ADC channels that were at the rail in a sample of the window, or in the three samples before a
-    /// step; bit = channel.
+    /// ADC channels that were at the rail in a sample of the window, or between the step before the
+    /// window and its first step; bit n is channel n.
     pub saturated: u64,
-    /// True until the filters have settled after the start: the values are not reliable.
+    /// True if the filters had not settled at the window's first step: the values are not reliable.
     pub settling: bool,
     /// Values in the model's code format.
     pub values: CodeValues,
 }
 
-/// Largest exponent, which keeps 8 of 16 bits.
+/// Largest exponent: divided by 2^8, a 16-bit level has 8 bits.
 const MAX_EXPONENT: u8 = 8;
 
 /// The values of a code in the model's format, [`model::CODE_FORMAT`].
@@ -51,7 +52,7 @@ impl CodeValues {
     /// Size of the longest code of any format, in bytes.
     pub const MAX_BYTES: usize = CodeFormat::Int16.bytes();
 
-    /// Converts 128 levels to a format; returns the values and the number of clipped ones (0..=128).
+    /// Converts 128 levels to a format; returns the values and the number of clipped values (0..=128).
     /// No branch depends on a level.
     #[inline]
     pub(crate) fn from_levels(format: CodeFormat, level: impl Fn(usize) -> i32) -> (Self, u8) {
@@ -84,7 +85,7 @@ impl CodeValues {
         (values, clipped)
     }
 
-    /// Returns the exponent of two shared by all values; 0 in the formats without exponent.
+    /// Returns the exponent, to base 2, that all values share; 0 in the formats without exponent.
     pub const fn exponent(&self) -> u8 {
         match self {
             Self::Int8(_) | Self::Int16(_) => 0,

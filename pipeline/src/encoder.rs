@@ -1,4 +1,4 @@
-//! The streaming encoder: reads one step at a time, and returns a code when a window is complete.
+//! The streaming encoder: reads one step at a time and returns a code for each complete window.
 
 mod convolutions;
 mod edges;
@@ -17,15 +17,15 @@ use window::{OPEN_WINDOWS, OpenWindow, containing_windows, slot_of};
 
 /// The half of the pipeline that runs at the step rate.
 ///
-/// Each plane of each layer is computed once, as soon as its inputs exist. It is added to the windows
-/// (at most two) that contain it, so an overlap of 50 % costs nothing. The codes equal those of a batch
-/// encoder over each window bit for bit, because the hop is a multiple of the pool's steps.
+/// Each plane of the convolutions is computed once, as soon as its inputs exist, and is used for all
+/// windows (at most two) that contain it. The codes equal those of a batch encoder over each window bit
+/// for bit, because the hop is a multiple of the pool's steps.
 ///
-/// Only with padded steps a window has separate planes, at its ends. Otherwise every step takes the
-/// same work, except for the fully connected layer: if a pooled plane belongs to two windows, the
-/// product for the newer one is deferred to the next step.
+/// Without padded steps, all steps take about the same work: where a pooled plane belongs to two
+/// windows, its product for the newer window is deferred to the next step. With padded steps, each
+/// window also has planes of its own at its ends.
 ///
-/// `M` is the memory of the encoder, or a reference to it.
+/// `M` is an [`EncoderMemory`], or a mutable reference to one.
 #[derive(Clone, Debug)]
 pub struct Encoder<'w, M = EncoderMemory> {
     network: &'w Network<'w>,
@@ -39,7 +39,7 @@ pub struct EncoderMemory {
     /// The convolutional layers, if the network has them.
     convolutions: [Convolutions; HAS_CONVOLUTIONS as usize],
     windows: [OpenWindow; OPEN_WINDOWS],
-    /// Steps encoded so far; 2^64 of them last four billion years.
+    /// Number of steps encoded so far; at 128 Hz it wraps after four billion years.
     steps: u64,
 }
 
@@ -91,7 +91,7 @@ impl<M: BorrowMut<EncoderMemory>> Encoder<'_, M> {
         self.memory.borrow_mut().restart();
     }
 
-    /// Encodes the next step; returns a code if it completes a window.
+    /// Encodes the next step; returns a code if the step completes a window.
     pub fn encode_step(&mut self, step: &Step) -> Option<Code> {
         self.memory.borrow_mut().encode_step(step, self.network)
     }
@@ -117,7 +117,8 @@ impl EncoderMemory {
         self.completed_code(index, network)
     }
 
-    /// Adds a step's events and its product with the shortcut to the windows that contain it.
+    /// Adds a step's status (clipped values, channels at the rail) and its product with the shortcut to
+    /// the windows that contain the step.
     fn add_to_windows(&mut self, index: u64, step: &Step, network: &Network<'_>) {
         let electrodes = gather(&step.plane);
         for (slot, offset) in containing_windows(index, network.hop, STEPS) {
@@ -149,7 +150,7 @@ impl EncoderMemory {
     }
 }
 
-/// Returns the electrodes of a plane, in the order of the montage, filled up with zeros.
+/// Returns the electrodes of a plane in pairs, in the order of the montage, filled up with zeros.
 #[inline]
 fn gather(plane: &Plane) -> [Pair; ELECTRODE_PAIRS] {
     // Every index is on the grid; `get` avoids a panic path that the compiler cannot exclude.

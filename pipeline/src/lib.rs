@@ -7,8 +7,9 @@
 //!           scalp grid      int8
 //! ```
 //!
-//! [`Pipeline`] combines both halves; firmware runs them at different priorities. [`SignalQuality`]
-//! reports once a second on each electrode, for human readers; it is not part of the path to the code.
+//! [`Pipeline`] combines [`Acquisition`] and [`Encoder`]; firmware runs them at different priorities.
+//! [`SignalQuality`] reports the state of each electrode once a second, for human readers; it is not
+//! part of the path to the code.
 //!
 //! The crate is pure and synchronous. The path to the code uses integers only, so the same samples
 //! yield the same codes on every machine. It does not allocate, wait, log or branch on the signal, and

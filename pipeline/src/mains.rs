@@ -1,9 +1,9 @@
-//! The mains frequency that the notch removes.
+//! The mains frequency that the notch removes, and the filters for it.
 
 use fixed_dsp::{BLOCK, CascadeState, Compiled, Filter};
 use model::{MAINS_50, MAINS_60, MainsFilter, SECTIONS};
 
-/// Mains frequency, set at start. Implements [`Filter`] with the filters for it.
+/// Mains frequency, set at start. As a [`Filter`], it applies the filters for this frequency.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mains {
     /// 50 Hz: Europe, most of Africa, Asia and Australia.

@@ -9,8 +9,8 @@ use crate::front_end::Electrodes;
 /// `model::INPUT_SCALE_UV` microvolts; a cell without an electrode is 0.
 pub type Plane = [i8; CELLS];
 
-/// Quantises filtered electrodes, `q = round(x * scale)`, half up, saturating, and places them on the
-/// scalp grid. Returns the plane and the number of clipped electrodes (0..=61).
+/// Quantises filtered electrodes and places them on the scalp grid: `q = round(x * scale)`, rounded
+/// half up, saturated to int8. Returns the plane and the number of clipped electrodes (0..=61).
 #[inline]
 pub fn quantise(electrodes: &Electrodes) -> (Plane, u16) {
     let mut plane = [0; CELLS];

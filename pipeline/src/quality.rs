@@ -7,10 +7,12 @@ use model::{ADC_RATE_HZ, ELECTRODES, GUARD_BITS, LSB_NV, STEP_RATE_HZ};
 use crate::{mains::Mains, sample::Sample, step::Step};
 use tone::{Bin, Tone, square_root};
 
-/// Peak-to-peak range of a second, in microvolts, below which an electrode counts as flat.
+/// Limit for a flat electrode, microvolts: an electrode is flat if its samples have a smaller
+/// peak-to-peak range in a second.
 ///
-/// Half of the noise of an ADS1299 with shorted inputs at gain 24 and its lowest rate, 0.98 uV peak to
-/// peak (SBAS499C, table 1; higher at every other rate). A working converter always has more noise.
+/// The limit is half of the noise of an ADS1299 with shorted inputs at gain 24 and its lowest rate:
+/// 0.98 uV peak to peak (SBAS499C, table 1). The noise is higher at every other rate, so the samples of
+/// a working converter have a larger range.
 pub const FLAT_BELOW_UV: f32 = 0.49;
 
 /// Signal quality of all electrodes within one second.
@@ -18,9 +20,11 @@ pub const FLAT_BELOW_UV: f32 = 0.49;
 pub struct Quality {
     /// Index, since the start, of the first sample of the second.
     pub first_sample: u64,
-    /// True if the filters had not settled at some step: the filtered figures include their transient.
+    /// True if the filters had not settled at the first step of the second: the figures of the filtered
+    /// steps then include the filters' transient.
     pub settling: bool,
-    /// Figures by electrode. ADC channels without an electrode are omitted.
+    /// Figures of each electrode, in the order of the montage. ADC channels without an electrode are
+    /// omitted.
     pub electrodes: [ElectrodeQuality; ELECTRODES],
 }
 
@@ -29,7 +33,7 @@ pub struct Quality {
 pub struct ElectrodeQuality {
     /// RMS of the filtered steps, which the encoder reads, microvolts.
     pub rms_uv: f32,
-    /// RMS of the mains frequency at the input, microvolts; high with a bad contact.
+    /// RMS of the mains frequency at the input, microvolts; a bad contact raises it.
     pub mains_uv: f32,
     /// RMS of the mains frequency that remains in the filtered steps, microvolts.
     pub mains_residual_uv: f32,
@@ -41,14 +45,14 @@ pub struct ElectrodeQuality {
 
 /// Measures the signal quality of each electrode and reports it once a second.
 ///
-/// It is not part of the path to the code. The owner of an [`Acquisition`] passes it each sample with the
-/// step that the sample completed, possibly later and at a lower priority. Figures for human readers use
-/// f32; the path to the code uses integers only. Pass each sample exactly once: a missing sample
-/// lengthens its second and lowers the mains figures of that second.
+/// It is not part of the path to the code. The owner of an [`Acquisition`] passes each sample to
+/// [`Self::observe`], with the step that the sample completed, possibly later and at a lower priority.
+/// The figures are for human readers and are computed in f32. Pass each sample exactly once: a missing
+/// sample lengthens its second and lowers the mains figures of that second.
 ///
 /// # Timing
-/// For each electrode and sample, three comparisons and two multiply-adds on eight words of state. A
-/// report takes three square roots for each electrode.
+/// For each electrode, a sample takes three comparisons and two multiply-adds, a step three
+/// multiply-adds, and a report three square roots. The state is eight words for each electrode.
 ///
 /// ```
 /// use pipeline::{Acquisition, Mains, Sample, SignalQuality};
@@ -77,12 +81,12 @@ pub struct SignalQuality {
     /// Weights of the mains frequency at the step rate.
     output_bin: Bin,
     first_sample: u64,
-    /// Number of samples of this second so far.
+    /// Number of samples in this second so far.
     samples: u16,
     settling: bool,
 }
 
-/// Sums of one electrode before the filters in this second; counts.
+/// Sums over the samples of one electrode in this second, before the filters; counts.
 #[derive(Clone, Copy, Debug)]
 struct InputSums {
     smallest: i32,
@@ -91,7 +95,7 @@ struct InputSums {
     mains: Tone,
 }
 
-/// Sums of one electrode after the filters in this second; counts in Q27.5.
+/// Sums over the steps of one electrode in this second, after the filters; counts in Q27.5.
 #[derive(Clone, Copy, Debug)]
 struct OutputSums {
     squares: f32,
@@ -126,7 +130,8 @@ const fn bins(mains: Mains) -> [Bin; 2] {
 }
 
 impl SignalQuality {
-    /// Creates a measurement; `mains` must be the mains frequency of the acquisition.
+    /// Creates a measurement; `mains` must be the mains frequency of the acquisition that yields the
+    /// steps.
     pub const fn new(mains: Mains) -> Self {
         let [input_bin, output_bin] = bins(mains);
         Self {
@@ -149,8 +154,8 @@ impl SignalQuality {
         self.settling = false;
     }
 
-    /// Adds a sample and the step that it completed, if any; returns a report with the last sample of a
-    /// second.
+    /// Adds a sample, and the step that the sample completed, if any. Returns a report if the sample is
+    /// the last of its second.
     pub fn observe(&mut self, sample: &Sample, step: Option<&Step>) -> Option<Quality> {
         self.add_sample(sample);
         if let Some(step) = step {

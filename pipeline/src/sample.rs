@@ -17,16 +17,16 @@ impl Sample {
     /// Returns 1 for a count at the rail, otherwise 0.
     #[inline]
     pub(crate) const fn at_rail(count: i32) -> u32 {
-        // -MAX - 1 is the complement of MAX, so the XOR maps both rails to MAX, the only number whose
-        // successor has bit 23 set.
+        // The XOR complements negative counts. Both rails become MAX, all other counts smaller numbers;
+        // only MAX + 1 has bit 23 set.
         ((count ^ (count >> 31)) + 1).cast_unsigned() >> 23
     }
 
-    /// Returns the channels that are at the rail; bit = channel.
+    /// Returns the channels that are at the rail; bit n is channel n.
     #[inline]
     pub fn channels_at_rail(&self) -> u64 {
         const { assert!(CHANNELS <= 64, "the mask has 64 bits") };
-        // Two halves of 32 bits, because a 64-bit shift takes a Cortex-M six instructions.
+        // Two halves of 32 bits, because a Cortex-M needs several instructions to shift 64 bits.
         let (low, high) = self
             .counts
             .split_at(if CHANNELS < 32 { CHANNELS } else { 32 });

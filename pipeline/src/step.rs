@@ -4,10 +4,11 @@ use model::{CELLS, ELECTRODES};
 
 use crate::{front_end::Electrodes, plane::Plane};
 
-/// One time step at 128 Hz: filtered and quantised electrodes, with events since the step before.
+/// One time step at 128 Hz: filtered and quantised electrodes, with their status: clipped values,
+/// channels at the rail, settling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// Index, since the start, of the last ADC sample that is not later than the step.
+    /// Index, since the start, of the last ADC sample at or before the time of the step.
     pub sample: u64,
     /// Time from the ADC sample `sample` to the step, microseconds; 0 if the ADC's rate is a
     /// multiple of the step rate.
@@ -18,10 +19,10 @@ pub struct Step {
     pub plane: Plane,
     /// Number of electrodes whose int8 value was clipped (0..=61).
     pub clipped: u16,
-    /// ADC channels that were at the rail in a sample since the step before, including this step's
-    /// sample; bit = channel.
+    /// ADC channels that were at the rail in a sample after the previous step's, up to and including
+    /// this step's sample; bit n is channel n.
     pub saturated: u64,
-    /// True until the filters have settled after the start.
+    /// True if the filters have not settled yet after the start.
     pub settling: bool,
 }
 

@@ -18,8 +18,8 @@ impl Pipeline {
         }
     }
 
-    /// Processes one sample; returns a code if the sample completes a window: first with the sample of
-    /// step 15, then once per hop.
+    /// Processes one sample. Returns a code if the sample completes a window: the first with the sample
+    /// of step 15, then one for every hop.
     #[inline]
     pub fn encode_sample(&mut self, sample: &Sample) -> Option<Code> {
         let step = self.acquisition.process_sample(sample)?;

@@ -1,4 +1,4 @@
-//! Properties of the device's filters under their worst-case inputs: no overflow, no limit cycle,
+//! The device's filters with their worst-case inputs: no overflow, no limit cycle above one count,
 //! decaying offsets.
 
 use fixed_dsp::{CascadeState, Filter, Section};
@@ -18,8 +18,9 @@ fn prefix(mains: Mains, last: usize) -> Vec<Section> {
     mains.filter().cascade.sections[..=last].to_vec()
 }
 
-/// Returns the full-scale input with the largest output after `sections`: the sign pattern of the
-/// reversed impulse response. No other input reaches the L1 norm.
+/// Returns the full-scale input that yields the largest output after `sections`: the signs of the
+/// reversed impulse response, times full scale. That output is the L1 norm of the response times full
+/// scale.
 fn worst_telegraph(sections: &[Section]) -> Vec<i32> {
     let impulse = std::iter::once(1.0).chain(std::iter::repeat_n(0.0, 20_000));
     let response: Vec<f64> = model_gen::response::filter(sections, impulse).collect();
@@ -46,7 +47,8 @@ fn float_twin(mains: Mains, counts: &[i32]) -> Vec<f64> {
     model_gen::response::filter(&mains.filter().cascade.sections, input).collect()
 }
 
-/// Returns the largest difference of the fixed-point output from the float one, and the largest output.
+/// Returns the largest difference between the fixed-point and the float output, and the largest
+/// fixed-point output, in units of a filtered sample.
 fn distance(mains: Mains, counts: &[i32]) -> [f64; 2] {
     let mut largest = [0.0_f64; 2];
     for (y, expected) in filtered(mains, counts)
@@ -69,8 +71,8 @@ fn proven_gain(mains: Mains) -> f64 {
         .gain
 }
 
-/// Bound of the shaped rounding noise of six sections, in units of a filtered sample (measured: 15). A
-/// wrap of any node would cause an error of millions.
+/// Limit of the shaped rounding noise of six sections, in units of a filtered sample (largest measured:
+/// 15). A wrap at any node would cause an error of millions.
 const NOISE: f64 = 128.0;
 
 #[test]
@@ -95,8 +97,8 @@ fn the_output_s_worst_input_reaches_the_proven_gain() {
 
 #[test]
 fn telegraphs_from_rail_to_rail_stay_below_the_proven_gain() {
-    // Square waves and random telegraphs between +-187.5 mV, with half periods and mean durations from
-    // 5 s down to one sample.
+    // Square waves and random telegraph signals between +-187.5 mV, with half periods or mean durations
+    // from 5 s down to one sample.
     for mains in BOTH {
         let mut largest_gain = 0.0_f64;
         let mut random = 1_u32;
@@ -130,7 +132,7 @@ fn zeros_after_a_signal_leave_no_limit_cycle_above_one_count() {
         let mut largest = 0;
         for amplitude in [1, 100, 44_739, 894_784, Sample::MAX] {
             for period in [1, 3, 10, 51, 512, 4_096] {
-                // A signal of 4 s, then 60 s of zeros, of which the last 10 s are checked.
+                // A square wave of 4 s, then 60 s of zeros; the last 10 s of the output are checked.
                 let signal = (0..2_048).map(|n| {
                     if (n / period) % 2 == 0 {
                         amplitude

@@ -1,5 +1,5 @@
-//! The streaming encoder against model-gen's batch reference, which has other loops and another layout
-//! of the weights.
+//! The streaming encoder returns the codes of model-gen's batch reference, whose loops and order of the
+//! weights are different.
 
 use std::{path::Path, sync::LazyLock};
 
@@ -30,7 +30,7 @@ static BUILT_IN: LazyLock<IntegerModel> = LazyLock::new(|| {
     model_gen::quantise(&artifact).expect("the checked-in artifact is quantisable")
 });
 
-/// Asserts that every code of a stream equals the reference's code of its window.
+/// Asserts that every code of a stream equals the reference's code of the same window.
 fn assert_equal_on(
     mut encoder: Encoder<'_>,
     hop: usize,
@@ -99,7 +99,7 @@ fn the_golden_windows_have_the_golden_codes() {
     }
 }
 
-/// Pseudo-random numbers for dense weights (a linear congruential generator, Numerical Recipes).
+/// Pseudo-random numbers for dense weights: the linear congruential generator of Numerical Recipes.
 struct Noise(u32);
 
 impl Noise {
@@ -123,8 +123,8 @@ impl Noise {
     }
 }
 
-/// Returns a model in which every weight affects the code: dense random weights, factors of both signs
-/// after the pool, and factors that keep activations and codes mostly within their range.
+/// Returns a model in which every weight affects the code. It has dense random weights and, after the
+/// pool, factors of both signs; other factors keep activations and codes mostly within their range.
 fn dense_model(seed: u32) -> IntegerModel {
     let mut noise = Noise(seed);
     let mut model = BUILT_IN.clone();
@@ -156,7 +156,7 @@ fn dense_model(seed: u32) -> IntegerModel {
     model
 }
 
-/// Weights packed for the kernels.
+/// Weights of all layers, packed for the kernels.
 struct Packed {
     conv1: Vec<Pair>,
     conv2: Vec<Pair>,
@@ -239,7 +239,7 @@ proptest! {
 #[test]
 fn the_state_has_the_size_in_the_manifest() {
     let parts: usize = parts(&BUILT_IN).iter().map(|part| part.ram_bytes).sum();
-    // The rest holds the windows' events, the indices of the rings, and padding for alignment.
+    // The rest holds the status of the windows, the indices of the rings, and padding for alignment.
     let rest = size_of::<Encoder<'_>>() - parts;
     assert!(rest < 256, "{rest} bytes in addition to {parts}");
 }

@@ -35,7 +35,7 @@ pub(crate) fn signal_count(fixed: &[u8; HEADER_BLOCK]) -> Result<usize, Recordin
     Ok(count)
 }
 
-/// Parses a whole header: [`HEADER_BLOCK`] * (1 + number of signals) bytes.
+/// Parses a whole header of [`HEADER_BLOCK`] * (1 + `signals`) bytes.
 ///
 /// # Errors
 /// [`RecordingError::HeaderField`] for a field that does not hold a valid number,

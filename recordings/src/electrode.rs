@@ -1,8 +1,8 @@
-//! Electrodes of the 10-5 system, recognised by the different spellings of their labels in files.
+//! Electrodes of the 10-5 system, and a parser for the spellings of their labels in files.
 
 use std::fmt;
 
-/// A row of the 10-5 system, which runs from the left to the right ear.
+/// A row of electrodes in the 10-5 system, from the left side of the head to the right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Row {
     /// Name of the row in columns z and 1 to 6, near the midline, such as `C`.
@@ -11,8 +11,8 @@ pub(crate) struct Row {
     outer: &'static str,
     /// Distance from the nasion along the midline, in twentieths of the way to the inion, 0..=20.
     pub(crate) twentieths: u8,
-    /// True if a numbered label means the half column even without a trailing `h`. Montages write
-    /// FFC1 for FFC1h, and no common cap has full columns in these rows.
+    /// True if a label with a column number denotes a half column even without a trailing `h`: montages
+    /// write FFC1 for FFC1h. No common cap has full columns in these rows.
     always_half: bool,
 }
 
@@ -71,8 +71,8 @@ pub struct Electrode {
 }
 
 impl Electrode {
-    /// Returns the electrode with this label. Returns `None` for all other labels, such as EOG,
-    /// triggers, bipolar derivations and caps with a different numbering.
+    /// Returns the electrode that `label` denotes; `None` for any other label, such as EOG, a trigger, a
+    /// bipolar derivation or a cap with a different numbering.
     ///
     /// Ignores letter case, dots, blanks and underscores. Strips the prefixes `EEG` and `eeg:` and the
     /// suffix of a common reference (`-REF`, `-LE`, ...). Renames T3 T4 T5 T6 to T7 T8 P7 P8. In the
@@ -122,15 +122,16 @@ impl Electrode {
         electrode.exists().then_some(electrode)
     }
 
-    /// Distance from the midline along the row, in eighths of the way to the circumference: 1 for
-    /// column 1h, 2 for column 1, 8 for column 7. Columns 9h and 9 are below the circumference.
+    /// Returns the distance from the midline along the row, in eighths of the way to the circumference:
+    /// 1 for column 1h, 2 for column 1, 8 for column 7. Columns 9h and 9 (9 and 10 eighths) are below
+    /// the circumference.
     pub(crate) fn eighths(self) -> u8 {
         2 * self.column.div_ceil(2) - u8::from(self.half)
     }
 
-    /// Returns whether the electrode's row has its column. Rows anterior to AFp and posterior to
-    /// POO are circles around Cz with only one column and its half; Fp and O also have columns 9
-    /// and 10.
+    /// Returns whether the 10-5 system has this column in this row. In the rows N, NFp, Fp, O, OI and I,
+    /// columns 1 and 2 with their halves are the only ones beside the midline, except that Fp and O also
+    /// have columns 9 and 10. All other rows have every column.
     fn exists(self) -> bool {
         match self.row.twentieths {
             0 | 1 | 19 | 20 => self.column <= 2,

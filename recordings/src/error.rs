@@ -15,7 +15,7 @@ pub enum RecordingError {
         /// Error from the operating system.
         source: io::Error,
     },
-    /// The operating system could not read from the file.
+    /// Reading failed, or the file ended before all requested bytes were read.
     #[error(
         "cannot read {bytes} bytes at byte {at}; the file may have shrunk or its disk may fail"
     )]
@@ -57,7 +57,7 @@ pub enum RecordingError {
         /// Requirement that the content violates.
         reason: &'static str,
     },
-    /// The digital range of a signal is empty, or one of its ranges is not finite.
+    /// The digital range of a signal is empty, or its digital or physical range is not finite.
     #[error(
         "signal {label} cannot be scaled: digital {digital_min}..{digital_max}, physical \
          {physical_min}..{physical_max}; repair its header"
@@ -65,16 +65,16 @@ pub enum RecordingError {
     Range {
         /// Label of the signal as in the file.
         label: String,
-        /// Digital minimum of the header.
+        /// Digital minimum according to the header.
         digital_min: f64,
-        /// Digital maximum of the header.
+        /// Digital maximum according to the header.
         digital_max: f64,
-        /// Physical minimum of the header, in the signal's unit.
+        /// Physical minimum according to the header, in the unit of the signal.
         physical_min: f64,
-        /// Physical maximum of the header, in the signal's unit.
+        /// Physical maximum according to the header, in the unit of the signal.
         physical_max: f64,
     },
-    /// A GDF sample type that is not supported.
+    /// A signal has a GDF sample type that is not supported.
     #[error(
         "signal {label} has GDF sample type {number}, which is not supported; convert it to an integer or float type"
     )]
@@ -109,19 +109,20 @@ pub enum RecordingError {
     Rate {
         /// Label of the signal as in the file.
         label: String,
-        /// Rate of the signal, Hz; `no` if it has no samples.
+        /// Rate of the signal, Hz, as text; `no` if the signal has no samples.
         rate: String,
         /// Rate of the ADC, Hz.
         rate_hz: u32,
         /// Why the pair of rates cannot be converted.
         reason: &'static str,
     },
-    /// The montage map was created for another recording.
+    /// The montage map names a signal that the recording does not have: the map was created for
+    /// another recording.
     #[error(
         "the montage map names signal {signal} but the recording has {signals}; make the map from this recording's labels"
     )]
     MapMismatch {
-        /// Index of a signal in the map.
+        /// Index of the missing signal, as in the map.
         signal: usize,
         /// Number of signals in the recording.
         signals: usize,

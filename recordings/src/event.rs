@@ -1,22 +1,21 @@
-//! Events of a recording: GDF event tables and EDF+ annotations.
+//! Events of a recording: rows of GDF event tables, and EDF+ annotations.
 
-/// Identification of an event; its form depends on the file format.
+/// What an event denotes; the file format determines the variant.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum EventLabel {
-    /// A GDF event type, such as 0x0300 = 768 for the start of a trial. Bit 15 marks the end of the
-    /// event.
+    /// A GDF event type, such as 0x0300 = 768 for the start of a trial. Bit 15 is set in the type that
+    /// denotes the end of an event.
     Type(u16),
-    /// A sample of a sparsely sampled signal: GDF type 0x7fff in an event table of mode 3. Holds
-    /// the digital value as 32 raw bits, which the [`crate::SampleType`] of [`Event::signal`]
-    /// decodes. The event has no duration, because the value is stored in the table's duration
-    /// column. Tables of mode 1 have no such column; there, type 0x7fff is an ordinary
-    /// [`EventLabel::Type`].
+    /// A sample of a sparsely sampled signal: GDF type 0x7fff in an event table of mode 3. Holds the
+    /// digital value as 32 raw bits, which the [`crate::SampleType`] of [`Event::signal`] decodes. The
+    /// file stores the value in the duration column, so the event has no duration. Tables of mode 1 have
+    /// no duration column; in them type 0x7fff is an ordinary [`EventLabel::Type`].
     SparseSample(u32),
     /// Text of an EDF+ or BDF+ annotation.
     Text(String),
 }
 
-/// One event: a GDF event table row or an EDF+ annotation.
+/// An event: a row of a GDF event table or an EDF+ annotation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Event {
     /// Start of the event, s after the start of the file.

@@ -26,8 +26,8 @@ pub enum Format {
 }
 
 impl Format {
-    /// Recognises a format by the first eight bytes. The reserved field of the header distinguishes
-    /// the `+` variants later.
+    /// Recognises EDF, BDF or a GDF version by the first eight bytes of a file. The `+` variants have
+    /// the same first bytes; the parser distinguishes them by the reserved field of the header.
     ///
     /// # Errors
     /// [`RecordingError::UnknownFormat`] for all other bytes.

@@ -1,7 +1,7 @@
 //! Parses the headers of GDF 1.x and 2.x, which are binary and little-endian.
 //!
-//! Source: A. Schlögl, "GDF - A general dataformat for biosignals", arXiv cs/0608052 and later
-//! versions of the specification. Both layouts use 256 bytes per signal.
+//! Source: A. Schlögl, "GDF - A general dataformat for biosignals", arXiv cs/0608052 and later versions
+//! of the specification. The headers of both versions have 256 bytes per signal.
 
 pub(crate) mod events;
 pub(crate) mod record_count;
@@ -14,8 +14,8 @@ use crate::{
     signal::{Signal, SignalKind, calibration::Calibration, sample_type::SampleType, unit::Unit},
 };
 
-/// Threshold between versions: GDF 2.21 and later store the duration of a record as a float64,
-/// earlier versions as two u32.
+/// Version limit of the record duration: GDF 2.21 and later store it as a float64, earlier versions as
+/// two u32. The limit is between 2.20 and 2.21, so that the rounding of a parsed version has no effect.
 const FLOAT_DURATION: f64 = 2.205;
 
 /// Reads the number of signals, 1..=65535, from the fixed part of a header.

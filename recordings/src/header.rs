@@ -9,7 +9,7 @@ use crate::{
     warning::Warning,
 };
 
-/// Length of a header's fixed part, and of its part for each signal, bytes; the same in EDF, BDF
+/// Length of the fixed part of a header, and of the part for each signal, bytes; the same in EDF, BDF
 /// and GDF.
 pub(crate) const HEADER_BLOCK: usize = 256;
 
@@ -42,8 +42,8 @@ impl Header {
     /// prevent reading.
     ///
     /// # Errors
-    /// [`RecordingError::Range`] for a signal that cannot be scaled,
-    /// [`RecordingError::HeaderField`] if a signal has samples but the record no duration.
+    /// [`RecordingError::Range`] for a signal that cannot be scaled, [`RecordingError::HeaderField`] if
+    /// a signal has samples but a record has no duration.
     pub(crate) fn checked(mut self) -> Result<Self, RecordingError> {
         let mut unknown_units = Vec::new();
         for signal in &mut self.signals {
@@ -106,8 +106,8 @@ fn unit_in_brackets(signal: &Signal) -> String {
     }
 }
 
-/// Iterates over the header fields of the signals. A header stores each field for all signals in a
-/// row.
+/// Reads the header fields of the signals. The header stores field by field: the first field of all
+/// signals, then the second field of all signals, and so on.
 pub(crate) struct SignalFields<'a> {
     bytes: &'a [u8],
     signals: usize,
@@ -115,7 +115,7 @@ pub(crate) struct SignalFields<'a> {
 }
 
 impl<'a> SignalFields<'a> {
-    /// Starts at the first field of the signals. `header` includes the fixed part.
+    /// Starts at the first field of the signals, after the fixed part; `header` includes the fixed part.
     pub(crate) fn new(header: &'a [u8], signals: usize) -> Self {
         Self {
             bytes: header,
@@ -147,8 +147,8 @@ pub(crate) fn text(bytes: &[u8]) -> String {
         .to_owned()
 }
 
-/// Returns the `N` bytes at offset `at`. Callers must check the length; beyond the end of `bytes`,
-/// the result is zeros.
+/// Returns the `N` bytes at offset `at`. Callers must check the length: if `bytes` ends before all `N`
+/// bytes, the result is zeros.
 pub(crate) fn array_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     bytes
         .get(at..)

@@ -1,8 +1,8 @@
 //! EEG recordings (EDF, BDF, GDF) played through a virtual ADC.
 //!
-//! Device code that uses this crate receives the samples that an ADC would deliver, whatever the
-//! rate, unit and channel order of the file. File formats are recognised by content, not by file
-//! name.
+//! Device code that reads from this crate receives the samples that an ADC would deliver, whatever the
+//! rate, unit and channel order of the file. File formats are recognised by content, not by file name.
+//! Below each stage are its types or data, then its modules:
 //!
 //! ```text
 //! file ──> header ──> records ──────> montage ──────────> virtual ADC ──> [i32; 64]

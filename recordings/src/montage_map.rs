@@ -19,22 +19,23 @@ pub enum Missing {
     Refuse,
 }
 
-/// Number of real electrodes from which a missing one is interpolated.
+/// Number of recorded electrodes from which a missing electrode is interpolated; all, if the recording
+/// has fewer.
 pub const NEIGHBOURS: usize = 4;
 
 /// Source of the values of one electrode of the montage.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Origin {
-    /// The signal of the recording with this index.
+    /// Values of the signal with this index.
     Real(usize),
-    /// Weighted sum of signals, as pairs (signal index, weight), nearest electrode first. The
-    /// weights add up to 1.
+    /// Weighted sum of signals, as pairs (signal index, weight), nearest electrode first. The weights
+    /// add up to 1.
     Interpolated(Vec<(usize, f64)>),
     /// No signal; the value is 0.
     Zero,
 }
 
-/// Why a recording does not fit a montage.
+/// Why a montage is invalid, or why a recording does not fit it.
 #[derive(Debug, Error, PartialEq)]
 pub enum MontageMapError {
     /// A label of the montage is not an electrode of the 10-5 system.
@@ -67,8 +68,8 @@ pub enum MontageMapError {
     },
 }
 
-/// Map from the signals of a recording to the electrodes of a montage. Its `Display` output is a
-/// report for the user.
+/// Map from the signals of a recording to the electrodes of a montage. `Display` prints which electrodes
+/// are real, interpolated or zero, and which signals are unused.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MontageMap {
     electrodes: Vec<String>,
@@ -77,9 +78,8 @@ pub struct MontageMap {
 }
 
 impl MontageMap {
-    /// Finds each of `electrodes` (the montage) among `labels` (the recording).
-    /// [`Electrode::parse`] defines which spellings are equal. If two signals have the same
-    /// electrode, the first is used.
+    /// Finds each of `electrodes` (the montage) among `labels` (the recording). [`Electrode::parse`]
+    /// defines which spellings are equal. If two signals have the same electrode, the map uses the first.
     ///
     /// # Errors
     /// [`MontageMapError`] if the montage is invalid or the recording does not fit it.
@@ -199,7 +199,7 @@ impl MontageMap {
 }
 
 /// Returns the indices of the [`NEIGHBOURS`] signals nearest to `electrode`, with their weights.
-/// `located` holds (signal index, electrode).
+/// `located` holds pairs of signal index and electrode.
 fn nearest(electrode: &Electrode, located: &[(usize, Electrode)]) -> Vec<(usize, f64)> {
     let position = Position::from_electrode(electrode);
     let mut mix: Vec<(usize, f64)> = located
@@ -264,7 +264,8 @@ mod tests {
             panic!("C1 is missing")
         };
         let sources: Vec<usize> = mix.iter().map(|(signal, _)| *signal).collect();
-        // C1 is 18 degrees from C3 and Cz, and about 40 from Fz and Pz.
+        // C3 and Cz are both 18 degrees from C1, so they have the largest weights. Fz and Pz are about
+        // 40 degrees away.
         assert_eq!(sources.len(), NEIGHBOURS);
         assert!(
             sources[..2].contains(&0) && sources[..2].contains(&1),

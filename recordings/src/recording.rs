@@ -24,8 +24,9 @@ use crate::{
 
 /// An open recording: its header and the index of the next record to read.
 ///
-/// Memory use: the header (256 bytes per signal) and one block of at least one record. However
-/// damaged a header is, the reader never allocates more than the size of the file.
+/// Memory use: the header (256 bytes per signal) and the raw bytes of one block of at least one record;
+/// [`Recording::events`] also reads the event table of a GDF file as a whole. No read buffer is larger
+/// than the file, however damaged the header is.
 pub struct Recording {
     source: Box<dyn Source>,
     header: Header,
@@ -66,8 +67,8 @@ impl Recording {
     ///
     /// # Errors
     /// [`RecordingError::UnknownFormat`] if no format matches; [`RecordingError::HeaderTruncated`],
-    /// [`RecordingError::HeaderField`], [`RecordingError::Range`] or [`RecordingError::SampleType`]
-    /// for an unusable header; [`RecordingError::NoData`] without a whole record;
+    /// [`RecordingError::HeaderField`], [`RecordingError::Range`] or [`RecordingError::SampleType`] for
+    /// an unusable header; [`RecordingError::NoData`] if the file has no whole record;
     /// [`RecordingError::Read`] if reading fails.
     pub fn from_source(source: impl Source + 'static) -> Result<Self, RecordingError> {
         let mut source: Box<dyn Source> = Box::new(source);
@@ -282,8 +283,8 @@ impl Recording {
     fn gdf_events(&mut self) -> Result<Vec<Event>, RecordingError> {
         let at = self.header.data_start + self.records * self.record_bytes;
         let bytes = self.file_bytes.saturating_sub(at);
-        // A truncated file has lost its event table, which is at the end. Other files can lack a
-        // table too.
+        // The event table is at the end of the file, so a truncated file has lost it. Files without a
+        // table have no bytes after the records.
         if self.truncated || bytes == 0 {
             return Ok(Vec::new());
         }
@@ -310,8 +311,8 @@ impl Recording {
         let (mut count, mut seconds, mut expected) = (0_u64, 0.0, None::<f64>);
         self.for_each_annotated_record(|annotations| {
             if let Some(start) = annotations.record_start_s {
-                // A gap must be longer than 1e-6 s: far more than the rounding of decimal start
-                // times, far less than a sample.
+                // Start times are rounded decimals, so a difference counts as a gap only above 1e-6 s,
+                // which is far less than a sample.
                 if let Some(gap) = expected.map(|end| start - end)
                     && gap.abs() > 1e-6
                 {

@@ -38,7 +38,7 @@ pub struct Signal {
 }
 
 impl Signal {
-    /// Size of this signal's samples in one record, bytes, < 2^35.
+    /// Returns the size of this signal's samples in one record, bytes, < 2^35.
     pub(crate) fn record_bytes(&self) -> u64 {
         // Cannot overflow: at most 2^32 - 1 samples of 8 bytes.
         u64::from(self.samples_per_record) * self.sample_type.bytes() as u64

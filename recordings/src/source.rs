@@ -31,8 +31,8 @@ pub(crate) fn read_at(
         })
 }
 
-/// Converts a number of bytes, already checked against the size of the file, to `usize`. On a 32-bit
-/// machine it saturates, and the allocation fails.
+/// Converts a number of bytes to `usize`. The caller has checked the number against the size of the
+/// file. On a 32-bit machine the conversion saturates, and the allocation then fails.
 pub(crate) fn in_memory(bytes: u64) -> usize {
     usize::try_from(bytes).unwrap_or(usize::MAX)
 }

@@ -17,7 +17,7 @@ pub const CHANNELS: usize = 64;
 /// Smallest and largest output of a 24-bit ADC, counts.
 const RAILS: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 
-/// Largest value passed to the resampler, uV. It is far beyond the ADC's range, and small enough
+/// Largest magnitude passed to the resampler, uV. It is far beyond the ADC's range, and small enough
 /// that no sum in a transform overflows; the resampler would panic on an overflow.
 const LARGEST_UV: f64 = 1e100;
 
@@ -46,8 +46,8 @@ impl AdcSpec {
 pub struct AdcCounters {
     /// Number of outputs limited to the smallest or largest count.
     pub saturated: u64,
-    /// Number of NaN and infinite samples in the recording; each was replaced by the last finite
-    /// sample.
+    /// Number of NaN and infinite samples in the recording; each was replaced by the signal's last
+    /// finite sample, or by 0 before the first one.
     pub not_finite: u64,
 }
 
@@ -55,15 +55,15 @@ pub struct AdcCounters {
 /// counts, i24 in i32; sample k is the recording at the time k / `rate_hz`.
 ///
 /// The iterator yields `floor(duration * rate_hz)` samples, or ends after its first error. A signal at
-/// the rate of the ADC passes unchanged. All others are resampled, band-limited and without delay;
-/// near the ends of the file they are extended by their end values. Voltages become counts by
+/// the rate of the ADC passes unchanged. Signals at other rates are resampled, band-limited and without
+/// delay; beyond the ends of the file, a signal keeps its first or last value. Voltages become counts by
 /// `round(uV / lsb_uv)`, ties away from zero, saturating to i24; saturation is counted. A signal whose
 /// unit is not a voltage is treated as uV, and the recording has a warning about it.
 pub struct VirtualAdc {
     recording: Recording,
     spec: AdcSpec,
     groups: Vec<RateGroup>,
-    /// Weighted signals that add up to each electrode's value.
+    /// Terms of each electrode; the value of an electrode is the sum of its weighted signals.
     mixes: Vec<Vec<MixTerm>>,
     block: Block,
     ended: bool,
@@ -80,7 +80,7 @@ struct MixTerm {
     weight: f64,
 }
 
-/// The signals that share a sampling rate and therefore a converter.
+/// The signals of one sampling rate, which share a converter.
 struct RateGroup {
     signals: Vec<usize>,
     converter: RateConverter,
@@ -92,8 +92,10 @@ impl VirtualAdc {
     /// Creates a virtual ADC that starts at the first record of `recording`.
     ///
     /// # Errors
-    /// [`RecordingError::AdcSpec`], [`RecordingError::TooManyElectrodes`],
-    /// [`RecordingError::MapMismatch`] or [`RecordingError::Rate`].
+    /// [`RecordingError::AdcSpec`] if the rate or scale is out of range,
+    /// [`RecordingError::TooManyElectrodes`] if the montage has more than [`CHANNELS`] electrodes,
+    /// [`RecordingError::MapMismatch`] if `map` belongs to another recording, [`RecordingError::Rate`]
+    /// if a signal cannot be resampled.
     pub fn new(
         mut recording: Recording,
         map: &MontageMap,
@@ -162,7 +164,7 @@ impl VirtualAdc {
         self.spec
     }
 
-    /// The recording being played. Its read position is ahead of the samples delivered.
+    /// Returns the recording being played. Its read position is ahead of the samples delivered.
     pub fn recording(&self) -> &Recording {
         &self.recording
     }
@@ -254,8 +256,8 @@ impl RateGroup {
     }
 }
 
-/// Returns the index of a signal's rate group and the index of the signal in that group. Adds the
-/// group and the signal if they are new.
+/// Returns the index of the rate group of a signal, and the index of the signal within the group. Adds
+/// the group and the signal if they are new.
 fn find_or_add(
     signal: usize,
     recording: &Recording,
@@ -322,7 +324,7 @@ mod tests {
     use super::*;
     use crate::montage_map::Missing;
 
-    /// Builds an EDF file of two signals and `records` records of 1 s. Each signal has `rates` samples
+    /// Builds an EDF file of two signals and `records` records of 1 s. Signal i has `rates[i]` samples
     /// per record, all with the digital value 1.
     fn two_rates(records: usize, rates: [usize; 2]) -> Vec<u8> {
         let mut file = Vec::new();
@@ -353,8 +355,9 @@ mod tests {
 
     #[test]
     fn a_rate_group_that_is_ahead_buffers_only_a_few_blocks() {
-        // 20 minutes. Measured: 32,768 and 47,348 samples in memory. One block of the file alone is
-        // 48 s (24,576 outputs) or 79 s (40,448).
+        // The file lasts 20 minutes. At most 32,768 (512 and 160 Hz) and 47,348 samples (160 and 250 Hz)
+        // were measured in memory; the limit below is 65,536. One block read from the file alone is 48 s
+        // (24,576 outputs) or 79 s (40,448).
         const RECORDS: usize = 1200;
         for rates in [[512, 160], [160, 250]] {
             let bytes = two_rates(RECORDS, rates);

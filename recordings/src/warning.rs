@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// A defect of a file that can still be read. Each warning is reported once.
+/// A defect of a file that can still be read. A recording reports each warning once.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Warning {
     /// The header states -1 records, so the number of records was derived from the size of the
@@ -13,23 +13,23 @@ pub enum Warning {
     },
     /// The file ends before the last record announced in its header.
     Truncated {
-        /// Records announced in the header.
+        /// Number of records announced in the header.
         promised: u64,
-        /// Whole records in the file; these are read.
+        /// Number of whole records in the file, all of which are read.
         whole: u64,
-        /// Bytes of a last, incomplete record; these are ignored.
+        /// Number of bytes of an incomplete last record, which are ignored.
         left_over: u64,
     },
     /// An EDF or BDF file continues after its last announced record.
     Surplus {
-        /// Bytes after the last record; these are ignored.
+        /// Number of bytes after the last record, which are ignored.
         bytes: u64,
     },
     /// The length field of the header contradicts its number of signals.
     HeaderLength {
         /// Content of the length field, as text.
         stated: String,
-        /// Length computed from the number of signals, bytes; this is used.
+        /// Length computed from the number of signals, bytes; the reader uses this length.
         used: u64,
     },
     /// The units of some signals are not voltages. The virtual ADC treats their values as uV.
@@ -37,23 +37,23 @@ pub enum Warning {
         /// Label and unit of each signal, such as `Status (Boolean)`.
         signals: Vec<String>,
     },
-    /// The physical range of a signal is empty. Its digital values are returned unscaled.
+    /// The physical range of a signal is empty. The digital values of the signal are returned unscaled.
     PhysicalRangeEmpty {
         /// Label of the signal as in the file.
         label: String,
     },
     /// An EDF+D or BDF+D file has gaps between records. The records are played without the gaps.
     Gaps {
-        /// Number of gaps.
+        /// Number of places at which a record does not start at the end of the previous record.
         count: u64,
         /// Total duration of all gaps, s.
         seconds: f64,
     },
-    /// The GDF event table is truncated or unreadable. No events are returned.
+    /// The GDF event table is truncated or has an unknown mode. No events are returned.
     EventTable {
         /// Number of events that the table announces.
         announced: u32,
-        /// Bytes after the last record.
+        /// Number of bytes after the last record.
         bytes: u64,
     },
     /// Some annotation bytes are not a valid time-stamped annotation list.

@@ -1,4 +1,4 @@
-//! Random networks of every mode, padding and pool, calibrated in the way of a trained network.
+//! Random networks of every mode, padding and pool, calibrated like a trained network.
 
 use artifact::{
     Artifact, ArtifactError, CELLS, CODE, ELECTRODES, FloatEncoder, Geometry, Mode, NetworkShape,
@@ -8,14 +8,14 @@ use model_gen::{IntegerModel, Plane};
 
 use crate::workspace;
 
-/// A window on the scalp grid, indexed by step, row, column, in units of the input's standard deviation.
+/// A window on the scalp grid, indexed by step, row and column, in units of the input's standard deviation.
 pub type Window = Box<[f32; WINDOW_CELLS]>;
 
-/// Windows that each network is calibrated on.
+/// Number of windows with which each network is calibrated.
 const CALIBRATION: usize = 16;
 
-/// Every tested combination of mode, padding and pool. Mode `paper` occurs once per padding,
-/// because its encoder is that of `paper-code-only`.
+/// Returns every tested combination of mode, padding and pool. Mode `paper` occurs once per padding, because
+/// it has the same encoder as `paper-code-only`.
 pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
     let mut variants = vec![(Mode::Pca, Padding::None, [2, 2, 2])];
     for padding in [Padding::None, Padding::Space, Padding::All] {
@@ -28,7 +28,7 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
             [2, 1, 1],
             [2, 2, 1],
         ] {
-            // A pool of four steps does not fit a window whose steps are padded.
+            // A pool of four steps does not fit a window that is padded in time.
             if !(padding.pads_time() && pool[0] == 4) {
                 variants.push((Mode::PaperCodeOnly, padding, pool));
                 variants.push((Mode::Shortcut, padding, pool));
@@ -38,9 +38,10 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
     variants
 }
 
-/// A network in which every weight matters: dense random tensors, and batch norms with negative, zero and positive
-/// factors and different offsets. The rest of the description is the built-in model's. The network is calibrated on
-/// other windows of the distribution of [`windows`], so that their codes neither all clip nor all vanish.
+/// Returns a network in which every weight matters: dense random tensors, and batch norms with negative, zero
+/// and positive factors and different offsets. The rest of the description is that of the built-in model. The
+/// network is calibrated with windows that [`windows`] draws from another seed, so that most values of later
+/// codes are neither clipped nor zero.
 ///
 /// # Errors
 /// When the built-in model cannot be read, or a model cannot have this shape.
@@ -68,11 +69,11 @@ pub fn any_artifact(
     Artifact::new(artifact.description, artifact.weights, calibration)
 }
 
-/// Random windows of a model's electrodes, smooth over time.
+/// Returns `count` random windows of a model's electrodes, smooth over time.
 pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     let grid = ScalpGrid::new(&artifact.description);
-    // The seed differs from that of the weights: with equal numbers each window would match a
-    // filter exactly.
+    // Use another seed than for the weights: with the same random numbers, each window would match a filter
+    // exactly.
     let mut noise = Noise(seed ^ 0x9e37_79b9);
     let mut window = || {
         let mut last = [0.0_f32; ELECTRODES];
@@ -88,7 +89,7 @@ pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     (0..count).map(|_| window()).collect()
 }
 
-/// Number of windows that each network is calibrated on.
+/// Returns the planes of a window, quantised with the model's input scale and clamped to int8.
 pub fn planes(artifact: &Artifact, model: &IntegerModel, window: &Window) -> [Plane; STEPS] {
     let sd_uv = artifact.description.input.sd_uv;
     let mut planes = [[0; CELLS]; STEPS];
@@ -123,7 +124,7 @@ fn dense_weights(noise: &mut Noise, mode: Mode, geometry: &Geometry) -> Tensors 
             }
         }
         if name.contains("norm") && name.ends_with(".weight") {
-            // The first three values have both signs and zero, for every seed.
+            // For every seed, the first three factors have both signs and zero.
             (values[0], values[1], values[2]) = (-0.7, 0.0, 0.7);
         }
         weights.insert(name, &shape, values);
@@ -146,7 +147,8 @@ fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -
         calibration.insert("activation1.max", &[1], first);
         calibration.insert("activation2.max", &[1], second);
     }
-    // A range over a few windows is about half of the range over many, so it is widened.
+    // Widen the range of each dimension by half its width on either side: a range over a few windows is about
+    // half of the range over many.
     let (low, high): (Vec<f32>, Vec<f32>) = (0..CODE)
         .map(|j| {
             let of =

@@ -1,4 +1,4 @@
-//! The whole chain of one test: board, bridge, roscore, rospy subscriber and rosbag.
+//! The chain of programs that a test runs: board, bridge, roscore, rospy subscriber and rosbag.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -18,10 +18,10 @@ pub const NEURO_FRAME_MD5: &str = "797997e5036eb017437ce855856d3bad";
 /// Device time from one code to the next, in microseconds.
 const HOP_US: u64 = 62_500;
 
-/// Flags that no code of an undisturbed run has: adc_status_bad, overrun, filler (docs/wire-format.md).
+/// Flags that no code of an undisturbed run may have: adc_status_bad, overrun, filler (docs/wire-format.md).
 const BAD_FLAGS: u64 = 1 << 0 | 1 << 5 | 1 << 15;
 
-/// Longest time for a program to end after a signal.
+/// Longest time that a program may take to end after a signal.
 const EXIT_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// A NeuroFrame, as `tests/ros/subscribe.py` prints it.
@@ -34,23 +34,23 @@ pub struct Message {
     /// Type in the publisher's connection header.
     #[serde(rename = "type")]
     pub type_name: String,
-    /// `header.seq`.
+    /// `header.seq`: number of the message, counted from 1.
     pub header_seq: u32,
     /// `header.stamp` in seconds since 1970.
     pub stamp: f64,
-    /// `neuroheader.seq`.
+    /// `neuroheader.seq`: number of the message, counted from 1.
     pub seq: u32,
     /// `sr`, samples per second.
     pub sr: u16,
-    /// Shape of the code, or of the EEG samples.
+    /// Shape of the block with the code, or with the EEG samples.
     pub eeg: Block,
-    /// Shape of the spare channels; empty for codes.
+    /// Shape of the block with the spare channels; empty for codes.
     pub exg: Block,
-    /// Shape of the status words.
+    /// Shape of the block with the status words.
     pub tri: Block,
-    /// Status words by label, of the first sample.
+    /// Status words of the frame's first sample, by label.
     pub status: Status,
-    /// Values of the code in order, or of the EEG samples.
+    /// Values of the code, or of the EEG samples, in the order of the message.
     pub values: Vec<f64>,
 }
 
@@ -65,7 +65,7 @@ pub struct Block {
     pub stride: u16,
     /// 1 for integers, 0 for floating point.
     pub isint: u8,
-    /// Smallest and largest possible value.
+    /// Smallest and largest possible value of the block.
     pub minmax: Vec<f64>,
     /// One label per channel, in the order of the data.
     pub labels: Vec<String>,
@@ -88,21 +88,21 @@ pub struct Status {
 }
 
 impl Status {
-    /// Index of the code's window since the start of the stream.
+    /// Returns the index of the code's window since the start of the stream.
     pub fn window(&self) -> u64 {
         self.seq_lo | self.seq_hi << 16
     }
 
-    /// Device time in microseconds.
+    /// Returns the device time in microseconds.
     pub fn device_us(&self) -> u64 {
         self.t_us_0 | self.t_us_1 << 16 | self.t_us_2 << 32
     }
 }
 
-/// A bridge between a port and a roscore, with a subscriber and a recorder of its topic.
+/// A bridge between a port and a roscore, with a subscriber to its codes and a recorder of them.
 #[derive(Debug)]
 pub struct Chain<'a> {
-    /// The roscore, and the environment of ROS tools.
+    /// The roscore, and the environment of the ROS tools.
     pub ros: Ros<'a>,
     folder: &'a Path,
     bridge: Process,
@@ -171,12 +171,12 @@ impl<'a> Chain<'a> {
         Process::start("board", &mut board, self.folder).expect("host-sim starts")
     }
 
-    /// Starts another subscriber to `/encoded`.
+    /// Starts another subscriber to the codes, topic `/encoded`.
     pub fn another_subscriber(&self) -> Process {
         self.subscriber_of("/encoded")
     }
 
-    /// Starts a subscriber to a topic with NeuroFrames.
+    /// Starts a subscriber to a topic that carries NeuroFrames.
     ///
     /// # Panics
     /// When the subscriber does not start.
@@ -185,7 +185,7 @@ impl<'a> Chain<'a> {
         subscribe(&self.ros, self.folder, &format!("of-{name}"), topic)
     }
 
-    /// Messages that the first subscriber has received so far.
+    /// Returns the messages that the first subscriber has received so far.
     pub fn messages(&self) -> Vec<Message> {
         messages_of(&self.subscriber)
     }
@@ -193,7 +193,7 @@ impl<'a> Chain<'a> {
     /// Waits until the first subscriber has received `messages` messages.
     ///
     /// # Panics
-    /// When it does not within [`TIMEOUT`].
+    /// When they have not arrived within [`TIMEOUT`].
     pub fn wait_for(&mut self, messages: usize) {
         let what = format!("{messages} messages at the subscriber");
         self.subscriber.wait_until(&what, TIMEOUT, |subscriber| {
@@ -201,8 +201,8 @@ impl<'a> Chain<'a> {
         });
     }
 
-    /// Stops recorder and bridge by signals, as a user does, and returns the output of `rosbag info` for the
-    /// recording.
+    /// Stops the recorder and the bridge by signals, as a user does. Returns the output of `rosbag info` for
+    /// the recording.
     ///
     /// # Panics
     /// When a program does not exit cleanly.
@@ -216,7 +216,8 @@ impl<'a> Chain<'a> {
         info
     }
 
-    /// Waits until the master lists the bridge, the subscriber and the recorder, which then connect at once.
+    /// Waits until the master lists the bridge, the subscriber and the recorder, and then 1 s for their
+    /// connections.
     fn wait_until_connected(&mut self) {
         let Self { ros, bridge, .. } = self;
         bridge.wait_until("both subscribers are known to the master", TIMEOUT, |_| {
@@ -228,8 +229,8 @@ impl<'a> Chain<'a> {
     }
 }
 
-/// Checks that the codes start at window 0, that none is missing or repeated, and that each has the device time of
-/// its hop within `tolerance_us`.
+/// Checks that the codes start at window 0, that no code is missing or repeated, and that the device time of
+/// code number n, counted from 0, is n hops after that of the first code, within `tolerance_us`.
 ///
 /// # Panics
 /// When a code is missing, repeated or wrong.
@@ -254,7 +255,8 @@ pub fn assert_continuous(messages: &[Message], tolerance_us: u64) {
     }
 }
 
-/// Codes per second by the device times of the first and the last code; NaN for fewer than two codes.
+/// Returns the number of codes per second, by the device times of the first and the last code; NaN for fewer
+/// than two codes.
 #[expect(clippy::cast_precision_loss, reason = "minutes in microseconds")]
 pub fn rate(messages: &[Message]) -> f64 {
     let time = |message: &Message| message.status.device_us() as f64 * 1e-6;
@@ -264,10 +266,10 @@ pub fn rate(messages: &[Message]) -> f64 {
     (messages.len() - 1) as f64 / (time(last) - time(first))
 }
 
-/// Messages that a subscriber has received so far.
+/// Returns the messages that a subscriber has received so far.
 ///
 /// # Panics
-/// When its output does not have the format of `subscribe.py`.
+/// When the subscriber's output does not have the format of `subscribe.py`.
 pub fn messages_of(subscriber: &Process) -> Vec<Message> {
     let output = subscriber.output();
     let complete = output.rfind('\n').map_or("", |end| &output[..end]);
@@ -282,7 +284,7 @@ fn port(folder: &Path) -> PathBuf {
     folder.join("board-port")
 }
 
-/// Starts a rospy subscriber to a topic, with the class that genpy generates from `neuro-ros/msg`.
+/// Starts a rospy subscriber to a topic, with the Python class that genpy generates from `neuro-ros/msg`.
 fn subscribe(ros: &Ros<'_>, folder: &Path, name: &str, topic: &str) -> Process {
     let script = workspace::root().join("tests/ros/subscribe.py");
     let script = script.canonicalize().expect("the script exists");

@@ -9,32 +9,34 @@ use pipeline::CHANNELS;
 
 use crate::process::Process;
 
-/// Name of the image's package, and of the program in it.
+/// Name of the package that contains the image, and of the image in it.
 const IMAGE: &str = "board-qemu";
 
-/// File in the run's folder from which the image reads its samples: 32-bit counts, little endian.
+/// Name of the file, in the folder of the emulation, from which the image reads its samples: 32-bit
+/// counts, little endian.
 const SAMPLES: &str = "samples.i32";
 
-/// Sampling rate of the emulated converter.
+/// Sampling rate of the emulated converter, Hz.
 const RATE_HZ: u32 = 512;
 
-/// One instruction lasts 2^4 ns of virtual time.
+/// Value of QEMU's `-icount shift`: an instruction lasts 2^4 ns of virtual time.
 const INSTRUCTION_SHIFT: u8 = 4;
 
 /// Builds the image for a Cortex-M4F, with the profile of the boards.
 ///
 /// # Panics
-/// When it does not build.
+/// When the image does not build.
 pub fn image() -> Image {
     let [cortex_m4f, _] = MACHINES;
     Image::build(IMAGE, IMAGE, cortex_m4f.features).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Starts the image on a Cortex-M4F. Its UART is TCP port `port` of 127.0.0.1, its converter reads
-/// `samples`.
+/// Starts the image on a Cortex-M4F. The emulated UART is TCP port `port` of 127.0.0.1, and the
+/// emulated converter reads `samples`.
 ///
-/// Virtual time counts instructions, but each sample arrives when it is due by the wall clock. On a
-/// PC that is too slow, the emulated board waits for the samples and does not notice the delay.
+/// Virtual time counts instructions, but each sample arrives when it is due by the wall clock. If
+/// the PC is too slow for real time, the emulated board waits for the samples, and its virtual time
+/// does not show the delay.
 ///
 /// # Panics
 /// When the folder cannot be written, or QEMU does not start.
@@ -52,7 +54,7 @@ pub fn start(
     Process::start("qemu", &mut qemu.into_command(), folder).expect("QEMU starts")
 }
 
-/// The bytes of each sample, which the iterator yields when the sample is due.
+/// Returns an iterator over the bytes of each sample, which sleeps until the sample is due.
 fn paced(samples: impl Iterator<Item = [i32; CHANNELS]>) -> impl Iterator<Item = Vec<u8>> {
     let mut start = None;
     (1..).zip(samples).map(move |(index, counts)| {

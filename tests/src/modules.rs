@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 use syn::{Attribute, File, Item, ItemMod, ItemUse, Meta, UseTree};
 
-/// The name of a module from the crate's root: `["link", "decoder"]`; empty for the root itself.
+/// Name of a module, from the crate's root: `["link", "decoder"]`. Empty for the root itself.
 type ModulePath = Vec<String>;
 
-/// A source file cannot be part of the picture.
+/// The module tree cannot be read, because of one of its source files.
 #[derive(Debug, thiserror::Error)]
 pub enum ModulesError {
     /// The file cannot be read.
@@ -29,20 +29,20 @@ pub enum ModulesError {
         /// Reason given by the parser.
         error: syn::Error,
     },
-    /// A `mod name;` without a file.
+    /// A declaration `mod name;` has no file.
     #[error("{}: `mod {name};` has no file", path.display())]
     NoFile {
-        /// File with the declaration.
+        /// File that contains the declaration.
         path: PathBuf,
         /// Name of the declared module.
         name: String,
     },
 }
 
-/// All files that one crate root declares, with the edges between them.
+/// All files that one crate root declares, and which of them use which.
 #[derive(Debug, Default)]
 pub struct Modules {
-    /// Files of each module; a module has several files if `#[cfg]` chooses between them.
+    /// Files of each module. A module has several files if `#[cfg]` chooses between them.
     files: BTreeMap<ModulePath, BTreeSet<PathBuf>>,
     uses: BTreeMap<PathBuf, BTreeSet<PathBuf>>,
     test_files: BTreeSet<PathBuf>,
@@ -70,13 +70,13 @@ impl Modules {
         Ok(modules)
     }
 
-    /// Returns every file that belongs to the crate, those of its unit tests included.
+    /// Returns every file that belongs to the crate, including the files of its unit tests.
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.files.values().flatten().chain(&self.test_files)
     }
 
-    /// Returns groups of files that depend on each other in a circle, through `use` and paths;
-    /// paths in unit tests do not count.
+    /// Returns the groups of files that depend on each other in a circle, through `use` and paths.
+    /// Paths in unit tests do not count.
     pub fn circles(&self) -> Vec<BTreeSet<&Path>> {
         let reach: BTreeMap<&Path, BTreeSet<&Path>> = self
             .uses
@@ -146,8 +146,8 @@ impl Modules {
         Ok(())
     }
 
-    /// Returns the files of the deepest module that a path leads through; `None` for another
-    /// crate's path.
+    /// Returns the files of the deepest module on a path, or `None` if the path leads to another
+    /// crate.
     fn resolve(&self, from: &ModulePath, path: &[String]) -> Option<&BTreeSet<PathBuf>> {
         let mut segments = path.iter();
         let mut module = from.clone();
@@ -184,7 +184,7 @@ impl Modules {
     }
 }
 
-/// Returns the file of `mod name;`: in its parent's folder, or at the path in `#[path]`.
+/// Returns the file of `mod name;`: in the folder of its parent module, or at the path in `#[path]`.
 fn module_file(
     item: &ItemMod,
     name: &str,
@@ -225,11 +225,12 @@ fn is_test_only(attributes: &[Attribute]) -> bool {
     })
 }
 
-/// Collects the paths that a file names, except those in its unit tests and in macros' arguments.
+/// Collects the paths that a file names, except those in unit tests and in arguments of macros.
 #[derive(Debug, Default)]
 struct PathsNamed {
     paths: Vec<ModulePath>,
-    /// Number of inline modules around the visited item: `super` leads out of these first.
+    /// Number of inline modules around the visited item. The first `super`s of a path lead out of
+    /// these.
     inline: usize,
 }
 
@@ -289,7 +290,7 @@ impl Visit<'_> for PathsNamed {
         self.inline -= 1;
     }
 
-    // `pub(super)` and `pub(crate)` name no item.
+    // Skip `pub(super)` and `pub(crate)`, because they name no item.
     fn visit_vis_restricted(&mut self, _: &syn::VisRestricted) {}
 
     fn visit_item_use(&mut self, item: &ItemUse) {
@@ -311,7 +312,7 @@ impl Visit<'_> for PathsNamed {
 mod tests {
     use super::*;
 
-    /// Writes a crate of these files, and returns its root.
+    /// Writes these files, which make up a crate, and returns the crate's root.
     fn crate_of(folder: &Path, files: &[(&str, &str)]) -> PathBuf {
         for (name, text) in files {
             let path = folder.join(name);

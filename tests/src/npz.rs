@@ -1,7 +1,7 @@
 //! Reader of numpy's `.npz` files: zip archives with one `.npy` file per array.
 //!
-//! A `.npy` file has a magic number, a version, the length of the header, the header as a Python dictionary, and the
-//! values (`numpy/lib/format.py`).
+//! A `.npy` file consists of a magic number, a version, the length of the header, the header as a Python
+//! dictionary, and the values (`numpy/lib/format.py`).
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -18,11 +18,11 @@ pub struct Npz(ZipArchive<File>);
 pub struct Array {
     /// Length of each axis.
     pub shape: Vec<usize>,
-    /// Values, the last axis varying fastest; float32 is widened.
+    /// Values; the index of the last axis varies fastest. float32 values are widened to f64.
     pub values: Vec<f64>,
 }
 
-/// The file cannot be read, or an array in it has another format.
+/// The file cannot be read, or an array in it has an unsupported format.
 #[derive(Debug, thiserror::Error)]
 pub enum NpzError {
     /// The file cannot be opened or read.
@@ -31,7 +31,7 @@ pub enum NpzError {
     /// The file is not a zip archive, or has no array of that name.
     #[error("no such array in the archive: {0}")]
     Zip(#[from] zip::result::ZipError),
-    /// The named part of the `.npy` file is not supported.
+    /// An array's format is not supported; the text names the part of the `.npy` file concerned.
     #[error("the array's {0} is not one that this reader knows: row-major `<f4` or `<f8`")]
     Format(&'static str),
 }
@@ -48,7 +48,7 @@ impl Npz {
     /// Reads one array of float32 or float64.
     ///
     /// # Errors
-    /// The archive has no array of that name, or the array has another type.
+    /// The archive has no array of that name, or the array has an unsupported format.
     pub fn array(&mut self, name: &str) -> Result<Array, NpzError> {
         let mut bytes = Vec::new();
         self.0
@@ -88,7 +88,8 @@ fn parse(bytes: &[u8]) -> Result<Array, NpzError> {
     Ok(Array { shape, values })
 }
 
-/// Splits the header from the values. The header's length has two bytes in version 1 and four in later versions.
+/// Splits the header from the values. The field with the header's length has two bytes in version 1 and four
+/// in later versions.
 fn split_header(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let rest = bytes.strip_prefix(b"\x93NUMPY")?;
     let (version, rest) = rest.split_at_checked(2)?;
@@ -102,7 +103,7 @@ fn split_header(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     rest.split_at_checked(length)
 }
 
-/// Parses the numbers of an entry such as `'shape': (240, 16, 10, 9)`.
+/// Parses the numbers of the dictionary's entry for the shape, such as `'shape': (240, 16, 10, 9)`.
 fn shape_in(dictionary: &str) -> Option<Vec<usize>> {
     let (_, rest) = dictionary.split_once("'shape': (")?;
     let (numbers, _) = rest.split_once(')')?;

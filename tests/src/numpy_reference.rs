@@ -1,4 +1,5 @@
-//! Runs the numpy implementations of the networks, `tests/tests/*.py`, which share no code with the Rust ones.
+//! Runs the numpy implementations of the networks, `tests/tests/*.py`, which share no code with the Rust
+//! implementations.
 
 use std::fs;
 use std::io;
@@ -12,10 +13,10 @@ use emulator::skip::skip_unless_required;
 
 use crate::workspace;
 
-/// Debian's Python; another one on the PATH can lack numpy.
+/// Debian's Python. Another Python on the PATH can lack numpy.
 const PYTHON: &str = "/usr/bin/python3";
 
-/// A numpy program did not run, or failed.
+/// A numpy program did not start, or failed.
 #[derive(Debug, thiserror::Error)]
 pub enum NumpyError {
     /// Python does not start, or an exchanged file cannot be written or read.
@@ -45,7 +46,7 @@ pub fn available(test: &str) -> bool {
     false
 }
 
-/// The codes that `encoder_numpy.py` computes from the integers of a model.
+/// Returns the codes that `encoder_numpy.py` computes with the integers of a model.
 ///
 /// # Errors
 /// When Python fails, or an exchanged file cannot be written or read.
@@ -77,7 +78,7 @@ pub fn integer_codes<'w>(
         .collect())
 }
 
-/// Runs a program of `tests/tests` with a folder as its argument, and prints its output.
+/// Runs a program of `tests/tests` with `folder` as its argument, and prints the program's output.
 ///
 /// # Errors
 /// When Python does not start or the program fails.
@@ -94,7 +95,7 @@ pub fn run(script: &str, folder: &Path) -> Result<(), NumpyError> {
     })
 }
 
-/// Writes the files of a model that `encoder_numpy.py` reads.
+/// Writes a model as the files that `encoder_numpy.py` reads.
 fn write_model(folder: &Path, model: &IntegerModel) -> io::Result<()> {
     let geometry = &model.geometry;
     let parts = [model.mode.has_convolutions(), model.mode.has_shortcut()];
@@ -122,7 +123,7 @@ fn write_model(folder: &Path, model: &IntegerModel) -> io::Result<()> {
     write(folder, "code.range", [least, greatest, exponent.into()])
 }
 
-/// Writes integers of any width as 64 bits, little endian, to `NAME.i64`.
+/// Writes integers of any width to the file `NAME.i64`, as 64 bits each, little endian.
 fn write(folder: &Path, name: &str, values: impl IntoIterator<Item: Into<i64>>) -> io::Result<()> {
     let values = values.into_iter().map(Into::<i64>::into);
     let bytes: Vec<u8> = values.flat_map(i64::to_le_bytes).collect();

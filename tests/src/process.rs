@@ -1,4 +1,4 @@
-//! Programs that a test starts; none of them outlives the test.
+//! Programs that a test starts, and that are killed when the test ends.
 
 use std::fs::{self, File};
 use std::io;
@@ -9,12 +9,13 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group, test_kill_process_group};
 
-/// Interval between two evaluations of a condition.
+/// Interval between two checks of a condition.
 const POLL: Duration = Duration::from_millis(20);
 
-/// A running program with a separate process group, whose output goes to two files.
+/// A running program with a process group of its own, whose output goes to two files.
 ///
-/// Dropping it kills the group and every descendant: roscore's children have separate sessions.
+/// Dropping the value kills the group and every descendant of the program; descendants can be
+/// outside the group, because roscore's children have separate sessions.
 #[derive(Debug)]
 pub struct Process {
     name: String,
@@ -24,7 +25,8 @@ pub struct Process {
 }
 
 impl Process {
-    /// Starts a command, whose output goes to `NAME.out` and `NAME.err` in `folder`.
+    /// Starts a command. Its standard output goes to `NAME.out` and its standard error to
+    /// `NAME.err` in `folder`.
     ///
     /// # Errors
     /// The program does not start, or the files cannot be created.
@@ -45,12 +47,12 @@ impl Process {
         })
     }
 
-    /// The standard output so far.
+    /// Returns the program's standard output so far.
     pub fn output(&self) -> String {
         fs::read_to_string(&self.output).unwrap_or_default()
     }
 
-    /// The standard error so far.
+    /// Returns the program's standard error so far.
     pub fn errors(&self) -> String {
         fs::read_to_string(&self.errors).unwrap_or_default()
     }
@@ -60,8 +62,9 @@ impl Process {
         matches!(self.child.try_wait(), Ok(None))
     }
 
-    /// Sends a signal to the group, waits for the program, and then for the rest of the group:
-    /// `rosbag record` ends before the recorder that it has started closes its bag.
+    /// Sends a signal to the group, waits for the program, and then for the rest of the group. The
+    /// second wait is for `rosbag record`, which ends before the recorder that it has started
+    /// closes the bag.
     ///
     /// # Panics
     /// When the program still runs after `timeout`: a clean exit is part of what is tested.
@@ -82,21 +85,22 @@ impl Process {
 
     /// Kills the group and every descendant with SIGKILL.
     pub fn kill(&mut self) {
-        // Collect the descendants before the kill: when their parent dies, they get another one.
+        // Collect the descendants before the kill: when a process ends, its children get another
+        // parent.
         let descendants = descendants(self.child.id());
         self.signal(Signal::KILL);
         for pid in descendants.into_iter().filter_map(pid_of) {
-            // Fails for a process that has already ended, which is fine.
+            // Ignore the error for a process that has already ended.
             let _ = kill_process(pid, Signal::KILL);
         }
-        // Reaps the killed child.
+        // Wait for the killed child, so that it does not remain as a zombie.
         let _ = self.child.wait();
     }
 
     /// Waits until the program ends by itself.
     ///
     /// # Panics
-    /// When it still runs after `timeout`.
+    /// When the program still runs after `timeout`.
     pub fn wait(&mut self, timeout: Duration) -> ExitStatus {
         let end = Instant::now() + timeout;
         loop {
@@ -112,7 +116,7 @@ impl Process {
         }
     }
 
-    /// Waits until `condition` holds; `what` names it in messages.
+    /// Waits until `condition` holds; `what` describes the condition in messages.
     ///
     /// # Panics
     /// When the program ends first, or `timeout` passes; the message contains the program's output.
@@ -139,7 +143,7 @@ impl Process {
         }
     }
 
-    /// The last lines of both outputs, for an error message.
+    /// Returns the last lines of the standard output and of the standard error, for a message.
     pub fn log(&self) -> String {
         let (output, errors) = (self.output(), self.errors());
         format!(
@@ -163,7 +167,7 @@ impl Drop for Process {
     }
 }
 
-/// Process ids of all descendants, from `/proc`.
+/// Returns the process ids of all descendants, from `/proc`.
 fn descendants(root: u32) -> Vec<u32> {
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
     let parents: Vec<(u32, u32)> = entries
@@ -184,8 +188,8 @@ fn descendants(root: u32) -> Vec<u32> {
     found.split_off(1)
 }
 
-/// Returns the parent's id, the fourth field of `/proc/PID/stat`. The second field, in parentheses,
-/// can contain any character.
+/// Returns the id of a process's parent, the fourth field of `/proc/PID/stat`. The second field, in
+/// parentheses, can contain any character.
 fn parent(pid: u32) -> Option<u32> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     let (_, rest) = stat.rsplit_once(')')?;
@@ -196,7 +200,8 @@ fn pid_of(id: u32) -> Option<Pid> {
     Pid::from_raw(id.cast_signed())
 }
 
-/// The last 20 lines, up to 400 characters each: a subscriber prints a line per frame.
+/// Returns the last 20 lines, each cut to 400 characters: a subscriber prints one long line per
+/// frame.
 fn tail(text: &str) -> String {
     let lines: Vec<&str> = text.lines().collect();
     let last = lines.len().saturating_sub(20);
@@ -217,7 +222,7 @@ mod tests {
     }
 
     fn runs(pid: i32) -> bool {
-        // A zombie has ended.
+        // A zombie has already ended.
         fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|stat| !stat.contains(") Z "))
     }
 

@@ -1,4 +1,4 @@
-//! The workspace's programs, as a user runs them.
+//! Programs of the workspace that tests start as a user does.
 
 use std::env;
 use std::path::PathBuf;
@@ -9,17 +9,17 @@ use crate::workspace::cargo;
 /// Paths of the programs that tests start.
 #[derive(Debug, Clone)]
 pub struct Programs {
-    /// `host-sim`, the virtual board.
+    /// Path of `host-sim`, which simulates a board.
     pub host_sim: PathBuf,
-    /// `corticode-bridge`, the bridge from a board to ROS.
+    /// Path of `corticode-bridge`, the bridge from a board to ROS.
     pub bridge: PathBuf,
 }
 
-/// Environment variable with the folder of programs that are built already.
+/// Environment variable that names the folder with built programs.
 const FOLDER: &str = "CORTICODE_PROGRAMS";
 
-/// Finds the programs in the folder named by `CORTICODE_PROGRAMS`, or else builds them with the profile of the
-/// tests, once per test program.
+/// Returns the programs in the folder that `CORTICODE_PROGRAMS` names. Without this variable, builds them
+/// with the profile of the tests, once per test program.
 ///
 /// # Panics
 /// When a program does not build.
@@ -32,8 +32,8 @@ pub fn programs() -> &'static Programs {
                 bridge: folder.join("corticode-bridge"),
             };
         }
-        // Build all default members, as `cargo test` does: another choice of packages can have other features, and
-        // everything would be compiled a second time.
+        // Build all default members, as `cargo test` does. With another choice of packages, dependencies can
+        // have other features, and everything would be compiled a second time.
         let mut arguments = vec!["build", "--bins", "--message-format=json"];
         if !cfg!(debug_assertions) {
             arguments.push("--release");
@@ -46,7 +46,7 @@ pub fn programs() -> &'static Programs {
     })
 }
 
-/// Path of a program in cargo's JSON messages of a build.
+/// Returns the path of a program, from the JSON messages of cargo's build.
 pub(crate) fn executable(messages: &str, name: &str) -> PathBuf {
     let mut built = messages.lines().filter_map(|line| {
         let message: serde_json::Value = serde_json::from_str(line).ok()?;

@@ -1,4 +1,4 @@
-//! Real EEG, in the folder outside the project that `CORTICODE_DATA` names.
+//! Real EEG, from the folder that `CORTICODE_DATA` names; the files are not part of the project.
 
 use std::path::PathBuf;
 
@@ -8,13 +8,13 @@ use recordings::{AdcSpec, Missing, MontageMap, Recording, RecordingError, Virtua
 
 /// GDF file: 61 electrodes at 512 Hz, int16, 30 s.
 pub const GDF_I16: &str = "derived/s001r04_61ch_512hz_i16.gdf";
-/// GDF file: the signals of [`GDF_I16`] as float32, unrounded.
+/// GDF file: the signals of [`GDF_I16`] as float32, not rounded.
 pub const GDF_F32: &str = "derived/s001r04_61ch_512hz_f32.gdf";
-/// numpy archive: windows of [`GDF_F32`] after scipy's filters, with scipy's coefficients.
+/// numpy archive: windows of [`GDF_F32`] after filtering by scipy, with scipy's coefficients.
 pub const SCIPY_WINDOWS: &str = "derived/ref_windows_128hz.npz";
-/// EDF file: 64 electrodes at 160 Hz, 125 s; held out of the training.
+/// EDF file: 64 electrodes at 160 Hz, 125 s; not used for training.
 pub const EDF_R11: &str = "eegmmidb_S001/S001R11.edf";
-/// EDF file: another recording of the format and length of [`EDF_R11`], held out of the training, too.
+/// EDF file: another recording with the format and the length of [`EDF_R11`]; not used for training either.
 pub const EDF_R12: &str = "eegmmidb_S001/S001R12.edf";
 
 /// A recording cannot be converted to samples.
@@ -28,8 +28,8 @@ pub enum SamplesError {
     Montage(#[from] recordings::MontageMapError),
 }
 
-/// Returns the path of a file under `CORTICODE_DATA`; reports `test` as skipped if the variable is
-/// not set.
+/// Returns the path of a file under `CORTICODE_DATA`. Without this variable, reports `test` as skipped and
+/// returns `None`.
 ///
 /// # Panics
 /// When the variable is set and the file does not exist: a wrong path must not look like a skip.
@@ -51,7 +51,8 @@ pub fn path(test: &str, file: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// Samples of a recording as the virtual ADC delivers them, at 512 Hz, with the channels in the order of `electrodes`.
+/// Returns the samples of a recording as the virtual ADC delivers them, at 512 Hz, with the channels in the
+/// order of `electrodes`.
 ///
 /// # Errors
 /// The file cannot be read, or lacks electrodes that cannot be interpolated.

@@ -1,4 +1,4 @@
-//! Debian's ROS 1: its master and its tools, each as a separate process.
+//! Debian's ROS 1: the master and the tools, each as a separate process.
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -11,11 +11,10 @@ use emulator::skip::skip_unless_required;
 use crate::process::Process;
 use crate::ros_messages;
 
-/// Search path with Debian's programs only: another Python can lack rospy.
+/// Search path with only Debian's programs: another Python can lack rospy.
 const PATH: &str = "/usr/bin:/bin:/usr/sbin:/sbin";
 
-/// Longest time for an action that normally takes 2 s, such as a start; the rest is for a busy
-/// machine.
+/// Longest time for an action such as a start, which normally takes 2 s; on a busy machine it takes longer.
 pub const TIMEOUT: Duration = Duration::from_mins(1);
 
 /// Returns whether ROS is installed; reports `test` as skipped if it is not.
@@ -52,7 +51,7 @@ pub struct Ros<'a> {
 }
 
 impl<'a> Ros<'a> {
-    /// Starts roscore, whose logs go to `folder`.
+    /// Generates the Python message classes in `folder` and starts roscore, whose logs also go there.
     ///
     /// # Errors
     /// There is no free port, or roscore does not start.
@@ -68,7 +67,7 @@ impl<'a> Ros<'a> {
         })
     }
 
-    /// The master's address, for `ROS_MASTER_URI`.
+    /// Returns the master's address, for `ROS_MASTER_URI`.
     pub fn master_uri(&self) -> String {
         master_uri(self.port)
     }
@@ -89,12 +88,12 @@ impl<'a> Ros<'a> {
         Ok(())
     }
 
-    /// A command in the environment of this ROS; the program is one of Debian's.
+    /// Returns a command for one of Debian's programs, with the environment that connects it to this master.
     pub fn command(&self, program: &str) -> Command {
         command(program, self.port, self.folder)
     }
 
-    /// Runs a tool to its end and returns its standard output.
+    /// Runs a tool, waits until it ends, and returns its standard output.
     ///
     /// # Panics
     /// When the tool does not start or fails.
@@ -120,15 +119,15 @@ fn start_core(port: u16, folder: &Path, number: u32) -> io::Result<Process> {
     let mut core = Process::start(&format!("roscore{number}"), &mut roscore, folder)?;
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
     core.wait_until("roscore has started its log node", TIMEOUT, |core| {
-        // roscore starts its log node, rosout, last; the port opens earlier.
+        // Wait for the log node, rosout, which roscore starts last; the port is open earlier.
         core.output().contains("started core service") && TcpStream::connect(address).is_ok()
     });
     Ok(core)
 }
 
 fn command(program: &str, port: u16, folder: &Path) -> Command {
-    // A shell starts background jobs with SIGINT ignored. Children inherit that, and `rosbag record` would not close
-    // its bag.
+    // Restore the default action of SIGINT. A shell starts background jobs with SIGINT ignored, which their
+    // children inherit; `rosbag record` would then not close its bag.
     let mut command = Command::new("env");
     command
         .args(["--default-signal=INT", program])
@@ -148,7 +147,7 @@ fn master_uri(port: u16) -> String {
     format!("http://127.0.0.1:{port}/")
 }
 
-/// A TCP port of 127.0.0.1 that is free now.
+/// Returns a TCP port of 127.0.0.1 that is currently free.
 ///
 /// # Errors
 /// The system has no free port.

@@ -1,4 +1,4 @@
-//! Python classes of the NeuroFrame messages, generated as in a ROS workspace.
+//! Python classes of ROS-Neuro's messages, generated as in a ROS workspace.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,11 +6,11 @@ use std::process::Command;
 
 use crate::workspace;
 
-/// Folder of the generators of Debian's genpy.
+/// Folder with the code generators of Debian's genpy.
 const GENERATORS: &str = "/usr/lib/genpy";
 
-/// Generates the package `rosneuro_msgs` from the definitions in `neuro-ros/`, and returns the folder for
-/// `PYTHONPATH`. rostopic and rosservice find a type only in its package.
+/// Generates the Python package `rosneuro_msgs` from the definitions in `neuro-ros/`, and returns the
+/// folder for `PYTHONPATH`. rostopic and rosservice find a type only in the package that defines it.
 ///
 /// # Panics
 /// When genpy is missing or refuses a definition.
@@ -45,7 +45,7 @@ pub fn generate(folder: &Path) -> PathBuf {
     python_path
 }
 
-/// Command line of one generator.
+/// Command line of one of genpy's generators.
 struct Generator(Command);
 
 fn generator(kind: &str, output: &Path) -> Generator {

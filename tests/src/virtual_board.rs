@@ -1,4 +1,4 @@
-//! The images for the NUCLEO boards, on virtual boards with a TCP port.
+//! Virtual boards that run the images for the NUCLEO boards and have a TCP port.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -10,7 +10,8 @@ use crate::process::Process;
 use crate::programs::executable;
 use crate::workspace::root;
 
-/// The toolchain that builds the virtual boards: the channel in their rust-toolchain.toml.
+/// Returns the toolchain that builds the virtual boards: the channel in `rust-toolchain.toml` of
+/// their workspace.
 fn toolchain() -> &'static str {
     let file = include_str!("../virtual-board/rust-toolchain.toml");
     let channel = file.split("channel = \"").nth(1).expect("a channel");
@@ -35,10 +36,10 @@ pub fn available(test: &str) -> bool {
     false
 }
 
-/// A virtual board with its default image.
+/// A built virtual board with its default image.
 #[derive(Debug, Clone)]
 pub struct Board {
-    /// `h743` or `f446`.
+    /// Name of the board: `h743` or `f446`.
     name: &'static str,
     program: PathBuf,
     image: Image,
@@ -53,7 +54,7 @@ impl Board {
         let package = format!("board-{name}");
         let image = Image::build(&package, &package, &[]);
         let image = image.unwrap_or_else(|error| panic!("{error}"));
-        // The folder in which `cargo xtask board` builds the virtual boards.
+        // Build in the folder that `cargo xtask board` uses for the virtual boards.
         let target = image.create_folder("virtual-board");
         let output = Command::new("rustup")
             .args(["run", toolchain(), "cargo", "build", "--release"])
@@ -72,7 +73,8 @@ impl Board {
         }
     }
 
-    /// Starts the board with a TCP port on 127.0.0.1, in real time or as fast as this machine can.
+    /// Starts the board with a TCP port on 127.0.0.1. It runs in real time, or slower if this
+    /// machine is not fast enough.
     ///
     /// # Panics
     /// When the board does not start.

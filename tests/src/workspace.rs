@@ -1,4 +1,4 @@
-//! The workspace as cargo sees it: its folder, its members and their dependencies.
+//! The workspace as cargo reports it: its folder, its members and their dependencies.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -9,18 +9,18 @@ use serde_json::Value;
 /// Names of crates of this workspace.
 pub type Names = BTreeSet<String>;
 
-/// Crates of this workspace that one member depends on, by kind of dependency.
+/// Crates of this workspace on which one member depends, by kind of dependency.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Arrows {
     /// Dependencies of the crate itself.
     pub normal: Names,
     /// Dependencies of the crate's `build.rs`.
     pub build: Names,
-    /// Dependencies of the crate's tests only.
+    /// Dependencies that only the crate's tests use.
     pub tests: Names,
 }
 
-/// Cargo failed, or its output has another format than expected.
+/// Cargo failed, or its output does not have the expected format.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkspaceError {
     /// Cargo is not on the PATH, or the system refuses to start it.
@@ -42,12 +42,12 @@ pub enum WorkspaceError {
     Field(&'static str),
 }
 
-/// Folder of the workspace's root manifest.
+/// Returns the folder of the workspace's root manifest.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// Runs cargo of this toolchain in the root folder and returns its standard output.
+/// Runs the cargo of this toolchain in the root folder and returns the standard output.
 ///
 /// # Errors
 /// Cargo is missing or fails.
@@ -66,10 +66,10 @@ pub fn cargo(arguments: &[&str]) -> Result<String, WorkspaceError> {
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-/// Folder of every member, by crate name.
+/// Returns the folder of every member, by crate name.
 ///
 /// # Errors
-/// Cargo is missing, fails, or prints another format.
+/// Cargo is missing, fails, or its output has another format.
 pub fn folders() -> Result<BTreeMap<String, PathBuf>, WorkspaceError> {
     let mut folders = BTreeMap::new();
     for package in packages()? {
@@ -82,17 +82,17 @@ pub fn folders() -> Result<BTreeMap<String, PathBuf>, WorkspaceError> {
     Ok(folders)
 }
 
-/// Dependencies of every member on other members, by crate name.
+/// Returns the dependencies of every member on other members, by crate name.
 ///
 /// # Errors
-/// Cargo is missing, fails, or prints another format.
+/// Cargo is missing, fails, or its output has another format.
 pub fn arrows() -> Result<BTreeMap<String, Arrows>, WorkspaceError> {
     let mut all = BTreeMap::new();
     for package in packages()? {
         let mut arrows = Arrows::default();
         let dependencies = package["dependencies"].as_array();
         for dependency in dependencies.ok_or(WorkspaceError::Field("dependencies"))? {
-            // Only dependencies by path are crates of this workspace.
+            // A dependency with a path is a crate of this workspace; skip the others.
             if dependency["path"].is_null() {
                 continue;
             }
@@ -108,7 +108,7 @@ pub fn arrows() -> Result<BTreeMap<String, Arrows>, WorkspaceError> {
     Ok(all)
 }
 
-/// One member of a workspace, with the roots that cargo compiles.
+/// One member of a workspace, with the root files that cargo compiles.
 #[derive(Debug, Clone)]
 pub struct Package {
     /// Name of the package in its manifest.
@@ -129,7 +129,8 @@ pub struct Target {
 }
 
 impl Package {
-    /// Every `.rs` file below the package's folder; a folder with a manifest of its own is another package.
+    /// Returns every `.rs` file below the package's folder. Skips `target`, and folders with a manifest of
+    /// their own, which are other packages.
     ///
     /// # Errors
     /// A folder cannot be read.
@@ -152,10 +153,11 @@ impl Package {
     }
 }
 
-/// The members of the workspace with this manifest, given below the root folder.
+/// Returns the members of the workspace whose manifest is at the path `manifest`, relative to the root
+/// folder.
 ///
 /// # Errors
-/// Cargo is missing, fails, or answers in another format.
+/// Cargo is missing, fails, or its output has another format.
 pub fn members(manifest: &str) -> Result<Vec<Package>, WorkspaceError> {
     let member = |package: &Value| {
         let manifest = Path::new(text(package, "manifest_path")?);

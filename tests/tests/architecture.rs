@@ -1,4 +1,5 @@
-//! The crates depend on each other as ARCHITECTURE.md states, and its rules about files hold.
+//! Checks that the crates depend on each other as ARCHITECTURE.md states, and that the rules about files
+//! hold.
 #![forbid(unsafe_code)]
 
 use std::collections::BTreeMap;
@@ -83,7 +84,7 @@ fn only_the_files_that_architecture_md_lists_contain_unsafe_code() {
     );
 }
 
-/// Returns the path of a file below the root if the file permits unsafe code.
+/// Returns the file's path relative to the root folder if the file permits unsafe code, and `None` otherwise.
 fn unsafe_place(file: &Path) -> Option<String> {
     let text = fs::read_to_string(file).expect("a source file");
     let expects = ["expect(", "allow("].iter().any(|attribute| {
@@ -168,7 +169,7 @@ fn written_arrows() -> BTreeMap<String, Arrows> {
     table
 }
 
-/// Returns the names in backticks in a cell of the table.
+/// Returns the names that a cell of the table contains in backticks.
 fn names_in(cell: &str) -> Names {
     cell.split('`')
         .skip(1)
@@ -177,7 +178,8 @@ fn names_in(cell: &str) -> Names {
         .collect()
 }
 
-/// Returns the folder of every member, and of the virtual boards, which are a separate workspace.
+/// Returns the folder of every member by name, and that of the virtual boards, which are a separate
+/// workspace.
 fn folders() -> BTreeMap<String, PathBuf> {
     let mut folders = workspace::folders().expect("cargo metadata");
     let root = workspace::root().canonicalize().expect("the root");
@@ -185,7 +187,8 @@ fn folders() -> BTreeMap<String, PathBuf> {
     folders
 }
 
-/// Adds every `.rs` file of a member, without build outputs. A folder with its own manifest is another member.
+/// Adds every `.rs` file below a member's folder. Skips `target`, and folders with a manifest of their own,
+/// which are other members.
 fn collect_sources(folder: &Path, files: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder)
         .expect("a folder")

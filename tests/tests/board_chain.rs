@@ -1,4 +1,5 @@
-//! The images for the NUCLEO boards, on virtual boards, stream to a rospy subscriber of a real roscore.
+//! The images for the NUCLEO boards run on virtual boards and stream to a rospy subscriber of a real
+//! roscore.
 #![forbid(unsafe_code)]
 
 use std::time::{Duration, Instant};
@@ -6,10 +7,10 @@ use std::time::{Duration, Instant};
 use acceptance::chain::{Chain, NEURO_FRAME_MD5, assert_continuous, rate};
 use acceptance::{ros, virtual_board};
 
-/// Number of codes to receive: 16 s of the board's time.
+/// Number of codes to receive: 256 codes are 16 s of device time.
 const CODES: usize = 256;
-/// Longest time on the wall clock to receive all codes: a busy machine runs a board slower than
-/// real time.
+/// Longest wall-clock time in which all codes must arrive: on a busy machine a board runs slower than
+/// in real time.
 const TIMEOUT: Duration = Duration::from_mins(4);
 
 #[test]
@@ -44,7 +45,8 @@ fn streams_to_rospy(name: &'static str, test: &str) {
         messages.len(),
         board.log()
     );
-    // Device times are whole microseconds of the board's own quartz.
+    // The tolerance is 1 us, because device times are rounded to whole microseconds of the board's own
+    // clock.
     assert_continuous(&messages, 1);
     println!(
         "{test}: {} codes in {:.1} s of wall time, none lost, {:.3} Hz by device time",

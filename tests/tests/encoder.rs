@@ -1,4 +1,5 @@
-//! The streaming encoder computes the codes of the batch reference, on every window of held-out EEG.
+//! The streaming encoder computes the codes of the batch reference, on every window of EEG that was
+//! not used for training.
 #![forbid(unsafe_code)]
 
 use acceptance::{real_data, workspace};
@@ -18,7 +19,7 @@ fn streaming_equals_batch_on_every_window_of_r12() {
     compare(real_data::EDF_R12);
 }
 
-/// Compares the codes of the pipeline with those from model-gen's plain loops over the same
+/// Compares the codes of the pipeline with those that model-gen's plain loops compute from the same
 /// quantised planes.
 fn compare(file: &str) {
     let test = format!("streaming equals batch on {file}");
@@ -48,7 +49,8 @@ fn compare(file: &str) {
     let different = different(&batch, &planes, &codes);
     println!("{file}: {} windows, {different} different", codes.len());
     assert_eq!(different, 0);
-    // The input is 125 s of EEG; its codes are neither constant nor all clipped.
+    // 125 s of EEG are about 2,000 windows. Most codes must differ from the code before: they are
+    // neither constant nor all clipped.
     assert!(codes.len() > 1900);
     assert!(
         codes

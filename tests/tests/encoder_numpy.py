@@ -12,7 +12,7 @@ import numpy as np
 
 FOLDER = Path(sys.argv[1])
 STEPS, ROWS, COLUMNS = 16, 10, 9
-# Windows that are computed at once: what lies side by side for the second convolution takes up to 40 MB.
+# Number of windows computed at once. The patches of the second convolution then take up to 40 MB.
 BATCH = 8
 
 

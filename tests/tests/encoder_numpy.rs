@@ -1,8 +1,8 @@
 //! The streaming encoder computes the codes that numpy computes from the integer model, byte for
-//! byte. So does the integer reference for networks of every shape.
+//! byte. So does the integer reference, for networks of every mode, padding and pool.
 //!
-//! The numpy implementation, `encoder_numpy.py`, shares no code with the Rust ones. It reads the
-//! integers that model-gen computes from the weights, in PyTorch's order.
+//! The numpy implementation, `encoder_numpy.py`, shares no code with the Rust implementations. It
+//! reads the integers that model-gen computes from the weights, in PyTorch's order.
 #![forbid(unsafe_code)]
 
 use acceptance::{any_artifact, numpy_reference, real_data, workspace};
@@ -12,10 +12,10 @@ use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::{HOP, STEPS};
 use pipeline::{Acquisition, Encoder, Mains, Plane, Sample, Step};
 
-/// Number of windows over all inputs, unless `CORTICODE_WINDOWS` asks for more.
+/// Number of windows over all inputs, unless `CORTICODE_WINDOWS` sets another number.
 const WINDOWS: usize = 1_000;
 
-/// Formats of codes; network number n has format n modulo 3.
+/// Formats of codes; the network with seed n has the format at index n modulo 3.
 const FORMATS: [CodeFormat; 3] = [
     CodeFormat::Int8,
     CodeFormat::Int8Exponent,
@@ -41,7 +41,8 @@ fn numpy_computes_the_codes_of_the_streaming_encoder() {
     let different = pairs.filter(|(ours, theirs)| ours != theirs).count();
     println!("{} windows, {different} different", codes.len());
     assert_eq!((theirs.len(), different), (codes.len(), 0));
-    // Codes repeat only if the input is silent.
+    // Consecutive codes are equal only if the input is silent, and fewer than half of the inputs
+    // are.
     let changes = codes.windows(2).filter(|pair| pair[0] != pair[1]).count();
     assert!(changes > codes.len() / 2, "{changes} of {}", codes.len());
 }
@@ -60,7 +61,7 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
         let quiet = windows
             .iter()
             .map(|window| any_artifact::planes(&artifact, &model, window));
-        // Inputs at the rails drive activations and codes to their rails.
+        // A window at the rails drives activations and codes to their rails.
         let rails = std::array::from_fn(|step| [if step % 5 < 3 { 127 } else { -128 }; 90]);
         let windows: Vec<[Plane; STEPS]> = quiet.chain([rails]).collect();
         let theirs = numpy_reference::integer_codes(&model, windows.iter().map(|w| &w[..]));
@@ -86,7 +87,7 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
     }
 }
 
-/// Returns planes of extreme inputs, of synthetic EEG, and of real EEG if it is available.
+/// Returns the planes of each input: extreme ones, synthetic EEG, and real EEG if it is available.
 fn inputs(test: &str) -> Vec<Vec<Plane>> {
     let requested = std::env::var("CORTICODE_WINDOWS").ok();
     let windows = requested.map_or(WINDOWS, |text| text.parse().expect("a number of windows"));

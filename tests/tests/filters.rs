@@ -5,14 +5,15 @@ use acceptance::npz::{Array, Npz};
 use acceptance::real_data;
 use pipeline::{FrontEnd, Mains};
 
-/// Largest error of rounding to counts: half a count, in uV.
+/// Largest error from rounding a sample to counts, which is half a count, in uV.
 const HALF_COUNT_UV: f64 = 0.5 * model::LSB_NV as f64 / 1000.0;
 
-/// Quantisation levels of a filtered sample per count.
+/// Number of levels of a filtered sample per count.
 const LEVELS_PER_COUNT: f64 = (1_u32 << model::GUARD_BITS) as f64;
 
-/// The reference is scipy's `sosfilt` from rest with `iirnotch(50, 30, 512)`, followed by `butter(5, [0.5, 60],
-/// 'bandpass', fs=512, output='sos')`; every fourth sample, float32. Its archive contains the coefficients, too.
+/// The reference is the output of scipy's `sosfilt`, from zero states, with `iirnotch(50, 30, 512)` followed
+/// by `butter(5, [0.5, 60], 'bandpass', fs=512, output='sos')`: every fourth sample, float32. The archive
+/// contains scipy's coefficients, too.
 #[test]
 fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
     let test = "filters against scipy";
@@ -53,20 +54,22 @@ fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
         }
     }
     let rms = (squares / (240.0 * 16.0 * 61.0)).sqrt();
-    // Rounding to counts, at worst with the signs of the impulse response, and float32 of the reference.
+    // Rounding of the input to counts, at worst half a count with the sign of the impulse response in every
+    // sample, plus rounding of the reference to float32.
     let rounding = worst_gain * HALF_COUNT_UV + largest * f64::from(f32::EPSILON);
-    // The filters' own rounding: one count. The total error was measured as 0.0177 uV.
+    // Add one count for the filters' own rounding. The largest total error measured is 0.0177 uV.
     let bound = rounding + LEVELS_PER_COUNT * uv_per_level;
     println!(
         "filters against scipy: max error {worst:.4} uV (bound {bound:.4}), rms {rms:.4} uV, of \
          at most {largest:.1} uV; worst-case gain {worst_gain:.3}"
     );
     assert!(worst <= bound);
-    // The signal is not zero: two zero signals would be equal, too.
+    // The signal must not be zero, because two zero signals would also be equal.
     assert!(largest > 50.0);
 }
 
-/// Returns scipy's filter sections, the notch first; each has b0, b1, b2, a0 = 1, a1, a2.
+/// Returns scipy's filter sections, first the notch, then those of the band-pass. Each has b0, b1, b2, a0,
+/// a1, a2; a0 is 1.
 fn sections(reference: &mut Npz) -> Vec<[f64; 6]> {
     let band_pass: Array = reference.array("sos").expect("sos");
     let notch = reference.array("notch").expect("notch");
@@ -78,11 +81,11 @@ fn sections(reference: &mut Npz) -> Vec<[f64; 6]> {
     values.as_chunks().0.to_vec()
 }
 
-/// Returns the sum of the magnitudes of the impulse response, which is the gain for the worst
+/// Returns the sum of the magnitudes of the sections' impulse response, which is the gain for the worst
 /// input.
 fn l1_norm(sections: &[[f64; 6]]) -> f64 {
     let mut states = vec![[0.0; 2]; sections.len()];
-    // 20 s are enough: the response of the slowest pole, at 0.5 Hz, has decayed by e^-40.
+    // 20 s are enough: the slowest poles decay at 0.96 / s, so the response has decayed by about e^-19.
     let impulse = std::iter::once(1.0).chain(std::iter::repeat_n(0.0, 20 * 512));
     impulse
         .map(|input| {

@@ -1,4 +1,5 @@
-//! The float encoder and decoder compute what numpy computes from the same artifact, for every variant.
+//! The float encoder and decoder compute what numpy computes from the same artifact, for networks of
+//! every mode, padding and pool.
 #![forbid(unsafe_code)]
 
 use std::fs;
@@ -10,9 +11,8 @@ use artifact::{ArtifactError, CODE, FloatDecoder, FloatEncoder, Mode, WINDOW_ELE
 /// Number of windows per variant.
 const WINDOWS: usize = 2;
 
-/// Largest permitted ratio of a difference to the largest magnitude. The Rust code adds up to
-/// 10,368 products in f32, whose relative rounding error is 6e-8. The largest ratio measured is
-/// 1.5e-6.
+/// Largest permitted difference, as a ratio to the largest magnitude. The Rust code adds up to 10,368
+/// products in f32, whose relative rounding error is 6e-8. The largest ratio measured is 1.5e-6.
 const TOLERANCE: f64 = 1e-5;
 
 #[test]
@@ -56,7 +56,7 @@ fn numpy_computes_the_float_codes_and_windows_of_every_variant() {
     println!("largest difference {worst:.1e} of the largest magnitude");
 }
 
-/// Checks that `ours` and `theirs` are equal within [`TOLERANCE`]; returns the ratio of the largest
+/// Checks that `ours` and `theirs` are equal within [`TOLERANCE`]. Returns the ratio of the largest
 /// difference to the largest magnitude.
 fn difference(ours: &[f32], theirs: &[f64], what: &str) -> f64 {
     assert_eq!(ours.len(), theirs.len(), "{what}");

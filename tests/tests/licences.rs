@@ -1,4 +1,4 @@
-//! Every linked package has a licence on the list in deny.toml.
+//! Every linked package has a licence that deny.toml allows.
 #![forbid(unsafe_code)]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,13 +8,14 @@ use acceptance::workspace::{self, WorkspaceError};
 use emulator::skip::skipped;
 use spdx::{Expression, LicenseReq, ParseMode};
 
-/// Old manifests contain `/` for `OR`; every other deviation from SPDX is an error.
+/// Accepts `/` for `OR`, which old manifests contain. Every other deviation from SPDX is an error.
 const MODE: ParseMode = ParseMode {
     allow_slash_as_or_operator: true,
     ..ParseMode::STRICT
 };
 
-/// Workspaces with a deny.toml: the main one, and that of the virtual boards, which only tests run.
+/// Folders of the workspaces with a deny.toml: the main one, and that of the virtual boards, which only tests
+/// run.
 const WORKSPACES: [&str; 2] = [".", "tests/virtual-board"];
 
 #[test]
@@ -66,7 +67,7 @@ fn a_copyleft_licence_and_a_missing_one_are_refused() {
     assert!(!accepts(&allowed, ""));
 }
 
-/// The list `allow` of the table `[licenses]`.
+/// Returns the list `allow` of the table `[licenses]` in the workspace's deny.toml.
 fn allowed(workspace: &str) -> BTreeSet<String> {
     let file = workspace::root().join(workspace).join("deny.toml");
     let text = fs::read_to_string(file).expect("deny.toml");
@@ -77,12 +78,14 @@ fn allowed(workspace: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// Licence expression of every package that a target, build script or test of the workspace links, by package.
+/// Returns, by package, the licence expression of every package that a target, build script or test of the
+/// workspace links.
 ///
-/// From `cargo tree`: `cargo metadata` also lists packages that no enabled feature reaches.
+/// The list is that of `cargo tree`, because `cargo metadata` also lists packages that no enabled feature
+/// reaches.
 fn dependencies(workspace: &str) -> BTreeMap<String, String> {
     let all = tree(workspace, &["--target=all"]).or_else(|error| {
-        // Packages of other systems are missing on this machine until cargo fetches them.
+        // Packages for other operating systems are missing on this machine until cargo fetches them.
         skipped("licences of other systems' packages", error);
         tree(workspace, &["--offline"])
     });
@@ -100,7 +103,7 @@ fn dependencies(workspace: &str) -> BTreeMap<String, String> {
     packages
 }
 
-/// Lines `PACKAGE|LICENCE` of `cargo tree`; `choice` selects the targets.
+/// Returns the output of `cargo tree`, with lines `PACKAGE|LICENCE`; `choice` selects the targets.
 fn tree(workspace: &str, choice: &[&str]) -> Result<String, WorkspaceError> {
     let manifest = format!("--manifest-path={workspace}/Cargo.toml");
     let arguments = [

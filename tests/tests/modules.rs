@@ -1,4 +1,4 @@
-//! Files of a crate depend on each other in one direction, and each of them is compiled.
+//! The files of a crate depend on each other in one direction only, and every file is compiled.
 #![forbid(unsafe_code)]
 
 use std::collections::BTreeSet;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use acceptance::modules::Modules;
 use acceptance::workspace::{self, Package};
 
-/// Every member of the workspace, and the virtual boards, which are a separate workspace.
+/// Returns every member of the workspace, and the virtual boards, which are a separate workspace.
 fn packages() -> Vec<Package> {
     let mut packages = workspace::members("Cargo.toml").expect("cargo metadata");
     packages.extend(workspace::members("tests/virtual-board/Cargo.toml").expect("cargo metadata"));

@@ -1,4 +1,5 @@
-//! The application on an emulated microcontroller streams to a rospy subscriber of a real roscore.
+//! The application runs on an emulated microcontroller and streams to a rospy subscriber of a real
+//! roscore.
 #![forbid(unsafe_code)]
 
 use std::time::{Duration, Instant};
@@ -8,7 +9,8 @@ use acceptance::{emulated_board, ros};
 use emulator::installed;
 use host_sim::synthetic::{Generator, SyntheticSpec};
 
-/// Duration of the codes in seconds, unless `CORTICODE_QEMU_SECONDS` asks for more.
+/// Duration of the EEG whose codes must arrive, in seconds, unless `CORTICODE_QEMU_SECONDS` sets
+/// another one.
 const SECONDS: u32 = 12;
 /// Number of codes per second.
 const RATE: u32 = 16;

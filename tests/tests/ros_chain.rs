@@ -1,4 +1,5 @@
-//! Every code of an EEG reaches a rospy subscriber of a real roscore, in order, with the right values.
+//! Every code of synthetic and of recorded EEG reaches a rospy subscriber of a real roscore, in order and
+//! with the right values.
 #![forbid(unsafe_code)]
 
 use std::time::{Duration, Instant};
@@ -9,9 +10,9 @@ use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
 use pipeline::{Mains, Pipeline, Sample};
 
-/// Duration of the EEG per run in seconds.
+/// Duration of the EEG in each test, in seconds.
 const SECONDS: u32 = 20;
-/// Longest delay until a run ends on a busy machine.
+/// Longest wait for a program on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
@@ -57,14 +58,15 @@ fn recording_passes(test: &str, file: &str) {
     passes(test, &[&input, "--mains=60"], Mains::Hz60, samples);
 }
 
-/// Runs the chain on `input` and compares the messages at rospy with the pipeline in this process.
+/// Runs the chain on `input`, and compares the messages that rospy receives with the codes of the
+/// pipeline in this process.
 fn passes(test: &str, input: &[&str], mains: Mains, samples: impl Iterator<Item = Sample>) {
     let folder = tempfile::tempdir().expect("a folder");
     let mut chain = Chain::start(folder.path());
     let duration = SECONDS.to_string();
     let mut board = chain.board(&[input, &["--duration", &duration]].concat());
 
-    // While the chain runs, try what a user types first.
+    // While the chain runs, call the commands that a user is likely to type first.
     chain.wait_for(16);
     let echo = chain.ros.tool("rostopic", &["echo", "-n1", "/encoded"]);
     assert!(
@@ -99,7 +101,7 @@ fn passes(test: &str, input: &[&str], mains: Mains, samples: impl Iterator<Item 
             .zip(values)
             .map(|(x, y)| (x - y).abs())
             .fold(0.0, f64::max);
-        // The subscriber prints six decimals of a float32.
+        // The tolerance covers the subscriber's lines, which have six decimals of a float32.
         assert!(
             largest < 2e-5 * values.iter().fold(1.0, |m: f64, x| m.max(x.abs())),
             "{largest}"
@@ -116,7 +118,7 @@ fn passes(test: &str, input: &[&str], mains: Mains, samples: impl Iterator<Item 
     );
 }
 
-/// Returns the dequantised codes that the pipeline computes for the first seconds of the samples.
+/// Returns the dequantised codes that the pipeline computes for the first [`SECONDS`] of the samples.
 fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Vec<f64>> {
     let mut pipeline = Pipeline::new(mains);
     let count = usize::from(model::ADC_RATE_HZ) * usize::try_from(SECONDS).expect("small");
@@ -133,7 +135,7 @@ fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Ve
     codes.map(|code| dequantise(code.values.levels())).collect()
 }
 
-/// Checks the contract of ROS-Neuro's acquisition, and that no code is lost.
+/// Checks that the messages keep the contract of ROS-Neuro's acquisition, and that no code is lost.
 fn assert_contract(messages: &[Message]) {
     let labels: Vec<String> = (0..128).map(|index| format!("z{index:03}")).collect();
     for (index, message) in messages.iter().enumerate() {
@@ -169,7 +171,7 @@ fn assert_contract(messages: &[Message]) {
                 .all(|value| (low..=high).contains(value))
         );
     }
-    // Codes arrive at 16.00 Hz: their device times are exactly 32 samples of 512 Hz apart.
+    // The device times of consecutive codes are exactly a hop apart: 32 samples at 512 Hz.
     for pair in messages.windows(2) {
         assert_eq!(
             pair[1].status.device_us() - pair[0].status.device_us(),
@@ -179,7 +181,7 @@ fn assert_contract(messages: &[Message]) {
     }
 }
 
-/// Prints the arrival times, which depend on the load of the machine and are not checked.
+/// Prints the intervals between arrivals, which depend on the load of the machine and are not checked.
 fn report(test: &str, messages: &[Message]) {
     let intervals: Vec<f64> = messages
         .windows(2)
@@ -205,7 +207,8 @@ fn a_restart_of_roscore_loses_no_code() {
     chain.wait_for(48);
     chain.ros.restart_core().expect("a new roscore");
     let start = Instant::now();
-    // A new subscriber knows only the new master: it receives codes once the bridge has registered again.
+    // A new subscriber knows only the new master, so it receives codes only after the bridge has
+    // registered there.
     let mut another = chain.another_subscriber();
     another.wait_until(
         "the bridge is registered at the new master",

@@ -1,4 +1,4 @@
-//! Every raw sample and every filtered step reaches rospy, in order, with the right values.
+//! Every raw sample and every filtered step reaches rospy, in order and with the right values.
 #![forbid(unsafe_code)]
 
 use std::time::Duration;
@@ -13,11 +13,11 @@ use pipeline::{Acquisition, Mains, Sample};
 
 /// Duration of the EEG in seconds.
 const SECONDS: usize = 8;
-/// Number of samples per frame of `/neurodata`: those of one hop.
+/// Number of samples per frame of `/neurodata`, which are the samples of one hop.
 const SAMPLES: usize = HOP * ADC_RATE_HZ as usize / STEP_RATE_HZ as usize;
-/// Scale of a filtered step: 2^5, for 5 fraction bits.
+/// Levels per count of a filtered step: 2^5, because it has 5 fraction bits.
 const FRACTION: f64 = 32.0;
-/// Longest delay until a run ends on a busy machine.
+/// Longest wait for a program on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
@@ -81,7 +81,7 @@ fn samples_and_steps_reach_rospy_together_with_the_codes() {
     assert!(bag.contains(NEURO_FRAME_MD5), "{bag}");
 }
 
-/// Waits for all messages of a topic.
+/// Waits until a subscriber has received `count` messages, and returns them.
 fn all(subscriber: &mut Process, count: usize) -> Vec<Message> {
     let what = format!("{count} frames of samples");
     subscriber.wait_until(&what, SLACK, |subscriber| {
@@ -92,8 +92,8 @@ fn all(subscriber: &mut Process, count: usize) -> Vec<Message> {
     messages
 }
 
-/// Checks ROS-Neuro's contract: values sample by sample, one label per channel, in order, no
-/// filler.
+/// Checks ROS-Neuro's contract: the shape of each frame, one label per channel, numbers and times
+/// without a gap, and no filler.
 fn assert_frames(messages: &[Message], nsamples: usize, rate_hz: u16) {
     let labels: Vec<String> = model::LABELS.split(' ').map(str::to_owned).collect();
     for (index, message) in (0..).zip(messages) {
@@ -116,14 +116,15 @@ fn assert_frames(messages: &[Message], nsamples: usize, rate_hz: u16) {
     }
     for pair in messages.windows(2) {
         let period_us = pair[1].status.device_us() - pair[0].status.device_us();
-        // Samples are not a whole number of microseconds apart.
+        // The device times are rounded to microseconds, and the sampling period is not a whole
+        // number of microseconds.
         assert!(period_us.abs_diff(62_500) <= 1, "{period_us} us");
         assert!(pair[1].stamp > pair[0].stamp);
     }
 }
 
-/// Checks that the values are the expected ones, within float32 and the six decimals of the
-/// subscriber's lines.
+/// Checks that the values are the expected ones, within the rounding to float32 and to the six
+/// decimals of the subscriber's lines.
 fn assert_values(messages: &[Message], expected: &[f64]) {
     let values = messages.iter().flat_map(|message| &message.values);
     let mut count = 0;

@@ -1,4 +1,4 @@
-//! The locked packages are those that deny.toml lets in: its sections `sources`, `bans` and `advisories.yanked`.
+//! The locked packages obey deny.toml: its sections `sources`, `bans` and `advisories.yanked`.
 #![forbid(unsafe_code)]
 
 use std::collections::BTreeMap;
@@ -10,10 +10,11 @@ use acceptance::workspace;
 use emulator::skip::skip_unless_required;
 use toml::Table;
 
-/// Workspaces with a deny.toml: the main one, and that of the virtual boards, which only tests run.
+/// Folders of the workspaces with a deny.toml: the main one, and that of the virtual boards, which only tests
+/// run.
 const WORKSPACES: [&str; 2] = [".", "tests/virtual-board"];
 
-/// Source of crates.io in a lock file.
+/// Value of a package's `source` in a lock file if the package comes from crates.io.
 const CRATES_IO: &str = "registry+https://github.com/rust-lang/crates.io-index";
 
 /// A package in a lock file.
@@ -74,7 +75,7 @@ fn no_package_of_ours_asks_for_any_version() {
             .filter_map(|package| package["dependencies"].as_array())
             .flatten()
         {
-            // Packages of this workspace have a path and no version, so `*` is right for them.
+            // Packages of this workspace have a path and no version, so `*` is allowed for them.
             let is_wild = dependency["path"].is_null() && dependency["req"] == "*";
             assert!(!is_wild, "{workspace}: {dependency}");
         }
@@ -105,7 +106,8 @@ fn packages_with_several_versions_are_counted_and_refused_where_deny_toml_says_s
     }
 }
 
-/// A locked version keeps resolving after it has been yanked; without a lock file it does not.
+/// With the lock file, cargo accepts a version that has been yanked. The test therefore resolves the versions
+/// without it.
 #[test]
 fn no_locked_version_is_yanked() {
     for workspace in WORKSPACES {
@@ -134,14 +136,15 @@ fn a_yanked_version_is_found() {
     }
 }
 
-/// Makes cargo resolve exactly these versions in an empty package.
+/// Makes cargo resolve exactly these versions as dependencies of an empty package. Returns cargo's messages
+/// if that fails.
 fn resolve_without_lock(packages: &[Package]) -> Result<(), String> {
     let folder = tempfile::tempdir().expect("a folder");
     let mut manifest =
         "[package]\nname = \"unlocked\"\nedition = \"2024\"\n[workspace]\n[dependencies]\n"
             .to_owned();
     for (index, Package { name, version, .. }) in from_registry(packages).enumerate() {
-        // Two versions of one crate need two names.
+        // Two versions of one package need two different names.
         let line = format!(
             "p{index} = {{ package = {name:?}, version = \"={version}\", default-features = false }}"
         );
@@ -166,7 +169,7 @@ fn from_registry(packages: &[Package]) -> impl Iterator<Item = &Package> {
     packages.iter().filter(|package| package.source.is_some())
 }
 
-/// Returns the packages in a workspace's lock file.
+/// Returns the packages in the lock file of a workspace.
 fn locked(workspace: &str) -> Vec<Package> {
     let lock = table(workspace, "Cargo.lock");
     let packages = lock["package"].as_array().expect("packages").iter();

@@ -1,7 +1,7 @@
-//! The pipeline with other models than the built-in one, built from their artifacts as a user builds them, streams
-//! the codes of the batch reference.
+//! The pipeline streams the codes of the batch reference also with other models than the built-in one. Each
+//! model is built from an artifact, as a user builds it.
 //!
-//! `encoder_numpy.rs` compares the reference itself with numpy for every variant.
+//! `encoder_numpy.rs` compares the reference itself with numpy for networks of every mode, padding and pool.
 #![forbid(unsafe_code)]
 
 use std::process::Command;
@@ -13,8 +13,8 @@ use artifact::{
     Padding,
 };
 
-/// Models that together use every kernel, both ends of a padded window, and an encoder without each
-/// of its optional parts.
+/// Models (mode, padding, pool, hop) that together use every kernel, both ends of a padded window, and an
+/// encoder without each of its optional parts.
 const VARIANTS: [(Mode, Padding, [usize; 3], usize); 6] = [
     (Paper, Padding::None, [2, 2, 2], 16),
     (Paper, Padding::None, [4, 3, 3], 8),
@@ -50,8 +50,8 @@ fn streaming_equals_batch_with_every_variant() {
             .args(test)
             .current_dir(workspace::root())
             .env("CORTICODE_ARTIFACT", folder.path())
-            // A separate folder: in the usual one each change of the model would rebuild its
-            // dependants twice.
+            // Use a separate folder: in the usual one, each change of the model would rebuild the crates that
+            // depend on it twice.
             .env("CARGO_TARGET_DIR", target().join("variants"))
             .output()
             .expect("cargo runs");
@@ -67,7 +67,7 @@ fn streaming_equals_batch_with_every_variant() {
     }
 }
 
-/// Cargo's target folder, in which this test was built.
+/// Returns cargo's target folder, in which this test was built.
 fn target() -> std::path::PathBuf {
     let this = std::env::current_exe().expect("this program has a path");
     let profile = this.ancestors().nth(2).expect("target/profile/deps/test");

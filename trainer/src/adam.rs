@@ -1,14 +1,14 @@
 //! The Adam optimiser.
 //!
-//! burn's optimisers are not used: they need a feature that also pulls in its GPU back ends. A state of
-//! plain vectors also makes a resumed training equal bit for bit.
+//! burn's optimisers are not used: they need a feature that also pulls in its GPU back ends. With a
+//! state of plain vectors, a resumed training run equals an uninterrupted one bit for bit.
 
 use crate::parameters::{Parameters, is_statistic, rate_factor};
 use std::collections::BTreeMap;
 
-/// Decay of the mean gradient, beta1.
+/// Factor by which the mean gradient decays in an update, beta1.
 const MEAN_DECAY: f32 = 0.9;
-/// Decay of the mean squared gradient, beta2.
+/// Factor by which the mean squared gradient decays in an update, beta2.
 const SQUARE_DECAY: f32 = 0.999;
 /// Number added to the denominator, which keeps the update finite when gradients vanish.
 const EPSILON: f32 = 1e-8;
@@ -20,11 +20,11 @@ pub type Gradients = BTreeMap<&'static str, Vec<f32>>;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     pub(crate) updates: u64,
-    /// Decaying means by name of the tensor.
+    /// Decaying means of the gradient, by name of the tensor.
     pub(crate) moments: BTreeMap<&'static str, Moments>,
 }
 
-/// Decaying means of one tensor's gradient.
+/// Exponentially decaying means of one tensor's gradient and squared gradient.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Moments {
     pub(crate) mean: Vec<f32>,
@@ -105,7 +105,7 @@ mod tests {
                 )
             })
             .collect();
-        // The learning rate of the shortcut is a hundredth of the rate of the other tensors.
+        // The shortcut has a hundredth of the learning rate, so each update is +-1, or 0 without a gradient.
         adam.update(&mut parameters, &gradients, 100.0);
         for ((_, before), (_, after)) in start.iter().zip(parameters.iter()) {
             for (index, (before, after)) in before.iter().zip(after).enumerate() {

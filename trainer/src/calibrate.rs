@@ -8,17 +8,18 @@ use artifact::{Artifact, CODE, Description, FloatEncoder, Mode, ScalpGrid, Tenso
 
 /// Smallest calibrated range of a dimension of the code: +-10 standard deviations of the input.
 ///
-/// Muscle activity or a moving cap excites dimensions that training hardly used. With model-gen's head
-/// room of 2, one level of such a dimension is 10 * 2 / 127 = 0.16. On EEGMMIDB S001 R11 and R12 the
-/// minimum increases the error (int8 MSE 0.0041, without it 0.0039, float 0.0030); it protects
-/// recordings that differ more from their training set.
+/// Muscle activity or a moving cap excites dimensions that hardly vary in the training data. With
+/// model-gen's head room of 2, one level of a dimension with this range is 10 * 2 / 127 = 0.16. On
+/// EEGMMIDB S001 R11 and R12 this limit increases the error (int8 MSE 0.0041, without it 0.0039, float
+/// 0.0030), but it protects recordings that differ more from their training set.
 const MIN_RANGE: f32 = 10.0;
 
-/// Builds a model from parameters and calibrates it on the windows of `dataset`, in units of the
-/// description's `sd_uv`, at every hop.
+/// Builds a model from parameters and calibrates it on the windows of `dataset` at every hop. The
+/// dataset is in units of the description's `sd_uv`.
 ///
-/// The calibration holds the smallest and largest value of each dimension of the code (at least -10 and
-/// 10), the largest input and the largest activations. It has no head room; model-gen adds it.
+/// The calibration holds the smallest and largest value of each dimension of the code (at most -10 and
+/// at least 10), the largest input and the largest activations. These ranges have no head room;
+/// model-gen adds it.
 ///
 /// # Errors
 /// If description and parameters are not a valid model.
@@ -103,7 +104,8 @@ mod tests {
         dataset.scale(20.0);
         let parameters = Parameters::pca(&testing::directions());
         let artifact = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
-        // Each test direction selects one feature, so its range is that of the feature.
+        // Each test direction selects one feature, so the range of a code dimension is the range of
+        // its feature.
         let feature = 5 * artifact::WINDOW_ELECTRODES / CODE;
         let values = dataset
             .aligned(8)

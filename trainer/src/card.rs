@@ -65,7 +65,7 @@ pub fn description() -> Description {
     }
 }
 
-/// Returns the card's note about recorded and interpolated electrodes.
+/// Returns the training card's note about recorded and interpolated electrodes.
 pub fn note(real: usize, interpolated: usize) -> String {
     if interpolated == 0 {
         return "All electrodes were recorded.".to_owned();
@@ -78,13 +78,13 @@ pub fn note(real: usize, interpolated: usize) -> String {
     )
 }
 
-/// Returns one figure of the network and of PCA, selected by `figure`, rounded to six decimals.
+/// Returns the figure that `figure` selects, of the network and of PCA, rounded to six decimals.
 pub fn figures(
     network: &Evaluation,
     pca: &Evaluation,
     figure: impl Fn(&ReconstructionError) -> f64,
 ) -> Figures {
-    // More decimals are not significant for one seed and one subject.
+    // One training run on one subject does not make more decimals significant.
     let figure = |error| (figure(error) * 1e6).round() / 1e6;
     Figures {
         autoencoder_float: figure(&network.float),

@@ -1,4 +1,4 @@
-//! Saves a training between two epochs, and restores it.
+//! Saves a training run between two epochs, and restores it.
 
 use crate::adam::{Adam, Moments};
 use crate::error::TrainerError;
@@ -13,9 +13,9 @@ use std::fmt::Display;
 use std::path::Path;
 use std::str::FromStr;
 
-/// Writes a training to `path`; a crash while writing leaves the previous checkpoint intact.
+/// Writes a training run to `path`; a crash while writing leaves the previous checkpoint intact.
 ///
-/// `data` identifies the data: a training can be resumed only on the same data.
+/// `data` identifies the data: a training run can be resumed only on the same data.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -33,10 +33,10 @@ pub fn write(path: &Path, training: &Training, data: &str) -> Result<(), Trainer
     std::fs::rename(&partial, path).map_err(file_error)
 }
 
-/// Reads a training that [`write()`] has written with the same settings and data.
+/// Reads a training run that [`write()`] has written with the same settings and data.
 ///
 /// # Errors
-/// If the file cannot be read, is damaged or belongs to another training.
+/// If the file cannot be read, is damaged or belongs to another training run.
 pub fn read(path: &Path, settings: Settings, data: &str) -> Result<Training, TrainerError> {
     let bytes = std::fs::read(path).map_err(|source| TrainerError::File {
         path: path.to_owned(),
@@ -102,7 +102,7 @@ pub fn read(path: &Path, settings: Settings, data: &str) -> Result<Training, Tra
     })
 }
 
-/// Returns the settings and data that must be equal for a training to be resumed.
+/// Returns the settings and data as text. A training run can be resumed only if this text is the same.
 fn training_identity(settings: Settings, data: &str) -> String {
     format!("{settings:?} on {data}")
 }

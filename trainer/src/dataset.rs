@@ -5,7 +5,7 @@ use crate::track::{Step, Track};
 use artifact::{STEPS, WINDOW_ELECTRODES};
 use rand::{Rng, RngExt};
 
-/// Reciprocal of the part at the end of every track that is used for validation.
+/// The last 1 / `VALIDATION_PART` of every track is used for validation.
 const VALIDATION_PART: usize = 8;
 
 /// Contiguous segments of filtered recordings, from which windows are cut.
@@ -14,7 +14,7 @@ pub struct Dataset {
     segments: Vec<Vec<Step>>,
 }
 
-/// A window of 16 time steps, flattened, electrode fastest.
+/// A window of 16 time steps, flattened: the value of an electrode has the index step * 61 + electrode.
 pub type Window = [f32; WINDOW_ELECTRODES];
 
 impl Dataset {
@@ -29,11 +29,11 @@ impl Dataset {
         })
     }
 
-    /// Splits every track: the last eighth is for validation, the rest for training. The window between
-    /// them is in neither part, so that no sample is in both.
+    /// Splits every track: the last eighth is for validation, the rest for training. The 16 time steps
+    /// between the two parts are in neither, so that windows of different parts are not adjacent.
     ///
     /// # Errors
-    /// If a track is too short for a window in both parts.
+    /// If a track has fewer than 256 time steps: its last eighth would be shorter than two windows.
     pub fn split(tracks: &[Track]) -> Result<Split, TrainerError> {
         let mut split = Split {
             training: Self::default(),
@@ -54,7 +54,7 @@ impl Dataset {
     /// Creates a dataset from segments of at least 16 time steps each.
     ///
     /// # Panics
-    /// If a segment is shorter.
+    /// If a segment is shorter than 16 time steps.
     pub fn from_segments(segments: Vec<Vec<Step>>) -> Self {
         assert!(
             segments.iter().all(|steps| steps.len() >= STEPS),
@@ -71,7 +71,7 @@ impl Dataset {
         }
     }
 
-    /// Returns the root mean square over all time steps and electrodes. It equals the standard deviation,
+    /// Returns the root mean square over all time steps and electrodes. This is the standard deviation,
     /// because the band-pass removes the mean.
     pub fn deviation(&self) -> f64 {
         let values = self.segments.iter().flatten().flatten();
@@ -89,7 +89,7 @@ impl Dataset {
         values.fold(0.0, |largest, value| largest.max(value.abs()))
     }
 
-    /// Returns the number of disjoint windows, which is the number of windows of an epoch.
+    /// Returns the number of disjoint windows, which determines the number of windows of an epoch.
     pub fn disjoint_windows(&self) -> usize {
         self.segments.iter().map(|steps| steps.len() / STEPS).sum()
     }
@@ -128,12 +128,12 @@ impl Dataset {
     }
 }
 
-/// Training and validation part of the training tracks.
+/// The two parts of the training tracks.
 #[derive(Clone, Debug)]
 pub struct Split {
     /// Windows for training.
     pub training: Dataset,
-    /// Windows for choosing the best epoch.
+    /// Windows on which the best epoch is selected.
     pub validation: Dataset,
 }
 

@@ -23,7 +23,7 @@ pub enum TrainerError {
         /// File names of the recordings in the folder.
         found: Vec<String>,
     },
-    /// A range of names that cannot be expanded.
+    /// A range of names on the command line cannot be expanded, such as R10..R03.
     #[error("{range} is not a range of names; write for example R03..R10")]
     BadRange {
         /// Range on the command line.
@@ -45,22 +45,22 @@ pub enum TrainerError {
         /// Error from the `recordings` crate.
         source: recordings::RecordingError,
     },
-    /// The channel labels of a recording do not match the montage.
+    /// The electrode labels of a recording do not fit the montage.
     #[error("the recording {name} does not fit the montage")]
     Montage {
         /// File name of the recording.
         name: String,
-        /// Labels that do not match.
+        /// Error from the `recordings` crate, which names the labels.
         source: recordings::MontageMapError,
     },
-    /// A recording is too short for a window after the filters have settled.
+    /// A recording is too short: too few time steps remain after the filters have settled.
     #[error(
         "{name} has {steps} time steps after the filters have settled; at least {needed} are needed"
     )]
     TooShort {
         /// File name of the recording.
         name: String,
-        /// Time steps after settling.
+        /// Number of time steps after the filters have settled.
         steps: usize,
         /// Minimum number of time steps.
         needed: usize,
@@ -110,7 +110,7 @@ pub enum TrainerError {
         path: PathBuf,
         /// Settings and data in the checkpoint.
         found: String,
-        /// Settings and data of this training.
+        /// Settings and data of this training run.
         expected: String,
     },
     /// The loss is infinite or NaN.

@@ -6,15 +6,16 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f32::consts::TAU;
 
-/// Amplitudes of the 1/f noise windows, as parts of the input's range; the last one clips.
+/// Amplitudes of the noise windows, as fractions of the input's range; the windows of the last two
+/// amplitudes clip.
 const AMPLITUDES: [f32; 6] = [0.01, 0.05, 0.1, 0.2, 0.5, 1.5];
 /// Number of noise windows at each amplitude.
 const WINDOWS_PER_AMPLITUDE: usize = 3;
 /// Seed of the noise windows.
 const SEED: u64 = 0x60_1D;
 
-/// Returns synthetic windows, extreme and ordinary ones, with their codes by model-gen's integer
-/// reference.
+/// Returns synthetic windows, extremes and noise, and the codes that model-gen's integer reference
+/// computes for them.
 pub fn golden_windows(integers: &IntegerModel) -> Golden {
     let cells: Vec<usize> = integers
         .cells
@@ -38,7 +39,8 @@ pub fn golden_windows(integers: &IntegerModel) -> Golden {
     }
 }
 
-/// Returns zeros, both rails, alternating rails in time and space, and single impulses.
+/// Returns ten windows: zeros, each rail, three patterns that alternate between the rails in time, in
+/// space and in both, and four single impulses.
 fn extremes(cells: &[usize]) -> Vec<[Plane; STEPS]> {
     let window_of = |f: &dyn Fn(usize, usize) -> i8| {
         let mut window = [[0; CELLS]; STEPS];
@@ -70,7 +72,8 @@ fn extremes(cells: &[usize]) -> Vec<[Plane; STEPS]> {
     windows
 }
 
-/// Returns a window of waves with a 1/f spectrum that all electrodes share, plus white noise.
+/// Returns a window of 12 plane waves over the scalp grid, whose amplitudes fall as 1 / frequency, plus
+/// white noise in each electrode.
 fn noise(cells: &[usize], amplitude: f32, rng: &mut impl Rng) -> [Plane; STEPS] {
     let mut window = [[0.0_f32; CELLS]; STEPS];
     for harmonic in 1..=12_u8 {

@@ -1,7 +1,8 @@
 //! Trains the convolutional autoencoder and writes the artifact.
 //!
-//! The recordings pass through the signal path of the device: a virtual ADC, the fixed-point filters and
-//! the resampler of `pipeline`. So the network is trained on the signals that the device feeds it.
+//! The recordings pass through the signal path of the device: a virtual ADC, the fixed-point filters
+//! and the resampler of `pipeline`. So the network is trained on the signals that the encoder on the
+//! device receives.
 //!
 //! ```text
 //! EDF, BDF, GDF --Track: virtual ADC, filters--> Dataset --> PCA --> Parameters --> Training: Adam
@@ -14,19 +15,19 @@
 //! ```
 //!
 //! # Training on your own recordings
-//! 1. Put EDF, BDF or GDF files of one subject and one cap into a folder. Reserve whole runs for
-//!    testing: overlapping windows of one run in both parts would make every figure too good.
+//! 1. Put EDF, BDF or GDF files of one subject and one cap into a folder. Reserve whole recordings for
+//!    testing: with overlapping windows of one recording in both parts, every figure would be too good.
 //! 2. `cargo run --release --package trainer -- train --data FOLDER --train R03..R10
 //!    --test R11,R12 --mains 50 --dataset "..." --citation "..." --out model/artifact`.
 //!    A name matches the files whose stem ends with it; `R03..R10` means R03, R04, ... R10. Electrodes
 //!    missing in the cap are interpolated, and the training card lists them.
 //! 3. The table at the end compares the network with PCA with the same number of components, both in
 //!    float and with integer codes. `cargo run --release --package trainer -- evaluate --artifact
-//!    model/artifact --data FOLDER` prints it again.
-//! 4. Build: `model/build.rs` turns the new artifact into integers and refuses one whose ranges it cannot
-//!    prove; `UPDATE_MANIFEST=1 cargo test --package model` writes the new `manifest.txt`.
+//!    model/artifact --data FOLDER` prints the table again.
+//! 4. Build: `model/build.rs` turns the new artifact into integers, and refuses an artifact whose ranges
+//!    it cannot prove; `UPDATE_MANIFEST=1 cargo test --package model` writes the new `manifest.txt`.
 //!
-//! `--resume` continues an interrupted training. The same seed, files and machine produce the same
+//! `--resume` continues an interrupted training run. The same seed, files and machine produce the same
 //! bytes.
 //!
 //! # The network

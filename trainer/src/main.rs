@@ -22,7 +22,7 @@ struct Cli {
 enum Verb {
     /// Train a model and write its artifact.
     Train(TrainArgs),
-    /// Print the figures of an artifact and of PCA with the same number of components.
+    /// Print the figures of an artifact, and of PCA with the same number of components.
     Evaluate(EvaluateArgs),
 }
 
@@ -55,10 +55,10 @@ struct TrainArgs {
     /// Largest learning rate.
     #[arg(long, default_value_t = 1e-3)]
     rate: f64,
-    /// File that keeps the training between epochs.
+    /// File that stores the training run after each epoch.
     #[arg(long, default_value = "target/trainer/checkpoint.safetensors")]
     checkpoint: PathBuf,
-    /// Resume from the checkpoint.
+    /// Resume the training run from the checkpoint.
     #[arg(long)]
     resume: bool,
     /// Folder to write the artifact to.
@@ -79,7 +79,7 @@ struct EvaluateArgs {
     test: Vec<String>,
 }
 
-/// Number of windows in a batch.
+/// Number of windows in a batch; each batch is one update of the parameters.
 const BATCH: usize = 32;
 
 fn main() -> ExitCode {

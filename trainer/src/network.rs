@@ -33,10 +33,10 @@ pub struct BatchGradients {
     pub gradients: Gradients,
 }
 
-/// A forward pass: the parameters as tensors, and the statistics of the batch.
+/// A forward pass: the parameters as tensors, and in training the statistics of the batch.
 struct ForwardPass {
     parameters: BTreeMap<&'static str, Tensor<1>>,
-    /// Statistics of the batch, which batch norm uses and records; `None` to use the running statistics.
+    /// Statistics of the batch for batch norm; `None` if it uses the running statistics.
     statistics: Option<Vec<(&'static str, BatchStatistics)>>,
 }
 
@@ -46,14 +46,14 @@ struct BatchStatistics {
     variance: Vec<f32>,
 }
 
-/// A batch of windows, on the scalp grid and as electrodes.
+/// A batch of windows in two layouts: cells of the scalp grid, and electrodes.
 struct Batch {
     cells: Tensor<5>,
     electrodes: Tensor<2>,
 }
 
 impl Network {
-    /// Creates the network; each pass takes the parameters.
+    /// Creates a network; its methods take the parameters as an argument.
     pub fn new(grid: ScalpGrid) -> Self {
         Self { grid }
     }
@@ -95,7 +95,7 @@ impl Network {
         }
     }
 
-    /// Returns the mean squared error over windows, with the running statistics.
+    /// Returns the mean squared error over windows; batch norm uses the running statistics.
     pub fn mean_squared_error(&self, parameters: &Parameters, windows: &[&Window]) -> f64 {
         let (_, errors) = self.run(parameters, windows, |window, batch| {
             numbers((window.clone() - batch.electrodes.clone()).square().sum())
@@ -106,7 +106,7 @@ impl Network {
         sum / count
     }
 
-    /// Returns codes and reconstructed windows, with the running statistics.
+    /// Returns codes and reconstructed windows; batch norm uses the running statistics.
     pub fn reconstruct(
         &self,
         parameters: &Parameters,
@@ -115,7 +115,7 @@ impl Network {
         self.run(parameters, windows, |window, _| numbers(window.clone()))
     }
 
-    /// Returns the codes, and what `result` returns for the reconstruction of each batch.
+    /// Returns all codes, and the values that `result` returns for the reconstruction of each batch.
     fn run(
         &self,
         parameters: &Parameters,
@@ -339,7 +339,7 @@ mod tests {
                 worst = worst.max((a - b).abs() / size);
             }
         }
-        // Both sum up to 1152 products in f32, in different orders; measured 9e-6.
+        // Each implementation adds at most 1152 products in f32, in its own order. Measured: 9e-6.
         assert!(worst < 1e-4, "{worst}");
     }
 
@@ -371,7 +371,7 @@ mod tests {
             let slope = (loss_with(name, index, change) - loss_with(name, index, -change))
                 / (2.0 * f64::from(change));
             let gradient = f64::from(batch.gradients[name][index]);
-            // Central differences of a piecewise smooth loss in f32; measured within 2 %.
+            // The loss is in f32 and only piecewise smooth: measured deviations of up to 2 %.
             assert!(
                 (slope - gradient).abs() < 0.05 * gradient.abs() + 1e-3,
                 "{name}: {slope} {gradient}"
@@ -393,7 +393,7 @@ mod tests {
         network().gradients(&mut parameters, &windows);
         let second = mean(&mut parameters);
         for ((before, first), second) in before.iter().zip(first).zip(second) {
-            // The same batch twice: each update removes a tenth of the difference.
+            // The batch is the same twice, and each update removes a tenth of the remaining difference.
             assert!(((second - first) - 0.9 * (first - before)).abs() < 1e-5);
         }
     }

@@ -16,10 +16,11 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// Returns the initial parameters of a training in mode `shortcut`.
+    /// Returns the initial parameters of a training run in mode `shortcut`.
     ///
-    /// The shortcut is the projection onto `directions` and back. The other layers are random, except for
-    /// the last convolutional layer of encoder and decoder, which is 0.
+    /// The shortcut is the projection onto `directions` and back. `encoder.fc` and `decoder.conv2`, the
+    /// last layers of the convolutional encoder and decoder, are 0, and batch norm starts with factor 1
+    /// and offset 0. All other layers are random.
     ///
     /// # Panics
     /// Unless there are 128 directions of 976 elements.
@@ -85,7 +86,7 @@ impl Parameters {
     /// Reads the parameters from the weights of an artifact.
     ///
     /// # Errors
-    /// If a tensor of the mode is missing or misshapen.
+    /// If a tensor of the mode is missing or has the wrong shape.
     pub fn from_tensors(mode: Mode, weights: &Tensors) -> Result<Self, ArtifactError> {
         let values = weight_shapes(mode, &GEOMETRY)
             .into_iter()
@@ -103,7 +104,7 @@ impl Parameters {
         weights
     }
 
-    /// Returns the mode, which determines the tensors.
+    /// Returns the mode, which determines which tensors there are.
     pub fn mode(&self) -> Mode {
         self.mode
     }
@@ -126,12 +127,13 @@ impl Parameters {
     }
 }
 
-/// Returns whether a tensor is a running statistic, which is not trained by gradients.
+/// Returns whether the tensor `name` is a running statistic of batch norm, which is not trained
+/// by gradients.
 pub fn is_statistic(name: &str) -> bool {
     name.contains(".running_")
 }
 
-/// Returns the factor by which a tensor's learning rate is multiplied.
+/// Returns the factor by which the learning rate of the tensor `name` is multiplied.
 pub fn rate_factor(name: &str) -> f32 {
     if name.contains(".shortcut.") {
         0.01
@@ -140,8 +142,8 @@ pub fn rate_factor(name: &str) -> f32 {
     }
 }
 
-/// Returns whether a layer is initialised with 0, so that the convolutions contribute nothing at the
-/// start. Its gradients are not 0, because its inputs are not.
+/// Returns whether the tensor `name` starts at 0, so that the convolutions contribute nothing at first.
+/// The gradients of such a tensor are not 0, because the inputs of its layer are not.
 fn starts_at_zero(name: &str) -> bool {
     name.starts_with("encoder.fc.") || name.starts_with("decoder.conv2.")
 }

@@ -1,17 +1,18 @@
-//! Principal directions of the windows: the initial shortcut, and the linear code for comparison.
+//! Principal directions of the windows: the initial weights of the shortcut, and the weights of the PCA
+//! code with which the network is compared.
 
 use crate::dataset::Dataset;
 use artifact::{STEPS, WINDOW_ELECTRODES};
 use nalgebra::{DMatrix, SymmetricEigen};
 
-/// Number of time steps between the windows from which the second moment is computed: half a
-/// window.
+/// Number of time steps from the start of one window to the start of the next, for the second moment:
+/// half a window.
 const HOP: usize = STEPS / 2;
 /// Number of windows in one matrix product.
 const BLOCK: usize = 512;
 
-/// Returns the second moment of the dataset's windows in f64. It is used instead of the covariance: the
-/// band-pass removes the mean, and without a mean the code of a zero window is 0.
+/// Returns the second-moment matrix of the dataset's windows. It is used instead of the covariance: the
+/// band-pass removes the mean, and without subtraction of a mean the code of a zero window is 0.
 pub fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
     let windows = dataset.aligned(HOP);
     let features = WINDOW_ELECTRODES;
@@ -33,8 +34,8 @@ pub fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
 
 /// Returns the `count` orthonormal directions with the largest second moment, largest first.
 ///
-/// The sign of each direction is such that its largest element is positive, so that the same data yield
-/// the same signs.
+/// The sign of each direction is chosen such that the element of largest magnitude is positive, so that
+/// the same data yield the same signs.
 ///
 /// # Panics
 /// If the matrix has fewer than `count` rows.
@@ -63,7 +64,8 @@ mod tests {
 
     #[test]
     fn the_directions_of_a_known_matrix_are_in_descending_order() {
-        // Eigenvalues 1 and 4 in a plane rotated by 30 degrees, and 2 perpendicular to it.
+        // The matrix has the eigenvalues 1 and 4 in a plane rotated by 30 degrees, and 2 perpendicular
+        // to this plane.
         let (sin, cos) = std::f64::consts::FRAC_PI_6.sin_cos();
         let rotation =
             DMatrix::from_row_slice(3, 3, &[cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0]);

@@ -1,16 +1,17 @@
 //! Max-pool and unpooling in burn's tensors.
 //!
-//! burn 0.22 has no three-dimensional max-pool; applying `max_pair` to each axis is equivalent.
+//! burn 0.22 has no three-dimensional max-pool; taking the maximum along one axis after the other
+//! is equivalent.
 
 use artifact::{CONV2_CHANNELS, Geometry, NetworkShape, Padding};
 use burn_tensor::{Device, Int, Tensor, TensorData};
 
-/// Padding and pool of every trained network.
+/// Padding and pool of every network that this crate trains.
 pub(crate) const NETWORK: NetworkShape = NetworkShape {
     padding: Padding::None,
     pool: [2, 2, 2],
 };
-/// Sizes between the layers of every trained network.
+/// Sizes between the layers of every network that this crate trains.
 pub(crate) const GEOMETRY: Geometry = Geometry::new(&NETWORK);
 
 /// Returns the 2x2x2 max-pool of a feature map, flattened: channel, step, row, column.
@@ -33,7 +34,8 @@ fn largest_of_pairs(x: Tensor<3>) -> Tensor<3> {
     first.max_pair(x.slice([0..outer, 1..2, 0..inner]))
 }
 
-/// Unpools to the feature map by nearest neighbour; the first three of five columns take pooled column 0.
+/// Unpools to the feature map by nearest neighbour. For example, columns 0 to 2 of the five take pooled
+/// column 0, and columns 3 and 4 take pooled column 1.
 pub(crate) fn unpool(flat: Tensor<2>) -> Tensor<5> {
     let (count, device) = (flat.dims()[0], flat.device());
     let [steps, rows, columns] = GEOMETRY.pooled;

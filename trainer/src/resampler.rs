@@ -6,17 +6,17 @@ use model_gen::ResamplerTable;
 use pipeline::Electrodes;
 use std::collections::VecDeque;
 
-/// The device's resampler with sizes known only at run time; its output bits are the same.
+/// Resampler with the same output bits as the device's, but with sizes that are known only at run time.
 pub(crate) struct Resampler {
     table: ResamplerTable,
-    /// The last filtered samples, one for each tap, newest first.
+    /// The newest filtered samples, as many as a phase has taps, newest first.
     newest: VecDeque<Electrodes>,
-    /// Time from the newest sample to the next output, in 1 / phases of a sample.
+    /// Time from the next input sample to the next output, in units of 1 / phases of a sample period.
     ahead: usize,
 }
 
 impl Resampler {
-    /// Creates a resampler at rest.
+    /// Creates a resampler whose previous samples are all 0.
     pub(crate) fn new(description: &Description) -> Result<Self, TrainerError> {
         let table = ResamplerTable::new(
             description.filters.decimation,
@@ -31,7 +31,7 @@ impl Resampler {
         })
     }
 
-    /// Adds a filtered sample; returns an output if one is due with it.
+    /// Adds a filtered sample; returns an output if one is due at this sample.
     pub(crate) fn resample(&mut self, filtered: Electrodes) -> Option<Electrodes> {
         self.newest.pop_back();
         self.newest.push_front(filtered);
@@ -49,7 +49,7 @@ impl Resampler {
                 .zip(samples)
                 .map(|(&tap, x)| i64::from(tap) * i64::from(x))
                 .sum();
-            // Converts the sum from Q2.30, rounded half up.
+            // The sum has 30 fraction bits from the Q2.30 taps; they are removed by rounding half up.
             i32::try_from((sum + (1 << 29)) >> 30).expect("model-gen proves the head room")
         }))
     }
@@ -76,7 +76,7 @@ mod tests {
             }),
         };
         let every = fixed_dsp::Resampler::every(1);
-        // An arbitrary filter, the same before both resamplers.
+        // An arbitrary high-pass before both resamplers, because `FrontEnd` needs a cascade.
         let high_pass = Cascade {
             sections: [Section::HighPass {
                 a1: Coefficient::nearest(1.5),

@@ -1,4 +1,4 @@
-//! The learning-rate schedule of a training.
+//! The learning-rate schedule of a training run.
 
 use std::f64::consts::PI;
 
@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 pub struct OneCycle {
     /// Largest learning rate, reached after 15 % of the updates.
     pub peak: f64,
-    /// Number of updates of the whole training.
+    /// Number of updates of the whole training run.
     pub updates: u64,
 }
 

@@ -64,7 +64,7 @@ fn matches(name: &str, path: &Path) -> bool {
     stem.is_some_and(|stem| stem.ends_with(name)) || file_name(path).ends_with(name)
 }
 
-/// Replaces each range in `names` by its names, for example `R03..R05` by R03, R04 and R05.
+/// Replaces each range in `names` by the names in it, for example `R03..R05` by R03, R04 and R05.
 fn expand(names: &[String]) -> Result<Vec<String>, TrainerError> {
     let mut expanded = Vec::new();
     for name in names {
@@ -86,7 +86,8 @@ fn expand(names: &[String]) -> Result<Vec<String>, TrainerError> {
     Ok(expanded)
 }
 
-/// Splits a name into the prefix, the number at its end, and the number's count of digits.
+/// Splits a name into the prefix, the number at its end, and the number of digits; `None` if the name
+/// does not end with a number.
 fn split_number(name: &str) -> Option<(&str, u32, usize)> {
     let prefix = name.trim_end_matches(|c: char| c.is_ascii_digit());
     let digits = &name[prefix.len()..];

@@ -31,21 +31,21 @@ pub struct TrainOptions {
     pub citation: String,
     /// Epochs, batch size, learning rate and seed, which determine the trained model.
     pub settings: Settings,
-    /// File that keeps the training between epochs.
+    /// File that stores the training run after each epoch.
     pub checkpoint: PathBuf,
-    /// True to continue the training that `checkpoint` holds.
+    /// True to continue the training run stored in `checkpoint`.
     pub resume: bool,
     /// Folder to write the artifact to.
     pub out: PathBuf,
 }
 
-/// Receives the progress of a training or evaluation.
+/// Receives the progress of a training run or an evaluation.
 pub trait ProgressObserver {
     /// Reports a message for the user, one line.
     fn message(&mut self, text: &str);
     /// Reports the start of epoch `epoch` of `epochs`, which has `batches` batches.
     fn epoch_started(&mut self, epoch: u32, epochs: u32, batches: usize);
-    /// Reports the number of batches finished in this epoch, and the loss of the last one.
+    /// Reports the number of batches finished in this epoch, and the loss of the last batch.
     fn batch_finished(&mut self, batches: usize, loss: f64);
     /// Reports that an epoch is finished, with its losses.
     fn epoch_finished(&mut self, report: EpochReport);
@@ -56,7 +56,7 @@ pub trait ProgressObserver {
 pub struct Comparison {
     /// Figures of the model that was trained or read.
     pub network: Evaluation,
-    /// Figures of PCA, fitted to the training part of the same recordings.
+    /// Figures of PCA, fitted to the training part of the training recordings.
     pub pca: Evaluation,
 }
 
@@ -70,7 +70,7 @@ struct PreparedData {
     interpolated: Vec<String>,
 }
 
-/// Trains a model, calibrates and evaluates it, and writes its folder.
+/// Trains a model, calibrates and evaluates it, and writes its artifact and golden windows.
 ///
 /// # Errors
 /// If recordings cannot be used, training diverges or files cannot be written.
@@ -158,7 +158,7 @@ pub fn compare(
     })
 }
 
-/// Runs the remaining epochs of a training and writes a checkpoint after each.
+/// Runs the remaining epochs of a training run and writes a checkpoint after each epoch.
 fn run_epochs(
     options: &TrainOptions,
     data: &PreparedData,
@@ -232,7 +232,7 @@ fn fill_card(
     );
 }
 
-/// Reads recordings through the front end and reports each.
+/// Passes recordings through the front end, and reports the length and the warnings of each recording.
 fn read_tracks(
     files: &[PathBuf],
     description: &Description,
@@ -258,7 +258,7 @@ fn read_tracks(
         .collect()
 }
 
-/// Reads the test recordings and scales them for a model.
+/// Passes the test recordings through the front end, and scales them to the input unit of `model`.
 fn read_test(
     files: &[PathBuf],
     model: &Artifact,
@@ -272,7 +272,8 @@ fn read_test(
 }
 
 impl PreparedData {
-    /// Reads recordings and scales them to a standard deviation of 1 over the training part.
+    /// Passes recordings through the front end, and scales them to a standard deviation of 1 over the
+    /// training part.
     fn read(
         files: &[PathBuf],
         description: &Description,

@@ -40,7 +40,8 @@ pub(crate) fn dataset(seed: u64, steps: usize) -> Dataset {
     Dataset::from_segments(vec![steps])
 }
 
-/// Returns the paper's chain with a realistic standard deviation of the input.
+/// Returns the description of the paper's chain with a realistic standard deviation of the input,
+/// 47.3 uV.
 pub(crate) fn description() -> Description {
     let mut description = card::description();
     description.input.sd_uv = 47.3;

@@ -10,18 +10,18 @@ use pipeline::{FrontEnd, Sample};
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc, Warning};
 use std::path::Path;
 
-/// Number of supported sections: a notch, and five for a band-pass of order 5.
+/// Number of sections that the trainer supports: one notch, and five for a band-pass of order 5.
 const SECTIONS: usize = 6;
 
 /// All electrodes at one time step.
 pub type Step = [f32; ELECTRODES];
 
-/// Seconds omitted at the start of every recording, while the 0.5 Hz high-pass settles after the step to
-/// the recording's offset.
+/// Seconds omitted at the start of every recording, in which the 0.5 Hz high-pass responds to the offset
+/// of the recording.
 ///
-/// After 4 s the envelope exp(-2 pi 0.5 cos(72 deg) t) is 0.02. The device's flag `settling` is set until
-/// 1e-4, 9.5 s. The checked-in model was trained and evaluated with 4 s; with another value `trainer
-/// evaluate` would disagree with its `model.toml`.
+/// After 4 s the envelope of the response, exp(-2 pi 0.5 cos(72 deg) t), is 0.02. The device keeps its
+/// flag `settling` set until the envelope is 1e-4, for 9.5 s. The checked-in model was trained and
+/// evaluated with 4 s; with another value `trainer evaluate` would disagree with the model's `model.toml`.
 pub const SETTLING_S: usize = 4;
 
 /// Number of units of the front end's output in one ADC count.
@@ -99,7 +99,7 @@ impl Track {
     }
 }
 
-/// Returns the filters for a mains frequency.
+/// Returns the filters for a mains frequency, or an error if they do not have [`SECTIONS`] sections.
 fn cascade(description: &Description, mains_hz: u32) -> Result<Cascade<SECTIONS>, TrainerError> {
     let rate_hz = description.adc.rate_hz;
     let sections = model_gen::filter_cascade(&description.filters, rate_hz, mains_hz)

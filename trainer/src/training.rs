@@ -10,12 +10,12 @@ use artifact::STEPS;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Settings that determine the result of a training on given data.
+/// Settings that determine the result of a training run on given data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Number of epochs after which the training is done.
+    /// Number of epochs of the training run.
     pub epochs: u32,
-    /// Number of windows in a batch; each batch is one update.
+    /// Number of windows in a batch; each batch is one update of the parameters.
     pub batch: usize,
     /// Largest learning rate.
     pub peak_rate: f64,
@@ -23,7 +23,7 @@ pub struct Settings {
     pub seed: u64,
 }
 
-/// State of a training between two epochs.
+/// State of a training run between two epochs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Training {
     pub(crate) settings: Settings,
@@ -39,7 +39,7 @@ pub struct Training {
 pub struct Candidate {
     /// Number of the epoch; 0 for the initial parameters.
     pub epoch: u32,
-    /// Mean squared error on the validation windows.
+    /// Mean squared error on the validation windows, in units of `input.sd_uv` squared.
     pub validation: f64,
     /// Parameters of the network after this epoch.
     pub parameters: Parameters,
@@ -52,12 +52,12 @@ pub struct EpochReport {
     pub epoch: u32,
     /// Mean loss over the batches of the epoch.
     pub loss: f64,
-    /// Mean squared error on the validation windows after the epoch.
+    /// Mean squared error on the validation windows after the epoch, in units of `input.sd_uv` squared.
     pub validation: f64,
 }
 
 impl Training {
-    /// Creates a training before its first epoch; the initial parameters are the first candidate.
+    /// Creates a training run before its first epoch; the initial parameters are the first candidate.
     pub fn start(
         settings: Settings,
         parameters: Parameters,
@@ -95,17 +95,17 @@ impl Training {
         &self.best
     }
 
-    /// Returns the number of batches of an epoch, which has one window for each disjoint window of the
-    /// training part.
+    /// Returns the number of batches of an epoch, at least 1. An epoch has as many windows as the
+    /// training part has disjoint windows, rounded down to whole batches.
     pub fn batches(&self, split: &Split) -> usize {
         (split.training.disjoint_windows() / self.settings.batch).max(1)
     }
 
     /// Runs the next epoch over windows at random offsets; `after_batch` receives the number of finished
-    /// batches and the last loss.
+    /// batches and the loss of the last batch.
     ///
-    /// The order of the windows depends only on the seed and the epoch, so that a resumed training equals
-    /// an uninterrupted one.
+    /// The order of the windows depends only on the seed and the epoch, so that a resumed training run
+    /// equals an uninterrupted one.
     ///
     /// # Errors
     /// If the loss becomes infinite or NaN.
@@ -156,7 +156,7 @@ impl Training {
     }
 }
 
-/// Returns disjoint windows of the validation part; overlapping ones would slow down every epoch.
+/// Returns disjoint windows of the validation part; overlapping windows would slow down every epoch.
 fn validation_windows(split: &Split) -> Vec<&Window> {
     split.validation.aligned(STEPS)
 }
@@ -201,7 +201,7 @@ mod tests {
         let directions = testing::directions();
         let mut sum = 0.0;
         for window in &windows {
-            // The directions are orthonormal: the error is the energy outside their span.
+            // The directions are orthonormal, so the error is the energy outside their span.
             let energy = |values: &[f32]| values.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
             let code: Vec<f32> = directions
                 .iter()

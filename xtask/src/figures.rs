@@ -1,104 +1,100 @@
-//! Figures that tests append as JSON lines to the file named by `CORTICODE_FIGURES`.
-//!
-//! Each line is a JSON object. Its figures belong to the machine or board that one of its members names, or
-//! else to the whole run.
+//! Figures of a run: read from the lines of JSON that its tests append to the file named by
+//! `CORTICODE_FIGURES`, and printed as one object or as tables.
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::PathBuf;
+use std::io::stderr;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::{Map, Value};
 
-use crate::command::{Failure, target_folder};
+use crate::command::{Failure, OrFail, target_folder};
+use crate::docs;
 
 /// Figures of one machine, board or run, by name.
 pub(crate) type Row = Map<String, Value>;
 
-/// File to which the tests of one run append their figures.
-#[derive(Debug)]
-pub(crate) struct File(PathBuf);
+/// Figures of each machine or board, by its name, and those of the whole run under an empty name.
+pub(crate) type Figures = BTreeMap<String, Row>;
 
-impl File {
-    /// Returns a new file for `verb` without the figures of the previous run.
-    pub(crate) fn new(verb: &str) -> Self {
-        let file = target_folder().join(format!("{verb}-figures.jsonl"));
-        // Fails if there is no file to remove. If an old file stays, the tests that write it report an error.
-        let _ = fs::remove_file(&file);
-        Self(file)
+/// Makes the tests of a command write to a new file for `verb`, and returns the file. With `json`, the
+/// command's own output goes to stderr, which leaves stdout to the JSON object.
+pub(crate) fn attach(command: &mut Command, verb: &str, json: bool) -> PathBuf {
+    let file = target_folder().join(format!("{verb}-figures.jsonl"));
+    // Fails if there is no file of an earlier run. If an old file stays, the tests that write it report an error.
+    let _ = fs::remove_file(&file);
+    if json {
+        command.stdout(stderr());
     }
-
-    /// Makes the tests of a command write to this file. With `json`, the command's own output goes to stderr,
-    /// which leaves stdout to the JSON object.
-    pub(crate) fn attach<'c>(&self, command: &'c mut Command, json: bool) -> &'c mut Command {
-        if json {
-            command.stdout(std::io::stderr());
-        }
-        command.env("CORTICODE_FIGURES", &self.0)
-    }
-
-    /// Reads and merges all lines of the file. Returns no figures without a file: a run that fails early
-    /// writes none.
-    ///
-    /// # Errors
-    /// A line is not a JSON object.
-    pub(crate) fn read(&self, subject: &str) -> Result<Figures, Failure> {
-        let text = fs::read_to_string(&self.0).unwrap_or_default();
-        Figures::parse(&text, subject).map_err(|error| {
-            Failure::check(
-                format!("reading {}", self.0.display()),
-                error,
-                "run the verb again",
-            )
-        })
-    }
+    command.env("CORTICODE_FIGURES", &file);
+    file
 }
 
-/// Merged figures of one run.
-#[derive(Debug, Default)]
-pub(crate) struct Figures {
-    /// Figures that belong to no machine or board.
-    pub(crate) whole: Row,
-    /// Figures of each machine or board, by its name.
-    pub(crate) rows: BTreeMap<String, Row>,
+/// Reads and merges all lines of a file. Returns no figures without a file: a run that fails early writes
+/// none.
+///
+/// # Errors
+/// A line is not a JSON object.
+pub(crate) fn read(file: &Path, subject: &str) -> Result<Figures, Failure> {
+    let text = fs::read_to_string(file).unwrap_or_default();
+    merged(&text, subject).or_fail(format!("reading {}", file.display()), "run the verb again")
 }
 
-impl Figures {
-    /// Merges lines by their member `subject`, such as "machine". If a figure occurs twice, the last one
-    /// counts.
-    pub(crate) fn parse(text: &str, subject: &str) -> Result<Self, serde_json::Error> {
-        let mut figures = Self::default();
-        for line in text.lines() {
-            let mut line: Row = serde_json::from_str(line)?;
-            match line.remove(subject) {
-                Some(Value::String(name)) => figures.rows.entry(name).or_default().extend(line),
-                _ => figures.whole.extend(line),
-            }
-        }
-        Ok(figures)
+/// Merges lines by their member `subject`, such as "machine". If a figure occurs twice, the last one counts.
+fn merged(text: &str, subject: &str) -> Result<Figures, serde_json::Error> {
+    let mut figures = Figures::new();
+    for line in text.lines() {
+        let line: Row = serde_json::from_str(line)?;
+        let name = line.get(subject).and_then(Value::as_str).unwrap_or("");
+        figures.entry(name.to_owned()).or_default().extend(line);
     }
+    Ok(figures)
+}
+
+/// Prints the object of a run: as JSON, or as one table for each row and one for the whole run. Also saves it
+/// for docs/figures.md. The object has the members of `whole`, and the rows in a list that is named after their
+/// `subject`, such as "machines".
+///
+/// # Errors
+/// The object cannot be saved.
+pub(crate) fn publish(
+    verb: &str,
+    subject: &str,
+    rows: Vec<Row>,
+    mut whole: Row,
+    json: bool,
+) -> Result<(), Failure> {
+    let list = format!("{subject}s");
+    if !json {
+        for row in &rows {
+            print_table(row[subject].as_str().unwrap_or_default(), row);
+        }
+        print_table(&format!("all {list}"), &whole);
+    }
+    whole.insert(list, rows.into());
+    let object = Value::Object(whole);
+    if json {
+        println!("{object}");
+    }
+    docs::save(verb, &object)
 }
 
 /// Prints one figure per line, including the figures inside objects and lists.
-pub(crate) fn print_table(name: &str, row: &Row) {
-    println!("\n{name}");
-    for (key, value) in row {
-        print_value(key, value);
-    }
+fn print_table(title: &str, row: &Row) {
+    println!("\n{title}");
+    row.iter().for_each(|(key, value)| print_value(key, value));
 }
 
 fn print_value(key: &str, value: &Value) {
     match value {
-        Value::Object(members) => {
-            members
-                .iter()
-                .for_each(|(name, value)| print_value(&format!("{key}.{name}"), value));
-        }
-        Value::Array(items) if items.iter().any(Value::is_object) => {
-            (0..)
-                .zip(items)
-                .for_each(|(place, item): (usize, _)| print_value(&format!("{key}.{place}"), item));
-        }
+        Value::Object(members) => members
+            .iter()
+            .for_each(|(name, value)| print_value(&format!("{key}.{name}"), value)),
+        Value::Array(items) if items.iter().any(Value::is_object) => items
+            .iter()
+            .enumerate()
+            .for_each(|(place, item)| print_value(&format!("{key}.{place}"), item)),
         value => println!("  {key:<48} {value}"),
     }
 }
@@ -115,10 +111,13 @@ mod tests {
 {"inputs":["EEG"]}
 {"machine":"b","codes":2}
 {"machine":"a","storm":{"codes":3}}"#;
-        let figures = Figures::parse(text, "machine").expect("figures");
-        assert_eq!(json!(figures.whole), json!({"inputs": ["EEG"]}));
-        let rows = json!({"a": {"codes": 1, "storm": {"codes": 3}}, "b": {"codes": 2}});
-        assert_eq!(json!(figures.rows), rows);
-        assert!(Figures::parse("no JSON", "machine").is_err());
+        let figures = merged(text, "machine").expect("figures");
+        let expected = json!({
+            "": {"inputs": ["EEG"]},
+            "a": {"machine": "a", "codes": 1, "storm": {"codes": 3}},
+            "b": {"machine": "b", "codes": 2},
+        });
+        assert_eq!(json!(figures), expected);
+        assert!(merged("no JSON", "machine").is_err());
     }
 }

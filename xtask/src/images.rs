@@ -1,11 +1,11 @@
 //! Images for the boards, built as `cargo flash` builds them.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::ValueEnum;
 
-use crate::command::{AFTER_A_BUILD, BOARD_TARGET, Failure, cargo, run, target_folder};
+use crate::command::{AFTER_A_BUILD, BOARD_TARGET, Failure, OrFail, cargo, run, target_folder};
 use crate::install;
 
 /// A board with an STM32 microcontroller, for which there are images.
@@ -40,44 +40,34 @@ impl Board {
     }
 }
 
-/// Folder with the images; each file is named after its image.
+/// Folder with the images.
 pub(crate) fn folder() -> PathBuf {
     target_folder().join("virtual-board").join("images")
 }
 
+/// File of the image with this name.
+pub(crate) fn file(name: &str) -> PathBuf {
+    folder().join(name).with_extension("elf")
+}
+
 /// Builds both images of a board: the one with the other port, then the default one. Cargo writes both to one
-/// path, so each is copied to a file of its own. The default image also stays where `cargo flash` looks for
-/// it.
-///
-/// # Errors
-/// The target is missing, or an image does not build or cannot be copied.
+/// path, so each is copied to a file of its own, with the list of its sources. The default image also stays
+/// where `cargo flash` looks for it.
 pub(crate) fn build(board: Board) -> Result<(), Failure> {
     install::board_target()?;
-    let package = format!("board-{}", board.key());
-    let built = target_folder()
-        .join(BOARD_TARGET)
-        .join("firmware")
-        .join(package);
+    let built = target_folder().join(BOARD_TARGET).join("firmware");
+    let built = built.join(format!("board-{}", board.key()));
     for [name, selection] in board.images() {
         let words = format!("build --profile=firmware --target={BOARD_TARGET} {selection}");
         run(&mut cargo(&words), AFTER_A_BUILD)?;
-        let copy = folder().join(name);
-        let copied = copy_if_changed(&built, &copy.with_extension("elf"))
-            .and_then(|()| copy_if_changed(&built.with_extension("d"), &copy.with_extension("d")));
-        let next = "is the disk full? is CARGO_TARGET_DIR writable?";
-        copied
-            .map_err(|error| Failure::check(format!("copying {}", built.display()), error, next))?;
+        let image = file(name);
+        let copied = fs::create_dir_all(folder())
+            .and_then(|()| fs::copy(&built, &image))
+            .and_then(|_| fs::copy(built.with_extension("d"), image.with_extension("d")));
+        copied.or_fail(
+            format!("copying {}", built.display()),
+            "is the disk full? is CARGO_TARGET_DIR writable?",
+        )?;
     }
     Ok(())
-}
-
-/// Copies a file unless the copy already has the same content; an unchanged image then keeps its modification
-/// time.
-fn copy_if_changed(from: &Path, to: &Path) -> std::io::Result<()> {
-    let content = fs::read(from)?;
-    if fs::read(to).is_ok_and(|copy| copy == content) {
-        return Ok(());
-    }
-    fs::create_dir_all(to.parent().unwrap_or(to))?;
-    fs::write(to, content)
 }

@@ -139,8 +139,8 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("\nerror: {failure}");
-            failure.exit_code()
+            eprintln!("\nerror: {}", failure.message);
+            failure.status.into()
         }
     }
 }

@@ -3,15 +3,12 @@
 use std::process::Command;
 
 use crate::command::{
-    AFTER_A_BUILD, BOARD_TARGET, Failure, cargo, replace, run, succeeds, target_folder,
+    AFTER_A_BUILD, BOARD_TARGET, Failure, cargo, replace, run, succeeds, target_folder, typed,
 };
 use crate::images::{self, Board};
 use crate::install;
 
 /// Builds the demo and the programs that it starts with one call of cargo, and runs the demo.
-///
-/// # Errors
-/// A program does not build or start.
 pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     eprintln!(
         "The whole path of Corticode for {seconds} s: synthetic EEG, virtual board, bridge, ROS master and \
@@ -21,18 +18,10 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     let build = "build --release --package demo --package host-sim --package bridge --bins";
     run(&mut cargo(build), AFTER_A_BUILD)?;
     let mut demo = Command::new(target_folder().join("release/demo"));
-    replace(demo.args([
-        "--seconds",
-        &seconds.to_string(),
-        "--seed",
-        &seed.to_string(),
-    ]))
+    replace(demo.args([seconds.to_string(), seed.to_string()]))
 }
 
 /// Runs the report of the benchmarks. The program is optimised only for timings on the PC.
-///
-/// # Errors
-/// Cargo does not start.
 pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     install::board_target()?;
     let is_timing = words.first().is_some_and(|word| word == "host");
@@ -41,23 +30,14 @@ pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
 }
 
 /// Runs the golden vectors on both emulated microcontrollers or, if `board` is given, on that board.
-///
-/// # Errors
-/// probe-rs is missing, the board's image does not build, or cargo does not start.
 pub(crate) fn hil(board: Option<Board>) -> Result<(), Failure> {
     install::board_target()?;
     let Some(board) = board else {
         let test = "test --package emulated --test golden_vectors -- --nocapture";
         return replace(&mut cargo(test));
     };
-    if !succeeds(Command::new("probe-rs").arg("--version")) {
-        let next = "`cargo install probe-rs-tools --version 0.32.0 --locked`";
-        return Err(Failure::missing(
-            "probe-rs",
-            "`probe-rs --version` does not run",
-            next,
-        ));
-    }
+    let install = "`cargo install probe-rs-tools --version 0.32.0 --locked`";
+    require("probe-rs", &mut Command::new("probe-rs"), install)?;
     link_vectors(board)?;
     let image = target_folder()
         .join(BOARD_TARGET)
@@ -66,10 +46,7 @@ pub(crate) fn hil(board: Option<Board>) -> Result<(), Failure> {
     replace(cargo(&run).arg(image))
 }
 
-/// Builds the image with the golden vectors for a board, to check that it links.
-///
-/// # Errors
-/// The image does not build, or is too large for the board.
+/// Builds the image with the golden vectors for a board, which also shows that it links and fits.
 pub(crate) fn link_vectors(board: Board) -> Result<(), Failure> {
     let build = "build --package=on-target --bin=on-target --profile=firmware";
     let words = format!("{build} --target={BOARD_TARGET} --features={}", board.key());
@@ -77,9 +54,6 @@ pub(crate) fn link_vectors(board: Board) -> Result<(), Failure> {
 }
 
 /// Builds the images of the boards and checks their sizes and layouts.
-///
-/// # Errors
-/// An image does not build, or cargo does not start.
 pub(crate) fn budget(json: bool) -> Result<(), Failure> {
     Board::ALL.into_iter().try_for_each(images::build)?;
     let mut budget = cargo("run --quiet --package budget --");
@@ -87,34 +61,27 @@ pub(crate) fn budget(json: bool) -> Result<(), Failure> {
 }
 
 /// Runs the application in real time on an emulated microcontroller, with its link at TCP port `port`.
-///
-/// # Errors
-/// Cargo does not start.
 pub(crate) fn live_qemu(port: u16) -> Result<(), Failure> {
     install::board_target()?;
-    replace(&mut cargo(&format!(
-        "run --package emulated --bin live -- --port {port}"
-    )))
+    let live = format!("run --package emulated --bin live -- --port {port}");
+    replace(&mut cargo(&live))
 }
 
 /// Runs cargo-deny over both workspaces.
-///
-/// # Errors
-/// cargo-deny is missing, or refuses a licence, advisory or source.
 pub(crate) fn deny() -> Result<(), Failure> {
-    if !succeeds(&mut cargo("deny --version")) {
-        let [why, next] = [
-            "`cargo deny --version` does not run",
-            "`cargo install --locked cargo-deny`",
-        ];
-        return Err(Failure::missing("cargo-deny", why, next));
+    let install = "`cargo install --locked cargo-deny`";
+    require("cargo-deny", &mut cargo("deny"), install)?;
+    let next = "read its report above, then the deny.toml next to that manifest";
+    ["Cargo.toml", "tests/virtual-board/Cargo.toml"]
+        .map(|manifest| format!("deny --manifest-path {manifest} check"))
+        .iter()
+        .try_for_each(|check| run(&mut cargo(check), next))
+}
+
+fn require(name: &str, program: &mut Command, install: &str) -> Result<(), Failure> {
+    if succeeds(program.arg("--version")) {
+        return Ok(());
     }
-    for manifest in ["Cargo.toml", "tests/virtual-board/Cargo.toml"] {
-        let next = "read its report above, then the deny.toml next to that manifest";
-        run(
-            &mut cargo(&format!("deny --manifest-path {manifest} check")),
-            next,
-        )?;
-    }
-    Ok(())
+    let why = format!("{} does not run", typed(program));
+    Err(Failure::missing(name, why, install))
 }

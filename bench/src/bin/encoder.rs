@@ -1,5 +1,5 @@
-//! Image that counts the instructions of each time step of the encoder; the library's documentation describes
-//! its files.
+//! Image that counts the instructions of each time step of the encoder. The documentation of the library
+//! `bench` describes the image's files.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
@@ -17,7 +17,7 @@ mod image {
         any_network,
         block::{INPUTS, OUTPUTS},
         hop::FILLING,
-        kernel,
+        kernel::{self, Kernel},
         machine::{Clock, HostFile, Refused, exit, with_clock},
         tally::Tally,
     };
@@ -29,16 +29,21 @@ mod image {
     #[entry]
     fn main() -> ! {
         with_clock(|clock| {
-            hprintln!("ram acquisition {}", size_of::<Acquisition>());
-            hprintln!("ram encoder {}", size_of::<Encoder<'_>>());
+            let ram_bytes = size_of::<Acquisition>() + size_of::<Encoder<'_>>();
+            hprintln!("ram_bytes = {}", ram_bytes);
             count_acquisition(clock);
-            kernel::each(|kernel, run| hprintln!("kernel {} {}", kernel.name, clock.count(run)));
+            hprintln!("kernels = [");
+            kernel::each(|Kernel { name, per_code }, run| {
+                let count = per_code * clock.count(run);
+                hprintln!("{{ name = {:?}, insn_per_code = {} }},", name, count);
+            });
+            hprintln!("]");
             count_all(clock)
         })
     }
 
-    /// Prints `acquisition COUNT`: the instructions of the acquisition for one time step. The image `filters` shows
-    /// that their number is the same for every signal.
+    /// Prints the number of instructions that the acquisition takes for the time steps of one code. The image
+    /// `filters` shows that this number is the same for every signal.
     fn count_acquisition(clock: &Clock) {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let sample = Sample::default();
@@ -49,10 +54,10 @@ mod image {
                 step = acquisition.process_sample(&sample);
             }
         });
-        hprintln!("acquisition {}", count);
+        hprintln!("acquisition_per_code = {}", count as usize * HOP);
     }
 
-    /// Prints one line for each input and place in the hop: `step INPUT PLACE FEWEST MOST TOTAL`.
+    /// Encodes all inputs and prints, for each input, one tally for each place in the hop.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut inputs = HostFile::open(INPUTS)?;
         let mut outputs = HostFile::create(OUTPUTS)?;
@@ -61,17 +66,15 @@ mod image {
             return Err(Refused);
         }
         let steps = u32::from_le_bytes(steps) as usize;
-        let mut input = 0;
+        hprintln!("inputs = [");
         while let Some(tallies) = count_input(clock, steps, &mut inputs, &mut outputs)? {
-            for (place, tally) in tallies.iter().enumerate() {
-                hprintln!("step {} {} {}", input, place, tally);
-            }
-            input += 1;
+            hprintln!("{:?},", tallies);
         }
+        hprintln!("]");
         outputs.write(&any_network::digests())
     }
 
-    /// Encodes the next input and returns a tally for each place in the hop; `None` at the end of the file.
+    /// Encodes the next input. Returns a tally for each place in the hop, or `None` at the end of the file.
     fn count_input(
         clock: &Clock,
         steps: usize,

@@ -1,4 +1,5 @@
-//! Image that counts the instructions of all contenders; the library's documentation describes its files.
+//! Image that counts the instructions of all contenders. The documentation of the library `bench`
+//! describes the image's files.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
@@ -26,21 +27,19 @@ mod image {
         with_clock(count_all)
     }
 
-    /// Prints one line for each input and contender: `count INPUT CONTENDER FEWEST MOST TOTAL`.
+    /// Filters all inputs and prints, for each input, one tally for each contender in the order of `NAMES`.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut inputs = HostFile::open(INPUTS)?;
         let mut outputs = HostFile::create(OUTPUTS)?;
-        let mut input = 0;
+        hprintln!("inputs = [");
         while let Some(tallies) = count_input(clock, &mut inputs, &mut outputs)? {
-            for (name, tally) in NAMES.iter().zip(tallies) {
-                hprintln!("count {} {} {}", input, name, tally);
-            }
-            input += 1;
+            hprintln!("{:?},", tallies);
         }
+        hprintln!("]");
         Ok(())
     }
 
-    /// Filters the next input and returns a tally for each contender; `None` at the end of the file.
+    /// Filters the next input. Returns a tally for each contender, or `None` at the end of the file.
     fn count_input(
         clock: &Clock,
         inputs: &mut HostFile,

@@ -8,7 +8,7 @@ fn main() -> std::process::ExitCode {
     bench::report::main()
 }
 
-/// A build for a microcontroller is empty: it exists because lints check all programs of this
+/// For a microcontroller this program is empty. It exists because the lints check all programs of this
 /// crate.
 #[cfg(target_os = "none")]
 #[panic_handler]

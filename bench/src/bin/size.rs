@@ -1,9 +1,9 @@
-//! Image with only acquisition and encoder: its size is their use of flash, and the fact that it links proves
-//! that no path through them panics or allocates.
+//! Image with only the acquisition and the encoder. The image's size is the flash that they need, and the
+//! fact that it links proves that no path through them panics or allocates.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
-/// Built for a PC, the program only prints its purpose.
+/// Built for a PC, the program only prints what it is for.
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this image is measured, not run: `cargo xtask bench encoder`");

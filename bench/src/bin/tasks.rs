@@ -1,9 +1,9 @@
-//! Image with only the firmware's two tasks between converter and frames. No path through them allocates, and the
-//! queue between them contains the only panics; the report reads the panics' locations from the image.
+//! Image with only the firmware's tasks `acquire` and `encode`. No path through them allocates, and only the
+//! queue between them can panic: the report reads the locations of the panics from the image.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
-/// Built for a PC, the program only prints its purpose.
+/// Built for a PC, the program only prints what it is for.
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this image is linked, not run: `cargo xtask bench encoder`");
@@ -46,14 +46,14 @@ mod image {
     static HANDED: StaticCell<[OutputSlot; deadlines::OUTPUTS_WAITING]> = StaticCell::new();
     static HANDED_CHANNEL: StaticCell<Channel<'static, RawMutex, OutputSlot>> = StaticCell::new();
 
-    /// Converter whose frames are opaque to the compiler.
+    /// Converter that decodes frames whose bytes the compiler cannot predict.
     struct Unknown {
         decoder: Decoder<CHIPS>,
         counts: [[i32; CHANNELS]; CHIPS],
     }
 
     impl Converter for Unknown {
-        /// Returns a `poll_fn`: an `async fn` would contain a panic for a poll after its completion.
+        /// Returns a `poll_fn`, because an `async fn` would contain a panic for a poll after its completion.
         fn next(&mut self, sample: &mut Sample) -> impl Future<Output = Conversion> {
             poll_fn(|_| {
                 let frame = black_box([0; frame_bytes(CHIPS)]);
@@ -79,7 +79,8 @@ mod image {
         }
     }
 
-    /// Runs both tasks forever. Returns `None` only if a static were already initialised, which cannot happen.
+    /// Runs both tasks forever. Would return `None` only if a static were already initialised, which cannot
+    /// happen.
     fn run_tasks() -> Option<()> {
         let run = Run::NONE;
         SHARED.send_order(black_box(Order::Start(run)));
@@ -110,8 +111,8 @@ mod image {
         }
     }
 
-    /// Uses each panic's location, so that the names of all source files with a reachable panic stay in the image.
-    /// An image that allocates does not link, because there is no allocator.
+    /// Uses the location of the panic. So the names of all source files with a reachable panic stay in the
+    /// image. An image that allocates does not link, because there is no allocator.
     #[panic_handler]
     fn panic(info: &PanicInfo) -> ! {
         black_box(info.location());

@@ -1,60 +1,35 @@
-//! Checked-in data: the model's artifact, published figures of others, and memory of microcontrollers.
+//! Checked-in data: the model's artifact and the TOML files of this crate.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use anyhow::Context;
 use artifact::Artifact;
-use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use serde_json::Value as Json;
-
-use super::failure::Failure;
 
 /// Folder of the built-in model.
 pub(crate) const ARTIFACT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../model/artifact");
-
-/// Memory of a microcontroller, KiB of 1024 bytes.
-#[derive(Debug, Deserialize)]
-pub(crate) struct Part {
-    pub(crate) name: String,
-    pub(crate) flash_kib: i64,
-    pub(crate) ram_kib: i64,
-    /// Name of the memory region that holds a program's variables and stack.
-    pub(crate) region: String,
-}
 
 /// Reads the built-in model's artifact.
 ///
 /// # Errors
 /// A file is missing or malformed.
-pub(crate) fn artifact() -> Result<Artifact, Failure> {
-    Artifact::read(Path::new(ARTIFACT)).map_err(|error| {
-        let next = "`git status model/artifact`";
-        Failure::new("reading the model's artifact", error, next)
-    })
+pub(crate) fn artifact() -> anyhow::Result<Artifact> {
+    let failed = "reading the model's artifact failed\n  next: `git status model/artifact`";
+    Artifact::read(Path::new(ARTIFACT)).context(failed)
 }
 
-/// Reads the figures of other libraries for one benchmark from `bench/published.toml`.
-pub(crate) fn published(benchmark: &str) -> Result<Json, Failure> {
-    let text = include_str!("../../published.toml");
-    let mut tables: BTreeMap<String, Json> = parse("published.toml", text)?;
-    Ok(tables.remove(benchmark).unwrap_or_default())
-}
-
-/// Reads the flash and RAM sizes of microcontrollers from `bench/parts.toml`.
-pub(crate) fn parts() -> Result<Vec<Part>, Failure> {
-    let text = include_str!("../../parts.toml");
-    let mut parts: BTreeMap<String, Vec<Part>> = parse("parts.toml", text)?;
-    Ok(parts.remove("part").unwrap_or_default())
-}
-
-/// Parses a TOML file of this crate.
+/// Returns the table, or the array of tables, `name` of `bench/FILE` with this text.
 ///
 /// # Errors
-/// The file does not have the fields of `T`.
-pub(crate) fn parse<T: DeserializeOwned>(name: &str, text: &str) -> Result<T, Failure> {
-    toml::from_str(text).map_err(|error| {
-        let what = format!("reading bench/{name}");
-        Failure::new(what, error, format!("compare with `git diff bench/{name}`"))
+/// There is no such table, or a table does not have the fields of `T`.
+pub(crate) fn table<T: DeserializeOwned>(file: &str, text: &str, name: &str) -> anyhow::Result<T> {
+    let tables: Result<BTreeMap<String, T>, _> = toml::from_str(text);
+    let table = tables.map_err(anyhow::Error::from).and_then(|mut tables| {
+        let missing = || format!("it has no table {name}");
+        tables.remove(name).with_context(missing)
+    });
+    table.with_context(|| {
+        format!("reading bench/{file} failed\n  next: compare with `git diff bench/{file}`")
     })
 }

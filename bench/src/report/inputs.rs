@@ -1,18 +1,33 @@
-//! Inputs of the benchmarks on emulated microcontrollers.
+//! Inputs of the images, the same on every run: synthetic signals that no EEG contains, and EEG.
 
 use std::env;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use anyhow::{Context, ensure};
+use fixed_dsp::BLOCK;
 use host_sim::synthetic::{Generator, SyntheticSpec};
-use model::CHANNELS;
+use model::{CHANNELS, ELECTRODES, GUARD_BITS};
+use pipeline::{Acquisition, Mains, Plane, Sample};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 
-use super::failure::Failure;
+use crate::block::{BLOCKS, Block};
+use crate::hop;
+use crate::stress::Stress;
+
+/// Real EEG for the filters, below the folder in `CORTICODE_DATA`: 61 electrodes at 512 Hz.
+const RESAMPLED: &str = "derived/s001r04_61ch_512hz_i16.gdf";
+/// Real EEG for the encoder: 125 s, mains at 60 Hz, not used in training.
+const HELD_OUT: &str = "eegmmidb_S001/S001R11.edf";
+
+/// What failed when a recording cannot be read, and what to do next.
+const FAILED: &str = "reading real EEG failed\n  next: does CORTICODE_DATA name the right folder?";
 
 /// ADC counts of all channels at one sample time.
-pub(crate) type Counts = [i32; CHANNELS];
+type Counts = [i32; CHANNELS];
 
-/// Named inputs, each as blocks or planes.
+/// Inputs of equal length, as blocks for the filters or as planes for the encoder.
 #[derive(Debug)]
 pub(crate) struct Inputs<T> {
     pub(crate) names: Vec<&'static str>,
@@ -30,35 +45,135 @@ impl<T> Inputs<T> {
         }
     }
 
-    pub(crate) fn add(&mut self, name: &'static str, data: Vec<T>) {
+    fn add(&mut self, name: &'static str, data: Vec<T>) {
         self.names.push(name);
         self.data.push(data);
     }
-}
 
-/// Returns an endless generator of EEG, the same on every call.
-pub(crate) fn synthetic() -> Result<Generator, Failure> {
-    let spec = SyntheticSpec::new(3, model::LABELS.split(' '));
-    Generator::new(&spec).map_err(Failure::input)
-}
-
-/// Returns the path of a recording below the folder in `CORTICODE_DATA`, or the reason to skip it.
-pub(crate) fn recording(file: &str) -> Result<PathBuf, String> {
-    match env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty()) {
-        Some(folder) => Ok(PathBuf::from(folder).join(file)),
-        None => Err(format!(
-            "real EEG as input: CORTICODE_DATA is not set; it names the folder that has {file}"
-        )),
+    /// Adds an input that is present only with `CORTICODE_DATA`.
+    fn add_real(&mut self, data: Result<Vec<T>, String>) {
+        match data {
+            Ok(data) => self.add("real EEG", data),
+            Err(reason) => {
+                eprintln!("SKIPPED: {reason}");
+                self.skipped.push(reason);
+            }
+        }
     }
 }
 
-/// Reads at most `samples` samples from the start of a recording, as the virtual ADC delivers them.
-pub(crate) fn recorded(path: &Path, samples: usize) -> Result<Vec<Counts>, Failure> {
-    let recording = Recording::open(path).map_err(Failure::input)?;
+/// Makes [`BLOCKS`] blocks of each input of the filters.
+///
+/// # Errors
+/// `CORTICODE_DATA` is set, and its recording cannot be read or is too short.
+pub(crate) fn blocks() -> anyhow::Result<Inputs<Block>> {
+    let mut inputs = Inputs::new();
+    inputs.add("silence", to_blocks(std::iter::repeat([0; CHANNELS])));
+    inputs.add("rails", to_blocks(telegraph(ChaCha8Rng::seed_from_u64(1))));
+    inputs.add("noise", to_blocks(white(ChaCha8Rng::seed_from_u64(2))));
+    inputs.add("synthetic EEG", to_blocks(synthetic()?));
+    inputs.add_real(recorded(RESAMPLED).context(FAILED)?.map(to_blocks));
+    let is_long = inputs.data.iter().all(|blocks| blocks.len() == BLOCKS);
+    ensure!(
+        is_long,
+        "{RESAMPLED} is shorter than 2 s\n  next: restore the file"
+    );
+    Ok(inputs)
+}
+
+/// Makes the inputs of the encoder, with at least `windows` windows together.
+///
+/// # Errors
+/// `CORTICODE_DATA` is set, and its recording cannot be read or is too short.
+pub(crate) fn planes(windows: usize) -> anyhow::Result<Inputs<Plane>> {
+    let real = recorded(HELD_OUT).context(FAILED)?;
+    let count = Stress::ALL.len() + 1 + usize::from(real.is_ok());
+    let steps = hop::steps(windows.div_ceil(count));
+    let mut inputs = Inputs::new();
+    for stress in Stress::ALL {
+        inputs.add(stress.name(), stress.planes().take(steps).collect());
+    }
+    inputs.add("synthetic EEG", to_planes(Mains::Hz50, synthetic()?, steps));
+    inputs.add_real(real.map(|samples| to_planes(Mains::Hz60, samples, steps)));
+    let is_long = inputs.data.iter().all(|planes| planes.len() == steps);
+    ensure!(
+        is_long,
+        "{HELD_OUT} is shorter than {steps} time steps\n  next: ask for fewer --windows"
+    );
+    Ok(inputs)
+}
+
+/// Returns an endless generator of EEG, the same on every call.
+pub(crate) fn synthetic() -> anyhow::Result<Generator> {
+    let spec = SyntheticSpec::new(3, model::LABELS.split(' '));
+    Ok(Generator::new(&spec)?)
+}
+
+/// Reads a recording below the folder in `CORTICODE_DATA`, as the virtual ADC delivers it, or returns the reason to
+/// skip it.
+fn recorded(file: &str) -> anyhow::Result<Result<Vec<Counts>, String>> {
+    let Some(folder) = env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty()) else {
+        return Ok(Err(format!(
+            "real EEG as input: CORTICODE_DATA is not set; it names the folder that has {file}"
+        )));
+    };
+    let recording = Recording::open(Path::new(&folder).join(file))?;
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
     let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate);
     let adc = AdcSpec::ads1299(model::ADC_RATE_HZ.into());
-    let adc = VirtualAdc::new(recording, &map.map_err(Failure::input)?, adc);
-    let samples: Result<Vec<Counts>, _> = adc.map_err(Failure::input)?.take(samples).collect();
-    samples.map_err(Failure::input)
+    let adc = VirtualAdc::new(recording, &map?, adc)?;
+    Ok(Ok(adc.collect::<Result<_, _>>()?))
+}
+
+fn to_blocks(samples: impl IntoIterator<Item = Counts>) -> Vec<Block> {
+    let samples: Vec<Counts> = samples.into_iter().take(BLOCKS * BLOCK).collect();
+    let blocks = samples.as_chunks::<BLOCK>().0.iter().map(|four| {
+        std::array::from_fn(|electrode| four.map(|counts| counts[electrode] << GUARD_BITS))
+    });
+    blocks.collect()
+}
+
+/// Returns the planes of at most `steps` time steps, computed by the acquisition from these
+/// samples.
+fn to_planes(mains: Mains, samples: impl IntoIterator<Item = Counts>, steps: usize) -> Vec<Plane> {
+    let mut acquisition = Acquisition::new(mains);
+    let samples = samples.into_iter();
+    let steps_of = samples.filter_map(|counts| acquisition.process_sample(&Sample { counts }));
+    steps_of.map(|step| step.plane).take(steps).collect()
+}
+
+/// Random telegraph signal: every electrode jumps from rail to rail, 25 times per second on average.
+fn telegraph(mut random: ChaCha8Rng) -> impl Iterator<Item = Counts> {
+    let mut counts = [Sample::MAX; CHANNELS];
+    std::iter::repeat_with(move || {
+        for count in &mut counts[..ELECTRODES] {
+            if random.random_ratio(1, 20) {
+                // The other rail: !MAX is -MAX - 1.
+                *count = !*count;
+            }
+        }
+        counts
+    })
+}
+
+/// White noise over the whole range of 24 bits.
+fn white(mut random: ChaCha8Rng) -> impl Iterator<Item = Counts> {
+    std::iter::repeat_with(move || std::array::from_fn(|_| random.next_u32().cast_signed() >> 8))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_requested_number_of_windows_is_made_and_eeg_is_not_silent() {
+        let inputs = planes(100).expect("inputs");
+        let steps = inputs.data[0].len();
+        // A window every 8 time steps, the first after 16.
+        let all = inputs.names.len() * ((steps - 16) / 8 + 1);
+        assert!((100..100 + inputs.names.len()).contains(&all), "{all}");
+        let eeg = inputs.data[4][steps / 2..].as_flattened();
+        let loud = eeg.iter().filter(|cell| cell.unsigned_abs() > 1).count();
+        assert!(loud > eeg.len() / 10, "{loud} of {}", eeg.len());
+    }
 }

@@ -7,20 +7,25 @@ const LABELS: [&str; 3] = ["name", "machine", "part"];
 
 /// Lays out rows of cells under a title: the first column to the left, all others to the right.
 pub(crate) fn table(title: &str, rows: &[Vec<String>]) -> String {
-    let mut lines = vec![title.to_owned()];
-    for row in rows {
+    let mut text = format!("{title}\n");
+    for row in rows
+        .iter()
+        .filter(|row| row.iter().any(|cell| !cell.is_empty()))
+    {
         let cells = row.iter().enumerate().map(|(column, cell)| {
-            let cells = rows.iter().filter_map(|row| row.get(column));
-            let width = cells.map(|cell| cell.chars().count()).max().unwrap_or(0);
+            let lengths = rows
+                .iter()
+                .filter_map(|row| Some(row.get(column)?.chars().count()));
+            let width = lengths.max().unwrap_or(0);
             match column {
                 0 => format!("  {cell:<width$}"),
                 _ => format!("    {cell:>width$}"),
             }
         });
-        lines.push(cells.collect::<String>().trim_end().to_owned());
+        text += cells.collect::<String>().trim_end();
+        text += "\n";
     }
-    lines.retain(|line| !line.is_empty());
-    lines.join("\n") + "\n"
+    text
 }
 
 /// Returns the text of a number, flag, string or flat array; numbers have at most three decimals.
@@ -37,26 +42,24 @@ pub(crate) fn cell(value: &Json) -> String {
     }
 }
 
-/// Returns the tables of a nested JSON value: one of its elements' flat fields, then those of their
-/// nested fields.
+/// Returns the tables of a nested JSON value: one of its elements' flat fields, then those of their nested fields. The
+/// elements of an array have the same fields.
 pub(crate) fn tables(title: &str, value: &Json) -> String {
     let elements: Vec<(String, &Json)> = match value {
         Json::Array(elements) if elements.iter().any(is_nested) => {
-            let label = |(index, element): (usize, &Json)| {
-                let name = LABELS.iter().find_map(|label| element.get(label));
-                name.map_or((index + 1).to_string(), cell)
-            };
-            let labels = elements.iter().enumerate().map(label);
-            labels.zip(elements).collect()
+            let label =
+                |element: &Json| LABELS.iter().find_map(|label| element.get(label)).map(cell);
+            let elements = (1..).zip(elements);
+            let labelled =
+                elements.map(|(number, each)| (label(each).unwrap_or(format!("{number}")), each));
+            labelled.collect()
         }
         Json::Object(elements) => elements
             .iter()
             .map(|(key, value)| (key.clone(), value))
             .collect(),
-        flat => match cell(flat).as_str() {
-            "" => return String::new(),
-            text => return format!("\n{title}: {text}\n"),
-        },
+        Json::Array(elements) if elements.is_empty() => return String::new(),
+        flat => return format!("\n{title}: {}\n", cell(flat)),
     };
     let mut rows = vec![vec![String::new()]];
     let mut nested = String::new();
@@ -64,23 +67,21 @@ pub(crate) fn tables(title: &str, value: &Json) -> String {
         let mut row = vec![label.clone()];
         row.extend(element.as_array().into_iter().flatten().map(cell));
         for (key, field) in element.as_object().into_iter().flatten() {
-            let fields = field.as_array();
-            if fields.is_some_and(|fields| fields.iter().any(is_nested)) {
-                nested += &tables(&format!("{title}, {label}: {key}"), field);
-            } else if !LABELS.contains(&key.as_str())
-                && fields.is_none_or(|fields| !fields.is_empty())
+            if field
+                .as_array()
+                .is_some_and(|fields| fields.iter().any(is_nested))
             {
-                let column = rows[0].iter().position(|heading| heading == key);
-                let column = column.unwrap_or_else(|| {
+                nested += &tables(&format!("{title}, {label}: {key}"), field);
+            } else if !LABELS.contains(&key.as_str()) {
+                row.push(cell(field));
+                if !rows[0].contains(key) {
                     rows[0].push(key.clone());
-                    rows[0].len() - 1
-                });
-                row.resize(row.len().max(column + 1), String::new());
-                row[column] = cell(field);
+                }
             }
         }
         rows.push(row);
     }
+    // Few elements with many fields are columns.
     if rows[0].len() > rows.len() {
         let columns = 0..rows[0].len();
         let column = |column| {
@@ -92,7 +93,7 @@ pub(crate) fn tables(title: &str, value: &Json) -> String {
     format!("\n{}{nested}", table(title, &rows))
 }
 
-fn is_nested(value: &Json) -> bool {
+pub(crate) fn is_nested(value: &Json) -> bool {
     value.is_object() || value.is_array()
 }
 
@@ -103,42 +104,42 @@ mod tests {
     use super::*;
 
     #[test]
-    fn objects_are_rows_and_their_nested_arrays_tables_of_their_own() {
-        let value = json!([
-            {"name": "b", "n": 1, "x": 0.123_456, "inner": [{"part": "p", "y": null}]},
-            {"name": "long", "n": 12, "x": 1e-7, "range": [3, 4]},
-            {"name": "c", "n": 3, "x": true, "range": []},
+    fn objects_are_rows_or_columns_and_their_nested_arrays_tables_of_their_own() {
+        let rows = json!([
+            {"name": "b", "n": 1, "x": 0.123_456, "range": [3, 4], "inner": [{"part": "p", "y": null}]},
+            {"name": "long", "n": 12, "x": 1e-7, "range": []},
+            {"name": "c", "n": 3, "x": true, "range": [5]},
         ]);
         let expected = "
-outer
-           n         x    range
-  b        1     0.123
-  long    12    1.0e-7     3, 4
-  c        3      true
+t
+           n    range         x
+  b        1     3, 4     0.123
+  long    12             1.0e-7
+  c        3        5      true
 
-outer, b: inner
+t, b: inner
                   y
   p    not measured
 ";
-        assert_eq!(tables("outer", &value), expected);
-    }
-
-    #[test]
-    fn few_elements_with_many_fields_are_columns() {
-        let value = json!({"a": {"x": 1, "y": 2}, "b": {"x": 3, "y": 4}});
-        assert_eq!(
-            tables("t", &value),
-            "\nt\n       x    y\n  a    1    2\n  b    3    4\n"
-        );
-        let value = json!({"a": {"x": 1, "y": 2, "z": 5}});
-        assert_eq!(
-            tables("t", &value),
-            "\nt\n       a\n  x    1\n  y    2\n  z    5\n"
-        );
-        assert_eq!(
-            tables("t", &json!([[1, 2], [34, 5]])),
-            "\nt\n  1     1    2\n  2    34    5\n"
-        );
-        assert_eq!(tables("t", &json!(["a", "b"])), "\nt: a, b\n");
+        let columns = json!({"a": {"x": 1, "y": 2}, "b": {"x": 3, "y": 4}});
+        for (value, expected) in [
+            (rows, expected),
+            (
+                columns,
+                "\nt\n       x    y\n  a    1    2\n  b    3    4\n",
+            ),
+            (
+                json!({"a": {"x": 1, "y": 2}}),
+                "\nt\n       a\n  x    1\n  y    2\n",
+            ),
+            (
+                json!([[1, 2], [34, 5]]),
+                "\nt\n  1     1    2\n  2    34    5\n",
+            ),
+            (json!(["a", "b"]), "\nt: a, b\n"),
+            (json!([]), ""),
+        ] {
+            assert_eq!(tables("t", &value), expected);
+        }
     }
 }

@@ -1,37 +1,27 @@
-//! External programs that a benchmark uses if they are installed, and progress output.
+//! External programs that a benchmark uses if they are installed.
 
 use std::process::{Command, Stdio};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use anyhow::Context;
 
-/// Returns whether the command starts and exits with 0; its output is discarded.
-pub(crate) fn succeeds(command: &mut Command) -> bool {
-    command.stdin(Stdio::null());
-    command.stdout(Stdio::null()).stderr(Stdio::null());
-    command.status().is_ok_and(|status| status.success())
+/// Returns what a command prints, or `None` if it does not start or does not exit with 0.
+pub(crate) fn output_of(command: &mut Command) -> Option<String> {
+    let output = command.stdin(Stdio::null()).output().ok()?;
+    let printed = String::from_utf8_lossy(&output.stdout);
+    output.status.success().then(|| printed.into_owned())
 }
 
-/// Returns the name under which a tool of LLVM is installed: without version, or with the newest version, as Debian
-/// names them.
-pub(crate) fn llvm(name: &str) -> Option<String> {
+/// Returns a tool of LLVM under the name by which it is installed: without version, or with the newest version, as
+/// Debian names them.
+///
+/// # Errors
+/// The tool is not installed.
+pub(crate) fn llvm(name: &str) -> anyhow::Result<Command> {
     let versions = (14..=24).rev().map(|version| format!("{name}-{version}"));
-    std::iter::once(name.to_owned())
-        .chain(versions)
-        .find(|name| succeeds(Command::new(name).arg("--version")))
-}
-
-/// Returns a progress bar that is full after `ticks` increments.
-pub(crate) fn progress_bar(ticks: usize) -> ProgressBar {
-    let bar = ProgressBar::new(ticks.try_into().unwrap_or(u64::MAX));
-    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}");
-    bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-}
-
-/// Prints why parts of a benchmark are left out.
-pub(crate) fn print_skipped(reasons: &[String]) {
-    for reason in reasons {
-        eprintln!("SKIPPED: {reason}");
-    }
+    let mut names = std::iter::once(name.to_owned()).chain(versions);
+    let installed = names.find(|name| output_of(Command::new(name).arg("--version")).is_some());
+    let missing = || format!("no {name}; Debian's package is `llvm`");
+    Ok(Command::new(installed.with_context(missing)?))
 }
 
 #[cfg(test)]
@@ -39,9 +29,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_program_that_does_not_exist_does_not_succeed() {
-        assert!(succeeds(&mut Command::new("true")));
-        assert!(!succeeds(&mut Command::new("false")));
-        assert_eq!(llvm("no-such-program-anywhere"), None);
+    fn a_program_that_fails_or_does_not_exist_has_no_output() {
+        assert_eq!(
+            output_of(Command::new("echo").arg("hello")).as_deref(),
+            Some("hello\n")
+        );
+        assert_eq!(output_of(&mut Command::new("false")), None);
+        assert!(llvm("no-such-program-anywhere").is_err());
     }
 }

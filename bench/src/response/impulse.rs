@@ -1,4 +1,4 @@
-//! Magnitude and group delay of a filter, from its response to an impulse.
+//! Magnitude and group delay of a filter, computed from its response to an impulse.
 
 use std::f64::consts::PI;
 
@@ -9,11 +9,13 @@ use pipeline::Mains;
 use super::twin::Twin;
 
 /// Height of the impulse, Q27.5: twice the ADC's full scale, so that rounding is small relative to the
-/// response. A node whose worst case is 6.8 times full scale (model/manifest.txt) has headroom for 8 times,
-/// and a single impulse excites it far less than the worst case.
+/// response. No node wraps: all have headroom for 8 times full scale, and even for the worst input of full
+/// scale the largest node reaches only 6.8 times (model/manifest.txt). A single impulse, even of twice full
+/// scale, excites a node far less.
 const IMPULSE: i32 = 1 << 29;
-/// Length of the response, s: by then the slowest poles, 0.97 / s, have decayed by e^-10. Anything later is
-/// rounding, which the group delay would weigh by its age.
+/// Length of the recorded response, s. The slowest poles decay at 0.96 / s, so after 10 s they have decayed
+/// by about e^-10. Later values are mostly rounding errors, and the group delay weights each value by its
+/// time.
 const SECONDS: usize = 10;
 
 /// Response of a filter to a unit impulse, at the ADC's rate.
@@ -21,8 +23,9 @@ const SECONDS: usize = 10;
 pub(super) struct ImpulseResponse(Vec<f64>);
 
 impl ImpulseResponse {
-    /// Measures the fixed-point filters: half the difference of the responses to an impulse and its negative,
-    /// in which the initial value of the carried rounding error cancels.
+    /// Measures the response of the fixed-point filters: half the difference between the responses to an
+    /// impulse and to its negative. In this difference, the initial value of the carried rounding error
+    /// cancels.
     pub(super) fn from_filters() -> Self {
         let mut states = [CascadeState::REST; 2];
         let response = (0..samples()).map(|n| {

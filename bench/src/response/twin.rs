@@ -1,4 +1,4 @@
-//! The filters as specified, in float64: coefficients not quantised, direct form instead of ours.
+//! Float64 twin of the filters: with the specified, unquantised coefficients, and in direct form I.
 
 use artifact::Filters;
 use model_gen::design::{butterworth_band_pass, notch};
@@ -7,7 +7,7 @@ use num_complex::Complex64;
 /// Mains frequency that the filters stop, Hz.
 pub const MAINS_HZ: f64 = 50.0;
 
-/// Band-pass and notches in float64, with their state.
+/// Band-pass and notches in float64, with their states.
 #[derive(Debug, Clone)]
 pub struct Twin {
     /// Coefficients `b0, b1, b2, a1, a2` of each section.

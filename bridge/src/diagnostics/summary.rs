@@ -90,7 +90,8 @@ impl fmt::Display for Summary {
         write!(
             formatter,
             "codes: made {made} received {received} lost {lost} (bursts {bursts}, longest \
-             {longest_burst}) missing between runs {between_runs} fillers {fillers} unused {unused}; frames: lost {frames_lost} crc \
+             {longest_burst}) fillers {fillers} unused {unused} missing between runs \
+             {between_runs}; frames: lost {frames_lost} crc \
              {} cobs {} oversize {} version {} unknown {} malformed {} resyncs {}; connections \
              {connections} resets {resets}; clock {drift_ppm:+.1} ppm",
             wire.crc,

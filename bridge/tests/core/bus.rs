@@ -58,7 +58,7 @@ fn an_event_is_recorded_at_the_sample_that_was_at_the_electrodes() {
                     counts: &counts,
                 };
                 let device_us = (first + 7) * 1_000_000 / 512;
-                harness.now_us = start_us + device_us as i64;
+                harness.now_us = start_us + device_us.cast_signed();
                 harness.send(device_us, &ToHost::Raw(raw));
                 if !harness.recorder.raw.is_empty() {
                     raw_us.get_or_insert(harness.now_us);
@@ -67,7 +67,7 @@ fn an_event_is_recorded_at_the_sample_that_was_at_the_electrodes() {
             // The window of code n is complete at step 15 + 8 n; its last sample passed the filters
             // 10 ms before it left them.
             let device_us = 10_000 + 117_187 + hop * 62_500;
-            harness.now_us = start_us + device_us as i64;
+            harness.now_us = start_us + device_us.cast_signed();
             let code = harness.board.code(device_us, 1);
             harness.receive(&code);
             code_us.get_or_insert(harness.now_us);

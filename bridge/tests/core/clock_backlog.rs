@@ -111,8 +111,8 @@ fn a_backlog_of_up_to_5_minutes_does_not_move_the_stamps() {
             check(
                 &format!("stalls {stalls:?}"),
                 &Run {
-                    stalls,
                     ppm,
+                    stalls,
                     ..QUIET
                 }
                 .errors(),
@@ -150,8 +150,8 @@ fn a_drift_that_changes_by_20_ppm_is_followed_before_and_after_a_backlog() {
     check(
         "drift steps",
         &Run {
-            stalls,
             ppm,
+            stalls,
             ..QUIET
         }
         .errors(),
@@ -184,8 +184,8 @@ fn a_delay_that_lasts_is_learnt_slowly_and_a_clock_that_drifted_in_a_long_silenc
     };
     let stalls = &[[100.0, 3_700.0]];
     let run = Run {
-        stalls,
         ppm,
+        stalls,
         seconds: 4_500.0,
         ..QUIET
     };

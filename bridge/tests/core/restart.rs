@@ -3,7 +3,8 @@
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
     clippy::cast_sign_loss,
-    reason = "times of minutes"
+    clippy::float_cmp,
+    reason = "times of minutes; numbers of samples are whole"
 )]
 
 use bridge::{FillerPolicy, Settings};
@@ -73,7 +74,7 @@ impl Recording {
     /// Moves the host's clock to `device_us` microseconds after the start of the run and returns that
     /// time.
     fn at(&mut self, device_us: u64) -> u64 {
-        self.harness.now_us = self.run_us + device_us as i64;
+        self.harness.now_us = self.run_us + device_us.cast_signed();
         device_us
     }
 

@@ -39,12 +39,12 @@ bind_interrupts!(struct UartIrqs {
 
 #[entry]
 fn main() -> ! {
-    // The boot loader comes first, because it needs the chip as the reset has left it.
+    // The boot loader comes first, because it needs the chip in the state in which the reset left it.
     Loader::Stm32F446.run_if_requested(reset::map_system_memory);
     let clock = ClockSource::find(clocks::AFTER_RESET_HZ);
     let parts = Parts::new(init(clocks::config(clock)));
-    // To spawn a task twice is a fault of the image. It panics, because no task runs yet that could report
-    // it.
+    // Spawning a task twice is an error in the image. It panics, because no task runs yet that could
+    // report the error.
     start(parts, clock).expect("every task is spawned once");
     sleep()
 }
@@ -54,7 +54,7 @@ async fn feed_watchdog(watchdog: Peri<'static, IWDG>) {
     board_stm32::feed_watchdog(watchdog).await;
 }
 
-/// DMA buffer of the converters' SPI.
+/// DMA buffer of the SPI to the converters.
 static SPI_BUFFER: ConstStaticCell<[u8; FRAME_BYTES]> = ConstStaticCell::new([0; FRAME_BYTES]);
 
 #[cfg(feature = "uart")]
@@ -130,8 +130,8 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
     Ok(())
 }
 
-/// Returns a number from the noise of the temperature sensor, because the chip has no random number
-/// generator: 64 readings, mixed with FNV-1a. The number distinguishes one boot from the next, and is no
+/// Returns a number derived from the noise of the temperature sensor: 64 readings, hashed with FNV-1a. The
+/// chip has no random number generator. The number distinguishes one boot from another and need not be
 /// secret.
 fn session_id(adc: Peri<'static, ADC1>) -> u32 {
     let mut adc = Adc::new(adc);

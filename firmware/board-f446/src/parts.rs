@@ -1,5 +1,5 @@
-//! Pins of the board. The chip selects are on port C, because all of the chain's signals are then on the
-//! NUCLEO's morpho headers.
+//! Pins of the board. The chip selects are on port C, so that the NUCLEO's morpho headers carry all
+//! signals of the chain.
 
 board_stm32::parts! {
     pins {

@@ -3,7 +3,7 @@
 use board_stm32::Uart;
 use embassy_stm32::{interrupt::Interrupt, pac, peripherals};
 
-/// USART2, which is connected to the ST-LINK (RM0390, USART).
+/// USART2, whose pins lead to the ST-LINK (RM0390, USART).
 pub(crate) struct Usart2;
 
 impl Uart for Usart2 {
@@ -30,19 +30,20 @@ impl Uart for Usart2 {
         });
     }
 
-    /// Masks the flags until the next byte, whose interrupt (RXNEIE) unmasks them.
+    /// Masks the interrupts of the flags until the next byte arrives; the interrupt of that byte (RXNEIE)
+    /// unmasks them.
     ///
-    /// IDLE, FE and NF are cleared by a read of SR followed by one of DR (RM0390, USART_SR). Only the DMA
-    /// reads DR: a byte can arrive between the two reads, and a byte that the CPU reads is missing in the
+    /// IDLE, FE and NF are cleared by a read of SR followed by a read of DR (RM0390, USART_SR). The CPU must
+    /// not read DR: a byte can arrive between its two reads, and the DMA would not store that byte in the
     /// ring. So the CPU reads SR, and the DMA reads DR when it moves the next byte. If the DMA's read did not
     /// clear the flags, each byte would interrupt and wake the reader, which is slower but loses nothing.
     ///
-    /// ORE means that a byte is lost already, and with RXNEIE it would interrupt continuously, so it is
-    /// cleared at once.
+    /// ORE is the exception. It means that a byte is lost already, and with RXNEIE it would interrupt
+    /// continuously, so the CPU clears it at once by reading DR.
     fn acknowledge() {
         let uart = pac::USART2;
         let status = uart.sr().read();
-        // With a byte in DR, the DMA is about to read it, which clears the flags.
+        // If DR still holds a byte, the DMA is about to read it, and this read clears the flags.
         let is_moved = !status.rxne();
         if status.ore() && is_moved {
             let _ = uart.dr().read();

@@ -10,31 +10,33 @@ use grounded::uninit::GroundedCell;
 
 /// Buffers that DMA1 reads and writes.
 pub(crate) struct DmaMemory {
-    /// Buffer of the converters' SPI.
+    /// Buffer of the SPI to the converters.
     pub(crate) converters: [u8; FRAME_BYTES],
-    /// Buffers of the UART.
+    /// Buffers of the UART to the host.
     #[cfg(feature = "uart")]
     pub(crate) port: PortMemory,
 }
 
-/// Lies in SRAM1, domain D2, because DMA1 cannot access the DTCM, which holds all other variables.
+/// Placed in SRAM1 (domain D2), because DMA1 cannot access the DTCM, which holds all other variables.
 #[unsafe(link_section = ".dma")]
 static DMA_MEMORY: GroundedCell<DmaMemory> = GroundedCell::uninit();
 
-/// Address of SRAM1 (RM0433, section 2.3).
+/// Start address of SRAM1 (RM0433, section 2.3).
 const SRAM1: u32 = 0x3000_0000;
-/// MPU attributes of an enabled region of 2^(16 + 1) bytes: normal memory, shared and not cached (TEX 001, C 0,
-/// B 0, S 1), readable and writable, never executed (ARM DDI 0403, B3.5.9).
+/// Value of the MPU's attribute and size register (RASR) for SRAM1: an enabled region of 2^(16 + 1) bytes,
+/// normal memory, shared and not cached (TEX 001, C 0, B 0, S 1), readable and writable, never executed (ARM
+/// DDI 0403, B3.5.9).
 const SRAM1_UNCACHED: u32 = 1 << 28 | 0b011 << 24 | 0b001 << 19 | 1 << 18 | 16 << 1 | 1;
-/// Value of the MPU's control register: enabled; memory without a region keeps the architecture's default
-/// attributes.
+/// Value of the MPU's control register: enabled, with the architecture's default attributes for memory
+/// outside every region.
 const ON_WITH_DEFAULTS: u32 = 0b101;
 
-/// Enables SRAM1 and the caches. Returns uncached buffers, so that core and DMA always see the same data.
-/// Consumes the core's peripherals, so that the function runs only once.
+/// Enables SRAM1 and the caches, and returns the DMA's buffers. The buffers are not cached, so that core and
+/// DMA always see the same data. Takes the core's peripherals by value, so that it can be called only once.
 pub(crate) fn init(mut core: Peripherals) -> &'static mut DmaMemory {
     RCC.ahb2enr().modify(|enable| enable.set_sram1en(true));
-    // The clock of SRAM1 starts with a delay; a read from its enable register waits for it (RM0433, RCC).
+    // The clock of SRAM1 starts with a delay; a read of the clock enable register waits until it runs
+    // (RM0433, RCC).
     let _ = RCC.ahb2enr().read();
     // SAFETY: no MPU region is in use, and the caches are still off.
     unsafe { core.MPU.ctrl.write(0) };
@@ -44,7 +46,7 @@ pub(crate) fn init(mut core: Peripherals) -> &'static mut DmaMemory {
     unsafe { core.MPU.rbar.write(SRAM1) };
     // SAFETY: the MPU is off; no code is in SRAM1, which this region makes non-executable.
     unsafe { core.MPU.rasr.write(SRAM1_UNCACHED) };
-    // SAFETY: all memory outside SRAM1 keeps its attributes.
+    // SAFETY: region 0 is complete, and all memory outside SRAM1 keeps its default attributes.
     unsafe { core.MPU.ctrl.write(ON_WITH_DEFAULTS) };
     cortex_m::asm::dsb();
     cortex_m::asm::isb();
@@ -52,7 +54,7 @@ pub(crate) fn init(mut core: Peripherals) -> &'static mut DmaMemory {
     core.SCB.enable_dcache(&mut core.CPUID);
 
     let memory = DMA_MEMORY.get();
-    // SAFETY: SRAM1 is clocked now, and nothing else refers to it.
+    // SAFETY: `memory` points to SRAM1, whose clock runs now, and no reference to this memory exists yet.
     unsafe {
         memory.write(DmaMemory {
             converters: [0; FRAME_BYTES],
@@ -60,6 +62,7 @@ pub(crate) fn init(mut core: Peripherals) -> &'static mut DmaMemory {
             port: PortMemory::EMPTY,
         });
     }
-    // SAFETY: initialised above. This is the only reference, because `core` exists once.
+    // SAFETY: `memory` is initialised above. This is the only reference to it, because `init` consumes
+    // `core`, of which only one value exists.
     unsafe { &mut *memory }
 }

@@ -1,5 +1,5 @@
-//! Pins of the board. The chip selects are on port E, because all of the chain's signals are then on the
-//! NUCLEO's own sockets.
+//! Pins of the board. The chip selects are on port E, so that the NUCLEO's own sockets carry all signals
+//! of the chain.
 
 board_stm32::parts! {
     pins {

@@ -3,7 +3,7 @@
 use board_stm32::Uart;
 use embassy_stm32::{interrupt::Interrupt, pac, peripherals};
 
-/// USART3, which is connected to the ST-LINK (RM0433, USART).
+/// USART3, whose pins lead to the ST-LINK (RM0433, USART).
 pub(crate) struct Usart3;
 
 impl Uart for Usart3 {

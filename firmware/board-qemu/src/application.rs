@@ -27,8 +27,8 @@ use crate::{
     uart::{self, Receiver, Transmitter},
 };
 
-/// Delay between the end of the file of samples and the end of the emulation, in which the last frames are
-/// sent. The delay is shorter than the watchdog's period, because without samples the watchdog is not fed.
+/// Delay between the end of the file of samples and the end of the emulation, for sending the last frames.
+/// Shorter than the watchdog's period, because the watchdog is not fed while there are no samples.
 const DRAIN_TIMEOUT: Duration = Duration::from_millis(60);
 
 static MEMORY: Memory = Memory::new();
@@ -73,7 +73,7 @@ async fn converse(
     firmware::converse(port, &mut session, start, memory, &SHARED, machine).await;
 }
 
-/// Ends the emulation [`DRAIN_TIMEOUT`] after the end of the file of samples, and prints the counts.
+/// Prints the counts and ends the emulation, [`DRAIN_TIMEOUT`] after the end of the file of samples.
 #[embassy_executor::task]
 async fn end() {
     while !FILE_ENDED.load(Relaxed) {
@@ -97,7 +97,7 @@ async fn feed_watchdog() {
     firmware::keep_alive(&SHARED.progress, failure::feed_watchdog).await;
 }
 
-/// Fails as requested, one second after the start.
+/// Causes the requested failure, one second after the start.
 #[embassy_executor::task]
 async fn fail(failure: Failure) {
     Timer::after_secs(1).await;
@@ -123,12 +123,13 @@ fn main() -> ! {
         debug::exit(debug::EXIT_FAILURE);
     }
     loop {
-        // Halts the emulated core; WFE, which the thread executor uses, does not.
+        // QEMU halts the emulated core at WFI, but not at WFE, which embassy's thread executor would use.
         cortex_m::asm::wfi();
     }
 }
 
-/// Starts peripherals and tasks. Never inlined into `main`, whose stack frame stays below those of all tasks.
+/// Starts peripherals and tasks. Not inlined into `main`, whose stack frame stays in use while the tasks run
+/// and should be small.
 #[inline(never)]
 fn start() -> Result<(), SpawnError> {
     let arguments = Arguments::read();
@@ -174,7 +175,8 @@ fn start() -> Result<(), SpawnError> {
     Ok(())
 }
 
-/// Opens a file on the PC if the emulator was started with `argument`.
+/// Opens the file `name` on the PC if `argument` is among the emulator's arguments. Returns `None` otherwise,
+/// or if there is no such file.
 fn open_if_requested(
     arguments: &Arguments,
     argument: &str,

@@ -4,10 +4,11 @@
 /// SYS_GET_CMDLINE (ARM semihosting, section 7.7).
 const GET_CMDLINE: usize = 0x15;
 
-/// Bytes of the longest command line.
+/// Size of the buffer for the command line, bytes. QEMU refuses to fill it with a longer line, and then
+/// there are no arguments.
 const MAX_LINE: usize = 128;
 
-/// Words of QEMU's `-semihosting-config arg=`.
+/// Arguments that QEMU was started with, as `-semihosting-config arg=`.
 #[derive(Debug)]
 pub(crate) struct Arguments {
     line: [u8; MAX_LINE],
@@ -17,11 +18,11 @@ impl Arguments {
     /// Reads the arguments from the emulator.
     pub(crate) fn read() -> Self {
         let mut line = [0; MAX_LINE];
-        let block = [line.as_mut_ptr() as usize, MAX_LINE];
-        // SAFETY: the call writes at most MAX_LINE bytes to the line, and the line's length to the block.
-        // Both outlive the call.
+        let mut block = [line.as_mut_ptr() as usize, MAX_LINE];
+        // SAFETY: the call writes at most MAX_LINE bytes to `line`, and the length of the command line to
+        // `block`. Both are local variables of this function, so they live until the call has returned.
         let refused =
-            unsafe { cortex_m_semihosting::syscall1(GET_CMDLINE, block.as_ptr() as usize) };
+            unsafe { cortex_m_semihosting::syscall1(GET_CMDLINE, block.as_mut_ptr() as usize) };
         let _ = refused;
         Self { line }
     }

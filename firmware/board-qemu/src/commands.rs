@@ -1,22 +1,22 @@
-//! Commands of a simulated host, from a file, played at fixed device times. These times are the same in every
-//! run, unlike those of bytes from a pipe, which depend on the PC.
+//! Commands of a simulated host, read from a file and delivered at fixed device times. These times are the
+//! same in every emulation; those of bytes from a pipe would depend on the PC.
 
 use embassy_time::{Instant, Timer};
 
 use crate::{host_file::HostFile, uart};
 
-/// File of commands: for each command a head of [`HEAD`] bytes, little endian, followed by the command's
-/// bytes.
+/// Name of the file of commands. For each command it holds a header of [`HEAD`] bytes, little endian,
+/// followed by the command's bytes.
 pub(crate) const COMMANDS: &core::ffi::CStr = c"commands.bin";
 
-/// Bytes of a head: device time in microseconds, 64 bits; number of the boot, from 1, 32 bits; length of the
-/// command in bytes, 32 bits.
+/// Length of a header, bytes: device time in microseconds, 64 bits; number of the boot, from 1, 32 bits;
+/// length of the command in bytes, 32 bits.
 const HEAD: usize = 16;
 
-/// Bytes passed to the UART at once.
+/// Largest number of bytes that are read from the file and passed to the UART together.
 const PIECE: usize = 64;
 
-/// Plays the commands for this boot, at their times, as if they arrived at the UART.
+/// Delivers the commands for boot number `boot` at their times, as if the UART received them.
 pub(crate) async fn play(mut file: HostFile, boot: u32) {
     let mut head = [0; HEAD];
     while file.read(&mut head) {

@@ -1,4 +1,4 @@
-//! DRDY of the simulated converter, from timer 1, at exactly the model's sampling rate.
+//! DRDY of the simulated converter: timer 1 generates the edges, at exactly the model's sampling rate.
 
 use core::{cell::Cell, future::poll_fn, task::Poll};
 
@@ -13,9 +13,9 @@ use crate::{
 
 #[derive(Clone, Copy)]
 struct Edges {
-    /// Time of the first edge, ticks.
+    /// Time of the first edge on the free-running timer, ticks.
     first: u64,
-    /// Edges so far.
+    /// Number of edges so far.
     count: u64,
     /// Value of `count` when a task last took the edges.
     taken: u64,
@@ -28,14 +28,14 @@ static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// Returns the time of edge number `index`, in ticks: `index` sampling periods after `first`.
+/// Returns the time of edge number `index`, in ticks: `index` sampling periods after `first`, rounded down.
 fn due(first: u64, index: u64) -> u64 {
     first + index * u64::from(CLOCK_HZ) / u64::from(ADC_RATE_HZ)
 }
 
-/// Starts the converter. Returns the time of its first edge, in ticks, which is one sampling period later.
-/// That edge is on a whole microsecond, so that the device times of the edges differ between runs only by a
-/// constant.
+/// Starts the converter. Returns the time of its first edge in ticks: one sampling period from now, rounded
+/// up to a whole microsecond. Because of this rounding, the device times of all edges in two emulations
+/// differ only by one constant.
 pub(crate) fn start() -> u64 {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
@@ -62,7 +62,7 @@ pub(crate) fn on_edge() {
     WAKER.wake();
 }
 
-/// Sets timer 1 to expire once, at the next edge. A periodic timer is no alternative: under `-icount`, QEMU
+/// Sets timer 1 to expire once, at the next edge. A periodic timer cannot be used: under `-icount`, QEMU
 /// 7.2 runs it at half its rate.
 fn arm(edges: Edges) {
     let wait = due(edges.first, edges.count)
@@ -76,17 +76,19 @@ fn arm(edges: Edges) {
     TIMER1.write(timer::CONTROL, timer::RUN);
 }
 
-/// Edge of DRDY.
+/// Newest edge of DRDY when [`next_edge`] returns.
 pub(crate) struct Edge {
-    /// Device time, microseconds since boot, as exact as a timer capture.
+    /// Device time of the edge, microseconds since boot. Computed from the edge's number, so an interrupt
+    /// that runs late does not change it.
     pub(crate) us: u64,
-    /// Time on the free-running timer, ticks; wraps.
+    /// Time of the edge on the free-running timer, ticks; wraps.
     pub(crate) ticks: u32,
-    /// Number of edges before this one that no task took in time.
+    /// Number of edges between the one that the previous call returned and this one.
     pub(crate) missed: u64,
 }
 
-/// Waits for an edge that was not taken yet. Returns the newest edge.
+/// Waits until there is an edge that no earlier call has returned or counted as missed. Returns the newest
+/// edge.
 pub(crate) async fn next_edge() -> Edge {
     poll_fn(|context| {
         WAKER.register(context.waker());

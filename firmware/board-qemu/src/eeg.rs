@@ -1,21 +1,22 @@
-//! Synthetic EEG in integers, for an emulator without a recording.
+//! Synthetic EEG in integer arithmetic, for an emulation without a recording.
 
 use pipeline::Sample;
 
-/// Slow noise of each channel, and a 10 Hz wave that the channels share at different amplitudes.
+/// Generator of synthetic EEG: a slow noise of its own for each channel, and a 10 Hz wave that the
+/// channels share at different amplitudes.
 #[derive(Debug)]
 pub(crate) struct Eeg {
     random: u32,
-    /// Slow noise of each channel, counts.
+    /// Current value of each channel's slow noise, counts.
     slow: Sample,
-    /// The 10 Hz wave and its quadrature (the wave delayed by 90 degrees), Q15.
+    /// Current value of the 10 Hz wave, and its quadrature (the wave delayed by 90 degrees), Q15.
     wave: [i32; 2],
 }
 
 /// Rotation of the 10 Hz wave from sample to sample, Q15: cosine and sine of 2 pi * 10 Hz / 512 Hz.
 const ROTATION: [i32; 2] = [32_522, 4_011];
 
-/// Amplitude of the wave: 20 uV, in counts of 22.35 nV.
+/// Largest amplitude of the wave over the channels: 20 uV, in counts of 22.35 nV.
 const AMPLITUDE: i32 = 895;
 
 impl Eeg {

@@ -1,4 +1,4 @@
-//! Panics, faults and the watchdog: each failure leaves a record for the next run and resets the board.
+//! Panics, faults and the watchdog: each failure leaves a record for the next boot and resets the board.
 #![expect(unsafe_code, reason = "exception handlers")]
 
 use core::panic::PanicInfo;
@@ -13,10 +13,10 @@ use crate::{
     time_driver::TICKS_PER_US,
 };
 
-/// Starts the watchdog. Its first expiry raises [`NonMaskableInt`], and the next one resets the board.
+/// Starts the watchdog. Its first expiry raises [`NonMaskableInt`], and the second one resets the board.
 pub(crate) fn start_watchdog() {
-    // The first expiry is after the whole of the watchdog's period, not after half of it: if the watchdog
-    // starts between two progress checks, one feed can be missing.
+    // The first expiry must come after the whole of the watchdog's period, not after half of it: if the
+    // watchdog starts between two progress checks, the first check may not feed it.
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
     WATCHDOG.write(watchdog::LOAD, us * TICKS_PER_US);
     WATCHDOG.write(watchdog::CONTROL, watchdog::INTERRUPT_THEN_RESET);
@@ -41,7 +41,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     fail(FaultRecord::from_failure(info))
 }
 
-/// Handles the first expiry of the watchdog: a task hangs.
+/// Handles the first expiry of the watchdog, which means that a task hangs.
 #[exception]
 unsafe fn NonMaskableInt() {
     fail(FaultRecord::from_hang("a task made no progress: watchdog"))
@@ -58,11 +58,11 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
 /// Failure that a test can request.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Failure {
-    /// The encoder's executor never returns.
+    /// A task of the encoder's executor loops forever.
     Hang,
-    /// A task panics.
+    /// A task of the encoder's executor panics.
     Panic,
-    /// A task executes an undefined instruction.
+    /// A task of the encoder's executor executes an undefined instruction.
     Fault,
 }
 
@@ -78,7 +78,7 @@ impl Failure {
         }
     }
 
-    /// Fails in the calling task.
+    /// Causes the failure in the calling task.
     pub(crate) fn happen(self) {
         match self {
             Self::Hang => loop {

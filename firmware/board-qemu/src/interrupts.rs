@@ -7,7 +7,8 @@ use firmware::deadlines::priority;
 
 use crate::{drdy, shared::SHARED, time_driver, trigger, uart};
 
-/// Interrupts of the MPS2 in use. The last three have no peripheral here and run the executors.
+/// Interrupts of the MPS2 that the image uses. No peripheral raises the last three here; they run the
+/// executors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u16)]
 pub(crate) enum Interrupt {
@@ -21,7 +22,7 @@ pub(crate) enum Interrupt {
     Converse = 31,
 }
 
-// SAFETY: the discriminants are the numbers of the MPS2's interrupts.
+// SAFETY: the discriminants are the MPS2's interrupt numbers.
 unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
     fn number(self) -> u16 {
         self as u16
@@ -32,7 +33,8 @@ pub(crate) static ACQUIRE: InterruptExecutor = InterruptExecutor::new();
 pub(crate) static CONVERSE: InterruptExecutor = InterruptExecutor::new();
 pub(crate) static ENCODE: InterruptExecutor = InterruptExecutor::new();
 
-/// Sets the priorities and enables the interrupts. As on the NUCLEO boards, the upper 4 bits hold the level.
+/// Sets the priorities and enables the interrupts. As on the NUCLEO boards, the upper 4 bits of a priority
+/// hold the level.
 pub(crate) fn init(nvic: &mut NVIC) {
     for (interrupt, level) in [
         (Interrupt::Timer1, priority::DRDY),
@@ -44,7 +46,7 @@ pub(crate) fn init(nvic: &mut NVIC) {
         (Interrupt::Converse, priority::CONVERSE),
         (Interrupt::Encode, priority::ENCODE),
     ] {
-        // SAFETY: no code runs yet that relies on other priorities.
+        // SAFETY: no code that relies on the priorities runs yet.
         unsafe { nvic.set_priority(interrupt, level << 4) };
     }
     for interrupt in [
@@ -54,23 +56,23 @@ pub(crate) fn init(nvic: &mut NVIC) {
         Interrupt::Uart0Receive,
         Interrupt::Uart0Transmit,
     ] {
-        // SAFETY: the interrupt's handler is in the vector table, and no critical section is open.
+        // SAFETY: the vector table has a handler for the interrupt, and no critical section is open.
         unsafe { NVIC::unmask(interrupt) };
     }
 }
 
 unsafe extern "C" fn acquire() {
-    // SAFETY: called by this executor's interrupt alone.
+    // SAFETY: called only by the interrupt that belongs to this executor.
     unsafe { ACQUIRE.on_interrupt() }
 }
 
 unsafe extern "C" fn converse() {
-    // SAFETY: called by this executor's interrupt alone.
+    // SAFETY: called only by the interrupt that belongs to this executor.
     unsafe { CONVERSE.on_interrupt() }
 }
 
 unsafe extern "C" fn encode() {
-    // SAFETY: called by this executor's interrupt alone.
+    // SAFETY: called only by the interrupt that belongs to this executor.
     unsafe { ENCODE.on_interrupt() }
 }
 
@@ -100,7 +102,8 @@ unsafe extern "C" {
     fn DefaultHandler();
 }
 
-/// Vectors of the peripherals; cortex-m-rt's linker script places them after those of the core.
+/// Interrupt vectors of the peripherals; cortex-m-rt's linker script places them after the core's exception
+/// vectors.
 #[unsafe(link_section = ".vector_table.interrupts")]
 #[unsafe(no_mangle)]
 static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {

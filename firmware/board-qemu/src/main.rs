@@ -1,10 +1,9 @@
-//! The application on an emulated microcontroller: QEMU's mps2-an386 (Cortex-M4F) or mps2-an500
-//! (Cortex-M7).
+//! The application on an emulated microcontroller: QEMU's mps2-an386 (Cortex-M4F) or mps2-an500 (Cortex-M7).
 //!
-//! Only the converter is simulated by the image. Thumb code, interrupts, three executors and a UART run as on
-//! a board. The samples come from the file [`sample_source::SAMPLES`] in QEMU's working directory, and the
-//! emulation ends with that file. Without the file they are synthetic and endless. Under `-icount` a run
-//! repeats byte for byte.
+//! The image itself simulates the converter. Everything else works as on a board: Thumb code, interrupts,
+//! three executors and a UART. The samples come from the file [`sample_source::SAMPLES`] in QEMU's working
+//! directory, and the emulation ends after the last sample of the file. Without the file, the samples are
+//! synthetic and endless. Under `-icount`, repeated emulations produce the same bytes.
 //!
 //! Arguments:
 //!
@@ -12,14 +11,14 @@
 //! | --- | --- |
 //! | `start` | streams codes without a command from the host |
 //! | `start-all` | starts all streams without a command from the host |
-//! | `hang`, `panic`, `fault` | a task fails in this way 1 s into the first run; the second run reports it |
-//! | `commands` | plays the commands in [`commands::COMMANDS`] at their times |
-//! | `trigger` | plays the edges in [`trigger::EDGES`] at the trigger input |
+//! | `hang`, `panic`, `fault` | a task fails in this way 1 s after the first boot; the second boot reports it |
+//! | `commands` | delivers the commands in the file [`commands::COMMANDS`] at their times |
+//! | `trigger` | applies the edges in the file [`trigger::EDGES`] to the trigger input |
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 #![deny(unsafe_code)]
 
-/// Explains on a PC how the image is run.
+/// Prints on a PC how to run the image.
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this image runs on an emulated microcontroller: `cargo xtask qemu`");

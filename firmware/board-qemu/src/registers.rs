@@ -1,7 +1,8 @@
 //! Registers of the emulated peripherals.
 #![expect(unsafe_code, reason = "registers have addresses")]
 
-/// Clock of all peripherals, Hz (ARM DAI 0386 and 0400, application notes of the FPGA images).
+/// Frequency of the clock of all peripherals, Hz (ARM DAI 0386 and 0400, application notes of the FPGA
+/// images).
 pub(crate) const CLOCK_HZ: u32 = 25_000_000;
 
 /// Register block of a peripheral.
@@ -10,9 +11,9 @@ pub(crate) struct Registers {
     base: usize,
 }
 
-/// Timer for embassy-time's alarms (CMSDK, ARM DDI 0479, section 4.4).
+/// Timer for the alarms of embassy-time (CMSDK, ARM DDI 0479, section 4.4).
 pub(crate) const TIMER0: Registers = Registers { base: 0x4000_0000 };
-/// Timer for DRDY (CMSDK, ARM DDI 0479, section 4.4).
+/// Timer for the edges of DRDY (CMSDK, ARM DDI 0479, section 4.4).
 pub(crate) const TIMER1: Registers = Registers { base: 0x4000_1000 };
 /// First half of the dual timer: the free-running clock (CMSDK, ARM DDI 0479, section 4.5).
 pub(crate) const DUAL_TIMER: Registers = Registers { base: 0x4000_2000 };
@@ -23,13 +24,13 @@ pub(crate) const UART0: Registers = Registers { base: 0x4000_4000 };
 /// Watchdog (CMSDK, ARM DDI 0479, section 4.6).
 pub(crate) const WATCHDOG: Registers = Registers { base: 0x4000_8000 };
 
-/// Register offsets and values of the watchdog. Writing to `CLEAR` reloads its counter.
+/// Register offsets and values of the watchdog. A write to `CLEAR` reloads the watchdog's counter.
 pub(crate) mod watchdog {
     pub(crate) const LOAD: usize = 0x0;
     pub(crate) const CONTROL: usize = 0x8;
     pub(crate) const CLEAR: usize = 0xc;
-    /// Value of the control register: the first expiry raises an interrupt (the core's NMI), the second one
-    /// resets.
+    /// Value of the control register: the first expiry raises an interrupt (the core's NMI), and the second
+    /// one resets the board.
     pub(crate) const INTERRUPT_THEN_RESET: u32 = 0b11;
 }
 
@@ -39,7 +40,7 @@ pub(crate) mod timer {
     pub(crate) const VALUE: usize = 0x4;
     pub(crate) const RELOAD: usize = 0x8;
     pub(crate) const INTERRUPT: usize = 0xc;
-    /// Value of the control register: enabled, with interrupt.
+    /// Value of the control register: timer enabled, with interrupt.
     pub(crate) const RUN: u32 = 0b1001;
 }
 
@@ -49,9 +50,9 @@ pub(crate) mod dual_timer {
     pub(crate) const VALUE: usize = 0x4;
     pub(crate) const CONTROL: usize = 0x8;
     pub(crate) const CLEAR: usize = 0xc;
-    /// Value of the control register: enabled, free running, 32 bits, no interrupt.
+    /// Value of the control register: timer enabled, free running, 32 bits, no interrupt.
     pub(crate) const RUN_FREELY: u32 = 0b1000_0010;
-    /// Value of the control register: enabled, 32 bits, one-shot, with interrupt.
+    /// Value of the control register: timer enabled, one-shot, 32 bits, with interrupt.
     pub(crate) const RUN_ONCE: u32 = 0b1010_0011;
 }
 
@@ -71,15 +72,15 @@ pub(crate) mod uart {
 impl Registers {
     #[inline]
     pub(crate) fn read(self, offset: usize) -> u32 {
-        // SAFETY: the constants above are peripherals of the board with registers of one word. Reads of the
-        // offsets above have no effect outside the peripheral.
+        // SAFETY: `base` is the address of one of the peripherals above, and the callers pass the offsets
+        // above, at which these have one-word registers. Reading them has no effect outside the peripheral.
         unsafe { ((self.base + offset) as *const u32).read_volatile() }
     }
 
     #[inline]
     pub(crate) fn write(self, offset: usize, value: u32) {
-        // SAFETY: the constants above are peripherals of the board with registers of one word. No register
-        // makes its peripheral access memory.
+        // SAFETY: `base` is the address of one of the peripherals above, and the callers pass the offsets
+        // above, at which these have one-word registers. None of them makes its peripheral access memory.
         unsafe { ((self.base + offset) as *mut u32).write_volatile(value) }
     }
 }

@@ -11,17 +11,18 @@ use pipeline::Sample;
 
 use crate::{drdy, eeg::Eeg, host_file::HostFile};
 
-/// File of samples: counts of 32 bits, little endian, all channels of a sample in a row.
+/// Name of the file of samples: for each sample the counts of all channels, 32 bits each, little
+/// endian.
 pub(crate) const SAMPLES: &core::ffi::CStr = c"samples.i32";
 
 /// Set when all samples of the file have been read.
 pub(crate) static FILE_ENDED: AtomicBool = AtomicBool::new(false);
 
-/// Origin of the samples.
+/// Source of the samples.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "there is exactly one value")]
 pub(crate) enum SampleSource {
-    /// Recording on the PC.
+    /// The file [`SAMPLES`] on the PC.
     File(HostFile),
     /// Endless synthetic EEG.
     Eeg(Eeg),
@@ -57,7 +58,8 @@ impl SampleSource {
 impl Converter for SampleSource {
     async fn next(&mut self, sample: &mut Sample) -> Conversion {
         let edge = drdy::next_edge().await;
-        // Samples that were not taken in time are lost, as with any converter.
+        // Read the samples of the missed edges too, and discard them: a converter overwrites a
+        // sample that is not read in time.
         let whole = (0..=edge.missed).all(|_| self.read(sample));
         if !whole {
             FILE_ENDED.store(true, Relaxed);

@@ -1,4 +1,5 @@
-//! Time driver for embassy-time: one half of the dual timer is the clock, timer 0 the alarm.
+//! Time driver for embassy-time: the first half of the dual timer is the clock, and timer 0 generates the
+//! alarms.
 
 use core::{
     cell::{Cell, RefCell},
@@ -11,14 +12,14 @@ use embassy_time_queue_utils::Queue;
 
 use crate::registers::{CLOCK_HZ, DUAL_TIMER, TIMER0, dual_timer, timer};
 
-/// Ticks of the timers per microsecond.
+/// Ticks of a timer per microsecond.
 pub(crate) const TICKS_PER_US: u32 = CLOCK_HZ / 1_000_000;
-/// Longest time between two alarms, microseconds. Each alarm reads the free-running timer, whose wraps, 171 s
-/// apart, must all be seen.
+/// Longest time between two alarms, microseconds. The free-running timer wraps every 171 s and must be read
+/// at least once between two wraps, or a wrap is not counted. Each alarm reads it.
 const LONGEST_US: u64 = 40_000_000;
 
 struct Time {
-    /// Last value of the free-running timer, and number of its wraps.
+    /// Last value read from the free-running timer, and number of its wraps so far.
     last: Mutex<Cell<(u32, u32)>>,
     queue: Mutex<RefCell<Queue>>,
 }
@@ -37,13 +38,13 @@ pub(crate) fn start() {
     });
 }
 
-/// Ticks since [`start`], 32 bits; wraps after 171 s.
+/// Returns the ticks since [`start`], 32 bits; wraps after 171 s.
 #[inline]
 pub(crate) fn ticks() -> u32 {
     !DUAL_TIMER.read(dual_timer::VALUE)
 }
 
-/// Ticks since [`start`], 64 bits.
+/// Returns the ticks since [`start`], 64 bits.
 pub(crate) fn ticks_since_boot() -> u64 {
     critical_section::with(|section| {
         let now = ticks();
@@ -82,7 +83,8 @@ impl embassy_time_driver::Driver for Time {
 }
 
 impl Time {
-    /// Sets timer 0 to expire at `next`, in microseconds since boot, or after [`LONGEST_US`].
+    /// Sets timer 0 to expire at `next`, in microseconds since boot, but at the latest after [`LONGEST_US`].
+    /// If `next` has passed, wakes the tasks that are due and takes the next alarm of the queue.
     fn arm(&self, _: CriticalSection<'_>, mut next: u64, queue: &mut Queue) {
         let now = loop {
             let now = self.now();

@@ -1,4 +1,5 @@
-//! Trigger input of the emulated board: edges at times from a file, by the second half of the dual timer.
+//! Trigger input of the emulated board: the second half of the dual timer generates edges at times from a
+//! file.
 
 use core::cell::RefCell;
 
@@ -11,22 +12,22 @@ use crate::{
     time_driver::{TICKS_PER_US, ticks_since_boot},
 };
 
-/// File of edges, rising and falling in turn: microseconds after the converter's first DRDY, 64 bits each,
-/// little endian.
+/// Name of the file of edges, which alternately rise and fall, beginning with a rise. It holds for each edge
+/// the microseconds after the converter's first DRDY edge, 64 bits, little endian.
 pub(crate) const EDGES: &core::ffi::CStr = c"trigger.u64";
 
-/// State of the trigger input while the file still has edges.
+/// State of the trigger input until the last edge of the file.
 struct Trigger {
     file: HostFile,
-    /// Time of the converter's first DRDY, ticks.
+    /// Time of the converter's first DRDY edge, ticks.
     origin: u64,
-    /// Next edge, and its time in ticks.
+    /// Next edge, and its time, ticks.
     next: (EventKind, u64),
 }
 
 static TRIGGER: Mutex<RefCell<Option<Trigger>>> = Mutex::new(RefCell::new(None));
 
-/// Starts the edges; `origin` is the time of the first DRDY, in ticks.
+/// Starts to generate the edges in `file`; `origin` is the time of the first DRDY edge, in ticks.
 pub(crate) fn start(file: HostFile, origin: u64) {
     critical_section::with(|section| {
         let trigger = Trigger {
@@ -39,8 +40,8 @@ pub(crate) fn start(file: HostFile, origin: u64) {
     });
 }
 
-/// Returns the edge that is due and its device time in microseconds, as exact as a timer capture. Called when
-/// the second half of the dual timer expires.
+/// Returns the edge that is due, and its device time in microseconds. The time is the one in the file, so an
+/// interrupt that runs late does not change it. Called when the second half of the dual timer expires.
 pub(crate) fn take_edge() -> Option<(EventKind, u64)> {
     DUAL_TIMER_SECOND.write(dual_timer::CLEAR, 1);
     critical_section::with(|section| {
@@ -53,7 +54,8 @@ pub(crate) fn take_edge() -> Option<(EventKind, u64)> {
 }
 
 impl Trigger {
-    /// Reads the file's next edge and sets the timer to expire then. Returns `None` at the end of the file.
+    /// Reads the next edge of the file and sets the timer to expire at its time. Returns `None` at the end of
+    /// the file.
     fn armed(mut self) -> Option<Self> {
         let mut at_us = [0; 8];
         if !self.file.read(&mut at_us) {

@@ -1,4 +1,4 @@
-//! UART 0 as streams of bytes (embedded-io-async), driven by interrupts.
+//! UART 0, driven by interrupts, as streams of bytes (embedded-io-async).
 
 use core::{cell::RefCell, convert::Infallible};
 
@@ -10,10 +10,11 @@ use crate::registers::{UART0, uart};
 
 /// Bytes from the host that the conversation has not read yet.
 static RECEIVED: Pipe<RawMutex, 1024> = Pipe::new();
-/// Bytes to the host that are not in [`OUTGOING`] yet.
+/// Bytes to the host that have not been moved to [`OUTGOING`] yet.
 static SENDING: Pipe<RawMutex, 256> = Pipe::new();
 
-/// Enables both directions and their interrupts. QEMU ignores the baud rate, but requires a divider.
+/// Enables both directions and their interrupts. QEMU ignores the baud rate, but requires that the divider
+/// is set.
 pub(crate) fn start() {
     UART0.write(uart::BAUD_DIVIDER, 16);
     UART0.write(uart::CONTROL, 0b1111);
@@ -28,11 +29,11 @@ pub(crate) fn on_receive() {
     }
 }
 
-/// Queues bytes for the conversation. Bytes without room are lost, and their frame with them; the host
-/// repeats the command.
+/// Queues bytes for the conversation. Bytes for which the queue has no room are lost, and so is their frame;
+/// the host repeats the command.
 pub(crate) fn push_received(mut bytes: &[u8]) {
-    // Written in parts, because one write stops at the end of the pipe's memory even if there is room at its
-    // start.
+    // In several writes, because one write stops at the end of the pipe's memory even if there is room at
+    // its start.
     while let Ok(taken) = RECEIVED.try_write(bytes)
         && taken > 0
     {
@@ -40,7 +41,7 @@ pub(crate) fn push_received(mut bytes: &[u8]) {
     }
 }
 
-/// Sends more bytes; called by the transmit interrupt.
+/// Passes more bytes to the UART; called by the transmit interrupt.
 pub(crate) fn on_transmit() {
     UART0.write(uart::INTERRUPT, 0b01);
     fill_transmitter();
@@ -57,8 +58,8 @@ fn fill_transmitter() {
     });
 }
 
-/// Bytes moved from the pipe for the UART: up to 64 at once, because reading one byte costs as much as
-/// reading 64.
+/// Bytes taken from [`SENDING`] that the UART has not accepted yet: up to 64, because taking one byte costs
+/// as much as taking 64.
 struct Outgoing {
     bytes: [u8; 64],
     next: usize,
@@ -84,11 +85,11 @@ impl Outgoing {
     }
 }
 
-/// Port's direction from the host.
+/// Input of the port: the bytes in [`RECEIVED`] as a reader.
 #[derive(Debug)]
 pub(crate) struct Receiver;
 
-/// Port's direction to the host.
+/// Output of the port: a writer to [`SENDING`].
 #[derive(Debug)]
 pub(crate) struct Transmitter;
 

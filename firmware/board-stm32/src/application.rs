@@ -33,7 +33,8 @@ static MEMORY: Memory = Memory::new();
 static TEST: StaticCell<SelfTest<CHIPS>> = StaticCell::new();
 static ADC: StaticCell<Adc> = StaticCell::new();
 
-/// Abilities of these boards. Raw samples need 101 kB/s, but the UART carries only 92 kB/s.
+/// What these boards offer to a host. Over the UART they refuse raw samples, which need 101 kB/s: the UART
+/// carries only 92 kB/s.
 const ABILITIES: Abilities = Abilities {
     streams: if cfg!(feature = "uart") {
         Streams::ALL.without(Streams::RAW)
@@ -50,11 +51,12 @@ pub struct Board {
     pub name: &'static str,
     /// Version and commit of the image.
     pub firmware: &'static str,
-    /// Reset cause by the chip's flags. A fault record of the previous run overrides it.
+    /// Cause of the last reset according to the chip's flags. A fault record from before the reset
+    /// overrides it.
     pub reset_cause: ResetCause,
     /// Source of the core's clock.
     pub clock: ClockSource,
-    /// Number that differs from boot to boot.
+    /// Number that distinguishes this boot from others.
     pub session_id: u32,
     /// Pins and SPI of the converters.
     pub wires: Wires,
@@ -73,12 +75,12 @@ struct Greeting {
     clock: ClockSource,
 }
 
-/// Starts the tasks. Returns the spawner of the conversation's priority.
+/// Starts the tasks. Returns a spawner for further tasks at the conversation's priority.
 ///
-/// Never inlined into `main`, whose stack frame stays below those of all tasks.
+/// Not inlined into `main`, whose stack frame stays in use while the tasks run and should be small.
 ///
 /// # Errors
-/// A task is spawned twice: a fault of the image.
+/// If a task is spawned twice, which is an error in the image.
 #[inline(never)]
 pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
     info!("{=str}, Corticode {=str}", board.name, board.firmware);
@@ -99,7 +101,7 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
             .map_or(board.reset_cause, FaultRecord::reset_cause),
         clock: board.clock,
     };
-    // After any other reset the converters have had their supply for long, and need no wait.
+    // After any other reset the converters' supply has been on for long enough, so they need no wait.
     let is_cold = matches!(
         board.reset_cause,
         ResetCause::PowerOn | ResetCause::BrownOut | ResetCause::NotKnown
@@ -119,7 +121,7 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
 }
 
 /// Initialises the converters' memory. Neither this function nor [`self_test`] is inlined, so that their
-/// large temporaries are off the stack before the first task runs.
+/// large temporaries are no longer on the stack when the first task runs.
 #[inline(never)]
 fn converters(wires: Wires) -> &'static mut Adc {
     let test = self_test();
@@ -131,12 +133,12 @@ fn self_test() -> &'static mut SelfTest<CHIPS> {
     TEST.init_with(SelfTest::new)
 }
 
-/// Feeds the watchdog while all tasks make progress. The watchdog starts when every task has made progress
-/// once, because the converters take longer to come up than the watchdog's period.
+/// Feeds the watchdog while all tasks make progress. Starts the watchdog only when every task has made
+/// progress once, because bringing up the converters takes longer than the watchdog's period.
 pub async fn feed_watchdog(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
     let mut watchdog = IndependentWatchdog::new(watchdog, us);
-    // Unleashing a running watchdog again has no effect.
+    // Calling `unleash` again on a running watchdog has no effect.
     firmware::keep_alive(&SHARED.progress, || {
         watchdog.unleash();
         watchdog.pet();
@@ -144,7 +146,7 @@ pub async fn feed_watchdog(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
     .await
 }
 
-/// Halts the core between interrupts. `main` ends here, because the interrupts run all tasks.
+/// Halts the core between interrupts. `main` ends in this loop, because all tasks run in interrupts.
 pub fn sleep() -> ! {
     loop {
         cortex_m::asm::wfi();

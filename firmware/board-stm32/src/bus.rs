@@ -1,4 +1,4 @@
-//! SPI of the converters by DMA, through a buffer that the DMA can access.
+//! SPI of the converters with DMA, through a buffer that the DMA can access.
 
 use ads1299::{Speed, TooFast};
 use embassy_stm32::{
@@ -20,16 +20,16 @@ const FASTEST_HZ: u32 = 20_000_000;
 /// Fastest SCLK at which registers can be read through the series resistors at DOUT, Hz (decision 0011).
 const FASTEST_REGISTERS_HZ: u32 = 105_000;
 
-/// SPI bus of the converters.
+/// SPI bus of the converters, which copies every transfer through a buffer for the DMA.
 pub struct Bus {
     spi: Spi<'static, Async, Master>,
     config: Config,
-    /// Memory that the DMA reads and writes; the callers' buffers can be out of its reach.
+    /// Memory that the DMA reads and writes. A caller's buffer can be in memory that the DMA cannot access.
     buffer: &'static mut [u8; FRAME_BYTES],
 }
 
 impl Bus {
-    /// Returns the configuration that a board creates its [`Spi`] with: mode 1, at the speed for registers.
+    /// Returns the configuration with which a board creates its [`Spi`]: mode 1, SCLK for register transfers.
     pub fn config() -> Config {
         let mut config = Config::default();
         config.mode = MODE_1;
@@ -49,7 +49,8 @@ impl Bus {
 }
 
 impl ads1299::Bus for Bus {
-    /// Sets SCLK as fast as the kind of transfer and the divider allow.
+    /// Selects the divider whose SCLK is nearest to the limit for this kind of transfer. Fails if that SCLK
+    /// is faster than the limit.
     fn set_speed(&mut self, speed: Speed) -> Result<(), TooFast> {
         let fastest_hz = match speed {
             Speed::Registers => FASTEST_REGISTERS_HZ,
@@ -57,7 +58,7 @@ impl ads1299::Bus for Bus {
         };
         self.config.frequency = Hertz(fastest_hz);
         let set = self.spi.set_config(&self.config);
-        // The HAL rounds to the nearest divider, which can exceed the limit: check the result.
+        // The HAL rounds to the nearest divider, so the frequency can exceed the limit: check it.
         let hz = self.spi.get_current_config().frequency.0;
         if set.is_err() || hz > fastest_hz {
             return Err(TooFast { hz });
@@ -104,7 +105,7 @@ impl SpiBus for Bus {
     }
 
     async fn flush(&mut self) -> Result<(), Error> {
-        // Every transfer completes only when its last bit has been received.
+        // A transfer completes only when its last bit has been received, so nothing is left to flush.
         Ok(())
     }
 }

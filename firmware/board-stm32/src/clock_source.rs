@@ -3,25 +3,26 @@
 #[cfg(target_os = "none")]
 use {cortex_m::asm, embassy_stm32::pac::RCC};
 
-/// Oscillator from which the clocks are derived.
+/// Oscillator from which all clocks of the chip are derived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClockSource {
-    /// 8 MHz of the ST-LINK's crystal, at the input of HSE.
+    /// 8 MHz from the ST-LINK's crystal, at the HSE input.
     StLink,
     /// Internal RC oscillator (HSI).
     Internal,
 }
 
 /// Longest wait for the ST-LINK's clock, ms. The clock starts with the ST-LINK's own firmware, whose start-up
-/// time is not specified. Only a board without that clock waits for the whole time.
+/// time is not specified. Only a board without this clock waits for the whole time.
 const TIMEOUT_MS: u32 = 500;
 
 impl ClockSource {
-    /// Waits for the ST-LINK's clock, and falls back to the internal oscillator; `core_hz` is the core's clock
-    /// after a reset. embassy would wait without a limit, before the watchdog runs.
+    /// Returns the ST-LINK's clock if it starts within 500 ms, and the internal oscillator otherwise;
+    /// `core_hz` is the core's clock after a reset. Replaces embassy's own wait, which has no limit and takes
+    /// place before the watchdog runs.
     #[cfg(target_os = "none")]
     pub fn find(core_hz: u32) -> Self {
-        // The bypass can be set only while HSE is off (RM0433 and RM0390, RCC_CR).
+        // HSEBYP can be set only while HSE is off (RM0433 and RM0390, RCC_CR).
         RCC.cr().modify(|control| control.set_hsebyp(true));
         RCC.cr().modify(|control| control.set_hseon(true));
         let is_ready = || RCC.cr().read().hserdy();
@@ -32,7 +33,7 @@ impl ClockSource {
         Self::Internal
     }
 
-    /// Returns the fault text for `Hello`, empty for the ST-LINK's clock.
+    /// Returns the fault text for `Hello`, which is empty for the ST-LINK's clock.
     pub(crate) const fn fault(self) -> &'static str {
         match self {
             Self::StLink => "",
@@ -45,7 +46,7 @@ impl ClockSource {
     }
 }
 
-/// Returns whether `is_ready` becomes true within `pauses` pauses.
+/// Calls `pause` up to `pauses` times, until `is_ready` is true. Returns whether `is_ready` became true.
 fn poll_until(pauses: u32, mut is_ready: impl FnMut() -> bool, mut pause: impl FnMut()) -> bool {
     for _ in 0..pauses {
         if is_ready() {
@@ -62,8 +63,8 @@ mod tests {
 
     use super::*;
 
-    /// Waits for a clock that is ready after `until_ready` ms. Returns the milliseconds waited, and whether
-    /// the clock was ready in time.
+    /// Waits for a clock that becomes ready after `until_ready` ms. Returns the milliseconds waited, and
+    /// whether the clock was found.
     fn waited(until_ready: u32) -> (u32, bool) {
         let waited = Cell::new(0);
         let is_ready = || waited.get() >= until_ready;

@@ -1,4 +1,4 @@
-//! Chain of ADS1299 as a [`firmware::Converter`].
+//! Chain of ADS1299 converters as a [`firmware::Converter`].
 
 use ads1299::{
     CHANNELS, Chain, Drdy, DrdyEdge, Error, Reading, RetryingSampler, Sampler, SelfTest, Settings,
@@ -22,7 +22,7 @@ use crate::{
 
 const _: () = assert!(model::CHANNELS == CHIPS * CHANNELS);
 
-/// Pins and SPI between microcontroller and converters.
+/// Pins and SPI that connect the microcontroller to the converters.
 pub struct Wires {
     bus: Bus,
     /// Chip selects, in the order of the chain. The DOUT of chip 0 drives MISO directly.
@@ -35,10 +35,10 @@ pub struct Wires {
 type WiredChain = Chain<Bus, Output<'static>, Delay, CHIPS>;
 
 impl Wires {
-    /// Configures the pins, with the chain at rest.
+    /// Configures the pins so that the chain is at rest: deselected, stopped and not in reset.
     ///
-    /// All chips share SPI, START and RESET. Only the DRDY of chip 0 is connected, to one of EXTI's lines 5
-    /// to 9. The first chip select belongs to chip 0, whose DOUT drives MISO directly.
+    /// All chips share SPI, START and RESET. Only chip 0's DRDY is connected, to one of EXTI's lines 5 to 9.
+    /// The first chip select belongs to chip 0, whose DOUT drives MISO directly.
     pub fn new<DrdyPin: Pin + ExtiPin>(
         bus: Bus,
         selects: [Peri<'static, AnyPin>; CHIPS],
@@ -69,23 +69,23 @@ impl Wires {
     }
 }
 
-/// Returns the input DRDY. Before each wait for an edge of DRDY, the trigger gets a new budget of edges.
+/// Returns the DRDY input. Before every wait for an edge, it refills the budget of the trigger's interrupt.
 fn drdy_edges() -> impl Drdy {
     DrdyEdges(trigger::refill_budget)
 }
 
-/// Running chain of converters, or one that did not come up and is retried. It belongs in a static, because a
-/// task that owned it by value would copy it through its stack.
+/// Chain of converters: running, or retried after a failed start. Kept in a static, because a task that owned
+/// it by value would copy it through the task's stack.
 pub(crate) struct Adc {
     chain: RetryingSampler<Bus, Output<'static>, Delay, CHIPS, FRAME_BYTES>,
     drdy: ExtiInput<'static, Blocking>,
     test: &'static mut SelfTest<CHIPS>,
-    /// Outcome of the last attempt that was logged: its error, or `None` after a success.
+    /// Outcome of the attempt that was logged last: its error, or `None` if it succeeded.
     logged: Option<Error>,
 }
 
 impl Adc {
-    /// A chain at rest; `test` is memory for the self-test.
+    /// Creates the converter from wires with the chain at rest; `test` is memory for the self-test.
     pub(crate) fn new(wires: Wires, test: &'static mut SelfTest<CHIPS>) -> Self {
         let (chain, drdy) = wires.into_chain();
         let sampler = Sampler::new(chain, Settings::EEG);
@@ -97,8 +97,8 @@ impl Adc {
         }
     }
 
-    /// Sets the chain up and starts it. With `is_cold`, first waits as long as the converters need after
-    /// power-on. An error is logged, and flagged in every sample.
+    /// Sets up the chain and starts it. With `is_cold`, first waits as long as the converters need after
+    /// power-on. If this fails, the error is logged, and every sample is flagged.
     pub(crate) async fn start(&mut self, is_cold: bool) {
         self.drdy.enable_interrupt();
         self.chain.start(is_cold, &mut drdy_edges()).await;
@@ -114,7 +114,7 @@ impl Adc {
         }
     }
 
-    /// Copies the counts to `sample`, and returns the status of the reading.
+    /// Copies the counts of the latest sample to `sample`, and returns the sample's time and status.
     fn conversion(
         &self,
         reading: &Reading<CHIPS>,
@@ -129,8 +129,8 @@ impl Adc {
             drdy_us: edge.us,
             #[expect(clippy::cast_possible_truncation, reason = "ticks wrap")]
             drdy_ticks: edge.us as u32,
-            // An edge that occurred while no task waited for it leaves a gap in the readings too: the
-            // larger count, because the sum would count this edge twice.
+            // Use the larger count: an edge that occurred while no task waited for it also leaves a gap in
+            // the readings, and the sum would count it twice.
             missed: edge.missed.max(reading.missed),
             status_bad: !reading.is_sound(),
             lead_off: reading.lead_off(),
@@ -157,7 +157,7 @@ impl Converter for &mut Adc {
         ))
     }
 
-    /// Also resets and sets up a chain that did not come up, without waiting for the next retry.
+    /// Also resets and sets up a chain whose start has failed, without waiting for the next retry.
     async fn self_test(&mut self, alive: impl FnMut()) {
         let edges = FallingEdges::new(trigger::refill_budget);
         self.chain

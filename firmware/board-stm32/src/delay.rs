@@ -3,10 +3,11 @@
 use embassy_time::{Duration, Timer, block_for};
 use embedded_hal_async::delay::DelayNs;
 
-/// Longest delay that keeps the core busy, microseconds. Setting an alarm takes about as long.
+/// Longest delay during which the core is kept busy, microseconds. Setting an alarm takes about as
+/// long.
 const SHORT_US: u32 = 10;
 
-/// Waits at least as long as requested.
+/// Delays that are at least as long as requested.
 pub(crate) struct Delay;
 
 impl DelayNs for Delay {
@@ -15,7 +16,7 @@ impl DelayNs for Delay {
     }
 
     async fn delay_us(&mut self, us: u32) {
-        // One microsecond more, because part of the current one has passed.
+        // Add one microsecond, because part of the current microsecond has already passed.
         let wait = Duration::from_micros(u64::from(us) + 1);
         if us <= SHORT_US {
             block_for(wait);

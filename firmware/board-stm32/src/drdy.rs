@@ -1,4 +1,4 @@
-//! Edges of DRDY, stamped in device time by their interrupt.
+//! Edges of DRDY, with the device time at which their interrupt ran.
 
 use core::{cell::Cell, future::poll_fn, task::Poll};
 
@@ -11,14 +11,14 @@ use embedded_hal_async::digital::Wait;
 
 use crate::exti;
 
-/// EXTI lines 5 to 9, which share the interrupt `EXTI9_5`, as bits. Only DRDY's line is unmasked.
+/// Bit mask of EXTI lines 5 to 9, which share the interrupt `EXTI9_5`. Only DRDY's line is unmasked.
 const LINES: u32 = 0b11_1110_0000;
 
 #[derive(Clone, Copy)]
 struct Edges {
     /// Device time of the latest edge, microseconds since boot.
     last_us: u64,
-    /// Edges since boot; wraps.
+    /// Number of edges since boot; wraps.
     count: u32,
     /// Value of `count` when a task last took the edges.
     taken: u32,
@@ -31,11 +31,11 @@ static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// Handles a falling edge of DRDY; called by its interrupt, the most urgent one after the time driver's.
+/// Handles a falling edge of DRDY; called by DRDY's interrupt, the most urgent one after the time driver's.
 ///
 /// # Timing
-/// The stamp is late by the interrupt's entry, by the rest of a critical section if one is open, and by the
-/// time driver's interrupt, some 100 instructions.
+/// The time stamp is late by the interrupt's latency, by the rest of a critical section if one is active,
+/// and by the time driver's interrupt, some 100 instructions.
 pub(crate) fn on_edge() {
     let us = Instant::now().as_micros();
     exti::clear_pending(LINES);
@@ -51,7 +51,7 @@ pub(crate) fn on_edge() {
     WAKER.wake();
 }
 
-/// Marks all edges so far as taken. Returns the state before that.
+/// Marks all edges so far as taken. Returns the state before they were marked.
 fn take_edges(section: CriticalSection<'_>) -> Edges {
     let edges = EDGES.borrow(section);
     let before = edges.get();
@@ -62,7 +62,7 @@ fn take_edges(section: CriticalSection<'_>) -> Edges {
     before
 }
 
-/// Calls `before_wait`, and waits for an edge that was not taken yet. Returns the newest edge.
+/// Calls `before_wait`, then waits until there is an edge that was not taken yet. Returns the newest edge.
 async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     before_wait();
     poll_fn(|context| {
@@ -79,7 +79,7 @@ async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     .await
 }
 
-/// DRDY in device time, for sampling. The function in the field is called before every wait for an edge.
+/// DRDY for sampling, with its edges in device time. The function in the field is called before every wait.
 pub(crate) struct DrdyEdges<F>(pub(crate) F);
 
 impl<F: Fn()> Drdy for DrdyEdges<F> {
@@ -102,10 +102,10 @@ impl<F: Fn()> Drdy for DrdyEdges<F> {
     }
 }
 
-/// DRDY as an input pin, for the self-test: waits for falling edges and keeps the time of the last one.
+/// DRDY as an input pin, for the self-test: waits for falling edges and keeps the time of the last edge.
 #[derive(Debug)]
 pub(crate) struct FallingEdges<F> {
-    /// Device time of the last edge waited for, microseconds since boot.
+    /// Device time of the edge that ended the last wait, microseconds since boot.
     pub(crate) last_us: Cell<u64>,
     before_wait: F,
 }
@@ -120,7 +120,7 @@ impl<F: Fn()> FallingEdges<F> {
     }
 }
 
-/// Error of a wait for another event than a falling edge: the interrupt reacts only to falling edges.
+/// Error: the wait is not for a falling edge, and DRDY's interrupt reacts only to falling edges.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct UnsupportedEdge;
 
@@ -135,7 +135,7 @@ impl<F> ErrorType for &FallingEdges<F> {
 }
 
 impl<F: Fn()> Wait for &FallingEdges<F> {
-    /// Ignores the edges that occurred before the call.
+    /// Ignores edges that occurred before the call.
     async fn wait_for_falling_edge(&mut self) -> Result<(), UnsupportedEdge> {
         critical_section::with(take_edges);
         self.last_us.set(next_edge(&self.before_wait).await.us);

@@ -1,8 +1,8 @@
-//! Pins and peripherals of a board: as rows of its documentation, and as types of the HAL.
+//! Pins and peripherals of a board: as rows of the documentation, and as types of the HAL.
 
 use core::fmt;
 
-/// Pin of the microcontroller. Its [`Display`](fmt::Display) form is its row in `docs/hardware.md`.
+/// Pin of the microcontroller. [`Display`](fmt::Display) writes the pin's row in `docs/hardware.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pin {
     /// Signal that the pin carries.
@@ -29,7 +29,7 @@ pub fn are_documented(pins: &[Pin], text: &str, heading: &str) -> bool {
         return false;
     };
     let section = section.split("\n#").next().unwrap_or(section);
-    // Skip the header and the line below it.
+    // Skip the header row and the line below it.
     let mut rows = section.lines().filter(|line| line.starts_with('|')).skip(2);
     pins.iter()
         .all(|pin| rows.next().is_some_and(|row| is_row(*pin, row)))

@@ -1,10 +1,11 @@
-//! Trigger input: edges stamped by the timer that counts the device's time.
+//! Trigger input: its edges are stamped by the timer that counts the device time.
 //!
-//! The time driver counts microseconds with TIM2, in periods of 2^16, and uses its channels 1 and 2.
-//! Channel 3 captures the counter at either edge (RM0433 and RM0390, TIM2, input capture mode), so
-//! that a stamp is the device's time, to the microsecond, however late its interrupt runs. The driver
-//! leaves the channel alone, except that it clears the channel's flag, which nothing reads. TIM5 would serve
-//! as well, but on the NUCLEO-F446RE the ST-LINK's UART occupies the pins of its spare channels 3 and 4.
+//! The time driver counts microseconds with TIM2, in periods of 2^16, and uses the timer's channels 1 and 2.
+//! Channel 3 captures the counter at rising and falling edges (RM0433 and RM0390, TIM2, input capture mode).
+//! A stamp is therefore the device time of the edge, to the microsecond, even if the interrupt runs late. The
+//! driver does not use channel 3, except that it clears the channel's flag, which nothing reads. TIM5 could
+//! replace TIM2, but on the NUCLEO-F446RE the ST-LINK's UART occupies the pins of TIM5's spare channels 3 and
+//! 4.
 
 use core::cell::RefCell;
 
@@ -35,23 +36,23 @@ pub struct Trigger {
     pub line: Peri<'static, EXTI10>,
 }
 
-/// Number of the pin in its port, and of its EXTI line.
+/// Number of the pin in its port, and of the pin's EXTI line.
 const PIN: usize = 10;
-/// Number of the timer channel, from 0.
+/// Number of the timer's channel, counted from 0.
 const CHANNEL: usize = 2;
-/// Alternate function of the pin that connects it to TIM2 (DS12110 and DS10693, alternate functions).
+/// Alternate function that connects the pin to TIM2 (DS12110 and DS10693, alternate functions).
 const FUNCTION: u8 = 1;
 
 static LINE: Mutex<RefCell<TriggerLine>> = Mutex::new(RefCell::new(TriggerLine::new()));
 
 impl Trigger {
-    /// Starts to capture edges. They are handled from the first [`refill_budget`] on.
+    /// Starts to capture edges. No edge is handled before the first call of [`refill_budget`].
     pub(crate) fn start_capture(self) {
         let input: ExtiInput<'_, Blocking> =
             ExtiInput::new_blocking(self.pin, self.line, Pull::Down, TriggerEdge::Any);
         // Dropping `input` would release the pin.
         core::mem::forget(input);
-        // EXTI still sees the pin's level in an alternate function (RM0433, GPIO, external interrupt
+        // A pin in an alternate function still passes its level to EXTI (RM0433, GPIO, external interrupt
         // lines).
         GPIOB
             .afr(PIN / 8)
@@ -59,7 +60,7 @@ impl Trigger {
         GPIOB
             .moder()
             .modify(|pins| pins.set_moder(PIN, Moder::ALTERNATE));
-        // Capture from the channel's own input, without filter or prescaler.
+        // Connect the channel to its own input; there is no filter and no prescaler.
         TIM2.ccmr_input(CHANNEL / 2)
             .modify(|channels| channels.set_ccs(CHANNEL % 2, CcmrInputCcs::from_bits(0b01)));
         // Capture rising and falling edges.
@@ -75,8 +76,8 @@ impl Trigger {
     }
 }
 
-/// Allows the next [`deadlines::TRIGGER_EDGES`] edges to be handled; the converter calls this before it waits
-/// for a sample.
+/// Allows the trigger's interrupt to run [`deadlines::TRIGGER_EDGES`] times before the next call. The DRDY
+/// input calls this before every wait for an edge.
 pub(crate) fn refill_budget() {
     let was_exhausted = critical_section::with(|section| {
         let mut line = LINE.borrow_ref_mut(section);
@@ -87,15 +88,16 @@ pub(crate) fn refill_budget() {
     }
 }
 
-/// Handles an edge; called by its interrupt, which disables itself when the budget is exhausted.
+/// Handles an edge; called by the trigger's interrupt. When the budget is exhausted, disables this interrupt.
 ///
-/// The timer keeps capturing, and the next [`refill_budget`] has the latest edge handled. While no samples
-/// are taken, that edge's stamp can be wrong by whole periods of 65.536 ms; no run is active then.
+/// The timer continues to capture edges, and after the next [`refill_budget`] the interrupt handles the
+/// latest one. If no samples are read for a time, this edge's time can be wrong by multiples of 65.536 ms; no
+/// run is active then.
 pub(crate) fn on_edge() {
     exti::clear_pending(1 << PIN);
     let edge = critical_section::with(|section| {
         let mut line = LINE.borrow_ref_mut(section);
-        // Read the level before the stamp: an edge after this read interrupts again.
+        // Read the level before the stamp: an edge after the level was read raises the interrupt again.
         let (is_high, stamp) = (is_high(), stamp());
         let edge = line.observe(is_high, stamp, Instant::now().as_micros());
         if line.budget_exhausted() {
@@ -117,7 +119,7 @@ fn is_high() -> bool {
     GPIOB.idr().read().idr(PIN) == Idr::HIGH
 }
 
-/// Returns the counter's value at the latest edge.
+/// Returns the stamp of the latest edge: the lower 16 bits of its device time in microseconds.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "the time driver's counter has 16 bits"

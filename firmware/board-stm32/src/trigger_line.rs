@@ -1,27 +1,27 @@
-//! Edges of the trigger input, reconstructed from the level and the captured time that its interrupt reads.
+//! Edges of the trigger input, reconstructed from the level and the captured time that the trigger's
+//! interrupt reads.
 
-/// Edge of the trigger input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Edge {
     pub(crate) is_rise: bool,
-    /// Device time, microseconds since boot.
+    /// Device time of the edge, microseconds since boot.
     pub(crate) at_us: u64,
-    /// Lower bound of the edges between the previous one and this one that were not seen.
+    /// Lower bound of the number of edges since the previous reported edge that were not observed.
     pub(crate) lost: u32,
 }
 
-/// State of the trigger input when its interrupt last ran.
+/// Level and stamp of the trigger input when its interrupt last ran, and the budget of its interrupt.
 #[derive(Debug)]
 pub(crate) struct TriggerLine {
     is_high: bool,
     /// Stamp of the latest edge, lower 16 bits of the microseconds since boot.
     stamp: u16,
-    /// Observations left until the next sample.
+    /// Number of times that the interrupt may still run before the next refill.
     budget: usize,
 }
 
 impl TriggerLine {
-    /// State of a low line that allows no observation before the first refill.
+    /// Creates the state of a low line. The interrupt may not run before the first refill.
     pub(crate) const fn new() -> Self {
         Self {
             is_high: false,
@@ -30,13 +30,13 @@ impl TriggerLine {
         }
     }
 
-    /// Sets the current level and stamp, against which later observations are compared.
+    /// Sets the current level and stamp, with which the next observation is compared.
     pub(crate) const fn reset(&mut self, is_high: bool, stamp: u16) {
         self.is_high = is_high;
         self.stamp = stamp;
     }
 
-    /// Sets the budget to `observations`. Returns whether it was exhausted.
+    /// Sets the budget to `observations`. Returns whether the budget was exhausted before.
     pub(crate) const fn refill_budget(&mut self, observations: usize) -> bool {
         core::mem::replace(&mut self.budget, observations) == 0
     }
@@ -46,13 +46,13 @@ impl TriggerLine {
         self.budget == 0
     }
 
-    /// Returns the edge that a level and a stamp reveal, if it is new. The stamp is that of the latest edge,
-    /// which lies within 32 ms of `now_us`, before or after it.
+    /// Returns the new edge that a level and a stamp show, or `None` if both are unchanged. `stamp` is that
+    /// of the latest edge, which must be less than 32 ms before or after `now_us`.
     ///
-    /// Rising and falling edges alternate: a new stamp with an unchanged level means that the edge in between
-    /// was lost.
+    /// Rising and falling edges alternate, so a new stamp with an unchanged level means that the edge in
+    /// between was lost.
     pub(crate) fn observe(&mut self, is_high: bool, stamp: u16, now_us: u64) -> Option<Edge> {
-        // An observation without a new edge counts too, because the interrupt has taken its time.
+        // An observation without a new edge counts too, because the interrupt has run for it.
         self.budget = self.budget.saturating_sub(1);
         if is_high == self.is_high && stamp == self.stamp {
             return None;
@@ -96,7 +96,7 @@ mod tests {
             line.observe(false, 3, 0x1_0009),
             Some(edge(false, 0x1_0003, 0))
         );
-        // The edge occurred between the reads of the time and of the stamp.
+        // A stamp 2 us after the given time is extended forwards, across the wrap.
         assert_eq!(
             line.observe(true, 1, 0x7_ffff_ffff),
             Some(edge(true, 0x8_0000_0001, 0))

@@ -1,6 +1,6 @@
 //! Checks that an image's variables, stack and DMA memory are where its memory map wants them.
 
-use crate::image::{Image, Section};
+use crate::image::Image;
 use crate::memory_map::Region;
 
 /// Start and end symbols of the variables that are zeroed, copied from flash, and not initialised
@@ -14,7 +14,7 @@ const RANGES: [(&str, &str); 3] = [
 /// Section and region of the DMA's memory, on a board whose DMA does not reach all RAM.
 const DMA: (&str, &str) = (".dma", "SRAM1");
 
-/// Returns what is wrong with the places of an image's variables, stack and DMA memory.
+/// Returns what is wrong with the places in an image.
 pub(crate) fn faults(image: &Image, regions: &[Region]) -> Vec<String> {
     let place = |wanted: &str| regions.iter().find(|region| region.name == wanted);
     let mut faults = Vec::new();
@@ -25,17 +25,15 @@ pub(crate) fn faults(image: &Image, regions: &[Region]) -> Vec<String> {
             continue;
         };
         if !(ram.origin <= *first && first <= last && *last <= ram.end()) {
+            let (ram_start, ram_end) = (ram.origin, ram.end());
             faults.push(format!(
-                "{start} {first:#010x} to {end} {last:#010x} is not in RAM, {:#010x} to {:#010x}: is a \
-                 section between .bss and .uninit placed elsewhere?",
-                ram.origin,
-                ram.end()
+                "{start} {first:#010x} to {end} {last:#010x} is not in RAM, {ram_start:#010x} to {ram_end:#010x}: \
+                 is a section between .bss and .uninit placed elsewhere?"
             ));
         }
     }
-    let hex = |address: Option<u64>| {
-        address.map_or("missing".to_owned(), |address| format!("{address:#010x}"))
-    };
+    let hex =
+        |address: Option<u64>| address.map_or("missing".to_owned(), |at| format!("{at:#010x}"));
     for (symbol, wanted) in [
         ("_stack_start", place("STACK").map(Region::end)),
         ("_stack_end", place("STACK").map(|stack| stack.origin)),
@@ -43,33 +41,23 @@ pub(crate) fn faults(image: &Image, regions: &[Region]) -> Vec<String> {
     ] {
         let found = image.symbols.get(symbol).copied();
         if found.is_none() || found != wanted {
-            faults.push(format!(
-                "{symbol} is {}, {} by the map",
-                hex(found),
-                hex(wanted)
-            ));
+            let (found, wanted) = (hex(found), hex(wanted));
+            faults.push(format!("{symbol} is {found}, {wanted} by the map"));
         }
     }
-    for Section {
-        name,
-        address,
-        size,
-    } in &image.sections
-    {
+    for (name, address, size) in &image.sections {
         let holds = |region: &&Region| *address >= region.origin && address + size <= region.end();
-        match regions.iter().find(holds).map(|region| &region.name[..]) {
-            None => faults.push(format!(
+        let Some(region) = regions.iter().find(holds).map(|region| &region.name[..]) else {
+            faults.push(format!(
                 "{name}, {size} bytes at {address:#010x}, is in no region"
-            )),
-            Some(region)
-                if (name == DMA.0) != (region == DMA.1) || ["KEPT", "STACK"].contains(&region) =>
-            {
-                faults.push(format!("{name} is in {region}"));
-            }
-            Some(_) => {}
+            ));
+            continue;
+        };
+        if (name == DMA.0) != (region == DMA.1) || ["KEPT", "STACK"].contains(&region) {
+            faults.push(format!("{name} is in {region}"));
         }
     }
-    if place(DMA.1).is_some() && !image.sections.iter().any(|section| section.name == DMA.0) {
+    if place(DMA.1).is_some() && !image.sections.iter().any(|(name, ..)| name == DMA.0) {
         faults.push(format!("no {} in {}", DMA.0, DMA.1));
     }
     faults
@@ -90,14 +78,13 @@ mod tests {
 
     /// An image without faults in the regions of this test.
     fn image() -> Image {
-        let section = |(name, address, size): (&str, _, _)| {
-            let name = name.to_owned();
-            Section {
-                name,
-                address,
-                size,
-            }
-        };
+        let sections = [
+            (".text", 0x1000, 100),
+            (".data", 0x3000, 8),
+            (".bss", 0x3008, 16),
+            (".uninit", 0x3018, 4),
+            (".dma", 0x5000, 32),
+        ];
         let symbols = [
             ("__sdata", 0x3000),
             ("__edata", 0x3008),
@@ -109,35 +96,13 @@ mod tests {
             ("_stack_end", 0x2000),
             ("_kept", 0x4000),
         ];
-        let sections = [
-            (".text", 0x1000, 100),
-            (".data", 0x3000, 8),
-            (".bss", 0x3008, 16),
-            (".uninit", 0x3018, 4),
-            (".dma", 0x5000, 32),
-        ];
         Image {
             segments: Vec::new(),
-            sections: sections.map(section).into(),
-            symbols: symbols
-                .map(|(name, address)| (name.to_owned(), address))
+            sections: sections
+                .map(|(name, at, size)| (name.to_owned(), at, size))
                 .into(),
+            symbols: symbols.map(|(name, at)| (name.to_owned(), at)).into(),
         }
-    }
-
-    /// Faults of an image with one symbol or section moved.
-    fn moved(name: &str, address: u64) -> String {
-        let mut image = image();
-        let sections = image
-            .sections
-            .iter_mut()
-            .filter(|section| section.name == name);
-        sections.for_each(|section| section.address = address);
-        image
-            .symbols
-            .entry(name.to_owned())
-            .and_modify(|symbol| *symbol = address);
-        faults(&image, &regions()).join("; ")
     }
 
     #[test]
@@ -146,37 +111,51 @@ mod tests {
     }
 
     #[test]
-    fn variables_that_end_in_another_region_are_named() {
-        // With .dma after .bss the start-up would zero everything in between.
-        assert!(moved("__ebss", 0x5020).contains("__ebss 0x00005020 is not in RAM"));
-        assert!(moved("__ebss", 0x3000).contains("__sbss 0x00003008"));
-        assert!(moved("__edata", 0x3041).contains("__edata"));
-        assert!(moved("__euninit", 0x5000).contains("__euninit"));
-        assert!(moved("__sdata", 0x2ff8).contains("__sdata"));
+    fn a_section_or_symbol_in_the_wrong_place_is_named() {
+        for (name, address, fault) in [
+            // With .dma after .bss the start-up would zero everything in between.
+            ("__ebss", 0x5020, "__ebss 0x00005020 is not in RAM"),
+            ("__ebss", 0x3000, "__sbss 0x00003008"),
+            ("__edata", 0x3041, "__edata"),
+            ("__euninit", 0x5000, "__euninit"),
+            ("__sdata", 0x2ff8, "__sdata"),
+            ("_stack_start", 0x20f8, "_stack_start is 0x000020f8"),
+            ("_stack_end", 0x2004, "_stack_end"),
+            (
+                "_kept",
+                0x3000,
+                "_kept is 0x00003000, 0x00004000 by the map",
+            ),
+            (".dma", 0x3018, ".dma is in RAM"),
+            (".bss", 0x5020, ".bss is in SRAM1"),
+            (".uninit", 0x4000, ".uninit is in KEPT"),
+            (
+                ".bss",
+                0x3038,
+                ".bss, 16 bytes at 0x00003038, is in no region",
+            ),
+        ] {
+            let mut image = image();
+            let places = image.sections.iter_mut().map(|(name, at, _)| (&*name, at));
+            let (_, place) = places
+                .chain(&mut image.symbols)
+                .find(|(other, _)| *other == name)
+                .expect("a section or symbol");
+            *place = address;
+            let faults = faults(&image, &regions()).join("; ");
+            assert!(faults.contains(fault), "{name}: {faults}");
+        }
     }
 
     #[test]
-    fn a_stack_and_a_kept_place_that_are_not_the_maps_are_named() {
-        assert!(moved("_stack_start", 0x20f8).contains("_stack_start is 0x000020f8"));
-        assert!(moved("_stack_end", 0x2004).contains("_stack_end"));
-        assert!(moved("_kept", 0x3000).contains("_kept is 0x00003000, 0x00004000 by the map"));
-        let mut nameless = image();
-        nameless.symbols.remove("_kept");
-        assert!(
-            faults(&nameless, &regions())
-                .join("; ")
-                .contains("_kept is missing")
-        );
-    }
-
-    #[test]
-    fn each_section_belongs_to_one_region_and_what_the_dma_reaches_to_its_own() {
-        assert!(moved(".dma", 0x3018).contains(".dma is in RAM"));
-        assert!(moved(".bss", 0x5020).contains(".bss is in SRAM1"));
-        assert!(moved(".uninit", 0x4000).contains(".uninit is in KEPT"));
-        assert!(moved(".bss", 0x3038).contains(".bss, 16 bytes at 0x00003038, is in no region"));
-        let mut without = image();
-        without.sections.retain(|section| section.name != ".dma");
-        assert_eq!(faults(&without, &regions()), ["no .dma in SRAM1"]);
+    fn a_section_or_symbol_that_is_not_there_is_named() {
+        let mut image = image();
+        image.symbols.remove("_kept");
+        image.sections.retain(|(name, ..)| name != ".dma");
+        let expected = [
+            "_kept is missing, 0x00004000 by the map",
+            "no .dma in SRAM1",
+        ];
+        assert_eq!(faults(&image, &regions()), expected);
     }
 }

@@ -1,4 +1,4 @@
-//! Acquisition under orders, full queues and self-tests.
+//! Tests of the acquisition task: orders, a full queue, missed samples and self-tests.
 
 use core::{
     cell::Cell,
@@ -18,10 +18,10 @@ use crate::{
     timing::Clock,
 };
 
-/// Depth of the sample queue.
+/// Number of slots in the tests' sample queue, small so that few samples fill it.
 const DEPTH: usize = 3;
 
-/// Converter that returns as many samples as the test allows, and then waits.
+/// Converter that delivers `left` samples, a number that the test sets, and then waits.
 struct Counted<'c> {
     left: &'c Cell<u32>,
     delivered: u64,
@@ -73,8 +73,9 @@ fn start(number: u32) -> Order {
     })
 }
 
-/// Runs an acquisition through `acts`, each an order and the number of samples after it. Returns the samples
-/// queued by each act, as (run that starts, index, overrun mark).
+/// Runs an acquisition task through `acts`: each act is an optional order, followed by a number of samples.
+/// Returns for each act the samples that it queued, as (number of the run that the sample starts, index,
+/// overrun mark).
 fn handed_over(
     shared: &Shared,
     converter: Counted<'_>,
@@ -146,7 +147,7 @@ fn samples_that_find_the_queue_full_are_counted_and_marked_and_the_start_of_a_ru
         missed: 0,
         self_test_result: None,
     };
-    // The queue is full when the second run starts, so its first two samples are dropped.
+    // Run 1 fills the queue and loses 2 samples; run 2 then loses its first 2 samples.
     let acts = [(start(1), DEPTH + 2), (start(2), 2)];
     let (sender, mut receiver) = queue();
     let mut acquisition = Box::new(Acquisition::new(Mains::Hz50));

@@ -1,4 +1,4 @@
-//! Conversation with a simulated host.
+//! Test of the conversation task with a simulated host.
 
 use core::{
     convert::Infallible,
@@ -20,10 +20,10 @@ use crate::{
     timing::Clock,
 };
 
-/// Both ends of a port to a simulated host.
+/// Simulated host, which implements both directions of the device's port.
 #[derive(Clone, Default)]
 struct Host {
-    /// Commands on their way to the device.
+    /// Commands that the device has not read yet.
     commands: Rc<RefCell<VecDeque<Vec<u8>>>>,
     /// Bytes that the device has written.
     received: Rc<RefCell<Vec<u8>>>,
@@ -124,6 +124,6 @@ fn the_answer_to_a_stop_counts_the_outputs_that_the_encoder_could_not_queue() {
         }
     }
     assert_eq!(dropped, [3]);
-    // Numbers of the frames: Hello 0, Capabilities 1, the lost outputs 2 to 4, Stats 5, Ack 6.
+    // Frame numbers: Hello 0, Capabilities 1, lost outputs 2 to 4 (never sent), Stats 5, Ack 6.
     assert_eq!(seqs, [0, 1, 5, 6]);
 }

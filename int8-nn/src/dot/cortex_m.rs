@@ -1,7 +1,8 @@
-//! The dot products on a Cortex-M4 or M7, two at a time with SMLAD.
+//! The dot products on a Cortex-M4 or M7, with SMLAD: two products per instruction.
 //!
-//! The same products in two schedules. Grouped loads take the fewest cycles on a Cortex-M4. With the
-//! feature `cortex-m7`, each load is paired with a product, because that core issues both together.
+//! The same products have two schedules. `grouped` loads several registers at a time, which takes the
+//! fewest cycles on a Cortex-M4. `interleaved` (feature `cortex-m7`) alternates loads and products,
+//! because a Cortex-M7 issues one of each together. The cycles are computed by llvm-mca, not measured.
 #![expect(unsafe_code, reason = "calls the assembler")]
 
 mod arguments;
@@ -19,9 +20,9 @@ use super::layout::{OUTPUTS, POSITIONS};
 use crate::pair::Pair;
 use arguments::Arguments;
 
-/// Computes the dot products of [`super::dots`] if there is an assembler kernel for these sizes, and
-/// returns whether it did. `sums` is not empty, and the slices have the lengths that [`super::dots`]
-/// cuts.
+/// Computes the dot products of [`super::dots`] and returns true, or returns false if there is no
+/// assembler kernel for these sizes. `sums` must not be empty, and the slices must have the lengths to
+/// which [`super::dots`] cuts them.
 #[inline(always)]
 pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
     inputs: [&[Pair]; SEGMENTS],
@@ -37,7 +38,7 @@ pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usiz
         end: range.end.cast(),
     };
     let arguments = (&raw const arguments).cast();
-    // Each kernel with the number of blocks in one iteration of its loop.
+    // For each kernel, the number of blocks that one iteration of its loop computes.
     let (kernel, blocks): (unsafe extern "C" fn(*const ()), usize) =
         match (SEGMENTS, WIDTH, STRIDE, is_shared) {
             (1, 14, 14, true) => (dots_1x14, 4),
@@ -48,11 +49,13 @@ pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usiz
     if !sums.len().is_multiple_of(blocks) {
         return false;
     }
-    // SAFETY: a position reads WIDTH inputs of each segment, STRIDE after those of the position
-    // before; a block reads OUTPUTS * SEGMENTS * WIDTH weights and writes POSITIONS * OUTPUTS sums.
-    // `super::dots` cut the slices to the number of blocks in `sums`, which is not 0 and a whole
-    // number of iterations. The match ties each kernel to its `Arguments`. A pair is an aligned word,
-    // as LDRD and LDM require.
+    // SAFETY: `arguments` points to the `Arguments` above, which lives until this function returns; the
+    // kernel only reads it. The pointers in it come from slices that are borrowed until this function
+    // returns, and only the kernel uses them. The match gives each kernel the number of segments that
+    // it expects. A position reads WIDTH inputs of each segment, STRIDE after those of the previous
+    // position; a block reads OUTPUTS * SEGMENTS * WIDTH weights and writes POSITIONS * OUTPUTS sums.
+    // `super::dots` cut the slices to the number of blocks in `sums`, which is a whole number of
+    // iterations and not 0. A pair is an aligned word, as LDRD and LDM require.
     unsafe { kernel(arguments) };
     true
 }

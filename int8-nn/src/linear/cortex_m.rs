@@ -13,9 +13,11 @@ use crate::pair::Pair;
 #[inline(always)]
 pub(super) fn accumulate(inputs: &[Pair], weights: &[Pair], accumulators: &mut [i32]) {
     let (inputs, accumulators) = (inputs.as_ptr_range(), accumulators.as_mut_ptr_range());
-    // SAFETY: the caller has asserted `Linear::is_consistent`: a multiple of 8 pairs of inputs and of
-    // 4 outputs, neither 0, and half their product in weights. The loops below read and write exactly
-    // these; the caller has cut inputs and accumulators to those lengths.
+    // SAFETY: the pointers come from the three slices, which are borrowed until `quads` returns, and
+    // only `quads` uses them. The caller has asserted `Linear::is_consistent`: a multiple of 8 pairs of
+    // inputs and a multiple of 4 outputs, neither of them 0, and half of their product in pairs of
+    // weights. It has cut inputs and accumulators to these numbers. The loops read and write exactly
+    // that many elements.
     unsafe {
         quads(
             weights.as_ptr(),
@@ -27,7 +29,8 @@ pub(super) fn accumulate(inputs: &[Pair], weights: &[Pair], accumulators: &mut [
     }
 }
 
-/// Accumulates four outputs at a time over all inputs; three instructions per four products.
+/// Accumulates four outputs at a time over all inputs. Without loads, four products take three
+/// instructions.
 ///
 /// r0: products with the packed weights of the first pair of outputs; r1: products with the even output's
 /// weights only; r2, r3: the same for the second pair; r4-r7: weights of the current iteration; r8-r9:

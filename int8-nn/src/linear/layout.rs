@@ -4,7 +4,8 @@
 pub(super) const OUTPUTS: usize = 4;
 /// Number of input pairs multiplied in one unrolled round.
 pub(super) const ROUND: usize = 2;
-/// Number of input pairs in one iteration of the assembler loop, whose rounds are unrolled.
+/// Number of input pairs in one iteration of the assembler loop; the rounds of an iteration are
+/// unrolled.
 pub(super) const INPUTS: usize = 8;
 
 /// Returns the index of the pair that holds the weight of input pair `pair` for `output`, in a matrix

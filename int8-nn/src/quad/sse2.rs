@@ -1,5 +1,5 @@
-//! Four words in an SSE2 register, which every x86-64 has. LLVM generates no PMADDWD from the plain
-//! loops: they take four times as many instructions.
+//! Four words in an SSE2 register, which every x86-64 has. LLVM generates no PMADDWD from the loops of
+//! `plain.rs`, which take four times as many instructions.
 #![expect(unsafe_code, reason = "calls SSE2 intrinsics")]
 
 use core::arch::x86_64::{

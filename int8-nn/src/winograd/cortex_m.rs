@@ -10,8 +10,8 @@ use super::tile::{PRODUCTS, Sums, TRANSFORMED_TILE, WINDOWS};
 use crate::dot::layout::OUTPUTS;
 
 /// Inverse-transforms the sums of `tiles` tiles and a pair of outputs, and keeps the maximum of each
-/// pool window in `windows[(tile * WINDOWS + window) * outputs + output]`. The last number of `windows`
-/// is the last one used.
+/// pool window in `windows[(tile * WINDOWS + window) * outputs + output]`. `windows` must end with the
+/// last number that this formula selects.
 #[inline(always)]
 pub(super) fn keep_largest(
     sums: &[Sums; PRODUCTS],
@@ -19,9 +19,11 @@ pub(super) fn keep_largest(
     outputs: usize,
     windows: &mut [i32],
 ) {
-    // SAFETY: there are 1 to POSITIONS tiles, whose sums are adjacent in each product. The last window
-    // used is the second of the last tile; its second output is the last number of `windows`.
-    // `Winograd::is_consistent`, which `convolve_max_pool` asserts, keeps byte offsets within a word.
+    // SAFETY: both pointers come from slices that are borrowed until `tiles_of_pair` returns, and only
+    // that function uses them. There are 1 to POSITIONS tiles, so their sums are in the first OUTPUTS *
+    // tiles words of each product. The last address used in `windows` is that of the last tile's second
+    // window and second output, which is the last number of the slice. `Winograd::is_consistent`, which
+    // `convolve_max_pool` asserts, keeps byte offsets within a word.
     unsafe {
         tiles_of_pair(
             sums.as_ptr().cast(),
@@ -62,7 +64,7 @@ unsafe extern "C" fn tiles_of_pair(
         "it lt",
         "movlt \\to, \\other",
         ".endm",
-        // From six sums in r4-r9, the maxima of two windows: r4 and r6.
+        // Turns the six sums of a row, r4-r9, into the maxima of the row in two windows, r4 and r6.
         ".macro row_outputs",
         "add r12, r5, r6",
         "sub r5, r5, r6",

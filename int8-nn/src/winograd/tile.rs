@@ -7,12 +7,12 @@ use crate::{
 
 /// Number of rows and columns of outputs in a tile.
 pub(super) const TILE: [usize; 2] = [2, 4];
-/// Number of rows and columns in a transformed tile: two more of each than it has outputs.
+/// Number of rows and columns in a transformed tile: two more rows and two more columns than outputs.
 pub(super) const TRANSFORMED_TILE: [usize; 2] = [4, 6];
-/// Number of products in a tile for each pair of channels and time step; a direct convolution needs
-/// nine for each of the eight outputs.
+/// Number of products in a tile for each pair of channels and time step: 24. A direct convolution needs
+/// 72, nine for each of the eight outputs.
 pub(super) const PRODUCTS: usize = TRANSFORMED_TILE[0] * TRANSFORMED_TILE[1];
-/// Factor in every transformed sum: 2 from the rows, 24 from the columns.
+/// Factor of every sum of transformed products: 2 from the rows, times 24 from the columns.
 pub(super) const SCALE: usize = 48;
 /// Number of pool windows in a tile, side by side.
 pub(super) const WINDOWS: usize = 2;
@@ -40,8 +40,8 @@ fn transform_rows([d0, d1, d2, d3]: [Pair; 4]) -> [Pair; 4] {
     [d0 - d2, d1 + d2, d2 - d1, d1 - d3]
 }
 
-/// Transforms the inputs of a tile for a pair of channels. Rows of `tile` are `COLUMNS` apart, products
-/// in `out` are `POSITIONS * PAIRS` apart.
+/// Transforms the inputs of a tile for a pair of channels. In `tile` a row starts `COLUMNS` pairs after
+/// the row before; in `out` a product is `POSITIONS * PAIRS` pairs after the product before.
 #[inline(always)]
 pub(super) fn transform_inputs<const PAIRS: usize, const COLUMNS: usize>(
     tile: &[Pair],
@@ -83,7 +83,8 @@ pub(super) fn transform_taps(tap: impl Fn(usize, usize) -> i32) -> [i16; PRODUCT
 /// Inverse-transforms the sums of `tiles` tiles and a pair of outputs, and keeps the maximum of each
 /// pool window in `windows[(tile * WINDOWS + window) * outputs + output]`.
 ///
-/// Portable equivalent of the assembler. The rows come first: 44 additions instead of 56.
+/// This is the portable equivalent of the assembler. It transforms the rows first: 44 additions per
+/// tile and output, instead of 56 with the columns first.
 #[cfg(not(smlad))]
 pub(super) fn keep_largest(
     sums: &[Sums; PRODUCTS],

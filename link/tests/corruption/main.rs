@@ -7,7 +7,7 @@ use proptest::prelude::*;
 mod messages;
 use messages::{message, owned};
 
-/// Returns the frames of `messages` back to back, and the offset of each.
+/// Returns the frames of `messages` one after the other, and the offset of each frame.
 fn stream(messages: &[ToHost<'static>], first_seq: u32) -> (Vec<u8>, Vec<usize>) {
     let mut encoder = Encoder::starting_at(first_seq);
     let mut bytes = Vec::new();
@@ -24,8 +24,8 @@ fn stream(messages: &[ToHost<'static>], first_seq: u32) -> (Vec<u8>, Vec<usize>)
     (bytes, starts)
 }
 
-/// Returns the decoded messages with their position in the stream, and the number of bad frames.
-/// `chunk` is the number of bytes per call of the decoder.
+/// Returns each decoded message with its index in the stream, and the number of bad frames. `chunk`
+/// is the number of bytes passed to the decoder at a time.
 fn decode(bytes: &[u8], chunk: usize, first_seq: u32) -> (Vec<(u32, ToHost<'static>)>, usize) {
     let mut decoder = Decoder::<MAX_FRAME>::new();
     let (mut good, mut bad) = (Vec::new(), 0);
@@ -56,7 +56,7 @@ fn decode(bytes: &[u8], chunk: usize, first_seq: u32) -> (Vec<(u32, ToHost<'stat
     (good, bad)
 }
 
-/// One kind of damage to bytes on a line.
+/// Damage to the bytes on a line.
 #[derive(Clone, Debug)]
 enum Damage {
     Flip { bits: Vec<usize> },
@@ -78,7 +78,8 @@ fn damage() -> impl Strategy<Value = Damage> {
     ]
 }
 
-/// Damages `bytes` at offset `at` and returns the end of the damage in the original bytes.
+/// Damages `bytes` from offset `at` on, and returns an offset in the original bytes after which
+/// every byte is intact.
 fn apply(damage: &Damage, bytes: &mut Vec<u8>, at: usize) -> usize {
     match damage {
         Damage::Flip { bits } => {
@@ -148,12 +149,14 @@ proptest! {
         let end = apply(&damage, &mut bytes, at);
         let (good, _) = decode(&bytes, chunk, first_seq);
         for (place, message) in &good {
-            // A decoded frame equals one that was sent; a duplicated frame can arrive twice.
+            // Every decoded frame equals a frame that was sent; a duplicated frame can arrive
+            // twice.
             prop_assert_eq!(Some(message), messages.get(*place as usize), "false frame");
         }
         for (place, start) in starts.iter().enumerate() {
             let next = starts.get(place + 1).copied().unwrap_or(length);
-            // The frame is entirely before the damage, or after it with its leading zero intact.
+            // A frame must arrive if it is entirely before the damage, or after it with its leading
+            // zero intact.
             if next <= at || *start > end {
                 let arrived = good.iter().any(|(seen, _)| *seen as usize == place);
                 prop_assert!(arrived, "frame {} at {}..{} lost, damage {}..{}", place, start, next, at, end);
@@ -234,7 +237,8 @@ fn assert_damage_is_detected(values: &CodeValues) {
                     .all(|(place, message)| *place < 3 && *message == code)
             );
             assert!(good.iter().any(|(place, _)| *place == 0), "byte {at}");
-            // A damaged zero between two frames can cost one neighbour, never more.
+            // A damaged zero between two frames can cost one of the neighbouring frames, never
+            // both.
             assert!(good.len() >= 2, "byte {at}");
             assert!(good.iter().any(|(place, _)| *place == 2), "byte {at}");
         }

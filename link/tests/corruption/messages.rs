@@ -7,7 +7,7 @@ use link::{
 };
 use proptest::prelude::*;
 
-/// Code values in each of the formats.
+/// Random code values in a random format.
 fn values() -> impl Strategy<Value = CodeValues> {
     let bytes = || prop::collection::vec(any::<i8>(), CODE_LEN);
     let int8 = bytes().prop_map(|values| CodeValues::Int8(values.try_into().unwrap()));
@@ -20,7 +20,7 @@ fn values() -> impl Strategy<Value = CodeValues> {
     prop_oneof![int8, exponent, int16]
 }
 
-/// A `Timing` with any number of stages, unknown ones included.
+/// A `Timing` with 0 to `MAX_STAGES` stages, each with a random number, known or not.
 fn timing() -> impl Strategy<Value = ToHost<'static>> {
     let stage = (any::<u8>(), any::<[u32; 2]>(), any::<[u32; 9]>()).prop_map(
         |(stage, [deadline_ns, worst_ns], histogram)| StageTiming {

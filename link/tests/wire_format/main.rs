@@ -15,7 +15,7 @@ use messages::{
 
 const DOCUMENT: &str = include_str!("../../../docs/wire-format.md");
 
-/// Returns name and bytes of the fenced blocks that open with ```` ```hex NAME ````.
+/// Returns name and bytes of each fenced block that opens with ```` ```hex NAME ````.
 fn dumps() -> Vec<(&'static str, Vec<u8>)> {
     let mut dumps = Vec::new();
     let mut lines = DOCUMENT.lines();
@@ -185,7 +185,7 @@ fn the_document_states_the_size_of_a_timing_frame() {
         stage,
         deadline_ns: 1_000_000_000 / per_second,
         worst_ns: u32::MAX,
-        // An upper bound: each element as large as if all durations fell into it.
+        // An upper bound: every element counts all durations of a day.
         histogram: [86_400 * per_second; 9],
     };
     let stages = [

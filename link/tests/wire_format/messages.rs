@@ -55,7 +55,8 @@ pub(crate) fn code() -> ToHost<'static> {
     })
 }
 
-/// The window of [`code`] from a model with codes in another format.
+/// The message of [`code`] with the given values, as a model with another code format would send
+/// it.
 pub(crate) fn code_in(values: &CodeValues) -> ToHost<'static> {
     let ToHost::Code(code) = code() else { panic!() };
     ToHost::Code(Code {
@@ -91,7 +92,7 @@ pub(crate) fn stats() -> ToHost<'static> {
     })
 }
 
-/// Signal quality of two electrodes, the second one without contact.
+/// Signal quality of two electrodes; the second electrode has no contact.
 pub(crate) fn quality() -> ToHost<'static> {
     let good = ElectrodeQuality {
         rms_uv: 12.5,
@@ -133,7 +134,7 @@ pub(crate) fn timing() -> ToHost<'static> {
     })
 }
 
-/// Two samples of two channels, the second one at the rail.
+/// Two samples of two channels; the second channel is at the rail in both samples.
 pub(crate) fn raw() -> ToHost<'static> {
     ToHost::Raw(Raw {
         first_sample: 9_656,
@@ -143,7 +144,7 @@ pub(crate) fn raw() -> ToHost<'static> {
     })
 }
 
-/// One step of two electrodes.
+/// One step of two electrodes: 25 and -25 counts.
 pub(crate) fn filtered() -> ToHost<'static> {
     ToHost::Filtered(Filtered {
         first_step: 2_412,
@@ -173,7 +174,7 @@ pub(crate) fn event() -> ToHost<'static> {
     })
 }
 
-/// Status of two chips; the second has delivered three bad frames and has an electrode off.
+/// Status of two chips; the second chip has delivered three bad frames and has an electrode off.
 pub(crate) fn converters() -> ToHost<'static> {
     ToHost::Converters(Converters {
         fault: heapless::String::new(),
@@ -184,7 +185,7 @@ pub(crate) fn converters() -> ToHost<'static> {
     })
 }
 
-/// Result of a chip with two channels, to keep the dump short; the second one is dead.
+/// Result of a chip with two channels, to keep the dump short; the second channel is dead.
 pub(crate) fn self_test() -> ToHost<'static> {
     let good = ChannelTest {
         gain_error: 0.015_625,

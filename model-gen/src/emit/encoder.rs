@@ -91,7 +91,8 @@ impl Source {
         );
     }
 
-    /// Writes the constants from which `model` derives the lengths of the network's arrays.
+    /// Writes the constants from which `model` derives the lengths of the network's arrays, and its
+    /// convolution kernel.
     pub(super) fn shape(&mut self, model: &DeviceModel) {
         let Description { mode, network, .. } = &model.description;
         for (doc, name, value) in [
@@ -214,7 +215,7 @@ fn words(pairs: &[Pair]) -> Vec<String> {
         .collect()
 }
 
-/// Returns the factors of a layer, or zeros if the network does not have it.
+/// Returns the factors of a layer, or 128 zeros if the network does not have the layer.
 fn filled(multipliers: &[i32]) -> Vec<i32> {
     let mut filled = vec![0; CODE];
     filled[..multipliers.len()].copy_from_slice(multipliers);

@@ -1,10 +1,10 @@
-//! Rust source text, line by line.
+//! Builds Rust source text line by line.
 
 use std::fmt::{Display, Write as _};
 
 use super::number::separated;
 
-/// Rust source under construction.
+/// Rust source that has been written so far.
 #[derive(Default)]
 pub(super) struct Source {
     pub(super) text: String,

@@ -1,5 +1,5 @@
-//! Compares every code format with model-gen's plain loops, and tests levels at the ends of its
-//! range.
+//! Compares every code format with model-gen's plain loops, and tests levels at the ends of each
+//! format's range.
 
 use std::{vec, vec::Vec};
 
@@ -60,7 +60,8 @@ proptest! {
     fn an_unclipped_value_is_within_half_of_two_to_the_exponent(levels in any_levels()) {
         for (format, _) in FORMATS {
             let (values, clipped) = encoded(format, &levels);
-            // Rounding half up: a value can exceed its level by exactly a half, but not fall below it.
+            // Values are rounded half up: a value times 2^exponent exceeds its level by at most half of
+            // 2^exponent, and falls below it by less than half.
             let power = 1_i64 << values.exponent();
             let pairs = values.levels().into_iter().zip(levels);
             let off = pairs.filter(|&(ours, level)| {
@@ -76,7 +77,7 @@ proptest! {
         let (values, clipped) = encoded(CodeFormat::Int8Exponent, &levels);
         let exponent = values.exponent();
         prop_assert!(clipped == 0 || exponent == MAX_EXPONENT);
-        // With a smaller exponent some value would have been clipped.
+        // With the next smaller exponent some value would have been clipped.
         let finer = exponent.checked_sub(1).map(|finer| {
             let out = |&level: &i32| i8::try_from(round(level, finer)).is_err();
             levels.iter().any(out)
@@ -91,11 +92,11 @@ fn the_exponent_accounts_for_rounding_beyond_eight_bits() {
     assert_eq!(with_exponent(127), (0, 127, 0));
     assert_eq!(with_exponent(128), (1, 64, 0));
     assert_eq!(with_exponent(254), (1, 127, 0));
-    // 127.5 rounds up to 128.
+    // 255 / 2 = 127.5 rounds up to 128, which does not fit 8 bits.
     assert_eq!(with_exponent(255), (2, 64, 0));
     assert_eq!(with_exponent(-128), (0, -128, 0));
     assert_eq!(with_exponent(-129), (1, -64, 0));
-    // -128.5 rounds up to -128.
+    // -257 / 2 = -128.5 rounds up to -128, which fits 8 bits.
     assert_eq!(with_exponent(-257), (1, -128, 0));
     assert_eq!(with_exponent(-258), (2, -64, 0));
 }

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::plane::Plane;
 
-/// State of the convolutional layers: the last planes of each.
+/// State of the convolutional layers: the last planes of each layer.
 #[derive(Clone, Debug)]
 pub(super) struct Convolutions {
     /// The last three input planes, every cell paired with its right neighbour.
@@ -22,9 +22,10 @@ pub(super) struct Convolutions {
     /// The last three output planes of the first convolution, transformed for the second.
     transformed: PlaneRing<Pair, TRANSFORMED, 3>,
     pool: Pool,
-    /// Slot of the window, and position in it, to which the pooled plane is added in the next step.
+    /// Where the next step adds the pooled plane if the addition is deferred: slot of the window, and
+    /// index of the plane in the window.
     deferred: Option<(usize, usize)>,
-    /// The padded ends of windows, if steps are padded.
+    /// The planes at the ends of windows, if the network pads steps.
     edges: [Edges; PADS_TIME as usize],
 }
 
@@ -44,8 +45,8 @@ impl Convolutions {
         self.deferred = None;
     }
 
-    /// Processes the input plane of step `index`, and adds the pooled plane that it completes to the
-    /// windows.
+    /// Processes the input plane of step `index`. If the step completes a pooled plane, adds that plane
+    /// to the windows that contain it.
     #[inline]
     pub(super) fn add_plane(
         &mut self,
@@ -81,7 +82,7 @@ impl Convolutions {
         }
     }
 
-    /// Stores an input plane, framed by its margin.
+    /// Stores an input plane, surrounded by its margin.
     #[inline]
     fn store_input(&mut self, plane: &Plane, network: &Network<'_>) {
         let conv1 = network.conv1();
@@ -97,8 +98,8 @@ impl Convolutions {
         conv1.pair_up(&framed, self.input.advance());
     }
 
-    /// Computes plane `plane` of the second convolution, counted from the first that does not depend on
-    /// padded steps. The last plane of a pool completes a pooled plane.
+    /// Computes plane `plane` of the second convolution, where plane 0 is that of steps 0 to 4. The
+    /// last plane of a pool completes a pooled plane, which is added to the windows that contain it.
     #[inline]
     fn convolve(
         &mut self,
@@ -115,7 +116,7 @@ impl Convolutions {
         let hop = network.hop / POOL[0];
         let mut places = containing_windows(plane / STEPS_OF_POOL, hop, INNER_STEPS)
             .map(|(slot, offset)| (slot, EDGE_STEPS + offset));
-        // Of two windows only the older one can end with this step; the addition to the newer one is
+        // Only the older of two windows can end with this step; the addition to the newer window is
         // deferred.
         let (newer, older) = (places.next(), places.next());
         let now = if older.is_some() {

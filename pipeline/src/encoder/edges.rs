@@ -1,9 +1,9 @@
 //! The ends of windows with padded steps.
 //!
-//! Two planes of the second convolution at each end of a window depend on the padding before or after
-//! it, so they belong to this window only. All other planes are shared by the windows that contain
-//! them. The ends are computed at steps 1 to 3 and at the last step of a window, so two windows never
-//! compute an end in the same step.
+//! The first two and the last two planes of the second convolution in a window depend on the padding
+//! before or after the window, so each belongs to one window only. All other planes are shared by the
+//! windows that contain them. The ends are computed at steps 1 to 3 and at the last step of a window,
+//! so two windows never compute an end in the same step.
 
 use int8_nn::{Pair, PlaneRing};
 use model::{CELL_PLANE, EDGE_STEPS, NETWORK, Network, POOL, POOLED_STEPS, STEPS};
@@ -15,7 +15,7 @@ pub(super) const INPUT: usize = CELL_PLANE.len();
 /// Number of pairs in a hidden plane that is transformed for the second convolution.
 pub(super) const TRANSFORMED: usize = NETWORK.conv2().transformed_len();
 
-/// Padding: an input plane before or after the window.
+/// An input plane of padding, before or after the window.
 static ZERO_PLANE: [Pair; INPUT] = [Pair::ZERO; INPUT];
 
 /// Index of the last pooled plane that depends on padding before the window.
@@ -28,7 +28,7 @@ const END_LAST: usize = POOLED_STEPS.saturating_sub(1);
 /// State for the ends of windows, in addition to the planes of the stream.
 #[derive(Clone, Debug)]
 pub(super) struct Edges {
-    /// The first or last hidden plane of the window, which depends on padding, transformed.
+    /// The first or the last hidden plane of the window, transformed; it depends on padding.
     outermost: [Pair; TRANSFORMED],
     /// A hidden plane of padding, transformed.
     padding: [Pair; TRANSFORMED],
@@ -49,8 +49,8 @@ impl Edges {
         pool: Pool::EMPTY,
     };
 
-    /// Computes the part of a window's ends that is due at its step `offset`, after the stream's planes of
-    /// this step.
+    /// Computes the part of a window's ends that is due at step `offset` of the window. Call this after
+    /// the stream's planes of the same step have been computed.
     pub(super) fn apply(
         &mut self,
         offset: usize,
@@ -95,7 +95,7 @@ impl Edges {
         }
     }
 
-    /// Requantises the pool and adds it to the window as its pooled plane `index`.
+    /// Requantises the pool's sums and adds the result to the window as its pooled plane `index`.
     fn add(&mut self, network: &Network<'_>, window: &mut OpenWindow, index: usize) {
         self.pool.requantise(network);
         if let Some(&fc) = network.fc.get(index) {

@@ -5,14 +5,14 @@ use model::{HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, MARGIN, NETWORK, Network};
 
 /// Length, in pairs, of the scratch memory for the first convolution's gathered inputs.
 const PATCHES: usize = NETWORK.conv1().patches_len();
-/// Length of the scratch memory for the first convolution's sums.
+/// Length, in words, of the scratch memory for the first convolution's sums.
 const SUMS: usize = NETWORK.conv1().sums_len();
 /// Number of pairs in a hidden plane without its margin.
 const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
 /// Number of pairs in a hidden plane with its margin; 0 if the convolutions are not padded.
 const FRAMED: usize = if MARGIN == 0 { 0 } else { HIDDEN.len() / 2 };
 
-/// Scratch memory for computing a plane between the convolutions.
+/// Scratch memory for computing a hidden plane, which is between the two convolutions.
 #[derive(Clone, Debug)]
 pub(super) struct HiddenPlane {
     patches: [Pair; PATCHES],
@@ -59,8 +59,8 @@ impl HiddenPlane {
         network.conv2().transform(&self.framed, transformed);
     }
 
-    /// Copies the interior into the framed plane, adds the offset of each channel, and fills the margin
-    /// with padding.
+    /// Copies the interior into the plane with its margin, adds the offset of each channel to the
+    /// interior, and fills the margin with padding.
     fn frame(&mut self, network: &Network<'_>) {
         let channels = network.hidden_padding.iter().zip(&network.hidden_offset);
         let planes = self.framed.chunks_exact_mut(HIDDEN.rows * HIDDEN.columns);

@@ -30,7 +30,8 @@ impl Pool {
             .convolve_max_pool(transformed, &mut self.largest);
     }
 
-    /// Requantises the sums to 8 bits and clears them for the next pool.
+    /// Adds the bias to the largest sums, requantises them to 0..=255 and resets them for the next
+    /// pool.
     #[inline]
     pub(super) fn requantise(&mut self, network: &Network<'_>) {
         let bias = network.conv2.bias.as_chunks::<2>().0;

@@ -1,4 +1,4 @@
-//! The windows that are encoded at the same time.
+//! The windows that are not complete yet: their accumulators and slots.
 
 use int8_nn::{Pair, requantise_sum};
 use model::{
@@ -37,7 +37,8 @@ impl OpenWindow {
         settling: false,
     };
 
-    /// Starts a window whose first step is `step`; the step's data is added afterwards.
+    /// Returns a window whose first step is `step`, with the bias in its accumulators. The step's other
+    /// status and its products are added afterwards.
     #[inline]
     pub(super) fn start_with(step: &Step, network: &Network<'_>) -> Self {
         Self {
@@ -48,7 +49,8 @@ impl OpenWindow {
         }
     }
 
-    /// Adds a time step's clips and rails to those of the window.
+    /// Adds a time step's clipped values and channels at the rail to those of the window, and keeps the
+    /// offset of the newest step.
     #[inline]
     pub(super) fn add_events(&mut self, step: &Step) {
         self.clipped = self.clipped.saturating_add(step.clipped);
@@ -104,11 +106,12 @@ impl OpenWindow {
     }
 }
 
-/// Iterates over the open windows that contain a plane, newest first, as (slot, index of the plane
-/// within the window). Window `w` contains the planes `w * hop .. w * hop + length`.
+/// Iterates over the open windows that contain a plane, newest first. Each item is a pair of the
+/// window's slot and the plane's index within the window. Window `w` contains the planes
+/// `w * hop .. w * hop + length`.
 ///
-/// The hop is a power of two, so shifts replace divisions: a 64-bit division takes a Cortex-M a hundred
-/// instructions.
+/// The hop is a power of two, so that shifts replace divisions: a Cortex-M has no instruction for a
+/// 64-bit division.
 pub(super) fn containing_windows(
     plane: u64,
     hop: usize,
@@ -125,7 +128,7 @@ pub(super) fn containing_windows(
     })
 }
 
-/// Returns the slot of an open window.
+/// Returns the index of the slot that holds open window `window`.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a remainder below the number of slots"
@@ -147,12 +150,14 @@ mod tests {
         assert_eq!(all(7), [(0, 7)]);
         assert_eq!(all(8), [(1, 0), (0, 8)]);
         assert_eq!(all(16), [(0, 0), (1, 8)]);
-        // Of a window's six pooled planes, the last two are also the first two of the next window.
+        // With a pool of two steps and a hop of eight, a window has six pooled planes; the last two are
+        // also the first two of the next window.
         let pooled = |plane| containing_windows(plane, 4, 6).collect::<Vec<_>>();
         assert_eq!(pooled(3), [(0, 3)]);
         assert_eq!(pooled(5), [(1, 1), (0, 5)]);
         assert_eq!(pooled(6), [(1, 2)]);
-        // Without overlap, two of eight pooled planes are between the windows.
+        // With a hop of 16 steps, windows do not overlap; of eight pooled planes, the last two belong
+        // to no window.
         let apart = |plane| containing_windows(plane, 8, 6).collect::<Vec<_>>();
         assert_eq!(apart(5), [(0, 5)]);
         assert_eq!(apart(6), []);

@@ -1,4 +1,4 @@
-//! Tests of the quality figures against float64, and with the whole acquisition.
+//! Tests of the quality figures: against float64, and together with the whole acquisition.
 
 use std::{f64::consts::TAU, vec::Vec};
 
@@ -25,7 +25,8 @@ fn sample(n: u32, uv: impl Fn(usize, f64) -> f64) -> Sample {
     sample
 }
 
-/// Returns the RMS of `hz` in one second of `signal` with a Hann window, in float64.
+/// Returns the RMS at `hz` Hz of `signal`, which lasts one second, computed with a Hann window in
+/// float64.
 fn reference(hz: f64, signal: &[f64]) -> f64 {
     let length = f64::from(u32::try_from(signal.len()).expect("a second"));
     let (mut re, mut im) = (0.0, 0.0);
@@ -79,11 +80,12 @@ fn a_microvolt_of_mains_is_measured_despite_20_mv_of_offset_alpha_and_drift() {
                 .map(|sample| f64::from(sample.counts[index]) / counts_per_uv())
                 .collect();
             let (read, exact) = (f64::from(electrode.mains_uv), reference(hz, &signal));
-            // The f32 phases cause a relative error of 3e-5; the offset adds 1e-7 of its size.
+            // The f32 phases cause a relative error of up to 3e-5. Rounding adds 1e-7 of the 20 mV of
+            // offset: 2e-3 uV.
             let bound = 3e-5 * exact + 2e-3;
             assert!((read - exact).abs() < bound, "{read} instead of {exact} uV");
-            // The true RMS differs by the ADC's rounding and the window's leakage. Measured: 1.4
-            // nV.
+            // The ADC's rounding and the window's leakage separate the reading from the true RMS.
+            // Measured difference: 1.4 nV.
             let truth = amplitude(index) / 2.0_f64.sqrt();
             assert!((read - truth).abs() < 0.003, "{read} of {truth} uV");
         }
@@ -118,12 +120,12 @@ fn filtered_figures_equal_those_of_float64() {
             .collect();
         let rms = (signal.iter().map(|x| x * x).sum::<f64>() / f64::from(step_rate)).sqrt();
         let relative = f64::from(electrode.rms_uv) / rms - 1.0;
-        // The square root has a relative error of up to 2e-6, and the f32 sum is rounded. Measured:
-        // 9e-8.
+        // The square root has a relative error of up to 2e-6, and the f32 sum is rounded. Measured
+        // relative error: 9e-8.
         assert!(relative.abs() < 3e-6, "{relative} of {rms} uV");
         let residual = reference(60.0, &signal);
         let relative = f64::from(electrode.mains_residual_uv) / residual - 1.0;
-        // The f32 phases cause a relative error of up to 3e-5. Measured: 2.6e-6.
+        // The f32 phases cause a relative error of up to 3e-5. Measured relative error: 2.6e-6.
         assert!(relative.abs() < 3e-5, "{relative} of {residual} uV");
     }
 }
@@ -146,9 +148,10 @@ fn mains_is_measured_before_the_notch_and_removed_after_it() {
         assert!(!last.settling);
         let electrode = last.electrodes[ELECTRODES - 1];
         assert!((electrode.mains_uv - 70.71).abs() < 0.01, "{electrode:?}");
-        // Measured: 0.6 nV, which is the noise of the filters.
+        // Measured residual: 0.6 nV, which is the noise of the filters.
         assert!(electrode.mains_residual_uv < 0.002, "{electrode:?}");
-        // 30 uV through the pass band, whose gain at 10 Hz is 1 within 0.1 %.
+        // A sine with an amplitude of 30 uV has an RMS of 21.21 uV; the gain of the pass band at 10 Hz
+        // is 1 within 0.1 %.
         assert!((electrode.rms_uv - 21.21).abs() < 0.05, "{electrode:?}");
     }
 }
@@ -160,8 +163,8 @@ fn rails_are_counted_and_an_electrode_below_the_converter_s_noise_is_flat() {
         let mut sample = Sample::default();
         sample.counts[0] = if n < 100 { Sample::MAX } else { 0 };
         sample.counts[1] = -Sample::MAX - 1;
-        // 21 counts are 0.47 uV, below the limit for a flat electrode; 22 counts are just above its
-        // 0.49 uV.
+        // Limit for a flat electrode: 0.49 uV. 21 counts are 0.47 uV, below the limit; 22 counts are
+        // 0.492 uV, above it.
         sample.counts[2] = 1_000_000 + if n == 77 { 21 } else { 0 };
         sample.counts[3] = if n == 77 { -22 } else { 0 };
         sample

@@ -11,7 +11,7 @@ const AMPLITUDE: f64 = 2_236_962.0;
 /// Length of a tone in seconds; the filters settle well before its second half.
 const SECONDS: u32 = 32;
 
-/// Returns the amplitude of the alias of a tone at `hz`, relative to the tone.
+/// Returns the gain from a tone at `hz` to its alias at the step rate.
 fn alias(front_end: &AtRate, hz: u32) -> f64 {
     let rate = f64::from(front_end.rate_hz);
     #[expect(clippy::cast_possible_truncation, reason = "2.2 million counts")]
@@ -41,13 +41,14 @@ fn aliases_have_the_designed_attenuation() {
             let found = alias(&front_end, hz);
             let [found_db, expected_db] = [found, expected].map(|gain| 20.0 * gain.log10());
             println!("{decimation:?}: {hz} Hz at {found_db:.1} dB, designed {expected_db:.1} dB");
-            // Rounding to counts adds noise at -150 dB relative to the tone.
+            // Rounding the tone to counts adds noise 150 dB below the tone; 1e-7 is -140 dB.
             assert!((found - expected).abs() < 1e-3 * expected + 1e-7);
             found_db
         })
     });
     let [literal, fir] = table;
-    // Attenuation by the paper's literal decimation in dB, and limits for the alias-free one.
+    // Gains in dB: those stated for the paper's literal decimation, and upper limits for decimation
+    // with an anti-aliasing filter.
     for (found, stated) in literal.into_iter().zip([-7.1, -13.2, -26.4, -53.6]) {
         assert!((found - stated).abs() < 0.1, "{found} instead of {stated}");
     }

@@ -6,10 +6,10 @@ use model::{CHANNELS, GUARD_BITS, SECTIONS};
 use model_gen::{Chain, FilterSpec, ResamplerTable, cascade};
 use pipeline::{FrontEnd, Sample};
 
-/// Step rate, Hz.
+/// Step rate of every front end in these tests, Hz.
 pub(crate) const STEP_RATE_HZ: u32 = 128;
 
-/// The device's filters and resampler, designed for another ADC rate.
+/// The device's filters and resampler, designed for any ADC rate.
 pub(crate) struct AtRate {
     pub(crate) rate_hz: u32,
     cascade: Cascade<SECTIONS>,
@@ -36,7 +36,7 @@ impl AtRate {
         }
     }
 
-    /// Returns the chain for computing its float response.
+    /// Returns filters and resampler as a chain, which computes their response in float.
     pub(crate) fn chain(&self) -> Chain<'_> {
         Chain {
             sections: &self.cascade.sections,
@@ -45,7 +45,7 @@ impl AtRate {
         }
     }
 
-    /// Returns the steps of one electrode for an input in counts, in counts.
+    /// Returns the filtered steps of one electrode, in counts, for an input of `counts`.
     pub(crate) fn steps(&self, counts: &[i32]) -> Vec<f64> {
         match (self.table.phases(), self.table.taps_per_phase()) {
             (1, 1) => self.run::<1, 1>(counts),

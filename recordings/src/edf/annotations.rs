@@ -9,11 +9,11 @@ const DURATION: u8 = 0x15;
 
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct RecordAnnotations {
-    /// Start of the record, s after the start of the file. EDF+ requires a list without text at the
-    /// start of each record that contains it.
+    /// Start of the record, s after the start of the file: the onset of the first list whose first text
+    /// is empty. EDF+ requires such a list in each record. `None` if there is none.
     pub(crate) record_start_s: Option<f64>,
     pub(crate) events: Vec<Event>,
-    /// Whether all bytes were valid lists or padding.
+    /// True if all bytes were valid lists or padding.
     pub(crate) intact: bool,
 }
 

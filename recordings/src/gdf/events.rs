@@ -9,8 +9,8 @@ use crate::{
 /// Length of an event table's prefix (mode, count and rate), bytes.
 pub(crate) const PREFIX: usize = 8;
 
-/// First version whose table prefix is mode (u8), count (u24), rate (f32). In earlier versions it
-/// is mode (u8), rate (u24), count (u32). The libraries biosig and MNE use the same threshold.
+/// First version whose table prefix is mode (u8), count (u24), rate (f32). In earlier versions the
+/// prefix is mode (u8), rate (u24), count (u32). The libraries biosig and MNE use the same limit.
 const NEW_PREFIX: f64 = 1.94;
 
 /// Event type of a sample of a sparsely sampled signal. The row's duration column holds the sample
@@ -20,11 +20,11 @@ const SPARSE_SAMPLE: u16 = 0x7fff;
 /// The first eight bytes of the table, before its columns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TablePrefix {
-    /// Columns of the table. 1: positions and types; 3: also channels and durations.
+    /// Code of the columns in the table: 1 for positions and types; 3 for channels and durations as well.
     mode: u8,
     /// Number of events.
     pub(crate) count: u32,
-    /// Unit of the positions: positions per second, Hz; <= 0 if the file does not state it.
+    /// Number of event positions per second, Hz; <= 0 if the file does not state a rate.
     rate_hz: f64,
 }
 
@@ -46,7 +46,7 @@ impl TablePrefix {
         }
     }
 
-    /// Length of all columns of the table, bytes; `None` for an unknown mode.
+    /// Returns the length of all columns of the table, bytes; `None` for an unknown mode.
     pub(crate) fn column_bytes(&self) -> Option<u64> {
         match self.mode {
             1 => Some(u64::from(self.count) * 6),
@@ -55,14 +55,14 @@ impl TablePrefix {
         }
     }
 
-    /// Returns whether the rate is plausible: at least 1 mHz. Small integers interpreted as a float
-    /// are far below this limit.
+    /// Returns whether the rate is plausible: at least 1 mHz. The bytes of a small integer, read as a
+    /// float, are far below this limit.
     pub(crate) fn states_rate(&self) -> bool {
         self.rate_hz.is_finite() && self.rate_hz >= 1e-3
     }
 
-    /// Returns the number of positions per second, Hz, > 0; `fallback_hz` if the file does not
-    /// state it.
+    /// Returns the number of event positions per second, Hz, > 0; `fallback_hz` if the file does not
+    /// state a rate.
     pub(crate) fn rate_or(&self, fallback_hz: f64) -> f64 {
         if self.rate_hz.is_finite() && self.rate_hz > 0.0 {
             self.rate_hz
@@ -72,7 +72,7 @@ impl TablePrefix {
     }
 
     /// Decodes the events in file order from `columns`, which has [`Self::column_bytes`] bytes.
-    /// `fallback_hz` replaces a missing rate. Position 1 is the start of the file.
+    /// `fallback_hz` is used if the file does not state a rate. Position 1 is the start of the file.
     pub(crate) fn events(&self, columns: &[u8], fallback_hz: f64) -> Vec<Event> {
         let count = self.count as usize;
         let rate_hz = self.rate_or(fallback_hz);
@@ -170,8 +170,7 @@ mod tests {
         };
         assert_eq!(prefix.events(&columns, 1.0), [sparse, plain]);
 
-        // In a table of mode 1, which has no duration column, type 0x7fff is an ordinary event
-        // type.
+        // A table of mode 1 has no duration column, so type 0x7fff is an ordinary event type in it.
         let prefix = TablePrefix { mode: 1, ..prefix };
         let events = prefix.events(&columns[..12], 1.0);
         assert_eq!(events[0].label, EventLabel::Type(0x7fff));

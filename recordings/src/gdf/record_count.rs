@@ -8,17 +8,17 @@ use crate::{
     source::{BLOCK_BYTES, Source, in_memory, read_at},
 };
 
-/// Size of the longest possible event table, bytes: 2^24 - 1 rows (the limit of GDF 2) of 12 bytes
-/// in mode 3.
+/// Size of the longest event table that is searched for, bytes: 2^24 - 1 rows (the limit of GDF 2) of
+/// 12 bytes in mode 3.
 const TABLE_MAX: u64 = PREFIX as u64 + 12 * 0x00ff_ffff;
 
-/// Returns the number of records before an event table that ends exactly at the end of the file;
-/// `None` if there is no table and all bytes after the header are records.
+/// Returns the number of records before an event table that ends exactly at the end of the file; `None`
+/// if there is no table and all bytes after the header are records.
 ///
 /// No field of the file states where the records end. The function therefore tests the end of every
-/// record, from the last one backwards, for an event table. It reads at most [`TABLE_MAX`] bytes,
-/// in blocks. Four bytes of a table prefix determine the length of the table. Samples that look
-/// like a table prefix by chance are rejected by [`is_table`].
+/// record in the last [`TABLE_MAX`] bytes, from the last record backwards, for the prefix of an event
+/// table. The mode and count of the prefix must yield the remaining length of the file. Samples can
+/// fulfil this by chance, so [`is_table`] checks the columns too.
 ///
 /// # Errors
 /// [`RecordingError::Read`] if reading fails.
@@ -65,9 +65,9 @@ pub(crate) fn before_table(
 }
 
 /// Returns whether the columns at byte offset `at` are plausible for the prefix `table`. The first
-/// 16,384 event positions must be within twice the duration that the file would have without a
-/// table. A table without rows must state its rate; otherwise a signal that ends in the bytes 1, 0,
-/// 0, 0 would be taken for a table.
+/// 16,384 event positions must be within twice the duration that the file would have without a table. A
+/// table without rows must state its rate; otherwise samples whose bytes equal mode 1 and count 0 would
+/// be taken for a table.
 fn is_table(
     source: &mut dyn Source,
     header: &Header,

@@ -52,7 +52,7 @@ impl Unit {
         Self { text, microvolts }
     }
 
-    /// Size of the unit, uV; `None` unless it is one of the supported voltages.
+    /// Returns the size of the unit, uV; `None` unless the unit is a supported voltage.
     pub fn microvolts(&self) -> Option<f64> {
         self.microvolts
     }

@@ -29,8 +29,9 @@ fn unstated(per_record: u32, samples: &[f32], events: Vec<u8>) -> GdfFile {
 
 #[test]
 fn an_event_table_is_not_read_as_samples() {
-    // 80,000 records of 4 bytes are searched in several blocks. Tables of 20 and 32 bytes have the
-    // length of whole records, a table of 26 bytes does not.
+    // The 80,000 samples of 4 bytes are searched in several blocks. The tables have 20, 32, 20, 8, 26
+    // and 20 bytes. With records of 4 bytes, the first four tables are as long as whole records; the
+    // other two are not.
     let samples: Vec<f32> = (0_u16..40_000).map(f32::from).collect();
     let samples = [&samples[..], &samples[..]].concat();
     let mut mode_3 = vec![3, 1, 0, 0];
@@ -70,8 +71,8 @@ fn the_event_table_of_version_1_is_found() {
 
 #[test]
 fn samples_that_look_like_a_table_stay_samples() {
-    // Interpreted as a table: mode 1 with two rows and positions of 1,000,000 in a file of 8 s, and
-    // mode 1 without rows at a rate of 3e-45 Hz.
+    // Read as event tables, the last bytes are: first, mode 1 with two rows at position 1,000,000, in a
+    // file of 8 s; second, mode 1 without rows at a rate of 3e-45 Hz. Neither is plausible.
     for words in [
         vec![9, 9, 9, 0x0201, 2, 1_000_000, 1_000_000, 7],
         vec![9, 9, 9, 9, 9, 9, 1, 2],

@@ -1,4 +1,5 @@
-//! Mutated files can cause errors, but no panic, no hang and no allocation beyond the size of the file.
+//! Mutated files can cause errors, but no panic, no hang and no allocation for data that the file does
+//! not have.
 
 use proptest::{collection::vec, prelude::*};
 
@@ -44,7 +45,7 @@ fn gdf(version_1: bool, records: i64) -> Vec<u8> {
     file.bytes()
 }
 
-/// Reads a file completely and checks that the results are not larger than the file.
+/// Reads a file completely and checks that it has no more samples and no more events than bytes.
 fn read_or_refuse(bytes: Vec<u8>) -> Result<(), TestCaseError> {
     let size = bytes.len();
     let Ok(mut recording) = open(bytes.clone()) else {
@@ -159,7 +160,7 @@ proptest! {
 
 #[test]
 fn impossible_sizes_are_refused_without_an_allocation() {
-    // 99,999,999 samples per record in a file of a few hundred bytes.
+    // The header announces 99,999,999 samples per record in a file of a few hundred bytes.
     let mut file = EdfFile::edf("99999999", vec![EdfSignal::int16("Cz", 99_999_999, &[])]);
     file.signals[0].data = Vec::new();
     let mut bytes = file.bytes();

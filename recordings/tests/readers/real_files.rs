@@ -1,8 +1,7 @@
 //! Real recordings from the folder that `CORTICODE_DATA` names.
 //!
-//! The expected values were printed by MNE-Python 1.13.2 (`mne.io.read_raw_edf` / `_bdf` / `_gdf`)
-//! where it can read the file. MNE treats a missing unit as V, so the values of MI128 were divided by
-//! 1e6.
+//! MNE-Python 1.13.2 (`mne.io.read_raw_edf` / `_bdf` / `_gdf`) printed the expected values of the files
+//! that it can read. MNE treats a missing unit as V, so its values of MI128 were divided by 1e6.
 
 use std::{env, io::Write, path::PathBuf};
 
@@ -104,7 +103,7 @@ fn gdf_signals_of_all_sample_types_are_equal() {
         );
         let samples = read_all(&mut recording);
         assert_eq!((samples.len(), samples[0].len()), (10, 512));
-        // libgdf wrote the same random walk of integers in all types; it starts with 0x4c = 76.
+        // libgdf wrote the same random walk of integers in all types; the first value is 0x4c = 76.
         assert_eq!(samples[0][0], 76.0);
         for other in &samples[1..] {
             assert!(
@@ -125,8 +124,7 @@ fn gdf_of_a_bci_and_of_an_ecg_equal_mne() {
     };
     let events = recording.events().expect("readable");
     assert_eq!(events.len(), 280);
-    // The onset that MNE prints, 9.992188 s, is position 1280, counted from 1, at 128 Hz, rounded
-    // to six digits.
+    // MNE prints the onset 9.992188 s: position 1280, counted from 1, at 128 Hz, rounded to six decimals.
     assert_eq!(
         events[0],
         event(1279.0 / 128.0, None, EventLabel::Type(785))
@@ -184,8 +182,8 @@ fn a_10_10_cap_covers_the_scalp_grid() {
     };
     let map = MontageMap::new(&recording.labels(), &grid.labels(), Missing::Interpolate)
         .expect("common electrodes");
-    // The recording contains F3..F4, P3..P4 and seven columns each of FC, C and CP; the rest is
-    // interpolated.
+    // Of the electrodes of the grid, the recording contains F3..F4, P3..P4 and seven columns each of FC,
+    // C and CP, 31 in total. The other 30 are interpolated.
     assert_eq!(
         (map.real().len(), map.interpolated().len(), map.zero().len()),
         (31, 30, 0)
@@ -212,9 +210,9 @@ fn a_10_10_cap_covers_the_scalp_grid() {
     let rms = |of: &dyn Fn(&(f64, f64)) -> f64| {
         (pairs.iter().map(|pair| of(pair).powi(2)).sum::<f64>() / f64::from(30 * 512)).sqrt()
     };
-    // The reference was resampled with a wider filter. The measured difference is 0.894 uV rms of
-    // 52 uV rms, of which 0.03 uV are below 70 Hz. A shift by one sample in either direction causes
-    // 6.9 uV.
+    // The reference was resampled with a wider filter. The measured difference is 0.894 uV rms for a
+    // signal of 52 uV rms; only 0.03 uV of the difference are below 70 Hz. A shift by one sample in
+    // either direction would cause 6.9 uV.
     let error = rms(&|(a, b)| a - b);
     assert!(error < 1.2, "{error} uV rms of {}", rms(&|(_, b)| *b));
 }

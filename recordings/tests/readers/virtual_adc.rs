@@ -14,8 +14,8 @@ use crate::{
 
 const ADS1299: AdcSpec = AdcSpec::ads1299(512);
 
-/// Error limit, uV: half a count of 22.35 nV for rounding, plus 0.01 nV for the resampler. The largest
-/// error measured in the tests below is 0.011125 uV, less than the rounding alone.
+/// Limit of the error, uV: half a count of 22.35 nV for rounding, plus 0.01 nV for the resampler. The
+/// largest error measured in the tests below is 0.011125 uV, less than the half count alone.
 const HALF_COUNT_UV: f64 = 0.011_175_9 + 1e-5;
 
 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
@@ -23,7 +23,7 @@ fn seconds(sample: usize, rate: f64) -> f64 {
     sample as f64 / rate
 }
 
-/// Builds a file with a sine of 100 uV at `hz` on an offset of 20 mV; it has `records` records of 1 s.
+/// Builds a file of `records` records of 1 s, with a sine of 100 uV at `hz` on an offset of 20 mV.
 fn sine_file(hz: f64, rate: u32, records: usize) -> Vec<u8> {
     let samples = (0..records * rate as usize)
         .map(|k| 20_000.0 + 100.0 * (TAU * hz * seconds(k, rate.into())).sin());
@@ -60,8 +60,8 @@ fn worst_error_uv(counts: &[[i32; 64]], hz: f64, edge: f64) -> f64 {
 
 #[test]
 fn a_resampled_sine_equals_the_analytic_sine_at_k_over_rate() {
-    // 40 s at 160 Hz need six transforms, so the checked range contains boundaries between
-    // transforms. It excludes the ends, where the output depends on the extension of the signal.
+    // 40 s at 160 Hz need six transforms, so the checked range contains boundaries between transforms.
+    // The range excludes the ends, where the output depends on the values held beyond the signal.
     for hz in [1.0, 10.0, 60.0] {
         let (counts, counters) = play(sine_file(hz, 160, 40), &["Cz"], Missing::Refuse);
         assert_eq!(counts.len(), 40 * 512);
@@ -130,7 +130,8 @@ fn saturated_and_non_finite_samples_are_counted() {
     file.duration = (8, 512);
     let (counts, counters) = play(file.bytes(), &["Cz"], Missing::Refuse);
     let played: Vec<i32> = counts.iter().map(|c| c[0]).collect();
-    // 2^23 * 22.35 nV = 187.5 mV. The positive rail is one count below.
+    // Full scale is 2^23 * 22.35 nV = 187.5 mV. The largest output is 2^23 - 1 counts, so +187.5 mV
+    // saturates and -187.5 mV does not.
     let (top, bottom) = (8_388_607, -8_388_608);
     assert_eq!(played, [0, top, bottom, bottom, 224, 224, top, bottom]);
     assert_eq!(
@@ -189,7 +190,7 @@ fn electrodes_can_combine_signals_of_different_rates() {
     assert_eq!(counts.len(), 8 * 512);
     for sample in &counts {
         let uv = sample.map(|count| f64::from(count) * ADS1299.lsb_uv);
-        // Cz and Pz are at equal distances from C3 and C4.
+        // Cz and Pz are at equal distances from C3 and C4, so they are the mean of the two: 150 uV.
         for (found, expected) in uv.iter().zip([150.0, 100.0, 200.0, 150.0, 0.0]) {
             assert!(
                 (found - expected).abs() < HALF_COUNT_UV,

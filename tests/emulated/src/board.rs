@@ -1,4 +1,4 @@
-//! The emulated boards, and runs of an image on them.
+//! The emulated boards, and runs of the application on them.
 
 use std::fs;
 use std::path::PathBuf;
@@ -21,40 +21,55 @@ pub const APPLICATION: &str = "board-qemu";
 /// for a code.
 pub const INSTRUCTION_SHIFT: u8 = 4;
 
-/// Longest time to start and end QEMU on a loaded machine.
-const START_TIMEOUT: Duration = Duration::from_mins(1);
-
-/// An emulated board with its image.
+/// An emulated board with the application's image, and the folder of a scenario.
 #[derive(Debug)]
 pub struct Board {
     /// QEMU's board, with its name and processor.
     pub machine: Machine,
-    /// Returns both boards with the image of the package `program`. If QEMU or the target is
-    /// missing, there is no board, and `test` is reported as skipped.
-    ///
-    /// The iterator builds each image when it reaches it. A scenario runs on one board after the
-    /// other, because the load of the PC affects the timing of the emulated UART.
-    ///
-    /// # Panics
-    /// When the image does not build, or with `CORTICODE_REQUIRE_ROS=1` when QEMU or the target is
-    /// missing.
+    /// Image that the board runs.
     pub image: Image,
+    /// QEMU's working folder, in which the image reads its files.
+    pub folder: PathBuf,
+    /// Longest time that the image may print nothing: a minute to start and end QEMU on a loaded machine, and the
+    /// duration of the samples. The image prints only at its end, and runs faster than real time.
+    pub silence: Duration,
 }
 
-/// Unwraps a result of the emulator, whose error message names the next step for the user.
+/// Returns both machines; none, and `test` is reported as skipped, if QEMU or the target is missing.
 ///
 /// # Panics
-/// With the error's message.
-pub fn boards(test: &str, program: &str) -> impl Iterator<Item = Board> {
-    let machines: &[Machine] = if installed::available(test) {
-        &MACHINES
+/// When one of them is missing and `CORTICODE_REQUIRE_ROS=1`.
+pub fn machines(test: &str) -> impl Iterator<Item = Machine> + use<> {
+    let count = if installed::available(test) {
+        MACHINES.len()
     } else {
-        &[]
+        0
     };
-    machines.iter().map(move |&machine| {
+    MACHINES.into_iter().take(count).inspect(|machine| {
         println!("{}, {} (emulated)", machine.name, machine.core);
-        let image = or_panic(Image::build(program, program, machine.features));
-        Board { machine, image }
+    })
+}
+
+/// Returns both boards, or none as [`machines`] does. Each has a folder for `scenario` with the file of samples.
+///
+/// The iterator builds each image when it reaches it. A scenario runs on one board after the other, because the
+/// load of the PC affects the timing of the emulated UART.
+///
+/// # Panics
+/// When the image does not build or the folder cannot be written, or as [`machines`].
+pub fn boards(scenario: &str, samples: &[Sample]) -> impl Iterator<Item = Board> {
+    machines(&format!("{scenario} of the emulated application")).map(move |machine| {
+        let image = or_panic(Image::build(APPLICATION, APPLICATION, machine.features));
+        let folder = PathBuf::from("emulated").join(machine.name).join(scenario);
+        let seconds = samples.len() / usize::from(ADC_RATE_HZ);
+        let board = Board {
+            machine,
+            folder: or_panic(image.create_folder(folder)),
+            image,
+            silence: Duration::from_secs(60 + seconds as u64),
+        };
+        board.write(input::FILE, &input::to_bytes(samples));
+        board
     })
 }
 
@@ -66,8 +81,66 @@ pub fn or_panic<T>(result: Result<T, EmulatorError>) -> T {
     result.unwrap_or_else(|error| panic!("{error}"))
 }
 
+impl Board {
+    /// Records figures with the name of this machine.
+    ///
+    /// # Panics
+    /// As [`figures::record`].
+    pub fn record(&self, figures: &impl Serialize) {
+        figures::record(Some(self.machine.name), figures);
+    }
+
+    /// Writes a file into the folder.
+    ///
+    /// # Panics
+    /// When the file cannot be written.
+    pub fn write(&self, name: &str, bytes: &[u8]) {
+        let path = self.folder.join(name);
+        // Writing to a named pipe of an earlier run would block.
+        let _ = fs::remove_file(&path);
+        or_panic(fs::write(&path, bytes).map_err(EmulatorError::file(&path)));
+    }
+
+    /// Prepares QEMU with arguments for the application, in virtual time; the UART is not yet connected.
+    pub fn qemu(&self, arguments: &[&str]) -> Qemu {
+        let arguments = [&[APPLICATION], arguments].concat();
+        let mut qemu = Qemu::new(&self.image, self.machine, &self.folder, &arguments);
+        qemu.instruction_time(INSTRUCTION_SHIFT);
+        qemu
+    }
+
+    /// Runs the image to its end. The file `uart` in the folder receives the bytes of the UART.
+    ///
+    /// # Panics
+    /// When QEMU fails.
+    pub fn run(&self, arguments: &[&str], uart: &str) -> Run {
+        let start = Instant::now();
+        let mut qemu = self.qemu(arguments);
+        let lines = or_panic(qemu.uart(Uart::File(uart)).run(self.silence, |_| ()));
+        let path = self.folder.join(uart);
+        Run {
+            sent: or_panic(fs::read(&path).map_err(EmulatorError::file(&path))),
+            lines,
+            wall: start.elapsed(),
+        }
+    }
+
+    /// Runs the image twice, both runs at the same time: a disturbance of the PC then affects them
+    /// at different instructions.
+    ///
+    /// # Panics
+    /// When QEMU fails.
+    pub fn run_twice(&self, arguments: &[&str]) -> [Run; 2] {
+        thread::scope(|scope| {
+            ["first.uart", "second.uart"]
+                .map(|uart| scope.spawn(move || self.run(arguments, uart)))
+                .map(|run| run.join().expect("QEMU runs to its end"))
+        })
+    }
+}
+
 /// What one run of the image has sent and printed.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Run {
     /// Bytes that the UART has sent.
     pub sent: Vec<u8>,
@@ -102,110 +175,8 @@ impl Run {
     pub fn assert_complete(&self, boot: &Boot, samples: usize) {
         assert_eq!(self.printed("samples"), samples as u64, "samples");
         assert_eq!(self.overruns(boot), 0, "overruns");
-        let dropped = boot.last_stats().frames_dropped;
-        assert_eq!(
-            (dropped, boot.missing, boot.damaged),
-            (0, 0, 0),
-            "frames dropped, missing, damaged; the first damage: {:?}",
-            boot.first_damage
-        );
-    }
-}
-
-/// A folder with the files of a run, and the board that runs in it.
-#[derive(Debug)]
-pub struct Scenario {
-    machine: Machine,
-    image: Image,
-    /// QEMU's working folder, in which the image reads its files.
-    pub folder: PathBuf,
-    /// Longest time that the image may print nothing. It prints only at its end, and runs faster
-    /// than real time.
-    pub silence: Duration,
-}
-
-impl Board {
-    /// Records figures with the name of this machine.
-    ///
-    /// # Panics
-    /// As [`figures::record`].
-    pub fn record(&self, figures: &impl Serialize) {
-        figures::record(Some(self.machine.name), figures);
-    }
-
-    /// Creates the folder of a scenario, and the file of samples in it.
-    ///
-    /// # Panics
-    /// When the folder cannot be written.
-    pub fn scenario(&self, name: &str, samples: &[Sample]) -> Scenario {
-        let folder = PathBuf::from("emulated").join(self.machine.name).join(name);
-        let scenario = Scenario {
-            machine: self.machine,
-            image: self.image.clone(),
-            folder: or_panic(self.image.create_folder(folder)),
-            silence: START_TIMEOUT
-                + Duration::from_secs((samples.len() / usize::from(ADC_RATE_HZ)) as u64),
-        };
-        scenario.write(input::FILE, &input::to_bytes(samples));
-        scenario
-    }
-}
-
-impl Scenario {
-    /// Replaces the image.
-    #[must_use]
-    pub fn with_image(self, image: Image) -> Self {
-        Self { image, ..self }
-    }
-
-    /// Writes a file into the folder.
-    ///
-    /// # Panics
-    /// When the file cannot be written.
-    pub fn write(&self, name: &str, bytes: &[u8]) {
-        let path = self.folder.join(name);
-        // Writing to a named pipe of an earlier run would block.
-        let _ = fs::remove_file(&path);
-        or_panic(fs::write(&path, bytes).map_err(EmulatorError::file(&path)));
-    }
-
-    /// Prepares QEMU with arguments for the application, in virtual time; the UART is not yet connected.
-    pub fn qemu(&self, arguments: &[&str]) -> Qemu {
-        let arguments = [&[APPLICATION], arguments].concat();
-        let mut qemu = Qemu::new(&self.image, self.machine, &self.folder, &arguments);
-        qemu.instruction_time(INSTRUCTION_SHIFT);
-        qemu
-    }
-
-    /// Runs the image to its end. The file `uart` in the folder receives the bytes of the UART.
-    ///
-    /// # Panics
-    /// When QEMU fails.
-    pub fn run(&self, arguments: &[&str], uart: &str) -> Run {
-        let begin = Instant::now();
-        let mut qemu = self.qemu(arguments);
-        let lines = or_panic(qemu.uart(Uart::File(uart)).run(self.silence, |_| ()));
-        let path = self.folder.join(uart);
-        Run {
-            sent: or_panic(fs::read(&path).map_err(EmulatorError::file(&path))),
-            lines,
-            wall: begin.elapsed(),
-        }
-    }
-
-    /// Runs the image twice, both runs at the same time: a disturbance of the PC then affects them
-    /// at different instructions.
-    ///
-    /// # Panics
-    /// When QEMU fails.
-    pub fn run_twice(&self, arguments: &[&str]) -> [Run; 2] {
-        thread::scope(|scope| {
-            ["first.uart", "second.uart"]
-                .map(|uart| scope.spawn(move || self.run(arguments, uart)))
-                .map(|run| {
-                    run.join()
-                        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-                })
-        })
+        assert_eq!(boot.last_stats().frames_dropped, 0, "frames dropped");
+        assert_eq!(boot.missing, 0, "frames missing");
+        assert_eq!(boot.damaged, [], "frames damaged");
     }
 }

@@ -4,7 +4,7 @@ use std::env;
 use std::path::{Path, PathBuf};
 
 use host_sim::synthetic::{Generator, SyntheticSpec};
-use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ, STEPS};
+use model::{ADC_RATE_HZ, CHANNELS, HOP, STEP_RATE_HZ, STEPS};
 use pipeline::Sample;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 
@@ -13,9 +13,6 @@ pub const FILE: &str = "samples.i32";
 
 /// Real EEG below the folder that `CORTICODE_DATA` names: 125 s, held out of the training.
 const REAL: &str = "eegmmidb_S001/S001R11.edf";
-
-/// Environment variable with the number of codes per run, and its default value.
-const CODES: (&str, usize) = ("CORTICODE_CODES", 1000);
 
 /// Samples, and where they come from.
 #[derive(Debug)]
@@ -34,10 +31,8 @@ impl Input {
     /// # Panics
     /// When the variable is not a number of 500 to 100 000, or as [`Input::new`].
     pub fn from_environment() -> Self {
-        let (variable, default) = CODES;
-        let codes = env::var(variable).map_or(default, |codes| {
-            codes.parse().expect("CORTICODE_CODES is a number")
-        });
+        let codes = env::var("CORTICODE_CODES").map_or(Ok(1000), |codes| codes.parse());
+        let codes = codes.expect("CORTICODE_CODES is a number");
         assert!(
             (500..=100_000).contains(&codes),
             "CORTICODE_CODES is {codes}; 500 to 100 000 are possible"
@@ -63,17 +58,12 @@ impl Input {
             skipped.push(format!("real EEG as input: {why} {REAL}"));
             Vec::new()
         };
-        let spec = SyntheticSpec {
-            rails: true,
-            ..SyntheticSpec::new(7, model::LABELS.split(' '))
-        };
+        let mut spec = SyntheticSpec::new(7, model::LABELS.split(' '));
+        spec.rails = true;
         let synthetic = Generator::new(&spec).expect("the model's electrodes have positions");
-        let synthetic = synthetic.take(total - real.len());
+        let counts = synthetic.take(total - real.len()).chain(real);
         Self {
-            samples: synthetic
-                .map(|counts| Sample { counts })
-                .chain(real)
-                .collect(),
+            samples: counts.map(|counts| Sample { counts }).collect(),
             names,
             skipped,
         }
@@ -86,49 +76,21 @@ impl Input {
     }
 }
 
-/// At most `count` samples of a recording, from its start, as the virtual ADC delivers them.
-fn recorded(path: &Path, count: usize) -> Vec<Sample> {
+/// Counts of at most `count` samples of a recording, from its start, as the virtual ADC delivers them.
+fn recorded(path: &Path, count: usize) -> Vec<[i32; CHANNELS]> {
     let recording = Recording::open(path);
     let recording = recording.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
     let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate)
         .expect("the recording has the model's electrodes, or their neighbours");
-    let adc = AdcSpec::ads1299(ADC_RATE_HZ.into());
-    let adc = VirtualAdc::new(recording, &map, adc).expect("a rate that can be resampled");
-    adc.take(count)
-        .map(|counts| Sample {
-            counts: counts.expect("the recording is whole"),
-        })
-        .collect()
+    let adc = VirtualAdc::new(recording, &map, AdcSpec::ads1299(ADC_RATE_HZ.into()))
+        .expect("a rate that can be resampled");
+    let counts: Result<_, _> = adc.take(count).collect();
+    counts.expect("the recording is whole")
 }
 
 /// Samples in the format of [`FILE`].
 pub fn to_bytes(samples: &[Sample]) -> Vec<u8> {
     let counts = samples.iter().flat_map(|sample| sample.counts);
     counts.flat_map(i32::to_le_bytes).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use pipeline::{Mains, Pipeline};
-
-    use super::*;
-
-    #[test]
-    fn an_input_makes_the_requested_number_of_codes_and_no_two_alike() {
-        let input = Input::new(40);
-        let mut pipeline = Pipeline::new(Mains::default());
-        let codes: Vec<_> = input
-            .samples
-            .iter()
-            .filter_map(|sample| pipeline.encode_sample(sample))
-            .collect();
-        assert_eq!(codes.len(), 40);
-        assert!(
-            codes
-                .windows(2)
-                .all(|pair| pair[0].values != pair[1].values)
-        );
-        assert_eq!(to_bytes(&input.samples).len(), input.samples.len() * 64 * 4);
-    }
 }

@@ -24,7 +24,6 @@ pub mod compare;
 pub mod frames;
 pub mod host;
 pub mod input;
-pub mod refusal;
 pub mod script;
 pub mod stages;
 pub mod storm;

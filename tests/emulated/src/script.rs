@@ -1,13 +1,15 @@
 //! Bytes that the image receives at set device times, from a file instead of its UART.
 
-use link::{Ack, AckResult, Decoder, Header, MAX_FRAME, Message, ToDevice, VERSION};
+use link::{Ack, AckResult, Decoder, MAX_FRAME, Message, Start, Streams, ToDevice, VERSION};
+
+use crate::frames::frame;
 
 /// File of the script in the image's folder. Each entry has the device time in microseconds (64 bits), the boot,
 /// counted from 1, and the length (32 bits each), all little endian, followed by the bytes.
 pub const FILE: &str = "commands.bin";
 
 /// Bytes for the board, and the answers that it must send.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub struct Script {
     /// Contents of [`FILE`].
     pub file: Vec<u8>,
@@ -18,6 +20,11 @@ pub struct Script {
     /// Frame of the last command, and its answer.
     last: Option<(Vec<u8>, Ack)>,
     next_seq: u32,
+}
+
+/// The command that starts these streams with a mains frequency in Hz, 50 or 60, or 0 for the board's default.
+pub const fn start(streams: Streams, mains_hz: u8) -> ToDevice {
+    ToDevice::Start(Start { streams, mains_hz })
 }
 
 impl Script {
@@ -45,11 +52,8 @@ impl Script {
     ) {
         let of = self.next_seq;
         self.next_seq += 1;
-        let answer = Ack { of, result };
-        let bytes = frame(of, VERSION, command);
-        self.add_bytes(boot, at_us, &bytes);
-        self.answers.push(answer);
-        self.last = Some((bytes, answer));
+        self.last = Some((frame(of, VERSION, command), Ack { of, result }));
+        self.repeat_command(boot, at_us);
     }
 
     /// Repeats the last command, as a host does that has not received the answer.
@@ -73,19 +77,4 @@ impl Script {
         }
         (decodable, unusable)
     }
-}
-
-/// A command's frame with this sequence number and link version.
-///
-/// # Panics
-/// When the command is longer than a frame.
-pub fn frame<'m>(seq: u32, version: u8, command: &impl Message<'m>) -> Vec<u8> {
-    let header = Header {
-        version,
-        seq,
-        device_time_us: 0,
-    };
-    let mut buffer = [0; MAX_FRAME];
-    let frame = link::encode(&header, command, &mut buffer);
-    frame.expect("the command fits a frame").to_vec()
 }

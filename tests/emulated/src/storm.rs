@@ -1,13 +1,13 @@
 //! A storm of commands: a hundred a second, with garbage in between.
 
-use link::{Ack, AckResult, Message, ResetInto, Start, Streams, ToDevice, ToHost, VERSION};
+use link::{Ack, AckResult, Message, ResetInto, Streams, ToDevice, ToHost, VERSION};
 use model::ADC_RATE_HZ;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::frames::encoded;
-use crate::script::{Script, frame};
+use crate::frames::{encoded, frame};
+use crate::script::{Script, start};
 
 /// Time from one command to the next, in microseconds.
 pub const PERIOD_US: u64 = 10_000;
@@ -42,10 +42,6 @@ pub fn script(samples: usize) -> Script {
         at_us += PERIOD_US;
     }
     script
-}
-
-fn start(streams: Streams, mains_hz: u8) -> ToDevice {
-    ToDevice::Start(Start { streams, mains_hz })
 }
 
 fn add_command(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
@@ -106,20 +102,4 @@ fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     };
     bytes.push(0);
     script.add_bytes(1, at_us, &bytes);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_storm_has_a_hundred_commands_a_second_and_garbage_that_costs_none_of_them() {
-        let storm = script(10 * usize::from(ADC_RATE_HZ));
-        assert_eq!(storm.answers.len(), 845);
-        let (decodable, unusable) = storm.decodable_and_unusable();
-        let unknown = |ack: &&Ack| ack.result == AckResult::UnknownCommand;
-        let unknown = storm.answers.iter().filter(unknown).count();
-        assert!(unknown > 10 && unusable as usize > 100 + unknown);
-        assert_eq!(decodable as usize + unknown, storm.answers.len());
-    }
 }

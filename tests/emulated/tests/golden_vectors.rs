@@ -5,8 +5,8 @@
 
 use std::time::Duration;
 
-use emulated::board::{boards, or_panic};
-use emulator::{Qemu, Uart};
+use emulated::board::{machines, or_panic};
+use emulator::{Image, Qemu, Uart};
 use on_target::results;
 
 const TEST: &str = "golden vectors on emulated microcontrollers";
@@ -24,16 +24,15 @@ const SILENCE: Duration = Duration::from_mins(1);
 
 #[test]
 fn every_golden_vector_passes() {
-    for board in boards(TEST, IMAGE) {
-        let folder = or_panic(board.image.create_folder("emulated"));
-        let mut qemu = Qemu::new(&board.image, board.machine, &folder, &[IMAGE]);
+    for machine in machines(TEST) {
+        let image = or_panic(Image::build(IMAGE, IMAGE, machine.features));
+        let folder = or_panic(image.create_folder("emulated"));
+        let mut qemu = Qemu::new(&image, machine, &folder, &[IMAGE]);
         qemu.instruction_time(INSTRUCTION_SHIFT).uart(Uart::None);
         let instructions = |ticks| ticks * 10 / TICKS_OF_10_INSTRUCTIONS;
         let lines = qemu.run(SILENCE, |line| {
-            println!(
-                "  {}",
-                results::readable(line, "instructions", instructions)
-            );
+            let line = results::readable(line, "instructions", instructions);
+            println!("  {line}");
         });
         assert_eq!(results::check(&or_panic(lines)), Ok(()));
     }

@@ -2,7 +2,6 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 /// Each message states what failed, why, and what to do next.
 #[derive(Debug, thiserror::Error)]
@@ -27,25 +26,15 @@ pub enum EmulatorError {
         /// Exit status of cargo, or what its output lacked.
         why: String,
     },
-    /// The image printed no line for too long, and was ended.
-    #[error("the image failed: silent for {} s; it printed: {output}\n  next: {next}", silence.as_secs())]
-    Silent {
-        /// Longest permitted time without a line.
-        silence: Duration,
-        /// Lines printed before the silence, separated by slashes.
-        output: String,
-        /// How to repeat the run by hand.
-        next: String,
-    },
-    /// The emulator did not start, or it or its image ended with an error.
-    #[error("the image failed: {why}; it printed: {output}\n  next: {next}")]
+    /// The emulator did not start, it or its image ended with an error, or the image was silent for too long.
+    #[error("the image failed: {why}; it printed: {output}\n  next: run it by hand: `{command}`")]
     Failed {
-        /// Exit status of the emulator, or the reason of the operating system.
+        /// Exit status of the emulator, duration of the silence, or the reason of the operating system.
         why: String,
         /// All printed lines, separated by slashes.
         output: String,
-        /// How to repeat the run by hand.
-        next: String,
+        /// Command line that repeats the run in a shell.
+        command: String,
     },
     /// A file of the run cannot be created, read or written.
     #[error("cannot use the file {}: {error}\n  next: is its folder writable, and the disk not full?", path.display())]

@@ -5,7 +5,6 @@ use std::fs::OpenOptions;
 use std::io::Write;
 
 use serde::Serialize;
-use serde_json::Value;
 
 /// Environment variable with the path of the file.
 pub const FILE: &str = "CORTICODE_FIGURES";
@@ -17,7 +16,11 @@ pub const FILE: &str = "CORTICODE_FIGURES";
 /// # Panics
 /// When `figures` has no keys, or the file cannot be written.
 pub fn record(machine: Option<&str>, figures: &impl Serialize) {
-    let line = line(machine, figures);
+    let mut line = serde_json::to_value(figures).expect("figures are a map with text keys");
+    if let Some(machine) = machine {
+        line["machine"] = machine.into();
+    }
+    let line = format!("{line}\n");
     print!("{line}");
     let Some(path) = env::var_os(FILE) else {
         return;
@@ -26,28 +29,4 @@ pub fn record(machine: Option<&str>, figures: &impl Serialize) {
     // One write, so that lines of parallel tests stay whole.
     let written = file.and_then(|mut file| file.write_all(line.as_bytes()));
     written.expect("the file named by CORTICODE_FIGURES is writable");
-}
-
-fn line(machine: Option<&str>, figures: &impl Serialize) -> String {
-    let mut line = serde_json::to_value(figures).expect("figures are a map with text keys");
-    if let Some(machine) = machine {
-        line["machine"] = Value::from(machine);
-    }
-    format!("{line}\n")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_line_names_its_machine_next_to_the_figures() {
-        #[derive(Serialize)]
-        struct Codes {
-            codes: usize,
-        }
-        let codes = Codes { codes: 7 };
-        assert_eq!(line(Some("m"), &codes), "{\"codes\":7,\"machine\":\"m\"}\n");
-        assert_eq!(line(None, &codes), "{\"codes\":7}\n");
-    }
 }

@@ -13,13 +13,9 @@ use crate::skip::skip_unless_required;
 /// # Panics
 /// When one of them is missing and `CORTICODE_REQUIRE_ROS=1`.
 pub fn available(test: &str) -> bool {
-    match check() {
-        Ok(()) => true,
-        Err(error) => {
-            skip_unless_required(test, error);
-            false
-        }
-    }
+    check()
+        .map_err(|error| skip_unless_required(test, error))
+        .is_ok()
 }
 
 /// Checks that QEMU starts and that the compiler has the standard library of [`TARGET`].
@@ -40,17 +36,11 @@ pub fn check() -> Result<(), EmulatorError> {
 /// # Errors
 /// [`EmulatorError::TargetMissing`].
 pub fn check_target() -> Result<(), EmulatorError> {
-    let mut library = Command::new("rustc");
-    library.args(["--print=target-libdir", "--target", TARGET]);
-    let folder = library.output().ok();
-    let folder = folder.filter(|output| output.status.success());
-    let exists = folder.is_some_and(|output| {
-        let path = String::from_utf8_lossy(&output.stdout);
-        Path::new(path.trim()).is_dir()
-    });
-    if exists {
-        Ok(())
-    } else {
-        Err(EmulatorError::TargetMissing)
-    }
+    let mut rustc = Command::new("rustc");
+    rustc.args(["--print=target-libdir", "--target", TARGET]);
+    let folder = rustc.output().map(|output| output.stdout);
+    let folder = folder.unwrap_or_default();
+    // Without the target, rustc prints a folder that does not exist, or nothing.
+    let exists = Path::new(String::from_utf8_lossy(&folder).trim()).is_dir();
+    exists.then_some(()).ok_or(EmulatorError::TargetMissing)
 }

@@ -1,10 +1,9 @@
 //! QEMU's command line, and a run with it.
 
-use std::fmt;
-use std::io::{BufRead, BufReader, ErrorKind};
+use std::io::{self, BufRead, BufReader, ErrorKind};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
-use std::sync::mpsc;
+use std::process::{Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
@@ -40,8 +39,7 @@ impl Qemu {
         command
             .args(["-machine", machine.name])
             .args(["-display", "none", "-monitor", "none"])
-            .arg("-semihosting-config")
-            .arg(semihosting.join(",arg="))
+            .args(["-semihosting-config", &semihosting.join(",arg=")])
             .arg("-kernel")
             .arg(image.path())
             .current_dir(folder)
@@ -80,98 +78,55 @@ impl Qemu {
     pub fn run(
         &mut self,
         silence: Duration,
-        on_line: impl FnMut(&str),
+        mut on_line: impl FnMut(&str),
     ) -> Result<Vec<String>, EmulatorError> {
-        run_to_end(&mut self.command, silence, on_line)
+        let mut lines = Vec::new();
+        let ended = pass_on(&mut self.command, silence, |line| {
+            on_line(&line);
+            lines.push(line);
+        });
+        let why = match ended {
+            Ok(status) if status.success() => return Ok(lines),
+            Ok(status) => status.to_string(),
+            Err(error) if error.kind() == ErrorKind::NotFound => {
+                return Err(EmulatorError::QemuMissing);
+            }
+            Err(error) => error.to_string(),
+        };
+        Err(EmulatorError::Failed {
+            why,
+            output: lines.join(" / "),
+            command: format!("{:?}", self.command),
+        })
     }
 }
 
-impl fmt::Display for Qemu {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&as_typed(&self.command))
-    }
-}
-
-/// Runs QEMU, or in tests a shell, as [`Qemu::run`] describes.
-fn run_to_end(
+/// Starts a command, passes on each line of its standard output, and returns its exit status. Ends a command that
+/// is silent for too long.
+fn pass_on(
     command: &mut Command,
     silence: Duration,
-    mut on_line: impl FnMut(&str),
-) -> Result<Vec<String>, EmulatorError> {
-    let folder = command.get_current_dir().unwrap_or(Path::new("."));
-    let next = format!(
-        "run it by hand in {}: `{}`",
-        folder.display(),
-        as_typed(command)
-    );
-    let failed = |why: String, lines: &[String], next: String| EmulatorError::Failed {
-        why,
-        output: lines.join(" / "),
-        next,
-    };
-    let mut emulator = match command.stdout(Stdio::piped()).spawn() {
-        Ok(child) => Running(child),
-        Err(error) if error.kind() == ErrorKind::NotFound => {
-            return Err(EmulatorError::QemuMissing);
-        }
-        Err(error) => return Err(failed(error.to_string(), &[], next)),
-    };
-    let printed = emulator.lines();
-    let mut lines = Vec::new();
+    mut on_line: impl FnMut(String),
+) -> io::Result<ExitStatus> {
+    let mut process = command.stdout(Stdio::piped()).spawn()?;
+    let (sender, printed) = mpsc::channel();
+    if let Some(output) = process.stdout.take() {
+        thread::spawn(move || {
+            let mut lines = BufReader::new(output).lines().map_while(Result::ok);
+            lines.try_for_each(|line| sender.send(line))
+        });
+    }
     loop {
         match printed.recv_timeout(silence) {
-            Ok(line) => {
-                on_line(&line);
-                lines.push(line);
-            }
-            Err(mpsc::RecvTimeoutError::Disconnected) => break,
-            Err(mpsc::RecvTimeoutError::Timeout) => {
-                return Err(EmulatorError::Silent {
-                    silence,
-                    output: lines.join(" / "),
-                    next,
-                });
+            Ok(line) => on_line(line),
+            Err(RecvTimeoutError::Disconnected) => return process.wait(),
+            Err(RecvTimeoutError::Timeout) => {
+                process.kill()?;
+                process.wait()?;
+                let seconds = silence.as_secs();
+                return Err(io::Error::other(format!("silent for {seconds} s")));
             }
         }
-    }
-    match emulator.0.wait() {
-        Ok(status) if status.success() => Ok(lines),
-        Ok(status) => Err(failed(status.to_string(), &lines, next)),
-        Err(error) => Err(failed(error.to_string(), &lines, next)),
-    }
-}
-
-/// Returns the command line as typed in a shell, for arguments without blanks.
-fn as_typed(command: &Command) -> String {
-    let words = [command.get_program()]
-        .into_iter()
-        .chain(command.get_args());
-    let words: Vec<_> = words.map(|word| word.to_string_lossy()).collect();
-    words.join(" ")
-}
-
-/// A started process; dropping it ends the process.
-struct Running(Child);
-
-impl Running {
-    /// Lines of the standard output; the channel closes when the process closes it.
-    fn lines(&mut self) -> mpsc::Receiver<String> {
-        let (sender, receiver) = mpsc::channel();
-        if let Some(output) = self.0.stdout.take() {
-            thread::spawn(move || {
-                let mut lines = BufReader::new(output).lines().map_while(Result::ok);
-                lines.try_for_each(|line| sender.send(line))
-            });
-        }
-        receiver
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // Both calls fail when the process has already ended.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
     }
 }
 
@@ -179,46 +134,32 @@ impl Drop for Running {
 mod tests {
     use super::*;
 
-    const SILENCE: Duration = Duration::from_mins(1);
-
-    fn shell(script: &str, silence: Duration) -> Result<Vec<String>, EmulatorError> {
-        run_to_end(Command::new("sh").args(["-c", script]), silence, |_| ())
+    /// Runs a program with arguments in QEMU's place.
+    fn run(words: &[&str], silence: Duration) -> Result<Vec<String>, EmulatorError> {
+        let mut command = Command::new(words[0]);
+        command.args(&words[1..]);
+        Qemu { command }.run(silence, |line| print!("{line}"))
     }
 
     #[test]
-    fn lines_are_passed_on_and_returned() {
-        let mut passed_on = Vec::new();
-        let mut command = Command::new("sh");
-        command.args(["-c", "echo one; echo two"]);
-        let lines = run_to_end(&mut command, SILENCE, |line| {
-            passed_on.push(line.to_owned());
-        });
-        assert_eq!(lines.expect("it ends well"), ["one", "two"]);
-        assert_eq!(passed_on, ["one", "two"]);
-    }
-
-    #[test]
-    fn an_image_that_fails_is_quoted_with_how_to_repeat_its_run() {
-        let error = shell("echo lost; exit 3", SILENCE).expect_err("status 3");
-        let text = error.to_string();
-        for words in ["exit status: 3", "it printed: lost", "by hand in .: `sh -c"] {
-            assert!(text.contains(words), "{text}");
-        }
-    }
-
-    #[test]
-    fn a_silent_image_is_ended() {
-        let error = shell("echo one; exec sleep 600", Duration::from_millis(200));
-        assert!(matches!(
-            error,
-            Err(EmulatorError::Silent { output, .. }) if output == "one"
-        ));
-    }
-
-    #[test]
-    fn a_program_that_does_not_exist_is_reported_as_missing() {
-        let mut command = Command::new("corticode-no-such-emulator");
-        let error = run_to_end(&mut command, SILENCE, |_| ()).expect_err("no such program");
-        assert!(error.is_missing(), "{error}");
+    fn lines_are_returned_and_an_image_that_fails_or_is_silent_is_quoted() {
+        let minute = Duration::from_mins(1);
+        let lines = run(&["sh", "-c", "echo one; echo two"], minute);
+        assert_eq!(lines.expect("status 0"), ["one", "two"]);
+        let failed = run(&["sh", "-c", "echo lost; exit 3"], minute);
+        let expected = "the image failed: exit status: 3; it printed: lost\n  next: run it by hand: \
+                        `\"sh\" \"-c\" \"echo lost; exit 3\"`";
+        assert_eq!(failed.expect_err("status 3").to_string(), expected);
+        let silent = run(
+            &["sh", "-c", "echo one; exec sleep 600"],
+            Duration::from_millis(200),
+        );
+        let message = silent.expect_err("it is ended").to_string();
+        assert!(
+            message.contains("silent for 0 s; it printed: one"),
+            "{message}"
+        );
+        let missing = run(&["corticode-no-such-emulator"], minute);
+        assert!(missing.expect_err("no such program").is_missing());
     }
 }

@@ -1,11 +1,11 @@
 //! Cycles that follow from counted instructions: computed, not measured on a processor.
 
+use anyhow::{Context, ensure};
 use emulator::{Image, Machine};
 use model::{HIDDEN, HOP, NETWORK, POOLED, POOLED_STEPS, SHORTCUT_STEPS, STEP_RATE_HZ};
 use serde::Serialize;
 
 use super::disassembly::{Loop, disassemble};
-use crate::report::tools;
 
 /// Cycles of an instruction outside the loops on a Cortex-M4: those of a load that follows no other load, the
 /// slowest of the common instructions there.
@@ -21,8 +21,57 @@ const BRANCH_M7: u32 = 2;
 /// Names of the instructions that multiply two pairs of 16-bit numbers.
 const PRODUCTS: &[&str] = &["smlad", "smuad"];
 
-/// Returns the loops that take most of the encoder's time: the function, instructions of which each iteration
-/// executes a fixed number, and how many of these instructions a code needs.
+/// Cycles of one of the loops that take most of the encoder's time, on one machine.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct LoopCycles {
+    name: &'static str,
+    /// Number of iterations of the loop per code.
+    turns_per_code: u32,
+    /// Number of instructions in one iteration.
+    instructions: u32,
+    /// Cycles per iteration by ARM's table, which exists for the Cortex-M4 only.
+    pub(crate) arm_table: Option<u32>,
+    /// Cycles per iteration by llvm-mca.
+    pub(crate) llvm_mca: f64,
+}
+
+/// Reads the loops from the encoder's image.
+///
+/// # Errors
+/// LLVM's tools are not installed, or the image has other loops than expected.
+pub(crate) fn loops(machine: Machine, image: &Image) -> anyhow::Result<Vec<LoopCycles>> {
+    let disassembly = disassemble(image.path())?;
+    let is_m7 = machine.core == "Cortex-M7";
+    let (cpu, branch) = if is_m7 {
+        ("cortex-m7", BRANCH_M7)
+    } else {
+        ("cortex-m4", BRANCH_M4)
+    };
+    let mut loops = Vec::new();
+    for (name, products, per_code) in work() {
+        let body = Loop::find(&disassembly, name)
+            .with_context(|| format!("{name} has no loop, or is not in the image"))?;
+        let is_product = |line: &&String| products.iter().any(|name| line.starts_with(name));
+        let share = body.instructions.iter().filter(is_product).count();
+        ensure!(
+            share > 0 && per_code.is_multiple_of(share),
+            "{name} does {share} at a time, the network takes {per_code}: other loops run"
+        );
+        let source = image.path().with_extension("s");
+        loops.push(LoopCycles {
+            name,
+            turns_per_code: u32::try_from(per_code / share)?,
+            // The branch is one more.
+            instructions: u32::try_from(body.instructions.len() + 1)?,
+            arm_table: (!is_m7).then(|| arm_table(&body.instructions) + branch),
+            llvm_mca: body.simulated(cpu, &source)? + f64::from(branch),
+        });
+    }
+    Ok(loops)
+}
+
+/// Returns the loops' work: the function, instructions of which each iteration executes a fixed number, and how many
+/// of these instructions a code needs.
 fn work() -> [(&'static str, &'static [&'static str], usize); 4] {
     // Products of one time step, two weights in a pair of 16 bits; none in a mode without this branch.
     let fc = NETWORK.fc.first().into_iter().flatten();
@@ -39,95 +88,21 @@ fn work() -> [(&'static str, &'static [&'static str], usize); 4] {
     ]
 }
 
-/// Cycles of one loop on one machine.
-#[derive(Debug, Clone, Serialize)]
-pub(crate) struct LoopCycles {
-    name: &'static str,
-    /// Number of iterations of the loop per code.
-    turns_per_code: u32,
-    /// Number of instructions in one iteration.
+/// Returns the cycles per code for this many instructions: those of each loop's iterations, and `rest` for each
+/// other instruction. `None` if a loop's cycles are unknown.
+pub(crate) fn per_code(
+    loops: &[LoopCycles],
     instructions: u32,
-    /// Cycles per iteration by ARM's table, which exists for the Cortex-M4 only.
-    pub(crate) arm_table: Option<u32>,
-    /// Cycles per iteration by llvm-mca.
-    pub(crate) llvm_mca: Option<f64>,
-}
-
-/// All loops of one machine's image.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Loops {
-    pub(crate) loops: Vec<LoopCycles>,
-    /// Reasons for which cycle figures are left out, one per figure.
-    pub(crate) skipped: Vec<String>,
-}
-
-impl Loops {
-    /// Reads the loops from the image, if LLVM's tools are installed.
-    pub(crate) fn read(machine: Machine, image: &Image) -> Self {
-        let core = machine.core;
-        let mca = tools::llvm("llvm-mca");
-        match loops(image, core == "Cortex-M7", mca.as_deref()) {
-            Ok(loops) => {
-                let why = "no llvm-mca; Debian's package is `llvm`";
-                let skipped = format!("simulated cycles of the {core}: {why}");
-                let skipped = mca.is_none().then_some(skipped);
-                Self {
-                    loops,
-                    skipped: Vec::from_iter(skipped),
-                }
-            }
-            Err(why) => Self {
-                loops: Vec::new(),
-                skipped: vec![format!("cycles of the {core}: {why}")],
-            },
-        }
+    rest: f64,
+    iteration: fn(&LoopCycles) -> Option<f64>,
+) -> Option<f64> {
+    let mut outside = instructions;
+    let mut cycles = 0.0;
+    for each in loops {
+        outside = outside.checked_sub(each.turns_per_code * each.instructions)?;
+        cycles += f64::from(each.turns_per_code) * iteration(each)?;
     }
-
-    /// Returns the cycles per code for this many instructions: those of each loop's iterations, and
-    /// `rest` for each other instruction. `None` if a loop's cycles are unknown.
-    pub(crate) fn per_code(
-        &self,
-        instructions: u32,
-        rest: f64,
-        iteration: fn(&LoopCycles) -> Option<f64>,
-    ) -> Option<f64> {
-        let mut outside = instructions;
-        let mut cycles = 0.0;
-        for each in &self.loops {
-            outside = outside.checked_sub(each.turns_per_code * each.instructions)?;
-            cycles += f64::from(each.turns_per_code) * iteration(each)?;
-        }
-        (!self.loops.is_empty()).then(|| cycles + rest * f64::from(outside))
-    }
-}
-
-fn loops(image: &Image, is_m7: bool, mca: Option<&str>) -> Result<Vec<LoopCycles>, String> {
-    let no_objdump = "no llvm-objdump; Debian's package is `llvm`";
-    let disassembly = disassemble(image.path()).ok_or(no_objdump)?;
-    let (cpu, branch) = if is_m7 {
-        ("cortex-m7", BRANCH_M7)
-    } else {
-        ("cortex-m4", BRANCH_M4)
-    };
-    let read = |(function, names, per_code): (_, &[&str], usize)| {
-        let body = Loop::find(&disassembly, function)
-            .ok_or_else(|| format!("{function} has no loop, or is not in the image"))?;
-        let share = body.named(names);
-        if share == 0 || !per_code.is_multiple_of(share) {
-            return Err(format!(
-                "{function} does {share} at a time, the network takes {per_code}: other loops run"
-            ));
-        }
-        let simulated = mca.and_then(|mca| body.simulated(mca, cpu));
-        Ok(LoopCycles {
-            name: function,
-            turns_per_code: u32::try_from(per_code / share).unwrap_or(u32::MAX),
-            instructions: body.count(),
-            arm_table: (!is_m7).then(|| arm_table(&body.instructions) + branch),
-            llvm_mca: simulated.map(|cycles| cycles + f64::from(branch)),
-        })
-    };
-    work().into_iter().map(read).collect()
+    (!loops.is_empty()).then(|| cycles + rest * f64::from(outside))
 }
 
 /// Returns the share of a processor's clock cycles that the codes of a live stream take, percent.
@@ -162,19 +137,6 @@ fn arm_table(instructions: &[String]) -> u32 {
 mod tests {
     use super::*;
 
-    fn quads(turns_per_code: u32) -> Loops {
-        Loops {
-            loops: vec![LoopCycles {
-                name: "quads",
-                turns_per_code,
-                instructions: 10,
-                arm_table: Some(15),
-                llvm_mca: Some(12.5),
-            }],
-            skipped: Vec::new(),
-        }
-    }
-
     #[test]
     fn arms_table_counts_words_and_loads_after_loads() {
         // LDM of four words 5, LDRD 3, SMLAD 1, LDR 2, LDR after it 1, STR after it 1, CMP 1.
@@ -183,23 +145,22 @@ mod tests {
 
     #[test]
     fn the_cycles_of_a_code_are_those_of_its_iterations_and_the_rest() {
-        let cycles = |rest, iteration| quads(100).per_code(1_200, rest, iteration);
-        assert_eq!(
-            cycles(REST_M4, |each| each.arm_table.map(f64::from)),
-            Some(1_500.0 + 400.0)
-        );
-        assert_eq!(cycles(REST_M4, |each| each.llvm_mca), Some(1_250.0 + 400.0));
-        assert_eq!(cycles(REST_M7, |each| each.llvm_mca), Some(1_250.0 + 200.0));
+        let quads = |turns_per_code| LoopCycles {
+            name: "quads",
+            turns_per_code,
+            instructions: 10,
+            arm_table: Some(15),
+            llvm_mca: 12.5,
+        };
+        let by_table = |loops: &[LoopCycles], rest| {
+            per_code(loops, 1_200, rest, |each| each.arm_table.map(f64::from))
+        };
+        assert_eq!(by_table(&[quads(100)], REST_M4), Some(1_500.0 + 400.0));
+        assert_eq!(by_table(&[quads(100)], REST_M7), Some(1_500.0 + 200.0));
+        assert_eq!(by_table(&[], REST_M4), None);
+        // More instructions in the loops than were counted in all: the iterations are wrong.
+        assert_eq!(by_table(&[quads(121)], REST_M4), None);
         let load = load_percent(1_900.0, 168.0);
         assert!((load - 1_900.0 * 16.0 / 1.68e6).abs() < 1e-12, "{load}");
-    }
-
-    #[test]
-    fn unknown_cycles_are_missing_and_not_a_number() {
-        let cycles =
-            |loops: Loops| loops.per_code(1_200, REST_M4, |each| each.arm_table.map(f64::from));
-        assert_eq!(cycles(Loops::default()), None);
-        // More instructions in the loops than were counted in all: the iterations are wrong.
-        assert_eq!(cycles(quads(121)), None);
     }
 }

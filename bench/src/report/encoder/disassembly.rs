@@ -1,8 +1,10 @@
 //! Inner loops of a built image, as LLVM's tools show them.
 
-use std::io::Write;
+use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
+
+use anyhow::Context;
+use emulator::EmulatorError;
 
 use crate::report::tools;
 
@@ -40,46 +42,27 @@ impl Loop {
         None
     }
 
-    /// Returns the number of instructions of an iteration, including the branch.
-    pub(crate) fn count(&self) -> u32 {
-        u32::try_from(self.instructions.len() + 1).unwrap_or(u32::MAX)
-    }
-
-    /// Returns the number of instructions whose name starts with one of these.
-    pub(crate) fn named(&self, names: &[&str]) -> usize {
-        let is_named =
-            |instruction: &&String| names.iter().any(|name| instruction.starts_with(name));
-        self.instructions.iter().filter(is_named).count()
-    }
-
     /// Simulates the loop with llvm-mca on this processor, and returns the mean cycles of an iteration without
-    /// its branch.
-    pub(crate) fn simulated(&self, llvm_mca: &str, cpu: &str) -> Option<f64> {
+    /// its branch. Writes the loop to the file `source`.
+    ///
+    /// # Errors
+    /// llvm-mca is not installed or does not know an instruction.
+    pub(crate) fn simulated(&self, cpu: &str, source: &Path) -> anyhow::Result<f64> {
         const ITERATIONS: u32 = 100;
-        let mut child = Command::new(llvm_mca)
-            .args(["-mtriple=thumbv7em-none-eabihf", "-mcpu", cpu])
-            .arg(format!("-iterations={ITERATIONS}"))
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .ok()?;
-        let text = format!(
-            ".syntax unified\n.thumb\n{}\n",
-            self.unconditional().join("\n")
-        );
-        // The pipe is dropped at the end of the statement, which ends the tool's input.
-        child.stdin.take()?.write_all(text.as_bytes()).ok()?;
-        let output = child.wait_with_output().ok()?;
-        let text = String::from_utf8(output.stdout).ok()?;
-        let line = text
-            .lines()
-            .find_map(|line| line.strip_prefix("Total Cycles:"))?;
-        let cycles: u32 = line.trim().parse().ok()?;
-        output
-            .status
-            .success()
-            .then(|| f64::from(cycles) / f64::from(ITERATIONS))
+        let instructions = self.unconditional().join("\n");
+        fs::write(source, format!(".syntax unified\n.thumb\n{instructions}\n"))
+            .map_err(EmulatorError::file(source))?;
+        let mut command = tools::llvm("llvm-mca")?;
+        command.args(["-mtriple=thumbv7em-none-eabihf", "-mcpu", cpu]);
+        command.arg(format!("-iterations={ITERATIONS}")).arg(source);
+        let printed = tools::output_of(&mut command).context("llvm-mca fails")?;
+        let mut lines = printed.lines();
+        let cycles = lines.find_map(|line| line.strip_prefix("Total Cycles:"));
+        let cycles: u32 = cycles
+            .context("llvm-mca prints no cycles")?
+            .trim()
+            .parse()?;
+        Ok(f64::from(cycles) / f64::from(ITERATIONS))
     }
 
     /// Replaces each IT instruction with a NOP and removes the conditions that it sets: LLVM's model of the
@@ -96,10 +79,9 @@ impl Loop {
                 plain.push("nop".to_owned());
             } else if left > 0 {
                 left -= 1;
-                let (name, width) = name.split_once('.').unwrap_or((name, ""));
+                let (name, width) = name.split_at(name.find('.').unwrap_or(name.len()));
                 let name = name.strip_suffix(condition).unwrap_or(name);
-                let dot = if width.is_empty() { "" } else { "." };
-                plain.push(format!("{name}{dot}{width} {operands}"));
+                plain.push(format!("{name}{width} {operands}"));
             } else {
                 plain.push(instruction.clone());
             }
@@ -108,23 +90,23 @@ impl Loop {
     }
 }
 
-/// Disassembles all functions of an image, if llvm-objdump is installed.
-pub(crate) fn disassemble(image: &Path) -> Option<String> {
-    let mut command = Command::new(tools::llvm("llvm-objdump")?);
-    let output = command
+/// Disassembles all functions of an image.
+///
+/// # Errors
+/// llvm-objdump is not installed or cannot read the image.
+pub(crate) fn disassemble(image: &Path) -> anyhow::Result<String> {
+    let mut command = tools::llvm("llvm-objdump")?;
+    command
         .args(["--disassemble", "--demangle", "--no-show-raw-insn"])
-        .arg(image)
-        .output();
-    let output = output.ok().filter(|output| output.status.success())?;
-    String::from_utf8(output.stdout).ok()
+        .arg(image);
+    tools::output_of(&mut command).context("llvm-objdump fails")
 }
 
 /// Returns the target address of a conditional branch.
 fn branch_target(instruction: &str) -> Option<u32> {
     let (name, operand) = instruction.split_once(' ')?;
-    ["bne", "bne.w", "blo", "blo.w", "bhi", "bhi.w"]
-        .contains(&name)
-        .then_some(())?;
+    let name = name.strip_suffix(".w").unwrap_or(name);
+    ["bne", "blo", "bhi"].contains(&name).then_some(())?;
     let address = operand.trim().strip_prefix("0x")?.split(' ').next()?;
     u32::from_str_radix(address, 16).ok()
 }
@@ -162,33 +144,19 @@ mod tests {
     #[test]
     fn the_innermost_loop_is_found_by_its_branch() {
         let found = Loop::of_quads();
-        assert_eq!(found.count(), 8);
+        assert_eq!(found.instructions.len(), 7);
         assert_eq!(found.instructions[0], "ldm.w r12!, {r4, r5, r6, r7}");
         assert_eq!(found.instructions[6], "cmp r11, lr");
-        assert_eq!(found.named(&["smlad", "smuad"]), 1);
         assert_eq!(Loop::find(DISASSEMBLY, "straight"), None);
         assert_eq!(Loop::find(DISASSEMBLY, "quad"), None);
     }
 
     #[test]
     fn an_it_instruction_makes_as_many_instructions_unconditional_as_it_covers() {
-        let conditional = [
-            "cmp r6, r5",
-            "itt lt",
-            "movlt r6, r5",
-            "addlt.w r1, r1, r2",
-            "movslt r1, r2",
-        ];
-        let body = Loop {
-            instructions: conditional.map(str::to_owned).to_vec(),
-        };
-        let plain = [
-            "cmp r6, r5",
-            "nop",
-            "mov r6, r5",
-            "add.w r1, r1, r2",
-            "movslt r1, r2",
-        ];
-        assert_eq!(body.unconditional(), plain);
+        let listing = |text: &str| text.split("; ").map(str::to_owned).collect::<Vec<_>>();
+        let instructions =
+            listing("cmp r6, r5; itt lt; movlt r6, r5; addlt.w r1, r1, r2; movslt r1, r2");
+        let plain = listing("cmp r6, r5; nop; mov r6, r5; add.w r1, r1, r2; movslt r1, r2");
+        assert_eq!(Loop { instructions }.unconditional(), plain);
     }
 }

@@ -12,7 +12,7 @@ use pipeline::Mains;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use realfft::{RealFftPlanner, num_complex::Complex64};
-use serde_json::Value as Json;
+use serde::Serialize;
 
 use super::spectrum::{Spectrum, real};
 use crate::idsp_cascade::{IdspCascade, Section29};
@@ -25,68 +25,54 @@ const MEASURED_S: usize = 64;
 /// Number of electrodes, each with a different signal; their powers are averaged.
 const ELECTRODES: u64 = 8;
 
-/// Test signals: name, and amplitudes in uV of the electrode offset (of alternating sign from electrode to
-/// electrode), of 50 Hz (peak), and of pink noise from 0.5 Hz upwards (rms).
-const SIGNALS: [(&str, [f64; 3]); 3] = [
-    ("eeg", EEG),
-    ("mains", [0.0, 100.0, 0.0]),
-    ("silence", [0.0; 3]),
-];
-const EEG: [f64; 3] = [20_000.0, 100.0, 30.0];
+/// Amplitudes of a test signal, uV: the electrode offset (of alternating sign from electrode to electrode), 50 Hz
+/// (peak), and pink noise from 0.5 Hz upwards (rms).
+type Amplitudes = [f64; 3];
+const EEG: Amplitudes = [20_000.0, 100.0, 30.0];
+const MAINS: Amplitudes = [0.0, 100.0, 0.0];
+const SILENCE: Amplitudes = [0.0; 3];
 
-#[derive(Debug, Clone)]
+/// Noise of our filters, and of idsp's two quiet forms `DirectForm1Dither` and `DirectForm1Wide`.
+#[derive(Debug, Default, Serialize)]
+pub(crate) struct Noise {
+    pub(crate) ours: Measured,
+    idsp_dither: Measured,
+    idsp_wide: Measured,
+}
+
+/// Noise of one filter between 0.5 and 60 Hz with each test signal, nV rms.
+#[derive(Debug, Default, Serialize)]
 pub(crate) struct Measured {
-    /// Noise between 0.5 and 60 Hz with each of [`SIGNALS`], nV rms.
-    in_band: [f64; SIGNALS.len()],
-    /// Noise density with the signal [`EEG`]: frequency in Hz, density in nV per root Hz.
+    pub(crate) eeg: f64,
+    mains: f64,
+    silence: f64,
+    /// Noise density with [`EEG`]: frequency in Hz, density in nV per root Hz.
+    #[serde(skip)]
     density: Vec<(f64, f64)>,
 }
 
-/// Noise of each of [`Noise::FILTERS`].
-#[derive(Debug)]
-pub(crate) struct Noise([Measured; Self::FILTERS.len()]);
-
 impl Noise {
-    /// Our filters, and idsp's two quiet forms `DirectForm1Dither` and `DirectForm1Wide`.
-    pub(crate) const FILTERS: [&str; 3] = ["ours", "idsp_dither", "idsp_wide"];
-
-    /// Measures all filters; calls `on_filter` with the name of each before.
-    pub(crate) fn measure(twin: &Twin, mut on_filter: impl FnMut(&'static str)) -> Self {
+    pub(crate) fn measure(twin: &Twin) -> Self {
         let ours = || {
             let mut state = CascadeState::REST;
             move |x| Mains::Hz50.apply(&mut state, x)
         };
-        let filters: [&dyn Fn() -> Measured; Self::FILTERS.len()] = [
-            &|| measure(twin, ours),
-            &|| measure(twin, peer::<DirectForm1Dither>),
-            &|| measure(twin, peer::<DirectForm1Wide>),
-        ];
-        Self(std::array::from_fn(|filter| {
-            on_filter(Self::FILTERS[filter]);
-            filters[filter]()
-        }))
-    }
-
-    /// Noise of our filters between 0.5 and 60 Hz with [`EEG`], nV rms.
-    pub(crate) fn ours_nv_rms(&self) -> f64 {
-        self.0[0].in_band[0]
-    }
-
-    /// Returns the noise of each filter with each signal, nV rms.
-    pub(crate) fn json(&self) -> Json {
-        let signals = |measured: &Measured| -> Json {
-            let signals = SIGNALS.iter().zip(measured.in_band);
-            signals.map(|((name, _), nv)| (*name, nv)).collect()
-        };
-        let filters = Self::FILTERS.into_iter().zip(self.0.iter().map(signals));
-        filters.collect()
+        Self {
+            ours: measure(twin, ours),
+            idsp_dither: measure(twin, peer::<DirectForm1Dither>),
+            idsp_wide: measure(twin, peer::<DirectForm1Wide>),
+        }
     }
 
     /// Returns the chart of the noise densities.
     pub(crate) fn chart(&self) -> Curves {
-        let [ours, idsp_dither, idsp_wide] = &self.0;
-        let line = |label: &str, color, measured: &Measured| Curve {
-            label: format!("{label}: {:.1} nV rms", measured.in_band[0]),
+        let filters = [
+            ("idsp dither", RESULT, &self.idsp_dither),
+            ("idsp wide", REFERENCE, &self.idsp_wide),
+            ("ours", SOURCE, &self.ours),
+        ];
+        let line = |(label, color, measured): (&str, _, &Measured)| Curve {
+            label: format!("{label}: {:.1} nV rms", measured.eeg),
             color,
             mark: Mark::Line,
             points: measured.density.iter().copied().skip(1).collect(),
@@ -95,33 +81,30 @@ impl Noise {
         // The ADC rounds to whole counts: LSB^2 / 12, evenly over all frequencies.
         let adc = f64::from(model::LSB_NV) / (12.0 * nyquist_hz).sqrt();
         let adc_in_band = adc * (BAND_HZ[1] - BAND_HZ[0]).sqrt();
-        let densities = self.0.iter().flat_map(|measured| &measured.density);
+        let rounding = Curve {
+            label: format!("rounding in the ADC: {adc_in_band:.1} nV rms"),
+            color: FAINT,
+            mark: Mark::Line,
+            points: vec![(0.25, adc), (nyquist_hz, adc)],
+        };
+        let densities = filters
+            .iter()
+            .flat_map(|(_, _, measured)| &measured.density);
         let highest = densities
             .filter(|(hz, _)| *hz >= 0.25)
-            .map(|(_, density)| *density)
-            .fold(adc, f64::max);
+            .fold(adc, |highest, (_, density)| highest.max(*density));
         Curves {
             title: "What integer arithmetic adds to the EEG, beside what rounding in the ADC adds",
             subtitle:
-                "output minus that of a float64 twin, on 20 mV offset, 100 µV mains and 30 µV \
-                       EEG; the lower the quieter; rms over 0.5 to 60 Hz"
+                "output minus that of a float64 twin, on 20 mV offset, 100 µV mains and 30 µV EEG; \
+                       the lower the quieter; rms over 0.5 to 60 Hz"
                     .to_owned(),
             x_hz: [0.25, nyquist_hz],
             y: [0.0, 1.2 * highest],
             y_label: "density (nV per √Hz)",
             band_hz: BAND_HZ,
             mains_hz: MAINS_HZ,
-            curves: vec![
-                line("idsp dither", RESULT, idsp_dither),
-                line("idsp wide", REFERENCE, idsp_wide),
-                line("ours", SOURCE, ours),
-                Curve {
-                    label: format!("rounding in the ADC: {adc_in_band:.1} nV rms"),
-                    color: FAINT,
-                    mark: Mark::Line,
-                    points: vec![(0.25, adc), (nyquist_hz, adc)],
-                },
-            ],
+            curves: filters.into_iter().map(line).chain([rounding]).collect(),
         }
     }
 }
@@ -144,10 +127,12 @@ fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measur
         });
         Spectrum::mean(&spectra.collect::<Vec<_>>())
     };
-    let spectra = SIGNALS.map(|(_, amplitudes)| spectrum(amplitudes));
-    let density = spectra[0].points().map(|(hz, power)| (hz, power.sqrt()));
+    let eeg = spectrum(EEG);
+    let density = eeg.points().map(|(hz, power)| (hz, power.sqrt()));
     Measured {
-        in_band: spectra.each_ref().map(|spectrum| spectrum.rms(BAND_HZ)),
+        eeg: eeg.rms(BAND_HZ),
+        mains: spectrum(MAINS).rms(BAND_HZ),
+        silence: spectrum(SILENCE).rms(BAND_HZ),
         density: density.collect(),
     }
 }
@@ -163,16 +148,13 @@ fn error_nv(counts: &[i32], mut twin: Twin, mut filter: impl FnMut(i32) -> i32) 
 }
 
 /// Returns the ADC's counts of a test signal at one electrode.
-fn counts([offset, mains, eeg]: [f64; 3], electrode: u64) -> Vec<i32> {
+fn counts([offset, mains, eeg]: Amplitudes, electrode: u64) -> Vec<i32> {
     let mut random = ChaCha8Rng::seed_from_u64(electrode);
     let samples = (SETTLING_S + MEASURED_S) * rate();
     let pink = pink(&mut random, samples);
     let phase = random.random_range(0.0..2.0 * PI);
-    let sign = if electrode.is_multiple_of(2) {
-        1.0
-    } else {
-        -1.0
-    };
+    let is_even = electrode.is_multiple_of(2);
+    let sign = if is_even { 1.0 } else { -1.0 };
     let uv = pink.iter().enumerate().map(|(n, pink)| {
         let angle = phase + 2.0 * PI * MAINS_HZ * real(n) / real(rate());
         sign * offset + mains * angle.sin() + eeg * pink
@@ -211,17 +193,6 @@ fn rate() -> usize {
 mod tests {
     use super::*;
     use crate::report::checked_in;
-
-    impl Noise {
-        /// Noise of three filters with 2.4 nV each.
-        pub(crate) fn of_2_4_nv() -> Self {
-            let measured = Measured {
-                in_band: [2.4, 2.4, 0.0],
-                density: Vec::new(),
-            };
-            Self(std::array::from_fn(|_| measured.clone()))
-        }
-    }
 
     #[test]
     fn rounding_every_output_to_a_count_measures_as_the_noise_of_rounding() {

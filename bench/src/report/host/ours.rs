@@ -3,14 +3,14 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use model::{CELLS, HOP, INPUT_SCALE_UV, STEPS};
+use anyhow::ensure;
+use model::{CELLS, CODE, HOP, INPUT_SCALE_UV, STEPS};
 use pipeline::{Acquisition, Code, Encoder, Mains, Pipeline, Sample, Step};
 
-use crate::report::failure::Failure;
 use crate::report::inputs;
 
 /// Number of windows in the input, and in PyTorch's batch.
-pub(crate) const WINDOWS: usize = 256;
+const WINDOWS: usize = 256;
 
 /// Shortest duration of a measurement; `torch_encoder.py` has the same.
 const TURN: Duration = Duration::from_millis(200);
@@ -26,7 +26,7 @@ pub(crate) struct Ours {
 
 impl Ours {
     /// Makes the same input on every run.
-    pub(crate) fn new() -> Result<Self, Failure> {
+    pub(crate) fn new() -> anyhow::Result<Self> {
         let mut generator = inputs::synthetic()?;
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let (mut samples, mut steps) = (Vec::new(), Vec::new());
@@ -61,20 +61,18 @@ impl Ours {
     /// Returns the codes of all windows, value by value.
     ///
     /// # Errors
-    /// The codes of the stream are not those of its windows one by one.
-    pub(crate) fn codes(&self) -> Result<Vec<i32>, Failure> {
+    /// The codes of the stream are not those of its windows one by one, or one is missing.
+    pub(crate) fn codes(&self) -> anyhow::Result<Vec<i32>> {
         let values = |codes: &[Code]| -> Vec<i32> {
             codes.iter().flat_map(|code| code.values.levels()).collect()
         };
         let streamed = values(&streamed(&mut Encoder::new(), &self.steps));
-        if streamed == values(&windows(&self.steps)) {
-            return Ok(streamed);
-        }
-        Err(Failure::new(
-            "the encoder on this PC",
-            "the codes of a stream are not those of its windows one by one",
-            "`cargo test --package pipeline --test streaming_equals_batch`",
-        ))
+        ensure!(
+            streamed.len() == WINDOWS * CODE && streamed == values(&windows(&self.steps)),
+            "the codes of a stream are not those of its windows one by one\n  \
+             next: `cargo test --package pipeline --test streaming_equals_batch`"
+        );
+        Ok(streamed)
     }
 
     /// Times one encoder on the stream of time steps; returns codes per second.

@@ -1,133 +1,94 @@
 //! PyTorch on one thread: a process that times the same network in f32.
 
-use std::fmt::Display;
-use std::fs;
-use std::io::{BufRead, BufReader, Write};
+use std::io::Write;
 use std::path::Path;
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Command, Stdio};
 
-use emulator::EmulatorError;
-use model::{CELLS, GRID_CELL, STEPS};
+use anyhow::{Context, ensure};
+use model::{CELLS, CODE, GRID_CELL, STEPS};
+use serde::Deserialize;
 
+use super::agreement::COMPARED;
 use crate::report::checked_in::ARTIFACT;
-use crate::report::failure::Failure;
 use crate::report::tools;
 
 /// Python interpreters, tried in this order.
 const PYTHONS: [&str; 2] = ["python3", "/usr/bin/python3"];
 
-/// Input of the float network, ordered by time step and cell.
-type Window = [f32; STEPS * CELLS];
-
-/// A running `torch_encoder.py`; dropping it ends the process.
-#[derive(Debug)]
-pub(crate) struct Torch {
-    process: Child,
-    commands: ChildStdin,
-    answers: BufReader<ChildStdout>,
-    /// Version of PyTorch: the first line that the process prints.
+/// What one run of `torch_encoder.py` prints.
+#[derive(Debug, Deserialize)]
+pub(crate) struct Answer {
+    /// Version of PyTorch.
     pub(crate) version: String,
+    /// Codes of the first [`COMPARED`] windows, value by value.
+    pub(crate) codes: Vec<f32>,
+    /// Codes per second with one window per call.
+    pub(crate) single: f64,
+    /// Codes per second with all windows in one call.
+    pub(crate) batch: f64,
 }
 
+/// A Python interpreter that imports PyTorch.
+#[derive(Debug)]
+pub(crate) struct Torch(&'static str);
+
 impl Torch {
-    /// Starts PyTorch in `folder` and waits until it has encoded the windows; `None` where no Python has it.
-    ///
-    /// # Errors
-    /// The process does not start or ends early, or the folder is not writable.
-    pub(crate) fn start(folder: &Path, windows: &[Window]) -> Result<Option<Self>, Failure> {
-        let imports_torch =
-            |python: &&&str| tools::succeeds(Command::new(python).args(["-c", "import torch"]));
-        let Some(python) = PYTHONS.iter().find(imports_torch) else {
+    /// Finds an interpreter; `None` where no Python has PyTorch.
+    pub(crate) fn find() -> Option<Self> {
+        let python = PYTHONS.into_iter().find(|python| {
+            tools::output_of(Command::new(python).args(["-c", "import torch"])).is_some()
+        });
+        if python.is_none() {
             eprintln!(
                 "SKIPPED: PyTorch: neither {} imports torch; `python3 -m venv torch-venv && \
                  torch-venv/bin/pip install torch`, then again with torch-venv/bin first in PATH",
                 PYTHONS.join(" nor ")
             );
-            return Ok(None);
-        };
+        }
+        python.map(Self)
+    }
+
+    /// Encodes the windows, ordered by time step and cell, and times both ways to do so.
+    ///
+    /// # Errors
+    /// The process fails, or a code is missing or no number.
+    pub(crate) fn encode(&self, windows: &[[f32; STEPS * CELLS]]) -> anyhow::Result<Answer> {
         let bytes = windows.as_flattened().iter();
         let bytes: Vec<u8> = bytes.flat_map(|cell| cell.to_le_bytes()).collect();
-        fs::create_dir_all(folder).map_err(EmulatorError::file(folder))?;
-        let path = folder.join("windows.bin");
-        fs::write(&path, bytes).map_err(EmulatorError::file(&path))?;
         let cells: Vec<String> = GRID_CELL.iter().map(ToString::to_string).collect();
-        let mut command = Command::new(python);
+        let mut command = Command::new(self.0);
         command
             .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/torch_encoder.py"))
             .arg(Path::new(ARTIFACT).join("weights.safetensors"))
-            .arg(cells.join(","))
+            .args([cells.join(","), COMPARED.to_string()])
             .env("OMP_NUM_THREADS", "1")
-            .env("MKL_NUM_THREADS", "1")
-            .current_dir(folder);
-        Self::spawn(&mut command).map(Some)
-    }
-
-    fn spawn(command: &mut Command) -> Result<Self, Failure> {
-        let piped = command.stdin(Stdio::piped()).stdout(Stdio::piped());
-        let mut process = piped.spawn().map_err(failed)?;
-        let (Some(commands), Some(answers)) = (process.stdin.take(), process.stdout.take()) else {
-            return Err(failed("it has no standard streams"));
-        };
-        let mut torch = Self {
-            process,
-            commands,
-            answers: BufReader::new(answers),
-            version: String::new(),
-        };
-        torch.version = torch.line()?;
-        Ok(torch)
-    }
-
-    /// Reads the codes of all windows, value by value, from the file that the process has written.
-    ///
-    /// # Errors
-    /// The file cannot be read.
-    pub(crate) fn codes(folder: &Path) -> Result<Vec<f32>, Failure> {
-        let path = folder.join("torch.bin");
-        let bytes = fs::read(&path).map_err(EmulatorError::file(&path))?;
-        let values = bytes.as_chunks().0.iter();
-        Ok(values.map(|&value| f32::from_le_bytes(value)).collect())
-    }
-
-    /// Times `single`, one window per call, or `batch`, all windows in one call; returns codes per second.
-    ///
-    /// # Errors
-    /// The process has ended, or its answer is malformed.
-    pub(crate) fn time(&mut self, mode: &str) -> Result<f64, Failure> {
-        writeln!(self.commands, "{mode}").map_err(failed)?;
-        let answer = self.line()?;
-        codes_per_second(&answer).ok_or_else(|| failed(format!("its answer was {answer:?}")))
-    }
-
-    fn line(&mut self) -> Result<String, Failure> {
-        let mut line = String::new();
-        match self.answers.read_line(&mut line) {
-            Ok(0) => Err(failed("it has ended")),
-            Ok(_) => Ok(line.trim_end().to_owned()),
-            Err(error) => Err(failed(error)),
-        }
+            .env("MKL_NUM_THREADS", "1");
+        answer(&mut command, &bytes)
+            .context("PyTorch (`bench/torch_encoder.py`) failed\n  next: read its messages above")
     }
 }
 
-impl Drop for Torch {
-    fn drop(&mut self) {
-        // Both calls fail when the process has already ended.
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-fn failed(why: impl Display) -> Failure {
-    let next = "read its messages above";
-    Failure::new("PyTorch (`bench/torch_encoder.py`)", why, next)
-}
-
-/// Parses an answer `CODES NANOSECONDS`.
-fn codes_per_second(answer: &str) -> Option<f64> {
-    let (codes, nanoseconds) = answer.split_once(' ')?;
-    let [codes, nanoseconds] = [codes.parse::<u32>(), nanoseconds.parse::<u32>()];
-    let (codes, nanoseconds) = (codes.ok()?, nanoseconds.ok()?);
-    (codes > 0 && nanoseconds > 0).then(|| f64::from(codes) / f64::from(nanoseconds) * 1e9)
+/// Runs a command on this input, and parses what it prints.
+fn answer(command: &mut Command, input: &[u8]) -> anyhow::Result<Answer> {
+    let mut process = command
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()?;
+    // The pipe is dropped at the end of the statement, which ends the process's input.
+    process
+        .stdin
+        .take()
+        .context("it has no standard input")?
+        .write_all(input)?;
+    let output = process.wait_with_output()?;
+    ensure!(output.status.success(), "{}", output.status);
+    let answer: Answer = serde_json::from_slice(&output.stdout)?;
+    let (found, expected) = (answer.codes.len(), COMPARED * CODE);
+    ensure!(
+        found == expected,
+        "its codes have {found} numbers, {expected} are expected"
+    );
+    Ok(answer)
 }
 
 #[cfg(test)]
@@ -135,17 +96,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_answer_is_codes_and_nanoseconds() {
-        assert_eq!(codes_per_second("250 125000000"), Some(2_000.0));
-        for wrong in ["", "250", "250 ", "250 0", "0 5", "-1 5", "panicked at"] {
-            assert_eq!(codes_per_second(wrong), None, "{wrong}");
-        }
-    }
-
-    #[test]
-    fn a_process_that_ends_early_is_a_failure() {
-        let ended = Torch::spawn(&mut Command::new("true"));
-        let failure = ended.expect_err("it prints nothing").to_string();
-        assert!(failure.contains("failed: it has ended"), "{failure}");
+    fn an_answer_has_a_number_for_each_value_of_the_codes() {
+        let run = |script: &str, codes: &[&str]| {
+            let codes = codes.join(", ");
+            let json = format!("{{'version': '2', 'codes': [{codes}], 'single': 7, 'batch': 9}}");
+            answer(
+                Command::new("sh").args(["-c", script]),
+                json.replace('\'', "\"").as_bytes(),
+            )
+        };
+        let codes = vec!["0.5"; COMPARED * CODE];
+        let sound = run("cat", &codes).expect("an answer");
+        assert_eq!((sound.codes[1], sound.single, sound.batch), (0.5, 7.0, 9.0));
+        assert!(run("cat", &codes[1..]).is_err());
+        assert!(run("cat", &[&codes[1..], &["NaN"]].concat()).is_err());
+        assert!(run("cat; exit 3", &codes).is_err());
     }
 }

@@ -1,10 +1,10 @@
-//! UART of the ST-LINK, by DMA in both directions.
+//! Port over the UART of the ST-LINK, by DMA in both directions.
 //!
-//! Reception is a DMA ring and not one interrupt per byte: a byte lasts 10.85 us, and the acquisition
-//! blocks the port's interrupts for longer. embassy-stm32 0.6.0 has such a ring (`RingBufferedUartRx`),
-//! which is not suitable for two reasons. After a framing error its DMA restarts at the start of the ring,
-//! and the reader receives old bytes again, whole commands among them. And on an STM32F4 each of its polls
-//! reads the data register, which can take a byte from the DMA.
+//! The DMA stores received bytes in a ring. One interrupt per byte would be too slow: a byte lasts 10.85 us,
+//! and the acquisition blocks the port's interrupts for longer. embassy-stm32 0.6.0 has such a ring
+//! (`RingBufferedUartRx`), which is not suitable for two reasons. After a framing error its DMA restarts at
+//! the start of the ring, and the reader receives old bytes again, even whole commands. And on an STM32F4
+//! each of its polls reads the data register, which can take a byte from the DMA.
 #![expect(
     unsafe_code,
     reason = "a DMA without end into memory that the port owns, and its interrupt"
@@ -33,15 +33,15 @@ use crate::{
     shared::SHARED,
 };
 
-/// Bits per second. These are 92 kB/s, of which the codes need 3 %.
+/// Bit rate, bits per second. The line carries 92 kB/s, of which the codes need 3 %.
 const BAUD: u32 = 921_600;
 
-/// Bytes of each direction's buffer. They last 5.5 ms on the line: the longest delay of the reader without
-/// loss.
+/// Size of the buffer of each direction, bytes. Received bytes fill the buffer in 5.5 ms, so the reader can
+/// be late by this time without losing bytes.
 const BUFFER: usize = 512;
 
-/// Wakes the reader when the line becomes idle after bytes, and when a byte is damaged; on an STM32F446 also
-/// at the first byte after either.
+/// Waker of the reader. The UART's interrupt wakes it when the line becomes idle after bytes and when a byte
+/// is damaged; on an STM32F446, also at the first byte after either of these.
 static IDLE: AtomicWaker = AtomicWaker::new();
 
 /// Buffers of both directions, in memory that the DMA can access.
@@ -58,7 +58,7 @@ impl PortMemory {
     };
 }
 
-/// Receiver of a board's UART. Its registers differ from chip to chip.
+/// Registers of a board's UART that concern reception; they differ from chip to chip.
 pub trait Uart {
     /// UART peripheral, as a type of the HAL.
     type Instance: usart::Instance;
@@ -72,12 +72,12 @@ pub trait Uart {
     /// Enables the receiver, its DMA requests, and interrupts on an idle line and on damaged bytes.
     fn enable_receiver();
 
-    /// Clears the flags of an idle line and of damaged bytes, or masks them until the next byte. Called by
-    /// the interrupt, in a critical section; the reader is woken afterwards.
+    /// Clears the flags of an idle line and of damaged bytes, or masks their interrupts until the next byte.
+    /// Called by the UART's interrupt handler in a critical section, before the handler wakes the reader.
     fn acknowledge();
 }
 
-/// Interrupt handler of a board's [`Uart`].
+/// Interrupt handler of a board's [`Uart`]: acknowledges the interrupt and wakes the reader.
 pub struct UartInterrupt<U>(PhantomData<U>);
 
 impl<U: Uart> Handler<<U::Instance as usart::Instance>::Interrupt> for UartInterrupt<U> {
@@ -94,7 +94,8 @@ pub struct Port {
 }
 
 impl Port {
-    /// Starts reception; bytes stay in the ring until the conversation reads them.
+    /// Creates the port and starts reception; received bytes stay in the ring until the conversation reads
+    /// them.
     pub fn new<U: Uart, D: RxDma<U::Instance>>(
         sender: UartTx<'static, Async>,
         pin: Peri<'static, impl RxPin<U::Instance>>,
@@ -104,7 +105,7 @@ impl Port {
         + 'static,
         memory: &'static mut PortMemory,
     ) -> Self {
-        // embassy has set all DMA streams to DRDY's priority, which is too urgent for the port.
+        // embassy has given all DMA streams the priority of DRDY, which is too urgent for the port.
         for interrupt in U::INTERRUPTS {
             interrupt.set_priority(nvic_priority(deadlines::priority::CONVERSE));
         }
@@ -116,8 +117,8 @@ impl Port {
         mem::forget(pin);
         let request = stream.request();
         let channel = Channel::new(stream, interrupts);
-        // SAFETY: the address is that of this UART's 8-bit data register, and nothing else uses the ring's
-        // memory.
+        // SAFETY: the pointer is the address of this UART's 8-bit data register, which always exists.
+        // Nothing else uses `memory.received`, which is borrowed for `'static`.
         let mut ring = unsafe {
             ReadableRingBuffer::new(
                 channel,
@@ -130,8 +131,8 @@ impl Port {
         ring.start();
         U::enable_receiver();
         let [own, ..] = U::INTERRUPTS;
-        // SAFETY: the UART's handler is bound, and no critical section relies on its interrupt being
-        // disabled.
+        // SAFETY: the UART's handler is bound (`interrupts`), and no critical section relies on the UART's
+        // interrupt being disabled.
         unsafe { own.enable() };
         Self {
             input: RingReceiver(DmaRing(ring)),
@@ -139,7 +140,8 @@ impl Port {
         }
     }
 
-    /// Returns the configuration that a board creates its UART with.
+    /// Returns the configuration with which a board creates its UART: 921,600 baud, otherwise embassy's
+    /// default.
     pub fn config() -> Config {
         let mut config = Config::default();
         config.baudrate = BAUD;
@@ -167,7 +169,8 @@ impl Ring for DmaRing {
         taken.map(|(length, _)| length).map_err(|_| Overrun)
     }
 
-    /// The reader is woken at half a ring, at its end, and when the line becomes idle.
+    /// Registers the waker for three events: the DMA reaches the middle of the ring or its end, or the line
+    /// becomes idle.
     fn register_waker(&mut self, waker: &Waker) {
         self.0.set_waker(waker);
         IDLE.register(waker);

@@ -8,30 +8,31 @@ use core::{
 
 use embedded_io_async::{Error, ErrorType, Read, Write};
 
-/// Transmitter whose DMA reads the bytes in place.
+/// UART transmitter whose DMA reads the bytes directly from the given slice.
 pub(crate) trait Transmit {
-    /// Error of the UART.
+    /// Error that the UART reports.
     type Error: Error;
 
-    /// Sends `bytes`; returns when the DMA has moved all of them to the UART.
+    /// Sends `bytes`. Returns when the DMA has moved all of them to the UART.
     async fn transmit(&mut self, bytes: &[u8]) -> Result<(), Self::Error>;
 }
 
 /// Ring buffer that a DMA channel fills continuously.
 pub(crate) trait Ring {
-    /// Moves the oldest bytes to `bytes`. Returns their number; 0 if there are none.
+    /// Moves the oldest bytes of the ring to `bytes`. Returns the number of bytes moved, 0 if the ring is
+    /// empty.
     fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Overrun>;
 
     /// Registers the waker that is called when new bytes arrive.
     fn register_waker(&mut self, waker: &Waker);
 }
 
-/// Error: the DMA has overwritten bytes that were not read. The ring is empty afterwards.
+/// Error: the DMA has overwritten bytes that had not been read. The ring is empty afterwards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Overrun;
 
-/// Sends through a bounce buffer, because the DMA cannot access every caller's memory. A write accepts at most
-/// as many bytes as the buffer holds.
+/// Writer that copies bytes to a buffer and sends them from there, because the DMA cannot access every
+/// caller's memory. A write accepts at most as many bytes as the buffer holds.
 pub(crate) struct DmaTransmitter<Line> {
     line: Line,
     buffer: &'static mut [u8],
@@ -58,16 +59,17 @@ impl<Line: Transmit> Write for DmaTransmitter<Line> {
         Ok(length)
     }
 
-    /// Does nothing: after a write at most two bytes are in the UART, which sends them by itself.
+    /// Does nothing: after a write, at most two bytes are still in the UART, which sends them without further
+    /// calls.
     async fn flush(&mut self) -> Result<(), Line::Error> {
         Ok(())
     }
 }
 
-/// Reads the bytes that the host sends.
+/// Reader of the bytes that the host sends.
 ///
 /// After an overrun of the ring, reception continues with the next byte. The lost bytes truncate a frame or
-/// merge two, which the decoder detects and counts (`Stats.input_bad`).
+/// merge two frames, which the decoder detects and counts (`Stats.input_bad`).
 pub(crate) struct RingReceiver<R>(pub(crate) R);
 
 impl<R> ErrorType for RingReceiver<R> {
@@ -98,7 +100,7 @@ mod tests {
 
     use super::*;
 
-    /// Bytes of the bounce buffer.
+    /// Size of the transmitter's buffer in these tests, bytes.
     const BUFFER: usize = 512;
 
     /// Transmitter that records every transfer.
@@ -134,7 +136,7 @@ mod tests {
         assert!(transfers.0.is_empty());
     }
 
-    /// Ring that returns these results in turn, and then no bytes.
+    /// Ring that returns the given results in order, and then no bytes.
     struct Script(VecDeque<Result<&'static [u8], Overrun>>);
 
     impl Ring for Script {

@@ -5,23 +5,23 @@ use embassy_time::{Duration, Timer};
 use embassy_usb::Handler;
 
 const OTG: Otg = USB_OTG_FS;
-/// IN endpoints in use: control, notifications, data.
+/// Number of IN endpoints in use: control, notifications, data.
 const IN_ENDPOINTS: usize = 3;
 
-/// Limit on the polls of a flag. The core sets it within some cycles of the PHY's 48 MHz, which is a few
-/// polls.
+/// Largest number of polls of a flag. The USB core sets a flag within some cycles of the PHY's 48 MHz, which
+/// is within a few polls.
 const MAX_POLLS: usize = 1_000;
 
-/// Period at which the flag of a bus reset is polled. The driver handles a reset at once unless it waits for the
-/// rest of a control transfer.
+/// Period at which the flag of a bus reset is polled. The driver handles a bus reset at once, unless it waits
+/// for the rest of a control transfer.
 const POLL_PERIOD: Duration = Duration::from_millis(5);
 
 /// Disables the IN endpoints when the host resets the bus.
 ///
-/// A reset leaves an endpoint enabled if the host has not read its packet, and the driver waits without a limit
-/// until the endpoint is disabled. So a device that was unplugged while it streamed would never send again.
-/// Disabling takes two steps (RM0433 and RM0390, OTG, IN data transfers, IN endpoint disable): NAK, then
-/// disable.
+/// A bus reset leaves an endpoint enabled if the host has not read the endpoint's packet. The driver then
+/// waits without a limit until the endpoint is disabled, so a device that was unplugged while it streamed
+/// would never send again. Disabling an endpoint takes two steps: NAK, then disable (RM0433 and RM0390, OTG,
+/// IN data transfers, IN endpoint disable).
 #[derive(Debug)]
 pub(crate) struct DisableEndpoints;
 
@@ -39,21 +39,23 @@ impl Handler for DisableEndpoints {
                 control.set_epdis(true);
             });
             wait_for(|| interrupts.read().epdisd());
-            // The flag is cleared by writing 1.
+            // Writing 1 clears the flag.
             interrupts.write(|interrupts| interrupts.set_epdisd(true));
         }
     }
 }
 
 fn wait_for(flag: impl Fn() -> bool) {
-    // After the limit the driver waits for the endpoint itself, as it would without this handler.
+    // If the flag is not set within the limit, the driver waits for the endpoint, as it would without this
+    // handler.
     let _ = (0..MAX_POLLS).any(|_| flag());
 }
 
-/// Waits until the driver misses a reset of the bus.
+/// Waits until the driver has missed a reset of the bus.
 ///
-/// If the cable is unplugged within a control transfer, the driver keeps waiting for its rest, and the next
-/// host's reset stays pending. The caller must then restart the device.
+/// If the cable is unplugged within a control transfer, the driver keeps waiting for the rest of the
+/// transfer, and the reset by the next host stays pending. When this function returns, the caller must
+/// restart the device.
 pub(crate) async fn wait_missed_reset() {
     let mut was_pending = false;
     loop {

@@ -1,12 +1,12 @@
-//! Serial port over USB as streams of bytes, for a host that opens and closes it at any time.
+//! Streams of bytes over the USB serial port, for a host that opens and closes the port at any time.
 
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 
-/// Bytes of a bulk packet at full speed (USB 2.0, section 5.8.3).
+/// Largest number of bytes in a bulk packet at full speed (USB 2.0, section 5.8.3).
 pub(crate) const PACKET: usize = 64;
 
-/// Error: no host is connected, or it has closed the port.
+/// Error: no host is connected, or the host has closed the port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Closed;
 
@@ -26,17 +26,17 @@ impl embedded_io_async::Error for Closed {
 
 /// Endpoint that sends packets to the host.
 pub(crate) trait PacketSender {
-    /// Returns whether the host holds the port open (DTR).
+    /// Returns whether the host has the port open, as the signal DTR states.
     fn is_open(&self) -> bool;
 
     /// Waits until a host has configured the device.
     async fn wait_configured(&mut self);
 
-    /// Waits until the host has read the previous packet, and hands this one to the peripheral. If the future
-    /// is dropped before that, no byte of this packet is sent.
+    /// Waits until the host has read the previous packet, then passes `packet` to the peripheral. If the
+    /// future is dropped while it waits, no byte of `packet` is sent.
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed>;
 
-    /// Waits until it is time to check again whether the port is open.
+    /// Waits until it is time for the next check of [`is_open`](Self::is_open).
     fn tick(&self) -> impl Future<Output = ()> + use<Self>;
 }
 
@@ -46,7 +46,7 @@ pub(crate) trait PacketReceiver {
     async fn receive(&mut self, packet: &mut [u8]) -> Result<usize, Closed>;
 }
 
-/// Reads the bytes that the host sends.
+/// Reader of the bytes that the host sends.
 pub(crate) struct Receiver<Port>(pub(crate) Port);
 
 impl<Port> ErrorType for Receiver<Port> {
@@ -58,7 +58,7 @@ impl<Port: PacketReceiver> Read for Receiver<Port> {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Closed> {
         loop {
             match self.0.receive(bytes).await? {
-                // An empty packet only ends a transfer; a read of 0 bytes would mean the end of the stream.
+                // An empty packet only ends a transfer. Returning 0 bytes would mean the end of the stream.
                 0 => {}
                 length => return Ok(length),
             }
@@ -66,14 +66,15 @@ impl<Port: PacketReceiver> Read for Receiver<Port> {
     }
 }
 
-/// Sends while the host holds the port open. While the host reads nothing, the frames wait in their ring,
-/// which drops the oldest.
+/// Writer that sends while the host has the port open. While the host reads nothing, the frames wait in the
+/// conversation's ring, which drops the oldest ones when it is full.
 ///
-/// If the port closes within a frame, the rest of the frame is dropped. After the next opening the host
-/// receives whole frames, from the zero in front of the first one.
+/// If the port closes within a frame, the rest of the frame is dropped. After the port opens again, the host
+/// receives whole frames, beginning with the zero byte before the first one.
 pub(crate) struct Transmitter<Port> {
     port: Port,
-    /// Set if the last packet was full: the host's driver waits for a shorter one, which ends the transfer.
+    /// Set if the last packet was full. The host's driver then waits for a shorter packet, which ends the
+    /// transfer.
     last_was_full: bool,
     /// Set if the last packet ended within a frame.
     is_within_frame: bool,
@@ -95,10 +96,10 @@ impl<Port: PacketSender> Transmitter<Port> {
         }
     }
 
-    /// Sends a packet, unless the port closes before the host reads it.
+    /// Sends a packet. Returns [`Closed`] if the port closes before the host has read the previous packet.
     async fn send_packet(&mut self, bytes: &[u8]) -> Result<(), Closed> {
         loop {
-            // Check whether the port is still open for as long as the host reads nothing.
+            // While the host reads nothing, check at every tick whether the port is still open.
             let tick = self.port.tick();
             match select(self.port.send(bytes), tick).await {
                 Either::First(result) => return result,
@@ -126,7 +127,8 @@ impl<Port: PacketSender> Write for Transmitter<Port> {
         let packet = &bytes[..bytes.len().min(PACKET)];
         self.send_packet(packet).await?;
         self.last_was_full = packet.len() == PACKET;
-        // A zero ends a frame, and the zero in front of a frame alone does not start one yet.
+        // A zero byte ends a frame. A packet with only the zero byte before a frame does not start the frame
+        // yet.
         self.is_within_frame = packet.last().is_some_and(|&byte| byte != 0);
         Ok(packet.len())
     }

@@ -2,13 +2,13 @@
 
 use crate::pair::Pair;
 
-/// Argument of a kernel, passed by address; the kernel copies it to its stack.
+/// Arguments of a kernel, which receives their address and copies them to its stack.
 #[repr(C)]
 pub(super) struct Arguments<const SEGMENTS: usize> {
-    /// Inputs of the next position in each segment.
+    /// Inputs of the next position, in each segment.
     pub(super) inputs: [*const Pair; SEGMENTS],
     pub(super) weights: *const Pair,
     pub(super) sums: *mut i32,
-    /// One past the last sum.
+    /// Address after the last sum.
     pub(super) end: *mut i32,
 }

@@ -1,4 +1,4 @@
-//! Interleaved loads, for a Cortex-M7, which issues an LDR and an SMLAD in the same cycle.
+//! Loads between the products, for a Cortex-M7, which issues an LDR and an SMLAD in the same cycle.
 #![expect(
     unsafe_code,
     reason = "LLVM does not generate SMLAD from Rust, and the loop needs every register"
@@ -10,13 +10,14 @@ use core::arch::naked_asm;
 use super::arguments::Arguments;
 use crate::dot::layout::{ROUND, weights_len};
 
-/// Defines a kernel for a number of segments, a width and a stride, with weights that all blocks share
-/// or not. One iteration computes `$blocks` blocks, and updates the pointers on the stack once.
+/// Defines a kernel for a number of segments, a width and a stride; `$shared` says whether all blocks
+/// use the same weights. One iteration computes `$blocks` blocks, and updates the pointers on the stack
+/// once.
 ///
 /// r0-r5: sums; r6-r9: weights of a round (two words of the first output, two of the second); r10-r11:
 /// inputs of a position; r12: next position of a segment; lr: weights of this round. The other
-/// arguments stay on the stack. A register is reloaded right after its last use, three products
-/// before its next.
+/// arguments stay on the stack. Within a segment, each register is reloaded right after its last use,
+/// and at least two other products precede its next use.
 macro_rules! kernel {
     ($name:ident, $segments:literal, $width:literal, $stride:literal, $blocks:literal, $shared:literal) => {
         #[unsafe(naked)]
@@ -34,7 +35,8 @@ macro_rules! kernel {
                 "2:",
                 ".set block, 0",
                 ".rept {blocks}",
-                // Load the weights of the first round; the later ones are loaded one round ahead.
+                // Load the weights of the first round; those of each later round are loaded one round
+                // ahead.
                 ".if {shared} || (block == 0)",
                 "ldm lr, {{r6-r9}}",
                 ".endif",

@@ -1,5 +1,5 @@
-//! Frames that arrive at a simulated host, which opens, reads, stalls and closes in an order that each test
-//! sets.
+//! Tests of the streams with a simulated host, which opens and closes the port, reads and stalls in the
+//! order that each test sets.
 
 use core::{cell::RefCell, future::poll_fn, task::Poll};
 use std::{boxed::Box, collections::VecDeque, rc::Rc, vec::Vec};
@@ -9,21 +9,21 @@ use link::{Decoder, Encoder, Hello, MAX_FRAME, ResetCause, ToHost};
 
 use super::*;
 
-/// Number of packets for a host that never stalls.
+/// Number of packets for a host that reads all packets and never stalls.
 const ALL: usize = usize::MAX;
 
 /// Action that the host takes at a tick.
 type Act = Box<dyn FnOnce(&mut Host)>;
 
-/// Simulated host, and the packet buffer of the device's endpoint.
+/// Simulated host, with the packet buffer of the device's endpoint.
 #[derive(Default)]
 struct Host {
     is_open: bool,
-    /// Packets that the host still reads before it stalls.
+    /// Number of packets that the host still reads before it stalls.
     reads: usize,
     /// Next actions, one for each tick.
     acts: VecDeque<Act>,
-    /// Packet in the endpoint's buffer.
+    /// Packet in the endpoint's buffer, which the host has not read yet.
     waiting: Option<Vec<u8>>,
     /// Packets that a program on the host has read.
     packets: Vec<Vec<u8>>,
@@ -49,7 +49,7 @@ impl Host {
         act.expect("an action for every tick")(self);
     }
 
-    /// Returns the seq of each whole frame, and the number of stretches of bytes that were no frame.
+    /// Returns the seq of each whole frame, and how often the decoder had to skip bytes that were no frame.
     fn decode(&self) -> (Vec<u32>, u32) {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         let mut seqs = Vec::new();
@@ -92,7 +92,7 @@ impl PacketSender for Cable {
     }
 }
 
-/// Device that numbers frames and counts the dropped ones, as the conversation does.
+/// Device that numbers its frames and counts the dropped ones, as the conversation does.
 struct Device {
     transmitter: Transmitter<Cable>,
     encoder: Encoder,
@@ -142,7 +142,7 @@ fn a_frame_cut_by_a_close_is_dropped_and_counted_and_the_next_one_is_whole() {
     let mut host = cable.0.borrow_mut();
     host.acts = VecDeque::from([
         act(|host| host.open(1)),
-        // The second packet is in the endpoint's buffer, and the third one waits.
+        // At this tick, the second packet is in the endpoint's buffer, and the third one waits.
         act(|host| host.is_open = false),
         act(|_| {}),
         act(|host| host.open(ALL)),
@@ -211,7 +211,8 @@ fn every_frame_is_received_or_counted_over_a_thousand_openings() {
     let mut device = Device::new(&cable);
     let mut host = cable.0.borrow_mut();
     for opening in 0..1_000_usize {
-        // 0 to 7 packets, up to more than two frames, in an order without a pattern.
+        // 0 to 7 packets per opening, in the order 0, 7, 6, ... 1. A frame has three packets, so the port
+        // closes at different places within the frames.
         let reads = opening * 7919 % 8;
         host.acts.push_back(act(move |host| host.open(reads)));
         host.acts.push_back(act(|host| host.is_open = false));
@@ -229,7 +230,8 @@ fn every_frame_is_received_or_counted_over_a_thousand_openings() {
     assert!(seqs.is_sorted_by(|before, after| before < after));
     let received = u32::try_from(seqs.len()).expect("thousands");
     assert_eq!(received + device.dropped, sent);
-    // A frame is also dropped if no byte of it was sent when the port closed; the host sees no damage then.
+    // More frames can be dropped than are damaged: if the port closes before any byte of a frame is sent,
+    // the host sees no damage.
     assert!(device.dropped > 500 && damaged <= device.dropped);
     assert!(received > 500, "{received}");
 }
