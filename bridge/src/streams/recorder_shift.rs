@@ -10,7 +10,6 @@ impl Device {
     /// the host follows.
     pub(crate) fn frame_lookback_us(&self, stream: AnnouncedStream, low_latency: bool) -> i64 {
         let filters_us = i64::from(self.group_delay_us);
-        let hop = u32::from(self.hop_steps);
         match stream {
             AnnouncedStream::Encoded => {
                 self.steps_us(u32::from(self.window_steps) - 1) + filters_us
@@ -20,29 +19,34 @@ impl Device {
                 self.steps_us(steps) + filters_us
             }
             AnnouncedStream::Raw => {
-                let info = self.raw_frame().eeg.info;
-                (i64::from(info.nsamples) - 1) * 1_000_000 / i64::from(self.adc_rate_hz)
+                let (samples, rate_hz) = self.frame_length(stream);
+                (i64::from(samples) - 1) * 1_000_000 / i64::from(rate_hz)
             }
-            AnnouncedStream::Filtered => self.steps_us(hop - 1) + filters_us,
+            AnnouncedStream::Filtered => self.steps_us(u32::from(self.hop_steps) - 1) + filters_us,
         }
     }
 
-    /// Returns the time that a recorder of this stream adds to the time of an event, microseconds.
+    /// Returns the time by which the stamp of an event must be later than the event, microseconds, to be
+    /// read from a recording of this stream at the sample that was at the electrodes when it happened.
     ///
     /// `rosneuro_recorder` takes for the time of its first sample the arrival of the first frame minus
-    /// the duration of the frame, and places an event by its stamp relative to that time. An event
-    /// whose stamp is later than its true time by this shift is placed at the sample that was at the
-    /// electrodes when it happened.
+    /// the frame's duration, and places an event by its stamp relative to that time. Its library,
+    /// libxdffileio, rounds the place down and counts from 0, where GDF and its readers count from 1.
+    /// Half a sample makes the rounding exact, and a whole sample the counting.
     pub(crate) fn recorder_shift_us(&self, stream: AnnouncedStream, low_latency: bool) -> i64 {
-        let frame_us = match stream {
-            AnnouncedStream::Encoded
-            | AnnouncedStream::Reconstructed
-            | AnnouncedStream::Filtered => self.steps_us(u32::from(self.hop_steps)),
-            AnnouncedStream::Raw => {
-                let info = self.raw_frame().eeg.info;
-                i64::from(info.nsamples) * 1_000_000 / i64::from(self.adc_rate_hz)
-            }
+        let (samples, rate_hz) = self.frame_length(stream);
+        let halves_us = |halves: i64| halves * 500_000 / i64::from(rate_hz);
+        self.frame_lookback_us(stream, low_latency) + halves_us(3 - 2 * i64::from(samples))
+    }
+
+    /// Returns the number of samples in a frame of this stream, and their rate in Hz.
+    fn frame_length(&self, stream: AnnouncedStream) -> (u16, u16) {
+        let frame = match stream {
+            AnnouncedStream::Encoded => return (1, self.codes_per_second()),
+            AnnouncedStream::Reconstructed => self.reconstructed_frame(),
+            AnnouncedStream::Raw => self.raw_frame(),
+            AnnouncedStream::Filtered => self.filtered_frame(),
         };
-        self.frame_lookback_us(stream, low_latency) - frame_us
+        (frame.eeg.info.nsamples, frame.sr)
     }
 }

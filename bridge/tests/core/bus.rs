@@ -21,13 +21,15 @@ const EVENTS: Settings = Settings {
     ..SETTINGS
 };
 
-/// Returns the sample at which `rosneuro_recorder` places an event of this stamp: it takes for the
-/// time of its first sample the arrival of the first frame minus the frame's duration.
+/// Returns the sample at which a reader of GDF finds an event of this stamp. `rosneuro_recorder` takes
+/// for the time of its first sample the arrival of the first frame minus the frame's duration; its
+/// library rounds the place of an event down and counts from 0, and readers count from 1.
 fn recorded_at(first: &NeuroFrame, first_arrival_us: i64, event_ns: i64) -> f64 {
     let rate = f64::from(first.sr);
     let start_us = first_arrival_us as f64 - f64::from(first.eeg.info.nsamples) / rate * 1e6;
     let event_us = (event_ns - WALL_START_NS) as f64 / 1000.0;
-    (event_us - start_us) / 1e6 * rate
+    let position = ((event_us - start_us) / 1e6 * rate).floor();
+    position - 1.0
 }
 
 #[test]
@@ -103,11 +105,18 @@ fn the_shift_of_each_topic_is_in_the_diagnostics() {
         let pair = values.iter().find(|pair| pair.key == key).unwrap();
         pair.value.parse::<i64>().unwrap()
     };
-    // Window of 16 steps, hop of 8, group delay 10 ms: 117.2 + 10 - 62.5 ms, and so on.
-    assert_eq!(shift("/encoded"), 117_187 + 10_000 - 62_500);
-    assert_eq!(shift("/neurodata_reconstructed"), 117_187 + 10_000 - 62_500);
-    assert_eq!(shift("/neurodata"), 60_546 - 62_500);
-    assert_eq!(shift("/neurodata_filtered"), 54_687 + 10_000 - 62_500);
+    // Window of 16 steps, hop of 8, group delay 10 ms; each frame is 62.5 ms long, and 1.5 samples are
+    // 93.75 ms of codes, 11.7 ms of steps, 2.9 ms of ADC samples.
+    assert_eq!(shift("/encoded"), 117_187 + 10_000 - 62_500 + 93_750);
+    assert_eq!(
+        shift("/neurodata_reconstructed"),
+        117_187 + 10_000 - 62_500 + 11_719
+    );
+    assert_eq!(shift("/neurodata"), 60_546 - 62_500 + 2_930);
+    assert_eq!(
+        shift("/neurodata_filtered"),
+        54_687 + 10_000 - 62_500 + 11_719
+    );
 }
 
 /// Returns code, duration and stamp (microseconds since the start) of each event on the bus.
