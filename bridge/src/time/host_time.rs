@@ -1,15 +1,18 @@
 //! Readings of the host's monotonic clock and wall clock.
 
-use std::sync::OnceLock;
-use std::time::Instant;
-
 use neuro_ros::Stamp;
+use rustix::time::{ClockId, clock_gettime};
+
+/// The monotonic clock. On Linux it counts while the host is suspended, as the device's clock does.
+#[cfg(target_os = "linux")]
+const MONOTONIC: ClockId = ClockId::Boottime;
+#[cfg(not(target_os = "linux"))]
+const MONOTONIC: ClockId = ClockId::Monotonic;
 
 /// The time on the host's monotonic clock and on its wall clock, read at the same instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostTime {
-    /// Time on the monotonic clock, which never steps; microseconds since this process first read
-    /// it.
+    /// Time on the monotonic clock, which never steps; microseconds since the host was started.
     pub monotonic_us: i64,
     /// Time on the wall clock, nanoseconds since 1970. NTP or the user can step this clock.
     pub wall_ns: i64,
@@ -18,11 +21,9 @@ pub struct HostTime {
 impl HostTime {
     /// Reads the monotonic clock and then the wall clock.
     pub fn now() -> HostTime {
-        static START: OnceLock<Instant> = OnceLock::new();
-        let since = START.get_or_init(Instant::now).elapsed();
-        let monotonic_us = i64::try_from(since.as_micros()).unwrap_or(i64::MAX);
+        let monotonic = clock_gettime(MONOTONIC);
         HostTime {
-            monotonic_us,
+            monotonic_us: monotonic.tv_sec * 1_000_000 + monotonic.tv_nsec / 1000,
             wall_ns: Stamp::now().nanoseconds(),
         }
     }
