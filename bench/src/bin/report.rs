@@ -8,8 +8,8 @@ fn main() -> std::process::ExitCode {
     bench::report::main()
 }
 
-/// A build for a microcontroller is empty: it exists because lints check all programs of this
-/// crate.
+/// Lets a build for a microcontroller compile: it is an empty program, which exists because lints check all
+/// programs of this crate for that target too.
 #[cfg(target_os = "none")]
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
