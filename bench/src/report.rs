@@ -17,7 +17,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use emulator::EmulatorError;
 
-/// Environment variable that names a file to which the JSON object of `--json` is also written.
+/// Environment variable with the path of a file to which the JSON object is written, with or without
+/// `--json`.
 const OBJECT: &str = "CORTICODE_OBJECT";
 
 #[derive(Debug, Parser)]

@@ -1,4 +1,4 @@
-//! Board, bridge, ROS master and subscriber, which are started for one run of the demo.
+//! Starts board, bridge, ROS master and subscriber for one run of the demo, and stops them.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
@@ -19,15 +19,16 @@ pub(crate) const BOARD: &str = "host-sim";
 /// Name of the bridge's program.
 pub(crate) const BRIDGE: &str = "corticode-bridge";
 
-/// Codes per second.
+/// Rate at which the board makes codes: 128 steps per second, 8 per hop.
 const CODE_RATE_HZ: u64 = 16;
-/// Time without a message after which the path counts as broken: 80 codes.
+/// Longest permitted time between two codes while the board runs: 80 times the normal interval.
 const SILENCE: Duration = Duration::from_secs(5);
-/// Longest time for a part to start on a busy machine.
+/// Longest permitted time, on a busy machine, for the bridge to announce its topics and for the first code to
+/// arrive.
 const START: Duration = Duration::from_secs(20);
-/// Longest time after the board's end in which its last messages arrive.
+/// Time without a code, once the board has ended, after which no further code is expected.
 const STRAGGLERS: Duration = Duration::from_millis(700);
-/// Number of messages that wait for the subscriber while it draws the progress bar.
+/// Capacity of each subscription's queue: messages that wait while the progress bar is drawn.
 const QUEUE: usize = 64;
 
 /// Runs the whole path, then stops everything that was started. Returns what the subscriber received.

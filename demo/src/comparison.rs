@@ -1,5 +1,5 @@
-//! Comparison of the reconstructed EEG with its reference: the same EEG after the same filters, not encoded and
-//! not sent.
+//! Comparison of the reconstructed EEG with a reference: the same EEG after the same filters, neither encoded
+//! nor sent.
 
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
@@ -11,8 +11,8 @@ use crate::run::Run;
 /// Values of all electrodes at one step, uV; there are 128 steps per second.
 type StepUv = [f32; ELECTRODES];
 
-/// Reference and reconstruction over the same steps: the last stretch in which the filters had
-/// settled and no code was lost.
+/// Reference and reconstruction over the same steps: the last uninterrupted series of steps with settled
+/// filters and no lost code.
 #[derive(Debug, Clone)]
 pub(crate) struct Comparison {
     /// Index of the first compared step since the start of the stream.
@@ -21,8 +21,8 @@ pub(crate) struct Comparison {
     pub(crate) source_uv: Vec<StepUv>,
     /// Reconstruction: EEG decoded from the codes, uV.
     pub(crate) result_uv: Vec<StepUv>,
-    /// Difference between reference x and reconstruction y, `100 sqrt(sum (x - y)^2 / sum x^2)`
-    /// over all electrodes and steps, percent.
+    /// Percentage root-mean-square difference (PRD) of reference x and reconstruction y, `100 sqrt(sum (x -
+    /// y)^2 / sum x^2)` over all electrodes and steps, percent.
     pub(crate) prd_percent: f64,
 }
 
@@ -30,11 +30,11 @@ impl Comparison {
     /// Compares the reconstruction in `run` with the EEG that host-sim generates from `seed`.
     ///
     /// # Errors
-    /// The generator refuses the model's electrodes.
+    /// host-sim does not know the position of one of the model's electrodes.
     pub(crate) fn new(run: &Run, seconds: u32, seed: u64) -> Result<Self, Failure> {
         let reference = reference(seconds, seed)?;
         let (mut first_step, mut source_uv, mut result_uv) = (0, Vec::new(), Vec::new());
-        // Frame w of `/neurodata_reconstructed` starts at step w * HOP.
+        // The message of window w on `/neurodata_reconstructed` starts at step w * HOP.
         for frame in &run.reconstructed {
             let first = frame.window().saturating_mul(model::HOP);
             let steps = frame.frame.eeg.data.as_chunks().0;
@@ -59,7 +59,7 @@ impl Comparison {
     }
 }
 
-/// Returns the filtered electrodes over the whole run, one entry per step.
+/// Returns the reference: the EEG of all electrodes after the filters, one entry per step.
 fn reference(seconds: u32, seed: u64) -> Result<Vec<StepUv>, Failure> {
     let spec = SyntheticSpec::new(seed, model::LABELS.split(' '));
     let mut generator = Generator::new(&spec).map_err(|error| {
@@ -77,7 +77,7 @@ fn reference(seconds: u32, seed: u64) -> Result<Vec<StepUv>, Failure> {
 }
 
 fn microvolts(electrodes: &Electrodes) -> StepUv {
-    // The filters' output is in Q27.5: GUARD_BITS fraction bits, one count of the ADC is LSB_NV nanovolts.
+    // The filters' output is in ADC counts with GUARD_BITS fraction bits (Q27.5). One count is LSB_NV nV.
     let levels_per_count = f32::from(1_u16 << model::GUARD_BITS);
     #[expect(clippy::cast_precision_loss, reason = "24 bits do for a picture")]
     electrodes.map(|value| value as f32 / levels_per_count * model::LSB_NV / 1000.0)

@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-/// Reason why the demo stopped.
+/// Failure with which the demo ends.
 #[derive(Debug)]
 pub(crate) struct Failure {
     /// Exit status: 1 if a check failed, 2 if a file is missing, 3 if a part of the path did not start or

@@ -48,13 +48,14 @@ impl Program {
         std::fs::read_to_string(&self.log).unwrap_or_default()
     }
 
-    /// Returns the failure for a program that ended before it should.
+    /// Returns the failure for a program that ended too early, with everything that it has printed.
     pub(crate) fn ended(&self) -> Failure {
         let why = format!("it ended early and printed:\n{}", self.log());
         Failure::unreachable(&self.name, why, "see its message")
     }
 
-    /// Returns the failure for a program that did not do `what` within `after`.
+    /// Returns the failure for a program that was given the time `after`. `what` states what did not happen,
+    /// such as "no code came".
     pub(crate) fn timed_out(&self, what: &str, after: Duration) -> Failure {
         let (name, log) = (&self.name, self.log());
         let why = format!("{what} within {after:?}; {name} printed:\n{log}");
@@ -62,11 +63,11 @@ impl Program {
         Failure::unreachable("the path", why, next)
     }
 
-    /// Sends SIGTERM and waits until the program has ended with status 0.
+    /// Sends SIGTERM, and waits at most for `deadline` until the program has ended with status 0.
     pub(crate) async fn terminate(&mut self, deadline: Duration) -> Result<(), Failure> {
         let pid = self.child.id().map(u32::cast_signed);
         if let Some(pid) = pid.and_then(Pid::from_raw) {
-            // Fails if the program has just ended by itself; `wait` below returns its status.
+            // Fails if the program has already ended by itself; the `wait` below then returns its status.
             let _ = kill_process(pid, Signal::TERM);
         }
         match timeout(deadline, self.child.wait()).await {

@@ -25,7 +25,8 @@ impl Received {
         Duration::from_micros(us)
     }
 
-    /// Returns whether a flag is set, such as that of a message which the bridge sent in place of a lost code.
+    /// Returns whether `flag` is set in the message's status words. [`Flags::FILLER`] marks a message that
+    /// the bridge sent in place of a lost code.
     pub(crate) fn has(&self, flag: Flags) -> bool {
         self.word("flags") & u64::from(flag.bits()) != 0
     }
@@ -51,12 +52,12 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// Codes that arrived at the subscriber, without fillers.
+    /// Returns the messages that carry a code, in order; fillers, which replace lost codes, are left out.
     fn without_fillers(&self) -> impl Iterator<Item = &Received> {
         self.codes.iter().filter(|code| !code.has(Flags::FILLER))
     }
 
-    /// Number of codes that arrived at the subscriber, without fillers.
+    /// Number of codes that arrived at the subscriber; fillers are not counted.
     pub(crate) fn received(&self) -> usize {
         self.without_fillers().count()
     }
@@ -66,7 +67,7 @@ impl Run {
         self.made.saturating_sub(self.received())
     }
 
-    /// Times between the arrivals of successive codes at the subscriber, ms.
+    /// Times between the arrivals of successive messages on `/encoded`, fillers included, ms.
     pub(crate) fn arrival_intervals_ms(&self) -> Vec<f64> {
         let intervals = self
             .codes
@@ -75,7 +76,7 @@ impl Run {
         intervals.map(milliseconds).collect()
     }
 
-    /// Differences between the device times of successive received codes, ms.
+    /// Differences between the device times of successive received codes, ms; fillers are left out.
     pub(crate) fn device_intervals_ms(&self) -> Vec<f64> {
         let times: Vec<Duration> = self.without_fillers().map(Received::device_time).collect();
         let intervals = times.windows(2).map(|pair| pair[1].saturating_sub(pair[0]));

@@ -19,7 +19,7 @@ pub const FAINT: RGBColor = RGBColor(0x62, 0x70, 0x80);
 pub(crate) const GRID: RGBColor = RGBColor(0xe4, 0xe9, 0xee);
 /// Blue of input signals and of this project's own figures.
 pub const SOURCE: RGBColor = RGBColor(0x2b, 0x6c, 0xb0);
-/// Orange of output signals and of figures that this project's own are compared with.
+/// Orange of output signals, and of others' figures that are compared with this project's.
 pub const RESULT: RGBColor = RGBColor(0xdd, 0x6b, 0x20);
 /// Green of published or designed reference values.
 pub const REFERENCE: RGBColor = RGBColor(0x2f, 0x85, 0x5a);
@@ -60,7 +60,8 @@ pub(crate) fn page(
     })
 }
 
-/// Prepares a chart with a labelled x axis. The margins and the width of the y labels are in pixels.
+/// Returns a builder for a chart with a labelled x axis. The margins `top`, `left` and `right`, and
+/// `y_labels`, the width of the y labels, are in pixels.
 pub(crate) fn chart<'a, 'b>(
     area: &'a Area<'b>,
     [top, left, right]: [i32; 3],
@@ -91,7 +92,8 @@ pub(crate) fn legend(area: &Area, at: (i32, i32), color: RGBColor, label: &str) 
     area.draw(&Text::new(label.to_owned(), (at.0 + 34, at.1), style))
 }
 
-/// Converts a pixel of the page, as charts return it, to a pixel of the area, as drawing needs it.
+/// Converts page coordinates, which charts return, to coordinates in `area`, in pixels. The area must start
+/// at the page's left edge.
 pub(crate) fn inside(area: &Area, (x, y): (i32, i32)) -> (i32, i32) {
     (x, y - area.get_base_pixel().1)
 }

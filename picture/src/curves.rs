@@ -32,14 +32,14 @@ pub struct Curve {
 /// Chart of several curves on common axes.
 #[derive(Debug, Clone)]
 pub struct Curves {
-    /// Title of the picture.
+    /// Title of the picture, in one line.
     pub title: &'static str,
-    /// Text in one line below the title.
+    /// Line below the title, such as the conditions and results of the measurement.
     pub subtitle: String,
     /// Lowest and highest frequency of the x axis, Hz.
     pub x_hz: [f64; 2],
-    /// Lowest and highest value on the y axis. Points outside this range are left out. Only where a line leaves
-    /// the range downwards, its first point below is drawn at the lower end of the axis.
+    /// Lowest and highest value on the y axis. Points outside this range are not drawn. A line that leaves or
+    /// enters the range at its lower end is drawn down to that end.
     pub y: [f64; 2],
     /// Quantity and unit that label the y axis.
     pub y_label: &'static str,
@@ -78,7 +78,7 @@ impl Curves {
             .bold_line_style(GRID)
             .axis_style(FAINT)
             .disable_x_mesh()
-            // No ticks here, they are drawn below: plotters would label only powers of ten.
+            // No ticks here: plotters would label only powers of ten. The loop over `TICKS_HZ` draws them.
             .x_labels(0)
             .x_label_formatter(&|_| String::new())
             .set_tick_mark_size(LabelAreaPosition::Bottom, 0)
@@ -135,7 +135,7 @@ impl Curves {
     }
 }
 
-/// Keeps the points that are not below `low`. Their neighbours that are below are moved up to `low`.
+/// Returns the points at or above `low`, and the points next to them that are below, moved up to `low`.
 fn down_to(low: f64, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let is_above = |place: usize| points.get(place).is_some_and(|(_, y)| *y >= low);
     let places =

@@ -19,16 +19,17 @@ pub struct HeatMap {
     pub interval_s: f64,
     /// Number of codes at the start that were made before the filters had settled.
     pub settling: usize,
-    /// Text in one line below the title.
+    /// Line below the title, such as the numbers of received and lost codes.
     pub subtitle: String,
 }
 
 const SIZE: (u32, u32) = (1200, 860);
-/// Strongest level of a deviation from a component's mean; each whole level from -10 to 10 has a colour.
+/// Highest colour level. A value is drawn in one of the levels -10 to 10, depending on its deviation from the
+/// component's mean.
 const STRONGEST: i32 = 10;
-/// Deviation from a component's mean that has the strongest level, SDs.
+/// Deviation from the component's mean, in SDs, that is drawn in the highest level.
 const REACH: f64 = 2.5;
-/// Colours of a component far below its mean, at its mean and far above it, with all levels in between.
+/// Colours of the lowest level, of level 0 and of the highest level; those in between are interpolated.
 const COLORS: [RGBColor; 3] = [
     RGBColor(0x21, 0x5a, 0xa0),
     WHITE,
@@ -92,10 +93,11 @@ impl HeatMap {
         draw_scale(&scale)
     }
 
-    /// Returns the level of a component in every code, or `None` for a lost code.
+    /// Returns a component's level in every code, or `None` for a lost code.
     ///
-    /// A level is the rounded deviation from the component's mean; in the component's SDs, because the scales of
-    /// the components differ a hundredfold. Mean and SD are those of the codes after settling.
+    /// A level is the rounded deviation from the component's mean, in units of a tenth of [`REACH`]. It is
+    /// relative to the component's SD, because the scales of the components differ a hundredfold. Mean and SD
+    /// are those of the codes after settling.
     fn levels(&self, component: usize) -> Vec<Option<f64>> {
         let value = |code: &Vec<f32>| code.get(component).copied().map(f64::from);
         let settled = match self.codes.get(self.settling..) {

@@ -21,7 +21,7 @@ pub struct Intervals {
     pub arrival_ms: Vec<f64>,
     /// Differences between the device's time stamps of successive codes, ms of the device's clock.
     pub device_ms: Vec<f64>,
-    /// Text in one line below the title.
+    /// Line below the title, such as the number of codes and the path they took.
     pub subtitle: String,
 }
 
@@ -40,8 +40,8 @@ impl Intervals {
 
     fn draw_on(&self, area: &Area) -> Drawn {
         let spread = Spread::from_values(&self.arrival_ms);
-        // Wide enough for the paper's curve and nearly all intervals of this run; the legend counts
-        // the rest.
+        // Wide enough for the paper's curve and nearly all intervals of this run; the legend states how many
+        // intervals are outside.
         let reach = (4.0 * spread.sd).clamp(4.0 * PAPER_MS.sd, 6.0);
         let (low, high) = (62.5 - reach, 62.5 + reach);
         let width = (high - low) / f64::from(BINS);

@@ -23,11 +23,11 @@ pub struct Trace {
 pub struct Traces {
     /// Electrodes from top to bottom; at least one, all with the same number of values.
     pub rows: Vec<Trace>,
-    /// Samples per second, Hz.
+    /// Number of values per second in each trace, Hz.
     pub rate_hz: f64,
-    /// Time of the first sample since the device's start, s.
+    /// Time of the first value since the device's start, s.
     pub start_s: f64,
-    /// Text in one line below the title.
+    /// Line below the title, such as the number of electrodes and the error of the reconstruction.
     pub subtitle: String,
 }
 
@@ -95,7 +95,7 @@ impl Traces {
             area.draw(&Text::new(trace.label.clone(), (LEFT - 14, y), style))?;
         }
 
-        // One scale bar beside the lowest trace: every trace has the same vertical scale.
+        // One scale bar next to the lowest trace suffices, because all traces have the same vertical scale.
         let bar_uv = scale_bar_uv(spacing);
         let lowest = (1.0 - count) * spacing;
         let [base, top] = [-0.5, 0.5].map(|part| {

@@ -12,7 +12,8 @@ use picture::traces::{Trace, Traces};
 
 const SUBTITLE: &str = "synthetic data";
 
-/// Asserts that a picture contains its subtitle, `words`, and a number of a shape that is in `counts`.
+/// Asserts that a picture contains its subtitle and all `words`, and that the number of its elements `shape`
+/// is in `counts`.
 fn assert_drawn(
     draw: impl FnOnce(&Path) -> Result<(), PictureError>,
     words: &[&str],
@@ -31,7 +32,7 @@ fn assert_drawn(
     assert!(!text.contains("0.5 Hz"), "a mark beyond the axis");
 }
 
-/// Returns a synthetic signal shaped like EEG after the filters, uV.
+/// Returns a sine of 20 uV times `gain`, with another phase for each electrode.
 fn wave(electrode: u8, gain: f32) -> Vec<f32> {
     let times = (0..512_u16).map(f32::from);
     let value = |time: f32| 20.0 * (0.5 * time + f32::from(electrode)).sin();
@@ -112,6 +113,6 @@ fn lines_and_circles_are_drawn_within_the_axes() {
         "40 Hz",
         "50 Hz",
     ];
-    // The first of 60 points, at 1, is above the axis.
+    // One of the 60 points is not drawn: its value, 1, is above the y axis, which ends at 0.5.
     assert_drawn(|path| curves.draw(path), &words, "<circle", 59..=59);
 }

@@ -1,4 +1,4 @@
-//! Commands that a verb runs, and the reasons why it stops.
+//! Commands that the verbs of `cargo xtask` run, and the failure with which a verb ends.
 
 use std::env;
 use std::fmt::Display;
@@ -6,13 +6,13 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Target triple of the microcontrollers: Cortex-M4F and M7 with a single-precision FPU.
+/// Target triple of the Cortex-M4F and the Cortex-M7, with single-precision FPU instructions.
 pub(crate) const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Advice to the user after a program that does not build.
+/// Advice to the user when a program does not build.
 pub(crate) const AFTER_A_BUILD: &str = "read the compiler's message above";
 
-/// Reason why a verb stops.
+/// Failure with which a verb ends.
 #[derive(Debug)]
 pub(crate) struct Failure {
     /// Exit status: 1 if a check failed, 2 if something is missing on this machine.
@@ -63,24 +63,24 @@ pub(crate) fn virtual_board_cargo(words: &str) -> Command {
     command
 }
 
-/// Name of the Rust toolchain in the rust-toolchain.toml of the emulated boards.
+/// Returns the name of the Rust toolchain, such as "1.98.0", from the emulated boards' rust-toolchain.toml.
 pub(crate) fn virtual_board_toolchain() -> &'static str {
     let file = include_str!("../../tests/virtual-board/rust-toolchain.toml");
     file.split('"').nth(1).unwrap_or("stable")
 }
 
-/// Folder of the workspace's Cargo.toml, fixed when this program is compiled.
+/// Returns the folder of the workspace's Cargo.toml; its path is fixed when this program is compiled.
 pub(crate) fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
-/// Cargo's target folder: the parent of the folder that holds this program.
+/// Returns cargo's target folder, which is two levels above this program's file.
 pub(crate) fn target_folder() -> PathBuf {
     let program = env::current_exe().unwrap_or_default();
     program.ancestors().nth(2).unwrap_or(root()).to_owned()
 }
 
-/// Runs the command with this program's standard streams; `next` advises the user after a failure.
+/// Runs the command with this program's standard streams. `next` is the advice to the user if it fails.
 pub(crate) fn run(command: &mut Command, next: &str) -> Result<(), Failure> {
     let status = command.status().or_fail(typed(command), next)?;
     if status.success() {
@@ -94,7 +94,7 @@ pub(crate) fn replace(command: &mut Command) -> Result<(), Failure> {
     Err(command.exec()).or_fail(typed(command), "is it installed?")
 }
 
-/// Returns whether the command starts and ends with status 0; its output is discarded.
+/// Returns whether the command can be started and exits with status 0; discards its output.
 pub(crate) fn succeeds(command: &mut Command) -> bool {
     command.output().is_ok_and(|output| output.status.success())
 }

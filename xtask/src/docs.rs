@@ -1,4 +1,5 @@
-//! `cargo xtask docs`: writes docs/figures.md from measurements; `test` compares the page with its own.
+//! `cargo xtask docs`: measures the figures and writes docs/figures.md; `cargo xtask test` compares the page
+//! with its own measurements.
 
 use std::env;
 use std::fs;
@@ -20,30 +21,31 @@ from `docs/figures.toml`; do not edit it. `cargo xtask test` fails when a figure
 than the tolerance in that file. [limits.md](limits.md) defines the words simulated and computed.
 ";
 
-/// Folder in which the verbs of a run leave their JSON objects.
+/// Returns the folder to which the verbs write their JSON objects.
 fn folder() -> PathBuf {
     target_folder().join("figures")
 }
 
-/// File of a verb's JSON object, such as `bench-filters.json`.
+/// Returns the path of a verb's JSON object: `bench-filters.json` for "bench filters".
 fn object_file(folder: &Path, verb: &str) -> PathBuf {
     folder.join(verb.replace(' ', "-")).with_extension("json")
 }
 
-/// Writes the JSON object of a verb to its file, for [`check`].
+/// Writes the JSON object of a verb to the file from which [`check`] reads it.
 pub(crate) fn save(verb: &str, object: &Value) -> Result<(), Failure> {
     write(&object_file(&folder(), verb), &object.to_string())
 }
 
-/// Makes a program save the JSON object that it prints with `--json`. Its file is empty until then, so no object
-/// of an earlier run is taken for its own.
+/// Makes `program` also write the JSON object that it prints with `--json` to the file of `verb`. Empties the
+/// file first, so that an object of an earlier run cannot be mistaken for the new one.
 pub(crate) fn attach(program: &mut Command, verb: &str) -> Result<(), Failure> {
     let file = object_file(&folder(), verb);
     program.env("CORTICODE_OBJECT", &file);
     write(&file, "")
 }
 
-/// Measures every figure, or reads the JSON objects from the folder `measured`, and writes the page.
+/// Measures every figure, or reads the JSON objects from the folder `measured` if it is given, and writes
+/// docs/figures.md.
 pub(crate) fn docs(measured: Option<&Path>) -> Result<(), Failure> {
     let source = source()?;
     let mut page = HEADER.to_owned();
@@ -62,7 +64,7 @@ pub(crate) fn docs(measured: Option<&Path>) -> Result<(), Failure> {
 
 /// Compares docs/figures.md with the JSON objects that the verbs of this run have saved.
 pub(crate) fn check() -> Result<(), Failure> {
-    // The figures on the page were measured with real recordings among the inputs.
+    // The page states figures measured with real recordings; without them, this run has other figures.
     if env::var_os("CORTICODE_DATA").is_none() {
         eprintln!("SKIPPED: the comparison with docs/figures.md needs CORTICODE_DATA");
         return Ok(());
@@ -85,7 +87,7 @@ fn sections() -> Result<Vec<Section>, Failure> {
     Ok(page.or_fail(file.display(), "correct the file")?.sections)
 }
 
-/// Runs the verb of a section, which saves its JSON object.
+/// Runs the verb of a section and makes it write its JSON object to the file that [`object`] reads.
 fn measure(section: &Section) -> Result<(), Failure> {
     let mut verb = Command::new(env::current_exe().unwrap_or_default());
     attach(&mut verb, &section.command)?;
@@ -95,7 +97,7 @@ fn measure(section: &Section) -> Result<(), Failure> {
     )
 }
 
-/// Returns commit and date of the working tree, such as "commit 2f0fef8, 2026-11-22".
+/// Returns hash and date of the last commit, such as "commit 2f0fef8, 2026-11-22".
 fn source() -> Result<String, Failure> {
     let mut git = Command::new("git");
     git.args(["log", "-1", "--date=short", "--format=commit %h, %cd"]);

@@ -1,5 +1,5 @@
-//! Figures of a run: read from the lines of JSON that its tests append to the file named by
-//! `CORTICODE_FIGURES`, and printed as one object or as tables.
+//! Figures that tests measure and append, as lines of JSON, to the file named by `CORTICODE_FIGURES`: read
+//! from that file, and printed as one object or as tables.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -12,17 +12,17 @@ use serde_json::{Map, Value};
 use crate::command::{Failure, OrFail, target_folder};
 use crate::docs;
 
-/// Figures of one machine, board or run, by name.
+/// Figures of one machine, of one board or of a whole run: name and value.
 pub(crate) type Row = Map<String, Value>;
 
-/// Figures of each machine or board, by its name, and those of the whole run under an empty name.
+/// Rows by the name of the machine or board; the row with an empty name belongs to the whole run.
 pub(crate) type Figures = BTreeMap<String, Row>;
 
-/// Makes the tests of a command write to a new file for `verb`, and returns the file. With `json`, the
-/// command's own output goes to stderr, which leaves stdout to the JSON object.
+/// Makes the tests that `command` runs write their figures to a new file for `verb`, and returns its path.
+/// With `json`, the command's stdout is redirected to stderr, so that stdout holds only the JSON object.
 pub(crate) fn attach(command: &mut Command, verb: &str, json: bool) -> PathBuf {
     let file = target_folder().join(format!("{verb}-figures.jsonl"));
-    // Fails if there is no file of an earlier run. If an old file stays, the tests that write it report an error.
+    // Fails if no earlier run left a file, which is no error. A test that cannot write the file reports it.
     let _ = fs::remove_file(&file);
     if json {
         command.stdout(stderr());
@@ -31,8 +31,8 @@ pub(crate) fn attach(command: &mut Command, verb: &str, json: bool) -> PathBuf {
     file
 }
 
-/// Reads and merges all lines of a file. Returns no figures without a file: a run that fails early writes
-/// none.
+/// Reads a file of figures and merges its lines by their member `subject`. Returns no figures if the file
+/// does not exist, because a run that fails early writes none.
 ///
 /// # Errors
 /// A line is not a JSON object.
@@ -41,7 +41,8 @@ pub(crate) fn read(file: &Path, subject: &str) -> Result<Figures, Failure> {
     merged(&text, subject).or_fail(format!("reading {}", file.display()), "run the verb again")
 }
 
-/// Merges lines by their member `subject`, such as "machine". If a figure occurs twice, the last one counts.
+/// Merges the lines of `text`, each a JSON object, into one row for each value of their member `subject`,
+/// such as "machine". If a figure occurs twice, the later value counts.
 fn merged(text: &str, subject: &str) -> Result<Figures, serde_json::Error> {
     let mut figures = Figures::new();
     for line in text.lines() {
@@ -52,9 +53,9 @@ fn merged(text: &str, subject: &str) -> Result<Figures, serde_json::Error> {
     Ok(figures)
 }
 
-/// Prints the object of a run: as JSON, or as one table for each row and one for the whole run. Also saves it
-/// for docs/figures.md. The object has the members of `whole`, and the rows in a list that is named after their
-/// `subject`, such as "machines".
+/// Prints the figures of a run, as one JSON object or as one table for each row and one for `whole`. Also
+/// saves the object for docs/figures.md. The object has the members of `whole` and the list of rows, named
+/// after `subject` in the plural, such as "machines".
 ///
 /// # Errors
 /// The object cannot be saved.

@@ -3,14 +3,14 @@
 use serde::Deserialize;
 use serde_json::Value;
 
-/// Description of the page, read from `docs/figures.toml`: its figures in their order.
+/// Description of docs/figures.md, read from `docs/figures.toml`: its sections in the order of the page.
 #[derive(Debug, Deserialize)]
 pub(crate) struct FiguresPage {
     #[serde(rename = "section")]
     pub(crate) sections: Vec<Section>,
 }
 
-/// Figures that one command prints.
+/// Section of the page: the figures that one command measures.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Section {
     title: String,
@@ -21,7 +21,7 @@ pub(crate) struct Section {
     figures: Vec<Figure>,
 }
 
-/// One row of the page; the head of docs/figures.toml describes the fields.
+/// One row of a section's table; the comment at the top of docs/figures.toml describes the fields.
 #[derive(Debug, Deserialize)]
 struct Figure {
     name: String,
@@ -41,7 +41,7 @@ impl Section {
     /// Returns the section's Markdown; `source` names the commit and date of the measurement.
     ///
     /// # Errors
-    /// `measured` lacks a figure, which the text names.
+    /// `measured` lacks a figure; the error names the figure.
     pub(crate) fn markdown(&self, measured: &Value, source: &str) -> Result<String, String> {
         let rows = self.figures.iter().map(|figure| {
             let Figure { name, unit, .. } = figure;
@@ -58,7 +58,8 @@ impl Section {
         ))
     }
 
-    /// Returns one line for each figure that `page` lacks, or for which `page` and `measured` differ.
+    /// Returns one line for each figure whose values in `page` and `measured` disagree, or that one of the
+    /// two lacks. Only an optional figure may be absent from `measured`.
     pub(crate) fn differences(&self, page: &str, measured: &Value) -> Vec<String> {
         let mut sections = page.split("\n## ");
         let section = sections.find(|text| text.starts_with(&self.title));
@@ -90,8 +91,8 @@ impl Figure {
         Some(measured.pointer(&self.pointer)?.as_f64()? * self.scale.unwrap_or(1.0))
     }
 
-    /// Returns whether the value on the page and a new one differ by no more than the tolerance and
-    /// the rounding of the page.
+    /// Returns whether a new value equals the value on the page within the tolerance plus the page's
+    /// rounding.
     fn agree(&self, stated: f64, now: f64) -> bool {
         let digits = i32::try_from(self.decimals).unwrap_or(i32::MAX);
         (stated - now).abs() <= now.abs() * self.tolerance + 0.5001 * 10_f64.powi(-digits)
@@ -138,7 +139,7 @@ mod tests {
         let rows = "| instructions per code | 1,000,000 |  |\n| worst step | 3.03 | ms |\n";
         assert!(page.contains(rows), "{page}");
         assert_eq!(section().differences(&page, &measured), [""; 0]);
-        // The worst step is within its tolerance, and the cycles are optional.
+        // The worst step has changed by 6 % (tolerance 10 %), and the missing cycles are optional.
         let later = json!({"machines": [{"insn": 1_002_000}], "ns": 3_200_000});
         let expected = "Encoder, instructions per code: the page states 1,000,000, this run measured 1,002,000";
         assert_eq!(section().differences(&page, &later), [expected]);

@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use crate::command::{AFTER_A_BUILD, BOARD_TARGET, Failure, OrFail, cargo, run, target_folder};
 use crate::install;
 
-/// A board with an STM32 microcontroller, for which there are images.
+/// Real board, with an STM32 microcontroller, for which images are built.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Board {
     /// NUCLEO-H743ZI2.
@@ -25,7 +25,8 @@ impl Board {
         ["h743", "f446"][self as usize]
     }
 
-    /// Names of the board's two images, each with its arguments for cargo; the default image is last.
+    /// Names of the board's two images, each with the arguments for cargo that select it; the default image
+    /// is last.
     pub(crate) const fn images(self) -> [[&'static str; 2]; 2] {
         match self {
             Self::H743 => [
@@ -40,19 +41,19 @@ impl Board {
     }
 }
 
-/// Folder with the images.
+/// Returns the folder to which [`build`] copies the images.
 pub(crate) fn folder() -> PathBuf {
     target_folder().join("virtual-board").join("images")
 }
 
-/// File of the image with this name.
+/// Returns the path of the image `name` in [`folder`].
 pub(crate) fn file(name: &str) -> PathBuf {
     folder().join(name).with_extension("elf")
 }
 
-/// Builds both images of a board: the one with the other port, then the default one. Cargo writes both to one
-/// path, so each is copied to a file of its own, with the list of its sources. The default image also stays
-/// where `cargo flash` looks for it.
+/// Builds both images of a board: first the one with the other port, then the default one. Cargo writes both
+/// to the same path, so each is copied to a separate file, together with the list of its sources (`.d`). The
+/// default image, built last, remains at cargo's path, where `cargo flash` looks for it.
 pub(crate) fn build(board: Board) -> Result<(), Failure> {
     install::board_target()?;
     let built = target_folder().join(BOARD_TARGET).join("firmware");

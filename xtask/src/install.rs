@@ -1,4 +1,4 @@
-//! Debian packages and parts of Rust that `test` needs, installed if this user is allowed to.
+//! Installs Debian packages and parts of Rust that `cargo xtask test` needs, if this user has the rights to.
 
 use std::path::Path;
 use std::process::Command;
@@ -16,7 +16,7 @@ const PACKAGES: [&str; 5] = [
     "qemu-system-arm",
 ];
 
-/// Installs everything that `test` needs and that is missing.
+/// Installs whatever `cargo xtask test` needs and this machine lacks.
 pub(crate) fn install() -> Result<(), Failure> {
     board_target()?;
     virtual_board_compiler()?;
@@ -40,8 +40,8 @@ pub(crate) fn board_target() -> Result<(), Failure> {
     )
 }
 
-/// Installs the Rust toolchain of the emulated boards, because rustup on many machines does not install it on
-/// first use.
+/// Installs the Rust toolchain of the emulated boards if it is missing: not every rustup installs a toolchain
+/// on first use.
 pub(crate) fn virtual_board_compiler() -> Result<(), Failure> {
     let version = virtual_board_toolchain();
     if succeeds(Command::new("rustup").args(["run", version, "cargo", "clippy", "--version"])) {
@@ -68,8 +68,8 @@ fn debian_packages() -> Result<(), Failure> {
     if missing.is_empty() {
         return Ok(());
     }
-    // Noninteractive, because without a terminal a question from a package would block the run. A fresh machine
-    // has no package lists, and apt-get needs them to install anything.
+    // Noninteractive, because a package's question would block a run without a terminal. The update comes
+    // first, because a fresh machine has no package lists, without which apt-get installs nothing.
     let update = "export DEBIAN_FRONTEND=noninteractive; apt-get update";
     let script = format!("{update}; {}", apt_get_install(&missing));
     let id = Command::new("id").arg("-u").output();

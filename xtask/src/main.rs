@@ -29,7 +29,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Run everything that CI runs; install what is missing, or say how
+    /// Run everything that CI runs; install what is missing, or print the command that does
     Test {
         /// Leave out the trainer, the emulators, the benchmarks and models of other shapes, and install
         /// nothing; tests that need ROS are skipped if it is missing
@@ -61,7 +61,7 @@ enum Verb {
         /// Print one JSON object instead of a table
         #[arg(long)]
         json: bool,
-        /// Run in real time behind a TCP port, for a bridge, until Ctrl-C
+        /// Run in real time with the link at a TCP port, for a bridge, until Ctrl-C
         #[arg(long, conflicts_with_all = ["codes", "json"])]
         live: bool,
         /// TCP port of --live on 127.0.0.1
@@ -74,7 +74,7 @@ enum Verb {
         #[arg(long, value_enum)]
         board: Option<Board>,
     },
-    /// Run the images that are flashed on emulated boards and test what they do, or leave one running for a
+    /// Test, on emulated boards, the images that are flashed to real ones, or leave one board running for a
     /// bridge
     Board {
         /// Board to test or to run; both if it is left out

@@ -8,7 +8,7 @@ use crate::command::{
 use crate::images::{self, Board};
 use crate::install;
 
-/// Builds the demo and the programs that it starts with one call of cargo, and runs the demo.
+/// Builds the demo, host-sim and the bridge with one call of cargo, then runs the demo.
 pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     eprintln!(
         "The whole path of Corticode for {seconds} s: synthetic EEG, virtual board, bridge, ROS master and \
@@ -21,7 +21,8 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     replace(demo.args([seconds.to_string(), seed.to_string()]))
 }
 
-/// Runs the report of the benchmarks. The program is optimised only for timings on the PC.
+/// Runs the program `report` of the benchmarks with these arguments. It is optimised only for `host`, the
+/// benchmark that measures time on this PC.
 pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     install::board_target()?;
     let is_timing = words.first().is_some_and(|word| word == "host");
@@ -46,7 +47,8 @@ pub(crate) fn hil(board: Option<Board>) -> Result<(), Failure> {
     replace(cargo(&run).arg(image))
 }
 
-/// Builds the image with the golden vectors for a board, which also shows that it links and fits.
+/// Builds the image with the golden vectors for a board. A successful build also shows that the image fits
+/// the board's memory.
 pub(crate) fn link_vectors(board: Board) -> Result<(), Failure> {
     let build = "build --package=on-target --bin=on-target --profile=firmware";
     let words = format!("{build} --target={BOARD_TARGET} --features={}", board.key());
@@ -67,7 +69,7 @@ pub(crate) fn live_qemu(port: u16) -> Result<(), Failure> {
     replace(&mut cargo(&live))
 }
 
-/// Runs cargo-deny over both workspaces.
+/// Runs cargo-deny in both workspaces: this one and that of the emulated boards.
 pub(crate) fn deny() -> Result<(), Failure> {
     let install = "`cargo install --locked cargo-deny`";
     require("cargo-deny", &mut cargo("deny"), install)?;

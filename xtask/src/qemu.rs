@@ -21,7 +21,7 @@ pub(crate) fn qemu(codes: u32, json: bool) -> Result<(), Failure> {
     passed
 }
 
-/// Prints the figures of a run as one JSON object or as tables.
+/// Prints the figures in `file`, and the message of `failure` among them, as one JSON object or as tables.
 ///
 /// # Errors
 /// A line of the file is not a JSON object.
@@ -38,8 +38,8 @@ pub(crate) fn report(file: &Path, failure: Option<&Failure>, json: bool) -> Resu
     figures::publish("qemu", "machine", machines, whole, json)
 }
 
-/// Returns figures over all machines: the least, sum or worst. A truth value holds if it holds on each
-/// machine.
+/// Returns figures that summarise all machines: the smallest, the sum or the worst of their values. A truth
+/// value is true if it is true on every machine.
 fn summary(machines: &Value) -> Row {
     let machines = || machines.as_array().into_iter().flatten();
     let figure = |pointer: &'static str| machines().filter_map(move |row| row.pointer(pointer));

@@ -1,4 +1,4 @@
-//! `cargo xtask test`: everything that CI checks, with the checks that fail fastest first.
+//! `cargo xtask test`: everything that CI checks, in stages that start with the quick checks.
 
 use std::process::Command;
 use std::time::Instant;
@@ -12,13 +12,13 @@ const AFTER_A_LINT: &str =
 const AFTER_A_TEST: &str =
     "run the failed test alone: `cargo test --package CRATE TEST_NAME`, its name as printed above";
 
-/// Crates that run on a microcontroller and need no feature of a board, and the images for emulated
-/// microcontrollers.
+/// Cargo arguments for the lints: the crates that run on a microcontroller without a feature for one board,
+/// and the images for emulated microcontrollers.
 const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8-nn --package=model \
     --package=pipeline --package=link --package=device --package=firmware --package=bench \
     --package=on-target --package=board-qemu";
 
-/// Name of a stage, and what it does.
+/// Name of a stage, and the function that runs it.
 type Stage = (&'static str, fn() -> Result<(), Failure>);
 
 /// Stages of `test --fast`, in the order in which they run.
@@ -94,8 +94,8 @@ fn lints(options: &str) -> Result<(), Failure> {
     run(&mut cargo(&words), AFTER_A_LINT)
 }
 
-/// Lints code that only the microcontrollers' compiler sees. The profile is that of the images, so lints and
-/// images share compiled macros and build scripts.
+/// Lints the selected packages for the microcontrollers' target, which includes code that is not compiled for
+/// a PC. Uses the profile of the images, so that lints and images share compiled macros and build scripts.
 fn lints_for_target(selection: &str) -> Result<(), Failure> {
     let target = format!("--profile=firmware --target={BOARD_TARGET}");
     lints(&format!("{target} {selection}"))
@@ -106,14 +106,14 @@ fn lints_for_microcontrollers() -> Result<(), Failure> {
     lints_for_target(&format!("{THUMB_CRATES} --features=pipeline/cortex-m7"))
 }
 
-/// Lints each board with each of its ports, one after the other, because the chips' features exclude each
-/// other.
+/// Lints every board with each of its ports in a separate call of cargo, because the features of the two
+/// chips exclude each other.
 fn lints_for_boards() -> Result<(), Failure> {
     let mut images = Board::ALL.into_iter().flat_map(Board::images);
     images.try_for_each(|[_, image]| lints_for_target(&format!("--package=board-stm32 {image}")))
 }
 
-/// Tests the default members of the workspace.
+/// Tests the default members of the workspace, except for models of other shapes and yanked dependencies.
 fn fast_tests() -> Result<(), Failure> {
     let skip = "--skip any_model_streams_as_it_batches --skip yanked";
     tests("", &mut cargo(&format!("test -- {skip}")))
@@ -127,8 +127,8 @@ fn full_tests() -> Result<(), Failure> {
     qemu::report(&figures, None, false)
 }
 
-/// Builds the programs that tests start, and runs the tests, which do not build them again. Both commands select
-/// the same packages: with different selections, most crates would have different features and be compiled twice.
+/// Builds the programs that tests start, then runs the tests with these builds. Both commands must select the
+/// same packages: otherwise cargo would compile most crates twice, with different features.
 fn tests(selection: &str, test: &mut Command) -> Result<(), Failure> {
     let build = format!("build --bins --tests {selection}");
     run(&mut cargo(&build), AFTER_A_BUILD)?;
@@ -156,8 +156,8 @@ fn images_for_boards() -> Result<(), Failure> {
     run(budget.arg(images::folder()), "see the message above")
 }
 
-/// Only the advisories in deny.toml need cargo-deny; tests/tests/licences.rs and sources.rs check the rest of
-/// it.
+/// Runs cargo-deny where it is installed. Only the advisories need it: tests/tests/licences.rs and sources.rs
+/// check the other rules of deny.toml.
 fn deny_where_installed() -> Result<(), Failure> {
     let is_installed = succeeds(&mut cargo("deny --version"));
     if is_installed {

@@ -7,7 +7,7 @@ use anyhow::Context;
 use artifact::Artifact;
 use serde::de::DeserializeOwned;
 
-/// Folder of the built-in model.
+/// Folder of the built-in model's artifact.
 pub(crate) const ARTIFACT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../model/artifact");
 
 /// Reads the built-in model's artifact.
@@ -19,10 +19,10 @@ pub(crate) fn artifact() -> anyhow::Result<Artifact> {
     Artifact::read(Path::new(ARTIFACT)).context(failed)
 }
 
-/// Returns the table, or the array of tables, `name` of `bench/FILE` with this text.
+/// Parses `text`, the contents of `bench/FILE`, and returns the table or array of tables `name`.
 ///
 /// # Errors
-/// There is no such table, or a table does not have the fields of `T`.
+/// `text` is no TOML, has no such table, or a table does not have the fields of `T`.
 pub(crate) fn table<T: DeserializeOwned>(file: &str, text: &str, name: &str) -> anyhow::Result<T> {
     let tables: Result<BTreeMap<String, T>, _> = toml::from_str(text);
     let table = tables.map_err(anyhow::Error::from).and_then(|mut tables| {

@@ -19,7 +19,8 @@ use super::images;
 use super::inputs::{self, Inputs};
 use crate::hop;
 
-/// A microcontroller, and the flash and RAM that acquisition and encoder leave free on it.
+/// A microcontroller, and the flash and RAM that acquisition and encoder leave free on it, bytes; negative if
+/// they do not fit.
 #[derive(Debug, Serialize)]
 struct Room {
     part: String,
@@ -38,7 +39,7 @@ struct Part {
     region: String,
 }
 
-/// Encodes at least `windows` windows on each machine.
+/// Encodes at least `windows` windows on each machine, and returns the report with all figures.
 ///
 /// # Errors
 /// QEMU or the target is missing, an image does not build or run, or an input cannot be made.
@@ -46,7 +47,7 @@ pub(crate) fn measure(windows: usize) -> anyhow::Result<Report> {
     let inputs = inputs::planes(windows)?;
     let bytes = input_file(&inputs);
     let mut expected = codes(&inputs);
-    // The image appends the digests of random networks, as long as one code.
+    // After the codes, the image writes digests of random networks, which together are as long as one code.
     expected.extend(crate::any_network::digests());
     let mut machines = Vec::new();
     let mut flash_bytes = 0;
@@ -73,7 +74,8 @@ pub(crate) fn measure(windows: usize) -> anyhow::Result<Report> {
     report(&inputs, &machines, flash_bytes)
 }
 
-/// Returns the contents of the input file: the time steps of each input, then the planes of all.
+/// Returns the contents of the images' input file: the number of time steps of each input, then the planes of
+/// all inputs.
 fn input_file(inputs: &Inputs<Plane>) -> Vec<u8> {
     let steps = inputs.data.first().map_or(0, Vec::len);
     let steps = u32::try_from(steps).unwrap_or(u32::MAX).to_le_bytes();
@@ -100,7 +102,7 @@ fn codes(inputs: &Inputs<Plane>) -> Vec<u8> {
     codes
 }
 
-/// Returns the number of codes in `output` that differ from those in `expected`.
+/// Returns the number of codes in `output` that differ from the code at the same position in `expected`.
 fn different(expected: &[u8], output: &[u8]) -> usize {
     let codes = output.chunks(CODE).zip(expected.chunks(CODE));
     codes.filter(|(code, expected)| code != expected).count()
@@ -135,15 +137,15 @@ fn report(
         "ram_bytes": ram_bytes,
         "flash_bytes": flash_bytes,
         "rooms": rooms(flash_bytes, ram_bytes)?,
-        // Per machine.
+        // Number of windows that each machine encodes.
         "windows": steps.map(hop::windows).sum::<usize>(),
         "machines": machines,
         "inputs": inputs.names,
         "skipped": inputs.skipped,
         "counted_elsewhere": checked_in::table::<Json>("published.toml", published, "encoder")?,
     });
-    // The Cortex-M4F has the limits. The kernels for the Cortex-M7 take more instructions, so that it can issue two
-    // at once.
+    // The limits apply to the Cortex-M4F. The kernels for the Cortex-M7 have more instructions, which that
+    // processor can issue in pairs.
     for (name, figure) in json!(machines[0].figures).as_object().into_iter().flatten() {
         figures[name] = figure.clone();
     }
@@ -152,7 +154,7 @@ fn report(
     Report::new("encoder", figures, next)
 }
 
-/// Returns the memory that acquisition and encoder leave free on each microcontroller of `parts.toml`.
+/// Returns the flash and RAM that acquisition and encoder leave free on each microcontroller of `parts.toml`.
 fn rooms(flash_bytes: usize, ram_bytes: u32) -> anyhow::Result<Vec<Room>> {
     let parts: Vec<Part> =
         checked_in::table("parts.toml", include_str!("../../parts.toml"), "part")?;
@@ -170,7 +172,8 @@ fn rooms(flash_bytes: usize, ram_bytes: u32) -> anyhow::Result<Vec<Room>> {
 mod tests {
     use super::*;
 
-    /// Report of one machine; `last` is the count of the last time step, all others take 1000 instructions.
+    /// Returns a report on one machine: the last time step of a hop takes `last` instructions, every other
+    /// one 1000.
     fn report_of(last: u32, change: fn(&mut Counts)) -> Report {
         let mut inputs = Inputs::new();
         for name in ["silence", "noise"] {

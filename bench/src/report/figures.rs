@@ -47,7 +47,8 @@ pub(crate) struct Report {
 }
 
 impl Limit {
-    /// Returns whether a figure is within the limit. NaN, which is `null` in JSON, is not.
+    /// Returns whether a figure is within the limit. `null`, as which JSON holds NaN, is within it only if
+    /// the figure is optional.
     fn contains(&self, figure: &Json) -> bool {
         if figure.is_null() {
             return self.optional;
@@ -118,7 +119,8 @@ impl Report {
     }
 }
 
-/// Returns the figure of this name with its label, or that of each microcontroller in `rooms`.
+/// Returns the figure `name` of `object` with its label. If there is none, returns the figures of that name
+/// in `rooms`, each labelled with its microcontroller.
 fn figures<'o>(object: &'o Json, name: &str) -> Vec<(String, &'o Json)> {
     if let Some(figure) = object.get(name) {
         return vec![(name.to_owned(), figure)];
@@ -157,7 +159,8 @@ mod tests {
     use super::*;
 
     impl Report {
-        /// Returns the sentences about exceeded limits.
+        /// Returns the sentences about exceeded limits, after checking that `outcome` and `object` agree with
+        /// them.
         pub(crate) fn faults(&self) -> &[String] {
             assert_eq!(self.outcome().is_err(), !self.faults.is_empty());
             assert_eq!(self.object["faults"], json!(self.faults));

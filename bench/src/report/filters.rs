@@ -24,9 +24,10 @@ use crate::tally::Tally;
 
 /// Contender whose figures have limits.
 const OURS: &str = "ours-blocks";
-/// Contender with which ours is compared.
+/// Contender whose number of instructions is compared with that of [`OURS`].
 const IDSP_DITHER: &str = "idsp-dither";
-/// Index in [`NAMES`] of the contender whose output must equal that of the one before it.
+/// Index in [`NAMES`] of our filters that run sample by sample; their output must equal that of the contender
+/// before them, [`OURS`].
 const SINGLES: usize = 1;
 
 /// What the image prints: the tallies of all contenders for each input.
@@ -105,7 +106,7 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&inputs, &machines, &noise)
 }
 
-/// Returns the file that an image should write: the outputs of all contenders on this PC.
+/// Returns the expected contents of the image's output file: the outputs of all contenders on this PC.
 fn expected(inputs: &Inputs<Block>) -> Vec<u8> {
     let mut bytes = Vec::new();
     for input in &inputs.data {
@@ -161,13 +162,13 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
     let mut all_ours = all().filter(|each| each.name.starts_with("ours"));
     let published = include_str!("../../published.toml");
     let figures = json!({
-        // Our filters in blocks of 4 samples: the worst block on either machine.
+        // Most instructions of our filters in blocks of 4 samples, over all inputs and both machines.
         "insn_per_sample_channel": most,
-        // Our filters from 0.5 to 60 Hz, with offset, mains and EEG.
+        // Noise of our filters from 0.5 to 60 Hz, on a signal with offset, mains and EEG.
         "noise_nv_rms": noise.ours.eeg,
-        // Instructions of idsp's best block over those of our worst block.
+        // Fewest instructions of idsp's filter over the most instructions of ours.
         "ratio_idsp_dither": peer / most,
-        // A peer's count may vary with the input.
+        // Only our contenders are checked: a peer's count may vary with the input.
         "constant_count": all_ours.all(|each| each.constant),
         "bits_equal": all().all(|each| each.different_blocks == 0),
         "machines": machines,
@@ -184,7 +185,8 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
 mod tests {
     use super::*;
 
-    /// Report of one machine, on which ours takes 5500 instructions per block and each peer 13420.
+    /// Returns a report on one machine, on which each of our contenders takes 5500 instructions per block and
+    /// each peer 13420.
     fn report_of(change: fn(&mut Contender)) -> Report {
         let mut ranges = [Range {
             fewest: 5_500,

@@ -13,7 +13,8 @@ use self::torch::{Answer, Torch};
 use super::checked_in;
 use super::figures::Report;
 
-/// Number of rounds in which every contender is timed once; one more before them warms up.
+/// Number of rounds; each times every contender once. One more round at the start is a warm-up and is not
+/// counted.
 const ROUNDS: usize = 9;
 
 /// Codes per second of the contenders in one round.
@@ -29,7 +30,7 @@ struct Round {
     torch: Option<Answer>,
 }
 
-/// Times our encoder and PyTorch in turns, and compares their codes.
+/// Times our encoder and PyTorch alternately, and compares the codes of both with those in floats.
 ///
 /// # Errors
 /// PyTorch does not run, or a contender's codes are incomplete.
@@ -58,8 +59,9 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&rounds[1..], int8_rms_levels, torch_relative)
 }
 
-/// Reports medians over the rounds. A ratio is the median of the rounds' ratios, because other load of the PC slows
-/// all contenders of a round equally. No speed has a limit, because it depends on the PC.
+/// Returns the report, with medians over the rounds. A ratio is the median of the rounds' ratios, because
+/// other load of the PC slows all contenders of a round equally. No speed has a limit, because it depends on
+/// the PC.
 fn report(
     rounds: &[Round],
     int8_rms_levels: f64,
@@ -82,7 +84,8 @@ fn report(
         "ratio_torch": median(&|round| Some(round.streaming / single(round)?)),
         "ratio_torch_batch": median(&|round| Some(round.streaming / batch(round)?)),
         "ratio_torch_windows_batch": median(&|round| Some(round.by_window / batch(round)?)),
-        // Distances of the codes from those in floats: in levels, and relative to the largest float.
+        // Distances from the codes of the float network: rms of the int8 codes in quantisation levels, and
+        // largest difference of PyTorch's codes relative to the largest value.
         "int8_rms_steps": int8_rms_levels,
         "torch_relative": torch_relative,
         "arch": env::consts::ARCH,
@@ -100,7 +103,7 @@ mod tests {
     use super::*;
 
     fn synthetic(with_torch: bool, torch_relative: f64) -> Report {
-        // The last round ran on a busy PC.
+        // The last round is ten times slower, as on a busy PC.
         let rounds = [1.0, 1.1, 0.1].map(|speed| Round {
             streaming: 8_000.0 * speed,
             by_window: 4_000.0 * speed,

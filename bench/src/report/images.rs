@@ -1,4 +1,4 @@
-//! Runs of the counting images, and the counts that they print.
+//! Runs the images that count instructions, and reads the counts that they print.
 
 use std::fs;
 use std::path::Path;
@@ -11,18 +11,18 @@ use serde::de::DeserializeOwned;
 use crate::block::{INPUTS, OUTPUTS};
 use crate::tally::Tally;
 
-/// Longest permitted silence of an image; measured 3 s on one loaded core.
+/// Longest permitted time in which an image prints nothing; measured 3 s on one busy core.
 const SILENCE: Duration = Duration::from_mins(2);
 
-/// Virtual time per instruction as a power of two: 2^10 ns, as the images' instruction counter
-/// expects.
+/// Virtual time per instruction: 2^10 ns, which the instruction counter in the images assumes.
 const INSTRUCTION_TIME: u8 = 10;
 
-/// Runs an image on these inputs in `folder` of cargo's target folder. Returns the TOML that it prints, and the output
-/// file, which has `length` bytes.
+/// Runs an image with `inputs` as its input file, in the subfolder `folder` of cargo's target folder. Returns
+/// the counts that the image prints as TOML, and its output file, which must have `length` bytes.
 ///
 /// # Errors
-/// The image does not run to its end, what it prints or its output is not as expected, or a file cannot be used.
+/// The image does not run to its end, its counts or its output file are not as expected, or a file cannot be
+/// read or written.
 pub(crate) fn run<T: DeserializeOwned>(
     image: &Image,
     machine: Machine,
@@ -52,19 +52,20 @@ pub(crate) fn run<T: DeserializeOwned>(
     Ok((counts?, output))
 }
 
-/// Instructions of a contender, or of a time step of a hop, over all inputs.
+/// Number of instructions of a contender, or of a time step of a hop, over all inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Range {
     pub(crate) fewest: u32,
     pub(crate) most: u32,
     /// Whether the number is the same for every input.
     ///
-    /// Runs on one input can differ: the position in a ring buffer can affect the count, its contents must not.
+    /// Runs on one input may differ, because the position in a ring buffer affects the count. The contents of
+    /// the buffer must not.
     pub(crate) constant: bool,
 }
 
 impl Range {
-    /// Returns the ranges of all columns: for each input there is one tally per column.
+    /// Returns the range of each column over all inputs; `inputs` has one row of tallies for each input.
     pub(crate) fn of_columns<const N: usize>(inputs: &[[Tally; N]]) -> [Self; N] {
         std::array::from_fn(|column| {
             let tallies = || inputs.iter().map(|tallies| tallies[column]);
@@ -103,7 +104,7 @@ mod tests {
             Range::of_columns(&inputs),
             [range(10, 11, true), range(20, 21, false)]
         );
-        // The same extremes, but not as often.
+        // The largest counts are equal, the smallest are not.
         let inputs = [[tally([10, 11])], [tally([11, 11])]];
         assert!(!Range::of_columns(&inputs)[0].constant);
     }

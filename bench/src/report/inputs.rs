@@ -1,4 +1,5 @@
-//! Inputs of the images, the same on every run: synthetic signals that no EEG contains, and EEG.
+//! Inputs of the images, the same in every run: test signals unlike any EEG, synthetic EEG, and real EEG
+//! where it is available.
 
 use std::env;
 use std::path::Path;
@@ -21,7 +22,7 @@ const RESAMPLED: &str = "derived/s001r04_61ch_512hz_i16.gdf";
 /// Real EEG for the encoder: 125 s, mains at 60 Hz, not used in training.
 const HELD_OUT: &str = "eegmmidb_S001/S001R11.edf";
 
-/// What failed when a recording cannot be read, and what to do next.
+/// Error message for a recording that cannot be read.
 const FAILED: &str = "reading real EEG failed\n  next: does CORTICODE_DATA name the right folder?";
 
 /// ADC counts of all channels at one sample time.
@@ -32,7 +33,7 @@ type Counts = [i32; CHANNELS];
 pub(crate) struct Inputs<T> {
     pub(crate) names: Vec<&'static str>,
     pub(crate) data: Vec<Vec<T>>,
-    /// Reasons for which inputs are left out, one per input.
+    /// Reasons why inputs are missing, one for each missing input.
     pub(crate) skipped: Vec<String>,
 }
 
@@ -50,7 +51,7 @@ impl<T> Inputs<T> {
         self.data.push(data);
     }
 
-    /// Adds an input that is present only with `CORTICODE_DATA`.
+    /// Adds real EEG, or the reason why it is not available.
     fn add_real(&mut self, data: Result<Vec<T>, String>) {
         match data {
             Ok(data) => self.add("real EEG", data),
@@ -109,8 +110,8 @@ pub(crate) fn synthetic() -> anyhow::Result<Generator> {
     Ok(Generator::new(&spec)?)
 }
 
-/// Reads a recording below the folder in `CORTICODE_DATA`, as the virtual ADC delivers it, or returns the reason to
-/// skip it.
+/// Reads a recording in the folder that `CORTICODE_DATA` names, as the virtual ADC delivers it. Returns
+/// `Ok(Err(reason))` if the variable is not set.
 fn recorded(file: &str) -> anyhow::Result<Result<Vec<Counts>, String>> {
     let Some(folder) = env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty()) else {
         return Ok(Err(format!(
@@ -142,7 +143,7 @@ fn to_planes(mains: Mains, samples: impl IntoIterator<Item = Counts>, steps: usi
     steps_of.map(|step| step.plane).take(steps).collect()
 }
 
-/// Random telegraph signal: every electrode jumps from rail to rail, 25 times per second on average.
+/// Random telegraph signal: every electrode jumps from rail to rail, 25.6 times per second on average.
 fn telegraph(mut random: ChaCha8Rng) -> impl Iterator<Item = Counts> {
     let mut counts = [Sample::MAX; CHANNELS];
     std::iter::repeat_with(move || {
@@ -156,7 +157,7 @@ fn telegraph(mut random: ChaCha8Rng) -> impl Iterator<Item = Counts> {
     })
 }
 
-/// White noise over the whole range of 24 bits.
+/// White noise with uniform distribution over the whole range of 24 bits.
 fn white(mut random: ChaCha8Rng) -> impl Iterator<Item = Counts> {
     std::iter::repeat_with(move || std::array::from_fn(|_| random.next_u32().cast_signed() >> 8))
 }

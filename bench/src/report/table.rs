@@ -2,10 +2,10 @@
 
 use serde_json::Value as Json;
 
-/// Fields that name an element of an array.
+/// Fields of an array's elements that name the element; the first that exists is its label in a table.
 const LABELS: [&str; 3] = ["name", "machine", "part"];
 
-/// Lays out rows of cells under a title: the first column to the left, all others to the right.
+/// Lays out rows of cells under a title, with the first column aligned left and all others aligned right.
 pub(crate) fn table(title: &str, rows: &[Vec<String>]) -> String {
     let mut text = format!("{title}\n");
     for row in rows
@@ -28,7 +28,8 @@ pub(crate) fn table(title: &str, rows: &[Vec<String>]) -> String {
     text
 }
 
-/// Returns the text of a number, flag, string or flat array; numbers have at most three decimals.
+/// Returns the text of a number, flag, string or flat array. A number has at most three decimals; below 0.01
+/// it is in scientific notation.
 pub(crate) fn cell(value: &Json) -> String {
     match value {
         Json::Null => "not measured".to_owned(),
@@ -42,8 +43,8 @@ pub(crate) fn cell(value: &Json) -> String {
     }
 }
 
-/// Returns the tables of a nested JSON value: one of its elements' flat fields, then those of their nested fields. The
-/// elements of an array have the same fields.
+/// Returns a nested JSON value as tables: one with the flat fields of the value's elements, then one for each
+/// nested field. The elements of an array must have the same fields.
 pub(crate) fn tables(title: &str, value: &Json) -> String {
     let elements: Vec<(String, &Json)> = match value {
         Json::Array(elements) if elements.iter().any(is_nested) => {
@@ -81,7 +82,7 @@ pub(crate) fn tables(title: &str, value: &Json) -> String {
         }
         rows.push(row);
     }
-    // Few elements with many fields are columns.
+    // With more fields than elements, swap rows and columns, so that each element is a column.
     if rows[0].len() > rows.len() {
         let columns = 0..rows[0].len();
         let column = |column| {

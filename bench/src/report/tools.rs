@@ -11,8 +11,8 @@ pub(crate) fn output_of(command: &mut Command) -> Option<String> {
     output.status.success().then(|| printed.into_owned())
 }
 
-/// Returns a tool of LLVM under the name by which it is installed: without version, or with the newest version, as
-/// Debian names them.
+/// Returns a command for a tool of LLVM. The tool's name may end with a version, as Debian names the tools;
+/// the newest version is taken if there is no tool without one.
 ///
 /// # Errors
 /// The tool is not installed.

@@ -12,17 +12,17 @@ use object::{
 /// Segment of an image that is loaded into memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Segment {
-    /// Address when the program runs.
+    /// Address of the segment while the program runs.
     pub(crate) address: u64,
-    /// Address in flash.
+    /// Address in flash. It differs from `address` for variables, which the start-up code copies to RAM.
     pub(crate) load_address: u64,
-    /// Bytes in flash.
+    /// Number of bytes in flash.
     pub(crate) file_size: u64,
-    /// Bytes when the program runs.
+    /// Number of bytes in memory while the program runs; it includes variables that start at zero.
     pub(crate) memory_size: u64,
 }
 
-/// What the budget needs to know of an image.
+/// Parts of an ELF file from which the budget is computed.
 #[derive(Debug)]
 pub(crate) struct Image {
     pub(crate) segments: Vec<Segment>,
@@ -33,7 +33,7 @@ pub(crate) struct Image {
 }
 
 impl Image {
-    /// Parses an ELF file; `None` if it is not one for a 32-bit ARM.
+    /// Parses `bytes`. Returns `None` if they are not a 32-bit ELF file for ARM.
     pub(crate) fn parse(bytes: &[u8]) -> Option<Self> {
         let file = ElfFile32::<LittleEndian>::parse(bytes).ok()?;
         if file.architecture() != Architecture::Arm {
@@ -74,11 +74,13 @@ mod tests {
 
     use super::*;
 
-    /// Builds an ELF file: a header, one program header, then 256 bytes.
+    /// Builds an ELF file for the machine number `machine` (40 is ARM): a header, one program header and 256
+    /// bytes.
     fn elf(machine: u8) -> Vec<u8> {
         let mut image = vec![0; 52];
         image[..7].copy_from_slice(b"\x7fELF\x01\x01\x01");
-        // Machine, place, size and number of program headers (System V ABI, chapter 4).
+        // Fields of the header: the machine, then offset, size and number of the program headers (System V
+        // ABI, chapter 4).
         for (at, byte) in [(18, machine), (28, 52), (42, 32), (44, 1)] {
             image[at] = byte;
         }

@@ -1,20 +1,21 @@
-//! Checks that an image's variables, stack and DMA memory are where its memory map wants them.
+//! Checks that an image's variables, stack and DMA memory are where its memory map places them.
 
 use crate::image::Image;
 use crate::memory_map::Region;
 
-/// Start and end symbols of the variables that are zeroed, copied from flash, and not initialised
-/// (cortex-m-rt, link.x.in).
+/// Symbols at the start and end of the zeroed, the initialised and the uninitialised variables (cortex-m-rt,
+/// link.x.in).
 const RANGES: [(&str, &str); 3] = [
     ("__sbss", "__ebss"),
     ("__sdata", "__edata"),
     ("__suninit", "__euninit"),
 ];
 
-/// Section and region of the DMA's memory, on a board whose DMA does not reach all RAM.
+/// Section with the DMA's buffers, and the region that must hold it on a board whose DMA cannot reach all
+/// RAM.
 const DMA: (&str, &str) = (".dma", "SRAM1");
 
-/// Returns what is wrong with the places in an image.
+/// Returns one sentence for each symbol or section that is missing or is not where `regions` requires it.
 pub(crate) fn faults(image: &Image, regions: &[Region]) -> Vec<String> {
     let place = |wanted: &str| regions.iter().find(|region| region.name == wanted);
     let mut faults = Vec::new();
@@ -76,7 +77,7 @@ mod tests {
         )
     }
 
-    /// An image without faults in the regions of this test.
+    /// Returns an image whose symbols and sections are where [`regions`] requires them.
     fn image() -> Image {
         let sections = [
             (".text", 0x1000, 100),
@@ -113,7 +114,7 @@ mod tests {
     #[test]
     fn a_section_or_symbol_in_the_wrong_place_is_named() {
         for (name, address, fault) in [
-            // With .dma after .bss the start-up would zero everything in between.
+            // As if .dma were linked into .bss: the start-up code would zero everything up to `__ebss`.
             ("__ebss", 0x5020, "__ebss 0x00005020 is not in RAM"),
             ("__ebss", 0x3000, "__sbss 0x00003008"),
             ("__edata", 0x3041, "__edata"),

@@ -1,5 +1,5 @@
-//! `cargo xtask budget`: how much flash and RAM the boards' images take, what is left, and whether their
-//! variables are where their memory maps want them.
+//! `cargo xtask budget`: how much flash and RAM the boards' images take, how much is left, and whether
+//! variables are where the memory maps place them.
 //!
 //! ```text
 //! NAME.elf ── Image ──┬─ layout::faults (both images of a board) ──┬─ table or JSON, exit status
@@ -31,8 +31,8 @@ struct Board {
     regions: Vec<Row>,
 }
 
-/// Figures of a region, bytes. For a region without a limit only the length is known to be right, because the
-/// linker puts nothing there.
+/// Figures of a memory region, bytes. Where no limit is set, the image must take no memory, and only `length`
+/// is stated.
 #[derive(Debug, Serialize)]
 struct Row {
     region: String,
@@ -64,7 +64,8 @@ fn main() -> ExitCode {
     ExitCode::FAILURE
 }
 
-/// Prints the figures of every board, and returns what is wrong with the images in a folder.
+/// Prints the figures of every board's default image, and returns one sentence for each fault of any image in
+/// `folder`.
 fn budget(folder: &Path, json: bool) -> Result<Vec<String>, String> {
     let (mut boards, mut faults) = (Vec::new(), Vec::new());
     for limits in &BOARDS {
@@ -107,7 +108,8 @@ fn read(path: &Path) -> Result<Vec<u8>, String> {
     fs::read(path).map_err(|error| format!("reading {} failed: {error}\n  {NEXT}", path.display()))
 }
 
-/// Returns the figures of an image's regions, and which limits it exceeds.
+/// Returns the figures of all regions for an image with these segments, and one sentence for each exceeded
+/// limit.
 fn measure(limits: &Limits, segments: &[Segment], regions: &[Region]) -> (Vec<Row>, Vec<String>) {
     let (mut rows, mut faults) = (Vec::new(), Vec::new());
     for region in regions {
@@ -140,7 +142,8 @@ fn measure(limits: &Limits, segments: &[Segment], regions: &[Region]) -> (Vec<Ro
     (rows, faults)
 }
 
-/// Bytes from a region's start to the end of what is flashed there, or is there when the program runs.
+/// Returns the number of bytes from a region's start to the end of the last segment in the region. A segment
+/// counts both where it is flashed and where it is while the program runs.
 fn used(region: &Region, segments: &[Segment]) -> u64 {
     let flashed = segments.iter().map(|one| (one.load_address, one.file_size));
     let running = segments.iter().map(|one| (one.address, one.memory_size));
@@ -178,7 +181,8 @@ mod tests {
         stack: 100,
     };
 
-    /// Measures code and, after a gap of 4 bytes, 16 bytes of initial values of variables.
+    /// Measures an image with `code` bytes of instructions and `variables` bytes of variables. In flash, the
+    /// 16 bytes of initial values follow the instructions after a gap of 4 bytes.
     fn measured(code: u64, variables: u64, map: &str) -> (Vec<Row>, String) {
         let code = Segment {
             address: 0x1000,

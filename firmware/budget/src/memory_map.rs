@@ -15,8 +15,8 @@ impl Region {
     }
 }
 
-/// Parses the regions of a linker script: `NAME : ORIGIN = 0x20000000, LENGTH = 32K`, one per line. A line
-/// that cannot be parsed is left out; whoever looks for its region by name then finds none.
+/// Parses the regions of a linker script, one per line, such as `NAME : ORIGIN = 0x20000000, LENGTH = 32K`.
+/// Leaves out a line of any other form; the budget then reports the region as missing.
 pub(crate) fn regions(script: &str) -> Vec<Region> {
     script.lines().filter_map(region).collect()
 }
@@ -32,7 +32,7 @@ fn region(line: &str) -> Option<Region> {
     })
 }
 
-/// Parses `0x20000000`, `512`, `32K` or `4M`.
+/// Parses an address or a number of bytes: `0x20000000`, `512`, `32K` or `4M`.
 fn bytes(text: &str) -> Option<u64> {
     let (digits, shift) = match text.chars().last()? {
         'K' => (text.strip_suffix('K')?, 10),

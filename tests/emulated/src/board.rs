@@ -16,9 +16,9 @@ use crate::input;
 /// Name of the application's package, and of the program in it.
 pub const APPLICATION: &str = "board-qemu";
 
-/// Duration of an instruction in virtual time: 2^4 ns, which is 62.5 million instructions a second,
-/// or 2.7 cycles per instruction at 168 MHz. docs/real-time.md computes 1.6 cycles per instruction
-/// for a code.
+/// Duration of an instruction in virtual time, as a power of two: 2^4 ns. This is 62.5 million instructions
+/// per second, or 2.7 cycles per instruction at 168 MHz. docs/real-time.md computes 1.6 cycles per
+/// instruction for a code.
 pub const INSTRUCTION_SHIFT: u8 = 4;
 
 /// An emulated board with the application's image, and the folder of a scenario.
@@ -30,12 +30,13 @@ pub struct Board {
     pub image: Image,
     /// QEMU's working folder, in which the image reads its files.
     pub folder: PathBuf,
-    /// Longest time that the image may print nothing: a minute to start and end QEMU on a loaded machine, and the
-    /// duration of the samples. The image prints only at its end, and runs faster than real time.
+    /// Longest time in which the image may print nothing: the duration of the samples, and a minute to start
+    /// and end QEMU on a loaded machine. The image prints only at its end, and runs faster than real time.
     pub silence: Duration,
 }
 
-/// Returns both machines; none, and `test` is reported as skipped, if QEMU or the target is missing.
+/// Returns both emulated machines. If QEMU or the target is missing, returns none and reports `test` as
+/// skipped.
 ///
 /// # Panics
 /// When one of them is missing and `CORTICODE_REQUIRE_ROS=1`.
@@ -50,13 +51,14 @@ pub fn machines(test: &str) -> impl Iterator<Item = Machine> + use<> {
     })
 }
 
-/// Returns both boards, or none as [`machines`] does. Each has a folder for `scenario` with the file of samples.
+/// Returns a board for each of the [`machines`], with a folder for `scenario` that contains the file of
+/// samples.
 ///
-/// The iterator builds each image when it reaches it. A scenario runs on one board after the other, because the
-/// load of the PC affects the timing of the emulated UART.
+/// The iterator builds a board's image when it returns the board. A scenario runs on one board after the other,
+/// because the load of the PC affects the timing of the emulated UART.
 ///
 /// # Panics
-/// When the image does not build or the folder cannot be written, or as [`machines`].
+/// When the image does not build or the folder cannot be written, and when [`machines`] panics.
 pub fn boards(scenario: &str, samples: &[Sample]) -> impl Iterator<Item = Board> {
     machines(&format!("{scenario} of the emulated application")).map(move |machine| {
         let image = or_panic(Image::build(APPLICATION, APPLICATION, machine.features));
@@ -90,13 +92,13 @@ impl Board {
         figures::record(Some(self.machine.name), figures);
     }
 
-    /// Writes a file into the folder.
+    /// Writes a file into the board's folder; it replaces any file of that name.
     ///
     /// # Panics
     /// When the file cannot be written.
     pub fn write(&self, name: &str, bytes: &[u8]) {
         let path = self.folder.join(name);
-        // Writing to a named pipe of an earlier run would block.
+        // A named pipe of an earlier run must go: writing to it would block.
         let _ = fs::remove_file(&path);
         or_panic(fs::write(&path, bytes).map_err(EmulatorError::file(&path)));
     }
@@ -125,8 +127,8 @@ impl Board {
         }
     }
 
-    /// Runs the image twice, both runs at the same time: a disturbance of the PC then affects them
-    /// at different instructions.
+    /// Runs the image in two emulators at the same time, so that load of the PC affects the two runs at
+    /// different instructions.
     ///
     /// # Panics
     /// When QEMU fails.

@@ -8,7 +8,8 @@ use model::{HOP, STEP_RATE_HZ};
 
 use crate::compare::first_difference;
 
-/// Selects from the intact frames, in order.
+/// Calls `select` with header and message of each intact frame, in order, and collects the items that it
+/// returns.
 pub fn filter_map<T>(
     mut sent: &[u8],
     mut select: impl FnMut(Header, ToHost<'_>) -> Option<T>,
@@ -39,7 +40,7 @@ pub fn frame<'m>(seq: u32, version: u8, message: &impl Message<'m>) -> Vec<u8> {
     frame.expect("the message fits a frame").to_vec()
 }
 
-/// Bytes of a message without its header; equal messages have equal bytes.
+/// Encodes a message as a frame with a fixed header, so that equal messages have equal bytes.
 ///
 /// # Panics
 /// When the message is longer than a frame.
@@ -50,10 +51,11 @@ pub fn encoded<'m>(message: &impl Message<'m>) -> Vec<u8> {
 /// Everything that a board has sent from one reset to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Boot {
-    /// Cause of the reset and fault in each `Hello`: one at the start of the boot, and one per `Identify`. The fault
-    /// is that of the previous boot, or damage found at the start; empty without either.
+    /// Reset cause and fault of each `Hello`. A board sends a `Hello` at the start of the boot and one per
+    /// `Identify`. The fault is that of the previous boot, or damage found at the start; empty if there is
+    /// neither.
     pub hellos: Vec<(ResetCause, String)>,
-    /// `Capabilities` in the form of [`encoded`].
+    /// Every `Capabilities` message, as bytes from [`encoded`].
     pub capabilities: Vec<Vec<u8>>,
     /// Codes with their device times in microseconds.
     pub timed_codes: Vec<(u64, Code)>,
@@ -61,9 +63,10 @@ pub struct Boot {
     pub quality: Vec<Quality>,
     /// Counters of the board, one frame per second.
     pub stats: Vec<Stats>,
-    /// Last reported times of the pipeline's stages, which cover the whole boot; empty without a report.
+    /// Times of the pipeline's stages in the last `Timing`, which cover the whole boot; empty if there was
+    /// none.
     pub timing: Timing,
-    /// Answers to commands, in the order sent.
+    /// Answers to commands, in the order in which the board sent them.
     pub acks: Vec<Ack>,
     /// Answers to `SyncTime`, with the device times of their frames in microseconds.
     pub clock_readings: Vec<(u64, ClockReading)>,
@@ -71,16 +74,17 @@ pub struct Boot {
     pub frames: u32,
     /// Decoding errors of the damaged frames.
     pub damaged: Vec<FrameError>,
-    /// Number of sequence numbers that no frame had.
+    /// Number of sequence numbers that are missing between those of the intact frames.
     pub missing: u32,
     /// Device time of the latest frame in microseconds.
     pub latest_us: u64,
-    /// Device time of the last answer in microseconds.
+    /// Device time of the frame with the last answer, in microseconds.
     pub last_ack_us: u64,
 }
 
 impl Boot {
-    /// Decodes what was sent, and splits it at each frame with the sequence number 0. Returns at least one boot.
+    /// Decodes the frames in `sent`, and starts a new boot at each frame with the sequence number 0. Returns
+    /// at least one boot.
     pub fn split(mut sent: &[u8]) -> Vec<Self> {
         let mut boots = Vec::new();
         let mut boot = Self::default();
@@ -106,10 +110,10 @@ impl Boot {
         boots
     }
 
-    /// Decodes what was sent by a board that has not reset itself.
+    /// Decodes the frames of a board that has not reset itself.
     ///
     /// # Panics
-    /// When there are several boots.
+    /// When `sent` contains several boots.
     pub fn only(sent: &[u8]) -> Self {
         let mut boots = Self::split(sent);
         let hellos: Vec<_> = boots.iter().map(|boot| &boot.hellos).collect();
@@ -143,13 +147,13 @@ impl Boot {
         self.timed_codes.iter().map(|(_, code)| *code).collect()
     }
 
-    /// Returns the last counters; zeros without any.
+    /// Returns the counters in the last `Stats`, or zeros if there was none.
     pub fn last_stats(&self) -> Stats {
         self.stats.last().copied().unwrap_or_default()
     }
 
-    /// Largest deviation of a code's device time from a whole number of hops after the first code,
-    /// in microseconds.
+    /// Largest deviation of a code's device time from its due time, in microseconds. Codes are due at whole
+    /// numbers of hops after the first code.
     pub fn jitter_us(&self) -> u64 {
         let Some((first, _)) = self.timed_codes.first() else {
             return 0;
@@ -161,7 +165,7 @@ impl Boot {
         differences.max().unwrap_or(0)
     }
 
-    /// Checks that codes and reports on electrodes equal the expected ones of host-sim.
+    /// Checks that codes and reports on the electrodes equal those in `expected`, which host-sim has sent.
     ///
     /// # Panics
     /// When they differ; the message names the first that does.
@@ -181,7 +185,7 @@ mod tests {
     use super::*;
     use crate::host;
 
-    /// Frames with sequence numbers from 0.
+    /// Returns `count` frames with counters, with sequence numbers from 0.
     fn stats(count: u32) -> Vec<Vec<u8>> {
         let message = ToHost::Stats(Stats::default());
         (0..count)
@@ -212,7 +216,7 @@ mod tests {
     fn a_code_that_is_late_by_a_microsecond_shows() {
         let sent = host::sent(Streams::CODES, &vec![Sample::default(); 512]);
         let mut boot = Boot::only(&sent);
-        // A window of 16 steps, then hops of 8: 4 samples per step.
+        // 512 samples are 128 steps: a window of 16 steps and 14 hops of 8 steps.
         assert_eq!(boot.timed_codes.len(), 15);
         assert_eq!(boot.jitter_us(), 0);
         boot.timed_codes[7].0 += 1;

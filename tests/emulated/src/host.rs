@@ -7,8 +7,8 @@ use link::{Start, Streams};
 use model::ADC_RATE_HZ;
 use pipeline::{Mains, Sample};
 
-/// Bytes that a virtual board sends when it streams these samples from device time 0, with the default mains
-/// frequency, as the image starts itself.
+/// Returns the bytes that host-sim's virtual board sends when it streams these samples. The board starts at
+/// device time 0 with the default mains frequency, as the image does with the argument `start`.
 ///
 /// # Panics
 /// When the outbox is closed, which does not happen.
@@ -17,7 +17,7 @@ pub fn sent(streams: Streams, samples: &[Sample]) -> Vec<u8> {
         session_id: 0,
         chip_uid: [0; 12],
     };
-    // It grows and drops nothing.
+    // This outbox grows, so the board drops no frame.
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = VirtualBoard::new(identity, Mains::default(), outbox.clone());
     let start = Start {

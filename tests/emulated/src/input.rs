@@ -8,10 +8,11 @@ use model::{ADC_RATE_HZ, CHANNELS, HOP, STEP_RATE_HZ, STEPS};
 use pipeline::Sample;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 
-/// File of the samples in the image's folder: 32-bit counts, little endian, one sample after the other.
+/// Name of the file with the samples in the image's folder: 32-bit counts, little endian, one sample after
+/// the other.
 pub const FILE: &str = "samples.i32";
 
-/// Real EEG below the folder that `CORTICODE_DATA` names: 125 s, held out of the training.
+/// Real EEG below the folder that `CORTICODE_DATA` names: 125 s, not used in training.
 const REAL: &str = "eegmmidb_S001/S001R11.edf";
 
 /// Samples, and where they come from.
@@ -26,10 +27,10 @@ pub struct Input {
 }
 
 impl Input {
-    /// Samples for the number of codes that `CORTICODE_CODES` asks for, 1000 by default.
+    /// Creates the samples for the number of codes in `CORTICODE_CODES`, or for 1000 codes if it is not set.
     ///
     /// # Panics
-    /// When the variable is not a number of 500 to 100 000, or as [`Input::new`].
+    /// When the variable is not a number from 500 to 100 000, and when [`Input::new`] panics.
     pub fn from_environment() -> Self {
         let codes = env::var("CORTICODE_CODES").map_or(Ok(1000), |codes| codes.parse());
         let codes = codes.expect("CORTICODE_CODES is a number");
@@ -40,8 +41,9 @@ impl Input {
         Self::new(codes)
     }
 
-    /// Samples for `codes` codes, equal in every run: synthetic EEG with channels at the rail,
-    /// followed, for up to half of the codes, by a real recording.
+    /// Creates the samples for `codes` codes, the same in every run: synthetic EEG with channels at the rail,
+    /// then a real recording for up to half of the samples. The recording is left out without
+    /// `CORTICODE_DATA`.
     ///
     /// # Panics
     /// When `CORTICODE_DATA` is set and the recording cannot be read.
@@ -69,14 +71,15 @@ impl Input {
         }
     }
 
-    /// The samples of the first seconds, or all of a shorter input.
+    /// Returns the samples of the first seconds, or all samples if the input is shorter.
     pub fn first_seconds(&self, seconds: usize) -> &[Sample] {
         let count = seconds * usize::from(ADC_RATE_HZ);
         &self.samples[..count.min(self.samples.len())]
     }
 }
 
-/// Counts of at most `count` samples of a recording, from its start, as the virtual ADC delivers them.
+/// Returns the first `count` samples of a recording, or all if it is shorter, as the virtual ADC delivers
+/// them.
 fn recorded(path: &Path, count: usize) -> Vec<[i32; CHANNELS]> {
     let recording = Recording::open(path);
     let recording = recording.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -89,7 +92,7 @@ fn recorded(path: &Path, count: usize) -> Vec<[i32; CHANNELS]> {
     counts.expect("the recording is whole")
 }
 
-/// Samples in the format of [`FILE`].
+/// Converts samples to the format of [`FILE`].
 pub fn to_bytes(samples: &[Sample]) -> Vec<u8> {
     let counts = samples.iter().flat_map(|sample| sample.counts);
     counts.flat_map(i32::to_le_bytes).collect()

@@ -4,8 +4,9 @@ use link::{Ack, AckResult, Decoder, MAX_FRAME, Message, Start, Streams, ToDevice
 
 use crate::frames::frame;
 
-/// File of the script in the image's folder. Each entry has the device time in microseconds (64 bits), the boot,
-/// counted from 1, and the length (32 bits each), all little endian, followed by the bytes.
+/// Name of the script's file in the image's folder. An entry has four fields, all integers little endian:
+/// device time in microseconds (64 bits), number of the boot, from 1 (32 bits), number of bytes (32 bits),
+/// and the bytes.
 pub const FILE: &str = "commands.bin";
 
 /// Bytes for the board, and the answers that it must send.
@@ -22,17 +23,17 @@ pub struct Script {
     next_seq: u32,
 }
 
-/// The command that starts these streams with a mains frequency in Hz, 50 or 60, or 0 for the board's default.
+/// Returns the command that starts these streams. `mains_hz` is 50, 60, or 0 for the board's default.
 pub const fn start(streams: Streams, mains_hz: u8) -> ToDevice {
     ToDevice::Start(Start { streams, mains_hz })
 }
 
 impl Script {
-    /// Adds bytes that the board receives at this device time of this boot, which is counted from 1. Times must
-    /// not decrease from call to call.
+    /// Adds bytes that the board receives at the device time `at_us` of the boot `boot`; the first boot is 1.
+    /// Times must not decrease from call to call.
     ///
     /// # Panics
-    /// When there are 4 GiB or more.
+    /// When `bytes` has 4 GiB or more.
     pub fn add_bytes(&mut self, boot: u32, at_us: u64, bytes: &[u8]) {
         let length = u32::try_from(bytes.len()).expect("less than 4 GiB");
         self.file.extend(at_us.to_le_bytes());
@@ -56,7 +57,7 @@ impl Script {
         self.repeat_command(boot, at_us);
     }
 
-    /// Repeats the last command, as a host does that has not received the answer.
+    /// Repeats the last command, as does a host that has not received the answer.
     pub fn repeat_command(&mut self, boot: u32, at_us: u64) {
         if let Some((bytes, answer)) = self.last.clone() {
             self.add_bytes(boot, at_us, &bytes);
@@ -64,7 +65,7 @@ impl Script {
         }
     }
 
-    /// Number of commands that a board decodes from the bytes, and number of frames that it cannot use.
+    /// Returns how many commands a board decodes from the script's bytes, and how many frames it cannot use.
     pub fn decodable_and_unusable(&self) -> (u32, u32) {
         let mut bytes = &self.bytes[..];
         let mut decoder = Decoder::<MAX_FRAME>::new();

@@ -13,7 +13,7 @@ use crate::script::{Script, start};
 pub const PERIOD_US: u64 = 10_000;
 /// Time from a command to the garbage that follows it, in microseconds.
 const GARBAGE_US: u64 = 5_000;
-/// Silence before the samples end, in microseconds; it is long enough for the last counters to
+/// Time without commands before the samples end, in microseconds. It is long enough for the last counters to
 /// include every command.
 const SILENCE_US: u64 = 1_500_000;
 
@@ -70,7 +70,8 @@ fn add_command(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     }
 }
 
-/// Adds bytes that are not a valid command. The bytes end with a zero, so the next frame is intact.
+/// Adds bytes that are not a valid command. The bytes end with a zero, which separates them from the next
+/// frame.
 fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     let ping = frame(7, VERSION, &ToDevice::Ping);
     let mut bytes = match random.random_range(0..6) {
@@ -85,7 +86,7 @@ fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
             damaged
         }
         2 => ping[..random.random_range(1..ping.len() - 1)].to_vec(),
-        // An echo of the board's own answer.
+        // An answer, which only a board sends, as if the line echoed it.
         3 => encoded(&ToHost::Ack(Ack {
             of: 7,
             result: AckResult::Done,

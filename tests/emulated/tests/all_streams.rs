@@ -13,12 +13,12 @@ use model::{ADC_RATE_HZ, CELLS, CHANNELS, STEPS};
 use pipeline::{Encoder, Step};
 use serde_json::json;
 
-/// Number of samples: 31 s, which is enough for four audits. They are taken from the middle of the
-/// input, where the real recording starts. The number is a multiple of the samples in a frame.
+/// Number of samples: 31 s, long enough for four audits. The samples are taken from the middle of the input,
+/// where the real recording starts. Their number is a multiple of the samples in a frame.
 const SAMPLES: usize = 15_872;
 
-/// Largest number of samples by which the board's counters of the acquisition can be ahead of
-/// host-sim's: the samples that wait for the encoder.
+/// Largest number of samples by which the board's `Stats` can be ahead of host-sim's: the board counts
+/// samples that still wait for the encoder.
 const MAX_AHEAD: u64 = 16;
 
 #[test]
@@ -76,8 +76,9 @@ fn all_streams_at_once_equal_host_sims() {
     }
 }
 
-/// Collects the messages with output of the pipeline, in order: kind, device time in microseconds after the first one,
-/// and the form of [`frames::encoded`]. Events are left out: host-sim has no trigger here.
+/// Collects the messages with output of the pipeline, in order: kind, device time in microseconds after the
+/// first of them, and bytes from [`frames::encoded`]. Events are left out, because host-sim has no trigger
+/// here.
 fn outputs(sent: &[u8]) -> Vec<(&'static str, u64, Vec<u8>)> {
     let mut first_us = None;
     frames::filter_map(sent, |header, message| {
@@ -95,8 +96,8 @@ fn outputs(sent: &[u8]) -> Vec<(&'static str, u64, Vec<u8>)> {
     })
 }
 
-/// Returns for each audit whether its code equals the one that the encoder computes from its planes, and the one that
-/// was sent for its window.
+/// Returns for each audit whether its code equals two others: the code that the encoder computes from the
+/// audit's planes, and the code that was sent for its window.
 fn audits(sent: &[u8], codes: &[Code]) -> Vec<bool> {
     frames::filter_map(sent, |_, message| {
         let ToHost::Audit(audit) = message else {
@@ -125,7 +126,7 @@ fn audits(sent: &[u8], codes: &[Code]) -> Vec<bool> {
     })
 }
 
-/// Counts of all channels in the raw frames, one sample after the other.
+/// Returns the counts of all channels in the raw frames, one sample after the other.
 fn raw_counts(sent: &[u8]) -> Vec<i32> {
     let frames = frames::filter_map(sent, |_, message| match message {
         ToHost::Raw(raw) => Some(raw.counts().collect::<Vec<_>>()),
@@ -134,7 +135,8 @@ fn raw_counts(sent: &[u8]) -> Vec<i32> {
     frames.concat()
 }
 
-/// Describes the first counters that are not host-sim's. Those of the acquisition can be ahead by [`MAX_AHEAD`].
+/// Describes the first `Stats` that differ from host-sim's. Counts of acquired samples may be ahead by
+/// [`MAX_AHEAD`].
 fn first_different_stats(found: &[Stats], expected: &[Stats]) -> Option<String> {
     let mut found = found.to_vec();
     for (found, expected) in found.iter_mut().zip(expected) {

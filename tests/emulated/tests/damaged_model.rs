@@ -11,7 +11,7 @@ use emulator::{EmulatorError, Image};
 use link::{AckResult, Streams};
 use serde_json::json;
 
-/// Duration of the samples in seconds; the board receives `Start` early in them.
+/// Duration of the samples in seconds; the board receives `Start` at device time 0.
 const SECONDS: usize = 10;
 
 /// Fault that `Hello` reports for a damaged model.
@@ -50,7 +50,8 @@ fn faults(boot: &Boot) -> String {
     faults.collect::<Vec<_>>().join("; ")
 }
 
-/// Inverts one bit of the network's bias, which is in one place of an image.
+/// Inverts one bit of the bias of the fully connected layer, whose bytes must occur exactly once in the
+/// image.
 fn damaged(mut elf: Vec<u8>) -> Vec<u8> {
     let bias = model::NETWORK.fc_bias.map(i32::to_le_bytes);
     let bias = bias.as_flattened();

@@ -11,8 +11,8 @@ use link::{ResetCause, Streams};
 use model::{HOP, STEP_RATE_HZ, STEPS};
 use serde_json::json;
 
-/// For each failure: the argument that makes the image fail after a second, and the reset cause and
-/// a part of the fault in its next `Hello`.
+/// For each failure, the argument that makes the image fail after a second, the reset cause that the next
+/// `Hello` must report, and a part of the fault's text.
 const FAILURES: [(&str, ResetCause, &str); 3] = [
     ("hang", ResetCause::Watchdog, "watchdog"),
     ("panic", ResetCause::Fault, "asked to panic"),

@@ -14,12 +14,12 @@ const TEST: &str = "golden vectors on emulated microcontrollers";
 /// Name of the image's package, and of the program in it.
 const IMAGE: &str = "on-target";
 
-/// Duration of an instruction: 2^10 ns of virtual time, which is 25.6 ticks of the image's 25 MHz
-/// clock.
+/// Duration of an instruction in virtual time, as a power of two: 2^10 ns, which is 25.6 ticks of the image's
+/// 25 MHz clock.
 const INSTRUCTION_SHIFT: u8 = 10;
 const TICKS_OF_10_INSTRUCTIONS: u64 = 256;
 
-/// Longest time from one vector to the next, and to start QEMU, on a busy PC.
+/// Longest permitted time for QEMU to start, and from one vector's result to the next, on a busy PC.
 const SILENCE: Duration = Duration::from_mins(1);
 
 #[test]

@@ -12,19 +12,19 @@ use serde_json::json;
 /// Duration of the samples in seconds.
 const SECONDS: usize = 3;
 
-/// Time from an accepted `Reset` to the reset in microseconds, in which waiting frames are sent.
+/// Time in microseconds from an accepted `Reset` to the reset; the board sends its waiting frames during it.
 const DRAIN_US: u64 = 100_000;
-/// Largest delay of the reset in microseconds, up to the next alarm of the board's clock.
+/// Largest additional delay of the reset in microseconds: the time to the next alarm of the board's clock.
 const ALARM_US: u64 = 5_000;
 
-/// Host's clock in `SyncTime`, in microseconds; the board returns it unchanged.
+/// Host time in `SyncTime`, in microseconds; the board must return it unchanged.
 const HOST_US: u64 = 1 << 50;
 
-/// Device times of two commands in the first boot, in microseconds: the filtered steps start, and the reset.
+/// Device times of two commands in the first boot, in microseconds: `Start` with filtered steps, and `Reset`.
 const STEPS_US: u64 = 800_000;
 const RESET_US: u64 = 1_300_000;
 
-/// Commands for two boots, with their device times in microseconds.
+/// Returns the commands for two boots, with their device times in microseconds.
 fn script() -> Script {
     let mut script = Script::default();
     let mut add = |boot, at_us, command, result| script.add_command(boot, at_us, &command, result);
@@ -58,7 +58,7 @@ fn each_run_starts_at_window_0_and_refused_commands_change_nothing() {
         let answers: Vec<Ack> = boots.iter().flat_map(|boot| boot.acks.clone()).collect();
         let codes = boots.iter().flat_map(Boot::codes);
         let windows: Vec<u32> = codes.map(|code| code.window).collect();
-        // A gap between windows would look like another run.
+        // Windows of a run are consecutive. A missing window would therefore show as one run more.
         let runs: Vec<&[u32]> = windows
             .chunk_by(|before, after| before + 1 == *after)
             .collect();
@@ -72,7 +72,7 @@ fn each_run_starts_at_window_0_and_refused_commands_change_nothing() {
     }
 }
 
-/// Checks that only the run that was started with filtered steps sends them, from step 0 and without a gap.
+/// Checks that only the run started with filtered steps sends filtered steps, from step 0 and without a gap.
 fn check_steps(sent: &[u8]) {
     let steps = frames::filter_map(sent, |header, message| match message {
         ToHost::Filtered(steps) => Some((header.device_time_us, steps.first_step)),

@@ -18,15 +18,14 @@ use link::{Code, Streams};
 use rustix::pipe::fcntl_setpipe_size;
 use serde_json::json;
 
-/// Divisor of the number of samples: the host reads nothing during the first third of them. The
-/// board's queue is full after three seconds.
+/// Divisor of the number of samples: the host reads nothing during the first third of them, which is at least
+/// 10 s. After 3 s, pipe and queue are full and the board must drop frames.
 const STALLED_PART: usize = 3;
 
-/// Polling interval of a pipe that must not be read yet.
+/// Interval at which the reader checks whether it may read from the pipe.
 const POLL: Duration = Duration::from_millis(5);
 
-/// Capacity of the UART's pipe in bytes: one second of codes. The queue on the board holds two more
-/// seconds.
+/// Capacity of the UART's pipe in bytes: one second of codes. The board's queue holds two more seconds.
 const CAPACITY: usize = 4096;
 
 #[test]
@@ -34,8 +33,8 @@ fn a_board_drops_whole_frames_and_counts_them_while_its_host_does_not_read() {
     let input = Input::from_environment();
     let expected = Boot::only(&host::sent(Streams::CODES, &input.samples)).codes();
     for board in boards("stalled-host", &input.samples) {
-        // The samples arrive through a pipe, so the number that the board has read gives its
-        // virtual time.
+        // The samples arrive through a pipe, so the number of samples that the board has read shows how far
+        // its virtual time is.
         let taken = Arc::new(AtomicUsize::new(0));
         let counter = Arc::clone(&taken);
         let samples = input.samples.clone().into_iter().map(move |sample| {
@@ -86,7 +85,8 @@ fn run(board: &Board, may_read: impl Fn() -> bool + Sync) -> Vec<u8> {
     let path = board.folder.join("uart.out");
     or_panic(pipes::create(&board.folder.join("uart.in")));
     or_panic(pipes::create(&path));
-    // Opened in both directions, a pipe does not wait for QEMU, and it does not end with QEMU.
+    // Opening a pipe for reading and writing does not wait for QEMU. While `both` exists, the reader sees no
+    // end of file.
     let both = OpenOptions::new().read(true).write(true).open(&path);
     let both = both.expect("a pipe that exists");
     fcntl_setpipe_size(&both, CAPACITY).expect("a possible capacity");

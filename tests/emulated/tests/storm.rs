@@ -14,10 +14,11 @@ use link::{ClockReading, Streams, ToHost};
 use model::ADC_RATE_HZ;
 use serde_json::json;
 
-/// Length of the storm, in seconds of input; a shorter input ends it sooner.
+/// Duration of the storm in seconds of input, or the whole input if it is shorter.
 const SECONDS: usize = 60;
 
-/// Longest time from the arrival of a command to its reading in microseconds; acquiring samples has priority.
+/// Longest permitted time from the arrival of a command until the board reads it, in microseconds. Acquiring
+/// samples has priority over reading commands.
 const READ_WITHIN_US: u64 = 5_000;
 
 #[test]
@@ -59,16 +60,16 @@ fn a_storm_of_commands_is_answered_and_the_stream_loses_nothing() {
     }
 }
 
-/// Returns whether the board has read its clock soon after the command arrived, and sent the
-/// reading afterwards. The script's host uses the board's clock, and repeats a command after a
-/// multiple of [`PERIOD_US`].
+/// Returns whether the board has read the command within [`READ_WITHIN_US`] of its arrival, and sent the
+/// reading of its clock afterwards. The command states the device time at which the script first sends it as
+/// the host's time; repetitions arrive multiples of [`PERIOD_US`] later.
 fn is_prompt(device_us: u64, reading: &ClockReading) -> bool {
     let waited = reading.received_us.checked_sub(reading.host_time_us);
     waited.is_some_and(|waited| waited % PERIOD_US <= READ_WITHIN_US)
         && device_us >= reading.received_us
 }
 
-/// Returns the messages of all frames, without measured times.
+/// Returns the messages of all frames, without `Timing` and with `received_us` set to 0: measured times vary.
 fn contents(sent: &[u8]) -> Vec<Vec<u8>> {
     frames::filter_map(sent, |_, message| match message {
         ToHost::Timing(_) => None,

@@ -34,8 +34,9 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
             "different_codes": count_differences(&expected.codes(), &boot.codes()),
             "different_reports": count_differences(&expected.quality, &boot.quality),
             "repeatable": difference.is_none() && first.lines == second.lines,
-            // Measured times differ on a busy PC, presumably because QEMU's main loop is a separate
-            // thread: an interrupt of the UART then occurs some instructions earlier or later.
+            // False if measured times differ between the two runs, as they do on a busy PC. The presumed
+            // reason, not verified: QEMU's main loop is a separate thread, so an interrupt of the UART occurs
+            // some instructions earlier or later.
             "times_repeat": first.sent == second.sent,
             "samples": first.printed("samples"),
             "overruns": first.overruns(&boot).max(second.printed("overruns")),
@@ -57,7 +58,8 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
         assert_eq!(boot.jitter_us(), 0, "jitter_us");
         boot.assert_equal_outputs(&expected);
         assert_eq!(boot.capabilities, expected.capabilities, "capabilities");
-        // host-sim has another name, and counts at other times.
+        // These are not compared with host-sim's: its board has another name, and its counters are read at
+        // other times.
         assert_eq!(
             names(&first.sent),
             [("qemu-mps2".to_owned(), model::MODEL_ID)]
@@ -69,7 +71,7 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
     }
 }
 
-/// Returns header and message of each frame, except for frames with measured times.
+/// Returns header and message of each frame, without frames that contain measured times.
 fn without_timing(sent: &[u8]) -> Vec<(Header, Vec<u8>)> {
     frames::filter_map(sent, |header, message| match message {
         ToHost::Timing(_) => None,

@@ -3,7 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Each message states what failed, why, and what to do next.
+/// Reason why an image was not built or did not run to its end. Each message states what failed, why, and
+/// what to do next.
 #[derive(Debug, thiserror::Error)]
 pub enum EmulatorError {
     /// `qemu-system-arm` is not on the PATH.
@@ -26,7 +27,8 @@ pub enum EmulatorError {
         /// Exit status of cargo, or what its output lacked.
         why: String,
     },
-    /// The emulator did not start, it or its image ended with an error, or the image was silent for too long.
+    /// The emulator did not start, the emulator or its image ended with an error, or the image printed
+    /// nothing for too long.
     #[error("the image failed: {why}; it printed: {output}\n  next: run it by hand: `{command}`")]
     Failed {
         /// Exit status of the emulator, duration of the silence, or the reason of the operating system.
@@ -47,12 +49,12 @@ pub enum EmulatorError {
 }
 
 impl EmulatorError {
-    /// Returns whether something must be installed first, as opposed to a check that failed.
+    /// Returns whether QEMU or the target is missing, which the user must install.
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::QemuMissing | Self::TargetMissing)
     }
 
-    /// Adds the path to an error of the file system; an argument for `map_err`.
+    /// Returns a function for `map_err` that adds `path` to an error of the file system.
     pub fn file(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         |error| Self::File { path, error }

@@ -20,9 +20,9 @@ pub struct Image {
 impl Image {
     /// Builds the program `bin` of `package` with the profile `firmware`; `features` are arguments of cargo.
     ///
-    /// Cargo puts the images of all feature sets at one path, so the image is copied to a folder named after its
-    /// features. Compiler messages go to the standard error. If this program runs under cargo, the same cargo is
-    /// used.
+    /// Cargo writes the images of all feature sets to the same path, so the image is copied to a folder named
+    /// after its features. Compiler messages go to the standard error. If this program runs under cargo, it
+    /// uses the same cargo.
     ///
     /// # Errors
     /// The target is missing, the image does not build, or it cannot be copied.
@@ -58,7 +58,7 @@ impl Image {
         Ok(Self { path })
     }
 
-    /// An image that exists already, such as a modified copy.
+    /// Refers to an ELF file that exists already, such as a modified copy of an image.
     pub fn at(path: impl Into<PathBuf>) -> Self {
         Self { path: path.into() }
     }
@@ -81,7 +81,7 @@ impl Image {
     }
 }
 
-/// Returns the path of a program from the messages of a build.
+/// Returns the path of the program `bin` from cargo's messages about a build, which are lines of JSON.
 fn executable(messages: &str, bin: &str) -> Option<PathBuf> {
     let messages = messages.lines();
     let messages = messages.filter_map(|line| serde_json::from_str::<Value>(line).ok());

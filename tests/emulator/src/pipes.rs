@@ -9,8 +9,8 @@ use rustix::fs::{CWD, FileType, Mode, mknodat};
 
 use crate::error::EmulatorError;
 
-/// Creates a named pipe, in place of any file of that name. A separate thread writes the chunks into it, as fast as
-/// the reader and the iterator permit.
+/// Creates a named pipe, which replaces any file of that name. A new thread writes the chunks to the pipe, as
+/// fast as the reader takes them.
 ///
 /// # Errors
 /// The pipe cannot be created.
@@ -28,7 +28,7 @@ pub fn feed<T: AsRef<[u8]>>(
     Ok(())
 }
 
-/// Creates a named pipe, in place of any file of that name.
+/// Creates a named pipe, which replaces any file of that name.
 ///
 /// # Errors
 /// The pipe cannot be created.

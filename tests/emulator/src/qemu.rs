@@ -31,8 +31,8 @@ pub struct Qemu {
 }
 
 impl Qemu {
-    /// Prepares QEMU with an image, to be run in `folder`; the image can read `arguments`, the first of which is
-    /// its own name, through semihosting.
+    /// Prepares QEMU to run an image in `folder`. The image can read `arguments` through semihosting; the
+    /// first of them is the image's own name.
     pub fn new(image: &Image, machine: Machine, folder: &Path, arguments: &[&str]) -> Self {
         let semihosting = [&["enable=on,target=native"], arguments].concat();
         let mut command = Command::new(QEMU);
@@ -47,7 +47,8 @@ impl Qemu {
         Self { command }
     }
 
-    /// Counts virtual time in instructions of 2^`shift` ns each; an idle processor skips to its next interrupt.
+    /// Makes virtual time advance by 2^`shift` ns per instruction. While the processor is idle, virtual time
+    /// jumps to the next interrupt.
     pub fn instruction_time(&mut self, shift: u8) -> &mut Self {
         let icount = format!("shift={shift},sleep=off");
         self.command.args(["-icount", &icount]);
@@ -101,8 +102,8 @@ impl Qemu {
     }
 }
 
-/// Starts a command, passes on each line of its standard output, and returns its exit status. Ends a command that
-/// is silent for too long.
+/// Starts a command, calls `on_line` with each line of its standard output, and returns its exit status. Ends
+/// a command that prints nothing for longer than `silence`.
 fn pass_on(
     command: &mut Command,
     silence: Duration,
@@ -134,7 +135,7 @@ fn pass_on(
 mod tests {
     use super::*;
 
-    /// Runs a program with arguments in QEMU's place.
+    /// Runs another program with arguments instead of QEMU.
     fn run(words: &[&str], silence: Duration) -> Result<Vec<String>, EmulatorError> {
         let mut command = Command::new(words[0]);
         command.args(&words[1..]);

@@ -10,7 +10,7 @@ use crate::kernel::SHORTCUT;
 use crate::report::images::Range;
 use crate::tally::Tally;
 
-/// What the image prints.
+/// Counts that the image prints, as TOML.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Printed {
@@ -19,7 +19,7 @@ pub(crate) struct Printed {
     /// Number of instructions of the acquisition for all time steps of one code.
     acquisition_per_code: u32,
     kernels: Vec<KernelCount>,
-    /// For each input the tallies of the time steps of a hop.
+    /// For each input, the tally of each time step of a hop.
     inputs: Vec<[Tally; HOP]>,
 }
 
@@ -39,11 +39,11 @@ pub(crate) struct Counts {
     acquisition_per_code: u32,
     #[serde(skip)]
     pub(crate) ram_bytes: u32,
-    /// Number of codes that differ from those of the PC.
+    /// Number of codes that differ from those that this PC computes.
     pub(crate) different_codes: usize,
-    /// Empty if LLVM's tools are missing.
+    /// Cycles of the inner loops; empty if LLVM's tools are missing.
     pub(crate) loops: Vec<LoopCycles>,
-    /// Reasons for which figures are left out.
+    /// Reasons why figures are missing.
     pub(crate) skipped: Vec<String>,
 }
 
@@ -53,24 +53,25 @@ struct KernelCount {
     insn_per_code: u32,
 }
 
-/// The instruction figures.
+/// Numbers of instructions, and their ratios.
 ///
-/// The built-in network has a shortcut. A figure without it is the count with it minus that of the shortcut's matrix
-/// products, counted alone; they are spread evenly over the time steps of a hop.
+/// The built-in network has a shortcut, and figures with `shortcut` in their names include it. The others are
+/// computed by subtracting the instructions of the shortcut's matrix products, which are counted alone and
+/// divided evenly among the time steps of a hop.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Figures {
-    /// Sum, over the time steps of a hop, of the largest count of each.
+    /// Sum over the time steps of a hop, each with its largest count.
     insn_per_code: u32,
     pub(crate) insn_per_code_shortcut: u32,
     insn_after_last_sample: u32,
     insn_after_last_sample_shortcut: u32,
-    /// Worst time step over the mean of the best time steps.
+    /// Largest count of any time step, divided by the mean of the time steps' smallest counts.
     worst_over_mean: f64,
     worst_over_mean_shortcut: f64,
 }
 
 impl Counts {
-    /// Computes the counts from what the image printed; the codes are not compared, and the loops are missing.
+    /// Computes the counts from what the image printed. The caller compares the codes and adds the loops.
     pub(crate) fn new(machine: Machine, printed: Printed) -> Self {
         let steps = Range::of_columns(&printed.inputs);
         let kernels = printed.kernels.iter();
@@ -96,7 +97,8 @@ impl Counts {
 }
 
 impl Figures {
-    /// Computes the figures from the counts of the time steps; `shortcut` is the shortcut's count per code.
+    /// Computes the figures from the counts of the time steps. `shortcut` is the number of instructions that
+    /// the shortcut's matrix products take per code.
     fn new(steps: &[Range], shortcut: u32) -> Self {
         let hop = u32::try_from(HOP).unwrap_or(u32::MAX);
         let in_step = shortcut / hop;
@@ -128,8 +130,8 @@ mod tests {
     use super::*;
 
     impl Counts {
-        /// Counts of one input: the last time step of a hop takes `last`, all others 1000 instructions; the shortcut
-        /// takes 1600 per code.
+        /// Returns counts of one input: the last time step of a hop takes `last` instructions, every other
+        /// one 1000. The shortcut takes 1600 of them per code.
         pub(crate) fn synthetic(last: u32) -> Self {
             let printed = format!(
                 "ram_bytes = 35000
@@ -153,7 +155,7 @@ mod tests {
     #[test]
     fn the_shortcuts_products_are_subtracted_from_every_time_step() {
         let counts = Counts::synthetic(1500);
-        // 7 time steps of 1000 and the last of 1500; the shortcut takes 200 in each.
+        // 7 time steps take 1000 instructions each and the last one 1500; 200 in each are the shortcut's.
         let expected = Figures {
             insn_per_code: 8_500 - 1_600,
             insn_per_code_shortcut: 8_500,

@@ -7,15 +7,16 @@ use serde::Serialize;
 
 use super::disassembly::{Loop, disassemble};
 
-/// Cycles of an instruction outside the loops on a Cortex-M4: those of a load that follows no other load, the
-/// slowest of the common instructions there.
+/// Assumed cycles of every instruction outside the loops on a Cortex-M4: those of the slowest common
+/// instruction, a load that does not follow another load.
 pub(crate) const REST_M4: f64 = 2.0;
-/// Cycles of an instruction outside the loops on a Cortex-M7, which issues up to two instructions at once.
+/// Assumed cycles of every instruction outside the loops on a Cortex-M7, although it can issue two at once.
 pub(crate) const REST_M7: f64 = 1.0;
-/// Cycles of a taken branch on a Cortex-M4: 1 + P with P = 1 to 3 (ARM 100166, section 3.3.1).
+/// Assumed cycles of a taken branch on a Cortex-M4: 1 + P, where P is 1 to 3 (ARM 100166, section 3.3.1),
+/// with P = 2.
 const BRANCH_M4: u32 = 3;
-/// Cycles of a predicted branch on a Cortex-M7; the second one is for an instruction that cannot be issued together
-/// with it.
+/// Assumed cycles of a loop's branch on a Cortex-M7, not measured: one for the predicted branch, and one
+/// because the instruction before the branch may not be issued together with it.
 const BRANCH_M7: u32 = 2;
 
 /// Names of the instructions that multiply two pairs of 16-bit numbers.
@@ -27,15 +28,16 @@ pub(crate) struct LoopCycles {
     name: &'static str,
     /// Number of iterations of the loop per code.
     turns_per_code: u32,
-    /// Number of instructions in one iteration.
+    /// Number of instructions in one iteration, with the branch.
     instructions: u32,
-    /// Cycles per iteration by ARM's table, which exists for the Cortex-M4 only.
+    /// Cycles per iteration by ARM's table, with the branch; `None` for the Cortex-M7, which has no such
+    /// table.
     pub(crate) arm_table: Option<u32>,
-    /// Cycles per iteration by llvm-mca.
+    /// Cycles per iteration by llvm-mca, with the branch.
     pub(crate) llvm_mca: f64,
 }
 
-/// Reads the loops from the encoder's image.
+/// Finds the loops in the encoder's image and computes their cycles.
 ///
 /// # Errors
 /// LLVM's tools are not installed, or the image has other loops than expected.
@@ -61,7 +63,7 @@ pub(crate) fn loops(machine: Machine, image: &Image) -> anyhow::Result<Vec<LoopC
         loops.push(LoopCycles {
             name,
             turns_per_code: u32::try_from(per_code / share)?,
-            // The branch is one more.
+            // Plus the loop's branch, which `body` leaves out.
             instructions: u32::try_from(body.instructions.len() + 1)?,
             arm_table: (!is_m7).then(|| arm_table(&body.instructions) + branch),
             llvm_mca: body.simulated(cpu, &source)? + f64::from(branch),
@@ -70,10 +72,11 @@ pub(crate) fn loops(machine: Machine, image: &Image) -> anyhow::Result<Vec<LoopC
     Ok(loops)
 }
 
-/// Returns the loops' work: the function, instructions of which each iteration executes a fixed number, and how many
-/// of these instructions a code needs.
+/// Returns the loops' work: for each, the function that contains the loop, the instructions by which its work
+/// is counted, and the number of these instructions that a code needs.
 fn work() -> [(&'static str, &'static [&'static str], usize); 4] {
-    // Products of one time step, two weights in a pair of 16 bits; none in a mode without this branch.
+    // Product instructions of one time step: a `Pair` holds four 8-bit weights, which take two. The sum is 0
+    // in a mode without this branch of the network.
     let fc = NETWORK.fc.first().into_iter().flatten();
     let fc = 2 * fc.map(|weights| weights.len()).sum::<usize>();
     let shortcut = 2 * NETWORK.shortcut.first().map_or(0, |weights| weights.len());
@@ -88,8 +91,9 @@ fn work() -> [(&'static str, &'static [&'static str], usize); 4] {
     ]
 }
 
-/// Returns the cycles per code for this many instructions: those of each loop's iterations, and `rest` for each
-/// other instruction. `None` if a loop's cycles are unknown.
+/// Returns the cycles of a code that takes `instructions` instructions. `iteration` returns the cycles of one
+/// iteration of a loop; each instruction outside the loops takes `rest` cycles. `None` if the cycles of a
+/// loop are unknown.
 pub(crate) fn per_code(
     loops: &[LoopCycles],
     instructions: u32,
@@ -111,8 +115,9 @@ pub(crate) fn load_percent(cycles_per_code: f64, mhz: f64) -> f64 {
     100.0 * cycles_per_code * codes_per_second / (mhz * 1e6)
 }
 
-/// Returns the cycles on a Cortex-M4 by ARM's table (ARM 100166, section 3.3.1). A load or store of n words takes
-/// 1 + n; a single one takes 2, or 1 directly after another single one; every other instruction here takes 1.
+/// Returns the cycles on a Cortex-M4 by ARM's table (ARM 100166, section 3.3.1). A load or store of several
+/// words takes one cycle more than it has words. One of a single word takes 2, or 1 directly after another
+/// one of a single word. Every other instruction here takes 1.
 fn arm_table(instructions: &[String]) -> u32 {
     let mut cycles = 0;
     let mut was_single = false;
@@ -139,7 +144,7 @@ mod tests {
 
     #[test]
     fn arms_table_counts_words_and_loads_after_loads() {
-        // LDM of four words 5, LDRD 3, SMLAD 1, LDR 2, LDR after it 1, STR after it 1, CMP 1.
+        // Cycles: LDM of four words 5, LDRD 3, SMLAD 1, LDR 2, the next LDR 1, the STR after it 1, CMP 1.
         assert_eq!(arm_table(&Loop::of_quads().instructions), 14);
     }
 
@@ -158,7 +163,8 @@ mod tests {
         assert_eq!(by_table(&[quads(100)], REST_M4), Some(1_500.0 + 400.0));
         assert_eq!(by_table(&[quads(100)], REST_M7), Some(1_500.0 + 200.0));
         assert_eq!(by_table(&[], REST_M4), None);
-        // More instructions in the loops than were counted in all: the iterations are wrong.
+        // 121 iterations of 10 instructions are more than the 1200 instructions counted in all, so the number
+        // of iterations is wrong.
         assert_eq!(by_table(&[quads(121)], REST_M4), None);
         let load = load_percent(1_900.0, 168.0);
         assert!((load - 1_900.0 * 16.0 / 1.68e6).abs() < 1e-12, "{load}");

@@ -8,7 +8,7 @@ use emulator::EmulatorError;
 
 use crate::report::tools;
 
-/// Instructions of a loop in order, without its branch.
+/// Innermost loop of a function, without the branch that closes it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Loop {
     /// Instructions in order, in the assembler's syntax.
@@ -16,8 +16,8 @@ pub(crate) struct Loop {
 }
 
 impl Loop {
-    /// Finds the innermost loop of the function of this name: the instructions between its first backward
-    /// branch and the branch's target.
+    /// Finds the innermost loop of the function `function`: the instructions from the target of the first
+    /// backward branch up to that branch.
     pub(crate) fn find(disassembly: &str, function: &str) -> Option<Self> {
         let mut lines = disassembly.lines();
         let ends = [format!("::{function}::"), format!("::{function}>")];
@@ -42,8 +42,8 @@ impl Loop {
         None
     }
 
-    /// Simulates the loop with llvm-mca on this processor, and returns the mean cycles of an iteration without
-    /// its branch. Writes the loop to the file `source`.
+    /// Simulates the loop with llvm-mca for the processor `cpu`, and returns the mean number of cycles per
+    /// iteration, without the branch. Writes the instructions to the file `source`, which llvm-mca reads.
     ///
     /// # Errors
     /// llvm-mca is not installed or does not know an instruction.
@@ -65,8 +65,9 @@ impl Loop {
         Ok(f64::from(cycles) / f64::from(ITERATIONS))
     }
 
-    /// Replaces each IT instruction with a NOP and removes the conditions that it sets: LLVM's model of the
-    /// Cortex-M7 does not know IT, and a skipped instruction takes its time all the same.
+    /// Replaces each IT instruction with a NOP, and removes the conditions from the instructions that it
+    /// covers: LLVM's model of the Cortex-M7 does not know IT. An instruction whose condition is false is
+    /// assumed to take as long as an executed one.
     fn unconditional(&self) -> Vec<String> {
         let mut condition = "";
         let mut left = 0;
@@ -102,7 +103,7 @@ pub(crate) fn disassemble(image: &Path) -> anyhow::Result<String> {
     tools::output_of(&mut command).context("llvm-objdump fails")
 }
 
-/// Returns the target address of a conditional branch.
+/// Returns the target address of a conditional branch; `None` for other instructions.
 fn branch_target(instruction: &str) -> Option<u32> {
     let (name, operand) = instruction.split_once(' ')?;
     let name = name.strip_suffix(".w").unwrap_or(name);

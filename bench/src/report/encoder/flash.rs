@@ -8,9 +8,9 @@ use anyhow::ensure;
 use emulator::EmulatorError;
 use object::{Object, ObjectSegment};
 
-/// The one source file whose panics the firmware's tasks can reach: embassy-sync's queue asserts that it is not
-/// full when a slot is sent, and not empty when one is released. Both tasks do so only with a slot that the queue
-/// has returned.
+/// End of the path of the one source file from which the firmware's tasks may panic. Embassy-sync's queue
+/// asserts that it is not full when a slot is sent, and not empty when a slot is released. The tasks send and
+/// release only slots that the queue has returned, so neither assertion fails.
 const ALLOWED: &str = "src/zerocopy_channel.rs";
 
 /// Last characters of every source file's name, by which the names are found in the image.
@@ -31,10 +31,12 @@ pub(crate) fn loaded(image: &Path) -> anyhow::Result<Vec<u8>> {
     Ok(contents)
 }
 
-/// Checks that the queue contains the only reachable panics of an image that keeps its panics' locations.
+/// Checks that [`ALLOWED`] is the only source file with a reachable panic, in an image that keeps the source
+/// locations of its panics.
 ///
 /// # Errors
-/// Another source file has a reachable panic, or no location is found, so that the check itself is broken.
+/// Another source file has a reachable panic. Or not even [`ALLOWED`] is found, which means that the image
+/// does not keep the locations.
 pub(crate) fn check_panics(loaded: &[u8]) -> anyhow::Result<()> {
     let (allowed, others): (Vec<_>, Vec<_>) = source_files(loaded)
         .into_iter()
@@ -53,11 +55,11 @@ pub(crate) fn check_panics(loaded: &[u8]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Returns the names of source files among the loaded bytes.
+/// Returns the names of all source files that occur in the loaded bytes.
 fn source_files(loaded: &[u8]) -> BTreeSet<String> {
     let mut files = BTreeSet::new();
     for text in loaded.split(|byte| !byte.is_ascii_graphic()) {
-        // Constants can be adjacent: a name starts after the end of another.
+        // Names can follow each other without a separator, so each is cut after its `.rs`.
         for name in String::from_utf8_lossy(text).split_inclusive(SOURCE) {
             if name.ends_with(SOURCE) {
                 files.insert(name.to_owned());

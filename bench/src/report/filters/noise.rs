@@ -18,21 +18,22 @@ use super::spectrum::{Spectrum, real};
 use crate::idsp_cascade::{IdspCascade, Section29};
 use crate::response::{BAND_HZ, MAINS_HZ, Twin};
 
-/// Time before the measurement in which the filters settle, s: the slowest poles, 0.97 / s, decay by e^-31.
+/// Time for the filters to settle before the measurement, s. The slowest poles decay at 0.97 / s: by e^-31 in
+/// this time.
 const SETTLING_S: usize = 32;
 /// Duration of the measurement, s.
 const MEASURED_S: usize = 64;
 /// Number of electrodes, each with a different signal; their powers are averaged.
 const ELECTRODES: u64 = 8;
 
-/// Amplitudes of a test signal, uV: the electrode offset (of alternating sign from electrode to electrode), 50 Hz
-/// (peak), and pink noise from 0.5 Hz upwards (rms).
+/// Amplitudes of a test signal, uV: electrode offset, mains at 50 Hz (peak), and pink noise from 0.5 Hz
+/// upwards (rms). The offset's sign alternates from electrode to electrode.
 type Amplitudes = [f64; 3];
 const EEG: Amplitudes = [20_000.0, 100.0, 30.0];
 const MAINS: Amplitudes = [0.0, 100.0, 0.0];
 const SILENCE: Amplitudes = [0.0; 3];
 
-/// Noise of our filters, and of idsp's two quiet forms `DirectForm1Dither` and `DirectForm1Wide`.
+/// Noise of our filters, and of idsp's two low-noise forms `DirectForm1Dither` and `DirectForm1Wide`.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct Noise {
     pub(crate) ours: Measured,
@@ -78,7 +79,8 @@ impl Noise {
             points: measured.density.iter().copied().skip(1).collect(),
         };
         let nyquist_hz = f64::from(model::ADC_RATE_HZ) / 2.0;
-        // The ADC rounds to whole counts: LSB^2 / 12, evenly over all frequencies.
+        // Rounding to whole counts in the ADC adds noise of power LSB^2 / 12, spread evenly from 0 to
+        // `nyquist_hz`.
         let adc = f64::from(model::LSB_NV) / (12.0 * nyquist_hz).sqrt();
         let adc_in_band = adc * (BAND_HZ[1] - BAND_HZ[0]).sqrt();
         let rounding = Curve {
@@ -117,7 +119,8 @@ where
     move |x| cascade.apply(0, x)
 }
 
-/// Measures the filters that `at_rest` returns, one call per electrode.
+/// Measures the noise of a filter with each test signal. `at_rest` returns the filter in its initial state;
+/// it is called for each signal and electrode.
 fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measured {
     let spectrum = |amplitudes| {
         let spectra = (0..ELECTRODES).map(|electrode| {
@@ -137,7 +140,7 @@ fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measur
     }
 }
 
-/// Returns the difference of filter and twin on the same counts after settling, nV.
+/// Returns the output of `filter` minus that of `twin` for the same counts, nV, without the settling time.
 fn error_nv(counts: &[i32], mut twin: Twin, mut filter: impl FnMut(i32) -> i32) -> Vec<f64> {
     let nv = f64::from(model::LSB_NV) / f64::from(1 << GUARD_BITS);
     let errors = counts.iter().map(|count| {
@@ -179,7 +182,7 @@ fn pink(random: &mut ChaCha8Rng, samples: usize) -> Vec<f64> {
         }
     }
     let mut signal = transform.make_output_vec();
-    // Fails only for lengths other than that of the plan, and leaves silence then.
+    // Fails only if a length differs from the plan's; the signal would then be zeros.
     let _ = transform.process(&mut bins, &mut signal);
     let rms = (signal.iter().map(|x| x * x).sum::<f64>() / real(samples)).sqrt();
     signal.iter().map(|x| x / rms).collect()
@@ -208,9 +211,10 @@ mod tests {
         };
         let error = error_nv(&counts(EEG, 0), twin, filter);
         let rms = Spectrum::new(&error, model::ADC_RATE_HZ.into()).rms(BAND_HZ);
-        // LSB / sqrt(12), of which 59.5 Hz of 256 Hz are in the band.
+        // LSB / sqrt(12) rms is spread over 0 to 256 Hz, of which 59.5 Hz are in the band.
         let expected = f64::from(model::LSB_NV) / 12.0_f64.sqrt() * (59.5_f64 / 256.0).sqrt();
-        // Measured 1 % apart; the standard error of white noise over 64 s is 2 %.
+        // The two values were measured 1 % apart. In this band, the rms of 64 s of white noise has a standard
+        // error of about 0.9 %.
         assert!(
             (rms / expected - 1.0).abs() < 0.05,
             "{rms} instead of {expected}"

@@ -17,7 +17,7 @@ pub(crate) struct Spectrum {
 }
 
 impl Spectrum {
-    /// Averages the spectra of Hann-windowed segments that overlap by half; the mean of each is removed.
+    /// Averages the spectra of Hann-windowed segments that overlap by half, each without its mean.
     ///
     /// # Panics
     /// When the signal is shorter than a segment.
@@ -35,7 +35,7 @@ impl Spectrum {
         for segment in segments {
             let mean = segment.iter().sum::<f64>() / real(SEGMENT);
             let windowed = segment.iter().zip(&window).map(|(x, w)| (x - mean) * w);
-            // Fails only for lengths other than that of the plan.
+            // Fails only if a length differs from the plan's.
             if transform
                 .process(&mut windowed.collect::<Vec<_>>(), &mut bins)
                 .is_ok()
@@ -62,14 +62,14 @@ impl Spectrum {
         mean
     }
 
-    /// Returns the root of the power between two frequencies in Hz, both included.
+    /// Returns the rms value of the signal between two frequencies in Hz, both included.
     pub(crate) fn rms(&self, [low, high]: [f64; 2]) -> f64 {
         let inside = self.points().filter(|(hz, _)| (low..=high).contains(hz));
         let power: f64 = inside.map(|(_, power)| power * self.bin_hz).sum();
         power.sqrt()
     }
 
-    /// Returns frequency in Hz and power per Hz of each bin.
+    /// Returns the frequency in Hz and the power density of each bin.
     pub(crate) fn points(&self) -> impl Iterator<Item = (f64, f64)> {
         let points = self.power.iter().enumerate();
         points.map(|(bin, power)| (real(bin) * self.bin_hz, *power))

@@ -3,10 +3,10 @@
 use artifact::{Artifact, FloatEncoder};
 use model::{CELLS, CODE, CODE_SCALE, CODE_ZERO_POINT, STEPS};
 
-/// Number of windows that are compared: the reference is slow.
+/// Number of windows that are compared; it is small because the reference is slow.
 pub(crate) const COMPARED: usize = 32;
 
-/// Encodes the first windows in floats.
+/// Encodes the first [`COMPARED`] windows with the float network.
 ///
 /// # Errors
 /// The artifact has no encoder.
@@ -19,8 +19,8 @@ pub(crate) fn reference(
     Ok(windows.map(|window| encoder.encode(window)).collect())
 }
 
-/// Returns the rms difference of int8 codes from the reference, in quantisation levels. A reference
-/// outside the range of int8 counts as the end of the range.
+/// Returns the rms difference of int8 codes from the reference, in quantisation levels. A reference value
+/// outside the range of int8 is clamped to the range first.
 pub(crate) fn rms_levels(codes: &[i32], reference: &[[f32; CODE]]) -> f64 {
     let mut sum = 0.0;
     for (codes, reference) in codes.chunks_exact(CODE).zip(reference) {
@@ -34,8 +34,8 @@ pub(crate) fn rms_levels(codes: &[i32], reference: &[[f32; CODE]]) -> f64 {
     (sum / f64::from(values)).sqrt()
 }
 
-/// Returns the largest difference of float codes from the reference, relative to its largest value. The codes are
-/// numbers: a NaN does not count.
+/// Returns the largest difference of float codes from the reference, relative to the reference's largest
+/// value. No code may be NaN, which would be ignored.
 pub(crate) fn relative(codes: &[f32], reference: &[[f32; CODE]]) -> f64 {
     let reference = reference.as_flattened();
     let largest = reference.iter().map(|z| z.abs()).fold(0.0, f32::max);

@@ -12,7 +12,7 @@ use crate::report::inputs;
 /// Number of windows in the input, and in PyTorch's batch.
 const WINDOWS: usize = 256;
 
-/// Shortest duration of a measurement; `torch_encoder.py` has the same.
+/// Shortest duration of a measurement; `torch_encoder.py` uses the same value.
 const TURN: Duration = Duration::from_millis(200);
 
 /// Our encoder in the forms that are timed, with its input.
@@ -25,7 +25,7 @@ pub(crate) struct Ours {
 }
 
 impl Ours {
-    /// Makes the same input on every run.
+    /// Generates the input, which is the same in every run, and creates the encoders.
     pub(crate) fn new() -> anyhow::Result<Self> {
         let mut generator = inputs::synthetic()?;
         let mut acquisition = Acquisition::new(Mains::Hz50);
@@ -61,7 +61,7 @@ impl Ours {
     /// Returns the codes of all windows, value by value.
     ///
     /// # Errors
-    /// The codes of the stream are not those of its windows one by one, or one is missing.
+    /// Encoding the stream and encoding each window separately yield different codes, or a code is missing.
     pub(crate) fn codes(&self) -> anyhow::Result<Vec<i32>> {
         let values = |codes: &[Code]| -> Vec<i32> {
             codes.iter().flat_map(|code| code.values.levels()).collect()
@@ -95,7 +95,8 @@ impl Ours {
     }
 }
 
-/// Repeats `codes`, which returns the number of its codes, for [`TURN`]; returns codes per second.
+/// Calls `codes` again and again for at least [`TURN`]; returns codes per second. `codes` returns the number
+/// of codes that it has made.
 fn timed(mut codes: impl FnMut() -> usize) -> f64 {
     let start = Instant::now();
     let mut count = 0.0;

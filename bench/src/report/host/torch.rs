@@ -33,7 +33,7 @@ pub(crate) struct Answer {
 pub(crate) struct Torch(&'static str);
 
 impl Torch {
-    /// Finds an interpreter; `None` where no Python has PyTorch.
+    /// Finds an interpreter that imports PyTorch; `None` if there is none.
     pub(crate) fn find() -> Option<Self> {
         let python = PYTHONS.into_iter().find(|python| {
             tools::output_of(Command::new(python).args(["-c", "import torch"])).is_some()
@@ -48,10 +48,11 @@ impl Torch {
         python.map(Self)
     }
 
-    /// Encodes the windows, ordered by time step and cell, and times both ways to do so.
+    /// Encodes the windows, whose values are ordered by time step and cell. Times one call per window, and
+    /// one call with all windows.
     ///
     /// # Errors
-    /// The process fails, or a code is missing or no number.
+    /// The process fails, or its codes are incomplete or not numbers.
     pub(crate) fn encode(&self, windows: &[[f32; STEPS * CELLS]]) -> anyhow::Result<Answer> {
         let bytes = windows.as_flattened().iter();
         let bytes: Vec<u8> = bytes.flat_map(|cell| cell.to_le_bytes()).collect();
@@ -68,7 +69,7 @@ impl Torch {
     }
 }
 
-/// Runs a command on this input, and parses what it prints.
+/// Runs a command with `input` on its stdin, and parses what it prints.
 fn answer(command: &mut Command, input: &[u8]) -> anyhow::Result<Answer> {
     let mut process = command
         .stdin(Stdio::piped())

@@ -26,7 +26,8 @@ fn main() -> ExitCode {
     ExitCode::from(if missing { 2 } else { 1 })
 }
 
-/// Becomes QEMU, which ends at Ctrl-C. Without a file of samples the image generates synthetic EEG.
+/// Replaces this process by QEMU, which runs until Ctrl-C. There is no file of samples in the folder, so the
+/// image generates synthetic EEG.
 fn run(port: u16) -> Result<Infallible, Box<dyn Error>> {
     installed::check()?;
     let [cortex_m4f, _] = MACHINES;
@@ -35,7 +36,7 @@ fn run(port: u16) -> Result<Infallible, Box<dyn Error>> {
     let mut qemu = Qemu::new(&image, cortex_m4f, &folder, &[APPLICATION]);
     qemu.uart(Uart::Tcp(port));
     let address = format!("tcp:127.0.0.1:{port}");
-    // The port is free again at once: nobody has connected to it.
+    // Checks that the port is free. The listener is closed at once; no connection keeps the port busy.
     TcpListener::bind(("127.0.0.1", port)).map_err(|error| {
         format!("cannot listen on {address}: {error}\n  next: `--port` with another port")
     })?;
