@@ -1,7 +1,7 @@
 //! The application on an emulated microcontroller: QEMU's mps2-an386 (Cortex-M4F) or mps2-an500 (Cortex-M7).
 //!
 //! The image itself simulates the converter. Everything else works as on a board: Thumb code, interrupts,
-//! three executors and a UART. The samples come from the file [`sample_source::SAMPLES`] in QEMU's working
+//! three executors and a UART. The samples come from the file `sample_source::SAMPLES` in QEMU's working
 //! directory, and the emulation ends after the last sample of the file. Without the file, the samples are
 //! synthetic and endless. Under `-icount`, repeated emulations produce the same bytes.
 //!
@@ -12,8 +12,8 @@
 //! | `start` | streams codes without a command from the host |
 //! | `start-all` | starts all streams without a command from the host |
 //! | `hang`, `panic`, `fault` | a task fails in this way 1 s after the first boot; the second boot reports it |
-//! | `commands` | delivers the commands in the file [`commands::COMMANDS`] at their times |
-//! | `trigger` | applies the edges in the file [`trigger::EDGES`] to the trigger input |
+//! | `commands` | delivers the commands in the file `commands::COMMANDS` at their times |
+//! | `trigger` | applies the edges in the file `trigger::EDGES` to the trigger input |
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 #![deny(unsafe_code)]
