@@ -165,12 +165,14 @@ mod tests {
 
     #[test]
     fn a_code_decodes_to_the_window_worked_out_by_hand() {
-        // In testing::shortcut, output 0 of decoder.fc is code 0; tap (0,0,0) of conv1 from channel 0 to
-        // channel 0 is 1; the norm has gain 2 and offset 0.25; tap (2,2,2) of conv2 from channel 0 is 1,
-        // its bias -0.5; the shortcut is 0. Along an unpadded axis, conv2's tap shifts the region that
-        // pooled position 0 covers by two. Along a padded axis, conv1 shifts the region by one to the
-        // front, partly out of the volume, and conv2 by one to the back. Each case ends with the covered
-        // region and the first position that the tap reaches.
+        // testing::shortcut_with sets only these weights: decoder.fc passes number 0 of the code to output
+        // 0; tap (0,0,0) of conv1 (channel 0 to channel 0) is 1; the norm has gain 2 and offset 0.25; tap
+        // (2,2,2) of conv2 (from channel 0) is 1, and its bias is -0.5. Pooled position 0 is unpooled to
+        // a region at the origin. The convolutions are transposed. On an unpadded axis, conv1 leaves the
+        // region in place and conv2 moves it by +2. On a padded axis, conv1 moves it by -1, which loses
+        // what leaves the volume, and conv2 by +1. Inside the region, a value is gain * code + offset +
+        // bias. Outside, it is offset + bias from the first position that conv2's tap reaches, and the
+        // bias alone before that position. Each case ends with the region and this first position.
         let cases = [
             (Padding::None, [2, 2, 2], [2..4, 2..4, 2..5], [2, 2, 2]),
             (Padding::None, [4, 3, 5], [2..6, 2..5, 2..7], [2, 2, 2]),

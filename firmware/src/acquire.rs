@@ -97,9 +97,9 @@ fn publish_self_test_result(converter: &impl Converter, shared: &Shared) {
 struct Running {
     /// Settings of the run, until its first queued sample has passed them to the encoder; then `None`.
     start: Option<Run>,
-    /// Samples read since the start.
+    /// Samples read in the run.
     samples: u64,
-    /// Steps produced since the start.
+    /// Steps produced in the run.
     steps: u64,
     /// Faults since the last queued sample; the next queued sample carries them.
     marks: Marks,

@@ -44,7 +44,7 @@ pub struct SelfTest {
     pub drdy_missed: u32,
     /// One entry per chip; element 0 is the chip whose data output is wired to MISO.
     pub chips: Vec<ChipTest, MAX_CHIPS>,
-    /// One entry per ADC channel, in the ADC's order; empty if the test ended before the channels.
+    /// One entry per ADC channel, in the ADC's order; empty if the test ended before it measured the channels.
     pub channels: Vec<ChannelTest, MAX_ELECTRODES>,
 }
 

@@ -62,17 +62,17 @@ impl Acquisition {
         })
     }
 
-    /// Returns the number of samples processed since the start.
+    /// Returns the number of samples processed in the run.
     pub const fn samples(&self) -> u64 {
         self.samples
     }
 
-    /// Returns the number of electrode values that were clipped to int8 since the start; wraps.
+    /// Returns the number of electrode values that were clipped to int8 in the run; wraps.
     pub const fn clipped(&self) -> u32 {
         self.clipped_total
     }
 
-    /// Returns the number of counts at the ADC's rail since the start, over all channels; wraps.
+    /// Returns the number of counts at the ADC's rail in the run, over all channels; wraps.
     pub const fn saturated(&self) -> u32 {
         self.saturated_total
     }

@@ -7,9 +7,10 @@ use model::{CODE, CodeFormat};
 /// channels at the rail, settling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Code {
-    /// Index of the window since the start; wraps.
+    /// Index of the window in the run, from 0; wraps.
     pub window: u32,
-    /// Index, since the start, of the ADC sample of the window's first time step.
+    /// Index in the run, from 0, of the last ADC sample at or before the window's first step; see
+    /// [`Step::sample`](crate::Step::sample).
     pub first_sample: u64,
     /// Time from the ADC sample that completed the window to the window's last step, microseconds;
     /// see [`Step::offset_us`](crate::Step::offset_us).

@@ -18,7 +18,7 @@ pub const FLAT_BELOW_UV: f32 = 0.49;
 /// Signal quality of all electrodes within one second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
-    /// Index, since the start, of the first sample of the second.
+    /// Index in the run, from 0, of the first sample of the second that the report covers.
     pub first_sample: u64,
     /// True if the filters had not settled at the first step of the second: the figures of the filtered
     /// steps then include the filters' transient.

@@ -8,7 +8,7 @@ use crate::{front_end::Electrodes, plane::Plane};
 /// channels at the rail, settling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// Index, since the start, of the last ADC sample at or before the time of the step.
+    /// Index in the run, from 0, of the last ADC sample at or before the time of the step.
     pub sample: u64,
     /// Time from the ADC sample `sample` to the step, microseconds; 0 if the ADC's rate is a
     /// multiple of the step rate.

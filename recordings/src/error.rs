@@ -89,7 +89,7 @@ pub enum RecordingError {
         "no data: a record takes {record_bytes} bytes and the file holds {data_bytes} after its header"
     )]
     NoData {
-        /// Length of one record, bytes.
+        /// Length of one record with all its signals, bytes.
         record_bytes: u64,
         /// Bytes after the header.
         data_bytes: u64,

@@ -174,7 +174,7 @@ impl VirtualAdc {
         self.samples
     }
 
-    /// Counts of saturated and non-finite values since the start.
+    /// Counts of saturated and non-finite values since the start of the recording.
     pub fn counters(&self) -> AdcCounters {
         self.counters
     }

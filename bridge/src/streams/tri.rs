@@ -24,7 +24,8 @@ pub struct TriWords {
     /// Number of codes, samples or steps of this stream that were lost since the bridge started.
     /// The word carries the number modulo 2^16.
     pub lost: u64,
-    /// Level of the trigger input, 0 or 1; 0 while the device sends no events.
+    /// Level of the trigger input, 0 or 1, according to the edges received; 0 before the first edge,
+    /// and always 0 without the stream of events.
     pub trigger: u16,
 }
 

@@ -27,7 +27,7 @@ impl Arguments {
         Self { line }
     }
 
-    /// Returns whether `word` is one of the arguments.
+    /// Compares `word` with whole arguments, which are separated by single spaces.
     pub(crate) fn has(&self, word: &str) -> bool {
         let end = self.line.iter().position(|&byte| byte == 0);
         let line = &self.line[..end.unwrap_or(MAX_LINE)];

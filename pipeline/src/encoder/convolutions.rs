@@ -46,7 +46,7 @@ impl Convolutions {
     }
 
     /// Processes the input plane of step `index`. If the step completes a pooled plane, adds that plane
-    /// to the windows that contain it.
+    /// to the oldest window that contains it; a second window gets it in the next step.
     #[inline]
     pub(super) fn add_plane(
         &mut self,

@@ -1,4 +1,4 @@
-//! Reasons why an image was not built, did not run or did not end well.
+//! Reasons why an image was not built, did not run or ended with an error.
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -2,7 +2,7 @@
 
 use crate::image::{Image, LOOP};
 
-/// A failure to inject. Only registers and unused memory are changed, not the code of the image.
+/// Failure that a test injects. The injection changes registers and unused memory, not the code of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Injection {
     /// An endless loop.

@@ -10,7 +10,6 @@ use embedded_io_async::{Error, ErrorType, Read, Write};
 
 /// UART transmitter whose DMA reads the bytes directly from the given slice.
 pub(crate) trait Transmit {
-    /// Error that the UART reports.
     type Error: Error;
 
     /// Sends `bytes`. Returns when the DMA has moved all of them to the UART.
