@@ -139,8 +139,8 @@ impl HostFile {
     }
 
     fn with_mode(name: &str, mode: usize) -> Result<Self, Refused> {
-        let mut terminated = [0; 32];
-        let space = terminated.get_mut(..name.len()).ok_or(Refused)?;
+        let mut terminated = [0; 33];
+        let space = terminated[..32].get_mut(..name.len()).ok_or(Refused)?;
         space.copy_from_slice(name.as_bytes());
         // SAFETY: SYS_OPEN reads `name.len()` bytes and a zero at `terminated`, a local array that lives
         // until this function returns. The macro's argument block is a temporary that lives until the call

@@ -1,4 +1,4 @@
-//! The pure core: frame decoder and session, without input and output.
+//! The pure core: frame decoder and session. It performs no I/O itself.
 
 use std::sync::Arc;
 

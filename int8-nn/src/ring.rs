@@ -1,4 +1,4 @@
-//! A ring buffer of the last planes of a stream.
+//! A ring buffer of the most recent planes of a stream.
 
 /// A ring of the `DEPTH` most recent planes of `LEN` elements.
 #[derive(Clone, Copy, Debug)]

@@ -47,8 +47,8 @@ fn float_twin(mains: Mains, counts: &[i32]) -> Vec<f64> {
     model_gen::response::filter(&mains.filter().cascade.sections, input).collect()
 }
 
-/// Returns the largest difference between the fixed-point and the float output, and the largest
-/// fixed-point output, in units of a filtered sample.
+/// Returns the largest absolute difference between the fixed-point and the float output, and the
+/// largest magnitude of the fixed-point output, both in LSBs of a filtered sample (1/32 count).
 fn distance(mains: Mains, counts: &[i32]) -> [f64; 2] {
     let mut largest = [0.0_f64; 2];
     for (y, expected) in filtered(mains, counts)

@@ -1,4 +1,4 @@
-//! File formats, recognised by their first eight bytes.
+//! File formats. EDF, BDF and GDF are recognised by their first eight bytes.
 
 use std::fmt;
 

@@ -13,14 +13,14 @@ const SQUARE_DECAY: f32 = 0.999;
 /// Number added to the denominator, which keeps the update finite when gradients vanish.
 const EPSILON: f32 = 1e-8;
 
-/// Gradients by name of the tensor, last dimension fastest.
+/// Gradients, keyed by tensor name, in row-major order.
 pub type Gradients = BTreeMap<&'static str, Vec<f32>>;
 
 /// Adam (Kingma and Ba, arXiv 1412.6980, algorithm 1) with its usual constants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     pub(crate) updates: u64,
-    /// Decaying means of the gradient, by name of the tensor.
+    /// Decaying means of the gradient and of its square, keyed by tensor name.
     pub(crate) moments: BTreeMap<&'static str, Moments>,
 }
 

@@ -42,7 +42,7 @@ pub enum TrainerError {
     Recording {
         /// File name of the recording.
         name: String,
-        /// Error from the `recordings` crate.
+        /// Why the recording could not be read.
         source: recordings::RecordingError,
     },
     /// The electrode labels of a recording do not fit the montage.

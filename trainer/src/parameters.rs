@@ -1,4 +1,4 @@
-//! The parameters of the network, by the tensor names of the artifact.
+//! The parameters of the network, keyed by the artifact's tensor names.
 
 use crate::pool::GEOMETRY;
 use artifact::{

@@ -8,8 +8,8 @@ fn main() -> std::process::ExitCode {
     bench::report::main()
 }
 
-/// For a microcontroller this program is empty. It exists because the lints check all programs of this crate
-/// for that target too.
+/// Panic handler that a build for a microcontroller needs. There the program is empty; it is built only
+/// because the lints check all programs of this crate for that target too.
 #[cfg(target_os = "none")]
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {

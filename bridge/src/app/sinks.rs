@@ -11,8 +11,9 @@ use crate::app::ros_node::RosNode;
 /// frames per second. After a long outage all fillers are published at once, and a recorder must
 /// receive all of them. A frame takes about 3 KB, and only slow subscribers have frames waiting.
 const QUEUE_FRAMES: usize = 8192;
-/// Queue length per subscriber for frames of samples and of filtered steps. The queue holds the
-/// longest gap that is filled: 120 s at 16 frames per second, 1,920 frames of about 9 KB each.
+/// Queue length per subscriber for frames of samples and of filtered steps. It has room for the
+/// filler frames of the longest outage that is filled: 120 s at 16 frames per second, 1,920 frames
+/// of about 9 KB each.
 const QUEUE_SAMPLES: usize = 2048;
 /// Queue length per subscriber for messages with events and diagnostics. Few of them arrive per
 /// second, so the queue covers a recorder's pauses while it writes to disk.

@@ -1,4 +1,4 @@
-//! Protocol of a single request to a device, without input and output.
+//! Protocol of a single request to a device, as a state machine that performs no I/O itself.
 
 use link::{Ack, AckResult, Decoder, Encoder, MAX_FRAME, ResetInto, ToDevice, ToHost};
 

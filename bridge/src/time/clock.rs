@@ -84,7 +84,8 @@ pub struct Clock {
     offset: f64,
     /// Latest device time of all points, microseconds relative to `origin`.
     newest: f64,
-    /// Largest change of the offset during backlogs that the fit has not followed yet, microseconds.
+    /// Upper bound on the change of the offset during backlogs, which the fit could not follow,
+    /// microseconds. It is added to the permitted rise after [`PROMPT_SPAN_US`] without a backlog.
     unseen_drift: f64,
     /// Device time of the last frame from a backlog, microseconds relative to `origin`.
     newest_backlog: f64,

@@ -2,8 +2,8 @@
 
 use pipeline::Sample;
 
-/// Generator of synthetic EEG: a slow noise of its own for each channel, and a 10 Hz wave that the
-/// channels share at different amplitudes.
+/// Generator of synthetic EEG: independent low-frequency noise in each channel, and a 10 Hz wave that
+/// is common to all channels, with an amplitude that varies from channel to channel.
 #[derive(Debug)]
 pub(crate) struct Eeg {
     random: u32,

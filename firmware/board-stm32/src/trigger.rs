@@ -52,7 +52,7 @@ impl Trigger {
             ExtiInput::new_blocking(self.pin, self.line, Pull::Down, TriggerEdge::Any);
         // Dropping `input` would release the pin.
         core::mem::forget(input);
-        // A pin in an alternate function still passes its level to EXTI (RM0433, GPIO, external interrupt
+        // A pin in alternate-function mode still passes its level to EXTI (RM0433, GPIO, external interrupt
         // lines).
         GPIOB
             .afr(PIN / 8)

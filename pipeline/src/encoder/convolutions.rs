@@ -13,7 +13,7 @@ use super::{
 };
 use crate::plane::Plane;
 
-/// State of the convolutional layers: the last planes of each layer.
+/// State of the convolutional layers: the most recent planes of each layer.
 #[derive(Clone, Debug)]
 pub(super) struct Convolutions {
     /// The last three input planes, every cell paired with its right neighbour.

@@ -26,7 +26,7 @@ const OFFLINE_PERIOD: Duration = Duration::from_millis(500);
 /// Longest time that adding a topic or service waits for a master that accepts the connection but
 /// does not answer.
 const REGISTER_TIMEOUT: Duration = Duration::from_secs(2);
-/// Time limit for all unregistrations at shutdown together.
+/// Total time limit for all unregistrations at shutdown.
 const UNREGISTER_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Registration state of a node, and the calls that bring the master's registrations into line with

@@ -37,7 +37,7 @@ pub enum HeaderError {
     FieldTooLong {
         /// Announced length of the field, bytes.
         length: u32,
-        /// Number of bytes between the field's length and the end of the header.
+        /// Number of bytes that remain in the header after the field's four-byte length prefix.
         left: usize,
     },
     /// The header ends within the four-byte length of a field.

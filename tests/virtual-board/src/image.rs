@@ -51,7 +51,7 @@ pub enum ImageError {
         /// Command that builds the image.
         build: String,
     },
-    /// A segment of the image does not fit into the memories of the chip.
+    /// A segment of the image lies outside the chip's memories.
     #[error(
         "{path} is not for the {board}: it places {bytes} bytes at {address:#010x}, where the chip has no \
          memory; build the board's own image with `{build}`"

@@ -320,7 +320,7 @@ impl VirtualBoard {
         BoardError::new(what, diagnosis)
     }
 
-    /// Returns a snapshot for error messages: time, program counters, findings, resets.
+    /// Returns a snapshot for error messages.
     pub fn diagnosis(&mut self) -> Diagnosis {
         let findings = self.findings().unwrap_or_default();
         Diagnosis {
