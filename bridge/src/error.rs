@@ -1,4 +1,4 @@
-//! Errors that end the bridge or a query.
+//! Errors that end the bridge or one of its subcommands.
 
 use std::path::PathBuf;
 
@@ -8,6 +8,7 @@ use neuro_ros::ros1::NodeError;
 use thiserror::Error;
 
 use crate::query::report::DeviceSummary;
+use crate::recording::error::RecordingError;
 
 /// Error that ends the bridge or a query. For the bridge, an absent device or ROS master is not an
 /// error; it waits for them.
@@ -97,6 +98,39 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
+    /// The file to write exists already. Recordings and their conversions never replace a file.
+    #[error("{path} exists already; name another file, or move that one away")]
+    FileExists {
+        /// Path of the file.
+        path: PathBuf,
+    },
+    /// The file to write cannot be created.
+    #[error("{path} cannot be created; name a file in a folder that exists and is writable")]
+    FileCreation {
+        /// Path of the file.
+        path: PathBuf,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
+    /// A file cannot be written any further, because the disk is full or fails.
+    #[error(
+        "{path} cannot be written any further; everything up to here is in the file, so make room \
+         on the disk and go on with another file"
+    )]
+    FileWrite {
+        /// Path of the file.
+        path: PathBuf,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
+    /// The file to read is not a usable recording.
+    #[error("{path} cannot be used as a recording")]
+    Recording {
+        /// Path of the file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: RecordingError,
+    },
     /// A signal handler, a thread or stdout is not available.
     #[error("the operating system refuses a resource that the bridge needs")]
     System(#[from] std::io::Error),
@@ -109,11 +143,15 @@ impl BridgeError {
         match self {
             BridgeError::Sink(_)
             | BridgeError::System(_)
+            | BridgeError::FileWrite { .. }
             | BridgeError::RestartedDuringTest { .. } => 1,
             BridgeError::Port { .. }
             | BridgeError::Speed { .. }
             | BridgeError::Model(_)
             | BridgeError::Log { .. }
+            | BridgeError::FileExists { .. }
+            | BridgeError::FileCreation { .. }
+            | BridgeError::Recording { .. }
             | BridgeError::AnnouncedNotStreamed
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
             BridgeError::Node(_)

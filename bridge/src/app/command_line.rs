@@ -47,25 +47,14 @@ pub(crate) struct Options {
     /// Point of a frame that its stamp refers to
     #[arg(long, env = "CORTICODE_STAMP", value_enum, default_value_t)]
     pub(crate) stamp: StampPoint,
-    /// Mains frequency that the device shall remove, Hz; the device chooses by default
-    #[arg(long, env = "CORTICODE_MAINS", value_parser = mains)]
-    pub(crate) mains: Option<u8>,
+    #[command(flatten)]
+    pub(crate) asked: StreamOptions,
     /// Replacement of a lost code, sample or step
     #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
     pub(crate) filler: FillerPolicy,
     /// Reconstruct from the newest window alone: 62.5 ms earlier, with about 6 % more error
     #[arg(long, env = "CORTICODE_LOW_LATENCY")]
     pub(crate) low_latency: bool,
-    /// Streams of the device, comma-separated; codes are always included. A device that refuses
-    /// some is asked for fewer
-    #[arg(
-        long,
-        env = "CORTICODE_STREAMS",
-        value_enum,
-        value_delimiter = ',',
-        default_value = "codes,audit,events"
-    )]
-    pub(crate) streams: Vec<StreamKind>,
     /// Stream that /acquisition/get_info describes; record this one and no other
     #[arg(long, env = "CORTICODE_ANNOUNCE", value_enum, default_value_t)]
     pub(crate) announce: AnnouncedStream,
@@ -87,6 +76,37 @@ pub(crate) struct PortOptions {
     pub(crate) baud: u32,
 }
 
+/// What the device is asked for; options of the bridge and of `record`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct StreamOptions {
+    /// Mains frequency that the device shall remove, Hz; the device chooses by default
+    #[arg(long, env = "CORTICODE_MAINS", value_parser = mains)]
+    pub(crate) mains: Option<u8>,
+    /// Streams of the device, comma-separated; codes are always included. A device that refuses
+    /// some is asked for fewer
+    #[arg(
+        long,
+        env = "CORTICODE_STREAMS",
+        value_enum,
+        value_delimiter = ',',
+        default_value = "codes,audit,events"
+    )]
+    pub(crate) streams: Vec<StreamKind>,
+}
+
+impl StreamOptions {
+    /// Returns the mains frequency to remove, Hz; 0 leaves the choice to the device.
+    pub(crate) fn mains_hz(&self) -> u8 {
+        self.mains.unwrap_or(0)
+    }
+
+    /// Returns the streams to ask for, codes included.
+    pub(crate) fn streams(&self) -> Streams {
+        let asked = self.streams.iter();
+        asked.fold(Streams::CODES, |streams, kind| streams | kind.bit())
+    }
+}
+
 /// Destination of the frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum SinkKind {
@@ -102,14 +122,11 @@ impl Options {
     pub(crate) fn settings(&self) -> Settings {
         Settings {
             stamp: self.stamp,
-            mains_hz: self.mains.unwrap_or(0),
+            mains_hz: self.asked.mains_hz(),
             filler: self.filler,
             low_latency: self.low_latency,
             announced: self.announce,
-            streams: self
-                .streams
-                .iter()
-                .fold(Streams::CODES, |streams, kind| streams | kind.bit()),
+            streams: self.asked.streams(),
         }
     }
 
@@ -136,6 +153,8 @@ pub(crate) enum Task {
     SelfTest(SelfTestOptions),
     /// `reset`: the device restarts, and the program prints the cause that it reports.
     Reset(ResetOptions),
+    /// `record`: writes everything on the wire to a file.
+    Record(RecordOptions),
 }
 
 /// Test the device's converters with their internal signals, and print the results.
@@ -175,6 +194,26 @@ impl ResetOptions {
     }
 }
 
+/// Record everything that a device sends, byte for byte, with the time of every reading.
+///
+/// Asks the device for its streams as the bridge does, waits for an absent device and reconnects
+/// when it returns. Needs no ROS and decodes nothing. Ends on Ctrl-C or SIGTERM; a file that was
+/// not ended, because of kill -9 or an empty battery, is readable to its last whole frame. `replay`
+/// plays the file as a device, and `convert` writes it as GDF, BDF, CSV or NPZ. An existing file is
+/// never replaced.
+///
+/// Exit status: 0 done, 1 the file cannot be written any further, 2 wrong usage or an existing file.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "record")]
+pub(crate) struct RecordOptions {
+    /// File to write; it must not exist
+    pub(crate) file: PathBuf,
+    #[command(flatten)]
+    pub(crate) at: PortOptions,
+    #[command(flatten)]
+    pub(crate) asked: StreamOptions,
+}
+
 impl Task {
     /// Parses the arguments; the first one is the program's name.
     ///
@@ -186,10 +225,12 @@ impl Task {
             .args_conflicts_with_subcommands(true)
             .subcommand_negates_reqs(true)
             .subcommand(SelfTestOptions::command())
-            .subcommand(ResetOptions::command());
+            .subcommand(ResetOptions::command())
+            .subcommand(RecordOptions::command());
         let matches = command.try_get_matches_from_mut(arguments)?;
         let task = match matches.subcommand() {
             Some(("selftest", of)) => SelfTestOptions::from_arg_matches(of).map(Task::SelfTest),
+            Some(("record", of)) => RecordOptions::from_arg_matches(of).map(Task::Record),
             Some((_, of)) => ResetOptions::from_arg_matches(of).map(Task::Reset),
             None => {
                 Options::from_arg_matches(&matches).map(|options| Task::Bridge(Box::new(options)))

@@ -12,4 +12,5 @@ mod graph;
 mod lines;
 mod process;
 mod query;
+mod record;
 mod replug;
