@@ -123,6 +123,17 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
+    /// The port at which a recording shall be played cannot be made.
+    #[error(
+        "{output} cannot be made a port; choose pty:PATH with a path in a writable folder that no \
+         file has, or tcp:HOST:PORT with a free port"
+    )]
+    Output {
+        /// Address from `--output`.
+        output: String,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
     /// The file to read is not a usable recording.
     #[error("{path} cannot be used as a recording")]
     Recording {
@@ -152,6 +163,7 @@ impl BridgeError {
             | BridgeError::FileExists { .. }
             | BridgeError::FileCreation { .. }
             | BridgeError::Recording { .. }
+            | BridgeError::Output { .. }
             | BridgeError::AnnouncedNotStreamed
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
             BridgeError::Node(_)

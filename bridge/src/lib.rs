@@ -62,6 +62,7 @@
 #![forbid(unsafe_code)]
 
 mod app;
+mod conversion;
 mod core;
 mod decoder;
 mod device;
@@ -92,6 +93,7 @@ pub use recording::file_header::FileHeader;
 pub use recording::reader::{LeftOut, RecordingReader};
 pub use recording::record::{Record, RecordKind};
 pub use recording::recorder::Recorder;
+pub use recording::replayer::{Pace, ReplayCounts, Replayer};
 pub use settings::{AnnouncedStream, FillerPolicy, Settings, StampPoint, StreamKind};
 pub use streams::ledger::{Arrival, Ledger};
 pub use streams::tri::{TRI_LABELS, TriWords};

@@ -13,4 +13,5 @@ pub(crate) mod file_header;
 pub(crate) mod reader;
 pub(crate) mod record;
 pub(crate) mod recorder;
+pub(crate) mod replayer;
 pub(crate) mod splitter;

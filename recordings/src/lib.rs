@@ -1,4 +1,4 @@
-//! EEG recordings (EDF, BDF, GDF) played through a virtual ADC.
+//! EEG recordings (EDF, BDF, GDF): read, played through a virtual ADC, and written.
 //!
 //! Device code that uses this crate receives the samples that an ADC would deliver, whatever the
 //! rate, unit and channel order of the file. File formats are recognised by content, not by file
@@ -58,6 +58,7 @@ pub use electrode::Electrode;
 pub use error::RecordingError;
 pub use event::{Event, EventLabel};
 pub use format::Format;
+pub use gdf::writer::{FileToWrite, GdfWriter, SignalToWrite};
 pub use montage_map::{Missing, MontageMap, MontageMapError};
 pub use position::Position;
 pub use ratio::Ratio;

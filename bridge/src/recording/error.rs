@@ -39,13 +39,12 @@ pub enum RecordingError {
         /// Newest version that this program reads.
         newest: u16,
     },
-    /// No record of the file introduces a device.
+    /// The file holds no code or sample of a device that introduced itself.
     #[error(
-        "no device introduces itself in it, so its codes have no scale; record again, and check \
-         that the device answers"
+        "it holds no codes or samples of a device; record again, and check that the device answers"
     )]
     NoDevice,
     /// The operating system cannot read the file.
-    #[error("it cannot be read; check the disk")]
+    #[error("it cannot be read; check the path, the permissions and the disk")]
     Read(#[from] io::Error),
 }

@@ -53,10 +53,25 @@ impl<R: Read> RecordingReader<R> {
             left_out: LeftOut::default(),
             damaged: 0,
         };
-        reader.fill(FileHeader::BYTES)?;
-        reader.header = FileHeader::decode(&reader.buffer)?;
-        reader.position = FileHeader::BYTES;
+        reader.restart()?;
         Ok(reader)
+    }
+
+    pub(crate) fn source_mut(&mut self) -> &mut R {
+        &mut self.source
+    }
+
+    /// Reads the header again, after the caller has moved the source to its start.
+    pub(crate) fn restart(&mut self) -> Result<(), RecordingError> {
+        self.buffer.clear();
+        self.position = 0;
+        self.at_end = false;
+        self.left_out = LeftOut::default();
+        self.damaged = 0;
+        self.fill(FileHeader::BYTES)?;
+        self.header = FileHeader::decode(&self.buffer)?;
+        self.position = FileHeader::BYTES;
+        Ok(())
     }
 
     /// Returns the file's header.
