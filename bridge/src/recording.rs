@@ -10,6 +10,7 @@
 
 pub(crate) mod error;
 pub(crate) mod file_header;
+pub(crate) mod introduction;
 pub(crate) mod reader;
 pub(crate) mod record;
 pub(crate) mod recorder;

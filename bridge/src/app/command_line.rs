@@ -266,8 +266,12 @@ pub(crate) struct ConvertOptions {
 pub(crate) enum FileFormat {
     /// GDF 2.20: float32, and the events in a table.
     Gdf,
+    /// BDF+: 24 bits, and the events as annotations.
+    Bdf,
     /// Comma-separated values with a header line.
     Csv,
+    /// Arrays for numpy.
+    Npz,
 }
 
 impl FileFormat {
@@ -275,7 +279,9 @@ impl FileFormat {
     pub(crate) fn extension(self) -> &'static str {
         match self {
             FileFormat::Gdf => "gdf",
+            FileFormat::Bdf => "bdf",
             FileFormat::Csv => "csv",
+            FileFormat::Npz => "npz",
         }
     }
 }

@@ -11,10 +11,12 @@ use tracing::subscriber::NoSubscriber;
 
 use crate::app::command_line::{ConvertOptions, FileFormat};
 use crate::app::recording_file::create_new;
+use crate::conversion::bdf::BdfRows;
 use crate::conversion::block::Stream;
 use crate::conversion::collector::Listener;
 use crate::conversion::csv::CsvWriter;
 use crate::conversion::gdf::GdfRows;
+use crate::conversion::npz::NpzWriter;
 use crate::conversion::playback::Playback;
 use crate::conversion::rows::{RowWriter, Rows, StreamFile};
 use crate::conversion::survey::Survey;
@@ -164,6 +166,8 @@ fn writer(
     Ok(Some(match format {
         FileFormat::Csv => Box::new(CsvWriter::new(file, &description)?),
         FileFormat::Gdf => Box::new(GdfRows::new(file, &description)?),
+        FileFormat::Bdf => Box::new(BdfRows::new(file, &description)?),
+        FileFormat::Npz => Box::new(NpzWriter::new(file, &description)?),
     }))
 }
 

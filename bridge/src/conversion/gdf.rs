@@ -49,10 +49,12 @@ fn signals(info: &NeuroDataInfo) -> impl Iterator<Item = SignalToWrite> {
     let end = |index: usize| info.minmax.get(index).copied().unwrap_or(0.0);
     let range = [end(0), end(1)];
     let is_microvolt = info.unit == "uV";
+    let is_integer = info.isint != 0;
     let labels = info.labels.iter();
     labels.map(move |label| SignalToWrite {
         label: label.clone(),
         is_microvolt,
+        is_integer,
         range,
     })
 }

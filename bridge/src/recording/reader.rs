@@ -1,6 +1,6 @@
 //! Reading of recordings, whole or damaged.
 
-use std::io::{ErrorKind, Read};
+use std::io::{ErrorKind, Read, Seek};
 
 use crate::recording::error::RecordingError;
 use crate::recording::file_header::FileHeader;
@@ -57,23 +57,6 @@ impl<R: Read> RecordingReader<R> {
         Ok(reader)
     }
 
-    pub(crate) fn source_mut(&mut self) -> &mut R {
-        &mut self.source
-    }
-
-    /// Reads the header again, after the caller has moved the source to its start.
-    pub(crate) fn restart(&mut self) -> Result<(), RecordingError> {
-        self.buffer.clear();
-        self.position = 0;
-        self.at_end = false;
-        self.left_out = LeftOut::default();
-        self.damaged = 0;
-        self.fill(FileHeader::BYTES)?;
-        self.header = FileHeader::decode(&self.buffer)?;
-        self.position = FileHeader::BYTES;
-        Ok(())
-    }
-
     /// Returns the file's header.
     pub fn header(&self) -> &FileHeader {
         &self.header
@@ -115,6 +98,19 @@ impl<R: Read> RecordingReader<R> {
         }
     }
 
+    /// Reads the header again, or for the first time, and forgets what was counted.
+    fn restart(&mut self) -> Result<(), RecordingError> {
+        self.buffer.clear();
+        self.position = 0;
+        self.at_end = false;
+        self.left_out = LeftOut::default();
+        self.damaged = 0;
+        self.fill(FileHeader::BYTES)?;
+        self.header = FileHeader::decode(&self.buffer)?;
+        self.position = FileHeader::BYTES;
+        Ok(())
+    }
+
     /// Reads until `needed` unused bytes are in the buffer, or the file ends.
     fn fill(&mut self, needed: usize) -> Result<(), RecordingError> {
         if self.at_end || self.buffer.len() - self.position >= needed {
@@ -139,5 +135,17 @@ impl<R: Read> RecordingReader<R> {
             }
         }
         Ok(())
+    }
+}
+
+impl<R: Read + Seek> RecordingReader<R> {
+    /// Goes back to the first record.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Read`] if the operating system cannot do so.
+    pub(crate) fn rewind(&mut self) -> Result<(), RecordingError> {
+        self.source.rewind()?;
+        self.restart()
     }
 }

@@ -40,7 +40,7 @@ impl Recorder {
     pub fn received(&mut self, bytes: &[u8], read: HostTime) {
         let mut splitter = std::mem::take(&mut self.splitter);
         splitter.push(bytes, |piece| {
-            self.append(RecordKind::Received, read, piece)
+            self.append(RecordKind::Received, read, piece);
         });
         self.splitter = splitter;
     }

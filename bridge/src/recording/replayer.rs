@@ -1,7 +1,7 @@
 //! A device that sends what a recording holds and answers commands as the recorded one did.
 
 use std::collections::HashMap;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{Read, Seek};
 
 use link::{
     Ack, AckResult, Decoder, Frame, Header, MAX_FRAME, Start, Stats, Streams, ToDevice, ToHost,
@@ -9,6 +9,7 @@ use link::{
 };
 
 use crate::recording::error::RecordingError;
+use crate::recording::introduction::Introduction;
 use crate::recording::reader::RecordingReader;
 use crate::recording::record::RecordKind;
 
@@ -43,8 +44,7 @@ pub struct Replayer<R> {
     pace: Pace,
     from_host: Decoder<MAX_FRAME>,
     from_device: Decoder<MAX_FRAME>,
-    /// Frames of `Hello`, `Capabilities` and `Converters` that introduce the device of the current
-    /// run, decoded again when they are sent.
+    /// Introduction of the device of the current run.
     introduction: Introduction,
     /// Commands of the recording so far, by number: whether each is a `Start`.
     recorded_starts: HashMap<u32, bool>,
@@ -66,15 +66,6 @@ pub struct Replayer<R> {
     device_us: u64,
     next_window: u32,
     counts: ReplayCounts,
-}
-
-/// Frames that introduce a device, as they were recorded.
-#[derive(Clone, Debug, Default)]
-struct Introduction {
-    hello: Option<Vec<u8>>,
-    capabilities: Option<Vec<u8>>,
-    converters: Option<Vec<u8>>,
-    mains_hz: u8,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -215,7 +206,7 @@ impl<R: Read + Seek> Replayer<R> {
         let recorded = self.reader.header().streams;
         let missing = [Streams::RAW, Streams::FILTERED].into_iter();
         let missing = missing.filter(|stream| !recorded.contains(*stream));
-        let other_mains = ![0, self.introduction.mains_hz].contains(&start.mains_hz);
+        let other_mains = ![0, self.introduction.mains_hz()].contains(&start.mains_hz);
         if other_mains
             || missing
                 .into_iter()
@@ -243,14 +234,14 @@ impl<R: Read + Seek> Replayer<R> {
         self.next_window = 0;
         self.offset_us = None;
         while let Some((time_us, payload)) = self.read_frame()? {
-            self.note_introduction(&payload);
+            self.introduction.note(&payload);
             self.note_seq(&payload);
             if self.is_ack_of_start(&payload) {
                 self.started_us = time_us;
                 break;
             }
         }
-        if self.introduction.hello.is_none() || self.introduction.capabilities.is_none() {
+        if !self.introduction.is_complete() {
             return Err(RecordingError::NoDevice);
         }
         self.next = self.read_frame()?;
@@ -319,31 +310,39 @@ impl<R: Read + Seek> Replayer<R> {
         }
         self.recorded_seq = Some(seq);
         self.device_us = device_time_us;
-        let wanted = |stream| self.streams.contains(stream);
         match &frame.message {
-            ToHost::Hello(_) if self.is_other_session(payload) => {
-                self.note_introduction(payload);
+            ToHost::Hello(hello) if !self.introduction.is_session(hello) => {
+                self.introduction.note(payload);
                 self.next_window = 0;
                 self.restarted = true;
                 self.send(&frame.message);
             }
-            ToHost::Hello(_) => {}
             ToHost::Capabilities(_) | ToHost::Converters(_) => {
-                self.note_introduction(payload);
+                self.introduction.note(payload);
                 self.send(&frame.message);
             }
-            // These answer commands of the recorded host.
-            ToHost::Ack(_) | ToHost::ClockReading(_) | ToHost::SelfTest(_) => {}
-            ToHost::Raw(_) if !wanted(Streams::RAW) => {}
-            ToHost::Filtered(_) if !wanted(Streams::FILTERED) => {}
-            ToHost::Audit(_) if !wanted(Streams::AUDIT) => {}
-            ToHost::Event(_) if !wanted(Streams::EVENTS) => {}
+            message if !self.is_wanted(message) => {}
             ToHost::Code(code) => {
                 self.next_window = code.window.wrapping_add(1);
                 self.counts.codes += 1;
                 self.send(&frame.message);
             }
             message => self.send(message),
+        }
+    }
+
+    /// Returns whether a message is for this host: one of its streams, and no answer to a command of
+    /// the recorded host.
+    fn is_wanted(&self, message: &ToHost) -> bool {
+        match message {
+            ToHost::Hello(_) | ToHost::Ack(_) | ToHost::ClockReading(_) | ToHost::SelfTest(_) => {
+                false
+            }
+            ToHost::Raw(_) => self.streams.contains(Streams::RAW),
+            ToHost::Filtered(_) => self.streams.contains(Streams::FILTERED),
+            ToHost::Audit(_) => self.streams.contains(Streams::AUDIT),
+            ToHost::Event(_) => self.streams.contains(Streams::EVENTS),
+            _ => true,
         }
     }
 
@@ -364,35 +363,12 @@ impl<R: Read + Seek> Replayer<R> {
     }
 
     fn introduce(&mut self) {
-        let Introduction {
-            hello,
-            capabilities,
-            converters,
-            ..
-        } = self.introduction.clone();
-        for payload in [hello, capabilities, converters].into_iter().flatten() {
+        for payload in self.introduction.payloads() {
             let mut bytes = &payload[..];
             let mut decoder = Decoder::<MAX_FRAME>::new();
             if let Some(Ok(frame)) = decoder.next::<ToHost>(&mut bytes) {
                 self.send(&frame.message);
             }
-        }
-    }
-
-    fn note_introduction(&mut self, payload: &[u8]) {
-        let mut decoder = Decoder::<MAX_FRAME>::new();
-        let mut bytes = payload;
-        let Some(Ok(frame)) = decoder.next::<ToHost>(&mut bytes) else {
-            return;
-        };
-        match frame.message {
-            ToHost::Hello(_) => self.introduction.hello = Some(payload.to_vec()),
-            ToHost::Capabilities(capabilities) => {
-                self.introduction.mains_hz = capabilities.mains_hz;
-                self.introduction.capabilities = Some(payload.to_vec());
-            }
-            ToHost::Converters(_) => self.introduction.converters = Some(payload.to_vec()),
-            _ => {}
         }
     }
 
@@ -416,33 +392,5 @@ impl<R: Read + Seek> Replayer<R> {
             ToHost::Ack(Ack { of, result: AckResult::Done })
                 if self.recorded_starts.get(&of) == Some(&true)
         )
-    }
-
-    /// Returns whether a frame of `Hello` belongs to another start of the device than the last one.
-    fn is_other_session(&self, payload: &[u8]) -> bool {
-        let session = |payload: &[u8]| {
-            let mut decoder = Decoder::<MAX_FRAME>::new();
-            let mut bytes = payload;
-            match decoder.next::<ToHost>(&mut bytes) {
-                Some(Ok(Frame {
-                    message: ToHost::Hello(hello),
-                    ..
-                })) => Some((hello.session_id, hello.chip_uid)),
-                _ => None,
-            }
-        };
-        self.introduction.hello.as_deref().and_then(session) != session(payload)
-    }
-}
-
-impl<R: Read + Seek> RecordingReader<R> {
-    /// Goes back to the first record.
-    ///
-    /// # Errors
-    ///
-    /// [`RecordingError::Read`] if the operating system cannot do so.
-    fn rewind(&mut self) -> Result<(), RecordingError> {
-        self.source_mut().seek(SeekFrom::Start(0))?;
-        self.restart()
     }
 }

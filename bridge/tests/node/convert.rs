@@ -1,6 +1,15 @@
 //! The subcommand `convert`: events at their samples in spite of loss and a restart, and errors.
+#![expect(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::float_cmp,
+    reason = "numbers of rows, times and words are small and exact"
+)]
 
 use std::collections::HashMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use recordings::{Block, EventLabel, Recording};
@@ -63,20 +72,17 @@ fn tick_of(table: &Table, stream: &str, row: usize) -> Option<f64> {
     if table.is_filler(row) {
         return None;
     }
-    Some(match stream {
-        "codes" => (0..8)
-            .map(|place| {
-                // Levels of the simulated board are 2 z + 1.
-                let level = table.number(row, &format!("z{place:03}")) * 2.0 + 1.0;
-                level * f64::from(1 << (4 * place))
-            })
-            .sum(),
+    if stream != "codes" {
         // The first channel, after four columns and eight status words. A count is 22.351742 nV.
-        _ => {
-            let microvolts: f64 = table.rows[row][12].parse().unwrap();
-            (microvolts / 0.022_351_742).round()
-        }
-    })
+        let microvolts: f64 = table.rows[row][12].parse().unwrap();
+        return Some((microvolts / 0.022_351_742).round());
+    }
+    let digits = (0..8).map(|place| {
+        // Levels of the simulated board are 2 z + 1.
+        let level = table.number(row, &format!("z{place:03}")) * 2.0 + 1.0;
+        level * f64::from(1 << (4 * place))
+    });
+    Some(digits.sum())
 }
 
 fn recording(folder: &Path) -> (PathBuf, Vec<i64>) {
@@ -136,43 +142,102 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
 }
 
 #[test]
-fn gdf_holds_the_rows_and_events_of_csv() {
+fn all_formats_hold_the_rows_and_events_of_csv() {
     let folder = tempfile::tempdir().unwrap();
-    let (path, _) = recording(folder.path());
-    for to in ["csv", "gdf"] {
+    let mut rig = Rig::new(5);
+    rig.run(60, 7);
+    rig.restart(1_700_000);
+    rig.run(60, 7);
+    let path = folder.path().join("session.wire");
+    std::fs::write(&path, rig.finish()).unwrap();
+    for to in ["csv", "gdf", "bdf", "npz"] {
         let (status, log) = convert(&path, to);
         assert_eq!(status, Some(0), "{log}");
     }
     for stream in ["raw", "filtered", "codes", "reconstructed"] {
-        let table = Table::read(&folder.path().join(format!("session.{stream}.csv")));
-        let path = folder.path().join(format!("session.{stream}.gdf"));
-        let mut recording = Recording::open(path).unwrap();
-        let rate_hz = recording.signals()[0].rate.unwrap().value();
-        let events = recording.events().unwrap().into_iter().map(|event| {
-            assert_eq!(event.label, EventLabel::Type(1));
-            (event.onset_s * rate_hz).round() as usize
-        });
-        assert_eq!(events.collect::<Vec<_>>(), table.events(), "{stream}");
-        let labels: Vec<String> = recording.labels().into_iter().map(str::to_owned).collect();
-        let (mut block, mut row) = (Block::default(), 0);
-        while recording.read_block(&mut block).unwrap() {
-            let rows = block.samples[0].len();
-            for label in [0, labels.len() - 9, labels.len() - 8, labels.len() - 1] {
-                for at in 0..rows {
-                    let written = table.number(row + at, &labels[label]);
-                    // CSV has the shortest digits of a float32.
-                    let difference = (block.samples[label][at] - written).abs();
-                    assert!(
-                        difference <= 1e-6 * written.abs(),
-                        "{stream} {}",
-                        labels[label]
-                    );
-                }
-            }
-            row += rows;
-        }
-        assert_eq!(row, table.rows.len(), "{stream}");
+        let file = |to| folder.path().join(format!("session.{stream}.{to}"));
+        let table = Table::read(&file("csv"));
+        // CSV has the shortest digits of a float32; BDF has 24 bits of +-187,500 uV.
+        compare(&table, Recording::open(file("gdf")).unwrap(), 0, 0.0);
+        compare(&table, Recording::open(file("bdf")).unwrap(), 1, 0.012);
+        compare_arrays(&table, &file("npz"));
     }
+}
+
+/// Compares the first and the last channel, a status word and the events of a file with a table. The
+/// file has `more` signals after the status words.
+fn compare(table: &Table, mut recording: Recording, more: usize, tolerance: f64) {
+    let rate_hz = recording.signals()[0].rate.unwrap().value();
+    let events = recording.events().unwrap().into_iter().map(|event| {
+        let text = EventLabel::Text("trigger high".to_owned());
+        assert!([EventLabel::Type(1), text].contains(&event.label));
+        (event.onset_s * rate_hz).round() as usize
+    });
+    assert_eq!(events.collect::<Vec<_>>(), table.events());
+    let labels: Vec<String> = recording.labels().into_iter().map(str::to_owned).collect();
+    let end = labels.len() - more;
+    let (mut block, mut row) = (Block::default(), 0);
+    while recording.read_block(&mut block).unwrap() {
+        let rows = block.samples[0].len();
+        for signal in [0, end - 9, end - 8, end - 1] {
+            for at in 0..rows {
+                let written = table.number(row + at, &labels[signal]);
+                let difference = (block.samples[signal][at] - written).abs();
+                let label = &labels[signal];
+                assert!(
+                    difference <= tolerance + 1e-6 * written.abs(),
+                    "{label} {row}"
+                );
+            }
+        }
+        row += rows;
+    }
+    assert_eq!(row, table.rows.len());
+}
+
+/// Compares the times, a status word and the first channel of all rows of an NPZ file with a table.
+fn compare_arrays(table: &Table, path: &Path) {
+    let mut archive = zip::ZipArchive::new(File::open(path).unwrap()).unwrap();
+    assert_eq!(archive.len(), 5);
+    let mut read = |name| {
+        let mut bytes = Vec::new();
+        archive
+            .by_name(name)
+            .unwrap()
+            .read_to_end(&mut bytes)
+            .unwrap();
+        assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
+        let start = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+        assert!(start.is_multiple_of(64) && bytes[start - 1] == b'\n');
+        let header = String::from_utf8(bytes[10..start].to_vec()).unwrap();
+        (header, bytes.split_off(start))
+    };
+    let (header, rows) = read("rows.npy");
+    let count = table.rows.len();
+    assert!(header.contains(&format!("'shape': ({count},)")), "{header}");
+    let width = rows.len() / count;
+    assert_eq!(width * count, rows.len());
+    // Four columns of a table are no values, and eight are status words.
+    assert_eq!(width, 16 + 16 + 4 * (table.columns.len() - 12));
+    for (row, bytes) in rows.chunks(width).enumerate() {
+        let time_ns = i64::from_le_bytes(bytes[..8].try_into().unwrap());
+        let whole = format!("{}.{:09}", time_ns / 1_000_000_000, time_ns % 1_000_000_000);
+        assert_eq!(whole, table.text(row, "time_s"));
+        let flags = u16::from_le_bytes(bytes[16..18].try_into().unwrap());
+        assert_eq!(f64::from(flags), table.number(row, "flags"));
+        let value = f32::from_le_bytes(bytes[32..36].try_into().unwrap());
+        assert_eq!(value.to_string(), table.rows[row][12]);
+    }
+    let (header, events) = read("events.npy");
+    assert!(
+        header.contains(&format!("'shape': ({},)", table.events().len())),
+        "{header}"
+    );
+    let rows = events.chunks(26).map(|event| {
+        let row = u64::from_le_bytes(event[..8].try_into().unwrap());
+        usize::try_from(row).unwrap()
+    });
+    assert_eq!(rows.collect::<Vec<_>>(), table.events());
 }
 
 #[test]

@@ -4,6 +4,7 @@
 
 use std::io::{self, Seek, SeekFrom, Write};
 
+use crate::file_to_write::{FileToWrite, SignalToWrite, invalid};
 use crate::gdf::time::gdf_time;
 
 /// Identification of the format and version at the start of a file.
@@ -17,32 +18,6 @@ const MICROVOLT: u16 = 4275;
 const DIMENSIONLESS: u16 = 512;
 /// Number of rows in an event table: 24 bits.
 const MAX_EVENTS: usize = 0xff_ffff;
-
-/// One signal of a file to write.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SignalToWrite {
-    /// Label, at most 16 bytes; the rest is cut off.
-    pub label: String,
-    /// Whether the values are microvolts; otherwise they have no unit.
-    pub is_microvolt: bool,
-    /// Smallest and largest value that is possible.
-    pub range: [f64; 2],
-}
-
-/// What a file states about all its signals.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FileToWrite {
-    /// All signals, in the order of the values in a row.
-    pub signals: Vec<SignalToWrite>,
-    /// Rows per second, Hz.
-    pub rate_hz: u32,
-    /// Rows in a record.
-    pub rows_per_record: u32,
-    /// Wall clock at the first row, nanoseconds since 1970.
-    pub start_ns: i64,
-    /// Text that identifies the recording, such as the device's name.
-    pub description: String,
-}
 
 /// Writes a GDF file record by record. The values are float32 and are stored unchanged.
 #[derive(Debug)]
@@ -123,10 +98,6 @@ impl<W: Write + Seek> GdfWriter<W> {
     }
 }
 
-fn invalid(what: &str) -> io::Error {
-    io::Error::new(io::ErrorKind::InvalidInput, what)
-}
-
 /// Returns `text` in `width` bytes, cut off at a character or padded with zeros.
 fn padded(text: &str, width: usize) -> Vec<u8> {
     let end = (0..=width.min(text.len())).rev();
@@ -141,9 +112,7 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
     let Some(count) = count.filter(|count| (1..u16::MAX).contains(count)) else {
         return Err(invalid("a GDF file has 1 to 65,534 signals"));
     };
-    if file.rows_per_record == 0 || file.rate_hz == 0 {
-        return Err(invalid("a record has rows, and a signal has a rate"));
-    }
+    file.check()?;
     let mut bytes = MAGIC.to_vec();
     // Patient: unknown. `X` stands for a name that is not given.
     bytes.extend(padded("X X", 66));

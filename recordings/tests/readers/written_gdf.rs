@@ -1,4 +1,8 @@
 //! Files of the GDF writer, read by the GDF reader.
+#![expect(
+    clippy::cast_precision_loss,
+    reason = "numbers of rows, times and words are small and exact"
+)]
 
 use std::io::Cursor;
 
@@ -12,6 +16,7 @@ fn file(signals: usize) -> FileToWrite {
     let signal = |index: usize| SignalToWrite {
         label: format!("signal {index} with a long label"),
         is_microvolt: index.is_multiple_of(2),
+        is_integer: false,
         range: [-187_500.0, 187_500.0],
     };
     FileToWrite {
